@@ -1,0 +1,294 @@
+//! Typed indices, and arrays that only their own index opens.
+//!
+//! An index says what it counts: a [`FaceId`] cannot be used where a [`VertexId`] is meant. A
+//! [`TaxelId`] is no index at all but the number a vendor printed on a taxel.
+
+use std::{fmt, marker::PhantomData, ops};
+
+/// A dense index that counts one kind of thing.
+pub trait Id: Copy + Eq + Ord + fmt::Debug {
+    /// The id of the `index`-th thing.
+    ///
+    /// # Panics
+    /// If `index` does not fit into 32 bits.
+    fn new(index: usize) -> Self;
+    /// Position in an [`IdVec`].
+    fn index(self) -> usize;
+}
+
+macro_rules! id {
+    ($(#[$doc:meta])* $name:ident, $letter:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+        pub struct $name(u32);
+
+        impl $name {
+            /// The id of the `index`-th thing.
+            ///
+            /// # Panics
+            /// If `index` does not fit into 32 bits; readers of files refuse such sizes first.
+            #[inline]
+            #[must_use]
+            pub fn new(index: usize) -> Self {
+                Self(u32::try_from(index).expect("more than 2^32 elements"))
+            }
+
+            /// Position in an [`IdVec`].
+            #[inline]
+            #[must_use]
+            pub const fn index(self) -> usize {
+                self.0 as usize
+            }
+
+            /// The id as it is stored in files.
+            #[inline]
+            #[must_use]
+            pub const fn raw(self) -> u32 {
+                self.0
+            }
+        }
+
+        impl From<u32> for $name {
+            #[inline]
+            fn from(raw: u32) -> Self {
+                Self(raw)
+            }
+        }
+
+        impl Id for $name {
+            #[inline]
+            fn new(index: usize) -> Self {
+                Self::new(index)
+            }
+            #[inline]
+            fn index(self) -> usize {
+                self.index()
+            }
+        }
+
+        impl fmt::Debug for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, concat!($letter, "{}"), self.0)
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.fmt(f)
+            }
+        }
+    };
+}
+
+id!(
+    /// A vertex of one mesh.
+    VertexId, "v"
+);
+id!(
+    /// A triangle of one mesh.
+    FaceId, "f"
+);
+id!(
+    /// A patch of one skin.
+    PatchId, "p"
+);
+id!(
+    /// A level of one pyramid; 0 is the skin itself.
+    LevelId, "L"
+);
+id!(
+    /// A link of one robot.
+    LinkId, "link"
+);
+id!(
+    /// A displacement observed between two taxels.
+    EdgeId, "e"
+);
+id!(
+    /// An absolute contact observation of one taxel.
+    ContactId, "c"
+);
+
+/// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
+///
+/// Never an index. `TaxelId(0)` is the placeholder of most vendors.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct TaxelId(pub u32);
+
+impl fmt::Debug for TaxelId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "taxel {}", self.0)
+    }
+}
+
+impl fmt::Display for TaxelId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// A vector whose elements are reached by one kind of [`Id`] alone.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub struct IdVec<I, T> {
+    raw: Vec<T>,
+    id: PhantomData<fn(I) -> I>,
+}
+
+impl<I: Id, T> IdVec<I, T> {
+    /// No elements.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { raw: Vec::new(), id: PhantomData }
+    }
+
+    /// `count` copies of `value`.
+    #[must_use]
+    pub fn filled(value: T, count: usize) -> Self
+    where
+        T: Clone,
+    {
+        vec![value; count].into()
+    }
+
+    /// Number of elements.
+    #[inline]
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.raw.len()
+    }
+
+    /// Whether there are no elements.
+    #[inline]
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.raw.is_empty()
+    }
+
+    /// Appends `value` and returns its id.
+    pub fn push(&mut self, value: T) -> I {
+        let id = I::new(self.raw.len());
+        self.raw.push(value);
+        id
+    }
+
+    /// The element of `id`, if there is one.
+    #[inline]
+    #[must_use]
+    pub fn get(&self, id: I) -> Option<&T> {
+        self.raw.get(id.index())
+    }
+
+    /// The elements, in the order of their ids.
+    pub fn iter(&self) -> std::slice::Iter<'_, T> {
+        self.raw.iter()
+    }
+
+    /// The elements, in the order of their ids.
+    pub fn iter_mut(&mut self) -> std::slice::IterMut<'_, T> {
+        self.raw.iter_mut()
+    }
+
+    /// The ids, in order.
+    pub fn ids(&self) -> impl DoubleEndedIterator<Item = I> + ExactSizeIterator + use<I, T> {
+        (0..self.raw.len()).map(I::new)
+    }
+
+    /// Ids and elements, in order.
+    pub fn enumerate(&self) -> impl DoubleEndedIterator<Item = (I, &T)> + ExactSizeIterator {
+        self.raw.iter().enumerate().map(|(i, x)| (I::new(i), x))
+    }
+
+    /// A vector of the same ids with `f` of each element.
+    pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> IdVec<I, U> {
+        self.raw.iter().map(f).collect()
+    }
+
+    /// The elements as a plain slice.
+    #[inline]
+    #[must_use]
+    pub fn as_slice(&self) -> &[T] {
+        &self.raw
+    }
+
+    /// The elements as a plain slice.
+    #[inline]
+    #[must_use]
+    pub fn as_mut_slice(&mut self) -> &mut [T] {
+        &mut self.raw
+    }
+
+    /// The elements as a plain vector.
+    #[must_use]
+    pub fn into_vec(self) -> Vec<T> {
+        self.raw
+    }
+}
+
+impl<I: Id, T> Default for IdVec<I, T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<I, T> From<Vec<T>> for IdVec<I, T> {
+    fn from(raw: Vec<T>) -> Self {
+        Self { raw, id: PhantomData }
+    }
+}
+
+impl<I: Id, T> FromIterator<T> for IdVec<I, T> {
+    fn from_iter<It: IntoIterator<Item = T>>(iter: It) -> Self {
+        Vec::from_iter(iter).into()
+    }
+}
+
+impl<I: Id, T> IntoIterator for IdVec<I, T> {
+    type Item = T;
+    type IntoIter = std::vec::IntoIter<T>;
+    fn into_iter(self) -> Self::IntoIter {
+        self.raw.into_iter()
+    }
+}
+
+impl<'a, I: Id, T> IntoIterator for &'a IdVec<I, T> {
+    type Item = &'a T;
+    type IntoIter = std::slice::Iter<'a, T>;
+    fn into_iter(self) -> Self::IntoIter {
+        self.raw.iter()
+    }
+}
+
+impl<I: Id, T> ops::Index<I> for IdVec<I, T> {
+    type Output = T;
+    #[inline]
+    fn index(&self, id: I) -> &T {
+        &self.raw[id.index()]
+    }
+}
+
+impl<I: Id, T> ops::IndexMut<I> for IdVec<I, T> {
+    #[inline]
+    fn index_mut(&mut self, id: I) -> &mut T {
+        &mut self.raw[id.index()]
+    }
+}
+
+impl<I, T: fmt::Debug> fmt::Debug for IdVec<I, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.raw.fmt(f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_element_is_found_under_the_id_its_push_returned() {
+        let mut names = IdVec::<VertexId, &str>::new();
+        let (a, b) = (names.push("a"), names.push("b"));
+        assert_eq!((names[a], names[b]), ("a", "b"));
+        assert_eq!(names.ids().collect::<Vec<_>>(), [a, b]);
+        assert_eq!(format!("{a:?} {b}"), "v0 1", "debug names the kind, display the number");
+    }
+}

@@ -1,0 +1,4 @@
+//! From the taxels of a robot's skin to flat, faithful, hierarchical maps of it, and back.
+
+pub mod id;
+pub mod mesh;

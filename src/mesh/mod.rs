@@ -1,0 +1,22 @@
+//! Triangle meshes: positions and corners, who borders whom, and small named shapes.
+//!
+//! A [`TriMesh`] is plain data. An [`Adjacency`] is computed from its triangles once and answers
+//! every question about neighbours; it exists only for oriented manifold meshes, so code that
+//! holds one need not ask again.
+
+mod adjacency;
+mod edges;
+mod error;
+mod fill_holes;
+mod lengths;
+pub mod shapes;
+mod surface_point;
+mod tri_mesh;
+
+pub use adjacency::{Adjacency, Halfedge};
+pub(crate) use edges::Edges;
+pub use error::MeshError;
+pub use fill_holes::fill_holes;
+pub use lengths::{angle, cotangent, local_spacing, mean_edge_length};
+pub use surface_point::SurfacePoint;
+pub use tri_mesh::TriMesh;

@@ -1,0 +1,123 @@
+use glam::DVec3;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::{MeshError, SurfacePoint},
+};
+
+/// Positions in metres, and triangles that run counter-clockwise seen from outside.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TriMesh {
+    /// Vertex positions, in m.
+    pub positions: IdVec<VertexId, DVec3>,
+    /// The three corners of every face, counter-clockwise seen from outside.
+    pub triangles: IdVec<FaceId, [VertexId; 3]>,
+}
+
+impl TriMesh {
+    /// A mesh from plain arrays.
+    #[must_use]
+    pub fn from_arrays(positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Self {
+        Self {
+            positions: positions.into(),
+            triangles: triangles.iter().map(|t| t.map(VertexId::from)).collect(),
+        }
+    }
+
+    /// Checks that corners exist and differ, that positions are finite, and that all can be counted.
+    ///
+    /// # Errors
+    /// The first face or vertex that breaks a rule. Manifoldness is [`crate::mesh::Adjacency`]'s to judge.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        let (vertices, faces) = (self.positions.len(), self.triangles.len());
+        // The three sides of a face are counted through, and one number means "none".
+        if vertices >= u32::MAX as usize || faces >= (u32::MAX / 3) as usize {
+            return Err(MeshError::TooMany { vertices, faces });
+        }
+        for (vertex, p) in self.positions.enumerate() {
+            if !p.is_finite() {
+                return Err(MeshError::NotFinite { vertex, position: p.to_array() });
+            }
+        }
+        for (face, &[a, b, c]) in self.triangles.enumerate() {
+            for vertex in [a, b, c] {
+                if vertex.index() >= self.positions.len() {
+                    return Err(MeshError::CornerOutOfRange { face, vertex, vertices });
+                }
+            }
+            if let Some(vertex) = [(a, b), (b, c), (c, a)].into_iter().find(|(p, q)| p == q) {
+                return Err(MeshError::RepeatedCorner { face, vertex: vertex.0 });
+            }
+        }
+        Ok(())
+    }
+
+    /// The positions of the three corners of `face`, in m.
+    #[inline]
+    #[must_use]
+    pub fn corners(&self, face: FaceId) -> [DVec3; 3] {
+        self.triangles[face].map(|v| self.positions[v])
+    }
+
+    /// Vector normal to `face` whose length is twice its area, in m^2.
+    #[inline]
+    #[must_use]
+    pub fn face_cross(&self, face: FaceId) -> DVec3 {
+        let [a, b, c] = self.corners(face);
+        (b - a).cross(c - a)
+    }
+
+    /// Area of `face`, in m^2.
+    #[inline]
+    #[must_use]
+    pub fn face_area(&self, face: FaceId) -> f64 {
+        0.5 * self.face_cross(face).length()
+    }
+
+    /// Area of all faces, in m^2.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.triangles.ids().map(|f| self.face_area(f)).sum()
+    }
+
+    /// A third of the area of the faces around each vertex, in m^2: together the area of the mesh.
+    #[must_use]
+    pub fn vertex_areas(&self) -> IdVec<VertexId, f64> {
+        let mut areas = IdVec::filled(0.0, self.positions.len());
+        for (face, corners) in self.triangles.enumerate() {
+            let third = self.face_area(face) / 3.0;
+            for &v in corners {
+                areas[v] += third;
+            }
+        }
+        areas
+    }
+
+    /// Unit normals, the area-weighted mean of the faces around each vertex; zero where that has no direction.
+    #[must_use]
+    pub fn vertex_normals(&self) -> IdVec<VertexId, DVec3> {
+        let mut normals = IdVec::filled(DVec3::ZERO, self.positions.len());
+        for (face, corners) in self.triangles.enumerate() {
+            let cross = self.face_cross(face);
+            for &v in corners {
+                normals[v] += cross;
+            }
+        }
+        normals.map(|n| n.normalize_or_zero())
+    }
+
+    /// Where a point of the surface lies, in m.
+    #[must_use]
+    pub fn point(&self, at: &SurfacePoint) -> DVec3 {
+        let [a, b, c] = self.corners(at.face);
+        a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2]
+    }
+
+    /// The smallest box around the positions, `(min, max)` in m; `None` without vertices.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        self.positions
+            .iter()
+            .fold(None, |b, &p| Some(b.map_or((p, p), |(lo, hi): (DVec3, DVec3)| (lo.min(p), hi.max(p)))))
+    }
+}
