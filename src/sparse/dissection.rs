@@ -1,0 +1,98 @@
+use glam::DVec3;
+
+use crate::sparse::Pattern;
+
+/// Parts of this size are not split further: below it a separator costs more fill than it saves.
+const LEAF: usize = 48;
+
+/// Label of rows that lie in a separator already placed.
+const SEPARATOR: u32 = u32::MAX;
+
+/// Fill-reducing order by geometric nested dissection (George 1973): the rows are halved at the median of their
+/// longest coordinate, rows of the lower half that touch the upper one become the separator and come last, and both
+/// halves are treated alike.
+///
+/// On surfaces it is as good as a graph partitioner at a fraction of the cost. `order[k]` is the row eliminated in
+/// step `k`.
+pub(super) fn dissect(pattern: &Pattern, coordinates: &[DVec3]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..pattern.rows()).filter_map(|i| u32::try_from(i).ok()).collect();
+    // Which part each row is in: every split gives its upper half a new number.
+    let mut part = vec![0_u32; order.len()];
+    let mut upper = 0;
+    let mut open = Vec::from([std::ops::Range { start: 0, end: order.len() }]);
+    let mut lower = Vec::new();
+    let mut separator = Vec::new();
+    while let Some(range) = open.pop() {
+        if range.len() <= LEAF {
+            continue;
+        }
+        let rows = &mut order[range.clone()];
+        let axis = longest_axis(rows, coordinates);
+        let middle = rows.len() / 2;
+        rows.select_nth_unstable_by(middle, |&i, &j| {
+            let at = |i: u32| coordinates[i as usize][axis];
+            at(i).total_cmp(&at(j)).then(i.cmp(&j))
+        });
+        upper += 1;
+        for &i in &rows[middle..] {
+            part[i as usize] = upper;
+        }
+        lower.clear();
+        separator.clear();
+        for &i in &rows[..middle] {
+            let touches = pattern.columns(i as usize).iter().any(|&j| part[j as usize] == upper);
+            if touches { separator.push(i) } else { lower.push(i) }
+        }
+        for &i in &separator {
+            part[i as usize] = SEPARATOR;
+        }
+        rows.copy_within(middle.., lower.len());
+        rows[..lower.len()].copy_from_slice(&lower);
+        let end = rows.len() - separator.len();
+        rows[end..].copy_from_slice(&separator);
+        let start = range.start;
+        open.push(start..start + lower.len());
+        open.push(start + lower.len()..start + end);
+    }
+    order
+}
+
+fn longest_axis(rows: &[u32], coordinates: &[DVec3]) -> usize {
+    let (lo, hi) = rows.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &i| {
+        (lo.min(coordinates[i as usize]), hi.max(coordinates[i as usize]))
+    });
+    let size = hi - lo;
+    if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(n: usize) -> (Pattern, Vec<DVec3>) {
+        let at = |i: usize, j: usize| j * n + i;
+        let right = (0..n).flat_map(|j| (1..n).map(move |i| (at(i - 1, j), at(i, j))));
+        let up = (1..n).flat_map(|j| (0..n).map(move |i| (at(i, j - 1), at(i, j))));
+        let coordinates = (0..n * n).map(|k| DVec3::new((k % n) as f64, (k / n) as f64, 0.0)).collect();
+        (Pattern::new(n * n, right.chain(up)), coordinates)
+    }
+
+    #[test]
+    fn every_row_comes_once_and_the_separator_last() {
+        let (pattern, coordinates) = grid(24);
+        let order = dissect(&pattern, &coordinates);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert!(sorted.iter().enumerate().all(|(i, &r)| i == r as usize), "a permutation");
+        // The last rows are the first separator: a line of the grid, which cuts it in two.
+        let line: Vec<_> = order[24 * 24 - 24..].iter().map(|&r| r as usize % 24).collect();
+        assert!(line.iter().all(|&i| i == line[0]), "one column of the grid: {line:?}");
+    }
+
+    #[test]
+    fn points_on_one_spot_are_ordered_too() {
+        let (pattern, _) = grid(20);
+        let order = dissect(&pattern, &vec![DVec3::ONE; 400]);
+        assert_eq!(order.iter().map(|&r| r as usize).sum::<usize>(), 400 * 399 / 2, "a permutation");
+    }
+}
