@@ -4,3 +4,4 @@ pub mod id;
 pub mod mesh;
 pub mod delaunay;
 pub mod sparse;
+pub mod skin;

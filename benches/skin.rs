@@ -1,0 +1,50 @@
+//! Drafts to skins, and what is wrong with them, for covers of many sizes.
+#![allow(missing_docs, reason = "criterion's macro writes items without")]
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use dermatome::{
+    mesh::{TriMesh, shapes},
+    skin::{Draft, Sheet, assemble, check},
+};
+
+/// A healthy sheet with normals.
+fn whole(mesh: &TriMesh) -> Draft {
+    let sheet = Sheet {
+        name: "cover".into(),
+        positions: mesh.positions.as_slice().to_vec(),
+        triangles: mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect(),
+        normals: Some(mesh.vertex_normals().into_vec()),
+        ..Sheet::default()
+    };
+    Draft { sheets: vec![sheet], ..Draft::default() }
+}
+
+/// The same with three vertices of its own for every face, as an STL file has them.
+fn soup(mesh: &TriMesh) -> Draft {
+    let positions = mesh.triangles.iter().flatten().map(|&v| mesh.positions[v]).collect();
+    let triangles = (0..).step_by(3).map(|v| [v, v + 1, v + 2]).take(mesh.triangles.len()).collect();
+    let sheet = Sheet { name: "cover".into(), positions, triangles, ..Sheet::default() };
+    Draft { sheets: vec![sheet], ..Draft::default() }
+}
+
+fn skin(c: &mut Criterion) {
+    let mut group = c.benchmark_group("skin");
+    group.sample_size(10);
+    for faces in [500_usize, 10_000, 100_000, 1_000_000] {
+        group.throughput(Throughput::Elements(faces as u64));
+        let mesh = shapes::cap(faces, 0.1, 1.9);
+        let (whole, soup) = (whole(&mesh), soup(&mesh));
+        group.bench_with_input(BenchmarkId::new("assemble", faces), &whole, |b, draft| {
+            b.iter(|| assemble(draft));
+        });
+        group.bench_with_input(BenchmarkId::new("assemble_soup", faces), &soup, |b, draft| {
+            b.iter(|| assemble(draft));
+        });
+        group.bench_with_input(BenchmarkId::new("check", faces), &whole, |b, draft| {
+            b.iter(|| check(draft));
+        });
+    }
+}
+
+criterion_group!(benches, skin);
+criterion_main!(benches);

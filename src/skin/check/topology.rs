@@ -1,0 +1,167 @@
+use crate::{
+    id::{IdVec, VertexId},
+    skin::{
+        check::{FindingKind, Report, Subject, numbers},
+        forest::Forest,
+    },
+};
+
+/// A hole of so few edges is no missing taxel: that leaves at least five.
+const PIN_HOLE_EDGES: usize = 4;
+
+/// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether loops can be counted.
+pub(super) fn check_manifold(subject: &Subject<'_>, touching: &[VertexId], report: &mut Report<'_>) -> bool {
+    let Subject { surface, edges, winding, .. } = subject;
+    let mesh = &surface.mesh;
+    let ends = |[a, b]: [VertexId; 2]| [u64::from(a.raw()), u64::from(b.raw())];
+    let mut crowded = Vec::new();
+    let mut most = 0;
+    for uses in edges.iter().filter(|uses| uses.len() > 2) {
+        crowded.extend(ends([uses[0].start(mesh), uses[0].end(mesh)]));
+        most = most.max(uses.len());
+    }
+    let is_manifold = crowded.is_empty() && touching.is_empty();
+    report.add(FindingKind::NonManifoldEdge, crowded, |n| {
+        format!(
+            "{n} edges (pairs of vertices) have more than two faces, one has {most}; a sheet has one or two"
+        )
+    });
+    report.add(FindingKind::NonManifoldVertex, numbers(touching.iter().map(|v| v.raw())), |n| {
+        format!("at {n} vertices several fans of faces touch in a point; the faces around a taxel must form one fan")
+    });
+    let contradictions = winding.contradictions.iter().copied().flat_map(ends).collect();
+    report.add(FindingKind::NotOrientable, contradictions, |n| {
+        format!("a piece has one side only: at {n} edges (pairs of vertices) its faces cannot be wound the same way")
+    });
+    is_manifold
+}
+
+/// Notes a sheet in several pieces.
+pub(super) fn check_components(subject: &Subject<'_>, report: &mut Report<'_>) {
+    let Subject { surface, winding, .. } = subject;
+    if winding.components > 1 {
+        let mut sizes = vec![0_usize; winding.components];
+        winding.component.iter().for_each(|&c| sizes[c] += 1);
+        let (least, most) = (sizes.iter().min().unwrap_or(&0), sizes.iter().max().unwrap_or(&0));
+        let firsts = first_faces(subject).into_iter().map(|f| surface.file_faces[f].raw());
+        report.add(FindingKind::SeveralComponents, numbers(firsts), |n| {
+            format!(
+                "it falls into {n} pieces of {least} to {most} faces that share no edge; \
+                 listed is the first face of each"
+            )
+        });
+    }
+}
+
+/// The first face of every piece.
+fn first_faces(subject: &Subject<'_>) -> Vec<crate::id::FaceId> {
+    let mut firsts = Vec::with_capacity(subject.winding.components);
+    for (face, &piece) in subject.winding.component.enumerate() {
+        if piece == firsts.len() {
+            firsts.push(face);
+        }
+    }
+    firsts
+}
+
+/// One boundary loop.
+#[derive(Debug, Clone)]
+struct Loop {
+    piece: usize,
+    vertices: Vec<VertexId>,
+    /// In m.
+    length: f64,
+}
+
+/// Boundary loops and genus of the pieces of a manifold sheet.
+#[derive(Debug)]
+pub(super) struct Topology {
+    loops: Vec<Loop>,
+    /// Vertices minus edges plus faces of each piece.
+    euler: Vec<i64>,
+}
+
+impl Topology {
+    pub(super) fn new(subject: &Subject<'_>) -> Self {
+        let Subject { surface, edges, winding, .. } = subject;
+        let mesh = &surface.mesh;
+        let mut euler = vec![0_i64; winding.components];
+        let mut seen = IdVec::<VertexId, bool>::filled(false, mesh.positions.len());
+        for (face, t) in mesh.triangles.enumerate() {
+            let piece = winding.component[face];
+            euler[piece] += 1;
+            for &v in t {
+                euler[piece] += i64::from(!std::mem::replace(&mut seen[v], true));
+            }
+        }
+        let mut forest = Forest::new(VertexId::new(mesh.positions.len()).raw());
+        let mut boundary = Vec::new();
+        for uses in edges.iter() {
+            let piece = winding.component[uses[0].face];
+            euler[piece] -= 1;
+            if let &[h] = uses {
+                let (a, b) = (h.start(mesh), h.end(mesh));
+                forest.join(a.raw(), b.raw());
+                boundary.push((a, mesh.positions[a].distance(mesh.positions[b]), piece));
+                boundary.push((b, 0.0, piece));
+            }
+        }
+        boundary.sort_unstable_by_key(|&(v, ..)| v);
+        let mut place = IdVec::<VertexId, usize>::filled(usize::MAX, mesh.positions.len());
+        let mut loops: Vec<Loop> = Vec::new();
+        for (v, length, piece) in boundary {
+            let at = &mut place[VertexId::from(forest.root(v.raw()))];
+            if *at == usize::MAX {
+                *at = loops.len();
+                loops.push(Loop { piece, vertices: Vec::new(), length: 0.0 });
+            }
+            let this = &mut loops[*at];
+            this.length += length;
+            if this.vertices.last() != Some(&v) {
+                this.vertices.push(v);
+            }
+        }
+        Self { loops, euler }
+    }
+
+    /// Notes pin-holes, closed pieces and handles.
+    pub(super) fn check(&self, subject: &Subject<'_>, report: &mut Report<'_>) {
+        let pieces = subject.winding.components;
+        let mut count = vec![0_i64; pieces];
+        let mut longest: Vec<Option<&Loop>> = vec![None; pieces];
+        for this in &self.loops {
+            count[this.piece] += 1;
+            if longest[this.piece].is_none_or(|l| this.length > l.length) {
+                longest[this.piece] = Some(this);
+            }
+        }
+        let is_outer = |l: &Loop| longest[l.piece].is_some_and(|outer| std::ptr::eq(outer, l));
+        let holes: Vec<&Loop> =
+            self.loops.iter().filter(|l| l.vertices.len() <= PIN_HOLE_EDGES && !is_outer(l)).collect();
+        let vertices = holes.iter().flat_map(|l| l.vertices.iter().map(|v| v.raw()));
+        report.add(FindingKind::PinHole, numbers(vertices), |_| {
+            format!(
+                "{} holes have three or four edges: faces are missing there; listed are their vertices",
+                holes.len()
+            )
+        });
+        let firsts = first_faces(subject);
+        let file_face = |piece: usize| subject.surface.file_faces[firsts[piece]].raw();
+        let closed = (0..pieces).filter(|&p| count[p] == 0).map(file_face);
+        report.add(FindingKind::ClosedPatch, numbers(closed), |n| {
+            format!("{n} pieces have no boundary and must be cut open to be flattened; listed is the first face of each")
+        });
+        if subject.winding.contradictions.is_empty() {
+            // Euler's formula for an orientable surface: V - E + F = 2 - 2 handles - loops.
+            let handles = |p: usize| (2 - count[p] - self.euler[p]) / 2;
+            let with_handles = (0..pieces).filter(|&p| handles(p) > 0);
+            let total: i64 = (0..pieces).map(handles).sum();
+            report.add(FindingKind::Handle, numbers(with_handles.map(file_face)), |n| {
+                format!(
+                    "{n} pieces have {total} handles, like that of a cup, and must be cut open to be flattened; \
+                     listed is the first face of each"
+                )
+            });
+        }
+    }
+}

@@ -1,0 +1,58 @@
+use glam::DVec3;
+
+use crate::{
+    id::{IdVec, LinkId, TaxelId},
+    skin::{Link, Presence},
+};
+
+/// A skin as a file tells it, before anything is repaired or refused.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Draft {
+    /// The links; empty where the format knows none.
+    pub links: IdVec<LinkId, Link>,
+    /// The sheets of taxels and triangles.
+    pub sheets: Vec<Sheet>,
+}
+
+/// One sheet of triangles with their taxels, as written.
+///
+/// The optional arrays are either absent or as long as `positions`. Nothing else is promised: corners may be out
+/// of range, positions not finite, vertices unused or duplicated, winding mixed.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Sheet {
+    /// Name of the patch.
+    pub name: String,
+    /// The link it is fixed to.
+    pub link: Option<LinkId>,
+    /// Positions in the link's frame, in m.
+    pub positions: Vec<DVec3>,
+    /// Corner indices into `positions`.
+    pub triangles: Vec<[u32; 3]>,
+    /// Vendor ids.
+    pub ids: Option<Vec<TaxelId>>,
+    /// Normals in the link's frame.
+    pub normals: Option<Vec<DVec3>>,
+    /// Receptive areas, in m^2.
+    pub areas: Option<Vec<f64>>,
+    /// Taxels per m^2.
+    pub densities: Option<Vec<f64>>,
+    /// What each slot holds.
+    pub presence: Option<Vec<Presence>>,
+    /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
+    pub covariances: Option<Vec<[f64; 6]>>,
+}
+
+impl Sheet {
+    /// The length of the first optional array that has not one entry per vertex.
+    pub(super) fn wrong_length(&self) -> Option<usize> {
+        let lengths = [
+            self.ids.as_ref().map(Vec::len),
+            self.normals.as_ref().map(Vec::len),
+            self.areas.as_ref().map(Vec::len),
+            self.densities.as_ref().map(Vec::len),
+            self.presence.as_ref().map(Vec::len),
+            self.covariances.as_ref().map(Vec::len),
+        ];
+        lengths.into_iter().flatten().find(|&n| n != self.positions.len())
+    }
+}

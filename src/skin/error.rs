@@ -1,0 +1,124 @@
+use crate::{
+    id::{LinkId, VertexId},
+    mesh::MeshError,
+};
+
+/// Why a draft is no skin. Vertices and faces are numbered as the sheet of the draft, or the patch of the skin, numbers them.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SkinError {
+    /// A patch whose triangles are no oriented manifold, or are no triangles at all.
+    #[error("patch {patch:?}: {source}")]
+    Mesh {
+        /// Name of the patch.
+        patch: String,
+        /// What is wrong with its triangles.
+        source: MeshError,
+    },
+    /// An array of a patch has not one entry per vertex.
+    #[error("patch {patch:?} has an array of {found} entries; {needed} are needed, one per vertex")]
+    Lengths {
+        /// Name of the patch.
+        patch: String,
+        /// Entries found.
+        found: usize,
+        /// Entries needed.
+        needed: usize,
+    },
+    /// Edges where more than two faces meet.
+    #[error(
+        "patch {patch:?}: {} edges have more than two faces, the first joins vertices {} and {}; \
+         a skin is a sheet, with one or two faces at each edge", edges.len(), edges[0][0], edges[0][1]
+    )]
+    NonManifoldEdges {
+        /// Name of the patch.
+        patch: String,
+        /// The ends of every such edge; at least one.
+        edges: Vec<[VertexId; 2]>,
+    },
+    /// Vertices where sheets touch in a point.
+    #[error(
+        "patch {patch:?}: at {} vertices several fans of faces touch in a point, the first is vertex {}; \
+         the faces around a taxel must form one fan", vertices.len(), vertices[0]
+    )]
+    NonManifoldVertices {
+        /// Name of the patch.
+        patch: String,
+        /// The vertices; at least one.
+        vertices: Vec<VertexId>,
+    },
+    /// A sheet with one side only, like a Möbius strip.
+    #[error(
+        "patch {patch:?} cannot be wound consistently: the faces around a closed strip contradict each other \
+         at the edge between vertices {} and {}", edge[0], edge[1]
+    )]
+    NotOrientable {
+        /// Name of the patch.
+        patch: String,
+        /// An edge where the contradiction shows.
+        edge: [VertexId; 2],
+    },
+    /// A density that is not positive and finite.
+    #[error(
+        "patch {patch:?}: vertex {vertex} has a density of {found} taxels per m^2; a positive number is needed"
+    )]
+    Density {
+        /// Name of the patch.
+        patch: String,
+        /// The vertex.
+        vertex: VertexId,
+        /// The density found.
+        found: f64,
+    },
+    /// A receptive area that is not positive and finite.
+    #[error("patch {patch:?}: vertex {vertex} has an area of {found} m^2; a positive number is needed")]
+    Area {
+        /// Name of the patch.
+        patch: String,
+        /// The vertex.
+        vertex: VertexId,
+        /// The area found.
+        found: f64,
+    },
+    /// A normal that is not a unit vector.
+    #[error("patch {patch:?}: the normal of vertex {vertex} has length {found}; 1 is needed")]
+    Normal {
+        /// Name of the patch.
+        patch: String,
+        /// The vertex.
+        vertex: VertexId,
+        /// Length of the normal found; zero where the faces have no direction.
+        found: f64,
+    },
+    /// Two patches of one name.
+    #[error("two patches are named {patch:?}; names must differ")]
+    DuplicateName {
+        /// The name.
+        patch: String,
+    },
+    /// A patch that falls into several pieces.
+    #[error("patch {patch:?} falls into {found} pieces; a patch is one sheet")]
+    Components {
+        /// Name of the patch.
+        patch: String,
+        /// Number of pieces; zero for a patch without faces.
+        found: usize,
+    },
+    /// A patch hangs on a link that does not exist.
+    #[error("patch {patch:?} hangs on link {link}, which does not exist")]
+    UnknownLink {
+        /// Name of the patch.
+        patch: String,
+        /// The link.
+        link: LinkId,
+    },
+    /// A link comes before its parent.
+    #[error("link {link} does not come after its parent")]
+    LinkOrder {
+        /// The link.
+        link: LinkId,
+    },
+    /// No triangles at all.
+    #[error("there is no triangle in it: a skin needs taxels joined by triangles")]
+    NoTriangles,
+}

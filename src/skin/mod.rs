@@ -1,0 +1,28 @@
+//! Skins: calibrated taxels on patches, posed by the links of a robot.
+//!
+//! What a file holds is a [`Draft`]: sheets of triangles as they were written, with whatever is
+//! wrong with them. [`assemble`] turns a draft into a [`Skin`], whose patches are oriented
+//! manifold disks with holes, and says in [`Remark`]s what it changed; [`check`] lists everything
+//! that is wrong with a draft, without changing it.
+
+mod assemble;
+mod check;
+mod draft;
+mod error;
+mod forest;
+mod link;
+mod names;
+mod outward;
+mod patch;
+mod remark;
+mod surface;
+mod winding;
+mod zero_area;
+
+pub use assemble::{Assembled, assemble};
+pub use check::{Element, Finding, FindingKind, check};
+pub use draft::{Draft, Sheet};
+pub use error::SkinError;
+pub use link::{Link, world_pose};
+pub use patch::{Patch, Presence, Skin};
+pub use remark::{Remark, RemarkKind};

@@ -1,0 +1,92 @@
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::{Edges, TriMesh},
+};
+
+/// The pieces of a mesh that hang together across edges, and which faces to turn so that each is wound one way.
+#[derive(Debug)]
+pub(super) struct Winding {
+    /// The piece of every face, numbered in the order of their first faces.
+    pub component: IdVec<FaceId, usize>,
+    /// Number of pieces.
+    pub components: usize,
+    /// Whether each face is wound against the first face of its piece.
+    pub against_first: IdVec<FaceId, bool>,
+    /// Edges whose two faces no turning reconciles: a piece with one side only.
+    pub contradictions: Vec<[VertexId; 2]>,
+}
+
+impl Winding {
+    /// Follows the edges of two faces; edges of more faces join pieces too, but say nothing about their sides.
+    pub(super) fn new(mesh: &TriMesh, edges: &Edges) -> Self {
+        let mut sides = Sides::new(mesh.triangles.len());
+        let mut contradictions = Vec::new();
+        for uses in edges.iter() {
+            if let &[a, b] = uses {
+                let same_way = a.start(mesh) == b.start(mesh);
+                if !sides.join(a.face, b.face, same_way) {
+                    contradictions.push([a.start(mesh), a.end(mesh)]);
+                }
+            }
+        }
+        for uses in edges.iter().filter(|uses| uses.len() > 2) {
+            for other in &uses[1..] {
+                let same_way = uses[0].start(mesh) == other.start(mesh);
+                let _ = sides.join(uses[0].face, other.face, same_way);
+            }
+        }
+        let mut number = IdVec::<FaceId, usize>::filled(usize::MAX, mesh.triangles.len());
+        let mut first_side = Vec::new();
+        let mut component = IdVec::new();
+        let mut against_first = IdVec::new();
+        for face in mesh.triangles.ids() {
+            let (root, against) = sides.root(face);
+            if number[root] == usize::MAX {
+                number[root] = first_side.len();
+                first_side.push(against);
+            }
+            component.push(number[root]);
+            against_first.push(against != first_side[number[root]]);
+        }
+        Self { component, components: first_side.len(), against_first, contradictions }
+    }
+}
+
+/// Union-find over faces that also knows whether two joined faces are wound the same way.
+#[derive(Debug)]
+struct Sides {
+    /// An earlier face of the same piece (or itself), and whether this face is wound against it.
+    parent: IdVec<FaceId, (FaceId, bool)>,
+}
+
+impl Sides {
+    fn new(faces: usize) -> Self {
+        Self { parent: (0..faces).map(|f| (FaceId::new(f), false)).collect() }
+    }
+
+    /// Joins the pieces of `a` and `b`; false if they are one already and disagree.
+    fn join(&mut self, a: FaceId, b: FaceId, against: bool) -> bool {
+        let ((root_a, side_a), (root_b, side_b)) = (self.root(a), self.root(b));
+        let roots_against = side_a ^ side_b ^ against;
+        if root_a == root_b {
+            return !roots_against;
+        }
+        self.parent[root_a.max(root_b)] = (root_a.min(root_b), roots_against);
+        true
+    }
+
+    /// The first face of the piece, and whether `face` is wound against it; halves the path on the way.
+    fn root(&mut self, mut face: FaceId) -> (FaceId, bool) {
+        let mut against = false;
+        loop {
+            let (up, side) = self.parent[face];
+            let (top, top_side) = self.parent[up];
+            if top == up {
+                return (up, against ^ side);
+            }
+            self.parent[face] = (top, side ^ top_side);
+            against ^= side ^ top_side;
+            face = top;
+        }
+    }
+}

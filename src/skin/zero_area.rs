@@ -1,0 +1,165 @@
+use std::collections::{HashMap, HashSet, VecDeque};
+
+use glam::DVec3;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// A face lower than this share of its longest side has no area. Positions in `f32` put the middle one of three
+/// taxels in line up to 1e-5 of their distance beside it; no real face is that thin.
+const FLATTEST: f64 = 1e-5;
+
+/// Height of a triangle over its longest side, as a share of that side: `sqrt(3)/2` if equilateral, 0 without area.
+pub(super) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    let height = (b - a).cross(c - a).length() / longest;
+    // Sides too short or too long for their squares: 0/0.
+    if height.is_nan() { 0.0 } else { height }
+}
+
+/// Whether a triangle has no area worth the name.
+pub(super) fn has_no_area(corners: [DVec3; 3]) -> bool {
+    slenderness(corners) <= FLATTEST
+}
+
+/// What became of the faces without area, by their place in the mesh.
+#[derive(Debug, Default)]
+pub(super) struct Cleared {
+    /// Faces at the boundary that were dropped.
+    pub dropped: Vec<FaceId>,
+    /// Faces whose longest side was flipped.
+    pub flipped: Vec<FaceId>,
+    /// Faces that neither could be done to.
+    pub kept: Vec<FaceId>,
+}
+
+/// Removes the faces without area from a manifold mesh of consistent winding.
+///
+/// Where the longest side lies on the boundary the face is dropped, and the boundary then runs through its middle
+/// corner. Elsewhere that would tear a slit, so the longest side is flipped: the face and its neighbour become two
+/// faces with area. Every step leaves one face without area less, so the work is linear in their number. Dropped
+/// faces stay in the list of triangles: whoever goes on must leave them out.
+pub(super) fn clear_zero_area(mesh: &mut TriMesh) -> Cleared {
+    let flat: Vec<FaceId> = mesh.triangles.ids().filter(|&f| has_no_area(mesh.corners(f))).collect();
+    let mut cleared = Cleared::default();
+    if flat.is_empty() {
+        return cleared;
+    }
+    let mut sides = Sides::new(mesh);
+    let mut queue: VecDeque<FaceId> = flat.iter().copied().collect();
+    let mut gone = HashSet::new();
+    while let Some(face) = queue.pop_front() {
+        if gone.contains(&face) || !has_no_area(mesh.corners(face)) {
+            continue;
+        }
+        let around = sides.neighbours(mesh.triangles[face]);
+        let step = sides.drop_or_flip(mesh, face);
+        match step {
+            Step::Dropped => {
+                gone.insert(face);
+                cleared.dropped.push(face);
+            }
+            Step::Flipped => cleared.flipped.push(face),
+            Step::Stuck => continue,
+        }
+        // What was stuck beside it may move now. Only steps that succeed get here, so this ends.
+        queue.extend(around.into_iter().flatten());
+        if matches!(step, Step::Flipped) {
+            queue.extend(sides.neighbours(mesh.triangles[face]).into_iter().flatten());
+        }
+    }
+    cleared.kept = flat.into_iter().filter(|f| !gone.contains(f) && has_no_area(mesh.corners(*f))).collect();
+    cleared
+}
+
+enum Step {
+    Dropped,
+    Flipped,
+    Stuck,
+}
+
+/// The faces by their directed sides, kept while faces are dropped and flipped.
+#[derive(Debug)]
+struct Sides {
+    faces: HashMap<(VertexId, VertexId), FaceId>,
+    on_boundary: IdVec<VertexId, bool>,
+}
+
+impl Sides {
+    fn new(mesh: &TriMesh) -> Self {
+        let mut faces = HashMap::with_capacity(3 * mesh.triangles.len());
+        for (face, t) in mesh.triangles.enumerate() {
+            for side in 0..3 {
+                faces.insert((t[side], t[(side + 1) % 3]), face);
+            }
+        }
+        let mut on_boundary = IdVec::filled(false, mesh.positions.len());
+        for &(from, to) in faces.keys() {
+            if !faces.contains_key(&(to, from)) {
+                on_boundary[from] = true;
+                on_boundary[to] = true;
+            }
+        }
+        Self { faces, on_boundary }
+    }
+
+    fn face(&self, from: VertexId, to: VertexId) -> Option<FaceId> {
+        self.faces.get(&(from, to)).copied()
+    }
+
+    /// The faces across the three sides.
+    fn neighbours(&self, [a, b, c]: [VertexId; 3]) -> [Option<FaceId>; 3] {
+        [self.face(b, a), self.face(c, b), self.face(a, c)]
+    }
+
+    fn drop_or_flip(&mut self, mesh: &mut TriMesh, face: FaceId) -> Step {
+        let [a, c, middle] = from_longest_side(mesh, face);
+        let Some(beyond) = self.face(c, a) else {
+            let inner_sides =
+                [(middle, c), (a, middle)].iter().filter(|s| self.faces.contains_key(s)).count();
+            // Two boundaries through one vertex: it would have two fans.
+            if self.on_boundary[middle] && inner_sides == 2 {
+                return Step::Stuck;
+            }
+            for side in [(a, c), (c, middle), (middle, a)] {
+                self.faces.remove(&side);
+            }
+            self.on_boundary[middle] = true;
+            return Step::Dropped;
+        };
+        let Some(&far) = mesh.triangles[beyond].iter().find(|&&v| v != a && v != c) else {
+            return Step::Stuck;
+        };
+        let joined = far == middle || self.face(middle, far).is_some() || self.face(far, middle).is_some();
+        let [first, second] = [[a, far, middle], [far, c, middle]];
+        let is_flat = |t: [VertexId; 3]| has_no_area(t.map(|v| mesh.positions[v]));
+        if joined || is_flat(first) || is_flat(second) {
+            return Step::Stuck;
+        }
+        self.faces.remove(&(a, c));
+        self.faces.remove(&(c, a));
+        for (face, t) in [(face, first), (beyond, second)] {
+            mesh.triangles[face] = t;
+            for side in 0..3 {
+                self.faces.insert((t[side], t[(side + 1) % 3]), face);
+            }
+        }
+        Step::Flipped
+    }
+}
+
+/// The corners of `face`, turned so that the longest side runs from the first to the second.
+fn from_longest_side(mesh: &TriMesh, face: FaceId) -> [VertexId; 3] {
+    let [a, b, c] = mesh.triangles[face];
+    let length = |p: VertexId, q: VertexId| mesh.positions[p].distance_squared(mesh.positions[q]);
+    let (ab, bc, ca) = (length(a, b), length(b, c), length(c, a));
+    if ab >= bc && ab >= ca {
+        [a, b, c]
+    } else if bc >= ca {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}

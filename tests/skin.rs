@@ -1,0 +1,572 @@
+//! Laws of the room `skin`: what is repaired, what is refused, what is found.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod drafts;
+
+use std::collections::BTreeSet;
+
+use dermatome::{
+    id::{FaceId, TaxelId, VertexId},
+    mesh::{Adjacency, TriMesh, shapes},
+    skin::{
+        Assembled, Draft, Element, FindingKind, Presence, Remark, RemarkKind, Sheet, SkinError, assemble,
+        check,
+    },
+};
+use drafts::{cover, draft_of, sheet_of, soup};
+use glam::DVec3;
+use proptest::prelude::*;
+
+fn kinds(draft: &Draft) -> Vec<FindingKind> {
+    check(draft).iter().map(|f| f.kind).collect()
+}
+
+fn remark_kinds(remarks: &[Remark]) -> BTreeSet<RemarkKind> {
+    remarks.iter().map(|r| r.kind).collect()
+}
+
+/// Euler characteristic and number of boundary loops.
+fn topology(mesh: &TriMesh) -> (i64, usize) {
+    let adjacency = Adjacency::new(mesh).unwrap();
+    (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
+}
+
+fn only(assembled: &Assembled) -> &TriMesh {
+    assert_eq!(assembled.skin.patches.len(), 1, "one patch");
+    &assembled.skin.patches.iter().next().unwrap().mesh
+}
+
+#[test]
+fn a_healthy_sheet_is_taken_as_it_is_and_has_no_findings() {
+    for mesh in [
+        shapes::lattice(7, 5, 0.01),
+        shapes::cap(500, 0.1, 1.0),
+        shapes::tube(12, 5, 0.05, 0.1),
+        shapes::saddle(20),
+    ] {
+        let draft = draft_of(sheet_of("s", &mesh));
+        let assembled = assemble(&draft).unwrap();
+        assert_eq!(only(&assembled), &mesh, "same vertices, same faces");
+        assert_eq!(assembled.remarks, [], "nothing was changed");
+        assert_eq!(check(&draft), [], "nothing is wrong");
+    }
+}
+
+#[test]
+fn a_soup_of_triangles_is_welded_into_the_mesh_it_came_from() {
+    let mesh = shapes::cap(300, 0.1, 1.0);
+    let draft = draft_of(soup("s", &mesh));
+    let assembled = assemble(&draft).unwrap();
+    assert_eq!(only(&assembled).positions.len(), mesh.positions.len());
+    assert_eq!(topology(only(&assembled)), topology(&mesh));
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::Welded].into());
+    assert_eq!(check(&draft), [], "split vertices are healthy");
+}
+
+/// A split vertex keeps the mean of its copies' normals.
+#[test]
+fn welding_takes_the_mean_of_the_normals() {
+    let mut sheet = soup("s", &shapes::cap(300, 0.1, 1.0));
+    let normals = sheet.triangles.iter().flat_map(|t| {
+        let [a, b, c] = t.map(|v| sheet.positions[v as usize]);
+        [(b - a).cross(c - a).normalize(); 3]
+    });
+    sheet.normals = Some(normals.collect());
+    let assembled = assemble(&draft_of(sheet)).unwrap();
+    let patch = assembled.skin.patches.iter().next().unwrap();
+    for (v, n) in patch.normals.enumerate() {
+        let outward = patch.mesh.positions[v].normalize();
+        assert!(n.dot(outward) > 0.98, "normal of {v:?} is {n}, the sphere's is {outward}");
+    }
+}
+
+#[test]
+fn ids_alone_never_weld_and_different_ids_stay_apart() {
+    let mut sheet = sheet_of("s", &shapes::lattice(3, 3, 0.01));
+    sheet.ids = Some(vec![TaxelId(0); 9]);
+    let assembled = assemble(&draft_of(sheet)).unwrap();
+    assert_eq!(only(&assembled).positions.len(), 9, "placeholders name nine taxels");
+
+    // Two squares whose shared side is written twice, with ids of their own: two patches with a seam.
+    let mut sheet = soup("s", &shapes::square());
+    sheet.ids = Some((1..=6).map(TaxelId).collect());
+    let draft = draft_of(sheet);
+    assert_eq!(assemble(&draft).unwrap().skin.patches.len(), 2);
+    let found = kinds(&draft);
+    assert!(
+        found.contains(&FindingKind::DuplicatePosition) && found.contains(&FindingKind::Gap),
+        "{found:?}"
+    );
+}
+
+/// Two taxels at one place that a face joins: the edge between them has no length, so one must go.
+#[test]
+fn an_edge_without_length_is_welded_whatever_the_ids() {
+    let mut mesh = shapes::square();
+    let twin = mesh.positions.push(mesh.positions[VertexId::new(2)]);
+    mesh.triangles[FaceId::new(1)][1] = twin;
+    mesh.triangles.push([VertexId::new(0), VertexId::new(2), twin]);
+    let mut sheet = sheet_of("s", &mesh);
+    sheet.ids = Some((1..=5).map(TaxelId).collect());
+    let assembled = assemble(&draft_of(sheet)).unwrap();
+    assert_eq!(only(&assembled).positions.len(), 4);
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::Welded, RemarkKind::RepeatedCorner].into());
+}
+
+/// Two fans that touch in a point are two sheets if the file writes the point twice, and refused if once.
+#[test]
+fn a_weld_that_would_only_make_sheets_touch_is_undone() {
+    let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let mesh = TriMesh::from_arrays(
+        vec![p(0., 0.), p(1., 0.), p(0., 1.), p(0., 0.), p(-1., 0.), p(0., -1.)],
+        &[[0, 1, 2], [3, 4, 5]],
+    );
+    let assembled = assemble(&draft_of(sheet_of("s", &mesh))).unwrap();
+    let names: Vec<&str> = assembled.skin.patches.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["s", "s.1"]);
+
+    let mut touching = mesh;
+    touching.triangles[FaceId::new(1)][0] = VertexId::new(0);
+    let draft = draft_of(sheet_of("s", &touching));
+    let error = assemble(&draft).unwrap_err();
+    let vertices = vec![VertexId::new(0)];
+    assert_eq!(error, SkinError::NonManifoldVertices { patch: "s".into(), vertices });
+    assert!(kinds(&draft).contains(&FindingKind::NonManifoldVertex));
+}
+
+#[test]
+fn a_third_face_at_an_edge_is_refused_and_named() {
+    let mut mesh = shapes::square();
+    let top = mesh.positions.push(DVec3::Z);
+    mesh.triangles.push([VertexId::new(0), VertexId::new(2), top]);
+    let draft = draft_of(sheet_of("s", &mesh));
+    let SkinError::NonManifoldEdges { edges, .. } = assemble(&draft).unwrap_err() else { panic!("an edge") };
+    assert_eq!(
+        edges.iter().map(|e| e.iter().map(|v| v.raw()).collect()).collect::<Vec<BTreeSet<u32>>>(),
+        [[0, 2].into()]
+    );
+    let finding = &check(&draft)[0];
+    assert_eq!((finding.kind, finding.elements.len()), (FindingKind::NonManifoldEdge, 2));
+}
+
+#[test]
+fn a_moebius_strip_is_refused() {
+    let mut triangles = Vec::new();
+    for i in 0..5_u32 {
+        let [a, b] = [2 * i, 2 * i + 1];
+        let [c, d] = if i == 4 { [1, 0] } else { [a + 2, b + 2] };
+        triangles.extend([[a, c, b], [c, d, b]]);
+    }
+    let positions = (0..10_u32).map(|i| {
+        let turn = std::f64::consts::TAU * f64::from(i / 2) / 5.0;
+        let out = DVec3::new(turn.cos(), turn.sin(), 0.0);
+        let lean = out * (turn / 2.0).cos() + DVec3::Z * (turn / 2.0).sin();
+        out + lean * if i % 2 == 0 { -0.3 } else { 0.3 }
+    });
+    let draft = draft_of(sheet_of("strip", &TriMesh::from_arrays(positions.collect(), &triangles)));
+    assert!(matches!(assemble(&draft), Err(SkinError::NotOrientable { .. })));
+    assert!(kinds(&draft).contains(&FindingKind::NotOrientable));
+}
+
+/// A middle taxel in line with two of the boundary: the face between them goes, and the boundary runs through it.
+#[test]
+fn a_face_without_area_at_the_boundary_is_dropped() {
+    let mut mesh = shapes::sheet(5, 4, |i, j| DVec3::new(f64::from(i), f64::from(j), 0.0));
+    mesh.triangles.push([1, 0, 2].map(VertexId::from));
+    let before = mesh.triangles.len();
+    let draft = draft_of(sheet_of("s", &mesh));
+    let assembled = assemble(&draft).unwrap();
+    assert_eq!(only(&assembled).triangles.len(), before - 1);
+    assert_eq!(topology(only(&assembled)), (1, 1));
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::ZeroArea].into());
+    assert_eq!(kinds(&draft), [FindingKind::ZeroAreaFace]);
+}
+
+/// The same in the middle of a sheet: dropping the face would tear a slit, so its longest side is flipped.
+#[test]
+fn a_face_without_area_inside_is_flipped_away() {
+    // 3 lies in the middle of 0-1; the lower half sees 0-1 as one edge, the upper half as two.
+    let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let mesh = TriMesh::from_arrays(
+        vec![p(0., 0.), p(2., 0.), p(1., -1.), p(1., 0.), p(1., 1.)],
+        &[[0, 2, 1], [0, 1, 3], [0, 3, 4], [3, 1, 4]],
+    );
+    let assembled = assemble(&draft_of(sheet_of("s", &mesh))).unwrap();
+    assert_eq!(topology(only(&assembled)), (1, 1), "no slit");
+    assert_eq!(only(&assembled).triangles.len(), 4, "no face is lost");
+    assert!(only(&assembled).triangles.ids().all(|f| only(&assembled).face_area(f) > 0.1));
+}
+
+/// A strip of faces without area, whose inner ones can move only after the outer ones.
+#[test]
+fn a_chain_of_faces_without_area_is_cleared_from_its_ends() {
+    let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let mesh = TriMesh::from_arrays(
+        vec![p(0., 0.), p(4., 0.), p(2., -1.), p(1., 0.), p(2., 0.), p(3., 0.), p(2., 1.)],
+        &[[0, 2, 1], [0, 1, 3], [3, 1, 4], [4, 1, 5], [0, 3, 6], [3, 4, 6], [4, 5, 6], [5, 1, 6]],
+    );
+    let assembled = assemble(&draft_of(sheet_of("s", &mesh))).unwrap();
+    assert_eq!(topology(only(&assembled)), (1, 1), "no slit");
+    assert!(only(&assembled).triangles.ids().all(|f| only(&assembled).face_area(f) > 0.1));
+    assert!((only(&assembled).area() - 4.0).abs() < 1e-12, "the same surface");
+}
+
+#[test]
+fn taxels_without_a_face_are_left_out_and_told() {
+    let mut mesh = shapes::triangle();
+    mesh.positions.push(DVec3::Z);
+    let mut sheet = sheet_of("s", &mesh);
+    let draft = draft_of(sheet.clone());
+    let assembled = assemble(&draft).unwrap();
+    assert_eq!(only(&assembled).positions.len(), 3);
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::LeftOut].into());
+    assert_eq!(check(&draft)[0].elements, [3]);
+
+    sheet.presence = Some(vec![Presence::Present, Presence::Present, Presence::Present, Presence::Absent]);
+    assert_eq!(check(&draft_of(sheet)), [], "an absent slot without a face is the normal case");
+}
+
+#[test]
+fn winding_follows_the_normals_and_the_change_is_told() {
+    let mesh = shapes::cap(300, 0.1, 1.0);
+    let mut sheet = sheet_of("s", &mesh);
+    sheet.normals = Some(mesh.vertex_normals().into_vec());
+    sheet.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+    let draft = draft_of(sheet.clone());
+    let assembled = assemble(&draft).unwrap();
+    assert!(only(&assembled).face_cross(FaceId::new(0)).dot(-DVec3::Z) > 0.0, "the cap looks down");
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::Turned].into());
+    assert_eq!(kinds(&draft), [FindingKind::WindingAgainstNormals]);
+    assert_eq!(check(&draft)[0].elements.len(), sheet.triangles.len());
+}
+
+#[test]
+fn without_believable_normals_most_faces_decide() {
+    let mesh = shapes::cap(300, 0.1, 1.2);
+    for placeholder in [None, Some(DVec3::Z), Some(DVec3::ZERO), Some(DVec3::splat(f64::NAN))] {
+        let mut sheet = sheet_of("s", &mesh);
+        sheet.normals = placeholder.map(|n| vec![n; mesh.positions.len()]);
+        for t in sheet.triangles.iter_mut().step_by(3) {
+            t.swap(0, 1);
+        }
+        let draft = draft_of(sheet);
+        let assembled = assemble(&draft).unwrap();
+        let patch = assembled.skin.patches.iter().next().unwrap();
+        assert!(patch.mesh.face_cross(FaceId::new(1)).dot(-DVec3::Z) > 0.0, "as most faces of the file");
+        let expected = patch.mesh.vertex_normals();
+        assert!(patch.normals.iter().zip(&expected).all(|(n, m)| n.distance(*m) < 1e-12), "from the faces");
+        assert!(remark_kinds(&assembled.remarks).contains(&RemarkKind::Turned));
+        let turned: Vec<_> =
+            check(&draft).into_iter().filter(|f| f.kind == FindingKind::InconsistentWinding).collect();
+        assert_eq!(turned[0].elements.len(), mesh.triangles.len().div_ceil(3));
+        if placeholder.is_some() {
+            assert!(remark_kinds(&assembled.remarks).contains(&RemarkKind::Normals));
+            let wrong = [FindingKind::ConstantNormals, FindingKind::NormalNotUnit];
+            assert!(kinds(&draft).iter().any(|k| wrong.contains(k)), "{:?}", kinds(&draft));
+        }
+    }
+}
+
+#[test]
+fn a_closed_surface_is_turned_outward_by_its_volume() {
+    let mut mesh = shapes::tetrahedron();
+    mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+    let draft = draft_of(sheet_of("s", &mesh));
+    let assembled = assemble(&draft).unwrap();
+    let mesh = only(&assembled);
+    assert!(mesh.triangles.ids().all(|f| mesh.face_cross(f).dot(mesh.corners(f)[0]) > 0.0), "outward");
+    assert!(kinds(&draft).contains(&FindingKind::ClosedPatch));
+    let torus = draft_of(sheet_of("t", &shapes::torus(12, 8, 1.0, 0.3)));
+    assert_eq!(kinds(&torus), [FindingKind::ClosedPatch, FindingKind::Handle]);
+}
+
+#[test]
+fn names_of_pieces_do_not_depend_on_anything_but_order_and_never_clash() {
+    let two = shapes::square();
+    let apart = soup("a", &two);
+    let mut apart = Sheet { ids: Some((1..=6).map(TaxelId).collect()), ..apart };
+    apart.positions.iter_mut().skip(3).for_each(|p| p.z += 1.0);
+    let sheets = vec![apart.clone(), sheet_of("a.1", &two), sheet_of("a", &two), sheet_of("", &two)];
+    let assembled = assemble(&Draft { sheets, ..Draft::default() }).unwrap();
+    let names: Vec<&str> = assembled.skin.patches.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["a", "a.2", "a.1", "a.3", "patch"]);
+    let kinds = remark_kinds(&assembled.remarks);
+    assert_eq!(kinds, [RemarkKind::Components, RemarkKind::Renamed].into());
+    let found = check(&draft_of(apart));
+    assert_eq!((found[0].kind, &found[0].elements[..]), (FindingKind::SeveralComponents, &[0, 1][..]));
+}
+
+#[test]
+fn missing_ids_count_on_and_bad_areas_are_measured() {
+    let mesh = shapes::square();
+    let mut areas = sheet_of("b", &mesh);
+    areas.areas = Some(vec![0.5, 0.0, f64::NAN, -1.0]);
+    let draft = Draft { sheets: vec![sheet_of("a", &mesh), areas], ..Draft::default() };
+    let assembled = assemble(&draft).unwrap();
+    let ids: Vec<u32> = assembled.skin.patches.iter().flat_map(|p| p.ids.iter().map(|id| id.0)).collect();
+    assert_eq!(ids, (1..=8).collect::<Vec<_>>());
+    let second = assembled.skin.patches.iter().nth(1).unwrap();
+    assert_eq!(second.areas.as_slice(), [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::Areas].into());
+    assert_eq!(check(&draft)[0].elements, [1, 2, 3]);
+}
+
+#[test]
+fn what_cannot_be_read_is_named() {
+    let sheet = sheet_of("s", &shapes::square());
+    let refused = |change: &dyn Fn(&mut Sheet)| {
+        let mut sheet = sheet.clone();
+        change(&mut sheet);
+        let draft = draft_of(sheet);
+        (assemble(&draft).unwrap_err().to_string(), kinds(&draft))
+    };
+    let (text, found) = refused(&|s| s.triangles[1][2] = 9);
+    assert_eq!(text, r#"patch "s": face 1 names vertex 9, but there are 4 vertices"#);
+    assert!(found.contains(&FindingKind::CornerOutOfRange));
+    let (text, found) = refused(&|s| s.positions[2].y = f64::NAN);
+    assert!(text.contains("vertex 2"), "{text}");
+    assert!(found.contains(&FindingKind::NotFinite));
+    let (text, found) = refused(&|s| s.normals = Some(vec![DVec3::Z]));
+    assert!(text.contains("1 entries; 4 are needed"), "{text}");
+    assert_eq!(found, [FindingKind::ArrayLength]);
+    let (text, found) = refused(&|s| s.densities = Some(vec![1.0, 1.0, 0.0, 1.0]));
+    assert!(text.contains("vertex 2 has a density of 0"), "{text}");
+    assert_eq!(found, [FindingKind::DensityNotPositive]);
+    let (text, found) = refused(&|s| s.link = Some(3_u32.into()));
+    assert!(text.contains("link 3"), "{text}");
+    assert_eq!(found, [FindingKind::UnknownLink]);
+    let (text, found) = refused(&|s| s.triangles.clear());
+    assert!(text.contains("no triangle"), "{text}");
+    assert!(found.contains(&FindingKind::NoTriangles));
+}
+
+#[test]
+fn a_missing_face_is_a_pin_hole_and_a_missing_taxel_is_a_hole() {
+    let mesh = shapes::lattice(9, 9, 0.01);
+    let mut sheet = sheet_of("s", &mesh);
+    let middle = 4 * 9 + 4;
+    sheet.triangles.retain(|t| !t.contains(&middle));
+    sheet.presence = Some(vec![Presence::Present; 81]);
+    sheet.presence.as_mut().unwrap()[middle as usize] = Presence::Absent;
+    assert_eq!(check(&draft_of(sheet)), [], "a hole of six edges is where a taxel is missing");
+
+    let mut sheet = sheet_of("s", &mesh);
+    let face = sheet.triangles.iter().position(|t| t.contains(&middle)).unwrap();
+    let mut corners = sheet.triangles.remove(face).map(u64::from);
+    corners.sort_unstable();
+    let findings = check(&draft_of(sheet));
+    assert_eq!(
+        (findings.len(), findings[0].kind, &findings[0].elements[..]),
+        (1, FindingKind::PinHole, &corners[..])
+    );
+}
+
+/// A tube whose ends of each ring were written twice, a tenth of the spacing apart.
+#[test]
+fn an_open_seam_is_a_gap() {
+    let mesh = shapes::sheet(21, 8, |i, j| {
+        let turn = f64::from(i) / 20.2 * std::f64::consts::TAU;
+        DVec3::new(turn.cos(), turn.sin(), 0.3 * f64::from(j))
+    });
+    let findings = check(&draft_of(sheet_of("s", &mesh)));
+    assert_eq!(findings.iter().map(|f| f.kind).collect::<Vec<_>>(), [FindingKind::Gap]);
+    assert_eq!(findings[0].elements.len(), 16, "eight vertices on each side");
+}
+
+#[test]
+fn slivers_and_repeated_faces_are_found() {
+    let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let mesh = TriMesh::from_arrays(
+        vec![p(0., 0.), p(1., 0.), p(0.5, 0.01), p(0.5, 1.)],
+        &[[0, 1, 2], [0, 2, 3], [2, 1, 3]],
+    );
+    let findings = check(&draft_of(sheet_of("s", &mesh)));
+    assert_eq!((findings[0].kind, &findings[0].elements[..]), (FindingKind::SliverFace, &[0][..]));
+    let mut twice = sheet_of("s", &shapes::square());
+    twice.triangles.push([3, 0, 2]);
+    assert!(kinds(&draft_of(twice)).contains(&FindingKind::DuplicateFace));
+}
+
+#[test]
+fn placeholders_and_shared_ids_are_told_apart() {
+    let mut sheet = sheet_of("s", &shapes::lattice(3, 2, 0.01));
+    sheet.ids = Some([0, 7, 7, 0, 5, 6].map(TaxelId).to_vec());
+    let findings = check(&draft_of(sheet));
+    let found: Vec<_> = findings.iter().map(|f| (f.kind, f.elements.clone())).collect();
+    assert_eq!(found, [(FindingKind::DuplicateId, vec![1, 2]), (FindingKind::PlaceholderId, vec![0, 3])]);
+}
+
+#[test]
+fn every_kind_has_a_name_of_its_own_in_kebab_case() {
+    let names: BTreeSet<&str> = FindingKind::ALL.iter().map(|k| k.name()).collect();
+    assert_eq!(names.len(), FindingKind::ALL.len());
+    assert!(names.iter().all(|n| n.bytes().all(|b| b.is_ascii_lowercase() || b == b'-')));
+    assert_eq!(FindingKind::NonManifoldEdge.element(), Element::Edge);
+}
+
+#[test]
+fn real_covers_without_mistakes_have_no_findings() {
+    for name in ["ur10e_link1_patch1_isomap.json", "ur10e_link1_patch2_isomap.json"] {
+        let Some(draft) = cover(name) else { continue };
+        assert_eq!(check(&draft), [], "{name}");
+        let assembled = assemble(&draft).unwrap();
+        assert_eq!(assembled.remarks, [], "{name}");
+        assert_eq!(topology(only(&assembled)), (1, 1), "{name}");
+    }
+}
+
+#[test]
+fn the_broken_merge_is_refused_and_its_parts_named() {
+    let Some(draft) = cover("broken_link1_patches_1_2.json") else { return };
+    let SkinError::NonManifoldEdges { edges, .. } = assemble(&draft).unwrap_err() else { panic!("edges") };
+    assert_eq!(edges.len(), 1831);
+    let findings = check(&draft);
+    let of = |kind| findings.iter().find(|f| f.kind == kind).unwrap().elements.len();
+    assert_eq!(of(FindingKind::NonManifoldEdge), 2 * 1831);
+    assert_eq!(of(FindingKind::IsolatedTaxel), 642);
+}
+
+#[test]
+fn two_covers_in_one_file_are_two_patches() {
+    let Some(draft) = cover("two_components.json") else { return };
+    let assembled = assemble(&draft).unwrap();
+    let names: Vec<&str> = assembled.skin.patches.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["cover", "cover.1"]);
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::Components, RemarkKind::Turned].into());
+}
+
+#[test]
+fn the_hexagon_is_turned_over_and_rid_of_two_faces() {
+    let Some(draft) = cover("hexagon_isomap.json") else { return };
+    let assembled = assemble(&draft).unwrap();
+    let mesh = only(&assembled);
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (61, 96), "no taxel is lost");
+    assert_eq!(topology(mesh), (1, 1), "no slit");
+    assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::Turned, RemarkKind::ZeroArea].into());
+    let found = kinds(&draft);
+    assert_eq!(found, [FindingKind::ZeroAreaFace, FindingKind::WindingAgainstNormals]);
+}
+
+/// Coordinates of few values, so that vertices coincide and lie in line, and now and then what is no number.
+fn coordinate() -> impl Strategy<Value = f64> {
+    let odd = prop::sample::select(vec![f64::NAN, f64::INFINITY, 1e300, -1e300, 1e-300, 1e18, -0.0]);
+    prop_oneof![40 => (-2_i32..3).prop_map(f64::from), 1 => odd]
+}
+
+/// Any sheet at all: corners out of range, arrays of any length, positions that are no numbers.
+fn any_sheet() -> impl Strategy<Value = Sheet> {
+    let position = || [coordinate(), coordinate(), coordinate()].prop_map(DVec3::from_array);
+    let vertices = prop::collection::vec(position(), 0..14);
+    let triangles = prop::collection::vec([0_u32..15, 0..14, 0..14], 0..24);
+    (vertices, triangles, prop::collection::vec((0_u32..4, position(), coordinate()), 13..15), 0_u8..64)
+        .prop_map(|(positions, triangles, taxels, has)| {
+            let count = if has & 32 == 0 { positions.len() } else { taxels.len() };
+            let taxels = &taxels[..count.min(taxels.len())];
+            let numbers = || taxels.iter().map(|t| t.2).collect();
+            Sheet {
+                name: String::new(),
+                link: (has & 48 == 48).then_some(0_u32.into()),
+                positions,
+                triangles,
+                ids: (has & 1 > 0).then(|| taxels.iter().map(|t| TaxelId(t.0)).collect()),
+                normals: (has & 2 > 0).then(|| taxels.iter().map(|t| t.1).collect()),
+                areas: (has & 4 > 0).then(numbers),
+                densities: (has & 8 > 0).then(numbers),
+                presence: (has & 16 > 0).then(|| vec![Presence::Absent; taxels.len()]),
+                ..Sheet::default()
+            }
+        })
+}
+
+/// A lattice with some faces gone, some turned, some vertices moved onto others: close to a skin.
+fn damaged_sheet() -> impl Strategy<Value = Sheet> {
+    let mesh = shapes::sheet(5, 5, |i, j| DVec3::new(f64::from(i), f64::from(j), 0.0));
+    let sheet = sheet_of("damaged", &mesh);
+    (prop::collection::vec(0_u8..12, 32), prop::collection::vec((0_usize..25, 0_usize..25), 0..3), 0_u32..7)
+        .prop_map(move |(fates, moves, split)| {
+            let mut sheet = sheet.clone();
+            for (from, to) in moves {
+                sheet.positions[from] = 0.5 * (sheet.positions[to] + sheet.positions[(to + 2) % 25]);
+            }
+            let mut triangles = Vec::new();
+            for (t, fate) in sheet.triangles.iter().zip(fates) {
+                match fate {
+                    0 => {}
+                    1 => triangles.push([t[0], t[2], t[1]]),
+                    _ => triangles.push(*t),
+                }
+            }
+            // Every seventh corner or so gets a vertex of its own.
+            for corner in triangles.iter_mut().flatten().filter(|v| **v % 7 == split) {
+                sheet.positions.push(sheet.positions[*corner as usize]);
+                *corner = u32::try_from(sheet.positions.len() - 1).unwrap();
+            }
+            sheet.triangles = triangles;
+            sheet
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// Garbage is a skin that keeps every promise, or an error and a finding.
+    #[test]
+    fn any_draft_is_a_skin_or_has_findings(sheet in any_sheet(), other in any_sheet()) {
+        let sheets = [("a", sheet), ("b", other)].map(|(name, sheet)| Sheet { name: name.into(), ..sheet });
+        let draft = Draft { sheets: sheets.to_vec(), ..Draft::default() };
+        let findings = check(&draft);
+        match assemble(&draft) {
+            Ok(assembled) => prop_assert_eq!(assembled.skin.validate(), Ok(())),
+            Err(error) => prop_assert!(!findings.is_empty(), "{} without a finding", error),
+        }
+        let told: BTreeSet<_> = findings.iter().map(|f| (f.kind, &f.patch)).collect();
+        prop_assert_eq!(told.len(), findings.len(), "one finding of each kind and sheet");
+    }
+
+    /// What is assembled once is taken as it is the second time.
+    #[test]
+    fn assembling_twice_changes_nothing_more(sheet in damaged_sheet()) {
+        let Ok(first) = assemble(&draft_of(sheet)) else { return Ok(()) };
+        let sheets = first.skin.patches.iter().map(|p| Sheet {
+            link: Some(p.link),
+            ids: Some(p.ids.as_slice().to_vec()),
+            normals: Some(p.normals.as_slice().to_vec()),
+            areas: Some(p.areas.as_slice().to_vec()),
+            ..sheet_of(&p.name, &p.mesh)
+        });
+        let again = assemble(&Draft { links: first.skin.links.clone(), sheets: sheets.collect() }).unwrap();
+        let told = remark_kinds(&again.remarks);
+        // Damage may fold a sheet: flat normals on it look like a placeholder, and some faces stay without area.
+        let tolerated = [RemarkKind::ZeroArea, RemarkKind::Normals].into();
+        prop_assert!(told.is_subset(&tolerated), "{:?}", again.remarks);
+        if told.is_empty() {
+            for (now, then) in again.skin.patches.iter().zip(&first.skin.patches) {
+                prop_assert_eq!((&now.name, &now.mesh, &now.ids), (&then.name, &then.mesh, &then.ids));
+                let turned = now.normals.iter().zip(&then.normals).map(|(n, m)| n.distance(*m));
+                prop_assert!(turned.fold(0.0, f64::max) < 1e-12, "normals");
+            }
+        }
+    }
+
+    /// Faces without area are cleared without tearing the sheet: its Euler characteristic per piece stays.
+    #[test]
+    fn clearing_faces_without_area_opens_no_hole(places in prop::collection::vec((0_usize..16, 0_u8..3), 1..6)) {
+        // Vertices of a lattice slid along its lines make faces without area, all in one plane.
+        let mut mesh = shapes::sheet(4, 4, |i, j| DVec3::new(f64::from(i), f64::from(j), 0.0));
+        for (v, way) in places {
+            let p = &mut mesh.positions[VertexId::new(v)];
+            match way {
+                0 => p.x += 1e-9,
+                1 => p.y += 1.0,
+                _ => p.x = 1.5,
+            }
+        }
+        // Ids of their own: only taxels joined by an edge without length are welded.
+        let sheet = Sheet { ids: Some((1..=16).map(TaxelId).collect()), ..sheet_of("s", &mesh) };
+        if let Ok(assembled) = assemble(&draft_of(sheet)) {
+            for patch in &assembled.skin.patches {
+                prop_assert_eq!(topology(&patch.mesh), (1, 1));
+            }
+        }
+    }
+}
