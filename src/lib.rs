@@ -5,3 +5,4 @@ pub mod mesh;
 pub mod delaunay;
 pub mod sparse;
 pub mod skin;
+pub mod calib;

@@ -1,0 +1,74 @@
+//! Calibration of simulated skins and public pose graphs: start, solve and covariances of every taxel.
+#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a bench may stop at a surprise and say what it skips"
+)]
+
+use std::{
+    hint::black_box,
+    path::{Path, PathBuf},
+};
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use dermatome::{
+    calib::{CalibOptions, Model, Observations, Residual, SimulateOptions, Uncertainty, calibrate, simulate},
+    io::read_observations,
+};
+
+const ALONE: CalibOptions = CalibOptions {
+    residual: Residual::Log,
+    uncertainty: Uncertainty::Skip,
+    robust: dermatome::calib::Robust::None,
+    start: dermatome::calib::Start::Chordal,
+    method: dermatome::calib::Method::GaussNewton,
+    limits: dermatome::calib::Limits { iterations: 100, relative_decrease: 1e-9 },
+};
+
+const WITH_COVARIANCE: CalibOptions = CalibOptions { uncertainty: Uncertainty::Marginals, ..ALONE };
+
+fn run(observations: &Observations, options: &CalibOptions) -> f64 {
+    calibrate(black_box(observations), options, &|_, _| {}).unwrap().cost
+}
+
+fn simulated(c: &mut Criterion) {
+    let mut group = c.benchmark_group("simulated");
+    for (model, taxels, spacing) in [
+        (Model::Positions, 500, 5e-3),
+        (Model::Poses, 500, 5e-3),
+        (Model::Positions, 20_000, 1e-3),
+        (Model::Positions, 200_000, 4e-4),
+    ] {
+        let options = SimulateOptions { model, taxels, spacing, ..SimulateOptions::default() };
+        let observations = simulate(&options).unwrap().observations;
+        group.sample_size(if taxels > 10_000 { 10 } else { 50 });
+        for (name, options) in [("solve", ALONE), ("with covariance", WITH_COVARIANCE)] {
+            group.bench_function(format!("{} {taxels} {name}", model.name()), |b| {
+                b.iter(|| run(&observations, &options));
+            });
+        }
+    }
+    group.finish();
+}
+
+fn public_graphs(c: &mut Criterion) {
+    let folder = std::env::var_os("DERMATOME_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let mut group = c.benchmark_group("pose graph");
+    group.sample_size(10);
+    for name in ["sphere2500", "parking-garage", "smallGrid3D"] {
+        let path = folder.join(format!("g2o/{name}.g2o"));
+        let Ok(read) = read_observations(&path) else {
+            println!("skipped: {name}");
+            continue;
+        };
+        for (what, options) in [("solve", ALONE), ("with covariance", WITH_COVARIANCE)] {
+            group.bench_function(format!("{name} {what}"), |b| b.iter(|| run(&read.observations, &options)));
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, simulated, public_graphs);
+criterion_main!(benches);

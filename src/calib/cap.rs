@@ -1,0 +1,163 @@
+use std::collections::HashMap;
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use crate::{
+    calib::{CalibError, Pose},
+    id::{FaceId, IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// The centre of the disc of lattice points, in spacings: off every symmetry, so that no two points are equally far.
+const CENTRE: DVec2 = DVec2::new(0.13, 0.07);
+
+/// The part of a sphere that taxels may cover: nearer to the north pole the lattice is torn apart.
+const LARGEST_REACH: f64 = 1.9;
+
+/// Taxels on the bottom of a sphere, as the end effector of the source paper's experiment carries them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cap {
+    /// Taxel frames: z is the outward normal, x the lattice direction.
+    pub frames: IdVec<VertexId, Pose>,
+    /// Pairs of lattice neighbours, ascending.
+    pub edges: Vec<[VertexId; 2]>,
+    /// The triangles between them, seen from outside.
+    pub triangles: IdVec<FaceId, [VertexId; 3]>,
+}
+
+impl Cap {
+    /// The `taxels` points of a triangular lattice nearest to a point off its symmetries, lifted to the sphere by the
+    /// Lambert equal-area projection about the south pole, which keeps their density. Lengths in m.
+    ///
+    /// # Errors
+    /// [`CalibError::BadOption`] unless lengths are positive and the taxels fit on the sphere.
+    pub fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
+        check(taxels, spacing, radius)?;
+        let (cells, plane) = lattice(taxels);
+        let reach = plane.iter().map(|p| p.length()).fold(0.0, f64::max) * spacing;
+        if reach > LARGEST_REACH * radius {
+            return Err(CalibError::BadOption {
+                option: "the number of taxels",
+                found: format!("{taxels}, {} mm apart on a sphere of {} mm", spacing * 1e3, radius * 1e3),
+                needed: "fewer taxels, a smaller spacing or a larger sphere",
+            });
+        }
+        let frames: IdVec<VertexId, Pose> =
+            plane.iter().map(|&p| frame(lift(p * spacing, radius), radius)).collect();
+        let index: HashMap<(i32, i32), VertexId> =
+            cells.iter().enumerate().map(|(k, &cell)| (cell, VertexId::new(k))).collect();
+        let mut edges = Vec::with_capacity(3 * taxels);
+        let mut triangles = IdVec::new();
+        for (k, &(a, b)) in cells.iter().enumerate() {
+            let here = VertexId::new(k);
+            let at = |da: i32, db: i32| index.get(&(a + da, b + db)).copied();
+            for other in [at(1, 0), at(0, 1), at(-1, 1)].into_iter().flatten() {
+                edges.push([here.min(other), here.max(other)]);
+            }
+            // Counter-clockwise in the plane is clockwise from below.
+            if let (Some(u), Some(v)) = (at(1, 0), at(0, 1)) {
+                triangles.push([here, v, u]);
+            }
+            if let (Some(u), Some(w)) = (at(1, 0), at(1, -1)) {
+                triangles.push([here, u, w]);
+            }
+        }
+        edges.sort_unstable();
+        Ok(Self { frames, edges, triangles })
+    }
+
+    /// Positions and triangles.
+    #[must_use]
+    pub fn mesh(&self) -> TriMesh {
+        TriMesh { positions: self.frames.map(|f| f.position), triangles: self.triangles.clone() }
+    }
+}
+
+fn check(taxels: usize, spacing: f64, radius: f64) -> Result<(), CalibError> {
+    const MOST_TAXELS: usize = 10_000_000;
+    if !(3..=MOST_TAXELS).contains(&taxels) {
+        let found = taxels.to_string();
+        return Err(CalibError::BadOption {
+            option: "the number of taxels",
+            found,
+            needed: "3 to 10 million",
+        });
+    }
+    for (option, length) in [("the spacing", spacing), ("the radius", radius)] {
+        if !(length > 0.0 && length.is_finite()) {
+            let found = format!("{} mm", length * 1e3);
+            return Err(CalibError::BadOption { option, found, needed: "a positive length" });
+        }
+    }
+    Ok(())
+}
+
+/// The lattice cells, row by row, and their places in spacings from the centre of the disc.
+fn lattice(count: usize) -> (Vec<(i32, i32)>, Vec<DVec2>) {
+    // A disc of n points has the radius 0.53 sqrt(n); the axes of the lattice are oblique.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 10 million taxels")]
+    let reach = (0.7 * (count as f64).sqrt()) as i32 + 4;
+    let place = |(a, b): (i32, i32)| {
+        let (a, b) = (f64::from(a), f64::from(b));
+        DVec2::new(a + 0.5 * b, 0.75_f64.sqrt() * b) - CENTRE
+    };
+    let mut cells: Vec<(i32, i32)> =
+        (-reach..=reach).flat_map(|b| (-reach..=reach).map(move |a| (a, b))).collect();
+    let distance = |&cell: &(i32, i32)| place(cell).length_squared();
+    cells.sort_by(|p, q| distance(p).total_cmp(&distance(q)).then((p.1, p.0).cmp(&(q.1, q.0))));
+    cells.truncate(count);
+    cells.sort_unstable_by_key(|&(a, b)| (b, a));
+    let plane = cells.iter().map(|&cell| place(cell)).collect();
+    (cells, plane)
+}
+
+/// Lambert's projection backwards. With `s = |p| / 2R` the sine of half the polar angle, everything is algebraic: no
+/// system's sines are needed.
+fn lift(p: DVec2, radius: f64) -> DVec3 {
+    let s2 = p.length_squared() / (4.0 * radius * radius);
+    let stretch = (1.0 - s2).sqrt();
+    DVec3::new(p.x * stretch, p.y * stretch, -radius * (1.0 - 2.0 * s2))
+}
+
+fn frame(position: DVec3, radius: f64) -> Pose {
+    let z = position / radius;
+    let x = (DVec3::X - z * z.x).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
+    let rotation = DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize();
+    Pose { position, rotation }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Adjacency;
+
+    /// The numbers of the experiment: 500 taxels at 5 mm on a sphere of 0.1 m.
+    #[test]
+    fn the_cap_of_the_experiment_has_its_edges_and_triangles() {
+        let cap = Cap::new(500, 5e-3, 0.1).unwrap();
+        assert_eq!((cap.edges.len(), cap.triangles.len()), (1419, 920));
+        let mesh = cap.mesh();
+        let adjacency = Adjacency::new(&mesh).unwrap();
+        assert_eq!(adjacency.euler_characteristic(), 1, "a disk");
+        let boundary = 2 * cap.edges.len() - 3 * cap.triangles.len();
+        assert_eq!(boundary, 78);
+        assert_eq!(2 * 500 - 2 - boundary, 920, "triangles of a disk, closed form");
+        for (v, frame) in cap.frames.enumerate() {
+            assert!((frame.position.length() - 0.1).abs() < 1e-15, "{v:?} is on the sphere");
+            let normal = frame.rotation * DVec3::Z;
+            assert!(normal.distance(frame.position / 0.1) < 1e-14, "{v:?} looks outwards");
+        }
+        for face in mesh.triangles.ids() {
+            assert!(mesh.face_cross(face).dot(mesh.corners(face)[0]) > 0.0, "{face:?} is seen from outside");
+        }
+        // The half-angle of a cap of this area.
+        let area = 500.0 * 0.75_f64.sqrt() * 25e-6;
+        let angle = (1.0 - area / (std::f64::consts::TAU * 0.01)).acos().to_degrees();
+        assert!((angle - 34.1).abs() < 0.1, "{angle}");
+    }
+
+    #[test]
+    fn a_cap_that_wraps_around_is_refused() {
+        assert!(matches!(Cap::new(6000, 5e-3, 0.1), Err(CalibError::BadOption { .. })));
+    }
+}

@@ -1,0 +1,61 @@
+use crate::{
+    calib::Observations,
+    id::{IdVec, VertexId},
+};
+
+/// Taxels that edges join.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Component {
+    /// Its taxels, ascending.
+    pub(super) taxels: Vec<VertexId>,
+    /// Whether one of them is fixed.
+    pub(super) fixed: bool,
+    /// The taxel that keeps its place where nothing else says where the component is: the first with an initial
+    /// value, else the first.
+    pub(super) gauge: VertexId,
+}
+
+/// The connected components of the graph of edges, in the order of their first taxels.
+pub(super) fn components(observations: &Observations) -> Vec<Component> {
+    let taxels = &observations.taxels;
+    let mut sets = Sets { parents: taxels.ids().collect() };
+    for edge in &observations.edges {
+        sets.join(edge.from, edge.to);
+    }
+    let mut numbers: IdVec<VertexId, usize> = IdVec::filled(usize::MAX, taxels.len());
+    let mut components: Vec<Component> = Vec::new();
+    for v in taxels.ids() {
+        let root = sets.root(v);
+        if numbers[root] == usize::MAX {
+            numbers[root] = components.len();
+            components.push(Component { taxels: Vec::new(), fixed: false, gauge: v });
+        }
+        let component = &mut components[numbers[root]];
+        component.taxels.push(v);
+        component.fixed |= taxels[v].fixed;
+        if taxels[component.gauge].initial.is_none() && taxels[v].initial.is_some() {
+            component.gauge = v;
+        }
+    }
+    components
+}
+
+/// Disjoint sets (Tarjan 1975) with path halving; the root of a set is its smallest member.
+struct Sets {
+    parents: IdVec<VertexId, VertexId>,
+}
+
+impl Sets {
+    fn root(&mut self, mut v: VertexId) -> VertexId {
+        while self.parents[v] != v {
+            self.parents[v] = self.parents[self.parents[v]];
+            v = self.parents[v];
+        }
+        v
+    }
+
+    fn join(&mut self, a: VertexId, b: VertexId) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parents[a.max(b)] = a.min(b);
+    }
+}

@@ -1,0 +1,160 @@
+use crate::{
+    id::{ContactId, EdgeId, TaxelId},
+    sparse::SparseError,
+};
+
+/// Why observations cannot be used, or give no skin.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibError {
+    /// No taxel or no observation.
+    #[error("there are {taxels} taxels and {observations} observations; at least one of each is needed")]
+    Empty {
+        /// Number of taxels.
+        taxels: usize,
+        /// Number of edges and contacts.
+        observations: usize,
+    },
+    /// Two taxels have the same id.
+    #[error("taxel {id} is declared twice")]
+    DuplicateTaxel {
+        /// The id.
+        id: TaxelId,
+    },
+    /// An edge names a taxel that does not exist.
+    #[error("edge {edge} names vertex {vertex}, but there are {taxels} taxels")]
+    Dangling {
+        /// The edge, contact or anchor, counted from 0 in its own list.
+        edge: usize,
+        /// The index it names.
+        vertex: usize,
+        /// How many taxels there are.
+        taxels: usize,
+    },
+    /// An edge joins a taxel to itself.
+    #[error("edge {edge} joins taxel {id} to itself")]
+    SelfEdge {
+        /// The edge.
+        edge: EdgeId,
+        /// The taxel.
+        id: TaxelId,
+    },
+    /// A number of an edge is not finite, or its quaternion is no rotation.
+    #[error(
+        "edge {edge} ({from} to {to}) holds a number that is not finite or a quaternion that is not of unit length"
+    )]
+    InvalidEdge {
+        /// The edge.
+        edge: EdgeId,
+        /// Its first taxel.
+        from: TaxelId,
+        /// Its second taxel.
+        to: TaxelId,
+    },
+    /// The information matrix of an edge is not positive semi-definite.
+    #[error(
+        "the information matrix of edge {edge} ({from} to {to}) has the eigenvalue {eigenvalue:e}; none may be negative"
+    )]
+    IndefiniteEdge {
+        /// The edge.
+        edge: EdgeId,
+        /// Its first taxel.
+        from: TaxelId,
+        /// Its second taxel.
+        to: TaxelId,
+        /// The smallest eigenvalue.
+        eigenvalue: f64,
+    },
+    /// A contact holds a number that is not finite, a normal without direction, or indefinite information.
+    #[error("contact {contact} of taxel {id} is not valid: {reason}")]
+    InvalidContact {
+        /// The contact.
+        contact: ContactId,
+        /// The taxel.
+        id: TaxelId,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// An edge or contact does not fit the model: rotations without poses, or the other way round.
+    #[error("{element} of taxel {id} does not fit the {model} model: {needed}")]
+    WrongModel {
+        /// `edge 3` or `contact 4`.
+        element: String,
+        /// The taxel.
+        id: TaxelId,
+        /// The model of the observations.
+        model: &'static str,
+        /// What is needed instead.
+        needed: &'static str,
+    },
+    /// A taxel that no observation mentions.
+    #[error("taxel {id} is in no observation, and {others} more are not")]
+    Unobserved {
+        /// The first such taxel.
+        id: TaxelId,
+        /// How many more there are.
+        others: usize,
+    },
+    /// The observations leave the place of a taxel open.
+    #[error("the observations do not determine where taxel {id} is")]
+    Undetermined {
+        /// The taxel.
+        id: TaxelId,
+    },
+    /// A start has not one pose per taxel.
+    #[error("a start of {found} poses was given for {needed} taxels")]
+    StartLength {
+        /// Poses given.
+        found: usize,
+        /// Taxels.
+        needed: usize,
+    },
+    /// `--initial file` without initial values.
+    #[error("taxel {id} has no initial value to start from")]
+    NoInitialValue {
+        /// The first taxel without.
+        id: TaxelId,
+    },
+    /// An option is out of its range.
+    #[error("{option} is {found}; needed: {needed}")]
+    BadOption {
+        /// The option.
+        option: &'static str,
+        /// What was given.
+        found: String,
+        /// What is needed.
+        needed: &'static str,
+    },
+    /// The edges between the taxels are not those of a triangulation, and no triangles were given.
+    #[error("{what}: the edges are not those of a triangulated sheet")]
+    NoTriangulation {
+        /// What breaks it.
+        what: String,
+    },
+    /// The linear system cannot be solved, for another reason than an undetermined taxel.
+    #[error(transparent)]
+    Sparse(SparseError),
+}
+
+impl CalibError {
+    /// What a user can do about it, as a sentence.
+    #[must_use]
+    pub fn help(&self) -> String {
+        match self {
+            Self::Unobserved { .. } => "remove those taxels from the file, or observe them".into(),
+            Self::Undetermined { .. } => {
+                "add an edge or a contact of that taxel, or give its edges information in every direction"
+                    .into()
+            }
+            Self::IndefiniteEdge { .. } => {
+                "write the inverse of the covariance, upper triangle row by row: x y z, then rotations".into()
+            }
+            Self::NoTriangulation { .. } => {
+                "give the triangles with --triangles FILE.csv, or write .csv or .g2o".into()
+            }
+            Self::NoInitialValue { .. } => "choose another start: --initial chordal or --initial tree".into(),
+            Self::Sparse(_) => "split the observations into smaller parts".into(),
+            _ => "mend the file of observations".into(),
+        }
+    }
+}

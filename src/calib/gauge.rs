@@ -1,0 +1,178 @@
+use glam::{DMat3, DVec3};
+
+use crate::{
+    calib::{
+        Model, Pose,
+        components::{Component, components},
+        information::eigen,
+        normal_equations::{Problem, State},
+        residual::Twist,
+    },
+    id::{ContactId, VertexId},
+    sparse::{BlockMatrix, BlockSlot},
+};
+
+/// Contacts that determine a motion of a whole component by less than this share of the best determined one do not
+/// determine it at all.
+const RANK_TOLERANCE: f64 = 1e-9;
+
+/// A rigid motion of a whole component about its centroid: translation over [`Free::length`], and rotation vector.
+type Motion = [f64; 6];
+
+/// A component that the contacts leave free to move as a whole.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Free {
+    pub(super) component: Component,
+    /// How many independent motions are free: up to 3 for positions, up to 6 for poses.
+    pub(super) directions: usize,
+    /// Typical distance from the centroid, in m: makes translations and rotations comparable.
+    pub(super) length: f64,
+    contacts: Vec<ContactId>,
+}
+
+/// What a component looks like as a whole.
+struct Placement {
+    centroid: DVec3,
+    length: f64,
+}
+
+impl Placement {
+    fn new(taxels: &[VertexId], state: &State) -> Self {
+        let count = taxels.len().max(1) as f64;
+        let centroid = taxels.iter().map(|&v| state[v].position).sum::<DVec3>() / count;
+        let spread =
+            taxels.iter().map(|&v| state[v].position.distance_squared(centroid)).sum::<f64>() / count;
+        Self { centroid, length: if spread > 0.0 { spread.sqrt() } else { 1.0 } }
+    }
+}
+
+/// How taxel frames move when their component moves as a whole: `G` with columns for the six motions.
+pub(super) fn carried(model: Model, centroid: DVec3, length: f64, at: &Pose, motion: &Motion) -> Twist {
+    let translation = length * DVec3::new(motion[0], motion[1], motion[2]);
+    match model {
+        Model::Positions => [translation, DVec3::ZERO],
+        Model::Poses => {
+            let turn = DVec3::new(motion[3], motion[4], motion[5]);
+            let back = DMat3::from_quat(at.rotation).transpose();
+            [back * (translation + turn.cross(at.position - centroid)), back * turn]
+        }
+    }
+}
+
+/// The components that are not anchored, as far as they are not.
+pub(super) fn free_components(problem: &Problem<'_>, state: &State) -> Vec<Free> {
+    let observations = problem.observations;
+    let all = components(observations);
+    let mut contacts = vec![Vec::new(); all.len()];
+    let mut of_taxel = observations.taxels.map(|_| 0);
+    for (k, component) in all.iter().enumerate() {
+        component.taxels.iter().for_each(|&v| of_taxel[v] = k);
+    }
+    for (id, contact) in observations.contacts.enumerate() {
+        contacts[of_taxel[contact.taxel]].push(id);
+    }
+    let mut free = Vec::new();
+    for (component, contacts) in all.into_iter().zip(contacts) {
+        if component.fixed {
+            continue;
+        }
+        let length = Placement::new(&component.taxels, state).length;
+        let mut candidate = Free { component, directions: 0, length, contacts };
+        let (values, _) = candidate.anchoring(problem, state);
+        let motions = observations.model.unknowns();
+        let largest = values[5].max(0.0);
+        // In the positions model the three rotations are no motions at all; their eigenvalues are zero.
+        let determined = values.iter().filter(|&&x| x > RANK_TOLERANCE * largest && x > 0.0).count();
+        candidate.directions = motions.saturating_sub(determined);
+        if candidate.directions > 0 {
+            free.push(candidate);
+        }
+    }
+    free
+}
+
+impl Free {
+    /// How firmly the contacts hold each motion of the whole: eigenvalues, ascending, and motions.
+    fn anchoring(&self, problem: &Problem<'_>, state: &State) -> ([f64; 6], [Motion; 6]) {
+        let model = problem.observations.model;
+        let centroid = Placement::new(&self.component.taxels, state).centroid;
+        let mut sum = [[0.0; 6]; 6];
+        for &id in &self.contacts {
+            let contact = &problem.observations.contacts[id];
+            let at = &state[contact.taxel];
+            let block = problem.touch_term(&contact.touch, at).0;
+            let moved: [Twist; 6] =
+                std::array::from_fn(|k| carried(model, centroid, self.length, at, &unit(k)));
+            for (row, a) in sum.iter_mut().zip(&moved) {
+                let pull = block.apply(*a);
+                for (x, b) in row.iter_mut().zip(&moved) {
+                    *x += pull[0].dot(b[0]) + pull[1].dot(b[1]);
+                }
+            }
+        }
+        let (values, vectors) = eigen(&sum);
+        let mut order = [0, 1, 2, 3, 4, 5];
+        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+        (order.map(|k| values[k]), order.map(|k| std::array::from_fn(|i| vectors[i][k])))
+    }
+
+    /// The free motions at `state`, for the centroid it has there.
+    pub(super) fn motions(&self, problem: &Problem<'_>, state: &State) -> (DVec3, Vec<Motion>) {
+        let centroid = Placement::new(&self.component.taxels, state).centroid;
+        if self.directions == problem.observations.model.unknowns() {
+            return (centroid, (0..self.directions).map(unit).collect());
+        }
+        let (_, motions) = self.anchoring(problem, state);
+        // In the positions model rotations are among the free motions; they move nothing and are left out.
+        let moves =
+            |m: &Motion| problem.observations.model == Model::Poses || m[..3].iter().any(|&x| x != 0.0);
+        (centroid, motions.into_iter().filter(moves).take(self.directions).collect())
+    }
+
+    /// Adds stiffness against the free motions at the gauge taxel.
+    ///
+    /// The cost does not change along a free motion, so its gradient is orthogonal to all of them, and the step of
+    /// the stiffened system is the one step of least squares that does not move the gauge taxel along them: the
+    /// stiffness holds without being felt.
+    pub(super) fn stiffen(&self, problem: &Problem<'_>, state: &State, matrix: &mut BlockMatrix<'_>) {
+        let gauge = self.component.gauge;
+        let Some(row) = problem.rows[gauge] else { return };
+        let size = problem.shape.size();
+        let start = row as usize * size;
+        let diagonal = matrix.diagonal()[start..start + size].to_vec();
+        if self.directions == problem.observations.model.unknowns() {
+            matrix.add(BlockSlot::diagonal(row), |a, b| if a == b { diagonal[a] } else { 0.0 });
+            return;
+        }
+        let (centroid, motions) = self.motions(problem, state);
+        let model = problem.observations.model;
+        let scale: Vec<f64> = diagonal.iter().map(|d| d.max(0.0).sqrt()).collect();
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for motion in &motions {
+            let twist = carried(model, centroid, self.length, &state[gauge], motion);
+            let mut column: Vec<f64> = (0..size).map(|a| scale[a] * twist[a / 3][a % 3]).collect();
+            orthogonalise(&mut column, &basis);
+            basis.push(column);
+        }
+        matrix.add(BlockSlot::diagonal(row), |a, b| {
+            basis.iter().map(|c| c[a] * c[b]).sum::<f64>() * scale[a] * scale[b]
+        });
+    }
+}
+
+/// Gram and Schmidt; a column that is spanned by the others becomes zero.
+fn orthogonalise(column: &mut [f64], basis: &[Vec<f64>]) {
+    let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let before = norm(column);
+    for other in basis {
+        let along: f64 = column.iter().zip(other).map(|(x, y)| x * y).sum();
+        column.iter_mut().zip(other).for_each(|(x, y)| *x -= along * y);
+    }
+    let after = norm(column);
+    let factor = if after > 1e-9 * before { after.recip() } else { 0.0 };
+    column.iter_mut().for_each(|x| *x *= factor);
+}
+
+fn unit(k: usize) -> Motion {
+    std::array::from_fn(|i| f64::from(u8::from(i == k)))
+}

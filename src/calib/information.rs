@@ -1,0 +1,193 @@
+use glam::DMat3;
+
+/// How far below zero an eigenvalue may lie, over the largest entry: files round what was exactly semi-definite.
+const ROUNDING: f64 = 1e-8;
+
+/// A direction counts as observed if its information is above this share of the largest.
+const RANK_TOLERANCE: f64 = 1e-9;
+
+/// A symmetric matrix of `N` rows that says how well something was observed: the inverse of a covariance.
+///
+/// Zero information is allowed and means: not observed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Information<const N: usize>(pub [[f64; N]; N]);
+
+impl<const N: usize> Information<N> {
+    /// `value` in every direction.
+    #[must_use]
+    pub fn isotropic(value: f64) -> Self {
+        Self::diagonal([value; N])
+    }
+
+    /// Independent directions.
+    #[must_use]
+    pub fn diagonal(values: [f64; N]) -> Self {
+        let mut rows = [[0.0; N]; N];
+        for (i, value) in values.into_iter().enumerate() {
+            rows[i][i] = value;
+        }
+        Self(rows)
+    }
+
+    /// From the upper triangle, row by row, as files write it; `None` unless there are `N (N + 1) / 2` numbers.
+    #[must_use]
+    pub fn from_upper(upper: &[f64]) -> Option<Self> {
+        if upper.len() != N * (N + 1) / 2 {
+            return None;
+        }
+        let mut rows = [[0.0; N]; N];
+        let places = (0..N).flat_map(|i| (i..N).map(move |j| (i, j)));
+        for ((i, j), &value) in places.zip(upper) {
+            (rows[i][j], rows[j][i]) = (value, value);
+        }
+        Some(Self(rows))
+    }
+
+    /// The upper triangle, row by row.
+    pub fn upper(&self) -> impl Iterator<Item = f64> {
+        (0..N).flat_map(move |i| (i..N).map(move |j| self.0[i][j]))
+    }
+
+    /// The value it has in every direction, if it is the same in all and nothing is correlated.
+    #[must_use]
+    pub fn as_isotropic(&self) -> Option<f64> {
+        let value = self.0[0][0];
+        (*self == Self::isotropic(value)).then_some(value)
+    }
+
+    /// `e' Omega e`.
+    #[must_use]
+    pub fn square(&self, e: &[f64; N]) -> f64 {
+        let row = |i: usize| (0..N).map(|j| self.0[i][j] * e[j]).sum::<f64>();
+        (0..N).map(|i| e[i] * row(i)).sum()
+    }
+
+    /// The eigenvalues, ascending.
+    ///
+    /// Cyclic Jacobi rotations, which keep small eigenvalues accurate.
+    #[must_use]
+    pub fn eigenvalues(&self) -> [f64; N] {
+        let mut values = eigen(&self.0).0;
+        values.sort_unstable_by(f64::total_cmp);
+        values
+    }
+
+    /// Whether all entries are finite and no eigenvalue is negative by more than a file's rounding.
+    #[must_use]
+    pub fn is_positive_semidefinite(&self) -> bool {
+        let largest = self.0.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+        if !self.0.iter().flatten().all(|x| x.is_finite()) {
+            return false;
+        }
+        // A diagonally dominant matrix needs no eigenvalues; most files hold nothing else.
+        let dominant = (0..N).all(|i| 2.0 * self.0[i][i] >= self.0[i].iter().map(|x| x.abs()).sum::<f64>());
+        dominant || self.eigenvalues()[0] >= -ROUNDING * largest
+    }
+
+    /// Number of directions that are observed at all.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        if let Some(value) = self.as_isotropic() {
+            return if value > 0.0 { N } else { 0 };
+        }
+        let values = self.eigenvalues();
+        let largest = values[N - 1];
+        values.iter().filter(|&&x| x > RANK_TOLERANCE * largest && x > 0.0).count()
+    }
+}
+
+impl Information<3> {
+    /// The same as a matrix.
+    #[must_use]
+    pub fn matrix(&self) -> DMat3 {
+        DMat3::from_cols(self.0[0].into(), self.0[1].into(), self.0[2].into())
+    }
+}
+
+/// Sweeps after which Jacobi rotations have long converged: each squares the off-diagonal size near the end.
+const SWEEPS: usize = 30;
+
+/// Eigenvalues and, in the columns of the second matrix, eigenvectors of a symmetric matrix.
+pub(super) fn eigen<const N: usize>(matrix: &[[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
+    let mut a = *matrix;
+    let mut v = Information::<N>::isotropic(1.0).0;
+    for _ in 0..SWEEPS {
+        let mut off = 0.0;
+        for p in 0..N {
+            for q in p + 1..N {
+                off += a[p][q] * a[p][q];
+                rotate(&mut a, &mut v, p, q);
+            }
+        }
+        if off == 0.0 {
+            break;
+        }
+    }
+    (std::array::from_fn(|i| a[i][i]), v)
+}
+
+/// One Jacobi rotation that makes `a[p][q]` zero.
+fn rotate<const N: usize>(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize, q: usize) {
+    if a[p][q] == 0.0 {
+        return;
+    }
+    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+    let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+    let c = 1.0 / t.hypot(1.0);
+    let s = t * c;
+    for row in a.iter_mut().chain(v.iter_mut()) {
+        let (x, y) = (row[p], row[q]);
+        (row[p], row[q]) = (c * x - s * y, s * x + c * y);
+    }
+    let (above, below) = (a[p], a[q]);
+    a[p] = std::array::from_fn(|k| c * above[k] - s * below[k]);
+    a[q] = std::array::from_fn(|k| s * above[k] + c * below[k]);
+    (a[p][q], a[q][p]) = (0.0, 0.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eigenvalues_of_a_reflection_are_plus_and_minus_one() {
+        let swap = Information([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+        let values = swap.eigenvalues();
+        assert!((values[0] + 1.0).abs() < 1e-15 && (values[2] - 1.0).abs() < 1e-15, "{values:?}");
+        assert!(!swap.is_positive_semidefinite());
+    }
+
+    #[test]
+    fn eigenvectors_diagonalise() {
+        let mut m = [[0.0; 6]; 6];
+        for (i, row) in m.iter_mut().enumerate() {
+            for (j, x) in row.iter_mut().enumerate() {
+                *x = 1.0 / (i + j + 1) as f64;
+            }
+        }
+        let (values, v) = eigen(&m);
+        for k in 0..6 {
+            for i in 0..6 {
+                let image: f64 = (0..6).map(|j| m[i][j] * v[j][k]).sum();
+                assert!((image - values[k] * v[i][k]).abs() < 1e-14, "vector {k}, row {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn rank_counts_what_is_observed() {
+        assert_eq!(Information::<3>::isotropic(0.0).rank(), 0);
+        assert_eq!(Information::diagonal([1e6, 1e6, 0.0]).rank(), 2);
+        assert!(Information::diagonal([1e6, 1e6, 0.0]).is_positive_semidefinite(), "zero is allowed");
+        assert_eq!(Information::<6>::isotropic(3.0).rank(), 6);
+    }
+
+    #[test]
+    fn upper_triangle_goes_there_and_back() {
+        let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let info = Information::<3>::from_upper(&numbers).unwrap();
+        assert_eq!(info.0, [[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [3.0, 5.0, 6.0]]);
+        assert!(info.upper().eq(numbers));
+        assert_eq!(Information::<3>::from_upper(&numbers[..5]), None);
+    }
+}

@@ -1,0 +1,222 @@
+use glam::{DMat3, DVec3};
+
+use crate::{
+    calib::{
+        CalibError, Model,
+        gauge::{Free, carried},
+        information::eigen,
+        normal_equations::{PerObservation, Problem, Shape, State},
+        optimise::Linear,
+        residual::{Twist, dot},
+    },
+    id::{IdVec, VertexId},
+    sparse::BlockFactor,
+};
+
+/// How uncertain every taxel is: marginal covariances, all at once.
+///
+/// Where the observations leave a component free to move as a whole, the covariance is that in the centroid gauge: what is
+/// left after the best rigid alignment (of positions) to the truth. In the positions model that alignment is a
+/// translation only.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Marginals {
+    /// Covariance of positions `xx xy xz yy yz zz`, in m^2, in the common frame; zero for fixed taxels.
+    pub positions: IdVec<VertexId, [f64; 6]>,
+    /// Covariance of rotation vectors in the taxel's own frame, in rad^2, ordered alike; poses model only.
+    pub rotations: Option<IdVec<VertexId, [f64; 6]>>,
+}
+
+impl Marginals {
+    /// Square root of the trace of the position covariance of every taxel, in m.
+    #[must_use]
+    pub fn sigmas(&self) -> IdVec<VertexId, f64> {
+        self.positions.map(|c| (c[0] + c[3] + c[5]).max(0.0).sqrt())
+    }
+}
+
+/// Symmetric blocks of translation and rotation; `Scalar` and `Vector` use the first alone.
+type Block = [[f64; 6]; 6];
+
+/// Covariances at `state`, for observations of the given weights.
+pub(super) fn marginals(
+    problem: &Problem<'_>,
+    free: &[Free],
+    state: &State,
+    weights: &PerObservation,
+) -> Result<Marginals, CalibError> {
+    let zero: IdVec<VertexId, Block> = state.map(|_| [[0.0; 6]; 6]);
+    if problem.moving() == 0 {
+        return Ok(in_common_frame(problem, state, &zero));
+    }
+    let linear = Linear::new(problem, free, state, weights);
+    let factor = linear.matrix.factor().map_err(|e| problem.explain(e))?;
+    let inverse = factor.selected_inverse();
+    let mut blocks = zero;
+    for (v, row) in problem.rows.enumerate() {
+        let Some(row) = row.map(|r| r as usize) else { continue };
+        let block = &mut blocks[v];
+        match problem.shape {
+            Shape::Scalar => {
+                let variance = inverse.diagonal::<1>(row)[0][0];
+                (0..3).for_each(|k| block[k][k] = variance);
+            }
+            Shape::Vector => {
+                let found = inverse.diagonal::<3>(row);
+                for (out, found) in block.iter_mut().zip(found) {
+                    out[..3].copy_from_slice(&found);
+                }
+            }
+            Shape::Pose => *block = inverse.diagonal::<6>(row),
+        }
+    }
+    drop(inverse);
+    for component in free {
+        project(problem, component, state, &factor, &mut blocks)?;
+    }
+    Ok(in_common_frame(problem, state, &blocks))
+}
+
+/// Takes the covariance of a free component from the gauge of its gauge taxel to that of its centroid.
+///
+/// With the free motions `G` and the conditions `A x = 0` of the new gauge, `A = (W G)'` with `W` picking what the
+/// alignment looks at, the projection is `P = 1 - G (A G)^-1 A` and the covariance becomes `P C P'`. Its diagonal
+/// blocks need `C A'`, one solve per condition, besides the diagonal of `C`.
+fn project(
+    problem: &Problem<'_>,
+    free: &Free,
+    state: &State,
+    factor: &BlockFactor<'_>,
+    blocks: &mut IdVec<VertexId, Block>,
+) -> Result<(), CalibError> {
+    let model = problem.observations.model;
+    let (centroid, motions) = free.motions(problem, state);
+    let carry = |v: VertexId| -> Vec<Twist> {
+        motions.iter().map(|m| carried(model, centroid, free.length, &state[v], m)).collect()
+    };
+    let taxels = &free.component.taxels;
+    let (weight, inverse) = alignment(taxels, free.length, &carry);
+    let conditions =
+        |v: VertexId| -> Vec<Twist> { carry(v).into_iter().map(|[u, w]| [u, weight * w]).collect() };
+
+    // C A', all conditions at once.
+    let unknowns = problem.moving() * problem.shape.size() * problem.shape.columns();
+    let mut solved = vec![0.0; motions.len() * unknowns];
+    for &v in taxels {
+        let Some(row) = problem.rows[v] else { continue };
+        for (k, twist) in conditions(v).iter().enumerate() {
+            for (a, at) in places(problem, row).enumerate() {
+                solved[k * unknowns + at] = twist[a / 3][a % 3];
+            }
+        }
+    }
+    factor.solve(&mut solved, motions.len() * problem.shape.columns()).map_err(CalibError::Sparse)?;
+    let solution = |v: VertexId, k: usize| {
+        let mut twist = [DVec3::ZERO; 2];
+        if let Some(row) = problem.rows[v] {
+            for (a, at) in places(problem, row).enumerate() {
+                twist[a / 3][a % 3] = solved[k * unknowns + at];
+            }
+        }
+        twist
+    };
+
+    // A C A', then for every taxel C - B X' - X B' + B (A C A') B' with B = G (A G)^-1 and X = C A'.
+    let mut conditioned = [[0.0; 6]; 6];
+    for &v in taxels {
+        let at = conditions(v);
+        for (k, row) in conditioned.iter_mut().enumerate().take(motions.len()) {
+            for (l, sum) in row.iter_mut().enumerate().take(motions.len()) {
+                *sum += dot(at[k], solution(v, l));
+            }
+        }
+    }
+    for &v in taxels {
+        let g = carry(v);
+        let (mut b, mut x) = ([[0.0; 6]; 6], [[0.0; 6]; 6]);
+        for a in 0..6 {
+            for k in 0..motions.len() {
+                b[a][k] = (0..motions.len()).map(|l| g[l][a / 3][a % 3] * inverse[l][k]).sum();
+                x[a][k] = solution(v, k)[a / 3][a % 3];
+            }
+        }
+        let (bx, bs) = (times_transposed(&b, &x), times_transposed(&b, &conditioned));
+        let bsb = times_transposed(&bs, &b);
+        for (i, row) in blocks[v].iter_mut().enumerate() {
+            for (j, c) in row.iter_mut().enumerate() {
+                *c += bsb[i][j] - bx[i][j] - bx[j][i];
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What the alignment looks at: positions alone, or rotations too (with their weight) where positions leave a motion
+/// open, as on a line. With it the inverse of `A G`.
+fn alignment(taxels: &[VertexId], length: f64, carry: &dyn Fn(VertexId) -> Vec<Twist>) -> (f64, Block) {
+    let normal = |weight: f64| {
+        let mut sum = [[0.0; 6]; 6];
+        let mut count = 0;
+        for &v in taxels {
+            let g = carry(v);
+            count = g.len();
+            for (row, x) in sum.iter_mut().zip(&g) {
+                for (s, y) in row.iter_mut().zip(&g) {
+                    *s += x[0].dot(y[0]) + weight * x[1].dot(y[1]);
+                }
+            }
+        }
+        (eigen(&sum), count)
+    };
+    let is_open = |((values, _), count): &(([f64; 6], Block), usize)| {
+        let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
+        values.iter().filter(|&&x| x > OPEN * largest).count() < *count
+    };
+    let positions = normal(0.0);
+    let weight = if is_open(&positions) { length * length } else { 0.0 };
+    let ((values, vectors), _) = if weight > 0.0 { normal(weight) } else { positions };
+    let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
+    let mut inverse = [[0.0; 6]; 6];
+    for (k, &value) in values.iter().enumerate().filter(|(_, v)| **v > OPEN * largest) {
+        for (i, row) in inverse.iter_mut().enumerate() {
+            for (j, x) in row.iter_mut().enumerate() {
+                *x += vectors[i][k] * vectors[j][k] / value;
+            }
+        }
+    }
+    (weight, inverse)
+}
+
+/// Share of the best aligned motion below which a motion counts as not aligned at all.
+const OPEN: f64 = 1e-9;
+
+/// Where the unknowns of a block row are in a right-hand side.
+fn places(problem: &Problem<'_>, row: u32) -> impl Iterator<Item = usize> + use<> {
+    let (shape, moving, row) = (problem.shape, problem.moving(), row as usize);
+    let count = if shape == Shape::Pose { 6 } else { 3 };
+    (0..count).map(move |a| if shape == Shape::Scalar { a * moving + row } else { shape.size() * row + a })
+}
+
+fn times_transposed(x: &Block, y: &Block) -> Block {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..6).map(|k| x[i][k] * y[j][k]).sum()))
+}
+
+fn in_common_frame(problem: &Problem<'_>, state: &State, blocks: &IdVec<VertexId, Block>) -> Marginals {
+    let quarter = |block: &Block, from: usize| {
+        let column = |b: usize| {
+            DVec3::new(block[from][from + b], block[from + 1][from + b], block[from + 2][from + b])
+        };
+        DMat3::from_cols(column(0), column(1), column(2))
+    };
+    let upper = |m: DMat3| [m.x_axis.x, m.y_axis.x, m.z_axis.x, m.y_axis.y, m.z_axis.y, m.z_axis.z];
+    let positions = blocks
+        .iter()
+        .zip(state)
+        .map(|(block, pose)| {
+            let r = DMat3::from_quat(pose.rotation);
+            upper(r * quarter(block, 0) * r.transpose())
+        })
+        .collect();
+    let poses = problem.observations.model == Model::Poses;
+    let rotations = poses.then(|| blocks.map(|block| upper(quarter(block, 3))));
+    Marginals { positions, rotations }
+}

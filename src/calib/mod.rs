@@ -1,0 +1,55 @@
+//! Calibration: from noisy touches to taxel poses that know their own uncertainty.
+//!
+//! The first half of the source paper (section III-A): unknown poses `t_i` of the taxels, observed displacements
+//! `delta_ji` with information `Omega_ji`, and the poses that minimise `1/2 sum e_ji' Omega_ji e_ji`.
+//!
+//! ```text
+//! Observations ─ start ─▶ poses ─ normal equations ─▶ step ─▶ ... ─▶ Calibration ─ triangles ─▶ Skin
+//! edges, contacts  chordal    │    blocks of 1, 3 or 6  GN, LM, dogleg   covariances
+//!                             └── robust kernels, graduated non-convexity
+//! ```
+//!
+//! [`Observations`] are plain data, from a file or from [`simulate`]. [`calibrate`] does the whole job;
+//! [`calibrated_skin`] makes a skin of its result. Two models share the code: positions, which is linear, and poses
+//! in SE(3). Where no contact says where a sheet of taxels is, it stays where its first taxel started, and
+//! covariances are those left after the best alignment ([`Marginals`]).
+
+mod calibrate;
+mod cap;
+mod chi_square;
+mod compare;
+mod components;
+mod error;
+mod gauge;
+mod information;
+mod marginals;
+mod normal_equations;
+mod observations;
+mod optimise;
+mod pose;
+mod random;
+mod reconsider;
+mod residual;
+mod robust;
+mod simulate;
+mod skin_out;
+mod start;
+mod undecided;
+
+pub use calibrate::{CalibOptions, Calibration, Fit, FreeComponent, Uncertainty, Weights, calibrate};
+pub use cap::Cap;
+pub use chi_square::chi_square_tail;
+pub use compare::{Comparison, compare};
+pub use error::CalibError;
+pub use information::Information;
+pub use marginals::Marginals;
+pub use observations::{
+    Contact, Displacement, Model, Motion, Observations, PosePrior, RelativePose, Touch, Unknown,
+};
+pub use optimise::{Ending, Iteration, Limits, Method};
+pub use pose::Pose;
+pub use residual::Residual;
+pub use robust::Robust;
+pub use simulate::{Probe, SimulateOptions, Simulation, simulate};
+pub use skin_out::{CalibratedSkin, calibrated_skin};
+pub use start::Start;

@@ -1,0 +1,398 @@
+use glam::{DMat3, DQuat, DVec3};
+use rayon::prelude::*;
+
+use crate::{
+    calib::{
+        CalibError, Displacement, Model, Motion, Observations, Pose, PosePrior, Residual, Touch,
+        pose::hat,
+        residual::{EdgeTerm, Quarters, Twist, dot, error, linearised},
+    },
+    id::{ContactId, EdgeId, IdVec, VertexId},
+    sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
+};
+
+/// Where every taxel is thought to be.
+pub(super) type State = IdVec<VertexId, Pose>;
+
+/// One number for every observation.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PerObservation {
+    pub(super) edges: IdVec<EdgeId, f64>,
+    pub(super) contacts: IdVec<ContactId, f64>,
+}
+
+impl PerObservation {
+    pub(super) fn map(&self, f: impl Fn(f64) -> f64) -> Self {
+        Self { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = f64> {
+        self.edges.iter().chain(&self.contacts).copied()
+    }
+}
+
+/// How much of a taxel shares one block of the system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    /// Positions whose information is the same in every direction: one matrix serves x, y and z.
+    Scalar,
+    /// Positions.
+    Vector,
+    /// Poses.
+    Pose,
+}
+
+impl Shape {
+    /// Rows of a block.
+    pub(super) const fn size(self) -> usize {
+        match self {
+            Self::Scalar => 1,
+            Self::Vector => 3,
+            Self::Pose => 6,
+        }
+    }
+
+    /// Right-hand sides.
+    pub(super) const fn columns(self) -> usize {
+        if matches!(self, Self::Scalar) { 3 } else { 1 }
+    }
+}
+
+/// Edges linearised at a time: bounds the memory, and the order of sums does not depend on threads.
+const EDGES_PER_CHUNK: usize = 4096;
+
+/// The observations with the places of their contributions in the linear system.
+#[derive(Debug)]
+pub(super) struct Problem<'o> {
+    pub(super) observations: &'o Observations,
+    pub(super) convention: Residual,
+    pub(super) shape: Shape,
+    /// The block row of every taxel that moves.
+    pub(super) rows: IdVec<VertexId, Option<u32>>,
+    pub(super) system: BlockSystem,
+    /// The block of every edge between two taxels that move; `true` where it is that of (to, from).
+    slots: IdVec<EdgeId, Option<(BlockSlot, bool)>>,
+}
+
+impl<'o> Problem<'o> {
+    pub(super) fn new(observations: &'o Observations, convention: Residual) -> Result<Self, CalibError> {
+        let (rows, count) = number_rows(observations, |v| !observations.taxels[v].fixed);
+        let pairs = row_pairs(observations, &rows);
+        let shape = shape_of(observations);
+        let system =
+            BlockSystem::new(Pattern::new(count, pairs), shape.size()).map_err(CalibError::Sparse)?;
+        let slots = observations
+            .edges
+            .map(|e| pair_of(e, &rows).and_then(|(i, j)| Some((system.slot(i.max(j), i.min(j))?, j > i))));
+        Ok(Self { observations, convention, shape, rows, system, slots })
+    }
+
+    /// Number of taxels that move.
+    pub(super) fn moving(&self) -> usize {
+        self.system.blocks()
+    }
+
+    /// The taxel of a block row.
+    pub(super) fn taxel_of(&self, row: usize) -> Option<VertexId> {
+        self.rows.enumerate().find(|(_, r)| r.is_some_and(|r| r as usize == row)).map(|(v, _)| v)
+    }
+
+    /// Says which taxel makes the system singular.
+    pub(super) fn explain(&self, error: SparseError) -> CalibError {
+        match error {
+            SparseError::NotPositiveDefinite { row } | SparseError::NotFinite { row } => {
+                let id = self.taxel_of(row).map_or_else(Default::default, |v| self.observations.taxels[v].id);
+                CalibError::Undetermined { id }
+            }
+            other => CalibError::Sparse(other),
+        }
+    }
+
+    /// Squared error of every observation, over its variance.
+    pub(super) fn squares(&self, state: &State) -> PerObservation {
+        let Observations { edges, contacts, .. } = self.observations;
+        let square = |e: &Displacement| self.square(e, state);
+        PerObservation {
+            edges: edges.as_slice().par_iter().map(square).collect::<Vec<_>>().into(),
+            contacts: contacts.map(|c| self.touch_square(&c.touch, &state[c.taxel])),
+        }
+    }
+
+    /// Squared error of one edge, over its variance.
+    pub(super) fn edge_square(&self, edge: EdgeId, state: &State) -> f64 {
+        self.square(&self.observations.edges[edge], state)
+    }
+
+    fn square(&self, e: &Displacement, state: &State) -> f64 {
+        match &e.motion {
+            Motion::Offset { offset, information } => {
+                information.square(&offset_error(e, *offset, state).to_array())
+            }
+            Motion::Relative(m) => {
+                let e = error(self.convention, &m.pose, &state[e.from], &state[e.to]);
+                dot(e, Quarters::of(&m.information).apply(e))
+            }
+        }
+    }
+
+    pub(super) fn touch_square(&self, touch: &Touch, at: &Pose) -> f64 {
+        match touch {
+            Touch::Position { position, information } => {
+                information.square(&(at.position - *position).to_array())
+            }
+            Touch::PositionNormal { position, information, normal, normal_information } => {
+                let square = information.square(&(at.position - *position).to_array());
+                let turned = match self.shape {
+                    Shape::Pose => (at.rotation * DVec3::Z).distance_squared(*normal),
+                    Shape::Scalar | Shape::Vector => 0.0,
+                };
+                square + normal_information * turned
+            }
+            Touch::Pose(prior) => {
+                let e = error(self.convention, &prior.pose, &Pose::IDENTITY, &(*at * prior.offset));
+                dot(e, Quarters::of(&prior.information).apply(e))
+            }
+        }
+    }
+
+    /// The Gauss-Newton matrix and the gradient of half the weighted sum of squares.
+    pub(super) fn linearise(&self, state: &State, weights: &PerObservation) -> (BlockMatrix<'_>, Vec<f64>) {
+        let mut sums = Sums {
+            matrix: self.system.zero(),
+            gradient: vec![0.0; self.moving() * self.shape.size() * self.shape.columns()],
+            shape: self.shape,
+            rows: self.moving(),
+        };
+        let edges = self.observations.edges.as_slice();
+        for (chunk, edges) in edges.chunks(EDGES_PER_CHUNK).enumerate() {
+            let id = |k: usize| EdgeId::new(chunk * EDGES_PER_CHUNK + k);
+            if self.shape == Shape::Pose {
+                let terms: Vec<Option<EdgeTerm>> =
+                    edges.par_iter().map(|e| self.relative_term(e, state)).collect();
+                for (k, term) in terms.iter().enumerate() {
+                    if let Some(term) = term {
+                        self.add_relative(&mut sums, id(k), term, weights.edges[id(k)]);
+                    }
+                }
+            } else {
+                for (k, edge) in edges.iter().enumerate() {
+                    self.add_offset(&mut sums, id(k), edge, state, weights.edges[id(k)]);
+                }
+            }
+        }
+        for (id, contact) in self.observations.contacts.enumerate() {
+            if let Some(row) = self.rows[contact.taxel] {
+                let weight = weights.contacts[id];
+                self.add_touch(&mut sums, row, &contact.touch, &state[contact.taxel], weight);
+            }
+        }
+        (sums.matrix, sums.gradient)
+    }
+
+    fn relative_term(&self, edge: &Displacement, state: &State) -> Option<EdgeTerm> {
+        match &edge.motion {
+            Motion::Relative(m) => {
+                Some(EdgeTerm::new(self.convention, m, &state[edge.from], &state[edge.to]))
+            }
+            Motion::Offset { .. } => None,
+        }
+    }
+
+    fn add_relative(&self, sums: &mut Sums<'_>, id: EdgeId, term: &EdgeTerm, weight: f64) {
+        let edge = &self.observations.edges[id];
+        if let Some(row) = self.rows[edge.from] {
+            sums.add_quarters(BlockSlot::diagonal(row), &term.from_from, weight, false);
+            sums.add_twist(row, term.from_gradient, weight);
+        }
+        if let Some(row) = self.rows[edge.to] {
+            sums.add_quarters(BlockSlot::diagonal(row), &term.to_to, weight, false);
+            sums.add_twist(row, term.to_gradient, weight);
+        }
+        if let Some((slot, transposed)) = self.slots[id] {
+            sums.add_quarters(slot, &term.from_to, weight, transposed);
+        }
+    }
+
+    fn add_offset(&self, sums: &mut Sums<'_>, id: EdgeId, edge: &Displacement, state: &State, weight: f64) {
+        let Motion::Offset { offset, information } = &edge.motion else { return };
+        let omega = information.matrix();
+        let gradient = omega * offset_error(edge, *offset, state);
+        for (row, sign) in [(self.rows[edge.from], -1.0), (self.rows[edge.to], 1.0)] {
+            if let Some(row) = row {
+                sums.matrix.add(BlockSlot::diagonal(row), |a, b| weight * omega.col(b)[a]);
+                sums.add_vector(row, 0, weight * sign * gradient);
+            }
+        }
+        if let Some((slot, _)) = self.slots[id] {
+            sums.matrix.add(slot, |a, b| -weight * omega.col(b)[a]);
+        }
+    }
+
+    fn add_touch(&self, sums: &mut Sums<'_>, row: u32, touch: &Touch, at: &Pose, weight: f64) {
+        let (block, gradient) = self.touch_term(touch, at);
+        sums.add_quarters(BlockSlot::diagonal(row), &block, weight, false);
+        match self.shape {
+            Shape::Pose => sums.add_twist(row, gradient, weight),
+            Shape::Scalar | Shape::Vector => sums.add_vector(row, 0, weight * gradient[0]),
+        }
+    }
+
+    /// `J' Omega J` and `J' Omega e` of a contact, in the frame in which its taxel moves.
+    pub(super) fn touch_term(&self, touch: &Touch, at: &Pose) -> (Quarters, Twist) {
+        // The rotation is the identity in the positions model.
+        let r = DMat3::from_quat(at.rotation);
+        match touch {
+            Touch::Position { position, information }
+            | Touch::PositionNormal { position, information, .. } => {
+                let omega = information.matrix();
+                let mut block = Quarters::ZERO;
+                block.0[0][0] = r.transpose() * omega * r;
+                let mut gradient = [r.transpose() * (omega * (at.position - *position)), DVec3::ZERO];
+                if let (Shape::Pose, Touch::PositionNormal { normal, normal_information, .. }) =
+                    (self.shape, touch)
+                {
+                    // e = R z - n with the derivative -R hat(z): turning about z changes nothing.
+                    block.0[1][1] = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0)) * *normal_information;
+                    gradient[1] = -*normal_information * DVec3::Z.cross(r.transpose() * *normal);
+                }
+                (block, gradient)
+            }
+            Touch::Pose(prior) => self.prior_term(prior, at),
+        }
+    }
+
+    fn prior_term(&self, prior: &PosePrior, at: &Pose) -> (Quarters, Twist) {
+        let (e, _, by_frame) =
+            linearised(self.convention, &prior.pose, &Pose::IDENTITY, &(*at * prior.offset));
+        // Moving the taxel by (u, w) moves the fixed frame by (R' (u + w x p), R' w).
+        let turned = DMat3::from_quat(prior.offset.rotation).transpose();
+        let carried = Quarters([[turned, -(turned * hat(prior.offset.position))], [DMat3::ZERO, turned]]);
+        let jacobian = by_frame.times(&carried);
+        let omega = Quarters::of(&prior.information);
+        let back = jacobian.transpose();
+        (back.times(&omega.times(&jacobian)), back.apply(omega.apply(e)))
+    }
+
+    /// The state after a step: one block per moving taxel, as the gradient is laid out.
+    pub(super) fn advanced(&self, state: &State, step: &[f64]) -> State {
+        let vector = |row: usize, k: usize| match self.shape {
+            Shape::Scalar => DVec3::from_array(std::array::from_fn(|c| step[c * self.moving() + row])),
+            Shape::Vector => DVec3::from_slice(&step[3 * row..]),
+            Shape::Pose => DVec3::from_slice(&step[6 * row + k..]),
+        };
+        let mut next = state.clone();
+        for (v, pose) in self.rows.ids().zip(next.iter_mut()) {
+            let Some(row) = self.rows[v] else { continue };
+            let row = row as usize;
+            if self.shape == Shape::Pose {
+                *pose = pose.moved(vector(row, 0), vector(row, 3));
+            } else {
+                pose.position += vector(row, 0);
+            }
+        }
+        next
+    }
+}
+
+/// `t_j - t_i - delta`.
+fn offset_error(edge: &Displacement, offset: DVec3, state: &State) -> DVec3 {
+    state[edge.to].position - state[edge.from].position - offset
+}
+
+/// Numbers the taxels that `moves` in their order.
+pub(super) fn number_rows(
+    observations: &Observations,
+    moves: impl Fn(VertexId) -> bool,
+) -> (IdVec<VertexId, Option<u32>>, usize) {
+    let mut count = 0_u32;
+    let number = |v| {
+        moves(v).then(|| {
+            count += 1;
+            count - 1
+        })
+    };
+    let rows = observations.taxels.ids().map(number).collect();
+    (rows, count as usize)
+}
+
+/// The rows of an edge between two taxels that move.
+pub(super) fn pair_of(edge: &Displacement, rows: &IdVec<VertexId, Option<u32>>) -> Option<(usize, usize)> {
+    Some((rows[edge.from]? as usize, rows[edge.to]? as usize))
+}
+
+/// The rows of all edges between two taxels that move.
+pub(super) fn row_pairs<'a>(
+    observations: &'a Observations,
+    rows: &'a IdVec<VertexId, Option<u32>>,
+) -> impl Iterator<Item = (usize, usize)> + 'a {
+    observations.edges.iter().filter_map(|e| pair_of(e, rows))
+}
+
+fn shape_of(observations: &Observations) -> Shape {
+    let round_edge = |e: &Displacement| match &e.motion {
+        Motion::Offset { information, .. } => information.as_isotropic().is_some(),
+        Motion::Relative(_) => false,
+    };
+    let round_touch = |touch: &Touch| match touch {
+        Touch::Position { information, .. } | Touch::PositionNormal { information, .. } => {
+            information.as_isotropic().is_some()
+        }
+        Touch::Pose(_) => false,
+    };
+    match observations.model {
+        Model::Poses => Shape::Pose,
+        Model::Positions
+            if observations.edges.iter().all(round_edge)
+                && observations.contacts.iter().all(|c| round_touch(&c.touch)) =>
+        {
+            Shape::Scalar
+        }
+        Model::Positions => Shape::Vector,
+    }
+}
+
+/// The system while it is summed up.
+struct Sums<'s> {
+    matrix: BlockMatrix<'s>,
+    gradient: Vec<f64>,
+    shape: Shape,
+    rows: usize,
+}
+
+impl Sums<'_> {
+    fn add_quarters(&mut self, slot: BlockSlot, block: &Quarters, weight: f64, transposed: bool) {
+        if transposed {
+            self.matrix.add(slot, |a, b| weight * block.entry(b, a));
+        } else {
+            self.matrix.add(slot, |a, b| weight * block.entry(a, b));
+        }
+    }
+
+    fn add_twist(&mut self, row: u32, gradient: Twist, weight: f64) {
+        self.add_vector(row, 0, weight * gradient[0]);
+        self.add_vector(row, 3, weight * gradient[1]);
+    }
+
+    fn add_vector(&mut self, row: u32, k: usize, x: DVec3) {
+        let row = row as usize;
+        for (c, x) in x.to_array().into_iter().enumerate() {
+            let at = match self.shape {
+                Shape::Scalar => c * self.rows + row,
+                Shape::Vector => 3 * row + c,
+                Shape::Pose => 6 * row + k + c,
+            };
+            self.gradient[at] += x;
+        }
+    }
+}
+
+/// A start in which every taxel without initial value is at the origin.
+pub(super) fn initial_or_origin(observations: &Observations) -> State {
+    observations.taxels.map(|t| {
+        let pose = t.initial.unwrap_or(Pose::IDENTITY);
+        match observations.model {
+            Model::Positions => Pose { rotation: DQuat::IDENTITY, ..pose },
+            Model::Poses => pose,
+        }
+    })
+}

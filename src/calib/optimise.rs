@@ -1,0 +1,369 @@
+use crate::{
+    calib::{
+        CalibError,
+        gauge::Free,
+        normal_equations::{PerObservation, Problem, Shape, State},
+        robust::Kernel,
+    },
+    sparse::{BlockMatrix, SparseError},
+};
+
+/// How a step is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Plain Gauss-Newton: ends where the cost stops falling.
+    GaussNewton,
+    /// Levenberg-Marquardt, undamped as long as the cost falls: Gauss-Newton with a safety net.
+    #[default]
+    LevenbergMarquardt,
+    /// Powell's dogleg in a trust region.
+    Dogleg,
+}
+
+/// One step of the optimisation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iteration {
+    /// Cost after the step: half of the (robust) sum of squares.
+    pub cost: f64,
+    /// Largest change of an unknown, in m or rad.
+    pub step: f64,
+    /// Damping (Levenberg-Marquardt) or radius of the trust region (dogleg) the step was taken with; 0 without.
+    pub control: f64,
+}
+
+/// Why the optimisation ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The cost no longer falls.
+    Converged,
+    /// Nothing moves: every taxel is fixed.
+    NothingToSolve,
+    /// All iterations were used.
+    OutOfIterations,
+    /// No step lowers the cost although the gradient does not vanish.
+    Stuck,
+    /// A plain Gauss-Newton step raised the cost.
+    Diverged,
+}
+
+impl Ending {
+    /// Whether the result is a minimum.
+    #[must_use]
+    pub const fn is_converged(self) -> bool {
+        matches!(self, Self::Converged | Self::NothingToSolve)
+    }
+
+    /// In words.
+    #[must_use]
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::NothingToSolve => "nothing to solve: every taxel is fixed",
+            Self::OutOfIterations => "not converged: out of iterations",
+            Self::Stuck => "not converged: no step lowers the cost",
+            Self::Diverged => "not converged: a Gauss-Newton step raised the cost",
+        }
+    }
+}
+
+/// When to end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Most iterations.
+    pub iterations: usize,
+    /// The cost has converged when a step lowers it by less than this share.
+    pub relative_decrease: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { iterations: 100, relative_decrease: 1e-9 }
+    }
+}
+
+/// First damping after an undamped step that failed, over the diagonal: long chains of taxels bend under so little
+/// that more would stop them from moving at all.
+const FIRST_DAMPING: f64 = 1e-9;
+
+/// Growth of the damping at the first failure; it doubles at every further one (Nielsen 1999).
+const FIRST_GROWTH: f64 = 4.0;
+
+/// Damping beyond which a step is too short to matter.
+const LARGEST_DAMPING: f64 = 1e12;
+
+/// A cost this far below what rounding of the sums can resolve is as good as none, over the number of observations.
+const EXACT_FIT: f64 = 1e-20;
+
+/// What weights the squares get while the optimisation runs.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Weighting<'w> {
+    /// From the kernels of edges and contacts, at every step anew.
+    Kernels { edges: Kernel, contacts: &'w [Kernel] },
+    /// Given.
+    Fixed(&'w PerObservation),
+}
+
+impl Weighting<'_> {
+    pub(super) fn cost(&self, squares: &PerObservation) -> f64 {
+        let sum: f64 = match self {
+            Self::Kernels { edges, contacts } => {
+                let sum: f64 = squares.edges.iter().map(|&s| edges.cost(s)).sum();
+                sum + squares.contacts.iter().zip(*contacts).map(|(&s, k)| k.cost(s)).sum::<f64>()
+            }
+            Self::Fixed(weights) => weights.iter().zip(squares.iter()).map(|(w, s)| w * s).sum(),
+        };
+        0.5 * sum
+    }
+
+    pub(super) fn weights(&self, squares: &PerObservation) -> PerObservation {
+        match self {
+            Self::Kernels { edges, contacts } => PerObservation {
+                edges: squares.edges.map(|&s| edges.weight(s)),
+                contacts: squares.contacts.iter().zip(*contacts).map(|(&s, k)| k.weight(s)).collect(),
+            },
+            Self::Fixed(weights) => (*weights).clone(),
+        }
+    }
+}
+
+/// A state with its squares and cost.
+#[derive(Debug, Clone)]
+pub(super) struct Point {
+    pub(super) state: State,
+    pub(super) squares: PerObservation,
+    pub(super) cost: f64,
+}
+
+impl Point {
+    pub(super) fn new(problem: &Problem<'_>, weighting: &Weighting<'_>, state: State) -> Self {
+        let squares = problem.squares(&state);
+        let cost = weighting.cost(&squares);
+        Self { state, squares, cost }
+    }
+}
+
+/// The linear system at a point.
+pub(super) struct Linear<'p> {
+    pub(super) matrix: BlockMatrix<'p>,
+    pub(super) gradient: Vec<f64>,
+    columns: usize,
+}
+
+impl<'p> Linear<'p> {
+    pub(super) fn new(
+        problem: &'p Problem<'_>,
+        free: &[Free],
+        state: &State,
+        weights: &PerObservation,
+    ) -> Self {
+        let (mut matrix, gradient) = problem.linearise(state, weights);
+        for component in free {
+            component.stiffen(problem, state, &mut matrix);
+        }
+        Self { matrix, gradient, columns: problem.shape.columns() }
+    }
+
+    /// The step to the minimum of the quadratic, with `damping` times the diagonal added.
+    pub(super) fn newton_step(&self, damping: f64) -> Result<Vec<f64>, SparseError> {
+        let factor = if damping > 0.0 {
+            let mut damped = self.matrix.clone();
+            let more: Vec<f64> = self.matrix.diagonal().iter().map(|d| damping * d).collect();
+            damped.add_diagonal(&more);
+            damped.factor()?
+        } else {
+            self.matrix.factor()?
+        };
+        let mut step: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
+        factor.solve(&mut step, self.columns)?;
+        Ok(step)
+    }
+
+    /// `x' M x`, summed over the right-hand sides.
+    fn curvature(&self, x: &[f64]) -> f64 {
+        let rows = x.len() / self.columns;
+        x.chunks(rows.max(1)).map(|x| dot(x, &self.matrix.multiply(x))).sum()
+    }
+}
+
+/// Minimises from `start`. Returns the best point, all iterations and the reason for the end.
+pub(super) fn minimise(
+    problem: &Problem<'_>,
+    free: &[Free],
+    weighting: Weighting<'_>,
+    start: State,
+    method: Method,
+    limits: Limits,
+    watch: &mut dyn FnMut(Iteration),
+) -> Result<(Point, Ending), CalibError> {
+    let mut point = Point::new(problem, &weighting, start);
+    if problem.moving() == 0 {
+        return Ok((point, Ending::NothingToSolve));
+    }
+    let mut control = Control { method, damping: 0.0, growth: FIRST_GROWTH, radius: None };
+    for _ in 0..limits.iterations {
+        let weights = weighting.weights(&point.squares);
+        let linear = Linear::new(problem, free, &point.state, &weights);
+        let Some((next, iteration)) = control.advance(problem, &weighting, &linear, &point)? else {
+            let ending = if control.method == Method::GaussNewton { Ending::Diverged } else { Ending::Stuck };
+            // At a minimum rounding alone can keep every step from lowering the cost.
+            let at_minimum = linear.predicted_decrease()? <= limits.relative_decrease * point.cost;
+            return Ok((point, if at_minimum { Ending::Converged } else { ending }));
+        };
+        let decrease = point.cost - next.cost;
+        let exact = EXACT_FIT * point.squares.iter().count() as f64;
+        point = next;
+        watch(iteration);
+        // A quadratic has its minimum where one undamped step leads.
+        let exact_model = problem.shape != Shape::Pose
+            && matches!(weighting, Weighting::Fixed(_))
+            && iteration.control == 0.0;
+        if exact_model || decrease <= limits.relative_decrease * point.cost + exact {
+            return Ok((point, Ending::Converged));
+        }
+    }
+    Ok((point, Ending::OutOfIterations))
+}
+
+impl Linear<'_> {
+    /// How much the quadratic model would fall by its best step.
+    fn predicted_decrease(&self) -> Result<f64, CalibError> {
+        let step = self.newton_step(0.0).map_err(CalibError::Sparse)?;
+        Ok(self.predicted(&step, 0.0))
+    }
+
+    /// How much the quadratic falls by the minimising `step` under `damping`.
+    fn predicted(&self, step: &[f64], damping: f64) -> f64 {
+        let diagonal = if damping > 0.0 { self.matrix.diagonal() } else { vec![0.0] };
+        let held: f64 = step.iter().zip(diagonal.iter().cycle()).map(|(x, d)| damping * d * x * x).sum();
+        0.5 * (held - dot(step, &self.gradient))
+    }
+}
+
+/// What a method remembers from step to step.
+struct Control {
+    method: Method,
+    damping: f64,
+    growth: f64,
+    radius: Option<f64>,
+}
+
+impl Control {
+    /// One accepted step; `None` if there is none.
+    fn advance(
+        &mut self,
+        problem: &Problem<'_>,
+        weighting: &Weighting<'_>,
+        linear: &Linear<'_>,
+        point: &Point,
+    ) -> Result<Option<(Point, Iteration)>, CalibError> {
+        let attempt = |step: &[f64], control: f64| {
+            let next = Point::new(problem, weighting, problem.advanced(&point.state, step));
+            let step = step.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            let iteration = Iteration { cost: next.cost, step, control };
+            (next, iteration)
+        };
+        // Rounding of a sum of squares: a step that raises the cost by less has not failed.
+        let slack = 1e-13 * point.cost;
+        let falls = |next: &Point| next.cost <= point.cost + slack;
+        if self.method == Method::Dogleg {
+            return self.dogleg(linear, point, attempt, |e| problem.explain(e));
+        }
+        loop {
+            match linear.newton_step(self.damping) {
+                Ok(step) => {
+                    let (next, iteration) = attempt(&step, self.damping);
+                    if falls(&next) {
+                        let predicted = linear.predicted(&step, self.damping);
+                        self.relax((point.cost - next.cost) / predicted);
+                        return Ok(Some((next, iteration)));
+                    }
+                }
+                // Damping would hide a taxel that nothing determines.
+                Err(e) if self.damping == 0.0 => return Err(problem.explain(e)),
+                Err(_) => {}
+            }
+            if self.method == Method::GaussNewton {
+                return Ok(None);
+            }
+            self.damping = (self.growth * self.damping).max(FIRST_DAMPING);
+            self.growth *= 2.0;
+            if self.damping > LARGEST_DAMPING {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Less damping after a good step, the less the better the quadratic predicted it (Nielsen 1999).
+    fn relax(&mut self, quality: f64) {
+        self.growth = FIRST_GROWTH;
+        let factor = (1.0 - (2.0 * quality - 1.0).powi(3)).clamp(0.1, 2.0);
+        self.damping *= if quality.is_finite() { factor } else { 1.0 };
+        if self.damping < FIRST_DAMPING {
+            self.damping = 0.0;
+        }
+    }
+
+    /// Powell 1970: along the steepest descent to its minimum, then towards the Gauss-Newton step, as far as the
+    /// model is trusted.
+    fn dogleg(
+        &mut self,
+        linear: &Linear<'_>,
+        point: &Point,
+        attempt: impl Fn(&[f64], f64) -> (Point, Iteration),
+        explain: impl Fn(SparseError) -> CalibError,
+    ) -> Result<Option<(Point, Iteration)>, CalibError> {
+        let newton = linear.newton_step(0.0).map_err(explain)?;
+        // Rotations and translations are made comparable by the diagonal of the system.
+        let diagonal = linear.matrix.diagonal();
+        let scale = |k: usize| diagonal[k % diagonal.len()].max(f64::MIN_POSITIVE);
+        let length = |x: &[f64]| x.iter().enumerate().map(|(k, x)| scale(k) * x * x).sum::<f64>().sqrt();
+        let steepest: Vec<f64> = linear.gradient.iter().enumerate().map(|(k, g)| -g / scale(k)).collect();
+        let slope = -dot(&steepest, &linear.gradient);
+        let along = slope / linear.curvature(&steepest);
+        let cauchy: Vec<f64> = steepest.iter().map(|x| along * x).collect();
+        let mut radius = self.radius.unwrap_or_else(|| length(&newton));
+        loop {
+            let step = blend(&cauchy, &newton, radius, length);
+            let predicted = -dot(&step, &linear.gradient) - 0.5 * linear.curvature(&step);
+            let (next, iteration) = attempt(&step, radius);
+            let gained = point.cost - next.cost;
+            let quality = gained / predicted;
+            let noise = 1e-13 * point.cost;
+            if quality > 0.25 || gained.abs() <= noise {
+                self.radius = Some(if quality > 0.75 { radius.max(3.0 * length(&step)) } else { radius });
+                return Ok(Some((next, iteration)));
+            }
+            radius *= 0.25;
+            if quality > 0.0 {
+                self.radius = Some(radius);
+                return Ok(Some((next, iteration)));
+            }
+            if radius.is_nan() || radius <= 1e-12 * length(&newton) {
+                return Ok(None);
+            }
+        }
+    }
+}
+
+/// The point of the dogleg path at distance `radius`.
+fn blend(cauchy: &[f64], newton: &[f64], radius: f64, length: impl Fn(&[f64]) -> f64) -> Vec<f64> {
+    if length(newton) <= radius {
+        return newton.to_vec();
+    }
+    let first = length(cauchy);
+    if first >= radius {
+        return cauchy.iter().map(|x| radius / first * x).collect();
+    }
+    // The path leaves the region once; halving finds where.
+    let at = |t: f64| -> Vec<f64> { cauchy.iter().zip(newton).map(|(c, n)| c + t * (n - c)).collect() };
+    let (mut inside, mut outside) = (0.0, 1.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (inside + outside);
+        if length(&at(middle)) <= radius { inside = middle } else { outside = middle }
+    }
+    at(inside)
+}
+
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| x * y).sum()
+}

@@ -1,0 +1,204 @@
+use glam::{DMat3, DQuat, DVec3};
+
+/// Angles below this use the series of a function of rotations: its closed form loses half of its digits there.
+const SMALL_ANGLE: f64 = 1e-2;
+
+/// A rigid frame: where something is and how it is turned.
+///
+/// A pose takes coordinates of its own frame to the frame it is given in: `x -> rotation x + position`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Origin of the frame, in m.
+    pub position: DVec3,
+    /// Orientation, a unit quaternion.
+    pub rotation: DQuat,
+}
+
+impl Pose {
+    /// The frame everything else is given in.
+    pub const IDENTITY: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
+
+    /// A frame at `position`, not turned.
+    #[must_use]
+    pub const fn at(position: DVec3) -> Self {
+        Self { position, rotation: DQuat::IDENTITY }
+    }
+
+    /// The frame whose coordinates this one takes back: `inverse() * self` is the identity.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.conjugate();
+        Self { position: -(rotation * self.position), rotation }
+    }
+
+    /// Where a point of this frame lies.
+    #[must_use]
+    pub fn apply(&self, point: DVec3) -> DVec3 {
+        self.rotation * point + self.position
+    }
+
+    /// The pose moved by `translation` and turned by the rotation vector `turn`, both told in its own frame.
+    #[must_use]
+    pub fn moved(&self, translation: DVec3, turn: DVec3) -> Self {
+        Self {
+            position: self.position + self.rotation * translation,
+            rotation: (self.rotation * exp(turn)).normalize(),
+        }
+    }
+
+    /// Whether every number is finite and the quaternion has unit length to 1e-6.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        self.position.is_finite() && (self.rotation.length_squared() - 1.0).abs() < 1e-6
+    }
+}
+
+impl std::ops::Mul for Pose {
+    type Output = Self;
+
+    /// First `other`, then `self`.
+    fn mul(self, other: Self) -> Self {
+        Self { position: self.apply(other.position), rotation: (self.rotation * other.rotation).normalize() }
+    }
+}
+
+/// The rotation by `|turn|` radians about `turn`.
+///
+/// Sines come from `libm`, so that simulated observations have the same bytes on every system.
+#[must_use]
+pub(super) fn exp(turn: DVec3) -> DQuat {
+    let angle = turn.length();
+    // sin(x / 2) / x.
+    let factor = if angle < SMALL_ANGLE {
+        let x2 = angle * angle;
+        0.5 - x2 / 48.0 + x2 * x2 / 3840.0
+    } else {
+        libm::sin(0.5 * angle) / angle
+    };
+    let v = factor * turn;
+    DQuat::from_xyzw(v.x, v.y, v.z, libm::cos(0.5 * angle))
+}
+
+/// The rotation vector of `rotation`, of at most pi radians.
+#[must_use]
+pub(super) fn log(rotation: DQuat) -> DVec3 {
+    let q = if rotation.w < 0.0 { -rotation } else { rotation };
+    let v = q.xyz();
+    let sine = v.length();
+    // 2 atan2(s, w) / s; for small s the series of asin, since w is close to 1.
+    let factor = if sine < SMALL_ANGLE {
+        let t = sine / q.w;
+        let t2 = t * t;
+        2.0 / q.w * (1.0 - t2 / 3.0 + t2 * t2 / 5.0 - t2 * t2 * t2 / 7.0)
+    } else {
+        2.0 * sine.atan2(q.w) / sine
+    };
+    factor * v
+}
+
+/// The matrix of `x -> v x x`.
+#[must_use]
+pub(super) fn hat(v: DVec3) -> DMat3 {
+    DMat3::from_cols_array(&[0.0, v.z, -v.y, -v.z, 0.0, v.x, v.y, -v.x, 0.0])
+}
+
+/// `c` of `J_r^-1 = I + hat/2 + c hat^2`, and `dc/dangle / angle`.
+///
+/// `c = 1/a^2 - cot(a/2)/(2a)` (Barfoot 2017, 7.1): smooth up to, not including, a full turn.
+fn curvature(angle: f64) -> (f64, f64) {
+    let a2 = angle * angle;
+    if angle < 0.1 {
+        let c = 1.0 / 12.0 + a2 * (1.0 / 720.0 + a2 * (1.0 / 30_240.0 + a2 / 1_209_600.0));
+        let slope = 1.0 / 360.0 + a2 * (1.0 / 7560.0 + a2 * (1.0 / 201_600.0 + a2 / 5_987_520.0));
+        return (c, slope);
+    }
+    let (sin, cos) = (0.5 * angle).sin_cos();
+    let cotangent = cos / sin;
+    let c = 1.0 / a2 - cotangent / (2.0 * angle);
+    let slope = -2.0 / (a2 * angle) + cotangent / (2.0 * a2) + 1.0 / (4.0 * angle * sin * sin);
+    (c, slope / angle)
+}
+
+/// Derivative of `log(R exp(x))` with respect to `x` at 0, where `turn = log(R)`: the inverse right Jacobian.
+#[must_use]
+pub(super) fn right_jacobian_inverse(turn: DVec3) -> DMat3 {
+    let k = hat(turn);
+    DMat3::IDENTITY + 0.5 * k + curvature(turn.length()).0 * (k * k)
+}
+
+/// The translation part of the SE(3) logarithm: `V(turn)^-1 y`, with `V` the left Jacobian.
+#[must_use]
+pub(super) fn unbend(turn: DVec3, y: DVec3) -> DVec3 {
+    let k = turn.cross(y);
+    y - 0.5 * k + curvature(turn.length()).0 * turn.cross(k)
+}
+
+/// Derivatives of [`unbend`] with respect to `turn` and to `y`.
+#[must_use]
+pub(super) fn unbend_jacobians(turn: DVec3, y: DVec3) -> (DMat3, DMat3) {
+    let (c, slope) = curvature(turn.length());
+    let k = hat(turn);
+    let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
+    let twice = turn.cross(turn.cross(y));
+    let by_turn = 0.5 * hat(y)
+        + c * (DMat3::from_diagonal(DVec3::splat(turn.dot(y))) + outer(turn, y) - 2.0 * outer(y, turn))
+        + slope * outer(twice, turn);
+    (by_turn, DMat3::IDENTITY - 0.5 * k + c * (k * k))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn vector(length: f64) -> impl Strategy<Value = DVec3> {
+        (-1.0..1.0, -1.0..1.0, -1.0..1.0_f64).prop_map(move |(x, y, z)| DVec3::new(x, y, z) * length)
+    }
+
+    /// Central difference of `f` along each axis at zero.
+    fn differences(f: impl Fn(DVec3) -> DVec3) -> DMat3 {
+        let h = 1e-6;
+        let d = |axis: DVec3| (f(h * axis) - f(-h * axis)) / (2.0 * h);
+        DMat3::from_cols(d(DVec3::X), d(DVec3::Y), d(DVec3::Z))
+    }
+
+    fn close(a: DMat3, b: DMat3) -> bool {
+        (a - b).to_cols_array().iter().all(|x| x.abs() < 1e-7)
+    }
+
+    proptest! {
+        #[test]
+        fn log_undoes_exp(turn in prop_oneof![vector(1.8), vector(1e-2), vector(1e-8)]) {
+            let back = log(exp(turn));
+            prop_assert!(back.distance(turn) <= 1e-14 + 1e-14 * turn.length(), "{turn} came back as {back}");
+        }
+
+        #[test]
+        fn right_jacobian_is_the_slope_of_log(turn in prop_oneof![vector(1.7), vector(0.05), vector(1e-4)]) {
+            let found = right_jacobian_inverse(turn);
+            let expected = differences(|x| log(exp(turn) * exp(x)));
+            prop_assert!(close(found, expected), "{found} is not {expected}");
+        }
+
+        #[test]
+        fn unbend_jacobians_are_its_slopes(turn in prop_oneof![vector(1.7), vector(0.05)], y in vector(2.0)) {
+            let (by_turn, by_y) = unbend_jacobians(turn, y);
+            prop_assert!(close(by_turn, differences(|x| unbend(turn + x, y))), "by turn: {by_turn}");
+            prop_assert!(close(by_y, differences(|x| unbend(turn, y + x))), "by y: {by_y}");
+        }
+
+        #[test]
+        fn inverse_undoes_a_pose(p in vector(3.0), turn in vector(1.8)) {
+            let pose = Pose { position: p, rotation: exp(turn) };
+            let one = pose.inverse() * pose;
+            prop_assert!(one.position.length() < 1e-14 && log(one.rotation).length() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn half_a_turn_has_a_logarithm() {
+        let half = log(DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0));
+        assert!(half.distance(DVec3::X * std::f64::consts::PI) < 1e-15, "{half}");
+    }
+}

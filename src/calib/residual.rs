@@ -1,0 +1,219 @@
+use glam::{DMat3, DVec3};
+
+use crate::calib::{
+    Information, Pose, RelativePose,
+    pose::{hat, log, right_jacobian_inverse, unbend, unbend_jacobians},
+};
+
+/// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose becomes six numbers.
+///
+/// The same file has a different minimum under each, so every printed cost names its convention.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Residual {
+    /// `[dt; Log dR]`: translation and rotation apart.
+    #[default]
+    Split,
+    /// The full logarithm of SE(3), as GTSAM does.
+    Log,
+    /// `[dt; vec(quaternion of dR)]`, half the angle: as g2o does.
+    Quaternion,
+}
+
+impl Residual {
+    /// `split`, `log` or `quaternion`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Split => "split",
+            Self::Log => "log",
+            Self::Quaternion => "quaternion",
+        }
+    }
+}
+
+/// Translation, then rotation, both in the moving frame.
+pub(super) type Twist = [DVec3; 2];
+
+/// A 6 x 6 matrix in four quarters: rows translation and rotation, columns likewise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Quarters(pub(super) [[DMat3; 2]; 2]);
+
+impl Quarters {
+    pub(super) const ZERO: Self = Self([[DMat3::ZERO; 2]; 2]);
+
+    pub(super) fn of(information: &Information<6>) -> Self {
+        let m = &information.0;
+        let quarter = |r: usize, c: usize| {
+            let column = |b: usize| DVec3::new(m[r][c + b], m[r + 1][c + b], m[r + 2][c + b]);
+            DMat3::from_cols(column(0), column(1), column(2))
+        };
+        Self([[quarter(0, 0), quarter(0, 3)], [quarter(3, 0), quarter(3, 3)]])
+    }
+
+    pub(super) fn times(&self, other: &Self) -> Self {
+        let (x, y) = (&self.0, &other.0);
+        let entry = |r: usize, c: usize| x[r][0] * y[0][c] + x[r][1] * y[1][c];
+        Self([[entry(0, 0), entry(0, 1)], [entry(1, 0), entry(1, 1)]])
+    }
+
+    pub(super) fn transpose(&self) -> Self {
+        let [[a, b], [c, d]] = self.0;
+        Self([[a.transpose(), c.transpose()], [b.transpose(), d.transpose()]])
+    }
+
+    pub(super) fn apply(&self, x: Twist) -> Twist {
+        let m = &self.0;
+        [m[0][0] * x[0] + m[0][1] * x[1], m[1][0] * x[0] + m[1][1] * x[1]]
+    }
+
+    /// Row `a` and column `b`.
+    #[inline]
+    pub(super) fn entry(&self, a: usize, b: usize) -> f64 {
+        self.0[a / 3][b / 3].col(b % 3)[a % 3]
+    }
+}
+
+/// `x' y`.
+pub(super) fn dot(x: Twist, y: Twist) -> f64 {
+    x[0].dot(y[0]) + x[1].dot(y[1])
+}
+
+/// The six numbers of `E = Z^-1 T_i^-1 T_j`.
+pub(super) fn error(convention: Residual, observed: &Pose, from: &Pose, to: &Pose) -> Twist {
+    let step = from.rotation.conjugate() * (to.position - from.position);
+    let dt = observed.rotation.conjugate() * (step - observed.position);
+    let dr = observed.rotation.conjugate() * (from.rotation.conjugate() * to.rotation);
+    match convention {
+        Residual::Split => [dt, log(dr)],
+        Residual::Log => {
+            let turn = log(dr);
+            [unbend(turn, dt), turn]
+        }
+        Residual::Quaternion => [dt, if dr.w < 0.0 { -dr.xyz() } else { dr.xyz() }],
+    }
+}
+
+/// The error, and its derivatives when `from` and `to` are moved in their own frames ([`Pose::moved`]).
+pub(super) fn linearised(
+    convention: Residual,
+    observed: &Pose,
+    from: &Pose,
+    to: &Pose,
+) -> (Twist, Quarters, Quarters) {
+    let back = DMat3::from_quat(observed.rotation).transpose();
+    let step = from.rotation.conjugate() * (to.position - from.position);
+    let dt = back * (step - observed.position);
+    let between = from.rotation.conjugate() * to.rotation;
+    let dr = observed.rotation.conjugate() * between;
+    let (turn, slope) = match convention {
+        Residual::Split | Residual::Log => {
+            let turn = log(dr);
+            (turn, right_jacobian_inverse(turn))
+        }
+        Residual::Quaternion => {
+            let q = if dr.w < 0.0 { -dr } else { dr };
+            (q.xyz(), 0.5 * (DMat3::from_diagonal(DVec3::splat(q.w)) + hat(q.xyz())))
+        }
+    };
+    let turn_by_from = -(slope * DMat3::from_quat(between).transpose());
+    let by_from = [[-back, back * hat(step)], [DMat3::ZERO, turn_by_from]];
+    let by_to = [[DMat3::from_quat(dr), DMat3::ZERO], [DMat3::ZERO, slope]];
+    if convention != Residual::Log {
+        return ([dt, turn], Quarters(by_from), Quarters(by_to));
+    }
+    // The translation bends with the rotation: chain rule.
+    let (by_turn, by_dt) = unbend_jacobians(turn, dt);
+    let chain = Quarters([[by_dt, by_turn], [DMat3::ZERO, DMat3::IDENTITY]]);
+    ([unbend(turn, dt), turn], chain.times(&Quarters(by_from)), chain.times(&Quarters(by_to)))
+}
+
+/// One relative pose in the normal equations, before any robust weight.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct EdgeTerm {
+    /// `J_from' Omega J_from`.
+    pub(super) from_from: Quarters,
+    /// `J_to' Omega J_to`.
+    pub(super) to_to: Quarters,
+    /// `J_from' Omega J_to`.
+    pub(super) from_to: Quarters,
+    /// `J_from' Omega e`.
+    pub(super) from_gradient: Twist,
+    /// `J_to' Omega e`.
+    pub(super) to_gradient: Twist,
+}
+
+impl EdgeTerm {
+    pub(super) fn new(convention: Residual, observed: &RelativePose, from: &Pose, to: &Pose) -> Self {
+        let (e, j_from, j_to) = linearised(convention, &observed.pose, from, to);
+        let omega = Quarters::of(&observed.information);
+        let weighted = omega.apply(e);
+        let (t_from, t_to) = (j_from.transpose(), j_to.transpose());
+        let w_to = omega.times(&j_to);
+        Self {
+            from_from: t_from.times(&omega.times(&j_from)),
+            to_to: t_to.times(&w_to),
+            from_to: t_from.times(&w_to),
+            from_gradient: t_from.apply(weighted),
+            to_gradient: t_to.apply(weighted),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::calib::pose::exp;
+
+    fn vector(length: f64) -> impl Strategy<Value = DVec3> {
+        (-1.0..1.0, -1.0..1.0, -1.0..1.0_f64).prop_map(move |(x, y, z)| DVec3::new(x, y, z) * length)
+    }
+
+    fn pose() -> impl Strategy<Value = Pose> {
+        (vector(2.0), vector(1.8)).prop_map(|(position, turn)| Pose { position, rotation: exp(turn) })
+    }
+
+    proptest! {
+        /// Analytic derivatives against central differences, in every convention.
+        #[test]
+        fn jacobians_are_the_slopes_of_the_error(
+            from in pose(), to in pose(), noise in (vector(0.3), vector(1.2)), which in 0..3_usize,
+        ) {
+            let convention = [Residual::Split, Residual::Log, Residual::Quaternion][which];
+            let observed = (from.inverse() * to).moved(noise.0, noise.1);
+            let (e, by_from, by_to) = linearised(convention, &observed, &from, &to);
+            prop_assert!(dot(e, e) > 0.0 || noise.0 == DVec3::ZERO);
+            let h = 1e-6;
+            for b in 0..6 {
+                let mut step = [DVec3::ZERO; 2];
+                step[b / 3][b % 3] = h;
+                for (jacobian, moves_from) in [(by_from, true), (by_to, false)] {
+                    let at = |sign: f64| {
+                        let moved = |p: &Pose| p.moved(sign * step[0], sign * step[1]);
+                        if moves_from {
+                            error(convention, &observed, &moved(&from), &to)
+                        } else {
+                            error(convention, &observed, &from, &moved(&to))
+                        }
+                    };
+                    let (plus, minus) = (at(1.0), at(-1.0));
+                    for a in 0..6 {
+                        let slope = (plus[a / 3][a % 3] - minus[a / 3][a % 3]) / (2.0 * h);
+                        let found = jacobian.entry(a, b);
+                        prop_assert!((found - slope).abs() < 1e-7, "{convention:?} ({a},{b}): {found} is not {slope}");
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn a_perfect_observation_has_no_error(from in pose(), to in pose()) {
+            let observed = from.inverse() * to;
+            for convention in [Residual::Split, Residual::Log, Residual::Quaternion] {
+                let e = error(convention, &observed, &from, &to);
+                prop_assert!(dot(e, e) < 1e-28, "{e:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,300 @@
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::{
+    calib::{
+        CalibError, Cap, Contact, Displacement, Information, Model, Motion, Observations, Pose, RelativePose,
+        Touch, Unknown, pose::exp, random::Random, start::spanning_tree,
+    },
+    id::{EdgeId, IdVec, TaxelId, VertexId},
+    mesh::TriMesh,
+};
+
+/// The experiment of the source paper's section IV, with what can be varied.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SimulateOptions {
+    /// What is unknown of every taxel.
+    pub model: Model,
+    /// Number of taxels.
+    pub taxels: usize,
+    /// Distance of lattice neighbours, in m.
+    pub spacing: f64,
+    /// Radius of the sphere that carries the taxels, in m.
+    pub radius: f64,
+    /// Noise of displacements per axis, in m.
+    pub noise: f64,
+    /// Noise of relative rotations per axis, in rad; poses model only.
+    pub rotation_noise: f64,
+    /// Number of taxels with an absolute contact observation, spread over the skin.
+    pub anchors: usize,
+    /// Noise of absolute contacts per axis, in m.
+    pub anchor_noise: f64,
+    /// Noise of the normals of absolute contacts per tangent axis, in rad; `None`: positions alone.
+    pub normal_noise: Option<f64>,
+    /// The touched sphere and the arm that holds the skin against it.
+    pub probe: Probe,
+    /// Chance that a displacement is attributed to a wrong taxel nearby.
+    pub outliers: f64,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+}
+
+/// The fixed sphere that the end effector touches, and how well its own pose is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Probe {
+    /// Its centre, in m.
+    pub centre: DVec3,
+    /// Its radius, in m.
+    pub radius: f64,
+    /// How deep the elastic skin is pressed in, in m: contacts are observed that much below the taxel.
+    pub indentation: f64,
+    /// Noise of the end effector's position per axis, in m.
+    pub position_noise: f64,
+    /// Noise of the end effector's orientation per axis, in rad.
+    pub rotation_noise: f64,
+}
+
+impl Default for Probe {
+    fn default() -> Self {
+        Self {
+            centre: DVec3::new(0.4, 0.1, 0.3),
+            radius: 0.01,
+            indentation: 0.0,
+            position_noise: 0.0,
+            rotation_noise: 0.0,
+        }
+    }
+}
+
+impl Default for SimulateOptions {
+    fn default() -> Self {
+        Self {
+            model: Model::Positions,
+            taxels: 500,
+            spacing: 5e-3,
+            radius: 0.1,
+            noise: 1e-3,
+            rotation_noise: 1_f64.to_radians(),
+            anchors: 0,
+            anchor_noise: 1e-3,
+            normal_noise: None,
+            probe: Probe::default(),
+            outliers: 0.0,
+            seed: 0,
+        }
+    }
+}
+
+/// Observations whose truth is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation {
+    /// What was observed; ids count from 0. Initial values are the displacements chained from the first taxel, which is where
+    /// it truly is.
+    pub observations: Observations,
+    /// Where the taxels truly are.
+    pub truth: IdVec<VertexId, Pose>,
+    /// The skin as it truly is.
+    pub mesh: TriMesh,
+    /// The displacements that were attributed to a wrong taxel.
+    pub outliers: Vec<EdgeId>,
+}
+
+/// A wrongly attributed displacement leads to a taxel within this distance, in m.
+const CONFUSION: f64 = 0.03;
+
+/// Noise that observations without noise state, in m and rad: they have to state some.
+const NO_NOISE: f64 = 1e-3;
+
+/// Streams of random numbers: one for each source.
+mod stream {
+    pub(super) const DISPLACEMENTS: u64 = 0;
+    pub(super) const OUTLIERS: u64 = 1;
+    pub(super) const ANCHORS: u64 = 2;
+    pub(super) const ARM: u64 = 3;
+}
+
+/// Lets the skin touch itself into view: displacements between lattice neighbours with independent noise, and
+/// absolute contacts of some taxels.
+///
+/// The source paper prints `t = s + 2` for `s` triangles and `t` taxels; that holds only without interior vertices. In general a
+/// disk has `s = 2t - 2 - b` triangles with `b` boundary vertices: here 920 = 2 * 500 - 2 - 78.
+///
+/// # Errors
+/// [`CalibError::BadOption`] for lengths that are not positive, noise that is negative, a chance outside 0 to 1.
+pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
+    options.validate()?;
+    let cap = Cap::new(options.taxels, options.spacing, options.radius)?;
+    let unknown = |v: VertexId| Unknown { id: TaxelId(v.raw()), initial: None, fixed: false };
+    let mut observations = Observations {
+        model: options.model,
+        taxels: cap.frames.ids().map(unknown).collect(),
+        ..Observations::default()
+    };
+    let outliers = displacements(options, &cap, &mut observations);
+    contacts(options, &cap, &mut observations);
+
+    let first = VertexId::new(0);
+    let known = match options.model {
+        Model::Positions => Pose::at(cap.frames[first].position),
+        Model::Poses => cap.frames[first],
+    };
+    observations.taxels[first].initial = Some(known);
+    let chained = spanning_tree(&observations);
+    for (taxel, pose) in observations.taxels.iter_mut().zip(chained) {
+        taxel.initial = Some(pose);
+    }
+    Ok(Simulation { observations, mesh: cap.mesh(), truth: cap.frames, outliers })
+}
+
+impl SimulateOptions {
+    fn validate(&self) -> Result<(), CalibError> {
+        let Probe { radius, indentation, position_noise, rotation_noise, .. } = self.probe;
+        let not_negative = [
+            ("the noise", self.noise),
+            ("the rotation noise", self.rotation_noise),
+            ("the anchor noise", self.anchor_noise),
+            ("the noise of normals", self.normal_noise.unwrap_or(0.0)),
+            ("the radius of the probe", radius),
+            ("the indentation", indentation),
+            ("the position noise of the end effector", position_noise),
+            ("the rotation noise of the end effector", rotation_noise),
+        ];
+        for (option, x) in not_negative {
+            if !(x >= 0.0 && x.is_finite()) {
+                return Err(CalibError::BadOption { option, found: x.to_string(), needed: "zero or more" });
+            }
+        }
+        if !(0.0..=1.0).contains(&self.outliers) {
+            let found = self.outliers.to_string();
+            return Err(CalibError::BadOption { option: "the share of outliers", found, needed: "0 to 1" });
+        }
+        if self.anchors > self.taxels {
+            let found = self.anchors.to_string();
+            let needed = "at most the number of taxels";
+            return Err(CalibError::BadOption { option: "the number of anchors", found, needed });
+        }
+        Ok(())
+    }
+}
+
+/// What a source of noise states as its information.
+fn stated(noise: f64) -> f64 {
+    if noise > 0.0 { noise.powi(-2) } else { NO_NOISE.powi(-2) }
+}
+
+/// Adds the displacements; returns those that were attributed to a wrong taxel.
+fn displacements(options: &SimulateOptions, cap: &Cap, observations: &mut Observations) -> Vec<EdgeId> {
+    let mut noise = Random::new(options.seed, stream::DISPLACEMENTS);
+    let mut chance = Random::new(options.seed, stream::OUTLIERS);
+    let translation = stated(options.noise);
+    let rotation = stated(options.rotation_noise);
+    let pose_information =
+        Information::diagonal([translation, translation, translation, rotation, rotation, rotation]);
+    let mut outliers = Vec::new();
+    for &[from, to] in &cap.edges {
+        let mut seen = to;
+        if options.outliers > 0.0 && chance.uniform() < options.outliers {
+            let near = confusable(cap, from, to);
+            if !near.is_empty() {
+                seen = near[chance.below(near.len())];
+                outliers.push(EdgeId::new(observations.edges.len()));
+            }
+        }
+        let motion = match options.model {
+            Model::Positions => Motion::Offset {
+                offset: cap.frames[seen].position - cap.frames[from].position + noise.vector(options.noise),
+                information: Information::isotropic(translation),
+            },
+            Model::Poses => {
+                let truth = cap.frames[from].inverse() * cap.frames[seen];
+                let position = truth.position + noise.vector(options.noise);
+                let rotation = (truth.rotation * exp(noise.vector(options.rotation_noise))).normalize();
+                let pose = Pose { position, rotation };
+                Motion::Relative(Box::new(RelativePose { pose, information: pose_information }))
+            }
+        };
+        observations.edges.push(Displacement { from, to, motion });
+    }
+    outliers
+}
+
+/// The taxels that the end of an edge may be mistaken for.
+fn confusable(cap: &Cap, from: VertexId, to: VertexId) -> Vec<VertexId> {
+    let here = cap.frames[from].position;
+    let near = |(v, frame): &(VertexId, &Pose)| {
+        *v != from && *v != to && frame.position.distance_squared(here) < CONFUSION * CONFUSION
+    };
+    cap.frames.enumerate().filter(near).map(|(v, _)| v).collect()
+}
+
+/// Adds an absolute contact for each of the anchors.
+fn contacts(options: &SimulateOptions, cap: &Cap, observations: &mut Observations) {
+    let mut noise = Random::new(options.seed, stream::ANCHORS);
+    let mut arm = Random::new(options.seed, stream::ARM);
+    let information = Information::isotropic(stated(options.anchor_noise));
+    for taxel in spread(cap, options.anchors) {
+        let frame = &cap.frames[taxel];
+        let touched = touch(&options.probe, options.radius, frame.rotation * DVec3::Z, &mut arm);
+        let position = touched.position + noise.vector(options.anchor_noise);
+        let touch = match options.normal_noise {
+            None => Touch::Position { position, information },
+            Some(sigma) => {
+                let x = touched.normal.any_orthonormal_vector();
+                let tilt = noise.normal() * x + noise.normal() * touched.normal.cross(x);
+                let normal = (touched.normal + sigma * tilt).normalize();
+                Touch::PositionNormal { position, information, normal, normal_information: stated(sigma) }
+            }
+        };
+        observations.contacts.push(Contact { taxel, touch });
+    }
+}
+
+/// A contact in the frame of the end effector, as the arm believes it.
+struct Touched {
+    position: DVec3,
+    normal: DVec3,
+}
+
+/// Touches the probe with the taxel of normal `n` from a random direction: the contact forward model of section IV.
+///
+/// Contact along `u` (from the probe to the end effector) means an end-effector rotation with `Q n = -u` and centre
+/// `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is observed at `Q' (c_b + r_b u - o)`.
+fn touch(probe: &Probe, radius: f64, n: DVec3, arm: &mut Random) -> Touched {
+    let u = arm.direction();
+    let spin = exp(std::f64::consts::TAU * arm.uniform() * DVec3::Z);
+    let rotation = frame_of(-u) * spin * frame_of(n).conjugate();
+    let centre = probe.centre + (radius + probe.radius - probe.indentation) * u;
+    let believed_centre = centre + arm.vector(probe.position_noise);
+    let believed_rotation = exp(arm.vector(probe.rotation_noise)) * rotation;
+    let contact = probe.centre + probe.radius * u;
+    Touched {
+        position: believed_rotation.conjugate() * (contact - believed_centre),
+        normal: (believed_rotation.conjugate() * -u).normalize(),
+    }
+}
+
+/// Some rotation that takes z to `direction`.
+fn frame_of(direction: DVec3) -> DQuat {
+    let x = direction.any_orthonormal_vector();
+    DQuat::from_mat3(&DMat3::from_cols(x, direction.cross(x), direction)).normalize()
+}
+
+/// `count` taxels far from each other: the lowest, then always the one farthest from those chosen.
+fn spread(cap: &Cap, count: usize) -> Vec<VertexId> {
+    if count == cap.frames.len() {
+        return cap.frames.ids().collect();
+    }
+    let height = |v: &VertexId| cap.frames[*v].position.z;
+    let mut distances = cap.frames.map(|_| f64::INFINITY);
+    let mut chosen = Vec::with_capacity(count);
+    let mut next = cap.frames.ids().min_by(|a, b| height(a).total_cmp(&height(b)));
+    while let Some(v) = next.filter(|_| chosen.len() < count) {
+        chosen.push(v);
+        let here = cap.frames[v].position;
+        for (d, frame) in distances.iter_mut().zip(&cap.frames) {
+            *d = d.min(frame.position.distance_squared(here));
+        }
+        next = distances.enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(v, _)| v);
+    }
+    chosen.sort_unstable();
+    chosen
+}

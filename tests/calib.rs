@@ -1,0 +1,489 @@
+//! Laws of calibration, and the statistics of the simulated experiment.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test may stop at a surprise and say what it skips"
+)]
+
+use std::path::{Path, PathBuf};
+
+use dermatome::{
+    calib::{
+        CalibError, CalibOptions, Calibration, Contact, Information, Method, Model, Motion, Observations,
+        Pose, Residual, Robust, SimulateOptions, Simulation, Start, Touch, calibrate, compare, simulate,
+    },
+    id::{IdVec, VertexId},
+    io::read_observations,
+};
+use glam::{DQuat, DVec3};
+
+fn solve(observations: &Observations, options: &CalibOptions) -> Calibration {
+    let found = calibrate(observations, options, &|_, _| {}).unwrap();
+    assert!(found.ending.is_converged(), "{:?}", found.ending);
+    found
+}
+
+fn poses(seed: u64) -> SimulateOptions {
+    SimulateOptions { model: Model::Poses, seed, ..SimulateOptions::default() }
+}
+
+fn small(model: Model) -> SimulateOptions {
+    SimulateOptions { model, taxels: 40, seed: 3, ..SimulateOptions::default() }
+}
+
+fn data(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("DERMATOME_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let path = folder.join(name);
+    if !path.exists() {
+        println!("skipped: {name}");
+    }
+    path.exists().then_some(path)
+}
+
+fn mean(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = numbers.fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
+    sum / count
+}
+
+/// Normalised squared error of positions after rigid alignment: 3 on average if the covariances are right.
+fn nees(found: &Calibration, truth: &IdVec<VertexId, Pose>, align: bool) -> f64 {
+    let motion = if align { compare(&found.poses, truth).unwrap().alignment } else { Pose::IDENTITY };
+    let marginals = found.marginals.as_ref().unwrap();
+    mean(truth.enumerate().map(|(v, t)| {
+        // The error is turned into the frame of the calibration, where the covariance is told.
+        let e = motion.inverse().apply(t.position) - found.poses[v].position;
+        let [xx, xy, xz, yy, yz, zz] = marginals.positions[v];
+        let covariance = glam::DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+        e.dot(covariance.inverse() * e)
+    }))
+}
+
+/// The law of the experiment over 20 seeds: RMSE at the Cramér-Rao bound, cost and errors as the noise says.
+#[test]
+fn positions_reach_the_bound() {
+    let runs: Vec<_> = (0..20)
+        .map(|seed| {
+            let simulation = simulate(&SimulateOptions { seed, ..SimulateOptions::default() }).unwrap();
+            let found = solve(&simulation.observations, &CalibOptions::default());
+            let rmse = compare(&found.poses, &simulation.truth).unwrap().rigid * 1e3;
+            assert_eq!(found.fit.degrees, 3 * 1419 - 3 * 499);
+            // Only translations are free in this model: align by the centroid alone.
+            let mut centred = found.clone();
+            let shift = mean_position(&simulation.truth) - mean_position(&found.poses);
+            centred.poses.iter_mut().for_each(|p| p.position += shift);
+            (rmse, found.fit.chi2 / found.fit.degrees as f64, nees(&centred, &simulation.truth, false))
+        })
+        .collect();
+    let (rmse, chi, nees) =
+        (mean(runs.iter().map(|r| r.0)), mean(runs.iter().map(|r| r.1)), mean(runs.iter().map(|r| r.2)));
+    assert!((rmse - 1.12).abs() < 0.04, "rigid RMSE {rmse} mm");
+    assert!((chi - 1.0).abs() < 0.02, "chi-square over degrees {chi}");
+    assert!((2.7..3.3).contains(&nees), "NEES {nees}");
+}
+
+fn mean_position(poses: &IdVec<VertexId, Pose>) -> DVec3 {
+    poses.iter().map(|p| p.position).sum::<DVec3>() / poses.len() as f64
+}
+
+#[test]
+fn contacts_of_all_taxels_reach_their_bound() {
+    let runs: Vec<_> = (0..20)
+        .map(|seed| {
+            let options = SimulateOptions { anchors: 500, seed, ..SimulateOptions::default() };
+            let simulation = simulate(&options).unwrap();
+            let found = solve(&simulation.observations, &CalibOptions::default());
+            assert!(found.free.is_empty(), "contacts hold the skin");
+            let rmse = compare(&found.poses, &simulation.truth).unwrap().absolute * 1e3;
+            (rmse, found.fit.chi2 / found.fit.degrees as f64, nees(&found, &simulation.truth, false))
+        })
+        .collect();
+    let (rmse, chi, nees) =
+        (mean(runs.iter().map(|r| r.0)), mean(runs.iter().map(|r| r.1)), mean(runs.iter().map(|r| r.2)));
+    assert!((rmse - 0.775).abs() < 0.02, "RMSE {rmse} mm");
+    assert!((chi - 1.0).abs() < 0.02, "chi-square over degrees {chi}");
+    assert!((2.7..3.3).contains(&nees), "NEES {nees}");
+}
+
+#[test]
+fn poses_fit_as_their_noise_says() {
+    let runs: Vec<_> = (0..8)
+        .map(|seed| {
+            let simulation = simulate(&poses(seed)).unwrap();
+            let found = solve(&simulation.observations, &CalibOptions::default());
+            assert_eq!(found.fit.degrees, 6 * 1419 - 6 * 499);
+            (found.fit.chi2 / found.fit.degrees as f64, nees(&found, &simulation.truth, true))
+        })
+        .collect();
+    let (chi, nees) = (mean(runs.iter().map(|r| r.0)), mean(runs.iter().map(|r| r.1)));
+    assert!((chi - 1.0).abs() < 0.02, "chi-square over degrees {chi}");
+    assert!((2.7..3.3).contains(&nees), "NEES {nees}");
+}
+
+#[test]
+fn poses_with_touched_normals_fit_as_their_noise_says() {
+    let runs: Vec<_> = (0..4)
+        .map(|seed| {
+            let options =
+                SimulateOptions { anchors: 50, normal_noise: Some(2_f64.to_radians()), ..poses(seed) };
+            let simulation = simulate(&options).unwrap();
+            let found = solve(&simulation.observations, &CalibOptions::default());
+            assert_eq!(found.fit.degrees, 6 * 1419 + 5 * 50 - 6 * 500);
+            (found.fit.chi2 / found.fit.degrees as f64, nees(&found, &simulation.truth, false))
+        })
+        .collect();
+    let (chi, nees) = (mean(runs.iter().map(|r| r.0)), mean(runs.iter().map(|r| r.1)));
+    assert!((chi - 1.0).abs() < 0.02, "chi-square over degrees {chi}");
+    assert!((2.5..3.5).contains(&nees), "NEES {nees}");
+}
+
+#[test]
+fn wrong_attributions_are_let_go() {
+    // Means over 30 seeds: 1.21 and 1.83 mm (graduated), 1.21 and 1.88 mm (Tukey). At 20 % some taxels on the boundary have
+    // one good edge among three: which it is cannot be known, so single seeds differ by 0.3 mm.
+    for (share, bound) in [(0.05, 1.30), (0.20, 2.0)] {
+        for robust in [Robust::Graduated, Robust::Tukey] {
+            let rmse = mean((0..10).map(|seed| {
+                let options = SimulateOptions { outliers: share, seed, ..SimulateOptions::default() };
+                let simulation = simulate(&options).unwrap();
+                let options = CalibOptions { robust, ..CalibOptions::default() };
+                let found = solve(&simulation.observations, &options);
+                compare(&found.poses, &simulation.truth).unwrap().rigid * 1e3
+            }));
+            assert!(rmse < bound, "{robust:?} at {share}: {rmse} mm");
+        }
+    }
+}
+
+#[test]
+fn rejected_edges_are_the_wrong_ones() {
+    let options = SimulateOptions { outliers: 0.05, ..poses(1) };
+    let simulation = simulate(&options).unwrap();
+    let options = CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() };
+    let found = solve(&simulation.observations, &options);
+    let rejected: Vec<_> = found.weights.rejected_edges().collect();
+    let caught = simulation.outliers.iter().filter(|e| rejected.contains(e)).count();
+    assert!(caught + 2 >= simulation.outliers.len(), "{caught} of {} outliers", simulation.outliers.len());
+    // One good edge in a hundred is beyond the bound by chance.
+    assert!(rejected.len() - caught < 1419 / 40, "{} good edges rejected", rejected.len() - caught);
+}
+
+#[test]
+fn graduation_leaves_clean_observations_alone() {
+    let clean = simulate(&SimulateOptions { noise: 0.0, ..small(Model::Positions) }).unwrap();
+    let options = CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() };
+    let found = solve(&clean.observations, &options);
+    assert_eq!(found.weights.rejected_edges().count(), 0);
+    assert!(compare(&found.poses, &clean.truth).unwrap().rigid < 1e-12);
+}
+
+/// Minima of public pose graphs in the three conventions.
+///
+/// The quaternion minimum of parking-garage is lower than the 1.238988 that is often quoted for twice the cost: three
+/// starts and two methods agree on it, the last step being 1e-6 m.
+#[test]
+fn public_pose_graphs_reach_their_minima() {
+    let minima = [
+        ("sphere2500", 675.700_962_9, 675.681_163_3, 727.149_667_2 / 2.0),
+        ("parking-garage", 0.634_192_399_6, 0.634_192_200_6, 1.238_690_58 / 2.0),
+        ("smallGrid3D", 517.925_332_4, 516.947_201_7, 458.153_784_3 / 2.0),
+    ];
+    for (name, log, split, quaternion) in minima {
+        let Some(path) = data(&format!("g2o/{name}.g2o")) else { continue };
+        let observations = read_observations(&path).unwrap().observations;
+        for (residual, expected) in
+            [(Residual::Log, log), (Residual::Split, split), (Residual::Quaternion, quaternion)]
+        {
+            let options = CalibOptions { residual, ..CalibOptions::default() };
+            let cost = solve(&observations, &options).cost;
+            assert!((cost / expected - 1.0).abs() < 1e-6, "{name} {residual:?}: {cost} is not {expected}");
+        }
+    }
+}
+
+#[test]
+fn methods_and_starts_lead_to_the_same_minimum() {
+    let simulation = simulate(&poses(2)).unwrap();
+    let cost = |method, start| {
+        solve(&simulation.observations, &CalibOptions { method, start, ..CalibOptions::default() }).cost
+    };
+    let expected = cost(Method::LevenbergMarquardt, Start::Chordal);
+    for method in [Method::GaussNewton, Method::LevenbergMarquardt, Method::Dogleg] {
+        for start in [Start::Chordal, Start::Tree, Start::Initial] {
+            let found = cost(method, start);
+            assert!(
+                (found / expected - 1.0).abs() < 1e-9,
+                "{method:?} from {start:?}: {found}, not {expected}"
+            );
+        }
+    }
+}
+
+/// The same observations with taxels in reverse order.
+fn reversed(observations: &Observations) -> Observations {
+    let last = observations.taxels.len() - 1;
+    let turn = |v: VertexId| VertexId::new(last - v.index());
+    let mut out = observations.clone();
+    out.taxels = observations.taxels.iter().rev().copied().collect();
+    for edge in out.edges.iter_mut() {
+        (edge.from, edge.to) = (turn(edge.from), turn(edge.to));
+    }
+    for contact in out.contacts.iter_mut() {
+        contact.taxel = turn(contact.taxel);
+    }
+    out
+}
+
+/// Permuting taxels also changes which of them holds the gauge: neither cost, shape nor covariance may notice.
+#[test]
+fn order_and_gauge_taxel_change_nothing() {
+    for model in [Model::Positions, Model::Poses] {
+        let simulation = simulate(&small(model)).unwrap();
+        let (a, b) = (simulation.observations.clone(), reversed(&simulation.observations));
+        let (a, b) = (solve(&a, &CalibOptions::default()), solve(&b, &CalibOptions::default()));
+        assert_ne!(a.free[0].gauge, b.free[0].gauge, "another taxel holds the gauge");
+        assert!((a.cost / b.cost - 1.0).abs() < 1e-9, "{} and {}", a.cost, b.cost);
+        let back: IdVec<VertexId, Pose> = b.poses.iter().rev().copied().collect();
+        let shape = compare(&a.poses, &back).unwrap();
+        assert!(shape.rigid < 1e-8, "{model:?}: shapes differ by {} m", shape.rigid);
+        let sigmas = |c: &Calibration| c.marginals.as_ref().unwrap().sigmas();
+        for (x, y) in sigmas(&a).iter().zip(sigmas(&b).iter().rev()) {
+            assert!((x / y - 1.0).abs() < 1e-6, "{model:?}: sigma {x} became {y}");
+        }
+    }
+}
+
+/// Observations moved as a whole give the same skin, moved.
+#[test]
+fn moving_the_frame_moves_the_skin() {
+    let options = SimulateOptions { anchors: 10, normal_noise: Some(0.03), ..small(Model::Poses) };
+    let simulation = simulate(&options).unwrap();
+    let motion = Pose {
+        position: DVec3::new(0.3, -1.0, 2.0),
+        rotation: DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.3),
+    };
+    let mut moved = simulation.observations.clone();
+    for taxel in moved.taxels.iter_mut() {
+        taxel.initial = taxel.initial.map(|p| motion * p);
+    }
+    for contact in moved.contacts.iter_mut() {
+        if let Touch::PositionNormal { position, normal, .. } = &mut contact.touch {
+            *position = motion.apply(*position);
+            *normal = (motion.rotation * *normal).normalize();
+        }
+    }
+    let a = solve(&simulation.observations, &CalibOptions::default());
+    let b = solve(&moved, &CalibOptions::default());
+    assert!((a.cost / b.cost - 1.0).abs() < 1e-9);
+    for (x, y) in a.poses.iter().zip(&b.poses) {
+        assert!(motion.apply(x.position).distance(y.position) < 1e-9);
+    }
+}
+
+/// Applies `f` to every information matrix of the edges.
+fn scale_information(observations: &mut Observations, factor: impl Fn(usize) -> f64) {
+    for (k, edge) in observations.edges.iter_mut().enumerate() {
+        match &mut edge.motion {
+            Motion::Offset { information, .. } => {
+                information.0.iter_mut().flatten().for_each(|x| *x *= factor(k));
+            }
+            Motion::Relative(m) => m.information.0.iter_mut().flatten().for_each(|x| *x *= factor(k)),
+        }
+    }
+}
+
+#[test]
+fn information_scales_the_cost() {
+    for model in [Model::Positions, Model::Poses] {
+        let simulation = simulate(&small(model)).unwrap();
+        let mut scaled = simulation.observations.clone();
+        scale_information(&mut scaled, |_| 4.0);
+        let a = solve(&simulation.observations, &CalibOptions::default());
+        let b = solve(&scaled, &CalibOptions::default());
+        assert!((b.cost / a.cost - 4.0).abs() < 1e-8, "{} and {}", a.cost, b.cost);
+        let sigma = |c: &Calibration| c.marginals.as_ref().unwrap().sigmas()[VertexId::new(7)];
+        assert!((sigma(&a) / sigma(&b) - 2.0).abs() < 1e-6, "half the uncertainty");
+    }
+}
+
+#[test]
+fn zero_information_is_no_edge() {
+    for model in [Model::Positions, Model::Poses] {
+        let simulation = simulate(&small(model)).unwrap();
+        let mut silent = simulation.observations.clone();
+        scale_information(&mut silent, |k| if k % 10 == 0 { 0.0 } else { 1.0 });
+        let mut without = simulation.observations.clone();
+        let edges = without.edges.enumerate().filter(|(e, _)| e.index() % 10 != 0);
+        without.edges = edges.map(|(_, e)| e.clone()).collect();
+        let a = solve(&silent, &CalibOptions::default());
+        let b = solve(&without, &CalibOptions::default());
+        assert!((a.cost / b.cost - 1.0).abs() < 1e-9, "{} and {}", a.cost, b.cost);
+        assert_eq!(a.fit.degrees, b.fit.degrees);
+        assert!(compare(&a.poses, &b.poses).unwrap().absolute < 1e-9);
+    }
+}
+
+/// Covariances against differences: the estimate is linear in the observations, so its covariance is the sum over
+/// observations of what each does to it.
+#[test]
+fn covariances_are_what_noise_does_to_the_estimate() {
+    let options = SimulateOptions { taxels: 7, anchors: 2, ..SimulateOptions::default() };
+    let simulation = simulate(&options).unwrap();
+    let found = solve(&simulation.observations, &CalibOptions::default());
+    let base = &found.poses;
+    let mut variances = vec![0.0; 7];
+    let mut add = |changed: &Observations| {
+        let poses = solve(changed, &CalibOptions::default()).poses;
+        for (sum, (a, b)) in variances.iter_mut().zip(poses.iter().zip(base)) {
+            // A push of one standard deviation.
+            *sum += (a.position.x - b.position.x).powi(2);
+        }
+    };
+    for edge in simulation.observations.edges.ids() {
+        let mut changed = simulation.observations.clone();
+        if let Motion::Offset { offset, .. } = &mut changed.edges[edge].motion {
+            offset.x += 1e-3;
+        }
+        add(&changed);
+    }
+    for contact in simulation.observations.contacts.ids() {
+        let mut changed = simulation.observations.clone();
+        if let Touch::Position { position, .. } = &mut changed.contacts[contact].touch {
+            position.x += 1e-3;
+        }
+        add(&changed);
+    }
+    for (covariance, variance) in found.marginals.unwrap().positions.iter().zip(&variances) {
+        assert!((covariance[0] / variance - 1.0).abs() < 1e-9, "{} is not {variance}", covariance[0]);
+    }
+}
+
+#[test]
+fn anisotropic_information_with_equal_directions_is_isotropic_information() {
+    let simulation = simulate(&SimulateOptions { anchors: 3, ..small(Model::Positions) }).unwrap();
+    let mut nearly = simulation.observations.clone();
+    // One direction that differs in the last digits takes the path of blocks.
+    if let Motion::Offset { information, .. } = &mut nearly.edges.as_mut_slice()[0].motion {
+        information.0[0][0] *= 1.0 + 1e-12;
+    }
+    let a = solve(&simulation.observations, &CalibOptions::default());
+    let b = solve(&nearly, &CalibOptions::default());
+    assert!((a.cost / b.cost - 1.0).abs() < 1e-9);
+    let of = |c: &Calibration| c.marginals.as_ref().unwrap().positions[VertexId::new(5)];
+    for (x, y) in of(&a).iter().zip(of(&b)) {
+        assert!((x - y).abs() < 1e-15, "{x} is not {y}");
+    }
+}
+
+/// Two touched points leave the rotation about the line between them open: five motions of six are held.
+#[test]
+fn partly_anchored_poses_keep_what_is_held() {
+    for (anchors, directions) in [(1, 3), (2, 1), (3, 0)] {
+        let simulation = simulate(&SimulateOptions { anchors, ..small(Model::Poses) }).unwrap();
+        let found = solve(&simulation.observations, &CalibOptions::default());
+        assert_eq!(found.free.iter().map(|f| f.directions).sum::<usize>(), directions, "{anchors} anchors");
+        let observed = 6 * simulation.observations.edges.len() + 3 * anchors;
+        assert_eq!(found.fit.degrees, observed - (6 * 40 - directions));
+        if anchors < 3 {
+            // One or two points fit exactly or stretch: the cost is that of the edges and the distance between them.
+            assert!(compare(&found.poses, &simulation.truth).unwrap().rigid < 3e-3);
+        }
+    }
+}
+
+/// Two sheets that nothing joins, one of them anchored.
+#[test]
+fn components_are_calibrated_each_in_its_own_gauge() {
+    let Simulation { observations: mut both, .. } = simulate(&small(Model::Positions)).unwrap();
+    let other = simulate(&SimulateOptions { seed: 9, ..small(Model::Positions) }).unwrap().observations;
+    let first = both.taxels.len();
+    let shift = |v: VertexId| VertexId::new(v.index() + first);
+    for taxel in &other.taxels {
+        let id = dermatome::id::TaxelId(taxel.id.0 + 1000);
+        both.taxels.push(dermatome::calib::Unknown { id, ..*taxel });
+    }
+    for edge in &other.edges {
+        both.edges.push(dermatome::calib::Displacement {
+            from: shift(edge.from),
+            to: shift(edge.to),
+            motion: edge.motion.clone(),
+        });
+    }
+    let position = DVec3::new(1.0, 2.0, 3.0);
+    let touch = Touch::Position { position, information: Information::isotropic(1e6) };
+    both.contacts.push(Contact { taxel: shift(VertexId::new(4)), touch });
+    let found = solve(&both, &CalibOptions::default());
+    assert_eq!(found.free.len(), 1, "{:?}", found.free);
+    assert_eq!((found.free[0].gauge.0, found.free[0].taxels), (0, 40));
+    assert!(found.poses[shift(VertexId::new(4))].position.distance(position) < 1e-12, "the contact holds it");
+    let alone = solve(&other, &CalibOptions::default());
+    let part: IdVec<VertexId, Pose> = found.poses.iter().skip(first).copied().collect();
+    assert!(compare(&part, &alone.poses).unwrap().rigid < 1e-12, "one does not feel the other");
+}
+
+#[test]
+fn fixed_taxels_stay_where_they_are() {
+    for model in [Model::Positions, Model::Poses] {
+        let mut observations = simulate(&small(model)).unwrap().observations;
+        let fixed = [VertexId::new(3), VertexId::new(20)];
+        for v in fixed {
+            observations.taxels[v].fixed = true;
+        }
+        let found = solve(&observations, &CalibOptions::default());
+        for v in fixed {
+            assert_eq!(Some(found.poses[v]), observations.taxels[v].initial);
+            assert_eq!(found.marginals.as_ref().unwrap().sigmas()[v], 0.0, "known exactly");
+        }
+        assert!(found.free.is_empty());
+    }
+}
+
+#[test]
+fn a_taxel_that_nothing_determines_is_named() {
+    let mut observations = simulate(&small(Model::Poses)).unwrap().observations;
+    let lost = VertexId::new(0);
+    for edge in observations.edges.iter_mut() {
+        if let Motion::Relative(m) = &mut edge.motion
+            && (edge.from == lost || edge.to == lost)
+        {
+            m.information = Information::isotropic(0.0);
+        }
+    }
+    let found = calibrate(&observations, &CalibOptions::default(), &|_, _| {}).err();
+    assert_eq!(found, Some(CalibError::Undetermined { id: observations.taxels[lost].id }));
+}
+
+#[test]
+fn broken_promises_are_named() {
+    let whole = simulate(&small(Model::Positions)).unwrap().observations;
+    let error = |change: &dyn Fn(&mut Observations)| {
+        let mut broken = whole.clone();
+        change(&mut broken);
+        calibrate(&broken, &CalibOptions::default(), &|_, _| {}).unwrap_err().to_string()
+    };
+    let first = |o: &mut Observations, f: &dyn Fn(&mut DVec3, &mut Information<3>)| {
+        if let Motion::Offset { offset, information } = &mut o.edges.as_mut_slice()[0].motion {
+            f(offset, information);
+        }
+    };
+    assert!(error(&|o| first(o, &|d, _| d.y = f64::NAN)).contains("edge 0"));
+    assert!(error(&|o| first(o, &|_, i| i.0[1][1] = -1.0)).contains("eigenvalue -1e0"));
+    assert!(error(&|o| o.edges.as_mut_slice()[5].to = VertexId::new(99)).contains("edge 5"));
+    assert!(error(&|o| o.taxels.as_mut_slice()[5].id = o.taxels.as_slice()[4].id).contains("taxel 4"));
+    assert!(error(&|o| o.edges.as_mut_slice()[7].to = o.edges.as_slice()[7].from).contains("edge 7"));
+    assert!(error(&|o| o.model = Model::Poses).contains("poses model"));
+    assert!(error(&|o| o.edges = IdVec::new()).contains("0 observations"));
+    let lonely = dermatome::calib::Unknown { id: dermatome::id::TaxelId(77), initial: None, fixed: false };
+    assert!(error(&|o| _ = o.taxels.push(lonely)).contains("taxel 77 is in no observation"));
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let simulation = simulate(&poses(4)).unwrap();
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let found = pool.install(|| solve(&simulation.observations, &CalibOptions::default()));
+        (found.poses, found.marginals, found.cost.to_bits())
+    };
+    assert!(run(1) == run(3), "one thread and three give the same bits");
+}
