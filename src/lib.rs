@@ -6,3 +6,4 @@ pub mod delaunay;
 pub mod sparse;
 pub mod skin;
 pub mod calib;
+pub mod pyramid;

@@ -1,0 +1,183 @@
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::TriMesh,
+    pyramid::{
+        Level, Prolongation, Pyramid, PyramidError, RemovalLog,
+        centres::{ALPHA, Candidates, priorities},
+        relocate::Places,
+        remove::Remover,
+        rings::Rings,
+        spacing::{measured_spacing, spacing_of_densities},
+        surface::Surface,
+    },
+    skin::Patch,
+};
+
+/// A level that has not so many times fewer vertices than the one below tells nothing new, and the pyramid ends.
+const LEAST_RATIO: f64 = 1.5;
+
+/// What [`ALPHA`] makes of a level, for judging whether a further level would overshoot.
+const USUAL_RATIO: f64 = 4.0;
+
+/// How to coarsen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CoarsenOptions {
+    /// Vertices of a level over those of the next coarser one, at least 1.5. `None`: a separation `alpha` of 1.35,
+    /// which gives about 4; a number is met by bisecting `alpha`.
+    pub ratio: Option<f64>,
+    /// At most so many levels above level 0; `None`: as many as `coarsest` allows.
+    pub levels: Option<usize>,
+    /// Stop at about so many vertices: where a further level would miss them by more.
+    pub coarsest: usize,
+}
+
+impl Default for CoarsenOptions {
+    fn default() -> Self {
+        Self { ratio: None, levels: None, coarsest: 32 }
+    }
+}
+
+/// The pyramid of one patch.
+///
+/// ```
+/// use dermatome::{id::{LevelId, LinkId}, mesh::shapes, pyramid::{CoarsenOptions, coarsen}, skin::Patch};
+///
+/// let patch = Patch::from_mesh("cap", LinkId::new(0), shapes::cap(2000, 0.1, 1.9));
+/// let pyramid = coarsen(&patch, &CoarsenOptions::default())?;
+///
+/// // Push on one taxel: the force arrives whole at the receptive fields of level 1.
+/// let skin = &pyramid.levels[LevelId::new(0)];
+/// let mut force = skin.areas.map(|_| 0.0);
+/// force.as_mut_slice()[7] = 1.0;
+/// let felt = skin.up.as_ref().map(|up| up.restrict(&force));
+/// assert!(felt.is_some_and(|f| (f.iter().sum::<f64>() - 1.0).abs() < 1e-12));
+/// # Ok::<(), dermatome::pyramid::PyramidError>(())
+/// ```
+///
+/// # Errors
+/// If the patch is no oriented manifold or an array has another length than its mesh, an area is negative, a density
+/// not positive, or the ratio below 1.5.
+pub fn coarsen(patch: &Patch, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
+    check(patch, options)?;
+    let mut surface = Surface::new(&patch.mesh)?;
+    let mut places = Places::new(patch.mesh.positions.len(), patch.mesh.triangles.len());
+    let mut levels = IdVec::new();
+    let mut level = ground(patch);
+    while levels.len() < options.levels.unwrap_or(usize::MAX) && wants_coarser(&level, options) {
+        let Some(next) = step(patch, options, &mut level, &mut surface, &mut places) else { break };
+        levels.push(std::mem::replace(&mut level, next));
+    }
+    levels.push(level);
+    Ok(Pyramid { levels })
+}
+
+fn check(patch: &Patch, options: &CoarsenOptions) -> Result<(), PyramidError> {
+    let needed = patch.mesh.positions.len();
+    let densities = patch.densities.as_ref();
+    let lengths = [
+        ("ids", patch.ids.len()),
+        ("areas", patch.areas.len()),
+        ("densities", densities.map_or(needed, IdVec::len)),
+    ];
+    if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != needed) {
+        return Err(PyramidError::Length { what, found, needed });
+    }
+    if let Some((vertex, &found)) = patch.areas.enumerate().find(|(_, a)| !a.is_finite() || **a < 0.0) {
+        return Err(PyramidError::Area { vertex, found });
+    }
+    let mut densities = densities.into_iter().flat_map(IdVec::enumerate);
+    if let Some((vertex, &found)) = densities.find(|(_, rho)| !rho.is_finite() || **rho <= 0.0) {
+        return Err(PyramidError::Density { vertex, found });
+    }
+    match options.ratio {
+        Some(found) if !found.is_finite() || found < LEAST_RATIO => {
+            Err(PyramidError::Ratio { found, least: LEAST_RATIO })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Level 0.
+fn ground(patch: &Patch) -> Level {
+    Level {
+        mesh: patch.mesh.clone(),
+        origins: patch.mesh.positions.ids().collect(),
+        parents: patch.mesh.positions.ids().collect(),
+        areas: patch.areas.clone(),
+        up: None,
+        direct: None,
+        removals: RemovalLog::default(),
+    }
+}
+
+/// Whether a further level comes nearer to the coarsest count, as a factor, than this one.
+fn wants_coarser(level: &Level, options: &CoarsenOptions) -> bool {
+    let ratio = options.ratio.unwrap_or(USUAL_RATIO);
+    level.mesh.positions.len() as f64 > options.coarsest as f64 * ratio.sqrt()
+}
+
+/// The next coarser level; writes `up` and `removals` of this one. `None` if it would not shrink enough.
+fn step(
+    patch: &Patch,
+    options: &CoarsenOptions,
+    level: &mut Level,
+    surface: &mut Surface,
+    places: &mut Places,
+) -> Option<Level> {
+    let count = level.mesh.positions.len();
+    let positions = &level.mesh.positions;
+    let (kept, order) = choose(patch, options, level, surface);
+    let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
+    if !is_small(kept.iter().filter(|k| **k).count()) {
+        return None;
+    }
+    let removals = Remover { surface, places, positions, origins: &level.origins }.remove(&kept, &order);
+    if !is_small(count - removals.len()) {
+        return None;
+    }
+    let compacted = surface.compact();
+    places.compact(&compacted.faces, compacted.surface.faces.len());
+    *surface = compacted.surface;
+    let parents = compacted.parents;
+    let mesh = TriMesh {
+        positions: parents.map(|&v| positions[v]),
+        triangles: surface.faces.iter().map(|face| face.corners).collect(),
+    };
+    let origins = parents.map(|&v| level.origins[v]);
+    let (indices, weights) = places.rows(surface, &origins);
+    let coarse_len = parents.len();
+    let up = Prolongation {
+        indices: level.origins.map(|&taxel| indices[taxel]),
+        weights: level.origins.map(|&taxel| weights[taxel]),
+        coarse_len,
+    };
+    let areas = up.restrict(&level.areas);
+    level.up = Some(up);
+    level.removals = removals;
+    let direct = Some(Prolongation { indices, weights, coarse_len });
+    Some(Level { mesh, origins, parents, areas, up: None, direct, removals: RemovalLog::default() })
+}
+
+/// Which vertices stay, and the order in which the others go.
+fn choose(
+    patch: &Patch,
+    options: &CoarsenOptions,
+    level: &Level,
+    surface: &Surface,
+) -> (IdVec<VertexId, bool>, Vec<VertexId>) {
+    let positions = &level.mesh.positions;
+    let rings = Rings::new(surface);
+    let mut spacing = measured_spacing(&rings, positions);
+    if let Some(densities) = &patch.densities {
+        spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
+    }
+    let order = priorities(surface, positions, &level.origins.map(|&taxel| patch.ids[taxel]));
+    let loops = surface.boundary_loops();
+    let candidates =
+        Candidates { rings: &rings, loops: &loops, positions, spacing: &spacing, priorities: &order };
+    let kept = match options.ratio {
+        Some(ratio) => candidates.choose_about(positions.len() as f64 / ratio),
+        None => candidates.choose(ALPHA),
+    };
+    (kept, order)
+}

@@ -1,0 +1,268 @@
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::{
+    id::{IdVec, TaxelId, VertexId},
+    mesh::angle,
+    pyramid::{rings::Rings, surface::Surface},
+};
+
+/// A boundary vertex is a corner if its interior angle differs from a straight one by more than this, 75 degrees:
+/// the rim of a triangular lattice turns by 60 degrees at each vertex and is straight on the whole.
+const CORNER_TURN: f64 = 75.0 / 180.0 * PI;
+
+/// So many vertices stay on each boundary loop: fewer make no loop.
+const LEAST_PER_LOOP: usize = 3;
+
+/// Separation of centres, in local spacings, that leaves about a quarter of the vertices.
+pub(super) const ALPHA: f64 = 1.35;
+
+/// An asked-for count is met when it is missed by at most this share.
+const COUNT_TOLERANCE: f64 = 0.01;
+
+/// Trials for an asked-for count: three or four meet it where counts do not jump.
+const MAX_TRIALS: usize = 12;
+
+/// The vertices of one level in the order in which they may become centres: corners, then the boundary, then the
+/// inside, each in the order of a hash of the taxel's id, so that neither the order in a file nor that of a vendor's
+/// numbering shows. Equal ids are told apart by the vertex.
+pub(super) fn priorities(
+    surface: &Surface,
+    positions: &IdVec<VertexId, DVec3>,
+    ids: &IdVec<VertexId, TaxelId>,
+) -> Vec<VertexId> {
+    let mut keyed: Vec<(u64, u64, VertexId)> = ids
+        .as_slice()
+        .par_iter()
+        .enumerate()
+        .map(|(i, id)| {
+            let v = VertexId::new(i);
+            let class = match surface.on_boundary[v] {
+                true if is_corner(surface, positions, v) => 0_u64,
+                true => 1,
+                false => 2,
+            };
+            (class << 62 | hash(u64::from(id.0)) >> 2, hash(u64::from(v.raw())), v)
+        })
+        .collect();
+    keyed.par_sort_unstable();
+    keyed.into_iter().map(|(_, _, v)| v).collect()
+}
+
+fn is_corner(surface: &Surface, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> bool {
+    let next = surface.ring(v).skip(1);
+    let sum: f64 =
+        surface.ring(v).zip(next).map(|(a, b)| angle(positions[v], positions[a], positions[b])).sum();
+    (sum - PI).abs() > CORNER_TURN
+}
+
+/// SplitMix64 (Steele, Lea and Flood 2014): a bijection that looks like noise.
+const fn hash(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
+
+/// What the choice of centres sees of a level.
+pub(super) struct Candidates<'a> {
+    pub(super) rings: &'a Rings,
+    /// The boundary loops, see [`Surface::boundary_loops`].
+    pub(super) loops: &'a [Vec<VertexId>],
+    pub(super) positions: &'a IdVec<VertexId, DVec3>,
+    /// Local spacing `h`, in m.
+    pub(super) spacing: &'a IdVec<VertexId, f64>,
+    /// All vertices, most wanted first.
+    pub(super) priorities: &'a [VertexId],
+}
+
+impl Candidates<'_> {
+    /// The lexicographically first maximal set of vertices without a conflict, at separation `alpha`: `i` and `j`
+    /// conflict if `|x_i - x_j| <= alpha (h_i + h_j) / 2` and a path of such vertices leads from `i` to `j`. (Equality
+    /// counts: where vertices coincide, `h` may be zero.)
+    pub(super) fn choose(&self, alpha: f64) -> IdVec<VertexId, bool> {
+        let mut chosen = IdVec::filled(false, self.positions.len());
+        self.add(alpha, &mut chosen, usize::MAX);
+        for walk in self.loops {
+            keep_loop(walk, &mut chosen);
+        }
+        chosen
+    }
+
+    /// Adds vertices without a conflict at separation `alpha` in order of priority, `most` at most.
+    ///
+    /// Paths keep the two sides of a thin fold apart. One sweep in order of priority beats rounds of parallel
+    /// selection here, because only the quarter that is chosen looks around.
+    fn add(&self, alpha: f64, chosen: &mut IdVec<VertexId, bool>, mut most: usize) {
+        let mut ruled_out = IdVec::<VertexId, bool>::filled(false, self.positions.len());
+        let mut seen = IdVec::filled(VertexId::from(u32::MAX), self.positions.len());
+        let mut stack = Vec::new();
+        let mut rule_out_around = |v: VertexId, ruled_out: &mut IdVec<VertexId, bool>| {
+            seen[v] = v;
+            stack.push(v);
+            while let Some(u) = stack.pop() {
+                for &w in self.rings.of(u) {
+                    let reach = 0.5 * alpha * (self.spacing[v] + self.spacing[w]);
+                    if seen[w] != v && self.positions[v].distance_squared(self.positions[w]) <= reach * reach
+                    {
+                        seen[w] = v;
+                        ruled_out[w] = true;
+                        stack.push(w);
+                    }
+                }
+            }
+        };
+        for v in chosen.ids().filter(|&v| chosen[v]) {
+            rule_out_around(v, &mut ruled_out);
+        }
+        for &v in self.priorities {
+            if most > 0 && !ruled_out[v] && !chosen[v] {
+                chosen[v] = true;
+                most -= 1;
+                rule_out_around(v, &mut ruled_out);
+            }
+        }
+    }
+
+    /// About `count` centres, at the separation `alpha` that gives so many.
+    ///
+    /// Counts fall like `alpha^-2`, which proposes the next trial; a bracket keeps the proposals honest. On a regular
+    /// lattice counts jump: there the wider separation is made up to `count` at the narrower one.
+    pub(super) fn choose_about(&self, count: f64) -> IdVec<VertexId, bool> {
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        let mut alpha = ALPHA;
+        let mut sparse: Option<(usize, IdVec<VertexId, bool>)> = None;
+        for _ in 0..MAX_TRIALS {
+            let chosen = self.choose(alpha);
+            let found = chosen.iter().filter(|c| **c).count();
+            let excess = found as f64 / count;
+            if excess.ln().abs() < COUNT_TOLERANCE {
+                return chosen;
+            }
+            if excess > 1.0 {
+                low = alpha;
+            } else {
+                high = alpha;
+                sparse = Some((found, chosen));
+            }
+            let proposal = alpha * excess.sqrt();
+            let middle = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * low };
+            alpha = if proposal > low && proposal < high { proposal } else { middle };
+        }
+        // Boundary loops alone may hold more than `count`: then there is no sparse choice, and few is the best.
+        let Some((found, mut chosen)) = sparse else { return self.choose(alpha) };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of vertices")]
+        let missing = (count.round() as usize).saturating_sub(found);
+        self.add(low, &mut chosen, missing);
+        chosen
+    }
+}
+
+/// Makes up for centres that a boundary loop lacks: the vertices at thirds of the loop, from a centre where it has one.
+fn keep_loop(walk: &[VertexId], chosen: &mut IdVec<VertexId, bool>) {
+    if walk.iter().filter(|v| chosen[**v]).count() >= LEAST_PER_LOOP {
+        return;
+    }
+    let start = walk.iter().position(|v| chosen[*v]).unwrap_or(0);
+    for third in 0..LEAST_PER_LOOP.min(walk.len()) {
+        chosen[walk[(start + third * walk.len() / LEAST_PER_LOOP) % walk.len()]] = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        mesh::{TriMesh, shapes},
+        pyramid::spacing::measured_spacing,
+    };
+
+    fn with_candidates<T>(mesh: &TriMesh, see: impl FnOnce(&Candidates<'_>) -> T) -> T {
+        let surface = Surface::new(mesh).unwrap();
+        let rings = Rings::new(&surface);
+        let spacing = measured_spacing(&rings, &mesh.positions);
+        let ids = mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
+        let priorities = priorities(&surface, &mesh.positions, &ids);
+        let (loops, positions) = (surface.boundary_loops(), &mesh.positions);
+        see(&Candidates {
+            rings: &rings,
+            loops: &loops,
+            positions,
+            spacing: &spacing,
+            priorities: &priorities,
+        })
+    }
+
+    /// No two centres are too near each other, and every other vertex is too near a centre.
+    #[test]
+    fn centres_are_independent_and_maximal() {
+        let mesh = shapes::lattice(30, 30, 0.01);
+        with_candidates(&mesh, |candidates| {
+            let chosen = candidates.choose(ALPHA);
+            let near = |a: VertexId, b: VertexId| {
+                let reach = 0.5 * ALPHA * (candidates.spacing[a] + candidates.spacing[b]);
+                mesh.positions[a].distance(mesh.positions[b]) <= reach
+            };
+            let centres: Vec<_> = chosen.ids().filter(|&v| chosen[v]).collect();
+            for v in chosen.ids() {
+                let blockers = centres.iter().filter(|&&c| c != v && near(v, c)).count();
+                assert_eq!(chosen[v], blockers == 0, "{v} has {blockers} centres around");
+            }
+        });
+    }
+
+    #[test]
+    fn corners_come_first_then_the_boundary() {
+        let mesh = shapes::lattice(9, 9, 0.01);
+        let surface = Surface::new(&mesh).unwrap();
+        let ids = mesh.positions.map(|_| TaxelId(0));
+        let order = priorities(&surface, &mesh.positions, &ids);
+        let boundary = surface.on_boundary.iter().filter(|b| **b).count();
+        // The rim of odd rows is shifted: the first and last row end in one corner of 60 degrees each.
+        let corners: Vec<_> =
+            order.iter().take_while(|&&v| is_corner(&surface, &mesh.positions, v)).collect();
+        assert_eq!(corners.len(), 2, "corners {corners:?}");
+        assert!(order[..boundary].iter().all(|&v| surface.on_boundary[v]), "the boundary before the inside");
+    }
+
+    /// The two sheets of a fold are near in space but far on the skin.
+    #[test]
+    fn sheets_of_a_fold_do_not_see_each_other() {
+        let gap = 0.001;
+        let folded = shapes::sheet(21, 9, |i, j| {
+            let turned = if i > 10 { (20.0 - f64::from(i), gap) } else { (f64::from(i), 0.0) };
+            DVec3::new(0.01 * turned.0, 0.01 * f64::from(j), turned.1)
+        });
+        with_candidates(&folded, |candidates| {
+            let chosen = candidates.choose(ALPHA);
+            let on = |low: f64| {
+                let here =
+                    chosen.enumerate().filter(|(v, c)| **c && (folded.positions[*v].z - low).abs() < 1e-9);
+                here.count()
+            };
+            assert!(on(0.0) >= 15 && on(gap) >= 15, "{} and {} centres", on(0.0), on(gap));
+        });
+    }
+
+    #[test]
+    fn counts_are_met() {
+        with_candidates(&shapes::lattice(60, 60, 0.01), |candidates| {
+            for count in [1200.0, 900.0, 300.0, 100.0] {
+                let found = candidates.choose_about(count).iter().filter(|c| **c).count() as f64;
+                assert!((found / count - 1.0).abs() < 0.03, "{found} of {count}");
+            }
+        });
+    }
+
+    #[test]
+    fn a_small_loop_keeps_three() {
+        let walk: Vec<_> = (0..7).map(VertexId::new).collect();
+        let mut chosen = IdVec::filled(false, 7);
+        chosen[walk[4]] = true;
+        keep_loop(&walk, &mut chosen);
+        let kept: Vec<_> = chosen.ids().filter(|&v| chosen[v]).map(VertexId::index).collect();
+        assert_eq!(kept, [1, 4, 6], "thirds of the loop from the centre it has");
+    }
+}

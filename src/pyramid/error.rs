@@ -1,0 +1,96 @@
+use crate::{
+    id::{LevelId, VertexId},
+    mesh::MeshError,
+};
+
+/// Why a patch has no pyramid, or data is no pyramid.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PyramidError {
+    /// The triangles are no oriented manifold.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// More faces than a side can name.
+    #[error("{found} faces; at most {most} can be coarsened")]
+    TooManyFaces {
+        /// Faces found.
+        found: usize,
+        /// Most faces.
+        most: usize,
+    },
+    /// An array that does not fit its mesh.
+    #[error("{what} has {found} entries, {needed} are needed")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Entries found.
+        found: usize,
+        /// Entries needed.
+        needed: usize,
+    },
+    /// A receptive area that is negative or no number.
+    #[error("vertex {vertex} has an area of {found} m^2; zero or more is needed")]
+    Area {
+        /// The vertex.
+        vertex: VertexId,
+        /// Its area, in m^2.
+        found: f64,
+    },
+    /// A density that is not positive or no number.
+    #[error("vertex {vertex} has a density of {found} per m^2; a positive number is needed")]
+    Density {
+        /// The vertex.
+        vertex: VertexId,
+        /// Its density, in 1/m^2.
+        found: f64,
+    },
+    /// A ratio that shrinks too little to make levels.
+    #[error("a ratio of {found} between levels; at least {least} is needed")]
+    Ratio {
+        /// The ratio asked for.
+        found: f64,
+        /// The least ratio.
+        least: f64,
+    },
+    /// A pyramid without levels.
+    #[error("a pyramid without levels; level 0, the skin itself, is always there")]
+    NoLevels,
+    /// A level that breaks a rule.
+    #[error("level {level}: {source}")]
+    AtLevel {
+        /// The level.
+        level: LevelId,
+        /// The rule.
+        source: Box<PyramidError>,
+    },
+    /// A centre that is no vertex of the level it should come from.
+    #[error("vertex {vertex} is said to be vertex {found} of {what}, which has {count}")]
+    NotNested {
+        /// The coarse vertex.
+        vertex: VertexId,
+        /// Of which level.
+        what: &'static str,
+        /// The vertex it names there.
+        found: VertexId,
+        /// Vertices of that level.
+        count: usize,
+    },
+    /// A row of a prolongation that names a vertex which does not exist.
+    #[error("row {row} names coarse vertex {found}, but there are {count}")]
+    OutOfRange {
+        /// The fine vertex.
+        row: VertexId,
+        /// The coarse vertex it names.
+        found: VertexId,
+        /// Number of coarse vertices.
+        count: usize,
+    },
+    /// A row of a prolongation that is no convex combination.
+    #[error("row {row} has weights {weights:?}; they must be non-negative with sum 1")]
+    Weights {
+        /// The fine vertex.
+        row: VertexId,
+        /// Its weights.
+        weights: [f64; 3],
+    },
+}

@@ -1,0 +1,29 @@
+//! The pyramid of receptive fields: one patch, coarsened level by level.
+//!
+//! Vertices are nested: the centre of every receptive field is a taxel. A level is made from the one below in three
+//! steps: centres are chosen, evenly for the local spacing; every other vertex is removed and its star filled, star by
+//! independent star; the taxels inside a star move into the filling. Two records stay: the [`RemovalLog`], so that
+//! flattening can undo the removals on the map, and the [`Prolongation`], which carries values coarse to fine and whose
+//! transpose carries amounts fine to coarse.
+
+mod build;
+mod centres;
+mod error;
+mod filling;
+mod level;
+mod prolongation;
+mod queue;
+mod refill;
+mod relocate;
+mod removal_log;
+mod remove;
+mod rings;
+mod spacing;
+mod star;
+mod surface;
+
+pub use build::{CoarsenOptions, coarsen};
+pub use error::PyramidError;
+pub use level::{Level, Pyramid};
+pub use prolongation::Prolongation;
+pub use removal_log::{Removal, RemovalLog};

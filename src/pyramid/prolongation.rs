@@ -1,0 +1,168 @@
+use std::ops::{Add, Mul};
+
+use crate::{
+    id::{IdVec, VertexId},
+    pyramid::PyramidError,
+};
+
+/// A row's weights may miss the sum 1 by this much: rounding, also of weights that were stored as `f32`.
+const SUM_TOLERANCE: f64 = 1e-6;
+
+/// Coarse to fine: every fine vertex as a convex combination of at most three coarse ones.
+///
+/// A sparse matrix `P` (fine x coarse) with exactly three slots a row; unused slots have weight 0. In a pyramid the
+/// three indices of a row are always the corners of one coarse face, so a row is also a place on the coarse mesh.
+///
+/// Two prolongations have no product of this form (their rows would grow), so a pyramid carries every taxel along
+/// instead: see [`crate::pyramid::Level::direct`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prolongation {
+    /// Coarse vertices of each fine vertex.
+    pub indices: IdVec<VertexId, [VertexId; 3]>,
+    /// Their weights: non-negative, sum 1.
+    pub weights: IdVec<VertexId, [f64; 3]>,
+    /// Number of coarse vertices.
+    pub coarse_len: usize,
+}
+
+impl Prolongation {
+    /// Checks that rows name coarse vertices and are convex combinations of them.
+    ///
+    /// # Errors
+    /// The first row that breaks a rule.
+    pub fn validate(&self) -> Result<(), PyramidError> {
+        let (found, needed) = (self.weights.len(), self.indices.len());
+        if found != needed {
+            return Err(PyramidError::Length { what: "weights", found, needed });
+        }
+        for ((row, indices), &weights) in self.indices.enumerate().zip(&self.weights) {
+            if let Some(&found) = indices.iter().find(|v| v.index() >= self.coarse_len) {
+                return Err(PyramidError::OutOfRange { row, found, count: self.coarse_len });
+            }
+            let sum: f64 = weights.iter().sum();
+            // Not the negation: a NaN must fail.
+            let convex = weights.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() <= SUM_TOLERANCE;
+            if !convex {
+                return Err(PyramidError::Weights { row, weights });
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of fine vertices.
+    #[must_use]
+    pub fn fine_len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Coarse vertices and weights of the fine vertex `row`, without the unused slots.
+    pub fn row(&self, row: VertexId) -> impl Iterator<Item = (VertexId, f64)> {
+        self.indices[row].into_iter().zip(self.weights[row]).filter(|(_, w)| *w > 0.0)
+    }
+
+    /// `P x`: a quantity of places (a position, a pressure) of the coarse vertices on the fine ones.
+    ///
+    /// # Panics
+    /// If `coarse` has not one entry per coarse vertex.
+    #[must_use]
+    pub fn apply<T>(&self, coarse: &IdVec<VertexId, T>) -> IdVec<VertexId, T>
+    where
+        T: Copy + Add<Output = T> + Mul<f64, Output = T>,
+    {
+        assert_eq!(coarse.len(), self.coarse_len, "one value per coarse vertex");
+        let blend = |(&[a, b, c], &[wa, wb, wc]): (&[VertexId; 3], &[f64; 3])| {
+            coarse[a] * wa + coarse[b] * wb + coarse[c] * wc
+        };
+        self.indices.iter().zip(&self.weights).map(blend).collect()
+    }
+
+    /// `P' x`: an amount (a force, an area) of the fine vertices, collected on the coarse ones; the total is kept.
+    ///
+    /// # Panics
+    /// If `fine` has not one entry per fine vertex.
+    #[must_use]
+    pub fn restrict<T>(&self, fine: &IdVec<VertexId, T>) -> IdVec<VertexId, T>
+    where
+        T: Copy + Default + Add<Output = T> + Mul<f64, Output = T>,
+    {
+        assert_eq!(fine.len(), self.fine_len(), "one value per fine vertex");
+        let mut coarse = IdVec::filled(T::default(), self.coarse_len);
+        for ((indices, weights), &x) in self.indices.iter().zip(&self.weights).zip(fine) {
+            for (&v, &w) in indices.iter().zip(weights) {
+                coarse[v] = coarse[v] + x * w;
+            }
+        }
+        coarse
+    }
+
+    /// `P'(a m p) / P'(a m)`: pressures `p` (Pa) of the fine vertices with areas `a` (m^2), averaged over the fields
+    /// of the coarse ones. `working` says which taxels have a reading (`m`); a field without any has none either.
+    ///
+    /// With all taxels working the denominator is the coarse area, and force `a p` is kept exactly.
+    ///
+    /// # Panics
+    /// If an array has not one entry per fine vertex.
+    #[must_use]
+    pub fn restrict_pressure(
+        &self,
+        pressures: &IdVec<VertexId, f64>,
+        areas: &IdVec<VertexId, f64>,
+        working: impl Fn(VertexId) -> bool,
+    ) -> IdVec<VertexId, Option<f64>> {
+        assert_eq!(pressures.len(), areas.len(), "one area per pressure");
+        let live = |v: VertexId, x: f64| if working(v) { x } else { 0.0 };
+        let forces = pressures.enumerate().map(|(v, p)| live(v, p * areas[v])).collect();
+        let served = areas.enumerate().map(|(v, &a)| live(v, a)).collect();
+        let forces: IdVec<VertexId, f64> = self.restrict(&forces);
+        let pressure = |(f, a): (&f64, &f64)| (*a > 0.0).then(|| f / a);
+        forces.iter().zip(&self.restrict(&served)).map(pressure).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two fine vertices: one is coarse vertex 0, the other the middle of 0 and 2.
+    fn middle() -> Prolongation {
+        let rows = |rows: [[usize; 3]; 2]| rows.into_iter().map(|r| r.map(VertexId::new)).collect();
+        Prolongation {
+            indices: rows([[0, 1, 2], [0, 1, 2]]),
+            weights: vec![[1.0, 0.0, 0.0], [0.5, 0.0, 0.5]].into(),
+            coarse_len: 3,
+        }
+    }
+
+    #[test]
+    fn values_are_blended_and_amounts_are_shared() {
+        let p = middle();
+        p.validate().unwrap();
+        assert_eq!(p.apply(&vec![2.0, 7.0, 4.0].into()).into_vec(), [2.0, 3.0]);
+        assert_eq!(p.restrict(&vec![1.0, 8.0].into()).into_vec(), [5.0, 0.0, 4.0]);
+        let row: Vec<_> = p.row(VertexId::new(1)).collect();
+        assert_eq!(row, [(VertexId::new(0), 0.5), (VertexId::new(2), 0.5)], "unused slots are left out");
+    }
+
+    #[test]
+    fn pressure_is_a_mean_over_the_taxels_that_work() {
+        let (p, pressures, areas) = (middle(), vec![10.0, 40.0].into(), vec![1.0, 2.0].into());
+        let all = p.restrict_pressure(&pressures, &areas, |_| true).into_vec();
+        assert_eq!(all, [Some(25.0), None, Some(40.0)], "(10 1 1 + 40 2 0.5) / 2, no taxel, one taxel");
+        let first = p.restrict_pressure(&pressures, &areas, |v| v.index() == 0).into_vec();
+        assert_eq!(first, [Some(10.0), None, None], "the other taxel is dead");
+    }
+
+    #[test]
+    fn rows_that_are_no_convex_combination_are_named() {
+        let row = VertexId::new(1);
+        for weights in [[0.5, 0.5, 0.5], [1.5, -0.5, 0.0], [f64::NAN, 0.5, 0.5]] {
+            let mut p = middle();
+            p.weights[row] = weights;
+            assert!(matches!(p.validate(), Err(PyramidError::Weights { row: found, .. }) if found == row));
+        }
+        let found = VertexId::new(3);
+        let mut p = middle();
+        p.indices[row][1] = found;
+        assert_eq!(p.validate(), Err(PyramidError::OutOfRange { row, found, count: 3 }));
+    }
+}

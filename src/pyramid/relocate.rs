@@ -1,0 +1,145 @@
+use glam::DVec2;
+use rayon::prelude::*;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    pyramid::{
+        star::Star,
+        surface::{NEXT, PREVIOUS, Side, Surface},
+    },
+};
+
+/// End of a list of taxels.
+const NONE: u32 = u32::MAX;
+
+/// Where a taxel lies that is no vertex any more.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    face: FaceId,
+    /// Weights of the face's corners, in its order.
+    weights: [f64; 3],
+}
+
+/// Where all taxels of level 0 lie on the level at hand: on a vertex, or inside a face that lists them.
+#[derive(Debug, Clone)]
+pub(super) struct Places {
+    /// By level-0 vertex; without meaning for those that are vertices still.
+    places: IdVec<VertexId, Place>,
+    /// The next taxel in the same face.
+    next: Vec<u32>,
+    /// The first taxel of each face.
+    heads: IdVec<FaceId, u32>,
+}
+
+/// A taxel with its new place: a filling triangle and the weights of its corners.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Move {
+    pub(super) taxel: VertexId,
+    pub(super) triangle: u8,
+    pub(super) weights: [f64; 3],
+}
+
+impl Places {
+    /// All taxels on vertices.
+    pub(super) fn new(taxels: usize, faces: usize) -> Self {
+        let nowhere = Place { face: FaceId::default(), weights: [1.0, 0.0, 0.0] };
+        Self {
+            places: IdVec::filled(nowhere, taxels),
+            next: vec![NONE; taxels],
+            heads: IdVec::filled(NONE, faces),
+        }
+    }
+
+    /// The taxels listed by `face`.
+    fn inside(&self, face: FaceId) -> impl Iterator<Item = VertexId> {
+        let mut at = self.heads[face];
+        std::iter::from_fn(move || {
+            let taxel = (at != NONE).then(|| VertexId::from(at))?;
+            at = self.next[taxel.index()];
+            Some(taxel)
+        })
+    }
+
+    /// New places for everything inside `star`, whose vertex is the taxel `centre`, in the triangles that fill it.
+    pub(super) fn plan(&self, star: &Star, centre: VertexId, filling: &[[u8; 3]], moves: &mut Vec<Move>) {
+        moves.push(locate(star, filling, centre, DVec2::ZERO));
+        for (i, side) in star.sides.iter().enumerate() {
+            let (a, b) = (star.flat[i], star.flat[(i + 1) % star.flat.len()]);
+            for taxel in self.inside(side.face()) {
+                // The side leaves the star's vertex, which lies at zero.
+                let weights = self.places[taxel].weights;
+                let (p, q) = (weights[NEXT[side.k()]], weights[PREVIOUS[side.k()]]);
+                moves.push(locate(star, filling, taxel, a * p + b * q));
+            }
+        }
+    }
+
+    /// Carries out the moves of one star, whose faces become its filling, in order.
+    pub(super) fn carry(&mut self, star: &[Side], moves: &[Move]) {
+        for side in star {
+            self.heads[side.face()] = NONE;
+        }
+        for &Move { taxel, triangle, weights } in moves {
+            let face = star[usize::from(triangle)].face();
+            self.places[taxel] = Place { face, weights };
+            self.next[taxel.index()] = self.heads[face];
+            self.heads[face] = taxel.raw();
+        }
+    }
+
+    /// Follows [`Surface::compact`].
+    pub(super) fn compact(&mut self, faces: &IdVec<FaceId, FaceId>, count: usize) {
+        let mut heads = IdVec::filled(NONE, count);
+        for (old, &head) in self.heads.enumerate() {
+            if head != NONE {
+                heads[faces[old]] = head;
+            }
+        }
+        for place in self.places.iter_mut() {
+            place.face = faces[place.face];
+        }
+        self.heads = heads;
+    }
+
+    /// The corners and weights of every taxel on `surface`, whose vertices are the taxels `origins`. All three indices
+    /// of a row are the corners of one face, also where one weight is 1.
+    pub(super) fn rows(
+        &self,
+        surface: &Surface,
+        origins: &IdVec<VertexId, VertexId>,
+    ) -> (IdVec<VertexId, [VertexId; 3]>, IdVec<VertexId, [f64; 3]>) {
+        let places = self.places.as_slice().par_iter();
+        let corners = places.clone().map(|place| surface.faces[place.face].corners);
+        let mut indices = IdVec::from(corners.collect::<Vec<_>>());
+        let mut weights = IdVec::from(places.map(|place| place.weights).collect::<Vec<_>>());
+        for (v, &taxel) in origins.enumerate() {
+            let side = surface.leaving[v];
+            let corners = surface.faces[side.face()].corners;
+            indices[taxel] = [0, 1, 2].map(|k| corners[(side.k() + k) % 3]);
+            weights[taxel] = [1.0, 0.0, 0.0];
+        }
+        (indices, weights)
+    }
+}
+
+/// The triangle of `filling` that holds `point` (or is nearest to holding it, by rounding) and its weights there.
+fn locate(star: &Star, filling: &[[u8; 3]], taxel: VertexId, point: DVec2) -> Move {
+    let mut best = (f64::NEG_INFINITY, 0, [1.0, 0.0, 0.0]);
+    for (triangle, corners) in (0_u8..).zip(filling) {
+        let [a, b, c] = corners.map(|i| star.flat[usize::from(i)]);
+        let area = (b - a).perp_dot(c - a);
+        let wa = (b - point).perp_dot(c - point) / area;
+        let wb = (c - point).perp_dot(a - point) / area;
+        let weights = [wa, wb, 1.0 - wa - wb];
+        let least = weights[0].min(weights[1]).min(weights[2]);
+        if least > best.0 {
+            best = (least, triangle, weights);
+        }
+        if least >= 0.0 {
+            break;
+        }
+    }
+    let clamped = best.2.map(|w| w.max(0.0));
+    let sum: f64 = clamped.iter().sum();
+    Move { taxel, triangle: best.1, weights: clamped.map(|w| w / sum) }
+}

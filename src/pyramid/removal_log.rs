@@ -1,0 +1,138 @@
+use crate::id::{FaceId, IdVec, VertexId};
+
+/// One vertex removed from a level: its ring at that moment and the triangles that filled the hole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Removal<'a> {
+    /// The vertex removed.
+    pub vertex: VertexId,
+    /// Its neighbours at that moment, counter-clockwise; an open chain if it was on a boundary, from the next
+    /// to the previous vertex of its loop.
+    pub ring: &'a [VertexId],
+    /// Whether it was on a boundary.
+    pub boundary: bool,
+    /// Triangles of ring positions that filled the hole, counter-clockwise.
+    pub triangles: &'a [[u8; 3]],
+}
+
+impl<'a> Removal<'a> {
+    /// The triangles that went with the vertex, counter-clockwise: `(vertex, ring[i], ring[i + 1])`, around the whole
+    /// ring or, on a boundary, along the open chain.
+    pub fn star(&self) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
+        let Self { vertex, ring, boundary, .. } = *self;
+        let count = if boundary { ring.len().saturating_sub(1) } else { ring.len() };
+        (0..count).map(move |i| [vertex, ring[i], ring[(i + 1) % ring.len()]])
+    }
+
+    /// The triangles that took their place.
+    pub fn filling(&self) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
+        let ring = self.ring;
+        self.triangles.iter().map(move |t| t.map(|i| ring[usize::from(i)]))
+    }
+}
+
+/// The removals that turned a level into the next coarser one, in order; all ids are the finer level's.
+///
+/// Undone in reverse it puts each vertex back into its own star, on the skin or on a map.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RemovalLog {
+    vertices: Vec<(VertexId, bool)>,
+    ring_ends: Vec<u32>,
+    rings: Vec<VertexId>,
+    triangle_ends: Vec<u32>,
+    triangles: Vec<[u8; 3]>,
+}
+
+impl RemovalLog {
+    /// Appends one removal.
+    pub fn push(&mut self, removal: &Removal<'_>) {
+        self.vertices.push((removal.vertex, removal.boundary));
+        self.rings.extend_from_slice(removal.ring);
+        self.ring_ends.push(VertexId::new(self.rings.len()).raw());
+        self.triangles.extend_from_slice(removal.triangles);
+        self.triangle_ends.push(VertexId::new(self.triangles.len()).raw());
+    }
+
+    /// Number of removals.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Whether nothing was removed.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// The triangles of the finer level after its first `count` removals, in finer ids: all of them give the coarser
+    /// level, none the finer one, and what lies between are the steps by which a map is refined.
+    ///
+    /// A triangle goes exactly when the first of its corners is removed, so nothing has to be searched for.
+    #[must_use]
+    pub fn triangles_after(
+        &self,
+        finer: &IdVec<FaceId, [VertexId; 3]>,
+        count: usize,
+    ) -> IdVec<FaceId, [VertexId; 3]> {
+        let last = finer.iter().flatten().map(|v| v.index() + 1).max().unwrap_or(0);
+        let mut gone = IdVec::<VertexId, bool>::filled(false, last);
+        for &(v, _) in self.vertices.iter().take(count) {
+            if v.index() < last {
+                gone[v] = true;
+            }
+        }
+        let born = self.iter().take(count).flat_map(|removal| removal.filling());
+        finer.iter().copied().chain(born).filter(|t| t.iter().all(|&v| gone.get(v) == Some(&false))).collect()
+    }
+
+    /// The removals, first to last.
+    pub fn iter(&self) -> impl DoubleEndedIterator<Item = Removal<'_>> + ExactSizeIterator {
+        let range = |ends: &[u32], i: usize| {
+            let start = if i == 0 { 0 } else { ends[i - 1] as usize };
+            start..ends[i] as usize
+        };
+        (0..self.vertices.len()).map(move |i| Removal {
+            vertex: self.vertices[i].0,
+            boundary: self.vertices[i].1,
+            ring: &self.rings[range(&self.ring_ends, i)],
+            triangles: &self.triangles[range(&self.triangle_ends, i)],
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The middle of a square of four triangles goes, then one of its corners, which is on the boundary.
+    #[test]
+    fn triangles_go_with_the_first_of_their_corners() {
+        let v = |ids: [u32; 3]| ids.map(VertexId::from);
+        let ring = [1, 2, 3, 4].map(VertexId::new);
+        let mut log = RemovalLog::default();
+        log.push(&Removal {
+            vertex: VertexId::new(0),
+            ring: &ring,
+            boundary: false,
+            triangles: &[[0, 1, 2], [0, 2, 3]],
+        });
+        let chain = [2, 3, 4].map(VertexId::new);
+        log.push(&Removal {
+            vertex: VertexId::new(1),
+            ring: &chain,
+            boundary: true,
+            triangles: &[[0, 1, 2]],
+        });
+        let fine: IdVec<FaceId, _> = vec![v([0, 1, 2]), v([0, 2, 3]), v([0, 3, 4]), v([0, 4, 1])].into();
+        let after = |count: usize| log.triangles_after(&fine, count).into_vec();
+        assert_eq!(after(0), fine.as_slice());
+        assert_eq!(after(1), [v([1, 2, 3]), v([1, 3, 4])]);
+        assert_eq!(after(2), [v([2, 3, 4])]);
+        assert_eq!(after(9), after(2), "no more than all");
+
+        let removals: Vec<_> = log.iter().collect();
+        assert_eq!(removals[0].star().collect::<Vec<_>>(), fine.as_slice(), "a whole ring");
+        assert_eq!(removals[1].star().collect::<Vec<_>>(), [v([1, 2, 3]), v([1, 3, 4])], "an open chain");
+        assert_eq!(removals[1].filling().collect::<Vec<_>>(), [v([2, 3, 4])]);
+    }
+}

@@ -1,0 +1,145 @@
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec2, DVec3};
+
+use crate::{
+    id::{IdVec, VertexId},
+    pyramid::surface::{NEXT, Side, Surface},
+};
+
+/// Vertices with more neighbours stay for now: filling their star costs the cube of this, and their turn comes again
+/// when neighbours are gone.
+pub(super) const MAX_RING: usize = 32;
+
+/// A corner of a star below this angle, in rad, has no direction that rounding leaves alone; such a star is not flattened.
+const MIN_ANGLE: f64 = 1e-9;
+
+/// How far a removal may change the surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    /// Cosine of the largest angle between a filling triangle and the star it replaces; positive.
+    pub(super) min_cos_turn: f64,
+    /// Largest distance of a removed boundary vertex from the new boundary edge, in lengths of that edge.
+    pub(super) max_sagitta: f64,
+}
+
+/// The faces around one vertex, flattened around it.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Star {
+    pub(super) closed: bool,
+    /// The neighbours, counter-clockwise.
+    pub(super) ring: Vec<VertexId>,
+    /// The side that leads to each neighbour; a boundary star's last neighbour has none.
+    pub(super) sides: Vec<Side>,
+    /// Where the neighbours lie around the vertex on the plane, in m.
+    pub(super) flat: Vec<DVec2>,
+    /// Where they lie in space, in m from the vertex.
+    pub(super) places: Vec<DVec3>,
+    /// Sum of the faces' cross products: twice the star's area along its normal.
+    pub(super) normal: DVec3,
+    /// Cross product of the face across each side of the ring; zero where there is none to compare with.
+    pub(super) beyond: Vec<DVec3>,
+}
+
+impl Star {
+    /// Gathers the star of `v` into the buffers of `self` and flattens it; `false` if its shape forbids the removal.
+    pub(super) fn gather(
+        &mut self,
+        surface: &Surface,
+        positions: &IdVec<VertexId, DVec3>,
+        v: VertexId,
+        limits: &Limits,
+    ) -> bool {
+        self.ring.clear();
+        self.sides.clear();
+        self.places.clear();
+        self.closed = !surface.on_boundary[v];
+        // A boundary vertex of one face alone would leave no polygon to fill.
+        if !(3..=MAX_RING).contains(&(surface.degree[v] as usize)) {
+            return false;
+        }
+        let mut ring = surface.ring(v);
+        loop {
+            let side = ring.side();
+            let Some(w) = ring.next() else { break };
+            self.ring.push(w);
+            self.places.push(positions[w] - positions[v]);
+            if side != Side::NONE {
+                self.sides.push(side);
+            }
+        }
+        let fits = if self.closed { self.has_depth(surface) } else { self.is_straight(surface, limits) };
+        if !fits || !self.flatten() {
+            return false;
+        }
+        self.look_beyond(surface, positions);
+        true
+    }
+
+    /// Lays the ring around the vertex with the lengths of its edges and its angles scaled to a full turn, on a
+    /// boundary to half a one (the conformal map `z^a` of Lee et al. 1998, "MAPS", with `a` on the angles alone).
+    fn flatten(&mut self) -> bool {
+        let mut angles = [0.0; MAX_RING];
+        let mut total = 0.0;
+        self.normal = DVec3::ZERO;
+        for (i, angle) in angles.iter_mut().enumerate().take(self.sides.len()) {
+            let (a, b) = (self.places[i], self.places[(i + 1) % self.ring.len()]);
+            let cross = a.cross(b);
+            *angle = cross.length().atan2(a.dot(b));
+            if angle.is_nan() || *angle < MIN_ANGLE {
+                return false;
+            }
+            total += *angle;
+            self.normal += cross;
+        }
+        let scale = if self.closed { TAU } else { PI } / total;
+        let mut turn = 0.0;
+        self.flat.clear();
+        for (p, angle) in self.places.iter().zip(angles) {
+            self.flat.push(DVec2::from_angle(turn) * p.length());
+            turn += angle * scale;
+        }
+        // A face that took half a turn or more would have no inside on the plane.
+        angles[..self.sides.len()].iter().all(|angle| angle * scale < PI - MIN_ANGLE)
+    }
+
+    /// Whether there is more than one face behind a closed star of three: filling it would close a pillow.
+    fn has_depth(&self, surface: &Surface) -> bool {
+        let behind = |i: usize| self.outside(surface, i);
+        let [a, b] = [behind(0), behind(1)];
+        self.ring.len() > 3 || a == Side::NONE || b == Side::NONE || a.face() != b.face()
+    }
+
+    /// Whether the boundary may run straight from the first neighbour to the last.
+    fn is_straight(&self, surface: &Surface, limits: &Limits) -> bool {
+        let last = self.ring.len() - 1;
+        let (a, b) = (self.places[0], self.places[last]);
+        let edge = b - a;
+        let along = (-a.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+        let sagitta = (a + edge * along).length();
+        // Written so that the NaN of an edge without length refuses.
+        sagitta <= limits.max_sagitta * edge.length() && !surface.has_edge(self.ring[0], self.ring[last])
+    }
+
+    /// What lies across side `i` of the ring.
+    fn outside(&self, surface: &Surface, i: usize) -> Side {
+        let side = self.sides[i];
+        surface.faces[side.face()].twins[NEXT[side.k()]]
+    }
+
+    /// Measures the faces around the star. One that folds over the star already sets no limit: the vertex would never go.
+    fn look_beyond(&mut self, surface: &Surface, positions: &IdVec<VertexId, DVec3>) {
+        self.beyond.clear();
+        self.beyond.resize(self.ring.len(), DVec3::ZERO);
+        for i in 0..self.sides.len() {
+            let twin = self.outside(surface, i);
+            if twin != Side::NONE {
+                let normal = surface.face_cross(twin.face(), positions);
+                let own = self.places[i].cross(self.places[(i + 1) % self.ring.len()]);
+                if own.dot(normal) > 0.0 {
+                    self.beyond[i] = normal;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,459 @@
+//! Laws of the pyramid: nested centres, convex prolongations that keep force, and levels that stay manifolds
+//! of the same shape and can be undone.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::collections::BTreeSet;
+
+use dermatome::{
+    id::{FaceId, IdVec, LevelId, LinkId, TaxelId, VertexId},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh, mean_edge_length, shapes},
+    pyramid::{CoarsenOptions, Level, Pyramid, PyramidError, coarsen},
+    skin::Patch,
+};
+use glam::DVec3;
+use proptest::prelude::*;
+
+fn patch(mesh: TriMesh) -> Patch {
+    Patch::from_mesh("patch", LinkId::new(0), mesh)
+}
+
+fn pyramid(mesh: TriMesh) -> Pyramid {
+    coarsen(&patch(mesh), &CoarsenOptions::default()).unwrap()
+}
+
+/// Pairs of a level and the next coarser one.
+fn steps(pyramid: &Pyramid) -> impl Iterator<Item = (&Level, &Level)> {
+    pyramid.levels.iter().zip(pyramid.levels.iter().skip(1))
+}
+
+fn cap(faces: usize) -> TriMesh {
+    shapes::cap(faces, 0.1, 110_f64.to_radians())
+}
+
+/// The mesh without the faces around each of `centres`, and without those vertices.
+fn punched(mesh: &TriMesh, centres: impl Fn(VertexId) -> bool) -> TriMesh {
+    let mut names = IdVec::<VertexId, u32>::filled(0, mesh.positions.len());
+    let mut positions = Vec::new();
+    for v in mesh.positions.ids().filter(|&v| !centres(v)) {
+        names[v] = u32::try_from(positions.len()).unwrap();
+        positions.push(mesh.positions[v]);
+    }
+    let whole = mesh.triangles.iter().filter(|t| !t.iter().any(|&v| centres(v)));
+    let triangles: Vec<_> = whole.map(|t| t.map(|v| names[v])).collect();
+    TriMesh::from_arrays(positions, &triangles)
+}
+
+/// A lattice with a hexagonal hole of one spacing at every `every`-th vertex in both directions.
+fn sieve(columns: u32, rows: u32, every: u32) -> TriMesh {
+    let hole = |at: u32, count: u32| at % every == every / 2 && at > 1 && at + 2 < count;
+    punched(&shapes::lattice(columns, rows, 0.005), |v| {
+        hole(v.raw() % columns, columns) && hole(v.raw() / columns, rows)
+    })
+}
+
+/// Moves every vertex by up to `share` of its shortest edge in each coordinate.
+fn jittered(mesh: &TriMesh, share: f64, seed: u64) -> TriMesh {
+    let adjacency = Adjacency::new(mesh).unwrap();
+    let mut state = seed;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    let mut out = mesh.clone();
+    for (v, p) in mesh.positions.enumerate() {
+        let edges = adjacency.ring(v).iter().map(|&w| p.distance(mesh.positions[w]));
+        let shortest = edges.fold(f64::INFINITY, f64::min);
+        out.positions[v] = *p + DVec3::new(noise(), noise(), noise()) * (share * shortest);
+    }
+    out
+}
+
+/// Pairs of neighbouring faces that turn away from each other by more than a right angle.
+fn folds(mesh: &TriMesh) -> usize {
+    let adjacency = Adjacency::new(mesh).unwrap();
+    let sides = mesh.triangles.ids().flat_map(|face| (0..3).map(move |side| Halfedge { face, side }));
+    sides
+        .filter(|&h| {
+            let twin = adjacency.twin(h).filter(|t| t.face > h.face);
+            twin.is_some_and(|t| mesh.face_cross(h.face).dot(mesh.face_cross(t.face)) < 0.0)
+        })
+        .count()
+}
+
+/// A triangle from its smallest corner, so that equal triangles are equal.
+fn rotated([a, b, c]: [VertexId; 3]) -> [VertexId; 3] {
+    if a < b && a < c {
+        [a, b, c]
+    } else if b < c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}
+
+fn set(triangles: impl IntoIterator<Item = [VertexId; 3]>) -> BTreeSet<[VertexId; 3]> {
+    triangles.into_iter().map(rotated).collect()
+}
+
+/// Every law that holds for the pyramid of any patch.
+fn assert_laws(pyramid: &Pyramid) {
+    pyramid.validate().unwrap();
+    let ground = &pyramid.levels[LevelId::new(0)];
+    let shape = |level: &Level| {
+        let adjacency = Adjacency::new(&level.mesh).unwrap();
+        (adjacency.euler_characteristic(), adjacency.boundary_loops().len(), adjacency.components().1)
+    };
+    let total = |x: &IdVec<VertexId, f64>| x.iter().sum::<f64>();
+    let forces: IdVec<VertexId, f64> =
+        ground.mesh.positions.ids().map(|v| 0.1 + f64::from(v.raw() % 7)).collect();
+    let unfolded = folds(&ground.mesh) == 0;
+    for (id, level) in pyramid.levels.enumerate() {
+        assert_eq!(shape(level), shape(ground), "Euler characteristic, loops and components of level {id}");
+        assert!(!unfolded || folds(&level.mesh) == 0, "level {id} of a smooth skin has no folds");
+        let (a, b) = (total(&level.areas), total(&ground.areas));
+        assert!((a - b).abs() <= 1e-12 * b, "level {id} has the skin's area: {a} and {b}");
+        for (v, &taxel) in level.origins.enumerate() {
+            assert_eq!(level.mesh.positions[v], ground.mesh.positions[taxel], "a centre is a taxel");
+        }
+        let Some(direct) = &level.direct else { continue };
+        let (a, b) = (total(&direct.restrict(&forces)), total(&forces));
+        assert!((a - b).abs() <= 1e-12 * b, "level {id} has the skin's force: {a} and {b}");
+        let faces = set(level.mesh.triangles.iter().copied());
+        for (indices, weights) in direct.indices.iter().zip(&direct.weights) {
+            assert!(faces.contains(&rotated(*indices)), "row {indices:?} is a face of level {id}");
+            assert!(weights.iter().all(|w| *w >= 0.0), "weights {weights:?}");
+            assert!((weights.iter().sum::<f64>() - 1.0).abs() <= 1e-12, "weights {weights:?}");
+        }
+        for (v, &taxel) in level.origins.enumerate() {
+            assert_eq!((direct.indices[taxel][0], direct.weights[taxel]), (v, [1.0, 0.0, 0.0]), "a centre");
+        }
+    }
+    for (fine, coarse) in steps(pyramid) {
+        assert_step(fine, coarse);
+    }
+}
+
+/// The laws between a level and the next coarser one.
+fn assert_step(fine: &Level, coarse: &Level) {
+    let (before, after) = (fine.mesh.positions.len() as f64, coarse.mesh.positions.len() as f64);
+    assert!(before >= 1.5 * after, "a level shrinks by 1.5 at least: {before} to {after}");
+    let up = fine.up.as_ref().unwrap();
+    let direct = coarse.direct.as_ref().unwrap();
+    for (v, &taxel) in fine.origins.enumerate() {
+        assert_eq!(up.indices[v], direct.indices[taxel], "up is direct's rows of surviving taxels");
+        assert_eq!(up.weights[v], direct.weights[taxel], "up is direct's rows of surviving taxels");
+    }
+    for (v, &parent) in coarse.parents.enumerate() {
+        assert_eq!(fine.origins[parent], coarse.origins[v], "a parent is the same taxel");
+    }
+
+    let mut triangles = set(coarse.mesh.triangles.iter().map(|t| t.map(|v| coarse.parents[v])));
+    let log = &fine.removals;
+    assert_eq!(triangles, set(log.triangles_after(&fine.mesh.triangles, log.len())), "all removals");
+    for removal in log.iter().rev() {
+        assert!(removal.ring.len() >= 3, "a ring is a polygon");
+        for t in removal.filling() {
+            assert!(triangles.remove(&rotated(t)), "filling {t:?} is there when it is undone");
+        }
+        for t in removal.star() {
+            assert!(triangles.insert(rotated(t)), "star {t:?} is new when it is put back");
+        }
+    }
+    assert_eq!(triangles, set(fine.mesh.triangles.iter().copied()), "undone, the log gives the fine mesh");
+}
+
+#[test]
+fn the_laws_hold_on_named_shapes() {
+    for mesh in [
+        cap(4000),
+        shapes::saddle(40),
+        shapes::lattice(50, 30, 0.006),
+        shapes::tube(30, 40, 0.04, 0.25),
+        shapes::torus(60, 25, 0.1, 0.03),
+        sieve(60, 40, 6),
+        sieve(40, 40, 3),
+        shapes::fan(500),
+        shapes::square(),
+        shapes::triangle(),
+        shapes::tetrahedron(),
+    ] {
+        assert_laws(&pyramid(mesh));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn the_laws_hold_on_rough_shapes(
+        shape in 0_usize..6,
+        size in 4_u32..28,
+        share in 0.0..0.35_f64,
+        seed: u64,
+        ratio in prop::option::of(1.5..9.0_f64),
+    ) {
+        let mesh = match shape {
+            0 => cap(2 * (size * size) as usize),
+            1 => shapes::saddle(size),
+            2 => shapes::lattice(size, 2 + size / 2, 0.01),
+            3 => shapes::tube(3 + size / 2, size, 0.03, 0.2),
+            4 => sieve(size, size, 3 + size % 4),
+            _ => shapes::torus(3 + size / 2, 3 + size / 3, 0.1, 0.04),
+        };
+        let patch = patch(jittered(&mesh, share, seed));
+        let options = CoarsenOptions { ratio, coarsest: 8, ..CoarsenOptions::default() };
+        assert_laws(&coarsen(&patch, &options).unwrap());
+    }
+
+    /// Slivers, spikes and vertices on top of each other are all manifolds: they may stall a pyramid but not break it.
+    #[test]
+    fn degenerate_positions_neither_panic_nor_make_nan(
+        size in 3_u32..12,
+        places in prop::collection::vec((0_i8..4, 0_i8..4, 0_i8..2), 144),
+    ) {
+        let mesh = shapes::sheet(size, size, |i, j| {
+            let (x, y, z) = places[(j * size + i) as usize];
+            DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * 1e-3
+        });
+        let options = CoarsenOptions { coarsest: 3, ..CoarsenOptions::default() };
+        assert_laws(&coarsen(&patch(mesh), &options).unwrap());
+    }
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    let patch = patch(jittered(&cap(20_000), 0.2, 3));
+    let options = CoarsenOptions { ratio: Some(4.0), ..CoarsenOptions::default() };
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| coarsen(&patch, &options).unwrap())
+    };
+    let one = with(1);
+    assert!(one == with(2), "one thread and two");
+    assert!(one == with(7), "one thread and seven");
+}
+
+/// Positions are a linear field, so they prolong to nearly themselves where the surface is nearly flat.
+#[test]
+fn a_linear_field_is_reproduced_to_a_tenth_of_the_spacing_on_the_cap() {
+    let pyramid = pyramid(cap(10_000));
+    let ground = &pyramid.levels[LevelId::new(0)].mesh;
+    let (fine, coarse) = steps(&pyramid).next().unwrap();
+    let spacing = mean_edge_length(ground, &Adjacency::new(ground).unwrap());
+    let prolonged = fine.up.as_ref().unwrap().apply(&coarse.mesh.positions);
+    let squares: f64 = prolonged.iter().zip(&ground.positions).map(|(a, b)| a.distance_squared(*b)).sum();
+    let rms = (squares / ground.positions.len() as f64).sqrt();
+    assert!(rms < 0.1 * spacing, "rms error {rms} of {spacing}");
+}
+
+/// On a plane every star is flat already: inside the boundary, positions prolong to themselves.
+#[test]
+fn a_linear_field_is_exact_on_a_plane() {
+    let mesh = shapes::lattice(40, 40, 0.01);
+    let inside = |p: &DVec3| (p - DVec3::new(0.2, 0.17, 0.0)).abs().max_element() < 0.12;
+    let pyramid = pyramid(mesh);
+    for (fine, coarse) in steps(&pyramid).take(1) {
+        let prolonged = fine.up.as_ref().unwrap().apply(&coarse.mesh.positions);
+        for (p, q) in fine.mesh.positions.iter().zip(&prolonged).filter(|(p, _)| inside(p)) {
+            assert!(p.distance(*q) < 1e-12, "{p} became {q}");
+        }
+    }
+}
+
+#[test]
+fn a_ratio_is_met_and_the_top_is_about_as_small_as_asked() {
+    let patch = patch(cap(20_000));
+    for ratio in [2.0, 3.0, 4.0, 8.0] {
+        let options = CoarsenOptions { ratio: Some(ratio), ..CoarsenOptions::default() };
+        let pyramid = coarsen(&patch, &options).unwrap();
+        for (fine, coarse) in steps(&pyramid) {
+            let (before, after) = (fine.mesh.positions.len() as f64, coarse.mesh.positions.len() as f64);
+            if after > 500.0 {
+                assert!((before / after / ratio - 1.0).abs() < 0.03, "{before} to {after} for {ratio}");
+            }
+        }
+        let top = pyramid.levels.iter().last().unwrap().mesh.positions.len() as f64;
+        let missed = (top / 32.0).ln().abs();
+        assert!(missed < 0.6 * ratio.ln(), "{top} vertices at the top for ratio {ratio}");
+    }
+}
+
+#[test]
+fn levels_are_as_many_as_asked_for() {
+    let patch = patch(cap(5_000));
+    for levels in [0, 1, 2] {
+        let options = CoarsenOptions { levels: Some(levels), ..CoarsenOptions::default() };
+        assert_eq!(coarsen(&patch, &options).unwrap().levels.len(), levels + 1, "level 0 is always there");
+    }
+}
+
+#[test]
+fn every_hole_keeps_a_rim_of_three() {
+    let pyramid = pyramid(sieve(90, 70, 10));
+    assert!(pyramid.levels.len() >= 3, "few holes do not stall a pyramid");
+    for level in &pyramid.levels {
+        let loops = Adjacency::new(&level.mesh).unwrap().boundary_loops();
+        assert!(loops.iter().all(|rim| rim.len() >= 3), "a rim of three");
+    }
+}
+
+/// A hole shrinks with its rim's polygon (a hexagon's inscribed triangle has half its area) but does not wander.
+#[test]
+fn holes_stay_where_they_are() {
+    let radius = 0.005;
+    let pyramid = pyramid(sieve(90, 70, 10));
+    // The middle of every rim but the outer one, which is the longest.
+    let holes = |level: &Level| -> Vec<DVec3> {
+        let mut loops = Adjacency::new(&level.mesh).unwrap().boundary_loops();
+        let extent = |rim: &[VertexId]| {
+            let start = level.mesh.positions[rim[0]];
+            rim.iter().map(|&v| start.distance(level.mesh.positions[v])).fold(0.0, f64::max)
+        };
+        loops.retain(|rim| extent(rim) < 4.0 * radius);
+        let middle = |rim: &Vec<VertexId>| {
+            rim.iter().map(|&v| level.mesh.positions[v]).sum::<DVec3>() / rim.len() as f64
+        };
+        loops.iter().map(middle).collect()
+    };
+    let first = holes(&pyramid.levels[LevelId::new(0)]);
+    for level in &pyramid.levels {
+        let now = holes(level);
+        assert_eq!(now.len(), first.len(), "every hole is still a small one");
+        for at in now {
+            let moved = first.iter().map(|h| h.distance(at)).fold(f64::INFINITY, f64::min);
+            assert!(moved < 0.5 * radius, "a hole of radius {radius} m moved by {moved} m");
+        }
+    }
+}
+
+#[test]
+fn dense_skin_keeps_small_fields() {
+    let mut patch = patch(shapes::lattice(60, 60, 0.01));
+    // Twice the density in the right half: that many more of its taxels stay.
+    let right = |p: &DVec3| p.x > 0.3;
+    patch.densities = Some(patch.mesh.positions.map(|p| if right(p) { 4e4 } else { 1e4 }));
+    let options = CoarsenOptions { levels: Some(2), ..CoarsenOptions::default() };
+    for level in coarsen(&patch, &options).unwrap().levels.iter().skip(1) {
+        let dense = level.mesh.positions.iter().filter(|p| right(p)).count() as f64;
+        let sparse = level.mesh.positions.len() as f64 - dense;
+        assert!(
+            (2.0..6.0).contains(&(dense / sparse)),
+            "{dense} and {sparse} fields, 4 times as many wanted"
+        );
+    }
+}
+
+/// Centres follow from the taxels' ids and places, so another order of the vertices chooses the same taxels.
+#[test]
+fn the_order_of_vertices_does_not_matter() {
+    let mesh = jittered(&cap(3_000), 0.1, 1);
+    let count = mesh.positions.len();
+    let order: Vec<usize> = (0..count).map(|v| (v * 1_009 + 17) % count).collect();
+    let mut other = patch(shapes::renumbered(&mesh, &order));
+    for (v, &to) in order.iter().enumerate() {
+        other.ids[VertexId::new(to)] = TaxelId(u32::try_from(v).unwrap() + 1);
+    }
+    let options = CoarsenOptions { levels: Some(1), ..CoarsenOptions::default() };
+    let centres = |patch: &Patch| -> BTreeSet<TaxelId> {
+        let pyramid = coarsen(patch, &options).unwrap();
+        let top = &pyramid.levels[LevelId::new(1)];
+        top.origins.iter().map(|&taxel| patch.ids[taxel]).collect()
+    };
+    assert_eq!(centres(&patch(mesh)), centres(&other), "ids of the centres");
+}
+
+#[test]
+fn placeholder_ids_do_no_harm() {
+    let mut patch = patch(cap(3_000));
+    patch.ids = patch.ids.map(|_| TaxelId(0));
+    assert_laws(&coarsen(&patch, &CoarsenOptions::default()).unwrap());
+}
+
+#[test]
+fn a_constant_pressure_survives_dead_taxels() {
+    let pyramid = pyramid(cap(3_000));
+    let ground = &pyramid.levels[LevelId::new(0)];
+    let top = pyramid.levels.iter().nth(1).unwrap();
+    let direct = top.direct.as_ref().unwrap();
+    let pressures = ground.areas.map(|_| 20.0);
+    let half = direct.restrict_pressure(&pressures, &ground.areas, |v| v.raw() % 2 == 0);
+    let served = half.iter().flatten().count();
+    assert!(half.iter().flatten().all(|p| (p - 20.0).abs() < 1e-12), "20 Pa everywhere");
+    assert!(served as f64 > 0.99 * half.len() as f64, "{served} of {} fields have a taxel left", half.len());
+    let none = direct.restrict_pressure(&pressures, &ground.areas, |_| false);
+    assert!(none.iter().all(Option::is_none), "no taxels, no pressure");
+}
+
+#[test]
+fn pressure_on_living_taxels_keeps_the_force() {
+    let pyramid = pyramid(shapes::saddle(30));
+    let (fine, coarse) = steps(&pyramid).next().unwrap();
+    let pressures = fine.mesh.positions.map(|p| 100.0 + 1e4 * p.x * p.y);
+    let up = fine.up.as_ref().unwrap();
+    let lifted = up.restrict_pressure(&pressures, &fine.areas, |_| true);
+    let force = |p: f64, a: f64| p * a;
+    let before: f64 = pressures.iter().zip(&fine.areas).map(|(p, a)| force(*p, *a)).sum();
+    let after: f64 = lifted.iter().flatten().zip(&coarse.areas).map(|(p, a)| force(*p, *a)).sum();
+    assert!((before - after).abs() < 1e-12 * before, "{before} N and {after} N");
+}
+
+/// Half-way meshes, on which maps are refined, are manifolds of the same shape too.
+#[test]
+fn removals_can_be_undone_in_part() {
+    let pyramid = pyramid(sieve(30, 30, 7));
+    let (fine, _) = steps(&pyramid).next().unwrap();
+    for count in [0, 1, fine.removals.len() / 2, fine.removals.len() - 1] {
+        let triangles = fine.removals.triangles_after(&fine.mesh.triangles, count);
+        let mesh = TriMesh { positions: fine.mesh.positions.clone(), triangles };
+        let gone: BTreeSet<_> = fine.removals.iter().take(count).map(|r| r.vertex).collect();
+        let left = punched(&mesh, |v| gone.contains(&v));
+        let euler = |mesh: &TriMesh| Adjacency::new(mesh).unwrap().euler_characteristic();
+        assert_eq!(euler(&left), euler(&fine.mesh), "after {count} removals");
+        assert_eq!(left.positions.len() + count, fine.mesh.positions.len(), "nobody else is gone");
+    }
+}
+
+/// Two hubs share every spoke: asking whether they are neighbours must not cost a walk each time.
+#[test]
+fn hubs_do_not_make_it_slow() {
+    let spokes = 40_000;
+    let rim = (0..spokes).map(|i| DVec3::new(0.0, 1e-4 * f64::from(i), 0.0));
+    let positions = [DVec3::new(-1.0, 2.0, 0.0), DVec3::new(1.0, 2.0, 0.0)].into_iter().chain(rim);
+    let triangles: Vec<_> = (2..spokes + 1).flat_map(|i| [[0, i, i + 1], [1, i + 1, i]]).collect();
+    assert_laws(&pyramid(TriMesh::from_arrays(positions.collect(), &triangles)));
+}
+
+#[test]
+fn bad_patches_are_refused_by_name() {
+    let coarsen = |patch: &Patch| coarsen(patch, &CoarsenOptions::default()).unwrap_err();
+    let doubled =
+        TriMesh::from_arrays(vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], &[[0, 1, 2], [0, 1, 3]]);
+    let edge = MeshError::NonManifoldEdge {
+        from: VertexId::new(0),
+        to: VertexId::new(1),
+        first: FaceId::new(0),
+        second: FaceId::new(1),
+    };
+    assert_eq!(coarsen(&patch(doubled)), PyramidError::Mesh(edge));
+
+    let mut short = patch(shapes::square());
+    short.ids = IdVec::new();
+    assert_eq!(coarsen(&short), PyramidError::Length { what: "ids", found: 0, needed: 4 });
+
+    let mut negative = patch(shapes::square());
+    negative.areas[VertexId::new(2)] = -1.0;
+    assert_eq!(coarsen(&negative), PyramidError::Area { vertex: VertexId::new(2), found: -1.0 });
+
+    let mut empty = patch(shapes::square());
+    empty.densities = Some(IdVec::filled(0.0, 4));
+    assert_eq!(coarsen(&empty), PyramidError::Density { vertex: VertexId::new(0), found: 0.0 });
+}
+
+#[test]
+fn a_ratio_that_makes_no_levels_is_refused() {
+    for found in [1.0, 0.0, -4.0, f64::INFINITY] {
+        let options = CoarsenOptions { ratio: Some(found), ..CoarsenOptions::default() };
+        let error = coarsen(&patch(shapes::square()), &options).unwrap_err();
+        assert_eq!(error, PyramidError::Ratio { found, least: 1.5 });
+    }
+}
