@@ -7,3 +7,4 @@ pub mod sparse;
 pub mod skin;
 pub mod calib;
 pub mod pyramid;
+pub mod flatten;

@@ -1,0 +1,255 @@
+use glam::{DMat2, DVec2};
+
+use crate::{
+    flatten::{
+        crossings::{Segment, each_near_pair, meet},
+        energy::outer,
+        net::Net,
+    },
+    id::{IdVec, VertexId},
+    sparse::Matrix,
+};
+
+/// Parts of the boundary repel each other below this distance over the shortest edge there, on the skin. At a quarter of
+/// it, edges on both sides of a corner leave each other alone down to angles of 15 degrees.
+const REACH: f64 = 0.25;
+
+/// Weight of the repulsion, per mean edge length and length of boundary: the force on a length of boundary then has the
+/// size of the stress of a face that is stretched by its own size, however fine the mesh.
+const STIFFNESS: f64 = 1.0;
+
+/// Couplings of a vertex and an edge, at most, over the number of boundary edges. More are only met where a hole starts
+/// out tiny, and all of its edges repel each other.
+const MOST_COUPLINGS: usize = 8;
+
+/// Repulsion of boundary vertices from boundary edges: `w (r/d - 1)^2` for every distance `d` below the reach `r`, and
+/// infinite where the boundary crosses itself (Smith and Schaefer 2015).
+///
+/// A map without flips whose boundary does not cross itself is one to one, so it is enough to look at each map by itself;
+/// nothing follows the boundary on its way from one to the next.
+#[derive(Debug, Clone)]
+pub(super) struct Barrier {
+    posts: Vec<Post>,
+}
+
+/// A boundary edge and its first vertex.
+#[derive(Debug, Clone, Copy)]
+struct Post {
+    ends: [VertexId; 2],
+    /// Reach of the edge.
+    edge: f64,
+    /// Reach of the vertex: no more than that of the edges on both sides.
+    vertex: f64,
+    /// Weight of the vertex.
+    weight: f64,
+}
+
+/// A vertex within reach of an edge that it is no end of.
+#[derive(Debug, Clone, Copy)]
+struct Contact {
+    vertex: VertexId,
+    edge: [VertexId; 2],
+    /// Where the nearest point lies on the edge, from 0 to 1.
+    along: f64,
+    /// From there to the vertex: length 1.
+    normal: DVec2,
+    /// Reach over distance.
+    ratio: f64,
+    reach: f64,
+    weight: f64,
+}
+
+impl Contact {
+    fn energy(&self) -> f64 {
+        self.weight * (self.ratio - 1.0).powi(2)
+    }
+
+    /// First and second derivative of the energy by the distance.
+    fn derivatives(&self) -> (f64, f64) {
+        let (q, r) = (self.ratio, self.reach);
+        let first = -2.0 * self.weight * (q - 1.0) * q * q / r;
+        (first, self.weight * q * q * q * (6.0 * q - 4.0) / (r * r))
+    }
+
+    /// Derivatives of the distance by the three places are these, times the normal.
+    fn shares(&self) -> [f64; 3] {
+        [1.0, self.along - 1.0, -self.along]
+    }
+
+    fn rows(&self) -> [usize; 3] {
+        [self.vertex, self.edge[0], self.edge[1]].map(VertexId::index)
+    }
+}
+
+impl Barrier {
+    pub(super) fn new(net: &Net) -> Self {
+        let mut before = IdVec::<VertexId, f64>::filled(f64::INFINITY, net.free());
+        for &([_, to], length) in &net.boundary {
+            before[to] = before[to].min(length);
+        }
+        let post = |&(ends, length): &([VertexId; 2], f64)| Post {
+            ends,
+            edge: REACH * length,
+            vertex: REACH * length.min(before[ends[0]]),
+            weight: STIFFNESS * net.mean_edge * length,
+        };
+        Self { posts: net.boundary.iter().map(post).collect() }
+    }
+
+    /// Calls `f` with everything within `factor` times its reach, and says whether the boundary does not cross itself.
+    fn each_contact(&self, uv: &IdVec<VertexId, DVec2>, factor: f64, f: &mut dyn FnMut(Contact)) -> bool {
+        let mut segments: Vec<Segment> = self
+            .posts
+            .iter()
+            .enumerate()
+            .map(|(k, p)| Segment::new(k, p.ends, uv, 0.5 * factor * p.edge))
+            .collect();
+        let mut simple = true;
+        each_near_pair(&mut segments, &mut |s, t| {
+            simple &= !meet(s, t);
+            for (s, t) in [(s, t), (t, s)] {
+                if let Some(contact) = self.contact(s, t, factor) {
+                    f(contact);
+                }
+            }
+        });
+        simple
+    }
+
+    /// The first vertex of `s` near `t`.
+    fn contact(&self, s: &Segment, t: &Segment, factor: f64) -> Option<Contact> {
+        let (post, edge) = (self.posts[s.edge], self.posts[t.edge]);
+        let reach = post.vertex.min(edge.edge);
+        let (way, to) = (t.to - t.from, s.from - t.from);
+        let along = (to.dot(way) / way.length_squared()).clamp(0.0, 1.0);
+        let off = to - along * way;
+        let distance = off.length();
+        (distance > 0.0 && distance < factor * reach).then(|| Contact {
+            vertex: post.ends[0],
+            edge: edge.ends,
+            along,
+            normal: off / distance,
+            ratio: reach / distance,
+            reach,
+            weight: post.weight,
+        })
+    }
+
+    /// The energy; infinite if the boundary crosses itself.
+    pub(super) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
+        let mut sum = 0.0;
+        if self.each_contact(uv, 1.0, &mut |c| sum += c.energy()) { sum } else { f64::INFINITY }
+    }
+
+    /// Vertices that repel each other, or would at `factor` times their reach; none if they are too many.
+    pub(super) fn couplings(&self, uv: &IdVec<VertexId, DVec2>, factor: f64) -> Vec<[VertexId; 2]> {
+        let most = MOST_COUPLINGS * self.posts.len();
+        let (mut pairs, mut count) = (Vec::new(), 0);
+        self.each_contact(uv, factor, &mut |c| {
+            count += 1;
+            if count <= most {
+                pairs.extend(c.edge.map(|end| [c.vertex, end]));
+            }
+        });
+        if count <= most { pairs } else { Vec::new() }
+    }
+
+    /// Adds gradient and a convex model of the Hessian (Gauss-Newton: distances are taken as linear).
+    ///
+    /// Where the pattern has no room for a vertex and an edge to be coupled, each of them is held by twice the curvature
+    /// instead, which is never less: `(x - y)^2 <= 2 x^2 + 2 y^2`.
+    pub(super) fn add(
+        &self,
+        uv: &IdVec<VertexId, DVec2>,
+        gradient: &mut [DVec2],
+        hessian: &mut Matrix<'_, DMat2>,
+    ) {
+        let pattern = hessian.pattern();
+        self.each_contact(uv, 1.0, &mut |c| {
+            let (slope, curvature) = c.derivatives();
+            let (rows, shares) = (c.rows(), c.shares());
+            let coupled = rows[1..].iter().all(|&end| pattern.slot(rows[0], end).is_some());
+            let scale = if coupled { curvature } else { 2.0 * curvature };
+            let block = outer(c.normal, c.normal) * scale;
+            for k in 0..3 {
+                gradient[rows[k]] += slope * shares[k] * c.normal;
+                for l in 0..3 {
+                    if coupled || (k == 0) == (l == 0) {
+                        *hessian.at(rows[k], rows[l]) += block * (shares[k] * shares[l]);
+                    }
+                }
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{flatten::surface::Surface, mesh::shapes};
+
+    /// A strip bent until its ends nearly meet, and a barrier around it.
+    fn nearly_closed(gap: f64) -> (Net, IdVec<VertexId, DVec2>) {
+        let mesh = shapes::sheet(24, 3, |i, j| glam::DVec3::new(f64::from(i), f64::from(j), 0.0));
+        let uv = mesh
+            .positions
+            .map(|p| DVec2::from_angle((std::f64::consts::TAU - gap) * p.x / 23.0) * (5.0 - p.y) / 8.0);
+        (Surface::new(&mesh).unwrap().net, uv)
+    }
+
+    #[test]
+    fn the_gradient_is_the_slope_of_the_energy() {
+        let (net, mut uv) = nearly_closed(0.04);
+        let barrier = Barrier::new(&net);
+        let pairs = barrier.couplings(&uv, 1.0);
+        assert!(!pairs.is_empty(), "the ends are within reach");
+        let coupled = net.coupled(&pairs);
+        let mut hessian = Matrix::zero(&coupled.pattern);
+        let mut gradient = vec![DVec2::ZERO; net.free()];
+        barrier.add(&uv, &mut gradient, &mut hessian);
+        let scale = gradient.iter().map(|g| g.length()).fold(0.0, f64::max);
+        assert!(scale > 0.0);
+        let step = 1e-7;
+        for v in uv.ids() {
+            for axis in [DVec2::X, DVec2::Y] {
+                let at = uv[v];
+                uv[v] = at + step * axis;
+                let above = barrier.energy(&uv);
+                uv[v] = at - step * axis;
+                let below = barrier.energy(&uv);
+                uv[v] = at;
+                let slope = (above - below) / (2.0 * step);
+                let found = gradient[v.index()].dot(axis);
+                assert!((slope - found).abs() < 1e-5 * scale, "{found} is {slope} at {v}");
+            }
+        }
+    }
+
+    /// Without room for couplings the model must be at least as stiff in every direction.
+    #[test]
+    fn a_pattern_without_couplings_gets_a_stiffer_model() {
+        let (net, uv) = nearly_closed(0.04);
+        let barrier = Barrier::new(&net);
+        let coupled = net.coupled(&barrier.couplings(&uv, 1.0));
+        let curvature = |net: &Net, x: &[DVec2]| -> f64 {
+            let mut hessian = Matrix::zero(&net.pattern);
+            barrier.add(&uv, &mut vec![DVec2::ZERO; net.free()], &mut hessian);
+            let mut out = vec![DVec2::ZERO; net.free()];
+            hessian.multiply(x, &mut out);
+            crate::sparse::dot(x, &out)
+        };
+        for k in 1..20_usize {
+            let x: Vec<DVec2> = (0..net.free()).map(|i| DVec2::from_angle((i * k) as f64)).collect();
+            let (with, without) = (curvature(&coupled, &x), curvature(&net, &x));
+            assert!(with > 0.0 && without >= with * (1.0 - 1e-12), "{without} is not below {with}");
+        }
+    }
+
+    #[test]
+    fn a_boundary_far_from_itself_costs_nothing_and_a_crossing_everything() {
+        let (net, apart) = nearly_closed(1.0);
+        assert_eq!(Barrier::new(&net).energy(&apart), 0.0);
+        let (net, over) = nearly_closed(-0.1);
+        assert_eq!(Barrier::new(&net).energy(&over), f64::INFINITY);
+    }
+}

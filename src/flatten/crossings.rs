@@ -1,0 +1,174 @@
+use glam::DVec2;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// Boxes in a leaf of the tree: below this, comparing all pairs is quicker than splitting.
+const LEAF: usize = 16;
+
+/// One boundary edge on the map, with its box.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Segment {
+    /// Its place in the list of boundary edges.
+    pub(super) edge: usize,
+    ends: [VertexId; 2],
+    pub(super) from: DVec2,
+    pub(super) to: DVec2,
+    low: DVec2,
+    high: DVec2,
+}
+
+impl Segment {
+    /// The segment of a boundary edge, with a box that is `margin` wider on every side.
+    pub(super) fn new(edge: usize, ends: [VertexId; 2], uv: &IdVec<VertexId, DVec2>, margin: f64) -> Self {
+        let [from, to] = ends.map(|v| uv[v]);
+        Self { edge, ends, from, to, low: from.min(to) - margin, high: from.max(to) + margin }
+    }
+}
+
+/// Number of pairs of boundary edges without a common vertex that cross or touch on the map.
+pub(super) fn boundary_crossings(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
+    let edges = boundary_edges(&mesh.triangles);
+    let mut segments: Vec<Segment> =
+        edges.into_iter().enumerate().map(|(k, ends)| Segment::new(k, ends, uv, 0.0)).collect();
+    let mut count = 0;
+    each_near_pair(&mut segments, &mut |s, t| count += usize::from(meet(s, t)));
+    count
+}
+
+/// Edges of exactly one face, in the direction that face runs.
+fn boundary_edges(triangles: &IdVec<FaceId, [VertexId; 3]>) -> Vec<[VertexId; 2]> {
+    let mut edges: Vec<_> = triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+        .map(|[a, b]| (a.min(b), a.max(b), a < b))
+        .collect();
+    edges.sort_unstable();
+    edges
+        .chunk_by(|x, y| (x.0, x.1) == (y.0, y.1))
+        .filter(|same| same.len() == 1)
+        .map(|same| if same[0].2 { [same[0].0, same[0].1] } else { [same[0].1, same[0].0] })
+        .collect()
+}
+
+/// The box around all `segments`.
+fn bounds(segments: &[Segment]) -> (DVec2, DVec2) {
+    segments
+        .iter()
+        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), s| (lo.min(s.low), hi.max(s.high)))
+}
+
+/// Splits at the median along the longer side of the box.
+fn split(segments: &mut [Segment]) -> (&mut [Segment], &mut [Segment]) {
+    let (lo, hi) = bounds(segments);
+    let axis = usize::from((hi - lo).y > (hi - lo).x);
+    let middle = segments.len() / 2;
+    segments.select_nth_unstable_by(middle, |s, t| {
+        (s.from[axis] + s.to[axis]).total_cmp(&(t.from[axis] + t.to[axis])).then(s.ends.cmp(&t.ends))
+    });
+    segments.split_at_mut(middle)
+}
+
+/// Visits every pair of segments without a common vertex whose boxes touch, in an order that depends only on them.
+///
+/// Pairs are found by splitting the set of boxes against itself at medians, so the work grows with the number of
+/// segments and of near pairs, not with its square.
+pub(super) fn each_near_pair(segments: &mut [Segment], visit: &mut dyn FnMut(&Segment, &Segment)) {
+    if segments.len() <= LEAF {
+        for i in 1..segments.len() {
+            segments[..i].iter().filter(|s| near(s, &segments[i])).for_each(|s| visit(s, &segments[i]));
+        }
+        return;
+    }
+    let (left, right) = split(segments);
+    between(left, right, visit);
+    each_near_pair(left, visit);
+    each_near_pair(right, visit);
+}
+
+/// Visits the near pairs of one of `left` and one of `right`.
+fn between(left: &mut [Segment], right: &mut [Segment], visit: &mut dyn FnMut(&Segment, &Segment)) {
+    let ((llo, lhi), (rlo, rhi)) = (bounds(left), bounds(right));
+    if llo.cmpgt(rhi).any() || rlo.cmpgt(lhi).any() {
+        return;
+    }
+    if left.len().max(right.len()) <= LEAF {
+        for s in left.iter() {
+            right.iter().filter(|t| near(s, t)).for_each(|t| visit(s, t));
+        }
+    } else if left.len() >= right.len() {
+        let (a, b) = split(left);
+        between(a, right, visit);
+        between(b, right, visit);
+    } else {
+        let (a, b) = split(right);
+        between(left, a, visit);
+        between(left, b, visit);
+    }
+}
+
+/// Whether the boxes of two segments without a common vertex touch.
+fn near(s: &Segment, t: &Segment) -> bool {
+    let apart = s.low.cmpgt(t.high).any() || t.low.cmpgt(s.high).any();
+    !apart && s.ends.iter().all(|v| !t.ends.contains(v))
+}
+
+/// Whether two segments without a common vertex have a common point.
+pub(super) fn meet(s: &Segment, t: &Segment) -> bool {
+    let (low, high) = (|s: &Segment| s.from.min(s.to), |s: &Segment| s.from.max(s.to));
+    if low(s).cmpgt(high(t)).any() || low(t).cmpgt(high(s)).any() {
+        return false;
+    }
+    // Signs, not products of areas: those underflow on small maps.
+    let side = |from: DVec2, to: DVec2, p: DVec2| {
+        let area = (to - from).perp_dot(p - from);
+        if area == 0.0 { 0.0 } else { area.signum() }
+    };
+    let straddles = |s: &Segment, t: &Segment| side(s.from, s.to, t.from) * side(s.from, s.to, t.to) <= 0.0;
+    straddles(s, t) && straddles(t, s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    fn flat(mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
+        mesh.positions.map(|p| p.truncate())
+    }
+
+    #[test]
+    fn a_flat_lattice_does_not_cross_itself() {
+        let mesh = shapes::lattice(30, 20, 0.01);
+        assert_eq!(boundary_crossings(&mesh, &flat(&mesh)), 0, "98 boundary edges, none crosses");
+    }
+
+    #[test]
+    fn a_bow_tie_crosses_once() {
+        let mesh = shapes::square();
+        let mut uv = flat(&mesh);
+        let (b, c) = (uv[VertexId::new(1)], uv[VertexId::new(2)]);
+        (uv[VertexId::new(1)], uv[VertexId::new(2)]) = (c, b);
+        assert_eq!(boundary_crossings(&mesh, &uv), 1, "two opposite sides of the square");
+    }
+
+    /// The tree must find what comparing every pair finds.
+    #[test]
+    fn splitting_finds_every_pair() {
+        let mesh = shapes::lattice(40, 3, 0.01);
+        // A strip rolled up one and a half times around a slightly shrinking circle.
+        let uv =
+            mesh.positions.map(|p| DVec2::from_angle(p.x * 23.0) * (0.3 + 0.02 * (p.x * 60.0).sin() + p.y));
+        let edges = boundary_edges(&mesh.triangles);
+        let segments: Vec<_> =
+            edges.iter().enumerate().map(|(k, &ends)| Segment::new(k, ends, &uv, 0.0)).collect();
+        let cross = |s: &Segment, t: &Segment| near(s, t) && meet(s, t);
+        let all: usize = (1..segments.len())
+            .map(|i| segments[..i].iter().filter(|s| cross(s, &segments[i])).count())
+            .sum();
+        assert!(all > 0, "the strip overlaps itself");
+        assert_eq!(boundary_crossings(&mesh, &uv), all);
+    }
+}

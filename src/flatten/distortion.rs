@@ -1,0 +1,147 @@
+use glam::DVec2;
+
+use crate::{
+    flatten::{
+        crossings::boundary_crossings,
+        jacobian::{FlatTriangle, Singular},
+        net::keeps_orientation,
+    },
+    id::{IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// Ratios are cut off here, so that one face without area on the map does not make a mean infinite.
+const LARGEST: f64 = 1e12;
+
+/// How faithful a map is. Means are weighted with the areas on the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Distortion {
+    /// Triangles whose map is mirrored or has no area.
+    pub flips: usize,
+    /// Pairs of boundary edges that cross or touch.
+    pub crossings: usize,
+    /// Mean `s1/s2`, 1 at a conformal map.
+    pub qc_mean: f64,
+    /// Largest `s1/s2`.
+    pub qc_max: f64,
+    /// Mean of `max(r, 1/r)`, `r` the area ratio after equalising the total areas.
+    pub area_mean: f64,
+    /// Largest `max(r, 1/r)`.
+    pub area_max: f64,
+    /// Symmetric Dirichlet energy after the best scale, 4 at an isometry, infinite where a face flips.
+    pub symmetric_dirichlet: f64,
+}
+
+/// Measures the map `uv` (m) of `mesh`.
+///
+/// Faces without area on the skin count as flips when they are mirrored, but have no singular values and stay out of the
+/// other measures. A mirrored map is not turned back first: all of its faces are flips.
+///
+/// # Panics
+/// If `uv` has not one entry per vertex, or a corner does not exist.
+#[must_use]
+pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
+    assert_eq!(mesh.positions.len(), uv.len(), "one map position per vertex");
+    let mut sums = Sums::default();
+    let mut flips = 0;
+    for (face, corners) in mesh.triangles.enumerate() {
+        let at = corners.map(|v| uv[v]);
+        let map_area = 0.5 * (at[1] - at[0]).perp_dot(at[2] - at[0]);
+        flips += usize::from(!keeps_orientation(map_area));
+        let flat = FlatTriangle::new(mesh.corners(face));
+        if flat.area() > 0.0 {
+            sums.add(&flat, at);
+        }
+    }
+    sums.finish(flips, boundary_crossings(mesh, uv))
+}
+
+/// What a pass over the faces gathers.
+#[derive(Debug, Default)]
+struct Sums {
+    /// Area on the skin, magnitude of the area on the map, of every face.
+    areas: Vec<(f64, f64)>,
+    qc: f64,
+    qc_max: f64,
+    /// Sums of `A (s1^2 + s2^2)` and `A (1/s1^2 + 1/s2^2)`.
+    dirichlet: f64,
+    inverse: f64,
+}
+
+impl Sums {
+    fn add(&mut self, flat: &FlatTriangle, at: [DVec2; 3]) {
+        let Singular { s1, s2, .. } = Singular::of(&flat.jacobian(at));
+        let (area, s2) = (flat.area(), s2.abs().max(f64::MIN_POSITIVE));
+        let qc = (s1 / s2).min(LARGEST);
+        self.qc += area * qc;
+        self.qc_max = self.qc_max.max(qc);
+        self.dirichlet += area * (s1 * s1 + s2 * s2);
+        self.inverse += area * (1.0 / (s1 * s1) + 1.0 / (s2 * s2));
+        self.areas.push((area, area * s1 * s2));
+    }
+
+    fn finish(self, flips: usize, crossings: usize) -> Distortion {
+        let (skin, map) = self.areas.iter().fold((0.0, 0.0), |(a, b), x| (a + x.0, b + x.1));
+        let (mut area_mean, mut area_max) = (0.0, 0.0_f64);
+        for &(a, b) in &self.areas {
+            let ratio = (b / map) / (a / skin);
+            let either_way = ratio.max(1.0 / ratio).min(LARGEST);
+            area_mean += a / skin * either_way;
+            area_max = area_max.max(either_way);
+        }
+        Distortion {
+            flips,
+            crossings,
+            qc_mean: self.qc / skin,
+            qc_max: self.qc_max,
+            area_mean,
+            area_max,
+            symmetric_dirichlet: if flips > 0 {
+                f64::INFINITY
+            } else {
+                2.0 * ((self.dirichlet / skin) * (self.inverse / skin)).sqrt()
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    fn measure(map: impl Fn(DVec2) -> DVec2) -> Distortion {
+        let mesh = shapes::square();
+        let uv = mesh.positions.map(|p| map(p.truncate()));
+        distortion(&mesh, &uv)
+    }
+
+    #[test]
+    fn an_isometry_has_no_distortion() {
+        let d = measure(|p| DVec2::from_angle(0.7).rotate(p) + DVec2::splat(3.0));
+        assert_eq!((d.flips, d.crossings), (0, 0));
+        for x in [d.qc_mean, d.qc_max, d.area_mean, d.area_max, d.symmetric_dirichlet / 4.0] {
+            assert!((x - 1.0).abs() < 1e-14, "{d:?}");
+        }
+    }
+
+    #[test]
+    fn a_stretch_by_two_has_ratio_two_and_energy_five() {
+        let d = measure(|p| p * DVec2::new(2.0, 1.0));
+        assert!((d.qc_mean - 2.0).abs() < 1e-14 && (d.area_max - 1.0).abs() < 1e-14, "{d:?}");
+        assert!((d.symmetric_dirichlet - 5.0).abs() < 1e-14, "{d:?}");
+    }
+
+    #[test]
+    fn a_mirrored_map_is_all_flips() {
+        assert_eq!(measure(|p| p * DVec2::new(-1.0, 1.0)).flips, 2);
+    }
+
+    #[test]
+    fn a_collapsed_map_is_all_flips() {
+        let d = measure(|_| DVec2::ZERO);
+        assert_eq!(d.flips, 2);
+        assert_eq!(d.symmetric_dirichlet, f64::INFINITY);
+        assert!(d.qc_max.is_finite() && d.area_max.is_finite(), "{d:?}");
+    }
+}

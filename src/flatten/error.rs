@@ -1,0 +1,95 @@
+use crate::{
+    id::{FaceId, VertexId},
+    mesh::MeshError,
+    pyramid::PyramidError,
+    sparse::SparseError,
+};
+
+/// Why a mesh has no map.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlattenError {
+    /// The triangles are no oriented manifold.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The mesh has no pyramid.
+    #[error(transparent)]
+    Pyramid(#[from] PyramidError),
+    /// Closed, in several pieces, or with handles.
+    #[error(
+        "Euler characteristic {euler} with {loops} boundary loops in {components} components; a disk with holes is \
+         needed: one component with at least one loop and Euler characteristic 2 - loops"
+    )]
+    NotADisk {
+        /// Vertices minus edges plus faces.
+        euler: i64,
+        /// Boundary loops.
+        loops: usize,
+        /// Components.
+        components: usize,
+    },
+    /// All corners of a face lie on one point.
+    #[error("the corners of face {face} all lie on one point; a face needs an edge with a length")]
+    PointFace {
+        /// The face.
+        face: FaceId,
+    },
+    /// The mesh is too large or too small for floating-point areas.
+    #[error("the area of the mesh is {area} m^2; a positive finite one is needed")]
+    Size {
+        /// The area found, in m^2.
+        area: f64,
+    },
+    /// An option out of range.
+    #[error("option {name} is {found}; {needed}")]
+    Option {
+        /// Name of the field of [`crate::flatten::FlattenOptions`].
+        name: &'static str,
+        /// The value found.
+        found: f64,
+        /// What is needed.
+        needed: &'static str,
+    },
+    /// A density that is not positive and finite.
+    #[error("vertex {vertex} has density {found} taxels per m^2; a positive finite one is needed")]
+    Density {
+        /// The vertex of level 0.
+        vertex: VertexId,
+        /// The density found.
+        found: f64,
+    },
+    /// Not one density per vertex.
+    #[error("there are {found} densities; {needed} are needed, one per vertex of level 0")]
+    Densities {
+        /// Densities found.
+        found: usize,
+        /// Vertices.
+        needed: usize,
+    },
+    /// No start without flips could be computed, not even with a convex boundary.
+    #[error(
+        "face {face} has no area left on the map inside a circle; the mesh is too long and thin there for 64-bit numbers, \
+         remesh it or cut it into shorter pieces"
+    )]
+    NoStart {
+        /// The first face without area on the map.
+        face: FaceId,
+    },
+    /// The boundary of the map crosses itself although that was to be prevented.
+    #[error(
+        "the boundary of the map crosses itself {crossings} times; only the intrinsic method can prevent that, and only on \
+         a mesh with a map inside a circle that 64-bit numbers can tell apart"
+    )]
+    Overlap {
+        /// Pairs of boundary edges that cross or touch.
+        crossings: usize,
+    },
+    /// A linear system could not be solved.
+    #[error("the system of the {method} map cannot be solved: {source}")]
+    System {
+        /// Which map.
+        method: &'static str,
+        /// Why.
+        source: SparseError,
+    },
+}

@@ -1,0 +1,281 @@
+use glam::{DVec2, DVec3};
+
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::{TriMesh, angle},
+    pyramid::{Level, Removal},
+};
+
+/// A vertex lies well inside its star if every new face has at least this share of the mean area.
+const WELL_INSIDE: f64 = 0.02;
+
+/// A map of a coarser level on its way to the map of `level`: removals are undone on it one by one, last to first, and
+/// each vertex goes back into its own star.
+#[derive(Debug, Clone)]
+pub(super) struct Insertion<'l> {
+    level: &'l Level,
+    /// Removals not yet undone.
+    left: usize,
+    /// Which vertices are on the map.
+    present: IdVec<VertexId, bool>,
+    /// Map positions of those, in m.
+    pub(super) map: IdVec<VertexId, DVec2>,
+}
+
+impl<'l> Insertion<'l> {
+    /// Starts from the map `uv` of the next coarser level.
+    pub(super) fn new(level: &'l Level, coarse: &Level, uv: &IdVec<VertexId, DVec2>) -> Self {
+        let count = level.mesh.positions.len();
+        let mut present = IdVec::filled(false, count);
+        let mut map = IdVec::filled(DVec2::ZERO, count);
+        for (c, &parent) in coarse.parents.enumerate() {
+            present[parent] = true;
+            map[parent] = uv[c];
+        }
+        Self { level, left: level.removals.len(), present, map }
+    }
+
+    /// Removals not yet undone.
+    pub(super) fn left(&self) -> usize {
+        self.left
+    }
+
+    /// Undoes removals until so many are left, and returns how many vertices found no place without a flip.
+    pub(super) fn undo_until(&mut self, left: usize) -> usize {
+        let mut homeless = 0;
+        for removal in self.level.removals.iter().take(self.left).skip(left).rev() {
+            let star = Star::new(&self.level.mesh, &self.map, &removal);
+            let wanted = star.transplanted();
+            let at = if star.fits(wanted) { Some(wanted) } else { star.kernel_centre(wanted) };
+            homeless += usize::from(at.is_none());
+            self.map[removal.vertex] = at.unwrap_or(wanted);
+            self.present[removal.vertex] = true;
+        }
+        self.left = self.left.min(left);
+        homeless
+    }
+
+    /// The mesh of the vertices on the map, and the vertex of the level that each of them is.
+    pub(super) fn mesh(&self) -> (TriMesh, Vec<VertexId>) {
+        let vertices: Vec<VertexId> = self.present.ids().filter(|&v| self.present[v]).collect();
+        let mut number = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.present.len());
+        for (k, &v) in vertices.iter().enumerate() {
+            number[v] = VertexId::new(k);
+        }
+        let triangles = self.level.removals.triangles_after(&self.level.mesh.triangles, self.left);
+        let mesh = TriMesh {
+            positions: vertices.iter().map(|&v| self.level.mesh.positions[v]).collect(),
+            triangles: triangles.map(|t| t.map(|v| number[v])),
+        };
+        (mesh, vertices)
+    }
+}
+
+/// The ring of a removed vertex, on the skin around the vertex and on the map.
+struct Star {
+    /// The ring laid flat around the vertex: true lengths, angles scaled to a full turn inside.
+    skin: Vec<DVec2>,
+    map: Vec<DVec2>,
+    boundary: bool,
+}
+
+impl Star {
+    fn new(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, removal: &Removal<'_>) -> Self {
+        let centre = mesh.positions[removal.vertex];
+        let ring: Vec<DVec3> = removal.ring.iter().map(|&v| mesh.positions[v]).collect();
+        Self {
+            skin: lay_flat(centre, &ring, removal.boundary),
+            map: removal.ring.iter().map(|&v| uv[v]).collect(),
+            boundary: removal.boundary,
+        }
+    }
+
+    /// The ring's edges on the map that the vertex must see from their left.
+    fn edges(&self) -> impl Iterator<Item = (DVec2, DVec2)> + '_ {
+        let count = self.map.len() - usize::from(self.boundary);
+        (0..count).map(|k| (self.map[k], self.map[(k + 1) % self.map.len()]))
+    }
+
+    /// Where the vertex goes if the star on the skin is carried over by the affine map (inside) or the similarity (on a
+    /// boundary, where the vertex lies outside of its ring) that fits the ring best.
+    fn transplanted(&self) -> DVec2 {
+        let count = self.skin.len() as f64;
+        let from = self.skin.iter().sum::<DVec2>() / count;
+        let to = self.map.iter().sum::<DVec2>() / count;
+        // Least squares for the similarity: a complex factor.
+        let (mut factor, mut square) = (DVec2::ZERO, 0.0);
+        for (s, m) in self.skin.iter().zip(&self.map) {
+            let (s, m) = (*s - from, *m - to);
+            factor += DVec2::new(s.dot(m), s.perp_dot(m));
+            square += s.length_squared();
+        }
+        let similar = if square > 0.0 { factor / square } else { DVec2::ZERO };
+        if self.boundary {
+            return to + similar.rotate(-from);
+        }
+        // Mean value coordinates of the centre (Floater 2003): exact for affine maps, and smooth.
+        let (mut sum, mut total) = (DVec2::ZERO, 0.0);
+        for (k, weight) in mean_value_weights(&self.skin).into_iter().enumerate() {
+            sum += weight * self.map[k];
+            total += weight;
+        }
+        if total > 0.0 && (sum / total).is_finite() { sum / total } else { to + similar.rotate(-from) }
+    }
+
+    /// Whether every face of the star has a fair share of area with the vertex at `p`.
+    fn fits(&self, p: DVec2) -> bool {
+        let areas: Vec<f64> = self.edges().map(|(a, b)| (a - p).perp_dot(b - p)).collect();
+        let mean = areas.iter().map(|a| a.abs()).sum::<f64>() / areas.len() as f64;
+        areas.iter().all(|&a| a > WELL_INSIDE * mean)
+    }
+
+    /// The middle of the places from which the whole ring is seen; `None` if there is none.
+    fn kernel_centre(&self, wanted: DVec2) -> Option<DVec2> {
+        let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for &p in &self.map {
+            (lo, hi) = (lo.min(p), hi.max(p));
+        }
+        if self.boundary && wanted.is_finite() {
+            // The kernel reaches beyond the ring there: as far as the vertex wants to go, and back.
+            let reach = DVec2::splat(wanted.distance((lo + hi) / 2.0).max((hi - lo).length()));
+            (lo, hi) = (lo - reach, hi + reach);
+        }
+        let mut kernel = vec![lo, DVec2::new(hi.x, lo.y), hi, DVec2::new(lo.x, hi.y)];
+        for (a, b) in self.edges() {
+            kernel = clip(&kernel, a, b);
+        }
+        let centre = centroid(&kernel)?;
+        // From the middle towards the wanted place as far as the faces allow.
+        let keep = |p: &DVec2| self.edges().all(|(a, b)| (a - *p).perp_dot(b - *p) > 0.0);
+        [0.75, 0.5, 0.25]
+            .into_iter()
+            .map(|t| centre.lerp(wanted, t))
+            .find(|&p| self.fits(p))
+            .or(Some(centre).filter(keep))
+    }
+}
+
+/// The ring around `centre` in the plane: true distances, angles added up; scaled to a full turn for a closed ring, and to
+/// less than one for an open one.
+fn lay_flat(centre: DVec3, ring: &[DVec3], boundary: bool) -> Vec<DVec2> {
+    use std::f64::consts::TAU;
+    let count = ring.len();
+    let gaps = count - usize::from(boundary);
+    let angles: Vec<f64> = (0..gaps).map(|k| angle(centre, ring[k], ring[(k + 1) % count])).collect();
+    let sum: f64 = angles.iter().sum();
+    let scale = match boundary {
+        false if sum > 0.0 => TAU / sum,
+        true if sum > 0.9 * TAU => 0.9 * TAU / sum,
+        _ => 1.0,
+    };
+    let mut turn = 0.0;
+    (0..count)
+        .map(|k| {
+            let at = DVec2::from_angle(turn) * centre.distance(ring[k]);
+            turn += scale * angles.get(k).copied().unwrap_or(0.0);
+            at
+        })
+        .collect()
+}
+
+/// Mean value weights of the origin in a polygon around it.
+fn mean_value_weights(ring: &[DVec2]) -> Vec<f64> {
+    let count = ring.len();
+    // tan(a/2) = (1 - cos a) / sin a, with lengths kept in.
+    let half_tangent = |k: usize| {
+        let (p, q) = (ring[k], ring[(k + 1) % count]);
+        let sine = p.perp_dot(q);
+        (p.length() * q.length() - p.dot(q)) / sine
+    };
+    (0..count).map(|k| (half_tangent((k + count - 1) % count) + half_tangent(k)) / ring[k].length()).collect()
+}
+
+/// The part of a convex polygon on the left of the line from `a` to `b`.
+fn clip(polygon: &[DVec2], a: DVec2, b: DVec2) -> Vec<DVec2> {
+    let side = |p: DVec2| (b - a).perp_dot(p - a);
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (k, &q) in polygon.iter().enumerate() {
+        let p = polygon[(k + polygon.len() - 1) % polygon.len()];
+        let (at_p, at_q) = (side(p), side(q));
+        if (at_p >= 0.0) != (at_q >= 0.0) {
+            kept.push(p + (q - p) * (at_p / (at_p - at_q)));
+        }
+        if at_q >= 0.0 {
+            kept.push(q);
+        }
+    }
+    kept
+}
+
+/// Centre of area; `None` without area.
+fn centroid(polygon: &[DVec2]) -> Option<DVec2> {
+    let &origin = polygon.first()?;
+    let (mut sum, mut area) = (DVec2::ZERO, 0.0);
+    for pair in polygon.windows(2) {
+        let (p, q) = (pair[0] - origin, pair[1] - origin);
+        let twice = p.perp_dot(q);
+        sum += twice * (p + q) / 3.0;
+        area += twice;
+    }
+    (area > 0.0).then(|| origin + sum / area)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn star(map: &[[f64; 2]], boundary: bool) -> Star {
+        let map: Vec<DVec2> = map.iter().map(|&p| p.into()).collect();
+        Star { skin: map.clone(), map, boundary }
+    }
+
+    #[test]
+    fn an_affine_map_carries_the_vertex_with_it() {
+        let mut s = star(&[[1.0, -0.2], [0.8, 0.9], [-0.5, 1.1], [-0.9, -0.3], [0.1, -1.0]], false);
+        let affine = glam::DAffine2::from_cols_array(&[2.0, 0.3, -0.1, 0.8, 5.0, -4.0]);
+        s.map = s.skin.iter().map(|&p| affine.transform_point2(p)).collect();
+        assert!(s.transplanted().distance(affine.translation) < 1e-14, "the origin goes to the translation");
+    }
+
+    #[test]
+    fn on_a_boundary_a_similarity_carries_the_vertex_with_it() {
+        let mut s = star(&[[1.0, 0.0], [0.2, 0.9], [-1.0, 0.1]], true);
+        s.map = s.skin.iter().map(|&p| DVec2::new(0.0, 2.0).rotate(p) + DVec2::X).collect();
+        assert!(s.transplanted().distance(DVec2::X) < 1e-15);
+    }
+
+    /// An L: the corner behind the bend does not see the far end, the kernel is the square at the bend.
+    #[test]
+    fn a_place_outside_of_the_kernel_moves_into_it() {
+        let l = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
+        let s = star(&l, false);
+        let p = s.kernel_centre(DVec2::new(2.5, 0.5)).unwrap();
+        assert!(p.cmpgt(DVec2::ZERO).all() && p.cmplt(DVec2::ONE).all(), "{p} in the unit square");
+    }
+
+    /// A U has no place that sees all of it.
+    #[test]
+    fn an_empty_kernel_has_no_place() {
+        let u =
+            [[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [2.0, 3.0], [2.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
+        assert_eq!(star(&u, false).kernel_centre(DVec2::new(0.5, 2.0)), None);
+    }
+
+    /// Undoing every removal gives the level's own mesh, and on a flat skin its own places.
+    #[test]
+    fn a_flat_level_comes_back_from_its_coarser_map() {
+        use crate::{id::LevelId, id::LinkId, mesh::shapes, pyramid::coarsen, skin::Patch};
+        let patch = Patch::from_mesh("flat", LinkId::new(0), shapes::lattice(15, 12, 0.01));
+        let pyramid = coarsen(&patch, &Default::default()).unwrap();
+        let [fine, coarse] = [0, 1].map(|l| &pyramid.levels[LevelId::new(l)]);
+        let uv = coarse.mesh.positions.map(|p| p.truncate());
+        let mut insertion = Insertion::new(fine, coarse, &uv);
+        assert_eq!(insertion.undo_until(0), 0, "every vertex finds a place");
+        let (mesh, vertices) = insertion.mesh();
+        assert_eq!((mesh.positions.len(), insertion.left()), (180, 0));
+        assert!(vertices.iter().enumerate().all(|(k, v)| k == v.index()));
+        for (p, q) in fine.mesh.positions.iter().zip(&insertion.map) {
+            assert!(p.truncate().distance(*q) < 1e-12, "{p} at {q}");
+        }
+    }
+}

@@ -1,0 +1,111 @@
+use glam::{DMat2, DVec2, DVec3};
+
+/// A triangle laid flat: corner 0 at the origin, corner 1 at `(base, 0)`, corner 2 at `apex`
+/// with `apex.y >= 0`, in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FlatTriangle {
+    pub(super) base: f64,
+    pub(super) apex: DVec2,
+}
+
+impl FlatTriangle {
+    /// The triangle as it is; not finite if its first edge has no length.
+    pub(super) fn new([a, b, c]: [DVec3; 3]) -> Self {
+        let (e1, e2) = (b - a, c - a);
+        let base = e1.length();
+        Self { base, apex: DVec2::new(e1.dot(e2), e1.cross(e2).length()) / base }
+    }
+
+    pub(super) fn area(&self) -> f64 {
+        0.5 * self.base * self.apex.y
+    }
+
+    /// The triangle itself, or, if its height is less than `least` times its longest edge, one that is so high over
+    /// the same edge. `None` if all corners coincide.
+    pub(super) fn healed(self, corners: [DVec3; 3], least: f64) -> Option<Self> {
+        let side = |k: usize| corners[k].distance(corners[(k + 1) % 3]);
+        let k = (1..3).fold(0, |best, k| if side(k) > side(best) { k } else { best });
+        let longest = side(k);
+        if longest.is_nan() || longest <= 0.0 {
+            return None;
+        }
+        if 2.0 * self.area() >= least * longest * longest {
+            return Some(self);
+        }
+        let (from, to, over) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        let foot = (over - from).dot((to - from) / longest);
+        let mut at = [DVec2::ZERO; 3];
+        at[(k + 1) % 3] = DVec2::new(longest, 0.0);
+        at[(k + 2) % 3] = DVec2::new(foot, least * longest);
+        let (e1, e2) = (at[1] - at[0], at[2] - at[0]);
+        let base = e1.length();
+        Some(Self { base, apex: DVec2::new(e1.dot(e2), e1.perp_dot(e2)) / base })
+    }
+
+    /// Gradients of the three hat functions, in 1/m.
+    pub(super) fn gradients(&self) -> [DVec2; 3] {
+        let g1 = DVec2::new(1.0, -self.apex.x / self.apex.y) / self.base;
+        let g2 = DVec2::new(0.0, 1.0 / self.apex.y);
+        [-g1 - g2, g1, g2]
+    }
+
+    /// Jacobian of the linear map that takes the triangle to `uv`.
+    pub(super) fn jacobian(&self, [a, b, c]: [DVec2; 3]) -> DMat2 {
+        let x = (b - a) / self.base;
+        let y = (c - a - x * self.apex.x) / self.apex.y;
+        DMat2::from_cols(x, y)
+    }
+}
+
+/// Signed singular values of a map, and the directions the energies are built from.
+///
+/// `J = (s1 + s2)/2 rotation + (s1 - s2)/2 reflection`, with `rotation = [c, -s; s, c]` and
+/// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (Smith, de Goes and Kim 2019 build
+/// the eigensystem of any isotropic energy from these two).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Singular {
+    /// Larger singular value, non-negative.
+    pub(super) s1: f64,
+    /// Smaller one, `s1 >= |s2|`, negative for a mirrored map.
+    pub(super) s2: f64,
+    pub(super) rotation: DVec2,
+    pub(super) reflection: DVec2,
+}
+
+impl Singular {
+    pub(super) fn of(j: &DMat2) -> Self {
+        let (a, b, c, d) = (j.x_axis.x, j.y_axis.x, j.x_axis.y, j.y_axis.y);
+        let (turn, mirror) = (DVec2::new(a + d, c - b), DVec2::new(a - d, c + b));
+        let (p, q) = (0.5 * turn.length(), 0.5 * mirror.length());
+        Self {
+            s1: p + q,
+            s2: p - q,
+            rotation: turn.try_normalize().unwrap_or(DVec2::X),
+            reflection: mirror.try_normalize().unwrap_or(DVec2::X),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn singular_values_and_directions_rebuild_the_map() {
+        let j = DMat2::from_cols_array(&[1.5, -0.25, 0.75, 2.0]);
+        let s = Singular::of(&j);
+        let (r, m) = (s.rotation, s.reflection);
+        let rebuilt = DMat2::from_cols_array(&[r.x, r.y, -r.y, r.x]) * (0.5 * (s.s1 + s.s2))
+            + DMat2::from_cols_array(&[m.x, m.y, m.y, -m.x]) * (0.5 * (s.s1 - s.s2));
+        assert!((rebuilt - j).to_cols_array().iter().all(|x| x.abs() < 1e-15), "{rebuilt} is {j}");
+        assert!((s.s1 * s.s2 - j.determinant()).abs() < 1e-15, "s1 s2 is the determinant");
+    }
+
+    #[test]
+    fn a_triangle_maps_to_its_own_layout_by_the_identity() {
+        let corners = [DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.4, 0.1, 0.7), DVec3::new(-0.2, 0.5, 0.1)];
+        let flat = FlatTriangle::new(corners);
+        let j = flat.jacobian([DVec2::ZERO, DVec2::new(flat.base, 0.0), flat.apex]);
+        assert!((j - DMat2::IDENTITY).to_cols_array().iter().all(|x| x.abs() < 1e-15), "{j}");
+    }
+}

@@ -1,0 +1,141 @@
+use glam::{DVec2, DVec3};
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    sparse::Pattern,
+};
+
+/// One face as the energies see it, in units of the square root of the whole area.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Element {
+    pub(super) corners: [VertexId; 3],
+    /// Gradients of the three hat functions in the plane of the face.
+    pub(super) gradients: [DVec2; 3],
+    /// Share of the whole area.
+    pub(super) weight: f64,
+}
+
+impl Element {
+    /// Area times the scalar product of two hat gradients: an entry of the cotangent Laplacian, whatever the scale.
+    pub(super) fn stiffness(&self, k: usize, l: usize) -> f64 {
+        let [_, g1, g2] = self.gradients;
+        0.5 * self.gradients[k].dot(self.gradients[l]) / g1.perp_dot(g2)
+    }
+}
+
+/// Whether a face of this signed area keeps its orientation; NaN does not.
+pub(super) fn keeps_orientation(area: f64) -> bool {
+    area > 0.0
+}
+
+/// Faces that share vertices, some of which may move: the whole surface, or a part of it inside a fixed rim.
+#[derive(Debug, Clone)]
+pub(super) struct Net {
+    pub(super) elements: IdVec<FaceId, Element>,
+    /// Movable vertices that share an edge. They are numbered before the fixed ones.
+    pub(super) pattern: Pattern,
+    /// Places of the movable vertices on the skin, in m: they order large systems.
+    pub(super) places: Vec<DVec3>,
+    /// Boundary edges between movable vertices, faces on the left, with their lengths.
+    pub(super) boundary: Vec<([VertexId; 2], f64)>,
+    /// Mean length of all edges.
+    pub(super) mean_edge: f64,
+}
+
+impl Net {
+    /// A net of `elements` whose first vertices, those with a place, may move.
+    pub(super) fn new(elements: IdVec<FaceId, Element>, places: Vec<DVec3>) -> Self {
+        let free = places.len();
+        let edges = elements
+            .iter()
+            .flat_map(|e| {
+                let [a, b, c] = e.corners.map(VertexId::index);
+                [(a, b), (b, c), (c, a)]
+            })
+            .filter(|&(a, b)| a < free && b < free);
+        let pattern = Pattern::new(free, edges);
+        Self { elements, pattern, places, boundary: Vec::new(), mean_edge: 0.0 }
+    }
+
+    /// The same net with room for more `pairs` of movable vertices in the Hessian.
+    pub(super) fn coupled(&self, pairs: &[[VertexId; 2]]) -> Self {
+        let old = &self.pattern;
+        let edges = (0..old.rows()).flat_map(|i| old.columns(i).iter().map(move |&j| (i, j as usize)));
+        let more = pairs.iter().map(|[a, b]| (a.index(), b.index()));
+        let pattern = Pattern::new(old.rows(), edges.filter(|(i, j)| j < i).chain(more));
+        Self { pattern, ..self.clone() }
+    }
+
+    /// Number of vertices that may move.
+    pub(super) fn free(&self) -> usize {
+        self.pattern.rows()
+    }
+
+    /// Signed area of the map of each face.
+    pub(super) fn map_areas<'a>(&'a self, uv: &'a IdVec<VertexId, DVec2>) -> impl Iterator<Item = f64> + 'a {
+        self.elements.iter().map(|e| {
+            let [a, b, c] = e.corners.map(|v| uv[v]);
+            0.5 * (b - a).perp_dot(c - a)
+        })
+    }
+
+    /// Whether every face keeps its orientation on the map.
+    pub(super) fn is_flip_free(&self, uv: &IdVec<VertexId, DVec2>) -> bool {
+        self.map_areas(uv).all(keeps_orientation)
+    }
+}
+
+/// Slot of a [`Corner`] whose other vertex is fixed: there is no unknown to couple with.
+pub(super) const FIXED: u32 = u32::MAX;
+
+/// One corner of a face at a vertex, and the slots of the vertex's row that its blocks go to.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Corner {
+    pub(super) face: FaceId,
+    pub(super) corner: u8,
+    /// Slots of the vertex itself, the next and the previous corner.
+    pub(super) slots: [u32; 3],
+}
+
+/// The corners around every movable vertex: rows of the Hessian can then be summed side by side, always in the same order.
+#[derive(Debug)]
+pub(super) struct Stars {
+    starts: Vec<u32>,
+    corners: Vec<Corner>,
+}
+
+impl Stars {
+    pub(super) fn new(net: &Net) -> Self {
+        let free = net.free();
+        let mut starts = vec![0_u32; free + 1];
+        for v in net.elements.iter().flat_map(|e| e.corners).filter(|v| v.index() < free) {
+            starts[v.index() + 1] += 1;
+        }
+        for i in 0..free {
+            starts[i + 1] += starts[i];
+        }
+        let mut cursor = starts.clone();
+        let mut corners = vec![Corner::default(); starts[free] as usize];
+        for (face, e) in net.elements.enumerate() {
+            for corner in [0_u8, 1, 2] {
+                let k = corner as usize;
+                let around = [e.corners[k], e.corners[(k + 1) % 3], e.corners[(k + 2) % 3]];
+                let row = around[0].index();
+                if row >= free {
+                    continue;
+                }
+                let slot = |v: VertexId| {
+                    net.pattern.slot(row, v.index()).and_then(|s| u32::try_from(s).ok()).unwrap_or(FIXED)
+                };
+                corners[cursor[row] as usize] = Corner { face, corner, slots: around.map(slot) };
+                cursor[row] += 1;
+            }
+        }
+        Self { starts, corners }
+    }
+
+    /// The corners at the vertex of `row`.
+    pub(super) fn of(&self, row: usize) -> &[Corner] {
+        &self.corners[self.starts[row] as usize..self.starts[row + 1] as usize]
+    }
+}

@@ -1,0 +1,132 @@
+use glam::DVec2;
+
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// Moments closer than this, relatively, are equal: the shape then has no direction of its own to turn by.
+const NO_DIRECTION: f64 = 1e-6;
+
+/// Moments of the map, weighted with areas on the skin: the same for every numbering of the vertices.
+struct Moments {
+    centre: DVec2,
+    /// Second moments about the centre: xx, yy, xy.
+    second: [f64; 3],
+}
+
+/// Calls `visit(mass, place)` for points that carry the area: the middles of the faces' sides, a third of the face
+/// each, which integrates second moments exactly.
+fn each_mass(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, mut visit: impl FnMut(f64, DVec2)) {
+    let total = mesh.area();
+    for (face, corners) in mesh.triangles.enumerate() {
+        let [a, b, c] = corners.map(|v| uv[v]);
+        for middle in [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0] {
+            visit(mesh.face_area(face) / (3.0 * total), middle);
+        }
+    }
+}
+
+fn moments(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Moments {
+    let mut centre = DVec2::ZERO;
+    each_mass(mesh, uv, |m, p| centre += m * p);
+    let mut second = [0.0; 3];
+    each_mass(mesh, uv, |m, p| {
+        let q = p - centre;
+        second[0] += m * q.x * q.x;
+        second[1] += m * q.y * q.y;
+        second[2] += m * q.x * q.y;
+    });
+    Moments { centre, second }
+}
+
+/// The direction on the map that shall point along x.
+///
+/// That is the longer principal axis, towards the side where the map reaches farther (third moment). A shape without such
+/// an axis or side, like a disk, turns so that its first vertex off the centre lies on the positive x axis or side.
+pub(super) fn main_direction(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> DVec2 {
+    let Moments { centre, second: [xx, yy, xy] } = moments(mesh, uv);
+    let spread = xx + yy;
+    let radius = spread.max(0.0).sqrt();
+    // The first vertex that is neither at the centre nor, seen along an axis, in its middle.
+    let first = |along: &dyn Fn(DVec2) -> f64| {
+        uv.iter().map(|&p| p - centre).find(|&q| along(q).abs() > 1e-3 * radius)
+    };
+    let difference = DVec2::new(xx - yy, 2.0 * xy);
+    if difference.length() <= NO_DIRECTION * spread {
+        return first(&|q| q.length()).map_or(DVec2::X, DVec2::normalize_or_zero);
+    }
+    let axis = DVec2::from_angle(0.5 * difference.to_angle());
+    let mut third = 0.0;
+    each_mass(mesh, uv, |m, p| third += m * (p - centre).dot(axis).powi(3));
+    let towards = if third.abs() > NO_DIRECTION * radius.powi(3) {
+        third
+    } else {
+        first(&|q| q.dot(axis)).map_or(1.0, |q| q.dot(axis))
+    };
+    if towards < 0.0 { -axis } else { axis }
+}
+
+/// Puts a map in its place, in m: its centre at the origin, `direction` along x, as large as the skin.
+pub(super) fn place(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, direction: DVec2) -> IdVec<VertexId, DVec2> {
+    let map_area: f64 = mesh
+        .triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|v| uv[v]);
+            0.5 * (b - a).perp_dot(c - a).abs()
+        })
+        .sum();
+    let scale = if map_area > 0.0 { (mesh.area() / map_area).sqrt() } else { 1.0 };
+    let centre = moments(mesh, uv).centre;
+    let back = DVec2::new(direction.x, -direction.y);
+    uv.map(|&p| back.rotate(p - centre) * scale)
+}
+
+/// The direction on a map that shall point along x so that it lies like another one. `pairs` are places of the same
+/// points, first on the map to be turned, then on the other.
+pub(super) fn direction_like<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)> + Clone) -> DVec2 {
+    let count = pairs.clone().count() as f64;
+    let (sum_a, sum_b) = pairs.clone().fold((DVec2::ZERO, DVec2::ZERO), |(s, t), (a, b)| (s + *a, t + *b));
+    // Least squares (Procrustes in the plane): the angle of sum conj(b) a.
+    let turn: DVec2 = pairs
+        .map(|(a, b)| {
+            let (a, b) = (*a - sum_a / count, *b - sum_b / count);
+            DVec2::new(b.dot(a), b.perp_dot(a))
+        })
+        .sum();
+    turn.try_normalize().unwrap_or(DVec2::X)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn a_map_is_placed_alike_however_it_lay() {
+        let mut mesh = shapes::lattice(9, 4, 0.01);
+        for p in mesh.positions.iter_mut() {
+            // Wider on one side, so that the third moment knows left from right.
+            p.y *= 1.0 + 5.0 * p.x;
+        }
+        let flat = mesh.positions.map(|p| p.truncate());
+        let settled = |uv: &IdVec<VertexId, DVec2>| place(&mesh, uv, main_direction(&mesh, uv));
+        let lying = settled(&flat);
+        let turned = settled(&flat.map(|&p| DVec2::from_angle(2.2).rotate(p) * 7.0 + DVec2::X));
+        assert!(lying.iter().zip(&turned).all(|(a, b)| a.distance(*b) < 1e-14), "{lying:?}\n{turned:?}");
+        assert!(
+            (TriMesh { positions: lying.map(|p| p.extend(0.0)), ..mesh.clone() }.area() - mesh.area()).abs()
+                < 1e-15
+        );
+    }
+
+    #[test]
+    fn a_symmetric_shape_turns_to_its_first_vertex_off_the_centre() {
+        let mesh = shapes::fan(6);
+        let uv = mesh.positions.map(|p| DVec2::from_angle(1.0).rotate(p.truncate()));
+        let placed = place(&mesh, &uv, main_direction(&mesh, &uv));
+        let first = placed[VertexId::new(1)];
+        assert!((first - DVec2::X).length() < 1e-12, "vertex 0 is the centre, vertex 1 at {first}");
+    }
+}

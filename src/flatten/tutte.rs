@@ -1,0 +1,149 @@
+use glam::DVec2;
+
+use crate::{
+    flatten::{FlattenError, conformal::circle, net::keeps_orientation, surface::Surface},
+    id::{FaceId, IdVec, VertexId},
+    sparse::{Cholesky, Matrix, Pattern, SparseError},
+};
+
+/// Cotangent weights below this share of the mean are lifted to it: any positive weight keeps the map free of flips,
+/// but tiny ones let faces shrink below what 64 bits can tell apart.
+const LEAST_WEIGHT: f64 = 0.1;
+
+/// How edges pull on their ends.
+#[derive(Debug, Clone, Copy)]
+enum Weights {
+    /// Cotangents, lifted to be positive: close to harmonic, keeps the faces' shapes.
+    Cotangent,
+    /// All alike.
+    Uniform,
+}
+
+/// The outer boundary on a circle, every other vertex at the weighted mean of its neighbours: no face can flip
+/// (Tutte 1963, Floater 2003). Holes are closed by a virtual vertex in the middle of each.
+///
+/// Faces can still become too small for 64-bit numbers; then weights that are all alike are tried.
+///
+/// # Errors
+/// [`FlattenError::NoStart`] when both fail.
+pub(super) fn tutte(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+    let failed = |source| FlattenError::System { method: "convex", source };
+    let mut worst = None;
+    for weights in [Weights::Cotangent, Weights::Uniform] {
+        let uv = solve(surface, weights).map_err(failed)?;
+        let flipped = surface.net.map_areas(&uv).position(|area| !keeps_orientation(area));
+        match flipped {
+            None => return Ok(uv),
+            Some(face) => worst = Some(FaceId::new(face)),
+        }
+    }
+    Err(FlattenError::NoStart { face: worst.unwrap_or_default() })
+}
+
+/// Pull of every edge on its ends: pairs of rows and weights, virtual vertices behind the real ones.
+fn springs(surface: &Surface<'_>, weights: Weights) -> Vec<(usize, usize, f64)> {
+    let vertices = surface.vertices();
+    let mut pull = Matrix::<f64>::zero(&surface.net.pattern);
+    for e in &surface.net.elements {
+        for k in 0..3 {
+            let (i, j) = (e.corners[k], e.corners[(k + 1) % 3]);
+            let cotangent = -e.stiffness(k, (k + 1) % 3);
+            *pull.at(i.index().max(j.index()), i.index().min(j.index())) += cotangent;
+        }
+    }
+    let mut springs = Vec::new();
+    for i in 0..vertices {
+        for (&j, slot) in surface.net.pattern.columns(i).iter().zip(surface.net.pattern.slots(i)) {
+            if (j as usize) < i {
+                springs.push((i, j as usize, pull.values()[slot]));
+            }
+        }
+    }
+    let mean = springs.iter().map(|s| s.2.abs()).sum::<f64>() / springs.len().max(1) as f64;
+    for spring in &mut springs {
+        spring.2 = match weights {
+            // The upper bound keeps a sliver from gluing its corners together.
+            Weights::Cotangent => spring.2.clamp(LEAST_WEIGHT * mean, mean / LEAST_WEIGHT),
+            Weights::Uniform => mean,
+        };
+    }
+    for (hole, walk) in surface.disk.loops[1..].iter().enumerate() {
+        springs.extend(walk.iter().map(|v| (vertices + hole, v.index(), mean)));
+    }
+    springs
+}
+
+fn solve(surface: &Surface<'_>, weights: Weights) -> Result<IdVec<VertexId, DVec2>, SparseError> {
+    let springs = springs(surface, weights);
+    let vertices = surface.vertices();
+    let all = vertices + surface.disk.loops.len() - 1;
+    let mut fixed = vec![None; all];
+    for (&v, at) in surface.disk.loops[0].iter().zip(circle(surface)) {
+        fixed[v.index()] = Some(at);
+    }
+    // Free vertices, numbered; the middle of a hole stands near the hole.
+    let mut row_of = vec![usize::MAX; all];
+    let mut coordinates = Vec::new();
+    for i in (0..all).filter(|&i| fixed[i].is_none()) {
+        row_of[i] = coordinates.len();
+        let near = if i < vertices { VertexId::new(i) } else { surface.disk.loops[1 + i - vertices][0] };
+        coordinates.push(surface.mesh.positions[near]);
+    }
+    let free = |&&(i, j, _): &&(usize, usize, f64)| row_of[i] != usize::MAX && row_of[j] != usize::MAX;
+    let pattern =
+        Pattern::new(coordinates.len(), springs.iter().filter(free).map(|&(i, j, _)| (row_of[i], row_of[j])));
+    let mut matrix = Matrix::<f64>::zero(&pattern);
+    let mut rhs = [vec![0.0; coordinates.len()], vec![0.0; coordinates.len()]];
+    for &(i, j, w) in &springs {
+        for (i, j) in [(i, j), (j, i)] {
+            let row = row_of[i];
+            if row == usize::MAX {
+                continue;
+            }
+            *matrix.at(row, row) += w;
+            match fixed[j] {
+                Some(at) => {
+                    rhs[0][row] += w * at.x;
+                    rhs[1][row] += w * at.y;
+                }
+                None => *matrix.at(row, row_of[j]) -= w,
+            }
+        }
+    }
+    if !coordinates.is_empty() {
+        let cholesky = Cholesky::new(&pattern, &coordinates)?;
+        let factor = cholesky.factor(&matrix)?;
+        factor.solve(&mut rhs[0])?;
+        factor.solve(&mut rhs[1])?;
+    }
+    Ok((0..vertices)
+        .map(|i| fixed[i].unwrap_or_else(|| DVec2::new(rhs[0][row_of[i]], rhs[1][row_of[i]])))
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{TriMesh, shapes};
+
+    fn check(mesh: &TriMesh) {
+        let surface = Surface::new(mesh).unwrap();
+        for weights in [Weights::Cotangent, Weights::Uniform] {
+            let uv = solve(&surface, weights).unwrap();
+            assert!(surface.net.is_flip_free(&uv), "{weights:?} on {} faces", mesh.triangles.len());
+        }
+    }
+
+    #[test]
+    fn nothing_flips_inside_a_circle() {
+        check(&shapes::triangle());
+        check(&shapes::square());
+        check(&shapes::cap(900, 0.1, 2.5));
+        check(&shapes::saddle(20));
+    }
+
+    #[test]
+    fn holes_are_closed_by_a_vertex_each() {
+        check(&shapes::tube(16, 8, 0.05, 0.2));
+    }
+}
