@@ -8,3 +8,4 @@ pub mod skin;
 pub mod calib;
 pub mod pyramid;
 pub mod flatten;
+pub mod map;

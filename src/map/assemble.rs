@@ -1,0 +1,44 @@
+use glam::DVec2;
+
+use crate::{
+    flatten::distortion,
+    id::{IdVec, LevelId, VertexId},
+    map::{MapFrame, MapLevel, PatchMap},
+    pyramid::{Level, Pyramid},
+    skin::Patch,
+};
+
+impl PatchMap {
+    /// Joins a patch, its pyramid and the maps of its levels (m); images have `pixel` metres per pixel.
+    #[must_use]
+    pub fn new(
+        patch: &Patch,
+        pyramid: Pyramid,
+        maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
+        pixel: f64,
+    ) -> Self {
+        let levels = pyramid.levels.into_iter().zip(maps);
+        Self {
+            name: patch.name.clone(),
+            link: patch.link,
+            ids: patch.ids.clone(),
+            levels: levels.map(|(level, uv)| MapLevel::new(patch, level, uv, pixel)).collect(),
+        }
+    }
+}
+
+impl MapLevel {
+    fn new(patch: &Patch, level: Level, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
+        Self {
+            normals: level.origins.map(|&taxel| patch.normals[taxel]),
+            distortion: distortion(&level.mesh, &uv),
+            frame: MapFrame::around(&uv, pixel),
+            mesh: level.mesh,
+            areas: level.areas,
+            origins: level.origins,
+            uv,
+            up: level.up,
+            direct: level.direct,
+        }
+    }
+}

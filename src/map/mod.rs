@@ -1,0 +1,13 @@
+//! Somatosensory maps: every patch with every level, its map and how they are joined.
+//!
+//! A [`SkinMap`] is what `map.glb` holds and all that lookup and images need; it can be made from
+//! a skin or read back from a file.
+
+mod assemble;
+mod error;
+mod level;
+mod skin_map;
+
+pub use error::MapError;
+pub use level::{MapFrame, MapLevel};
+pub use skin_map::{PatchMap, SkinMap};
