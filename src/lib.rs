@@ -9,3 +9,4 @@ pub mod calib;
 pub mod pyramid;
 pub mod flatten;
 pub mod map;
+pub mod atlas;

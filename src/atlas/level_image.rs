@@ -1,0 +1,206 @@
+use std::ops::Range;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::{
+    atlas::{
+        AtlasError, Channel, ChannelLayout, Chart, ImageRows, SampleKind, Samples, Stretch, TactileImage,
+        chart::{check_length, check_total, image_name, narrow},
+        face_stretch,
+    },
+    id::{FaceId, LevelId, VertexId},
+    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    mesh::TriMesh,
+};
+
+/// Channels of measures; 0 where no face is.
+const MEASURES: [&str; 12] = [
+    "Y",
+    "A",
+    "position.X",
+    "position.Y",
+    "position.Z",
+    "normal.X",
+    "normal.Y",
+    "normal.Z",
+    "bary.U",
+    "bary.V",
+    "stretch.angle",
+    "stretch.area",
+];
+
+/// Channels of ids; `u32::MAX` where no face is.
+const IDS: [&str; 2] = ["taxel.id", "face.id"];
+
+/// The image of one level of a patch, computed row by row from its [`Chart`].
+///
+/// | channel | content | where no face is |
+/// |---|---|---|
+/// | `Y` | shading from the normal, 0 to 1, so that any viewer shows something | 0 |
+/// | `A` | coverage: 1 or 0 | 0 |
+/// | `position.{X,Y,Z}` | point of the level's mesh in the link's frame, in m | 0 |
+/// | `normal.{X,Y,Z}` | unit normal, interpolated | 0 |
+/// | `taxel.id` | of the corner with the largest weight: on level 0 its vendor id, above the field's index | `u32::MAX` |
+/// | `face.id` | index of the face in the level's mesh | `u32::MAX` |
+/// | `bary.{U,V}` | weights of the face's second and third corner | 0 |
+/// | `stretch.{angle,area}` | [`Stretch`] of the face | 0 |
+#[derive(Debug, Clone)]
+pub struct LevelImage<'a> {
+    name: String,
+    patch: &'a PatchMap,
+    level: &'a MapLevel,
+    finest: bool,
+    chart: Chart<'a>,
+    light: DVec3,
+}
+
+impl<'a> LevelImage<'a> {
+    /// Rasterises a level.
+    ///
+    /// # Errors
+    /// As [`Chart::new`], or if the patch has not one id per taxel.
+    pub fn new(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
+        let chart = Chart::new(patch, level)?;
+        let (name, finest, needed) =
+            (image_name(patch, level), level == LevelId::default(), chart.uv().len());
+        let level = &patch.levels[level];
+        check_length(&name, "normals", level.normals.len(), needed)?;
+        if finest {
+            check_length(&name, "taxel ids", patch.ids.len(), needed)?;
+        }
+        Ok(Self { name, patch, level, finest, light: light(chart.mesh()), chart })
+    }
+
+    /// The level's chart.
+    #[must_use]
+    pub const fn chart(&self) -> &Chart<'a> {
+        &self.chart
+    }
+
+    /// The whole image in memory.
+    #[must_use]
+    pub fn to_image(&self) -> TactileImage {
+        /// Rows computed by one task.
+        const BAND: u32 = 16;
+        let [width, height] = self.frame().size_px;
+        let bands: Vec<_> = (0..height.div_ceil(BAND))
+            .into_par_iter()
+            .map(|band| self.rows(band * BAND..height.min((band + 1) * BAND)))
+            .collect();
+        let layouts = self.channels();
+        let mut channels: Vec<_> = layouts.into_iter().map(|c| empty(c, width, height)).collect();
+        for band in bands {
+            for (channel, part) in channels.iter_mut().zip(band) {
+                match (&mut channel.samples, part) {
+                    (Samples::F32(all), Samples::F32(part)) => all.extend(part),
+                    (Samples::U32(all), Samples::U32(part)) => all.extend(part),
+                    (Samples::F32(_), Samples::U32(_)) | (Samples::U32(_), Samples::F32(_)) => {
+                        unreachable!("`rows` follows the layout")
+                    }
+                }
+            }
+        }
+        TactileImage { name: self.name.clone(), frame: *self.frame(), channels }
+    }
+
+    /// The measures of one pixel, in the order of [`MEASURES`].
+    fn measures(&self, face: FaceId, weights: [f64; 3], stretch: Stretch) -> [f64; 12] {
+        let level = self.level;
+        let corners = level.mesh.triangles[face];
+        let mix = |of: &dyn Fn(VertexId) -> DVec3| {
+            corners.iter().zip(weights).map(|(&v, w)| w * of(v)).sum::<DVec3>()
+        };
+        let p = mix(&|v| level.mesh.positions[v]);
+        let n = mix(&|v| level.normals[v]).normalize_or_zero();
+        // Half-Lambert: what faces away is dim, not black.
+        let shade = 0.5 + 0.5 * n.dot(self.light);
+        let [_, u, v] = weights;
+        [shade, 1.0, p.x, p.y, p.z, n.x, n.y, n.z, u, v, stretch.angle, stretch.area]
+    }
+
+    /// The ids of one pixel, in the order of [`IDS`].
+    fn ids(&self, face: FaceId, weights: [f64; 3]) -> [u32; 2] {
+        let corner = (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best });
+        let nearest = self.level.mesh.triangles[face][corner];
+        let id = if self.finest { self.patch.ids[nearest].0 } else { nearest.raw() };
+        [id, face.raw()]
+    }
+}
+
+impl ImageRows for LevelImage<'_> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn frame(&self) -> &MapFrame {
+        self.chart.frame()
+    }
+
+    fn channels(&self) -> Vec<ChannelLayout> {
+        let of = |names: &[&str], kind| {
+            let layout = |name: &&str| ChannelLayout { name: (*name).to_owned(), kind };
+            names.iter().map(layout).collect::<Vec<_>>()
+        };
+        [of(&MEASURES, SampleKind::F32), of(&IDS, SampleKind::U32)].concat()
+    }
+
+    fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
+        let width = self.frame().size_px[0] as usize;
+        let count = width * rows.len();
+        let mut measures = MEASURES.map(|_| vec![0.0_f32; count]);
+        let mut ids = IDS.map(|_| vec![u32::MAX; count]);
+        let mut current: Option<(FaceId, Stretch)> = None;
+        for (start, row) in (0..).step_by(width).zip(rows) {
+            self.chart.each_in_row(row, |column, face, weights| {
+                let stretch = match current {
+                    Some((of, stretch)) if of == face => stretch,
+                    _ => face_stretch(self.level, face),
+                };
+                current = Some((face, stretch));
+                let at = start + column;
+                for (samples, value) in measures.iter_mut().zip(self.measures(face, weights, stretch)) {
+                    samples[at] = narrow(value);
+                }
+                for (samples, id) in ids.iter_mut().zip(self.ids(face, weights)) {
+                    samples[at] = id;
+                }
+            });
+        }
+        measures.into_iter().map(Samples::F32).chain(ids.into_iter().map(Samples::U32)).collect()
+    }
+}
+
+/// A channel with room for all of its samples.
+fn empty(layout: ChannelLayout, width: u32, height: u32) -> Channel {
+    let count = width as usize * height as usize;
+    let samples = match layout.kind {
+        SampleKind::F32 => Samples::F32(Vec::with_capacity(count)),
+        SampleKind::U32 => Samples::U32(Vec::with_capacity(count)),
+    };
+    Channel { name: layout.name, samples }
+}
+
+/// Direction the light comes from: where the mesh faces on the whole, or up if it faces everywhere.
+fn light(mesh: &TriMesh) -> DVec3 {
+    let sum: DVec3 = mesh.triangles.ids().map(|f| mesh.face_cross(f)).sum();
+    sum.try_normalize().unwrap_or(DVec3::Z)
+}
+
+/// The image of one level with all of its channels, in memory.
+///
+/// # Errors
+/// As [`LevelImage::new`].
+pub fn level_image(patch: &PatchMap, level: LevelId) -> Result<TactileImage, AtlasError> {
+    Ok(LevelImage::new(patch, level)?.to_image())
+}
+
+/// The images of every level of every patch, rasterised but not yet filled: patch by patch, finest level first.
+///
+/// # Errors
+/// As [`LevelImage::new`], or if the images have more than `2^28` pixels together: they are in memory at once.
+pub fn skin_images(map: &SkinMap) -> Result<Vec<LevelImage<'_>>, AtlasError> {
+    check_total(map.patches.iter().flat_map(|patch| patch.levels.iter().map(|level| &level.frame)))?;
+    let all = map.patches.iter().flat_map(|patch| patch.levels.ids().map(move |level| (patch, level)));
+    all.map(|(patch, level)| LevelImage::new(patch, level)).collect()
+}

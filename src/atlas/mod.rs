@@ -1,0 +1,18 @@
+//! Tactile images: every chart rasterised once, then filled with values.
+//!
+//! A [`Chart`] says for every pixel of a level's image which face and which place in it the pixel shows.
+//! [`LevelImage`] fills the channels of `map.exr` from it, a band of rows at a time, so that an image of a
+//! whole skin need never be in memory at once; [`level_image`] gives the same as one [`TactileImage`].
+
+mod chart;
+mod error;
+mod image;
+mod level_image;
+mod rasterize;
+mod stretch;
+
+pub use chart::Chart;
+pub use error::AtlasError;
+pub use image::{Channel, ChannelLayout, ImageRows, SampleKind, Samples, TactileImage};
+pub use level_image::{LevelImage, level_image, skin_images};
+pub use stretch::{Stretch, face_stretch};

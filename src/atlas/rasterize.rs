@@ -1,0 +1,179 @@
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::id::{FaceId, IdVec, VertexId};
+
+/// A pixel that no face covers.
+pub(super) const UNCOVERED: u32 = u32::MAX;
+
+/// Bits of a pixel that a snapped coordinate resolves: 15 nm at 1 mm per pixel.
+///
+/// Edge functions of coordinates below `2^14` pixels then stay below `2^62`: they are exact in an `i64`, so no
+/// pixel falls through a shared edge or a vertex, however thin the triangles are.
+pub(super) const SUBPIXEL_BITS: u32 = 16;
+
+/// One pixel in snapped units.
+pub(super) const PIXEL: i64 = 1 << SUBPIXEL_BITS;
+
+/// Rows that one task fills. Triangles are a few pixels tall, so few of them lie in two bands, and a small
+/// image still has several bands.
+const BAND_ROWS: usize = 32;
+
+/// A point in units of `1 / PIXEL` pixels: right, and down from the upper edge.
+pub(super) type Snapped = [i64; 2];
+
+/// The face that each pixel centre lies in, row by row from the top, and how often a second face wanted it.
+///
+/// A centre on a shared edge belongs to the face that it would lie in if it were a hair further right and down.
+/// Where faces overlap the smallest id wins.
+pub(super) fn rasterize(
+    points: &IdVec<VertexId, Snapped>,
+    triangles: &IdVec<FaceId, [VertexId; 3]>,
+    [width, height]: [usize; 2],
+) -> (Vec<u32>, usize) {
+    let bands = Bands::new(points, triangles, height);
+    let mut faces = vec![UNCOVERED; width * height];
+    let overlaps = faces
+        .par_chunks_mut(BAND_ROWS * width)
+        .enumerate()
+        .map(|(band, pixels)| {
+            let first = band * BAND_ROWS;
+            let rows = first..first + pixels.len() / width;
+            let fill = |&face: &FaceId| {
+                let triangle = Triangle::new(triangles[face].map(|v| points[v]));
+                triangle.map_or(0, |t| t.fill(face, pixels, rows.clone(), width))
+            };
+            bands.faces(band).iter().map(fill).sum::<usize>()
+        })
+        .sum();
+    (faces, overlaps)
+}
+
+/// The faces that may touch each band of rows, in the order of their ids.
+struct Bands {
+    ends: Vec<usize>,
+    faces: Vec<FaceId>,
+}
+
+impl Bands {
+    /// A counting sort: work and memory grow with the faces and the bands each one touches.
+    fn new(
+        points: &IdVec<VertexId, Snapped>,
+        triangles: &IdVec<FaceId, [VertexId; 3]>,
+        height: usize,
+    ) -> Self {
+        let touched = |corners: &[VertexId; 3]| {
+            let rows = rows_of(corners.map(|v| points[v][1]), 0..height);
+            if rows.is_empty() { 0..0 } else { rows.start / BAND_ROWS..(rows.end - 1) / BAND_ROWS + 1 }
+        };
+        let mut ends = vec![0_usize; height.div_ceil(BAND_ROWS)];
+        for corners in triangles {
+            for band in touched(corners) {
+                ends[band] += 1;
+            }
+        }
+        // Counts become starts, and filling moves each start to its end.
+        let mut total = 0;
+        for end in &mut ends {
+            total += std::mem::replace(end, total);
+        }
+        let mut faces = vec![FaceId::default(); total];
+        for (face, corners) in triangles.enumerate() {
+            for band in touched(corners) {
+                faces[ends[band]] = face;
+                ends[band] += 1;
+            }
+        }
+        Self { ends, faces }
+    }
+
+    fn faces(&self, band: usize) -> &[FaceId] {
+        let start = if band == 0 { 0 } else { self.ends[band - 1] };
+        &self.faces[start..self.ends[band]]
+    }
+}
+
+/// The rows within `bounds` whose pixel centres lie between the smallest and the largest of `ys`.
+fn rows_of(ys: [i64; 3], bounds: Range<usize>) -> Range<usize> {
+    let (lo, hi) = (ys[0].min(ys[1]).min(ys[2]), ys[0].max(ys[1]).max(ys[2]));
+    let first = -(PIXEL / 2 - lo).div_euclid(PIXEL);
+    let last = (hi - PIXEL / 2).div_euclid(PIXEL);
+    clamp(first, &bounds)..clamp(last + 1, &bounds)
+}
+
+/// The nearest index of `bounds`, its end included.
+fn clamp(index: i64, bounds: &Range<usize>) -> usize {
+    usize::try_from(index).map_or(bounds.start, |i| i.clamp(bounds.start, bounds.end))
+}
+
+/// An edge as the half-plane `step x + offset >= threshold` of each row, `x` the column.
+struct Edge {
+    from: Snapped,
+    direction: Snapped,
+    /// 0 if pixel centres on the edge belong to this face, 1 if they belong to the one across it.
+    threshold: i64,
+}
+
+impl Edge {
+    fn new(from: Snapped, to: Snapped) -> Self {
+        let direction = [to[0] - from[0], to[1] - from[1]];
+        // The sign of the edge function at a point moved by (e, e^2), e > 0 however small.
+        let owned = direction[1] < 0 || (direction[1] == 0 && direction[0] > 0);
+        Self { from, direction, threshold: i64::from(!owned) }
+    }
+
+    /// Narrows `columns` to those whose centres in the row at `y` lie inside.
+    fn clip(&self, y: i64, columns: &mut Range<usize>) {
+        let [dx, dy] = self.direction;
+        let step = -dy * PIXEL;
+        let excess = dx * (y - self.from[1]) - dy * (PIXEL / 2 - self.from[0]) - self.threshold;
+        if step > 0 {
+            columns.start = clamp(-excess.div_euclid(step), columns);
+        } else if step < 0 {
+            columns.end = clamp(excess.div_euclid(-step) + 1, columns);
+        } else if excess < 0 {
+            columns.end = columns.start;
+        }
+    }
+}
+
+/// Three edges with the inside on their positive side.
+struct Triangle {
+    edges: [Edge; 3],
+    ys: [i64; 3],
+}
+
+impl Triangle {
+    /// `None` for a triangle without area. A mirrored one is turned over.
+    fn new([a, b, c]: [Snapped; 3]) -> Option<Self> {
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let [b, c] = if area < 0 { [c, b] } else { [b, c] };
+        let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
+        (area != 0).then_some(Self { edges, ys: [a[1], b[1], c[1]] })
+    }
+
+    /// Gives the free pixels inside to `face`; the number of those that were taken.
+    fn fill(&self, face: FaceId, pixels: &mut [u32], rows: Range<usize>, width: usize) -> usize {
+        let mut taken = 0;
+        for row in rows_of(self.ys, rows.clone()) {
+            let y = i64::try_from(row).unwrap_or(i64::MAX >> SUBPIXEL_BITS) * PIXEL + PIXEL / 2;
+            let mut columns = 0..width;
+            for edge in &self.edges {
+                edge.clip(y, &mut columns);
+            }
+            if columns.is_empty() {
+                continue;
+            }
+            let start = (row - rows.start) * width;
+            for pixel in &mut pixels[start + columns.start..start + columns.end] {
+                if *pixel == UNCOVERED {
+                    *pixel = face.raw();
+                } else {
+                    taken += 1;
+                }
+            }
+        }
+        taken
+    }
+}

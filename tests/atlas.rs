@@ -1,0 +1,389 @@
+//! Laws of the atlas: who owns a pixel, and what it shows.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod maps;
+
+use dermatome::{
+    atlas::{AtlasError, Chart, ImageRows, LevelImage, Samples, face_stretch, level_image},
+    id::{FaceId, TaxelId, VertexId},
+    map::{MapFrame, PatchMap},
+    mesh::{MeshError, TriMesh, shapes},
+};
+use glam::{DVec2, DVec3};
+use maps::{flat_patch, level_id, mapped_level, patch};
+use proptest::prelude::*;
+
+fn chart(patch: &PatchMap) -> Chart<'_> {
+    Chart::new(patch, level_id(0)).unwrap()
+}
+
+fn inside_of(chart: &Chart<'_>, face: FaceId, p: DVec2) -> [f64; 3] {
+    maps::barycentric(chart.mesh(), chart.uv(), face, p)
+}
+
+/// Columns and rows of every pixel.
+fn pixels(chart: &Chart<'_>) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let [width, height] = chart.size_px();
+    (0..height).flat_map(move |row| (0..width).map(move |column| (column, row)))
+}
+
+fn floats<'a>(image: &'a dermatome::atlas::TactileImage, name: &str) -> &'a [f32] {
+    match image.channel(name) {
+        Some(Samples::F32(x)) => x,
+        other => panic!("channel {name}: {other:?}"),
+    }
+}
+
+fn ids<'a>(image: &'a dermatome::atlas::TactileImage, name: &str) -> &'a [u32] {
+    match image.channel(name) {
+        Some(Samples::U32(x)) => x,
+        other => panic!("channel {name}: {other:?}"),
+    }
+}
+
+#[test]
+fn a_covered_pixel_has_its_centre_in_its_face() {
+    let cap = flat_patch("cap", shapes::cap(2000, 0.1, 1.0), 0.0007);
+    let chart = chart(&cap);
+    for (column, row) in pixels(&chart) {
+        let Some(at) = chart.point(column, row) else { continue };
+        let centre = chart.centre(column, row);
+        let inside = inside_of(&chart, at.face, centre);
+        // Snapping moves an edge by up to 2^-17 pixels, of triangles about six pixels high.
+        assert!(inside.iter().all(|&w| w > -1e-5), "pixel {column}, {row} of face {:?}: {inside:?}", at.face);
+        let [a, b, c] = chart.mesh().triangles[at.face].map(|v| chart.uv()[v]);
+        let back = a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2];
+        assert!(back.distance(centre) < 1e-5 * 0.0007, "the weights lead back to the centre");
+        assert_eq!(chart.frame().pixel(centre), [column, row], "frame and chart agree on the pixel");
+    }
+}
+
+#[test]
+fn an_uncovered_pixel_has_its_centre_in_no_face() {
+    let saddle = flat_patch("saddle", shapes::saddle(12), 0.004);
+    let chart = chart(&saddle);
+    for (column, row) in pixels(&chart).filter(|&(x, y)| chart.face(x, y).is_none()) {
+        let centre = chart.centre(column, row);
+        for face in chart.mesh().triangles.ids() {
+            let inside = inside_of(&chart, face, centre);
+            assert!(inside.iter().any(|&w| w < 1e-5), "face {face} holds the centre of {column}, {row}");
+        }
+    }
+}
+
+#[test]
+fn covered_pixels_have_the_area_of_the_chart() {
+    let pixel = 0.0004;
+    let cap = flat_patch("cap", shapes::cap(500, 0.1, 0.8), pixel);
+    let chart = chart(&cap);
+    let disk = std::f64::consts::PI * (0.1 * 0.8_f64.sin()).powi(2);
+    let covered = chart.covered() as f64 * pixel * pixel;
+    assert!((covered / disk - 1.0).abs() < 0.01, "{covered} m^2 covered of {disk} m^2");
+    assert_eq!(chart.overlaps(), 0, "a cap seen from above does not overlap itself");
+}
+
+/// A fan around a pixel centre, its rim on pixel centres too: every tie there is.
+#[test]
+fn edges_through_pixel_centres_are_owned_once() {
+    let mut mesh = shapes::square();
+    let rim = [(0, 0), (4, 0), (8, 0), (8, 4), (8, 8), (4, 8), (0, 8), (0, 4), (4, 4)];
+    mesh.positions = rim.iter().map(|&(x, y)| DVec3::new(f64::from(x), f64::from(y), 0.0)).collect();
+    let fan: Vec<[u32; 3]> = (0..8).map(|k| [8, k, (k + 1) % 8]).collect();
+    mesh.triangles = fan.iter().map(|t| t.map(VertexId::from)).collect();
+    let mut map = flat_patch("fan", mesh, 1.0);
+    map.levels[level_id(0)].frame =
+        MapFrame { origin: DVec2::splat(-1.5), size: DVec2::splat(12.0), size_px: [12; 2] };
+    let chart = chart(&map);
+    assert_eq!(chart.overlaps(), 0, "no centre in two faces");
+    assert_eq!(chart.covered(), 64, "8 x 8: two sides of the square belong to it, two do not");
+    for (column, row) in pixels(&chart) {
+        // A hair to the right and down of the centre: the left and the upper side belong to the square.
+        let inside = (1..9).contains(&column) && (2..10).contains(&row);
+        assert_eq!(chart.face(column, row).is_some(), inside, "pixel {column}, {row}");
+    }
+}
+
+#[test]
+fn a_linear_field_is_drawn_linear() {
+    let cap = flat_patch("cap", shapes::cap(300, 0.1, 1.2), 0.001);
+    let chart = chart(&cap);
+    let field = |p: DVec2| 3.0 * p.x - 2.0 * p.y + 0.5;
+    let drawn = chart.render(&chart.uv().map(|&p| field(p)));
+    for ((column, row), &value) in pixels(&chart).zip(&drawn) {
+        let expected = chart.face(column, row).map_or(0.0, |_| field(chart.centre(column, row)));
+        assert!((f64::from(value) - expected).abs() < 1e-6, "pixel {column}, {row}: {value}, not {expected}");
+    }
+}
+
+#[test]
+fn the_first_row_is_the_top() {
+    let map = flat_patch("lattice", shapes::lattice(8, 8, 0.01), 0.001);
+    let chart = chart(&map);
+    assert!(chart.centre(0, 0).y > chart.centre(0, 1).y, "rows run down the map");
+    assert!(chart.centre(1, 0).x > chart.centre(0, 0).x, "columns run to the right");
+    assert_eq!(chart.face(0, 0), None, "a pixel of margin");
+    assert_eq!(chart.face(u32::MAX, 0), None, "there is nothing outside");
+}
+
+#[test]
+fn where_faces_overlap_the_smaller_id_wins() {
+    let mesh = TriMesh::from_arrays(
+        [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [0.0, 0.0], [4.0, 0.0], [0.0, 4.0]]
+            .map(|[x, y]| DVec3::new(x, y, 0.0))
+            .to_vec(),
+        &[[0, 1, 2], [3, 5, 4]],
+    );
+    let map = flat_patch("twice", mesh, 1.0);
+    let chart = chart(&map);
+    assert!(pixels(&chart).all(|(x, y)| chart.face(x, y).is_none_or(|f| f == FaceId::new(0))));
+    assert_eq!(chart.overlaps(), chart.covered(), "every pixel is wanted once more, by the mirrored face");
+    assert!(chart.covered() > 0);
+}
+
+/// A folded sliver between two faces must not tear a hole.
+#[test]
+fn thin_triangles_leave_no_holes() {
+    let step = 1e-7;
+    let columns = 40;
+    let mesh = shapes::sheet(columns, 4, |i, j| {
+        let x = if i < columns / 2 { f64::from(i) * step } else { 1.0 - f64::from(columns - 1 - i) * step };
+        DVec3::new(x, f64::from(j) / 3.0, 0.0)
+    });
+    let map = flat_patch("slivers", mesh, 0.01);
+    let chart = chart(&map);
+    assert_eq!(chart.overlaps(), 0);
+    let inside = |(x, y): &(u32, u32)| {
+        let c = chart.centre(*x, *y);
+        c.cmpgt(DVec2::splat(1e-6)).all() && c.cmplt(DVec2::splat(1.0 - 1e-6)).all()
+    };
+    assert!(
+        pixels(&chart).filter(inside).all(|(x, y)| chart.face(x, y).is_some()),
+        "the unit square is covered"
+    );
+}
+
+#[test]
+fn ids_are_those_of_the_largest_weight() {
+    let mut map = maps::square_pyramid("palm", &[9, 5], 0.08, 0.001);
+    map.ids[VertexId::new(0)] = TaxelId(u32::MAX - 1);
+    for k in 0..2 {
+        let image = level_image(&map, level_id(k)).unwrap();
+        let chart = Chart::new(&map, level_id(k)).unwrap();
+        let mut seen = 0;
+        for (i, (column, row)) in pixels(&chart).enumerate() {
+            let Some(at) = chart.point(column, row) else {
+                assert_eq!(ids(&image, "taxel.id")[i], u32::MAX, "no id where nothing is");
+                assert_eq!(ids(&image, "face.id")[i], u32::MAX, "no face where nothing is");
+                assert_eq!(floats(&image, "A")[i].to_bits(), 0, "no coverage where nothing is");
+                continue;
+            };
+            seen += 1;
+            let largest = at.barycentric.iter().copied().fold(0.0, f64::max);
+            let corners = chart.mesh().triangles[at.face];
+            let expected: Vec<u32> = (0..3)
+                .filter(|&c| at.barycentric[c] >= largest)
+                .map(|c| if k == 0 { map.ids[corners[c]].0 } else { corners[c].raw() })
+                .collect();
+            assert!(expected.contains(&ids(&image, "taxel.id")[i]), "level {k}, pixel {column}, {row}");
+            assert_eq!(ids(&image, "face.id")[i], at.face.raw());
+            assert_eq!(floats(&image, "A")[i].to_bits(), 1.0_f32.to_bits());
+        }
+        assert_eq!(seen, chart.covered());
+    }
+}
+
+#[test]
+fn positions_normals_and_weights_are_those_of_the_point() {
+    let mesh = shapes::cap(800, 0.1, 1.0);
+    let uv = mesh.positions.map(|p| 1.1 * p.truncate());
+    let map = patch("cap", vec![mapped_level(mesh, uv, 0.001)]);
+    let (chart, image) = (chart(&map), level_image(&map, level_id(0)).unwrap());
+    let vector = |base: &str, i| {
+        DVec3::from_array(["X", "Y", "Z"].map(|c| f64::from(floats(&image, &format!("{base}.{c}"))[i])))
+    };
+    for (i, (column, row)) in pixels(&chart).enumerate() {
+        let Some(at) = chart.point(column, row) else { continue };
+        let p = chart.mesh().point(&at);
+        assert!(vector("position", i).distance(p) < 1e-7, "position of pixel {column}, {row}");
+        let n = vector("normal", i);
+        assert!((n.length() - 1.0).abs() < 1e-6, "unit normal");
+        assert!(n.dot(p.normalize()) > 0.99, "the normal of a sphere");
+        let [_, u, v] = at.barycentric;
+        assert!((f64::from(floats(&image, "bary.U")[i]) - u).abs() < 1e-7);
+        assert!((f64::from(floats(&image, "bary.V")[i]) - v).abs() < 1e-7);
+        let stretch = face_stretch(&map.levels[level_id(0)], at.face);
+        assert!((f64::from(floats(&image, "stretch.angle")[i]) / stretch.angle - 1.0).abs() < 1e-6);
+        assert!((f64::from(floats(&image, "stretch.area")[i]) / stretch.area - 1.0).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn stretch_of_known_maps() {
+    let stretch = |map: &dyn Fn(DVec2) -> DVec2| {
+        let mesh = shapes::square();
+        let uv = mesh.positions.map(|p| map(p.truncate()));
+        face_stretch(&mapped_level(mesh, uv, 0.1), FaceId::new(1))
+    };
+    let turned = stretch(&|p| 2.0 * DVec2::from_angle(0.7).rotate(p));
+    assert!(
+        (turned.angle - 1.0).abs() < 1e-12 && (turned.area - 4.0).abs() < 1e-12,
+        "similarity: {turned:?}"
+    );
+    let sheared = stretch(&|p| DVec2::new(p.x + p.y, p.y));
+    let golden = (3.0 + 5.0_f64.sqrt()) / 2.0;
+    assert!((sheared.angle - golden).abs() < 1e-12, "the unit shear's ratio is the golden section squared");
+    let mirrored = stretch(&|p| DVec2::new(-3.0 * p.x, p.y));
+    assert!((mirrored.angle + 3.0).abs() < 1e-12 && (mirrored.area + 3.0).abs() < 1e-12, "{mirrored:?}");
+    let squeezed = stretch(&|p| DVec2::new(p.x, 0.0));
+    assert!(squeezed.angle == f64::INFINITY && squeezed.area == 0.0, "{squeezed:?}");
+}
+
+#[test]
+fn bands_of_rows_are_the_image() {
+    let map = flat_patch("cap", shapes::cap(500, 0.1, 1.0), 0.001);
+    let image = LevelImage::new(&map, level_id(0)).unwrap();
+    let (whole, height) = (image.to_image(), image.frame().size_px[1]);
+    for rows in [0..1, 3..40, 17..height] {
+        assert_eq!(
+            image.rows(rows.clone()),
+            ImageRows::rows(&whole, rows),
+            "rows of the one and of the other"
+        );
+    }
+}
+
+#[test]
+fn any_number_of_threads_draws_the_same() {
+    let map = flat_patch("cap", shapes::cap(3000, 0.1, 1.0), 0.0005);
+    let draw = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| level_image(&map, level_id(0)).unwrap())
+    };
+    let one = draw(1);
+    assert!([2, 7].into_iter().all(|n| draw(n) == one));
+}
+
+#[test]
+fn an_image_that_is_too_large_is_refused_with_a_pixel_size_that_fits() {
+    for (side, pixel) in [(2.0, 1e-4), (1e9, 1e-3), (1.0, 5e-5)] {
+        let mut mesh = shapes::square();
+        mesh.positions = mesh.positions.map(|&p| side * p);
+        let error = Chart::new(&flat_patch("palm", mesh.clone(), pixel), level_id(0)).unwrap_err();
+        let AtlasError::TooLarge { image, fits_mm, .. } = error else { panic!("{error}") };
+        assert_eq!(image, "palm/L0");
+        // A chart of the largest size takes a gigabyte: only its size is tried.
+        let frame = MapFrame::around(&flat_patch("", mesh, pixel).levels[level_id(0)].uv, fits_mm * 1e-3);
+        assert!(frame.size_px.iter().all(|&n| n <= 16_384), "{fits_mm} mm fits a side of {side} m");
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_is_named() {
+    let map = flat_patch("palm", shapes::square(), 0.1);
+    let broken = |change: &dyn Fn(&mut PatchMap)| {
+        let mut map = map.clone();
+        change(&mut map);
+        LevelImage::new(&map, level_id(0)).unwrap_err()
+    };
+    let zero = level_id(0);
+    assert!(matches!(Chart::new(&map, level_id(3)).unwrap_err(), AtlasError::NoSuchLevel { last: 0, .. }));
+    for at in [DVec2::NAN, DVec2::new(1e300, 0.0), DVec2::new(0.0, f64::NEG_INFINITY)] {
+        let error = broken(&|m| m.levels[zero].uv[VertexId::new(2)] = at);
+        let AtlasError::OutsideFrame { vertex, .. } = error else { panic!("{error}") };
+        assert_eq!(vertex, VertexId::new(2), "at {at}");
+    }
+    for size in [DVec2::ZERO, DVec2::NAN, DVec2::NEG_ONE] {
+        let error = broken(&|m| m.levels[zero].frame.size = size);
+        assert!(matches!(error, AtlasError::Frame { .. }), "{error}");
+    }
+    assert!(matches!(broken(&|m| m.levels[zero].frame.size_px = [0, 4]), AtlasError::Frame { .. }));
+    let short = |e: AtlasError| matches!(e, AtlasError::Length { found: 3, needed: 4, .. });
+    assert!(short(broken(&|m| m.ids = vec![TaxelId(0); 3].into())), "ids");
+    assert!(short(broken(&|m| m.levels[zero].uv = vec![DVec2::ZERO; 3].into())), "map positions");
+    assert!(short(broken(&|m| m.levels[zero].normals = vec![DVec3::Z; 3].into())), "normals");
+    let corner = broken(&|m| m.levels[zero].mesh.triangles[FaceId::new(0)][1] = VertexId::new(9));
+    assert!(
+        matches!(corner, AtlasError::Mesh { source: MeshError::CornerOutOfRange { .. }, .. }),
+        "{corner}"
+    );
+}
+
+#[test]
+fn degenerate_faces_are_harmless() {
+    let line = TriMesh::from_arrays(vec![DVec3::ZERO, DVec3::X, 2.0 * DVec3::X], &[[0, 1, 2]]);
+    let map = flat_patch("line", line, 0.1);
+    let image = level_image(&map, level_id(0)).unwrap();
+    assert!(floats(&image, "A").iter().all(|&a| a == 0.0), "a line covers no pixel");
+    // No area on the skin, some on the map.
+    let mut map = flat_patch("point", shapes::triangle(), 0.1);
+    map.levels[level_id(0)].mesh.positions = vec![DVec3::ZERO; 3].into();
+    let image = level_image(&map, level_id(0)).unwrap();
+    assert!(floats(&image, "A").contains(&1.0));
+    for channel in &image.channels {
+        let Samples::F32(values) = &channel.samples else { continue };
+        assert!(values.iter().all(|x| !x.is_nan()), "{} is a number", channel.name);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Moving a map by whole pixels moves its image: nothing depends on where the origin is.
+    #[test]
+    fn whole_pixels_shift_the_image(dx in 0_i32..50, dy in 0_i32..50, corners in prop::collection::vec((0.0..20.0, 0.0..20.0), 3..12)) {
+        let frame = |x: i32, y: i32| MapFrame {
+            origin: DVec2::new(f64::from(x), f64::from(y)),
+            size: DVec2::splat(80.0),
+            size_px: [80; 2],
+        };
+        // Snapped to the rasteriser's grid, so that the shift is exact.
+        let snap = |x: f64| (x * 65536.0).round() / 65536.0;
+        let positions: Vec<_> = corners.iter().map(|&(x, y)| DVec3::new(snap(x), snap(y), 0.0)).collect();
+        let triangles: Vec<[u32; 3]> = (2_u32..).take(positions.len() - 2).map(|k| [k - 2, k - 1, k]).collect();
+        let mut map = flat_patch("any", TriMesh::from_arrays(positions, &triangles), 1.0);
+        map.levels[level_id(0)].frame = frame(-60, -60);
+        let mut moved = map.clone();
+        moved.levels[level_id(0)].frame = frame(dx - 60, dy - 60);
+        let (here, there) = (chart(&map), chart(&moved));
+        prop_assert_eq!((here.overlaps(), here.covered()), (there.overlaps(), there.covered()));
+        for (column, row) in pixels(&here) {
+            if let Some(face) = here.face(column, row) {
+                let [x, y] = [column.checked_add_signed(-dx).unwrap(), row.checked_add_signed(dy).unwrap()];
+                prop_assert_eq!(there.face(x, y), Some(face));
+            }
+        }
+    }
+
+    /// Triangulations of one polygon cover the same pixels, each once: shared edges are owned once.
+    #[test]
+    fn how_a_quad_is_cut_does_not_matter(
+        x in prop::array::uniform4(0.0..9.0_f64), y in prop::array::uniform4(0.0..9.0_f64),
+    ) {
+        // One corner per quadrant: star-shaped about (10, 10), maybe not convex.
+        let corner = |k: usize| DVec3::new(
+            10.0 + [1.0, -1.0, -1.0, 1.0][k] * (x[k] + 0.25).round(), 10.0 + [1.0, 1.0, -1.0, -1.0][k] * (y[k] + 0.25).round(), 0.0,
+        );
+        let centre = DVec3::new(10.0, 10.0, 0.0);
+        let positions: Vec<_> = (0..4).map(corner).chain([centre]).collect();
+        let star = TriMesh::from_arrays(positions.clone(), &[[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]);
+        let area: f64 = star.area();
+        prop_assume!(area > 0.5);
+        let frame = MapFrame { origin: DVec2::splat(-0.5), size: DVec2::splat(21.0), size_px: [21; 2] };
+        let draw = |mesh: TriMesh| {
+            let mut map = flat_patch("quad", mesh, 1.0);
+            map.levels[level_id(0)].frame = frame;
+            let chart = chart(&map);
+            let covered: Vec<bool> = pixels(&chart).map(|(x, y)| chart.face(x, y).is_some()).collect();
+            (covered, chart.overlaps())
+        };
+        let (covered, overlaps) = draw(star);
+        prop_assert_eq!(overlaps, 0);
+        for cut in [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]] {
+            let cut = TriMesh::from_arrays(positions[..4].to_vec(), &cut);
+            let turns = |t: FaceId| cut.face_cross(t).z;
+            if cut.triangles.ids().all(|t| turns(t) > 0.0) {
+                prop_assert_eq!(&draw(cut).0, &covered);
+            }
+        }
+    }
+}

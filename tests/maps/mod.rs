@@ -1,0 +1,110 @@
+//! Maps made by hand from named shapes: what the rooms above `map` are tested on.
+#![allow(dead_code, clippy::unwrap_used, reason = "each test program uses a part of it, and may stop")]
+
+use dermatome::{
+    flatten::Distortion,
+    id::{FaceId, IdVec, LevelId, LinkId, TaxelId, VertexId},
+    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    mesh::{TriMesh, shapes},
+    pyramid::Prolongation,
+    skin::Link,
+};
+use glam::{DAffine3, DVec2, DVec3};
+
+/// A level whose map is its shape seen from above.
+pub(crate) fn flat_level(mesh: TriMesh, pixel: f64) -> MapLevel {
+    let uv = mesh.positions.map(|p| p.truncate());
+    mapped_level(mesh, uv, pixel)
+}
+
+/// A level with the given map.
+pub(crate) fn mapped_level(mesh: TriMesh, uv: IdVec<VertexId, DVec2>, pixel: f64) -> MapLevel {
+    MapLevel {
+        normals: mesh.vertex_normals(),
+        areas: mesh.vertex_areas(),
+        origins: mesh.positions.ids().collect(),
+        frame: MapFrame::around(&uv, pixel),
+        uv,
+        up: None,
+        direct: None,
+        distortion: Distortion {
+            qc_mean: 1.0,
+            qc_max: 1.0,
+            area_mean: 1.0,
+            area_max: 1.0,
+            ..Distortion::default()
+        },
+        mesh,
+    }
+}
+
+/// A patch of these levels; ids count from 100.
+pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
+    let ids = levels[0].mesh.positions.ids().map(|v| TaxelId(100 + v.raw())).collect();
+    PatchMap { name: name.into(), link: LinkId::default(), ids, levels: levels.into() }
+}
+
+/// A patch of one level seen from above.
+pub(crate) fn flat_patch(name: &str, mesh: TriMesh, pixel: f64) -> PatchMap {
+    patch(name, vec![flat_level(mesh, pixel)])
+}
+
+/// The patches on one link at the origin.
+pub(crate) fn skin(patches: Vec<PatchMap>) -> SkinMap {
+    let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
+    SkinMap { links: vec![link].into(), patches: patches.into() }
+}
+
+/// A square of `side` metres with a lattice of `columns[k]` columns on level `k`.
+pub(crate) fn square_pyramid(name: &str, columns: &[u32], side: f64, pixel: f64) -> PatchMap {
+    let mut levels: Vec<MapLevel> =
+        columns.iter().map(|&n| flat_level(square_sheet(n, side), pixel)).collect();
+    for k in 1..levels.len() {
+        let direct = prolongation(&levels[0], &levels[k]);
+        let up = prolongation(&levels[k - 1], &levels[k]);
+        levels[k].origins = nearest(&levels[k], &levels[0]);
+        levels[k].direct = Some(direct);
+        levels[k - 1].up = Some(up);
+    }
+    patch(name, levels)
+}
+
+/// A square lattice cut along diagonals, all vertices of which stay within the square.
+fn square_sheet(columns: u32, side: f64) -> TriMesh {
+    let step = side / f64::from(columns - 1);
+    shapes::sheet(columns, columns, |i, j| DVec3::new(f64::from(i) * step, f64::from(j) * step, 0.0))
+}
+
+fn nearest(of: &MapLevel, among: &MapLevel) -> IdVec<VertexId, VertexId> {
+    let closest = |p: &DVec2| {
+        let d = |v: &VertexId| among.uv[*v].distance_squared(*p);
+        among.uv.ids().min_by(|a, b| d(a).total_cmp(&d(b))).unwrap()
+    };
+    of.uv.map(closest)
+}
+
+/// Barycentric location by trying every triangle.
+fn prolongation(fine: &MapLevel, coarse: &MapLevel) -> Prolongation {
+    let mut out = Prolongation { indices: IdVec::new(), weights: IdVec::new(), coarse_len: coarse.uv.len() };
+    for &p in &fine.uv {
+        let worst = |f: &FaceId| {
+            barycentric(&coarse.mesh, &coarse.uv, *f, p).into_iter().fold(f64::INFINITY, f64::min)
+        };
+        let face = coarse.mesh.triangles.ids().max_by(|a, b| worst(a).total_cmp(&worst(b))).unwrap();
+        out.indices.push(coarse.mesh.triangles[face]);
+        out.weights.push(barycentric(&coarse.mesh, &coarse.uv, face, p).map(|w| w.max(0.0)));
+    }
+    out
+}
+
+/// Barycentric coordinates of a map position in a face; negative outside.
+pub(crate) fn barycentric(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, face: FaceId, p: DVec2) -> [f64; 3] {
+    let [a, b, c] = mesh.triangles[face].map(|v| uv[v]);
+    let area = (b - a).perp_dot(c - a);
+    [(b - p).perp_dot(c - p) / area, (c - p).perp_dot(a - p) / area, (a - p).perp_dot(b - p) / area]
+}
+
+/// Level `k`.
+pub(crate) fn level_id(k: usize) -> LevelId {
+    LevelId::new(k)
+}
