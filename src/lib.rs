@@ -10,3 +10,4 @@ pub mod pyramid;
 pub mod flatten;
 pub mod map;
 pub mod atlas;
+pub mod contact;

@@ -1,0 +1,116 @@
+//! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, a path, a batch, and making the index.
+#![allow(missing_docs, clippy::unwrap_used, reason = "benches")]
+
+use std::{hint::black_box, time::Duration};
+
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use dermatome::{
+    contact::{Contact, ContactIndex},
+    flatten::Distortion,
+    id::{IdVec, LinkId, PatchId, TaxelId},
+    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    mesh::{TriMesh, shapes},
+    skin::Link,
+};
+use glam::{DAffine3, DVec2, DVec3};
+
+const RADIUS: f64 = 0.1;
+const HALF_ANGLE: f64 = 1.92;
+const SIZES: [usize; 5] = [500, 10_000, 20_000, 100_000, 1_000_000];
+
+/// A map of one patch and one level; the map positions do not matter here.
+fn map_of(mesh: TriMesh) -> SkinMap {
+    let uv: IdVec<_, DVec2> = mesh.positions.map(|p| p.truncate());
+    let level = MapLevel {
+        normals: mesh.vertex_normals(),
+        areas: mesh.vertex_areas(),
+        origins: mesh.positions.ids().collect(),
+        frame: MapFrame::around(uv.iter(), 0.001),
+        uv,
+        up: None,
+        direct: None,
+        distortion: Distortion::default(),
+        mesh,
+    };
+    let ids = level.mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
+    let patch = PatchMap { name: "cap".into(), link: LinkId::new(0), ids, levels: vec![level].into() };
+    let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
+    SkinMap { links: vec![link].into(), patches: IdVec::<PatchId, _>::from(vec![patch]) }
+}
+
+/// Numbers in [0, 1) that are the same in every run.
+fn numbers() -> impl FnMut() -> f64 {
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+fn at(polar: f64, turn: f64, height: f64) -> DVec3 {
+    let flat = DVec2::from_angle(turn) * polar.sin();
+    (RADIUS + height) * flat.extend(-polar.cos())
+}
+
+/// Contacts spread evenly over the cap.
+fn scattered(count: usize) -> Vec<Contact> {
+    let mut number = numbers();
+    let place = |_| {
+        let polar = (1.0 - number() * (1.0 - HALF_ANGLE.cos())).acos();
+        Contact::world(at(polar, std::f64::consts::TAU * number(), 0.003 * number()))
+    };
+    (0..count).map(place).collect()
+}
+
+/// A spiral over the cap in steps of about half a millimetre.
+fn path(count: usize) -> Vec<Contact> {
+    let mut number = numbers();
+    let place = |k: usize| {
+        let along = k as f64 / count as f64;
+        Contact::world(at(0.3 + 1.2 * along, 0.007 * k as f64, 0.001 + 0.0001 * number()))
+    };
+    (0..count).map(place).collect()
+}
+
+fn contacts(c: &mut Criterion) {
+    for faces in SIZES {
+        let map = map_of(shapes::cap(faces, RADIUS, HALF_ANGLE));
+        let index = ContactIndex::new(&map).unwrap();
+        let mut group = c.benchmark_group(format!("contact/{faces}"));
+        group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
+        let scattered = scattered(1 << 15);
+        group.bench_function("single", |b| {
+            let mut next = scattered.iter().cycle();
+            b.iter(|| index.locate(black_box(next.next().unwrap().point)).unwrap());
+        });
+        let path = path(1 << 15);
+        group.bench_function("path", |b| {
+            let mut next = path.iter().cycle();
+            let mut last = index.locate_contact(&path[0]).unwrap();
+            b.iter(|| last = index.locate_from(&last, black_box(next.next().unwrap())).unwrap());
+        });
+        let hits = index.locate_all(&path).unwrap();
+        group.bench_function("cells", |b| {
+            let mut next = hits.iter().cycle();
+            b.iter(|| index.cells(black_box(next.next().unwrap())).last().unwrap());
+        });
+        group.throughput(Throughput::Elements(scattered.len() as u64)).sample_size(20);
+        group.bench_function("batch", |b| b.iter(|| index.locate_all(&scattered).unwrap()));
+        group.sample_size(10);
+        if faces <= 100_000 {
+            group.bench_function("build", |b| {
+                b.iter_batched(
+                    || map.clone(),
+                    |map| ContactIndex::new(&map).unwrap(),
+                    BatchSize::PerIteration,
+                );
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group!(benches, contacts);
+criterion_main!(benches);

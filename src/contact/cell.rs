@@ -1,0 +1,250 @@
+use glam::DVec2;
+
+use crate::{
+    contact::{
+        ContactError,
+        pseudo_normal::{Fans, face_of_all},
+    },
+    id::{FaceId, IdVec, LevelId, TaxelId, VertexId},
+    map::{MapFrame, MapLevel, PatchMap},
+    mesh::SurfacePoint,
+    pyramid::Prolongation,
+};
+
+/// Fields that a contact can lie in: each of a face's three corners lies in up to three.
+const MOST_FIELDS: usize = 9;
+
+/// Where a contact lies on the map of one level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell {
+    /// The level.
+    pub level: LevelId,
+    /// The level's face and the barycentric coordinates in it: on level 0 those of the hit, on a coarser level
+    /// those that the level's direct prolongation gives the hit's nearest corner.
+    pub point: SurfacePoint,
+    /// Map position, in m: the mean of the fields' positions by their weights.
+    pub uv: DVec2,
+    /// Pixel (column, row from the top) of the level's image.
+    pub pixel: [u32; 2],
+    /// The receptive field of the largest weight, the smallest of several.
+    pub field: VertexId,
+    /// Vendor id of the taxel at the centre of that field.
+    pub taxel: TaxelId,
+    /// All fields the contact lies in.
+    pub weights: FieldWeights,
+}
+
+/// The receptive fields a contact lies in: ids rising, weights positive with sum 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FieldWeights {
+    len: usize,
+    fields: [VertexId; MOST_FIELDS],
+    weights: [f64; MOST_FIELDS],
+}
+
+impl FieldWeights {
+    fn none() -> Self {
+        Self { len: 0, fields: [VertexId::default(); MOST_FIELDS], weights: [0.0; MOST_FIELDS] }
+    }
+
+    /// Fields and weights, smallest id first.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (VertexId, f64)> + '_ {
+        self.fields[..self.len].iter().copied().zip(self.weights[..self.len].iter().copied())
+    }
+
+    /// Weight of `field`; 0 if the contact does not lie in it.
+    #[must_use]
+    pub fn of(&self, field: VertexId) -> f64 {
+        self.fields[..self.len].binary_search(&field).map_or(0.0, |at| self.weights[at])
+    }
+
+    /// The field of the largest weight, the smallest of several.
+    fn strongest(&self) -> VertexId {
+        let best = self.iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
+        best.map_or(VertexId::default(), |(field, _)| field)
+    }
+
+    fn add(&mut self, field: VertexId, weight: f64) {
+        if weight == 0.0 {
+            return;
+        }
+        match self.fields[..self.len].binary_search(&field) {
+            Ok(at) => self.weights[at] += weight,
+            Err(at) if self.len < MOST_FIELDS => {
+                self.fields.copy_within(at..self.len, at + 1);
+                self.weights.copy_within(at..self.len, at + 1);
+                (self.fields[at], self.weights[at]) = (field, weight);
+                self.len += 1;
+            }
+            Err(_) => unreachable!("three rows of three fields"),
+        }
+    }
+}
+
+/// What a lookup needs of the levels of one patch.
+#[derive(Debug, Clone)]
+pub(super) struct PatchCells {
+    levels: IdVec<LevelId, LevelCells>,
+}
+
+/// What a lookup needs of one level.
+#[derive(Debug, Clone)]
+struct LevelCells {
+    uv: IdVec<VertexId, DVec2>,
+    frame: MapFrame,
+    /// Vendor id of the taxel at the centre of each field.
+    taxels: IdVec<VertexId, TaxelId>,
+    triangles: IdVec<FaceId, [VertexId; 3]>,
+    /// `None` on level 0.
+    coarse: Option<Coarse>,
+}
+
+/// How level 0 lies on a coarser level.
+#[derive(Debug, Clone)]
+struct Coarse {
+    direct: Prolongation,
+    /// The face of the coarser level that each row of `direct` lies in.
+    faces: IdVec<VertexId, FaceId>,
+}
+
+impl PatchCells {
+    pub(super) fn new(patch: &PatchMap) -> Result<Self, ContactError> {
+        let fine = patch.levels.get(LevelId::new(0)).map_or(0, |level| level.mesh.positions.len());
+        let levels = patch.levels.enumerate();
+        let levels = levels.map(|(id, level)| LevelCells::new(&Checked { patch, id, level, fine }));
+        Ok(Self { levels: levels.collect::<Result<Vec<_>, _>>()?.into() })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// The cell of a level-0 point whose face has corners `corners`, the nearest of them being `nearest`.
+    pub(super) fn cell(
+        &self,
+        level: LevelId,
+        at: &SurfacePoint,
+        corners: [VertexId; 3],
+        nearest: VertexId,
+    ) -> Option<Cell> {
+        let cells = self.levels.get(level)?;
+        let mut weights = FieldWeights::none();
+        for (corner, share) in corners.into_iter().zip(at.barycentric) {
+            match &cells.coarse {
+                None => weights.add(corner, share),
+                Some(Coarse { direct, .. }) => {
+                    for (field, weight) in direct.indices[corner].into_iter().zip(direct.weights[corner]) {
+                        weights.add(field, share * weight);
+                    }
+                }
+            }
+        }
+        let point = cells.coarse.as_ref().map_or(*at, |coarse| coarse.point(&cells.triangles, nearest));
+        let uv = weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum();
+        let field = weights.strongest();
+        let pixel = cells.frame.pixel(uv);
+        Some(Cell { level, point, uv, pixel, field, taxel: cells.taxels[field], weights })
+    }
+}
+
+impl Coarse {
+    /// Where the direct prolongation puts a vertex of level 0.
+    fn point(&self, triangles: &IdVec<FaceId, [VertexId; 3]>, vertex: VertexId) -> SurfacePoint {
+        let face = self.faces[vertex];
+        let mut barycentric = [0.0; 3];
+        for (field, weight) in self.direct.indices[vertex].into_iter().zip(self.direct.weights[vertex]) {
+            if let Some(k) = triangles[face].iter().position(|&corner| corner == field) {
+                barycentric[k] += weight;
+            }
+        }
+        SurfacePoint { face, barycentric }
+    }
+}
+
+/// A level on its way into an index.
+struct Checked<'a> {
+    patch: &'a PatchMap,
+    id: LevelId,
+    level: &'a MapLevel,
+    /// Vertices of level 0.
+    fine: usize,
+}
+
+impl LevelCells {
+    fn new(from: &Checked<'_>) -> Result<Self, ContactError> {
+        let Checked { patch, level, .. } = from;
+        level.mesh.validate().map_err(|source| ContactError::Mesh {
+            patch: patch.name.clone(),
+            level: from.id.index(),
+            source,
+        })?;
+        let count = level.mesh.positions.len();
+        from.has("uv", level.uv.len(), count)?;
+        from.has("origins", level.origins.len(), count)?;
+        let coarse = match &level.direct {
+            Some(direct) if from.id.index() > 0 => Some(from.coarse(direct)?),
+            _ if from.id.index() > 0 => return Err(from.length("direct", 0, from.fine)),
+            _ => {
+                from.has("ids", patch.ids.len(), count)?;
+                None
+            }
+        };
+        let taxels = level.origins.enumerate().map(|(field, &origin)| {
+            patch.ids.get(origin).copied().ok_or_else(|| ContactError::NoOrigin {
+                patch: patch.name.clone(),
+                level: from.id.index(),
+                field,
+                origin,
+                count: patch.ids.len(),
+            })
+        });
+        Ok(Self {
+            uv: level.uv.clone(),
+            frame: level.frame,
+            taxels: taxels.collect::<Result<Vec<_>, _>>()?.into(),
+            triangles: level.mesh.triangles.clone(),
+            coarse,
+        })
+    }
+}
+
+impl Checked<'_> {
+    fn length(&self, what: &'static str, found: usize, needed: usize) -> ContactError {
+        ContactError::Length { patch: self.patch.name.clone(), level: self.id.index(), what, found, needed }
+    }
+
+    fn has(&self, what: &'static str, found: usize, needed: usize) -> Result<(), ContactError> {
+        if found == needed { Ok(()) } else { Err(self.length(what, found, needed)) }
+    }
+
+    /// Finds the face of every row of `direct`: the smallest that holds all its vertices of positive weight.
+    fn coarse(&self, direct: &Prolongation) -> Result<Coarse, ContactError> {
+        self.has("direct indices", direct.indices.len(), self.fine)?;
+        self.has("direct weights", direct.weights.len(), self.fine)?;
+        let mesh = &self.level.mesh;
+        let fans = Fans::new(mesh);
+        let face_of = |(row, &corners): (VertexId, &[VertexId; 3])| {
+            let weights = direct.weights[row];
+            let mut present = [VertexId::default(); 3];
+            let mut len = 0;
+            for (corner, weight) in corners.into_iter().zip(weights) {
+                if weight != 0.0 {
+                    present[len] = corner;
+                    len += 1;
+                }
+            }
+            let sound = corners.iter().all(|v| v.index() < mesh.positions.len())
+                && weights.iter().all(|&w| w.is_finite() && w >= 0.0);
+            let face = if sound { face_of_all(&fans, &mesh.triangles, &present[..len]) } else { None };
+            face.ok_or_else(|| ContactError::NoFace {
+                patch: self.patch.name.clone(),
+                level: self.id.index(),
+                row,
+                corners,
+                weights,
+            })
+        };
+        let faces = direct.indices.enumerate().map(face_of).collect::<Result<Vec<_>, _>>()?;
+        Ok(Coarse { direct: direct.clone(), faces: faces.into() })
+    }
+}

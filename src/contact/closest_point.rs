@@ -1,0 +1,98 @@
+use glam::DVec3;
+
+use crate::id::VertexId;
+
+/// A triangle whose doubled area is less than this part of its longest side squared is measured by its sides alone.
+///
+/// The direction of its normal is lost to rounding (2^-52 over this), while the sides err by at most its height;
+/// at the square root of the rounding both errors are equal, a hundred-millionth of the longest side.
+const FLAT: f64 = 1e-8;
+
+/// Rounding of a barycentric weight, relative to the products it is made of: twice the three-term sums of products.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// Which part of a triangle is nearest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Feature {
+    Inside,
+    /// The side from this corner to the next.
+    Side(usize),
+    Corner(usize),
+}
+
+/// The point of a triangle nearest to another point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Closest {
+    /// Squared distance, in m^2.
+    pub(super) squared: f64,
+    pub(super) barycentric: [f64; 3],
+    pub(super) feature: Feature,
+}
+
+/// The point of the triangle nearest to `q`, in `f64`, for slivers and triangles without area too.
+///
+/// Inside the triangle the distance is that to its plane. Otherwise it is that to a side, measured from the
+/// smaller to the larger vertex id: two faces that share a side or corner find exactly the same distance, so
+/// that face ids alone break the tie.
+pub(super) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -> Closest {
+    let [a, b, c] = corners;
+    let (ab, ac, aq) = (b - a, c - a, q - a);
+    let normal = ab.cross(ac);
+    let area = normal.length_squared();
+    let longest = ab.length_squared().max(ac.length_squared()).max(b.distance_squared(c));
+    if area <= (FLAT * longest) * (FLAT * longest) {
+        return closest_side(q, &corners, ids, [true; 3]);
+    }
+    // Twice the areas opposite to each corner, signed, times that of the triangle.
+    let weight_c = ab.cross(aq).dot(normal);
+    let weight_b = aq.cross(ac).dot(normal);
+    let weight_a = (c - b).cross(q - b).dot(normal);
+    let margin = ROUNDING * ROUNDING * area * longest * aq.length_squared();
+    let [sure_a, sure_b, sure_c] = [weight_a, weight_b, weight_c].map(|w| w > 0.0 && w * w > margin);
+    if sure_a && sure_b && sure_c {
+        let height = aq.dot(normal);
+        let sum = weight_a + weight_b + weight_c;
+        let barycentric = [weight_a / sum, weight_b / sum, weight_c / sum];
+        return Closest { squared: height * height / area, barycentric, feature: Feature::Inside };
+    }
+    // Outside, the nearest side is one of those that have `q` on their far side.
+    closest_side(q, &corners, ids, [!sure_c, !sure_a, !sure_b])
+}
+
+/// The nearest point of those sides `k` (corner `k` to `k + 1`) for which `tried[k]`.
+fn closest_side(q: DVec3, corners: &[DVec3; 3], ids: [VertexId; 3], tried: [bool; 3]) -> Closest {
+    let mut best =
+        Closest { squared: f64::INFINITY, barycentric: [1.0, 0.0, 0.0], feature: Feature::Corner(0) };
+    for side in 0..3 {
+        if !tried[side] {
+            continue;
+        }
+        let next = (side + 1) % 3;
+        let (from, to) = if ids[side] < ids[next] { (side, next) } else { (next, side) };
+        let along = corners[to] - corners[from];
+        let offset = q - corners[from];
+        let length = along.length_squared();
+        let t = along.dot(offset) / length;
+        let found = if t >= 1.0 {
+            at_corner(to, q.distance_squared(corners[to]))
+        } else if t > 0.0 {
+            let mut barycentric = [0.0; 3];
+            (barycentric[from], barycentric[to]) = (1.0 - t, t);
+            let squared = (offset - along * t).length_squared();
+            Closest { squared, barycentric, feature: Feature::Side(side) }
+        } else {
+            // Also where the side has no length and `t` is not a number.
+            at_corner(from, offset.length_squared())
+        };
+        if found.squared < best.squared {
+            best = found;
+        }
+    }
+    best
+}
+
+fn at_corner(corner: usize, squared: f64) -> Closest {
+    let mut barycentric = [0.0; 3];
+    barycentric[corner] = 1.0;
+    Closest { squared, barycentric, feature: Feature::Corner(corner) }
+}

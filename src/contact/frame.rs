@@ -1,0 +1,44 @@
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+/// How far the axes of a pose may be from unit length and right angles: glTF stores poses in `f32`, and a chain of
+/// links multiplies a few of them.
+const RIGID_TOLERANCE: f64 = 1e-5;
+
+/// A rigid frame with the way there and back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Frame {
+    to_world: DAffine3,
+    from_world: DAffine3,
+}
+
+impl Frame {
+    /// The frame of a pose that rotates and translates; its axes are made exactly orthonormal, so distances in
+    /// the frame are those of the world. `None` if the pose does anything else.
+    pub(super) fn new(pose: &DAffine3) -> Option<Self> {
+        if !pose.is_finite() || pose.translation.abs().max_element() > super::index::LARGEST {
+            return None;
+        }
+        let axes = pose.matrix3;
+        let error = axes.transpose() * axes - DMat3::IDENTITY;
+        let worst = error.to_cols_array().into_iter().fold(0.0, |worst: f64, e| worst.max(e.abs()));
+        if worst > RIGID_TOLERANCE || axes.determinant() < 0.0 {
+            return None;
+        }
+        let rotation = DQuat::from_mat3(&axes).normalize();
+        let to_world = DAffine3::from_rotation_translation(rotation, pose.translation);
+        Some(Self { to_world, from_world: to_world.inverse() })
+    }
+
+    /// The pose that was given, made exactly rigid.
+    pub(super) fn pose(&self) -> DAffine3 {
+        self.to_world
+    }
+
+    pub(super) fn place(&self, point: DVec3) -> DVec3 {
+        self.to_world.transform_point3(point)
+    }
+
+    pub(super) fn unplace(&self, point: DVec3) -> DVec3 {
+        self.from_world.transform_point3(point)
+    }
+}

@@ -1,0 +1,46 @@
+use glam::DVec3;
+
+use crate::{
+    id::{LinkId, PatchId},
+    mesh::SurfacePoint,
+};
+
+/// A place where something touches the robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Where, in m, in the frame of `link`.
+    pub point: DVec3,
+    /// The link in whose frame `point` is given and whose patches alone are searched; `None`: the world, and all
+    /// patches.
+    pub link: Option<LinkId>,
+}
+
+impl Contact {
+    /// A contact in world coordinates, in m.
+    #[must_use]
+    pub const fn world(point: DVec3) -> Self {
+        Self { point, link: None }
+    }
+
+    /// A contact in the frame of a link, in m.
+    #[must_use]
+    pub const fn on_link(link: LinkId, point: DVec3) -> Self {
+        Self { point, link: Some(link) }
+    }
+}
+
+/// The point of the skin nearest to a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// The patch it lies on.
+    pub patch: PatchId,
+    /// Where on level 0 of that patch.
+    pub point: SurfacePoint,
+    /// How far the contact is outside the skin, in m; negative inside.
+    ///
+    /// The side is that of the angle-weighted pseudo-normal (Bærentzen and Aanæs 2005), which is right on edges and
+    /// corners too. Beyond the boundary of an open patch it is the side of the skin's continuation.
+    pub distance: f64,
+    /// Where the point lies, in m, in the frame the contact was given in.
+    pub position: DVec3,
+}

@@ -1,0 +1,322 @@
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+use crate::{
+    contact::{
+        Cell, Contact, ContactError, Hit,
+        cell::PatchCells,
+        frame::Frame,
+        patch_tree::PatchTree,
+        search::{Best, Search},
+        stage::Stage,
+    },
+    id::{FaceId, IdVec, LevelId, LinkId, PatchId},
+    map::{PatchMap, SkinMap},
+    mesh::SurfacePoint,
+};
+
+/// Coordinates beyond this (in m) are refused: their squares still fit into `f32`.
+pub(super) const LARGEST: f64 = 1e12;
+
+/// A map made ready for contacts.
+///
+/// It owns what it needs of the map, and asking changes nothing in it: share it among threads as you like.
+#[derive(Debug, Clone)]
+pub struct ContactIndex {
+    links: IdVec<LinkId, IndexedLink>,
+    patches: IdVec<PatchId, IndexedPatch>,
+    stage: Stage,
+}
+
+#[derive(Debug, Clone)]
+struct IndexedLink {
+    name: String,
+    parent: Option<LinkId>,
+    frame: Frame,
+    patches: Vec<PatchId>,
+}
+
+#[derive(Debug, Clone)]
+struct IndexedPatch {
+    name: String,
+    link: LinkId,
+    tree: PatchTree,
+    cells: PatchCells,
+}
+
+impl IndexedPatch {
+    fn new(patch: &PatchMap, links: usize) -> Result<Self, ContactError> {
+        let (name, link) = (patch.name.clone(), patch.link);
+        let Some(skin) = patch.levels.get(LevelId::new(0)).filter(|_| link.index() < links) else {
+            return Err(ContactError::Homeless { patch: name, levels: patch.levels.len(), link, links });
+        };
+        let tree = PatchTree::new(&name, &skin.mesh)?;
+        Ok(Self { name, link, tree, cells: PatchCells::new(patch)? })
+    }
+}
+
+impl ContactIndex {
+    /// An index of all patches and levels of a map, its links posed as the map says.
+    ///
+    /// # Errors
+    /// If the map has no skin, a broken level, or a link whose pose is not rigid.
+    pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
+        let mut world = IdVec::<LinkId, DAffine3>::new();
+        for link in &map.links {
+            let base = match link.parent {
+                None => DAffine3::IDENTITY,
+                Some(parent) => {
+                    *world.get(parent).ok_or_else(|| ContactError::LinkOrder { name: link.name.clone() })?
+                }
+            };
+            world.push(base * link.pose);
+        }
+        let patches = map.patches.as_slice().par_iter();
+        let patches = patches.map(|patch| IndexedPatch::new(patch, map.links.len()));
+        let patches: IdVec<PatchId, _> = patches.collect::<Result<Vec<_>, _>>()?.into();
+        if patches.is_empty() {
+            return Err(ContactError::NoSkin);
+        }
+        let mut links = IdVec::new();
+        for (link, pose) in map.links.iter().zip(&world) {
+            let (name, parent, frame) = (link.name.clone(), link.parent, frame(&link.name, pose)?);
+            links.push(IndexedLink { name, parent, frame, patches: Vec::new() });
+        }
+        for (id, patch) in patches.enumerate() {
+            links[patch.link].patches.push(id);
+        }
+        let mut index = Self { links, patches, stage: Stage::default() };
+        index.restage();
+        Ok(index)
+    }
+
+    /// Moves the links: one pose in the world per link of the map, in m. Nothing is rebuilt.
+    ///
+    /// # Errors
+    /// If there is not one pose per link, or one of them is not rigid; then no link has moved.
+    pub fn set_poses(&mut self, poses: &IdVec<LinkId, DAffine3>) -> Result<(), ContactError> {
+        if poses.len() != self.links.len() {
+            return Err(ContactError::PoseCount { found: poses.len(), needed: self.links.len() });
+        }
+        let frames = self.links.iter().zip(poses).map(|(link, pose)| frame(&link.name, pose));
+        let frames = frames.collect::<Result<Vec<_>, _>>()?;
+        for (link, frame) in self.links.iter_mut().zip(frames) {
+            link.frame = frame;
+        }
+        self.restage();
+        Ok(())
+    }
+
+    /// Moves some links to poses in the world, in m; links that hang from a moved one follow it, as a hand follows
+    /// its arm. Of several poses of one link the last counts.
+    ///
+    /// # Errors
+    /// If a link does not exist, or a pose is not rigid; then no link has moved.
+    pub fn move_links(&mut self, moved: &[(LinkId, DAffine3)]) -> Result<(), ContactError> {
+        let mut given = IdVec::<LinkId, Option<DAffine3>>::filled(None, self.links.len());
+        for &(link, pose) in moved {
+            if link.index() >= given.len() {
+                return Err(ContactError::PoseCount { found: link.index() + 1, needed: self.links.len() });
+            }
+            given[link] = Some(pose);
+        }
+        let old = self.poses();
+        let mut poses = IdVec::<LinkId, DAffine3>::new();
+        for (link, IndexedLink { parent, .. }) in self.links.enumerate() {
+            let followed = parent.map_or(old[link], |p| poses[p] * old[p].inverse() * old[link]);
+            poses.push(given[link].unwrap_or(followed));
+        }
+        self.set_poses(&poses)
+    }
+
+    /// The poses of the links in the world, in m.
+    #[must_use]
+    pub fn poses(&self) -> IdVec<LinkId, DAffine3> {
+        self.links.map(|link| link.frame.pose())
+    }
+
+    /// The first link of that name.
+    #[must_use]
+    pub fn link_named(&self, name: &str) -> Option<LinkId> {
+        self.links.enumerate().find(|(_, link)| link.name == name).map(|(id, _)| id)
+    }
+
+    /// Name of a patch; `None` if the map has no such patch.
+    #[must_use]
+    pub fn patch_name(&self, patch: PatchId) -> Option<&str> {
+        self.patches.get(patch).map(|p| p.name.as_str())
+    }
+
+    /// Number of levels of a patch; 0 if the map has no such patch.
+    #[must_use]
+    pub fn level_count(&self, patch: PatchId) -> usize {
+        self.patches.get(patch).map_or(0, |p| p.cells.len())
+    }
+
+    /// Number of patches.
+    #[must_use]
+    pub fn patch_count(&self) -> usize {
+        self.patches.len()
+    }
+
+    fn restage(&mut self) {
+        let place = |patch: PatchId, origin: DVec3| {
+            let patch = &self.patches[patch];
+            let frame = &self.links[patch.link].frame;
+            patch.tree.placed_box(|corner| frame.place(corner) - origin)
+        };
+        self.stage = Stage::new(self.patches.len(), place);
+    }
+
+    /// The point of the skin nearest to `point` (m, in the world).
+    ///
+    /// # Errors
+    /// If the point is not finite.
+    pub fn locate(&self, point: DVec3) -> Result<Hit, ContactError> {
+        self.locate_contact(&Contact::world(point))
+    }
+
+    /// The point nearest to `point` (m, in the frame of `link`) on the patches of that link alone.
+    ///
+    /// # Errors
+    /// If the point is not finite, or the link does not exist or carries no patch.
+    pub fn locate_in(&self, link: LinkId, point: DVec3) -> Result<Hit, ContactError> {
+        self.locate_contact(&Contact::on_link(link, point))
+    }
+
+    /// The point of the skin nearest to a contact.
+    ///
+    /// # Errors
+    /// As [`Self::locate`] and [`Self::locate_in`].
+    pub fn locate_contact(&self, contact: &Contact) -> Result<Hit, ContactError> {
+        self.check(0, contact)?;
+        self.answer(contact, None)
+    }
+
+    /// The same as [`Self::locate_contact`], faster where the contact is near the one `last` answered: along a
+    /// path, hand each hit to the next search.
+    ///
+    /// # Errors
+    /// As [`Self::locate_contact`].
+    pub fn locate_from(&self, last: &Hit, contact: &Contact) -> Result<Hit, ContactError> {
+        self.check(0, contact)?;
+        self.answer(contact, Some((last.patch, last.point.face)))
+    }
+
+    /// Whether a contact can be answered; `number` is its place in its batch.
+    pub(super) fn check(&self, number: usize, contact: &Contact) -> Result<(), ContactError> {
+        let Contact { point, link } = *contact;
+        // Also false for NaN.
+        if !(point.abs().max_element() <= LARGEST && point.is_finite()) {
+            return Err(ContactError::NotFinite { contact: number, point: point.to_array() });
+        }
+        let Some(id) = link else { return Ok(()) };
+        let count = self.links.len();
+        let link =
+            self.links.get(id).ok_or(ContactError::UnknownLink { contact: number, link: id, count })?;
+        if link.patches.is_empty() {
+            return Err(ContactError::BareLink { contact: number, name: link.name.clone() });
+        }
+        Ok(())
+    }
+
+    /// Where a contact lies in the world, in m. The contact must have been checked.
+    pub(super) fn in_world(&self, contact: &Contact) -> DVec3 {
+        contact.link.map_or(contact.point, |link| self.links[link].frame.place(contact.point))
+    }
+
+    /// The answer to a contact that has been checked; `near` is measured first.
+    pub(super) fn answer(
+        &self,
+        contact: &Contact,
+        near: Option<(PatchId, FaceId)>,
+    ) -> Result<Hit, ContactError> {
+        let mut best = near.and_then(|(patch, face)| self.seed(contact, patch, face));
+        let reached = |best: &Option<Best>| Best::squared(best.as_ref()).sqrt();
+        match contact.link {
+            None => {
+                let distance = reached(&best);
+                self.stage.each_within(contact.point, distance, |id| {
+                    let patch = &self.patches[id];
+                    let q = self.links[patch.link].frame.unplace(contact.point);
+                    Search::new(&patch.tree, id, q).run(&mut best);
+                    reached(&best)
+                });
+            }
+            Some(link) => self.search_link(link, contact.point, &mut best),
+        }
+        best.map(|best| self.hit(contact, &best)).ok_or(ContactError::NoSkin)
+    }
+
+    /// Searches the patches of one link, the one with the nearest box first.
+    fn search_link(&self, link: LinkId, q: DVec3, best: &mut Option<Best>) {
+        let patches = &self.links[link].patches;
+        let away = |id: &PatchId| self.patches[*id].tree.least_distance(q);
+        let first = patches.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)));
+        let rest = patches.iter().copied().filter(|&id| Some(id) != first);
+        for id in first.into_iter().chain(rest) {
+            if away(&id) <= Best::squared(best.as_ref()).sqrt() {
+                Search::new(&self.patches[id].tree, id, q).run(best);
+            }
+        }
+    }
+
+    /// A face measured before the search, if it exists and the contact may lie on it.
+    fn seed(&self, contact: &Contact, id: PatchId, face: FaceId) -> Option<Best> {
+        let patch = self.patches.get(id)?;
+        if contact.link.is_some_and(|link| link != patch.link)
+            || face.index() >= patch.tree.mesh.triangles.len()
+        {
+            return None;
+        }
+        let q = self.in_frame_of(patch.link, contact);
+        Some(Best { patch: id, face, closest: patch.tree.measure(q, face) })
+    }
+
+    fn in_frame_of(&self, link: LinkId, contact: &Contact) -> DVec3 {
+        if contact.link == Some(link) { contact.point } else { self.links[link].frame.unplace(contact.point) }
+    }
+
+    fn hit(&self, contact: &Contact, best: &Best) -> Hit {
+        let Best { patch: id, face, closest } = *best;
+        let patch = &self.patches[id];
+        let PatchTree { mesh, fans, .. } = &patch.tree;
+        let q = self.in_frame_of(patch.link, contact);
+        let point = SurfacePoint { face, barycentric: closest.barycentric };
+        let here = mesh.point(&point);
+        let outward = fans.pseudo_normal(mesh, face, closest.feature);
+        let length = closest.squared.sqrt();
+        let distance = if (q - here).dot(outward) < 0.0 { -length } else { length };
+        let position = if contact.link.is_some() { here } else { self.links[patch.link].frame.place(here) };
+        Hit { patch: id, point, distance, position }
+    }
+
+    /// Where a hit lies on the map of `level`; `None` if its patch does not reach up to that level, or the hit is
+    /// not one of this index.
+    #[must_use]
+    pub fn cell(&self, hit: &Hit, level: LevelId) -> Option<Cell> {
+        let patch = self.patches.get(hit.patch)?;
+        let mesh = &patch.tree.mesh;
+        let corners = *mesh.triangles.get(hit.point.face)?;
+        let here = mesh.point(&hit.point);
+        let mut nearest = corners[0];
+        for v in corners {
+            let key = |v| (mesh.positions[v].distance_squared(here), v);
+            let ((old, first), (new, other)) = (key(nearest), key(v));
+            if new < old || (new == old && other < first) {
+                nearest = v;
+            }
+        }
+        patch.cells.cell(level, &hit.point, corners, nearest)
+    }
+
+    /// Where a hit lies on the maps of all levels of its patch, finest first.
+    pub fn cells(&self, hit: &Hit) -> impl Iterator<Item = Cell> + '_ {
+        let hit = *hit;
+        (0..self.level_count(hit.patch)).filter_map(move |level| self.cell(&hit, LevelId::new(level)))
+    }
+}
+
+fn frame(name: &str, pose: &DAffine3) -> Result<Frame, ContactError> {
+    Frame::new(pose).ok_or_else(|| ContactError::NotRigid { name: name.to_owned() })
+}

@@ -1,0 +1,158 @@
+use glam::{DVec3, Vec3};
+use wide::f32x8;
+
+use crate::id::FaceId;
+
+/// Triangles of a packet; as many as `f32x8` has lanes.
+pub(super) const LANES: usize = 8;
+
+/// A point, the same in every lane.
+pub(super) type Wide3 = [f32x8; 3];
+
+/// Sides shorter than this (in units of the patch's radius, squared) count as points; their inverse would overflow.
+const SHORTEST_SQUARED: f64 = 1e-30;
+
+/// The same point in every lane.
+pub(super) fn splat(p: Vec3) -> Wide3 {
+    p.to_array().map(f32x8::splat)
+}
+
+fn dot(a: &Wide3, b: &Wide3) -> f32x8 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Up to eight triangles, side by side.
+///
+/// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the third corner,
+/// `z` normal. In that frame the triangle is `(0, 0), (base, 0), apex`, and the distance to it needs no
+/// division and no product that cancels: whatever its shape, the error is a few roundings of the coordinates.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TrianglePacket {
+    start: Wide3,
+    x: Wide3,
+    y: Wide3,
+    z: Wide3,
+    base: f32x8,
+    apex: [f32x8; 2],
+    /// Inverse squared lengths of the sides from the start and the end of the base to the apex; 0 for a point.
+    inverse: [f32x8; 2],
+    faces: [FaceId; LANES],
+    /// One bit for each lane in use.
+    used: u32,
+}
+
+/// One triangle in its own frame, as [`TrianglePacket`] stores it.
+struct Framed {
+    start: DVec3,
+    axes: [DVec3; 3],
+    base: f64,
+    apex: [f64; 2],
+}
+
+impl Framed {
+    fn new(corners: [DVec3; 3]) -> Self {
+        let [a, b, c] = longest_side_first(corners);
+        let x = (b - a).try_normalize().unwrap_or(DVec3::X);
+        let across = (c - a).reject_from_normalized(x);
+        // Once more: what the first rejection left along `x` matters in a sliver.
+        let across = across.reject_from_normalized(x);
+        let y = across.try_normalize().unwrap_or_else(|| x.any_orthonormal_vector());
+        let y = y.reject_from_normalized(x).normalize_or(x.any_orthonormal_vector());
+        let apex = [(c - a).dot(x), (c - a).dot(y).max(0.0)];
+        Self { start: a, axes: [x, y, x.cross(y)], base: a.distance(b), apex }
+    }
+}
+
+/// The corners in the same cyclic order, the first two being ends of the longest side.
+fn longest_side_first([a, b, c]: [DVec3; 3]) -> [DVec3; 3] {
+    let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+    if ab >= bc && ab >= ca {
+        [a, b, c]
+    } else if bc >= ca {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
+fn narrow(x: f64) -> f32 {
+    x as f32
+}
+
+fn inverse_length_squared(x: f64, y: f64) -> f32 {
+    let squared = x * x + y * y;
+    if squared < SHORTEST_SQUARED { 0.0 } else { narrow(1.0 / squared) }
+}
+
+impl TrianglePacket {
+    /// A packet of the first eight of `triangles`, at least one: corners in units of the patch's radius.
+    pub(super) fn new(triangles: &[(FaceId, [DVec3; 3])]) -> Self {
+        let mut lanes = [[0.0_f32; LANES]; 17];
+        let mut faces = [FaceId::default(); LANES];
+        let mut used = 0;
+        for (lane, &(face, corners)) in triangles.iter().take(LANES).enumerate() {
+            let Framed { start, axes: [x, y, z], base, apex } = Framed::new(corners);
+            let inverses =
+                [inverse_length_squared(apex[0], apex[1]), inverse_length_squared(apex[0] - base, apex[1])];
+            let columns = [start, x, y, z].into_iter().flat_map(|v| v.to_array());
+            let columns = columns.chain([base, apex[0], apex[1]]).map(narrow).chain(inverses);
+            for (row, value) in lanes.iter_mut().zip(columns) {
+                row[lane] = value;
+            }
+            faces[lane] = face;
+            used |= 1 << lane;
+        }
+        let row = |k: usize| f32x8::new(lanes[k]);
+        let vector = |k: usize| [row(k), row(k + 1), row(k + 2)];
+        Self {
+            start: vector(0),
+            x: vector(3),
+            y: vector(6),
+            z: vector(9),
+            base: row(12),
+            apex: [row(13), row(14)],
+            inverse: [row(15), row(16)],
+            faces,
+            used,
+        }
+    }
+
+    /// One bit for each lane that holds a triangle.
+    pub(super) fn used(&self) -> u32 {
+        self.used
+    }
+
+    pub(super) fn face(&self, lane: usize) -> FaceId {
+        self.faces[lane]
+    }
+
+    /// Squared distances of `q` to the triangles.
+    ///
+    /// Never more than the true distance by more than the search's slack. It may be less: a point beyond the tip
+    /// of a needle can seem to lie inside.
+    #[inline]
+    pub(super) fn distance_squared(&self, q: &Wide3) -> f32x8 {
+        let (zero, one) = (f32x8::ZERO, f32x8::ONE);
+        let p = [q[0] - self.start[0], q[1] - self.start[1], q[2] - self.start[2]];
+        let (x, y, z) = (dot(&p, &self.x), dot(&p, &self.y), dot(&p, &self.z));
+        let [apex_x, apex_y] = self.apex;
+
+        let beside = x - x.fast_max(zero).fast_min(self.base);
+        let to_base = beside * beside + y * y;
+
+        let t = ((x * apex_x + y * apex_y) * self.inverse[0]).fast_max(zero).fast_min(one);
+        let (dx, dy) = (x - t * apex_x, y - t * apex_y);
+        let to_left = dx * dx + dy * dy;
+
+        let (from_end, side_x) = (x - self.base, apex_x - self.base);
+        let t = ((from_end * side_x + y * apex_y) * self.inverse[1]).fast_max(zero).fast_min(one);
+        let (dx, dy) = (from_end - t * side_x, y - t * apex_y);
+        let to_right = dx * dx + dy * dy;
+
+        let inside =
+            y.simd_ge(zero) & (apex_x * y).simd_le(apex_y * x) & (side_x * y).simd_ge(apex_y * from_end);
+        let sideways = to_base.fast_min(to_left).fast_min(to_right);
+        z * z + (!inside & sideways)
+    }
+}

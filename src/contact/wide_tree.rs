@@ -1,0 +1,239 @@
+use std::time::Duration;
+
+use glam::{DVec3, Vec3A};
+use obvhs::{Boundable, BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2};
+use wide::f32x8;
+
+use crate::{
+    contact::packet::{LANES, TrianglePacket, Wide3},
+    id::{FaceId, IdVec},
+};
+
+/// What a slot of a node holds: nothing, a node, or (top bit) a packet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Child(pub(super) u32);
+
+/// Children that are packets have this bit.
+const PACKET: u32 = 1 << 31;
+
+/// Faces of one tree, at most: numbers of nodes and packets must stay clear of [`PACKET`].
+pub(super) const MAX_FACES: usize = 1 << 28;
+
+impl Child {
+    const NONE: Self = Self(u32::MAX);
+    pub(super) const ROOT: Self = Self(0);
+
+    #[expect(clippy::cast_possible_truncation, reason = "there are fewer nodes than MAX_FACES")]
+    fn node(index: usize) -> Self {
+        Self(index as u32)
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "there are fewer packets than MAX_FACES")]
+    fn packet(index: usize) -> Self {
+        Self(PACKET | index as u32)
+    }
+
+    /// The packet, or else the node.
+    #[inline]
+    pub(super) fn open(self) -> Result<usize, usize> {
+        if self.0 & PACKET == 0 { Err(self.0 as usize) } else { Ok((self.0 & !PACKET) as usize) }
+    }
+}
+
+/// Eight boxes side by side. Empty slots are boxes at infinity.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WideNode {
+    lo: Wide3,
+    hi: Wide3,
+    children: [Child; LANES],
+}
+
+/// Largest `f32` that is not above `x`: box minima round down, so a box only grows.
+#[expect(clippy::cast_possible_truncation, reason = "the tree stores f32 boxes")]
+fn round_down(x: f64) -> f32 {
+    let y = x as f32;
+    if f64::from(y) > x { y.next_down() } else { y }
+}
+
+/// The smallest `f32` box around `points`.
+pub(super) fn enclose(points: impl IntoIterator<Item = DVec3>) -> Aabb {
+    let mut lo = DVec3::INFINITY;
+    let mut hi = DVec3::NEG_INFINITY;
+    for p in points {
+        (lo, hi) = (lo.min(p), hi.max(p));
+    }
+    let down = |v: DVec3| Vec3A::from(v.to_array().map(round_down));
+    Aabb::new(down(lo), -down(-hi))
+}
+
+impl WideNode {
+    /// At most eight boxes with what is in them.
+    fn new(children: impl IntoIterator<Item = (Aabb, Child)>) -> Self {
+        let mut lo = [[f32::INFINITY; LANES]; 3];
+        let mut hi = lo;
+        let mut slots = [Child::NONE; LANES];
+        for (lane, (bounds, child)) in children.into_iter().take(LANES).enumerate() {
+            for axis in 0..3 {
+                lo[axis][lane] = bounds.min[axis];
+                hi[axis][lane] = bounds.max[axis];
+            }
+            slots[lane] = child;
+        }
+        Self { lo: lo.map(f32x8::new), hi: hi.map(f32x8::new), children: slots }
+    }
+
+    /// Nodes that hold all of `bounds`, eight by eight; the child in a slot is the number of its box.
+    pub(super) fn rows(bounds: &[Aabb]) -> Vec<Self> {
+        let numbered: Vec<_> = bounds.iter().enumerate().map(|(i, b)| (*b, Child::node(i))).collect();
+        numbered.chunks(LANES).map(|row| Self::new(row.iter().copied())).collect()
+    }
+
+    #[inline]
+    pub(super) fn child(&self, lane: usize) -> Child {
+        self.children[lane]
+    }
+
+    /// The box of a slot, `(min, max)`; at infinity for an empty slot.
+    pub(super) fn bounds(&self, lane: usize) -> (DVec3, DVec3) {
+        let pick = |v: &Wide3| DVec3::from(std::array::from_fn(|k| f64::from(v[k].as_array()[lane])));
+        (pick(&self.lo), pick(&self.hi))
+    }
+
+    /// Squared distances of `q` to the boxes; infinite for empty slots.
+    #[inline]
+    pub(super) fn distance_squared(&self, q: &Wide3) -> f32x8 {
+        let axis = |k: usize| {
+            let d = (self.lo[k] - q[k]).fast_max(q[k] - self.hi[k]).fast_max(f32x8::ZERO);
+            d * d
+        };
+        axis(0) + axis(1) + axis(2)
+    }
+}
+
+/// A tree of boxes, eight to a node, over packets of up to eight triangles.
+#[derive(Debug, Clone)]
+pub(super) struct WideTree {
+    pub(super) nodes: Vec<WideNode>,
+    pub(super) packets: Vec<TrianglePacket>,
+    /// Most entries that an ordered walk ever leaves waiting. Coincident triangles make deep trees, so this is
+    /// counted, not guessed.
+    pub(super) waiting: usize,
+    /// Nodes on the longest way from the root to a packet.
+    pub(super) depth: usize,
+}
+
+struct Boxed(Aabb);
+
+impl Boundable for Boxed {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+impl WideTree {
+    /// A tree over at least one and at most [`MAX_FACES`] triangles, whose corners are finite and about 1.
+    pub(super) fn new(triangles: &IdVec<FaceId, [DVec3; 3]>) -> Self {
+        let bounds: Vec<Boxed> = triangles.iter().map(|corners| Boxed(enclose(*corners))).collect();
+        // One triangle a leaf: how many go into a packet is decided when the tree is collapsed.
+        let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
+        let binary = build_bvh2(&bounds, params, &mut Duration::default());
+        Collapse { counts: count_triangles(&binary), binary, triangles }.run()
+    }
+}
+
+/// Number of triangles below each node, without recursion.
+fn count_triangles(binary: &Bvh2) -> Vec<u32> {
+    let mut counts = vec![0; binary.nodes.len()];
+    let mut order = Vec::with_capacity(binary.nodes.len());
+    let mut stack = vec![0];
+    while let Some(at) = stack.pop() {
+        order.push(at);
+        if !binary.nodes[at].is_leaf() {
+            let first = binary.nodes[at].first_index as usize;
+            stack.extend([first, first + 1]);
+        }
+    }
+    for &at in order.iter().rev() {
+        let node = &binary.nodes[at];
+        let first = node.first_index as usize;
+        counts[at] = if node.is_leaf() { node.prim_count } else { counts[first] + counts[first + 1] };
+    }
+    counts
+}
+
+/// A binary tree on its way to a wide one.
+struct Collapse<'a> {
+    binary: Bvh2,
+    counts: Vec<u32>,
+    triangles: &'a IdVec<FaceId, [DVec3; 3]>,
+}
+
+impl Collapse<'_> {
+    fn run(&self) -> WideTree {
+        let mut tree = WideTree { nodes: Vec::new(), packets: Vec::new(), waiting: 0, depth: 0 };
+        // Binary node, the wide slot that waits for it, the entries an ordered walk has waiting there, and the depth.
+        let mut open = vec![(0_usize, None, 0_usize, 1_usize)];
+        while let Some((root, slot, waiting, depth)) = open.pop() {
+            let parts = self.split(root);
+            let index = tree.nodes.len();
+            if let Some((parent, lane)) = slot {
+                let parent: &mut WideNode = &mut tree.nodes[parent];
+                parent.children[lane] = Child::node(index);
+            }
+            let waiting = waiting + parts.len() - 1;
+            tree.waiting = tree.waiting.max(waiting + 1);
+            tree.depth = tree.depth.max(depth);
+            let mut children = Vec::with_capacity(LANES);
+            for (lane, &part) in parts.iter().enumerate() {
+                let bounds = *self.binary.nodes[part].aabb();
+                if self.fits(part) {
+                    children.push((bounds, Child::packet(tree.packets.len())));
+                    tree.packets.push(self.pack(part));
+                } else {
+                    children.push((bounds, Child::NONE));
+                    open.push((part, Some((index, lane)), waiting, depth + 1));
+                }
+            }
+            tree.nodes.push(WideNode::new(children));
+        }
+        tree
+    }
+
+    fn fits(&self, at: usize) -> bool {
+        self.counts[at] as usize <= LANES
+    }
+
+    /// Opens `root` into up to eight parts, always the largest that does not fit into a packet.
+    fn split(&self, root: usize) -> Vec<usize> {
+        let mut parts = vec![root];
+        while parts.len() < LANES {
+            let area = |&k: &usize| self.binary.nodes[parts[k]].aabb().half_area();
+            let widest = (0..parts.len())
+                .filter(|&k| !self.fits(parts[k]))
+                .max_by(|i, j| area(i).total_cmp(&area(j)).then(j.cmp(i)));
+            let Some(widest) = widest else { break };
+            let first = self.binary.nodes[parts[widest]].first_index as usize;
+            parts[widest] = first;
+            parts.push(first + 1);
+        }
+        parts
+    }
+
+    fn pack(&self, root: usize) -> TrianglePacket {
+        let mut faces = Vec::with_capacity(LANES);
+        let mut stack = vec![root];
+        while let Some(at) = stack.pop() {
+            let node = &self.binary.nodes[at];
+            let first = node.first_index as usize;
+            if node.is_leaf() {
+                let range = first..first + node.prim_count as usize;
+                faces.extend(self.binary.primitive_indices[range].iter().map(|&f| FaceId::from(f)));
+            } else {
+                stack.extend([first, first + 1]);
+            }
+        }
+        faces.sort_unstable();
+        let triangles: Vec<_> = faces.into_iter().map(|f| (f, self.triangles[f])).collect();
+        TrianglePacket::new(&triangles)
+    }
+}

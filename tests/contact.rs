@@ -1,0 +1,622 @@
+//! Laws of the contact room: the answer is that of brute force, for any shape, pose, order and number of threads.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::f64::consts::TAU;
+
+use dermatome::{
+    contact::{Contact, ContactError, ContactIndex, Hit},
+    flatten::Distortion,
+    id::{FaceId, IdVec, LevelId, LinkId, PatchId, TaxelId, VertexId},
+    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    mesh::{TriMesh, shapes},
+    pyramid::Prolongation,
+    skin::{Link, world_pose},
+};
+use glam::{DAffine3, DQuat, DVec2, DVec3};
+use proptest::{prelude::*, test_runner::RngSeed};
+
+// ---- maps made by hand ----
+
+fn level_of(mesh: TriMesh, direct: Option<Prolongation>) -> MapLevel {
+    let uv: IdVec<VertexId, DVec2> = mesh.positions.map(|p| p.truncate());
+    MapLevel {
+        normals: mesh.vertex_normals(),
+        areas: mesh.vertex_areas(),
+        origins: mesh.positions.ids().collect(),
+        frame: MapFrame::around(uv.iter(), 0.001),
+        uv,
+        up: None,
+        direct,
+        distortion: Distortion::default(),
+        mesh,
+    }
+}
+
+fn patch_of(name: &str, link: usize, levels: Vec<MapLevel>) -> PatchMap {
+    let ids = levels[0].mesh.positions.ids().map(|v| TaxelId(1000 + v.raw())).collect();
+    PatchMap { name: name.into(), link: LinkId::new(link), ids, levels: levels.into() }
+}
+
+fn link_of(name: &str, parent: Option<usize>, pose: DAffine3) -> Link {
+    Link { name: name.into(), parent: parent.map(LinkId::new), pose }
+}
+
+/// One patch with one level on one link at the origin.
+fn map_of(mesh: TriMesh) -> SkinMap {
+    let links = vec![link_of("base", None, DAffine3::IDENTITY)].into();
+    SkinMap { links, patches: vec![patch_of("skin", 0, vec![level_of(mesh, None)])].into() }
+}
+
+/// The unit square in two triangles as the coarse level, its midpoint subdivision (nine vertices, eight faces)
+/// as the fine one. Fine vertices 0 to 3 are the coarse ones.
+fn square_and_its_midpoints() -> SkinMap {
+    let coarse = shapes::square();
+    let mut positions = coarse.positions.clone();
+    let mut rows: Vec<([u32; 3], [f64; 3])> = (0..4).map(|v| ([v, v, v], [1.0, 0.0, 0.0])).collect();
+    for (a, b) in [(0_u32, 1_u32), (1, 2), (0, 2), (2, 3), (0, 3)] {
+        let at = |v: u32| coarse.positions[VertexId::from(v)];
+        positions.push(at(a).midpoint(at(b)));
+        rows.push(([a, b, b], [0.5, 0.5, 0.0]));
+    }
+    let triangles = [[0, 4, 6], [4, 1, 5], [4, 5, 6], [6, 5, 2], [0, 6, 8], [6, 7, 8], [6, 2, 7], [8, 7, 3]];
+    let fine = TriMesh::from_arrays(positions.into_vec(), &triangles);
+    let direct = Prolongation {
+        indices: rows.iter().map(|(i, _)| i.map(VertexId::from)).collect(),
+        weights: rows.iter().map(|(_, w)| *w).collect(),
+        coarse_len: 4,
+    };
+    let levels = vec![level_of(fine, None), level_of(coarse, Some(direct))];
+    SkinMap {
+        links: vec![link_of("base", None, DAffine3::IDENTITY)].into(),
+        patches: vec![patch_of("square", 0, levels)].into(),
+    }
+}
+
+// ---- brute force, written without a look at the room ----
+
+fn distance_to_segment(q: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let ab = b - a;
+    let t = if ab == DVec3::ZERO { 0.0 } else { ((q - a).dot(ab) / ab.length_squared()).clamp(0.0, 1.0) };
+    q.distance(a + ab * t)
+}
+
+fn distance_to_triangle(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let sides =
+        distance_to_segment(q, a, b).min(distance_to_segment(q, b, c)).min(distance_to_segment(q, c, a));
+    let cross = (b - a).cross(c - a);
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    if cross.length() < 1e-9 * longest {
+        return sides; // a segment: its normal is noise
+    }
+    let normal = cross.normalize();
+    let over = [(a, b), (b, c), (c, a)].iter().all(|&(s, e)| normal.dot((e - s).cross(q - s)) > 0.0);
+    if over { (q - a).dot(normal).abs().min(sides) } else { sides }
+}
+
+/// The nearest distance on level 0 of those patches that `contact` may touch, in m.
+fn brute(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>, contact: &Contact) -> f64 {
+    let mut best = f64::INFINITY;
+    for patch in &map.patches {
+        if contact.link.is_some_and(|link| link != patch.link) {
+            continue;
+        }
+        let pose = if contact.link.is_some() { DAffine3::IDENTITY } else { poses[patch.link] };
+        let mesh = &patch.levels[LevelId::new(0)].mesh;
+        for face in mesh.triangles.ids() {
+            let corners = mesh.corners(face).map(|p| pose.transform_point3(p));
+            best = best.min(distance_to_triangle(contact.point, corners));
+        }
+    }
+    best
+}
+
+fn own_poses(map: &SkinMap) -> IdVec<LinkId, DAffine3> {
+    map.links.ids().map(|link| world_pose(&map.links, link)).collect()
+}
+
+/// The distance is that of brute force, and the hit lies where it says, within `tolerance` metres.
+fn assert_exact(map: &SkinMap, index: &ContactIndex, contact: &Contact, tolerance: f64) -> Hit {
+    let hit = index.locate_contact(contact).unwrap();
+    let expected = brute(map, &index.poses(), contact);
+    let found = hit.distance.abs();
+    assert!((found - expected).abs() <= tolerance, "{contact:?}: found {found}, brute force {expected}");
+    let away = contact.point.distance(hit.position);
+    assert!((away - found).abs() <= tolerance, "{contact:?}: the hit is {away} away, not {found}");
+    let mesh = &map.patches[hit.patch].levels[LevelId::new(0)].mesh;
+    let [a, b, c] = hit.point.barycentric;
+    assert!(a >= 0.0 && b >= 0.0 && c >= 0.0 && (a + b + c - 1.0).abs() < 1e-12, "{:?}", hit.point);
+    let local = mesh.point(&hit.point);
+    let pose =
+        if contact.link.is_some() { DAffine3::IDENTITY } else { index.poses()[map.patches[hit.patch].link] };
+    assert!(pose.transform_point3(local).distance(hit.position) <= tolerance, "position of {:?}", hit.point);
+    hit
+}
+
+fn any_shape() -> impl Strategy<Value = TriMesh> {
+    prop_oneof![
+        Just(shapes::triangle()),
+        Just(shapes::square()),
+        Just(shapes::tetrahedron()),
+        (3_u32..9).prop_map(shapes::fan),
+        (2_u32..12, 2_u32..12).prop_map(|(i, j)| shapes::lattice(i, j, 0.01)),
+        (3_u32..12, 2_u32..12).prop_map(|(i, j)| shapes::tube(i, j, 0.05, 0.2)),
+        (20_usize..2000).prop_map(|n| shapes::cap(n, 0.1, 1.9)),
+        (3_u32..30).prop_map(shapes::saddle),
+        soup(),
+    ]
+}
+
+/// Triangles without any order, slivers and needles among them.
+fn soup() -> impl Strategy<Value = TriMesh> {
+    let flat = prop_oneof![3 => Just(1.0), 1 => Just(1e-3), 1 => Just(1e-7), 1 => Just(0.0)];
+    let corner = || prop::array::uniform3(-1.0_f64..1.0).prop_map(DVec3::from);
+    let triangle =
+        (corner(), corner(), corner(), flat, prop::bool::ANY).prop_map(|(a, b, c, flat, needle)| {
+            let foot = if needle { a } else { a.lerp(b, 0.4) };
+            [a, b, foot + (c - foot) * flat]
+        });
+    prop::collection::vec(triangle, 1..60).prop_map(|triangles| {
+        let corners: Vec<_> =
+            (0_u32..).take(triangles.len()).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        TriMesh::from_arrays(triangles.into_iter().flatten().collect(), &corners)
+    })
+}
+
+/// A contact relative to a mesh: near a face, on it, at a corner, on a side, at the centre of the box, far away.
+#[derive(Debug, Clone)]
+enum Aim {
+    Near([f64; 3], f64, prop::sample::Index),
+    Corner(prop::sample::Index),
+    Side(prop::sample::Index, f64),
+    Above(prop::sample::Index, f64),
+    Centre,
+    Anywhere([f64; 3]),
+    Far([f64; 3]),
+}
+
+fn any_aim() -> impl Strategy<Value = Aim> {
+    let unit = || prop::array::uniform3(-1.0_f64..1.0);
+    let index = any::<prop::sample::Index>;
+    prop_oneof![
+        4 => (unit(), 0.0_f64..0.05, index()).prop_map(|(d, h, f)| Aim::Near(d, h, f)),
+        2 => index().prop_map(Aim::Corner),
+        2 => (index(), 0.0_f64..1.0).prop_map(|(f, t)| Aim::Side(f, t)),
+        2 => (index(), -0.1_f64..0.1).prop_map(|(f, h)| Aim::Above(f, h)),
+        1 => Just(Aim::Centre),
+        2 => unit().prop_map(Aim::Anywhere),
+        1 => unit().prop_map(Aim::Far),
+    ]
+}
+
+impl Aim {
+    /// The point aimed at, and by how many sizes of the mesh it is off.
+    fn at(&self, mesh: &TriMesh) -> DVec3 {
+        let (lo, hi) = mesh.bounds().unwrap();
+        let size = (hi - lo).max_element();
+        let face = |f: &prop::sample::Index| FaceId::new(f.index(mesh.triangles.len()));
+        match self {
+            Self::Near(offset, height, f) => {
+                let [a, b, c] = mesh.corners(face(f));
+                (a + b + c) / 3.0 + DVec3::from(*offset) * *height * size
+            }
+            Self::Corner(f) => mesh.corners(face(f))[0],
+            Self::Side(f, t) => mesh.corners(face(f))[1].lerp(mesh.corners(face(f))[2], *t),
+            Self::Above(f, height) => {
+                let [a, b, _] = mesh.corners(face(f));
+                a.midpoint(b) + mesh.face_cross(face(f)).normalize_or_zero() * *height * size
+            }
+            Self::Centre => lo.midpoint(hi),
+            Self::Anywhere(p) => lo.midpoint(hi) + DVec3::from(*p) * size,
+            Self::Far(p) => lo.midpoint(hi) + DVec3::from(*p) * 10.0,
+        }
+    }
+}
+
+fn any_pose() -> impl Strategy<Value = DAffine3> {
+    (prop::array::uniform3(-1.0_f64..1.0), prop::array::uniform3(-3.0_f64..3.0)).prop_map(|(axis, place)| {
+        DAffine3::from_rotation_translation(DQuat::from_scaled_axis(DVec3::from(axis) * 3.0), place.into())
+    })
+}
+
+/// Three links in a chain, five patches, two of them on the second link and none on the first.
+fn robot(shapes: [TriMesh; 4], poses: [DAffine3; 3]) -> SkinMap {
+    let names = ["base", "arm", "hand"];
+    let links = (0..3).map(|k| link_of(names[k], k.checked_sub(1), poses[k])).collect();
+    let homes = [1, 2, 1, 2];
+    let patches = shapes.into_iter().enumerate();
+    let patches = patches
+        .map(|(k, mesh)| patch_of(&format!("patch {k}"), homes[k], vec![level_of(mesh, None)]))
+        .collect();
+    SkinMap { links, patches }
+}
+
+// ---- exactness ----
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 300,
+        // The same cases in every run; a failing one becomes a test of its own.
+        rng_seed: RngSeed::Fixed(6),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn a_contact_is_where_brute_force_finds_it(
+        mesh in any_shape(),
+        aims in prop::collection::vec(any_aim(), 1..20),
+    ) {
+        let map = map_of(mesh.clone());
+        let index = ContactIndex::new(&map).unwrap();
+        for aim in aims {
+            assert_exact(&map, &index, &Contact::world(aim.at(&mesh)), 1e-9);
+        }
+    }
+
+    /// Millimetres or kilometres: the rounding grows with the shape and nothing else.
+    #[test]
+    fn any_scale_and_place_is_exact(
+        mesh in any_shape(),
+        aims in prop::collection::vec(any_aim(), 1..10),
+        exponent in -9_i32..=6,
+        offset in prop::array::uniform3(-1000.0_f64..1000.0),
+    ) {
+        let scale = 10_f64.powi(exponent);
+        let mut moved = mesh.clone();
+        for p in moved.positions.iter_mut() {
+            *p = *p * scale + DVec3::from(offset);
+        }
+        let map = map_of(moved.clone());
+        let index = ContactIndex::new(&map).unwrap();
+        for aim in aims {
+            let contact = Contact::world(aim.at(&moved));
+            assert_exact(&map, &index, &contact, 1e-9 * scale.max(1.0));
+        }
+    }
+
+    #[test]
+    fn posed_links_are_exact_in_the_world_and_in_their_frames(
+        shapes in [any_shape(), any_shape(), any_shape(), any_shape()],
+        poses in [any_pose(), any_pose(), any_pose()],
+        moved in [any_pose(), any_pose(), any_pose()],
+        aims in prop::collection::vec((any_aim(), 0..4_usize), 1..12),
+    ) {
+        let map = robot(shapes, poses);
+        let mut index = ContactIndex::new(&map).unwrap();
+        for round in 0..2 {
+            for (aim, patch) in &aims {
+                let patch = &map.patches[PatchId::new(*patch)];
+                let local = aim.at(&patch.levels[LevelId::new(0)].mesh);
+                let world = index.poses()[patch.link].transform_point3(local);
+                assert_exact(&map, &index, &Contact::world(world), 1e-9);
+                let hit = assert_exact(&map, &index, &Contact::on_link(patch.link, local), 1e-9);
+                prop_assert_eq!(map.patches[hit.patch].link, patch.link);
+            }
+            if round == 0 {
+                for (own, given) in index.poses().iter().zip(&own_poses(&map)) {
+                    prop_assert!(own.abs_diff_eq(*given, 1e-12), "poses of the map are the start");
+                }
+                index.set_poses(&IdVec::from(moved.to_vec())).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn a_batch_a_path_and_single_contacts_agree_in_every_bit(
+        shapes in [any_shape(), any_shape(), any_shape(), any_shape()],
+        poses in [any_pose(), any_pose(), any_pose()],
+        aims in prop::collection::vec((any_aim(), 0..4_usize, prop::bool::ANY), 1..600),
+    ) {
+        let map = robot(shapes, poses);
+        let index = ContactIndex::new(&map).unwrap();
+        let contacts: Vec<Contact> = aims.iter().map(|(aim, patch, local)| {
+            let patch = &map.patches[PatchId::new(*patch)];
+            let at = aim.at(&patch.levels[LevelId::new(0)].mesh);
+            if *local {
+                Contact::on_link(patch.link, at)
+            } else {
+                Contact::world(index.poses()[patch.link].transform_point3(at))
+            }
+        }).collect();
+        let single: Vec<Hit> = contacts.iter().map(|c| index.locate_contact(c).unwrap()).collect();
+        prop_assert_eq!(&index.locate_all(&contacts).unwrap(), &single);
+
+        let mut last = single[0];
+        for (contact, expected) in contacts.iter().zip(&single) {
+            last = index.locate_from(&last, contact).unwrap();
+            prop_assert_eq!(&last, expected);
+        }
+        let backwards: Vec<Contact> = contacts.iter().rev().copied().collect();
+        let mut hits = index.locate_all(&backwards).unwrap();
+        hits.reverse();
+        prop_assert_eq!(&hits, &single, "the order of the contacts does not matter");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        prop_assert_eq!(&pool.install(|| index.locate_all(&contacts)).unwrap(), &single, "one thread");
+    }
+}
+
+// ---- ties, hostile shapes ----
+
+/// A thousand copies of one triangle make a tree as deep as their number; the first of them is the answer.
+#[test]
+fn of_coincident_faces_the_first_is_hit() {
+    let one = shapes::triangle();
+    let positions: Vec<_> = (0..1000).flat_map(|_| one.positions.as_slice().to_vec()).collect();
+    let corners: Vec<_> = (0..1000).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let map = map_of(TriMesh::from_arrays(positions, &corners));
+    let index = ContactIndex::new(&map).unwrap();
+    for point in
+        [DVec3::new(0.2, 0.3, 0.1), DVec3::ZERO, DVec3::new(0.5, 0.5, 0.0), DVec3::new(4.0, -9.0, 1e4)]
+    {
+        let hit = assert_exact(&map, &index, &Contact::world(point), 1e-9);
+        assert_eq!(hit.point.face, FaceId::new(0), "at {point}");
+    }
+}
+
+/// On a shared side or corner all its faces are equally near, and the smallest id decides.
+#[test]
+fn on_a_shared_corner_or_side_the_smallest_face_is_hit() {
+    for n in 3..9 {
+        let map = map_of(shapes::fan(n));
+        let index = ContactIndex::new(&map).unwrap();
+        let above = index.locate(DVec3::new(0.0, 0.0, 0.3)).unwrap();
+        assert_eq!(
+            (above.point.face, above.point.barycentric),
+            (FaceId::new(0), [1.0, 0.0, 0.0]),
+            "fan of {n}"
+        );
+        // The spoke to rim vertex 1 is shared by the first face and the last.
+        let on_spoke = index.locate(DVec3::new(0.3, 0.0, 0.0)).unwrap();
+        assert_eq!(on_spoke.point.face, FaceId::new(0), "fan of {n}");
+    }
+}
+
+/// Every point of a plane midway between two parallel sheets is as near to one as to the other.
+#[test]
+fn on_the_medial_axis_the_first_patch_is_hit() {
+    let sheet = |z: f64| shapes::sheet(5, 5, |i, j| DVec3::new(f64::from(i), f64::from(j), z));
+    let links = vec![link_of("base", None, DAffine3::IDENTITY)];
+    for (first, second) in [(1.0, -1.0), (-1.0, 1.0)] {
+        let patches = vec![
+            patch_of("a", 0, vec![level_of(sheet(first), None)]),
+            patch_of("b", 0, vec![level_of(sheet(second), None)]),
+        ];
+        let map = SkinMap { links: links.clone().into(), patches: patches.into() };
+        let index = ContactIndex::new(&map).unwrap();
+        for k in 0..40 {
+            let point = DVec3::new(0.1 * f64::from(k), 1.7, 0.0);
+            assert_eq!(index.locate(point).unwrap().patch, PatchId::new(0), "at {point}");
+            assert_eq!(index.locate_in(LinkId::new(0), point).unwrap().patch, PatchId::new(0), "at {point}");
+        }
+    }
+}
+
+/// A triangle without area is as far away as the segment or point that it is, and never nearer.
+#[test]
+fn a_degenerate_triangle_is_measured_as_its_segment() {
+    let positions = vec![
+        DVec3::ZERO,
+        DVec3::X,
+        DVec3::new(0.5, 0.0, 0.0), // a segment
+        DVec3::new(0.0, 5.0, 0.0),
+        DVec3::new(0.0, 5.0, 0.0),
+        DVec3::new(0.0, 5.0, 0.0), // a point
+        DVec3::new(-9.0, -9.0, -1.0),
+        DVec3::new(9.0, -9.0, -1.0),
+        DVec3::new(0.0, 9.0, -1.0),
+    ];
+    let map = map_of(TriMesh::from_arrays(positions, &[[0, 1, 2], [3, 4, 5], [6, 7, 8]]));
+    let index = ContactIndex::new(&map).unwrap();
+    for (point, face) in [
+        (DVec3::new(0.5, 0.2, 0.0), 0),
+        (DVec3::new(0.0, 4.9, 0.0), 1),
+        (DVec3::new(0.5, 0.2, -0.9), 2),
+        (DVec3::new(0.5, 0.0, -0.6), 2),
+    ] {
+        let hit = assert_exact(&map, &index, &Contact::world(point), 1e-12);
+        assert_eq!(hit.point.face, FaceId::new(face), "at {point}");
+    }
+}
+
+/// From so far away that the slack of `f32` exceeds the shape, only `f64` tells its faces apart.
+#[test]
+fn contacts_far_beyond_single_precision_are_exact() {
+    let map = map_of(shapes::cap(2000, 0.1, 1.9));
+    let index = ContactIndex::new(&map).unwrap();
+    for exponent in 0..=9 {
+        let away = 10_f64.powi(exponent);
+        for k in 0..20 {
+            let direction = DVec3::new(
+                (f64::from(k) * 1.7).sin(),
+                (f64::from(k) * 0.9).cos(),
+                (TAU * 0.13 * f64::from(k)).sin(),
+            );
+            assert_exact(&map, &index, &Contact::world(direction * away), 1e-9 + 1e-15 * away);
+        }
+    }
+    let edge = DVec3::new(1e12, -1e12, 1e12);
+    assert!(index.locate(edge).unwrap().distance > 1e12, "the largest coordinates are answered");
+}
+
+// ---- sign ----
+
+/// Outside is positive at faces, sides and corners alike: on a sharp tetrahedron a face normal alone would be
+/// wrong beside most corners.
+#[test]
+fn the_sign_tells_outside_from_inside() {
+    let mesh = shapes::tetrahedron();
+    let map = map_of(mesh.clone());
+    let index = ContactIndex::new(&map).unwrap();
+    assert!(index.locate(DVec3::ZERO).unwrap().distance < 0.0, "the centre is inside");
+    for i in -20..=20 {
+        for j in -20..=20 {
+            for k in -20..=20 {
+                let q = DVec3::new(f64::from(i), f64::from(j), f64::from(k)) / 10.0 + DVec3::splat(0.0123);
+                let inside =
+                    mesh.triangles.ids().all(|f| mesh.face_cross(f).dot(q - mesh.corners(f)[0]) < 0.0);
+                let distance = index.locate(q).unwrap().distance;
+                assert_eq!(distance < 0.0, inside, "at {q}, distance {distance}");
+            }
+        }
+    }
+}
+
+// ---- levels ----
+
+#[test]
+fn at_a_vertex_one_field_has_all_the_weight() {
+    let map = square_and_its_midpoints();
+    let index = ContactIndex::new(&map).unwrap();
+    let fine = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
+    for (v, &p) in fine.mesh.positions.enumerate() {
+        let hit = index.locate(p + DVec3::Z * 0.1).unwrap();
+        assert!((hit.distance - 0.1).abs() < 1e-15);
+        let cell = index.cell(&hit, LevelId::new(0)).unwrap();
+        assert_eq!((cell.field, cell.weights.of(v), cell.weights.iter().count()), (v, 1.0, 1));
+        assert_eq!((cell.uv, cell.taxel), (fine.uv[v], TaxelId(1000 + v.raw())));
+        assert_eq!(cell.pixel, fine.frame.pixel(fine.uv[v]));
+        if v.index() < 4 {
+            let cell = index.cell(&hit, LevelId::new(1)).unwrap();
+            assert_eq!((cell.field, cell.weights.of(v)), (v, 1.0), "a centre's row is its own field");
+            let corners =
+                map.patches[PatchId::new(0)].levels[LevelId::new(1)].mesh.triangles[cell.point.face];
+            let at = corners.iter().position(|&c| c == v).unwrap();
+            assert_eq!(cell.point.barycentric[at], 1.0, "the face holds the centre");
+            let smaller = if v.index() == 3 { 1 } else { 0 };
+            assert_eq!(cell.point.face, FaceId::new(smaller), "of several faces the smallest");
+        }
+    }
+}
+
+/// The prolongation of the subdivision is linear interpolation, so level 1 puts a contact exactly where level 0 does.
+#[test]
+fn on_a_subdivided_square_both_levels_agree() {
+    let map = square_and_its_midpoints();
+    let index = ContactIndex::new(&map).unwrap();
+    let coarse = &map.patches[PatchId::new(0)].levels[LevelId::new(1)];
+    for i in 0..=20 {
+        for j in 0..=20 {
+            let point = DVec3::new(f64::from(i) / 20.0, f64::from(j) / 20.0, -0.01);
+            let hit = index.locate(point).unwrap();
+            assert!((hit.distance + 0.01).abs() < 1e-15, "below the square is inside");
+            let cells: Vec<_> = index.cells(&hit).collect();
+            assert_eq!(cells.len(), 2);
+            for cell in &cells {
+                assert!(cell.uv.distance(point.truncate()) < 1e-12, "{cell:?}");
+                let sum: f64 = cell.weights.iter().map(|(_, w)| w).sum();
+                assert!((sum - 1.0).abs() < 1e-12);
+                let strongest = cell.weights.iter().map(|(_, w)| w).fold(0.0, f64::max);
+                let first = cell.weights.iter().find(|&(_, w)| w == strongest).unwrap().0;
+                assert_eq!(cell.field, first, "the largest weight, the smallest field of several");
+            }
+            // The coarse face and its coordinates are those of the nearest fine corner.
+            let place = coarse.mesh.point(&cells[1].point);
+            let fine = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].mesh;
+            let corners = fine.corners(hit.point.face);
+            let least = corners.iter().map(|c| c.distance(hit.position)).fold(f64::INFINITY, f64::min);
+            assert!((place.distance(hit.position) - least).abs() < 1e-12, "{place} for {}", hit.position);
+        }
+    }
+}
+
+#[test]
+fn a_level_that_does_not_exist_has_no_cell() {
+    let index = ContactIndex::new(&square_and_its_midpoints()).unwrap();
+    let hit = index.locate(DVec3::ZERO).unwrap();
+    assert!(index.cell(&hit, LevelId::new(2)).is_none());
+    assert_eq!(index.level_count(hit.patch), 2);
+    let foreign = Hit { patch: PatchId::new(7), ..hit };
+    assert!(index.cell(&foreign, LevelId::new(0)).is_none());
+    let mut beyond = hit;
+    beyond.point.face = FaceId::new(1 << 20);
+    assert!(index.cell(&beyond, LevelId::new(0)).is_none());
+    assert_eq!(
+        index.locate_from(&foreign, &Contact::world(DVec3::ZERO)).unwrap(),
+        hit,
+        "a foreign hit is no hint"
+    );
+    assert_eq!(index.locate_from(&beyond, &Contact::world(DVec3::ZERO)).unwrap(), hit);
+}
+
+// ---- refusals ----
+
+#[test]
+fn a_contact_that_is_nowhere_is_named() {
+    let map = robot(
+        [shapes::square(), shapes::square(), shapes::triangle(), shapes::fan(5)],
+        [DAffine3::IDENTITY; 3],
+    );
+    let index = ContactIndex::new(&map).unwrap();
+    let good = Contact::world(DVec3::ZERO);
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e13] {
+        for axis in 0..3 {
+            let mut point = DVec3::ZERO;
+            point[axis] = bad;
+            let batch = [good, good, Contact::world(point), Contact::world(DVec3::NAN)];
+            let error = index.locate_all(&batch).unwrap_err();
+            assert!(matches!(error, ContactError::NotFinite { contact: 2, .. }), "{error}");
+            assert!(index.locate(point).is_err());
+            assert!(index.locate_in(LinkId::new(1), point).is_err());
+        }
+    }
+    let error = index.locate_in(LinkId::new(3), DVec3::ZERO).unwrap_err();
+    assert!(matches!(error, ContactError::UnknownLink { count: 3, .. }), "{error}");
+    let error = index.locate_in(LinkId::new(0), DVec3::ZERO).unwrap_err();
+    assert!(matches!(&error, ContactError::BareLink { name, .. } if name == "base"), "{error}");
+    assert_eq!(index.locate_all(&[]).unwrap(), [], "no contacts, no hits");
+}
+
+#[test]
+fn poses_that_change_lengths_are_refused() {
+    let map = map_of(shapes::square());
+    let mut index = ContactIndex::new(&map).unwrap();
+    let before = index.locate(DVec3::ONE).unwrap();
+    for pose in [
+        DAffine3::from_scale(DVec3::splat(1.001)),
+        DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0)),
+        DAffine3::from_translation(DVec3::NAN),
+        DAffine3::ZERO,
+    ] {
+        let error = index.set_poses(&vec![pose].into()).unwrap_err();
+        assert!(matches!(&error, ContactError::NotRigid { name } if name == "base"), "{error}");
+        let mut posed = map.clone();
+        posed.links[LinkId::new(0)].pose = pose;
+        assert!(ContactIndex::new(&posed).is_err());
+    }
+    let error = index.set_poses(&IdVec::new()).unwrap_err();
+    assert!(matches!(error, ContactError::PoseCount { found: 0, needed: 1 }), "{error}");
+    assert_eq!(index.locate(DVec3::ONE).unwrap(), before, "a refused pose moves nothing");
+}
+
+#[test]
+fn broken_maps_are_refused_by_name() {
+    let check = |what: &str, spoil: &dyn Fn(&mut SkinMap)| {
+        let mut map = square_and_its_midpoints();
+        spoil(&mut map);
+        let error = ContactIndex::new(&map).unwrap_err();
+        assert!(error.to_string().contains(what), "{error} should speak of {what}");
+    };
+    fn patch(map: &mut SkinMap) -> &mut PatchMap {
+        &mut map.patches[PatchId::new(0)]
+    }
+    fn level(map: &mut SkinMap, k: usize) -> &mut MapLevel {
+        &mut patch(map).levels[LevelId::new(k)]
+    }
+    let v = VertexId::new;
+    check("no triangle", &|map| *map = SkinMap::default());
+    check("no triangle", &|map| level(map, 0).mesh.triangles = IdVec::new());
+    check("not finite", &|map| level(map, 0).mesh.positions[v(0)] = DVec3::NAN);
+    check("1e12", &|map| level(map, 0).mesh.positions[v(0)] = DVec3::X * 1e20);
+    check("vertex 99", &|map| level(map, 0).mesh.triangles[FaceId::new(0)][0] = v(99));
+    check("L1", &|map| level(map, 1).mesh.triangles[FaceId::new(0)][0] = v(99));
+    check("link 5", &|map| patch(map).link = LinkId::new(5));
+    check("0 levels", &|map| patch(map).levels = IdVec::new());
+    check("ids has 1", &|map| patch(map).ids = vec![TaxelId(0)].into());
+    check("uv has 0", &|map| level(map, 1).uv = IdVec::new());
+    check("direct has 0", &|map| level(map, 1).direct = None);
+    check("after its parent", &|map| map.links[LinkId::new(0)].parent = Some(LinkId::new(0)));
+    check("centre 99", &|map| level(map, 1).origins[v(2)] = v(99));
+    check("row 5", &|map| level(map, 1).direct.as_mut().unwrap().indices[v(5)][1] = v(40));
+    check("row 5", &|map| level(map, 1).direct.as_mut().unwrap().weights[v(5)][1] = f64::NAN);
+    check("row 4", &|map| level(map, 1).direct.as_mut().unwrap().indices[v(4)] = [v(1), v(3), v(3)]);
+}
