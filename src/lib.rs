@@ -11,3 +11,4 @@ pub mod flatten;
 pub mod map;
 pub mod atlas;
 pub mod contact;
+pub mod io;

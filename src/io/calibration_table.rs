@@ -1,0 +1,163 @@
+//! Tables of calibrated taxels, of their truth, and of triangles between them.
+
+use std::{collections::HashMap, path::Path};
+
+use csv::{StringRecord, Writer};
+use glam::{DQuat, DVec3};
+
+use crate::{
+    calib::{Calibration, Pose},
+    id::{IdVec, TaxelId, VertexId},
+    io::{
+        IoError,
+        columns::{Columns, Row, table_error, table_write_error},
+        replace_file,
+        source::Source,
+    },
+};
+
+/// Writes calibrated taxels: `id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz`.
+///
+/// Metres; `sigma` is the square root of the trace of the position covariance, whose upper triangle follows. These
+/// seven cells are empty if no covariance was computed. Decimals are the shortest that read back as the same `f64`.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), IoError> {
+    const HEADER: [&str; 15] =
+        ["id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"];
+    let sigmas = calibration.marginals.as_ref().map(|m| (m.sigmas(), &m.positions));
+    write_table(path, &HEADER, |row, v: VertexId| {
+        let pose = calibration.poses.get(v)?;
+        row.push(calibration.ids[v].to_string());
+        let numbers = pose.position.to_array().into_iter().chain(pose.rotation.to_array());
+        row.extend(numbers.map(|x| x.to_string()));
+        match &sigmas {
+            Some((sigmas, covariances)) => {
+                row.push(sigmas[v].to_string());
+                row.extend(covariances[v].map(|x| x.to_string()));
+            }
+            None => row.resize(HEADER.len(), String::new()),
+        }
+        Some(())
+    })
+}
+
+/// Writes where taxels truly are: `id,x,y,z,nx,ny,nz,qx,qy,qz,qw`.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+pub fn write_truth(
+    path: &Path,
+    ids: &IdVec<VertexId, TaxelId>,
+    truth: &IdVec<VertexId, Pose>,
+) -> Result<(), IoError> {
+    const HEADER: [&str; 11] = ["id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw"];
+    write_table(path, &HEADER, |row, v: VertexId| {
+        let (id, pose) = (ids.get(v)?, truth.get(v)?);
+        row.push(id.to_string());
+        let normal = (pose.rotation * DVec3::Z).to_array();
+        let numbers = pose.position.to_array().into_iter().chain(normal).chain(pose.rotation.to_array());
+        row.extend(numbers.map(|x| x.to_string()));
+        Some(())
+    })
+}
+
+/// Writes triangles between taxels by their ids: `i,j,k`, counter-clockwise seen from outside.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+pub fn write_triangles(
+    path: &Path,
+    ids: &IdVec<VertexId, TaxelId>,
+    triangles: &[[VertexId; 3]],
+) -> Result<(), IoError> {
+    write_table(path, &["i", "j", "k"], |row, k: VertexId| {
+        let corners = triangles.get(k.index())?;
+        row.extend(corners.iter().filter_map(|&v| ids.get(v)).map(ToString::to_string));
+        Some(())
+    })
+}
+
+/// Writes rows until `fill` has none left.
+fn write_table(
+    path: &Path,
+    header: &[&str],
+    mut fill: impl FnMut(&mut Vec<String>, VertexId) -> Option<()>,
+) -> Result<(), IoError> {
+    let fail = |e| table_write_error(path, e);
+    replace_file(path, |out| {
+        let mut table = Writer::from_writer(out);
+        table.write_record(header).map_err(fail)?;
+        let mut row = Vec::with_capacity(header.len());
+        for k in 0_u32.. {
+            row.clear();
+            if fill(&mut row, VertexId::from(k)).is_none() {
+                break;
+            }
+            table.write_record(&row).map_err(fail)?;
+        }
+        table.flush().map_err(|source| IoError::Write { path: path.to_owned(), source })
+    })
+}
+
+/// Reads triangles `i,j,k` between taxels that are named by their ids.
+///
+/// # Errors
+/// The first cell that names no taxel, by line and column.
+pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec<[VertexId; 3]>, IoError> {
+    let known: HashMap<TaxelId, VertexId> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
+    let mut triangles = Vec::new();
+    each_row(path, |row| {
+        let places = row.columns.need_vector(path, ["i", "j", "k"])?;
+        let mut corners = [VertexId::default(); 3];
+        for (corner, column) in corners.iter_mut().zip(places) {
+            let vertex = row.text(column).parse().ok().and_then(|id| known.get(&TaxelId(id)));
+            *corner = *vertex.ok_or_else(|| row.invalid(column, "the id of a taxel that was observed"))?;
+        }
+        triangles.push(corners);
+        Ok(())
+    })?;
+    Ok(triangles)
+}
+
+/// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left alone.
+///
+/// # Errors
+/// The first broken cell, by line and column.
+pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
+    let mut truth = Vec::new();
+    each_row(path, |row| {
+        let id = row.columns.need(path, "id")?;
+        let parsed = row.text(id).parse().map(TaxelId);
+        let id = parsed.map_err(|_| row.invalid(id, "the number of a taxel"))?;
+        let position = row.vector(row.columns.need_vector(path, ["x", "y", "z"])?)?;
+        let rotation = match row.columns.find("qw") {
+            None => DQuat::IDENTITY,
+            Some(w) => {
+                let v = row.vector(row.columns.need_vector(path, ["qx", "qy", "qz"])?)?;
+                let q = DQuat::from_xyzw(v.x, v.y, v.z, row.number(w)?);
+                let off = (q.length() - 1.0).abs();
+                if off.is_nan() || off > 1e-3 {
+                    return Err(row.invalid(w, "a unit quaternion"));
+                }
+                q.normalize()
+            }
+        };
+        truth.push((id, Pose { position, rotation }));
+        Ok(())
+    })?;
+    Ok(truth)
+}
+
+fn each_row(path: &Path, mut visit: impl FnMut(Row<'_>) -> Result<(), IoError>) -> Result<(), IoError> {
+    let source = Source::open(path)?;
+    let mut table = csv::Reader::from_reader(source.bytes());
+    let header = table.headers().map_err(|e| table_error(path, e))?;
+    let columns = Columns::new(path, header)?;
+    let mut cells = StringRecord::new();
+    while table.read_record(&mut cells).map_err(|e| table_error(path, e))? {
+        visit(Row { path, columns: &columns, cells: &cells })?;
+    }
+    Ok(())
+}

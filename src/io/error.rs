@@ -1,0 +1,98 @@
+use std::path::PathBuf;
+
+/// What is wrong with a file: which, where in it, what was found, what is needed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum IoError {
+    /// The file cannot be opened or read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file cannot be written; an older one is left as it was.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The content breaks a rule of its format.
+    #[error("{}: {element}: found {found}; needed: {needed}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Which element of the file: `accessor 3`, `line 12`, `taxel 4`.
+        element: String,
+        /// What was found there.
+        found: String,
+        /// What is needed instead.
+        needed: String,
+    },
+    /// What is to be written does not fit the format; an older file is left as it was.
+    #[error("cannot write {}: {element}: found {found}; needed: {needed}", path.display())]
+    Unfit {
+        /// The file.
+        path: PathBuf,
+        /// Which element: `palm/L0`.
+        element: String,
+        /// What was found there.
+        found: String,
+        /// What is needed instead.
+        needed: String,
+        /// What a user can do, as a sentence.
+        remedy: &'static str,
+    },
+    /// The content uses something that is valid but not read here.
+    #[error("{}: {element} uses {feature}, which is not supported", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// Which element of the file.
+        element: String,
+        /// What it uses.
+        feature: String,
+        /// What a user can do, as a sentence.
+        remedy: String,
+    },
+    /// The extension says no kind of file that can be used here.
+    #[error("{}: unknown kind of file; known here: {known}", path.display())]
+    UnknownKind {
+        /// The file.
+        path: PathBuf,
+        /// Extensions that are known.
+        known: &'static str,
+    },
+}
+
+impl IoError {
+    /// The same error, told of the file that the user knows: outputs are written elsewhere first.
+    #[must_use]
+    pub fn about(mut self, file: &std::path::Path) -> Self {
+        match &mut self {
+            Self::Read { path, .. }
+            | Self::Write { path, .. }
+            | Self::Invalid { path, .. }
+            | Self::Unsupported { path, .. }
+            | Self::UnknownKind { path, .. }
+            | Self::Unfit { path, .. } => file.clone_into(path),
+        }
+        self
+    }
+
+    /// What a user can do about it, as a sentence.
+    #[must_use]
+    pub fn help(&self) -> String {
+        match self {
+            Self::Read { .. } => "check that the file exists and may be read".into(),
+            Self::Write { .. } => "check that the folder exists, may be written to and has space".into(),
+            Self::Invalid { .. } => "mend the file, or export it again from the program that wrote it".into(),
+            Self::Unsupported { remedy, .. } => remedy.clone(),
+            Self::Unfit { remedy, .. } => (*remedy).into(),
+            Self::UnknownKind { known, .. } => format!("name a file that ends in one of: {known}"),
+        }
+    }
+}

@@ -1,0 +1,115 @@
+use std::{
+    fs::{self, File},
+    io::{self, Read},
+    path::{Path, PathBuf},
+};
+
+use crate::io::IoError;
+
+/// Largest file that is read whole, in bytes. Every element of a file takes at least one byte, so below this
+/// size no count of elements passes the 32 bits of an id.
+const MAX_BYTES: u64 = u32::MAX as u64;
+
+/// Longest piece of a file that an error repeats, in characters.
+const MAX_EXCERPT: usize = 60;
+
+/// The content of a file, under the name that errors call it by.
+pub(crate) struct Source {
+    path: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl Source {
+    /// Reads a regular file whole, after a look at its length.
+    ///
+    /// # Errors
+    /// If it is a folder or a device, empty, longer than 4 GiB, or cannot be read.
+    pub(crate) fn open(path: &Path) -> Result<Self, IoError> {
+        let fail = |source: io::Error| IoError::Read { path: path.into(), source };
+        let about = fs::metadata(path).map_err(fail)?;
+        if about.is_dir() {
+            return Err(fail(io::ErrorKind::IsADirectory.into()));
+        }
+        // A device or a pipe has no length, and need not have an end.
+        if !about.is_file() {
+            return Err(fail(io::Error::other("it is no regular file")));
+        }
+        let found = format!("{} bytes", about.len());
+        if about.len() == 0 {
+            return Err(invalid(path, "file", found, "some content"));
+        }
+        if about.len() > MAX_BYTES {
+            return Err(invalid(path, "file", found, format!("at most {MAX_BYTES} bytes")));
+        }
+        let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
+        // The limit holds for a file that grows meanwhile, too.
+        File::open(path).and_then(|f| f.take(MAX_BYTES).read_to_end(&mut bytes)).map_err(fail)?;
+        Ok(Self { path: path.into(), bytes })
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The content as text, without a byte order mark.
+    ///
+    /// # Errors
+    /// If it is not UTF-8; line and byte are named.
+    pub(crate) fn text(&self) -> Result<&str, IoError> {
+        let text = std::str::from_utf8(&self.bytes).map_err(|e| {
+            let at = e.valid_up_to();
+            let line = 1 + self.bytes[..at].iter().filter(|&&b| b == b'\n').count();
+            let found = format!("byte 0x{:02x}", self.bytes[at]);
+            self.invalid(format!("line {line}, byte {at} of the file"), found, "text in UTF-8")
+        })?;
+        Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+    }
+
+    /// The name of the file without folder and extension: what a sheet without a name is called.
+    pub(crate) fn stem(&self) -> String {
+        stem(&self.path)
+    }
+
+    /// An error about one element of this file.
+    pub(crate) fn invalid(
+        &self,
+        element: impl Into<String>,
+        found: impl Into<String>,
+        needed: impl Into<String>,
+    ) -> IoError {
+        invalid(&self.path, element, found, needed)
+    }
+}
+
+/// The name of a file without folder and extension.
+pub(crate) fn stem(path: &Path) -> String {
+    path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// An error about one element of the file `path`.
+pub(crate) fn invalid(
+    path: &Path,
+    element: impl Into<String>,
+    found: impl Into<String>,
+    needed: impl Into<String>,
+) -> IoError {
+    IoError::Invalid {
+        path: path.into(),
+        element: element.into(),
+        found: found.into(),
+        needed: needed.into(),
+    }
+}
+
+/// A piece of a file as an error repeats it: on one line, and not too long.
+pub(crate) fn excerpt(text: &str) -> String {
+    let mut short: String = text.chars().take(MAX_EXCERPT).flat_map(char::escape_debug).collect();
+    if text.chars().nth(MAX_EXCERPT).is_some() {
+        short.push_str("...");
+    }
+    format!("\"{short}\"")
+}

@@ -1,0 +1,739 @@
+//! Files of every kind but glTF and EXR: what is written reads back, what is broken is refused by name, and nothing
+//! that a file says makes the readers panic.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use dermatome::{
+    id::{IdVec, LinkId, PatchId, TaxelId, VertexId},
+    io::{IoError, read_draft, replace_file, write_flat, write_json, write_skin},
+    mesh::shapes,
+    skin::{Draft, Link, Patch, Presence, Sheet, Skin, world_pose},
+};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+use proptest::prelude::*;
+use tempfile::TempDir;
+
+const KINDS: [&str; 5] = ["json", "obj", "ply", "stl", "csv"];
+
+/// A skin on one link that is turned and shifted, with everything that a patch can have.
+fn posed_skin() -> Skin {
+    let mut skin = Skin::from_mesh("cap, \"bottom\"", shapes::cap(20, 0.1, 0.6));
+    let link = LinkId::new(0);
+    skin.links[link].name = "upper_arm".into();
+    skin.links[link].pose = DAffine3::from_rotation_translation(
+        glam::DQuat::from_rotation_y(0.3) * glam::DQuat::from_rotation_z(1.1),
+        DVec3::new(0.1, -0.2, 1.0 / 3.0),
+    );
+    let patch = &mut skin.patches[PatchId::new(0)];
+    patch.densities = Some(patch.areas.map(|a| 1.0 / a));
+    patch.ids[VertexId::new(1)] = TaxelId(u32::MAX);
+    patch.ids[VertexId::new(2)] = patch.ids[VertexId::new(3)];
+    patch.presence[VertexId::new(4)] = Presence::Absent;
+    patch.presence[VertexId::new(5)] = Presence::ThermalPad;
+    skin
+}
+
+/// Two links in a chain, two patches on the first and one on the second.
+fn robot() -> Skin {
+    let mut skin = posed_skin();
+    let hand = skin.links.push(Link {
+        name: "hand".into(),
+        parent: Some(LinkId::new(0)),
+        pose: DAffine3::from_translation(DVec3::new(0.0, 0.5, 0.0)),
+    });
+    let mut tube = Patch::from_mesh("tube", LinkId::new(0), shapes::tube(5, 3, 0.05, 0.1));
+    tube.densities = Some(IdVec::filled(7.5, tube.areas.len()));
+    skin.patches.push(tube);
+    skin.patches.push(Patch::from_mesh("palm", hand, shapes::lattice(3, 3, 0.01)));
+    skin
+}
+
+/// A skin on one link at the origin, like the meshes of formats without frames.
+fn plain_skin() -> Skin {
+    Skin::from_mesh("plain", shapes::lattice(4, 3, 0.01))
+}
+
+fn write_and_read(folder: &TempDir, kind: &str, skin: &Skin) -> Draft {
+    let path = folder.path().join(format!("skin.{kind}"));
+    write_skin(&path, skin).unwrap();
+    read_draft(&path).unwrap()
+}
+
+fn triangles(patch: &Patch) -> Vec<[u32; 3]> {
+    patch.mesh.triangles.iter().map(|t| t.map(VertexId::raw)).collect()
+}
+
+fn positions(patch: &Patch, pose: DAffine3) -> Vec<DVec3> {
+    patch.mesh.positions.iter().map(|&p| pose.transform_point3(p)).collect()
+}
+
+/// What every reader promises: finite numbers, corners that exist, arrays of one length.
+fn assert_sound(draft: &Draft) {
+    for sheet in &draft.sheets {
+        let count = sheet.positions.len();
+        assert!(sheet.positions.iter().all(|p| p.is_finite()), "finite positions");
+        assert!(sheet.triangles.iter().flatten().all(|&v| (v as usize) < count), "corners exist");
+        assert!(sheet.normals.iter().flatten().all(|n| n.is_finite()), "finite normals");
+        assert!(sheet.areas.iter().chain(&sheet.densities).flatten().all(|x| x.is_finite()), "finite areas");
+        let lengths = [
+            sheet.ids.as_ref().map(Vec::len),
+            sheet.normals.as_ref().map(Vec::len),
+            sheet.areas.as_ref().map(Vec::len),
+            sheet.densities.as_ref().map(Vec::len),
+            sheet.presence.as_ref().map(Vec::len),
+        ];
+        assert!(lengths.into_iter().flatten().all(|n| n == count), "one entry per vertex");
+        assert!(sheet.link.is_none_or(|link| link.index() < draft.links.len()), "the link exists");
+    }
+}
+
+#[test]
+fn every_format_keeps_positions_and_triangles() {
+    let folder = TempDir::new().unwrap();
+    let skin = plain_skin();
+    let patch = &skin.patches[PatchId::new(0)];
+    for kind in KINDS.into_iter().filter(|&k| k != "stl") {
+        let draft = write_and_read(&folder, kind, &skin);
+        assert_sound(&draft);
+        let [sheet] = draft.sheets.as_slice() else { panic!("{kind}: one sheet") };
+        assert_eq!(
+            sheet.positions,
+            positions(patch, DAffine3::IDENTITY),
+            "{kind}: positions to the last bit"
+        );
+        assert_eq!(sheet.triangles, triangles(patch), "{kind}");
+        assert_eq!(sheet.normals.as_deref(), Some(patch.normals.as_slice()), "{kind}: normals");
+    }
+}
+
+#[test]
+fn json_keeps_the_frame_of_its_link() {
+    let folder = TempDir::new().unwrap();
+    let skin = posed_skin();
+    let patch = &skin.patches[PatchId::new(0)];
+    let draft = write_and_read(&folder, "json", &skin);
+    assert_eq!(draft.links, skin.links, "name and pose to the last bit");
+    let sheet = Sheet {
+        name: patch.name.clone(),
+        link: Some(LinkId::new(0)),
+        positions: positions(patch, DAffine3::IDENTITY),
+        triangles: triangles(patch),
+        ids: Some(patch.ids.as_slice().to_vec()),
+        normals: Some(patch.normals.as_slice().to_vec()),
+        presence: Some(patch.presence.as_slice().to_vec()),
+        ..Sheet::default()
+    };
+    assert_eq!(draft.sheets, [sheet], "all but areas and densities");
+}
+
+#[test]
+fn json_of_several_links_is_in_the_world() {
+    let folder = TempDir::new().unwrap();
+    let skin = robot();
+    let draft = write_and_read(&folder, "json", &skin);
+    let all: Vec<DVec3> =
+        skin.patches.iter().flat_map(|p| positions(p, world_pose(&skin.links, p.link))).collect();
+    assert_eq!(draft.sheets[0].positions, all);
+    assert_eq!(draft.sheets[0].name, "skin", "several patches are called after the file");
+    assert_eq!(draft.links[LinkId::new(0)].pose, DAffine3::IDENTITY);
+}
+
+#[test]
+fn tables_keep_patches_ids_and_link_names() {
+    let folder = TempDir::new().unwrap();
+    let skin = robot();
+    let draft = write_and_read(&folder, "csv", &skin);
+    assert_sound(&draft);
+    assert_eq!(draft.sheets.len(), 3, "one sheet per patch");
+    for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
+        let pose = world_pose(&skin.links, patch.link);
+        assert_eq!(sheet.name, patch.name);
+        assert_eq!(sheet.positions, positions(patch, pose), "{}: in the world", patch.name);
+        assert_eq!(sheet.triangles, triangles(patch), "{}", patch.name);
+        assert_eq!(sheet.ids.as_deref(), Some(patch.ids.as_slice()), "{}", patch.name);
+        assert_eq!(sheet.areas.as_deref(), Some(patch.areas.as_slice()), "{}", patch.name);
+        assert_eq!(sheet.presence.as_deref(), Some(patch.presence.as_slice()), "{}", patch.name);
+        assert_eq!(
+            sheet.densities,
+            patch.densities.as_ref().map(|d| d.as_slice().to_vec()),
+            "{}",
+            patch.name
+        );
+        let link = &draft.links[sheet.link.unwrap()];
+        assert_eq!(link.name, skin.links[patch.link].name);
+        assert_eq!(link.pose, DAffine3::IDENTITY, "the table knows no frames");
+    }
+}
+
+#[test]
+fn ply_keeps_all_numbers_of_a_vertex() {
+    let folder = TempDir::new().unwrap();
+    let mut skin = posed_skin();
+    skin.links[LinkId::new(0)].pose = DAffine3::IDENTITY;
+    let patch = &skin.patches[PatchId::new(0)];
+    let draft = write_and_read(&folder, "ply", &skin);
+    let sheet = Sheet {
+        name: "skin".into(),
+        link: None,
+        positions: positions(patch, DAffine3::IDENTITY),
+        triangles: triangles(patch),
+        ids: Some(patch.ids.as_slice().to_vec()),
+        normals: Some(patch.normals.as_slice().to_vec()),
+        areas: Some(patch.areas.as_slice().to_vec()),
+        densities: patch.densities.as_ref().map(|d| d.as_slice().to_vec()),
+        presence: Some(patch.presence.as_slice().to_vec()),
+        ..Sheet::default()
+    };
+    assert_eq!(draft.sheets, [sheet]);
+}
+
+#[test]
+fn obj_has_an_object_per_patch() {
+    let folder = TempDir::new().unwrap();
+    let skin = robot();
+    let draft = write_and_read(&folder, "obj", &skin);
+    for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
+        assert_eq!(sheet.name, patch.name);
+        assert_eq!(sheet.triangles, triangles(patch), "{}: counted within the sheet", patch.name);
+        assert_eq!(sheet.positions, positions(patch, world_pose(&skin.links, patch.link)), "{}", patch.name);
+    }
+}
+
+/// STL shares no corners and rounds to `f32`, so corners are joined by place and the triangles are what is kept.
+#[test]
+fn stl_keeps_triangles_in_single_precision() {
+    let folder = TempDir::new().unwrap();
+    let skin = plain_skin();
+    let patch = &skin.patches[PatchId::new(0)];
+    let draft = write_and_read(&folder, "stl", &skin);
+    let sheet = &draft.sheets[0];
+    assert_eq!(sheet.positions.len(), patch.mesh.positions.len(), "joined again");
+    for (found, face) in sheet.triangles.iter().zip(patch.mesh.triangles.ids()) {
+        for (&v, wanted) in found.iter().zip(patch.mesh.corners(face)) {
+            let rounded = wanted.as_vec3().as_dvec3();
+            assert_eq!(sheet.positions[v as usize], rounded, "{face}: widened exactly");
+        }
+    }
+}
+
+/// A link that scales by 2 and mirrors: areas grow by 4, triangles still run counter-clockwise seen along the normals.
+#[test]
+fn a_pose_that_scales_and_mirrors_is_carried_into_the_world() {
+    let folder = TempDir::new().unwrap();
+    let mut skin = plain_skin();
+    skin.links[LinkId::new(0)].pose = DAffine3::from_scale(DVec3::new(-2.0, 2.0, 2.0));
+    let sheet = &write_and_read(&folder, "ply", &skin).sheets[0];
+    let patch = &skin.patches[PatchId::new(0)];
+    assert_eq!(sheet.areas.as_ref().unwrap()[5], 4.0 * patch.areas[VertexId::new(5)]);
+    let [a, b, c] = sheet.triangles[0].map(|v| sheet.positions[v as usize]);
+    let normal = sheet.normals.as_ref().unwrap()[sheet.triangles[0][0] as usize];
+    assert_eq!(normal, DVec3::Z, "outward stays outward");
+    assert!((b - a).cross(c - a).dot(normal) > 0.0, "counter-clockwise seen from outside");
+    let frames = write_and_read(&folder, "json", &skin).links;
+    assert_eq!(frames[LinkId::new(0)].pose, DAffine3::IDENTITY, "a mirror is no frame");
+}
+
+#[test]
+fn the_same_skin_gives_the_same_bytes() {
+    let folder = TempDir::new().unwrap();
+    for kind in KINDS {
+        let [a, b] = ["a", "b"].map(|name| {
+            let path = folder.path().join(name).join(format!("skin.{kind}"));
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            write_skin(&path, &robot()).unwrap();
+            fs::read(path).unwrap()
+        });
+        assert_eq!(a, b, "{kind}");
+    }
+}
+
+#[test]
+fn obj_reads_polygons_groups_and_backward_indices() {
+    let draft = read_text(
+        "obj",
+        "# a quad with two normals, a triangle that counts backwards, a point that nothing uses\n\
+         v 0 0 0\nv 1 0 0 1.0\nv 1 1 0 0.5 0.5 0.5\nv 0 1 0\nvn 0 0 1\nvn 0 1 0\nvt 0 0\n\
+         g quad\nf 1/1/1 2//1 \\\n3//1 4//2\ng\no other\nv 5 5 5\nv 2 0 0\nf -1 -5 -4\n",
+    )
+    .unwrap();
+    let [quad, other] = draft.sheets.as_slice() else { panic!("two sheets: {draft:?}") };
+    assert_eq!((quad.name.as_str(), other.name.as_str()), ("quad", "other"));
+    assert_eq!(quad.triangles, [[0, 1, 2], [0, 2, 3]], "a fan");
+    assert_eq!(quad.normals.as_ref().unwrap()[3], DVec3::Y, "of its only corner");
+    assert_eq!(other.positions, [DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::splat(5.0), 2.0 * DVec3::X]);
+    assert_eq!(other.triangles, [[3, 0, 1]]);
+    assert_eq!(other.normals, None, "corners without normals");
+}
+
+#[test]
+fn ply_reads_text_and_big_endian() {
+    let header = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\ncomment x\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+             property int id\nelement edge 1\nproperty int a\nelement face 1\n\
+             property list uchar int vertex_index\nend_header\n"
+        )
+    };
+    let text = header("ascii") + "0 0 0 -1\n1 0 0 5\n1 1 0 6\n0 1 0 7\n3\n4 0 1 2 3\n";
+    let mut binary = header("binary_big_endian").into_bytes();
+    for (x, y, id) in [(0.0f32, 0.0f32, -1i32), (1.0, 0.0, 5), (1.0, 1.0, 6), (0.0, 1.0, 7)] {
+        for x in [x, y, 0.0] {
+            binary.extend(x.to_be_bytes());
+        }
+        binary.extend(id.to_be_bytes());
+    }
+    binary.extend(3i32.to_be_bytes());
+    binary.push(4);
+    binary.extend((0..4i32).flat_map(i32::to_be_bytes));
+    for bytes in [text.into_bytes(), binary] {
+        let sheet = &read_bytes("ply", &bytes).unwrap().sheets[0];
+        assert_eq!(sheet.positions, [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]);
+        assert_eq!(sheet.triangles, [[0, 1, 2], [0, 2, 3]]);
+        let ids = [u32::MAX, 5, 6, 7].map(TaxelId);
+        assert_eq!(sheet.ids.as_deref(), Some(&ids[..]), "a negative id is a placeholder");
+    }
+}
+
+#[test]
+fn stl_reads_several_solids() {
+    let facet =
+        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 -0.0\nendloop\nendfacet\n";
+    let text =
+        format!("solid left hand\n{facet}\nendsolid left hand\nSOLID\n{}ENDSOLID\n", facet.to_uppercase());
+    let draft = read_text("stl", &text).unwrap();
+    let names: Vec<&str> = draft.sheets.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["left hand", "file"], "without a name the file's");
+    assert_eq!(draft.sheets[1].triangles, [[0, 1, 2]]);
+}
+
+/// Exporters write `solid` into the comment of binary files, too.
+#[test]
+fn binary_stl_with_a_comment_that_says_solid_is_binary() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("skin.stl");
+    write_skin(&path, &plain_skin()).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    bytes[..12].copy_from_slice(b"solid skin\n ");
+    fs::write(&path, bytes).unwrap();
+    assert_eq!(read_draft(&path).unwrap().sheets[0].triangles.len(), 12);
+}
+
+fn read_bytes(kind: &str, bytes: &[u8]) -> Result<Draft, IoError> {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join(format!("file.{kind}"));
+    fs::write(&path, bytes).unwrap();
+    read_draft(&path)
+}
+
+fn read_text(kind: &str, text: &str) -> Result<Draft, IoError> {
+    read_bytes(kind, text.as_bytes())
+}
+
+/// Counts and indices that no file of this length can mean, and other lies: each is refused, and the place named.
+#[test]
+fn lies_are_refused_by_name() {
+    let ply = |rest: &str| format!("ply\nformat ascii 1.0\n{rest}end_header\n");
+    let xyz = "property float x\nproperty float y\nproperty float z\n";
+    let cases: &[(&str, String, &str)] = &[
+        ("ply", ply(&format!("element vertex 4000000000\n{xyz}")), "element \"vertex\""),
+        ("ply", ply(&format!("element vertex 0\n{xyz}element nothing 4000000000\n")), "element \"nothing\""),
+        ("ply", ply(&format!("element vertex 1\n{xyz}property int x\n")) + "0 0 0\n", "a name twice"),
+        ("ply", ply("element vertex 1\nproperty float x\nproperty float y\n") + "0 0\n", "no property `z`"),
+        ("ply", ply(&format!("element vertex 1\n{xyz}")) + "0 0 1e999\n", "vertex 0, property `z`"),
+        (
+            "ply",
+            ply(&format!("element vertex 1\n{xyz}element face 1\nproperty list int int vertex_indices\n"))
+                + "0 0 0\n3 0 0 -1\n",
+            "face 0",
+        ),
+        (
+            "ply",
+            ply(&format!("element vertex 0\n{xyz}element face 1\nproperty list int int vertex_indices\n"))
+                + "4000000000 0 0 0\n",
+            "line or record 10",
+        ),
+        ("ply", ply(""), "no property `x`"),
+        ("stl", "x".repeat(80) + "\u{1}\u{2}\u{3}\u{4}", "67305985 triangles in 84 bytes"),
+        ("stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 nan\n".into(), "line 1, facet 0"),
+        ("stl", "solid a\n".into(), "facet 0"),
+        ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4000000000\n".into(), "line 4"),
+        (
+            "obj",
+            "v 0 0 0\nvn 0 0 1\nf 1//1 1//6148914691236517206 1//1\n".into(),
+            "`vn` number 6148914691236517206",
+        ),
+        ("obj", "v 0 0 0\nf 1 1 0\n".into(), "line 2, corner"),
+        ("obj", "v 0 0 0\nf 1 1 -2\n".into(), "line 2, corner"),
+        ("obj", "v 0 0 0\nf 1 1 -9223372036854775808\n".into(), "line 2, corner"),
+        ("obj", "v 0 0 0\nf 1 1\n".into(), "2 corners"),
+        ("obj", "v 0 0 inf\n".into(), "line 1, number 3"),
+        ("obj", "v 0 0\n".into(), "2 numbers"),
+        ("obj", "v 0 0 0 0.5\n".into(), "weight"),
+        ("obj", "curv 0 1 1 2\n".into(), "free-form"),
+        ("json", "{\"skin\": {\"taxels\": [], \"faces\": [[0, 1, -2]]}}".into(), "line 1, column"),
+        ("json", "{\"skin\": {\"taxels\": [], \"faces\": [[0, 1, 2]]}}".into(), "skin.faces[0]"),
+        (
+            "json",
+            "{\"skin\": {\"taxels\": [], \"faces\": [], \"n_taxels\": 4000000000}}".into(),
+            "skin.n_taxels",
+        ),
+        (
+            "json",
+            "{\"skin\": {\"taxels\": [{\"id\": 4294967296, \"x\": [0, 0, 0]}], \"faces\": []}}".into(),
+            "taxels[0].id",
+        ),
+        (
+            "json",
+            "{\"skin\": {\"taxels\": [{\"id\": 1, \"x\": [0, 0, 1e999]}], \"faces\": []}}".into(),
+            "column",
+        ),
+        (
+            "json",
+            "{\"info\": {\"file_version\": \"3\"}, \"skin\": {\"taxels\": [], \"faces\": []}}".into(),
+            "file_version",
+        ),
+        ("json", "[".repeat(100_000), "line 1"),
+        ("csv", "id,x,y,z\n1,0,0,0\n".into(), "file.triangles.csv"),
+    ];
+    for (kind, text, place) in cases {
+        let error = read_text(kind, text).expect_err(text).to_string();
+        assert!(error.contains(place), "{kind}: {place:?} is named in {error:?}");
+        assert!(error.contains(&format!("file.{kind}")), "{kind}: the file is named in {error:?}");
+    }
+}
+
+fn read_tables(taxels: &str, triangles: &str) -> Result<Draft, IoError> {
+    let folder = TempDir::new().unwrap();
+    fs::write(folder.path().join("skin.csv"), taxels).unwrap();
+    fs::write(folder.path().join("skin.triangles.csv"), triangles).unwrap();
+    read_draft(&folder.path().join("skin.csv"))
+}
+
+#[test]
+fn broken_tables_are_refused_by_line_and_column() {
+    let taxels = "id,x,y,z\n1,0,0,0\n2,1,0,0\n3,0,1,0\n";
+    let good = "a,b,c\n0,1,2\n";
+    assert_sound(&read_tables(taxels, good).unwrap());
+    let cases = [
+        ("id,x,y\n1,0,0\n", good, "a column `z`"),
+        ("id,x,y,z,x\n", good, "line 1, column 5"),
+        ("id,x,y,z,densty\n", good, "line 1, column 5"),
+        ("id,x,y,z,nx\n", good, "a column `ny`"),
+        ("id,x,y,z\n1,0,zero,0\n", good, "line 2, column `y`"),
+        ("id,x,y,z\n1,0,0,inf\n", good, "line 2, column `z`"),
+        ("id,x,y,z\n1,0,0\n", good, "line 2"),
+        ("id,x,y,z\n1.5,0,0,0\n", good, "line 2, column `id`"),
+        ("id,x,y,z,area\n1,0,0,0,1\n2,0,0,0,\n", good, "line 3, column `area`"),
+        ("id,x,y,z,present\n1,0,0,0,3\n", good, "line 2, column `present`"),
+        ("id,x,y,z,patch,link\n1,0,0,0,p,a\n2,0,0,0,p,b\n", good, "line 3, column `link`"),
+        ("id,x,y,z,patch\n1,0,0,0,p\n2,0,0,0,q\n3,0,0,0,q\n", good, "line 2, column `b`"),
+        (taxels, "a,b\n", "a column `c`"),
+        (taxels, "a,b,c\n0,1,3\n", "line 2, column `c`"),
+        (taxels, "a,b,c\n0,1,-1\n", "line 2, column `c`"),
+        (taxels, "\n", "line 1"),
+    ];
+    for (taxels, triangles, place) in cases {
+        let error = read_tables(taxels, triangles).expect_err(taxels).to_string();
+        assert!(error.contains(place), "{place:?} is named in {error:?}");
+    }
+}
+
+#[test]
+fn frames_must_be_rotations() {
+    let file = |matrix: &str| {
+        format!(
+            "{{\"skin\": {{\"taxels\": [], \"faces\": [], \"parent_frames\": [{{\"tf_matrix\": [{matrix}]}}]}}}}"
+        )
+    };
+    for (matrix, found) in [
+        ("2,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1", "columns off"),
+        ("-1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1", "determinant -1"),
+        ("1,0,0,5, 0,1,0,0, 0,0,1,0, 0,0,0,1", "last row"),
+        ("0,0,0,0, 0,0,0,0, 0,0,0,0, 0,0,0,1", "columns off"),
+    ] {
+        let error = read_text("json", &file(matrix)).expect_err(matrix).to_string();
+        assert!(error.contains(found), "{error}");
+    }
+    let rounded = file("0.7071,0.7071,0,0, -0.7071,0.7071,0,0, 0,0,1,0, 0,0,0.024,1");
+    let pose = read_text("json", &rounded).unwrap().links[LinkId::new(0)].pose;
+    assert!(pose.matrix3.abs_diff_eq(DMat3::from_rotation_z(std::f64::consts::FRAC_PI_4), 1e-15), "{pose}");
+    assert_eq!(pose.translation, DVec3::new(0.0, 0.0, 0.024), "the last column");
+}
+
+/// Cut after every 16th byte, a file is refused or read as far as it goes, and every error names the file.
+#[test]
+fn cut_files_never_panic() {
+    let folder = TempDir::new().unwrap();
+    for kind in KINDS {
+        let path = folder.path().join(format!("skin.{kind}"));
+        write_skin(&path, &robot()).unwrap();
+        let mut parts = vec![path.clone()];
+        parts.extend((kind == "csv").then(|| folder.path().join("skin.triangles.csv")));
+        for part in parts {
+            let whole = fs::read(&part).unwrap();
+            let mut refused = 0;
+            let file = fs::File::options().write(true).open(&part).unwrap();
+            for end in (0..whole.len()).step_by(16).rev() {
+                file.set_len(end as u64).unwrap();
+                match read_draft(&path) {
+                    Ok(draft) => assert_sound(&draft),
+                    Err(error) => {
+                        refused += 1;
+                        assert!(error.to_string().contains("skin."), "{error}");
+                    }
+                }
+            }
+            assert!(refused > 0, "{kind}: an empty file at least");
+            fs::write(&part, whole).unwrap();
+        }
+    }
+}
+
+/// A binary file has no end that a cut could leave valid.
+#[test]
+fn cut_binary_files_are_refused() {
+    let folder = TempDir::new().unwrap();
+    for kind in ["ply", "stl"] {
+        let path = folder.path().join(format!("skin.{kind}"));
+        write_skin(&path, &plain_skin()).unwrap();
+        let whole = fs::read(&path).unwrap();
+        let file = fs::File::options().write(true).open(&path).unwrap();
+        for end in (0..whole.len()).rev() {
+            file.set_len(end as u64).unwrap();
+            assert!(read_draft(&path).is_err(), "{kind}: {end} of {} bytes", whole.len());
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Whatever bytes are changed in a file, its reader refuses it or keeps its promises.
+    #[test]
+    fn changed_files_never_panic(
+        kind in 0..KINDS.len(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+    ) {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join(format!("skin.{}", KINDS[kind]));
+        write_skin(&path, &plain_skin()).unwrap();
+        let mut bytes = fs::read(&path).unwrap();
+        for (at, byte) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        fs::write(&path, bytes).unwrap();
+        if let Ok(draft) = read_draft(&path) {
+            assert_sound(&draft);
+        }
+    }
+
+    /// Decimals are the shortest that read back as the same number, whatever its size.
+    #[test]
+    fn text_keeps_every_bit(x in prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL) {
+        let folder = TempDir::new().unwrap();
+        let mut skin = plain_skin();
+        let v = VertexId::new(0);
+        skin.patches[PatchId::new(0)].mesh.positions[v].x = x;
+        for kind in ["obj", "json", "csv", "ply"] {
+            let found = write_and_read(&folder, kind, &skin).sheets[0].positions[0].x;
+            prop_assert_eq!(found.to_bits(), x.to_bits(), "{}", kind);
+        }
+    }
+}
+
+#[test]
+fn empty_files_folders_and_other_text_are_refused() {
+    let folder = TempDir::new().unwrap();
+    for kind in KINDS {
+        let empty = read_bytes(kind, b"").unwrap_err().to_string();
+        assert!(empty.contains("0 bytes") || empty.contains("triangles"), "{kind}: {empty}");
+        let latin = read_bytes(kind, b"solid M\xfcller\nv \xfc\nid,x,y,z,\xfc\n").unwrap_err();
+        assert!(matches!(latin, IoError::Invalid { .. }), "{kind}: {latin}");
+        let path = folder.path().join(format!("folder.{kind}"));
+        fs::create_dir(&path).unwrap();
+        fs::create_dir_all(path.with_extension("triangles.csv")).unwrap();
+        assert!(matches!(read_draft(&path), Err(IoError::Read { .. })), "{kind}: a folder");
+        assert!(
+            matches!(write_skin(&path, &plain_skin()), Err(IoError::Write { .. })),
+            "{kind}: onto a folder"
+        );
+        let missing = folder.path().join(format!("missing.{kind}"));
+        assert!(read_draft(&missing).is_err(), "{kind}: no such file");
+    }
+    let unknown = read_draft(Path::new("skin.step")).unwrap_err();
+    assert!(matches!(unknown, IoError::UnknownKind { .. }), "{unknown}");
+    assert!(read_bytes("OBJ", b"v 0 0 0\n").is_ok(), "extensions in capitals");
+}
+
+/// A device has no end that a reader could wait for; it is written to as it is, and this one is always full.
+#[cfg(target_os = "linux")]
+#[test]
+fn devices_are_not_read_and_never_replaced() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("full.obj");
+    std::os::unix::fs::symlink("/dev/full", &path).unwrap();
+    assert!(read_draft(&path).unwrap_err().to_string().contains("no regular file"));
+    let error = write_skin(&path, &plain_skin()).unwrap_err();
+    assert!(error.to_string().contains("full.obj: No space left"), "{error}");
+    assert_eq!(names_in(folder.path()), ["full.obj"], "the link stays, and nothing is left beside it");
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_failed_write_leaves_the_older_file_and_nothing_else() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("out.txt");
+    fs::write(&path, "older").unwrap();
+    let full = || std::io::Error::from(std::io::ErrorKind::StorageFull);
+    let failed = replace_file(&path, |file| {
+        file.write_all(&vec![b'x'; 1 << 20]).unwrap();
+        Err(IoError::Write { path: path.clone(), source: full() })
+    });
+    assert!(failed.unwrap_err().to_string().contains("out.txt"));
+    assert_eq!(fs::read_to_string(&path).unwrap(), "older");
+    assert_eq!(names_in(folder.path()), ["out.txt"], "no temporary file is left");
+    replace_file(&path, |file| {
+        file.write_all(b"newer").unwrap();
+        Ok(())
+    })
+    .unwrap();
+    assert_eq!(fs::read_to_string(&path).unwrap(), "newer");
+}
+
+/// A skin that breaks its promises is refused before a file is touched.
+#[test]
+fn a_broken_skin_is_not_written() {
+    let folder = TempDir::new().unwrap();
+    let mut skin = plain_skin();
+    skin.patches[PatchId::new(0)].link = LinkId::new(7);
+    for kind in KINDS {
+        let path = folder.path().join(format!("skin.{kind}"));
+        assert!(matches!(write_skin(&path, &skin), Err(IoError::Invalid { .. })), "{kind}");
+    }
+    assert_eq!(names_in(folder.path()), [""; 0]);
+}
+
+#[test]
+fn a_missing_or_forbidden_folder_is_named() {
+    let folder = TempDir::new().unwrap();
+    let mut forbidden = vec![folder.path().join("nowhere")];
+    let file = folder.path().join("file");
+    fs::write(&file, "no folder").unwrap();
+    forbidden.push(file);
+    // Nobody, root included, may make files here.
+    forbidden.extend(Some(PathBuf::from("/proc")).filter(|p| p.is_dir()));
+    for folder in forbidden {
+        for kind in KINDS {
+            let path = folder.join(format!("skin.{kind}"));
+            let error = write_skin(&path, &plain_skin()).unwrap_err();
+            assert!(matches!(error, IoError::Write { .. }), "{error}");
+            assert!(error.to_string().contains(&folder.display().to_string()), "{error}");
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_to_a_file_stays_a_link() {
+    let folder = TempDir::new().unwrap();
+    let (real, link) = (folder.path().join("real.json"), folder.path().join("link.json"));
+    fs::write(&real, "older").unwrap();
+    std::os::unix::fs::symlink(&real, &link).unwrap();
+    write_json(&link, &[1.0, 0.1]).unwrap();
+    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert_eq!(fs::read_to_string(&real).unwrap(), "[\n  1.0,\n  0.1\n]\n");
+}
+
+#[test]
+fn flat_maps_read_back_as_they_were() {
+    let folder = TempDir::new().unwrap();
+    let mesh = shapes::fan(5);
+    let uv = mesh.positions.map(|p| DVec2::new(p.x / 3.0, p.y * 1e-7));
+    let path = folder.path().join("flat.npz");
+    write_flat(&path, &mesh, &uv).unwrap();
+    let mut archive = zip::ZipArchive::new(fs::File::open(&path).unwrap()).unwrap();
+    let mut array = |name: &str| {
+        let mut bytes = Vec::new();
+        std::io::copy(&mut archive.by_name(name).unwrap(), &mut bytes).unwrap();
+        bytes
+    };
+    let (v, f, map) = (array("V.npy"), array("F.npy"), array("UV.npy"));
+    let npy = |bytes| npyz::NpyFile::new(bytes).unwrap();
+    assert_eq!(npy(&v[..]).shape(), [6, 3]);
+    assert_eq!(npy(&f[..]).shape(), [5, 3]);
+    let faces: Vec<i64> = npy(&f[..]).into_vec().unwrap();
+    assert_eq!(faces[..3], [0, 1, 2]);
+    let found: Vec<f64> = npy(&map[..]).into_vec().unwrap();
+    assert_eq!(found, uv.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>());
+    let positions: Vec<f64> = npy(&v[..]).into_vec().unwrap();
+    assert_eq!(positions, mesh.positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>());
+    let again = folder.path().join("again.npz");
+    write_flat(&again, &mesh, &uv).unwrap();
+    assert_eq!(fs::read(path).unwrap(), fs::read(again).unwrap(), "no time of day in it");
+
+    let path = folder.path().join("flat.obj");
+    write_flat(&path, &mesh, &uv).unwrap();
+    assert_eq!(read_draft(&path).unwrap().sheets[0].positions, mesh.positions.as_slice());
+    let text = fs::read_to_string(&path).unwrap();
+    let found: Vec<DVec2> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("vt "))
+        .map(|line| line.split_once(' ').unwrap())
+        .map(|(u, v)| DVec2::new(u.parse().unwrap(), v.parse().unwrap()))
+        .collect();
+    assert_eq!(found, uv.as_slice(), "to the last bit");
+    assert!(text.contains("f 1/1 2/2 3/3\n"));
+    let short = IdVec::filled(DVec2::ZERO, 2);
+    assert!(write_flat(&path, &mesh, &short).unwrap_err().to_string().contains("2 positions"));
+}
+
+/// The laboratory's own covers, if they are here: `(file, taxels, faces, frame, placeholders among the ids)`.
+#[test]
+fn real_covers_are_read() {
+    let folder = std::env::var_os("DERMATOME_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from)
+        .join("cyskin");
+    let covers = [
+        ("broken_link1_patches_1_2.json", 1284, 2528, "ICRA2024 Demo", "upper_arm_link"),
+        ("curved_gesture_patch_isomap.json", 642, 1232, "UR10_link1", ""),
+        ("hexagon_isomap.json", 61, 98, "hexagon_cyskin", ""),
+        ("two_components.json", 1048, 2018, "UR10_link2", "kFlange"),
+        ("ur10e_link1_patch1_flatmap.json", 642, 1232, "UR10_link2", ""),
+        ("ur10e_link1_patch1_isomap.json", 642, 1232, "UR10_link2", ""),
+        ("ur10e_link1_patch2_isomap.json", 642, 1232, "UR10_link1", ""),
+    ];
+    if !folder.is_dir() {
+        eprintln!("skipped: real_covers_are_read");
+        return;
+    }
+    for (name, taxels, faces, body, frame) in covers {
+        let draft = read_draft(&folder.join(name)).unwrap();
+        assert_sound(&draft);
+        let [sheet] = draft.sheets.as_slice() else { panic!("{name}: one body") };
+        assert_eq!((sheet.positions.len(), sheet.triangles.len()), (taxels, faces), "{name}");
+        assert_eq!(sheet.name, body, "{name}");
+        let link = &draft.links[sheet.link.unwrap()];
+        assert_eq!(link.name, frame, "{name}");
+        let turn = link.pose.matrix3;
+        assert!(
+            (turn.transpose() * turn).abs_diff_eq(DMat3::IDENTITY, 1e-15),
+            "{name}: a rotation to the last digit"
+        );
+        assert!(
+            sheet.presence.iter().flatten().all(|&p| p == Presence::Present),
+            "{name}: pressure everywhere"
+        );
+    }
+}

@@ -1,0 +1,847 @@
+//! Laws of glTF: what is written reads back the same, and nothing that a file says is believed unseen.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod gltf_files;
+
+use std::{fs, path::Path};
+
+use dermatome::{
+    id::{LinkId, PatchId, TaxelId, VertexId},
+    io::{IoError, read_draft, read_map, write_map, write_skin},
+    map::SkinMap,
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    skin::{Link, Patch, Presence, Sheet, Skin, assemble},
+};
+use glam::{DAffine3, DQuat, DVec3};
+use gltf_files::{Glb, f32s, u16s};
+use serde_json::json;
+
+/// Three links in a chain and beside it, one without a patch; two patches with everything a patch can have.
+fn robot() -> Skin {
+    let pose = |angle: f64, at: DVec3| DAffine3::from_rotation_translation(DQuat::from_rotation_x(angle), at);
+    let mut skin = Skin::default();
+    let mut link = |name: &str, parent, pose| skin.links.push(Link { name: name.into(), parent, pose });
+    let base = link("base", None, pose(0.0, DVec3::ZERO));
+    let arm = link("arm", Some(base), pose(0.5, DVec3::new(0.0, 0.25, 1.0)));
+    link("tool", Some(arm), pose(-1.0, DVec3::X));
+    let other = link("", None, pose(3.0, DVec3::NEG_Y));
+    let mut palm = Patch::from_mesh("palm", arm, shapes::cap(200, 0.125, 0.75));
+    for (id, k) in palm.ids.iter_mut().zip(0_u32..) {
+        *id = TaxelId(if k % 5 == 0 { 0 } else { 0xFFFF_0000 + k });
+    }
+    palm.presence[VertexId::new(3)] = Presence::Absent;
+    palm.presence[VertexId::new(4)] = Presence::ThermalPad;
+    palm.densities = Some(palm.areas.map(|a| 1.0 / a));
+    skin.patches.push(palm);
+    skin.patches.push(Patch::from_mesh("back", other, shapes::lattice(5, 4, 0.0078125)));
+    skin
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the narrowing that the file does")]
+fn rounded(x: f64) -> f64 {
+    f64::from(x as f32)
+}
+
+/// The skin that `f32` can tell.
+fn narrowed(mut skin: Skin) -> Skin {
+    for patch in skin.patches.iter_mut() {
+        let round = |p: &DVec3| DVec3::from_array(p.to_array().map(rounded));
+        patch.mesh.positions = patch.mesh.positions.map(round);
+        patch.normals = patch.normals.map(round);
+        patch.areas = patch.areas.map(|&a| rounded(a));
+        patch.densities = patch.densities.as_ref().map(|d| d.map(|&x| rounded(x)));
+    }
+    skin
+}
+
+fn read_skin(path: &Path) -> Skin {
+    let assembled = assemble(&read_draft(path).unwrap()).unwrap();
+    assert!(assembled.remarks.is_empty(), "nothing to repair: {:?}", assembled.remarks);
+    assembled.skin
+}
+
+#[test]
+fn a_skin_reads_back_the_same_in_both_forms() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["skin.glb", "skin.gltf"] {
+        let (first, second) = (folder.path().join(name), folder.path().join(format!("again-{name}")));
+        write_skin(&first, &robot()).unwrap();
+        let mut back = read_skin(&first);
+        for (link, want) in back.links.iter_mut().zip(&robot().links) {
+            assert!(link.pose.abs_diff_eq(want.pose, 1e-7), "{name}: pose of {:?}", want.name);
+            link.pose = want.pose;
+        }
+        let want = narrowed(robot());
+        assert_eq!(back.links, want.links, "{name}");
+        for (got, want) in back.patches.iter().zip(&want.patches) {
+            assert_eq!((&got.name, got.link, &got.ids), (&want.name, want.link, &want.ids), "{name}");
+            assert_eq!(got.mesh, want.mesh, "{name}: {}", want.name);
+            let close = |(a, b): (&DVec3, &DVec3)| a.abs_diff_eq(*b, 1e-7);
+            assert!(got.normals.iter().zip(&want.normals).all(close), "{name}: normals of {}", want.name);
+            assert_eq!((&got.areas, &got.densities), (&want.areas, &want.densities), "{name}: {}", want.name);
+            assert_eq!(got.presence, want.presence, "{name}: {}", want.name);
+        }
+        write_skin(&second, &robot()).unwrap();
+        assert_eq!(fs::read(&first).unwrap(), fs::read(&second).unwrap(), "{name}: the same bytes again");
+    }
+}
+
+fn map() -> SkinMap {
+    build(&robot(), &BuildOptions::default(), &|_, _, _| {}).unwrap().0
+}
+
+fn read_bytes(bytes: &[u8]) -> Result<dermatome::skin::Draft, IoError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("skin.glb");
+    fs::write(&path, bytes).unwrap();
+    read_draft(&path)
+}
+
+fn sheet(glb: &Glb) -> Sheet {
+    let mut draft = read_bytes(&glb.bytes()).unwrap();
+    assert_eq!(draft.sheets.len(), 1, "one sheet");
+    draft.sheets.remove(0)
+}
+
+/// The error of a file, as text.
+fn refusal(glb: &Glb) -> String {
+    match read_bytes(&glb.bytes()) {
+        Ok(draft) => panic!("loaded {draft:?}"),
+        Err(e) => format!("{e}\n{}", e.help()),
+    }
+}
+
+#[test]
+fn a_map_reads_back_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.glb");
+    let map = map();
+    write_map(&path, &map).unwrap();
+    let back = read_map(&path).unwrap();
+    assert_eq!(back.patches.len(), 2);
+    assert_eq!(back.links.len(), map.links.len(), "links without a patch stay");
+    let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(1e-2);
+    for (got, want) in back.patches.iter().zip(&map.patches) {
+        assert_eq!((&got.name, got.link, &got.ids), (&want.name, want.link, &want.ids));
+        assert_eq!(got.levels.len(), want.levels.len(), "{}", want.name);
+        for (got, want) in got.levels.iter().zip(&want.levels) {
+            assert_eq!(got.mesh.triangles, want.mesh.triangles);
+            assert_eq!(got.origins, want.origins, "centres are found again");
+            assert_eq!(got.frame, want.frame);
+            for (a, b) in got.uv.iter().zip(&want.uv) {
+                assert!(a.distance(*b) < 1e-7, "{a} is {b} but for rounding");
+            }
+            assert!(got.areas.iter().zip(&want.areas).all(|(a, b)| close(*a, *b)));
+            assert_eq!(got.distortion.flips, 0);
+            assert!(close(got.distortion.qc_mean, want.distortion.qc_mean), "measured anew");
+            for (got, want) in [(&got.up, &want.up), (&got.direct, &want.direct)] {
+                assert_eq!(got.is_some(), want.is_some());
+                let (Some(got), Some(want)) = (got, want) else { continue };
+                assert_eq!((got.coarse_len, &got.indices), (want.coarse_len, &want.indices));
+                for (a, b) in got.weights.iter().zip(&want.weights) {
+                    assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-6), "{a:?} is {b:?} but for rounding");
+                    assert!((a.iter().sum::<f64>() - 1.0).abs() < 1e-15, "{a:?} sums to 1 in f64 again");
+                }
+            }
+        }
+    }
+    let again = folder.path().join("again.glb");
+    write_map(&again, &back).unwrap();
+    let skin = read_skin(&again);
+    assert_eq!(skin.patches[PatchId::new(0)].name, "palm", "a map reads as its skin too");
+    assert_eq!(skin.patches.len(), 2, "of which only level 0 is shown");
+}
+
+#[test]
+fn a_file_that_is_no_map_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = Glb::square().write(folder.path());
+    let error = read_map(&path).unwrap_err().to_string();
+    assert!(error.contains("dermatome build"), "{error}");
+}
+
+/// Each row: what is changed in the square, and words the error must hold.
+#[test]
+fn what_gltf_forbids_is_refused_by_name() {
+    let cases: &[(&str, serde_json::Value, &[&str])] = &[
+        ("/asset/version", json!("1.0"), &["asset.version", "1.0"]),
+        ("/asset/minVersion", json!("2.1"), &["asset.minVersion"]),
+        ("/accessors/0/count", json!(4_000_000_000_u64), &["accessor 0", "4000000000 rows", "bufferView 0"]),
+        ("/accessors/0/count", json!(u64::MAX), &["accessor 0"]),
+        ("/accessors/0/count", json!(-1), &["accessor 0", "-1"]),
+        ("/accessors/0/count", json!(1.5), &["accessor 0", "1.5"]),
+        ("/accessors/0/count", json!(0), &["accessor 0", "count 0"]),
+        ("/accessors/0/count", json!(5), &["accessor 0", "5 rows"]),
+        ("/accessors/0/byteOffset", json!(u64::MAX - 3), &["accessor 0"]),
+        ("/accessors/0/byteOffset", json!(2), &["accessor 0", "byteOffset 2"]),
+        ("/accessors/0/componentType", json!(5124), &["accessor 0", "5124"]),
+        // 2^32 more than 5126: a reader that wraps would take it.
+        ("/accessors/0/componentType", json!(4_294_972_422_u64), &["accessor 0", "4294972422"]),
+        ("/accessors/0/componentType", json!(5121), &["accessor 0", "multiples of 4"]),
+        ("/accessors/0/type", json!("VEC9"), &["accessor 0", "VEC9"]),
+        ("/accessors/0/type", json!("VEC2"), &["POSITION", "VEC2"]),
+        ("/accessors/0/normalized", json!(true), &["accessor 0", "normalized"]),
+        ("/accessors/0/bufferView", json!(9), &["accessor 0", "bufferView 9"]),
+        ("/accessors/0/bufferView", json!(4_294_967_296_u64), &["bufferView 4294967296"]),
+        ("/accessors/0/max", json!([2, 1, 0]), &["accessor 0", "max"]),
+        ("/accessors/0/max", json!(null), &["accessor 0", "min and max"]),
+        ("/accessors/1/componentType", json!(5126), &["accessor 1"]),
+        ("/accessors/1/componentType", json!(5122), &["accessor 1", "5122"]),
+        ("/accessors/1/type", json!("VEC2"), &["accessor 1", "6 rows, 4 bytes apart"]),
+        ("/bufferViews/0/buffer", json!(1), &["bufferView 0", "buffer 1"]),
+        ("/bufferViews/0/byteLength", json!(0), &["bufferView 0", "byteLength 0"]),
+        ("/bufferViews/0/byteLength", json!(4096), &["bufferView 0", "4096 bytes"]),
+        ("/bufferViews/0/byteOffset", json!(u64::MAX), &["bufferView 0"]),
+        ("/bufferViews/0/byteStride", json!(8), &["bufferView 0", "byteStride 8"]),
+        ("/bufferViews/0/byteStride", json!(14), &["bufferView 0", "byteStride 14"]),
+        ("/bufferViews/0/byteStride", json!(256), &["bufferView 0", "byteStride 256"]),
+        ("/bufferViews/1/byteStride", json!(4), &["bufferView 1", "byteStride"]),
+        ("/bufferViews/0/target", json!(34963), &["bufferView 0", "target 34963"]),
+        ("/bufferViews/1/target", json!(34962), &["bufferView 1", "target 34962"]),
+        ("/buffers/0/byteLength", json!(4096), &["buffer 0", "4096"]),
+        ("/buffers/0/byteLength", json!(0), &["buffer 0", "byteLength 0"]),
+        ("/meshes/0/primitives", json!([]), &["mesh 0", "no primitives"]),
+        ("/meshes/0/primitives/0/mode", json!(7), &["mesh 0 primitive 0", "mode 7"]),
+        ("/meshes/0/primitives/0/indices", json!(7), &["mesh 0 primitive 0 indices", "accessor 7"]),
+        ("/meshes/0/primitives/0/indices", json!(0), &["bufferView 0", "different purposes"]),
+        ("/meshes/0/primitives/0/material", json!(0), &["mesh 0 primitive 0", "material 0"]),
+        ("/meshes/0/primitives/0/attributes/POSITION", json!(7), &["POSITION", "accessor 7"]),
+        ("/meshes/0/primitives/0/attributes/COLOUR", json!(0), &["COLOUR"]),
+        ("/meshes/0/primitives/0/attributes/TEXCOORD_00", json!(0), &["TEXCOORD_00"]),
+        ("/meshes/0/primitives/0/targets", json!([{"NORMAL": 0}]), &["target 0 NORMAL"]),
+        ("/meshes/0/weights", json!([1.0]), &["mesh 0", "weights"]),
+        ("/nodes/0/mesh", json!(3), &["node 0", "mesh 3"]),
+        ("/nodes/0/skin", json!(3), &["node 0", "skin 3"]),
+        ("/nodes/0/camera", json!(3), &["node 0", "camera 3"]),
+        ("/nodes/0/children", json!([0]), &["node 0"]),
+        ("/nodes/0/children", json!([5]), &["node 0 children", "node 5"]),
+        ("/nodes/0/children", json!([]), &["node 0", "empty"]),
+        ("/nodes/0/rotation", json!([0, 0, 0, 2]), &["node 0", "rotation of length 2"]),
+        ("/nodes/0/scale", json!([1, 0, 1]), &["node 0", "flat"]),
+        ("/nodes/0/matrix", json!([1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]), &["node 0", "matrix"]),
+        ("/nodes/0/matrix", json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2]), &["node 0", "matrix"]),
+        ("/nodes/0/matrix", json!([1, 2]), &["node 0"]),
+        ("/scene", json!(4), &["scene 4"]),
+        ("/scenes/0/nodes", json!([0, 0]), &["scene 0", "node 0"]),
+        ("/scenes/0/nodes", json!([1]), &["scene 0", "node 1"]),
+        ("/scenes/0/nodes", json!([]), &["scene 0", "empty"]),
+        ("/nodes", json!([]), &["node"]),
+        ("/extensionsRequired", json!(["KHR_any"]), &["KHR_any", "extensionsUsed"]),
+    ];
+    for (pointer, value, words) in cases {
+        let error = refusal(&Glb::square().with(pointer, value.clone()));
+        for word in *words {
+            assert!(error.contains(word), "{pointer} = {value}: {word:?} is missing in\n{error}");
+        }
+    }
+}
+
+#[test]
+fn trees_that_are_none_are_refused() {
+    let nodes = |nodes| refusal(&Glb::square().with("/nodes", nodes));
+    let error = nodes(json!([{"mesh": 0}, {"children": [2]}, {"children": [1]}]));
+    assert!(error.contains("node 1") && error.contains("above itself"), "a circle: {error}");
+    let error = nodes(json!([{"children": [2]}, {"children": [2]}, {"mesh": 0}]));
+    assert!(error.contains("node 2") && error.contains("one parent"), "two parents: {error}");
+    let error = nodes(json!([{"children": [1, 1]}, {"mesh": 0}]));
+    assert!(error.contains("node 1") && error.contains("one parent"), "one parent, twice: {error}");
+
+    let mut chain = vec![json!({"mesh": 0})];
+    chain.extend((1..50_000).map(|i| json!({"children": [i - 1]})));
+    let deep = Glb::square().with("/nodes", json!(chain)).with("/scenes/0/nodes", json!([49_999]));
+    let draft = read_bytes(&deep.bytes()).unwrap();
+    assert_eq!(draft.links.len(), 49_999, "a deep chain is walked without a deep stack");
+}
+
+#[test]
+fn a_scene_without_triangles_says_so() {
+    let square = Glb::square();
+    let error = refusal(&square.clone().with("/nodes/0", json!({})));
+    assert!(error.contains("triangles"), "a mesh that no node carries: {error}");
+    let error = refusal(&square.clone().with("/meshes/0/primitives/0/mode", json!(1)));
+    assert!(error.contains("triangles"), "lines: {error}");
+    let mut empty = square;
+    for key in ["meshes", "nodes", "scenes", "scene"] {
+        empty.json.as_object_mut().unwrap().remove(key);
+    }
+    assert!(refusal(&empty).contains("no mesh"), "nothing at all");
+}
+
+#[test]
+fn values_are_judged_before_they_are_used() {
+    for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let mut glb = Glb::square();
+        glb.bin[12..16].copy_from_slice(&odd.to_le_bytes());
+        let error = refusal(&glb);
+        assert!(error.contains("accessor 0") && error.contains("row 1"), "{odd}: {error}");
+    }
+    let mut glb = Glb::square();
+    let indices = glb.bin.len() - 12;
+    glb.bin[indices + 4..indices + 6].copy_from_slice(&7_u16.to_le_bytes());
+    let error = refusal(&glb);
+    assert!(error.contains("accessor 1") && error.contains("index 7 at place 2"), "past the end: {error}");
+    glb.bin[indices + 4..indices + 6].copy_from_slice(&u16::MAX.to_le_bytes());
+    assert!(refusal(&glb).contains("65535"), "primitive restart");
+    let mut glb = Glb::square();
+    glb.attribute("NORMAL", 5126, "VEC3", &f32s(&[0., 0., 1., 0., 0., 0., 0., 0., 1., 0., 0., 1.]));
+    assert!(refusal(&glb).contains("normal 1 of length 0"), "a normal without direction");
+}
+
+#[test]
+fn ids_come_in_every_width() {
+    let with = |component, kind, bytes: &[u8]| {
+        let mut glb = Glb::square();
+        glb.attribute("_TAXEL_ID", component, kind, bytes);
+        glb
+    };
+    let ids = |glb: &Glb| sheet(glb).ids.unwrap().iter().map(|id| id.0).collect::<Vec<_>>();
+    let mut bytes = with(5121, "SCALAR", &[1, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0, 255, 0, 0, 0]);
+    bytes.json["bufferViews"][2]["byteStride"] = json!(4);
+    assert_eq!(ids(&bytes), [1, 2, 2, 255], "u8, four bytes apart, duplicates and all");
+    let mut shorts = with(5123, "SCALAR", &[1, 2, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 255, 255, 0, 0]);
+    shorts.json["bufferViews"][2]["byteStride"] = json!(4);
+    assert_eq!(ids(&shorts), [513, 2, 0, 65_535], "u16");
+    let pairs = with(5123, "VEC2", &u16s(&[1, 0, 0, 1, 65_535, 65_535, 7, 0]));
+    assert_eq!(ids(&pairs), [1, 65_536, u32::MAX, 7], "VEC2 of u16: low, high");
+    let floats = with(5126, "SCALAR", &f32s(&[0., 1., 16_777_216., 3.]));
+    assert_eq!(ids(&floats), [0, 1, 16_777_216, 3], "floats to 2^24");
+    for odd in [0.5, -1.0, 16_777_218.0] {
+        let error = refusal(&with(5126, "SCALAR", &f32s(&[0., 1., odd, 3.])));
+        assert!(error.contains("row 2"), "{odd}: {error}");
+    }
+    let words: Vec<u8> = [1_u32, 2, 3, 4].iter().flat_map(|x| x.to_le_bytes()).collect();
+    assert!(
+        refusal(&with(5125, "SCALAR", &words)).contains("VEC2 of u16"),
+        "u32 is forbidden, and the way out named"
+    );
+}
+
+#[test]
+fn presence_is_one_of_three() {
+    let with = |values: [f32; 4]| {
+        let mut glb = Glb::square();
+        glb.attribute("_PRESENT", 5126, "SCALAR", &f32s(&values));
+        glb
+    };
+    let presence = sheet(&with([0., 1., 2., 1.])).presence.unwrap();
+    assert_eq!(presence, [Presence::Absent, Presence::Present, Presence::ThermalPad, Presence::Present]);
+    assert!(refusal(&with([0., 1., 3., 1.])).contains("row 2"));
+}
+
+#[test]
+fn quantized_integers_are_decoded() {
+    let rows: [[i8; 4]; 4] = [[-127, 0, 0, 0], [127, 0, 0, 0], [127, 127, 0, 0], [-128, 127, 0, 0]];
+    let bytes: Vec<u8> = rows.as_flattened().iter().map(|x| x.to_le_bytes()[0]).collect();
+    let mut glb = Glb::square().with("/extensionsUsed", json!(["KHR_mesh_quantization"]));
+    glb.attribute("POSITION", 5120, "VEC3", &bytes);
+    glb.json["bufferViews"][2]["byteStride"] = json!(4);
+    glb.json["accessors"][2]["min"] = json!([-128, 0, 0]);
+    glb.json["accessors"][2]["max"] = json!([127, 127, 0]);
+    assert!(refusal(&glb).contains("extensionsRequired"), "it must be required, not only used");
+    let glb = glb.with("/extensionsRequired", json!(["KHR_mesh_quantization"]));
+    let raw = sheet(&glb).positions;
+    assert_eq!(raw[3], DVec3::new(-128.0, 127.0, 0.0), "integers as they are");
+    let normalized = sheet(&glb.with("/accessors/2/normalized", json!(true))).positions;
+    assert_eq!(normalized[1], DVec3::X, "127 is 1");
+    assert_eq!(normalized[3], DVec3::new(-1.0, 1.0, 0.0), "-128 is -1 too");
+}
+
+#[test]
+fn sparse_rows_replace_those_of_the_view() {
+    let mut glb = Glb::square();
+    let numbers = glb.view(&[2, 0, 3, 0]);
+    let values = glb.view(&f32s(&[2., 2., 0., 0., 3., 0.]));
+    glb.json["accessors"][0]["sparse"] = json!({
+        "count": 2,
+        "indices": {"bufferView": numbers, "componentType": 5123},
+        "values": {"bufferView": values},
+    });
+    glb.json["accessors"][0]["max"] = json!([2, 3, 0]);
+    let positions = sheet(&glb).positions;
+    assert_eq!(positions[1..], [DVec3::X, DVec3::new(2., 2., 0.), DVec3::new(0., 3., 0.)]);
+
+    let refuse = |pointer: &str, value| refusal(&glb.clone().with(pointer, value));
+    assert!(refuse("/accessors/0/sparse/count", json!(5)).contains("count 5"));
+    assert!(refuse("/accessors/0/sparse/count", json!(0)).contains("count 0"));
+    assert!(refuse("/accessors/0/sparse/indices/componentType", json!(5126)).contains("5126"));
+    assert!(refuse("/accessors/0/sparse/values/bufferView", json!(77)).contains("bufferView 77"));
+    assert!(refuse("/accessors/0/sparse/values/byteOffset", json!(4)).contains("2 rows"));
+    let mut falling = glb.clone();
+    let at = falling.json["bufferViews"][numbers]["byteOffset"].as_u64().unwrap();
+    let at = usize::try_from(at).unwrap();
+    falling.bin[at] = 3;
+    assert!(refusal(&falling).contains("strictly increasing"));
+    falling.bin[at + 2] = 9;
+    assert!(refusal(&falling).contains("below 4"));
+}
+
+/// Zeros need no bytes: only the budget stands between 4e9 of them and the memory.
+#[test]
+fn zeros_by_omission_are_bounded() {
+    let mut glb = Glb::square();
+    glb.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    assert_eq!(sheet(&glb).positions, [DVec3::ZERO; 4], "without bytes: zeros");
+    let error = refusal(&glb.with("/accessors/0/count", json!(4_000_000_000_u64)));
+    assert!(error.contains("accessor 0") && error.contains("4000000000"), "{error}");
+}
+
+#[test]
+fn one_mesh_used_for_ever_is_bounded() {
+    let mut glb = Glb::square();
+    let count = 100_000;
+    let rows = f32s(&vec![0.0; 3 * count]);
+    let many = glb.array(5126, "VEC3", count, &rows);
+    glb.json["accessors"][many]["min"] = json!([0, 0, 0]);
+    glb.json["accessors"][many]["max"] = json!([0, 0, 0]);
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(many);
+    let nodes: Vec<_> = (0..1000).map(|_| json!({"mesh": 0})).collect();
+    let all: Vec<_> = (0..1000).collect();
+    let error = refusal(&glb.with("/nodes", json!(nodes)).with("/scenes/0/nodes", json!(all)));
+    assert!(error.contains("100000 rows"), "2.4 GB of positions from 1.2 MB: {error}");
+}
+
+#[test]
+fn a_text_full_of_small_objects_is_bounded() {
+    let nodes = "{},".repeat(3_000_000);
+    let text = format!(r#"{{"asset":{{"version":"2.0"}},"nodes":[{nodes}{{}}]}}"#);
+    let error = read_bytes(&Glb::container(text.as_bytes(), b"")).unwrap_err().to_string();
+    assert!(error.contains("braces"), "{error}");
+    let text = format!(r#"{{"asset":{}"#, "[".repeat(100_000));
+    assert!(read_bytes(&Glb::container(text.as_bytes(), b"")).is_err(), "deep nesting");
+}
+
+#[test]
+fn buffers_come_from_the_own_folder_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let inside = folder.path().join("inside");
+    fs::create_dir_all(inside.join("sub dir")).unwrap();
+    let square = Glb::square();
+    for at in ["outside.bin", "inside/a b.bin", "inside/sub dir/c.bin"] {
+        fs::write(folder.path().join(at), &square.bin).unwrap();
+    }
+    fs::write(inside.join("short.bin"), &square.bin[..8]).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(folder.path().join("outside.bin"), inside.join("link.bin")).unwrap();
+    let path = inside.join("skin.gltf");
+    let read = |uri: &str| {
+        let json = square.clone().with("/buffers/0/uri", json!(uri)).json;
+        fs::write(&path, serde_json::to_vec(&json).unwrap()).unwrap();
+        read_draft(&path).map_err(|e| e.to_string())
+    };
+    for uri in ["a%20b.bin", "./a b.bin", "sub%20dir/c.bin"] {
+        assert!(read(uri).is_ok(), "{uri}: {:?}", read(uri));
+    }
+    let absolute = folder.path().join("outside.bin").display().to_string();
+    let cases = [
+        ("../outside.bin", "leaves the folder"),
+        ("sub%20dir/../../outside.bin", "leaves the folder"),
+        ("%2e%2e/outside.bin", "leaves the folder"),
+        ("..%2Foutside.bin", "leaves the folder"),
+        (absolute.as_str(), "leaves the folder"),
+        ("", "leaves the folder"),
+        ("..\\outside.bin", "no file name"),
+        ("a%00.bin", "no file name"),
+        ("file:///etc/passwd", "scheme"),
+        ("http://localhost/a.bin", "scheme"),
+        ("C:/a.bin", "scheme"),
+        ("a%ff.bin", "not UTF-8"),
+        ("a%2.bin", "escape"),
+        ("missing.bin", "cannot read"),
+        ("sub%20dir", "cannot read"),
+        ("short.bin", "8 bytes of data"),
+    ];
+    for (uri, word) in cases {
+        let error = read(uri).unwrap_err();
+        assert!(error.contains(word), "{uri}: {word:?} is missing in {error}");
+    }
+    #[cfg(unix)]
+    assert!(read("link.bin").unwrap_err().contains("link that leaves"), "a link to the outside");
+}
+
+#[test]
+fn data_uris_are_decoded_and_measured() {
+    use base64::{Engine as _, engine::general_purpose::STANDARD};
+    let square = Glb::square();
+    let data = STANDARD.encode(&square.bin);
+    let read = |uri: String| {
+        let json = square.clone().with("/buffers/0/uri", json!(uri)).json;
+        read_bytes(&serde_json::to_vec(&json).unwrap()).map_err(|e| e.to_string())
+    };
+    for kind in ["application/octet-stream", "application/gltf-buffer"] {
+        assert!(read(format!("data:{kind};base64,{data}")).is_ok(), "{kind}");
+    }
+    let cases = [
+        (format!("data:image/png;base64,{data}"), "image/png"),
+        (format!("data:application/octet-stream,{data}"), "octet-stream"),
+        ("data:".into(), "data:"),
+        (format!("data:application/octet-stream;base64,{}", &data[..16]), "16 characters"),
+        (format!("data:application/octet-stream;base64,!{}", &data[1..]), "base64"),
+    ];
+    for (uri, word) in cases {
+        let error = read(uri.clone()).unwrap_err();
+        assert!(error.contains("buffer 0") && error.contains(word), "{uri}: {error}");
+    }
+    let mut none = square.clone();
+    none.bin.clear();
+    assert!(refusal(&none).contains("no uri and no binary chunk"));
+}
+
+#[test]
+fn strips_and_fans_become_triangles() {
+    let with = |mode: u32, corners: &[u16]| {
+        let mut glb = Glb::square().with("/meshes/0/primitives/0/mode", json!(mode));
+        let indices = glb.array(5123, "SCALAR", corners.len(), &u16s(corners));
+        sheet(&glb.with("/meshes/0/primitives/0/indices", json!(indices))).triangles
+    };
+    assert_eq!(with(5, &[0, 1, 3, 2]), [[0, 1, 3], [3, 1, 2]], "every other one is turned");
+    assert_eq!(with(5, &[0, 1, 3, 3, 2]), [[0, 1, 3]], "triangles that only turn a corner are left out");
+    assert_eq!(with(6, &[0, 1, 2, 3]), [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(with(4, &[0, 1, 2, 3]), [[0, 1, 2]], "what fills no triangle is left out");
+    let mut soup = Glb::square();
+    soup.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("indices");
+    assert_eq!(sheet(&soup).triangles, [[0, 1, 2]], "without indices: vertices in order");
+}
+
+#[test]
+fn primitives_of_a_mesh_are_one_sheet() {
+    let mut glb = Glb::square();
+    let primitive = glb.json["meshes"][0]["primitives"][0].clone();
+    let own = glb.array(5126, "VEC3", 4, &f32s(&[0., 0., 1., 1., 0., 1., 1., 1., 1., 0., 1., 1.]));
+    glb.json["accessors"][own]["min"] = json!([0, 0, 1]);
+    glb.json["accessors"][own]["max"] = json!([1, 1, 1]);
+    let mut other = primitive.clone();
+    other["attributes"]["POSITION"] = json!(own);
+    let mut lines = other.clone();
+    lines["mode"] = json!(1);
+    glb.json["meshes"][0]["primitives"] = json!([primitive, other, lines, primitive]);
+    let sheet = sheet(&glb);
+    assert_eq!(sheet.positions.len(), 8, "vertices that two primitives share are taken once");
+    assert_eq!(sheet.triangles[2..4], [[4, 5, 6], [4, 6, 7]], "corners are counted on");
+    assert_eq!(sheet.triangles.len(), 6, "lines are passed over");
+
+    let ids = glb.array(5126, "SCALAR", 4, &f32s(&[1., 2., 3., 4.]));
+    let glb = glb.with("/meshes/0/primitives/1/attributes/_TAXEL_ID", json!(ids));
+    assert!(refusal(&glb).contains("_TAXEL_ID"), "ids for some primitives and not for others");
+}
+
+#[test]
+fn a_node_is_a_link_unless_it_only_carries_a_patch() {
+    let glb = Glb::square()
+        .with(
+            "/nodes",
+            json!([{"name": "arm", "children": [1, 2, 3]}, {"name": "pad", "mesh": 0},
+            {"name": "hand", "mesh": 0, "translation": [0, 0, 1]}, {"name": "eye", "camera": 0}]),
+        )
+        .with("/cameras", json!([{"type": "perspective"}]));
+    let draft = read_bytes(&glb.bytes()).unwrap();
+    let names: Vec<_> = draft.links.iter().map(|l| l.name.as_str()).collect();
+    assert_eq!(names, ["arm", "hand"], "the pad is a patch of the arm; a camera is no link");
+    let [pad, hand] = draft.sheets.as_slice() else { panic!("two sheets") };
+    assert_eq!((pad.name.as_str(), pad.link), ("pad", Some(LinkId::new(0))));
+    assert_eq!((hand.name.as_str(), hand.link), ("patch", Some(LinkId::new(1))));
+    assert_eq!(draft.links[LinkId::new(1)].parent, Some(LinkId::new(0)));
+}
+
+#[test]
+fn scale_goes_into_the_positions_and_a_mirror_turns_the_winding() {
+    let square = |node| {
+        let mut glb = Glb::square().with("/nodes/0", node);
+        glb.attribute("NORMAL", 5126, "VEC3", &f32s(&[0., 0., 1., 0., 0., 1., 0., 0., 1., 0., 0., 1.]));
+        let draft = read_bytes(&glb.bytes()).unwrap();
+        let pose = draft.links[LinkId::new(0)].pose;
+        let orthonormal = pose.matrix3.transpose() * pose.matrix3;
+        assert!(orthonormal.abs_diff_eq(glam::DMat3::IDENTITY, 1e-12), "a link's pose is rigid");
+        assert!(pose.matrix3.determinant() > 0.0, "and no mirror");
+        (pose, draft.sheets[0].clone())
+    };
+    // Millimetres, turned by a right angle about z.
+    let turn = [0.0, 0.0, 0.5_f64.sqrt(), 0.5_f64.sqrt()];
+    let node = json!({"mesh": 0, "scale": [0.001, 0.001, 0.001], "rotation": turn, "translation": [1, 0, 0]});
+    let (pose, sheet) = square(node);
+    assert!(sheet.positions[1].abs_diff_eq(DVec3::X * 1e-3, 1e-12), "{}", sheet.positions[1]);
+    assert!(pose.transform_point3(sheet.positions[1]).abs_diff_eq(DVec3::new(1.0, 0.001, 0.0), 1e-12));
+
+    // The same as a matrix, and mirrored at x = 0.
+    let node = json!({"mesh": 0, "matrix": [0, -2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 5, 0, 0, 1]});
+    let (pose, sheet) = square(node);
+    let world: Vec<DVec3> = sheet.positions.iter().map(|&p| pose.transform_point3(p)).collect();
+    assert!(world[1].abs_diff_eq(DVec3::new(5.0, -2.0, 0.0), 1e-12), "{}", world[1]);
+    assert!(world[3].abs_diff_eq(DVec3::new(3.0, 0.0, 0.0), 1e-12), "{}", world[3]);
+    let [a, b, c] = sheet.triangles[0].map(|v| world[v as usize]);
+    let normal = pose.transform_vector3(sheet.normals.unwrap()[0]);
+    assert!((b - a).cross(c - a).dot(normal) > 0.0, "counter-clockwise seen from the normal's side");
+    assert!(normal.abs_diff_eq(DVec3::Z, 1e-12), "{normal}");
+
+    // A scaled parent scales and shears what hangs below.
+    let glb = Glb::square().with(
+        "/nodes",
+        json!([{"scale": [2, 1, 1], "children": [1]}, {"mesh": 0, "rotation": turn, "translation": [1, 0, 0]}]),
+    );
+    let draft = read_bytes(&glb.bytes()).unwrap();
+    let sheet = &draft.sheets[0];
+    let pose = dermatome::skin::world_pose(&draft.links, sheet.link.unwrap());
+    let corner = pose.transform_point3(sheet.positions[3]);
+    assert!(corner.abs_diff_eq(DVec3::ZERO, 1e-12), "(0, 1) turns to (-1, 0), moves to (0, 0): {corner}");
+    let corner = pose.transform_point3(sheet.positions[1]);
+    assert!(corner.abs_diff_eq(DVec3::new(2.0, 1.0, 0.0), 1e-12), "{corner}");
+}
+
+#[test]
+fn extensions_that_hide_geometry_are_refused_with_the_way_out() {
+    let require = |name: &str| {
+        Glb::square().with("/extensionsUsed", json!([name])).with("/extensionsRequired", json!([name]))
+    };
+    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
+        let error = refusal(&require(name));
+        assert!(error.contains(name) && error.contains("gltf-transform"), "{error}");
+    }
+    assert!(refusal(&require("EXT_secret")).contains("EXT_secret"));
+    assert_eq!(sheet(&require("KHR_materials_unlit")).triangles.len(), 2, "looks do not matter");
+    let mut hidden = Glb::square().with("/extensionsUsed", json!(["KHR_draco_mesh_compression"])).with(
+        "/meshes/0/primitives/0/extensions",
+        json!({"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}}),
+    );
+    assert_eq!(sheet(&hidden).triangles.len(), 2, "with an uncompressed copy beside it");
+    hidden.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    assert!(refusal(&hidden).contains("gltf-transform"), "without one");
+}
+
+#[test]
+fn a_file_cut_anywhere_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (binary, text) = (folder.path().join("skin.glb"), folder.path().join("skin.gltf"));
+    write_skin(&binary, &robot()).unwrap();
+    write_skin(&text, &robot()).unwrap();
+    for path in [binary, text] {
+        let whole = fs::read(&path).unwrap();
+        for length in (0..whole.len() - 1).step_by(64) {
+            fs::write(&path, &whole[..length]).unwrap();
+            let error = read_draft(&path).expect_err("cut short");
+            assert!(!error.to_string().is_empty());
+            assert!(read_map(&path).is_err(), "cut at {length}");
+        }
+    }
+    assert!(read_draft(folder.path()).is_err(), "a folder");
+    let folder_glb = folder.path().join("folder.glb");
+    fs::create_dir(&folder_glb).unwrap();
+    assert!(matches!(read_draft(&folder_glb), Err(IoError::Read { .. })), "a folder with the right name");
+}
+
+#[test]
+fn a_header_that_lies_is_refused() {
+    let bytes = Glb::square().bytes();
+    let with = |at: usize, word: u32| {
+        let mut bytes = bytes.clone();
+        bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
+        read_bytes(&bytes).unwrap_err().to_string()
+    };
+    assert!(with(4, 1).contains("version 1"));
+    assert!(with(8, u32::MAX).contains("length 4294967295"));
+    assert!(with(12, u32::MAX).contains("GLB chunk 0"));
+    assert!(with(12, u32::MAX - 3).contains("GLB chunk 0"));
+    assert!(with(16, 7).contains("GLB chunk 0"));
+    let mut tail = bytes.clone();
+    tail.extend([0; 4]);
+    assert!(read_bytes(&tail).is_err(), "bytes after the end");
+    assert!(read_bytes(&Glb::container(b"", b"")).is_err(), "an empty chunk");
+    assert!(read_bytes(&Glb::container(b"\xEF\xBB\xBF{}", b"")).is_err(), "a byte order mark");
+    assert!(read_bytes(&Glb::container(b"\xFF\xFE", b"")).is_err(), "no UTF-8");
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(512))]
+
+    /// Whatever a few flipped bytes make of a file, reading ends with a draft or an error.
+    #[test]
+    fn flipped_bytes_never_panic(flips in proptest::collection::vec((0_usize..1 << 20, 0_u8..), 1..6)) {
+        let mut bytes = Glb::square().bytes();
+        for (at, value) in flips {
+            let at = at % bytes.len();
+            bytes[at] = value;
+        }
+        if let Ok(draft) = read_bytes(&bytes) {
+            proptest::prop_assert!(draft.sheets.iter().all(|s| {
+                s.triangles.iter().flatten().all(|&v| (v as usize) < s.positions.len())
+            }), "every corner exists");
+        }
+    }
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(128))]
+
+    /// The same for maps, whose numbers are used at once to measure them.
+    #[test]
+    fn flipped_bytes_of_maps_never_panic(flips in proptest::collection::vec((0_usize..1 << 20, 0_u8..), 1..6)) {
+        static MAP: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(map_file);
+        let mut bytes = MAP.clone();
+        for (at, value) in flips {
+            let at = at % bytes.len();
+            bytes[at] = value;
+        }
+        let _ = read_map_bytes(&bytes);
+    }
+}
+
+/// What the writer cannot tell a reader, it says instead of writing it.
+#[test]
+fn what_no_file_can_hold_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("skin.glb");
+    let check = |skin: Skin, word: &str| {
+        let error = write_skin(&path, &skin).unwrap_err().to_string();
+        assert!(error.contains(word), "{word:?} is missing in {error}");
+        assert!(!path.exists(), "no half file");
+    };
+    check(Skin::default(), "no patch");
+    let mut skin = robot();
+    skin.links[LinkId::new(1)].pose.matrix3 *= 2.0;
+    check(skin, "link 1");
+    let mut skin = robot();
+    skin.patches[PatchId::new(1)].mesh.positions[VertexId::new(2)] = DVec3::splat(1e300);
+    check(skin, "vertex 2");
+    let mut skin = robot();
+    skin.patches[PatchId::new(0)].areas[VertexId::new(7)] = 1e-300;
+    check(skin, "vertex 7");
+
+    let write = |change: &dyn Fn(&mut SkinMap), words: &[&str]| {
+        let mut map = map();
+        change(&mut map);
+        let error = write_map(&path, &map).unwrap_err().to_string();
+        for word in words {
+            assert!(error.contains(word), "{word:?} is missing in {error}");
+        }
+    };
+    fn palm(map: &mut SkinMap) -> &mut dermatome::map::MapLevel {
+        &mut map.patches[PatchId::new(0)].levels[dermatome::id::LevelId::new(1)]
+    }
+    write(&|map| palm(map).uv[VertexId::new(0)] += 10.0, &["palm/L1", "vertex 0"]);
+    write(&|map| palm(map).direct = None, &["palm/L1 direct", "no prolongation"]);
+    write(
+        &|map| palm(map).direct.as_mut().unwrap().weights[VertexId::new(3)] = [2.0, -1.0, 0.0],
+        &["palm/L1 direct", "row 3"],
+    );
+    // A triangle so thin on the map that f32 cannot tell two of its corners apart.
+    write(
+        &|map| {
+            let level = palm(map);
+            let [a, b, c] = level.mesh.triangles[dermatome::id::FaceId::new(0)];
+            level.uv[c] = level.uv[a] + (level.uv[b] - level.uv[a]).perp() * 1e-13;
+        },
+        &["palm/L1", "face", "map area"],
+    );
+}
+
+/// A small map, as a file.
+fn map_file() -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.glb");
+    write_map(&path, &map()).unwrap();
+    fs::read(&path).unwrap()
+}
+
+fn read_map_bytes(bytes: &[u8]) -> Result<SkinMap, IoError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.glb");
+    fs::write(&path, bytes).unwrap();
+    read_map(&path)
+}
+
+#[test]
+fn a_map_that_lies_is_refused_by_name() {
+    let glb = Glb::parse(&map_file());
+    let extras = |mesh: usize, key: &str| format!("/meshes/{mesh}/extras/dermatome/{key}");
+    let level = |k: u64| {
+        let of = |mesh: &serde_json::Value| mesh["extras"]["dermatome"].clone();
+        let all = glb.json["meshes"].as_array().unwrap();
+        all.iter().position(|m| of(m)["patch"] == "palm" && of(m)["level"] == k).unwrap()
+    };
+    let (finest, next) = (level(0), level(1));
+    let count = glb.json["accessors"].as_array().unwrap().len();
+    let up = glb.json.pointer(&extras(finest, "up")).unwrap().clone();
+    let cases: &[(String, serde_json::Value, &[&str])] = &[
+        (extras(next, "level"), json!(2), &["palm", "each level once"]),
+        (extras(next, "level"), json!(0), &["palm", "each level once"]),
+        (extras(next, "level"), json!(-1), &["extras.dermatome", "-1"]),
+        (extras(next, "patch"), json!("other"), &["other"]),
+        (extras(next, "up"), up.clone(), &["palm/L1 up", "none at this level"]),
+        (extras(next, "direct"), json!(null), &["palm/L1 direct", "no prolongation"]),
+        (extras(finest, "up/indices"), json!(count), &["palm/L0 up", "accessor"]),
+        (extras(finest, "up/indices"), up["weights"].clone(), &["5126"]),
+        (extras(finest, "up/weights"), up["indices"].clone(), &["palm/L0 up", "weights"]),
+        (extras(finest, "map/size"), json!([0, 1]), &["palm/L0", "rectangle"]),
+        (extras(finest, "map/size"), json!([1]), &["extras.dermatome"]),
+        (extras(finest, "map/pixels"), json!([0, 1]), &["palm/L0", "pixel"]),
+        ("/scenes/0/nodes".into(), json!([0]), &["node"]),
+    ];
+    for (pointer, value, words) in cases {
+        let error = match read_map_bytes(&glb.clone().with(pointer, value.clone()).bytes()) {
+            Ok(_) => panic!("{pointer} = {value} was read"),
+            Err(e) => e.to_string(),
+        };
+        for word in *words {
+            assert!(error.contains(word), "{pointer} = {value}: {word:?} is missing in {error}");
+        }
+    }
+}
+
+/// The validator's own files: valid ones load or name what is missing, invalid ones are refused.
+#[test]
+fn khronos_validator_files_are_judged_alike() {
+    /// Invalid files that load, and why.
+    const LOADED: &[(&str, &str)] = &[
+        ("no_tangent_space.gltf", "tangents serve shading alone"),
+        ("data/primitive/dependency.gltf", "material variants are not read"),
+        ("data/primitive/empties.gltf", "material variants are not read"),
+        ("data/primitive/non_unique.gltf", "material variants are not read"),
+        ("data/primitive/unexpected_extension.gltf", "material variants are not read"),
+        ("data/primitive/unresolved_references.gltf", "material variants are not read"),
+        ("textureInfo/uv_sets.gltf", "textures are not read"),
+        ("mesh/uv.gltf", "textures are not read"),
+        ("mesh_data/colors_non_clamped.gltf", "colours are not read"),
+    ];
+    let root = std::env::var_os("DERMATOME_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), Into::into)
+        .join("gltf-validator");
+    if !root.is_dir() {
+        eprintln!("skipped: khronos_validator_files_are_judged_alike");
+        return;
+    }
+    let mut folders = vec![root];
+    let mut wrong = Vec::new();
+    let (mut loaded, mut refused) = (0, 0);
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()) {
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            if !path.extension().is_some_and(|e| e == "gltf" || e == "glb") {
+                continue;
+            }
+            let name = path.display().to_string();
+            let report = fs::read(format!("{name}.report.json")).unwrap();
+            let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+            let errors = report["issues"]["numErrors"].as_u64().unwrap();
+            let triangles = report["info"]["totalTriangleCount"].as_u64().unwrap_or(0);
+            let _ = read_map(&path);
+            match read_draft(&path) {
+                Ok(_) if triangles == 0 => wrong.push(format!("{name}: loaded without triangles")),
+                Ok(_) if errors > 0 => {
+                    loaded += 1;
+                    let known = LOADED.iter().any(|(end, _)| name.ends_with(end));
+                    if !known {
+                        wrong.push(format!("{name}: loaded, but: {}", report["issues"]["messages"]));
+                    }
+                }
+                Ok(_) => loaded += 1,
+                Err(IoError::Unsupported { .. }) => refused += 1,
+                Err(_) if errors > 0 || triangles == 0 => refused += 1,
+                Err(e) => wrong.push(format!("{name} is valid, but: {e}")),
+            }
+        }
+    }
+    eprintln!("{loaded} loaded, {refused} refused");
+    assert!(wrong.is_empty(), "{} surprises:\n{}", wrong.len(), wrong.join("\n"));
+}

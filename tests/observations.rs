@@ -1,0 +1,269 @@
+//! Files of observations: what is read, what comes back, what is refused and how it is named.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{fs, path::PathBuf};
+
+use dermatome::{
+    calib::{
+        Contact, Information, Model, Motion, Pose, PosePrior, SimulateOptions, Touch, calibrate,
+        calibrated_skin, simulate,
+    },
+    id::{TaxelId, VertexId},
+    io::{
+        ObservationRemark, append_observations, read_draft, read_observations, read_triangles, read_truth,
+        write_calibration, write_contacts, write_observations, write_skin, write_triangles, write_truth,
+    },
+};
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
+use tempfile::TempDir;
+
+fn file(name: &str, text: &str) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, text).unwrap();
+    (folder, path)
+}
+
+fn refusal(name: &str, text: &str) -> String {
+    let (_folder, path) = file(name, text);
+    read_observations(&path).unwrap_err().to_string()
+}
+
+const UNIT: &str = "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1";
+
+#[test]
+fn simulated_graphs_come_back_bit_by_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.g2o");
+    for model in [Model::Positions, Model::Poses] {
+        let options = SimulateOptions { model, taxels: 30, anchors: 4, ..SimulateOptions::default() };
+        let mut observations = simulate(&options).unwrap().observations;
+        observations.taxels[VertexId::new(2)].fixed = true;
+        if model == Model::Poses {
+            let offset = Pose { position: DVec3::X, rotation: DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8) };
+            let information = Information::diagonal([1.0, 2.0, 3.0, 4.0, 5.0, 1e-300]);
+            let prior = PosePrior { pose: Pose::IDENTITY, offset, information };
+            observations
+                .contacts
+                .push(Contact { taxel: VertexId::new(3), touch: Touch::Pose(Box::new(prior)) });
+        }
+        write_observations(&path, &observations).unwrap();
+        let back = read_observations(&path).unwrap();
+        assert!(back.remarks.is_empty(), "{:?}", back.remarks);
+        assert!(back.observations == observations, "{model:?}");
+    }
+}
+
+#[test]
+fn unknown_lines_are_counted_and_named() {
+    let text = format!(
+        "# a comment\nVERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 2\n\
+         EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {UNIT}\nVERTEX_CAM 3\nVERTEX_CAM 4\n"
+    );
+    let (_folder, path) = file("a.g2o", &text);
+    let read = read_observations(&path).unwrap();
+    assert_eq!(
+        read.remarks,
+        [
+            ObservationRemark::UnknownTag { tag: "VERTEX_CAM".into(), lines: 2 },
+            ObservationRemark::Normalised { quaternions: 1, worst: 2.0 },
+        ]
+    );
+    assert_eq!(read.remarks[0].to_string(), "2 lines of the unknown kind VERTEX_CAM were left out");
+}
+
+#[test]
+fn broken_graphs_are_refused_with_their_line() {
+    let vertices = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\n";
+    for (line, needed) in [
+        ("EDGE_POINTXYZ 0 0 1 0 0 1 0 0 1 0 1", "itself"),
+        ("EDGE_POINTXYZ 0 7 1 0 0 1 0 0 1 0 1", "taxel 7"),
+        ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 -1 0 1", "negative eigenvalue"),
+        ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0", "8 numbers"),
+        ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1 1", "10 numbers"),
+        ("EDGE_POINTXYZ 0", "ends too soon"),
+        ("EDGE_POINTXYZ 0 1 NaN 0 0 1 0 0 1 0 1", "finite"),
+        ("EDGE_POINTXYZ 0 1 x 0 0 1 0 0 1 0 1", "finite"),
+        ("EDGE_POINTXYZ -1 1 0 0 0 1 0 0 1 0 1", "number of a taxel"),
+        ("EDGE_POINTXYZ 0 99999999999 0 0 0 1 0 0 1 0 1", "number of a taxel"),
+        ("VERTEX_TRACKXYZ 1 0 0 0", "second time"),
+        ("VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1", "positions"),
+        ("FIX 9", "taxel 9"),
+    ] {
+        let found = refusal("a.g2o", &format!("{vertices}{line}\n"));
+        assert!(found.contains("line 3") && found.contains(needed), "{line}: {found}");
+    }
+    let found = refusal("a.g2o", vertices);
+    assert!(found.contains("2 taxels and no observation"), "{found}");
+    let poses = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n";
+    for (line, needed) in [
+        (format!("EDGE_SE3_PRIOR 0 5 0 0 0 0 0 0 1 {UNIT}"), "parameter 5"),
+        ("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 0".to_owned(), "length 0"),
+        ("PARAMS_SE3OFFSET 0 0 0 0 0 0 0".to_owned(), "6 numbers"),
+    ] {
+        let found = refusal("a.g2o", &format!("{poses}{line}\n"));
+        assert!(found.contains("line 2") && found.contains(needed), "{line}: {found}");
+    }
+}
+
+#[test]
+fn one_bad_line_among_many_is_found() {
+    let mut text = String::from("VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\n");
+    let good = "EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1\n";
+    text.push_str(&good.repeat(20_000));
+    text.push_str("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 oops\n");
+    text.push_str(&good.repeat(1000));
+    assert!(refusal("a.g2o", &text).contains("line 20003"));
+}
+
+#[test]
+fn bytes_that_are_no_text_and_endless_lines_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.g2o");
+    fs::write(&path, b"VERTEX_TRACKXYZ 0 0 0 0\n\xff\xfe\n").unwrap();
+    assert!(read_observations(&path).unwrap_err().to_string().contains("line 2"));
+    fs::write(&path, vec![b'V'; 1 << 20]).unwrap();
+    assert!(read_observations(&path).unwrap_err().to_string().contains("65536 bytes"));
+    assert!(read_observations(&folder.path().join("a.txt")).unwrap_err().to_string().contains(".g2o"));
+}
+
+#[test]
+fn tables_of_displacements_and_contacts_belong_together() {
+    let (_folder, edges) = file("e.csv", "i,j,dx,dy,dz,sigma\n10,20,1,0,0,0.001\n20,30,0,1,0,0.002\n");
+    let mut read = read_observations(&edges).unwrap();
+    assert_eq!(read.observations.taxels.iter().map(|t| t.id.0).collect::<Vec<_>>(), [10, 20, 30]);
+    let Motion::Offset { information, .. } = &read.observations.edges.as_slice()[1].motion else { panic!() };
+    assert!((information.as_isotropic().unwrap() - 250_000.0).abs() < 1e-6);
+
+    let (_folder, contacts) =
+        file("c.csv", "i,x,y,z,nx,ny,nz,ixx,ixy,ixz,iyy,iyz,izz\n30,1,2,3,0,0,2,4,0,0,4,0,4\n");
+    append_observations(&mut read, read_observations(&contacts).unwrap(), &contacts).unwrap();
+    let contact = &read.observations.contacts.as_slice()[0];
+    assert_eq!(contact.taxel, VertexId::new(2));
+    assert!(matches!(contact.touch, Touch::PositionNormal { normal, .. } if normal == DVec3::Z));
+    let found = calibrate(&read.observations, &Default::default(), &|_, _| {}).unwrap();
+    assert!(found.poses[VertexId::new(0)].position.distance(DVec3::new(0.0, 1.0, 3.0)) < 1e-9);
+
+    let (_folder, stranger) = file("s.csv", "i,x,y,z\n77,0,0,0\n");
+    let other = read_observations(&stranger).unwrap();
+    assert_eq!(other.remarks.len(), 1, "an assumed sigma is told");
+    let refused = append_observations(&mut read, other, &stranger).unwrap_err().to_string();
+    assert!(refused.contains("taxel 77"), "{refused}");
+}
+
+#[test]
+fn broken_tables_are_refused_with_their_line() {
+    for (text, needed) in [
+        ("", "empty file"),
+        ("i,j,dx,dy\n", "no column \"dz\""),
+        ("i,j,dx,dy,dz,colour\n", "\"colour\""),
+        ("i,i,x,y,z\n", "two columns \"i\""),
+        ("i,j,dx,dy,dz\n1,2,3\n", "line 2: found 3 values"),
+        ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,0\n", "sigma of 0"),
+        ("i,x,y,z,nx,ny,nz\n1,0,0,0,0,0,0\n", "direction"),
+        ("i,j,dx,dy,dz,ixx,ixy,ixz,iyy,iyz\n", "no column \"izz\""),
+    ] {
+        let found = refusal("a.csv", text);
+        assert!(found.contains(needed), "{text:?}: {found}");
+    }
+}
+
+#[test]
+fn contacts_with_normals_have_a_table_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = SimulateOptions {
+        model: Model::Poses,
+        taxels: 30,
+        anchors: 5,
+        normal_noise: Some(0.03),
+        ..SimulateOptions::default()
+    };
+    let observations = simulate(&options).unwrap().observations;
+    let refused = write_observations(&folder.path().join("a.g2o"), &observations).unwrap_err();
+    assert!(refused.to_string().contains("a normal"), "{refused}");
+    let path = folder.path().join("c.csv");
+    write_contacts(&path, &observations).unwrap();
+    let back = read_observations(&path).unwrap().observations;
+    assert_eq!(back.contacts.len(), 5);
+    for (a, b) in observations.contacts.iter().zip(&back.contacts) {
+        let (
+            Touch::PositionNormal { position: p, normal: n, .. },
+            Touch::PositionNormal { position: q, normal: m, .. },
+        ) = (&a.touch, &b.touch)
+        else {
+            panic!("contacts with normals");
+        };
+        assert!(p == q && n.distance(*m) < 1e-15);
+    }
+}
+
+#[test]
+fn calibrated_taxels_go_into_tables_and_skins() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let simulation = simulate(&SimulateOptions::default()).unwrap();
+    let found = calibrate(&simulation.observations, &Default::default(), &|_, _| {}).unwrap();
+    write_calibration(&at("c.csv"), &found).unwrap();
+    let text = fs::read_to_string(at("c.csv")).unwrap();
+    assert!(text.starts_with("id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz\n"), "{text:.80}");
+    assert_eq!(text.lines().count(), 501);
+
+    let triangles = simulation.mesh.triangles.as_slice();
+    write_triangles(&at("t.csv"), &found.ids, triangles).unwrap();
+    assert_eq!(read_triangles(&at("t.csv"), &found.ids).unwrap(), triangles);
+    write_truth(&at("truth.csv"), &found.ids, &simulation.truth).unwrap();
+    let truth = read_truth(&at("truth.csv")).unwrap();
+    assert_eq!(truth[499].0, TaxelId(499));
+    assert_eq!(truth[499].1.position, simulation.truth[VertexId::new(499)].position);
+
+    let given = calibrated_skin(&found, &simulation.observations, Some(triangles)).unwrap();
+    let meshed = calibrated_skin(&found, &simulation.observations, None).unwrap();
+    for made in [&given, &meshed] {
+        assert!(made.left_out.is_empty());
+        let patch = made.skin.patches.iter().next().unwrap();
+        assert_eq!((patch.mesh.positions.len(), patch.mesh.triangles.len()), (500, 920));
+        let outward =
+            patch.normals.enumerate().filter(|(v, n)| n.dot(patch.mesh.positions[*v]) > 0.0).count();
+        assert_eq!(outward, 500, "seen from outside");
+    }
+    write_skin(&at("s.glb"), &meshed.skin).unwrap();
+    let sheet = read_draft(&at("s.glb")).unwrap().sheets.remove(0);
+    let covariances = sheet.covariances.unwrap();
+    let expected = found.marginals.unwrap().positions[VertexId::new(7)];
+    assert!((covariances[7][0] / expected[0] - 1.0).abs() < 1e-6, "{:?} is not {expected:?}", covariances[7]);
+}
+
+#[test]
+fn edges_that_are_no_triangulation_make_no_skin() {
+    let (_folder, path) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,1,0,0\n");
+    let observations = read_observations(&path).unwrap().observations;
+    let found = calibrate(&observations, &Default::default(), &|_, _| {}).unwrap();
+    let refused = calibrated_skin(&found, &observations, None).unwrap_err().to_string();
+    assert!(refused.contains("no three taxels"), "{refused}");
+}
+
+proptest! {
+    /// Whatever the bytes, reading ends without a panic.
+    #[test]
+    fn no_text_is_too_strange(
+        lines in proptest::collection::vec(
+            prop_oneof![
+                "[A-Z_:3]{1,12}( -?[0-9e.]{1,5}){0,12}",
+                Just(format!("EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {UNIT}")),
+                Just("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1".to_owned()),
+                Just("VERTEX_SE3:QUAT 1 1 0 0 0 0 0 1".to_owned()),
+                Just("FIX 0".to_owned()),
+                "[ -~]{0,30}",
+            ],
+            0..12,
+        ),
+        table in any::<bool>(),
+    ) {
+        let (_folder, path) = file(if table { "a.csv" } else { "a.g2o" }, &lines.join("\n"));
+        if let Ok(read) = read_observations(&path) {
+            // And what was read calibrates, or says why not.
+            let _ = calibrate(&read.observations, &Default::default(), &|_, _| {});
+        }
+    }
+}
