@@ -12,3 +12,4 @@ pub mod map;
 pub mod atlas;
 pub mod contact;
 pub mod io;
+pub mod report;

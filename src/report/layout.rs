@@ -1,0 +1,243 @@
+use glam::DVec2;
+use svg::node::element::{Definitions, Group, LinearGradient, Rectangle, Stop, Text};
+
+use crate::{
+    id::LevelId,
+    map::{MapLevel, PatchMap},
+    report::{
+        Paint, ReportError,
+        cells::View,
+        colours::{DIVERGING, ORDER, SEQUENTIAL, Scale},
+        panel::{Panel, Range},
+    },
+};
+
+/// Largest width or height of a picture, in pixels.
+pub(super) const MAX_SIDE: u32 = 16_384;
+
+/// Least width of a picture, in pixels: the letters still fit.
+const MIN_WIDTH: u32 = 200;
+
+/// Letters are so high that about this many fill the width of a panel; the longest line has fewer.
+const LETTERS_PER_PANEL: f64 = 25.0;
+
+/// Height of the letters over the width of the picture where few panels leave room for more.
+const LARGEST_LETTERS: f64 = 0.016;
+
+/// A panel is at most this much higher than the picture is wide: a finger is longer than a screen.
+const TALLEST: f64 = 0.8;
+
+/// Where everything stands: a row per patch, a column per level, one scale.
+pub(super) struct Layout {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Height of the letters.
+    pub(super) em: f64,
+    margin: f64,
+    column: f64,
+    scale: f64,
+    /// Upper edges and heights of the rows' maps, in pixels.
+    rows: Vec<(f64, f64)>,
+}
+
+impl Layout {
+    pub(super) fn new(patches: &[&PatchMap], levels: &[LevelId], width: u32) -> Result<Self, ReportError> {
+        let size = |height: f64| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+            let height = height as u32;
+            ReportError::Size { width, height, least: MIN_WIDTH, most: MAX_SIDE }
+        };
+        if !(MIN_WIDTH..=MAX_SIDE).contains(&width) {
+            return Err(size(0.0));
+        }
+        let total = f64::from(width);
+        let margin = (0.015 * total).round();
+        let columns = levels.len().max(1) as f64;
+        let column = (total - margin * (columns + 1.0)) / columns;
+        let em = (column / LETTERS_PER_PANEL).min(LARGEST_LETTERS * total).round().max(6.0);
+        let extents: Vec<DVec2> = patches.iter().map(|p| row_extent(p, levels)).collect();
+        let fit = |e: &DVec2| (column / e.x).min(TALLEST * total / e.y);
+        let scale = extents.iter().map(fit).fold(f64::INFINITY, f64::min);
+        let mut y = margin;
+        let mut rows = Vec::new();
+        for extent in &extents {
+            y += (4.2 * em).round();
+            let height = (extent.y * scale).ceil();
+            rows.push((y, height));
+            y += height + margin;
+        }
+        let height = y + (2.6 * em).round() + margin;
+        if height > f64::from(MAX_SIDE) {
+            return Err(size(height));
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_SIDE")]
+        let height = height as u32;
+        Ok(Self { width, height, em, margin, column, scale, rows })
+    }
+
+    /// The panels row by row, each in the middle of its place.
+    pub(super) fn panels<'a>(&self, patches: &[&'a PatchMap], levels: &[LevelId]) -> Vec<Panel<'a>> {
+        let mut panels = Vec::new();
+        for (&patch, &(top, height)) in patches.iter().zip(&self.rows) {
+            for (column, &id) in levels.iter().enumerate() {
+                let Some(level) = patch.levels.get(id) else { continue };
+                let (lo, hi) = bounds(level);
+                let size = ((hi - lo) * self.scale).ceil().max(DVec2::ONE);
+                let left = self.margin + column as f64 * (self.column + self.margin);
+                let corner =
+                    DVec2::new(left + 0.5 * (self.column - size.x), top + 0.5 * (height - size.y)).round();
+                let view = View { scale: self.scale, corner, origin: DVec2::new(lo.x, hi.y), size };
+                panels.push(Panel { patch, level, number: id.index(), view });
+            }
+        }
+        panels
+    }
+
+    /// What a panel is and how faithful, above it.
+    pub(super) fn caption(&self, panel: &Panel<'_>) -> Group {
+        let (d, count) = (&panel.level.distortion, panel.level.uv.len());
+        let kind = if panel.number == 0 { "taxels" } else { "fields" };
+        let x = panel.view.corner.x + 0.5 * panel.view.size.x;
+        let row = self.rows.iter().rev().find(|(top, _)| *top <= panel.view.corner.y + 1.0);
+        let top = row.map_or(self.margin, |(top, _)| *top);
+        let line = |text: String, up: f64| Text::new(text).set("x", x).set("y", (top - up * self.em).round());
+        Group::new()
+            .set("text-anchor", "middle")
+            .set("fill", "#222")
+            .add(
+                line(format!("{}, level {}", printable(&panel.patch.name), panel.number), 3.1)
+                    .set("stroke", "#222")
+                    .set("stroke-width", 0.03 * self.em),
+            )
+            .add(line(format!("{count} {kind}, {} flips", d.flips), 1.95))
+            .add(line(
+                format!(
+                    "s1/s2 {:.3} (max {:.2}), area {:.3} (max {:.2})",
+                    d.qc_mean, d.qc_max, d.area_mean, d.area_max
+                ),
+                0.8,
+            ))
+    }
+
+    /// A bar of a round length, at the lower left.
+    pub(super) fn scale_bar(&self) -> Group {
+        let metres = round_down(0.4 * self.column / self.scale);
+        let (x, y) = (self.margin, self.foot());
+        let bar = |x: f64, y: f64, w: f64, h: f64| {
+            Rectangle::new().set("x", x).set("y", y).set("width", w).set("height", h).set("fill", "#222")
+        };
+        let length = metres * self.scale;
+        let label = format!("{} mm", short(1e3 * metres));
+        Group::new()
+            .add(bar(x, y - 2.0, length, 4.0))
+            .add(bar(x, y - 7.0, 2.0, 14.0))
+            .add(bar(x + length - 2.0, y - 7.0, 2.0, 14.0))
+            .add(
+                Text::new(label)
+                    .set("x", x + length + 0.6 * self.em)
+                    .set("y", y + 0.35 * self.em)
+                    .set("fill", "#222"),
+            )
+    }
+
+    /// Middle of the last line.
+    fn foot(&self) -> f64 {
+        (f64::from(self.height) - self.margin - 1.3 * self.em).round()
+    }
+
+    /// What the colours mean, at the lower right.
+    pub(super) fn legend(&self, paint: Paint, range: &Range) -> Option<(Definitions, Group)> {
+        let (scale, name, labels): (Scale, _, [String; 3]) = match paint {
+            Paint::Fields => return None,
+            Paint::Angle => {
+                let middle = 0.5 * (1.0 + range.angle);
+                (SEQUENTIAL, "s1/s2", ["1".into(), short(middle), format!("≥ {}", short(range.angle))])
+            }
+            Paint::Area => {
+                let low = format!("≤ {}", short(1.0 / range.area));
+                (DIVERGING, "area ratio", [low, "1".into(), format!("≥ {}", short(range.area))])
+            }
+            Paint::Taxel => (ORDER, "taxel id", ["lowest".into(), String::new(), "highest".into()]),
+        };
+        let stop = |k: i32| {
+            let t = f64::from(k) / 16.0;
+            Stop::new().set("offset", t).set("stop-color", scale.at(t).hex())
+        };
+        let gradient = (0..=16).fold(LinearGradient::new().set("id", "scale"), |g, k| g.add(stop(k)));
+        let width = 11.0 * self.em;
+        let (x, y) =
+            (f64::from(self.width) - self.margin - width - 2.0 * self.em, self.foot() - 0.9 * self.em);
+        let text = |text: &str, x: f64, y: f64| Text::new(text).set("x", x).set("y", y);
+        let bar = Rectangle::new()
+            .set("x", x)
+            .set("y", y)
+            .set("width", width)
+            .set("height", 0.8 * self.em)
+            .set("fill", "url(#scale)")
+            .set("stroke", "#222")
+            .set("stroke-width", 0.8);
+        let below = y + 2.0 * self.em;
+        let group = Group::new()
+            .set("fill", "#222")
+            .set("text-anchor", "middle")
+            .add(bar)
+            .add(text(name, x - 0.6 * self.em, y + 0.7 * self.em).set("text-anchor", "end"))
+            .add(text(&labels[0], x, below))
+            .add(text(&labels[1], x + 0.5 * width, below))
+            .add(text(&labels[2], x + width, below));
+        Some((Definitions::new().add(gradient), group))
+    }
+}
+
+/// Corners of the smallest rectangle around the map of a level, in m; the origin without a finite position.
+fn bounds(level: &MapLevel) -> (DVec2, DVec2) {
+    let grow = |(lo, hi): (DVec2, DVec2), p: &DVec2| (lo.min(*p), hi.max(*p));
+    let (lo, hi) = level.uv.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), grow);
+    if lo.is_finite() && hi.is_finite() { (lo, hi) } else { (DVec2::ZERO, DVec2::ZERO) }
+}
+
+/// Width and height that hold each of a patch's panels, in m.
+fn row_extent(patch: &PatchMap, levels: &[LevelId]) -> DVec2 {
+    let extent = |id: &LevelId| patch.levels.get(*id).map(bounds).map(|(lo, hi)| hi - lo);
+    levels.iter().filter_map(extent).fold(DVec2::splat(1e-6), DVec2::max)
+}
+
+/// XML has no control characters, not even escaped.
+pub(super) fn printable(name: &str) -> String {
+    name.chars()
+        .map(|c| if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '\u{fffd}' } else { c })
+        .collect()
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is not above a positive `x`.
+fn round_down(x: f64) -> f64 {
+    let power = 10_f64.powf(x.log10().floor());
+    let digit = [5.0, 2.0, 1.0].into_iter().find(|d| d * power <= x).unwrap_or(1.0);
+    digit * power
+}
+
+/// The smallest of 1, 2, 5 and 10 times a power of ten that is not below a positive `x`.
+pub(super) fn round_up(x: f64) -> f64 {
+    let power = 10_f64.powf(x.log10().floor());
+    let digit = [1.0, 2.0, 5.0].into_iter().find(|d| d * power >= x).unwrap_or(10.0);
+    digit * power
+}
+
+/// Three significant digits, without zeros at the end.
+fn short(x: f64) -> String {
+    let decimals = [100.0, 10.0, 1.0].into_iter().position(|limit| x >= limit).unwrap_or(3);
+    let text = format!("{x:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_numbers() {
+        assert_eq!([0.37, 5.0, 99.0].map(|x| short(round_down(x))), ["0.2", "5", "50"]);
+        assert_eq!([0.37, 5.0, 99.0].map(|x| short(round_up(x))), ["0.5", "5", "100"]);
+        assert_eq!([1.0, 1.05, 12.34, 123.4, 0.012].map(short), ["1", "1.05", "12.3", "123", "0.012"]);
+    }
+}

@@ -1,0 +1,182 @@
+use glam::DVec2;
+
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// A point of the cells' borders: a vertex, the middle of an edge or the centroid of a face.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Node {
+    Vertex(VertexId),
+    Middle(VertexId, VertexId),
+    Centroid([VertexId; 3]),
+}
+
+impl Node {
+    fn middle(a: VertexId, b: VertexId) -> Self {
+        Self::Middle(a.min(b), a.max(b))
+    }
+
+    fn place(self, uv: &IdVec<VertexId, DVec2>) -> DVec2 {
+        match self {
+            Self::Vertex(v) => uv[v],
+            Self::Middle(a, b) => 0.5 * (uv[a] + uv[b]),
+            Self::Centroid(t) => t.iter().map(|&v| uv[v]).sum::<DVec2>() / 3.0,
+        }
+    }
+}
+
+/// One loop around cells of a group.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Outline {
+    /// The group inside of it.
+    pub(super) group: u32,
+    /// Its corners on the map, in m; the group lies on the left.
+    pub(super) corners: Vec<DVec2>,
+}
+
+/// The borders of groups of cells, merged. The cell of a vertex is its barycentric dual: a third of each face around
+/// it, bounded by middles of edges and centroids.
+///
+/// The mesh is an oriented manifold; elsewhere a loop may stay open, which does no harm in a picture.
+pub(super) fn outlines(
+    mesh: &TriMesh,
+    uv: &IdVec<VertexId, DVec2>,
+    groups: &IdVec<VertexId, u32>,
+) -> Vec<Outline> {
+    let mut steps = border_steps(mesh, groups);
+    steps.sort_unstable();
+    let mut used = vec![false; steps.len()];
+    let mut out = Vec::new();
+    for first in 0..steps.len() {
+        if used[first] {
+            continue;
+        }
+        let (group, mut corners, mut at) = (steps[first].0, Vec::new(), first);
+        while !used[at] {
+            used[at] = true;
+            let (_, from, to) = steps[at];
+            corners.push(from.place(uv));
+            // The group's border goes on from where this step ends.
+            let next = steps.partition_point(|&(g, from, _)| (g, from) < (group, to));
+            match steps.get(next) {
+                Some(&(g, from, _)) if (g, from) == (group, to) => at = next,
+                _ => break,
+            }
+        }
+        out.push(Outline { group, corners });
+    }
+    out
+}
+
+/// Every piece of border as (group on its left, start, end).
+fn border_steps(mesh: &TriMesh, groups: &IdVec<VertexId, u32>) -> Vec<(u32, Node, Node)> {
+    let mut steps = Vec::new();
+    for &t in &mesh.triangles {
+        let centroid = Node::Centroid(t);
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            if groups[a] != groups[b] {
+                let middle = Node::middle(a, b);
+                // Counter-clockwise around `a` the border leaves the edge, around `b` it comes back to it.
+                steps.push((groups[a], middle, centroid));
+                steps.push((groups[b], centroid, middle));
+            }
+        }
+    }
+    for [a, b] in boundary_edges(mesh) {
+        let middle = Node::middle(a, b);
+        steps.push((groups[a], Node::Vertex(a), middle));
+        steps.push((groups[b], middle, Node::Vertex(b)));
+    }
+    steps
+}
+
+/// Directed edges that have a face on their left and none on their right, sorted.
+pub(super) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+    let mut edges: Vec<[VertexId; 2]> = directed_edges(mesh).collect();
+    edges.sort_unstable();
+    let open = |&[a, b]: &[VertexId; 2]| edges.binary_search(&[b, a]).is_err();
+    edges.iter().copied().filter(open).collect()
+}
+
+/// Every edge once, sorted.
+pub(super) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+    let mut edges: Vec<_> = directed_edges(mesh).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
+}
+
+fn directed_edges(mesh: &TriMesh) -> impl Iterator<Item = [VertexId; 2]> {
+    mesh.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+}
+
+/// The boundary as loops of vertices, as far as it closes.
+pub(super) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
+    let edges = boundary_edges(mesh);
+    let mut used = vec![false; edges.len()];
+    let mut loops = Vec::new();
+    for first in 0..edges.len() {
+        let (mut walk, mut at) = (Vec::new(), first);
+        while at < edges.len() && !used[at] {
+            used[at] = true;
+            walk.push(edges[at][0]);
+            let end = edges[at][1];
+            at = edges.partition_point(|e| e[0] < end);
+            if edges.get(at).is_none_or(|e| e[0] != end) {
+                break;
+            }
+        }
+        if !walk.is_empty() {
+            loops.push(walk);
+        }
+    }
+    loops
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::mesh::shapes;
+
+    use super::*;
+
+    fn area(outline: &Outline) -> f64 {
+        let c = &outline.corners;
+        (0..c.len()).map(|i| 0.5 * c[i].perp_dot(c[(i + 1) % c.len()])).sum()
+    }
+
+    /// Areas of cells are known without their outlines: a third of each face for each corner.
+    #[test]
+    fn outlines_hold_the_area_of_their_cells() {
+        let mesh = shapes::lattice(9, 8, 1.0);
+        let uv = mesh.positions.map(|p| p.truncate());
+        for parts in [1, 2, 5, 100] {
+            let groups: IdVec<_, _> =
+                mesh.positions.ids().map(|v| (7 * v.raw() + v.raw() / 9) % parts).collect();
+            let mut expected = vec![0.0; parts as usize];
+            for (v, a) in mesh.vertex_areas().enumerate() {
+                expected[groups[v] as usize] += a;
+            }
+            let mut found = vec![0.0; parts as usize];
+            for outline in outlines(&mesh, &uv, &groups) {
+                found[outline.group as usize] += area(&outline);
+            }
+            for (f, e) in found.iter().zip(&expected) {
+                assert!((f - e).abs() < 1e-12, "{parts} groups: {found:?}, not {expected:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_group_has_the_boundary_as_its_outline() {
+        let mesh = shapes::tube(8, 3, 1.0, 1.0);
+        let uv = mesh.positions.map(|p| p.truncate() * (1.0 + p.z));
+        let groups = IdVec::filled(0, mesh.positions.len());
+        let outlines = outlines(&mesh, &uv, &groups);
+        assert_eq!(outlines.len(), 2, "a tube has two boundary loops");
+        assert!(outlines.iter().all(|o| o.corners.len() == 16), "vertices and middles of edges");
+        assert_eq!(boundary_loops(&mesh).len(), 2);
+    }
+}

@@ -1,0 +1,253 @@
+//! Laws of the pictures: they say what was asked for, are sound XML, and stay small.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod maps;
+
+use std::{fs, path::Path};
+
+use assert_cmd::Command;
+use dermatome::{
+    id::VertexId,
+    io::write_map,
+    map::{MapError, PatchMap},
+    mesh::shapes,
+    report::{Paint, PlotOptions, ReportError, plot_map, render_png},
+};
+use glam::DVec2;
+use maps::{flat_level, flat_patch, level_id, skin, square_pyramid};
+use predicates::str::contains;
+use svg::parser::Event;
+
+const PAINTS: [Paint; 4] = [Paint::Fields, Paint::Angle, Paint::Area, Paint::Taxel];
+
+/// Tags that open, and texts.
+fn elements(svg: &str) -> (Vec<String>, Vec<String>) {
+    let (mut tags, mut texts) = (Vec::new(), Vec::new());
+    for event in svg::read(svg).unwrap() {
+        match event {
+            Event::Error(e) => panic!("{e}"),
+            Event::Tag(name, kind, _) if !matches!(kind, svg::node::element::tag::Type::End) => {
+                tags.push(name.into())
+            }
+            Event::Text(text) => texts.push(text.trim().to_owned()),
+            _ => {}
+        }
+    }
+    (tags, texts)
+}
+
+fn count(tags: &[String], name: &str) -> usize {
+    tags.iter().filter(|t| *t == name).count()
+}
+
+fn palm() -> PatchMap {
+    square_pyramid("palm", &[13, 7, 4], 0.06, 0.001)
+}
+
+#[test]
+fn every_panel_says_what_it_is() {
+    let svg = plot_map(&skin(vec![palm()]), &PlotOptions::default()).unwrap();
+    let (tags, texts) = elements(&svg);
+    for (level, line) in [(0, "169 taxels, 0 flips"), (1, "49 fields, 0 flips"), (2, "16 fields, 0 flips")] {
+        assert!(texts.contains(&format!("palm, level {level}")), "{texts:?}");
+        assert!(texts.iter().any(|t| t == line), "{line} in {texts:?}");
+    }
+    assert_eq!(count(&tags, "circle"), 169 + 49 + 16, "a dot for each taxel and each field");
+    assert!(texts.iter().any(|t| t.ends_with(" mm")), "a scale bar");
+}
+
+#[test]
+fn levels_and_patches_are_those_asked_for() {
+    let map = skin(vec![palm(), flat_patch("tip", shapes::cap(100, 0.02, 1.0), 0.001)]);
+    let panels = |patches: &[&str], levels: &[usize]| {
+        let options = PlotOptions {
+            patches: patches.iter().map(|&p| p.to_owned()).collect(),
+            levels: levels.iter().map(|&k| level_id(k)).collect(),
+            ..PlotOptions::default()
+        };
+        let (_, texts) = elements(&plot_map(&map, &options).unwrap());
+        texts.into_iter().filter(|t| t.contains(", level ")).collect::<Vec<_>>()
+    };
+    assert_eq!(panels(&["tip"], &[]), ["tip, level 0"]);
+    assert_eq!(panels(&["palm"], &[2, 0]), ["palm, level 2", "palm, level 0"], "in the order asked for");
+    assert_eq!(
+        panels(&[], &[0, 1]),
+        ["palm, level 0", "palm, level 1", "tip, level 0"],
+        "a patch without a level leaves its place empty"
+    );
+}
+
+#[test]
+fn what_is_not_there_is_named() {
+    let map = skin(vec![palm()]);
+    let ask = |options: PlotOptions| plot_map(&map, &options).unwrap_err();
+    let error = ask(PlotOptions { patches: vec!["thumb".into()], ..PlotOptions::default() });
+    assert!(error.to_string().contains("thumb") && error.to_string().contains("palm"), "{error}");
+    let error = ask(PlotOptions { levels: vec![level_id(3)], ..PlotOptions::default() });
+    assert!(matches!(error, ReportError::UnknownLevel { last: 2, .. }), "{error}");
+    for width_px in [0, 10, 1 << 20] {
+        let error = ask(PlotOptions { width_px, ..PlotOptions::default() });
+        assert!(matches!(error, ReportError::Size { .. }), "{error}");
+    }
+    assert_eq!(plot_map(&skin(Vec::new()), &PlotOptions::default()), Err(ReportError::Empty));
+}
+
+#[test]
+fn data_that_is_no_map_is_an_error() {
+    let broken = |change: &dyn Fn(&mut PatchMap)| {
+        let mut patch = palm();
+        change(&mut patch);
+        PAINTS.map(|paint| {
+            plot_map(&skin(vec![patch.clone()]), &PlotOptions { paint, ..PlotOptions::default() })
+        })
+    };
+    let one = level_id(1);
+    let cases = [
+        broken(&|p| p.levels[one].uv[VertexId::new(3)] = DVec2::NAN),
+        broken(&|p| p.levels[one].uv = vec![DVec2::ZERO; 3].into()),
+        broken(&|p| p.levels[one].direct.as_mut().unwrap().indices[VertexId::new(0)][2] = VertexId::new(99)),
+        broken(&|p| p.levels[one].direct.as_mut().unwrap().weights = Vec::new().into()),
+        broken(&|p| p.ids = Vec::new().into()),
+        broken(&|p| p.levels[one].mesh.triangles = vec![[VertexId::new(400); 3]].into()),
+    ];
+    for result in cases.iter().flatten() {
+        assert!(
+            matches!(
+                result,
+                Err(ReportError::Map(
+                    MapError::Mesh { .. } | MapError::Length { .. } | MapError::OutOfRange { .. }
+                ))
+            ),
+            "{result:?}"
+        );
+    }
+}
+
+#[test]
+fn names_are_escaped() {
+    for name in ["a<b&\"c\"", "]]>", "\u{1}\0\u{ffff}", "手のひら", ""] {
+        let svg =
+            plot_map(&skin(vec![flat_patch(name, shapes::square(), 0.1)]), &PlotOptions::default()).unwrap();
+        let (_, texts) = elements(&svg);
+        let escaped = name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+        let shown: String =
+            escaped.chars().map(|c| if c < ' ' || c == '\u{ffff}' { '\u{fffd}' } else { c }).collect();
+        assert!(texts.contains(&format!("{shown}, level 0")), "{name:?}: {texts:?}");
+        // A strict XML parser has the last word.
+        render_png(&svg).unwrap();
+    }
+}
+
+#[test]
+fn a_png_has_the_size_of_its_picture() {
+    for (width_px, paint) in
+        [(200, Paint::Fields), (801, Paint::Angle), (400, Paint::Area), (640, Paint::Taxel)]
+    {
+        let svg = plot_map(&skin(vec![palm()]), &PlotOptions { width_px, paint, ..PlotOptions::default() })
+            .unwrap();
+        let png = render_png(&svg).unwrap();
+        assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
+        let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+        assert_eq!(number(16), width_px, "width");
+        let height = svg.split("height=\"").nth(1).unwrap().split('"').next().unwrap();
+        assert_eq!(number(20).to_string(), height, "height");
+    }
+}
+
+/// Text needs letters, and those come with the crate: without them nothing would be drawn.
+#[test]
+fn letters_are_drawn_without_fonts_of_the_machine() {
+    let picture = |text: &str| {
+        let svg = format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' width='60' height='20' font-family='Ubuntu'><text y='15'>{text}</text></svg>"
+        );
+        render_png(&svg).unwrap()
+    };
+    assert_ne!(picture("s1/s2"), picture(""), "Latin");
+    assert_ne!(picture("≥ é"), picture(""), "signs and accents");
+}
+
+#[test]
+fn no_svg_no_png() {
+    for text in ["", "<svg", "<svg xmlns='http://www.w3.org/2000/svg' width='0' height='3'/>", "no picture"] {
+        assert!(matches!(render_png(text), Err(ReportError::Render { .. })), "{text:?}");
+    }
+    let large = "<svg xmlns='http://www.w3.org/2000/svg' width='1e6' height='1e6'/>";
+    assert!(matches!(render_png(large), Err(ReportError::Size { .. })));
+}
+
+#[test]
+fn the_picture_of_a_large_mesh_stays_small() {
+    let map = skin(vec![flat_patch("cap", shapes::cap(100_000, 0.1, 1.2), 0.001)]);
+    for paint in PAINTS {
+        let svg = plot_map(&map, &PlotOptions { paint, ..PlotOptions::default() }).unwrap();
+        assert!(svg.len() < 4 << 20, "{paint:?}: {} bytes", svg.len());
+        let (tags, _) = elements(&svg);
+        assert!(tags.len() < 200, "{paint:?}: {} elements", tags.len());
+    }
+}
+
+#[test]
+fn a_picture_is_the_same_every_time() {
+    let map = skin(vec![palm()]);
+    for paint in PAINTS {
+        let draw = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| plot_map(&map, &PlotOptions { paint, ..PlotOptions::default() }).unwrap())
+        };
+        assert_eq!(draw(1), draw(3), "{paint:?}");
+    }
+}
+
+#[test]
+fn a_map_of_nothing_is_drawn() {
+    let mut point = flat_level(shapes::triangle(), 0.1);
+    point.uv = vec![DVec2::ONE; 3].into();
+    for paint in PAINTS {
+        let svg = plot_map(
+            &skin(vec![maps::patch("point", vec![point.clone()])]),
+            &PlotOptions { paint, ..PlotOptions::default() },
+        );
+        render_png(&svg.unwrap()).unwrap();
+    }
+}
+
+fn plot(map: &Path) -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.arg("plot").arg(map);
+    command
+}
+
+#[test]
+fn the_command_writes_the_kinds_that_its_outputs_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let [map, svg, png] = ["map.glb", "p.svg", "p.PNG"].map(|name| folder.path().join(name));
+    write_map(&map, &skin(vec![palm()])).unwrap();
+    plot(&map)
+        .arg("-o")
+        .arg(&svg)
+        .arg("-o")
+        .arg(&png)
+        .args(["--show", "area", "--level", "1"])
+        .assert()
+        .success();
+    let (_, texts) = elements(&fs::read_to_string(svg).unwrap());
+    assert!(
+        texts.iter().any(|t| t == "palm, level 1") && texts.iter().any(|t| t == "area ratio"),
+        "{texts:?}"
+    );
+    assert!(fs::read(png).unwrap().starts_with(b"\x89PNG"));
+    plot(&map).args(["-o", "-"]).assert().success().stdout(contains("palm, level 2"));
+}
+
+#[test]
+fn the_command_says_what_it_cannot_draw() {
+    let folder = tempfile::tempdir().unwrap();
+    let [map, svg, jpg] = ["map.glb", "p.svg", "p.jpg"].map(|name| folder.path().join(name));
+    write_map(&map, &skin(vec![palm()])).unwrap();
+    plot(&map).arg("-o").arg(&svg).args(["--level", "7"]).assert().code(2).stderr(contains("no level 7"));
+    plot(&map).arg("-o").arg(&svg).args(["--patch", "toe"]).assert().code(2).stderr(contains("it has palm"));
+    plot(&map).arg("-o").arg(&svg).arg("-o").arg(&jpg).assert().code(2).stderr(contains(".svg, .png"));
+    plot(&svg).arg("-o").arg(&svg).assert().code(2);
+    assert!(!svg.exists() && !jpg.exists(), "nothing is written before everything is known to be right");
+}
