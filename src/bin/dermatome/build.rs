@@ -1,0 +1,175 @@
+//! `build`: the main job.
+
+use std::{
+    fs,
+    io::ErrorKind,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
+
+use anyhow::Context;
+use dermatome::{
+    Error,
+    atlas::skin_images,
+    io::{IoError, peak_memory_bytes, write_images, write_json, write_map},
+    pipeline::{BuildOptions, Stage, build},
+    report::{Report, Stages, measure},
+};
+use tempfile::TempDir;
+
+use crate::{
+    Common,
+    input::{close_holes, read_skin},
+    options::{CoarsenArgs, FlattenArgs, length_mm},
+    progress,
+    tables::{plain, print_json, print_levels},
+};
+
+/// Arguments of `build`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The skin: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    skin: PathBuf,
+    /// Folder for map.glb, map.exr and report.json; made if it does not exist
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    #[command(flatten)]
+    coarsen: CoarsenArgs,
+    #[command(flatten)]
+    flatten: FlattenArgs,
+    /// Side of a pixel of the images, in mm on the map
+    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = length_mm, help_heading = "Images")]
+    pixel_mm: f64,
+    /// Print report.json
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let mut seconds = Stages::default();
+    let mut lap = Lap::start();
+    let mut skin = read_skin(&args.skin, common)?;
+    close_holes(&mut skin, args.coarsen.fill_holes, common)?;
+    let outputs = Outputs::prepare(&args.output)?;
+    seconds.read = lap.seconds();
+
+    let bar = progress::bar(common);
+    let watch = |stage: Stage, done: usize, total: usize| {
+        bar.set_message(match stage {
+            Stage::Coarsen => "coarsening",
+            Stage::Flatten => "flattening",
+        });
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    };
+    let options = args.options();
+    let (map, spent) =
+        build(&skin, &options, &watch).with_context(|| format!("cannot map {}", args.skin.display()))?;
+    (seconds.coarsen, seconds.flatten) = (spent.coarsen, spent.flatten);
+    drop(skin);
+
+    lap = Lap::start();
+    bar.set_message("rasterising");
+    let images = skin_images(&map).map_err(Error::from)?;
+    seconds.rasterise = lap.seconds();
+    bar.set_message("writing");
+    outputs.write("map.glb", |path| write_map(path, &map))?;
+    outputs.write("map.exr", |path| write_images(path, &images))?;
+    seconds.write = lap.seconds();
+    bar.finish_and_clear();
+
+    let report = Report {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        input: args.skin.display().to_string(),
+        seconds,
+        peak_memory_bytes: peak_memory_bytes(),
+        patches: measure(&map),
+    };
+    outputs.write("report.json", |path| write_json(path, &report))?;
+    outputs.publish()?;
+    warn_of_flips(&report, common);
+    if args.json {
+        print_json(&report)?;
+    } else if !common.quiet {
+        print_levels(&report.patches)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Args {
+    fn options(&self) -> BuildOptions {
+        BuildOptions {
+            coarsen: self.coarsen.options(),
+            flatten: self.flatten.options(),
+            pixel: self.pixel_mm * 1e-3,
+        }
+    }
+}
+
+/// What a build writes.
+const FILES: [&str; 3] = ["map.glb", "map.exr", "report.json"];
+
+/// A folder whose files change together: they are written into a hidden folder inside it, then renamed.
+struct Outputs {
+    folder: PathBuf,
+    staging: TempDir,
+}
+
+impl Outputs {
+    fn prepare(folder: &Path) -> anyhow::Result<Self> {
+        let fail = |source| Error::from(IoError::Write { path: folder.to_owned(), source });
+        fs::create_dir_all(folder).map_err(fail)?;
+        if let Some(path) = FILES.iter().map(|name| folder.join(name)).find(|path| path.is_dir()) {
+            let source = ErrorKind::IsADirectory.into();
+            return Err(Error::from(IoError::Write { path, source }).into());
+        }
+        let staging = tempfile::Builder::new()
+            .prefix(".dermatome-")
+            .tempdir_in(folder)
+            .map_err(|e| fail(e.kind().into()))?;
+        Ok(Self { folder: folder.to_owned(), staging })
+    }
+
+    fn write(&self, name: &str, write: impl FnOnce(&Path) -> Result<(), IoError>) -> Result<(), Error> {
+        Ok(write(&self.staging.path().join(name)).map_err(|e| e.about(&self.folder.join(name)))?)
+    }
+
+    fn publish(self) -> anyhow::Result<()> {
+        for name in FILES {
+            let path = self.folder.join(name);
+            fs::rename(self.staging.path().join(name), &path)
+                .map_err(|source| Error::from(IoError::Write { path, source }))?;
+        }
+        Ok(())
+    }
+}
+
+/// The intrinsic method never flips a triangle; the others may, and a user must hear of it.
+fn warn_of_flips(report: &Report, common: &Common) {
+    for patch in report.patches.iter().filter(|_| !common.quiet) {
+        for level in patch.levels.iter().filter(|level| level.flips > 0) {
+            eprintln!(
+                "note: {}/L{}: {} triangles of the map are flipped; --method intrinsic flips none",
+                plain(&patch.name),
+                level.level,
+                level.flips
+            );
+        }
+    }
+}
+
+/// Seconds since the last look.
+struct Lap(Instant);
+
+impl Lap {
+    fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    fn seconds(&mut self) -> f64 {
+        let spent = self.0.elapsed().as_secs_f64();
+        self.0 = Instant::now();
+        spent
+    }
+}

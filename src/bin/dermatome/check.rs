@@ -1,0 +1,76 @@
+use std::{fmt::Write, path::PathBuf, process::ExitCode};
+
+use dermatome::{
+    Error,
+    io::read_draft,
+    skin::{Element, Finding, check},
+};
+
+use crate::{
+    Common,
+    tables::{line, print, print_json},
+};
+
+/// List everything that is wrong with a skin; exit code 1 if there is anything.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    file: PathBuf,
+    /// Print all elements of every finding as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A line holds no more elements; `--json` gives them all.
+const SHOWN: usize = 8;
+
+pub(crate) fn run(args: &Args, _: &Common) -> anyhow::Result<ExitCode> {
+    let draft = read_draft(&args.file).map_err(Error::from)?;
+    let findings = check(&draft);
+    if args.json {
+        print_json(&as_json(&findings))?;
+    } else if findings.is_empty() {
+        print("no findings\n")?;
+    } else {
+        print(&findings.iter().map(|f| line(&f.to_string()) + &elements(f) + "\n").collect::<String>())?;
+    }
+    Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn as_json(findings: &[Finding]) -> serde_json::Value {
+    let findings: Vec<_> = findings
+        .iter()
+        .map(|f| {
+            serde_json::json!({
+                "kind": f.kind.name(),
+                "patch": f.patch,
+                "elements": f.elements,
+                "message": f.message,
+            })
+        })
+        .collect();
+    serde_json::json!({ "findings": findings })
+}
+
+/// ` [faces 3, 5, 8 and 4 more]`, or nothing for a finding about a whole sheet.
+fn elements(finding: &Finding) -> String {
+    let (noun, size) = match finding.kind.element() {
+        Element::Link => ("links", 1),
+        Element::Vertex => ("vertices", 1),
+        Element::Face => ("faces", 1),
+        Element::Edge => ("edges", 2),
+        _ => return String::new(),
+    };
+    let count = finding.elements.len() / size;
+    let shown: Vec<String> = finding
+        .elements
+        .chunks(size)
+        .take(SHOWN)
+        .map(|element| element.iter().map(u64::to_string).collect::<Vec<_>>().join("-"))
+        .collect();
+    let mut text = format!(" [{noun} {}", shown.join(", "));
+    if count > SHOWN {
+        let _ = write!(text, " and {} more", count - SHOWN);
+    }
+    text + "]"
+}

@@ -1,0 +1,66 @@
+//! `flatten`: one mesh to the plane, at full precision.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use anyhow::Context;
+use dermatome::{
+    Error,
+    flatten::{distortion, flatten},
+    id::{LevelId, PatchId},
+    io::write_flat,
+    report::{LevelReport, PatchReport},
+};
+
+use crate::{
+    Common,
+    failure::advise,
+    input::read_skin,
+    options::FlattenArgs,
+    tables::{print_json, print_levels},
+};
+
+/// Arguments of `flatten`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The mesh: .glb, .gltf, .json, .obj, .ply, .stl or .csv, with one connected sheet
+    mesh: PathBuf,
+    /// Where to write: .obj with texture coordinates, or .npz with V, F and UV in f64; may be given twice
+    #[arg(short, long, value_name = "OUT", required = true)]
+    output: Vec<PathBuf>,
+    #[command(flatten)]
+    flatten: FlattenArgs,
+    /// Print the measures of the map as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let skin = read_skin(&args.mesh, common)?;
+    if skin.patches.len() != 1 {
+        let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
+        return Err(advise(
+            format!(
+                "{} holds {} patches ({}); one is needed",
+                args.mesh.display(),
+                names.len(),
+                names.join(", ")
+            ),
+            "use `dermatome build`, which maps every patch, or give each piece a file of its own",
+        ));
+    }
+    let patch = &skin.patches[PatchId::new(0)];
+    let uv = flatten(&patch.mesh, &args.flatten.options())
+        .map_err(Error::from)
+        .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
+    for path in &args.output {
+        write_flat(path, &patch.mesh, &uv).map_err(Error::from)?;
+    }
+    let level = LevelReport::new(LevelId::new(0), &patch.mesh, &distortion(&patch.mesh, &uv));
+    if args.json {
+        print_json(&level)?;
+    } else if !common.quiet {
+        let link = skin.links[patch.link].name.clone();
+        print_levels(&[PatchReport { name: patch.name.clone(), link, levels: vec![level] }])?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,66 @@
+use std::{path::PathBuf, process::ExitCode};
+
+use dermatome::{
+    Error,
+    mesh::{Adjacency, mean_edge_length},
+    skin::{Patch, Skin},
+};
+use serde_json::{Value, json};
+
+use crate::{
+    Common,
+    input::read_skin,
+    tables::{plain, print_json, print_table},
+};
+
+/// Say what is in a skin: its patches, their size and shape.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    file: PathBuf,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is said about one patch, in the order in which it is printed.
+const COLUMNS: [&str; 8] =
+    ["name", "link", "vertices", "faces", "boundary_loops", "euler", "area_m2", "spacing_mm"];
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let skin = read_skin(&args.file, common)?;
+    let rows: Vec<[Value; 8]> =
+        skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<_, Error>>()?;
+    if args.json {
+        let patches: Vec<Value> =
+            rows.into_iter().map(|row| COLUMNS.map(String::from).into_iter().zip(row).collect()).collect();
+        print_json(&json!({ "patches": patches }))?;
+    } else {
+        let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(cell)).collect();
+        print_table(COLUMNS, 2, &rows)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn row(skin: &Skin, patch: &Patch) -> Result<[Value; 8], Error> {
+    let adjacency = Adjacency::new(&patch.mesh)?;
+    Ok([
+        json!(patch.name),
+        json!(skin.links[patch.link].name),
+        json!(patch.mesh.positions.len()),
+        json!(patch.mesh.triangles.len()),
+        json!(adjacency.boundary_loops().len()),
+        json!(adjacency.euler_characteristic()),
+        json!(patch.mesh.area()),
+        json!(1e3 * mean_edge_length(&patch.mesh, &adjacency)),
+    ])
+}
+
+/// A value as text: words bare, measures with four decimals.
+fn cell(value: &Value) -> String {
+    match value {
+        Value::String(text) => plain(text),
+        Value::Number(n) if n.is_f64() => format!("{:.4}", n.as_f64().unwrap_or(f64::NAN)),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,203 @@
+//! `dermatome lookup MAP.glb CONTACTS.csv`: where contacts are on the map, on every level.
+
+use std::{
+    fs::File,
+    io::{Read, Write, stdin, stdout},
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use dermatome::{
+    Error,
+    contact::{Contact, ContactError, ContactIndex},
+    id::{LevelId, PatchId},
+    io::{ContactReader, ContactRow, IoError, LookupRow, LookupWriter, read_map, read_poses, replace_file},
+};
+
+use crate::{Common, failure::advise, tables::plain};
+
+/// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.
+const CHUNK: usize = 1 << 16;
+
+/// Arguments of `lookup`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The map, as `dermatome build` writes it
+    #[arg(value_name = "MAP.glb")]
+    map: PathBuf,
+    /// The contacts: a table with columns x,y,z in m, and link if they are in a link's frame; `-`: standard input
+    #[arg(value_name = "CONTACTS.csv")]
+    contacts: PathBuf,
+    /// Where to write; `-`: standard output
+    #[arg(short, long, default_value = "-", value_name = "OUT.csv")]
+    output: PathBuf,
+    /// Answer on this level only; may be given more than once. Without: on all
+    #[arg(long = "level", value_name = "K")]
+    levels: Vec<usize>,
+    /// Poses of links in the world: a table with columns link,x,y,z,qx,qy,qz,qw; links not named keep their place
+    /// on the link they hang from
+    #[arg(long, value_name = "P.csv")]
+    pose: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let map = read_map(&args.map).map_err(Error::from)?;
+    let mut index = ContactIndex::new(&map).map_err(Error::from)?;
+    drop(map);
+    if let Some(poses) = &args.pose {
+        pose(&mut index, poses)?;
+    }
+    let most = (0..index.patch_count()).map(|p| index.level_count(PatchId::new(p))).max().unwrap_or(0);
+    if let Some(level) = args.levels.iter().find(|&&level| level >= most) {
+        let what = format!("the map has no level {level}; its levels are 0 to {}", most.saturating_sub(1));
+        return Err(advise(what, "leave out --level to get all of them"));
+    }
+    if !common.quiet {
+        for patch in (0..index.patch_count()).map(PatchId::new) {
+            let count = index.level_count(patch);
+            if args.levels.iter().any(|&level| level >= count) {
+                let name = plain(index.patch_name(patch).unwrap_or_default());
+                eprintln!("note: {name} has {count} levels; contacts on it get no row for levels above");
+            }
+        }
+    }
+    let levels = (0..most).filter(|k| args.levels.is_empty() || args.levels.contains(k)).map(LevelId::new);
+
+    let (path, input): (_, Box<dyn Read>) = if is_stream(&args.contacts) {
+        (Path::new("standard input"), Box::new(stdin().lock()))
+    } else {
+        let fail = |source| Error::from(IoError::Read { path: args.contacts.clone(), source });
+        (&args.contacts, Box::new(File::open(&args.contacts).map_err(fail)?))
+    };
+    let contacts = ContactReader::new(path, input).map_err(Error::from)?;
+    if !common.quiet {
+        for column in contacts.unknown_columns() {
+            eprintln!("note: {}: column `{column}` is not used", path.display());
+        }
+    }
+    let lookup = Lookup { index: &index, path, levels: levels.collect() };
+    if is_stream(&args.output) {
+        lookup.answer(contacts, Path::new("standard output"), stdout().lock()).map_err(Error::from)?;
+    } else {
+        replace_file(&args.output, |output| lookup.answer(contacts, &args.output, output))
+            .map_err(Error::from)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn is_stream(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// Moves the links named in a table of poses.
+fn pose(index: &mut ContactIndex, path: &Path) -> Result<(), Error> {
+    let mut moved = Vec::new();
+    for row in read_poses(path)? {
+        let link = index.link_named(&row.link).ok_or_else(|| unknown_link(path, row.line, &row.link))?;
+        moved.push((link, row.pose));
+    }
+    Ok(index.move_links(&moved)?)
+}
+
+fn unknown_link(path: &Path, line: u64, link: &str) -> IoError {
+    IoError::Invalid {
+        path: path.into(),
+        element: format!("line {line}, column `link`"),
+        found: format!("{link:?}"),
+        needed: "the name of a link of the map".into(),
+    }
+}
+
+/// What is asked of a map.
+struct Lookup<'a> {
+    index: &'a ContactIndex,
+    /// What errors call the table of contacts.
+    path: &'a Path,
+    levels: Vec<LevelId>,
+}
+
+impl Lookup<'_> {
+    /// Answers all contacts, some at a time, so that memory does not grow with their number.
+    fn answer<R: Read>(
+        &self,
+        mut contacts: ContactReader<R>,
+        path: &Path,
+        output: impl Write,
+    ) -> Result<(), IoError> {
+        let mut writer = LookupWriter::new(path, output)?;
+        let mut chunk = Vec::new();
+        let mut lines = Vec::new();
+        let mut first = 0;
+        loop {
+            chunk.clear();
+            lines.clear();
+            while chunk.len() < CHUNK {
+                let Some(row) = contacts.next() else { break };
+                let (row, line) = (row?, contacts.line());
+                chunk.push(self.contact(row, line)?);
+                lines.push(line);
+            }
+            if chunk.is_empty() {
+                break;
+            }
+            self.answer_chunk(first, &chunk, &lines, &mut writer)?;
+            first += chunk.len() as u64;
+        }
+        writer.finish()?.flush().map_err(|source| IoError::Write { path: path.into(), source })
+    }
+
+    fn contact(&self, row: ContactRow, line: u64) -> Result<Contact, IoError> {
+        let link = row
+            .link
+            .map(|name| self.index.link_named(&name).ok_or_else(|| unknown_link(self.path, line, &name)));
+        Ok(Contact { point: row.position, link: link.transpose()? })
+    }
+
+    /// Writes the rows of some contacts, the first of which has number `first`.
+    fn answer_chunk(
+        &self,
+        first: u64,
+        chunk: &[Contact],
+        lines: &[u64],
+        writer: &mut LookupWriter<impl Write>,
+    ) -> Result<(), IoError> {
+        let hits = self.index.locate_all(chunk).map_err(|error| self.refused(&error, lines))?;
+        for (contact, hit) in (first..).zip(&hits) {
+            for cell in self.levels.iter().filter_map(|&level| self.index.cell(hit, level)) {
+                writer.write(&LookupRow {
+                    contact,
+                    level: cell.level,
+                    patch: self.index.patch_name(hit.patch).unwrap_or_default(),
+                    face: cell.point.face,
+                    barycentric: cell.point.barycentric,
+                    map: cell.uv,
+                    pixel: cell.pixel,
+                    field: cell.field,
+                    taxel: cell.taxel,
+                    distance: hit.distance,
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A contact without an answer, as an error about its line.
+    fn refused(&self, error: &ContactError, lines: &[u64]) -> IoError {
+        let (contact, found, needed) = match error {
+            ContactError::NotFinite { contact, point } => {
+                (*contact, format!("{point:?}"), "finite coordinates within 1e12 m")
+            }
+            ContactError::BareLink { contact, name } => {
+                (*contact, format!("link {name:?}, which carries no patch"), "a link with skin, or none")
+            }
+            other => (0, other.to_string(), "a contact that can be answered"),
+        };
+        let line = lines.get(contact).copied().unwrap_or(1);
+        IoError::Invalid {
+            path: self.path.into(),
+            element: format!("line {line}"),
+            found,
+            needed: needed.into(),
+        }
+    }
+}

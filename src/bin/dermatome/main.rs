@@ -1,0 +1,129 @@
+//! `dermatome`: the command. It parses, calls the library and prints.
+
+mod build;
+mod calibrate;
+mod check;
+mod coarsen;
+mod convert;
+mod failure;
+mod flatten;
+mod info;
+mod input;
+mod lookup;
+mod options;
+mod plot;
+mod progress;
+mod shell;
+mod simulate;
+mod tables;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand, ValueEnum};
+
+/// Somatosensory maps of robot skin.
+///
+/// The kind of a file follows from its extension; `-` is standard input or output. Exit code 0: done; 1: `check`
+/// found something; 2: bad usage or bad input.
+#[derive(Debug, Parser)]
+#[command(name = "dermatome", version, max_term_width = 100)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options that every subcommand takes.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct Common {
+    /// Worker threads; 0: one per processor. The result does not depend on it.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = threads)]
+    pub threads: usize,
+    /// Seed of whatever is drawn at random.
+    #[arg(long, global = true, default_value_t = 0, value_name = "S")]
+    pub seed: u64,
+    /// No progress and no remarks, only errors.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// When to use colours.
+    #[arg(long, global = true, default_value = "auto", value_name = "WHEN")]
+    pub color: ColorChoice,
+}
+
+/// More threads than any machine gains from, and few enough that making them takes no time.
+const MOST_THREADS: usize = 512;
+
+fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if n <= MOST_THREADS => Ok(n),
+        _ => Err(format!("needed: a number from 0 to {MOST_THREADS}")),
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ColorChoice {
+    Auto,
+    Always,
+    Never,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Skin in; map.glb, map.exr and report.json out.
+    Build(build::Args),
+    /// Observations in, calibrated skin with covariances out.
+    Calibrate(calibrate::Args),
+    /// What is wrong with a skin: exit code 1 if anything is.
+    Check(check::Args),
+    /// The pyramid of receptive fields alone.
+    Coarsen(coarsen::Args),
+    /// Any skin or mesh to any other kind of file.
+    Convert(convert::Args),
+    /// One mesh to the plane, at full precision.
+    Flatten(flatten::Args),
+    /// What a file holds.
+    Info(info::Args),
+    /// The map cells under contacts, on every level.
+    Lookup(lookup::Args),
+    /// A picture of maps and their receptive fields.
+    Plot(plot::Args),
+    /// Observations of a skin whose truth is known.
+    Simulate(simulate::Args),
+    /// Print a completion script.
+    Completions(shell::CompletionsArgs),
+    /// Print the manual page.
+    Man,
+}
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => return failure::usage(&e),
+    };
+    match run(&cli) {
+        Ok(code) => code,
+        Err(e) => failure::report(&e, cli.common.color),
+    }
+}
+
+fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
+    let common = &cli.common;
+    if common.threads > 0 {
+        rayon::ThreadPoolBuilder::new().num_threads(common.threads).build_global()?;
+    }
+    match &cli.command {
+        Command::Build(args) => build::run(args, common),
+        Command::Calibrate(args) => calibrate::run(args, common),
+        Command::Check(args) => check::run(args, common),
+        Command::Coarsen(args) => coarsen::run(args, common),
+        Command::Convert(args) => convert::run(args, common),
+        Command::Flatten(args) => flatten::run(args, common),
+        Command::Info(args) => info::run(args, common),
+        Command::Lookup(args) => lookup::run(args, common),
+        Command::Plot(args) => plot::run(args, common),
+        Command::Simulate(args) => simulate::run(args, common),
+        Command::Completions(args) => shell::completions(args),
+        Command::Man => shell::manual(),
+    }
+}

@@ -1,0 +1,131 @@
+//! Options that several subcommands share, and what they mean to the library.
+
+use clap::ValueEnum;
+use dermatome::{
+    flatten::{Energy, FlattenOptions, Method, Overlap},
+    pyramid::CoarsenOptions,
+};
+
+/// How to coarsen.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Pyramid")]
+pub(crate) struct CoarsenArgs {
+    /// Vertices of a level over those of the next coarser one [default: about 4, whatever keeps fields even]
+    #[arg(long, value_name = "R", value_parser = ratio)]
+    ratio: Option<f64>,
+    /// At most so many levels above level 0 [default: as many as --coarsest allows]
+    #[arg(long, value_name = "N")]
+    levels: Option<usize>,
+    /// Stop at about so many vertices per patch
+    #[arg(long, value_name = "N", default_value_t = CoarsenOptions::default().coarsest)]
+    coarsest: usize,
+    /// Close holes of at most so many edges before anything else; the outer boundary stays
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = hole)]
+    pub fill_holes: usize,
+}
+
+impl CoarsenArgs {
+    pub(crate) fn options(&self) -> CoarsenOptions {
+        CoarsenOptions { ratio: self.ratio, levels: self.levels, coarsest: self.coarsest }
+    }
+}
+
+/// How to flatten.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Map")]
+pub(crate) struct FlattenArgs {
+    /// How the map is computed
+    #[arg(long, value_enum, default_value_t = MethodArg::Intrinsic)]
+    method: MethodArg,
+    /// What the intrinsic method minimises
+    #[arg(long, value_enum, default_value_t = EnergyArg::Sum)]
+    energy: EnergyArg,
+    /// Weight of the angle term
+    #[arg(long, value_name = "W", default_value_t = 1.0, value_parser = weight)]
+    angle: f64,
+    /// Weight of the area term
+    #[arg(long, value_name = "W", default_value_t = 1.0, value_parser = weight)]
+    area: f64,
+    /// Weight of the perimeter term
+    #[arg(long, value_name = "W", default_value_t = 0.0, value_parser = weight)]
+    perimeter: f64,
+    /// How much larger dense skin is drawn: 0 as large as it is, 1 equal map area per taxel
+    #[arg(long, value_name = "GAMMA", default_value_t = 0.0, value_parser = finite, allow_negative_numbers = true)]
+    magnify: f64,
+    /// Keep the boundary of the map from crossing itself
+    #[arg(long)]
+    bijective: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MethodArg {
+    /// Least distortion, no flips
+    Intrinsic,
+    /// Spectral natural conformal map
+    Conformal,
+    /// Linear mix of conformal and authalic rows
+    Linear,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum EnergyArg {
+    /// Weighted sum of angle, area and perimeter
+    Sum,
+    /// Symmetric Dirichlet
+    SymmetricDirichlet,
+}
+
+impl FlattenArgs {
+    pub(crate) fn options(&self) -> FlattenOptions {
+        FlattenOptions {
+            method: match self.method {
+                MethodArg::Intrinsic => Method::Intrinsic,
+                MethodArg::Conformal => Method::Conformal,
+                MethodArg::Linear => Method::Linear,
+            },
+            energy: match self.energy {
+                EnergyArg::Sum => Energy::Sum,
+                EnergyArg::SymmetricDirichlet => Energy::SymmetricDirichlet,
+            },
+            angle: self.angle,
+            area: self.area,
+            perimeter: self.perimeter,
+            magnify: self.magnify,
+            overlap: if self.bijective { Overlap::Prevented } else { Overlap::Allowed },
+        }
+    }
+}
+
+/// A number within a range that `wanted` describes.
+fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && ok(x) => Ok(x),
+        _ => Err(format!("needed: {wanted}")),
+    }
+}
+
+/// Larger holes are boundaries a user means, and closing one costs the cube of its edges.
+const LARGEST_HOLE: usize = 200;
+
+fn hole(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if n <= LARGEST_HOLE => Ok(n),
+        _ => Err(format!("needed: a number of edges from 0 to {LARGEST_HOLE}")),
+    }
+}
+
+fn ratio(text: &str) -> Result<f64, String> {
+    number(text, "a number from 1.6 to 1000", |x| (1.6..=1000.0).contains(&x))
+}
+
+fn weight(text: &str) -> Result<f64, String> {
+    number(text, "a number of at least 0", |x| x >= 0.0)
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    number(text, "a finite number", |_| true)
+}
+
+pub(crate) fn length_mm(text: &str) -> Result<f64, String> {
+    number(text, "a length in mm above 0", |x| x > 0.0)
+}

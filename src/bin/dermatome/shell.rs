@@ -1,0 +1,28 @@
+//! `completions` and `man`: what a shell and a pager want to know.
+
+use std::process::ExitCode;
+
+use clap::CommandFactory;
+
+use crate::tables::print;
+
+/// Arguments of `completions`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CompletionsArgs {
+    /// The shell to write for.
+    shell: clap_complete::Shell,
+}
+
+pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitCode> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut crate::Cli::command(), "dermatome", &mut script);
+    print(&String::from_utf8(script)?)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+pub(crate) fn manual() -> anyhow::Result<ExitCode> {
+    let mut page = Vec::new();
+    clap_mangen::Man::new(crate::Cli::command()).render(&mut page)?;
+    print(&String::from_utf8(page)?)?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,134 @@
+//! `simulate`: the experiment of a skin that touches a sphere, with known truth.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use clap::ValueEnum;
+use dermatome::{
+    Error,
+    calib::{Model, Observations, Probe, SimulateOptions, simulate},
+    id::IdVec,
+    io::{write_contacts, write_observations, write_triangles, write_truth},
+};
+
+use crate::Common;
+
+/// Arguments of `simulate`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Where to write the observations: .g2o
+    #[arg(short, long, value_name = "OBS.g2o")]
+    output: PathBuf,
+    /// Where to write where the taxels truly are: .csv
+    #[arg(long, value_name = "T.csv")]
+    truth: Option<PathBuf>,
+    /// Where to write the triangles between the taxels: .csv
+    #[arg(long, value_name = "TRI.csv")]
+    triangles: Option<PathBuf>,
+    /// Write absolute contacts into a table of their own; needed for contacts with normals
+    #[arg(long, value_name = "C.csv")]
+    contacts: Option<PathBuf>,
+    /// What is unknown of every taxel
+    #[arg(long, value_enum, default_value_t = ModelArg::Positions)]
+    model: ModelArg,
+    /// Number of taxels
+    #[arg(long, value_name = "N", default_value_t = 500)]
+    taxels: usize,
+    /// Distance of lattice neighbours
+    #[arg(long, value_name = "MM", default_value_t = 5.0)]
+    spacing_mm: f64,
+    /// Radius of the sphere that carries the taxels
+    #[arg(long, value_name = "MM", default_value_t = 100.0)]
+    radius_mm: f64,
+    /// Noise of displacements, per axis
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    noise_mm: f64,
+    /// Noise of relative rotations, per axis; poses only
+    #[arg(long, value_name = "DEG", default_value_t = 1.0)]
+    rotation_noise_deg: f64,
+    /// Number of taxels with an absolute contact observation
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    anchors: usize,
+    /// Noise of absolute contacts, per axis
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    anchor_noise_mm: f64,
+    /// Absolute contacts tell normals too, with this noise per tangent axis
+    #[arg(long, value_name = "DEG", requires = "contacts")]
+    normal_noise_deg: Option<f64>,
+    /// How deep the elastic skin is pressed in at absolute contacts
+    #[arg(long, value_name = "MM", default_value_t = 0.0, help_heading = "Arm")]
+    indentation_mm: f64,
+    /// Noise of the end effector's position, per axis
+    #[arg(long, value_name = "MM", default_value_t = 0.0, help_heading = "Arm")]
+    arm_noise_mm: f64,
+    /// Noise of the end effector's orientation, per axis
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, help_heading = "Arm")]
+    arm_noise_deg: f64,
+    /// Share of displacements that are attributed to a wrong taxel within 30 mm
+    #[arg(long, value_name = "F", default_value_t = 0.0)]
+    outliers: f64,
+}
+
+/// What is unknown of a taxel.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ModelArg {
+    /// Its position
+    Positions,
+    /// Its position and orientation
+    Poses,
+}
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let simulation = simulate(&args.options(common.seed)).map_err(Error::from)?;
+    let ids = simulation.observations.taxels.map(|t| t.id);
+    if let Some(path) = &args.contacts {
+        write_contacts(path, &simulation.observations).map_err(Error::from)?;
+        let without = Observations { contacts: IdVec::new(), ..simulation.observations.clone() };
+        write_observations(&args.output, &without).map_err(Error::from)?;
+    } else {
+        write_observations(&args.output, &simulation.observations).map_err(Error::from)?;
+    }
+    if let Some(path) = &args.truth {
+        write_truth(path, &ids, &simulation.truth).map_err(Error::from)?;
+    }
+    if let Some(path) = &args.triangles {
+        write_triangles(path, &ids, simulation.mesh.triangles.as_slice()).map_err(Error::from)?;
+    }
+    if !common.quiet {
+        eprintln!(
+            "note: {} taxels, {} displacements ({} wrong), {} contacts, {} triangles",
+            ids.len(),
+            simulation.observations.edges.len(),
+            simulation.outliers.len(),
+            simulation.observations.contacts.len(),
+            simulation.mesh.triangles.len(),
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Args {
+    fn options(&self, seed: u64) -> SimulateOptions {
+        SimulateOptions {
+            model: match self.model {
+                ModelArg::Positions => Model::Positions,
+                ModelArg::Poses => Model::Poses,
+            },
+            taxels: self.taxels,
+            spacing: self.spacing_mm * 1e-3,
+            radius: self.radius_mm * 1e-3,
+            noise: self.noise_mm * 1e-3,
+            rotation_noise: self.rotation_noise_deg.to_radians(),
+            anchors: self.anchors,
+            anchor_noise: self.anchor_noise_mm * 1e-3,
+            normal_noise: self.normal_noise_deg.map(f64::to_radians),
+            probe: Probe {
+                indentation: self.indentation_mm * 1e-3,
+                position_noise: self.arm_noise_mm * 1e-3,
+                rotation_noise: self.arm_noise_deg.to_radians(),
+                ..Probe::default()
+            },
+            outliers: self.outliers,
+            seed,
+        }
+    }
+}

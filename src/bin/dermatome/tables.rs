@@ -1,0 +1,107 @@
+//! Results as a person or a program reads them.
+
+use std::io::{self, Write};
+
+use dermatome::{Error, io::IoError, report::PatchReport};
+use serde::Serialize;
+
+/// Longest note or line of an error.
+const LONGEST_LINE: usize = 1000;
+
+/// A line of a note or an error as a terminal may see it: it may quote names from a file.
+pub(crate) fn line(text: &str) -> String {
+    harmless(text, LONGEST_LINE)
+}
+
+/// Prints a text on standard output; a closed or full output is an error, not a panic.
+pub(crate) fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(|source| Error::from(IoError::Write { path: "standard output".into(), source }))?;
+    Ok(())
+}
+
+/// Prints pretty JSON and a newline.
+pub(crate) fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
+    print(&(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// Longest name a table shows; what follows is cut off.
+const LONGEST_NAME: usize = 60;
+
+/// A name as a table shows it.
+pub(crate) fn plain(name: &str) -> String {
+    harmless(name, LONGEST_NAME)
+}
+
+/// A text as a terminal may see it: control and direction characters escaped, all beyond `longest` characters cut.
+fn harmless(text: &str, longest: usize) -> String {
+    let is_plain = |c: char| {
+        !c.is_control() && !('\u{200e}'..='\u{202e}').contains(&c) && !('\u{2066}'..='\u{2069}').contains(&c)
+    };
+    let escaped: String =
+        text.chars().flat_map(|c| if is_plain(c) { vec![c] } else { c.escape_default().collect() }).collect();
+    if escaped.chars().count() <= longest {
+        return escaped;
+    }
+    escaped.chars().take(longest - 3).chain("...".chars()).collect()
+}
+
+/// Prints rows under their titles: the first `words` columns to the left, numbers to the right.
+pub(crate) fn print_table<const N: usize>(
+    titles: [&str; N],
+    words: usize,
+    rows: &[[String; N]],
+) -> anyhow::Result<()> {
+    let titles = titles.map(String::from);
+    let lines: Vec<&[String; N]> = std::iter::once(&titles).chain(rows).collect();
+    let widths: [usize; N] = std::array::from_fn(|column| {
+        lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)
+    });
+    let mut text = String::new();
+    for line in lines {
+        let cells = line.iter().zip(widths).enumerate().map(|(column, (cell, width))| {
+            if column < words { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        });
+        text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
+        text.push('\n');
+    }
+    print(&text)
+}
+
+/// Prints one line per patch and level.
+pub(crate) fn print_levels(patches: &[PatchReport]) -> anyhow::Result<()> {
+    let levels = patches.iter().flat_map(|patch| patch.levels.iter().map(move |level| (patch, level)));
+    let rows: Vec<_> = levels
+        .map(|(patch, l)| {
+            [
+                format!("{}/L{}", plain(&patch.name), l.level),
+                l.vertices.to_string(),
+                l.faces.to_string(),
+                l.boundary_loops.to_string(),
+                l.flips.to_string(),
+                l.crossings.to_string(),
+                format!("{:.4}", l.qc_mean),
+                format!("{:.3}", l.qc_max),
+                format!("{:.4}", l.area_mean),
+                format!("{:.3}", l.area_max),
+                format!("{:.5}", l.symmetric_dirichlet),
+            ]
+        })
+        .collect();
+    let titles = [
+        "level",
+        "vertices",
+        "faces",
+        "loops",
+        "flips",
+        "crossings",
+        "s1/s2",
+        "max",
+        "area",
+        "max",
+        "symm. Dirichlet",
+    ];
+    print_table(titles, 1, &rows)
+}

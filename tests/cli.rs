@@ -1,0 +1,315 @@
+//! The command as a user runs it: what it writes, what it prints, how it fails.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test may stop at a surprise and say what it skips"
+)]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use assert_cmd::Command;
+use base64::{Engine, prelude::BASE64_STANDARD};
+use dermatome::{io::write_skin, mesh::shapes, skin::Skin};
+use predicates::{prelude::*, str::contains};
+use tempfile::TempDir;
+
+fn dermatome() -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.env_remove("DERMATOME_DATA");
+    command
+}
+
+/// A folder with `cap.glb`, a curved disk of about 400 triangles.
+fn folder_with_a_cap() -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cap.glb");
+    write_skin(&path, &Skin::from_mesh("cap", shapes::cap(400, 0.1, 1.2))).unwrap();
+    (folder, path)
+}
+
+fn data(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("DERMATOME_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let path = folder.join(name);
+    if !path.exists() {
+        println!("skipped: {name}");
+    }
+    path.exists().then_some(path)
+}
+
+/// Names in a folder, hidden ones included.
+fn listing(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn build_writes_its_three_files_and_nothing_else() {
+    let (folder, skin) = folder_with_a_cap();
+    let out = folder.path().join("new/out");
+    dermatome().arg("build").arg(&skin).arg("-o").arg(&out).assert().success().stdout(contains("cap/L0"));
+    assert_eq!(listing(&out), ["map.exr", "map.glb", "report.json"]);
+}
+
+#[test]
+fn build_gives_the_same_bytes_for_any_number_of_threads() {
+    let (folder, skin) = folder_with_a_cap();
+    let bytes = |threads: &str| {
+        let out = folder.path().join(threads);
+        dermatome().args(["build", "--threads", threads]).arg(&skin).arg("-o").arg(&out).assert().success();
+        (fs::read(out.join("map.glb")).unwrap(), fs::read(out.join("map.exr")).unwrap())
+    };
+    let one = bytes("1");
+    for threads in ["2", "7"] {
+        assert!(bytes(threads) == one, "bytes with {threads} threads differ from those with one");
+    }
+}
+
+#[test]
+fn the_report_has_the_documented_keys() {
+    let (folder, skin) = folder_with_a_cap();
+    let out = folder.path().join("out");
+    let printed = dermatome().args(["build", "--json"]).arg(&skin).arg("-o").arg(&out).assert().success();
+    let printed: serde_json::Value = serde_json::from_slice(&printed.get_output().stdout).unwrap();
+    let written: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
+    assert_eq!(printed, written, "--json prints report.json");
+    let keys = |value: &serde_json::Value| {
+        let mut keys: Vec<_> = value.as_object().unwrap().keys().cloned().collect();
+        keys.sort();
+        keys.join(" ")
+    };
+    assert_eq!(keys(&written), "input patches peak_memory_bytes seconds version");
+    assert_eq!(keys(&written["patches"][0]), "levels link name");
+    assert_eq!(
+        keys(&written["patches"][0]["levels"][0]),
+        "area_max area_mean boundary_loops crossings faces flips level qc_max qc_mean symmetric_dirichlet vertices"
+    );
+}
+
+#[test]
+fn errors_say_what_why_and_what_to_do_and_exit_with_2() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in [("none.glb", None), ("empty.glb", Some("")), ("odd.xyz", Some("0 0 0"))] {
+        let path = folder.path().join(name);
+        if let Some(content) = content {
+            fs::write(&path, content).unwrap();
+        }
+        let out = folder.path().join("out");
+        dermatome().arg("build").arg(&path).arg("-o").arg(&out).assert().code(2).stderr(
+            contains("error:").and(contains(name)).and(contains("help:")).and(contains("panicked").not()),
+        );
+        assert!(!out.exists(), "no folder is left behind by {name}");
+    }
+}
+
+#[test]
+fn a_closed_skin_is_refused_with_its_euler_characteristic() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ball.glb");
+    write_skin(&path, &Skin::from_mesh("ball", shapes::tetrahedron())).unwrap();
+    dermatome()
+        .arg("build")
+        .arg(&path)
+        .arg("-o")
+        .arg(folder.path().join("out"))
+        .assert()
+        .code(2)
+        .stderr(contains("Euler characteristic 2").and(contains("ball")));
+}
+
+#[test]
+fn an_output_that_cannot_be_written_leaves_the_older_one() {
+    let (folder, skin) = folder_with_a_cap();
+    let out = folder.path().join("out");
+    fs::write(&out, "a file, not a folder").unwrap();
+    dermatome().arg("build").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("cannot write"));
+    assert_eq!(fs::read_to_string(&out).unwrap(), "a file, not a folder");
+
+    let out = folder.path().join("blocked");
+    fs::create_dir_all(out.join("map.exr")).unwrap();
+    fs::write(out.join("map.glb"), "older").unwrap();
+    dermatome().arg("build").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("map.exr"));
+    assert_eq!(
+        fs::read_to_string(out.join("map.glb")).unwrap(),
+        "older",
+        "files change together or not at all"
+    );
+    assert_eq!(listing(&out), ["map.exr", "map.glb"], "no temporary is left");
+}
+
+#[test]
+fn a_full_disk_is_said() {
+    let (_folder, skin) = folder_with_a_cap();
+    let full = Path::new("/dev/full");
+    if !full.exists() {
+        println!("skipped: /dev/full");
+        return;
+    }
+    let link = skin.with_file_name("full.obj");
+    std::os::unix::fs::symlink(full, &link).unwrap();
+    dermatome().arg("flatten").arg(&skin).arg("-o").arg(&link).assert().code(2).stderr(contains("space"));
+    let stdout = fs::OpenOptions::new().write(true).open(full).unwrap();
+    let output = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
+        .arg("info")
+        .arg(&skin)
+        .stdout(stdout)
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap()
+        .wait_with_output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("space"), "it says that no space is left");
+}
+
+#[test]
+fn a_broken_merge_is_refused_and_check_is_pointed_at() {
+    let Some(path) = data("cyskin/broken_link1_patches_1_2.json") else { return };
+    let out = tempfile::tempdir().unwrap();
+    dermatome()
+        .arg("build")
+        .arg(&path)
+        .arg("-o")
+        .arg(out.path())
+        .assert()
+        .code(2)
+        .stderr(contains("dermatome check"));
+    dermatome()
+        .arg("check")
+        .arg(&path)
+        .assert()
+        .code(1)
+        .stdout(contains("manifold").and(contains("isolated")));
+}
+
+#[test]
+fn two_components_become_two_patches() {
+    let Some(path) = data("cyskin/two_components.json") else { return };
+    dermatome().args(["info", "--json"]).arg(&path).assert().success().stdout(contains("\"name\"").count(2));
+}
+
+#[test]
+fn a_real_cover_is_mapped_almost_without_distortion() {
+    let Some(path) = data("cyskin/ur10e_link1_patch1_isomap.json") else { return };
+    let out = tempfile::tempdir().unwrap();
+    let run = dermatome().args(["build", "--json"]).arg(&path).arg("-o").arg(out.path()).assert().success();
+    let report: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let levels = report["patches"][0]["levels"].as_array().unwrap();
+    assert!(levels.iter().all(|l| l["flips"] == 0), "no level flips");
+    let measure = |key: &str| levels[0][key].as_f64().unwrap();
+    assert!(measure("qc_mean") <= 1.005, "mean s1/s2 {}", measure("qc_mean"));
+    assert!(measure("qc_max") <= 1.1, "max s1/s2 {}", measure("qc_max"));
+    assert!(measure("area_mean") <= 1.01, "mean area ratio {}", measure("area_mean"));
+}
+
+#[test]
+fn completions_and_manual_name_every_subcommand() {
+    for args in [vec!["completions", "bash"], vec!["man"]] {
+        let mut all = dermatome().args(&args).assert().success();
+        for name in ["build", "check", "convert", "coarsen", "flatten", "info", "lookup", "plot"] {
+            all = all.stdout(contains(name));
+        }
+    }
+}
+
+/// A glTF file of `nodes` copies of one large triangle, with a name of `letters` letters.
+fn copies_of_a_triangle(nodes: usize, letters: usize) -> String {
+    let corners: Vec<u8> =
+        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
+    let data = BASE64_STANDARD.encode(corners);
+    serde_json::json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": (0..nodes).collect::<Vec<_>>() }],
+        "nodes": (0..nodes)
+            .map(|k| serde_json::json!({ "mesh": 0, "name": format!("{}{k}", "n".repeat(letters)) }))
+            .collect::<Vec<_>>(),
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": [{
+            "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]
+        }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+        "buffers": [{ "byteLength": 36, "uri": format!("data:application/octet-stream;base64,{data}") }],
+    })
+    .to_string()
+}
+
+#[test]
+fn many_large_images_are_refused_with_a_pixel_size_that_fits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("copies.gltf");
+    fs::write(&path, copies_of_a_triangle(400, 1)).unwrap();
+    let out = folder.path().join("out");
+    dermatome()
+        .arg("build")
+        .arg(&path)
+        .arg("-o")
+        .arg(&out)
+        .assert()
+        .code(2)
+        .stderr(contains("400 images").and(contains("help: draw it with --pixel-mm 1.")));
+    dermatome().args(["build", "--pixel-mm", "10"]).arg(&path).arg("-o").arg(&out).assert().success();
+}
+
+#[test]
+fn a_long_name_is_cut_in_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.gltf");
+    fs::write(&path, copies_of_a_triangle(1, 70_000)).unwrap();
+    let run = dermatome().arg("info").arg(&path).assert().success();
+    assert!(run.get_output().stdout.len() < 1000, "the table stays narrow");
+}
+
+#[test]
+fn a_skin_too_far_away_for_f32_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("far.ply");
+    let mut mesh = shapes::lattice(5, 5, 1e-3);
+    mesh.positions.iter_mut().for_each(|p| p.x += 1e6);
+    write_skin(&path, &Skin::from_mesh("far", mesh)).unwrap();
+    dermatome().arg("build").arg(&path).arg("-o").arg(folder.path().join("out")).assert().code(2).stderr(
+        contains("without area after rounding").and(contains("map.glb")).and(contains(".dermatome").not()),
+    );
+}
+
+#[test]
+fn a_linear_map_that_flips_is_written_and_said() {
+    let out = tempfile::tempdir().unwrap();
+    let forearm = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/forearm.glb");
+    let linear = ["--method", "linear"];
+    dermatome()
+        .arg("build")
+        .arg(&forearm)
+        .arg("-o")
+        .arg(out.path())
+        .args(linear)
+        .assert()
+        .success()
+        .stderr(contains("flipped"));
+}
+
+#[test]
+fn what_a_format_cannot_keep_is_said() {
+    let out = tempfile::tempdir().unwrap();
+    let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/robot.glb");
+    for (name, said) in [("r.json", true), ("r.ply", true), ("r.glb", false)] {
+        let run = dermatome().arg("convert").arg(&robot).arg(out.path().join(name)).assert().success();
+        let note = String::from_utf8_lossy(&run.get_output().stderr).contains("keeps everything");
+        assert_eq!(note, said, "{name}");
+    }
+}
+
+#[test]
+fn extensions_and_options_out_of_range_are_refused() {
+    let (folder, skin) = folder_with_a_cap();
+    let out = folder.path().join("levels.obj");
+    dermatome().arg("coarsen").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("glb"));
+    dermatome().arg("info").arg(&skin).args(["--threads", "100000"]).assert().code(2).stderr(contains("512"));
+    dermatome().arg("coarsen").arg(&skin).args(["-o", "x.glb", "--ratio", "1.5"]).assert().code(2);
+}

@@ -1,0 +1,105 @@
+//! What every input of `meshes/` promises.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::sync::LazyLock;
+
+use dermatome::{
+    id::VertexId,
+    mesh::{Adjacency, TriMesh, angle},
+    skin::{Draft, Sheet, Skin, check},
+};
+use glam::DVec3;
+
+/// Every skin, made once for all tests.
+static SKINS: LazyLock<Vec<(&str, Skin)>> =
+    LazyLock::new(|| meshes::ALL.iter().map(|(name, generate)| (*name, generate())).collect());
+
+fn mesh_of(skin: &Skin) -> &TriMesh {
+    &skin.patches.iter().next().unwrap().mesh
+}
+
+#[test]
+fn every_patch_is_a_disk_with_holes_in_the_size_asked_for() {
+    for (name, skin) in SKINS.iter() {
+        skin.validate().unwrap();
+        let taxels: usize = skin.patches.iter().map(|p| p.ids.len()).sum();
+        assert!((300..=10_000).contains(&taxels), "{name} has {taxels} taxels");
+        for patch in &skin.patches {
+            let adjacency = Adjacency::new(&patch.mesh).unwrap();
+            let loops = i64::try_from(adjacency.boundary_loops().len()).unwrap();
+            assert!(loops >= 1, "{name}: {} is open", patch.name);
+            assert_eq!(adjacency.euler_characteristic(), 2 - loops, "{name}: {} has no handles", patch.name);
+        }
+    }
+}
+
+/// In degrees.
+fn smallest_angle(mesh: &TriMesh) -> f64 {
+    let angles = mesh.triangles.ids().flat_map(|f| {
+        let [a, b, c] = mesh.corners(f);
+        [angle(a, b, c), angle(b, c, a), angle(c, a, b)]
+    });
+    angles.fold(f64::INFINITY, f64::min).to_degrees()
+}
+
+#[test]
+fn triangles_are_well_shaped() {
+    for (name, skin) in SKINS.iter() {
+        for patch in &skin.patches {
+            let smallest = smallest_angle(&patch.mesh);
+            assert!(smallest > 10.0, "{name}: {} has an angle of {smallest} degrees", patch.name);
+        }
+    }
+}
+
+#[test]
+fn nothing_is_found_wrong() {
+    for (name, skin) in SKINS.iter() {
+        let sheet = |patch: &dermatome::skin::Patch| Sheet {
+            name: patch.name.clone(),
+            link: Some(patch.link),
+            positions: patch.mesh.positions.as_slice().to_vec(),
+            triangles: patch.mesh.triangles.iter().map(|t| t.map(VertexId::raw)).collect(),
+            ids: Some(patch.ids.as_slice().to_vec()),
+            normals: Some(patch.normals.as_slice().to_vec()),
+            ..Sheet::default()
+        };
+        let draft = Draft { links: skin.links.clone(), sheets: skin.patches.iter().map(sheet).collect() };
+        assert_eq!(check(&draft), [], "{name}");
+    }
+}
+
+#[test]
+fn positions_survive_a_file_of_single_precision() {
+    for (name, skin) in SKINS.iter() {
+        for patch in &skin.patches {
+            assert!(patch.mesh.positions.iter().all(|p| p.as_vec3().as_dvec3() == *p), "{name}");
+        }
+    }
+}
+
+#[test]
+fn fingertips_are_ten_times_denser_than_the_palm() {
+    let (_, skin) = SKINS.iter().find(|(name, _)| *name == "hand").unwrap();
+    let mesh = mesh_of(skin);
+    let density = |is_there: &dyn Fn(DVec3) -> bool| {
+        let (mut count, mut area) = (0.0, 0.0);
+        for (v, a) in mesh.vertex_areas().enumerate() {
+            if is_there(mesh.positions[v]) {
+                count += 1.0;
+                area += a;
+            }
+        }
+        count / area
+    };
+    let palm = density(&|p| p.x.abs() < 0.025 && (0.015..0.06).contains(&p.y));
+    let tip = density(&|p| p.x.abs() < 0.02 && (0.147..0.157).contains(&p.y));
+    assert!((8.0..12.0).contains(&(tip / palm)), "fingertip over palm: {}", tip / palm);
+}
+
+#[test]
+fn a_skin_is_the_same_every_time() {
+    for ((name, skin), (_, generate)) in SKINS.iter().zip(meshes::ALL) {
+        assert_eq!(*skin, generate(), "{name}");
+    }
+}
