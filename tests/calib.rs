@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use dermatome::{
     calib::{
         CalibError, CalibOptions, Calibration, Contact, Information, Method, Model, Motion, Observations,
-        Pose, Residual, Robust, SimulateOptions, Simulation, Start, Touch, calibrate, compare, simulate,
+        Outside, Pose, Residual, Robust, SimulateOptions, Start, Touch, calibrate, calibrated_skin, compare,
+        simulate,
     },
     id::{IdVec, VertexId},
     io::read_observations,
@@ -107,7 +108,7 @@ fn contacts_of_all_taxels_reach_their_bound() {
 
 #[test]
 fn poses_fit_as_their_noise_says() {
-    let runs: Vec<_> = (0..8)
+    let runs: Vec<_> = (0..20)
         .map(|seed| {
             let simulation = simulate(&poses(seed)).unwrap();
             let found = solve(&simulation.observations, &CalibOptions::default());
@@ -122,7 +123,7 @@ fn poses_fit_as_their_noise_says() {
 
 #[test]
 fn poses_with_touched_normals_fit_as_their_noise_says() {
-    let runs: Vec<_> = (0..4)
+    let runs: Vec<_> = (0..20)
         .map(|seed| {
             let options =
                 SimulateOptions { anchors: 50, normal_noise: Some(2_f64.to_radians()), ..poses(seed) };
@@ -134,16 +135,15 @@ fn poses_with_touched_normals_fit_as_their_noise_says() {
         .collect();
     let (chi, nees) = (mean(runs.iter().map(|r| r.0)), mean(runs.iter().map(|r| r.1)));
     assert!((chi - 1.0).abs() < 0.02, "chi-square over degrees {chi}");
-    assert!((2.5..3.5).contains(&nees), "NEES {nees}");
+    assert!((2.7..3.3).contains(&nees), "NEES {nees}");
 }
 
 #[test]
 fn wrong_attributions_are_let_go() {
-    // Means over 30 seeds: 1.21 and 1.83 mm (graduated), 1.21 and 1.88 mm (Tukey). At 20 % some taxels on the boundary have
-    // one good edge among three: which it is cannot be known, so single seeds differ by 0.3 mm.
-    for (share, bound) in [(0.05, 1.30), (0.20, 2.0)] {
-        for robust in [Robust::Graduated, Robust::Tukey] {
-            let rmse = mean((0..10).map(|seed| {
+    // Measured: 1.14 to 1.19, 1.19 to 1.22 and 1.45 to 1.52 mm; with the wrong edges known, about 1.17 and 1.41 mm.
+    for (share, bound) in [(0.0, 1.20), (0.05, 1.30), (0.20, 1.80)] {
+        for robust in [Robust::Graduated, Robust::Tukey, Robust::GemanMcClure] {
+            let rmse = mean((0..20).map(|seed| {
                 let options = SimulateOptions { outliers: share, seed, ..SimulateOptions::default() };
                 let simulation = simulate(&options).unwrap();
                 let options = CalibOptions { robust, ..CalibOptions::default() };
@@ -391,13 +391,10 @@ fn partly_anchored_poses_keep_what_is_held() {
     }
 }
 
-/// Two sheets that nothing joins, one of them anchored.
-#[test]
-fn components_are_calibrated_each_in_its_own_gauge() {
-    let Simulation { observations: mut both, .. } = simulate(&small(Model::Positions)).unwrap();
-    let other = simulate(&SimulateOptions { seed: 9, ..small(Model::Positions) }).unwrap().observations;
-    let first = both.taxels.len();
-    let shift = |v: VertexId| VertexId::new(v.index() + first);
+/// Both graphs in one, with nothing between them; the ids of the second count from 1000.
+fn side_by_side(one: &Observations, other: &Observations) -> Observations {
+    let mut both = one.clone();
+    let shift = |v: VertexId| VertexId::new(v.index() + one.taxels.len());
     for taxel in &other.taxels {
         let id = dermatome::id::TaxelId(taxel.id.0 + 1000);
         both.taxels.push(dermatome::calib::Unknown { id, ..*taxel });
@@ -409,6 +406,17 @@ fn components_are_calibrated_each_in_its_own_gauge() {
             motion: edge.motion.clone(),
         });
     }
+    both
+}
+
+/// Two sheets that nothing joins, one of them anchored.
+#[test]
+fn components_are_calibrated_each_in_its_own_gauge() {
+    let one = simulate(&small(Model::Positions)).unwrap().observations;
+    let other = simulate(&SimulateOptions { seed: 9, ..small(Model::Positions) }).unwrap().observations;
+    let first = one.taxels.len();
+    let shift = |v: VertexId| VertexId::new(v.index() + first);
+    let mut both = side_by_side(&one, &other);
     let position = DVec3::new(1.0, 2.0, 3.0);
     let touch = Touch::Position { position, information: Information::isotropic(1e6) };
     both.contacts.push(Contact { taxel: shift(VertexId::new(4)), touch });
@@ -419,6 +427,23 @@ fn components_are_calibrated_each_in_its_own_gauge() {
     let alone = solve(&other, &CalibOptions::default());
     let part: IdVec<VertexId, Pose> = found.poses.iter().skip(first).copied().collect();
     assert!(compare(&part, &alone.poses).unwrap().rigid < 1e-12, "one does not feel the other");
+}
+
+/// Reversing the order of taxels turns the first triangle of a sheet over: sheets must be turned one by one.
+#[test]
+fn every_sheet_of_a_skin_is_seen_from_outside() {
+    let one = simulate(&small(Model::Poses)).unwrap().observations;
+    for other in [&one, &reversed(&one)] {
+        let both = side_by_side(&one, other);
+        let made = calibrated_skin(&solve(&both, &CalibOptions::default()), &both, None).unwrap();
+        assert_eq!((made.outside, made.skin.patches.len()), (Outside::Frames, 2));
+        for patch in &made.skin.patches {
+            for face in patch.mesh.triangles.ids() {
+                let normal = patch.normals[patch.mesh.triangles[face][0]];
+                assert!(patch.mesh.face_cross(face).dot(normal) > 0.0, "{face:?} of {}", patch.name);
+            }
+        }
+    }
 }
 
 #[test]

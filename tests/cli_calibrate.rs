@@ -87,6 +87,30 @@ fn contacts_come_in_a_table_of_their_own() {
 }
 
 #[test]
+fn every_observation_has_a_line_in_the_report_of_inliers() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    dermatome(folder)
+        .args(["simulate", "-o", "o.g2o", "--outliers", "0.1", "--anchors", "5", "--contacts", "c.csv"])
+        .assert()
+        .success();
+    let done = dermatome(folder)
+        .args(["calibrate", "o.g2o", "--contacts", "c.csv", "-o", "s.csv", "--robust", "gnc", "--json"])
+        .args(["--inliers", "i.csv"])
+        .assert()
+        .success()
+        .stderr(contains("noise does not explain"));
+    let table = fs::read_to_string(folder.join("i.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().map(|l| l.split(',').collect()).collect();
+    assert_eq!(rows[0], ["i", "j", "sigmas", "weight", "inlier"]);
+    assert_eq!(rows.len(), 1 + 1419 + 5);
+    assert!(rows[1..=1419].iter().all(|r| !r[1].is_empty()) && rows[1420..].iter().all(|r| r[1].is_empty()));
+    let rejected = rows[1..].iter().filter(|r| r[4] == "0").count();
+    assert_eq!(json(&done.get_output().stdout)["rejected"], rejected);
+    assert!((100..220).contains(&rejected), "{rejected} of some 142 wrong ones");
+}
+
+#[test]
 fn a_solve_that_does_not_converge_writes_nothing_unless_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -14,12 +14,14 @@
 //! in SE(3). Where no contact says where a sheet of taxels is, it stays where its first taxel started, and
 //! covariances are those left after the best alignment ([`Marginals`]).
 
+mod attribution;
 mod calibrate;
 mod cap;
 mod chi_square;
 mod compare;
 mod components;
 mod error;
+mod fit;
 mod gauge;
 mod information;
 mod marginals;
@@ -31,16 +33,18 @@ mod random;
 mod reconsider;
 mod residual;
 mod robust;
+mod search;
 mod simulate;
 mod skin_out;
 mod start;
 mod undecided;
 
-pub use calibrate::{CalibOptions, Calibration, Fit, FreeComponent, Uncertainty, Weights, calibrate};
+pub use calibrate::{CalibOptions, Calibration, FreeComponent, Uncertainty, Weights, calibrate};
 pub use cap::Cap;
 pub use chi_square::chi_square_tail;
 pub use compare::{Comparison, compare};
 pub use error::CalibError;
+pub use fit::Fit;
 pub use information::Information;
 pub use marginals::Marginals;
 pub use observations::{
@@ -51,5 +55,5 @@ pub use pose::Pose;
 pub use residual::Residual;
 pub use robust::Robust;
 pub use simulate::{Probe, SimulateOptions, Simulation, simulate};
-pub use skin_out::{CalibratedSkin, calibrated_skin};
+pub use skin_out::{CalibratedSkin, Outside, calibrated_skin};
 pub use start::Start;

@@ -14,19 +14,19 @@ use crate::{
 /// Where every taxel is thought to be.
 pub(super) type State = IdVec<VertexId, Pose>;
 
-/// One number for every observation.
+/// One value for every observation.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct PerObservation {
-    pub(super) edges: IdVec<EdgeId, f64>,
-    pub(super) contacts: IdVec<ContactId, f64>,
+pub(super) struct PerObservation<T = f64> {
+    pub(super) edges: IdVec<EdgeId, T>,
+    pub(super) contacts: IdVec<ContactId, T>,
 }
 
-impl PerObservation {
-    pub(super) fn map(&self, f: impl Fn(f64) -> f64) -> Self {
-        Self { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
+impl<T: Copy> PerObservation<T> {
+    pub(super) fn map<U>(&self, f: impl Fn(T) -> U) -> PerObservation<U> {
+        PerObservation { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = f64> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = T> {
         self.edges.iter().chain(&self.contacts).copied()
     }
 }

@@ -3,7 +3,7 @@ use crate::{
         CalibError,
         gauge::Free,
         normal_equations::{PerObservation, Problem, Shape, State},
-        robust::Kernel,
+        robust::Kernels,
     },
     sparse::{BlockMatrix, SparseError},
 };
@@ -97,8 +97,8 @@ const EXACT_FIT: f64 = 1e-20;
 /// What weights the squares get while the optimisation runs.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Weighting<'w> {
-    /// From the kernels of edges and contacts, at every step anew.
-    Kernels { edges: Kernel, contacts: &'w [Kernel] },
+    /// From kernels, at every step anew.
+    Kernels(&'w Kernels),
     /// Given.
     Fixed(&'w PerObservation),
 }
@@ -106,10 +106,7 @@ pub(super) enum Weighting<'w> {
 impl Weighting<'_> {
     pub(super) fn cost(&self, squares: &PerObservation) -> f64 {
         let sum: f64 = match self {
-            Self::Kernels { edges, contacts } => {
-                let sum: f64 = squares.edges.iter().map(|&s| edges.cost(s)).sum();
-                sum + squares.contacts.iter().zip(*contacts).map(|(&s, k)| k.cost(s)).sum::<f64>()
-            }
+            Self::Kernels(kernels) => kernels.costs(squares).iter().sum(),
             Self::Fixed(weights) => weights.iter().zip(squares.iter()).map(|(w, s)| w * s).sum(),
         };
         0.5 * sum
@@ -117,10 +114,7 @@ impl Weighting<'_> {
 
     pub(super) fn weights(&self, squares: &PerObservation) -> PerObservation {
         match self {
-            Self::Kernels { edges, contacts } => PerObservation {
-                edges: squares.edges.map(|&s| edges.weight(s)),
-                contacts: squares.contacts.iter().zip(*contacts).map(|(&s, k)| k.weight(s)).collect(),
-            },
+            Self::Kernels(kernels) => kernels.weights(squares),
             Self::Fixed(weights) => (*weights).clone(),
         }
     }
@@ -275,7 +269,10 @@ impl Control {
                     if falls(&next) {
                         let predicted = linear.predicted(&step, self.damping);
                         self.relax((point.cost - next.cost) / predicted);
-                        return Ok(Some((next, iteration)));
+                        return Ok(Some(match weighting {
+                            Weighting::Kernels(_) => stride((next, iteration), step, self.damping, attempt),
+                            Weighting::Fixed(_) => (next, iteration),
+                        }));
                     }
                 }
                 // Damping would hide a taxel that nothing determines.
@@ -341,6 +338,28 @@ impl Control {
             if radius.is_nan() || radius <= 1e-12 * length(&newton) {
                 return Ok(None);
             }
+        }
+    }
+}
+
+/// Doubles `step` as long as that lowers the cost.
+///
+/// Reweighting replaces a kernel by a parabola above it, whose minimum falls short of the kernel's own: where the weights
+/// are small, so short that hundreds of steps would be needed.
+fn stride(
+    mut best: (Point, Iteration),
+    mut step: Vec<f64>,
+    control: f64,
+    attempt: impl Fn(&[f64], f64) -> (Point, Iteration),
+) -> (Point, Iteration) {
+    loop {
+        step.iter_mut().for_each(|x| *x *= 2.0);
+        let next = attempt(&step, control);
+        // Written so that a cost that is no number ends it, too.
+        if next.0.cost < best.0.cost {
+            best = next;
+        } else {
+            return best;
         }
     }
 }

@@ -2,7 +2,7 @@ use crate::{
     calib::{
         Motion, Observations, Pose,
         normal_equations::{Problem, State},
-        robust::Kernel,
+        robust::Kernels,
     },
     id::{EdgeId, IdVec, VertexId},
 };
@@ -13,23 +13,18 @@ use crate::{
 /// Truncated least squares has many minima, and graduated non-convexity ends in one of the better ones only where most
 /// of a taxel's edges are right. With its neighbours held, the truncated cost of one taxel has at most one minimum
 /// for each set of edges that agree, so trying the place each edge names finds the best.
-pub(super) fn reconsider(
-    problem: &Problem<'_>,
-    state: &mut State,
-    edge_kernel: &Kernel,
-    contact_kernels: &[Kernel],
-) -> bool {
+pub(super) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Kernels) -> bool {
     let observations = problem.observations;
     let edges_of = edges_of_taxels(observations);
     let mut contacts_of: IdVec<VertexId, Vec<_>> = observations.taxels.map(|_| Vec::new());
-    for (contact, kernel) in observations.contacts.iter().zip(contact_kernels) {
+    for (contact, kernel) in observations.contacts.iter().zip(&kernels.contacts) {
         contacts_of[contact.taxel].push((contact, kernel));
     }
     let mut moved = false;
     for v in observations.taxels.ids().filter(|&v| problem.rows[v].is_some()) {
         let cost = |state: &State| {
             let edges: f64 =
-                edges_of[v].iter().map(|&e| edge_kernel.cost(problem.edge_square(e, state))).sum();
+                edges_of[v].iter().map(|&e| kernels.edges[e].cost(problem.edge_square(e, state))).sum();
             let contacts =
                 contacts_of[v].iter().map(|(c, k)| k.cost(problem.touch_square(&c.touch, &state[v])));
             edges + contacts.sum::<f64>()
@@ -37,7 +32,8 @@ pub(super) fn reconsider(
         let here = state[v];
         let (mut best, mut lowest) = (here, cost(state));
         // A taxel whose observations all agree cannot be better off.
-        let all_agree = edges_of[v].iter().all(|&e| problem.edge_square(e, state) <= edge_kernel.bound2());
+        let agrees = |&e: &EdgeId| kernels.edges[e].keeps(problem.edge_square(e, state));
+        let all_agree = edges_of[v].iter().all(agrees);
         if all_agree {
             continue;
         }

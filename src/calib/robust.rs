@@ -1,4 +1,12 @@
-use crate::calib::chi_square::quantile;
+use crate::{
+    calib::{
+        Model, Observations, Touch,
+        attribution::{LogOdds, stretch},
+        chi_square::quantile,
+        normal_equations::PerObservation,
+    },
+    id::{ContactId, EdgeId, IdVec},
+};
 
 /// How much an observation that does not fit may pull.
 ///
@@ -40,9 +48,9 @@ impl Robust {
 /// Share of good observations that Huber's and Cauchy's kernels leave as they are.
 const UNTOUCHED: f64 = 0.95;
 
-/// Share of good observations that truncated least squares keeps: three standard deviations of a normal variable.
-/// With 0.99 the good ones that are lost cost 2 % of the accuracy at 5 % outliers.
-const KEPT: f64 = 0.997;
+/// Share of good observations that count as good: three standard deviations of a normal variable. Where truncated least
+/// squares keeps 0.99, the good ones that are lost cost 2 % of the accuracy at 5 % outliers.
+pub(super) const KEPT: f64 = 0.997;
 
 /// Tukey's bound over Huber's: with 3 degrees of freedom it lets go at 6 standard deviations.
 const TUKEY_OVER_HUBER: f64 = 2.147;
@@ -56,6 +64,7 @@ pub(super) const SMALLEST_WEIGHT: f64 = 1e-8;
 pub(super) struct Kernel {
     robust: Robust,
     bound2: f64,
+    outlier2: f64,
 }
 
 impl Kernel {
@@ -67,12 +76,18 @@ impl Kernel {
             Robust::Tukey => quantile(UNTOUCHED, degrees) * TUKEY_OVER_HUBER * TUKEY_OVER_HUBER,
             Robust::Graduated => quantile(KEPT, degrees),
         };
-        Self { robust, bound2 }
+        let outlier2 = if robust == Robust::None { f64::INFINITY } else { quantile(KEPT, degrees) };
+        Self { robust, bound2, outlier2 }
     }
 
-    /// The square of the length beyond which an observation counts as an outlier.
-    pub(super) fn bound2(&self) -> f64 {
-        self.bound2
+    /// Whether noise explains a squared error.
+    pub(super) fn keeps(&self, square: f64) -> bool {
+        square <= self.outlier2
+    }
+
+    /// The kernel whose bounds are those of this one, squared, times `factor`.
+    fn stretched(self, factor: f64) -> Self {
+        Self { bound2: self.bound2 * factor, outlier2: self.outlier2 * factor, ..self }
     }
 
     /// What a squared error of `square` costs, twice: `square` itself under least squares.
@@ -120,6 +135,63 @@ impl Kernel {
     }
 }
 
+/// The kernel of every observation.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Kernels {
+    pub(super) edges: IdVec<EdgeId, Kernel>,
+    pub(super) contacts: IdVec<ContactId, Kernel>,
+}
+
+impl Kernels {
+    /// Kernels whose bounds follow from what each observation says, and from the `odds` that it is attributed right if
+    /// they are known.
+    pub(super) fn new(observations: &Observations, robust: Robust, odds: Option<&LogOdds>) -> Self {
+        let model = observations.model;
+        let edge = Kernel::new(robust, model.unknowns());
+        let edges = match odds {
+            None => observations.edges.map(|_| edge),
+            Some(odds) => odds.map(|&o| edge.stretched(stretch(o, model.unknowns()))),
+        };
+        let degrees = |touch: &Touch| match touch {
+            Touch::Position { .. } => 3,
+            Touch::PositionNormal { .. } if model == Model::Positions => 3,
+            Touch::PositionNormal { .. } => 5,
+            Touch::Pose(_) => 6,
+        };
+        Self { edges, contacts: observations.contacts.map(|c| Kernel::new(robust, degrees(&c.touch))) }
+    }
+
+    pub(super) fn costs(&self, squares: &PerObservation) -> PerObservation {
+        self.each(squares, Kernel::cost)
+    }
+
+    pub(super) fn weights(&self, squares: &PerObservation) -> PerObservation {
+        self.each(squares, Kernel::weight)
+    }
+
+    /// Which observations noise explains.
+    pub(super) fn keep(&self, squares: &PerObservation) -> PerObservation<bool> {
+        self.each(squares, Kernel::keeps)
+    }
+
+    /// [`Kernel::graduated_weight`] of every observation.
+    pub(super) fn graduated_weights(&self, mu: f64, squares: &PerObservation) -> PerObservation {
+        self.each(squares, |kernel, square| kernel.graduated_weight(mu, square))
+    }
+
+    /// The largest square over its bound.
+    pub(super) fn worst(&self, squares: &PerObservation) -> f64 {
+        self.each(squares, |kernel, square| square / kernel.bound2).iter().fold(0.0, f64::max)
+    }
+
+    fn each<T>(&self, squares: &PerObservation, f: impl Fn(&Kernel, f64) -> T) -> PerObservation<T> {
+        PerObservation {
+            edges: self.edges.iter().zip(&squares.edges).map(|(k, &s)| f(k, s)).collect(),
+            contacts: self.contacts.iter().zip(&squares.contacts).map(|(k, &s)| f(k, s)).collect(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,7 +224,7 @@ mod tests {
     #[test]
     fn graduated_weights_end_in_truncation() {
         let kernel = Kernel::new(Robust::Graduated, 3);
-        for square in [0.5 * kernel.bound2(), 2.0 * kernel.bound2()] {
+        for square in [0.5 * kernel.bound2, 2.0 * kernel.bound2] {
             let late = kernel.graduated_weight(1e6, square);
             assert!((late - kernel.weight(square)).abs() < 1e-6, "{late} at {square}");
         }

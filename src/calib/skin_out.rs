@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3};
 
 use crate::{
     calib::{CalibError, Calibration, Model, Observations, Touch},
-    id::{IdVec, VertexId},
+    id::{IdVec, LinkId, VertexId},
     mesh::TriMesh,
     skin::{Link, Patch, Skin},
 };
@@ -16,8 +16,21 @@ pub struct CalibratedSkin {
     pub skin: Skin,
     /// Taxels that no triangle uses: they are left out of the skin.
     pub left_out: Vec<VertexId>,
-    /// Whether the whole skin was turned over because its triangles were seen from inside.
-    pub turned: bool,
+    /// What told the outside.
+    pub outside: Outside,
+}
+
+/// What told which side of a calibrated skin is outside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outside {
+    /// The triangles given.
+    Triangles,
+    /// The z axes of the taxels' frames.
+    Frames,
+    /// The normals of contacts.
+    Contacts,
+    /// Nothing: it is taken to be away from the origin.
+    Origin,
 }
 
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
@@ -34,7 +47,7 @@ pub fn calibrated_skin(
     triangles: Option<&[[VertexId; 3]]>,
 ) -> Result<CalibratedSkin, CalibError> {
     let taxels = calibration.poses.len();
-    let mut faces: Vec<[VertexId; 3]> = match triangles {
+    let faces: Vec<[VertexId; 3]> = match triangles {
         Some(given) => given.to_vec(),
         None => oriented(lattice_triangles(observations))?,
     };
@@ -45,45 +58,61 @@ pub fn calibrated_skin(
     if faces.is_empty() {
         return Err(CalibError::NoTriangulation { what: "no three taxels are joined by edges".into() });
     }
-    let turned = triangles.is_none() && outwardness(calibration, observations, &faces) < 0.0;
-    if turned {
-        faces.iter_mut().for_each(|f| f.swap(1, 2));
+    let (mut sheets, left_out) = sheets(taxels, &faces);
+    let mut outside = Outside::Triangles;
+    if triangles.is_none() {
+        let (told_by, directions) = outward(calibration, observations);
+        outside = told_by;
+        sheets.iter_mut().for_each(|sheet| sheet.turn_to(calibration, &directions));
     }
     let mut skin = Skin::default();
     let link = skin.links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY });
-    let (sheets, left_out) = sheets(taxels, &faces);
     let single = sheets.len() == 1;
     for (k, sheet) in sheets.iter().enumerate() {
         let name = if single { "skin".to_owned() } else { format!("skin{}", k + 1) };
-        skin.patches.push(patch(calibration, sheet, &faces, name, link));
+        skin.patches.push(sheet.patch(calibration, name, link));
     }
     skin.validate().map_err(|e| CalibError::NoTriangulation { what: e.to_string() })?;
-    Ok(CalibratedSkin { skin, left_out, turned })
+    Ok(CalibratedSkin { skin, left_out, outside })
 }
 
-fn patch(
-    calibration: &Calibration,
-    sheet: &[VertexId],
-    faces: &[[VertexId; 3]],
-    name: String,
-    link: crate::id::LinkId,
-) -> Patch {
-    let place: HashMap<VertexId, VertexId> =
-        sheet.iter().enumerate().map(|(k, &v)| (v, VertexId::new(k))).collect();
-    let triangles =
-        faces.iter().filter_map(|f| Some([*place.get(&f[0])?, *place.get(&f[1])?, *place.get(&f[2])?]));
-    let mesh = TriMesh {
-        positions: sheet.iter().map(|&v| calibration.poses[v].position).collect(),
-        triangles: triangles.collect(),
-    };
-    let mut patch = Patch::from_mesh(name, link, mesh);
-    patch.ids = sheet.iter().map(|&v| calibration.ids[v]).collect();
-    if calibration.model == Model::Poses {
-        patch.normals = sheet.iter().map(|&v| calibration.poses[v].rotation * DVec3::Z).collect();
+/// A connected sheet of triangles.
+#[derive(Debug, Clone, Default)]
+struct Sheet {
+    /// Its taxels, ascending.
+    taxels: Vec<VertexId>,
+    faces: Vec<[VertexId; 3]>,
+}
+
+impl Sheet {
+    /// Turns the sheet over if most of it is seen from inside.
+    fn turn_to(&mut self, calibration: &Calibration, outside: &IdVec<VertexId, DVec3>) {
+        let at = |v: VertexId| calibration.poses[v].position;
+        let vote = |&[a, b, c]: &[VertexId; 3]| {
+            (at(b) - at(a)).cross(at(c) - at(a)).dot(outside[a] + outside[b] + outside[c])
+        };
+        if self.faces.iter().map(vote).sum::<f64>() < 0.0 {
+            self.faces.iter_mut().for_each(|f| f.swap(1, 2));
+        }
     }
-    patch.covariances =
-        calibration.marginals.as_ref().map(|m| sheet.iter().map(|&v| m.positions[v]).collect());
-    patch
+
+    fn patch(&self, calibration: &Calibration, name: String, link: LinkId) -> Patch {
+        let taxels = || self.taxels.iter();
+        let place: HashMap<VertexId, VertexId> =
+            taxels().enumerate().map(|(k, &v)| (v, VertexId::new(k))).collect();
+        let mesh = TriMesh {
+            positions: taxels().map(|&v| calibration.poses[v].position).collect(),
+            triangles: self.faces.iter().map(|f| f.map(|v| place[&v])).collect(),
+        };
+        let mut patch = Patch::from_mesh(name, link, mesh);
+        patch.ids = taxels().map(|&v| calibration.ids[v]).collect();
+        if calibration.model == Model::Poses {
+            patch.normals = taxels().map(|&v| calibration.poses[v].rotation * DVec3::Z).collect();
+        }
+        patch.covariances =
+            calibration.marginals.as_ref().map(|m| taxels().map(|&v| m.positions[v]).collect());
+        patch
+    }
 }
 
 /// All triples of taxels that edges join pairwise, each once, corners ascending.
@@ -151,31 +180,25 @@ fn directed(f: &[VertexId; 3]) -> [[VertexId; 2]; 3] {
     [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]]
 }
 
-/// Positive if the triangles are seen from outside.
-fn outwardness(calibration: &Calibration, observations: &Observations, faces: &[[VertexId; 3]]) -> f64 {
-    let mut outside: IdVec<VertexId, DVec3> = calibration.poses.map(|p| match calibration.model {
-        Model::Poses => p.rotation * DVec3::Z,
-        Model::Positions => DVec3::ZERO,
-    });
-    if calibration.model == Model::Positions {
-        for contact in &observations.contacts {
-            if let Touch::PositionNormal { normal, .. } = contact.touch {
-                outside[contact.taxel] += normal;
-            }
-        }
-        if outside.iter().all(|n| *n == DVec3::ZERO) {
-            outside = calibration.poses.map(|p| p.position);
+/// The outward direction of every taxel as far as it is known, and what tells it.
+fn outward(calibration: &Calibration, observations: &Observations) -> (Outside, IdVec<VertexId, DVec3>) {
+    if calibration.model == Model::Poses {
+        return (Outside::Frames, calibration.poses.map(|p| p.rotation * DVec3::Z));
+    }
+    let mut touched = calibration.poses.map(|_| DVec3::ZERO);
+    for contact in &observations.contacts {
+        if let Touch::PositionNormal { normal, .. } = contact.touch {
+            touched[contact.taxel] += normal;
         }
     }
-    let at = |v: VertexId| calibration.poses[v].position;
-    let vote = |&[a, b, c]: &[VertexId; 3]| {
-        (at(b) - at(a)).cross(at(c) - at(a)).dot(outside[a] + outside[b] + outside[c])
-    };
-    faces.iter().map(vote).sum()
+    if touched.iter().any(|n| *n != DVec3::ZERO) {
+        return (Outside::Contacts, touched);
+    }
+    (Outside::Origin, calibration.poses.map(|p| p.position))
 }
 
-/// The taxels of every connected sheet of triangles, ascending, and the taxels without triangle.
-fn sheets(taxels: usize, faces: &[[VertexId; 3]]) -> (Vec<Vec<VertexId>>, Vec<VertexId>) {
+/// The connected sheets of triangles in the order of their first taxels, and the taxels without triangle.
+fn sheets(taxels: usize, faces: &[[VertexId; 3]]) -> (Vec<Sheet>, Vec<VertexId>) {
     let mut around: IdVec<VertexId, Vec<VertexId>> = IdVec::filled(Vec::new(), taxels);
     for f in faces {
         for [a, b] in directed(f) {
@@ -183,26 +206,35 @@ fn sheets(taxels: usize, faces: &[[VertexId; 3]]) -> (Vec<Vec<VertexId>>, Vec<Ve
             around[b].push(a);
         }
     }
-    let mut reached = around.map(Vec::is_empty);
-    let left_out = reached.enumerate().filter(|(_, r)| **r).map(|(v, _)| v).collect();
-    let mut sheets = Vec::new();
+    let mut sheet_of: IdVec<VertexId, Option<usize>> = around.map(|_| None);
+    let mut sheets: Vec<Sheet> = Vec::new();
+    let mut left_out = Vec::new();
     for first in around.ids() {
-        if reached[first] {
+        if around[first].is_empty() {
+            left_out.push(first);
+        }
+        if around[first].is_empty() || sheet_of[first].is_some() {
             continue;
         }
-        reached[first] = true;
-        let (mut sheet, mut open) = (Vec::new(), vec![first]);
+        let number = Some(sheets.len());
+        sheet_of[first] = number;
+        let (mut sheet, mut open) = (Sheet::default(), vec![first]);
         while let Some(v) = open.pop() {
-            sheet.push(v);
+            sheet.taxels.push(v);
             for &next in &around[v] {
-                if !reached[next] {
-                    reached[next] = true;
+                if sheet_of[next].is_none() {
+                    sheet_of[next] = number;
                     open.push(next);
                 }
             }
         }
-        sheet.sort_unstable();
+        sheet.taxels.sort_unstable();
         sheets.push(sheet);
+    }
+    for &f in faces {
+        if let Some(number) = sheet_of[f[0]] {
+            sheets[number].faces.push(f);
+        }
     }
     (sheets, left_out)
 }

@@ -6,7 +6,7 @@ use csv::{StringRecord, Writer};
 use glam::{DQuat, DVec3};
 
 use crate::{
-    calib::{Calibration, Pose},
+    calib::{Calibration, Observations, Pose},
     id::{IdVec, TaxelId, VertexId},
     io::{
         IoError,
@@ -75,6 +75,35 @@ pub fn write_triangles(
     write_table(path, &["i", "j", "k"], |row, k: VertexId| {
         let corners = triangles.get(k.index())?;
         row.extend(corners.iter().filter_map(|&v| ids.get(v)).map(ToString::to_string));
+        Some(())
+    })
+}
+
+/// Writes how well every observation fits: `i,j,sigmas,weight,inlier`, edges first, then contacts with an empty `j`.
+///
+/// `sigmas` is the length of the whitened error, `weight` what the robust kernel left of it, `inlier` 1 where noise
+/// explains it and 0 where it does not.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+pub fn write_inliers(
+    path: &Path,
+    observations: &Observations,
+    calibration: &Calibration,
+) -> Result<(), IoError> {
+    let fits = &calibration.weights;
+    let id = |v: VertexId| observations.taxels[v].id.to_string();
+    let edges = observations.edges.enumerate().map(|(e, edge)| {
+        (id(edge.from), id(edge.to), fits.edge_squares[e], fits.edges[e], fits.edge_kept[e])
+    });
+    let contacts = observations.contacts.enumerate().map(|(c, contact)| {
+        let (square, weight) = (fits.contact_squares[c], fits.contacts[c]);
+        (id(contact.taxel), String::new(), square, weight, fits.contact_kept[c])
+    });
+    let mut rows = edges.chain(contacts);
+    write_table(path, &["i", "j", "sigmas", "weight", "inlier"], |row, _| {
+        let (i, j, square, weight, kept) = rows.next()?;
+        row.extend([i, j, square.sqrt().to_string(), weight.to_string(), u8::from(kept).to_string()]);
         Some(())
     })
 }

@@ -31,7 +31,9 @@ mod source;
 mod stl;
 mod world;
 
-pub use calibration_table::{read_triangles, read_truth, write_calibration, write_triangles, write_truth};
+pub use calibration_table::{
+    read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
+};
 pub use contact_table::{ContactReader, ContactRow};
 pub use draft::read_draft;
 pub use error::IoError;

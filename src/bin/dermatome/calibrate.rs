@@ -11,12 +11,12 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Comparison, Ending, Fit, Iteration, Limits, Method, Observations, Pose,
-        Residual, Robust, Start, Uncertainty, calibrate, calibrated_skin, compare,
+        CalibOptions, Calibration, Comparison, Ending, Fit, Iteration, Limits, Method, Observations, Outside,
+        Pose, Residual, Robust, Start, Uncertainty, calibrate, calibrated_skin, compare,
     },
     id::{IdVec, TaxelId, VertexId},
     io::{
-        append_observations, read_observations, read_triangles, read_truth, write_calibration,
+        append_observations, read_observations, read_triangles, read_truth, write_calibration, write_inliers,
         write_observations, write_skin,
     },
 };
@@ -47,6 +47,9 @@ pub(crate) struct Args {
     /// Compare with where the taxels truly are: id,x,y,z[,qx,qy,qz,qw]
     #[arg(long, value_name = "T.csv")]
     truth: Option<PathBuf>,
+    /// Write how well every observation fits, and whether noise explains it: i,j,sigmas,weight,inlier
+    #[arg(long, value_name = "I.csv")]
+    inliers: Option<PathBuf>,
     /// What to do about observations that do not fit; gnc against wrongly attributed contacts
     #[arg(long, value_enum, default_value_t = RobustArg::None, help_heading = "Solver")]
     robust: RobustArg,
@@ -68,7 +71,7 @@ pub(crate) struct Args {
     /// Write the result even if the solve did not converge
     #[arg(long)]
     keep: bool,
-    /// Print every iteration, and every observation that was rejected
+    /// Print every iteration, and every observation that noise does not explain
     #[arg(long, short)]
     verbose: bool,
     /// Print the result as JSON
@@ -143,7 +146,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
-        remark(&found, args.verbose);
+        remark(&found, &observations, args.verbose);
     }
     let truth = args.truth.as_ref().map(|path| against_truth(path, &found)).transpose()?;
     if !found.ending.is_converged() && !args.keep {
@@ -154,6 +157,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     for path in &args.output {
         write(path, &found, &observations, args, common)?;
+    }
+    if let Some(path) = &args.inliers {
+        write_inliers(path, &observations, &found).map_err(Error::from)?;
     }
     let summary = Summary::new(&found, truth);
     if args.json {
@@ -212,32 +218,39 @@ fn read(args: &Args, common: &Common) -> anyhow::Result<Observations> {
 }
 
 /// Tells what a user should know about the result.
-fn remark(found: &Calibration, verbose: bool) {
+fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
     for free in &found.free {
         eprintln!(
             "note: nothing says where the {} taxels around taxel {} are ({} of their motions as a whole are free): taxel {} keeps its start",
             free.taxels, free.gauge, free.directions, free.gauge
         );
     }
+    let fits = &found.weights;
     let (edges, contacts): (Vec<_>, Vec<_>) =
-        (found.weights.rejected_edges().collect(), found.weights.rejected_contacts().collect());
+        (fits.rejected_edges().collect(), fits.rejected_contacts().collect());
     if !edges.is_empty() || !contacts.is_empty() {
         eprintln!(
-            "note: {} of {} edges and {} of {} contacts were rejected",
+            "note: noise does not explain {} of {} edges and {} of {} contacts; --inliers lists them",
             edges.len(),
-            found.weights.edges.len(),
+            fits.edges.len(),
             contacts.len(),
-            found.weights.contacts.len()
+            fits.contacts.len()
         );
     }
     if verbose {
-        for edge in edges {
-            let (square, weight) = (found.weights.edge_squares[edge], found.weights.edges[edge]);
-            eprintln!("note: edge {edge} rejected: {:.1} sigma, weight {weight:.3}", square.sqrt());
+        let id = |v: VertexId| observations.taxels[v].id;
+        for e in edges {
+            let (edge, sigmas) = (&observations.edges[e], fits.edge_squares[e].sqrt());
+            let weight = fits.edges[e];
+            eprintln!(
+                "note: edge {} to {}: {sigmas:.1} sigma, weight {weight:.3}",
+                id(edge.from),
+                id(edge.to)
+            );
         }
-        for contact in contacts {
-            let (square, weight) = (found.weights.contact_squares[contact], found.weights.contacts[contact]);
-            eprintln!("note: contact {contact} rejected: {:.1} sigma, weight {weight:.3}", square.sqrt());
+        for c in contacts {
+            let (taxel, sigmas) = (id(observations.contacts[c].taxel), fits.contact_squares[c].sqrt());
+            eprintln!("note: contact of taxel {taxel}: {sigmas:.1} sigma, weight {:.3}", fits.contacts[c]);
         }
     }
 }
@@ -278,6 +291,11 @@ fn write(
             let triangles = args.triangles.as_ref().map(|p| read_triangles(p, &found.ids));
             let triangles = triangles.transpose().map_err(Error::from)?;
             let made = calibrated_skin(found, observations, triangles.as_deref()).map_err(Error::from)?;
+            if made.outside == Outside::Origin && !common.quiet {
+                eprintln!(
+                    "note: neither frames nor normals tell the outside: it is taken to be away from the origin; --triangles decides"
+                );
+            }
             if !made.left_out.is_empty() && !common.quiet {
                 eprintln!(
                     "note: {} taxels are in no triangle and are left out of the skin",
