@@ -79,7 +79,7 @@ fn broken_graphs_are_refused_with_their_line() {
     for (line, needed) in [
         ("EDGE_POINTXYZ 0 0 1 0 0 1 0 0 1 0 1", "itself"),
         ("EDGE_POINTXYZ 0 7 1 0 0 1 0 0 1 0 1", "taxel 7"),
-        ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 -1 0 1", "negative eigenvalue"),
+        ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 -1 0 1", "edge 0 to 1 with the negative eigenvalue -1"),
         ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0", "8 numbers"),
         ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1 1", "10 numbers"),
         ("EDGE_POINTXYZ 0", "ends too soon"),
@@ -90,6 +90,10 @@ fn broken_graphs_are_refused_with_their_line() {
         ("VERTEX_TRACKXYZ 1 0 0 0", "second time"),
         ("VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1", "positions"),
         ("FIX 9", "taxel 9"),
+        ("EDGE_POINTXYZ 0 1 1e160 0 0 1 0 0 1 0 1", "at most 1e9"),
+        ("EDGE_POINTXYZ 0 1 1 0 0 1e300 0 0 1 0 1", "edge 0 to 1; needed: at most 1e18"),
+        ("EDGE_POINTXYZ_PRIOR 0 0 0 -1e10 1 0 0 1 0 1", "at most 1e9"),
+        ("VERTEX_TRACKXYZ 2 0 2e9 0", "at most 1e9"),
     ] {
         let found = refusal("a.g2o", &format!("{vertices}{line}\n"));
         assert!(found.contains("line 3") && found.contains(needed), "{line}: {found}");
@@ -156,17 +160,120 @@ fn tables_of_displacements_and_contacts_belong_together() {
 fn broken_tables_are_refused_with_their_line() {
     for (text, needed) in [
         ("", "empty file"),
+        ("# nothing else\n", "empty file"),
         ("i,j,dx,dy\n", "no column \"dz\""),
+        ("i;j;dx;dy;dz\n", "among \"i;j;dx;dy;dz\""),
         ("i,j,dx,dy,dz,colour\n", "\"colour\""),
         ("i,i,x,y,z\n", "two columns \"i\""),
         ("i,j,dx,dy,dz\n1,2,3\n", "line 2: found 3 values"),
-        ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,0\n", "sigma of 0"),
+        ("i,j,dx,dy,dz\n1,2,,0,0\n", "line 2: found an empty cell in column `dx`"),
+        ("i,j,dx,dy,dz\n1,,0,0,0\n", "line 2: found an empty cell in column `j`"),
+        ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,0\n", "found \"0\" in column `sigma`"),
+        ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,1e-200\n", "needed: a sigma of 1e-9 to 1e9"),
+        ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,1e200\n", "needed: a sigma of 1e-9 to 1e9"),
+        ("i,x,y,z,sx,sy,sz\n1,0,0,0,1,-1,1\n", "in column `sy`"),
+        ("i,x,y,z,sx,sy\n", "no column \"sz\""),
+        ("i,x,y,z,nx,ny,nz,sigma_n\n1,0,0,0,0,0,2,-0.03\n", "in column `sigma_n`"),
         ("i,x,y,z,nx,ny,nz\n1,0,0,0,0,0,0\n", "direction"),
         ("i,j,dx,dy,dz,ixx,ixy,ixz,iyy,iyz\n", "no column \"izz\""),
     ] {
         let found = refusal("a.csv", text);
         assert!(found.contains(needed), "{text:?}: {found}");
     }
+}
+
+/// What nobody reads, nobody would miss.
+#[test]
+fn columns_without_meaning_are_refused() {
+    for (header, column) in [
+        ("i,j,dx,dy,dz,nx,ny,nz", "nx"),
+        ("i,j,dx,dy,dz,sigma,ixx,ixy,ixz,iyy,iyz,izz", "ixx"),
+        ("i,j,dx,dy,dz,sx,sy,sz,sigma", "sx"),
+        ("i,j,dx,dy,dz,x,y,z", "x"),
+        ("i,j,dx,dy,dz,sigma_n", "sigma_n"),
+        ("i,x,y,z,sigma_n", "sigma_n"),
+    ] {
+        let found = refusal("a.csv", &format!("{header}\n"));
+        let needed = format!("line 1: found a column \"{column}\", which says nothing");
+        assert!(found.contains(&needed), "{header}: {found}");
+    }
+}
+
+#[test]
+fn sigma_may_differ_by_axis_in_every_table() {
+    let expected = Information::diagonal([1e6, 250_000.0, 1e4]);
+    let near = |information: &Information<3>| {
+        information.upper().zip(expected.upper()).all(|(a, b)| (a - b).abs() <= 1e-12 * b)
+    };
+    let (_folder, path) = file("e.csv", "i,j,dx,dy,dz,sx,sy,sz\n1,2,0,0,0,0.001,0.002,0.01\n");
+    let edges = read_observations(&path).unwrap().observations.edges;
+    assert!(matches!(&edges.as_slice()[0].motion, Motion::Offset { information, .. } if near(information)));
+    let (_folder, path) = file("c.csv", "i,sz,sy,sx,x,y,z\n1,0.01,0.002,0.001,0,0,0\n");
+    let contacts = read_observations(&path).unwrap().observations.contacts;
+    assert!(
+        matches!(&contacts.as_slice()[0].touch, Touch::Position { information, .. } if near(information))
+    );
+}
+
+/// What editors and spreadsheets do to a file leaves it the same file.
+#[test]
+fn headers_come_in_every_dress() {
+    let read = |text: &str| {
+        let (_folder, path) = file("a.csv", text);
+        read_observations(&path).unwrap()
+    };
+    let plain = read("i,j,dx,dy,dz\n1,2,0.005,0,0\n");
+    for text in [
+        "\u{feff}i,j,dx,dy,dz\n1,2,0.005,0,0\n",
+        "\u{feff}# a comment\n\n# another\ni,j,dx,dy,dz\n# a third\n1,2,0.005,0,0\n",
+        "I , J , DX , DY , DZ\r\n 1 , 2 , 5e-3 , 0 , 0 \r\n",
+        "\"i\",\"j\",\"dx\",\"dy\",\"dz\"\n\"1\",2,0.005,0,0",
+    ] {
+        assert_eq!(read(text), plain, "{text:?}");
+    }
+    let graph = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\nEDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1\n";
+    let (_folder, path) = file("a.g2o", &format!("\u{feff}{graph}"));
+    let read = read_observations(&path).unwrap();
+    assert_eq!((read.remarks.len(), read.observations.taxels.len()), (0, 2));
+}
+
+#[test]
+fn lines_that_were_left_out_are_told_where_something_is_missing() {
+    let flat = refusal("a.g2o", &"VERTEX_SE2 0 0 0 0\n".repeat(12));
+    let told = "0 taxels and no observation; 12 lines of unknown tags: VERTEX_SE2 (12)";
+    assert!(flat.contains(told), "{flat}");
+    let mixed = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_XYZ 1 0 0 0\nEDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1\n";
+    let dangling = refusal("a.g2o", mixed);
+    assert!(dangling.contains("taxel 1; 1 line of unknown tags: VERTEX_XYZ (1)"), "{dangling}");
+    let many = refusal("a.g2o", &format!("A\nB\nC\nD\n{}\n", "E".repeat(5000)));
+    assert!(many.contains("5 lines of unknown tags: (other) (1), A (1), B (1) and 2 more"), "{many}");
+}
+
+#[test]
+fn displacements_go_into_a_table_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("e.csv");
+    let options = SimulateOptions { taxels: 30, ..SimulateOptions::default() };
+    let observations = simulate(&options).unwrap().observations;
+    write_observations(&path, &observations).unwrap();
+    let back = read_observations(&path).unwrap();
+    assert!(back.remarks.is_empty() && back.observations.edges == observations.edges);
+    for (options, told) in [
+        (SimulateOptions { anchors: 3, ..options }, "a contact beside displacements"),
+        (SimulateOptions { model: Model::Poses, ..options }, "a rotation"),
+    ] {
+        let refused = write_observations(&path, &simulate(&options).unwrap().observations).unwrap_err();
+        assert!(refused.to_string().contains(told), "{refused}");
+    }
+    let refused = write_observations(&folder.path().join("e.txt"), &observations).unwrap_err();
+    assert!(refused.to_string().contains(".g2o, .csv"), "{refused}");
+}
+
+#[test]
+fn a_truth_with_two_places_for_a_taxel_is_none() {
+    let (_folder, path) = file("t.csv", "id,x,y,z\n1,0,0,0\n1,5,0,0\n");
+    let refused = read_truth(&path).unwrap_err().to_string();
+    assert!(refused.contains("line 3, column `id`"), "{refused}");
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! Tables of calibrated taxels, of their truth, and of triangles between them.
 
-use std::{collections::HashMap, path::Path};
+use std::{
+    collections::{HashMap, HashSet},
+    path::Path,
+};
 
 use csv::{StringRecord, Writer};
 use glam::{DQuat, DVec3};
@@ -153,13 +156,17 @@ pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec
 /// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left alone.
 ///
 /// # Errors
-/// The first broken cell, by line and column.
+/// The first broken cell, or id that comes twice, by line and column.
 pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
     let mut truth = Vec::new();
+    let mut seen = HashSet::new();
     each_row(path, |row| {
-        let id = row.columns.need(path, "id")?;
-        let parsed = row.text(id).parse().map(TaxelId);
-        let id = parsed.map_err(|_| row.invalid(id, "the number of a taxel"))?;
+        let column = row.columns.need(path, "id")?;
+        let parsed = row.text(column).parse().map(TaxelId);
+        let id = parsed.map_err(|_| row.invalid(column, "the number of a taxel"))?;
+        if !seen.insert(id) {
+            return Err(row.invalid(column, "every taxel once"));
+        }
         let position = row.vector(row.columns.need_vector(path, ["x", "y", "z"])?)?;
         let rotation = match row.columns.find("qw") {
             None => DQuat::IDENTITY,

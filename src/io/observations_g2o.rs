@@ -13,25 +13,25 @@ use crate::{
     calib::{Information, Model, Motion, Observations, Pose, PosePrior, RelativePose, Touch},
     io::{
         IoError,
-        observations::{Builder, Place, ReadObservations, next_line},
+        observations::ReadObservations,
+        observations_builder::Builder,
+        observations_lines::{Lines, Place},
     },
 };
 
 /// The number g2o files give to the one offset that is written here.
 const IDENTITY_OFFSET: u32 = 0;
 
-pub(super) fn read(mut input: impl BufRead, path: &Path) -> Result<ReadObservations, IoError> {
+pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
     let mut builder = Builder::new(path);
     let mut offsets = HashMap::new();
     let mut numbers = Vec::new();
-    let mut line = String::new();
-    let mut at = Place { path, line: 1 };
-    while next_line(&mut input, &mut line, &at)? {
+    while let Some((line, at)) = lines.current() {
         let mut words = line.split_ascii_whitespace();
-        if let Some(tag) = words.next().filter(|tag| !tag.starts_with('#')) {
+        if let Some(tag) = words.next() {
             read_line(tag, words, &mut numbers, &mut offsets, &mut builder, &at)?;
         }
-        at.line += 1;
+        lines.advance()?;
     }
     builder.finish()
 }
