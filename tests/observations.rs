@@ -250,6 +250,34 @@ fn lines_that_were_left_out_are_told_where_something_is_missing() {
 }
 
 #[test]
+fn what_another_file_knows_of_taxels_is_taken_over() {
+    let (_folder, edges) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,0,1,0\n");
+    let read = || read_observations(&edges).unwrap();
+    let graph = |lines: &str| {
+        let (folder, path) = file("c.g2o", &format!("{lines}\nEDGE_POINTXYZ_PRIOR 2 1 0 0 1 0 0 1 0 1\n"));
+        let other = read_observations(&path).unwrap();
+        (folder, path, other)
+    };
+    let (_folder, path, other) = graph("VERTEX_TRACKXYZ 1 7 0 0\nVERTEX_TRACKXYZ 2 8 0 0\nFIX 1");
+    let mut both = read();
+    append_observations(&mut both, other.clone(), &path).unwrap();
+    let taxel = |k: usize| both.observations.taxels[VertexId::new(k)];
+    assert_eq!((taxel(0).fixed, taxel(0).initial), (true, Some(Pose::at(DVec3::X * 7.0))));
+    assert_eq!((taxel(1).fixed, taxel(1).initial), (false, Some(Pose::at(DVec3::X * 8.0))));
+    assert_eq!(taxel(2).initial, None);
+
+    for (lines, needed) in [
+        ("VERTEX_TRACKXYZ 1 9 0 0\nVERTEX_TRACKXYZ 2 8 0 0\nFIX 1", "taxel 1: found another place"),
+        ("VERTEX_TRACKXYZ 2 8 0 0\nVERTEX_TRACKXYZ 4 0 0 0\nFIX 4", "taxel 4"),
+        ("VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1", "poses model; needed: positions"),
+    ] {
+        let (_folder, path, other) = graph(lines);
+        let found = append_observations(&mut both.clone(), other, &path).unwrap_err().to_string();
+        assert!(found.contains(needed), "{lines:?}: {found}");
+    }
+}
+
+#[test]
 fn displacements_go_into_a_table_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("e.csv");

@@ -3,9 +3,12 @@
 use std::{collections::HashMap, fmt, fs::File, io::BufReader, path::Path};
 
 use crate::{
-    calib::{Contact, Displacement, Observations},
+    calib::{Contact, Displacement, Observations, Touch},
     id::{TaxelId, VertexId},
-    io::{IoError, kind::kind, observations_csv, observations_g2o, observations_lines::Lines, replace_file},
+    io::{
+        IoError, kind::kind, observations_csv, observations_g2o, observations_lines::Lines, replace_file,
+        source::invalid,
+    },
 };
 
 /// Observations as a file tells them, and what had to be changed to read them.
@@ -119,24 +122,51 @@ pub fn write_contacts(path: &Path, observations: &Observations) -> Result<(), Io
 
 /// Appends the observations of another file, as contacts come in a table of their own.
 ///
+/// What that file knows of the taxels is taken over, too: where it fixes one, that is where the taxel is; where only it has an
+/// initial value, that is the start.
+///
 /// # Errors
-/// [`IoError::Invalid`] if it names a taxel that `into` does not have.
+/// [`IoError::Invalid`] if it observes or fixes a taxel that `into` does not have, fixes one elsewhere than `into`
+/// does, or has another model.
 pub fn append_observations(
     into: &mut ReadObservations,
     other: ReadObservations,
     path: &Path,
 ) -> Result<(), IoError> {
+    check_model(&into.observations, &other.observations, path)?;
     let known: HashMap<TaxelId, VertexId> =
         into.observations.taxels.enumerate().map(|(v, t)| (t.id, v)).collect();
     let taxels = &other.observations.taxels;
     let place = |v: VertexId| {
-        known.get(&taxels[v].id).copied().ok_or_else(|| IoError::Invalid {
-            path: path.to_owned(),
-            element: format!("taxel {}", taxels[v].id),
-            found: "an observation of it".into(),
-            needed: "a taxel of the other file".into(),
-        })
+        let id = taxels[v].id;
+        let needed = "a taxel of the other file";
+        known
+            .get(&id)
+            .copied()
+            .ok_or_else(|| invalid(path, format!("taxel {id}"), "an observation of it", needed))
     };
+    for (v, taxel) in taxels.enumerate().filter(|(_, t)| t.initial.is_some()) {
+        let Some(here) = known.get(&taxel.id).map(|&v| &mut into.observations.taxels[v]) else {
+            if taxel.fixed {
+                place(v)?;
+            }
+            continue;
+        };
+        if taxel.fixed && here.fixed && here.initial != taxel.initial {
+            let needed = "the place where the other file fixes it";
+            return Err(invalid(
+                path,
+                format!("taxel {}", taxel.id),
+                "another place where it is fixed",
+                needed,
+            ));
+        }
+        // Where a taxel is fixed it is known; any other value is a guess, and the first one counts.
+        if taxel.fixed || here.initial.is_none() {
+            here.initial = taxel.initial;
+        }
+        here.fixed |= taxel.fixed;
+    }
     for contact in &other.observations.contacts {
         let taxel = place(contact.taxel)?;
         into.observations.contacts.push(Contact { taxel, touch: contact.touch.clone() });
@@ -146,5 +176,18 @@ pub fn append_observations(
         into.observations.edges.push(Displacement { from, to, motion: edge.motion.clone() });
     }
     into.remarks.extend(other.remarks);
+    Ok(())
+}
+
+/// Contacts with positions fit every model; all else has one.
+fn check_model(into: &Observations, other: &Observations, path: &Path) -> Result<(), IoError> {
+    let has_model = !other.edges.is_empty()
+        || other.taxels.iter().any(|t| t.initial.is_some())
+        || other.contacts.iter().any(|c| matches!(c.touch, Touch::Pose(_)));
+    if has_model && other.model != into.model {
+        let found = format!("observations of the {} model", other.model.name());
+        let needed = format!("{}, as in the other file", into.model.name());
+        return Err(invalid(path, "the file", found, needed));
+    }
     Ok(())
 }
