@@ -152,3 +152,136 @@ fn what_is_wrong_is_named_in_three_lines() {
         .code(2)
         .stderr(contains("smaller spacing"));
 }
+
+/// Three taxels on a triangle.
+const TRIANGLE: &str = "i,j,dx,dy,dz\n1,2,0.005,0,0\n2,3,-0.005,0.005,0\n1,3,0,0.005,0\n";
+
+fn files(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<_> = names.collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn outputs_appear_together_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("e.csv"), TRIANGLE).unwrap();
+    fs::write(folder.join("two.csv"), "i,j,dx,dy,dz\n1,2,0.005,0,0\n").unwrap();
+    fs::write(folder.join("c.csv"), "i,x,y,z,nx,ny,nz\n1,0,0,0,0,0,1\n").unwrap();
+    fs::create_dir(folder.join("dir.csv")).unwrap();
+    let before = files(folder);
+    for (args, told) in [
+        ("calibrate e.csv -o k.csv -o k.xyz", "known here: .csv, .g2o"),
+        ("calibrate e.csv -o k.csv -o nodir/k.glb", "there is no folder nodir"),
+        ("calibrate e.csv -o k.csv --inliers nodir/i.csv", "there is no folder nodir"),
+        ("calibrate e.csv -o k.csv --inliers i.txt", "known here: .csv"),
+        ("calibrate e.csv -o k.csv -o dir.csv", "cannot write dir.csv: is a directory"),
+        ("calibrate two.csv -o k.csv -o k.glb", "no three taxels"),
+        ("calibrate e.csv --contacts c.csv -o k.csv -o k.g2o", "a normal"),
+        ("calibrate e.csv -o k.csv -o ./k.csv", "two outputs would be written to ./k.csv"),
+        ("calibrate e.csv -o k.csv --inliers k.csv", "two outputs"),
+        ("calibrate e.csv -o e.csv", "would replace an input, e.csv"),
+        ("calibrate e.csv -o k.csv --contacts c.csv --inliers ./c.csv", "would replace"),
+        ("calibrate e.csv -o k.csv --contacts ./e.csv", "given twice"),
+        ("simulate --taxels 20 -o z.g2o --truth ./z.csv --triangles z.csv", "two outputs"),
+        ("simulate --taxels 20 -o z.g2o --truth z.g2o", "known here: .csv"),
+        ("simulate --taxels 20 --truth t.csv -o z.txt", "known here: .g2o, .csv"),
+        ("simulate --taxels 20 --truth t.csv -o z.csv --model poses", "write a .g2o file"),
+    ] {
+        dermatome(folder).args(args.split(' ')).assert().code(2).stderr(contains(told));
+        assert_eq!(files(folder), before, "{args}");
+    }
+    dermatome(folder)
+        .args(["calibrate", "e.csv", "-o", "k.csv", "-o", "k.glb", "-o", "k.g2o"])
+        .assert()
+        .success();
+    // A graph keeps its observations, so it may take the place of the one it came from.
+    dermatome(folder).args(["calibrate", "k.g2o", "-o", "k.g2o"]).assert().success();
+    assert_eq!(files(folder), ["c.csv", "dir.csv", "e.csv", "k.csv", "k.g2o", "k.glb", "two.csv"]);
+}
+
+#[test]
+fn simulated_displacements_may_be_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    dermatome(folder)
+        .args(["simulate", "--taxels", "20", "-o", "e.csv", "--anchors", "3", "--contacts", "c.csv"])
+        .assert()
+        .success();
+    assert!(fs::read_to_string(folder.join("e.csv")).unwrap().starts_with("i,j,dx,dy,dz,ixx,"));
+    dermatome(folder)
+        .args(["calibrate", "e.csv", "--contacts", "c.csv", "-o", "k.glb"])
+        .assert()
+        .success()
+        .stderr(contains("keeps its start").not());
+}
+
+/// A file means the same by name and on standard input.
+#[test]
+fn standard_input_is_known_by_its_first_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let graph = "VERTEX_TRACKXYZ 1 0 0 0\nVERTEX_TRACKXYZ 2 0 0 0\nEDGE_POINTXYZ 1 2 1 0 0 1 0 0 1 0 1\n";
+    for (name, text) in [
+        ("a.csv", TRIANGLE.to_owned()),
+        ("b.csv", format!("\u{feff}{TRIANGLE}")),
+        ("c.csv", TRIANGLE.to_uppercase()),
+        ("d.csv", format!("# touched by hand\n{TRIANGLE}")),
+        ("e.csv", TRIANGLE.replacen("i,j,dx,dy,dz", "\"i\",\"j\",\"dx\",\"dy\",\"dz\"", 1)),
+        ("f.g2o", format!("# touched by hand\n{graph}")),
+        ("g.g2o", format!("\u{feff}{graph}")),
+    ] {
+        fs::write(folder.join(name), &text).unwrap();
+        dermatome(folder).args(["calibrate", name, "-o", "named.csv"]).assert().success();
+        dermatome(folder).args(["calibrate", "-", "-o", "piped.csv"]).write_stdin(text).assert().success();
+        let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+        assert_eq!(read("named.csv"), read("piped.csv"), "{name}");
+    }
+    dermatome(folder)
+        .args(["calibrate", "-", "-o", "k.csv"])
+        .write_stdin("i;j;dx;dy;dz\n1;2;0;0;0\n")
+        .assert()
+        .code(2)
+        .stderr(contains("standard input: line 1").and(contains("separated by commas")));
+}
+
+#[test]
+fn advice_is_about_what_went_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("e.csv"), TRIANGLE).unwrap();
+    fs::write(folder.join("t.csv"), "id,x,y,z\n77,0,0,0\n").unwrap();
+    for (args, told, help) in [
+        ("calibrate e.csv -o k.csv --iterations 0", "at least 1", "change the option"),
+        ("simulate -o s.g2o --taxels 2", "needed: 3", "change the option"),
+        ("calibrate e.csv -o k.csv --truth t.csv", "t.csv has none of the 3 taxels", "simulate --truth"),
+    ] {
+        dermatome(folder).args(args.split(' ')).assert().code(2).stderr(contains(told).and(contains(help)));
+    }
+    fs::write(folder.join("t.csv"), "id,x,y,z\n1,0,0,0\n77,0,0,0\n").unwrap();
+    dermatome(folder)
+        .args(["calibrate", "e.csv", "-o", "k.csv", "--truth", "t.csv"])
+        .assert()
+        .success()
+        .stderr(contains("t.csv has 1 of the 3 taxels"));
+}
+
+#[test]
+fn many_loose_pieces_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rows: String = (0..30).map(|k| format!("{},{},1,0,0\n", 2 * k, 2 * k + 1)).collect();
+    fs::write(folder.join("e.csv"), format!("i,j,dx,dy,dz\n{rows}")).unwrap();
+    let pieces = |verbose: &[&str]| {
+        let done =
+            dermatome(folder).args(["calibrate", "e.csv", "-o", "k.csv"]).args(verbose).assert().success();
+        let notes = String::from_utf8(done.get_output().stderr.clone()).unwrap();
+        (notes.matches("keeps its start").count(), notes)
+    };
+    let (told, notes) = pieces(&[]);
+    assert_eq!(told, 8);
+    assert!(notes.contains("44 taxels in 22 more pieces"), "{notes}");
+    assert_eq!(pieces(&["--verbose"]).0, 30);
+}

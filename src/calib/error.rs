@@ -153,6 +153,10 @@ impl CalibError {
                 "give the triangles with --triangles FILE.csv, or write .csv or .g2o".into()
             }
             Self::NoInitialValue { .. } => "choose another start: --initial chordal or --initial tree".into(),
+            Self::BadOption { .. } => {
+                "change the option: `dermatome help calibrate` and `dermatome help simulate` tell what each takes"
+                    .into()
+            }
             Self::Sparse(_) => "split the observations into smaller parts".into(),
             _ => "mend the file of observations".into(),
         }

@@ -1,24 +1,19 @@
 //! `calibrate`: observations in, skin out.
 
-use std::{
-    collections::HashMap,
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+mod results;
+
+use std::{collections::HashMap, path::PathBuf, process::ExitCode};
 
 use anyhow::Context;
 use clap::ValueEnum;
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Comparison, Ending, Fit, Iteration, Limits, Method, Observations, Outside,
-        Pose, Residual, Robust, Start, Uncertainty, calibrate, calibrated_skin, compare,
+        CalibOptions, Calibration, Comparison, Ending, Fit, Iteration, Limits, Method, Observations, Pose,
+        Residual, Robust, Start, Uncertainty, calibrate, compare,
     },
     id::{IdVec, TaxelId, VertexId},
-    io::{
-        append_observations, read_observations, read_triangles, read_truth, write_calibration, write_inliers,
-        write_observations, write_skin,
-    },
+    io::{IoError, append_observations, read_observations, read_triangles, read_truth},
 };
 use serde::Serialize;
 
@@ -26,19 +21,24 @@ use crate::{
     Common,
     failure::advise,
     progress,
-    tables::{print, print_json, print_table},
+    tables::{line, print, print_json, print_table},
 };
 
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The observations: .g2o, or .csv with the columns i,j,dx,dy,dz; - is standard input
+    /// The observations: .g2o, or a table .csv; - is standard input
+    ///
+    /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may have nx,ny,nz and
+    /// sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2;
+    /// 1 mm if none is given. No other columns and no empty cells.
     observations: PathBuf,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf, .json, .obj, .ply,
     /// .stl; may be given more than once
     #[arg(short, long, value_name = "SKIN", required = true)]
     output: Vec<PathBuf>,
-    /// Absolute contacts in a table of their own: i,x,y,z[,nx,ny,nz]
+    /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose FIX lines and
+    /// initial values count, too
     #[arg(long, value_name = "C.csv")]
     contacts: Vec<PathBuf>,
     /// Triangles of the skin by taxel ids, i,j,k [default: those that the edges form]
@@ -126,7 +126,9 @@ enum MethodArg {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let observations = read(args, common)?;
+    let outputs = results::check(args)?;
+    let inputs = Inputs::read(args, common)?;
+    let observations = &inputs.observations;
     let bar = progress::bar(common);
     bar.set_message("calibrating");
     bar.set_length(args.iterations as u64);
@@ -141,26 +143,21 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             });
         }
     };
-    let found = calibrate(&observations, &args.options(), &watch)
+    let found = calibrate(observations, &args.options(), &watch)
         .map_err(Error::from)
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
-        remark(&found, &observations, args.verbose);
+        remark(&found, observations, args.verbose);
     }
-    let truth = args.truth.as_ref().map(|path| against_truth(path, &found)).transpose()?;
+    let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
     if !found.ending.is_converged() && !args.keep {
         return Err(advise(
             format!("{}: {}; nothing was written", args.observations.display(), found.ending.describe()),
             "try --method dogleg, --initial tree, more --iterations, or write what there is with --keep",
         ));
     }
-    for path in &args.output {
-        write(path, &found, &observations, args, common)?;
-    }
-    if let Some(path) = &args.inliers {
-        write_inliers(path, &observations, &found).map_err(Error::from)?;
-    }
+    results::write(&outputs, &found, &inputs, args, common)?;
     let summary = Summary::new(&found, truth);
     if args.json {
         print_json(&summary)?;
@@ -202,27 +199,62 @@ impl Args {
     }
 }
 
-/// Reads the observations and the tables of contacts that go with them.
-fn read(args: &Args, common: &Common) -> anyhow::Result<Observations> {
-    let mut read = read_observations(&args.observations).map_err(Error::from)?;
-    for path in &args.contacts {
-        let more = read_observations(path).map_err(Error::from)?;
-        append_observations(&mut read, more, path).map_err(Error::from)?;
-    }
-    if !common.quiet {
-        for remark in &read.remarks {
-            eprintln!("note: {remark}");
-        }
-    }
-    Ok(read.observations)
+/// What is read before the solve, so that no broken file wastes one.
+struct Inputs {
+    observations: Observations,
+    triangles: Option<Vec<[VertexId; 3]>>,
+    truth: Option<Truth>,
 }
+
+/// Where the taxels truly are, and the file that tells it.
+struct Truth {
+    path: PathBuf,
+    poses: HashMap<TaxelId, Pose>,
+}
+
+impl Inputs {
+    fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
+        let mut read = read_observations(&args.observations).map_err(Error::from)?;
+        for path in &args.contacts {
+            let more = read_observations(path).map_err(Error::from)?;
+            append_observations(&mut read, more, path).map_err(Error::from)?;
+        }
+        for remark in read.remarks.iter().filter(|_| !common.quiet) {
+            eprintln!("note: {}", line(&remark.to_string()));
+        }
+        let observations = read.observations;
+        let ids = observations.taxels.map(|t| t.id);
+        let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
+        let truth = args
+            .truth
+            .as_ref()
+            .map(|path| Ok(Truth { path: path.clone(), poses: read_truth(path)?.into_iter().collect() }));
+        Ok(Self {
+            observations,
+            triangles: triangles.transpose().map_err(Error::from)?,
+            truth: truth.transpose().map_err(|e: IoError| Error::from(e))?,
+        })
+    }
+}
+
+/// A skin in more loose pieces than this is hardly meant: the rest is counted.
+const MOST_COMPONENTS: usize = 8;
 
 /// Tells what a user should know about the result.
 fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
-    for free in &found.free {
+    let told = if verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
+    for free in &found.free[..told] {
         eprintln!(
             "note: nothing says where the {} taxels around taxel {} are ({} of their motions as a whole are free): taxel {} keeps its start",
             free.taxels, free.gauge, free.directions, free.gauge
+        );
+    }
+    if told < found.free.len() {
+        let (rest, taxels) =
+            (&found.free[told..], found.free[told..].iter().map(|f| f.taxels).sum::<usize>());
+        eprintln!(
+            "note: nor where {taxels} taxels in {} more pieces are; --verbose names each piece",
+            rest.len()
         );
     }
     let fits = &found.weights;
@@ -256,56 +288,25 @@ fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
 }
 
 /// Compares the taxels that the truth knows.
-fn against_truth(path: &Path, found: &Calibration) -> anyhow::Result<Comparison> {
-    let truth: HashMap<TaxelId, Pose> = read_truth(path).map_err(Error::from)?.into_iter().collect();
+fn against_truth(truth: &Truth, found: &Calibration, common: &Common) -> anyhow::Result<Comparison> {
     let (mut here, mut there) = (IdVec::<VertexId, Pose>::new(), IdVec::new());
     for (id, pose) in found.ids.iter().zip(&found.poses) {
-        if let Some(known) = truth.get(id) {
+        if let Some(known) = truth.poses.get(id) {
             here.push(*pose);
             there.push(*known);
         }
     }
-    compare(&here, &there)
-        .map_err(Error::from)
-        .with_context(|| format!("{} knows none of the taxels", path.display()))
-}
-
-fn write(
-    path: &Path,
-    found: &Calibration,
-    observations: &Observations,
-    args: &Args,
-    common: &Common,
-) -> anyhow::Result<()> {
-    let kind = path.extension().map(|e| e.to_ascii_lowercase());
-    match kind.as_ref().and_then(|k| k.to_str()) {
-        Some("csv") => write_calibration(path, found).map_err(Error::from)?,
-        Some("g2o") => {
-            let mut solved = observations.clone();
-            for (taxel, pose) in solved.taxels.iter_mut().zip(&found.poses) {
-                taxel.initial = Some(*pose);
-            }
-            write_observations(path, &solved).map_err(Error::from)?;
-        }
-        _ => {
-            let triangles = args.triangles.as_ref().map(|p| read_triangles(p, &found.ids));
-            let triangles = triangles.transpose().map_err(Error::from)?;
-            let made = calibrated_skin(found, observations, triangles.as_deref()).map_err(Error::from)?;
-            if made.outside == Outside::Origin && !common.quiet {
-                eprintln!(
-                    "note: neither frames nor normals tell the outside: it is taken to be away from the origin; --triangles decides"
-                );
-            }
-            if !made.left_out.is_empty() && !common.quiet {
-                eprintln!(
-                    "note: {} taxels are in no triangle and are left out of the skin",
-                    made.left_out.len()
-                );
-            }
-            write_skin(path, &made.skin).map_err(Error::from)?;
-        }
+    let (path, known, all) = (truth.path.display(), here.len(), found.ids.len());
+    if known == 0 {
+        return Err(advise(
+            format!("{path} has none of the {all} taxels"),
+            "give the table that `simulate --truth` wrote with these observations: its ids are those of the taxels",
+        ));
     }
-    Ok(())
+    if known < all && !common.quiet {
+        eprintln!("note: {path} has {known} of the {all} taxels; the others are not compared");
+    }
+    Ok(compare(&here, &there).map_err(Error::from)?)
 }
 
 /// What `--json` prints.

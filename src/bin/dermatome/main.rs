@@ -11,6 +11,7 @@ mod info;
 mod input;
 mod lookup;
 mod options;
+mod outputs;
 mod plot;
 mod progress;
 mod shell;

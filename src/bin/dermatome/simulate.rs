@@ -1,21 +1,27 @@
 //! `simulate`: the experiment of a skin that touches a sphere, with known truth.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    calib::{Model, Observations, Probe, SimulateOptions, simulate},
+    calib::{Model, Probe, SimulateOptions, simulate},
     id::IdVec,
     io::{write_contacts, write_observations, write_triangles, write_truth},
 };
 
-use crate::Common;
+use crate::{
+    Common,
+    outputs::{self, Outputs},
+};
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where to write the observations: .g2o
+    /// Where to write the observations: .g2o, or displacements of the positions model as a table .csv
     #[arg(short, long, value_name = "OBS.g2o")]
     output: PathBuf,
     /// Where to write where the taxels truly are: .csv
@@ -78,21 +84,30 @@ enum ModelArg {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let tables =
+        || [&args.truth, &args.triangles, &args.contacts].into_iter().flatten().map(PathBuf::as_path);
+    tables().try_for_each(outputs::check_table)?;
+    outputs::check(tables().chain([args.output.as_path()]))?;
     let simulation = simulate(&args.options(common.seed)).map_err(Error::from)?;
     let ids = simulation.observations.taxels.map(|t| t.id);
+    let mut outputs = Outputs::default();
+    let mut observations = simulation.observations.clone();
     if let Some(path) = &args.contacts {
-        write_contacts(path, &simulation.observations).map_err(Error::from)?;
-        let without = Observations { contacts: IdVec::new(), ..simulation.observations.clone() };
-        write_observations(&args.output, &without).map_err(Error::from)?;
-    } else {
-        write_observations(&args.output, &simulation.observations).map_err(Error::from)?;
+        outputs.stage(path, |path| write_contacts(path, &observations))?;
+        observations.contacts = IdVec::new();
     }
     if let Some(path) = &args.truth {
-        write_truth(path, &ids, &simulation.truth).map_err(Error::from)?;
+        outputs.stage(path, |path| write_truth(path, &ids, &simulation.truth))?;
     }
     if let Some(path) = &args.triangles {
-        write_triangles(path, &ids, simulation.mesh.triangles.as_slice()).map_err(Error::from)?;
+        outputs.stage(path, |path| write_triangles(path, &ids, simulation.mesh.triangles.as_slice()))?;
     }
+    if args.output == Path::new("-") {
+        write_observations(&args.output, &observations).map_err(Error::from)?;
+    } else {
+        outputs.stage(&args.output, |path| write_observations(path, &observations))?;
+    }
+    outputs.publish()?;
     if !common.quiet {
         eprintln!(
             "note: {} taxels, {} displacements ({} wrong), {} contacts, {} triangles",

@@ -1,0 +1,126 @@
+//! What `calibrate` writes: checked before the solve, and all of it or nothing.
+
+use std::path::Path;
+
+use dermatome::{
+    Error,
+    calib::{Calibration, Outside, calibrated_skin},
+    io::{IoError, write_calibration, write_inliers, write_observations, write_skin},
+    skin::Skin,
+};
+
+use super::{Args, Inputs};
+use crate::{
+    Common,
+    failure::advise,
+    outputs::{self, Outputs},
+};
+
+/// What an output holds.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Kind {
+    /// The taxels.
+    Table,
+    /// The observations, from where the taxels are.
+    Graph,
+    /// A mesh.
+    Skin,
+}
+
+impl Kind {
+    /// The extension decides.
+    fn of(path: &Path) -> Result<Self, IoError> {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("csv") => Ok(Self::Table),
+            Some("g2o") => Ok(Self::Graph),
+            Some("glb" | "gltf" | "json" | "obj" | "ply" | "stl") => Ok(Self::Skin),
+            _ => Err(IoError::UnknownKind {
+                path: path.to_owned(),
+                known: ".csv, .g2o, .glb, .gltf, .json, .obj, .ply, .stl",
+            }),
+        }
+    }
+}
+
+/// Refuses whatever can be told to fail before the solve.
+pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
+    let outputs: Vec<_> =
+        args.output.iter().map(|path| Ok((path.as_path(), Kind::of(path)?))).collect::<Result<_, Error>>()?;
+    args.inliers.as_deref().map_or(Ok(()), outputs::check_table)?;
+    outputs::check(outputs.iter().map(|o| o.0).chain(args.inliers.as_deref()))?;
+    let observations = || std::iter::once(&args.observations).chain(&args.contacts);
+    for (k, path) in args.contacts.iter().enumerate() {
+        if observations().take(k + 1).any(|other| outputs::is_same(other, path)) {
+            return Err(advise(
+                format!("{} is given twice: its observations would count double", path.display()),
+                "name every file of observations once",
+            ));
+        }
+    }
+    // A graph holds the observations it was made of; any other result in place of an input would lose that.
+    let tables = || args.triangles.iter().chain(&args.truth);
+    let loses = |path: &Path, is_graph: bool| {
+        tables().any(|input| outputs::is_same(input, path))
+            || (!is_graph && observations().any(|input| outputs::is_same(input, path)))
+    };
+    let results = outputs.iter().map(|&(path, kind)| (path, matches!(kind, Kind::Graph)));
+    for (path, is_graph) in results.chain(args.inliers.as_deref().map(|path| (path, false))) {
+        if loses(path, is_graph) {
+            return Err(advise(
+                format!("the result would replace an input, {}", path.display()),
+                "write to another file",
+            ));
+        }
+    }
+    Ok(outputs)
+}
+
+/// Writes every output, or none if one of them cannot be made.
+pub(super) fn write(
+    paths: &[(&Path, Kind)],
+    found: &Calibration,
+    inputs: &Inputs,
+    args: &Args,
+    common: &Common,
+) -> anyhow::Result<()> {
+    let mut outputs = Outputs::default();
+    let mut skin = None;
+    for &(path, kind) in paths {
+        match kind {
+            Kind::Table => outputs.stage(path, |path| write_calibration(path, found))?,
+            Kind::Graph => {
+                let mut solved = inputs.observations.clone();
+                for (taxel, pose) in solved.taxels.iter_mut().zip(&found.poses) {
+                    taxel.initial = Some(*pose);
+                }
+                outputs.stage(path, |path| write_observations(path, &solved))?;
+            }
+            Kind::Skin => {
+                let made = match &skin {
+                    Some(made) => made,
+                    None => skin.insert(mesh(found, inputs, common)?),
+                };
+                outputs.stage(path, |path| write_skin(path, made))?;
+            }
+        }
+    }
+    if let Some(path) = &args.inliers {
+        outputs.stage(path, |path| write_inliers(path, &inputs.observations, found))?;
+    }
+    Ok(outputs.publish()?)
+}
+
+/// Makes the skin, and tells what was left out or assumed.
+fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result<Skin> {
+    let made =
+        calibrated_skin(found, &inputs.observations, inputs.triangles.as_deref()).map_err(Error::from)?;
+    if made.outside == Outside::Origin && !common.quiet {
+        eprintln!(
+            "note: neither frames nor normals tell the outside: it is taken to be away from the origin; --triangles decides"
+        );
+    }
+    if !made.left_out.is_empty() && !common.quiet {
+        eprintln!("note: {} taxels are in no triangle and are left out of the skin", made.left_out.len());
+    }
+    Ok(made.skin)
+}

@@ -1,0 +1,98 @@
+//! Files that a command writes together: all of them or none.
+
+use std::{
+    fs::{self, File},
+    io::{self, ErrorKind},
+    path::{Path, PathBuf},
+};
+
+use dermatome::{
+    Error,
+    io::{IoError, replace_file},
+};
+use tempfile::TempDir;
+
+use crate::failure::advise;
+
+/// Refuses outputs that can be told before any work to fail, or to overwrite each other.
+pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
+    let mut places: Vec<PathBuf> = Vec::new();
+    for path in paths {
+        let fail = |source| Error::from(IoError::Write { path: path.to_owned(), source });
+        if path.is_dir() {
+            return Err(fail(ErrorKind::IsADirectory.into()).into());
+        }
+        if !folder(path).is_dir() {
+            let why = format!("there is no folder {}", folder(path).display());
+            return Err(fail(io::Error::new(ErrorKind::NotFound, why)).into());
+        }
+        let place = place(path);
+        if places.contains(&place) {
+            return Err(advise(
+                format!("two outputs would be written to {}", path.display()),
+                "give every output a name of its own",
+            ));
+        }
+        places.push(place);
+    }
+    Ok(())
+}
+
+/// Whether two names lead to one file.
+pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
+    place(a) == place(b)
+}
+
+/// A table is written to a .csv: under any other name it would be read as something else.
+pub(crate) fn check_table(path: &Path) -> anyhow::Result<()> {
+    match path.extension() {
+        Some(e) if e.eq_ignore_ascii_case("csv") => Ok(()),
+        _ => Err(Error::from(IoError::UnknownKind { path: path.to_owned(), known: ".csv" }).into()),
+    }
+}
+
+/// The folder that a file is in.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The place that a name leads to, links followed as far as they lead.
+fn place(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| match (fs::canonicalize(folder(path)), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path.to_owned(),
+    })
+}
+
+/// Complete files beside the places they are meant for.
+#[derive(Default)]
+pub(crate) struct Outputs {
+    staged: Vec<(PathBuf, TempDir)>,
+}
+
+impl Outputs {
+    /// Writes a file that does not appear in its place before [`Self::publish`].
+    pub(crate) fn stage(
+        &mut self,
+        path: &Path,
+        write: impl FnOnce(&Path) -> Result<(), IoError>,
+    ) -> Result<(), Error> {
+        let fail = |e: io::Error| IoError::Write { path: path.to_owned(), source: e.kind().into() };
+        let folder = tempfile::Builder::new().prefix(".dermatome-").tempdir_in(folder(path)).map_err(fail)?;
+        // Writers choose by extension, so the name stays.
+        write(&folder.path().join(path.file_name().unwrap_or_default())).map_err(|e| e.about(path))?;
+        self.staged.push((path.to_owned(), folder));
+        Ok(())
+    }
+
+    /// Puts every file in its place.
+    pub(crate) fn publish(self) -> Result<(), Error> {
+        for (path, folder) in self.staged {
+            let fail = |source| IoError::Write { path: path.clone(), source };
+            let staged = folder.path().join(path.file_name().unwrap_or_default());
+            let mut whole = File::open(staged).map_err(fail)?;
+            replace_file(&path, |out| io::copy(&mut whole, out).map(drop).map_err(fail))?;
+        }
+        Ok(())
+    }
+}
