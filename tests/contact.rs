@@ -34,7 +34,7 @@ fn level_of(mesh: TriMesh, direct: Option<Prolongation>) -> MapLevel {
 
 fn patch_of(name: &str, link: usize, levels: Vec<MapLevel>) -> PatchMap {
     let ids = levels[0].mesh.positions.ids().map(|v| TaxelId(1000 + v.raw())).collect();
-    PatchMap { name: name.into(), link: LinkId::new(link), ids, levels: levels.into() }
+    PatchMap { name: name.into(), link: LinkId::new(link), ids, covariances: None, levels: levels.into() }
 }
 
 fn link_of(name: &str, parent: Option<usize>, pose: DAffine3) -> Link {

@@ -1,6 +1,12 @@
 //! Observations for the calibration: g2o text and CSV tables.
 
-use std::{collections::HashMap, fmt, fs::File, io::BufReader, path::Path};
+use std::{
+    collections::HashMap,
+    fmt,
+    fs::File,
+    io::{BufReader, BufWriter, Write},
+    path::Path,
+};
 
 use crate::{
     calib::{Contact, Displacement, Observations, Touch},
@@ -97,7 +103,7 @@ pub fn read_observations(path: &Path) -> Result<ReadObservations, IoError> {
 }
 
 /// Writes observations, in numbers that read back to the same bits: `.g2o`, or displacements alone as a table
-/// `.csv`, `i,j,dx,dy,dz` with their information.
+/// `.csv`, `i,j,dx,dy,dz` with their information; `-` is standard output, in g2o.
 ///
 /// A table has no initial values and no taxels beside those of its displacements.
 ///
@@ -105,6 +111,12 @@ pub fn read_observations(path: &Path) -> Result<ReadObservations, IoError> {
 /// [`IoError::Write`]; [`IoError::Unsupported`] for contacts with normals, which g2o has no line for, and in a table for
 /// contacts, fixed taxels and rotations; [`IoError::UnknownKind`].
 pub fn write_observations(path: &Path, observations: &Observations) -> Result<(), IoError> {
+    if path == Path::new("-") {
+        let path = Path::new("standard output");
+        let mut out = BufWriter::new(std::io::stdout().lock());
+        observations_g2o::write(&mut out, observations, path)?;
+        return out.flush().map_err(|source| IoError::Write { path: path.to_owned(), source });
+    }
     match kind(path).as_str() {
         "g2o" => replace_file(path, |out| observations_g2o::write(out, observations, path)),
         "csv" => replace_file(path, |out| observations_csv::write_edges(out, observations, path)),

@@ -22,6 +22,7 @@ impl PatchMap {
             name: patch.name.clone(),
             link: patch.link,
             ids: patch.ids.clone(),
+            covariances: patch.covariances.clone(),
             levels: levels.map(|(level, uv)| MapLevel::new(patch, level, uv, pixel)).collect(),
         }
     }

@@ -13,6 +13,9 @@ pub struct PatchMap {
     pub link: LinkId,
     /// Vendor ids of the taxels of level 0.
     pub ids: IdVec<VertexId, TaxelId>,
+    /// How uncertain the positions of the taxels are: covariances `xx xy xz yy yz zz` in m^2, in the link's frame; `None`:
+    /// unknown.
+    pub covariances: Option<IdVec<VertexId, [f64; 6]>>,
     /// The levels, finest first; at least one.
     pub levels: IdVec<LevelId, MapLevel>,
 }

@@ -54,7 +54,7 @@ impl View {
     }
 }
 
-/// A mesh laid out on the map of a level: the level's own, or level 0 carried there.
+/// A mesh laid out in the plane of a panel.
 pub(super) struct Canvas<'a> {
     pub(super) mesh: &'a TriMesh,
     pub(super) uv: Cow<'a, IdVec<VertexId, DVec2>>,
@@ -66,13 +66,13 @@ impl<'a> Canvas<'a> {
         Self { mesh: &level.mesh, uv: Cow::Borrowed(&level.uv) }
     }
 
-    /// Level 0 on the map of `level`, each taxel where its fields pull it.
-    pub(super) fn carried(finest: &'a MapLevel, level: &MapLevel) -> Self {
-        let Some(direct) = &level.direct else { return Self::own(finest) };
+    /// The taxels on the map of `level`, each where its fields pull it.
+    pub(super) fn carried(taxels: &'a TriMesh, level: &'a MapLevel) -> Self {
+        let Some(direct) = &level.direct else { return Self::own(level) };
         let place = |(v, t): (VertexId, &[VertexId; 3])| {
             t.iter().zip(direct.weights[v]).map(|(&k, w)| w * level.uv[k]).sum()
         };
-        Self { mesh: &finest.mesh, uv: Cow::Owned(direct.indices.enumerate().map(place).collect()) }
+        Self { mesh: taxels, uv: Cow::Owned(direct.indices.enumerate().map(place).collect()) }
     }
 
     /// Mean length of the edges, in pixels of the picture.
@@ -89,8 +89,7 @@ pub(super) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
         return level.mesh.positions.ids().map(VertexId::raw).collect();
     };
     let row = |(v, t): (VertexId, &[VertexId; 3])| {
-        let w = direct.weights[v];
-        t[(1..3).fold(0, |best, k| if w[k] > w[best] { k } else { best })].raw()
+        t[largest(direct.weights[v])].raw()
     };
     direct.indices.enumerate().map(row).collect()
 }
@@ -107,12 +106,22 @@ pub(super) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count
     colour_fields(count, &neighbours).into_iter().map(|c| FIELDS[c]).collect()
 }
 
-/// What a panel is filled with.
-pub(super) enum Fill<'a> {
+/// What a mesh is filled with.
+pub(super) enum Fill {
     /// One colour for each group of cells.
-    Cells { groups: &'a IdVec<VertexId, u32>, colours: &'a [Colour] },
+    Cells { groups: IdVec<VertexId, u32>, colours: Vec<Colour> },
     /// One colour for each face.
-    Faces(&'a IdVec<FaceId, Colour>),
+    Faces(IdVec<FaceId, Colour>),
+}
+
+impl Fill {
+    /// The colour of a corner of a face.
+    pub(super) fn colour(&self, face: FaceId, corner: VertexId) -> Colour {
+        match self {
+            Self::Faces(colours) => colours[face],
+            Self::Cells { groups, colours } => colours[groups[corner] as usize],
+        }
+    }
 }
 
 /// The areas of each colour, and whether they are exact or pixels.
@@ -123,7 +132,7 @@ pub(super) struct Areas {
 
 impl Areas {
     /// Fills the canvas. Neighbouring groups of one colour merge.
-    pub(super) fn new(canvas: &Canvas<'_>, fill: &Fill<'_>, view: &View) -> Result<Self, ReportError> {
+    pub(super) fn new(canvas: &Canvas<'_>, fill: &Fill, view: &View) -> Result<Self, ReportError> {
         let mut paths = BTreeMap::<Colour, PathData>::new();
         let exact = canvas.edge_px(view) >= LEAST_EDGE_PX;
         match (exact, fill) {
@@ -148,7 +157,7 @@ impl Areas {
 /// Rasterises the colours: runs of equal pixels, row by row.
 fn draw_runs(
     canvas: &Canvas<'_>,
-    fill: &Fill<'_>,
+    fill: &Fill,
     view: &View,
     paths: &mut BTreeMap<Colour, PathData>,
 ) -> Result<(), ReportError> {
@@ -156,25 +165,31 @@ fn draw_runs(
     let [width, height] = chart.size_px();
     let colour = |column, row| {
         let at = chart.point(column, row)?;
-        Some(match fill {
-            Fill::Faces(colours) => colours[at.face],
-            Fill::Cells { groups, colours } => {
-                let w = at.barycentric;
-                let corner = (1..3).fold(0, |best, k| if w[k] > w[best] { k } else { best });
-                colours[groups[canvas.mesh.triangles[at.face][corner]] as usize]
-            }
-        })
+        Some(fill.colour(at.face, canvas.mesh.triangles[at.face][largest(at.barycentric)]))
     };
     for row in 0..height {
         let colours: Vec<Option<Colour>> = (0..width).map(|column| colour(column, row)).collect();
-        let mut start = 0;
-        for run in colours.chunk_by(|a, b| a == b) {
-            if let Some(colour) = run[0] {
-                let corner = view.corner + DVec2::new(start as f64, f64::from(row));
-                paths.entry(colour).or_default().run(corner, run.len());
-            }
-            start += run.len();
-        }
+        draw_row(&colours, view.corner + DVec2::new(0.0, f64::from(row)), paths);
     }
     Ok(())
+}
+
+/// Adds the pixels of a row, which begins at `corner`, as runs of equal ones.
+pub(super) fn draw_row(
+    colours: &[Option<Colour>],
+    corner: DVec2,
+    paths: &mut BTreeMap<Colour, PathData>,
+) {
+    let mut start = 0;
+    for run in colours.chunk_by(|a, b| a == b) {
+        if let Some(colour) = run[0] {
+            paths.entry(colour).or_default().run(corner + DVec2::new(start as f64, 0.0), run.len());
+        }
+        start += run.len();
+    }
+}
+
+/// The largest of three weights, the first of several.
+pub(super) fn largest(weights: [f64; 3]) -> usize {
+    (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }

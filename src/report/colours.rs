@@ -25,6 +25,20 @@ impl Colour {
     pub(super) fn hex(self) -> String {
         format!("#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
     }
+
+    /// So bright, 0 to 1.
+    pub(super) fn lit(self, brightness: f64) -> Self {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a byte; `as` saturates")]
+        let lit = |x: u8| (f64::from(x) * brightness).round() as u8;
+        Self(lit(self.0), lit(self.1), lit(self.2))
+    }
+
+    /// Between three.
+    pub(super) fn mean([a, b, c]: [Self; 3]) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "a mean of bytes is a byte")]
+        let mean = |a: u8, b: u8, c: u8| ((u16::from(a) + u16::from(b) + u16::from(c)) / 3) as u8;
+        Self(mean(a.0, b.0, c.0), mean(a.1, b.1, c.1), mean(a.2, b.2, c.2))
+    }
 }
 
 /// A scale of colours between anchors at equal distances.

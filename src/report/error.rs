@@ -1,14 +1,14 @@
-use crate::{atlas::AtlasError, id::LevelId, map::MapError};
+use crate::{atlas::AtlasError, id::LevelId, map::MapError, skin::SkinError};
 
 /// Why there is no picture.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
-    /// A map without patches.
-    #[error("the map has no patch: there is nothing to draw")]
+    /// A map or a skin without patches.
+    #[error("there is no patch: there is nothing to draw")]
     Empty,
     /// A patch that the map does not have.
-    #[error("the map has no patch {patch:?}; it has {}", known.join(", "))]
+    #[error("there is no patch {patch:?}; the patches are {}", known.join(", "))]
     UnknownPatch {
         /// The patch asked for.
         patch: String,
@@ -22,6 +22,28 @@ pub enum ReportError {
         level: LevelId,
         /// The coarsest level there is.
         last: usize,
+    },
+    /// A skin without a map, where a picture needs one.
+    #[error("patch {patch:?} has no map, so its {what} cannot be drawn")]
+    NoMap {
+        /// The patch.
+        patch: String,
+        /// What of the map.
+        what: &'static str,
+    },
+    /// A patch whose taxels do not say how uncertain they are.
+    #[error("patch {patch:?} has no covariances, so the uncertainty of its taxels cannot be drawn")]
+    NoCovariances {
+        /// The patch.
+        patch: String,
+    },
+    /// A direction that is none.
+    #[error("there is no view from azimuth {azimuth} and elevation {elevation} degrees; elevations are -90 to 90")]
+    Direction {
+        /// The azimuth asked for, in degrees.
+        azimuth: f64,
+        /// The elevation asked for, in degrees.
+        elevation: f64,
     },
     /// A picture that is too small or too large.
     #[error("a picture of {width} x {height} pixels cannot be drawn; {least} to {most} a side can")]
@@ -38,6 +60,9 @@ pub enum ReportError {
     /// Data that is no map.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// Data that is no skin.
+    #[error(transparent)]
+    Skin(#[from] SkinError),
     /// A map that cannot be rasterised.
     #[error(transparent)]
     Atlas(#[from] AtlasError),
@@ -55,6 +80,12 @@ impl ReportError {
     pub fn help(&self) -> String {
         match self {
             Self::Empty | Self::Map(_) => "make the map again with `dermatome build`".into(),
+            Self::Skin(_) => "see what is wrong with `dermatome check`".into(),
+            Self::NoMap { .. } => "make a map with `dermatome build`, and draw that".into(),
+            Self::NoCovariances { .. } => {
+                "calibrate the skin with covariances, or show its fields or taxels".into()
+            }
+            Self::Direction { .. } => "give both angles in degrees, for example -65,-45".into(),
             Self::UnknownPatch { .. } => "name one of them, or none to draw them all".into(),
             Self::UnknownLevel { .. } => "ask for one of them, or for none to draw the finest".into(),
             Self::Size { .. } => "ask for another width, or for fewer patches and levels".into(),

@@ -2,13 +2,12 @@ use glam::DVec2;
 use svg::node::element::{Definitions, Group, LinearGradient, Rectangle, Stop, Text};
 
 use crate::{
-    id::LevelId,
-    map::{MapLevel, PatchMap},
     report::{
         Paint, ReportError,
         cells::View,
         colours::{DIVERGING, ORDER, SEQUENTIAL, Scale},
-        panel::{Panel, Range},
+        panel::Panel,
+        range::Range,
     },
 };
 
@@ -27,6 +26,9 @@ const LARGEST_LETTERS: f64 = 0.016;
 /// A panel is at most this much higher than the picture is wide: a finger is longer than a screen.
 const TALLEST: f64 = 0.8;
 
+/// The panels of a patch; a level that it lacks leaves its place empty.
+pub(super) type Row<'a> = Vec<Option<Panel<'a>>>;
+
 /// Where everything stands: a row per patch, a column per level, one scale.
 pub(super) struct Layout {
     pub(super) width: u32,
@@ -41,7 +43,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn new(patches: &[&PatchMap], levels: &[LevelId], width: u32) -> Result<Self, ReportError> {
+    pub(super) fn new(rows: &[Row<'_>], width: u32) -> Result<Self, ReportError> {
         let size = |height: f64| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
             let height = height as u32;
@@ -52,18 +54,18 @@ impl Layout {
         }
         let total = f64::from(width);
         let margin = (0.015 * total).round();
-        let columns = levels.len().max(1) as f64;
+        let columns = rows.iter().map(Vec::len).max().unwrap_or(0).max(1) as f64;
         let column = (total - margin * (columns + 1.0)) / columns;
         let em = (column / LETTERS_PER_PANEL).min(LARGEST_LETTERS * total).round().max(6.0);
-        let extents: Vec<DVec2> = patches.iter().map(|p| row_extent(p, levels)).collect();
+        let extents: Vec<DVec2> = rows.iter().map(row_extent).collect();
         let fit = |e: &DVec2| (column / e.x).min(TALLEST * total / e.y);
         let scale = extents.iter().map(fit).fold(f64::INFINITY, f64::min);
         let mut y = margin;
-        let mut rows = Vec::new();
+        let mut places = Vec::new();
         for extent in &extents {
             y += (4.2 * em).round();
             let height = (extent.y * scale).ceil();
-            rows.push((y, height));
+            places.push((y, height));
             y += height + margin;
         }
         let height = y + (2.6 * em).round() + margin;
@@ -72,51 +74,39 @@ impl Layout {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_SIDE")]
         let height = height as u32;
-        Ok(Self { width, height, em, margin, column, scale, rows })
+        Ok(Self { width, height, em, margin, column, scale, rows: places })
     }
 
     /// The panels row by row, each in the middle of its place.
-    pub(super) fn panels<'a>(&self, patches: &[&'a PatchMap], levels: &[LevelId]) -> Vec<Panel<'a>> {
-        let mut panels = Vec::new();
-        for (&patch, &(top, height)) in patches.iter().zip(&self.rows) {
-            for (column, &id) in levels.iter().enumerate() {
-                let Some(level) = patch.levels.get(id) else { continue };
-                let (lo, hi) = bounds(level);
+    pub(super) fn views<'r, 'a>(&self, rows: &'r [Row<'a>]) -> Vec<(&'r Panel<'a>, View)> {
+        let mut views = Vec::new();
+        for (row, &(top, height)) in rows.iter().zip(&self.rows) {
+            for (column, panel) in row.iter().enumerate() {
+                let Some(panel) = panel else { continue };
+                let (lo, hi) = panel.bounds;
                 let size = ((hi - lo) * self.scale).ceil().max(DVec2::ONE);
                 let left = self.margin + column as f64 * (self.column + self.margin);
                 let corner =
                     DVec2::new(left + 0.5 * (self.column - size.x), top + 0.5 * (height - size.y)).round();
-                let view = View { scale: self.scale, corner, origin: DVec2::new(lo.x, hi.y), size };
-                panels.push(Panel { patch, level, number: id.index(), view });
+                views.push((panel, View { scale: self.scale, corner, origin: DVec2::new(lo.x, hi.y), size }));
             }
         }
-        panels
+        views
     }
 
     /// What a panel is and how faithful, above it.
-    pub(super) fn caption(&self, panel: &Panel<'_>) -> Group {
-        let (d, count) = (&panel.level.distortion, panel.level.uv.len());
-        let kind = if panel.number == 0 { "taxels" } else { "fields" };
-        let x = panel.view.corner.x + 0.5 * panel.view.size.x;
-        let row = self.rows.iter().rev().find(|(top, _)| *top <= panel.view.corner.y + 1.0);
+    pub(super) fn caption(&self, panel: &Panel<'_>, view: &View) -> Group {
+        let x = view.corner.x + 0.5 * view.size.x;
+        let row = self.rows.iter().rev().find(|(top, _)| *top <= view.corner.y + 1.0);
         let top = row.map_or(self.margin, |(top, _)| *top);
         let line = |text: String, up: f64| Text::new(text).set("x", x).set("y", (top - up * self.em).round());
+        let [name, count, about] = panel.caption();
         Group::new()
             .set("text-anchor", "middle")
             .set("fill", "#222")
-            .add(
-                line(format!("{}, level {}", printable(&panel.patch.name), panel.number), 3.1)
-                    .set("stroke", "#222")
-                    .set("stroke-width", 0.03 * self.em),
-            )
-            .add(line(format!("{count} {kind}, {} flips", d.flips), 1.95))
-            .add(line(
-                format!(
-                    "s1/s2 {:.3} (max {:.2}), area {:.3} (max {:.2})",
-                    d.qc_mean, d.qc_max, d.area_mean, d.area_max
-                ),
-                0.8,
-            ))
+            .add(line(name, 3.1).set("stroke", "#222").set("stroke-width", 0.03 * self.em))
+            .add(line(count, 1.95))
+            .add(line(about, 0.8))
     }
 
     /// A bar of a round length, at the lower left.
@@ -157,6 +147,11 @@ impl Layout {
                 let low = format!("≤ {}", short(1.0 / range.area));
                 (DIVERGING, "area ratio", [low, "1".into(), format!("≥ {}", short(range.area))])
             }
+            Paint::Sigma => {
+                let [low, high] = range.sigma.map(|s| 1e3 * s);
+                let labels = [format!("≤ {}", short(low)), short(0.5 * (low + high)), format!("≥ {}", short(high))];
+                (SEQUENTIAL, "sigma, mm", labels)
+            }
             Paint::Taxel => (ORDER, "taxel id", ["lowest".into(), String::new(), "highest".into()]),
         };
         let stop = |k: i32| {
@@ -189,17 +184,10 @@ impl Layout {
     }
 }
 
-/// Corners of the smallest rectangle around the map of a level, in m; the origin without a finite position.
-fn bounds(level: &MapLevel) -> (DVec2, DVec2) {
-    let grow = |(lo, hi): (DVec2, DVec2), p: &DVec2| (lo.min(*p), hi.max(*p));
-    let (lo, hi) = level.uv.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), grow);
-    if lo.is_finite() && hi.is_finite() { (lo, hi) } else { (DVec2::ZERO, DVec2::ZERO) }
-}
-
-/// Width and height that hold each of a patch's panels, in m.
-fn row_extent(patch: &PatchMap, levels: &[LevelId]) -> DVec2 {
-    let extent = |id: &LevelId| patch.levels.get(*id).map(bounds).map(|(lo, hi)| hi - lo);
-    levels.iter().filter_map(extent).fold(DVec2::splat(1e-6), DVec2::max)
+/// Width and height that hold each panel of a row, in m.
+fn row_extent(row: &Row<'_>) -> DVec2 {
+    let extent = |panel: &Panel<'_>| panel.bounds.1 - panel.bounds.0;
+    row.iter().flatten().map(extent).fold(DVec2::splat(1e-6), DVec2::max)
 }
 
 /// XML has no control characters, not even escaped.
@@ -216,13 +204,6 @@ fn round_down(x: f64) -> f64 {
     digit * power
 }
 
-/// The smallest of 1, 2, 5 and 10 times a power of ten that is not below a positive `x`.
-pub(super) fn round_up(x: f64) -> f64 {
-    let power = 10_f64.powf(x.log10().floor());
-    let digit = [1.0, 2.0, 5.0].into_iter().find(|d| d * power >= x).unwrap_or(10.0);
-    digit * power
-}
-
 /// Three significant digits, without zeros at the end.
 fn short(x: f64) -> String {
     let decimals = [100.0, 10.0, 1.0].into_iter().position(|limit| x >= limit).unwrap_or(3);
@@ -232,6 +213,8 @@ fn short(x: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use crate::report::range::round_up;
+
     use super::*;
 
     #[test]

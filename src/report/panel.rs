@@ -2,138 +2,176 @@ use glam::DVec2;
 use svg::node::element::{Circle, Group, Path};
 
 use crate::{
-    atlas::{Stretch, face_stretch},
-    id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PatchMap},
+    id::{IdVec, LevelId, VertexId},
+    map::MapLevel,
     report::{
-        Paint, ReportError,
-        cells::{Areas, Canvas, Fill, View, dominant_fields, field_colours},
-        colours::{Colour, DIVERGING, ORDER, SEQUENTIAL, SKIN},
+        Paint, ReportError, Viewpoint,
+        camera::Camera,
+        cells::{Areas, Canvas, View},
+        coat::{Coat, Wearer},
+        layout::printable,
         outline::{boundary_loops, edges},
         path::PathData,
+        range::Range,
+        space::draw_in_space,
+        subject::Subject,
     },
 };
 
 /// The triangles of a level are drawn if their edges are at least so long on the picture; shorter, they would grey it.
-const LEAST_LINE_PX: f64 = 6.0;
+pub(super) const LEAST_LINE_PX: f64 = 6.0;
 
-/// Centres of fields are drawn if their distance on the picture is at least this.
+/// Centres of fields, or taxels, are drawn if their distance on the picture is at least this.
 const LEAST_DOT_PX: f64 = 7.0;
 
-/// Steps of a continuous scale: more cannot be told apart, and each is one path.
-const STEPS: f64 = 64.0;
+/// Width of the lines between triangles, in pixels.
+pub(super) const LINE_PX: f64 = 0.7;
 
-/// Ends of the scales, common to all panels of a picture.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Range {
-    /// Largest `s1/s2` shown.
-    pub(super) angle: f64,
-    /// Largest area ratio shown; its inverse is the smallest.
-    pub(super) area: f64,
-}
+/// Width of the line around a skin, in pixels.
+pub(super) const BOUNDARY_PX: f64 = 2.0;
 
-/// One level of one patch.
+/// Colour of the line around a skin, and of taxels.
+pub(super) const INK: &str = "#222";
+
+/// One picture of one patch.
 pub(super) struct Panel<'a> {
-    pub(super) patch: &'a PatchMap,
-    pub(super) level: &'a MapLevel,
-    pub(super) number: usize,
-    pub(super) view: View,
+    subject: &'a Subject<'a>,
+    /// Number of the level that the colours tell about.
+    number: LevelId,
+    look: Look<'a>,
+    /// Corners of the smallest rectangle around it, in m.
+    pub(super) bounds: (DVec2, DVec2),
 }
 
-impl Panel<'_> {
-    /// The map of the level, coloured.
-    pub(super) fn draw(&self, paint: Paint, range: &Range) -> Result<Group, ReportError> {
-        let own = Canvas::own(self.level);
-        let edge_px = own.edge_px(&self.view);
-        let mut group = Group::new().set("stroke-linejoin", "round");
-        let parted = paint == Paint::Fields && self.level.direct.is_some();
-        group = add_areas(group, &self.areas(paint, range)?, parted);
-        if edge_px >= LEAST_LINE_PX {
-            group = group.add(self.triangles());
-        }
-        group = group.add(self.boundary());
-        if paint == Paint::Fields && edge_px >= LEAST_DOT_PX {
-            group = group.add(self.centres((0.13 * edge_px).min(4.0)));
-        }
-        Ok(group)
+/// How a patch is looked at.
+enum Look<'a> {
+    /// The map of a level.
+    OnMap(&'a MapLevel),
+    /// The skin itself, coloured by a level if it has a map.
+    InSpace(Camera, Option<&'a MapLevel>),
+}
+
+impl<'a> Panel<'a> {
+    /// The map of a level, if there is one.
+    pub(super) fn on_map(subject: &'a Subject<'a>, number: LevelId) -> Option<Self> {
+        let level = subject.level(number)?;
+        Some(Self { subject, number, look: Look::OnMap(level), bounds: bounds(&level.uv) })
     }
 
-    fn areas(&self, paint: Paint, range: &Range) -> Result<Areas, ReportError> {
-        let by_face = |t: &dyn Fn(Stretch) -> f64, at: &dyn Fn(f64) -> Colour| {
-            let colour = |f: FaceId| at((STEPS * t(face_stretch(self.level, f))).round() / STEPS);
-            let colours: IdVec<FaceId, Colour> = self.level.mesh.triangles.ids().map(colour).collect();
-            Areas::new(&Canvas::own(self.level), &Fill::Faces(&colours), &self.view)
-        };
-        match paint {
-            Paint::Angle => by_face(&|s| (s.angle.abs() - 1.0) / (range.angle - 1.0), &|t| {
-                SEQUENTIAL.at(t.clamp(0.0, 1.0))
-            }),
-            Paint::Area => by_face(&|s| 0.5 + 0.5 * s.area.abs().ln() / range.area.ln(), &|t| {
-                DIVERGING.at(t.clamp(0.0, 1.0))
-            }),
-            Paint::Fields if self.level.direct.is_none() => by_face(&|_| 0.0, &|_| SKIN),
-            Paint::Fields => {
-                let canvas = Canvas::carried(self.finest(), self.level);
-                let groups = dominant_fields(self.level);
-                let colours = field_colours(&groups, canvas.mesh, self.level.uv.len());
-                Areas::new(&canvas, &Fill::Cells { groups: &groups, colours: &colours }, &self.view)
+    /// The skin in space, with the colours of a level.
+    pub(super) fn in_space(subject: &'a Subject<'a>, number: LevelId, viewpoint: Viewpoint) -> Self {
+        let camera = Camera::new(viewpoint, subject.mesh, subject.pose);
+        let bounds = bounds(&camera.project(subject.mesh));
+        Self { subject, number, look: Look::InSpace(camera, subject.level(number)), bounds }
+    }
+
+    /// The level whose colours it has.
+    pub(super) fn level(&self) -> Option<&'a MapLevel> {
+        match self.look {
+            Look::OnMap(level) => Some(level),
+            Look::InSpace(_, level) => level,
+        }
+    }
+
+    /// What it is, in three lines.
+    pub(super) fn caption(&self) -> [String; 3] {
+        let name = printable(self.subject.name);
+        match &self.look {
+            Look::OnMap(level) => {
+                let (d, count) = (&level.distortion, level.uv.len());
+                let kind = if self.number == LevelId::default() { "taxels" } else { "fields" };
+                [
+                    format!("{name}, level {}", self.number),
+                    format!("{count} {kind}, {} flips", d.flips),
+                    format!(
+                        "s1/s2 {:.3} (max {:.2}), area {:.3} (max {:.2})",
+                        d.qc_mean, d.qc_max, d.area_mean, d.area_max
+                    ),
+                ]
             }
-            Paint::Taxel => {
-                let canvas = Canvas::carried(self.finest(), self.level);
-                let groups = self.ranks_of_ids();
-                let colours: Vec<_> = (0..=64).map(|k| ORDER.at(f64::from(k) / STEPS)).collect();
-                Areas::new(&canvas, &Fill::Cells { groups: &groups, colours: &colours }, &self.view)
+            Look::InSpace(camera, _) => {
+                let mesh = self.subject.mesh;
+                let [azimuth, elevation] = camera.degrees.map(degrees);
+                [
+                    format!("{name}, in space"),
+                    format!("{} taxels, {} triangles", mesh.positions.len(), mesh.triangles.len()),
+                    format!("seen from azimuth {azimuth}, elevation {elevation}"),
+                ]
             }
         }
     }
 
-    fn finest(&self) -> &MapLevel {
-        self.patch.levels.iter().next().unwrap_or(self.level)
-    }
-
-    /// Where each taxel's id stands in the order of the ids, in [`STEPS`].
-    fn ranks_of_ids(&self) -> IdVec<VertexId, u32> {
-        let mut sorted: Vec<_> = self.patch.ids.iter().copied().collect();
-        sorted.sort_unstable();
-        sorted.dedup();
-        let last = sorted.len().saturating_sub(1).max(1) as f64;
-        self.patch.ids.map(|id| {
-            let rank = sorted.partition_point(|other| other < id) as f64 / last;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 64")]
-            let step = (STEPS * rank).round() as u32;
-            step
-        })
-    }
-
-    fn triangles(&self) -> Path {
-        let mut path = PathData::default();
-        for [a, b] in edges(&self.level.mesh) {
-            path.move_to(self.view.place(self.level.uv[a]));
-            path.line_to(self.view.place(self.level.uv[b]));
+    /// The map or the skin, coloured.
+    pub(super) fn draw(&self, view: &View, paint: Paint, range: &Range) -> Result<Group, ReportError> {
+        let coat = Coat::new(self.subject, self.level(), paint, range)?;
+        match &self.look {
+            Look::OnMap(level) => draw_map(level, &coat, view, paint),
+            Look::InSpace(camera, level) => {
+                let dots: Vec<VertexId> = match level.filter(|level| level.direct.is_some()) {
+                    _ if !has_dots(paint) => Vec::new(),
+                    Some(level) if paint == Paint::Fields => level.origins.iter().copied().collect(),
+                    _ => self.subject.mesh.positions.ids().collect(),
+                };
+                Ok(draw_in_space(&coat, camera, view, &dots))
+            }
         }
-        stroke(path, "#000", 0.7).set("stroke-opacity", 0.28)
-    }
-
-    fn boundary(&self) -> Path {
-        let mut path = PathData::default();
-        for walk in boundary_loops(&self.level.mesh) {
-            path.polygon(walk.into_iter().map(|v| self.view.place(self.level.uv[v])));
-        }
-        stroke(path, "#222", 2.0)
-    }
-
-    fn centres(&self, radius: f64) -> Group {
-        let group = Group::new().set("fill", "#222");
-        self.level.uv.iter().fold(group, |group, &at| group.add(circle(self.view.place(at), radius)))
     }
 }
 
-fn circle(at: DVec2, radius: f64) -> Circle {
+/// Where the colours tell about taxels one by one, their centres are shown.
+fn has_dots(paint: Paint) -> bool {
+    matches!(paint, Paint::Fields | Paint::Sigma)
+}
+
+fn draw_map(level: &MapLevel, coat: &Coat<'_>, view: &View, paint: Paint) -> Result<Group, ReportError> {
+    let own = Canvas::own(level);
+    let coated = match coat.wearer {
+        Wearer::Level => Canvas::own(level),
+        Wearer::Taxels => Canvas::carried(coat.mesh, level),
+    };
+    let edge_px = own.edge_px(view);
+    let mut group = Group::new().set("stroke-linejoin", "round");
+    let parted = paint == Paint::Fields && level.direct.is_some();
+    group = add_areas(group, &Areas::new(&coated, &coat.fill, view)?, parted);
+    if edge_px >= LEAST_LINE_PX {
+        group = group.add(triangles(&own, view));
+    }
+    group = group.add(boundary(&own, view));
+    if let (true, Some(radius)) = (has_dots(paint), dot_radius(edge_px)) {
+        let dots = Group::new().set("fill", INK);
+        group = group.add(own.uv.iter().fold(dots, |dots, &at| dots.add(circle(view.place(at), radius))));
+    }
+    Ok(group)
+}
+
+fn triangles(canvas: &Canvas<'_>, view: &View) -> Path {
+    let mut path = PathData::default();
+    for [a, b] in edges(canvas.mesh) {
+        path.move_to(view.place(canvas.uv[a]));
+        path.line_to(view.place(canvas.uv[b]));
+    }
+    stroke(path, "#000", LINE_PX).set("stroke-opacity", 0.28)
+}
+
+fn boundary(canvas: &Canvas<'_>, view: &View) -> Path {
+    let mut path = PathData::default();
+    for walk in boundary_loops(canvas.mesh) {
+        path.polygon(walk.into_iter().map(|v| view.place(canvas.uv[v])));
+    }
+    stroke(path, INK, BOUNDARY_PX)
+}
+
+/// Radius of dots between edges so long, in pixels; `None` where they would touch.
+pub(super) fn dot_radius(edge_px: f64) -> Option<f64> {
+    (edge_px >= LEAST_DOT_PX).then_some((0.13 * edge_px).min(4.0))
+}
+
+pub(super) fn circle(at: DVec2, radius: f64) -> Circle {
     let short = |x: f64| (10.0 * x).round() / 10.0;
     Circle::new().set("cx", short(at.x)).set("cy", short(at.y)).set("r", short(radius))
 }
 
-fn stroke(path: PathData, colour: &str, width: f64) -> Path {
+pub(super) fn stroke(path: PathData, colour: &str, width: f64) -> Path {
     Path::new()
         .set("d", path.into_text())
         .set("fill", "none")
@@ -142,7 +180,7 @@ fn stroke(path: PathData, colour: &str, width: f64) -> Path {
 }
 
 /// Fields are parted by white lines; other areas of one colour flow together, so their seams are painted over.
-fn add_areas(mut group: Group, areas: &Areas, parted: bool) -> Group {
+pub(super) fn add_areas(mut group: Group, areas: &Areas, parted: bool) -> Group {
     for (colour, path) in areas.paths.iter().filter(|(_, path)| !path.is_empty()) {
         let element = Path::new().set("d", path.clone().into_text()).set("fill", colour.hex());
         group = group.add(match (areas.exact, parted) {
@@ -152,4 +190,17 @@ fn add_areas(mut group: Group, areas: &Areas, parted: bool) -> Group {
         });
     }
     group
+}
+
+/// Corners of the smallest rectangle around places, in m; the origin without a finite one.
+fn bounds(places: &IdVec<VertexId, DVec2>) -> (DVec2, DVec2) {
+    let grow = |(lo, hi): (DVec2, DVec2), p: &DVec2| (lo.min(*p), hi.max(*p));
+    let (lo, hi) = places.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), grow);
+    if lo.is_finite() && hi.is_finite() { (lo, hi) } else { (DVec2::ZERO, DVec2::ZERO) }
+}
+
+/// An angle in degrees with at most a tenth, and a minus as wide as a figure.
+fn degrees(x: f64) -> String {
+    let tenths = (10.0 * x).round() / 10.0;
+    format!("{}{}°", if tenths < 0.0 { "\u{2212}" } else { "" }, tenths.abs())
 }

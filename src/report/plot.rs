@@ -4,16 +4,18 @@ use svg::{
 };
 
 use crate::{
-    atlas::face_stretch,
-    id::LevelId,
+    id::{IdVec, LevelId, PatchId},
     map::{MapError, PatchMap, SkinMap},
     mesh::MeshError,
     report::{
-        ReportError,
-        layout::{Layout, printable, round_up},
-        panel::{Panel, Range},
+        ReportError, Viewpoint,
+        layout::{Layout, Row, printable},
+        panel::Panel,
         png::FONT_FAMILY,
+        range::Range,
+        subject::Subject,
     },
+    skin::Skin,
 };
 
 /// Levels drawn when none is asked for: as many as are legible side by side in a README.
@@ -31,10 +33,12 @@ pub enum Paint {
     Area,
     /// Each taxel's id, from the lowest to the highest.
     Taxel,
+    /// How uncertain each taxel's position is: the square root of the trace of its covariance.
+    Sigma,
 }
 
 /// What to plot.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PlotOptions {
     /// Names of the patches, one row each; none: all.
     pub patches: Vec<String>,
@@ -42,13 +46,15 @@ pub struct PlotOptions {
     pub levels: Vec<LevelId>,
     /// What the colours say.
     pub paint: Paint,
+    /// From where the skin is drawn in space, beside its maps; `None`: the maps alone.
+    pub space: Option<Viewpoint>,
     /// Width of the picture, in pixels.
     pub width_px: u32,
 }
 
 impl Default for PlotOptions {
     fn default() -> Self {
-        Self { patches: Vec::new(), levels: Vec::new(), paint: Paint::default(), width_px: 1600 }
+        Self { patches: Vec::new(), levels: Vec::new(), paint: Paint::default(), space: None, width_px: 1600 }
     }
 }
 
@@ -56,19 +62,68 @@ impl Default for PlotOptions {
 ///
 /// Each panel shows the triangles and the boundary of one level on its own map. With [`Paint::Fields`] level 0 is
 /// carried to each coarser level's map: the cell of each taxel has the colour of the field that it belongs to most, and
-/// dots are the fields' centres; on level 0 itself dots are the taxels. Triangles shorter than 6 pixels are left out, dots closer than 7; colours of triangles shorter
-/// than 3 pixels are drawn pixel by pixel, so that the picture of a large mesh stays small.
+/// dots are the fields' centres; on level 0 itself dots are the taxels. With [`PlotOptions::space`] the first panel of a
+/// row is the skin in space, as [`plot_skin`] draws it, with the colours of the first level drawn.
+///
+/// Triangles shorter than 6 pixels are left out, dots closer than 7; colours of triangles shorter than 3 pixels are drawn
+/// pixel by pixel, so that the picture of a large mesh stays small.
 ///
 /// # Errors
-/// If there is no such patch or level, the data are no map, or the picture is larger than 16384 pixels a side.
+/// If there is no such patch or level, the data are no map or have no covariances to show, the viewpoint is none, or the
+/// picture is larger than 16384 pixels a side.
 pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportError> {
-    let patches = choose_patches(map, &options.patches)?;
+    let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
     let levels = choose_levels(&patches, &options.levels)?;
     patches.iter().try_for_each(|patch| check(patch, &levels))?;
-    let layout = Layout::new(&patches, &levels, options.width_px)?;
-    let panels = layout.panels(&patches, &levels);
-    let range = range_of(&panels);
+    options.space.map_or(Ok(()), check_viewpoint)?;
+    let subjects: Vec<_> = patches.iter().filter_map(|patch| Subject::of_map(map, patch)).collect();
+    let first = levels.first().copied().unwrap_or_default();
+    let row = |subject| {
+        let in_space = options.space.map(|viewpoint| Some(Panel::in_space(subject, first, viewpoint)));
+        let maps = levels.iter().map(|&level| Panel::on_map(subject, level));
+        in_space.into_iter().chain(maps).collect()
+    };
+    let rows: Vec<Row<'_>> = subjects.iter().map(row).collect();
+    draw("Somatosensory maps of", &subjects, &rows, options)
+}
 
+/// Draws patches in space, one below the other at one scale, as the text of an SVG picture.
+///
+/// The projection is orthographic, so the scale bar holds for all lengths in the picture plane; z is up. Light falls from
+/// the upper left; the inside of the skin is darker. Triangles and dots, which are the taxels, are left out where they
+/// would be smaller than in [`plot_map`].
+///
+/// # Errors
+/// If there is no such patch, the data are no skin, the colours need a map or covariances that are not there, the
+/// viewpoint is none, or the picture is larger than 16384 pixels a side.
+pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<String, ReportError> {
+    let patches = choose(&skin.patches, |patch| &patch.name, &options.patches)?;
+    skin.validate()?;
+    let subjects: Vec<_> = patches.iter().map(|patch| Subject::of_skin(skin, patch)).collect();
+    if let (Some(subject), false) = (subjects.first(), options.levels.is_empty()) {
+        return Err(subject.no_map("levels"));
+    }
+    let viewpoint = options.space.unwrap_or_default();
+    check_viewpoint(viewpoint)?;
+    let row = |subject| vec![Some(Panel::in_space(subject, LevelId::default(), viewpoint))];
+    let rows: Vec<Row<'_>> = subjects.iter().map(row).collect();
+    draw("The skin of", &subjects, &rows, options)
+}
+
+fn draw(
+    title: &str,
+    subjects: &[Subject<'_>],
+    rows: &[Row<'_>],
+    options: &PlotOptions,
+) -> Result<String, ReportError> {
+    let layout = Layout::new(rows, options.width_px)?;
+    let panels = layout.views(rows);
+    let levels: Vec<_> = panels.iter().filter_map(|(panel, _)| panel.level()).collect();
+    let mut range = Range::new(&levels);
+    if options.paint == Paint::Sigma {
+        range = range.with_sigmas(subjects)?;
+    }
+    let names: Vec<_> = subjects.iter().map(|subject| printable(subject.name)).collect();
     let (width, height) = (f64::from(layout.width), f64::from(layout.height));
     let mut picture = Document::new()
         .set("width", width)
@@ -76,10 +131,11 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportEr
         .set("viewBox", format!("0 0 {width} {height}"))
         .set("font-family", format!("{FONT_FAMILY}, 'DejaVu Sans', Arial, sans-serif"))
         .set("font-size", layout.em)
-        .add(Title::new(picture_title(&patches)))
+        .add(Title::new(format!("{title} {}", names.join(", "))))
         .add(Rectangle::new().set("width", width).set("height", height).set("fill", "#fff"));
-    for panel in &panels {
-        picture = picture.add(layout.caption(panel)).add(panel.draw(options.paint, &range)?);
+    for (panel, view) in &panels {
+        picture =
+            picture.add(layout.caption(panel, view)).add(panel.draw(view, options.paint, &range)?);
     }
     picture = picture.add(layout.scale_bar());
     if let Some((definition, legend)) = layout.legend(options.paint, &range) {
@@ -88,25 +144,33 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportEr
     Ok(picture.to_string())
 }
 
-fn picture_title(patches: &[&PatchMap]) -> String {
-    let names: Vec<_> = patches.iter().map(|p| printable(&p.name)).collect();
-    format!("Somatosensory maps of {}", names.join(", "))
-}
-
-fn choose_patches<'a>(map: &'a SkinMap, names: &[String]) -> Result<Vec<&'a PatchMap>, ReportError> {
-    if map.patches.is_empty() {
+/// The patches of these names, in this order; without names all.
+fn choose<'a, P>(
+    patches: &'a IdVec<PatchId, P>,
+    name: impl Fn(&P) -> &String,
+    names: &[String],
+) -> Result<Vec<&'a P>, ReportError> {
+    if patches.is_empty() {
         return Err(ReportError::Empty);
     }
     if names.is_empty() {
-        return Ok(map.patches.iter().collect());
+        return Ok(patches.iter().collect());
     }
-    let find = |name: &String| {
-        map.patches.iter().find(|p| p.name == *name).ok_or_else(|| ReportError::UnknownPatch {
-            patch: name.clone(),
-            known: map.patches.iter().map(|p| p.name.clone()).collect(),
+    let find = |wanted: &String| {
+        patches.iter().find(|p| name(p) == wanted).ok_or_else(|| ReportError::UnknownPatch {
+            patch: wanted.clone(),
+            known: patches.iter().map(|p| name(p).clone()).collect(),
         })
     };
     names.iter().map(find).collect()
+}
+
+fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), ReportError> {
+    let Viewpoint::From { azimuth, elevation } = viewpoint else { return Ok(()) };
+    let [azimuth, elevation] = [azimuth, elevation].map(f64::to_degrees);
+    // A right angle in radians is no decimal.
+    let is_direction = azimuth.is_finite() && elevation.abs() <= 90.0 + 1e-9;
+    if is_direction { Ok(()) } else { Err(ReportError::Direction { azimuth, elevation }) }
 }
 
 fn choose_levels(patches: &[&PatchMap], levels: &[LevelId]) -> Result<Vec<LevelId>, ReportError> {
@@ -130,6 +194,10 @@ fn check(patch: &PatchMap, levels: &[LevelId]) -> Result<(), ReportError> {
         let count = level.mesh.positions.len();
         let mut lengths = vec![("map positions", level.uv.len(), count)];
         level.mesh.validate().map_err(|source| MapError::Mesh { patch: name(), level: label(), source })?;
+        if let Some(v) = level.origins.iter().find(|v| v.index() >= taxels) {
+            let (what, found, count) = ("origins", v.index(), taxels);
+            return Err(MapError::OutOfRange { patch: name(), level: label(), what, found, count }.into());
+        }
         if let Some((vertex, at)) = level.uv.enumerate().find(|(_, at)| !at.is_finite()) {
             let source = MeshError::NotFinite { vertex, position: [at.x, at.y, 0.0] };
             return Err(MapError::Mesh { patch: name(), level: label(), source }.into());
@@ -144,27 +212,11 @@ fn check(patch: &PatchMap, levels: &[LevelId]) -> Result<(), ReportError> {
         }
         if id == finest {
             lengths.push(("taxel ids", patch.ids.len(), count));
+            lengths.push(("covariances", patch.covariances.as_ref().map_or(count, IdVec::len), count));
         }
         if let Some(&(what, found, needed)) = lengths.iter().find(|(_, found, needed)| found != needed) {
             return Err(MapError::Length { patch: name(), level: label(), what, found, needed }.into());
         }
     }
     Ok(())
-}
-
-/// Ends of the scales: what all but a hundredth of the triangles stay below, rounded.
-fn range_of(panels: &[Panel<'_>]) -> Range {
-    let stretches =
-        || panels.iter().flat_map(|p| p.level.mesh.triangles.ids().map(|f| face_stretch(p.level, f)));
-    let most = |values: Vec<f64>| {
-        let mut values: Vec<f64> = values.into_iter().filter(|x| x.is_finite()).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values.get(values.len() * 99 / 100).map_or(0.0, |x| *x)
-    };
-    let angle = most(stretches().map(|s| s.angle.abs() - 1.0).collect());
-    let area = most(stretches().map(|s| s.area.abs().ln().abs()).collect());
-    Range {
-        angle: 1.0 + round_up(angle.clamp(0.02, 100.0)),
-        area: 1.0 + round_up(area.clamp(0.02, 5.0).exp_m1()),
-    }
 }

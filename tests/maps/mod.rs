@@ -41,7 +41,7 @@ pub(crate) fn mapped_level(mesh: TriMesh, uv: IdVec<VertexId, DVec2>, pixel: f64
 /// A patch of these levels; ids count from 100.
 pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
     let ids = levels[0].mesh.positions.ids().map(|v| TaxelId(100 + v.raw())).collect();
-    PatchMap { name: name.into(), link: LinkId::default(), ids, levels: levels.into() }
+    PatchMap { name: name.into(), link: LinkId::default(), ids, covariances: None, levels: levels.into() }
 }
 
 /// A patch of one level seen from above.

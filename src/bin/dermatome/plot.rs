@@ -1,4 +1,5 @@
-//! `dermatome plot MAP.glb -o OUT.svg|.png`: levels of a map side by side, with their receptive fields.
+//! `dermatome plot MAP.glb -o OUT.svg|.png`: levels of a map side by side, with their receptive fields, and the skin in
+//! space.
 
 use std::{
     io::{Write, stdout},
@@ -10,16 +11,17 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     id::LevelId,
-    io::{IoError, read_map, replace_file},
-    report::{Paint, PlotOptions, plot_map, render_png},
+    io::{IoError, read_map_if_any, replace_file},
+    report::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
 };
 
-use crate::Common;
+use crate::{Common, input::read_skin};
 
-/// Draw levels of a map side by side, all at one scale, with their receptive fields or their distortion.
+/// Draw levels of a map side by side, all at one scale, with their receptive fields or their distortion, and the skin in
+/// space.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The map, as `dermatome build` writes it.
+    /// The map, as `dermatome build` writes it; or a skin without a map, which is drawn in space.
     #[arg(value_name = "MAP.glb")]
     map: PathBuf,
     /// Where to write: `.svg` or `.png`; `-`: SVG on standard output. May be given more than once.
@@ -34,6 +36,13 @@ pub(crate) struct Args {
     /// What the colours say
     #[arg(long, value_enum, default_value_t = Show::Fields)]
     show: Show,
+    /// Draw the skin in space, too, with the colours of the first level drawn.
+    #[arg(long)]
+    space: bool,
+    /// Draw the skin in space as seen from here: angle from x towards y and angle above the xy plane, in degrees.
+    /// Without: from outside, tilted so that its shape shows.
+    #[arg(long, value_name = "AZIMUTH,ELEVATION", value_parser = viewpoint, allow_hyphen_values = true)]
+    from: Option<Viewpoint>,
     /// Width of the picture, in pixels.
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
     width: u32,
@@ -49,6 +58,8 @@ enum Show {
     Area,
     /// The taxels' ids, from the lowest to the highest
     Taxel,
+    /// How uncertain each taxel's position is, if the skin was calibrated
+    Sigma,
 }
 
 impl From<Show> for Paint {
@@ -58,6 +69,7 @@ impl From<Show> for Paint {
             Show::Angle => Self::Angle,
             Show::Area => Self::Area,
             Show::Taxel => Self::Taxel,
+            Show::Sigma => Self::Sigma,
         }
     }
 }
@@ -69,17 +81,21 @@ enum Kind {
     Png,
 }
 
-pub(crate) fn run(args: &Args, _: &Common) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs: Vec<_> =
         args.outputs.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<_, Error>>()?;
-    let map = read_map(&args.map).map_err(Error::from)?;
     let options = PlotOptions {
         patches: args.patches.clone(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
         paint: args.show.into(),
+        space: args.from.or(args.space.then(Viewpoint::default)),
         width_px: args.width,
     };
-    let svg = plot_map(&map, &options).map_err(Error::from)?;
+    let svg = match read_map_if_any(&args.map).map_err(Error::from)? {
+        Some(map) => plot_map(&map, &options),
+        None => plot_skin(&read_skin(&args.map, common)?, &options),
+    }
+    .map_err(Error::from)?;
     for (path, kind) in outputs {
         match kind {
             Kind::Svg => write(path, svg.as_bytes())?,
@@ -87,6 +103,17 @@ pub(crate) fn run(args: &Args, _: &Common) -> anyhow::Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn viewpoint(text: &str) -> Result<Viewpoint, String> {
+    let angle = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+    let angles = text.split_once(',').and_then(|(azimuth, elevation)| Some((angle(azimuth)?, angle(elevation)?)));
+    match angles {
+        Some((azimuth, elevation)) if elevation.abs() <= 90.0 => {
+            Ok(Viewpoint::From { azimuth: azimuth.to_radians(), elevation: elevation.to_radians() })
+        }
+        _ => Err("needed: two angles in degrees, the second from -90 to 90, as in -65,-45".into()),
+    }
 }
 
 fn is_stream(path: &Path) -> bool {

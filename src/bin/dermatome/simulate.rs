@@ -21,7 +21,8 @@ use crate::{
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where to write the observations: .g2o, or displacements of the positions model as a table .csv
+    /// Where to write the observations: .g2o, or displacements of the positions model as a table .csv; - is standard
+    /// output, in g2o
     #[arg(short, long, value_name = "OBS.g2o")]
     output: PathBuf,
     /// Where to write where the taxels truly are: .csv

@@ -7,6 +7,7 @@ use crate::{
     id::{IdVec, LevelId, LinkId, TaxelId, VertexId},
     io::{
         IoError,
+        kind::kind,
         scene::{
             accessor::Role,
             attributes::Attributes,
@@ -14,7 +15,7 @@ use crate::{
             level_extras::{FrameExtras, LevelExtras, RowsExtras},
             nodes::place,
             schema::Whole,
-            skin_in::{read_ids, read_normals, read_positions},
+            skin_in::{read_covariances, read_ids, read_normals, read_positions},
             triangles::{Mode, triangles},
         },
     },
@@ -38,9 +39,26 @@ const PIXEL: f64 = 1e-3;
 /// # Errors
 /// If the file cannot be read, breaks a rule of glTF 2.0, is no map, or is a map with an array that does not fit.
 pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
+    read_levels(&Document::open(path)?)
+}
+
+/// As [`read_map`]; `None` for a file of another kind, and for a glTF file without a map.
+///
+/// # Errors
+/// As [`read_map`], for a file that says it is a map.
+pub fn read_map_if_any(path: &Path) -> Result<Option<SkinMap>, IoError> {
+    if !matches!(kind(path).as_str(), "glb" | "gltf") {
+        return Ok(None);
+    }
     let document = Document::open(path)?;
-    let found = levels_by_patch(&document)?;
-    let tree = place(&document)?;
+    let is_map = |extras: Result<LevelExtras, _>| extras.is_ok_and(|extras| extras.map.is_some());
+    let has_map = document.json.meshes.iter().filter_map(LevelExtras::of).any(is_map);
+    if has_map { read_levels(&document).map(Some) } else { Ok(None) }
+}
+
+fn read_levels(document: &Document) -> Result<SkinMap, IoError> {
+    let found = levels_by_patch(document)?;
+    let tree = place(document)?;
     let mut links = BTreeMap::new();
     for placement in &tree.placements {
         if placement.stretch.is_some() {
@@ -55,7 +73,7 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     }
     let mut map = SkinMap { links: tree.links, ..SkinMap::default() };
     for patch in found {
-        map.patches.push(read_patch(&document, &links, patch)?);
+        map.patches.push(read_patch(document, &links, patch)?);
     }
     Ok(map)
 }
@@ -117,14 +135,14 @@ fn read_patch(
             needed,
         ));
     };
-    let mut ids = IdVec::new();
+    let mut taxels = Taxels::default();
     let mut levels = IdVec::<LevelId, MapLevel>::new();
     // Prolongations need the sizes of other levels.
     let mut rows: Vec<[Option<RowsExtras>; 2]> = Vec::new();
     for (mesh, extras) in &patch.levels {
-        let (level, ids_here) = read_level(document, *mesh, extras)?;
-        if let Some(ids_here) = ids_here {
-            ids = ids_here;
+        let (level, taxels_here) = read_level(document, *mesh, extras)?;
+        if let Some(taxels_here) = taxels_here {
+            taxels = taxels_here;
         }
         levels.push(level);
         rows.push([extras.up, extras.direct]);
@@ -140,15 +158,23 @@ fn read_patch(
         levels[number].direct = row("direct", sizes[0], (k > 0).then_some(sizes[k]), direct)?;
         levels[number].origins = origins(document, &name, &levels, number)?;
     }
-    Ok(PatchMap { name: patch.name, link, ids, levels })
+    let Taxels { ids, covariances } = taxels;
+    Ok(PatchMap { name: patch.name, link, ids, covariances, levels })
 }
 
-/// The mesh and the map of one level; the prolongations and origins stay empty. Ids belong to level 0.
+/// What only the vertices of level 0 have.
+#[derive(Default)]
+struct Taxels {
+    ids: IdVec<VertexId, TaxelId>,
+    covariances: Option<IdVec<VertexId, [f64; 6]>>,
+}
+
+/// The mesh and the map of one level; the prolongations and origins stay empty.
 fn read_level(
     document: &Document,
     index: usize,
     extras: &LevelExtras,
-) -> Result<(MapLevel, Option<IdVec<VertexId, TaxelId>>), IoError> {
+) -> Result<(MapLevel, Option<Taxels>), IoError> {
     let name = format!("{}/L{}", extras.patch, extras.level);
     let [primitive] = document.json.meshes[index].primitives.as_slice() else {
         return Err(document.invalid(name, "several primitives or none", "one"));
@@ -178,9 +204,12 @@ fn read_level(
     })?;
     let frame = read_frame(document, &name, map)?;
     let uv = read_uv(document, &name, &attributes, &frame)?;
-    let ids = match (extras.level, attributes.get("_TAXEL_ID")) {
+    let taxels = match (extras.level, attributes.get("_TAXEL_ID")) {
         (0, None) => return Err(missing("_TAXEL_ID")),
-        (0, Some(ids)) => Some(read_ids(document, ids)?.into()),
+        (0, Some(ids)) => Some(Taxels {
+            ids: read_ids(document, ids)?.into(),
+            covariances: read_covariances(document, &attributes)?.map(IdVec::from),
+        }),
         _ => None,
     };
     let distortion = distortion(&mesh, &uv);
@@ -195,7 +224,7 @@ fn read_level(
         direct: None,
         distortion,
     };
-    Ok((level, ids))
+    Ok((level, taxels))
 }
 
 /// Map positions, in m.

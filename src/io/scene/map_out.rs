@@ -28,7 +28,8 @@ const SUM: f64 = 1e-6;
 ///
 /// A scene shows the links that carry a patch of its level (scene 0, the default, shows all links) and under them the
 /// patches. `TEXCOORD_0` is the map position in the unit square of the level's image, `_AREA` the receptive area
-/// (m^2), `_TAXEL_ID` the vendor id (level 0 only; VEC2 of u16: low, high). The mesh's `extras.dermatome` holds the names
+/// (m^2), `_TAXEL_ID` the vendor id (level 0 only; VEC2 of u16: low, high), beside it `_SIGMA` and
+/// `_COVARIANCE_0/1` where covariances are known, as in a skin. The mesh's `extras.dermatome` holds the names
 /// of patch and level, the rectangle of the map, and the accessors of the prolongations. Everything but the rectangle is
 /// rounded to `f32`.
 ///
@@ -43,6 +44,7 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
             name: &patch.name,
             link: patch.link,
             ids: &patch.ids,
+            covariances: patch.covariances.as_ref(),
             levels: patch.levels.iter().map(LevelView::of_map).collect(),
         })
         .collect();
@@ -66,6 +68,7 @@ pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<
             name: &patch.name,
             link: patch.link,
             ids: &patch.ids,
+            covariances: patch.covariances.as_ref(),
             levels: pyramid.levels.iter().map(|level| LevelView::of_pyramid(patch, level)).collect(),
         })
         .collect();
@@ -77,6 +80,7 @@ struct PatchView<'a> {
     name: &'a str,
     link: LinkId,
     ids: &'a IdVec<VertexId, TaxelId>,
+    covariances: Option<&'a IdVec<VertexId, [f64; 6]>>,
     levels: IdVec<LevelId, LevelView<'a>>,
 }
 
@@ -183,6 +187,9 @@ fn add_level(
     sheet.positive("_AREA", level.areas)?;
     if number.index() == 0 {
         sheet.ids(patch.ids);
+        if let Some(covariances) = patch.covariances {
+            sheet.covariances(covariances)?;
+        }
     }
     let primitive = sheet.finish();
 

@@ -21,7 +21,7 @@ mod skin_out;
 mod triangles;
 mod write;
 
-pub use map_in::read_map;
+pub use map_in::{read_map, read_map_if_any};
 pub use map_out::{write_map, write_pyramids};
 pub use skin_in::read_gltf;
 pub use skin_out::{write_skin_glb, write_skin_gltf};

@@ -117,12 +117,7 @@ fn append_vertices(
     let scalar = |name| attributes.get(name).map(|a| document.gather(a, |[x]: [f64; 1]| x)).transpose();
     join.all_or_none("_AREA", &mut sheet.areas, scalar("_AREA")?)?;
     join.all_or_none("_DENSITY", &mut sheet.densities, scalar("_DENSITY")?)?;
-    let vector = |name| attributes.get(name).map(|a| document.gather(a, |row: [f64; 3]| row)).transpose();
-    let covariances = vector("_COVARIANCE_0")?.zip(vector("_COVARIANCE_1")?).map(|(first, second)| {
-        let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| [xx, xy, xz, yy, yz, zz];
-        first.into_iter().zip(second).map(join).collect::<Vec<_>>()
-    });
-    join.all_or_none("_COVARIANCE_0", &mut sheet.covariances, covariances)?;
+    join.all_or_none("_COVARIANCE_0", &mut sheet.covariances, read_covariances(document, attributes)?)?;
 
     // A primitive without normals is flat by the rules of glTF: its triangles know better than a placeholder.
     let normals = read_normals(document, attributes)?;
@@ -200,6 +195,17 @@ pub(super) fn read_normals(
     let normals = document.gather(accessor, DVec3::from_array)?;
     check_normals(document, accessor, &normals)?;
     Ok(Some(normals))
+}
+
+/// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there.
+pub(super) fn read_covariances(
+    document: &Document,
+    attributes: &Attributes<'_>,
+) -> Result<Option<Vec<[f64; 6]>>, IoError> {
+    let half = |name| attributes.get(name).map(|a| document.gather(a, |row: [f64; 3]| row)).transpose();
+    let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| [xx, xy, xz, yy, yz, zz];
+    let halves = half("_COVARIANCE_0")?.zip(half("_COVARIANCE_1")?);
+    Ok(halves.map(|(first, second)| first.into_iter().zip(second).map(join).collect()))
 }
 
 /// Vendor ids: whole scalars, or low and high halves.

@@ -186,7 +186,7 @@ impl<'a> SheetWriter<'a> {
     }
 
     /// Covariances of positions, and the standard deviation that stands for each.
-    fn covariances(&mut self, covariances: &IdVec<VertexId, [f64; 6]>) -> Result<(), IoError> {
+    pub(super) fn covariances(&mut self, covariances: &IdVec<VertexId, [f64; 6]>) -> Result<(), IoError> {
         self.check_length("covariances", covariances.len())?;
         if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !c.iter().all(|x| narrow(*x).is_finite()))
         {

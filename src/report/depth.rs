@@ -1,0 +1,159 @@
+use glam::{DVec2, DVec3};
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// A pixel that no face covers.
+const UNCOVERED: u32 = u32::MAX;
+
+/// The face under the centre of each pixel that is nearest to the viewer; of several the one with the smallest id.
+///
+/// Depths are not kept but computed from the planes of the faces, so that a picture takes four bytes a pixel.
+pub(super) struct DepthBuffer {
+    width: usize,
+    faces: Vec<u32>,
+    planes: IdVec<FaceId, Option<Plane>>,
+}
+
+impl DepthBuffer {
+    /// Draws all faces; `places` are pixels to the right and down, and towards the viewer.
+    pub(super) fn new(mesh: &TriMesh, places: &IdVec<VertexId, DVec3>, [width, height]: [usize; 2]) -> Self {
+        let planes = mesh.triangles.map(|t| Plane::new(t.map(|v| places[v])));
+        let mut buffer = Self { width, faces: vec![UNCOVERED; width * height], planes };
+        for (face, t) in mesh.triangles.enumerate() {
+            if let Some(plane) = buffer.planes[face] {
+                buffer.draw(face, plane, t.map(|v| places[v].truncate()), height);
+            }
+        }
+        buffer
+    }
+
+    /// Row by row the pixels whose centres lie between the face's edges.
+    fn draw(&mut self, face: FaceId, plane: Plane, corners: [DVec2; 3], height: usize) {
+        let [a, b, c] = corners;
+        let (top, bottom) = (a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y));
+        for row in first_centre(top, height)..first_centre(bottom, height) {
+            let y = row as f64 + 0.5;
+            let (left, right) = span(corners, y);
+            for column in first_centre(left, self.width)..first_centre(right, self.width) {
+                let at = DVec2::new(column as f64 + 0.5, y);
+                let pixel = &mut self.faces[row * self.width + column];
+                let nearest = (*pixel != UNCOVERED).then(|| self.planes[FaceId::from(*pixel)]).flatten();
+                if nearest.is_none_or(|nearest| nearest.at(at) < plane.at(at)) {
+                    *pixel = face.raw();
+                }
+            }
+        }
+    }
+
+    /// The face that a pixel shows.
+    pub(super) fn face(&self, column: usize, row: usize) -> Option<FaceId> {
+        let face = *self.faces.get(row * self.width + column).filter(|_| column < self.width)?;
+        (face != UNCOVERED).then(|| FaceId::from(face))
+    }
+
+    /// Whether nothing is more than `slack` pixels in front of a place.
+    pub(super) fn shows(&self, place: DVec3, slack: f64) -> bool {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+        let [column, row] = [place.x as usize, place.y as usize];
+        let front = self.face(column, row).and_then(|face| self.planes[face]);
+        front.is_none_or(|front| front.at(place.truncate()) <= place.z + slack)
+    }
+}
+
+/// How near the plane of a face is to the viewer, as a function of the place.
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    through: DVec3,
+    slope: DVec2,
+}
+
+impl Plane {
+    /// `None` if the face is seen edge-on.
+    fn new([a, b, c]: [DVec3; 3]) -> Option<Self> {
+        let normal = (b - a).cross(c - a);
+        let slope = -normal.truncate() / normal.z;
+        slope.is_finite().then_some(Self { through: a, slope })
+    }
+
+    fn at(&self, place: DVec2) -> f64 {
+        self.through.z + self.slope.dot(place - self.through.truncate())
+    }
+}
+
+/// The first of `count` pixels whose centre is not before `x`; `count` if there is none.
+fn first_centre(x: f64, count: usize) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    let first = (x - 0.5).ceil().max(0.0) as usize;
+    first.min(count)
+}
+
+/// Where the edges of a triangle cross a row; faces that share an edge agree on where it does.
+fn span([a, b, c]: [DVec2; 3], y: f64) -> (f64, f64) {
+    let mut span = (f64::INFINITY, f64::NEG_INFINITY);
+    for (p, q) in [(a, b), (b, c), (c, a)] {
+        let (p, q) = if (p.y, p.x) <= (q.y, q.x) { (p, q) } else { (q, p) };
+        if p.y <= y && y < q.y {
+            let x = p.x + (q.x - p.x) * ((y - p.y) / (q.y - p.y));
+            span = (span.0.min(x), span.1.max(x));
+        }
+    }
+    span
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::mesh::shapes;
+
+    use super::*;
+
+    /// Two triangles that overlap, the second nearer on the left and farther on the right: they pass through each other.
+    #[test]
+    fn the_nearer_face_is_shown_pixel_by_pixel() {
+        let mesh = TriMesh::from_arrays(vec![DVec3::ZERO; 6], &[[0, 1, 2], [3, 4, 5]]);
+        let flat = [(0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (10.0, 20.0, 0.0)];
+        let tilted = [(0.0, 0.0, 5.0), (20.0, 0.0, -5.0), (10.0, 20.0, 0.0)];
+        let places = flat.iter().chain(&tilted).map(|&p| DVec3::from(p)).collect();
+        let buffer = DepthBuffer::new(&mesh, &places, [20, 20]);
+        assert_eq!(buffer.face(5, 2).map(FaceId::index), Some(1));
+        assert_eq!(buffer.face(14, 2).map(FaceId::index), Some(0));
+        assert_eq!(buffer.face(0, 19), None);
+        assert!(buffer.shows(DVec3::new(14.5, 2.5, 0.0), 1e-9), "on the nearest face");
+        assert!(!buffer.shows(DVec3::new(5.5, 2.5, 0.0), 1e-9), "behind the tilted face");
+    }
+
+    /// Neighbouring faces leave no pixel out and none to both.
+    #[test]
+    fn a_sheet_covers_what_its_outline_encloses() {
+        let mesh = shapes::lattice(7, 9, 1.0);
+        let places: IdVec<_, _> = mesh.positions.map(|p| (5.3 * *p).with_z(0.0));
+        let buffer = DepthBuffer::new(&mesh, &places, [60, 60]);
+        let covered = buffer.faces.iter().filter(|&&f| f != UNCOVERED).count();
+        let alone: usize = mesh
+            .triangles
+            .iter()
+            .map(|&t| {
+                let one = TriMesh { positions: mesh.positions.clone(), triangles: vec![t].into() };
+                let alone = DepthBuffer::new(&one, &places, [60, 60]);
+                alone.faces.iter().filter(|&&f| f != UNCOVERED).count()
+            })
+            .sum();
+        assert_eq!(covered, alone, "each pixel once");
+        assert!((covered as f64 / (5.3 * 5.3 * mesh.area()) - 1.0).abs() < 0.01, "{covered} pixels");
+    }
+
+    #[test]
+    fn faces_without_an_extent_are_no_trouble() {
+        let mesh = shapes::triangle();
+        for corners in [[DVec3::ZERO; 3], [DVec3::X, DVec3::Y, DVec3::NAN], [DVec3::X * 1e300; 3], [
+            DVec3::NEG_INFINITY,
+            DVec3::X,
+            DVec3::Y,
+        ]] {
+            let buffer = DepthBuffer::new(&mesh, &corners.to_vec().into(), [4, 4]);
+            assert!((0..16).all(|k| buffer.face(k % 4, k / 4).is_none()), "{corners:?}");
+        }
+    }
+}

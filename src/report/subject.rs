@@ -1,0 +1,62 @@
+use glam::DAffine3;
+
+use crate::{
+    id::{IdVec, LevelId, TaxelId, VertexId},
+    map::{MapLevel, PatchMap, SkinMap},
+    mesh::TriMesh,
+    report::ReportError,
+    skin::{Patch, Skin, world_pose},
+};
+
+/// A patch as pictures see it, with its map or without.
+pub(super) struct Subject<'a> {
+    pub(super) name: &'a str,
+    /// The taxels and the triangles between them, in the link's frame.
+    pub(super) mesh: &'a TriMesh,
+    /// The link's frame in the world.
+    pub(super) pose: DAffine3,
+    pub(super) ids: &'a IdVec<VertexId, TaxelId>,
+    covariances: Option<&'a IdVec<VertexId, [f64; 6]>>,
+    /// The levels with their maps; `None` for a skin that has no map.
+    levels: Option<&'a IdVec<LevelId, MapLevel>>,
+}
+
+impl<'a> Subject<'a> {
+    /// `None` for a patch without a level.
+    pub(super) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Option<Self> {
+        Some(Self {
+            name: &patch.name,
+            mesh: &patch.levels.get(LevelId::default())?.mesh,
+            pose: world_pose(&map.links, patch.link),
+            ids: &patch.ids,
+            covariances: patch.covariances.as_ref(),
+            levels: Some(&patch.levels),
+        })
+    }
+
+    pub(super) fn of_skin(skin: &'a Skin, patch: &'a Patch) -> Self {
+        Self {
+            name: &patch.name,
+            mesh: &patch.mesh,
+            pose: world_pose(&skin.links, patch.link),
+            ids: &patch.ids,
+            covariances: patch.covariances.as_ref(),
+            levels: None,
+        }
+    }
+
+    pub(super) fn level(&self, level: LevelId) -> Option<&'a MapLevel> {
+        self.levels?.get(level)
+    }
+
+    /// The error of a picture that needs a map.
+    pub(super) fn no_map(&self, what: &'static str) -> ReportError {
+        ReportError::NoMap { patch: self.name.to_owned(), what }
+    }
+
+    /// The standard deviation of each taxel's position, in m: the square root of the trace of its covariance.
+    pub(super) fn sigmas(&self) -> Result<IdVec<VertexId, f64>, ReportError> {
+        let unknown = || ReportError::NoCovariances { patch: self.name.to_owned() };
+        Ok(self.covariances.ok_or_else(unknown)?.map(|[xx, _, _, yy, _, zz]| (xx + yy + zz).max(0.0).sqrt()))
+    }
+}
