@@ -33,7 +33,13 @@ fn map_of(mesh: TriMesh) -> SkinMap {
         mesh,
     };
     let ids = level.mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
-    let patch = PatchMap { name: "cap".into(), link: LinkId::new(0), ids, covariances: None, levels: vec![level].into() };
+    let patch = PatchMap {
+        name: "cap".into(),
+        link: LinkId::new(0),
+        ids,
+        covariances: None,
+        levels: vec![level].into(),
+    };
     let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
     SkinMap { links: vec![link].into(), patches: IdVec::<PatchId, _>::from(vec![patch]) }
 }

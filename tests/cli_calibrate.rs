@@ -51,6 +51,21 @@ fn a_simulated_skin_is_calibrated_and_built() {
     assert!((again["cost"].as_f64().unwrap() / cost - 1.0).abs() < 1e-9);
 }
 
+/// Without a table of triangles the edges say where they are, and `-` joins the two commands.
+#[test]
+fn observations_go_through_a_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let simulated = dermatome(folder).args(["simulate", "-o", "-", "--seed", "3"]).assert().success();
+    let text = simulated.get_output().stdout.clone();
+    dermatome(folder).args(["simulate", "-o", "obs.g2o", "--seed", "3"]).assert().success();
+    assert!(text == fs::read(folder.join("obs.g2o")).unwrap(), "the same bytes as in a file");
+    dermatome(folder).args(["calibrate", "-", "-o", "skin.glb"]).write_stdin(text).assert().success();
+    let info = dermatome(folder).args(["info", "skin.glb", "--json"]).assert().success();
+    let patch = &json(&info.get_output().stdout)["patches"][0];
+    assert_eq!((&patch["vertices"], &patch["faces"]), (&500.into(), &920.into()));
+}
+
 #[test]
 fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();

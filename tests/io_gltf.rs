@@ -33,6 +33,9 @@ fn robot() -> Skin {
     palm.presence[VertexId::new(3)] = Presence::Absent;
     palm.presence[VertexId::new(4)] = Presence::ThermalPad;
     palm.densities = Some(palm.areas.map(|a| 1.0 / a));
+    // Exact in `f32`.
+    let covariance = [4.0, -1.0, 0.5, 2.0, 0.25, 1.0].map(|x: f64| x / f64::from(1 << 20));
+    palm.covariances = Some(palm.areas.map(|_| covariance));
     skin.patches.push(palm);
     skin.patches.push(Patch::from_mesh("back", other, shapes::lattice(5, 4, 0.0078125)));
     skin
@@ -124,6 +127,7 @@ fn a_map_reads_back_the_same() {
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(1e-2);
     for (got, want) in back.patches.iter().zip(&map.patches) {
         assert_eq!((&got.name, got.link, &got.ids), (&want.name, want.link, &want.ids));
+        assert_eq!(got.covariances, want.covariances, "of {}", want.name);
         assert_eq!(got.levels.len(), want.levels.len(), "{}", want.name);
         for (got, want) in got.levels.iter().zip(&want.levels) {
             assert_eq!(got.mesh.triangles, want.mesh.triangles);
@@ -151,6 +155,7 @@ fn a_map_reads_back_the_same() {
     let skin = read_skin(&again);
     assert_eq!(skin.patches[PatchId::new(0)].name, "palm", "a map reads as its skin too");
     assert_eq!(skin.patches.len(), 2, "of which only level 0 is shown");
+    assert!(skin.patches[PatchId::new(0)].covariances.is_some(), "that still knows its uncertainty");
 }
 
 #[test]

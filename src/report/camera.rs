@@ -66,10 +66,10 @@ impl Camera {
         self.toward.dot(at)
     }
 
-    /// How much light a surface with this unit normal sends to the viewer, 0 to 1: from the upper left, none without a
-    /// direction.
+    /// How much light a surface with this unit normal sends to the viewer, 0 to 1: the lamp stands at the viewer's upper
+    /// left.
     pub(super) fn light(&self, normal: DVec3) -> f64 {
-        let lamp = (self.toward + 0.5 * self.up - 0.4 * self.right).normalize_or_zero();
+        let lamp = (self.toward + 0.3 * self.up - 0.3 * self.right).normalize_or_zero();
         lamp.dot(normal).max(0.0)
     }
 
@@ -108,7 +108,9 @@ mod tests {
 
     #[test]
     fn lengths_in_the_picture_plane_are_kept() {
-        for (azimuth, elevation) in [(0.0, 0.0), (0.3, -1.1), (-2.5, 0.7), (1.0, FRAC_PI_2), (4.0, -FRAC_PI_2)] {
+        for (azimuth, elevation) in
+            [(0.0, 0.0), (0.3, -1.1), (-2.5, 0.7), (1.0, FRAC_PI_2), (4.0, -FRAC_PI_2)]
+        {
             let camera = camera(azimuth, elevation);
             for (x, y) in [(1.0, 0.0), (0.0, 2.0), (-3.0, 4.0)] {
                 let point = x * camera.right + y * camera.up + 7.0 * camera.toward;
@@ -130,7 +132,8 @@ mod tests {
     #[test]
     fn a_posed_mesh_looks_as_its_moved_copy() {
         let mesh = shapes::cap(100, 0.1, 1.0);
-        let pose = DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.7), DVec3::new(0.1, 2.0, 3.0));
+        let pose =
+            DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.7), DVec3::new(0.1, 2.0, 3.0));
         let moved = TriMesh {
             positions: mesh.positions.map(|&p| pose.transform_point3(p)),
             triangles: mesh.triangles.clone(),

@@ -88,9 +88,7 @@ pub(super) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
     let Some(direct) = &level.direct else {
         return level.mesh.positions.ids().map(VertexId::raw).collect();
     };
-    let row = |(v, t): (VertexId, &[VertexId; 3])| {
-        t[largest(direct.weights[v])].raw()
-    };
+    let row = |(v, t): (VertexId, &[VertexId; 3])| t[largest(direct.weights[v])].raw();
     direct.indices.enumerate().map(row).collect()
 }
 
@@ -175,11 +173,7 @@ fn draw_runs(
 }
 
 /// Adds the pixels of a row, which begins at `corner`, as runs of equal ones.
-pub(super) fn draw_row(
-    colours: &[Option<Colour>],
-    corner: DVec2,
-    paths: &mut BTreeMap<Colour, PathData>,
-) {
+pub(super) fn draw_row(colours: &[Option<Colour>], corner: DVec2, paths: &mut BTreeMap<Colour, PathData>) {
     let mut start = 0;
     for run in colours.chunk_by(|a, b| a == b) {
         if let Some(colour) = run[0] {

@@ -44,9 +44,9 @@ impl<'a> Coat<'a> {
         let need_map = |what| level.ok_or_else(|| subject.no_map(what));
         let of_taxels = |fill| Ok(Self { mesh: subject.mesh, wearer: Wearer::Taxels, fill });
         match paint {
-            Paint::Angle => {
-                Ok(by_stretch(need_map("angles")?, SEQUENTIAL, &|s| (s.angle.abs() - 1.0) / (range.angle - 1.0)))
-            }
+            Paint::Angle => Ok(by_stretch(need_map("angles")?, SEQUENTIAL, &|s| {
+                (s.angle.abs() - 1.0) / (range.angle - 1.0)
+            })),
             Paint::Area => Ok(by_stretch(need_map("areas")?, DIVERGING, &|s| {
                 0.5 + 0.5 * s.area.abs().ln() / range.area.ln()
             })),

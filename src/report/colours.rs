@@ -28,7 +28,11 @@ impl Colour {
 
     /// So bright, 0 to 1.
     pub(super) fn lit(self, brightness: f64) -> Self {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a byte; `as` saturates")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "below a byte; `as` saturates"
+        )]
         let lit = |x: u8| (f64::from(x) * brightness).round() as u8;
         Self(lit(self.0), lit(self.1), lit(self.2))
     }

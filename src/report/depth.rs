@@ -147,11 +147,12 @@ mod tests {
     #[test]
     fn faces_without_an_extent_are_no_trouble() {
         let mesh = shapes::triangle();
-        for corners in [[DVec3::ZERO; 3], [DVec3::X, DVec3::Y, DVec3::NAN], [DVec3::X * 1e300; 3], [
-            DVec3::NEG_INFINITY,
-            DVec3::X,
-            DVec3::Y,
-        ]] {
+        for corners in [
+            [DVec3::ZERO; 3],
+            [DVec3::X, DVec3::Y, DVec3::NAN],
+            [DVec3::X * 1e300; 3],
+            [DVec3::NEG_INFINITY, DVec3::X, DVec3::Y],
+        ] {
             let buffer = DepthBuffer::new(&mesh, &corners.to_vec().into(), [4, 4]);
             assert!((0..16).all(|k| buffer.face(k % 4, k / 4).is_none()), "{corners:?}");
         }

@@ -38,7 +38,9 @@ pub enum ReportError {
         patch: String,
     },
     /// A direction that is none.
-    #[error("there is no view from azimuth {azimuth} and elevation {elevation} degrees; elevations are -90 to 90")]
+    #[error(
+        "there is no view from azimuth {azimuth} and elevation {elevation} degrees; elevations are -90 to 90"
+    )]
     Direction {
         /// The azimuth asked for, in degrees.
         azimuth: f64,

@@ -1,14 +1,12 @@
 use glam::DVec2;
 use svg::node::element::{Definitions, Group, LinearGradient, Rectangle, Stop, Text};
 
-use crate::{
-    report::{
-        Paint, ReportError,
-        cells::View,
-        colours::{DIVERGING, ORDER, SEQUENTIAL, Scale},
-        panel::Panel,
-        range::Range,
-    },
+use crate::report::{
+    Paint, ReportError,
+    cells::View,
+    colours::{DIVERGING, ORDER, SEQUENTIAL, Scale},
+    panel::Panel,
+    range::Range,
 };
 
 /// Largest width or height of a picture, in pixels.
@@ -149,7 +147,8 @@ impl Layout {
             }
             Paint::Sigma => {
                 let [low, high] = range.sigma.map(|s| 1e3 * s);
-                let labels = [format!("≤ {}", short(low)), short(0.5 * (low + high)), format!("≥ {}", short(high))];
+                let labels =
+                    [format!("≤ {}", short(low)), short(0.5 * (low + high)), format!("≥ {}", short(high))];
                 (SEQUENTIAL, "sigma, mm", labels)
             }
             Paint::Taxel => (ORDER, "taxel id", ["lowest".into(), String::new(), "highest".into()]),

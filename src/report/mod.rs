@@ -15,6 +15,7 @@ mod layout;
 mod measures;
 mod order;
 mod outline;
+mod palette;
 mod panel;
 mod path;
 mod plot;

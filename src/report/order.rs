@@ -70,7 +70,8 @@ fn overlaps(corners: &IdVec<FaceId, [DVec3; 3]>) -> Option<IdVec<FaceId, Vec<Fac
     let (mut filled, mut pairs) = (0_usize, 0_usize);
     for (face, &(lo, hi)) in boxes.enumerate() {
         let ([left, top], [right, bottom]) = (cell(lo), cell(hi));
-        let count = right.abs_diff(left).saturating_add(1).saturating_mul(bottom.abs_diff(top).saturating_add(1));
+        let count =
+            right.abs_diff(left).saturating_add(1).saturating_mul(bottom.abs_diff(top).saturating_add(1));
         filled = filled.saturating_add(usize::try_from(count).unwrap_or(usize::MAX));
         if filled > MOST_PAIRS {
             return None;
@@ -173,7 +174,8 @@ mod tests {
     use super::*;
 
     fn faces(corners: &[[f64; 3]]) -> (TriMesh, IdVec<VertexId, DVec3>) {
-        let triangles: Vec<[u32; 3]> = (0..corners.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let triangles: Vec<[u32; 3]> =
+            (0_u32..).step_by(3).map(|k| [k, k + 1, k + 2]).take(corners.len() / 3).collect();
         let places: Vec<DVec3> = corners.iter().map(|&p| DVec3::from(p)).collect();
         (TriMesh::from_arrays(places.clone(), &triangles), places.into())
     }
@@ -216,8 +218,9 @@ mod tests {
 
     #[test]
     fn too_many_overlaps_are_given_up() {
-        let slivers: Vec<[f64; 3]> =
-            (0..4000).flat_map(|k| [[0.0, 0.0, 0.0], [900.0, 0.1, f64::from(k)], [900.0, 9.0, f64::from(k)]]).collect();
+        let slivers: Vec<[f64; 3]> = (0..4000)
+            .flat_map(|k| [[0.0, 0.0, 0.0], [900.0, 0.1, f64::from(k)], [900.0, 9.0, f64::from(k)]])
+            .collect();
         let (mesh, places) = faces(&slivers);
         assert_eq!(back_to_front(&mesh, &places), None);
     }

@@ -58,11 +58,11 @@ impl<'a> Panel<'a> {
         Some(Self { subject, number, look: Look::OnMap(level), bounds: bounds(&level.uv) })
     }
 
-    /// The skin in space, with the colours of a level.
+    /// The skin in space, with the colours of a level; of the coarsest if the patch has fewer.
     pub(super) fn in_space(subject: &'a Subject<'a>, number: LevelId, viewpoint: Viewpoint) -> Self {
         let camera = Camera::new(viewpoint, subject.mesh, subject.pose);
         let bounds = bounds(&camera.project(subject.mesh));
-        Self { subject, number, look: Look::InSpace(camera, subject.level(number)), bounds }
+        Self { subject, number, look: Look::InSpace(camera, subject.level_at_most(number)), bounds }
     }
 
     /// The level whose colours it has.

@@ -4,7 +4,7 @@ use svg::{
 };
 
 use crate::{
-    id::{IdVec, LevelId, PatchId},
+    id::{IdVec, LevelId, LinkId, PatchId},
     map::{MapError, PatchMap, SkinMap},
     mesh::MeshError,
     report::{
@@ -15,7 +15,7 @@ use crate::{
         range::Range,
         subject::Subject,
     },
-    skin::Skin,
+    skin::{Link, Skin, SkinError},
 };
 
 /// Levels drawn when none is asked for: as many as are legible side by side in a README.
@@ -76,7 +76,9 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportEr
     let levels = choose_levels(&patches, &options.levels)?;
     patches.iter().try_for_each(|patch| check(patch, &levels))?;
     options.space.map_or(Ok(()), check_viewpoint)?;
-    let subjects: Vec<_> = patches.iter().filter_map(|patch| Subject::of_map(map, patch)).collect();
+    check_links(map)?;
+    let subjects: Option<Vec<_>> = patches.iter().map(|patch| Subject::of_map(map, patch)).collect();
+    let subjects = subjects.ok_or(ReportError::Empty)?;
     let first = levels.first().copied().unwrap_or_default();
     let row = |subject| {
         let in_space = options.space.map(|viewpoint| Some(Panel::in_space(subject, first, viewpoint)));
@@ -134,8 +136,7 @@ fn draw(
         .add(Title::new(format!("{title} {}", names.join(", "))))
         .add(Rectangle::new().set("width", width).set("height", height).set("fill", "#fff"));
     for (panel, view) in &panels {
-        picture =
-            picture.add(layout.caption(panel, view)).add(panel.draw(view, options.paint, &range)?);
+        picture = picture.add(layout.caption(panel, view)).add(panel.draw(view, options.paint, &range)?);
     }
     picture = picture.add(layout.scale_bar());
     if let Some((definition, legend)) = layout.legend(options.paint, &range) {
@@ -163,6 +164,18 @@ fn choose<'a, P>(
         })
     };
     names.iter().map(find).collect()
+}
+
+/// Whether every patch has a place in the world.
+fn check_links(map: &SkinMap) -> Result<(), SkinError> {
+    let is_before_its_parent = |(id, link): &(LinkId, &Link)| link.parent.is_some_and(|parent| parent >= *id);
+    if let Some((link, _)) = map.links.enumerate().find(is_before_its_parent) {
+        return Err(SkinError::LinkOrder { link });
+    }
+    match map.patches.iter().find(|patch| patch.link.index() >= map.links.len()) {
+        None => Ok(()),
+        Some(patch) => Err(SkinError::UnknownLink { patch: patch.name.clone(), link: patch.link }),
+    }
 }
 
 fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), ReportError> {

@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Brightness of a surface that no light falls on; light from the viewer's upper left adds the rest.
-const AMBIENT: f64 = 0.55;
+const AMBIENT: f64 = 0.62;
 
 /// Brightness of the inside over that of the outside.
 const INSIDE: f64 = 0.62;
@@ -28,7 +28,7 @@ const INSIDE: f64 = 0.62;
 const LINE: f64 = 0.68;
 
 /// Steps of brightness: more cannot be told apart, and each is a path of its own where colours are pixels.
-const STEPS: f64 = 32.0;
+const STEPS: f64 = 64.0;
 
 /// How far something may lie behind what is drawn and still be a part of it, in pixels.
 const SLACK_PX: f64 = 1.5;
@@ -70,9 +70,8 @@ struct Scene<'a> {
 impl<'a> Scene<'a> {
     fn new(coat: &'a Coat<'a>, camera: &Camera, view: &View, dots: &[VertexId]) -> Self {
         let mesh = coat.mesh;
-        let place = |&p: &DVec3| {
-            (view.place(camera.place(p)) - view.corner).extend(view.scale * camera.nearness(p))
-        };
+        let place =
+            |&p: &DVec3| (view.place(camera.place(p)) - view.corner).extend(view.scale * camera.nearness(p));
         let brightness = mesh.triangles.ids().map(|face| brightness(camera, mesh.face_cross(face)));
         let edge_px = Canvas { mesh, uv: Cow::Owned(camera.project(mesh)) }.edge_px(view);
         let radius = dot_radius(edge_px).filter(|_| !dots.is_empty());
@@ -143,26 +142,24 @@ impl<'a> Scene<'a> {
     /// One face: its corners' cells if they differ, and a darker line around it.
     fn add_face(&self, mut group: Group, face: FaceId) -> Group {
         let (corners, colours) = (self.corners(face), self.colours(face));
-        let outline = |path: &mut PathData| path.polygon(corners);
-        let line = Colour::mean(colours).lit(LINE).hex();
-        let element = |draw: &dyn Fn(&mut PathData)| {
+        let polygon = |corners: &[DVec2]| {
             let mut path = PathData::default();
-            draw(&mut path);
+            path.polygon(corners.iter().copied());
             Path::new().set("d", path.into_text())
         };
+        let line = Colour::mean(colours).lit(LINE).hex();
         if colours[0] == colours[1] && colours[1] == colours[2] {
-            return group.add(element(&outline).set("fill", colours[0].hex()).set("stroke", line));
+            return group.add(polygon(&corners).set("fill", colours[0].hex()).set("stroke", line));
         }
+        // Cells over a whole face: no ground shows through their seams.
+        group = group.add(polygon(&corners).set("fill", colours[0].hex()));
         let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
-        for k in 0..3 {
+        for k in (1..3).filter(|&k| colours[k] != colours[0]) {
             let [at, next, before] = [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
             let cell = [at, 0.5 * (at + next), centre, 0.5 * (at + before)];
-            let colour = colours[k].hex();
-            group = group.add(
-                element(&|path| path.polygon(cell)).set("fill", colour.clone()).set("stroke", colour),
-            );
+            group = group.add(polygon(&cell).set("fill", colours[k].hex()));
         }
-        group.add(element(&outline).set("fill", "none").set("stroke", line))
+        group.add(polygon(&corners).set("fill", "none").set("stroke", line))
     }
 
     fn dot(&self, v: VertexId) -> svg::node::element::Circle {
@@ -172,7 +169,11 @@ impl<'a> Scene<'a> {
     /// The nearest face of each pixel, and over them the lines and dots that no face hides.
     fn draw_pixels(&self, view: &View) -> Group {
         let mesh = self.coat.mesh;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole pixels of a picture")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "whole pixels of a picture"
+        )]
         let [width, height] = [view.size.x as usize, view.size.y as usize];
         let buffer = DepthBuffer::new(mesh, &self.places, [width, height]);
         let mut paths = BTreeMap::new();

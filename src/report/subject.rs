@@ -49,6 +49,11 @@ impl<'a> Subject<'a> {
         self.levels?.get(level)
     }
 
+    /// This level, or the coarsest if there are fewer.
+    pub(super) fn level_at_most(&self, level: LevelId) -> Option<&'a MapLevel> {
+        self.level(level).or_else(|| self.levels?.iter().last())
+    }
+
     /// The error of a picture that needs a map.
     pub(super) fn no_map(&self, what: &'static str) -> ReportError {
         ReportError::NoMap { patch: self.name.to_owned(), what }

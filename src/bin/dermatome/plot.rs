@@ -107,7 +107,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
 fn viewpoint(text: &str) -> Result<Viewpoint, String> {
     let angle = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-    let angles = text.split_once(',').and_then(|(azimuth, elevation)| Some((angle(azimuth)?, angle(elevation)?)));
+    let angles =
+        text.split_once(',').and_then(|(azimuth, elevation)| Some((angle(azimuth)?, angle(elevation)?)));
     match angles {
         Some((azimuth, elevation)) if elevation.abs() <= 90.0 => {
             Ok(Viewpoint::From { azimuth: azimuth.to_radians(), elevation: elevation.to_radians() })

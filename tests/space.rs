@@ -1,0 +1,238 @@
+//! Laws of pictures of skin in space.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod maps;
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use dermatome::{
+    id::IdVec,
+    io::{write_map, write_skin},
+    mesh::{TriMesh, shapes},
+    report::{Paint, PlotOptions, ReportError, Viewpoint, plot_map, plot_skin, render_png},
+    skin::Skin,
+};
+use glam::DVec3;
+use maps::{level_id, skin, square_pyramid};
+use predicates::{prelude::*, str::contains};
+
+fn from(azimuth: f64, elevation: f64) -> PlotOptions {
+    let viewpoint = Viewpoint::From { azimuth: azimuth.to_radians(), elevation: elevation.to_radians() };
+    PlotOptions { space: Some(viewpoint), ..PlotOptions::default() }
+}
+
+/// A cap whose taxels are known to a millimetre in its middle, and worse outwards.
+fn calibrated_cap(faces: usize) -> Skin {
+    let mut skin = Skin::from_mesh("cap", shapes::cap(faces, 0.1, 1.2));
+    for patch in skin.patches.iter_mut() {
+        let variance = |p: &DVec3| 1e-6 * (1.0 + 200.0 * p.truncate().length_squared());
+        patch.covariances = Some(patch.mesh.positions.map(|p| [variance(p) / 3.0; 6]));
+    }
+    skin
+}
+
+/// A strip that comes back over itself, 10 mm higher. From above and from below the half in front shows its inside.
+fn folded_strip() -> TriMesh {
+    shapes::sheet(21, 5, |i, j| {
+        let t = f64::from(i) - 10.0;
+        let height = if t < 0.0 { 0.0 } else { 0.01 };
+        DVec3::new(0.1 - 0.01 * t.abs(), 0.01 * f64::from(j), height)
+    })
+}
+
+/// The layer in front is drawn last; it shows its inside, which is darker.
+#[test]
+fn the_nearer_layer_is_drawn_over_the_farther_one() {
+    let strip = Skin::from_mesh("strip", folded_strip());
+    for elevation in [80.0, -80.0] {
+        let svg = plot_skin(&strip, &PlotOptions { paint: Paint::Fields, ..from(-90.0, elevation) }).unwrap();
+        let fills =
+            svg.split("<path").skip(1).filter_map(|path| path.split("/>").next()?.split("fill=\"#").nth(1));
+        let brightness: Vec<u32> = fills.map(|fill| u32::from_str_radix(&fill[..2], 16).unwrap()).collect();
+        assert_eq!(brightness.len(), 160, "a piece for each triangle");
+        let mean = |part: &[u32]| f64::from(part.iter().sum::<u32>()) / part.len() as f64;
+        let (far, near) = (mean(&brightness[..70]), mean(&brightness[90..]));
+        assert!(near + 30.0 < far, "from {elevation} degrees: {near} over {far}");
+    }
+}
+
+#[test]
+fn hidden_taxels_have_no_dot() {
+    let tube = Skin::from_mesh("tube", shapes::tube(24, 6, 0.03, 0.05));
+    let taxels = tube.patches.iter().next().unwrap().ids.len();
+    let svg = plot_skin(&tube, &from(0.0, 0.0)).unwrap();
+    let dots = svg.matches("<circle").count();
+    assert!((taxels / 3..=taxels / 2).contains(&dots), "{dots} of {taxels}: the half that faces the viewer");
+}
+
+/// A square of 100 mm has the same height from each azimuth, and from above its true size.
+#[test]
+fn the_scale_bar_holds_in_space() {
+    let sheet = Skin::from_mesh("sheet", shapes::lattice(11, 11, 0.01));
+    let bar = |svg: &str| svg.contains("mm</text>") || svg.contains(" mm\n</text>");
+    let height = |elevation| {
+        let svg = plot_skin(&sheet, &from(-90.0, elevation)).unwrap();
+        assert!(bar(&svg), "a scale bar");
+        svg.split("height=\"").nth(1).unwrap().split('"').next().unwrap().parse::<f64>().unwrap()
+    };
+    let ground = height(0.0);
+    let (tilted, plan) = (height(30.0) - ground, height(90.0) - ground);
+    assert!((tilted / plan - 0.5).abs() < 0.01, "sin 30: {tilted} of {plan} pixels");
+}
+
+#[test]
+fn pictures_are_the_same_every_time() {
+    for (faces, paint) in [(400, Paint::Sigma), (60_000, Paint::Taxel)] {
+        let skin = calibrated_cap(faces);
+        let draw = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let options = PlotOptions { paint, ..PlotOptions::default() };
+            pool.install(|| plot_skin(&skin, &options).unwrap())
+        };
+        let svg = draw(1);
+        assert!(svg == draw(1) && svg == draw(3), "{paint:?}");
+        if faces == 400 {
+            assert_eq!(render_png(&svg).unwrap(), render_png(&svg).unwrap());
+        }
+    }
+}
+
+#[test]
+fn the_picture_of_a_large_skin_stays_small() {
+    let skin = calibrated_cap(200_000);
+    for paint in [Paint::Fields, Paint::Taxel, Paint::Sigma] {
+        let svg = plot_skin(&skin, &PlotOptions { paint, ..PlotOptions::default() }).unwrap();
+        assert!(svg.len() < 8 << 20, "{paint:?}: {} bytes", svg.len());
+    }
+}
+
+#[test]
+fn the_direction_that_a_picture_tells_gives_the_picture() {
+    let skin = calibrated_cap(300);
+    let svg = plot_skin(&skin, &PlotOptions::default()).unwrap();
+    let angle = |name: &str| {
+        let rest = svg.split(name).nth(1).unwrap();
+        rest.split('°').next().unwrap().trim().replace('\u{2212}', "-").parse::<f64>().unwrap()
+    };
+    assert_eq!(plot_skin(&skin, &from(angle("azimuth "), angle("elevation "))).unwrap(), svg);
+}
+
+#[test]
+fn the_skin_stands_beside_its_maps() {
+    let map = skin(vec![square_pyramid("palm", &[13, 7, 4], 0.06, 0.001)]);
+    for (levels, paint) in
+        [(vec![], Paint::Fields), (vec![level_id(1)], Paint::Fields), (vec![level_id(1)], Paint::Area)]
+    {
+        let options = PlotOptions { levels: levels.clone(), paint, ..from(20.0, 50.0) };
+        let svg = plot_map(&map, &options).unwrap();
+        assert_eq!(svg.matches("palm, in space").count(), 1);
+        assert_eq!(svg.matches("palm, level").count(), if levels.is_empty() { 3 } else { 1 });
+        render_png(&svg).unwrap();
+    }
+}
+
+/// A patch with fewer levels than another is drawn in space all the same, with its coarsest.
+#[test]
+fn a_patch_without_the_level_has_the_colours_of_its_coarsest() {
+    let patches =
+        vec![square_pyramid("palm", &[9, 5], 0.06, 0.001), square_pyramid("tip", &[5], 0.02, 0.001)];
+    let mut map = skin(patches);
+    let options = PlotOptions { levels: vec![level_id(1)], paint: Paint::Angle, ..from(20.0, 50.0) };
+    let svg = plot_map(&map, &options).unwrap();
+    assert!(svg.contains("tip, in space") && !svg.contains("tip, level"));
+    map.links = IdVec::new();
+    assert!(matches!(plot_map(&map, &options), Err(ReportError::Skin(_))), "no link, no place in space");
+}
+
+#[test]
+fn names_are_escaped() {
+    for name in ["a<b&\"c\"", "]]>", "\u{1}\0\u{ffff}", "手のひら"] {
+        let svg = plot_skin(&Skin::from_mesh(name, shapes::square()), &PlotOptions::default()).unwrap();
+        // A strict XML parser has the last word.
+        render_png(&svg).unwrap();
+    }
+}
+
+#[test]
+fn shapes_without_extent_or_of_any_size_are_drawn() {
+    let scaled = |factor: f64| {
+        let mesh = shapes::cap(60, 1.0, 1.0);
+        TriMesh { positions: mesh.positions.map(|p| factor * *p), triangles: mesh.triangles.clone() }
+    };
+    let meshes = [shapes::triangle(), shapes::square(), shapes::fan(500), scaled(1e-9), scaled(1e9)];
+    for mesh in meshes {
+        let skin = Skin::from_mesh("shape", mesh);
+        for options in [PlotOptions::default(), from(0.0, 0.0), from(17.0, -90.0), from(1e6, 90.0)] {
+            let small = PlotOptions { width_px: 300, ..options };
+            render_png(&plot_skin(&skin, &small).unwrap()).unwrap();
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_is_named() {
+    let bare = Skin::from_mesh("bare", shapes::square());
+    let ask = |options: PlotOptions| plot_skin(&bare, &options).unwrap_err();
+    let paint = |paint| PlotOptions { paint, ..PlotOptions::default() };
+    assert!(matches!(ask(paint(Paint::Angle)), ReportError::NoMap { .. }));
+    assert!(matches!(ask(paint(Paint::Area)), ReportError::NoMap { .. }));
+    assert!(matches!(ask(paint(Paint::Sigma)), ReportError::NoCovariances { .. }));
+    let levels = PlotOptions { levels: vec![level_id(0)], ..PlotOptions::default() };
+    assert!(matches!(ask(levels), ReportError::NoMap { .. }));
+    for options in [from(0.0, 91.0), from(f64::NAN, 0.0), from(0.0, f64::INFINITY)] {
+        assert!(matches!(ask(options), ReportError::Direction { .. }));
+    }
+    assert_eq!(plot_skin(&Skin::default(), &PlotOptions::default()), Err(ReportError::Empty));
+    let mut broken = calibrated_cap(100);
+    broken.patches.iter_mut().for_each(|p| p.covariances = Some(IdVec::new()));
+    assert!(matches!(plot_skin(&broken, &paint(Paint::Sigma)), Err(ReportError::Skin(_))));
+}
+
+#[test]
+fn uncertainty_has_a_scale_in_millimetres() {
+    let svg = plot_skin(&calibrated_cap(800), &PlotOptions { paint: Paint::Sigma, ..PlotOptions::default() })
+        .unwrap();
+    for word in ["sigma, mm", "≤ 1", "≥ 1.7"] {
+        assert!(svg.contains(word), "{word}");
+    }
+}
+
+fn plot(file: &Path) -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.arg("plot").arg(file);
+    command
+}
+
+#[test]
+fn the_command_draws_skins_and_maps_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let [cap, map, svg] = ["cap.glb", "map.glb", "p.svg"].map(|name| folder.path().join(name));
+    write_skin(&cap, &calibrated_cap(300)).unwrap();
+    write_map(&map, &skin(vec![square_pyramid("palm", &[9, 5], 0.06, 0.001)])).unwrap();
+    let both = || contains("in space").and(contains("palm, level 0"));
+    plot(&cap).args(["-o", "-", "--show", "sigma"]).assert().success().stdout(contains("cap, in space"));
+    plot(&map).args(["-o", "-"]).assert().success().stdout(contains("in space").not());
+    plot(&map).args(["-o", "-", "--space"]).assert().success().stdout(both());
+    let seen = both().and(contains("azimuth \u{2212}65°, elevation \u{2212}45.5°"));
+    plot(&map).args(["-o", "-", "--from", "-65,-45.5"]).assert().success().stdout(seen);
+
+    let refused = [
+        (&cap, ["--show", "angle"], "dermatome build"),
+        (&cap, ["--level", "0"], "has no map"),
+        (&map, ["--show", "sigma"], "no covariances"),
+        (&map, ["--from", "10"], "two angles"),
+        (&map, ["--from", "0,100"], "-90 to 90"),
+        (&map, ["--from", "inf,0"], "two angles"),
+    ];
+    for (file, options, said) in refused {
+        plot(file)
+            .arg("-o")
+            .arg(&svg)
+            .args(options)
+            .assert()
+            .code(2)
+            .stderr(contains(said).and(contains("help")));
+    }
+    assert!(!svg.exists(), "nothing is written");
+}
