@@ -1,7 +1,9 @@
 //! Laws of the room `delaunay`.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use dermatome::delaunay::{DelaunayError, triangulate};
+use std::collections::BTreeSet;
+
+use dermatome::delaunay::{DelaunayError, Star, triangulate};
 use glam::{DMat3, DVec2};
 use proptest::prelude::*;
 
@@ -45,6 +47,17 @@ fn a_square_with_its_middle_has_four_triangles() {
 }
 
 #[test]
+fn a_corner_of_a_square_sees_both_diagonals() {
+    // Around the corner at the origin: its two neighbours, then the corner across.
+    let points = [[1., 0.], [0., 1.], [1., 1.]].map(DVec2::from_array);
+    let mut star: Vec<_> = Star::default().around(points, 10.0).collect();
+    star.sort_unstable();
+    assert_eq!(star, [[0, 2], [2, 1]], "the corner across lies between the others");
+    assert_eq!(Star::default().around(points, 0.7).count(), 0, "the circle is wider than the reach");
+    assert_eq!(Star::default().around([], 1.0).count(), 0);
+}
+
+#[test]
 fn points_on_a_line_have_no_triangles() {
     let line: Vec<DVec2> = (0..10).map(|i| DVec2::splat(f64::from(i))).collect();
     for points in [&line[..], &line[..2], &line[..1], &[]] {
@@ -67,6 +80,32 @@ fn what_has_no_triangulation_is_named() {
 }
 
 proptest! {
+    /// The star of a point is what the whole triangulation has around it.
+    #[test]
+    fn a_star_is_a_part_of_the_triangulation(points in prop::collection::vec((0.0..1.0, 0.0..1.0), 3..60)) {
+        const REACH: f64 = 3.0;
+        let points: Vec<DVec2> = points.into_iter().map(DVec2::from).collect();
+        let whole = triangulate(&points).unwrap();
+        let radius = |t: [usize; 3]| {
+            let [a, b, c] = t.map(|k| points[k]);
+            a.distance(b) * b.distance(c) * c.distance(a) / (2.0 * (b - a).perp_dot(c - a).abs())
+        };
+        let mut star = Star::default();
+        for v in 0..points.len() {
+            let mut order: Vec<usize> = (0..points.len()).filter(|&w| w != v).collect();
+            order.sort_by(|&a, &b| points[v].distance(points[a]).total_cmp(&points[v].distance(points[b])));
+            let around = order.iter().map(|&w| points[w] - points[v]);
+            // Circles as wide as the reach may be told either way.
+            let near = |t: &[usize; 3]| radius(*t) < 0.99 * REACH;
+            let found: BTreeSet<[usize; 3]> =
+                star.around(around, REACH).map(|[a, b]| [v, order[a], order[b]]).filter(near).collect();
+            let turned = |t: &[usize; 3]| [[t[0], t[1], t[2]], [t[1], t[2], t[0]], [t[2], t[0], t[1]]];
+            let expected: BTreeSet<[usize; 3]> =
+                whole.iter().filter(|t| near(t)).flat_map(turned).filter(|t| t[0] == v).collect();
+            prop_assert_eq!(found, expected);
+        }
+    }
+
     /// Integer coordinates make every quantity exact, and points on lines and circles common.
     #[test]
     fn circumcircles_are_empty_and_triangles_cover_the_hull(
