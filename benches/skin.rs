@@ -4,7 +4,7 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     mesh::{TriMesh, shapes},
-    skin::{Draft, Sheet, assemble, check},
+    skin::{Draft, MeshOptions, Sheet, assemble, check, mesh_bare},
 };
 
 /// A healthy sheet with normals.
@@ -27,6 +27,24 @@ fn soup(mesh: &TriMesh) -> Draft {
     Draft { sheets: vec![sheet], ..Draft::default() }
 }
 
+/// The taxels of a cap alone: about as many as asked for.
+fn taxels(count: usize) -> Draft {
+    let positions = shapes::cap(2 * count, 0.1, 1.9).positions.into_vec();
+    Draft { sheets: vec![Sheet { name: "cover".into(), positions, ..Sheet::default() }], ..Draft::default() }
+}
+
+fn bare(c: &mut Criterion) {
+    let mut group = c.benchmark_group("bare");
+    group.sample_size(10);
+    for count in [500_usize, 10_000, 100_000, 1_000_000] {
+        group.throughput(Throughput::Elements(count as u64));
+        let draft = taxels(count);
+        group.bench_with_input(BenchmarkId::new("mesh", count), &draft, |b, draft| {
+            b.iter(|| mesh_bare(draft, &MeshOptions::default()));
+        });
+    }
+}
+
 fn skin(c: &mut Criterion) {
     let mut group = c.benchmark_group("skin");
     group.sample_size(10);
@@ -46,5 +64,5 @@ fn skin(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, skin);
+criterion_group!(benches, skin, bare);
 criterion_main!(benches);

@@ -1,6 +1,6 @@
 //! The sum of the rooms' errors.
 
-use crate::flatten::FlattenError;
+use crate::{flatten::FlattenError, skin::SkinError};
 
 /// Any error of the library.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +57,10 @@ impl Error {
     #[must_use]
     pub fn help(&self) -> String {
         match self {
+            Self::Skin(
+                SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. },
+            ) => "give the taxels triangles, or normals that tell the sides of thin parts apart; check for mixed units".into(),
+            Self::Skin(SkinError::Gap { .. }) => "change the option".into(),
             Self::Mesh(_) | Self::Skin(_) | Self::Pyramid(_) => {
                 "run `dermatome check` on the file: it lists every such element".into()
             }

@@ -335,7 +335,7 @@ fn what_cannot_be_read_is_named() {
     let (text, found) = refused(&|s| s.link = Some(3_u32.into()));
     assert!(text.contains("link 3"), "{text}");
     assert_eq!(found, [FindingKind::UnknownLink]);
-    let (text, found) = refused(&|s| s.triangles.clear());
+    let (text, found) = refused(&|s| *s = Sheet::default());
     assert!(text.contains("no triangle"), "{text}");
     assert!(found.contains(&FindingKind::NoTriangles));
 }
@@ -534,7 +534,7 @@ proptest! {
             areas: Some(p.areas.as_slice().to_vec()),
             ..sheet_of(&p.name, &p.mesh)
         });
-        let again = assemble(&Draft { links: first.skin.links.clone(), sheets: sheets.collect() }).unwrap();
+        let again = assemble(&Draft { links: first.skin.links.clone(), sheets: sheets.collect(), ..Draft::default() }).unwrap();
         let told = remark_kinds(&again.remarks);
         // Damage may fold a sheet: flat normals on it look like a placeholder, and some faces stay without area.
         let tolerated = [RemarkKind::ZeroArea, RemarkKind::Normals].into();

@@ -4,7 +4,7 @@ use crate::{
     id::{FaceId, IdVec, LinkId, TaxelId, VertexId},
     mesh::{Edges, MeshError, TriMesh},
     skin::{
-        Draft, Link, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError,
+        Draft, Link, MeshOptions, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError, mesh_bare,
         names::{Names, sheet_name},
         outward::{Worth, enclosed_volume, poll, surface_normals, taxel_normals},
         remark::first_few,
@@ -34,6 +34,7 @@ pub struct Assembled {
 /// - **Winding** is made consistent; the outside is where the taxels' normals point if these are believable (unit
 ///   vectors, not constant on a curved part, on the whole along the faces), else the outside of a closed surface, else
 ///   where most faces of the file have it.
+/// - **Bare taxels**, a draft without any triangle, are meshed first, by [`mesh_bare`].
 /// - **Normals** that are missing or not believable, and areas that are missing or not positive, come from the
 ///   triangles. Missing ids count from 1 through the skin. Sheets without a link hang on one at the origin.
 ///
@@ -41,9 +42,11 @@ pub struct Assembled {
 /// If links or arrays do not fit, a position is not finite, a corner or a density is out of range, more than two
 /// faces meet at an edge, fans of faces touch in a point, a sheet has one side only, or there is no face at all.
 pub fn assemble(draft: &Draft) -> Result<Assembled, SkinError> {
+    let meshed = if draft.is_bare() { Some(mesh_bare(draft, &MeshOptions::default())?) } else { None };
+    let draft = meshed.as_ref().unwrap_or(draft);
     let mut skin = Skin { links: draft.links.clone(), patches: IdVec::new() };
     check_links(&skin.links)?;
-    let mut remarks = Vec::new();
+    let mut remarks = draft.remarks.clone();
     let mut names = Names::new(&draft.sheets);
     let mut next_id = 1;
     let mut origin = None;
@@ -80,7 +83,7 @@ fn check_links(links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
 }
 
 /// Refuses what would make every further step guess.
-fn check_sheet(sheet: &Sheet, links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
+pub(super) fn check_sheet(sheet: &Sheet, links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
     let patch = || sheet_name(sheet).to_owned();
     if let Some(link) = sheet.link.filter(|l| l.index() >= links.len()) {
         return Err(SkinError::UnknownLink { patch: patch(), link });

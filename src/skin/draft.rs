@@ -2,7 +2,7 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, LinkId, TaxelId},
-    skin::{Link, Presence},
+    skin::{Link, Presence, Remark},
 };
 
 /// A skin as a file tells it, before anything is repaired or refused.
@@ -12,6 +12,8 @@ pub struct Draft {
     pub links: IdVec<LinkId, Link>,
     /// The sheets of taxels and triangles.
     pub sheets: Vec<Sheet>,
+    /// What the reader of the file changed or passed over.
+    pub remarks: Vec<Remark>,
 }
 
 /// One sheet of triangles with their taxels, as written.
@@ -38,6 +40,8 @@ pub struct Sheet {
     pub densities: Option<Vec<f64>>,
     /// What each slot holds.
     pub presence: Option<Vec<Presence>>,
+    /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
+    pub modules: Option<Vec<u32>>,
     /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
     pub covariances: Option<Vec<[f64; 6]>>,
 }
@@ -52,6 +56,7 @@ impl Sheet {
             self.densities.as_ref().map(Vec::len),
             self.presence.as_ref().map(Vec::len),
             self.covariances.as_ref().map(Vec::len),
+            self.modules.as_ref().map(Vec::len),
         ];
         lengths.into_iter().flatten().find(|&n| n != self.positions.len())
     }

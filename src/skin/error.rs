@@ -118,6 +118,42 @@ pub enum SkinError {
         /// The link.
         link: LinkId,
     },
+    /// Bare taxels at too few places.
+    #[error("patch {patch:?} has no triangles, and taxels at {found} places; 3 are needed to join them")]
+    TooFewPlaces {
+        /// Name of the patch.
+        patch: String,
+        /// Different places found.
+        found: usize,
+    },
+    /// Bare taxels that fill a volume.
+    #[error(
+        "patch {patch:?} has no triangles, and its taxels lie on no surface: a typical neighbourhood is {thickness:.2} \
+         times as thick as wide (variances); at most 0.25 is needed to join them"
+    )]
+    NoSurface {
+        /// Name of the patch.
+        patch: String,
+        /// Median of smallest over middle variance of a neighbourhood.
+        thickness: f64,
+    },
+    /// Bare taxels that no triangle joins.
+    #[error(
+        "patch {patch:?} has no triangles, and no three of its {places} taxels form one within the gap: they lie on \
+         lines, or in pairs"
+    )]
+    NoFace {
+        /// Name of the patch.
+        patch: String,
+        /// Different places.
+        places: usize,
+    },
+    /// A gap that is out of range.
+    #[error("the gap is {found}; a number from 1 to 20, in units of the spacing, is needed")]
+    Gap {
+        /// The gap found.
+        found: f64,
+    },
     /// No triangles at all.
     #[error("there is no triangle in it: a skin needs taxels joined by triangles")]
     NoTriangles,

@@ -6,6 +6,7 @@
 //! that is wrong with a draft, without changing it.
 
 mod assemble;
+mod bare;
 mod check;
 mod draft;
 mod error;
@@ -15,11 +16,13 @@ mod names;
 mod outward;
 mod patch;
 mod remark;
+mod sides;
 mod surface;
 mod winding;
 mod zero_area;
 
 pub use assemble::{Assembled, assemble};
+pub use bare::{MeshOptions, mesh_bare};
 pub use check::{Element, Finding, FindingKind, check};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;

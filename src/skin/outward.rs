@@ -9,7 +9,7 @@ use crate::{
 const UNIT_TOLERANCE: f64 = 0.01;
 
 /// Normals within about 0.1 degrees of each other are the same.
-const SAME_DIRECTION: f64 = 1.0 - 1e-6;
+pub(super) const SAME_DIRECTION: f64 = 1.0 - 1e-6;
 
 /// A part is flat if the area-weighted mean of its unit face normals is this long; on a spherical cap of 23 degrees
 /// across it is 0.99.

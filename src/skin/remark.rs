@@ -20,6 +20,14 @@ pub enum RemarkKind {
     Normals,
     /// Areas were replaced by those of the triangles.
     Areas,
+    /// Bare taxels were joined by triangles.
+    Meshed,
+    /// Several taxels at one place became one.
+    Merged,
+    /// Nothing told the outside of bare taxels, and it was assumed.
+    Outside,
+    /// Something in a file was passed over.
+    PassedOver,
     /// A patch was given another name.
     Renamed,
 }

@@ -1,6 +1,7 @@
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Edges, TriMesh},
+    skin::sides::Sides,
 };
 
 /// The pieces of a mesh that hang together across edges, and which faces to turn so that each is wound one way.
@@ -49,44 +50,5 @@ impl Winding {
             against_first.push(against != first_side[number[root]]);
         }
         Self { component, components: first_side.len(), against_first, contradictions }
-    }
-}
-
-/// Union-find over faces that also knows whether two joined faces are wound the same way.
-#[derive(Debug)]
-struct Sides {
-    /// An earlier face of the same piece (or itself), and whether this face is wound against it.
-    parent: IdVec<FaceId, (FaceId, bool)>,
-}
-
-impl Sides {
-    fn new(faces: usize) -> Self {
-        Self { parent: (0..faces).map(|f| (FaceId::new(f), false)).collect() }
-    }
-
-    /// Joins the pieces of `a` and `b`; false if they are one already and disagree.
-    fn join(&mut self, a: FaceId, b: FaceId, against: bool) -> bool {
-        let ((root_a, side_a), (root_b, side_b)) = (self.root(a), self.root(b));
-        let roots_against = side_a ^ side_b ^ against;
-        if root_a == root_b {
-            return !roots_against;
-        }
-        self.parent[root_a.max(root_b)] = (root_a.min(root_b), roots_against);
-        true
-    }
-
-    /// The first face of the piece, and whether `face` is wound against it; halves the path on the way.
-    fn root(&mut self, mut face: FaceId) -> (FaceId, bool) {
-        let mut against = false;
-        loop {
-            let (up, side) = self.parent[face];
-            let (top, top_side) = self.parent[up];
-            if top == up {
-                return (up, against ^ side);
-            }
-            self.parent[face] = (top, side ^ top_side);
-            against ^= side ^ top_side;
-            face = top;
-        }
     }
 }

@@ -31,7 +31,7 @@ use crate::{
 pub fn read_gltf(path: &Path) -> Result<Draft, IoError> {
     let document = Document::open(path)?;
     let tree = place(&document)?;
-    let mut draft = Draft { links: tree.links, sheets: Vec::new() };
+    let mut draft = Draft { links: tree.links, ..Draft::default() };
     for placement in &tree.placements {
         draft.sheets.extend(read_sheet(&document, placement)?);
     }

@@ -19,6 +19,12 @@ macro_rules! kinds {
                 match self { $(Self::$variant => $name,)* }
             }
 
+            /// Whether it only tells something, and nothing is wrong.
+            #[must_use]
+            pub const fn is_informational(self) -> bool {
+                matches!(self, Self::Bare)
+            }
+
             /// What [`Finding::elements`] counts.
             #[must_use]
             pub const fn element(self) -> Element {
@@ -29,8 +35,10 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// No sheet has a triangle.
+    /// Neither triangles nor taxels.
     NoTriangles "no-triangles" Sheet,
+    /// Taxels without triangles, which are meshed when they are read; nothing wrong.
+    Bare "bare" Sheet,
     /// A link comes before its parent.
     LinkOrder "link-order" Link,
     /// A sheet hangs on a link that does not exist.

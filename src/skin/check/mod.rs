@@ -37,10 +37,20 @@ pub fn check(draft: &Draft) -> Vec<Finding> {
     for sheet in &draft.sheets {
         check_sheet(sheet, draft.links.len(), &mut findings);
     }
-    if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
-        let message = "there is no triangle in it: a skin needs taxels joined by triangles".into();
-        let (kind, patch) = (FindingKind::NoTriangles, String::new());
-        findings.push(Finding { kind, patch, elements: Vec::new(), message });
+    let of_draft = |kind, message: &str| Finding {
+        kind,
+        patch: String::new(),
+        elements: Vec::new(),
+        message: message.into(),
+    };
+    if draft.is_bare() {
+        let message = "its taxels have no triangles and will be joined when it is read as a skin; `convert` does that, and \
+             tells what was assumed";
+        findings.retain(|f| f.kind != FindingKind::IsolatedTaxel);
+        findings.insert(0, of_draft(FindingKind::Bare, message));
+    } else if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
+        let message = "there is no triangle in it: a skin needs taxels joined by triangles";
+        findings.push(of_draft(FindingKind::NoTriangles, message));
     }
     findings
 }

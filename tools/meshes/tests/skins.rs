@@ -64,7 +64,11 @@ fn nothing_is_found_wrong() {
             normals: Some(patch.normals.as_slice().to_vec()),
             ..Sheet::default()
         };
-        let draft = Draft { links: skin.links.clone(), sheets: skin.patches.iter().map(sheet).collect() };
+        let draft = Draft {
+            links: skin.links.clone(),
+            sheets: skin.patches.iter().map(sheet).collect(),
+            ..Draft::default()
+        };
         assert_eq!(check(&draft), [], "{name}");
     }
 }

@@ -1,0 +1,233 @@
+//! Bare taxels to a mesh.
+
+mod close;
+mod front;
+mod kd_tree;
+mod neighbours;
+mod normals;
+mod orient;
+mod outside;
+mod places;
+mod star;
+mod surroundings;
+mod weave;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    skin::{
+        Draft, Remark, RemarkKind, Sheet, SkinError,
+        assemble::check_sheet,
+        bare::{
+            neighbours::Neighbours,
+            normals::Normals,
+            orient::orient,
+            outside::{Outside, turn_outward},
+            places::Places,
+            surroundings::Surroundings,
+            weave::weave,
+        },
+        names::sheet_name,
+        remark::first_few,
+    },
+};
+
+/// How bare taxels are meshed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshOptions {
+    /// Longest edge over the spacing of the taxels at its ends, from 1 to 20: what is longer spans a real gap, and a boundary
+    /// stays there.
+    pub gap: f64,
+}
+
+impl Default for MeshOptions {
+    fn default() -> Self {
+        Self { gap: 2.5 }
+    }
+}
+
+/// Gaps that make sense: below 1 nothing is joined, and work grows with the square.
+const GAPS: std::ops::RangeInclusive<f64> = 1.0..=20.0;
+
+/// Neighbourhoods that are this thick, half of them or more, are those of a cloud: a noise of a third of the spacing
+/// reaches 0.1, random points in a ball 0.5.
+const THICKEST: f64 = 0.25;
+
+/// A sheet without triangles, and where its taxels lie.
+#[derive(Debug)]
+struct Bare<'a> {
+    sheet: &'a Sheet,
+    places: Places,
+}
+
+impl Draft {
+    /// Whether it holds taxels, but no triangle.
+    #[must_use]
+    pub fn is_bare(&self) -> bool {
+        self.sheets.iter().all(|s| s.triangles.is_empty())
+            && self.sheets.iter().any(|s| !s.positions.is_empty())
+    }
+}
+
+/// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was done;
+/// [`crate::skin::assemble`] calls it with the default options.
+///
+/// - **Taxels** at one place become one (the first that reads pressure); slots that hold nothing are left out. Thermal pads
+///   and dead taxels have a place, and stay. Taxels keep the order of the file; arrays move with them.
+/// - The **spacing** is the distance to the third nearest taxel, smoothed.
+/// - **Normals** are those of the file where these are believable (unit vectors along the planes of the neighbourhoods, not
+///   all the same on a curved part), else those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to
+///   one side along a spanning tree (Hoppe et al. 1992, judged as by König and Gumhold 2009).
+/// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least two corners agree, then
+///   those of one corner that fit between them; a square is cut along one diagonal by the place of its corners. Edges are no longer
+///   than [`MeshOptions::gap`] times the spacing at their ends. The mesh is an oriented manifold: a face that would give an edge a
+///   third face, or overlap in the tangent plane of a corner, is not taken.
+/// - The **outside** of pieces without believable normals is away from the middle of the sheet.
+///
+/// The result does not depend on the order of the taxels, up to the order of their names, nor on frame and unit, except for which
+/// diagonal a square gets. Time and memory are near-linear.
+///
+/// # Errors
+/// If an option is out of range, or the taxels of a sheet have fewer than three places, lie in a cloud rather than on a
+/// surface, or have no triangle within the gap.
+pub fn mesh_bare(draft: &Draft, options: &MeshOptions) -> Result<Draft, SkinError> {
+    let mut meshed = draft.clone();
+    for sheet in &meshed.sheets {
+        check_sheet(sheet, &draft.links)?;
+    }
+    for sheet in meshed.sheets.iter_mut().filter(|s| !s.positions.is_empty()) {
+        *sheet = mesh_sheet(sheet, options, &mut meshed.remarks)?;
+    }
+    Ok(meshed)
+}
+
+fn mesh_sheet(sheet: &Sheet, options: &MeshOptions, remarks: &mut Vec<Remark>) -> Result<Sheet, SkinError> {
+    let patch = || sheet_name(sheet).to_owned();
+    let gap = options.gap;
+    if !GAPS.contains(&gap) {
+        return Err(SkinError::Gap { found: gap });
+    }
+    let bare = Bare { sheet, places: Places::new(sheet) };
+    let positions = &bare.places.positions;
+    let places = positions.len();
+    if places < 3 {
+        return Err(SkinError::TooFewPlaces { patch: patch(), found: places });
+    }
+    let neighbours = Neighbours::new(positions, gap);
+    let mut normals = Normals::new(&bare, &neighbours);
+    if normals.thickness > THICKEST {
+        return Err(SkinError::NoSurface { patch: patch(), thickness: normals.thickness });
+    }
+    orient(&mut normals, positions, &neighbours);
+    let mut triangles =
+        weave(&Surroundings { positions, normals: &normals.normal, neighbours: &neighbours, gap });
+    if triangles.is_empty() {
+        return Err(SkinError::NoFace { patch: patch(), places });
+    }
+    let outside = turn_outward(&mut triangles, positions, &normals.given);
+    let mut tell = |kind, message| remarks.push(Remark { kind, patch: patch(), message });
+    let reach_mm = 1e3 * gap * bare.places.unit * median(&neighbours.spacing);
+    let faces = triangles.len();
+    let message = format!(
+        "{places} bare taxels were joined by {faces} triangles; longer edges than {gap} times the spacing, here \
+         {reach_mm:.3} mm, are gaps"
+    );
+    tell(RemarkKind::Meshed, message);
+    bare.remark(&normals, outside, &mut tell);
+    Ok(bare.sheet_of(&triangles, &normals, &mut tell))
+}
+
+fn median(spacing: &IdVec<VertexId, f64>) -> f64 {
+    let mut spacing = spacing.as_slice().to_vec();
+    let middle = spacing.len() / 2;
+    *spacing.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+impl Bare<'_> {
+    /// Tells what was assumed about the taxels.
+    fn remark(&self, normals: &Normals, outside: Outside, tell: &mut impl FnMut(RemarkKind, String)) {
+        let Places { merged, absent, .. } = &self.places;
+        if *absent > 0 {
+            tell(RemarkKind::LeftOut, format!("{absent} empty slots were left out"));
+        }
+        if !merged.is_empty() {
+            let list = first_few(merged.iter());
+            let message =
+                format!("{} taxels lie where another one lies and were merged with it: {list}", merged.len());
+            tell(RemarkKind::Merged, message);
+        }
+        if let Some(why) = normals.refused {
+            tell(RemarkKind::Normals, format!("{why}; those of the faces replace them"));
+        }
+        let Outside { centre, undecided } = outside;
+        if centre > 0 {
+            let message = format!(
+                "no normals tell the outside; it was assumed away from the middle of the part for {centre} pieces"
+            );
+            tell(RemarkKind::Outside, message);
+        }
+        if undecided > 0 {
+            let message = format!(
+                "no normals tell the outside, and {undecided} pieces bulge neither way; of their two sides the one \
+                 towards +x, +y or +z was assumed, whichever they face most"
+            );
+            tell(RemarkKind::Outside, message);
+        }
+    }
+
+    /// The taxels that have a face, in the order of the file, and their faces.
+    fn sheet_of(
+        &self,
+        triangles: &IdVec<FaceId, [VertexId; 3]>,
+        normals: &Normals,
+        tell: &mut impl FnMut(RemarkKind, String),
+    ) -> Sheet {
+        let sheet = self.sheet;
+        let places = &self.places;
+        let mut used = vec![false; sheet.positions.len()];
+        for &v in triangles.iter().flatten() {
+            used[places.taxel[v]] = true;
+        }
+        let mut left_out: Vec<usize> = places.taxel.iter().copied().filter(|&k| !used[k]).collect();
+        left_out.sort_unstable();
+        if !left_out.is_empty() {
+            let list = first_few(left_out.iter());
+            let message =
+                format!("{} taxels found no place in a triangle and were left out: {list}", left_out.len());
+            tell(RemarkKind::LeftOut, message);
+        }
+        let kept: Vec<usize> = (0..used.len()).filter(|&k| used[k]).collect();
+        let mut number = vec![0_u32; used.len()];
+        (0..).zip(&kept).for_each(|(new, &k)| number[k] = new);
+        let mut faces: Vec<[u32; 3]> =
+            triangles.iter().map(|t| smallest_first(t.map(|v| number[places.taxel[v]]))).collect();
+        faces.sort_unstable();
+        Sheet {
+            name: sheet.name.clone(),
+            link: sheet.link,
+            positions: pick(&sheet.positions, &kept),
+            triangles: faces,
+            ids: sheet.ids.as_ref().map(|x| pick(x, &kept)),
+            normals: sheet.normals.as_ref().filter(|_| normals.refused.is_none()).map(|x| pick(x, &kept)),
+            areas: sheet.areas.as_ref().map(|x| pick(x, &kept)),
+            densities: sheet.densities.as_ref().map(|x| pick(x, &kept)),
+            presence: sheet.presence.as_ref().map(|x| pick(x, &kept)),
+            covariances: sheet.covariances.as_ref().map(|x| pick(x, &kept)),
+            modules: sheet.modules.as_ref().map(|x| pick(x, &kept)),
+        }
+    }
+}
+
+fn pick<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
+    kept.iter().map(|&k| values[k]).collect()
+}
+
+/// The same triangle from its smallest corner on.
+fn smallest_first<T: Ord>([a, b, c]: [T; 3]) -> [T; 3] {
+    if a < b && a < c {
+        [a, b, c]
+    } else if b < c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}

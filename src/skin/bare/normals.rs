@@ -1,0 +1,212 @@
+//! Which way the skin faces at every taxel, before there are triangles.
+
+use std::collections::BTreeMap;
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use crate::{
+    id::{IdVec, VertexId},
+    skin::{
+        bare::{Bare, neighbours::Neighbours},
+        outward::{SAME_DIRECTION, is_unit},
+    },
+};
+
+/// Neighbours to which a plane is fitted: two rings of a lattice are 18, the nearer of them follow a bend better.
+const PLANE_NEIGHBOURS: usize = 12;
+
+/// A normal of the file is asked against those of so many neighbours.
+const NEAREST: usize = 6;
+
+/// A module gives its taxels a plane if it has this many places, ...
+const MODULE_PLACES: usize = 4;
+
+/// ... and they lie on no line: second over largest variance. The row of three of a trimmed module has less.
+const MODULE_BREADTH: f64 = 0.05;
+
+/// Given normals are believed if, on the mean, their cosine with the fitted planes is this large: taxels of real covers
+/// have 0.95, and directions that have nothing to do with the skin 0.5.
+const AGREEMENT: f64 = 0.75;
+
+/// Given normals that are all the same are believed only on a part as flat as this.
+const FLAT_AGREEMENT: f64 = 0.99;
+
+/// The plane of a taxel's neighbourhood.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Plane {
+    /// Unit normal, either way.
+    pub normal: DVec3,
+    /// Smallest over middle variance of the neighbourhood: 0 on a plane, about 0.5 in a cloud.
+    pub thickness: f64,
+}
+
+/// What is known of the taxels' normals.
+#[derive(Debug)]
+pub(super) struct Normals {
+    /// Unit normals.
+    pub normal: IdVec<VertexId, DVec3>,
+    /// Whether each is the file's own, and so knows the outside.
+    pub given: IdVec<VertexId, bool>,
+    /// Median of [`Plane::thickness`].
+    pub thickness: f64,
+    /// Why the file's normals were not used; `None` if they were or there are none.
+    pub refused: Option<&'static str>,
+}
+
+impl Normals {
+    /// The file's normals where they are believable, else those of the rigid module, else those of the plane of least squares
+    /// through the nearest neighbours (Hoppe et al. 1992).
+    pub(super) fn new(bare: &Bare<'_>, neighbours: &Neighbours) -> Self {
+        let file = bare.sheet.normals.as_ref().map(|n| bare.places.taxel.map(|&k| believable(n[k])));
+        let mut refused = None;
+        if let Some(file) = file {
+            let (mut normal, thickness) = planes(bare, neighbours, Some(&file));
+            refused = refuse(&file, &normal);
+            if refused.is_none() {
+                let given = file
+                    .enumerate()
+                    .map(|(v, n)| *n != DVec3::ZERO && !is_turned(v, &file, neighbours))
+                    .collect();
+                let given: IdVec<VertexId, bool> = given;
+                for v in given.ids().filter(|&v| given[v]) {
+                    normal[v] = file[v];
+                }
+                return Self { normal, given, thickness, refused };
+            }
+        }
+        let (normal, thickness) = planes(bare, neighbours, None);
+        Self { given: IdVec::filled(false, normal.len()), normal, thickness, refused }
+    }
+}
+
+/// A unit normal, or zero for one that is none.
+fn believable(n: DVec3) -> DVec3 {
+    if is_unit(n) { n.normalize() } else { DVec3::ZERO }
+}
+
+/// Whether the normal of `v` points against those of most of its nearest neighbours.
+fn is_turned(v: VertexId, file: &IdVec<VertexId, DVec3>, neighbours: &Neighbours) -> bool {
+    let near = neighbours.of(v).iter().take(NEAREST).map(|&w| file[w].dot(file[v]));
+    near.fold(0_i32, |sum, cos| sum + i32::from(cos < 0.0) - i32::from(cos > 0.0)) > 0
+}
+
+/// The planes of all taxels, those of modules where there are such, and the median of the thickness.
+///
+/// Neighbours whose normal in the file points to the other side lie on another side of a thin part.
+fn planes(
+    bare: &Bare<'_>,
+    neighbours: &Neighbours,
+    file: Option<&IdVec<VertexId, DVec3>>,
+) -> (IdVec<VertexId, DVec3>, f64) {
+    let ids: Vec<VertexId> = bare.places.positions.ids().collect();
+    let is_beside = |v: VertexId, w: VertexId| file.is_none_or(|n| n[v].dot(n[w]) >= 0.0);
+    let plane = |&v: &VertexId| {
+        let beside = neighbours.of(v).iter().filter(|&&w| is_beside(v, w)).take(PLANE_NEIGHBOURS);
+        local_plane(beside.chain([&v]).map(|&w| bare.places.positions[w]))
+    };
+    let planes: Vec<Plane> = ids.par_iter().map(plane).collect();
+    let mut thickness: Vec<f64> = planes.iter().map(|p| p.thickness).collect();
+    thickness.sort_unstable_by(f64::total_cmp);
+    let mut normal: IdVec<VertexId, DVec3> = planes.iter().map(|p| p.normal).collect();
+    for (v, plane) in module_planes(bare) {
+        normal[v] = plane;
+    }
+    (normal, thickness[thickness.len() / 2])
+}
+
+/// Why the normals of the file are not to be believed.
+fn refuse(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<&'static str> {
+    let mut units = 0_usize;
+    let (mut agreement, mut differs) = (0.0, false);
+    let mut first = None;
+    for (n, plane) in file.iter().zip(planes).filter(|(n, _)| **n != DVec3::ZERO) {
+        units += 1;
+        agreement += n.dot(*plane).abs();
+        differs |= first.get_or_insert(*n).dot(*n) < SAME_DIRECTION;
+    }
+    let mean = agreement / units as f64;
+    if 2 * units < file.len() {
+        Some("most normals are no unit vectors")
+    } else if !differs && mean < FLAT_AGREEMENT {
+        Some("the normals are all the same although the part is curved")
+    } else if mean < AGREEMENT {
+        Some("the normals do not fit the places of the taxels")
+    } else {
+        None
+    }
+}
+
+/// Plane of least squares through a taxel and its nearest neighbours; any plane if there are too few.
+fn local_plane(points: impl Iterator<Item = DVec3> + Clone) -> Plane {
+    fit(points).map_or(Plane { normal: DVec3::Z, thickness: 0.0 }, |fit| Plane {
+        normal: fit.0,
+        thickness: if fit.1[1] > 0.0 { fit.1[0] / fit.1[1] } else { 0.0 },
+    })
+}
+
+/// The normals of the modules, taxel by taxel, where they have one.
+fn module_planes(bare: &Bare<'_>) -> Vec<(VertexId, DVec3)> {
+    let Some(modules) = &bare.sheet.modules else { return Vec::new() };
+    let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
+    for (v, &k) in bare.places.taxel.enumerate() {
+        members.entry(modules[k]).or_default().push(v);
+    }
+    let mut planes = Vec::new();
+    for members in members.values().filter(|m| m.len() >= MODULE_PLACES) {
+        if let Some((normal, variance)) = fit(members.iter().map(|&v| bare.places.positions[v]))
+            && variance[1] > MODULE_BREADTH * variance[2]
+        {
+            planes.extend(members.iter().map(|&v| (v, normal)));
+        }
+    }
+    planes
+}
+
+/// Normal of the plane of least squares, and the variances along the principal axes, the smallest first.
+fn fit(points: impl Iterator<Item = DVec3> + Clone) -> Option<(DVec3, [f64; 3])> {
+    let count = points.clone().count();
+    if count < 3 {
+        return None;
+    }
+    let mean = points.clone().sum::<DVec3>() / count as f64;
+    let size = points.clone().fold(0.0, |most: f64, p| most.max(p.distance(mean)));
+    if size == 0.0 {
+        return None;
+    }
+    let moments = points.fold(DMat3::ZERO, |sum, p| {
+        let d = (p - mean) / size;
+        sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
+    });
+    let (variances, axes) = principal_axes(moments);
+    Some((axes[0], variances))
+}
+
+/// Eigenvalues of a symmetric matrix, the smallest first, and its unit eigenvectors, by Jacobi's rotations.
+fn principal_axes(mut a: DMat3) -> ([f64; 3], [DVec3; 3]) {
+    /// Sweeps converge quadratically: six reach the last bit.
+    const SWEEPS: usize = 10;
+    let mut axes = DMat3::IDENTITY;
+    for _ in 0..SWEEPS {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let off = a.col(q)[p];
+            if off == 0.0 {
+                continue;
+            }
+            let theta = (a.col(q)[q] - a.col(p)[p]) / (2.0 * off);
+            let t = if theta.is_finite() { theta.signum() / (theta.abs() + theta.hypot(1.0)) } else { 0.0 };
+            let cos = 1.0 / t.hypot(1.0);
+            let sin = t * cos;
+            let mut turn = DMat3::IDENTITY;
+            turn.col_mut(p)[p] = cos;
+            turn.col_mut(q)[q] = cos;
+            turn.col_mut(q)[p] = sin;
+            turn.col_mut(p)[q] = -sin;
+            a = turn.transpose() * a * turn;
+            axes *= turn;
+        }
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| a.col(i)[i].total_cmp(&a.col(j)[j]));
+    (order.map(|k| a.col(k)[k].max(0.0)), order.map(|k| axes.col(k).normalize_or(DVec3::Z)))
+}

@@ -1,0 +1,32 @@
+use glam::DVec3;
+
+use crate::{
+    id::{IdVec, VertexId},
+    skin::bare::neighbours::Neighbours,
+};
+
+/// What is known of the taxels before there are triangles.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surroundings<'a> {
+    pub positions: &'a IdVec<VertexId, DVec3>,
+    /// Unit normals, those of neighbours to the same side.
+    pub normals: &'a IdVec<VertexId, DVec3>,
+    pub neighbours: &'a Neighbours,
+    /// Longest edge over the spacing.
+    pub gap: f64,
+}
+
+impl Surroundings<'_> {
+    /// Whether an edge may join the two.
+    pub(super) fn is_within_gap(&self, v: VertexId, w: VertexId) -> bool {
+        let spacing = 0.5 * (self.neighbours.spacing[v] + self.neighbours.spacing[w]);
+        self.positions[v].distance(self.positions[w]) <= self.gap * spacing
+    }
+
+    /// Radius of the circle through the corners of a triangle.
+    pub(super) fn circle(&self, t: [VertexId; 3]) -> f64 {
+        let [a, b, c] = t.map(|v| self.positions[v]);
+        let (x, y, z) = (b - a, c - b, a - c);
+        x.length() * y.length() * z.length() / (2.0 * x.cross(y).length())
+    }
+}

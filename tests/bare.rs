@@ -1,0 +1,517 @@
+//! Laws of the meshing of bare taxels: shapes without their triangles, and taxels that no surface holds.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    f64::consts::{PI, TAU},
+    path::PathBuf,
+};
+
+use dermatome::{
+    id::{TaxelId, VertexId},
+    io,
+    mesh::{Adjacency, TriMesh, shapes},
+    pipeline, report,
+    skin::{
+        Assembled, Draft, FindingKind, MeshOptions, Patch, Presence, RemarkKind, Sheet, SkinError, assemble,
+        check, mesh_bare,
+    },
+};
+use glam::{DAffine3, DQuat, DVec3};
+use proptest::prelude::*;
+
+/// The taxels of a shape alone, numbered from 0.
+fn bare(positions: &[DVec3]) -> Sheet {
+    Sheet {
+        name: "s".into(),
+        positions: positions.to_vec(),
+        ids: Some((0..).take(positions.len()).map(TaxelId).collect()),
+        ..Sheet::default()
+    }
+}
+
+fn draft_of(sheet: Sheet) -> Draft {
+    Draft { sheets: vec![sheet], ..Draft::default() }
+}
+
+fn taxels_of(mesh: &TriMesh) -> Sheet {
+    bare(mesh.positions.as_slice())
+}
+
+fn with_normals(mesh: &TriMesh) -> Sheet {
+    Sheet { normals: Some(mesh.vertex_normals().into_vec()), ..taxels_of(mesh) }
+}
+
+fn meshed(sheet: Sheet) -> Assembled {
+    assemble(&draft_of(sheet)).unwrap()
+}
+
+fn only(assembled: &Assembled) -> &Patch {
+    assert_eq!(assembled.skin.patches.len(), 1, "one patch: {:?}", assembled.remarks);
+    &assembled.skin.patches[0.into()]
+}
+
+/// Euler characteristic and number of boundary loops.
+fn topology(mesh: &TriMesh) -> (i64, usize) {
+    let adjacency = Adjacency::new(mesh).unwrap();
+    (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
+}
+
+/// The triangles of all patches, by the ids of their taxels, each from its smallest on.
+fn faces(assembled: &Assembled) -> BTreeSet<[u32; 3]> {
+    let of_patch = |p: &Patch| -> Vec<[u32; 3]> {
+        p.mesh
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|v| p.ids[v].0);
+                [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap()
+            })
+            .collect()
+    };
+    assembled.skin.patches.iter().flat_map(of_patch).collect()
+}
+
+fn kinds(assembled: &Assembled) -> BTreeSet<RemarkKind> {
+    assembled.remarks.iter().map(|r| r.kind).collect()
+}
+
+/// A lattice bent round a cylinder of `radius` about the z axis, `turn` rad wide: seen from outside.
+fn bent(columns: u32, rows: u32, spacing: f64, radius: f64) -> TriMesh {
+    let mut mesh = shapes::lattice(columns, rows, spacing);
+    for p in mesh.positions.iter_mut() {
+        let (sin, cos) = (p.x / radius).sin_cos();
+        *p = DVec3::new(radius * cos, radius * sin, p.y);
+    }
+    mesh
+}
+
+/// A number in 0..1 that depends on `k` alone.
+fn scatter(k: usize) -> f64 {
+    (k as f64 * 0.754_877_666_246_692_7).fract()
+}
+
+/// Positions moved by up to `amount`, each its own way.
+fn shaken(mesh: &TriMesh, amount: f64) -> TriMesh {
+    let mut mesh = mesh.clone();
+    for (k, p) in mesh.positions.iter_mut().enumerate() {
+        let [x, y, z] = [3 * k, 3 * k + 1, 3 * k + 2].map(|k| scatter(k + 7) - 0.5);
+        *p += 2.0 * amount * DVec3::new(x, y, z);
+    }
+    mesh
+}
+
+#[test]
+fn shapes_without_their_triangles_are_themselves_again() {
+    for (name, mesh) in [
+        ("lattice", shapes::lattice(12, 9, 0.005)),
+        ("cap", shapes::cap(2000, 0.1, 1.9)),
+        ("300 degrees round a cylinder", bent(40, 12, 0.0065, 40.0 * 0.0065 / (TAU * 300.0 / 360.0))),
+        ("tube", shapes::tube(30, 20, 0.04, 0.12)),
+        ("saddle", shapes::saddle(40)),
+        ("noise", shaken(&shapes::lattice(20, 20, 0.005), 0.0005)),
+    ] {
+        let (euler, _) = topology(&mesh);
+        let truth = mesh.vertex_normals();
+        for sheet in [taxels_of(&mesh), with_normals(&mesh)] {
+            let has_normals = sheet.normals.is_some();
+            let assembled = meshed(sheet);
+            let patch = only(&assembled);
+            assert_eq!(patch.mesh.positions.len(), mesh.positions.len(), "{name}: every taxel is used");
+            assert_eq!(topology(&patch.mesh).0, euler, "{name}: Euler characteristic");
+            let side = |f| {
+                patch.mesh.face_cross(f).dot(truth[VertexId::from(patch.ids[patch.mesh.triangles[f][0]].0)])
+            };
+            let outward = patch.mesh.triangles.ids().filter(|&f| side(f) > 0.0).count();
+            let count = patch.mesh.triangles.len();
+            if has_normals || !["lattice", "saddle", "noise"].contains(&name) {
+                assert_eq!(outward, count, "{name}: every triangle faces outward");
+            } else {
+                assert!(outward == 0 || outward == count, "{name}: all triangles face one side");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_edge_is_longer_than_the_gap() {
+    let mesh = shaken(&shapes::lattice(30, 30, 0.005), 0.0015);
+    for gap in [1.5, 2.5, 4.0] {
+        let draft = mesh_bare(&draft_of(taxels_of(&mesh)), &MeshOptions { gap }).unwrap();
+        let sheet = &draft.sheets[0];
+        let longest = sheet
+            .triangles
+            .iter()
+            .flat_map(|t| [0, 1, 2].map(|k| [t[k] as usize, t[(k + 1) % 3] as usize]))
+            .map(|[a, b]| sheet.positions[a].distance(sheet.positions[b]))
+            .fold(0.0, f64::max);
+        // The shaking makes the spacing vary by a third at most.
+        assert!(longest <= gap * 0.005 * 1.35, "gap {gap}: longest edge {longest}");
+    }
+}
+
+/// Two lattices, `gap` spacings of open skin between them.
+fn two_islands(gap: f64) -> Sheet {
+    let one = shapes::lattice(8, 8, 0.005);
+    let apart = DVec3::X * 0.005 * (7.5 + gap);
+    let positions: Vec<DVec3> =
+        one.positions.iter().copied().chain(one.positions.iter().map(|&p| p + apart)).collect();
+    bare(&positions)
+}
+
+#[test]
+fn a_gap_wider_than_the_limit_stays_open_and_a_narrower_one_is_bridged() {
+    assert_eq!(meshed(two_islands(2.0)).skin.patches.len(), 1);
+    let open = meshed(two_islands(2.8));
+    assert_eq!(open.skin.patches.len(), 2);
+    assert!(kinds(&open).contains(&RemarkKind::Components), "that there are two is told");
+    let wide = mesh_bare(&draft_of(two_islands(2.8)), &MeshOptions { gap: 3.5 }).unwrap();
+    assert_eq!(assemble(&wide).unwrap().skin.patches.len(), 1, "a wider limit bridges it");
+}
+
+#[test]
+fn a_square_lattice_is_cut_along_one_diagonal_everywhere() {
+    let positions: Vec<DVec3> =
+        (0..400).map(|k| 0.005 * DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0)).collect();
+    let assembled = meshed(bare(&positions));
+    let patch = only(&assembled);
+    assert_eq!(patch.mesh.triangles.len(), 2 * 19 * 19);
+    assert_eq!(topology(&patch.mesh), (1, 1), "a disk without holes");
+}
+
+#[test]
+fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
+    let mesh = shapes::lattice(6, 6, 0.005);
+    let mut sheet = taxels_of(&mesh);
+    let copies = [3, 3, 17];
+    sheet.positions.extend(copies.map(|k| mesh.positions[VertexId::new(k)]));
+    sheet.ids = Some((0..39).map(TaxelId).collect());
+    sheet.presence =
+        Some((0..39).map(|k| if k == 17 { Presence::ThermalPad } else { Presence::Present }).collect());
+    let assembled = meshed(sheet);
+    let patch = only(&assembled);
+    assert_eq!(patch.mesh.positions.len(), 36);
+    let ids: BTreeSet<u32> = patch.ids.iter().map(|id| id.0).collect();
+    assert!(ids.contains(&3) && ids.contains(&38) && !ids.contains(&17), "{ids:?}");
+    let merged = assembled.remarks.iter().find(|r| r.kind == RemarkKind::Merged).unwrap();
+    assert!(merged.message.starts_with("3 taxels"), "{merged}");
+}
+
+#[test]
+fn empty_slots_are_left_out_and_a_taxel_at_the_origin_stays() {
+    let mesh = shapes::lattice(5, 5, 0.005);
+    let mut sheet = with_normals(&mesh);
+    assert_eq!(sheet.positions[0], DVec3::ZERO, "the lattice begins at the origin");
+    let mut presence = vec![Presence::Present; 25];
+    sheet.positions.extend([DVec3::ZERO; 4]);
+    sheet.normals.as_mut().unwrap().extend([DVec3::ZERO; 4]);
+    sheet.ids = Some((0..29).map(TaxelId).collect());
+    presence.extend([Presence::Absent; 4]);
+    presence[12] = Presence::ThermalPad;
+    sheet.presence = Some(presence);
+    let assembled = meshed(sheet);
+    let patch = only(&assembled);
+    assert_eq!(patch.mesh.positions.len(), 25, "the slots are gone, the first taxel is not");
+    assert_eq!(patch.presence.iter().filter(|&&p| p == Presence::ThermalPad).count(), 1, "pads have a place");
+}
+
+#[test]
+fn placeholder_normals_are_replaced_and_believable_ones_kept() {
+    let mesh = bent(20, 10, 0.0065, 0.03);
+    let constant = Sheet { normals: Some(vec![DVec3::Z; 200]), ..taxels_of(&mesh) };
+    let random =
+        (0..200).map(|k| DVec3::new(scatter(k) - 0.5, scatter(k + 300) - 0.5, scatter(k + 600) - 0.5));
+    let random = Sheet { normals: Some(random.map(DVec3::normalize).collect()), ..taxels_of(&mesh) };
+    let expected = faces(&meshed(taxels_of(&mesh)));
+    for sheet in [constant, random] {
+        let assembled = meshed(sheet);
+        assert_eq!(faces(&assembled), expected, "as if there were none");
+        assert!(kinds(&assembled).contains(&RemarkKind::Normals), "and this is told");
+    }
+    let inward: Vec<DVec3> = mesh.vertex_normals().iter().map(|&n| -n).collect();
+    let assembled = meshed(Sheet { normals: Some(inward.clone()), ..taxels_of(&mesh) });
+    assert!(!kinds(&assembled).contains(&RemarkKind::Normals));
+    let patch = only(&assembled);
+    let kept = |(id, n): (&TaxelId, &DVec3)| n.distance(inward[id.0 as usize]) < 1e-12;
+    assert!(patch.ids.iter().zip(&patch.normals).all(kept), "the file knows best");
+}
+
+#[test]
+fn some_wrong_normals_do_no_harm() {
+    let mesh = shapes::cap(1500, 0.1, 1.2);
+    let mut normals = mesh.vertex_normals().into_vec();
+    for k in (0..normals.len()).step_by(17) {
+        normals[k] = if k % 2 == 0 { -normals[k] } else { DVec3::ZERO };
+    }
+    let assembled = meshed(Sheet { normals: Some(normals), ..taxels_of(&mesh) });
+    let patch = only(&assembled);
+    assert_eq!(patch.mesh.positions.len(), mesh.positions.len());
+    assert_eq!(topology(&patch.mesh), (1, 1));
+}
+
+/// Such a pair looks like the two sides of a thin part, and once turned a whole corner of a noisy skin over.
+#[test]
+fn a_taxel_almost_above_another_turns_nobody_over() {
+    let mesh = shaken(&shapes::lattice(10, 10, 0.005), 0.0004);
+    for corner in [0, 5, 44] {
+        let mut positions = mesh.positions.as_slice().to_vec();
+        positions.push(positions[corner] + DVec3::new(0.0011, 0.0004, 0.0024));
+        let assembled = meshed(bare(&positions));
+        let patch = only(&assembled);
+        let up = patch.mesh.triangles.ids().filter(|&f| patch.mesh.face_cross(f).z > 0.0).count();
+        assert!(up == 0 || up == patch.mesh.triangles.len(), "beside {corner}: {up} faces up");
+        assert!(patch.mesh.positions.len() >= 100, "beside {corner}");
+    }
+}
+
+#[test]
+fn normals_keep_the_two_sides_of_a_thin_part_apart() {
+    let side = shapes::lattice(12, 12, 0.005);
+    let below = side.positions.iter().map(|&p| p - 0.006 * DVec3::Z);
+    let positions: Vec<DVec3> = side.positions.iter().copied().chain(below).collect();
+    let normals = (0..288).map(|k| if k < 144 { DVec3::Z } else { DVec3::NEG_Z }).collect();
+    let assembled = meshed(Sheet { normals: Some(normals), ..bare(&positions) });
+    assert_eq!(assembled.skin.patches.len(), 2);
+    for patch in &assembled.skin.patches {
+        assert_eq!((patch.mesh.positions.len(), topology(&patch.mesh)), (144, (1, 1)));
+    }
+}
+
+/// Modules of ten taxels and two pads, triangles that point up and down by turns, rigid and flat on a cylinder of `radius`: rows
+/// of 12 slots, as the iCub has them.
+fn modules(around: u32, along: u32, radius: f64, degrees: f64) -> Sheet {
+    const SPACING: f64 = 0.0065;
+    // Rows of 4, 3, 2 and 1 taxels.
+    let row = SPACING * 0.75_f64.sqrt();
+    let flat: Vec<(f64, f64)> = (0..4)
+        .flat_map(|j| (0..4 - j).map(move |i| (i, j)))
+        .map(|(i, j)| (SPACING * (f64::from(i) + 0.5 * f64::from(j) - 1.5), row * (f64::from(j) - 1.0)))
+        .collect();
+    let mut sheet = Sheet { name: "arm".into(), ..Sheet::default() };
+    let (mut presence, mut modules) = (Vec::new(), Vec::new());
+    for module in 0..around * along {
+        let (i, j) = (module % around, module / around);
+        let turn = degrees.to_radians() * f64::from(i) / f64::from(around);
+        let frame = DAffine3::from_rotation_translation(
+            DQuat::from_rotation_z(turn),
+            DVec3::new(radius * turn.cos(), radius * turn.sin(), 0.026 * f64::from(j)),
+        );
+        let flip = if (i + j) % 2 == 0 { 1.0 } else { -1.0 };
+        let mut taxels = flat.iter();
+        for slot in 0..12 {
+            let at = if slot == 6 || slot == 10 { None } else { taxels.next() };
+            let place = at.map(|&(x, y)| frame.transform_point3(DVec3::new(0.0, flip * x, flip * y)));
+            sheet.positions.push(place.unwrap_or_default());
+            presence.push(if place.is_some() { Presence::Present } else { Presence::Absent });
+            modules.push(module);
+        }
+    }
+    sheet.ids = Some((0..).take(modules.len()).map(TaxelId).collect());
+    (sheet.presence, sheet.modules) = (Some(presence), Some(modules));
+    sheet
+}
+
+#[test]
+fn modules_round_an_arm_become_a_skin() {
+    // Neighbours are 37.5 degrees apart.
+    let sheet = modules(8, 4, 0.032, 300.0);
+    let positions = sheet.positions.clone();
+    let assembled = meshed(sheet);
+    let patch = only(&assembled);
+    assert_eq!(patch.mesh.positions.len(), 320, "every taxel");
+    let (euler, loops) = topology(&patch.mesh);
+    assert_eq!(euler, 2 - i64::try_from(loops).unwrap(), "a disk with holes");
+    for f in patch.mesh.triangles.ids() {
+        let out = patch.mesh.face_cross(f).normalize();
+        for v in patch.mesh.triangles[f] {
+            let module = patch.ids[v].0 as usize / 12;
+            let [a, b, c] = [0, 1, 4].map(|k| positions[12 * module + k]);
+            let plane = (b - a).cross(c - a).normalize();
+            let plane = plane * plane.dot(DVec3::new(a.x, a.y, 0.0)).signum();
+            assert!(out.dot(plane) > 0.0, "face {f} against module {module}");
+        }
+    }
+}
+
+/// A part of the iCub; `None`, said aloud, where the trial data are not at hand.
+fn icub(part: &str) -> Option<Draft> {
+    let folder = std::env::var_os("DERMATOME_DATA")
+        .map_or_else(|| concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data").into(), PathBuf::from);
+    let path = folder.join("icub").join(part).with_extension("txt");
+    if !path.exists() {
+        eprintln!("skipped: {part}");
+        return None;
+    }
+    Some(io::read_draft(&path).unwrap())
+}
+
+/// Normals of modules as the mean of the faces within them, for those that have any.
+fn module_normals(patch: &Patch) -> BTreeMap<u32, DVec3> {
+    let mut normals = BTreeMap::new();
+    for (f, t) in patch.mesh.triangles.enumerate() {
+        let [a, b, c] = t.map(|v| patch.ids[v].0 / 12);
+        if a == b && b == c {
+            *normals.entry(a).or_insert(DVec3::ZERO) += patch.mesh.face_cross(f);
+        }
+    }
+    normals
+}
+
+#[test]
+fn the_parts_of_the_icub_become_sound_skins() {
+    for (part, taxels, pieces) in
+        [("left_arm", 350, 4), ("left_forearm_V2", 148, 2), ("left_hand_V2_1", 48, 1), ("torso", 447, 1)]
+    {
+        let Some(draft) = icub(part) else { continue };
+        let assembled = assemble(&draft).unwrap();
+        let patches = &assembled.skin.patches;
+        assert_eq!(patches.len(), pieces, "{part}");
+        let used: usize = patches.iter().map(|p| p.mesh.positions.len()).sum();
+        assert_eq!(used, taxels, "{part}: every place is used");
+        for patch in patches {
+            let (euler, loops) = topology(&patch.mesh);
+            assert_eq!(euler, 2 - i64::try_from(loops).unwrap(), "{part}: a disk with holes");
+            let normals = module_normals(patch);
+            for (f, t) in patch.mesh.triangles.enumerate() {
+                for module in t.map(|v| patch.ids[v].0 / 12) {
+                    let cosine = normals.get(&module).map_or(1.0, |n| n.dot(patch.mesh.face_cross(f)));
+                    assert!(cosine > 0.0, "{part}: face {f} against module {module}");
+                }
+            }
+        }
+        // Not only is it all there: its map has no flip.
+        let options = pipeline::BuildOptions::default();
+        let (map, _) = pipeline::build(&assembled.skin, &options, &|_, _, _| ()).unwrap();
+        assert!(report::measure(&map).iter().flat_map(|p| &p.levels).all(|l| l.flips == 0), "{part}");
+    }
+}
+
+#[test]
+fn what_is_no_surface_is_refused_by_name() {
+    let cloud: Vec<DVec3> = (0..3000)
+        .map(|k| DVec3::new(scatter(k), (k as f64 * 0.569_840_290_998).fract(), (k as f64 * 0.4301).fract()))
+        .collect();
+    let line: Vec<DVec3> = (0..50).map(|k| f64::from(k) * DVec3::new(1.0, 2.0, 3.0)).collect();
+    for (positions, expected) in [
+        (cloud.clone(), "NoSurface"),
+        (cloud.iter().map(|&p| 1e-9 * p).collect(), "NoSurface"),
+        (line, "NoFace"),
+        (vec![DVec3::ONE; 40], "TooFewPlaces"),
+        (vec![DVec3::ZERO, DVec3::X], "TooFewPlaces"),
+    ] {
+        let error = assemble(&draft_of(bare(&positions))).unwrap_err();
+        assert!(format!("{error:?}").starts_with(expected), "{error:?}");
+    }
+    let sheet = taxels_of(&shapes::lattice(3, 3, 1.0));
+    for gap in [0.5, f64::NAN, f64::INFINITY, -1.0] {
+        let error = mesh_bare(&draft_of(sheet.clone()), &MeshOptions { gap }).unwrap_err();
+        assert!(matches!(error, SkinError::Gap { .. }));
+    }
+}
+
+#[test]
+fn dense_and_sparse_skin_join() {
+    // Spacing grows more than 80-fold outward, on a spiral of the golden angle.
+    let positions: Vec<DVec3> = (0..6000)
+        .map(|k| {
+            let (u, turn) = ((f64::from(k) + 0.5) / 6000.0, f64::from(k) * PI * (3.0 - 5.0_f64.sqrt()));
+            let r = 0.001 * (81.0_f64.powf(u) - 1.0);
+            DVec3::new(r * turn.cos(), r * turn.sin(), 3.0 * r * r)
+        })
+        .collect();
+    let assembled = meshed(bare(&positions));
+    let patch = only(&assembled);
+    assert_eq!(patch.mesh.positions.len(), 6000);
+    assert_eq!(topology(&patch.mesh), (1, 1));
+}
+
+#[test]
+fn check_says_that_taxels_are_bare_and_finds_what_else_is_wrong() {
+    let mut sheet = taxels_of(&shapes::lattice(6, 6, 0.005));
+    let found: Vec<FindingKind> = check(&draft_of(sheet.clone())).iter().map(|f| f.kind).collect();
+    assert_eq!(found, [FindingKind::Bare], "and nothing is wrong with that");
+    sheet.positions[5] = sheet.positions[4];
+    let found: Vec<FindingKind> = check(&draft_of(sheet)).iter().map(|f| f.kind).collect();
+    assert_eq!(found, [FindingKind::Bare, FindingKind::DuplicatePosition]);
+    assert_eq!(
+        check(&Draft::default())[0].kind,
+        FindingKind::NoTriangles,
+        "nothing at all is something else"
+    );
+}
+
+#[test]
+fn a_sheet_among_others_with_triangles_is_not_meshed() {
+    let mesh = shapes::lattice(5, 5, 0.005);
+    let triangles = mesh.triangles.iter().map(|t| t.map(VertexId::raw)).collect();
+    let sheets = vec![Sheet { triangles, ..taxels_of(&mesh) }, taxels_of(&mesh)];
+    let draft = Draft { sheets, ..Draft::default() };
+    assert!(!draft.is_bare());
+    assert_eq!(assemble(&draft).unwrap().skin.patches.len(), 1, "stray vertices of a mesh are no skin");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// The order in a file is nobody's intention.
+    #[test]
+    fn the_order_of_taxels_changes_their_names_alone(
+        order in Just((0_usize..400).collect::<Vec<_>>()).prop_shuffle(),
+        modules in any::<bool>(),
+    ) {
+        let mesh = shaken(&shapes::saddle(20), 0.001);
+        let mut sheet = taxels_of(&mesh);
+        sheet.modules = modules.then(|| (0..400).map(|k| k / 20).collect());
+        let expected = faces(&meshed(sheet.clone()));
+        let mut mixed = Sheet { name: "s".into(), ..Sheet::default() };
+        mixed.positions = order.iter().map(|&k| sheet.positions[k]).collect();
+        mixed.ids = sheet.ids.as_ref().map(|ids| order.iter().map(|&k| ids[k]).collect());
+        mixed.modules = sheet.modules.as_ref().map(|m| order.iter().map(|&k| m[k]).collect());
+        prop_assert_eq!(faces(&meshed(mixed)), expected);
+    }
+
+    #[test]
+    fn frame_and_unit_change_nothing(
+        axis in (-1.0..1.0_f64, -1.0..1.0_f64, 0.1..1.0_f64),
+        angle in 0.0..TAU,
+        shift in -10.0..10.0_f64,
+        decade in -6..7,
+    ) {
+        let mesh = shaken(&bent(24, 12, 0.0065, 0.03), 0.0008);
+        let axis = DVec3::from(axis).normalize();
+        let unit = 10.0_f64.powi(decade);
+        let moved = mesh.positions.iter().map(|&p| unit * (DQuat::from_axis_angle(axis, angle) * p + shift));
+        let moved: Vec<DVec3> = moved.collect();
+        prop_assert_eq!(faces(&meshed(bare(&moved))), faces(&meshed(taxels_of(&mesh))));
+    }
+
+    /// Whatever it is, it ends, and what comes out is sound: `assemble` validates it.
+    #[test]
+    fn any_heap_of_taxels_is_a_skin_or_refused(
+        places in prop::collection::vec((0_i32..12, 0_i32..12, 0_i32..3), 0..120),
+        thin in prop::sample::select(vec![0.0, 1e-12, 0.3, 1.0]),
+        unit in prop::sample::select(vec![1e-200, 1e-3, 1e100, 1e308]),
+        normals in prop::collection::vec((-1_i32..2, -1_i32..2, -1_i32..2), 120),
+        has_normals in any::<bool>(),
+    ) {
+        let positions: Vec<DVec3> =
+            places.iter().map(|&(x, y, z)| unit * 0.05 * DVec3::new(x.into(), y.into(), thin * f64::from(z))).collect();
+        let mut sheet = bare(&positions);
+        if has_normals {
+            let unit = |&(x, y, z): &(i32, i32, i32)| DVec3::new(x.into(), y.into(), z.into()).normalize_or_zero();
+            sheet.normals = Some(normals.iter().take(positions.len()).map(unit).collect());
+        }
+        match assemble(&draft_of(sheet)) {
+            Ok(assembled) => prop_assert!(assembled.skin.validate().is_ok()),
+            // At the ends of the range of numbers areas overflow and normals vanish.
+            Err(_) if unit != 1e-3 => {}
+            Err(e) => prop_assert!(
+                matches!(
+                    e,
+                    SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. } | SkinError::NoTriangles
+                ),
+                "{}", e
+            ),
+        }
+    }
+}
