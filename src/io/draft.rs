@@ -1,12 +1,12 @@
 use std::path::Path;
 
 use crate::{
-    io::{IoError, kind::kind, obj, ply, robotskin, scene, skin_table, source::Source, stl},
+    io::{IoError, icub, kind::kind, obj, ply, robotskin, scene, skin_table, source::Source, stl},
     skin::Draft,
 };
 
 /// Extensions that [`read_draft`] knows.
-const KNOWN: &str = "glb, gltf, json, obj, ply, stl, csv";
+const KNOWN: &str = "glb, gltf, json, obj, ply, stl, csv, txt";
 
 /// Reads a skin or a mesh as it was written, by the extension of its file:
 ///
@@ -17,7 +17,8 @@ const KNOWN: &str = "glb, gltf, json, obj, ply, stl, csv";
 /// | `obj` | Wavefront OBJ: every `o` or `g` is a sheet | normals |
 /// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
 /// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
-/// | `csv` | tables of taxels (`skin.csv`) and triangles (`skin.triangles.csv`) | all but the frames of links |
+/// | `csv` | tables of taxels (`skin.csv`) and triangles (`skin.triangles.csv`), or of taxels alone | all but the frames of links |
+/// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
 ///
 /// Every number of the draft is finite and every corner exists; nothing else has been judged.
 ///
@@ -31,6 +32,7 @@ pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
         "ply" => ply::read,
         "stl" => stl::read,
         "csv" => skin_table::read,
+        "txt" => icub::read,
         _ => return Err(IoError::UnknownKind { path: path.into(), known: KNOWN }),
     };
     read(&Source::open(path)?)

@@ -11,6 +11,7 @@ mod error;
 mod exr;
 mod exr_zip;
 mod flat_out;
+mod icub;
 mod json;
 mod kind;
 mod lookup_table;

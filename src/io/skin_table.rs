@@ -16,7 +16,7 @@ use crate::{
         columns::{Columns, Row, table_error, table_write_error},
         presence::{presence_code, presence_of},
         replace_file,
-        source::{Source, excerpt, invalid},
+        source::{Source, excerpt},
         world::in_world,
     },
     skin::{Draft, Link, Patch, Sheet, Skin},
@@ -33,7 +33,7 @@ fn companion(path: &Path) -> PathBuf {
 
 /// Where the columns of the table of taxels are.
 struct Places {
-    id: usize,
+    id: Option<usize>,
     position: [usize; 3],
     normal: Option<[usize; 3]>,
     area: Option<usize>,
@@ -43,28 +43,21 @@ struct Places {
     link: Option<usize>,
 }
 
-/// Reads the two tables.
+/// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
-/// Taxels: `id,x,y,z` and optionally `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0 absent, 1 present, 2
+/// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0 absent, 1 present, 2
 /// thermal pad), `patch` and `link` (names; every patch becomes a sheet), in any order; ids below zero become the
 /// placeholder [`u32::MAX`]. Triangles: `a,b,c`, the places of taxels in their table, counted from 0. The tables know no
 /// frames: links lie at the origin.
 ///
 /// # Errors
-/// The first broken cell by line and column; a missing table of triangles.
+/// The first broken cell by line and column.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
-    let path = source.path();
-    let triangles_path = companion(path);
-    if !triangles_path.exists() {
-        return Err(invalid(
-            path,
-            "table of triangles",
-            format!("no file {}", triangles_path.display()),
-            "one with columns a,b,c: the taxels alone are no mesh",
-        ));
-    }
     let (mut draft, homes) = read_taxels(source)?;
-    read_triangles(&Source::open(&triangles_path)?, &homes, &mut draft.sheets)?;
+    let triangles_path = companion(source.path());
+    if triangles_path.exists() {
+        read_triangles(&Source::open(&triangles_path)?, &homes, &mut draft.sheets)?;
+    }
     Ok(draft)
 }
 
@@ -97,7 +90,7 @@ fn open_table<'a>(source: &'a Source, known: &[&str]) -> Result<(csv::Reader<&'a
 impl Places {
     fn new(path: &Path, columns: &Columns) -> Result<Self, IoError> {
         Ok(Self {
-            id: columns.need(path, "id")?,
+            id: columns.find("id"),
             position: columns.need_vector(path, ["x", "y", "z"])?,
             normal: columns.find_vector(path, ["nx", "ny", "nz"])?,
             area: columns.find("area"),
@@ -148,7 +141,9 @@ impl Sheets {
         }
         let place = sheet.positions.len();
         sheet.positions.push(row.vector(places.position)?);
-        sheet.ids.get_or_insert_default().push(taxel_id(row, places.id)?);
+        if let Some(column) = places.id {
+            sheet.ids.get_or_insert_default().push(taxel_id(row, column)?);
+        }
         if let Some(columns) = places.normal {
             let normal = row.vector_if_any(columns)?;
             add(&mut sheet.normals, place, normal).ok_or_else(|| row.invalid(columns[0], ALL_OR_NONE))?;

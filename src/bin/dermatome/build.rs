@@ -21,7 +21,7 @@ use tempfile::TempDir;
 use crate::{
     Common,
     input::{close_holes, read_skin},
-    options::{CoarsenArgs, FlattenArgs, length_mm},
+    options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
     progress,
     tables::{plain, print_json, print_levels},
 };
@@ -29,7 +29,7 @@ use crate::{
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    /// The skin: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
     skin: PathBuf,
     /// Folder for map.glb, map.exr and report.json; made if it does not exist
     #[arg(short, long, value_name = "DIR")]
@@ -44,12 +44,14 @@ pub(crate) struct Args {
     /// Print report.json
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    bare: BareArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut seconds = Stages::default();
     let mut lap = Lap::start();
-    let mut skin = read_skin(&args.skin, common)?;
+    let mut skin = read_skin(&args.skin, &args.bare, common)?;
     close_holes(&mut skin, args.coarsen.fill_holes, common)?;
     let outputs = Outputs::prepare(&args.output)?;
     seconds.read = lap.seconds();

@@ -15,14 +15,14 @@ use serde_json::{Value, json};
 use crate::{
     Common,
     input::{close_holes, read_skin},
-    options::CoarsenArgs,
+    options::{BareArgs, CoarsenArgs},
     tables::{plain, print_json, print_table},
 };
 
 /// Arguments of `coarsen`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    /// The skin: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
     skin: PathBuf,
     /// Where to write the levels, as in a map file but without maps: .glb
     #[arg(short, long, value_name = "OUT.glb")]
@@ -32,6 +32,8 @@ pub(crate) struct Args {
     /// Print the levels as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    bare: BareArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -39,7 +41,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let (path, known) = (args.output.clone(), "glb");
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }
-    let mut skin = read_skin(&args.skin, common)?;
+    let mut skin = read_skin(&args.skin, &args.bare, common)?;
     close_holes(&mut skin, args.coarsen.fill_holes, common)?;
     let options = args.coarsen.options();
     let pyramids: Vec<_> = skin

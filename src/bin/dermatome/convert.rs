@@ -7,21 +7,23 @@ use std::{
 
 use dermatome::{Error, io::write_skin, skin::Skin};
 
-use crate::{Common, input::read_skin};
+use crate::{Common, input::read_skin, options::BareArgs};
 
 /// Arguments of `convert`; the extensions name the kinds.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// The file to write, of any of these kinds
     #[arg(value_name = "OUT")]
     output: PathBuf,
+    #[command(flatten)]
+    bare: BareArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.input, common)?;
+    let skin = read_skin(&args.input, &args.bare, common)?;
     write_skin(&args.output, &skin).map_err(Error::from)?;
     if let Some(lost) = lost(&args.output, &skin)
         && !common.quiet

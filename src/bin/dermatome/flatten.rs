@@ -15,6 +15,7 @@ use crate::{
     Common,
     failure::advise,
     input::read_skin,
+    options::BareArgs,
     options::FlattenArgs,
     tables::{print_json, print_levels},
 };
@@ -22,7 +23,7 @@ use crate::{
 /// Arguments of `flatten`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The mesh: .glb, .gltf, .json, .obj, .ply, .stl or .csv, with one connected sheet
+    /// The mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt, with one connected sheet
     mesh: PathBuf,
     /// Where to write: .obj with texture coordinates, or .npz with V, F and UV in f64; may be given twice
     #[arg(short, long, value_name = "OUT", required = true)]
@@ -32,10 +33,12 @@ pub(crate) struct Args {
     /// Print the measures of the map as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    bare: BareArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.mesh, common)?;
+    let skin = read_skin(&args.mesh, &args.bare, common)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
         return Err(advise(

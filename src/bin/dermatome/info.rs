@@ -10,17 +10,20 @@ use serde_json::{Value, json};
 use crate::{
     Common,
     input::read_skin,
+    options::BareArgs,
     tables::{plain, print_json, print_table},
 };
 
 /// Say what is in a skin: its patches, their size and shape.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
     file: PathBuf,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    bare: BareArgs,
 }
 
 /// What is said about one patch, in the order in which it is printed.
@@ -28,7 +31,7 @@ const COLUMNS: [&str; 8] =
     ["name", "link", "vertices", "faces", "boundary_loops", "euler", "area_m2", "spacing_mm"];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.file, common)?;
+    let skin = read_skin(&args.file, &args.bare, common)?;
     let rows: Vec<[Value; 8]> =
         skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<_, Error>>()?;
     if args.json {

@@ -7,23 +7,30 @@ use dermatome::{
     Error,
     io::read_draft,
     mesh::fill_holes,
-    skin::{Skin, assemble},
+    skin::{RemarkKind, Skin, assemble, mesh_bare},
 };
 
 use crate::{
     Common,
+    options::BareArgs,
     tables::{line, plain},
 };
 
-/// Reads and assembles a skin; what had to be changed is told on standard error.
-pub(crate) fn read_skin(path: &Path, common: &Common) -> anyhow::Result<Skin> {
-    let draft = read_draft(path).map_err(Error::from)?;
-    let assembled = assemble(&draft)
-        .map_err(Error::from)
-        .with_context(|| format!("{} holds no sound skin", path.display()))?;
+/// Reads and assembles a skin, bare taxels too; what had to be changed is told on standard error.
+pub(crate) fn read_skin(path: &Path, bare: &BareArgs, common: &Common) -> anyhow::Result<Skin> {
+    let mut draft = read_draft(path).map_err(Error::from)?;
+    let unsound = || format!("{} holds no sound skin", path.display());
+    let is_bare = draft.is_bare();
+    if is_bare {
+        draft = mesh_bare(&draft, &bare.options()).map_err(Error::from).with_context(unsound)?;
+    }
+    let assembled = assemble(&draft).map_err(Error::from).with_context(unsound)?;
     if !common.quiet {
         for remark in &assembled.remarks {
             eprintln!("note: {}", line(&remark.to_string()));
+        }
+        if is_bare && assembled.remarks.iter().any(|r| r.kind == RemarkKind::Components) {
+            eprintln!("note: a larger --gap bridges wider gaps between pieces");
         }
     }
     Ok(assembled.skin)

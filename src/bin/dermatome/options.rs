@@ -4,7 +4,23 @@ use clap::ValueEnum;
 use dermatome::{
     flatten::{Energy, FlattenOptions, Method, Overlap},
     pyramid::CoarsenOptions,
+    skin::MeshOptions,
 };
+
+/// How to join taxels that have no triangles.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Bare taxels")]
+pub(crate) struct BareArgs {
+    /// Longest edge between bare taxels, over the spacing around them; what is longer is a real gap and stays open
+    #[arg(long, value_name = "K", default_value_t = MeshOptions::default().gap, value_parser = gap)]
+    gap: f64,
+}
+
+impl BareArgs {
+    pub(crate) fn options(&self) -> MeshOptions {
+        MeshOptions { gap: self.gap }
+    }
+}
 
 /// How to coarsen.
 #[derive(Debug, Clone, clap::Args)]
@@ -116,6 +132,10 @@ fn hole(text: &str) -> Result<usize, String> {
 
 fn ratio(text: &str) -> Result<f64, String> {
     number(text, "a number from 1.6 to 1000", |x| (1.6..=1000.0).contains(&x))
+}
+
+fn gap(text: &str) -> Result<f64, String> {
+    number(text, "a number from 1 to 20", |x| (1.0..=20.0).contains(&x))
 }
 
 fn weight(text: &str) -> Result<f64, String> {

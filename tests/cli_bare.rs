@@ -1,0 +1,190 @@
+//! Bare taxels as a user has them: iCub positions, tables and clouds of points.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{fmt::Write, fs, path::PathBuf};
+
+use assert_cmd::Command;
+use dermatome::{
+    io::read_draft,
+    skin::{Presence, RemarkKind},
+};
+use predicates::prelude::*;
+use tempfile::TempDir;
+
+fn dermatome() -> Command {
+    Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
+}
+
+/// A folder with one file.
+fn folder_with(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, content).unwrap();
+    (folder, path)
+}
+
+/// Two modules of twelve slots side by side, with a thermal pad at slots 6 and 10; the second module has no pads.
+fn positions() -> String {
+    let mut text = String::from("name\tl_shin\nspatial_sampling taxel\ntaxel2Repr ( ");
+    for slot in 0..24 {
+        let code = match slot {
+            6 | 10 => -2,
+            18 | 22 => -1,
+            slot => slot / 12 * 12 + 3,
+        };
+        write!(text, "{code}  ").unwrap();
+    }
+    text += ")\n\n[calibration]\n";
+    for slot in 0..24 {
+        let (i, j) = (f64::from(slot % 4 + slot / 12 * 4), f64::from(slot % 12 / 4));
+        if slot == 18 || slot == 22 {
+            text += "0.0 0.0 0.0\t0 0 0\n";
+        } else {
+            writeln!(text, "{} {}\t0.02   0 0 1", 0.0065 * (i + 0.5 * (j % 2.0)), 0.0056 * j).unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn positions_of_the_icub_keep_slots_pads_and_modules() {
+    let (_folder, path) = folder_with("shin.txt", positions());
+    let draft = read_draft(&path).unwrap();
+    let sheet = &draft.sheets[0];
+    assert_eq!((sheet.name.as_str(), sheet.positions.len()), ("l_shin", 24));
+    assert_eq!(sheet.ids.as_ref().unwrap()[17].0, 17, "the number of the slot");
+    let presence = sheet.presence.as_ref().unwrap();
+    let expected = |slot| match slot {
+        6 | 10 => Presence::ThermalPad,
+        18 | 22 => Presence::Absent,
+        _ => Presence::Present,
+    };
+    assert!((0..24).all(|slot| presence[slot] == expected(slot)));
+    assert_eq!(sheet.modules.as_ref().unwrap()[11..13], [0, 1]);
+    assert_eq!(draft.remarks, []);
+}
+
+#[test]
+fn convert_and_build_take_positions_and_tell_what_was_assumed() {
+    let (folder, path) = folder_with("shin.txt", positions());
+    let skin = folder.path().join("skin.glb");
+    dermatome().args(["convert".as_ref(), path.as_os_str(), skin.as_os_str()]).assert().success().stderr(
+        predicate::str::contains("22 bare taxels were joined by")
+            .and(predicate::str::contains("2 empty slots")),
+    );
+    dermatome().arg("check").arg(&skin).assert().success();
+    dermatome()
+        .arg("check")
+        .arg(&path)
+        .assert()
+        .success()
+        .stdout(predicate::str::starts_with("bare: its taxels have no triangles"));
+    let out = folder.path().join("out");
+    dermatome().arg("build").arg(&path).arg("-o").arg(&out).assert().success();
+    assert!(out.join("map.glb").exists());
+}
+
+#[test]
+fn a_list_of_another_length_is_told() {
+    let (_folder, path) = folder_with("shin.txt", positions().replace("-1  ", ""));
+    let draft = read_draft(&path).unwrap();
+    assert_eq!(draft.remarks.len(), 1);
+    assert_eq!(draft.remarks[0].kind, RemarkKind::PassedOver);
+    assert!(draft.remarks[0].message.contains("22 entries for 24 rows"), "{}", draft.remarks[0]);
+}
+
+/// Each broken line, what replaces it, and what the error says.
+#[test]
+fn other_texts_are_refused_with_their_line() {
+    for (from, to, said) in [
+        ("name\tl_shin", "Dear reader,", "line 1"),
+        ("[calibration]", "[contacts]", "line 5"),
+        ("0.02   0 0 1", "0.02   0 0", "line 6"),
+        ("0.02   0 0 1", "0.02   0 0 1 1", "line 6"),
+        ("0.02   0 0 1", "nan   0 0 1", "line 6"),
+        ("0.02   0 0 1", "1e400 0 0 1", "line 6"),
+        ("0.02   0 0 1", "two   0 0 1", "line 6"),
+        ("( 3  ", "( -7  ", "entry 1 of taxel2Repr"),
+        (")\n", "\n", "line 3"),
+    ] {
+        let (_folder, path) = folder_with("shin.txt", positions().replacen(from, to, 1));
+        let error = read_draft(&path).unwrap_err().to_string();
+        assert!(error.contains(said) && error.len() < 400, "{from} -> {to}: {error}");
+    }
+    for content in
+        [b"\xff\xfe\x00binary".to_vec(), b"[calibration]\n".to_vec(), vec![b'x'; 1 << 20], b"\n\n\n".to_vec()]
+    {
+        let (_folder, path) = folder_with("shin.txt", content);
+        assert!(read_draft(&path).unwrap_err().to_string().len() < 400);
+    }
+}
+
+/// A lattice of 6 x 6 points, line by line.
+fn points(line: impl Fn(f64, f64) -> String) -> String {
+    (0..36).map(|k| line(0.005 * f64::from(k % 6), 0.005 * f64::from(k / 6))).collect()
+}
+
+#[test]
+fn points_without_faces_are_meshed_from_every_kind_of_file() {
+    let header = "ply\nformat ascii 1.0\nelement vertex 36\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    for (name, content) in [
+        ("p.csv", format!("x,y,z\n{}", points(|x, y| format!("{x},{y},0\n")))),
+        ("p.ply", header.to_owned() + &points(|x, y| format!("{x} {y} 0\n"))),
+        ("p.obj", points(|x, y| format!("v {x} {y} 0\n"))),
+    ] {
+        let (_folder, path) = folder_with(name, content);
+        dermatome()
+            .args(["info", "--json"])
+            .arg(&path)
+            .assert()
+            .success()
+            .stdout(predicate::str::contains("\"faces\": 50").or(predicate::str::contains("\"faces\":50")));
+    }
+}
+
+#[test]
+fn the_gap_is_an_option_and_its_range_is_told() {
+    let two = |x: f64, y: f64| format!("{x},{y},0\n{},{y},0\n", x + 0.025 + 0.016);
+    let (folder, path) = folder_with("two.csv", format!("x,y,z\n{}", points(two)));
+    let patches = |args: &[&str]| {
+        let out = dermatome().arg("info").arg(&path).args(args).output().unwrap();
+        (String::from_utf8(out.stdout).unwrap().lines().count() - 1, String::from_utf8(out.stderr).unwrap())
+    };
+    let (count, said) = patches(&[]);
+    assert_eq!(count, 2, "{said}");
+    assert!(said.contains("a larger --gap"), "{said}");
+    assert_eq!(patches(&["--gap", "4"]).0, 1);
+    dermatome()
+        .arg("convert")
+        .arg(&path)
+        .arg(folder.path().join("x.glb"))
+        .args(["--gap", "0.5"])
+        .assert()
+        .code(2)
+        .stderr(predicate::str::contains("a number from 1 to 20"));
+}
+
+#[test]
+fn a_cloud_is_refused_in_three_lines() {
+    let scatter = |k: f64, by: f64| (k * by).fract();
+    let cloud: String = (0..500)
+        .map(f64::from)
+        .map(|k| format!("{},{},{}\n", scatter(k, 0.618), scatter(k, 0.7549), scatter(k, 0.5698)))
+        .collect();
+    let (folder, path) = folder_with("cloud.csv", format!("x,y,z\n{cloud}"));
+    dermatome().arg("convert").arg(&path).arg(folder.path().join("x.glb")).assert().code(2).stderr(
+        predicate::str::contains("lie on no surface").and(predicate::str::contains("help: give the taxels")),
+    );
+    assert!(!folder.path().join("x.glb").exists());
+}
+
+#[test]
+fn the_number_of_threads_changes_no_byte() {
+    let (folder, path) = folder_with("shin.txt", positions());
+    let [one, four] = ["1", "4"].map(|threads| {
+        let out = folder.path().join(format!("{threads}.glb"));
+        dermatome().args(["convert", "--threads", threads]).arg(&path).arg(&out).assert().success();
+        fs::read(out).unwrap()
+    });
+    assert!(one == four);
+}
