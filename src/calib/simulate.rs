@@ -1,4 +1,6 @@
-use glam::{DMat3, DQuat, DVec3};
+use std::collections::HashMap;
+
+use glam::{DMat3, DQuat, DVec3, IVec3};
 
 use crate::{
     calib::{
@@ -104,6 +106,9 @@ const CONFUSION: f64 = 0.03;
 /// Noise that observations without noise state, in m and rad: they have to state some.
 const NO_NOISE: f64 = 1e-3;
 
+/// Less noise than this is not stated, in m and rad: files of observations do not take it.
+const LEAST_STATED: f64 = 1e-9;
+
 /// Streams of random numbers: one for each source.
 mod stream {
     pub(super) const DISPLACEMENTS: u64 = 0;
@@ -163,6 +168,11 @@ impl SimulateOptions {
                 return Err(CalibError::BadOption { option, found: x.to_string(), needed: "zero or more" });
             }
         }
+        if indentation >= self.radius {
+            let found = format!("{} mm", indentation * 1e3);
+            let needed = "less than the radius of the sphere";
+            return Err(CalibError::BadOption { option: "the indentation", found, needed });
+        }
         if !(0.0..=1.0).contains(&self.outliers) {
             let found = self.outliers.to_string();
             return Err(CalibError::BadOption { option: "the share of outliers", found, needed: "0 to 1" });
@@ -178,7 +188,7 @@ impl SimulateOptions {
 
 /// What a source of noise states as its information.
 fn stated(noise: f64) -> f64 {
-    if noise > 0.0 { noise.powi(-2) } else { NO_NOISE.powi(-2) }
+    if noise > 0.0 { noise.max(LEAST_STATED).powi(-2) } else { NO_NOISE.powi(-2) }
 }
 
 /// Adds the displacements; returns those that were attributed to a wrong taxel.
@@ -190,14 +200,15 @@ fn displacements(options: &SimulateOptions, cap: &Cap, observations: &mut Observ
     let pose_information =
         Information::diagonal([translation, translation, translation, rotation, rotation, rotation]);
     let mut outliers = Vec::new();
+    let cells = if options.outliers > 0.0 { Cells::new(cap) } else { Cells::default() };
     for &[from, to] in &cap.edges {
         let mut seen = to;
-        if options.outliers > 0.0 && chance.uniform() < options.outliers {
-            let near = confusable(cap, from, to);
-            if !near.is_empty() {
-                seen = near[chance.below(near.len())];
-                outliers.push(EdgeId::new(observations.edges.len()));
-            }
+        if options.outliers > 0.0
+            && chance.uniform() < options.outliers
+            && let Some(wrong) = cells.confused(cap, from, to, &mut chance)
+        {
+            seen = wrong;
+            outliers.push(EdgeId::new(observations.edges.len()));
         }
         let motion = match options.model {
             Model::Positions => Motion::Offset {
@@ -217,13 +228,49 @@ fn displacements(options: &SimulateOptions, cap: &Cap, observations: &mut Observ
     outliers
 }
 
-/// The taxels that the end of an edge may be mistaken for.
-fn confusable(cap: &Cap, from: VertexId, to: VertexId) -> Vec<VertexId> {
-    let here = cap.frames[from].position;
-    let near = |(v, frame): &(VertexId, &Pose)| {
-        *v != from && *v != to && frame.position.distance_squared(here) < CONFUSION * CONFUSION
-    };
-    cap.frames.enumerate().filter(near).map(|(v, _)| v).collect()
+/// Taxels by the cube of space that they are in, as wide as [`CONFUSION`].
+#[derive(Debug, Default)]
+struct Cells(HashMap<IVec3, Vec<VertexId>>);
+
+impl Cells {
+    fn new(cap: &Cap) -> Self {
+        let mut cells: HashMap<IVec3, Vec<VertexId>> = HashMap::new();
+        for (v, frame) in cap.frames.enumerate() {
+            cells.entry(Self::of(frame.position)).or_default().push(v);
+        }
+        Self(cells)
+    }
+
+    fn of(position: DVec3) -> IVec3 {
+        (position / CONFUSION).floor().as_ivec3()
+    }
+
+    /// One of the taxels that the end of an edge may be mistaken for, each with the same chance.
+    fn confused(&self, cap: &Cap, from: VertexId, to: VertexId, chance: &mut Random) -> Option<VertexId> {
+        /// A third of the taxels around are near enough, so more than a few draws are hardly ever needed.
+        const DRAWS: usize = 30;
+        let here = cap.frames[from].position;
+        let is_near = |v: VertexId| {
+            v != from && v != to && cap.frames[v].position.distance_squared(here) < CONFUSION * CONFUSION
+        };
+        let steps = (0..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+        let around: Vec<&[VertexId]> =
+            steps.filter_map(|step| self.0.get(&(Self::of(here) + step))).map(Vec::as_slice).collect();
+        let total = around.iter().map(|cell| cell.len()).sum();
+        for _ in 0..DRAWS {
+            let mut k = chance.below(total);
+            let cell = around.iter().find(|cell| {
+                let inside = k < cell.len();
+                k -= if inside { 0 } else { cell.len() };
+                inside
+            })?;
+            if is_near(cell[k]) {
+                return Some(cell[k]);
+            }
+        }
+        let near: Vec<VertexId> = around.into_iter().flatten().copied().filter(|&v| is_near(v)).collect();
+        (!near.is_empty()).then(|| near[chance.below(near.len())])
+    }
 }
 
 /// Adds an absolute contact for each of the anchors.
