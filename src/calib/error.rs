@@ -88,7 +88,7 @@ pub enum CalibError {
         needed: &'static str,
     },
     /// A taxel that no observation mentions.
-    #[error("taxel {id} is in no observation, and {others} more are not")]
+    #[error("{} taxels are in no observation, first taxel {id}", others + 1)]
     Unobserved {
         /// The first such taxel.
         id: TaxelId,
@@ -96,7 +96,9 @@ pub enum CalibError {
         others: usize,
     },
     /// The observations leave the place of a taxel open.
-    #[error("the observations do not determine where taxel {id} is")]
+    #[error(
+        "the observations do not determine how taxel {id} lies, or their information differs by more than 13 digits"
+    )]
     Undetermined {
         /// The taxel.
         id: TaxelId,
@@ -125,6 +127,12 @@ pub enum CalibError {
         /// What is needed.
         needed: &'static str,
     },
+    /// The triangles that were given are no surface.
+    #[error("the triangles are no oriented surface: {what}")]
+    BadTriangles {
+        /// What breaks it.
+        what: String,
+    },
     /// The edges between the taxels are not those of a triangulation, and no triangles were given.
     #[error("{what}: the edges are not those of a triangulated sheet")]
     NoTriangulation {
@@ -148,6 +156,9 @@ impl CalibError {
             }
             Self::IndefiniteEdge { .. } => {
                 "write the inverse of the covariance, upper triangle row by row: x y z, then rotations".into()
+            }
+            Self::BadTriangles { .. } => {
+                "mend the triangles, or leave them out and let the edges form them".into()
             }
             Self::NoTriangulation { .. } => {
                 "give the triangles with --triangles FILE.csv, or write .csv or .g2o".into()

@@ -4,8 +4,8 @@ use glam::{DAffine3, DVec3};
 
 use crate::{
     calib::{CalibError, Calibration, Model, Observations, Touch},
-    id::{IdVec, LinkId, VertexId},
-    mesh::TriMesh,
+    id::{IdVec, LinkId, TaxelId, VertexId},
+    mesh::{Edges, TriMesh},
     skin::{Link, Patch, Skin},
 };
 
@@ -18,12 +18,14 @@ pub struct CalibratedSkin {
     pub left_out: Vec<VertexId>,
     /// What told the outside.
     pub outside: Outside,
+    /// Sheets of given triangles that were seen from inside and were turned over.
+    pub turned: usize,
 }
 
 /// What told which side of a calibrated skin is outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outside {
-    /// The triangles given.
+    /// The winding of the triangles given.
     Triangles,
     /// The z axes of the taxels' frames.
     Frames,
@@ -36,11 +38,12 @@ pub enum Outside {
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
 ///
 /// Normals are those of the triangles in the positions model, the z axes of the taxel frames in the poses model.
-/// Without given triangles, outside is where taxel frames and touched normals point, or away from the frame's
-/// origin where neither is known.
+/// Outside is where taxel frames and touched normals point; where neither is known, as given triangles are wound, and
+/// without these away from the frame's origin.
 ///
 /// # Errors
-/// [`CalibError::NoTriangulation`] if the triangles are no oriented manifold or there are none.
+/// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of the edges, are no
+/// oriented manifold or there are none; triangles of the edges must not close up either.
 pub fn calibrated_skin(
     calibration: &Calibration,
     observations: &Observations,
@@ -49,22 +52,27 @@ pub fn calibrated_skin(
     let taxels = calibration.poses.len();
     let faces: Vec<[VertexId; 3]> = match triangles {
         Some(given) => given.to_vec(),
-        None => oriented(lattice_triangles(observations))?,
+        None => oriented(&calibration.ids, lattice_triangles(observations))?,
     };
     if let Some(v) = faces.iter().flatten().find(|v| v.index() >= taxels) {
-        let what = format!("a triangle names vertex {v}, but there are {taxels} taxels");
-        return Err(CalibError::NoTriangulation { what });
+        return Err(CalibError::BadTriangles { what: format!("one names vertex {v} of {taxels} taxels") });
     }
+    let given = triangles.is_some();
     if faces.is_empty() {
-        return Err(CalibError::NoTriangulation { what: "no three taxels are joined by edges".into() });
+        return Err(match given {
+            true => CalibError::BadTriangles { what: "there are none".into() },
+            false => CalibError::NoTriangulation { what: "no three taxels are joined by edges".into() },
+        });
     }
     let (mut sheets, left_out) = sheets(taxels, &faces);
-    let mut outside = Outside::Triangles;
-    if triangles.is_none() {
-        let (told_by, directions) = outward(calibration, observations);
-        outside = told_by;
-        sheets.iter_mut().for_each(|sheet| sheet.turn_to(calibration, &directions));
+    let (mut outside, directions) = outward(calibration, observations);
+    if given && outside == Outside::Origin {
+        outside = Outside::Triangles;
     }
+    let turned = match outside {
+        Outside::Triangles => 0,
+        _ => sheets.iter_mut().map(|sheet| usize::from(sheet.turn_to(calibration, &directions))).sum(),
+    };
     let mut skin = Skin::default();
     let link = skin.links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY });
     let single = sheets.len() == 1;
@@ -72,8 +80,21 @@ pub fn calibrated_skin(
         let name = if single { "skin".to_owned() } else { format!("skin{}", k + 1) };
         skin.patches.push(sheet.patch(calibration, name, link));
     }
-    skin.validate().map_err(|e| CalibError::NoTriangulation { what: e.to_string() })?;
-    Ok(CalibratedSkin { skin, left_out, outside })
+    for patch in &skin.patches {
+        match defect(patch) {
+            Some(what) if given => return Err(CalibError::BadTriangles { what }),
+            Some(what) => return Err(CalibError::NoTriangulation { what }),
+            None => {}
+        }
+        // Which of the triangles is the boundary, edges do not tell.
+        if !given
+            && Edges::new(&patch.mesh.triangles, patch.mesh.positions.len()).iter().all(|e| e.len() == 2)
+        {
+            let what = format!("the triangles around taxel {} close up", patch.ids[VertexId::new(0)]);
+            return Err(CalibError::NoTriangulation { what });
+        }
+    }
+    Ok(CalibratedSkin { skin, left_out, outside, turned: if given { turned } else { 0 } })
 }
 
 /// A connected sheet of triangles.
@@ -85,15 +106,17 @@ struct Sheet {
 }
 
 impl Sheet {
-    /// Turns the sheet over if most of it is seen from inside.
-    fn turn_to(&mut self, calibration: &Calibration, outside: &IdVec<VertexId, DVec3>) {
+    /// Turns the sheet over if most of it is seen from inside; returns whether it was.
+    fn turn_to(&mut self, calibration: &Calibration, outside: &IdVec<VertexId, DVec3>) -> bool {
         let at = |v: VertexId| calibration.poses[v].position;
         let vote = |&[a, b, c]: &[VertexId; 3]| {
             (at(b) - at(a)).cross(at(c) - at(a)).dot(outside[a] + outside[b] + outside[c])
         };
-        if self.faces.iter().map(vote).sum::<f64>() < 0.0 {
+        let inside_out = self.faces.iter().map(vote).sum::<f64>() < 0.0;
+        if inside_out {
             self.faces.iter_mut().for_each(|f| f.swap(1, 2));
         }
+        inside_out
     }
 
     fn patch(&self, calibration: &Calibration, name: String, link: LinkId) -> Patch {
@@ -136,16 +159,37 @@ fn lattice_triangles(observations: &Observations) -> Vec<[VertexId; 3]> {
     triangles
 }
 
+/// What keeps a patch from being a skin, in the ids of its taxels.
+fn defect(patch: &Patch) -> Option<String> {
+    for uses in Edges::new(&patch.mesh.triangles, patch.mesh.positions.len()).iter() {
+        let start = |k: usize| uses[k].start(&patch.mesh);
+        if uses.len() > 2 || uses.len() == 2 && start(0) == start(1) {
+            let (a, b) = (patch.ids[start(0)], patch.ids[uses[0].end(&patch.mesh)]);
+            let more = if uses.len() > 2 {
+                "more than two triangles meet"
+            } else {
+                "both triangles run the same way"
+            };
+            return Some(format!("{more} at the edge between taxels {a} and {b}"));
+        }
+    }
+    patch.validate().err().map(|e| e.to_string())
+}
+
 /// Turns triangles so that neighbours run along their common edge in opposite directions; the first of every sheet
 /// stays as it is.
-fn oriented(mut faces: Vec<[VertexId; 3]>) -> Result<Vec<[VertexId; 3]>, CalibError> {
+fn oriented(
+    ids: &IdVec<VertexId, TaxelId>,
+    mut faces: Vec<[VertexId; 3]>,
+) -> Result<Vec<[VertexId; 3]>, CalibError> {
     let mut sides: HashMap<[VertexId; 2], Vec<usize>> = HashMap::with_capacity(3 * faces.len() / 2);
     for (k, f) in faces.iter().enumerate() {
         for [a, b] in directed(f) {
             let around = sides.entry([a.min(b), a.max(b)]).or_default();
             around.push(k);
             if around.len() > 2 {
-                let what = format!("three triangles meet at the edge between vertices {a} and {b}");
+                let what =
+                    format!("three triangles meet at the edge between taxels {} and {}", ids[a], ids[b]);
                 return Err(CalibError::NoTriangulation { what });
             }
         }
@@ -159,7 +203,10 @@ fn oriented(mut faces: Vec<[VertexId; 3]>) -> Result<Vec<[VertexId; 3]>, CalibEr
                 for &other in sides[&[a.min(b), a.max(b)]].iter().filter(|&&o| o != k) {
                     let clash = directed(&faces[other]).contains(&[a, b]);
                     if done[other] && clash {
-                        let what = format!("the triangles around vertices {a} and {b} have no two sides");
+                        let what = format!(
+                            "the triangles around taxels {} and {} have no two sides",
+                            ids[a], ids[b]
+                        );
                         return Err(CalibError::NoTriangulation { what });
                     }
                     if !done[other] {
