@@ -158,7 +158,7 @@ fn what_is_wrong_is_named_in_three_lines() {
     fs::write(folder.join("b.g2o"), format!("{line}EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1\n")).unwrap();
     dermatome(folder).args(["calibrate", "b.g2o", "-o", "s.csv"]).assert().code(2).stderr(
         contains("cannot calibrate b.g2o")
-            .and(contains("taxel 2 is in no observation"))
+            .and(contains("1 taxels are in no observation, first taxel 2"))
             .and(contains("help:")),
     );
     dermatome(folder)

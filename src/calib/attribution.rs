@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use crate::{
-    calib::{Motion, Observations, chi_square::quantile, normal_equations::PerObservation, robust::KEPT},
+    calib::{Motion, Observations, normal_equations::PerObservation, robust::KEPT},
     id::{EdgeId, IdVec},
 };
 
@@ -55,12 +55,12 @@ pub(super) fn attribution_odds(observations: &Observations, kept: &PerObservatio
     Some(odds)
 }
 
-/// What `odds` make of the squared bound of an edge of so many degrees of freedom.
+/// What `odds` make of the squared `bound` of an edge, as a factor.
 ///
 /// An edge of squared error `s` is good with odds proportional to `exp(odds - s / 2)`: what its length says for it
 /// weighs as much as twice that of squared error.
-pub(super) fn stretch(odds: f64, degrees: usize) -> f64 {
-    (1.0 + 2.0 * odds / quantile(KEPT, degrees as f64)).clamp(LEAST_STRETCH, MOST_STRETCH)
+pub(super) fn stretch(odds: f64, bound2: f64) -> f64 {
+    (1.0 + 2.0 * odds / bound2).clamp(LEAST_STRETCH, MOST_STRETCH)
 }
 
 fn length(motion: &Motion) -> DVec3 {
@@ -122,8 +122,8 @@ mod tests {
 
     #[test]
     fn bounds_stretch_within_limits() {
-        assert_eq!(stretch(0.0, 3), 1.0);
-        assert_eq!(stretch(-100.0, 3), LEAST_STRETCH);
-        assert_eq!(stretch(100.0, 6), MOST_STRETCH);
+        assert_eq!(stretch(0.0, 14.0), 1.0);
+        assert_eq!(stretch(-100.0, 14.0), LEAST_STRETCH);
+        assert_eq!(stretch(100.0, 20.0), MOST_STRETCH);
     }
 }

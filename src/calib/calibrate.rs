@@ -8,6 +8,7 @@ use crate::{
         gauge::{Free, free_components},
         marginals::marginals,
         normal_equations::Problem,
+        robust::Kernels,
         search::{Found, Search},
         start::start,
     },
@@ -59,25 +60,25 @@ pub struct Weights {
     pub edge_squares: IdVec<EdgeId, f64>,
     /// Weight of every edge in the result: 1 without robust kernel, near 0 if the kernel let go of it.
     pub edges: IdVec<EdgeId, f64>,
-    /// Whether noise explains the edge; always true without robust kernel.
+    /// Whether the stated noise explains the edge.
     pub edge_kept: IdVec<EdgeId, bool>,
     /// Squared whitened error of every contact.
     pub contact_squares: IdVec<ContactId, f64>,
     /// Weight of every contact.
     pub contacts: IdVec<ContactId, f64>,
-    /// Whether noise explains the contact; always true without robust kernel.
+    /// Whether the stated noise explains the contact.
     pub contact_kept: IdVec<ContactId, bool>,
 }
 
 impl Weights {
-    /// The edges that noise does not explain, or whose taxel nothing else holds.
+    /// The edges that count less because noise does not explain them, or whose taxel nothing else holds.
     pub fn rejected_edges(&self) -> impl Iterator<Item = EdgeId> {
-        self.edge_kept.enumerate().filter(|(_, kept)| !**kept).map(|(e, _)| e)
+        self.edge_kept.enumerate().filter(|(e, kept)| !**kept && self.edges[*e] < 1.0).map(|(e, _)| e)
     }
 
-    /// The contacts that noise does not explain.
+    /// The contacts that count less because noise does not explain them.
     pub fn rejected_contacts(&self) -> impl Iterator<Item = ContactId> {
-        self.contact_kept.enumerate().filter(|(_, kept)| !**kept).map(|(c, _)| c)
+        self.contact_kept.enumerate().filter(|(c, kept)| !**kept && self.contacts[*c] < 1.0).map(|(c, _)| c)
     }
 }
 
@@ -94,6 +95,8 @@ pub struct Calibration {
     pub marginals: Option<Marginals>,
     /// The convention of `cost` and `fit`.
     pub residual: Residual,
+    /// What was done about observations that do not fit; never [`Robust::Automatic`].
+    pub robust: Robust,
     /// Half of the sum of squared whitened errors, robust kernels applied.
     pub cost: f64,
     /// Goodness of fit.
@@ -132,10 +135,19 @@ pub fn calibrate(
     let started = clock.elapsed().as_secs_f64();
 
     let problem = Problem::new(observations, options.residual)?;
-    let free = free_components(&problem, &begin);
+    let mut free = free_components(&problem, &begin, |_| true);
     let mut search = Search { problem: &problem, free: &free, options, iterations: Vec::new(), watch };
-    let Found { point, weights, kept, ending } = search.run(begin)?;
+    let found = search.run(begin)?;
     let iterations = search.iterations;
+    if found.kept.contacts.iter().any(|kept| !kept) {
+        // Contacts that were let go anchor nothing.
+        free = free_components(&problem, &found.point.state, |contact| found.kept.contacts[contact]);
+    }
+    let fit = fit(&problem, &free, &found);
+    let Found { point, weights, mut kept, robust, ending, .. } = found;
+    if robust == Robust::None {
+        kept = Kernels::new(observations, Robust::Graduated, None).keep(&point.squares);
+    }
     let solved = clock.elapsed().as_secs_f64();
 
     let marginals = match options.uncertainty {
@@ -149,7 +161,8 @@ pub fn calibrate(
         marginals,
         residual: options.residual,
         cost: point.cost,
-        fit: fit(&problem, &free, &point.squares, &kept),
+        robust,
+        fit,
         poses: point.state,
         weights: Weights {
             edge_squares: point.squares.edges,

@@ -15,11 +15,11 @@ pub(super) struct Component {
     pub(super) gauge: VertexId,
 }
 
-/// The connected components of the graph of edges, in the order of their first taxels.
+/// The connected components of the graph of edges that say anything, in the order of their first taxels.
 pub(super) fn components(observations: &Observations) -> Vec<Component> {
     let taxels = &observations.taxels;
     let mut sets = Sets { parents: taxels.ids().collect() };
-    for edge in &observations.edges {
+    for edge in observations.edges.iter().filter(|e| e.is_observed()) {
         sets.join(edge.from, edge.to);
     }
     let mut numbers: IdVec<VertexId, usize> = IdVec::filled(usize::MAX, taxels.len());
@@ -38,6 +38,15 @@ pub(super) fn components(observations: &Observations) -> Vec<Component> {
         }
     }
     components
+}
+
+/// The place in `components` of every taxel's own.
+pub(super) fn component_of_taxels(components: &[Component], taxels: usize) -> IdVec<VertexId, usize> {
+    let mut of_taxel = IdVec::filled(0, taxels);
+    for (k, component) in components.iter().enumerate() {
+        component.taxels.iter().for_each(|&v| of_taxel[v] = k);
+    }
+    of_taxel
 }
 
 /// Disjoint sets (Tarjan 1975) with path halving; the root of a set is its smallest member.

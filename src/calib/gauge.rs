@@ -3,21 +3,24 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         Model, Pose,
-        components::{Component, components},
+        components::{Component, component_of_taxels, components},
         information::eigen,
         normal_equations::{Problem, State},
-        residual::Twist,
+        residual::{Quarters, Twist},
     },
     id::{ContactId, VertexId},
     sparse::{BlockMatrix, BlockSlot},
 };
 
-/// Contacts that determine a motion of a whole component by less than this share of the best determined one do not
-/// determine it at all.
+/// Motions of a whole component that contacts correlate more than this are one motion to them: the difference is not
+/// determined.
 const RANK_TOLERANCE: f64 = 1e-9;
 
-/// A rigid motion of a whole component about its centroid: translation over [`Free::length`], and rotation vector.
-type Motion = [f64; 6];
+/// Information about a motion below this share of the largest is rounding of positions far from the origin, squared.
+const NOTHING: f64 = 1e-20;
+
+/// A rigid motion of a whole component about a pivot: translation over [`Free::length`], and rotation vector.
+pub(super) type Motion = [f64; 6];
 
 /// A component that the contacts leave free to move as a whole.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,28 +50,29 @@ impl Placement {
 }
 
 /// How taxel frames move when their component moves as a whole: `G` with columns for the six motions.
-pub(super) fn carried(model: Model, centroid: DVec3, length: f64, at: &Pose, motion: &Motion) -> Twist {
+pub(super) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion: &Motion) -> Twist {
     let translation = length * DVec3::new(motion[0], motion[1], motion[2]);
     match model {
         Model::Positions => [translation, DVec3::ZERO],
         Model::Poses => {
             let turn = DVec3::new(motion[3], motion[4], motion[5]);
             let back = DMat3::from_quat(at.rotation).transpose();
-            [back * (translation + turn.cross(at.position - centroid)), back * turn]
+            [back * (translation + turn.cross(at.position - pivot)), back * turn]
         }
     }
 }
 
-/// The components that are not anchored, as far as they are not.
-pub(super) fn free_components(problem: &Problem<'_>, state: &State) -> Vec<Free> {
+/// The components that the contacts that `count` do not anchor, as far as they do not.
+pub(super) fn free_components(
+    problem: &Problem<'_>,
+    state: &State,
+    counts: impl Fn(ContactId) -> bool,
+) -> Vec<Free> {
     let observations = problem.observations;
     let all = components(observations);
     let mut contacts = vec![Vec::new(); all.len()];
-    let mut of_taxel = observations.taxels.map(|_| 0);
-    for (k, component) in all.iter().enumerate() {
-        component.taxels.iter().for_each(|&v| of_taxel[v] = k);
-    }
-    for (id, contact) in observations.contacts.enumerate() {
+    let of_taxel = component_of_taxels(&all, observations.taxels.len());
+    for (id, contact) in observations.contacts.enumerate().filter(|(id, _)| counts(*id)) {
         contacts[of_taxel[contact.taxel]].push(id);
     }
     let mut free = Vec::new();
@@ -78,11 +82,10 @@ pub(super) fn free_components(problem: &Problem<'_>, state: &State) -> Vec<Free>
         }
         let length = Placement::new(&component.taxels, state).length;
         let mut candidate = Free { component, directions: 0, length, contacts };
-        let (values, _) = candidate.anchoring(problem, state);
+        let (_, values, _) = candidate.anchoring(problem, state);
         let motions = observations.model.unknowns();
-        let largest = values[5].max(0.0);
         // In the positions model the three rotations are no motions at all; their eigenvalues are zero.
-        let determined = values.iter().filter(|&&x| x > RANK_TOLERANCE * largest && x > 0.0).count();
+        let determined = values.iter().filter(|&&x| x > RANK_TOLERANCE).count();
         candidate.directions = motions.saturating_sub(determined);
         if candidate.directions > 0 {
             free.push(candidate);
@@ -92,17 +95,32 @@ pub(super) fn free_components(problem: &Problem<'_>, state: &State) -> Vec<Free>
 }
 
 impl Free {
-    /// How firmly the contacts hold each motion of the whole: eigenvalues, ascending, and motions.
-    fn anchoring(&self, problem: &Problem<'_>, state: &State) -> ([f64; 6], [Motion; 6]) {
+    /// How firmly the contacts hold each motion of the whole: the pivot of the motions, eigenvalues, ascending, and
+    /// motions.
+    ///
+    /// About the middle of what was touched, translations and rotations hardly mix, and every motion is measured in
+    /// its own unit: a position known to a micrometre does not make a rotation known to a degree look unknown.
+    fn anchoring(&self, problem: &Problem<'_>, state: &State) -> (DVec3, [f64; 6], [Motion; 6]) {
         let model = problem.observations.model;
-        let centroid = Placement::new(&self.component.taxels, state).centroid;
+        let terms: Vec<_> = self
+            .contacts
+            .iter()
+            .map(|&id| {
+                let contact = &problem.observations.contacts[id];
+                let at = &state[contact.taxel];
+                (at, problem.touch_term(&contact.touch, at).0)
+            })
+            .collect();
+        let pull = |block: &Quarters| (0..3).map(|a| block.entry(a, a)).sum::<f64>();
+        let total: f64 = terms.iter().map(|(_, block)| pull(block)).sum();
+        let pivot = if total > 0.0 {
+            terms.iter().map(|(at, block)| at.position * (pull(block) / total)).sum()
+        } else {
+            Placement::new(&self.component.taxels, state).centroid
+        };
         let mut sum = [[0.0; 6]; 6];
-        for &id in &self.contacts {
-            let contact = &problem.observations.contacts[id];
-            let at = &state[contact.taxel];
-            let block = problem.touch_term(&contact.touch, at).0;
-            let moved: [Twist; 6] =
-                std::array::from_fn(|k| carried(model, centroid, self.length, at, &unit(k)));
+        for (at, block) in &terms {
+            let moved: [Twist; 6] = std::array::from_fn(|k| carried(model, pivot, self.length, at, &unit(k)));
             for (row, a) in sum.iter_mut().zip(&moved) {
                 let pull = block.apply(*a);
                 for (x, b) in row.iter_mut().zip(&moved) {
@@ -110,23 +128,21 @@ impl Free {
                 }
             }
         }
-        let (values, vectors) = eigen(&sum);
-        let mut order = [0, 1, 2, 3, 4, 5];
-        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-        (order.map(|k| values[k]), order.map(|k| std::array::from_fn(|i| vectors[i][k])))
+        let (values, motions) = scaled_eigen(&sum);
+        (pivot, values, motions)
     }
 
-    /// The free motions at `state`, for the centroid it has there.
+    /// The free motions at `state`, with the pivot that they turn about.
     pub(super) fn motions(&self, problem: &Problem<'_>, state: &State) -> (DVec3, Vec<Motion>) {
-        let centroid = Placement::new(&self.component.taxels, state).centroid;
         if self.directions == problem.observations.model.unknowns() {
+            let centroid = Placement::new(&self.component.taxels, state).centroid;
             return (centroid, (0..self.directions).map(unit).collect());
         }
-        let (_, motions) = self.anchoring(problem, state);
+        let (pivot, _, motions) = self.anchoring(problem, state);
         // In the positions model rotations are among the free motions; they move nothing and are left out.
         let moves =
             |m: &Motion| problem.observations.model == Model::Poses || m[..3].iter().any(|&x| x != 0.0);
-        (centroid, motions.into_iter().filter(moves).take(self.directions).collect())
+        (pivot, motions.into_iter().filter(moves).take(self.directions).collect())
     }
 
     /// Adds stiffness against the free motions at the gauge taxel.
@@ -138,18 +154,21 @@ impl Free {
         let gauge = self.component.gauge;
         let Some(row) = problem.rows[gauge] else { return };
         let size = problem.shape.size();
-        let start = row as usize * size;
-        let diagonal = matrix.diagonal()[start..start + size].to_vec();
+        let mut diagonal = matrix.diagonal_of(row);
+        // A direction that nothing at the taxel determines is held as firmly as the others.
+        let largest = diagonal.iter().fold(0.0_f64, |m, &d| m.max(d));
+        let firm = if largest > 0.0 { largest } else { 1.0 };
+        diagonal.iter_mut().filter(|d| **d <= 0.0).for_each(|d| *d = firm);
         if self.directions == problem.observations.model.unknowns() {
             matrix.add(BlockSlot::diagonal(row), |a, b| if a == b { diagonal[a] } else { 0.0 });
             return;
         }
-        let (centroid, motions) = self.motions(problem, state);
+        let (pivot, motions) = self.motions(problem, state);
         let model = problem.observations.model;
-        let scale: Vec<f64> = diagonal.iter().map(|d| d.max(0.0).sqrt()).collect();
+        let scale: Vec<f64> = diagonal.iter().map(|d| d.sqrt()).collect();
         let mut basis: Vec<Vec<f64>> = Vec::new();
         for motion in &motions {
-            let twist = carried(model, centroid, self.length, &state[gauge], motion);
+            let twist = carried(model, pivot, self.length, &state[gauge], motion);
             let mut column: Vec<f64> = (0..size).map(|a| scale[a] * twist[a / 3][a % 3]).collect();
             orthogonalise(&mut column, &basis);
             basis.push(column);
@@ -158,6 +177,23 @@ impl Free {
             basis.iter().map(|c| c[a] * c[b]).sum::<f64>() * scale[a] * scale[b]
         });
     }
+}
+
+/// Eigenvalues, ascending, of a matrix scaled to ones on its diagonal, and its eigenvectors in the unscaled motions.
+fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [Motion; 6]) {
+    let largest = (0..6).fold(0.0_f64, |m, k| m.max(sum[k][k]));
+    let holds = |k: usize| sum[k][k] > NOTHING * largest;
+    let scale: [f64; 6] = std::array::from_fn(|k| if holds(k) { sum[k][k].sqrt().recip() } else { 0.0 });
+    let scaled = std::array::from_fn(|i| std::array::from_fn(|j| sum[i][j] * scale[i] * scale[j]));
+    let (values, vectors) = eigen::<6>(&scaled);
+    let mut order = [0, 1, 2, 3, 4, 5];
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let motion = |k: usize| -> Motion {
+        let unscaled: Motion = std::array::from_fn(|i| vectors[i][k] * if holds(i) { scale[i] } else { 1.0 });
+        let length = unscaled.iter().map(|x| x * x).sum::<f64>().sqrt();
+        unscaled.map(|x| x / length)
+    };
+    (order.map(|k| values[k]), order.map(motion))
 }
 
 /// Gram and Schmidt; a column that is spanned by the others becomes zero.

@@ -1,9 +1,13 @@
 use glam::DMat3;
 
-/// How far below zero an eigenvalue may lie, over the largest entry: files round what was exactly semi-definite.
+/// How far below zero an eigenvalue of a matrix with ones on its diagonal may lie: files round what was exactly
+/// semi-definite.
 const ROUNDING: f64 = 1e-8;
 
-/// A direction counts as observed if its information is above this share of the largest.
+/// How far below zero an entry on the diagonal may lie, over the largest entry: an inverse of a covariance leaves no more.
+const DIAGONAL_ROUNDING: f64 = 1e-13;
+
+/// A direction counts as observed if its eigenvalue is above this in the matrix with ones on its diagonal.
 const RANK_TOLERANCE: f64 = 1e-9;
 
 /// A symmetric matrix of `N` rows that says how well something was observed: the inverse of a covariance.
@@ -72,16 +76,38 @@ impl<const N: usize> Information<N> {
         values
     }
 
+    /// The matrix with its diagonal scaled to one, which takes the units out: metres and radians may differ by any
+    /// factor. Rows that observe nothing become zero. `None` where the diagonal alone shows an eigenvalue below zero, or
+    /// an entry is not finite.
+    fn correlations(&self) -> Option<[[f64; N]; N]> {
+        let m = &self.0;
+        let largest = m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        if !m.iter().flatten().all(|x| x.is_finite()) {
+            return None;
+        }
+        let mut scale = [0.0; N];
+        for (i, row) in m.iter().enumerate() {
+            if row[i] > 0.0 {
+                scale[i] = row[i].sqrt().recip();
+            } else if row[i] < -DIAGONAL_ROUNDING * largest
+                || row.iter().any(|x| x.abs() > ROUNDING * largest)
+            {
+                return None;
+            }
+        }
+        Some(std::array::from_fn(|i| std::array::from_fn(|j| m[i][j] * scale[i] * scale[j])))
+    }
+
     /// Whether all entries are finite and no eigenvalue is negative by more than a file's rounding.
     #[must_use]
     pub fn is_positive_semidefinite(&self) -> bool {
-        let largest = self.0.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
-        if !self.0.iter().flatten().all(|x| x.is_finite()) {
-            return false;
-        }
         // A diagonally dominant matrix needs no eigenvalues; most files hold nothing else.
-        let dominant = (0..N).all(|i| 2.0 * self.0[i][i] >= self.0[i].iter().map(|x| x.abs()).sum::<f64>());
-        dominant || self.eigenvalues()[0] >= -ROUNDING * largest
+        let is_dominant = |i: usize| {
+            let sum = self.0[i].iter().map(|x| x.abs()).sum::<f64>();
+            sum.is_finite() && 2.0 * self.0[i][i] >= sum
+        };
+        (0..N).all(is_dominant)
+            || self.correlations().is_some_and(|c| eigen(&c).0.iter().all(|&x| x >= -ROUNDING))
     }
 
     /// Number of directions that are observed at all.
@@ -90,9 +116,13 @@ impl<const N: usize> Information<N> {
         if let Some(value) = self.as_isotropic() {
             return if value > 0.0 { N } else { 0 };
         }
-        let values = self.eigenvalues();
-        let largest = values[N - 1];
-        values.iter().filter(|&&x| x > RANK_TOLERANCE * largest && x > 0.0).count()
+        let Some(c) = self.correlations() else { return 0 };
+        // Weak correlations leave every direction that is observed (Gershgorin); most files hold nothing else.
+        let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= 1.5 * c[i][i];
+        if (0..N).all(is_weak) {
+            return (0..N).filter(|&i| c[i][i] > 0.0).count();
+        }
+        eigen(&c).0.iter().filter(|&&x| x > RANK_TOLERANCE).count()
     }
 }
 
@@ -180,6 +210,26 @@ mod tests {
         assert_eq!(Information::diagonal([1e6, 1e6, 0.0]).rank(), 2);
         assert!(Information::diagonal([1e6, 1e6, 0.0]).is_positive_semidefinite(), "zero is allowed");
         assert_eq!(Information::<6>::isotropic(3.0).rank(), 6);
+    }
+
+    /// A micrometre beside two degrees: 1e12/m^2 and 800/rad^2.
+    #[test]
+    fn units_do_not_count() {
+        assert_eq!(Information::diagonal([1e12, 1e12, 1e12, 800.0, 800.0, 800.0]).rank(), 6);
+        let mut coupled = Information::diagonal([1e12, 1e12, 1e12, 800.0, 800.0, 0.0]);
+        (coupled.0[0][3], coupled.0[3][0]) = (1e7, 1e7);
+        assert_eq!((coupled.rank(), coupled.is_positive_semidefinite()), (5, true));
+        (coupled.0[0][3], coupled.0[3][0]) = (1e8, 1e8);
+        assert!(!coupled.is_positive_semidefinite(), "more correlated than one");
+    }
+
+    #[test]
+    fn a_negative_diagonal_is_no_rounding() {
+        for tiny in [-0.009, -0.9] {
+            assert!(!Information::diagonal([1e8, 1e6, tiny]).is_positive_semidefinite(), "{tiny}");
+        }
+        let overflow = Information([[1e308, 1.5e308, 0.0], [1.5e308, 1e308, 0.0], [0.0, 0.0, 1.0]]);
+        assert!(!overflow.is_positive_semidefinite());
     }
 
     #[test]

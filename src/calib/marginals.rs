@@ -2,8 +2,8 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        CalibError, Model,
-        gauge::{Free, carried},
+        CalibError, Model, Pose,
+        gauge::{Free, Motion, carried},
         information::eigen,
         normal_equations::{PerObservation, Problem, Shape, State},
         optimise::Linear,
@@ -70,46 +70,111 @@ pub(super) fn marginals(
         }
     }
     drop(inverse);
-    for component in free {
-        project(problem, component, state, &factor, &mut blocks)?;
-    }
+    project(problem, free, state, &factor, &mut blocks)?;
     Ok(in_common_frame(problem, state, &blocks))
 }
 
-/// Takes the covariance of a free component from the gauge of its gauge taxel to that of its centroid.
+/// The gauge that the covariance of one free component is told in: that of its centroid, after the best alignment.
+struct Alignment<'f> {
+    free: &'f Free,
+    model: Model,
+    pivot: DVec3,
+    motions: Vec<Motion>,
+    /// What rotations count beside positions.
+    weight: f64,
+    /// The inverse of `A G`.
+    inverse: Block,
+}
+
+impl<'f> Alignment<'f> {
+    fn new(problem: &Problem<'_>, free: &'f Free, state: &State) -> Self {
+        let (pivot, motions) = free.motions(problem, state);
+        let model = problem.observations.model;
+        let mut this = Self { free, model, pivot, motions, weight: 0.0, inverse: [[0.0; 6]; 6] };
+        this.weigh(state);
+        this
+    }
+
+    /// `G`: how a taxel moves with each free motion.
+    fn carry(&self, at: &Pose) -> Vec<Twist> {
+        let carried = |m| carried(self.model, self.pivot, self.free.length, at, m);
+        self.motions.iter().map(carried).collect()
+    }
+
+    /// `A'`.
+    fn conditions(&self, at: &Pose) -> Vec<Twist> {
+        self.carry(at).into_iter().map(|[u, w]| [u, self.weight * w]).collect()
+    }
+
+    /// Takes the component's covariances `C` into this gauge, given the columns `X = C A'`.
+    ///
+    /// With the free motions `G` and the conditions `A x = 0`, `A = (W G)'` with `W` picking what the alignment looks at,
+    /// the projection is `P = 1 - G (A G)^-1 A` and the covariance becomes `P C P'`: for every taxel
+    /// `C - B X' - X B' + B (A X) B'` with `B = G (A G)^-1`.
+    fn project(
+        &self,
+        state: &State,
+        solution: &dyn Fn(VertexId, usize) -> Twist,
+        blocks: &mut IdVec<VertexId, Block>,
+    ) {
+        let count = self.motions.len();
+        let mut conditioned = [[0.0; 6]; 6];
+        for &v in &self.free.component.taxels {
+            let at = self.conditions(&state[v]);
+            for (k, row) in conditioned.iter_mut().enumerate().take(count) {
+                for (l, sum) in row.iter_mut().enumerate().take(count) {
+                    *sum += dot(at[k], solution(v, l));
+                }
+            }
+        }
+        for &v in &self.free.component.taxels {
+            let g = self.carry(&state[v]);
+            let (mut b, mut x) = ([[0.0; 6]; 6], [[0.0; 6]; 6]);
+            for a in 0..6 {
+                for k in 0..count {
+                    b[a][k] = (0..count).map(|l| g[l][a / 3][a % 3] * self.inverse[l][k]).sum();
+                    x[a][k] = solution(v, k)[a / 3][a % 3];
+                }
+            }
+            let (bx, bs) = (times_transposed(&b, &x), times_transposed(&b, &conditioned));
+            let bsb = times_transposed(&bs, &b);
+            for (i, row) in blocks[v].iter_mut().enumerate() {
+                for (j, c) in row.iter_mut().enumerate() {
+                    *c += bsb[i][j] - bx[i][j] - bx[j][i];
+                }
+            }
+        }
+    }
+}
+
+/// Takes the covariances of all free components from the gauges of their gauge taxels to those of their centroids.
 ///
-/// With the free motions `G` and the conditions `A x = 0` of the new gauge, `A = (W G)'` with `W` picking what the
-/// alignment looks at, the projection is `P = 1 - G (A G)^-1 A` and the covariance becomes `P C P'`. Its diagonal
-/// blocks need `C A'`, one solve per condition, besides the diagonal of `C`.
+/// Components do not touch each other, so one solve for each of at most six conditions serves all of them.
 fn project(
     problem: &Problem<'_>,
-    free: &Free,
+    free: &[Free],
     state: &State,
     factor: &BlockFactor<'_>,
     blocks: &mut IdVec<VertexId, Block>,
 ) -> Result<(), CalibError> {
-    let model = problem.observations.model;
-    let (centroid, motions) = free.motions(problem, state);
-    let carry = |v: VertexId| -> Vec<Twist> {
-        motions.iter().map(|m| carried(model, centroid, free.length, &state[v], m)).collect()
-    };
-    let taxels = &free.component.taxels;
-    let (weight, inverse) = alignment(taxels, free.length, &carry);
-    let conditions =
-        |v: VertexId| -> Vec<Twist> { carry(v).into_iter().map(|[u, w]| [u, weight * w]).collect() };
-
-    // C A', all conditions at once.
+    if free.is_empty() {
+        return Ok(());
+    }
+    let alignments: Vec<Alignment<'_>> = free.iter().map(|f| Alignment::new(problem, f, state)).collect();
     let unknowns = problem.moving() * problem.shape.size() * problem.shape.columns();
-    let mut solved = vec![0.0; motions.len() * unknowns];
-    for &v in taxels {
-        let Some(row) = problem.rows[v] else { continue };
-        for (k, twist) in conditions(v).iter().enumerate() {
-            for (a, at) in places(problem, row).enumerate() {
-                solved[k * unknowns + at] = twist[a / 3][a % 3];
+    let columns = alignments.iter().map(|a| a.motions.len()).max().unwrap_or(0);
+    let mut solved = vec![0.0; columns * unknowns];
+    for alignment in &alignments {
+        for &v in &alignment.free.component.taxels {
+            let Some(row) = problem.rows[v] else { continue };
+            for (k, twist) in alignment.conditions(&state[v]).iter().enumerate() {
+                for (a, at) in places(problem, row).enumerate() {
+                    solved[k * unknowns + at] = twist[a / 3][a % 3];
+                }
             }
         }
     }
-    factor.solve(&mut solved, motions.len() * problem.shape.columns()).map_err(CalibError::Sparse)?;
+    factor.solve(&mut solved, columns * problem.shape.columns()).map_err(CalibError::Sparse)?;
     let solution = |v: VertexId, k: usize| {
         let mut twist = [DVec3::ZERO; 2];
         if let Some(row) = problem.rows[v] {
@@ -119,75 +184,55 @@ fn project(
         }
         twist
     };
-
-    // A C A', then for every taxel C - B X' - X B' + B (A C A') B' with B = G (A G)^-1 and X = C A'.
-    let mut conditioned = [[0.0; 6]; 6];
-    for &v in taxels {
-        let at = conditions(v);
-        for (k, row) in conditioned.iter_mut().enumerate().take(motions.len()) {
-            for (l, sum) in row.iter_mut().enumerate().take(motions.len()) {
-                *sum += dot(at[k], solution(v, l));
-            }
-        }
-    }
-    for &v in taxels {
-        let g = carry(v);
-        let (mut b, mut x) = ([[0.0; 6]; 6], [[0.0; 6]; 6]);
-        for a in 0..6 {
-            for k in 0..motions.len() {
-                b[a][k] = (0..motions.len()).map(|l| g[l][a / 3][a % 3] * inverse[l][k]).sum();
-                x[a][k] = solution(v, k)[a / 3][a % 3];
-            }
-        }
-        let (bx, bs) = (times_transposed(&b, &x), times_transposed(&b, &conditioned));
-        let bsb = times_transposed(&bs, &b);
-        for (i, row) in blocks[v].iter_mut().enumerate() {
-            for (j, c) in row.iter_mut().enumerate() {
-                *c += bsb[i][j] - bx[i][j] - bx[j][i];
-            }
-        }
-    }
+    alignments.iter().for_each(|alignment| alignment.project(state, &solution, blocks));
     Ok(())
 }
 
-/// What the alignment looks at: positions alone, or rotations too (with their weight) where positions leave a motion
-/// open, as on a line. With it the inverse of `A G`.
-fn alignment(taxels: &[VertexId], length: f64, carry: &dyn Fn(VertexId) -> Vec<Twist>) -> (f64, Block) {
-    let normal = |weight: f64| {
+impl Alignment<'_> {
+    /// Positions alone align a component, unless they leave a motion open, as on a line: that one follows rotations.
+    fn weigh(&mut self, state: &State) {
+        let count = self.motions.len();
+        let mut eigen = self.overlap(state, 0.0);
+        let determined = |(values, _): &([f64; 6], Block)| {
+            let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
+            values.iter().filter(|&&x| x > OPEN * largest).count()
+        };
+        if determined(&eigen) < count {
+            self.weight = SLIGHT * self.free.length * self.free.length;
+            eigen = self.overlap(state, self.weight);
+        }
+        let (values, vectors) = eigen;
+        let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
+        for (k, &value) in values.iter().enumerate().filter(|(_, v)| **v > OPEN * largest) {
+            for (i, row) in self.inverse.iter_mut().enumerate() {
+                for (j, x) in row.iter_mut().enumerate() {
+                    *x += vectors[i][k] * vectors[j][k] / value;
+                }
+            }
+        }
+    }
+
+    /// Eigenvalues and vectors of `A G = sum G' W G`.
+    fn overlap(&self, state: &State, weight: f64) -> ([f64; 6], Block) {
         let mut sum = [[0.0; 6]; 6];
-        let mut count = 0;
-        for &v in taxels {
-            let g = carry(v);
-            count = g.len();
+        for &v in &self.free.component.taxels {
+            let g = self.carry(&state[v]);
             for (row, x) in sum.iter_mut().zip(&g) {
                 for (s, y) in row.iter_mut().zip(&g) {
                     *s += x[0].dot(y[0]) + weight * x[1].dot(y[1]);
                 }
             }
         }
-        (eigen(&sum), count)
-    };
-    let is_open = |((values, _), count): &(([f64; 6], Block), usize)| {
-        let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
-        values.iter().filter(|&&x| x > OPEN * largest).count() < *count
-    };
-    let positions = normal(0.0);
-    let weight = if is_open(&positions) { length * length } else { 0.0 };
-    let ((values, vectors), _) = if weight > 0.0 { normal(weight) } else { positions };
-    let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
-    let mut inverse = [[0.0; 6]; 6];
-    for (k, &value) in values.iter().enumerate().filter(|(_, v)| **v > OPEN * largest) {
-        for (i, row) in inverse.iter_mut().enumerate() {
-            for (j, x) in row.iter_mut().enumerate() {
-                *x += vectors[i][k] * vectors[j][k] / value;
-            }
-        }
+        eigen(&sum)
     }
-    (weight, inverse)
 }
 
 /// Share of the best aligned motion below which a motion counts as not aligned at all.
 const OPEN: f64 = 1e-9;
+
+/// What rotations count where positions leave a motion open: so little that the other motions do not feel it, and enough to
+/// stand out from [`OPEN`].
+const SLIGHT: f64 = 1e-5;
 
 /// Where the unknowns of a block row are in a right-hand side.
 fn places(problem: &Problem<'_>, row: u32) -> impl Iterator<Item = usize> + use<> {

@@ -44,6 +44,8 @@ pub enum Ending {
     Stuck,
     /// A plain Gauss-Newton step raised the cost.
     Diverged,
+    /// The cost is no finite number: observations disagree by more than squares can hold.
+    Overflow,
 }
 
 impl Ending {
@@ -62,6 +64,7 @@ impl Ending {
             Self::OutOfIterations => "not converged: out of iterations",
             Self::Stuck => "not converged: no step lowers the cost",
             Self::Diverged => "not converged: a Gauss-Newton step raised the cost",
+            Self::Overflow => "not converged: the cost is no finite number",
         }
     }
 }
@@ -207,6 +210,9 @@ pub(super) fn minimise(
         let exact = EXACT_FIT * point.squares.iter().count() as f64;
         point = next;
         watch(iteration);
+        if !point.cost.is_finite() {
+            return Ok((point, Ending::Overflow));
+        }
         // A quadratic has its minimum where one undamped step leads.
         let exact_model = problem.shape != Shape::Pose
             && matches!(weighting, Weighting::Fixed(_))

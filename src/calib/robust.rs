@@ -14,8 +14,11 @@ use crate::{
 /// share of good observations is affected in every model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Robust {
-    /// Least squares: one wrong observation moves everything.
+    /// Least squares; truncated least squares ([`Robust::Graduated`]) where those leave more than the stated noise explains
+    /// or an observation stands out from the others, if what they let go stands out, too, and is less than half.
     #[default]
+    Automatic,
+    /// Least squares: one wrong observation moves everything.
     None,
     /// Huber: the pull stops growing. Convex, but never lets go.
     Huber,
@@ -35,6 +38,7 @@ impl Robust {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Automatic => "auto",
             Self::None => "none",
             Self::Huber => "huber",
             Self::Cauchy => "cauchy",
@@ -45,7 +49,8 @@ impl Robust {
     }
 }
 
-/// Share of good observations that Huber's and Cauchy's kernels leave as they are.
+/// Share of good observations within the bounds of Huber's, Cauchy's and Geman and McClure's kernels. Huber's leaves
+/// them as they are.
 const UNTOUCHED: f64 = 0.95;
 
 /// Share of good observations that count as good: three standard deviations of a normal variable. Where truncated least
@@ -71,12 +76,12 @@ impl Kernel {
     pub(super) fn new(robust: Robust, degrees: usize) -> Self {
         let degrees = degrees.max(1) as f64;
         let bound2 = match robust {
-            Robust::None => f64::INFINITY,
+            Robust::Automatic | Robust::None => f64::INFINITY,
             Robust::Huber | Robust::Cauchy | Robust::GemanMcClure => quantile(UNTOUCHED, degrees),
             Robust::Tukey => quantile(UNTOUCHED, degrees) * TUKEY_OVER_HUBER * TUKEY_OVER_HUBER,
             Robust::Graduated => quantile(KEPT, degrees),
         };
-        let outlier2 = if robust == Robust::None { f64::INFINITY } else { quantile(KEPT, degrees) };
+        let outlier2 = if bound2.is_finite() { quantile(KEPT, degrees) } else { f64::INFINITY };
         Self { robust, bound2, outlier2 }
     }
 
@@ -94,7 +99,7 @@ impl Kernel {
     pub(super) fn cost(&self, square: f64) -> f64 {
         let c2 = self.bound2;
         match self.robust {
-            Robust::None => square,
+            Robust::Automatic | Robust::None => square,
             Robust::Huber if square <= c2 => square,
             Robust::Huber => 2.0 * (c2 * square).sqrt() - c2,
             Robust::Cauchy => c2 * (square / c2).ln_1p(),
@@ -109,7 +114,7 @@ impl Kernel {
     pub(super) fn weight(&self, square: f64) -> f64 {
         let c2 = self.bound2;
         let weight = match self.robust {
-            Robust::None => 1.0,
+            Robust::Automatic | Robust::None => 1.0,
             Robust::Huber if square <= c2 => 1.0,
             Robust::Huber => (c2 / square).sqrt(),
             Robust::Cauchy => c2 / (c2 + square),
@@ -138,6 +143,7 @@ impl Kernel {
 /// The kernel of every observation.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Kernels {
+    pub(super) robust: Robust,
     pub(super) edges: IdVec<EdgeId, Kernel>,
     pub(super) contacts: IdVec<ContactId, Kernel>,
 }
@@ -150,15 +156,24 @@ impl Kernels {
         let edge = Kernel::new(robust, model.unknowns());
         let edges = match odds {
             None => observations.edges.map(|_| edge),
-            Some(odds) => odds.map(|&o| edge.stretched(stretch(o, model.unknowns()))),
+            Some(odds) => odds.map(|&o| edge.stretched(stretch(o, edge.outlier2))),
         };
-        let degrees = |touch: &Touch| match touch {
-            Touch::Position { .. } => 3,
-            Touch::PositionNormal { .. } if model == Model::Positions => 3,
-            Touch::PositionNormal { .. } => 5,
-            Touch::Pose(_) => 6,
-        };
-        Self { edges, contacts: observations.contacts.map(|c| Kernel::new(robust, degrees(&c.touch))) }
+        // Quantiles take long, and contacts are of few kinds.
+        let mut known: Vec<(usize, Kernel)> = vec![(model.unknowns(), edge)];
+        let contacts = observations.contacts.map(|contact| {
+            let degrees = match &contact.touch {
+                Touch::PositionNormal { .. } if model == Model::Poses => 5,
+                Touch::Position { .. } | Touch::PositionNormal { .. } => 3,
+                Touch::Pose(_) => 6,
+            };
+            let found = known.iter().find(|(d, _)| *d == degrees).map(|(_, kernel)| *kernel);
+            found.unwrap_or_else(|| {
+                let kernel = Kernel::new(robust, degrees);
+                known.push((degrees, kernel));
+                kernel
+            })
+        });
+        Self { robust, edges, contacts }
     }
 
     pub(super) fn costs(&self, squares: &PerObservation) -> PerObservation {
@@ -172,6 +187,11 @@ impl Kernels {
     /// Which observations noise explains.
     pub(super) fn keep(&self, squares: &PerObservation) -> PerObservation<bool> {
         self.each(squares, Kernel::keeps)
+    }
+
+    /// The squares up to which it does.
+    pub(super) fn bounds(&self) -> PerObservation {
+        PerObservation { edges: self.edges.map(|k| k.outlier2), contacts: self.contacts.map(|k| k.outlier2) }
     }
 
     /// [`Kernel::graduated_weight`] of every observation.

@@ -5,7 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::{
     calib::{
         CalibError, Displacement, Information, Model, Motion, Observations, Pose, RelativePose, Touch,
-        components::components,
+        components::{component_of_taxels, components},
         information::eigen,
         normal_equations::{State, initial_or_origin, number_rows, pair_of, row_pairs},
     },
@@ -64,18 +64,11 @@ pub(super) fn start(observations: &Observations, kind: Start) -> Result<State, C
     Ok(state)
 }
 
-fn is_observed(edge: &Displacement) -> bool {
-    match &edge.motion {
-        Motion::Offset { information, .. } => information.0.iter().flatten().any(|&x| x != 0.0),
-        Motion::Relative(m) => m.information.0.iter().flatten().any(|&x| x != 0.0),
-    }
-}
-
 /// Chains observations breadth first, from the anchors outwards, in the order of the edges.
 pub(super) fn spanning_tree(observations: &Observations) -> State {
     let mut state = initial_or_origin(observations);
     let mut neighbours: IdVec<VertexId, Vec<_>> = observations.taxels.map(|_| Vec::new());
-    for edge in observations.edges.iter().filter(|e| is_observed(e)) {
+    for edge in observations.edges.iter().filter(|e| e.is_observed()) {
         neighbours[edge.from].push(edge);
         neighbours[edge.to].push(edge);
     }
@@ -257,11 +250,14 @@ pub(super) fn nearest_rotation(m: &DMat3) -> DQuat {
 /// Moves every component without a fixed taxel as a whole to where its contacts say it is (Wahba 1965): the
 /// directions between touched points, touched normals and observed orientations vote for the rotation.
 fn align_to_contacts(observations: &Observations, state: &mut State) {
-    for component in components(observations).iter().filter(|c| !c.fixed) {
-        let mine = |v: &VertexId| component.taxels.binary_search(v).is_ok();
-        let touches: Vec<_> =
-            observations.contacts.iter().filter(|c| mine(&c.taxel) && pulls(&c.touch)).collect();
-        if touches.is_empty() {
+    let components = components(observations);
+    let mut touches_of = vec![Vec::new(); components.len()];
+    let of_taxel = component_of_taxels(&components, observations.taxels.len());
+    for contact in observations.contacts.iter().filter(|c| pulls(&c.touch)) {
+        touches_of[of_taxel[contact.taxel]].push(contact);
+    }
+    for (component, touches) in components.iter().zip(&touches_of) {
+        if component.fixed || touches.is_empty() {
             continue;
         }
         let count = touches.len() as f64;
@@ -275,7 +271,7 @@ fn align_to_contacts(observations: &Observations, state: &mut State) {
         // Points vote with their squared distance; directions as if they were as far apart as the points.
         let spread = pairs.iter().map(|p| p.0.distance_squared(from)).sum::<f64>() / count;
         let scale = if spread > 0.0 { spread } else { 1.0 };
-        for contact in &touches {
+        for contact in touches {
             let at = state[contact.taxel].rotation;
             match &contact.touch {
                 Touch::PositionNormal { normal, .. } => votes += outer(*normal, at * DVec3::Z) * scale,

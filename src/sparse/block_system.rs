@@ -122,6 +122,14 @@ impl<'s> BlockMatrix<'s> {
         starts[..starts.len() - 1].iter().map(|&s| self.values[s as usize]).collect()
     }
 
+    /// The entries on the diagonal of one block row.
+    #[must_use]
+    pub fn diagonal_of(&self, row: u32) -> Vec<f64> {
+        let size = self.system.size;
+        let starts = &self.system.cholesky.lower().starts[size * row as usize..];
+        starts[..size].iter().map(|&s| self.values[s as usize]).collect()
+    }
+
     /// Adds one number per row to the diagonal.
     ///
     /// # Panics

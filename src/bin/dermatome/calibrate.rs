@@ -50,8 +50,8 @@ pub(crate) struct Args {
     /// Write how well every observation fits, and whether noise explains it: i,j,sigmas,weight,inlier
     #[arg(long, value_name = "I.csv")]
     inliers: Option<PathBuf>,
-    /// What to do about observations that do not fit; gnc against wrongly attributed contacts
-    #[arg(long, value_enum, default_value_t = RobustArg::None, help_heading = "Solver")]
+    /// What to do about observations that do not fit
+    #[arg(long, value_enum, default_value_t = RobustArg::Auto, help_heading = "Solver")]
     robust: RobustArg,
     /// How the error of a relative pose becomes six numbers
     #[arg(long, visible_alias = "rotation-residual", value_enum, default_value_t = ResidualArg::Split, help_heading = "Solver")]
@@ -62,7 +62,7 @@ pub(crate) struct Args {
     /// How to step
     #[arg(long, value_enum, default_value_t = MethodArg::Lm, help_heading = "Solver")]
     method: MethodArg,
-    /// Most iterations
+    /// Most iterations of one solve; robust kernels solve several times
     #[arg(long, value_name = "N", default_value_t = Limits::default().iterations, help_heading = "Solver")]
     iterations: usize,
     /// No covariances
@@ -81,6 +81,8 @@ pub(crate) struct Args {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum RobustArg {
+    /// Least squares, or gnc where observations stand out from the others
+    Auto,
     /// Least squares
     None,
     /// The pull stops growing
@@ -91,7 +93,7 @@ enum RobustArg {
     Tukey,
     /// Lets go quickly
     GemanMcclure,
-    /// Truncated least squares by graduated non-convexity
+    /// Truncated least squares by graduated non-convexity, against wrongly attributed contacts
     Gnc,
 }
 
@@ -148,13 +150,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
+        if matches!(args.robust, RobustArg::Auto) && found.robust == Robust::Graduated {
+            eprintln!(
+                "note: some observations stand out from the others and were let go (gnc); --robust none keeps all"
+            );
+        }
         remark(&found, observations, args.verbose);
     }
     let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
     if !found.ending.is_converged() && !args.keep {
         return Err(advise(
             format!("{}: {}; nothing was written", args.observations.display(), found.ending.describe()),
-            "try --method dogleg, --initial tree, more --iterations, or write what there is with --keep",
+            "try --robust gnc if some observations may be wrong, --method dogleg, --initial tree, more --iterations, or write what there is with --keep",
         ));
     }
     results::write(&outputs, &found, &inputs, args, common)?;
@@ -171,6 +178,7 @@ impl Args {
     fn options(&self) -> CalibOptions {
         CalibOptions {
             robust: match self.robust {
+                RobustArg::Auto => Robust::Automatic,
                 RobustArg::None => Robust::None,
                 RobustArg::Huber => Robust::Huber,
                 RobustArg::Cauchy => Robust::Cauchy,
@@ -317,7 +325,9 @@ struct Summary {
     cost: f64,
     chi2: f64,
     dof: usize,
-    p: f64,
+    p: Option<f64>,
+    verdict: &'static str,
+    robust: &'static str,
     iterations: usize,
     converged: bool,
     ending: &'static str,
@@ -331,7 +341,7 @@ struct Summary {
 
 impl Summary {
     fn new(found: &Calibration, truth: Option<Comparison>) -> Self {
-        let Fit { chi2, degrees, p } = found.fit;
+        let Fit { chi2, degrees, p, .. } = found.fit;
         Self {
             model: found.model.name(),
             residual: found.residual.name(),
@@ -339,12 +349,15 @@ impl Summary {
             chi2,
             dof: degrees,
             p,
+            verdict: found.fit.verdict(),
+            robust: found.robust.name(),
             iterations: found.iterations.len(),
             converged: found.ending.is_converged(),
             ending: Ending::describe(found.ending),
             rejected: found.weights.rejected_edges().count() + found.weights.rejected_contacts().count(),
             seconds: found.seconds.iter().sum(),
-            rmse_mm: truth.map(|t| t.absolute * 1e3),
+            // Where nothing says where the skin is, the distance as it is means nothing.
+            rmse_mm: truth.filter(|_| found.free.is_empty()).map(|t| t.absolute * 1e3),
             rmse_aligned_mm: truth.map(|t| t.rigid * 1e3),
         }
     }
@@ -360,13 +373,14 @@ fn print_summary(summary: &Summary, fit: &Fit) -> anyhow::Result<()> {
         format!("{:.10}", summary.cost),
         format!("{:.6}", summary.chi2),
         summary.dof.to_string(),
-        format!("{:.4}", summary.p),
+        summary.p.map_or("-".into(), |p| format!("{p:.4}")),
         format!("{:.4}", summary.seconds),
     ];
     print_table(titles, 3, &[row])?;
     print(&format!("fit: {}\n", fit.verdict()))?;
-    if let (Some(absolute), Some(rigid)) = (summary.rmse_mm, summary.rmse_aligned_mm) {
-        print(&format!("RMSE {absolute:.4} mm, after rigid alignment {rigid:.4} mm\n"))?;
+    if let Some(rigid) = summary.rmse_aligned_mm {
+        let absolute = summary.rmse_mm.map_or_else(String::new, |mm| format!("{mm:.4} mm, "));
+        print(&format!("RMSE {absolute}after rigid alignment {rigid:.4} mm\n"))?;
     }
     Ok(())
 }

@@ -25,21 +25,31 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let skin = read_skin(&args.input, &args.bare, common)?;
     write_skin(&args.output, &skin).map_err(Error::from)?;
-    if let Some(lost) = lost(&args.output, &skin)
-        && !common.quiet
-    {
-        eprintln!("note: {}: {lost}; .glb keeps everything", args.output.display());
-    }
+    remark_lost(&args.output, &skin, common);
     Ok(ExitCode::SUCCESS)
 }
 
-/// What a skin loses in the kind of file that a path names.
-fn lost(path: &Path, skin: &Skin) -> Option<&'static str> {
-    let kind = path.extension()?.to_str()?.to_lowercase();
+/// Tells what a skin loses in the kind of file that a path names.
+pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
+    for lost in lost(path, skin).into_iter().filter(|_| !common.quiet) {
+        eprintln!("note: {}: {lost}; .glb keeps everything", path.display());
+    }
+}
+
+/// What a skin loses there: its frames and names, and its covariances.
+fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
+    let kind = path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).unwrap_or_default();
+    let covariances = matches!(kind.as_str(), "json" | "obj" | "ply" | "stl")
+        && skin.patches.iter().any(|patch| patch.covariances.is_some());
+    let covariances = covariances.then_some("how uncertain the taxels are is lost");
+    lost_frames(&kind, skin).into_iter().chain(covariances).collect()
+}
+
+fn lost_frames(kind: &str, skin: &Skin) -> Option<&'static str> {
     let is_one_body = skin.patches.iter().all(|patch| patch.link == skin.patches[0.into()].link);
     let is_bare = skin.links.len() <= 1
         && skin.links.iter().all(|l| l.name.is_empty() && l.pose.abs_diff_eq(glam::DAffine3::IDENTITY, 0.0));
-    match kind.as_str() {
+    match kind {
         "json" if !is_one_body => Some("robotskinlib has one link: positions are in the world"),
         "json" if skin.patches.len() > 1 => Some("robotskinlib has one patch: its pieces lose their names"),
         "obj" => Some("OBJ keeps no taxel ids and no link frames: positions are in the world"),

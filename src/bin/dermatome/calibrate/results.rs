@@ -12,6 +12,7 @@ use dermatome::{
 use super::{Args, Inputs};
 use crate::{
     Common,
+    convert::remark_lost,
     failure::advise,
     outputs::{self, Outputs},
 };
@@ -101,6 +102,7 @@ pub(super) fn write(
                     None => skin.insert(mesh(found, inputs, common)?),
                 };
                 outputs.stage(path, |path| write_skin(path, made))?;
+                remark_lost(path, made, common);
             }
         }
     }
@@ -117,6 +119,12 @@ fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result
     if made.outside == Outside::Origin && !common.quiet {
         eprintln!(
             "note: neither frames nor normals tell the outside: it is taken to be away from the origin; --triangles decides"
+        );
+    }
+    if made.turned > 0 && !common.quiet {
+        eprintln!(
+            "note: {} sheets of triangles were wound against the taxels' frames or normals and were turned over",
+            made.turned
         );
     }
     if !made.left_out.is_empty() && !common.quiet {
