@@ -188,3 +188,23 @@ fn the_number_of_threads_changes_no_byte() {
     });
     assert!(one == four);
 }
+
+/// A table of calibrated taxels is a table of bare taxels: they need no graph that is a triangulation.
+#[test]
+fn calibrated_taxels_are_joined_and_keep_what_is_known_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = || {
+        let mut command = dermatome();
+        command.current_dir(folder.path());
+        command
+    };
+    for model in ["positions", "poses"] {
+        run().args(["simulate", "-o", "o.g2o", "--model", model, "--taxels", "80"]).assert().success();
+        run().args(["calibrate", "o.g2o", "-o", "t.csv"]).assert().success();
+        let assert = run().args(["convert", "t.csv", "skin.glb"]).assert().success();
+        let told = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+        assert!(told.contains("80 bare taxels were joined"), "{told}");
+        assert_eq!(told.contains("no normals tell the outside"), model == "positions", "{told}");
+        run().args(["plot", "skin.glb", "--show", "sigma", "-o", "s.svg"]).assert().success();
+    }
+}

@@ -170,6 +170,25 @@ fn tables_keep_patches_ids_and_link_names() {
     }
 }
 
+/// A covariance is turned from both sides.
+#[test]
+fn tables_keep_covariances_in_the_world() {
+    let folder = TempDir::new().unwrap();
+    let mut skin = robot();
+    let told = DMat3::from_diagonal(DVec3::new(1e-6, 4e-6, 9e-6));
+    for patch in skin.patches.iter_mut() {
+        patch.covariances = Some(patch.ids.map(|_| [1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6]));
+    }
+    let draft = write_and_read(&folder, "csv", &skin);
+    for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
+        let matrix = world_pose(&skin.links, patch.link).matrix3;
+        let expected = matrix * told * matrix.transpose();
+        let [xx, xy, xz, yy, yz, zz] = sheet.covariances.as_ref().unwrap()[0];
+        let found = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+        assert!(found.abs_diff_eq(expected, 1e-18), "{}: {found} is not {expected}", patch.name);
+    }
+}
+
 #[test]
 fn ply_keeps_all_numbers_of_a_vertex() {
     let folder = TempDir::new().unwrap();

@@ -55,24 +55,35 @@ impl Columns {
         })
     }
 
-    /// Three columns that come together or not at all.
+    /// Columns that come together or not at all.
     ///
     /// # Errors
     /// If some of them are there and some are not.
-    pub(crate) fn find_vector(&self, path: &Path, names: [&str; 3]) -> Result<Option<[usize; 3]>, IoError> {
+    pub(crate) fn find_vector<const N: usize>(
+        &self,
+        path: &Path,
+        names: [&str; N],
+    ) -> Result<Option<[usize; N]>, IoError> {
         if names.iter().all(|name| self.find(name).is_none()) {
             return Ok(None);
         }
         self.need_vector(path, names).map(Some)
     }
 
-    /// Three columns that the table must have.
+    /// Columns that the table must have.
     ///
     /// # Errors
     /// If one is not there.
-    pub(crate) fn need_vector(&self, path: &Path, names: [&str; 3]) -> Result<[usize; 3], IoError> {
-        let [x, y, z] = names;
-        Ok([self.need(path, x)?, self.need(path, y)?, self.need(path, z)?])
+    pub(crate) fn need_vector<const N: usize>(
+        &self,
+        path: &Path,
+        names: [&str; N],
+    ) -> Result<[usize; N], IoError> {
+        let mut places = [0; N];
+        for (place, name) in places.iter_mut().zip(names) {
+            *place = self.need(path, name)?;
+        }
+        Ok(places)
     }
 }
 
@@ -113,13 +124,24 @@ impl<'a> Row<'a> {
         Ok(DVec3::new(self.number(x)?, self.number(y)?, self.number(z)?))
     }
 
+    /// Finite numbers, or empty cells throughout.
+    pub(crate) fn numbers_if_any<const N: usize>(
+        &self,
+        columns: [usize; N],
+    ) -> Result<Option<[f64; N]>, IoError> {
+        if columns.iter().all(|&c| self.text(c).is_empty()) {
+            return Ok(None);
+        }
+        let mut numbers = [0.0; N];
+        for (number, column) in numbers.iter_mut().zip(columns) {
+            *number = self.number(column)?;
+        }
+        Ok(Some(numbers))
+    }
+
     /// A vector of finite numbers, or three empty cells.
     pub(crate) fn vector_if_any(&self, columns: [usize; 3]) -> Result<Option<DVec3>, IoError> {
-        if columns.iter().all(|&c| self.text(c).is_empty()) {
-            Ok(None)
-        } else {
-            self.vector(columns).map(Some)
-        }
+        Ok(self.numbers_if_any(columns)?.map(DVec3::from_array))
     }
 }
 

@@ -7,7 +7,7 @@ use std::{
 };
 
 use csv::{StringRecord, Writer};
-use glam::DAffine3;
+use glam::{DAffine3, DQuat, DVec3};
 
 use crate::{
     id::{LinkId, TaxelId, VertexId},
@@ -23,8 +23,13 @@ use crate::{
 };
 
 /// Columns of the table of taxels.
-const COLUMNS: [&str; 12] =
-    ["id", "x", "y", "z", "nx", "ny", "nz", "area", "density", "present", "patch", "link"];
+const COLUMNS: [&str; 18] = [
+    "id", "x", "y", "z", "nx", "ny", "nz", "area", "density", "present", "patch", "link", "cxx", "cxy",
+    "cxz", "cyy", "cyz", "czz",
+];
+
+/// Columns that a table of calibrated taxels has besides.
+const CALIBRATED: [&str; 5] = ["qx", "qy", "qz", "qw", "sigma"];
 
 /// The table of triangles that belongs to the table of taxels `path`.
 fn companion(path: &Path) -> PathBuf {
@@ -41,13 +46,17 @@ struct Places {
     present: Option<usize>,
     patch: Option<usize>,
     link: Option<usize>,
+    covariance: Option<[usize; 6]>,
+    rotation: Option<[usize; 4]>,
+    sigma: Option<usize>,
 }
 
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0 absent, 1 present, 2
-/// thermal pad), `patch` and `link` (names; every patch becomes a sheet), in any order; ids below zero become the
-/// placeholder [`u32::MAX`]. Triangles: `a,b,c`, the places of taxels in their table, counted from 0. The tables know no
+/// thermal pad), `patch` and `link` (names; every patch becomes a sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any
+/// order; ids below zero become the placeholder [`u32::MAX`]. Tables of calibrated taxels are read, too: `qx,qy,qz,qw`
+/// is the frame whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the places of taxels in their table, counted from 0. The tables know no
 /// frames: links lie at the origin.
 ///
 /// # Errors
@@ -98,6 +107,9 @@ impl Places {
             present: columns.find("present"),
             patch: columns.find("patch"),
             link: columns.find("link"),
+            covariance: columns.find_vector(path, ["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?,
+            rotation: columns.find_vector(path, ["qx", "qy", "qz", "qw"])?,
+            sigma: columns.find("sigma"),
         })
     }
 }
@@ -114,10 +126,17 @@ struct Sheets {
 
 /// Reads the taxels; with the sheet, and the place in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
-    let (mut table, columns) = open_table(source, &COLUMNS)?;
+    let known: Vec<&str> = COLUMNS.into_iter().chain(CALIBRATED).collect();
+    let (mut table, columns) = open_table(source, &known)?;
     let places = Places::new(source.path(), &columns)?;
     let mut sheets = Sheets::default();
     each_row(source, &columns, &mut table, |row| sheets.add(row, &places, source))?;
+    if places.normal.is_none() {
+        // Frames that are all the identity are those of a calibration of positions alone: they tell no normals.
+        for sheet in &mut sheets.draft.sheets {
+            sheet.normals = sheet.normals.take().filter(|n| n.iter().any(|n| *n != DVec3::Z));
+        }
+    }
     Ok((sheets.draft, sheets.homes))
 }
 
@@ -147,6 +166,21 @@ impl Sheets {
         if let Some(columns) = places.normal {
             let normal = row.vector_if_any(columns)?;
             add(&mut sheet.normals, place, normal).ok_or_else(|| row.invalid(columns[0], ALL_OR_NONE))?;
+        } else if let Some(columns) = places.rotation {
+            let [x, y, z, w] = columns.map(|c| row.number(c));
+            let rotation = DQuat::from_xyzw(x?, y?, z?, w?);
+            if (rotation.length() - 1.0).abs() > UNIT_TOLERANCE {
+                return Err(row.invalid(columns[3], "a unit quaternion"));
+            }
+            sheet.normals.get_or_insert_default().push(rotation.normalize() * DVec3::Z);
+        }
+        if let Some(columns) = places.covariance {
+            let covariance = row.numbers_if_any(columns)?;
+            add(&mut sheet.covariances, place, covariance)
+                .ok_or_else(|| row.invalid(columns[0], ALL_OR_NONE))?;
+        }
+        if let Some(column) = places.sigma {
+            row.number_if_any(column)?;
         }
         for (column, numbers) in [(places.area, &mut sheet.areas), (places.density, &mut sheet.densities)] {
             let Some(column) = column else { continue };
@@ -177,6 +211,9 @@ impl Sheets {
         Some(link)
     }
 }
+
+/// Tables print rounded digits.
+const UNIT_TOLERANCE: f64 = 1e-3;
 
 const ALL_OR_NONE: &str = "a value for every taxel of a patch, or for none";
 
@@ -256,8 +293,12 @@ fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> c
     for (v, x) in patch.mesh.positions.enumerate() {
         let n = patch.normals[v];
         let density = patch.densities.as_ref().map(|d| d[v]);
+        let covariance = match &patch.covariances {
+            Some(c) => c[v].map(Some),
+            None => [None; 6],
+        };
         let numbers = (patch.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, patch.areas[v], density);
-        table.serialize((numbers, presence_code(patch.presence[v]), &patch.name, link))?;
+        table.serialize((numbers, presence_code(patch.presence[v]), &patch.name, link, covariance))?;
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use crate::skin::{Patch, Skin, world_pose};
 
 /// A patch as it lies in the world, for formats that know no frames.
 ///
-/// Positions and normals follow the pose of the patch's link. A pose that scales also scales areas and densities, and
+/// Positions with their covariances and normals follow the pose of the patch's link. A pose that scales also scales areas and densities, and
 /// one that mirrors turns the triangles round, so that they still run counter-clockwise seen from outside.
 pub(crate) fn in_world<'a>(skin: &Skin, patch: &'a Patch) -> Cow<'a, Patch> {
     let pose = world_pose(&skin.links, patch.link);
@@ -34,6 +34,15 @@ pub(crate) fn in_world<'a>(skin: &Skin, patch: &'a Patch) -> Cow<'a, Patch> {
         posed.areas[v] *= stretch;
         if let Some(densities) = &mut posed.densities {
             densities[v] /= stretch;
+        }
+    }
+    if let Some(covariances) = &mut posed.covariances {
+        for c in covariances.iter_mut() {
+            let [xx, xy, xz, yy, yz, zz] = *c;
+            let turned =
+                matrix * DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]) * matrix.transpose();
+            let [x, y, z] = [turned.x_axis, turned.y_axis, turned.z_axis];
+            *c = [x.x, y.x, z.x, y.y, z.y, z.z];
         }
     }
     if mirrored {
