@@ -22,6 +22,8 @@ pub(super) struct Coat<'a> {
     /// Whose mesh that is.
     pub(super) wearer: Wearer,
     pub(super) fill: Fill,
+    /// Whether the colours are read off a scale, so that shade must hardly change them.
+    pub(super) is_scale: bool,
 }
 
 /// Whose triangles are coloured.
@@ -42,7 +44,8 @@ impl<'a> Coat<'a> {
         range: &Range,
     ) -> Result<Self, ReportError> {
         let need_map = |what| level.ok_or_else(|| subject.no_map(what));
-        let of_taxels = |fill| Ok(Self { mesh: subject.mesh, wearer: Wearer::Taxels, fill });
+        let is_scale = paint != Paint::Fields;
+        let of_taxels = |fill| Ok(Self { mesh: subject.mesh, wearer: Wearer::Taxels, fill, is_scale });
         match paint {
             Paint::Angle => Ok(by_stretch(need_map("angles")?, SEQUENTIAL, &|s| {
                 (s.angle.abs() - 1.0) / (range.angle - 1.0)
@@ -71,7 +74,7 @@ impl<'a> Coat<'a> {
 fn by_stretch<'a>(level: &'a MapLevel, scale: Scale, value: &dyn Fn(Stretch) -> f64) -> Coat<'a> {
     let colour = |f: FaceId| step_colour(step(value(face_stretch(level, f))), scale);
     let fill = Fill::Faces(level.mesh.triangles.ids().map(colour).collect());
-    Coat { mesh: &level.mesh, wearer: Wearer::Level, fill }
+    Coat { mesh: &level.mesh, wearer: Wearer::Level, fill, is_scale: true }
 }
 
 /// Cells coloured by values from 0 to 1.

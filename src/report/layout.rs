@@ -191,10 +191,21 @@ fn row_extent(row: &Row<'_>) -> DVec2 {
 
 /// XML has no control characters, not even escaped.
 pub(super) fn printable(name: &str) -> String {
-    name.chars()
-        .map(|c| if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '\u{fffd}' } else { c })
-        .collect()
+    let is_drawn = |c: char| {
+        // What turns the direction of writing would turn the rest of the caption, too.
+        let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        !(c.is_control() || turns || matches!(c, '\u{fffe}' | '\u{ffff}'))
+    };
+    let mut short: String =
+        name.chars().take(LONGEST_NAME).map(|c| if is_drawn(c) { c } else { '\u{fffd}' }).collect();
+    if name.chars().nth(LONGEST_NAME).is_some() {
+        short.push('\u{2026}');
+    }
+    short
 }
+
+/// Longer names would run out of their panel.
+const LONGEST_NAME: usize = 60;
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above a positive `x`.
 fn round_down(x: f64) -> f64 {

@@ -21,6 +21,9 @@ use crate::{
 /// Brightness of a surface that no light falls on; light from the viewer's upper left adds the rest.
 const AMBIENT: f64 = 0.62;
 
+/// The same of colours that are read off a scale.
+const AMBIENT_OF_SCALE: f64 = 0.9;
+
 /// Brightness of the inside over that of the outside.
 const INSIDE: f64 = 0.62;
 
@@ -72,7 +75,8 @@ impl<'a> Scene<'a> {
         let mesh = coat.mesh;
         let place =
             |&p: &DVec3| (view.place(camera.place(p)) - view.corner).extend(view.scale * camera.nearness(p));
-        let brightness = mesh.triangles.ids().map(|face| brightness(camera, mesh.face_cross(face)));
+        let ambient = if coat.is_scale { AMBIENT_OF_SCALE } else { AMBIENT };
+        let brightness = mesh.triangles.ids().map(|face| brightness(camera, mesh.face_cross(face), ambient));
         let edge_px = Canvas { mesh, uv: Cow::Owned(camera.project(mesh)) }.edge_px(view);
         let radius = dot_radius(edge_px).filter(|_| !dots.is_empty());
         let mut seen = Vec::new();
@@ -231,9 +235,9 @@ impl<'a> Scene<'a> {
 }
 
 /// How bright a surface with this normal, of any length, is.
-fn brightness(camera: &Camera, normal: DVec3) -> f64 {
+fn brightness(camera: &Camera, normal: DVec3, ambient: f64) -> f64 {
     let normal = normal.normalize_or_zero();
     let (seen, side) = if camera.sees(normal) { (normal, 1.0) } else { (-normal, INSIDE) };
-    let exact = side * (AMBIENT + (1.0 - AMBIENT) * camera.light(seen));
+    let exact = side * (ambient + (1.0 - ambient) * camera.light(seen));
     (STEPS * exact).round() / STEPS
 }

@@ -2,6 +2,7 @@
 //! space.
 
 use std::{
+    borrow::Cow,
     io::{Write, stdout},
     path::{Path, PathBuf},
     process::ExitCode,
@@ -15,7 +16,12 @@ use dermatome::{
     report::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
 };
 
-use crate::{Common, input::read_skin};
+use crate::{
+    Common,
+    input::read_skin,
+    options::BareArgs,
+    outputs::{self, Outputs},
+};
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their distortion, and the skin in
 /// space.
@@ -46,6 +52,8 @@ pub(crate) struct Args {
     /// Width of the picture, in pixels.
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
     width: u32,
+    #[command(flatten)]
+    bare: BareArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -84,6 +92,7 @@ enum Kind {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs: Vec<_> =
         args.outputs.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<_, Error>>()?;
+    outputs::check(args.outputs.iter().map(PathBuf::as_path).filter(|path| !is_stream(path)))?;
     let options = PlotOptions {
         patches: args.patches.clone(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
@@ -93,15 +102,23 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let svg = match read_map_if_any(&args.map).map_err(Error::from)? {
         Some(map) => plot_map(&map, &options),
-        None => plot_skin(&read_skin(&args.map, common)?, &options),
+        None => plot_skin(&read_skin(&args.map, &args.bare, common)?, &options),
     }
     .map_err(Error::from)?;
+    let mut files = Outputs::default();
     for (path, kind) in outputs {
-        match kind {
-            Kind::Svg => write(path, svg.as_bytes())?,
-            Kind::Png => write(path, &render_png(&svg).map_err(Error::from)?)?,
+        let bytes = match kind {
+            Kind::Svg => Cow::Borrowed(svg.as_bytes()),
+            Kind::Png => Cow::Owned(render_png(&svg).map_err(Error::from)?),
+        };
+        if is_stream(path) {
+            stdout().lock().write_all(&bytes)?;
+        } else {
+            let fail = |source| IoError::Write { path: path.clone(), source };
+            files.stage(path, |staged| replace_file(staged, |file| file.write_all(&bytes).map_err(fail)))?;
         }
     }
+    files.publish()?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -131,14 +148,4 @@ fn kind(path: &Path) -> Result<Kind, IoError> {
         Some("png") => Ok(Kind::Png),
         _ => Err(IoError::UnknownKind { path: path.to_owned(), known: ".svg, .png" }),
     }
-}
-
-fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    if is_stream(path) {
-        stdout().lock().write_all(bytes)?;
-        return Ok(());
-    }
-    let fail = |source| IoError::Write { path: path.to_owned(), source };
-    replace_file(path, |file| file.write_all(bytes).map_err(fail)).map_err(Error::from)?;
-    Ok(())
 }
