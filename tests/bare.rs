@@ -150,6 +150,27 @@ fn no_edge_is_longer_than_the_gap() {
     }
 }
 
+/// One mouth of a sleeve used to get a ring of slivers across it, and a thin one a lid.
+#[test]
+fn the_mouths_of_sleeves_stay_open() {
+    for (around, along, cone) in [(8, 20, 0.0), (24, 12, 0.5), (36, 20, 0.0), (40, 20, -0.3)] {
+        // Columns are 5 mm apart, rows too.
+        let radius = 0.005 * f64::from(around) / TAU;
+        let mut mesh = shapes::tube(around, along, radius, 0.005 * f64::from(along - 1));
+        let top = mesh.positions.iter().fold(0.0, |most: f64, p| most.max(p.z.abs()));
+        for p in mesh.positions.iter_mut() {
+            let wide = 1.0 + cone * p.z / top;
+            *p = DVec3::new(wide * p.x, wide * p.y, p.z);
+        }
+        for sheet in [taxels_of(&mesh), with_normals(&mesh)] {
+            let assembled = meshed(sheet);
+            let found = &only(&assembled).mesh;
+            assert_eq!(found.triangles.len(), mesh.triangles.len(), "{around} around, {along} along");
+            assert_eq!(topology(found), (0, 2), "{around} around, {along} along");
+        }
+    }
+}
+
 /// Two lattices, `gap` spacings of open skin between them.
 fn two_islands(gap: f64) -> Sheet {
     let one = shapes::lattice(8, 8, 0.005);

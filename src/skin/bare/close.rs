@@ -2,20 +2,24 @@
 
 use crate::{
     id::{FaceId, VertexId},
-    skin::{
-        bare::{
-            front::{Front, Opening},
-            surroundings::Surroundings,
-        },
-        forest::Forest,
+    skin::bare::{
+        front::{Front, Opening},
+        surroundings::Surroundings,
     },
 };
 
-/// Closes holes that stayed because corners disagreed, ear by ear, as far as the new edges are within the gap. The longest
-/// boundary of every piece stays as it is.
+/// The faces that close a hole turn no more than 73 degrees from the normals of their corners: those that lie across the mouth of
+/// a sleeve stand on edge.
+const LEAST_COSINE: f64 = 0.3;
+
+/// Closes small holes that stayed because corners disagreed, ear by ear: those whose taxels all lie within the gap of each other.
+/// Wider ones are openings of the skin.
 pub(super) fn close_leftovers(front: &mut Front<'_>, around: &Surroundings<'_>) {
-    for walk in inner_loops(front, around) {
-        close(front, walk, around);
+    for walk in loops(front, around) {
+        let is_small = walk.iter().all(|&v| walk.iter().all(|&w| around.is_within_gap(v, w)));
+        if is_small {
+            close(front, walk, around);
+        }
     }
 }
 
@@ -27,39 +31,33 @@ struct Step {
     from: VertexId,
 }
 
-/// The boundary loops but the longest of each piece, with the hole on the left.
-fn inner_loops(front: &Front<'_>, around: &Surroundings<'_>) -> Vec<Vec<VertexId>> {
+/// The boundary loops, with the hole on the left.
+fn loops(front: &Front<'_>, around: &Surroundings<'_>) -> Vec<Vec<VertexId>> {
     let openings =
         |v: VertexId| front.openings(v).into_iter().map(move |o| Step { at: v, to: o.to, from: o.from });
     let mut steps: Vec<Step> = around.positions.ids().flat_map(openings).collect();
     steps.sort_unstable();
     let next = |step: Step| steps.binary_search_by_key(&(step.from, step.at), |s| (s.at, s.to)).ok();
-    let mut pieces = Forest::new(VertexId::new(around.positions.len()).raw());
-    for v in around.positions.ids() {
-        front.sectors(v).for_each(|(_, a, _)| pieces.join(v.raw(), a.raw()));
-    }
     let mut seen = vec![false; steps.len()];
-    let mut loops: Vec<(u32, f64, Vec<VertexId>)> = Vec::new();
+    let mut loops = Vec::new();
     for start in 0..steps.len() {
-        let (mut walk, mut length) = (Vec::new(), 0.0);
+        let mut walk = Vec::new();
         let mut at = Some(start);
         while let Some(k) = at.filter(|&k| !std::mem::replace(&mut seen[k], true)) {
             walk.push(steps[k].at);
-            length += around.positions[steps[k].at].distance(around.positions[steps[k].to]);
             at = next(steps[k]);
         }
-        if !walk.is_empty() {
-            loops.push((pieces.root(walk[0].raw()), length, walk));
+        if walk.len() > 2 {
+            loops.push(walk);
         }
     }
-    loops.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)).then_with(|| a.2.cmp(&b.2)));
-    let mut outer = None;
-    loops.retain(|(piece, ..)| outer.replace(*piece) == Some(*piece));
-    loops.into_iter().map(|(.., walk)| walk).collect()
+    loops
 }
 
 /// Cuts ears off a hole, the smallest circles first, until it is closed or none fits.
 fn close(front: &mut Front<'_>, mut walk: Vec<VertexId>, around: &Surroundings<'_>) {
+    let lies_flat =
+        |t: [VertexId; 3]| t.iter().all(|&v| around.normal(t).dot(around.normals[v]) >= LEAST_COSINE);
     while walk.len() > 2 {
         let count = walk.len();
         let ear = |k: usize| [walk[k], walk[(k + 1) % count], walk[(k + count - 1) % count]];
@@ -70,7 +68,7 @@ fn close(front: &mut Front<'_>, mut walk: Vec<VertexId>, around: &Surroundings<'
         let mut touched = vec![false; count];
         for (_, k) in ears {
             let [before, after] = [(k + count - 1) % count, (k + 1) % count];
-            if !touched[k] && !touched[before] && !touched[after] && front.take(ear(k)) {
+            if !touched[k] && !touched[before] && !touched[after] && lies_flat(ear(k)) && front.take(ear(k)) {
                 keep[k] = false;
                 [before, k, after].into_iter().for_each(|k| touched[k] = true);
                 if count == 3 {

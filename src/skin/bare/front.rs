@@ -170,8 +170,7 @@ impl<'a> Front<'a> {
     }
 
     fn is_seen_from_outside(&self, t: [VertexId; 3]) -> bool {
-        let [a, b, c] = t.map(|v| self.around.positions[v]);
-        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let normal = self.around.normal(t);
         t.iter().all(|&v| normal.dot(self.around.normals[v]) >= LEAST_COSINE)
     }
 

@@ -23,6 +23,12 @@ impl Surroundings<'_> {
         self.positions[v].distance(self.positions[w]) <= self.gap * spacing
     }
 
+    /// Unit normal of a triangle; zero if it has no area.
+    pub(super) fn normal(&self, t: [VertexId; 3]) -> DVec3 {
+        let [a, b, c] = t.map(|v| self.positions[v]);
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
     /// Radius of the circle through the corners of a triangle.
     pub(super) fn circle(&self, t: [VertexId; 3]) -> f64 {
         let [a, b, c] = t.map(|v| self.positions[v]);
