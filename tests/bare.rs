@@ -153,7 +153,7 @@ fn no_edge_is_longer_than_the_gap() {
 /// One mouth of a sleeve used to get a ring of slivers across it, and a thin one a lid.
 #[test]
 fn the_mouths_of_sleeves_stay_open() {
-    for (around, along, cone) in [(8, 20, 0.0), (24, 12, 0.5), (36, 20, 0.0), (40, 20, -0.3)] {
+    for (around, along, cone) in [(12, 20, 0.0), (24, 12, 0.5), (36, 20, 0.0), (40, 20, -0.3)] {
         // Columns are 5 mm apart, rows too.
         let radius = 0.005 * f64::from(around) / TAU;
         let mut mesh = shapes::tube(around, along, radius, 0.005 * f64::from(along - 1));
@@ -268,6 +268,63 @@ fn some_wrong_normals_do_no_harm() {
     let patch = only(&assembled);
     assert_eq!(patch.mesh.positions.len(), mesh.positions.len());
     assert_eq!(topology(&patch.mesh), (1, 1));
+}
+
+/// What a file without normals becomes, one with normals of either side becomes too: they were believed taxel by taxel once, and
+/// the skin fell into shreds.
+#[test]
+fn normals_that_point_to_either_side_tear_nothing() {
+    for mesh in [shapes::cap(500, 0.1, 0.595), bent(40, 12, 0.0065, 40.0 * 0.0065 / (TAU * 300.0 / 360.0))] {
+        let truth = mesh.vertex_normals().into_vec();
+        let expected = faces(&meshed(taxels_of(&mesh)));
+        let turned = |is_turned: &dyn Fn(usize) -> bool| -> Vec<DVec3> {
+            truth.iter().enumerate().map(|(k, &n)| if is_turned(k) { -n } else { n }).collect()
+        };
+        let shake = |k: usize| 1.2 * (DVec3::new(scatter(k), scatter(k + 700), scatter(k + 1400)) - 0.5);
+        for (name, normals) in [
+            ("a tenth turned", turned(&|k| scatter(k) < 0.1)),
+            ("three tenths turned", turned(&|k| scatter(k) < 0.3)),
+            ("half of them turned", turned(&|k| scatter(k) < 0.5)),
+            ("one half turned", turned(&|k| mesh.positions[VertexId::new(k)].y < 0.0)),
+            ("shaken", truth.iter().enumerate().map(|(k, n)| (*n + shake(k)).normalize()).collect()),
+        ] {
+            let assembled = meshed(Sheet { normals: Some(normals), ..taxels_of(&mesh) });
+            assert_eq!(faces(&assembled), expected, "{name}");
+            assert!(kinds(&assembled).contains(&RemarkKind::Normals) || name == "shaken", "{name} is told");
+        }
+    }
+}
+
+/// Two square lattices that meet in an edge, with the exact normals of their sides; the edge has those of the first.
+fn fold(degrees: f64) -> Sheet {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let side = |i: u32, j: u32| (0.005 * f64::from(i), 0.005 * f64::from(j));
+    let first = (0..12)
+        .flat_map(|i| (0..12).map(move |j| side(i, j)))
+        .map(|(x, y)| (DVec3::new(x, y, 0.0), DVec3::Z));
+    let second = (1..12)
+        .flat_map(|i| (0..12).map(move |j| side(i, j)))
+        .map(|(x, y)| (DVec3::new(-x * cos, y, -x * sin), DVec3::new(-sin, 0.0, cos)));
+    let (positions, normals): (Vec<DVec3>, Vec<DVec3>) = first.chain(second).unzip();
+    Sheet { normals: Some(normals), ..bare(&positions) }
+}
+
+#[test]
+fn right_normals_do_not_tear_the_skin_at_a_sharp_edge() {
+    for degrees in [45.0, 89.0, 90.0, 91.0, 100.0] {
+        let assembled = meshed(fold(degrees));
+        let patch = only(&assembled);
+        assert_eq!(patch.mesh.positions.len(), 276, "{degrees} degrees");
+        assert_eq!(topology(&patch.mesh), (1, 1), "{degrees} degrees");
+    }
+}
+
+/// Its neighbourhoods are as thick as wide, and were called a cloud whatever the normals said.
+#[test]
+fn normals_tell_a_thin_tube_from_a_cloud() {
+    let tube = shapes::tube(8, 12, 0.005 * 8.0 / TAU, 0.005 * 11.0);
+    let tube = meshed(with_normals(&tube));
+    assert_eq!(topology(&only(&tube).mesh), (0, 2));
 }
 
 /// Such a pair looks like the two sides of a thin part, and once turned a whole corner of a noisy skin over.

@@ -52,6 +52,9 @@ const GAPS: std::ops::RangeInclusive<f64> = 1.0..=20.0;
 /// reaches 0.1, random points in a ball 0.5.
 const THICKEST: f64 = 0.25;
 
+/// That less than one in so many normals of the file looks to the wrong side is not worth a word.
+const FEW: usize = 20;
+
 /// A sheet without triangles, and where its taxels lie.
 #[derive(Debug)]
 struct Bare<'a> {
@@ -74,14 +77,15 @@ impl Draft {
 /// - **Taxels** at one place become one (the first that reads pressure); slots that hold nothing are left out. Thermal pads
 ///   and dead taxels have a place, and stay. Taxels keep the order of the file; arrays move with them.
 /// - The **spacing** is the distance to the third nearest taxel, smoothed.
-/// - **Normals** are those of the file where these are believable (unit vectors along the planes of the neighbourhoods, not
-///   all the same on a curved part), else those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to
-///   one side along a spanning tree (Hoppe et al. 1992, judged as by König and Gumhold 2009).
+/// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to one side along a
+///   spanning tree (Hoppe et al. 1992, judged as by König and Gumhold 2009). Those of the file, where these are believable (unit
+///   vectors along the planes of the neighbourhoods, not all the same on a curved part), keep the sides of a thin part apart, lead
+///   the tree, stand in where a sharp edge or a strip has no plane, and tell the outside.
 /// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least two corners agree, then
 ///   those of one corner that fit between them; a square is cut along one diagonal by the place of its corners. Edges are no longer
 ///   than [`MeshOptions::gap`] times the spacing at their ends. The mesh is an oriented manifold: a face that would give an edge a
 ///   third face, or overlap in the tangent plane of a corner, is not taken.
-/// - The **outside** of pieces without believable normals is away from the middle of the sheet.
+/// - The **outside** of pieces whose normals do not tell it, two thirds of them, is away from the middle of the sheet.
 ///
 /// The result does not depend on the order of the taxels, up to the order of their names, nor on frame and unit, except for which
 /// diagonal a square gets. Time and memory are near-linear.
@@ -112,18 +116,19 @@ fn mesh_sheet(sheet: &Sheet, options: &MeshOptions, remarks: &mut Vec<Remark>) -
     if places < 3 {
         return Err(SkinError::TooFewPlaces { patch: patch(), found: places });
     }
-    let neighbours = Neighbours::new(positions, gap);
-    let mut normals = Normals::new(&bare, &neighbours);
-    if normals.thickness > THICKEST {
+    let mut neighbours = Neighbours::new(positions, gap);
+    let mut normals = Normals::new(&bare, &mut neighbours);
+    if normals.thickness > THICKEST && !normals.has_file() {
         return Err(SkinError::NoSurface { patch: patch(), thickness: normals.thickness });
     }
     orient(&mut normals, positions, &neighbours);
+    normals.replace_bad_planes(&neighbours);
     let mut triangles =
         weave(&Surroundings { positions, normals: &normals.normal, neighbours: &neighbours, gap });
     if triangles.is_empty() {
         return Err(SkinError::NoFace { patch: patch(), places });
     }
-    let outside = turn_outward(&mut triangles, positions, &normals.given);
+    let outside = turn_outward(&mut triangles, positions, &normals.file);
     let mut tell = |kind, message| remarks.push(Remark { kind, patch: patch(), message });
     let reach_mm = 1e3 * gap * bare.places.unit * median(&neighbours.spacing);
     let faces = triangles.len();
@@ -158,7 +163,14 @@ impl Bare<'_> {
         if let Some(why) = normals.refused {
             tell(RemarkKind::Normals, format!("{why}; those of the faces replace them"));
         }
-        let Outside { centre, undecided } = outside;
+        let Outside { centre, undecided, opposed, normals } = outside;
+        if opposed > normals / FEW {
+            let message = format!(
+                "{opposed} of {normals} normals oppose those of their neighbours; the planes of the neighbourhoods were used, and \
+                 of a piece the side that two thirds of its normals tell"
+            );
+            tell(RemarkKind::Normals, message);
+        }
         if centre > 0 {
             let message = format!(
                 "no normals tell the outside; it was assumed away from the middle of the part for {centre} pieces"

@@ -60,6 +60,13 @@ impl Neighbours {
         Self { spacing, lists }
     }
 
+    /// The same, but only the pairs that `keep` wants; it must not mind the order.
+    pub(super) fn filtered(&self, keep: impl Fn(VertexId, VertexId) -> bool + Sync) -> Self {
+        let ids: Vec<VertexId> = self.spacing.ids().collect();
+        let kept = |&v: &VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
+        Self { spacing: self.spacing.clone(), lists: ids.par_iter().map(kept).collect() }
+    }
+
     /// The neighbours of `v`, nearest first.
     pub(super) fn of(&self, v: VertexId) -> &[VertexId] {
         &self.lists[v.index()]

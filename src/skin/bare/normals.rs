@@ -16,9 +16,6 @@ use crate::{
 /// Neighbours to which a plane is fitted: two rings of a lattice are 18, the nearer of them follow a bend better.
 const PLANE_NEIGHBOURS: usize = 12;
 
-/// A normal of the file is asked against those of so many neighbours.
-const NEAREST: usize = 6;
-
 /// A module gives its taxels a plane if it has this many places, ...
 const MODULE_PLACES: usize = 4;
 
@@ -41,13 +38,28 @@ pub(super) struct Plane {
     pub thickness: f64,
 }
 
+/// Two taxels whose normals in the file are turned by more than 135 degrees may lie on two sides of a thin part; across a sharp
+/// edge it is less.
+const OPPOSED: f64 = -0.7;
+
+/// They do if both see each other so far below, or above, their tangent planes, in spacings. A normal that points to the wrong
+/// side shows one of them above and one below.
+const APART: f64 = 0.25;
+
+/// Taxels that see each other more steeply than 64 degrees over both their tangent planes lie on two layers.
+const STACKED: f64 = 0.9;
+
+/// A plane whose normal is turned by more than 60 degrees from the file's normals around it was fitted to a sharp edge, a strip or
+/// two layers; the mean of these replaces it.
+const BEST_PLANE: f64 = 0.5;
+
 /// What is known of the taxels' normals.
 #[derive(Debug)]
 pub(super) struct Normals {
     /// Unit normals.
     pub normal: IdVec<VertexId, DVec3>,
-    /// Whether each is the file's own, and so knows the outside.
-    pub given: IdVec<VertexId, bool>,
+    /// Believable unit normals of the file; zero where there is none.
+    pub file: IdVec<VertexId, DVec3>,
     /// Median of [`Plane::thickness`].
     pub thickness: f64,
     /// Why the file's normals were not used; `None` if they were or there are none.
@@ -55,29 +67,66 @@ pub(super) struct Normals {
 }
 
 impl Normals {
-    /// The file's normals where they are believable, else those of the rigid module, else those of the plane of least squares
-    /// through the nearest neighbours (Hoppe et al. 1992).
-    pub(super) fn new(bare: &Bare<'_>, neighbours: &Neighbours) -> Self {
+    /// Those of the rigid modules, else those of the planes of least squares through the nearest neighbours (Hoppe et al. 1992),
+    /// towards the side of the file's where these are believable. Neighbours that these show on different sides of a thin part
+    /// are neighbours no more.
+    pub(super) fn new(bare: &Bare<'_>, neighbours: &mut Neighbours) -> Self {
         let file = bare.sheet.normals.as_ref().map(|n| bare.places.taxel.map(|&k| believable(n[k])));
         let mut refused = None;
         if let Some(file) = file {
-            let (mut normal, thickness) = planes(bare, neighbours, Some(&file));
+            let beside = neighbours.filtered(|v, w| !is_across(v, w, bare, &file, neighbours));
+            let (mut normal, thickness) = planes(bare, &beside);
             refused = refuse(&file, &normal);
             if refused.is_none() {
-                let given = file
-                    .enumerate()
-                    .map(|(v, n)| *n != DVec3::ZERO && !is_turned(v, &file, neighbours))
-                    .collect();
-                let given: IdVec<VertexId, bool> = given;
-                for v in given.ids().filter(|&v| given[v]) {
-                    normal[v] = file[v];
+                *neighbours = beside;
+                for (n, &of_file) in normal.iter_mut().zip(&file) {
+                    *n = if n.dot(of_file) < 0.0 { -*n } else { *n };
                 }
-                return Self { normal, given, thickness, refused };
+                return Self { normal, file, thickness, refused };
             }
         }
-        let (normal, thickness) = planes(bare, neighbours, None);
-        Self { given: IdVec::filled(false, normal.len()), normal, thickness, refused }
+        let (normal, thickness) = planes(bare, neighbours);
+        Self { file: IdVec::filled(DVec3::ZERO, normal.len()), normal, thickness, refused }
     }
+
+    /// Whether the file has normals that are believed.
+    pub(super) fn has_file(&self) -> bool {
+        self.file.iter().any(|n| *n != DVec3::ZERO)
+    }
+
+    /// Puts the mean of the file's normals around a taxel in the place of planes that have nothing to do with it; the normals
+    /// must face one side.
+    pub(super) fn replace_bad_planes(&mut self, neighbours: &Neighbours) {
+        let Self { normal, file, .. } = &*self;
+        let turned = |v: VertexId| if file[v].dot(normal[v]) < 0.0 { -file[v] } else { file[v] };
+        let better = |&v: &VertexId| {
+            let near = neighbours.of(v).iter().take(PLANE_NEIGHBOURS);
+            let mean = near.map(|&w| turned(w)).sum::<DVec3>() + turned(v);
+            let mean = mean.normalize_or_zero();
+            (mean != DVec3::ZERO && mean.dot(normal[v]) < BEST_PLANE).then_some((v, mean))
+        };
+        let ids: Vec<VertexId> = normal.ids().collect();
+        let better: Vec<(VertexId, DVec3)> = ids.par_iter().filter_map(better).collect();
+        for (v, mean) in better {
+            self.normal[v] = mean;
+        }
+    }
+}
+
+/// Whether the file's normals show that `v` and `w` lie on different sides, or layers, of the part.
+fn is_across(
+    v: VertexId,
+    w: VertexId,
+    bare: &Bare<'_>,
+    file: &IdVec<VertexId, DVec3>,
+    neighbours: &Neighbours,
+) -> bool {
+    let d = bare.places.positions[w] - bare.places.positions[v];
+    let [seen, back] = [d.dot(file[v]), -d.dot(file[w])];
+    let apart = APART * 0.5 * (neighbours.spacing[v] + neighbours.spacing[w]);
+    let least = seen.abs().min(back.abs());
+    let is_behind = seen * back > 0.0 && least > apart && file[v].dot(file[w]) < OPPOSED;
+    is_behind || least > STACKED * d.length()
 }
 
 /// A unit normal, or zero for one that is none.
@@ -85,25 +134,12 @@ fn believable(n: DVec3) -> DVec3 {
     if is_unit(n) { n.normalize() } else { DVec3::ZERO }
 }
 
-/// Whether the normal of `v` points against those of most of its nearest neighbours.
-fn is_turned(v: VertexId, file: &IdVec<VertexId, DVec3>, neighbours: &Neighbours) -> bool {
-    let near = neighbours.of(v).iter().take(NEAREST).map(|&w| file[w].dot(file[v]));
-    near.fold(0_i32, |sum, cos| sum + i32::from(cos < 0.0) - i32::from(cos > 0.0)) > 0
-}
-
 /// The planes of all taxels, those of modules where there are such, and the median of the thickness.
-///
-/// Neighbours whose normal in the file points to the other side lie on another side of a thin part.
-fn planes(
-    bare: &Bare<'_>,
-    neighbours: &Neighbours,
-    file: Option<&IdVec<VertexId, DVec3>>,
-) -> (IdVec<VertexId, DVec3>, f64) {
+fn planes(bare: &Bare<'_>, neighbours: &Neighbours) -> (IdVec<VertexId, DVec3>, f64) {
     let ids: Vec<VertexId> = bare.places.positions.ids().collect();
-    let is_beside = |v: VertexId, w: VertexId| file.is_none_or(|n| n[v].dot(n[w]) >= 0.0);
     let plane = |&v: &VertexId| {
-        let beside = neighbours.of(v).iter().filter(|&&w| is_beside(v, w)).take(PLANE_NEIGHBOURS);
-        local_plane(beside.chain([&v]).map(|&w| bare.places.positions[w]))
+        let near = neighbours.of(v).iter().take(PLANE_NEIGHBOURS);
+        local_plane(near.chain([&v]).map(|&w| bare.places.positions[w]))
     };
     let planes: Vec<Plane> = ids.par_iter().map(plane).collect();
     let mut thickness: Vec<f64> = planes.iter().map(|p| p.thickness).collect();
@@ -129,7 +165,7 @@ fn refuse(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Opt
     if 2 * units < file.len() {
         Some("most normals are no unit vectors")
     } else if !differs && mean < FLAT_AGREEMENT {
-        Some("the normals are all the same although the part is curved")
+        Some("the normals are all the same and do not stand on the part")
     } else if mean < AGREEMENT {
         Some("the normals do not fit the places of the taxels")
     } else {

@@ -20,24 +20,24 @@ const STEEP: f64 = 0.75;
 /// that is clearest (Hoppe et al. 1992).
 ///
 /// How clear it is, and which way, is judged as if both taxels lay on one circle (König and Gumhold 2009): a tight bend is
-/// clear then, and a place across a thin part is not. Normals of the file keep their sign.
+/// clear then, and a place across a thin part is not. Edges on which the file's normals say otherwise come last: where these are
+/// right they lead, and some that point to the wrong side are passed by.
 pub(super) fn orient(normals: &mut Normals, positions: &IdVec<VertexId, DVec3>, neighbours: &Neighbours) {
-    if normals.given.iter().all(|&given| given) {
-        return;
-    }
-    let Normals { normal, given, .. } = normals;
+    let Normals { normal, file, .. } = normals;
     let ids: Vec<VertexId> = positions.ids().collect();
+    let has_side = |v: VertexId| file[v] != DVec3::ZERO;
     let mut edges: Vec<(f64, VertexId, VertexId, bool)> = ids
         .par_iter()
         .flat_map_iter(|&v| {
-            let (normal, given) = (&*normal, &*given);
+            let normal = &*normal;
             neighbours.of(v).iter().take(SPREAD).map(move |&w| {
                 let along = (positions[w] - positions[v]).normalize_or_zero();
                 let carried = normal[w] - 2.0 * normal[w].dot(along) * along;
                 let agreement = normal[v].dot(carried);
                 let is_steep = [v, w].iter().any(|&u| normal[u].dot(along).abs() > STEEP);
-                let doubt = 1.0 - agreement.abs() + if is_steep { 1.0 } else { 0.0 };
-                if given[v] && given[w] { (-1.0, v, w, false) } else { (doubt, v, w, agreement < 0.0) }
+                let is_denied = agreement < 0.0 && has_side(v) && has_side(w);
+                let doubt = 1.0 - agreement.abs() + f64::from(u8::from(is_steep) + 2 * u8::from(is_denied));
+                (doubt, v, w, agreement < 0.0)
             })
         })
         .collect();
@@ -47,15 +47,15 @@ pub(super) fn orient(normals: &mut Normals, positions: &IdVec<VertexId, DVec3>, 
         // Edges that close a cycle have nothing to say any more, whether they agree or not.
         let _ = sides.join(v, w, against);
     }
-    // Where a set has normals of the file, these keep their side.
+    // The file's normals choose the side of a set.
     let mut votes = IdVec::<VertexId, i32>::filled(0, positions.len());
-    for &v in ids.iter().filter(|&&v| given[v]) {
+    for &v in ids.iter().filter(|&&v| has_side(v)) {
         let (root, against) = sides.root(v);
         votes[root] += if against { -1 } else { 1 };
     }
     for v in ids {
         let (root, against) = sides.root(v);
-        if !given[v] && against != (votes[root] < 0) {
+        if against != (votes[root] < 0) {
             normal[v] = -normal[v];
         }
     }

@@ -9,13 +9,20 @@ use crate::{
 /// and on a saddle it is 0, on a cap of 20 degrees across 0.06.
 const UNDECIDED: f64 = 0.02;
 
-/// How the outside of the pieces without believable normals was found.
+/// The file's normals tell the outside of a piece if so many of them look to one side of its faces.
+const MAJORITY: f64 = 2.0 / 3.0;
+
+/// How the outside of the pieces was found.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Outside {
     /// Pieces that face away from the centre.
     pub centre: usize,
     /// Pieces that bulge neither way; the largest component of their vector area is positive now.
     pub undecided: usize,
+    /// Normals of the file that look to the other side than most of their piece.
+    pub opposed: usize,
+    /// Normals of the file.
+    pub normals: usize,
 }
 
 /// Sums over the faces of one piece; areas are doubled.
@@ -25,7 +32,9 @@ struct Piece {
     /// Area times place.
     moment: DVec3,
     direction: DVec3,
-    has_normals: bool,
+    /// Normals of the file that look out of its faces, and those that look in.
+    out: usize,
+    inward: usize,
     /// How far its faces look away from the centre of the sheet.
     from_sheet: f64,
     /// How far its faces look away from its own centre.
@@ -39,6 +48,12 @@ impl Piece {
 
     /// Whether its faces look inwards, as far as that can be told; notes how.
     fn is_inside_out(&self, outside: &mut Outside) -> bool {
+        let normals = self.out + self.inward;
+        outside.normals += normals;
+        outside.opposed += self.out.min(self.inward);
+        if normals > 0 && self.out.max(self.inward) as f64 >= MAJORITY * normals as f64 {
+            return self.inward > self.out;
+        }
         let away = [self.from_sheet, self.from_own].map(|away| away / self.area);
         if let Some(away) = away.into_iter().find(|away| away.abs() >= UNDECIDED) {
             outside.centre += 1;
@@ -50,12 +65,13 @@ impl Piece {
     }
 }
 
-/// Turns over the pieces without believable normals whose faces look towards the centre of the sheet, as the skin of a limb does
-/// not, or towards their own where that one does not tell.
+/// Turns over the pieces whose faces look against most normals of the file, and where there are none, or they disagree, those
+/// whose faces look towards the centre of the sheet, as the skin of a limb does not, or towards their own where that one does
+/// not tell.
 pub(super) fn turn_outward(
     triangles: &mut IdVec<FaceId, [VertexId; 3]>,
     positions: &IdVec<VertexId, DVec3>,
-    given: &IdVec<VertexId, bool>,
+    file: &IdVec<VertexId, DVec3>,
 ) -> Outside {
     let (of_face, count) = number_pieces(triangles, positions.len());
     let mut pieces = vec![Piece::default(); count];
@@ -65,13 +81,17 @@ pub(super) fn turn_outward(
         let [a, b, c] = t.map(|v| positions[v]);
         ((b - a).cross(c - a), (a + b + c) / 3.0)
     };
+    let mut taxels: IdVec<VertexId, (DVec3, Option<usize>)> =
+        IdVec::filled((DVec3::ZERO, None), positions.len());
     for (f, t) in triangles.enumerate() {
         let (cross, middle) = face(t);
+        for &v in t {
+            taxels[v] = (taxels[v].0 + cross, Some(of_face[f]));
+        }
         for piece in [&mut pieces[of_face[f]], &mut sheet] {
             piece.area += cross.length();
             piece.moment += cross.length() * middle;
             piece.direction += cross;
-            piece.has_normals |= t.iter().any(|&v| given[v]);
         }
     }
     for (f, t) in triangles.enumerate() {
@@ -80,9 +100,14 @@ pub(super) fn turn_outward(
         piece.from_sheet += cross.dot((middle - sheet.centre()).normalize_or_zero());
         piece.from_own += cross.dot((middle - piece.centre()).normalize_or_zero());
     }
+    for (&(cross, piece), n) in taxels.iter().zip(file).filter(|(_, n)| **n != DVec3::ZERO) {
+        if let Some(piece) = piece {
+            let side = if cross.dot(*n) < 0.0 { &mut pieces[piece].inward } else { &mut pieces[piece].out };
+            *side += 1;
+        }
+    }
     let mut outside = Outside::default();
-    let turn: Vec<bool> =
-        pieces.iter().map(|piece| !piece.has_normals && piece.is_inside_out(&mut outside)).collect();
+    let turn: Vec<bool> = pieces.iter().map(|piece| piece.is_inside_out(&mut outside)).collect();
     for (t, &piece) in triangles.iter_mut().zip(&of_face) {
         if turn[piece] {
             t.swap(1, 2);
