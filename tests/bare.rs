@@ -488,6 +488,37 @@ fn what_is_no_surface_is_refused_by_name() {
 }
 
 #[test]
+fn a_sheet_of_one_taxel_does_not_stop_the_others() {
+    let lone = Sheet { name: "lone".into(), ..bare(&[DVec3::ONE]) };
+    let mut draft = draft_of(taxels_of(&shapes::lattice(6, 6, 0.005)));
+    draft.sheets.push(lone.clone());
+    let assembled = assemble(&draft).unwrap();
+    assert_eq!(only(&assembled).mesh.positions.len(), 36);
+    let told = |r: &dermatome::skin::Remark| r.kind == RemarkKind::LeftOut && r.patch == "lone";
+    assert!(assembled.remarks.iter().any(told), "{:?}", assembled.remarks);
+    assert!(assemble(&draft_of(lone)).is_err(), "but alone it is no skin");
+}
+
+/// The resolution was a part of the box, and most taxels fell into one cell.
+#[test]
+fn a_coordinate_that_stands_for_none_merges_nothing() {
+    let mut positions = shapes::lattice(30, 30, 0.005).positions.into_vec();
+    positions.push(DVec3::splat(1e10));
+    let assembled = meshed(bare(&positions));
+    assert_eq!(only(&assembled).mesh.positions.len(), 900);
+    assert!(!kinds(&assembled).contains(&RemarkKind::Merged));
+}
+
+#[test]
+fn a_wide_gap_joins_the_same_taxels() {
+    let mesh = shaken(&shapes::cap(1500, 0.1, 1.2), 0.0005);
+    for gap in [2.5, 20.0] {
+        let draft = mesh_bare(&draft_of(taxels_of(&mesh)), &MeshOptions { gap }).unwrap();
+        assert_eq!(topology(&only(&assemble(&draft).unwrap()).mesh), (1, 1), "gap {gap}");
+    }
+}
+
+#[test]
 fn dense_and_sparse_skin_join() {
     // Spacing grows more than 80-fold outward, on a spiral of the golden angle.
     let positions: Vec<DVec3> = (0..6000)

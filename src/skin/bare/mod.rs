@@ -12,6 +12,8 @@ mod star;
 mod surroundings;
 mod weave;
 
+use std::collections::BTreeSet;
+
 use crate::{
     id::{FaceId, IdVec, VertexId},
     skin::{
@@ -91,25 +93,42 @@ impl Draft {
 /// diagonal a square gets. Time and memory are near-linear.
 ///
 /// # Errors
-/// If an option is out of range, or the taxels of a sheet have fewer than three places, lie in a cloud rather than on a
-/// surface, or have no triangle within the gap.
+/// If an option is out of range, or the taxels of every sheet have fewer than three places, lie in a cloud rather than on a
+/// surface, or have no triangle within the gap. Such a sheet among others is left out, with a remark.
 pub fn mesh_bare(draft: &Draft, options: &MeshOptions) -> Result<Draft, SkinError> {
     let mut meshed = draft.clone();
     for sheet in &meshed.sheets {
         check_sheet(sheet, &draft.links)?;
     }
-    for sheet in meshed.sheets.iter_mut().filter(|s| !s.positions.is_empty()) {
-        *sheet = mesh_sheet(sheet, options, &mut meshed.remarks)?;
-    }
-    Ok(meshed)
-}
-
-fn mesh_sheet(sheet: &Sheet, options: &MeshOptions, remarks: &mut Vec<Remark>) -> Result<Sheet, SkinError> {
-    let patch = || sheet_name(sheet).to_owned();
     let gap = options.gap;
     if !GAPS.contains(&gap) {
         return Err(SkinError::Gap { found: gap });
     }
+    let sheets = std::mem::take(&mut meshed.sheets);
+    let mut refused = None;
+    for sheet in sheets {
+        if sheet.positions.is_empty() {
+            meshed.sheets.push(sheet);
+            continue;
+        }
+        match mesh_sheet(&sheet, gap, &mut meshed.remarks) {
+            Ok(sheet) => meshed.sheets.push(sheet),
+            Err(why) => {
+                let message = format!("{} taxels were left out: {why}", sheet.positions.len());
+                let patch = sheet_name(&sheet).to_owned();
+                meshed.remarks.push(Remark { kind: RemarkKind::LeftOut, patch, message });
+                refused.get_or_insert(why);
+            }
+        }
+    }
+    match refused {
+        Some(why) if meshed.sheets.iter().all(|s| s.triangles.is_empty()) => Err(why),
+        _ => Ok(meshed),
+    }
+}
+
+fn mesh_sheet(sheet: &Sheet, gap: f64, remarks: &mut Vec<Remark>) -> Result<Sheet, SkinError> {
+    let patch = || sheet_name(sheet).to_owned();
     let bare = Bare { sheet, places: Places::new(sheet) };
     let positions = &bare.places.positions;
     let places = positions.len();
@@ -130,15 +149,21 @@ fn mesh_sheet(sheet: &Sheet, options: &MeshOptions, remarks: &mut Vec<Remark>) -
     }
     let outside = turn_outward(&mut triangles, positions, &normals.file);
     let mut tell = |kind, message| remarks.push(Remark { kind, patch: patch(), message });
-    let reach_mm = 1e3 * gap * bare.places.unit * median(&neighbours.spacing);
+    let reach = length(gap * bare.places.unit * median(&neighbours.spacing));
     let faces = triangles.len();
+    let joined = triangles.iter().flatten().collect::<BTreeSet<_>>().len();
     let message = format!(
-        "{places} bare taxels were joined by {faces} triangles; longer edges than {gap} times the spacing, here \
-         {reach_mm:.3} mm, are gaps"
+        "{joined} bare taxels were joined by {faces} triangles; longer edges than {gap} times the spacing, here {reach}, \
+         are gaps"
     );
     tell(RemarkKind::Meshed, message);
     bare.remark(&normals, outside, &mut tell);
     Ok(bare.sheet_of(&triangles, &normals, &mut tell))
+}
+
+/// A length in m, told in mm where that is readable.
+fn length(metres: f64) -> String {
+    if (1e-6..1e3).contains(&metres) { format!("{:.3} mm", 1e3 * metres) } else { format!("{metres:.3e} m") }
 }
 
 fn median(spacing: &IdVec<VertexId, f64>) -> f64 {
