@@ -8,8 +8,9 @@ use crate::{
     skin::{Presence, Sheet},
 };
 
-/// Two taxels are at one place if they are, up to this part of the sheet's extent: 40 of the 53 bits of a number, far below
-/// what any sensor can be mounted to, and far above the rounding of a change of frame.
+/// Two taxels are at one place if they are, up to this part of the median distance from the middle of the sheet: 40 of the 53
+/// bits of a number, far below what any sensor can be mounted to, and far above the rounding of a change of frame. Unlike the
+/// extent, the median does not mind a number that stands for none among the coordinates.
 const RESOLUTION: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// The places of the taxels of a sheet, each once.
@@ -44,14 +45,17 @@ impl Places {
         let mut taxels: Vec<usize> = (0..count).filter(|&k| !is_empty(k)).collect();
         let absent = count - taxels.len();
         let frame = Frame::around(taxels.iter().map(|&k| sheet.positions[k]));
+        let resolution =
+            RESOLUTION * median_distance(taxels.iter().map(|&k| frame.scaled(sheet.positions[k])).collect());
+        let cell = |k: usize| cell(frame.scaled(sheet.positions[k]), resolution);
         let reads = |k: usize| sheet.presence.as_ref().is_none_or(|p| p[k] == Presence::Present);
         let mut first: HashMap<[i64; 3], usize> = HashMap::with_capacity(taxels.len());
         for wanted in [true, false] {
             for &k in taxels.iter().filter(|&&k| reads(k) == wanted) {
-                first.entry(cell(frame.scaled(sheet.positions[k]))).or_insert(k);
+                first.entry(cell(k)).or_insert(k);
             }
         }
-        let is_first = |k: usize| first.get(&cell(frame.scaled(sheet.positions[k]))) == Some(&k);
+        let is_first = |k: usize| first.get(&cell(k)) == Some(&k);
         let merged = taxels.iter().copied().filter(|&k| !is_first(k)).collect();
         taxels.retain(|&k| is_first(k));
         let mut places: Vec<(u64, DVec3, usize)> = taxels
@@ -101,10 +105,28 @@ impl Frame {
     }
 }
 
-/// A place rounded to the resolution.
-#[expect(clippy::cast_possible_truncation, reason = "coordinates lie in 0..=1, 40 bits are left")]
-fn cell(p: DVec3) -> [i64; 3] {
-    (p / RESOLUTION).to_array().map(|x| x.round() as i64)
+/// The median of the distances, by coordinate, from the middle: the median of each coordinate. 1, the longest side of the box, if
+/// most lie there.
+fn median_distance(mut places: Vec<DVec3>) -> f64 {
+    if places.is_empty() {
+        return 1.0;
+    }
+    let half = places.len() / 2;
+    let median = [0, 1, 2]
+        .map(|axis: usize| places.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis])).1[axis]);
+    let mut distances: Vec<f64> =
+        places.iter().map(|p| (*p - DVec3::from(median)).abs().max_element()).collect();
+    let distance = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
+    if distance > 0.0 { distance } else { 1.0 }
+}
+
+/// A place rounded to the resolution; one far outside the others may share its cell with the like.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cast saturates, and only beyond 2^23 median distances"
+)]
+fn cell(p: DVec3, resolution: f64) -> [i64; 3] {
+    (p / resolution).to_array().map(|x| x.round() as i64)
 }
 
 /// The bits of 21-bit coordinates, interleaved (Morton 1966).
