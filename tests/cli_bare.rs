@@ -93,6 +93,18 @@ fn a_list_of_another_length_is_told() {
     assert!(draft.remarks[0].message.contains("22 entries for 24 rows"), "{}", draft.remarks[0]);
 }
 
+#[test]
+fn a_file_that_was_cut_is_told() {
+    let cut = positions().lines().map(|line| format!("{line}\n")).take(5 + 22).collect::<String>();
+    let (_folder, path) = folder_with("shin.txt", cut.replacen("( 3  ", "( 999  ", 1));
+    let remarks: Vec<String> = read_draft(&path).unwrap().remarks.iter().map(ToString::to_string).collect();
+    for said in
+        ["22 rows are no whole number of modules", "1 entries of taxel2Repr name slots beyond the 22 rows"]
+    {
+        assert!(remarks.iter().any(|r| r.contains(said)), "{said}: {remarks:?}");
+    }
+}
+
 /// Each broken line, what replaces it, and what the error says.
 #[test]
 fn other_texts_are_refused_with_their_line() {
@@ -106,6 +118,7 @@ fn other_texts_are_refused_with_their_line() {
         ("0.02   0 0 1", "two   0 0 1", "line 6"),
         ("( 3  ", "( -7  ", "entry 1 of taxel2Repr"),
         (")\n", "\n", "line 3"),
+        ("spatial_sampling taxel", "name\tother", "line 2"),
     ] {
         let (_folder, path) = folder_with("shin.txt", positions().replacen(from, to, 1));
         let error = read_draft(&path).unwrap_err().to_string();

@@ -1,6 +1,6 @@
 //! Taxel positions of the iCub, as its `skinManager` keeps them: `positions/*.txt`.
 
-use std::str::Lines;
+use std::{collections::BTreeSet, str::Lines};
 
 use glam::DVec3;
 
@@ -32,6 +32,8 @@ const SECTION: &str = "[calibration]";
 /// link; twelve rows are one module. Ids are the numbers of the slots, from 0. A row of zeros is an absent slot, whatever
 /// `taxel2Repr` says; a slot with a place but without a reading is a thermal pad. Normals are taken as they are, placeholders too.
 ///
+/// A header line may stand there once. That rows end within a module, or `taxel2Repr` names slots beyond them, is remarked.
+///
 /// # Errors
 /// The first line that is none of these.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
@@ -60,6 +62,25 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     sheet.ids = Some((0..).take(positions.len()).map(TaxelId).collect());
     sheet.modules = Some((0..).take(positions.len()).map(|slot: u32| slot / SLOTS_PER_MODULE).collect());
     let mut remarks = header.remarks;
+    let over = positions.len() % SLOTS_PER_MODULE as usize;
+    if over != 0 {
+        remarks.push(format!(
+            "{} rows are no whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}, as if the file were cut",
+            positions.len()
+        ));
+    }
+    let beyond = header
+        .representatives
+        .iter()
+        .take(positions.len())
+        .filter(|&&n| usize::try_from(n).is_ok_and(|n| n >= positions.len()))
+        .count();
+    if beyond > 0 {
+        remarks.push(format!(
+            "{beyond} entries of taxel2Repr name slots beyond the {} rows, as if the file were cut; they are taxels",
+            positions.len()
+        ));
+    }
     let (told, rows) = (header.representatives.len(), positions.len());
     if told != rows {
         remarks.push(format!(
@@ -110,9 +131,15 @@ struct Header {
 impl Header {
     fn read(source: &Source, lines: &mut Numbered<'_>) -> Result<Self, IoError> {
         const KNOWN: &str = "positions of iCub taxels: lines `name`, `spatial_sampling` and `taxel2Repr`, then `[calibration]`";
+        const KEYS: [&str; 3] = ["name", "spatial_sampling", "taxel2Repr"];
         let mut header = Self::default();
+        let mut seen = BTreeSet::new();
         for (number, line) in lines.by_ref() {
             let (key, value) = line.split_once(|c: char| c.is_whitespace() || c == '(').unwrap_or((line, ""));
+            if KEYS.contains(&key) && !seen.insert(key) {
+                let found = format!("{key} again");
+                return Err(source.invalid(format!("line {number}"), found, "each header line once"));
+            }
             match key {
                 SECTION => return Ok(header),
                 "name" => header.name = Some(value.trim().to_owned()).filter(|name| !name.is_empty()),
