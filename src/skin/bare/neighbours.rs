@@ -38,20 +38,28 @@ impl Neighbours {
             let most = gap * 0.5 * (spacing[v] + spacing[w]);
             squared <= most * most
         };
-        let mut lists: Vec<Vec<VertexId>> = ids
+        let (mut lists, last): (Vec<Vec<VertexId>>, Vec<Near>) = ids
             .par_iter()
             .map_init(Vec::new, |found, &v| {
-                tree.nearest(positions[v], v, crowd, gap * spacing[v], found);
-                found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect()
+                let reach = gap * spacing[v];
+                tree.nearest(positions[v], v, crowd, reach, found);
+                let last = if found.len() < crowd {
+                    (reach * reach, VertexId::from(u32::MAX))
+                } else {
+                    found[crowd - 1]
+                };
+                (found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect(), last)
             })
-            .collect();
+            .unzip();
         // A taxel of dense skin does not look as far as a neighbour in sparse skin, which may have found it.
         let mut missed: Vec<(VertexId, Near)> = ids
             .par_iter()
             .flat_map_iter(|&v| {
-                let lists = &lists;
-                let missed = lists[v.index()].iter().filter(move |w| !lists[w.index()].contains(&v));
-                missed.map(move |&w| (w, (positions[v].distance_squared(positions[w]), v)))
+                let last = &last;
+                let seen = lists[v.index()]
+                    .iter()
+                    .map(move |&w| (w, (positions[v].distance_squared(positions[w]), v)));
+                seen.filter(move |(w, near)| is_before(&last[w.index()], near))
             })
             .collect();
         missed.par_sort_unstable_by(|(v, a), (w, b)| v.cmp(w).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
@@ -71,6 +79,11 @@ impl Neighbours {
     pub(super) fn of(&self, v: VertexId) -> &[VertexId] {
         &self.lists[v.index()]
     }
+}
+
+/// Whether `a` is found before `b`.
+fn is_before(a: &Near, b: &Near) -> bool {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).is_lt()
 }
 
 /// Most neighbours of a taxel.
