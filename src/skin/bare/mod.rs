@@ -177,7 +177,7 @@ impl Bare<'_> {
     fn remark(&self, normals: &Normals, outside: Outside, tell: &mut impl FnMut(RemarkKind, String)) {
         let Places { merged, absent, .. } = &self.places;
         if *absent > 0 {
-            tell(RemarkKind::LeftOut, format!("{absent} empty slots were left out"));
+            tell(RemarkKind::PassedOver, format!("{absent} empty slots were left out"));
         }
         if !merged.is_empty() {
             let list = first_few(merged.iter());

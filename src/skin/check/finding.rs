@@ -39,6 +39,10 @@ kinds! {
     NoTriangles "no-triangles" Sheet,
     /// Taxels without triangles, which are meshed when they are read; nothing wrong.
     Bare "bare" Sheet,
+    /// Taxels without triangles that cannot be meshed.
+    NoSkin "no-skin" Sheet,
+    /// Taxels without triangles that fall into pieces, or are left out, when they are meshed.
+    BarePieces "bare-pieces" Sheet,
     /// A link comes before its parent.
     LinkOrder "link-order" Link,
     /// A sheet hangs on a link that does not exist.

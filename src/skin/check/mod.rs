@@ -12,8 +12,8 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::Edges,
     skin::{
-        Draft, Sheet, check::topology::Topology, names::sheet_name, outward::taxel_normals, surface::Surface,
-        winding::Winding,
+        Draft, Remark, RemarkKind, Sheet, assemble, check::topology::Topology, names::sheet_name,
+        outward::taxel_normals, surface::Surface, winding::Winding,
     },
 };
 
@@ -48,11 +48,28 @@ pub fn check(draft: &Draft) -> Vec<Finding> {
              tells what was assumed";
         findings.retain(|f| f.kind != FindingKind::IsolatedTaxel);
         findings.insert(0, of_draft(FindingKind::Bare, message));
+        check_meshing(draft, &mut findings);
     } else if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
         let message = "there is no triangle in it: a skin needs taxels joined by triangles";
         findings.push(of_draft(FindingKind::NoTriangles, message));
     }
     findings
+}
+
+/// Notes what becomes of bare taxels: why they cannot be meshed, into what pieces they fall, and which are left out.
+fn check_meshing(draft: &Draft, findings: &mut Vec<Finding>) {
+    let mut note = |kind, patch: &str, message| {
+        findings.push(Finding { kind, patch: patch.to_owned(), elements: Vec::new(), message });
+    };
+    match assemble(draft) {
+        Err(why) => note(FindingKind::NoSkin, "", why.to_string()),
+        Ok(assembled) => {
+            let of_kind = |r: &&Remark| matches!(r.kind, RemarkKind::Components | RemarkKind::LeftOut);
+            for remark in assembled.remarks[draft.remarks.len()..].iter().filter(of_kind) {
+                note(FindingKind::BarePieces, &remark.patch, remark.message.clone());
+            }
+        }
+    }
 }
 
 /// One sheet with all that the parts of the check need to know of it.
