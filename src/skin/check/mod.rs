@@ -44,8 +44,7 @@ pub fn check(draft: &Draft) -> Vec<Finding> {
         message: message.into(),
     };
     if draft.is_bare() {
-        let message = "its taxels have no triangles and will be joined when it is read as a skin; `convert` does that, and \
-             tells what was assumed";
+        let message = "its taxels have no triangles; reading it as a skin joins them, and `convert` tells what was assumed";
         findings.retain(|f| f.kind != FindingKind::IsolatedTaxel);
         findings.insert(0, of_draft(FindingKind::Bare, message));
         check_meshing(draft, &mut findings);
