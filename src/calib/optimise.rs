@@ -74,7 +74,7 @@ impl Ending {
 pub struct Limits {
     /// Most iterations.
     pub iterations: usize,
-    /// The cost has converged when a step lowers it by less than this share.
+    /// The cost has converged when a step lowers it by less than this share, or the next one is sure to.
     pub relative_decrease: f64,
 }
 
@@ -96,6 +96,13 @@ const LARGEST_DAMPING: f64 = 1e12;
 
 /// A cost this far below what rounding of the sums can resolve is as good as none, over the number of observations.
 const EXACT_FIT: f64 = 1e-20;
+
+/// Factor from decrease to decrease below which the next one is foretold instead of computed, which would cost a
+/// factorization: a quarter of the time of most graphs.
+const STEADY: f64 = 0.1;
+
+/// No factor is believed to be smaller: near a minimum where errors remain, Gauss-Newton converges linearly.
+const LEAST_FACTOR: f64 = 1e-3;
 
 /// What weights the squares get while the optimisation runs.
 #[derive(Debug, Clone, Copy)]
@@ -197,6 +204,7 @@ pub(super) fn minimise(
         return Ok((point, Ending::NothingToSolve));
     }
     let mut control = Control { method, damping: 0.0, growth: FIRST_GROWTH, radius: None };
+    let mut last_decrease = 0.0;
     for _ in 0..limits.iterations {
         let weights = weighting.weights(&point.squares);
         let linear = Linear::new(problem, free, &point.state, &weights);
@@ -217,9 +225,15 @@ pub(super) fn minimise(
         let exact_model = problem.shape != Shape::Pose
             && matches!(weighting, Weighting::Fixed(_))
             && iteration.control == 0.0;
-        if exact_model || decrease <= limits.relative_decrease * point.cost + exact {
+        // Gauss-Newton steps on fixed weights gain ever less: by the same factor again, if that is not the luck of a
+        // first step.
+        let is_newton = iteration.control == 0.0 && matches!(weighting, Weighting::Fixed(_));
+        let factor = (decrease / last_decrease).max(LEAST_FACTOR);
+        let next_decrease = if is_newton && factor < STEADY { decrease * factor } else { decrease };
+        if exact_model || next_decrease <= limits.relative_decrease * point.cost + exact {
             return Ok((point, Ending::Converged));
         }
+        last_decrease = if is_newton { decrease } else { 0.0 };
     }
     Ok((point, Ending::OutOfIterations))
 }
