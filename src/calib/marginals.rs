@@ -265,3 +265,123 @@ fn in_common_frame(problem: &Problem<'_>, state: &State, blocks: &IdVec<VertexId
     let rotations = poses.then(|| blocks.map(|block| upper(quarter(block, 3))));
     Marginals { positions, rotations }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calib::{Residual, SimulateOptions, Start, gauge::free_components, simulate, start::start};
+
+    type Dense = Vec<Vec<f64>>;
+
+    fn product(x: &Dense, y: &Dense) -> Dense {
+        let columns = y[0].len();
+        x.iter()
+            .map(|row| (0..columns).map(|j| row.iter().zip(y).map(|(a, b)| a * b[j]).sum()).collect())
+            .collect()
+    }
+
+    fn transposed(x: &Dense) -> Dense {
+        (0..x[0].len()).map(|j| x.iter().map(|row| row[j]).collect()).collect()
+    }
+
+    /// Gauss-Jordan with pivots.
+    fn inverse(x: &Dense) -> Dense {
+        let n = x.len();
+        let unit = |i: usize| (0..n).map(move |j| f64::from(u8::from(i == j)));
+        let mut m: Dense =
+            x.iter().enumerate().map(|(i, row)| row.iter().copied().chain(unit(i)).collect()).collect();
+        for k in 0..n {
+            let best = (k..n).max_by(|&a, &b| m[a][k].abs().total_cmp(&m[b][k].abs())).unwrap();
+            m.swap(k, best);
+            let pivot: Vec<f64> = m[k].iter().map(|x| x / m[k][k]).collect();
+            for (i, row) in m.iter_mut().enumerate() {
+                let factor = row[k];
+                let target = if i == k { 0.0 } else { 1.0 };
+                row.iter_mut()
+                    .zip(&pivot)
+                    .for_each(|(x, p)| *x = target * (*x - factor * p) + (1.0 - target) * p);
+            }
+        }
+        m.into_iter().map(|row| row[n..].to_vec()).collect()
+    }
+
+    /// `P C P'` with `P = 1 - G (A G)^-1 A`, all matrices written out.
+    fn aligned(c: &Dense, alignment: &Alignment<'_>, state: &State) -> Dense {
+        let flat = |twists: Vec<Twist>| -> Vec<[f64; 6]> {
+            twists.iter().map(|t| std::array::from_fn(|k| t[k / 3][k % 3])).collect()
+        };
+        let stacked = |of: &dyn Fn(&Pose) -> Vec<Twist>| -> Dense {
+            let blocks: Vec<_> = state.iter().map(|at| flat(of(at))).collect();
+            let count = alignment.motions.len();
+            (0..count).map(|k| blocks.iter().flat_map(|b| b[k]).collect()).collect()
+        };
+        let g = transposed(&stacked(&|at| alignment.carry(at)));
+        let a = stacked(&|at| alignment.conditions(at));
+        let away = product(&product(&g, &inverse(&product(&a, &g))), &a);
+        let p: Dense = away
+            .iter()
+            .enumerate()
+            .map(|(i, row)| row.iter().enumerate().map(|(j, x)| f64::from(u8::from(i == j)) - x).collect())
+            .collect();
+        product(&product(&p, c), &transposed(&p))
+    }
+
+    /// Selected inversion and projection taxel by taxel, against dense matrices.
+    #[test]
+    fn covariances_are_those_of_the_dense_inverse() {
+        for (model, anchors) in
+            [Model::Positions, Model::Poses].into_iter().flat_map(|m| [(m, 0), (m, 1), (m, 4)])
+        {
+            let options = SimulateOptions { model, taxels: 12, anchors, ..SimulateOptions::default() };
+            let mut observations = simulate(&options).unwrap().observations;
+            if let Some(crate::calib::Motion::Offset { information, .. }) =
+                observations.edges.as_mut_slice().first_mut().map(|e| &mut e.motion)
+            {
+                // Different in every direction: blocks of three.
+                information.0[0][0] *= 2.0;
+            }
+            let state = start(&observations, Start::Chordal).unwrap();
+            let problem = Problem::new(&observations, Residual::Split).unwrap();
+            let free = free_components(&problem, &state, |_| true);
+            let ones = problem.squares(&state).map(|_| 1.0);
+            let found = marginals(&problem, &free, &state, &ones).unwrap();
+
+            let linear = Linear::new(&problem, &free, &state, &ones);
+            let n = linear.gradient.len();
+            let column = |k: usize| {
+                let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == k))).collect();
+                linear.matrix.multiply(&unit)
+            };
+            let mut c = inverse(&(0..n).map(column).collect());
+            if model == Model::Poses && !free.is_empty() {
+                c = aligned(&c, &Alignment::new(&problem, &free[0], &state), &state);
+            } else if !free.is_empty() {
+                // Translations alone are free: what is left of every column is its distance from the mean.
+                let mean = |x: &Dense| -> Dense {
+                    let centred = |row: &Vec<f64>| -> Vec<f64> {
+                        let mean =
+                            |axis: usize| row.iter().skip(axis).step_by(3).sum::<f64>() * 3.0 / n as f64;
+                        row.iter().enumerate().map(|(i, x)| x - mean(i % 3)).collect()
+                    };
+                    x.iter().map(centred).collect()
+                };
+                c = mean(&transposed(&mean(&c)));
+            }
+            let size = problem.shape.size();
+            for (v, told) in found.positions.enumerate() {
+                let block = |i: usize, j: usize| c[size * v.index() + i][size * v.index() + j];
+                let local = DMat3::from_cols_array(&std::array::from_fn(|k| block(k % 3, k / 3)));
+                let r = DMat3::from_quat(state[v].rotation);
+                let m = r * local * r.transpose();
+                let expected = [m.x_axis.x, m.y_axis.x, m.z_axis.x, m.y_axis.y, m.z_axis.y, m.z_axis.z];
+                let scale = m.x_axis.x + m.y_axis.y + m.z_axis.z;
+                for (a, b) in told.iter().zip(expected) {
+                    assert!(
+                        (a - b).abs() < 1e-9 * scale,
+                        "{model:?}, {anchors} anchors, {v:?}: {a} is not {b}"
+                    );
+                }
+            }
+        }
+    }
+}
