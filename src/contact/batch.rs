@@ -1,14 +1,14 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::contact::{Contact, ContactError, ContactIndex, Hit};
+use crate::{
+    contact::{Contact, ContactError, ContactIndex, Hit},
+    mesh::morton,
+};
 
 /// Contacts that one task answers, each search starting from the last hit: long enough to forget the first search,
 /// short enough to share among threads.
 const RUN: usize = 256;
-
-/// Bits of a Morton code per axis.
-const BITS: u32 = 21;
 
 impl ContactIndex {
     /// Answers many contacts, in parallel; the same hits in the same order as one by one.
@@ -41,37 +41,13 @@ impl ContactIndex {
     /// Morton code and number of each contact, sorted.
     fn along_curve(&self, contacts: &[Contact]) -> Vec<(u64, usize)> {
         let places: Vec<DVec3> = contacts.iter().map(|contact| self.in_world(contact)).collect();
-        let bounds =
+        let (lo, hi) =
             places.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
+        // The box keeps its shape: the longest side has all steps.
+        let side = (hi - lo).max_element().max(f64::MIN_POSITIVE);
         let mut order: Vec<_> =
-            places.iter().enumerate().map(|(number, &p)| (morton(p, bounds), number)).collect();
+            places.iter().enumerate().map(|(number, &p)| (morton((p - lo) / side), number)).collect();
         order.par_sort_unstable();
         order
     }
-}
-
-/// The place of `p` along the Morton curve through the box `(lo, hi)`.
-fn morton(p: DVec3, (lo, hi): (DVec3, DVec3)) -> u64 {
-    let steps = f64::from(1_u32 << BITS) - 1.0;
-    // The box keeps its shape: the longest side has all steps.
-    let unit = (p - lo) * (steps / (hi - lo).max_element().max(f64::MIN_POSITIVE));
-    let spread = |x: f64| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "between 0 and 2^21, and `as` saturates"
-        )]
-        let mut x = x as u64 & ((1 << BITS) - 1);
-        for (shift, mask) in [
-            (32, 0x001f_0000_0000_ffff),
-            (16, 0x001f_0000_ff00_00ff),
-            (8, 0x100f_00f0_0f00_f00f),
-            (4, 0x10c3_0c30_c30c_30c3),
-            (2, 0x1249_2492_4924_9249),
-        ] {
-            x = (x | x << shift) & mask;
-        }
-        x
-    };
-    spread(unit.x) | spread(unit.y) << 1 | spread(unit.z) << 2
 }

@@ -3,7 +3,7 @@ use std::collections::HashMap;
 use glam::DVec2;
 use spade::{DelaunayTriangulation, HasPosition, MIN_ALLOWED_VALUE, Point2, Triangulation};
 
-use crate::delaunay::DelaunayError;
+use crate::{delaunay::DelaunayError, mesh::smallest_first};
 
 /// Coordinates above this are refused, well before the exact predicates overflow.
 const MAX_COORDINATE: f64 = 1e60;
@@ -54,14 +54,4 @@ pub fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayError> {
         .collect();
     triangles.sort_unstable();
     Ok(triangles)
-}
-
-fn smallest_first([a, b, c]: [usize; 3]) -> [usize; 3] {
-    if a < b && a < c {
-        [a, b, c]
-    } else if b < c {
-        [b, c, a]
-    } else {
-        [c, a, b]
-    }
 }

@@ -121,3 +121,14 @@ impl TriMesh {
             .fold(None, |b, &p| Some(b.map_or((p, p), |(lo, hi): (DVec3, DVec3)| (lo.min(p), hi.max(p)))))
     }
 }
+
+/// The same triangle, the same way round, from its smallest corner on.
+pub(crate) fn smallest_first<T: Ord>([a, b, c]: [T; 3]) -> [T; 3] {
+    if a < b && a < c {
+        [a, b, c]
+    } else if b < c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}

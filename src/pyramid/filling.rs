@@ -1,6 +1,9 @@
-use crate::pyramid::{
-    star::{Limits, MAX_RING, Star},
-    surface::Surface,
+use crate::{
+    mesh::smallest_first,
+    pyramid::{
+        star::{Limits, MAX_RING, Star},
+        surface::Surface,
+    },
 };
 
 /// A filling triangle has at least this double area on the flattened star, in squares of its longest side on the skin:
@@ -59,7 +62,7 @@ impl Filler {
         }
         self.triangles.clear();
         if fan >= share * best {
-            let triangle = |step: usize| sorted([apex, (apex + step) % n, (apex + step + 1) % n]);
+            let triangle = |step: usize| smallest_first([apex, (apex + step) % n, (apex + step + 1) % n]);
             self.triangles.extend((1..n - 1).map(|step| triangle(step).map(small)));
             return true;
         }
@@ -86,7 +89,7 @@ impl Filler {
             let mut from = (apex + 1) % n;
             for _ in 1..n - 1 {
                 let to = if from + 1 == n { 0 } else { from + 1 };
-                let quality = self.quality(star, limits, sorted([apex, from, to]));
+                let quality = self.quality(star, limits, smallest_first([apex, from, to]));
                 worst = worst.min(quality);
                 best_on_side[from] = best_on_side[from].max(quality);
                 from = to;
@@ -172,17 +175,6 @@ fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
 pub(super) fn diagonals(triangles: &[[u8; 3]], count: usize) -> impl Iterator<Item = [usize; 2]> {
     let ends = triangles.iter().map(|&[i, _, j]| [usize::from(i), usize::from(j)]);
     ends.filter(move |&ends| ends != [0, count - 1])
-}
-
-/// Ring positions in counter-clockwise order, from the smallest.
-fn sorted([a, b, c]: [usize; 3]) -> [usize; 3] {
-    if a < b && a < c {
-        [a, b, c]
-    } else if b < c {
-        [b, c, a]
-    } else {
-        [c, a, b]
-    }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "ring positions are below MAX_RING")]

@@ -16,6 +16,7 @@ use std::collections::BTreeSet;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
+    mesh::smallest_first,
     skin::{
         Draft, Remark, RemarkKind, Sheet, SkinError,
         assemble::check_sheet,
@@ -256,15 +257,4 @@ impl Bare<'_> {
 
 fn pick<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
     kept.iter().map(|&k| values[k]).collect()
-}
-
-/// The same triangle from its smallest corner on.
-fn smallest_first<T: Ord>([a, b, c]: [T; 3]) -> [T; 3] {
-    if a < b && a < c {
-        [a, b, c]
-    } else if b < c {
-        [b, c, a]
-    } else {
-        [c, a, b]
-    }
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
+    mesh::morton,
     skin::{Presence, Sheet},
 };
 
@@ -127,28 +128,4 @@ fn median_distance(mut places: Vec<DVec3>) -> f64 {
 )]
 fn cell(p: DVec3, resolution: f64) -> [i64; 3] {
     (p / resolution).to_array().map(|x| x.round() as i64)
-}
-
-/// The bits of 21-bit coordinates, interleaved (Morton 1966).
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "coordinates lie in 0..=1, 21 bits are left"
-)]
-fn morton(p: DVec3) -> u64 {
-    const LAST: f64 = ((1_u64 << 21) - 1) as f64;
-    let spread = |x: f64| {
-        let mut x = (x * LAST) as u64;
-        for (shift, mask) in [
-            (32, 0x001f_0000_0000_ffff),
-            (16, 0x001f_0000_ff00_00ff),
-            (8, 0x100f_00f0_0f00_f00f),
-            (4, 0x10c3_0c30_c30c_30c3),
-            (2, 0x1249_2492_4924_9249),
-        ] {
-            x = (x | x << shift) & mask;
-        }
-        x
-    };
-    spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
 }

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use crate::{
     delaunay::Star,
     id::{FaceId, IdVec, VertexId},
+    mesh::smallest_first,
     skin::bare::{
         close::{close_leftovers, part_fans, take_in},
         front::Front,
-        smallest_first,
         star::tangent_star,
         surroundings::Surroundings,
     },

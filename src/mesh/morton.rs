@@ -1,0 +1,45 @@
+use glam::DVec3;
+
+/// Bits of each coordinate: three times as many fit into a word.
+const BITS: u32 = 21;
+
+/// The place along the Morton curve (Morton 1966) of a point whose coordinates lie in `0..=1`: bits interleaved, so that
+/// points near each other on the curve are near each other in space.
+pub(crate) fn morton(unit: DVec3) -> u64 {
+    let steps = f64::from((1_u32 << BITS) - 1);
+    let spread = |x: f64| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 0 and 2^21, and `as` saturates"
+        )]
+        let mut x = (x * steps) as u64 & ((1 << BITS) - 1);
+        for (shift, mask) in [
+            (32, 0x001f_0000_0000_ffff),
+            (16, 0x001f_0000_ff00_00ff),
+            (8, 0x100f_00f0_0f00_f00f),
+            (4, 0x10c3_0c30_c30c_30c3),
+            (2, 0x1249_2492_4924_9249),
+        ] {
+            x = (x | x << shift) & mask;
+        }
+        x
+    };
+    spread(unit.x) | spread(unit.y) << 1 | spread(unit.z) << 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The eight corners of a cube in the order of the curve.
+    #[test]
+    fn octants_follow_each_other() {
+        let corners = (0..8_u32).map(|k| {
+            let bit = |at: u32| f64::from(k >> at & 1);
+            morton(DVec3::new(bit(0), bit(1), bit(2)) * 0.6)
+        });
+        let corners: Vec<u64> = corners.collect();
+        assert!(corners.is_sorted(), "{corners:?}");
+    }
+}
