@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::RangeInclusive};
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
@@ -14,15 +14,18 @@ const CENTRE: DVec2 = DVec2::new(0.13, 0.07);
 /// The part of a sphere that taxels may cover: nearer to the north pole the lattice is torn apart.
 const LARGEST_REACH: f64 = 1.9;
 
+/// Lengths, in m, whose squares and ratios mean something: what is smaller or larger is a slip.
+const LENGTHS: RangeInclusive<f64> = 1e-6..=1e3;
+
 /// Taxels on the bottom of a sphere, as the end effector of the source paper's experiment carries them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cap {
+pub(super) struct Cap {
     /// Taxel frames: z is the outward normal, x the lattice direction.
-    pub frames: IdVec<VertexId, Pose>,
+    pub(super) frames: IdVec<VertexId, Pose>,
     /// Pairs of lattice neighbours, ascending.
-    pub edges: Vec<[VertexId; 2]>,
+    pub(super) edges: Vec<[VertexId; 2]>,
     /// The triangles between them, seen from outside.
-    pub triangles: IdVec<FaceId, [VertexId; 3]>,
+    pub(super) triangles: IdVec<FaceId, [VertexId; 3]>,
 }
 
 impl Cap {
@@ -31,7 +34,7 @@ impl Cap {
     ///
     /// # Errors
     /// [`CalibError::BadOption`] unless lengths are positive and the taxels fit on the sphere.
-    pub fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
+    pub(super) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
         check(taxels, spacing, radius)?;
         let (cells, plane) = lattice(taxels);
         let reach = plane.iter().map(|p| p.length()).fold(0.0, f64::max) * spacing;
@@ -67,8 +70,7 @@ impl Cap {
     }
 
     /// Positions and triangles.
-    #[must_use]
-    pub fn mesh(&self) -> TriMesh {
+    pub(super) fn mesh(&self) -> TriMesh {
         TriMesh { positions: self.frames.map(|f| f.position), triangles: self.triangles.clone() }
     }
 }
@@ -84,9 +86,9 @@ fn check(taxels: usize, spacing: f64, radius: f64) -> Result<(), CalibError> {
         });
     }
     for (option, length) in [("the spacing", spacing), ("the radius", radius)] {
-        if !(length > 0.0 && length.is_finite()) {
-            let found = format!("{} mm", length * 1e3);
-            return Err(CalibError::BadOption { option, found, needed: "a positive length" });
+        if !LENGTHS.contains(&length) {
+            let found = format!("{:?} mm", length * 1e3);
+            return Err(CalibError::BadOption { option, found, needed: "0.001 mm to 1 km" });
         }
     }
     Ok(())
@@ -154,6 +156,15 @@ mod tests {
         let area = 500.0 * 0.75_f64.sqrt() * 25e-6;
         let angle = (1.0 - area / (std::f64::consts::TAU * 0.01)).acos().to_degrees();
         assert!((angle - 34.1).abs() < 0.1, "{angle}");
+    }
+
+    /// Their squares are no numbers.
+    #[test]
+    fn lengths_beyond_belief_are_refused() {
+        for (spacing, radius) in [(1e198, 1e200), (1e-172, 1e-170), (5e-3, 0.0), (f64::NAN, 0.1)] {
+            let refused = Cap::new(500, spacing, radius);
+            assert!(matches!(refused, Err(CalibError::BadOption { .. })), "{spacing}, {radius}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 ///
 /// Series below the mean, continued fraction above it (Abramowitz and Stegun 6.5.29 and 6.5.31).
 #[must_use]
-pub fn chi_square_tail(x: f64, degrees: f64) -> f64 {
+pub(super) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
     let (a, x) = (0.5 * degrees, 0.5 * x);
     if !(x > 0.0 && a > 0.0) {
         return 1.0;

@@ -12,8 +12,6 @@ pub struct Comparison {
     pub absolute: f64,
     /// Root mean square distance after the best rigid motion, in m.
     pub rigid: f64,
-    /// Root mean square angle between normals after that motion, in rad.
-    pub normals: f64,
     /// The best rigid motion from the calibration to the truth.
     pub alignment: Pose,
 }
@@ -21,13 +19,13 @@ pub struct Comparison {
 /// Compares taxel poses with the truth, before and after the rigid motion that fits positions best (Horn 1987).
 ///
 /// # Errors
-/// [`CalibError::StartLength`] if there is not one pose for every one of the truth, or none.
+/// [`CalibError::UnequalPoses`] if there is not one pose for every one of the truth, or none.
 pub fn compare(
     found: &IdVec<VertexId, Pose>,
     truth: &IdVec<VertexId, Pose>,
 ) -> Result<Comparison, CalibError> {
     if found.len() != truth.len() || truth.is_empty() {
-        return Err(CalibError::StartLength { found: found.len(), needed: truth.len().max(1) });
+        return Err(CalibError::UnequalPoses { found: found.len(), needed: truth.len() });
     }
     let count = truth.len() as f64;
     let centre = |poses: &IdVec<VertexId, Pose>| poses.iter().map(|p| p.position).sum::<DVec3>() / count;
@@ -39,16 +37,11 @@ pub fn compare(
     let rotation = if correlation == DMat3::ZERO { DQuat::IDENTITY } else { nearest_rotation(&correlation) };
     let alignment = Pose { position: to - rotation * from, rotation };
     let root_mean = |sum: f64| (sum / count).sqrt();
-    let angle = |f: &Pose, t: &Pose| {
-        let (a, b) = (rotation * (f.rotation * DVec3::Z), t.rotation * DVec3::Z);
-        a.cross(b).length().atan2(a.dot(b))
-    };
     Ok(Comparison {
         absolute: root_mean(pairs().map(|(f, t)| f.position.distance_squared(t.position)).sum()),
         rigid: root_mean(
             pairs().map(|(f, t)| alignment.apply(f.position).distance_squared(t.position)).sum(),
         ),
-        normals: root_mean(pairs().map(|(f, t)| angle(f, t).powi(2)).sum()),
         alignment,
     })
 }

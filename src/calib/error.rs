@@ -21,11 +21,11 @@ pub enum CalibError {
         /// The id.
         id: TaxelId,
     },
-    /// An edge names a taxel that does not exist.
-    #[error("edge {edge} names vertex {vertex}, but there are {taxels} taxels")]
+    /// An edge or contact names a taxel that does not exist.
+    #[error("{element} names vertex {vertex}, but there are {taxels} taxels")]
     Dangling {
-        /// The edge, contact or anchor, counted from 0 in its own list.
-        edge: usize,
+        /// `edge 3` or `contact 4`.
+        element: String,
         /// The index it names.
         vertex: usize,
         /// How many taxels there are.
@@ -103,18 +103,32 @@ pub enum CalibError {
         /// The taxel.
         id: TaxelId,
     },
-    /// A start has not one pose per taxel.
-    #[error("a start of {found} poses was given for {needed} taxels")]
-    StartLength {
+    /// There is not one pose for every true one, or none.
+    #[error("{found} poses are compared with {needed} true ones; needed: as many, and at least one")]
+    UnequalPoses {
         /// Poses given.
         found: usize,
-        /// Taxels.
+        /// True poses.
         needed: usize,
     },
-    /// `--initial file` without initial values.
+    /// A start from initial values without any.
     #[error("taxel {id} has no initial value to start from")]
     NoInitialValue {
         /// The first taxel without.
+        id: TaxelId,
+    },
+    /// A taxel is fixed nowhere.
+    #[error("taxel {id} is fixed, but has no initial value to be fixed at")]
+    FixedNowhere {
+        /// The taxel.
+        id: TaxelId,
+    },
+    /// An initial value is no pose.
+    #[error(
+        "the initial value of taxel {id} holds a number that is not finite or a quaternion that is not of unit length"
+    )]
+    InvalidInitial {
+        /// The taxel.
         id: TaxelId,
     },
     /// An option is out of its range.

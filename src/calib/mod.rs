@@ -40,8 +40,6 @@ mod start;
 mod undecided;
 
 pub use calibrate::{CalibOptions, Calibration, FreeComponent, Uncertainty, Weights, calibrate};
-pub use cap::Cap;
-pub use chi_square::chi_square_tail;
 pub use compare::{Comparison, compare};
 pub use error::CalibError;
 pub use fit::Fit;

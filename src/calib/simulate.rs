@@ -4,8 +4,8 @@ use glam::{DMat3, DQuat, DVec3, IVec3};
 
 use crate::{
     calib::{
-        CalibError, Cap, Contact, Displacement, Information, Model, Motion, Observations, Pose, RelativePose,
-        Touch, Unknown, pose::exp, random::Random, start::spanning_tree,
+        CalibError, Contact, Displacement, Information, Model, Motion, Observations, Pose, RelativePose,
+        Touch, Unknown, cap::Cap, pose::exp, random::Random, start::spanning_tree,
     },
     id::{EdgeId, IdVec, TaxelId, VertexId},
     mesh::TriMesh,
@@ -109,6 +109,9 @@ const NO_NOISE: f64 = 1e-3;
 /// Less noise than this is not stated, in m and rad: files of observations do not take it.
 const LEAST_STATED: f64 = 1e-9;
 
+/// The largest noise and probe that are believed, in m and rad.
+const MOST_NOISE: f64 = 1e3;
+
 /// Streams of random numbers: one for each source.
 mod stream {
     pub(super) const DISPLACEMENTS: u64 = 0;
@@ -124,10 +127,17 @@ mod stream {
 /// disk has `s = 2t - 2 - b` triangles with `b` boundary vertices: here 920 = 2 * 500 - 2 - 78.
 ///
 /// # Errors
-/// [`CalibError::BadOption`] for lengths that are not positive, noise that is negative, a chance outside 0 to 1.
+/// [`CalibError::BadOption`] for lengths below 1 um or above 1 km, noise that is negative or above 1 km, a chance outside 0
+/// to 1.
 pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
     options.validate()?;
     let cap = Cap::new(options.taxels, options.spacing, options.radius)?;
+    let indentation = options.probe.indentation;
+    if indentation >= options.radius {
+        let found = format!("{} mm", indentation * 1e3);
+        let needed = "less than the radius of the sphere";
+        return Err(CalibError::BadOption { option: "the indentation", found, needed });
+    }
     let unknown = |v: VertexId| Unknown { id: TaxelId(v.raw()), initial: None, fixed: false };
     let mut observations = Observations {
         model: options.model,
@@ -153,7 +163,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
 impl SimulateOptions {
     fn validate(&self) -> Result<(), CalibError> {
         let Probe { radius, indentation, position_noise, rotation_noise, .. } = self.probe;
-        let not_negative = [
+        let sizes = [
             ("the noise", self.noise),
             ("the rotation noise", self.rotation_noise),
             ("the anchor noise", self.anchor_noise),
@@ -163,15 +173,11 @@ impl SimulateOptions {
             ("the position noise of the end effector", position_noise),
             ("the rotation noise of the end effector", rotation_noise),
         ];
-        for (option, x) in not_negative {
-            if !(x >= 0.0 && x.is_finite()) {
-                return Err(CalibError::BadOption { option, found: x.to_string(), needed: "zero or more" });
+        for (option, x) in sizes {
+            if !(0.0..=MOST_NOISE).contains(&x) {
+                let found = format!("{x:?} m or rad");
+                return Err(CalibError::BadOption { option, found, needed: "0 to 1000 m or rad" });
             }
-        }
-        if indentation >= self.radius {
-            let found = format!("{} mm", indentation * 1e3);
-            let needed = "less than the radius of the sphere";
-            return Err(CalibError::BadOption { option: "the indentation", found, needed });
         }
         if !(0.0..=1.0).contains(&self.outliers) {
             let found = self.outliers.to_string();
