@@ -1,10 +1,10 @@
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DVec3};
 
 use crate::{
     calib::{CalibError, Calibration, Model, Observations, Touch},
-    id::{IdVec, LinkId, TaxelId, VertexId},
+    id::{EdgeId, IdVec, LinkId, TaxelId, VertexId},
     mesh::{Edges, TriMesh},
     skin::{Link, Patch, Skin},
 };
@@ -16,8 +16,8 @@ pub struct CalibratedSkin {
     pub skin: Skin,
     /// Taxels that no triangle uses: they are left out of the skin.
     pub left_out: Vec<VertexId>,
-    /// What told the outside.
-    pub outside: Outside,
+    /// What told the outside, patch by patch.
+    pub outside: Vec<Outside>,
     /// Sheets of given triangles that were seen from inside and were turned over.
     pub turned: usize,
 }
@@ -38,8 +38,9 @@ pub enum Outside {
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
 ///
 /// Normals are those of the triangles in the positions model, the z axes of the taxel frames in the poses model.
-/// Outside is where taxel frames and touched normals point; where neither is known, as given triangles are wound, and
-/// without these away from the frame's origin.
+/// Outside of each sheet is where its taxel frames or touched normals point; where neither is known, as given triangles are
+/// wound, and without these away from the frame's origin. Edges without information form no triangle; edges that
+/// were let go do, unless the surface is none with them.
 ///
 /// # Errors
 /// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of the edges, are no
@@ -50,14 +51,14 @@ pub fn calibrated_skin(
     triangles: Option<&[[VertexId; 3]]>,
 ) -> Result<CalibratedSkin, CalibError> {
     let taxels = calibration.poses.len();
+    let given = triangles.is_some();
     let faces: Vec<[VertexId; 3]> = match triangles {
         Some(given) => given.to_vec(),
-        None => oriented(&calibration.ids, lattice_triangles(observations))?,
+        None => edge_triangles(calibration, observations)?,
     };
     if let Some(v) = faces.iter().flatten().find(|v| v.index() >= taxels) {
         return Err(CalibError::BadTriangles { what: format!("one names vertex {v} of {taxels} taxels") });
     }
-    let given = triangles.is_some();
     if faces.is_empty() {
         return Err(match given {
             true => CalibError::BadTriangles { what: "there are none".into() },
@@ -65,14 +66,25 @@ pub fn calibrated_skin(
         });
     }
     let (mut sheets, left_out) = sheets(taxels, &faces);
-    let (mut outside, directions) = outward(calibration, observations);
-    if given && outside == Outside::Origin {
-        outside = Outside::Triangles;
+    let normals = known_normals(calibration, observations);
+    let mut outside = Vec::with_capacity(sheets.len());
+    let mut turned = 0;
+    for sheet in &mut sheets {
+        let known = sheet.taxels.iter().any(|&v| normals[v] != DVec3::ZERO);
+        let told = match calibration.model {
+            _ if !known && given => Outside::Triangles,
+            _ if !known => Outside::Origin,
+            Model::Positions => Outside::Contacts,
+            Model::Poses => Outside::Frames,
+        };
+        let was_inside_out = match told {
+            Outside::Triangles => false,
+            Outside::Frames | Outside::Contacts => sheet.turn_to(calibration, |v| normals[v]),
+            Outside::Origin => sheet.turn_to(calibration, |v| calibration.poses[v].position),
+        };
+        turned += usize::from(was_inside_out && given);
+        outside.push(told);
     }
-    let turned = match outside {
-        Outside::Triangles => 0,
-        _ => sheets.iter_mut().map(|sheet| usize::from(sheet.turn_to(calibration, &directions))).sum(),
-    };
     let mut skin = Skin::default();
     let link = skin.links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY });
     let single = sheets.len() == 1;
@@ -94,7 +106,7 @@ pub fn calibrated_skin(
             return Err(CalibError::NoTriangulation { what });
         }
     }
-    Ok(CalibratedSkin { skin, left_out, outside, turned: if given { turned } else { 0 } })
+    Ok(CalibratedSkin { skin, left_out, outside, turned })
 }
 
 /// A connected sheet of triangles.
@@ -107,10 +119,10 @@ struct Sheet {
 
 impl Sheet {
     /// Turns the sheet over if most of it is seen from inside; returns whether it was.
-    fn turn_to(&mut self, calibration: &Calibration, outside: &IdVec<VertexId, DVec3>) -> bool {
+    fn turn_to(&mut self, calibration: &Calibration, outside: impl Fn(VertexId) -> DVec3) -> bool {
         let at = |v: VertexId| calibration.poses[v].position;
         let vote = |&[a, b, c]: &[VertexId; 3]| {
-            (at(b) - at(a)).cross(at(c) - at(a)).dot(outside[a] + outside[b] + outside[c])
+            (at(b) - at(a)).cross(at(c) - at(a)).dot(outside(a) + outside(b) + outside(c))
         };
         let inside_out = self.faces.iter().map(vote).sum::<f64>() < 0.0;
         if inside_out {
@@ -138,11 +150,29 @@ impl Sheet {
     }
 }
 
-/// All triples of taxels that edges join pairwise, each once, corners ascending.
-fn lattice_triangles(observations: &Observations) -> Vec<[VertexId; 3]> {
+/// The triangles that edges form, turned alike.
+fn edge_triangles(
+    calibration: &Calibration,
+    observations: &Observations,
+) -> Result<Vec<[VertexId; 3]>, CalibError> {
+    let ids = &calibration.ids;
+    let all = lattice_triangles(ids, observations, |_| true).and_then(|faces| oriented(ids, faces));
+    let rejected: HashSet<EdgeId> = calibration.weights.rejected_edges().collect();
+    if all.is_ok() || rejected.is_empty() {
+        return all;
+    }
+    lattice_triangles(ids, observations, |e| !rejected.contains(&e)).and_then(|faces| oriented(ids, faces))
+}
+
+/// All triples of taxels that edges join pairwise that say anything and that `counts` picks, each once, corners ascending.
+fn lattice_triangles(
+    ids: &IdVec<VertexId, TaxelId>,
+    observations: &Observations,
+    counts: impl Fn(EdgeId) -> bool,
+) -> Result<Vec<[VertexId; 3]>, CalibError> {
     // Later neighbours of every taxel, ascending.
     let mut later: IdVec<VertexId, Vec<VertexId>> = observations.taxels.map(|_| Vec::new());
-    for edge in &observations.edges {
+    for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
         later[edge.from.min(edge.to)].push(edge.from.max(edge.to));
     }
     for list in later.iter_mut() {
@@ -150,13 +180,26 @@ fn lattice_triangles(observations: &Observations) -> Vec<[VertexId; 3]> {
         list.dedup();
     }
     let mut triangles = Vec::new();
-    for (a, list) in later.enumerate() {
-        for (k, &b) in list.iter().enumerate() {
-            let closing = list[k + 1..].iter().filter(|c| later[b].binary_search(c).is_ok());
-            triangles.extend(closing.map(|&c| [a, b, c]));
+    for (a, of_a) in later.enumerate() {
+        for (k, &b) in of_a.iter().enumerate() {
+            let (some, others) = (&of_a[k + 1..], &later[b]);
+            let (few, many) =
+                if some.len() < others.len() { (some, &others[..]) } else { (&others[..], some) };
+            let mut closing = few.iter().filter(|c| many.binary_search(c).is_ok());
+            triangles.extend(closing.by_ref().take(2).map(|&c| [a, b, c]));
+            // A graph of many triangles is no surface: do not list them all.
+            if closing.next().is_some() {
+                return Err(three_meet(ids[a], ids[b]));
+            }
         }
     }
-    triangles
+    Ok(triangles)
+}
+
+fn three_meet(a: TaxelId, b: TaxelId) -> CalibError {
+    CalibError::NoTriangulation {
+        what: format!("three triangles meet at the edge between taxels {a} and {b}"),
+    }
 }
 
 /// What keeps a patch from being a skin, in the ids of its taxels.
@@ -188,9 +231,7 @@ fn oriented(
             let around = sides.entry([a.min(b), a.max(b)]).or_default();
             around.push(k);
             if around.len() > 2 {
-                let what =
-                    format!("three triangles meet at the edge between taxels {} and {}", ids[a], ids[b]);
-                return Err(CalibError::NoTriangulation { what });
+                return Err(three_meet(ids[a], ids[b]));
             }
         }
     }
@@ -227,10 +268,10 @@ fn directed(f: &[VertexId; 3]) -> [[VertexId; 2]; 3] {
     [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]]
 }
 
-/// The outward direction of every taxel as far as it is known, and what tells it.
-fn outward(calibration: &Calibration, observations: &Observations) -> (Outside, IdVec<VertexId, DVec3>) {
+/// The outward direction of every taxel; zero where none is known.
+fn known_normals(calibration: &Calibration, observations: &Observations) -> IdVec<VertexId, DVec3> {
     if calibration.model == Model::Poses {
-        return (Outside::Frames, calibration.poses.map(|p| p.rotation * DVec3::Z));
+        return calibration.poses.map(|p| p.rotation * DVec3::Z);
     }
     let mut touched = calibration.poses.map(|_| DVec3::ZERO);
     for contact in &observations.contacts {
@@ -238,10 +279,7 @@ fn outward(calibration: &Calibration, observations: &Observations) -> (Outside, 
             touched[contact.taxel] += normal;
         }
     }
-    if touched.iter().any(|n| *n != DVec3::ZERO) {
-        return (Outside::Contacts, touched);
-    }
-    (Outside::Origin, calibration.poses.map(|p| p.position))
+    touched
 }
 
 /// The connected sheets of triangles in the order of their first taxels, and the taxels without triangle.

@@ -1,4 +1,4 @@
-//! What `calibrate` writes: checked before the solve, and all of it or nothing.
+//! What `calibrate` writes: its paths are checked before the solve, and all of it is written or nothing.
 
 use std::path::Path;
 
@@ -43,7 +43,7 @@ impl Kind {
     }
 }
 
-/// Refuses whatever can be told to fail before the solve.
+/// Refuses whatever the command line alone tells to fail.
 pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
     let outputs: Vec<_> =
         args.output.iter().map(|path| Ok((path.as_path(), Kind::of(path)?))).collect::<Result<_, Error>>()?;
@@ -116,9 +116,11 @@ pub(super) fn write(
 fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result<Skin> {
     let made =
         calibrated_skin(found, &inputs.observations, inputs.triangles.as_deref()).map_err(Error::from)?;
-    if made.outside == Outside::Origin && !common.quiet {
+    let untold = made.outside.iter().filter(|&&outside| outside == Outside::Origin).count();
+    if untold > 0 && !common.quiet {
         eprintln!(
-            "note: neither frames nor normals tell the outside: it is taken to be away from the origin; --triangles decides"
+            "note: neither frames nor normals tell the outside of {untold} of {} patches: it is taken to be away from the origin; --triangles decides",
+            made.outside.len()
         );
     }
     if made.turned > 0 && !common.quiet {
