@@ -426,6 +426,14 @@ fn the_default_lets_go_only_of_what_stands_out() {
     for stated in [0.02, 0.5, 0.85, 0.92, 1.0, 2.0] {
         assert_eq!(robust(0.0, stated), Robust::None, "nothing is wrong but the noise, stated {stated}");
     }
+    for seed in 100..106 {
+        let simulation =
+            simulate(&SimulateOptions { taxels: 200, seed, ..SimulateOptions::default() }).unwrap();
+        let mut observations = simulation.observations;
+        scale_information(&mut observations, |_| 0.35_f64.powi(-2));
+        let found = solve(&observations, &CalibOptions::default());
+        assert_eq!(found.robust, Robust::None, "seed {seed}, noise understated by a third");
+    }
     for (outliers, stated) in [(0.02, 2.0), (0.05, 0.85), (0.05, 1.0), (0.2, 0.85), (0.2, 1.0)] {
         assert_eq!(robust(outliers, stated), Robust::Graduated, "{outliers} wrong, stated {stated}");
     }
@@ -467,16 +475,158 @@ fn contacts_that_were_let_go_are_no_anchors() {
         position.x += 0.03;
     }
     let found = solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
-    let contacts = found.weights.rejected_contacts().count();
+    assert_eq!(found.weights.rejected_contacts().count(), 2);
+    let free = &found.free[0];
+    assert_eq!((found.free.len(), free.directions, free.let_go), (1, 3, 2));
+    assert_eq!(found.fit.degrees, 3 * 1419 - 3 * 499 - 3 * found.weights.rejected_edges().count());
     let most = found.marginals.as_ref().unwrap().sigmas().iter().fold(0.0_f64, |m, s| m.max(*s));
-    match contacts {
-        2 => assert_eq!(
-            (found.free.len(), found.fit.degrees),
-            (1, 3 * 1419 - 3 * 499 - 3 * found.weights.rejected_edges().count())
-        ),
-        n => assert_eq!((n, found.free.len()), (1, 0)),
-    }
     assert!(most < 5e-3, "{most} m");
+}
+
+/// A skin of precise edges whose two coarse contacts contradict each other: letting go of both must not leave the system
+/// singular, nor give up what least squares finds.
+#[test]
+fn weak_contacts_that_contradict_are_no_failure() {
+    let options = SimulateOptions {
+        noise: 5e-5,
+        anchors: 2,
+        anchor_noise: 1e-2,
+        seed: 1,
+        ..SimulateOptions::default()
+    };
+    let mut observations = simulate(&options).unwrap().observations;
+    if let Touch::Position { position, .. } = &mut observations.contacts.as_mut_slice()[0].touch {
+        position.x += 0.5;
+    }
+    for robust in [Robust::Automatic, Robust::Graduated, Robust::Tukey] {
+        solve(&observations, &CalibOptions { robust, ..CalibOptions::default() });
+    }
+    assert_eq!(
+        solve(&observations, &CalibOptions::default()).robust,
+        Robust::None,
+        "one of two: who can tell"
+    );
+}
+
+/// Huber's kernel never lets go: contacts that contradict each other hold the skin all the same.
+#[test]
+fn contacts_that_still_pull_are_anchors() {
+    let options = SimulateOptions { anchors: 2, seed: 2, ..small(Model::Positions) };
+    let mut observations = simulate(&options).unwrap().observations;
+    if let Touch::Position { position, .. } = &mut observations.contacts.as_mut_slice()[0].touch {
+        position.x += 0.03;
+    }
+    let found = solve(&observations, &CalibOptions { robust: Robust::Huber, ..CalibOptions::default() });
+    assert!(found.weights.rejected_contacts().count() > 0);
+    assert!(found.free.is_empty(), "{:?}", found.free);
+}
+
+/// Contacts five times noisier than stated are no wrong contacts, however many good edges stand beside them.
+#[test]
+fn most_contacts_of_a_noisy_arm_are_kept() {
+    for seed in 0..4 {
+        let mut options = SimulateOptions { anchors: 20, seed, ..SimulateOptions::default() };
+        options.probe.position_noise = 5e-3;
+        let simulation = simulate(&options).unwrap();
+        let error = |robust| {
+            let found = solve(&simulation.observations, &CalibOptions { robust, ..CalibOptions::default() });
+            let rejected = found.weights.rejected_contacts().count();
+            assert!(robust == Robust::None || rejected <= 5, "seed {seed}: {rejected}");
+            compare(&found.poses, &simulation.truth).unwrap().absolute
+        };
+        let (default, plain) = (error(Robust::Automatic), error(Robust::None));
+        assert!(default < 1.25 * plain, "seed {seed}: {default} m, least squares {plain} m");
+    }
+}
+
+/// Two sheets side by side and two long edges between them, which name the distance of the second from the first and the
+/// same plus `apart`.
+fn bridged(apart: f64) -> Observations {
+    let one = simulate(&SimulateOptions { outliers: 0.05, ..small(Model::Positions) }).unwrap().observations;
+    let other = SimulateOptions { outliers: 0.05, seed: 9, ..small(Model::Positions) };
+    let mut both = side_by_side(&one, &simulate(&other).unwrap().observations);
+    let truth = simulate(&small(Model::Positions)).unwrap().truth;
+    let away = DVec3::new(0.07, 0.0, 0.0);
+    for (from, to, more) in [(3, 8, 0.0), (20, 25, apart)] {
+        let (from, to) = (VertexId::new(from), VertexId::new(to));
+        let offset = truth[to].position - truth[from].position + away + DVec3::X * more;
+        let motion = Motion::Offset { offset, information: Information::isotropic(1e6) };
+        let to = VertexId::new(one.taxels.len() + to.index());
+        both.edges.push(dermatome::calib::Displacement { from, to, motion });
+    }
+    both
+}
+
+/// Edges unlike all others that hold two sheets together: alone their length speaks against them.
+#[test]
+fn edges_that_join_sheets_are_not_let_go() {
+    for (apart, widest) in [(0.0, 5e-3), (0.06, 0.1)] {
+        let observations = bridged(apart);
+        let found =
+            solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
+        assert_eq!(found.free.len(), 1, "one piece");
+        let bridges = [observations.edges.len() - 2, observations.edges.len() - 1].map(EdgeId::new);
+        let kept = bridges.map(|e| found.weights.edge_kept[e]);
+        if apart == 0.0 {
+            assert_eq!(kept, [true, true]);
+        } else {
+            assert!(bridges.iter().all(|&e| found.weights.edges[e] > 1e-4), "{:?}", found.weights.edges);
+        }
+        let mut sigmas = found.marginals.as_ref().unwrap().sigmas().as_slice().to_vec();
+        sigmas.sort_by(f64::total_cmp);
+        let middle = sigmas[sigmas.len() / 2];
+        assert!(middle < widest, "{middle} m");
+    }
+}
+
+/// A kernel's cost is that of every edge, whichever way it was decided.
+#[test]
+fn let_go_edges_have_a_cost() {
+    for outliers in [0.05, 0.2] {
+        let simulation =
+            simulate(&SimulateOptions { outliers, seed: 3, ..SimulateOptions::default() }).unwrap();
+        let found = solve(
+            &simulation.observations,
+            &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() },
+        );
+        let rejected = found.weights.rejected_edges().count() as f64;
+        let more = 2.0 * found.cost - found.fit.chi2;
+        assert!(more > 0.5 * rejected, "{more} for {rejected} edges");
+    }
+}
+
+/// A touched height that is 3.5 standard deviations off: too much for one number, not for three.
+#[test]
+fn bounds_follow_what_an_observation_says() {
+    let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
+    let at = simulate(&small(Model::Positions)).unwrap().truth;
+    for k in 0..10 {
+        let off = if k == 9 { 3.5e-3 } else { 0.0 };
+        let taxel = VertexId::new(4 * k);
+        let position = at[taxel].position + DVec3::Z * off;
+        let information = Information::diagonal([0.0, 0.0, 1e6]);
+        observations.contacts.push(Contact { taxel, touch: Touch::Position { position, information } });
+    }
+    // Edges that are sure: all of the error is the contact's.
+    scale_information(&mut observations, |_| 1e4);
+    for (k, edge) in observations.edges.iter_mut().enumerate() {
+        if let Motion::Offset { offset, .. } = &mut edge.motion {
+            *offset = at[edge.to].position - at[edge.from].position + DVec3::X * 1e-6 * (k % 3) as f64;
+        }
+    }
+    let found = solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
+    let rejected: Vec<usize> = found.weights.rejected_contacts().map(|c| c.index()).collect();
+    assert_eq!(rejected, [9], "{:?}", found.weights.contact_squares);
+}
+
+/// Who limits the iterations gets no more of them from a second method.
+#[test]
+fn the_default_stays_within_its_iterations() {
+    let observations = simulate(&SimulateOptions { outliers: 0.1, ..poses(4) }).unwrap().observations;
+    let limits = dermatome::calib::Limits { iterations: 1, ..Default::default() };
+    let found =
+        calibrate(&observations, &CalibOptions { limits, ..CalibOptions::default() }, &|_, _| {}).unwrap();
+    assert_eq!((found.ending, found.iterations.len()), (Ending::OutOfIterations, 1));
 }
 
 /// The goodness of fit of a large clean skin does not depend on whether outliers were looked for.
@@ -672,7 +822,7 @@ fn every_sheet_of_a_skin_is_seen_from_outside() {
     for other in [&one, &reversed(&one)] {
         let both = side_by_side(&one, other);
         let made = calibrated_skin(&solve(&both, &CalibOptions::default()), &both, None).unwrap();
-        assert_eq!((made.outside, made.skin.patches.len()), (Outside::Frames, 2));
+        assert_eq!(made.outside, [Outside::Frames, Outside::Frames]);
         for patch in &made.skin.patches {
             for face in patch.mesh.triangles.ids() {
                 let normal = patch.normals[patch.mesh.triangles[face][0]];
@@ -680,6 +830,81 @@ fn every_sheet_of_a_skin_is_seen_from_outside() {
             }
         }
     }
+}
+
+/// A normal on one sheet says nothing of the other.
+#[test]
+fn sheets_without_normals_look_away_from_the_origin() {
+    let simulation = simulate(&small(Model::Positions)).unwrap();
+    let one = simulation.observations;
+    for other in [&one, &reversed(&one)] {
+        let mut both = side_by_side(&one, other);
+        let taxel = VertexId::new(4);
+        let position = simulation.truth[taxel].position;
+        let information = Information::isotropic(1e6);
+        // The skin seen from inside.
+        let normal = -position.normalize();
+        let touch = Touch::PositionNormal { position, information, normal, normal_information: 1.0 };
+        both.contacts.push(Contact { taxel, touch });
+        let made = calibrated_skin(&solve(&both, &CalibOptions::default()), &both, None).unwrap();
+        assert_eq!(made.outside, [Outside::Contacts, Outside::Origin]);
+        for (patch, side) in made.skin.patches.iter().zip([-1.0, 1.0]) {
+            for face in patch.mesh.triangles.ids() {
+                let seen = patch.mesh.face_cross(face).dot(patch.mesh.corners(face)[0]);
+                assert!(seen * side > 0.0, "{face:?} of {}", patch.name);
+            }
+        }
+    }
+}
+
+/// An edge to a neighbour's neighbour: a wrong one, or one that says nothing.
+#[test]
+fn edges_that_do_not_count_form_no_triangles() {
+    let whole = simulate(&small(Model::Positions)).unwrap().observations;
+    let sound = calibrated_skin(&solve(&whole, &CalibOptions::default()), &whole, None).unwrap();
+    let joined = |a: VertexId, b: VertexId| {
+        whole.edges.iter().any(|e| [[e.from, e.to], [e.to, e.from]].contains(&[a, b]))
+    };
+    // Two taxels with an edge in common that is inside the sheet.
+    let (a, b) = whole
+        .taxels
+        .ids()
+        .flat_map(|a| whole.taxels.ids().map(move |b| (a, b)))
+        .find(|&(a, b)| {
+            let common: Vec<_> = whole.taxels.ids().filter(|&v| joined(a, v) && joined(b, v)).collect();
+            a < b && !joined(a, b) && common.len() == 2 && joined(common[0], common[1])
+        })
+        .unwrap();
+    for (information, off) in [(0.0, 0.0), (1e6, 0.02)] {
+        let mut observations = whole.clone();
+        let motion =
+            Motion::Offset { offset: DVec3::X * off, information: Information::isotropic(information) };
+        observations.edges.push(dermatome::calib::Displacement { from: a, to: b, motion });
+        let found =
+            solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
+        let made = calibrated_skin(&found, &observations, None).unwrap();
+        let triangles = |made: &CalibratedSkin| made.skin.patches[0.into()].mesh.triangles.len();
+        assert_eq!(triangles(&made), triangles(&sound), "information {information}");
+    }
+}
+
+/// Its 4 million triangles must not be listed to learn that it is no surface.
+#[test]
+fn a_graph_of_all_edges_is_no_skin() {
+    let mut observations =
+        simulate(&SimulateOptions { taxels: 300, ..SimulateOptions::default() }).unwrap().observations;
+    let information = Information::isotropic(1e6);
+    observations.edges = IdVec::new();
+    for from in observations.taxels.ids() {
+        for to in observations.taxels.ids().skip(from.index() + 1) {
+            let motion = Motion::Offset { offset: DVec3::ZERO, information };
+            observations.edges.push(dermatome::calib::Displacement { from, to, motion });
+        }
+    }
+    let options =
+        CalibOptions { robust: Robust::None, uncertainty: Uncertainty::Skip, ..CalibOptions::default() };
+    let error = calibrated_skin(&solve(&observations, &options), &observations, None).unwrap_err();
+    assert!(error.to_string().contains("three triangles meet"), "{error}");
 }
 
 /// Frames know the outside better than the winding of a table.
@@ -789,6 +1014,24 @@ fn broken_promises_are_named() {
     assert!(error(&|o| o.edges = IdVec::new()).contains("0 observations"));
     let lonely = dermatome::calib::Unknown { id: dermatome::id::TaxelId(77), initial: None, fixed: false };
     assert!(error(&|o| _ = o.taxels.push(lonely)).contains("taxel 77"));
+    let touched = |taxel: usize, information: f64, normal: DVec3| {
+        let (position, information) = (DVec3::ZERO, Information::isotropic(information));
+        let touch = Touch::PositionNormal { position, information, normal, normal_information: 1.0 };
+        Contact { taxel: VertexId::new(taxel), touch }
+    };
+    let contact = |c: Contact| error(&|o| _ = o.contacts.push(c.clone()));
+    assert!(contact(touched(4, 1.0, DVec3::ONE)).contains("contact 0 of taxel 4 is not valid: its normal"));
+    assert!(contact(touched(4, -1.0, DVec3::Z)).contains("contact 0 of taxel 4"));
+    assert!(contact(touched(99, 1.0, DVec3::Z)).contains("contact 0 names vertex 99"));
+    let silent = |o: &mut Observations| {
+        o.taxels.push(lonely);
+        o.contacts.push(touched(40, 0.0, DVec3::Z));
+    };
+    assert!(error(&silent).contains("taxel 77"), "zero information is no observation");
+    let start =
+        |change: &dyn Fn(&mut dermatome::calib::Unknown)| error(&|o| change(&mut o.taxels.as_mut_slice()[5]));
+    assert!(start(&|t| (t.initial, t.fixed) = (None, true)).contains("taxel 5 is fixed"));
+    assert!(start(&|t| t.initial = Some(Pose::at(DVec3::NAN))).contains("initial value of taxel 5"));
 }
 
 #[test]

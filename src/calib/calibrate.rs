@@ -5,7 +5,7 @@ use crate::{
         CalibError, Ending, Fit, Iteration, Limits, Marginals, Method, Model, Observations, Pose, Residual,
         Robust, Start,
         fit::fit,
-        gauge::{Free, free_components},
+        gauge::{Anchoring, Free},
         marginals::marginals,
         normal_equations::Problem,
         robust::Kernels,
@@ -42,15 +42,17 @@ pub enum Uncertainty {
     Skip,
 }
 
-/// A component of the graph that the contacts do not hold.
+/// A component of the graph that the contacts do not hold, or not in every direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeComponent {
-    /// The taxel that keeps its start.
+    /// The taxel that keeps its start if nothing at all was observed of where the component is.
     pub gauge: TaxelId,
     /// Number of its taxels.
     pub taxels: usize,
     /// Independent motions of the whole that no contact determines.
     pub directions: usize,
+    /// Contacts of its taxels that were let go and determine nothing.
+    pub let_go: usize,
 }
 
 /// How well every observation fits, and what it counts for.
@@ -60,7 +62,7 @@ pub struct Weights {
     pub edge_squares: IdVec<EdgeId, f64>,
     /// Weight of every edge in the result: 1 without robust kernel, near 0 if the kernel let go of it.
     pub edges: IdVec<EdgeId, f64>,
-    /// Whether the stated noise explains the edge.
+    /// Whether the stated noise explains the edge, and its length does not speak against it.
     pub edge_kept: IdVec<EdgeId, bool>,
     /// Squared whitened error of every contact.
     pub contact_squares: IdVec<ContactId, f64>,
@@ -116,8 +118,9 @@ pub struct Calibration {
 /// Finds the taxel poses that explain the observations best: the source paper's equation 1,
 /// `min 1/2 sum e' Omega e`, with a start, robust kernels and covariances around it.
 ///
-/// Where no contact says where a connected component is, its gauge taxel keeps its start ([`FreeComponent`]); cost, shape and
-/// covariances do not depend on that choice. `watch` is told every iteration. The result does not depend on the
+/// Where no contact says where a connected component is, its gauge taxel keeps its start, and where the contacts leave some of
+/// its motions open, it stays as near as they let it ([`FreeComponent`]); cost, shape and covariances do not depend on
+/// that choice. `watch` is told every iteration. The result does not depend on the
 /// number of threads.
 ///
 /// # Errors
@@ -135,18 +138,17 @@ pub fn calibrate(
     let started = clock.elapsed().as_secs_f64();
 
     let problem = Problem::new(observations, options.residual)?;
-    let mut free = free_components(&problem, &begin, |_| true);
-    let mut search = Search { problem: &problem, free: &free, options, iterations: Vec::new(), watch };
+    let anchoring = Anchoring::new(&problem, &begin);
+    let mut search =
+        Search { problem: &problem, anchoring: &anchoring, options, iterations: Vec::new(), watch };
     let found = search.run(begin)?;
     let iterations = search.iterations;
-    if found.kept.contacts.iter().any(|kept| !kept) {
-        // Contacts that were let go anchor nothing.
-        free = free_components(&problem, &found.point.state, |contact| found.kept.contacts[contact]);
-    }
-    let fit = fit(&problem, &free, &found);
-    let Found { point, weights, mut kept, robust, ending, .. } = found;
+    let fit = fit(&problem, &anchoring, &found);
+    let free = anchoring.free_under(&problem, &found.point.state, &found.weights);
+    let Found { point, weights, mut kept, kernels, ending } = found;
+    let robust = kernels.robust;
     if robust == Robust::None {
-        kept = Kernels::new(observations, Robust::Graduated, None).keep(&point.squares);
+        kept = Kernels::new(&problem.ranks, Robust::Graduated).keep(&point.squares);
     }
     let solved = clock.elapsed().as_secs_f64();
 
@@ -204,6 +206,7 @@ impl Free {
             gauge: observations.taxels[self.component.gauge].id,
             taxels: self.component.taxels.len(),
             directions: self.directions,
+            let_go: self.let_go,
         }
     }
 }

@@ -1,6 +1,6 @@
 use crate::{
     calib::Observations,
-    id::{IdVec, VertexId},
+    id::{EdgeId, IdVec, VertexId},
 };
 
 /// Taxels that edges join.
@@ -15,11 +15,12 @@ pub(super) struct Component {
     pub(super) gauge: VertexId,
 }
 
-/// The connected components of the graph of edges that say anything, in the order of their first taxels.
-pub(super) fn components(observations: &Observations) -> Vec<Component> {
+/// The connected components of the graph of edges that say anything and that `counts` picks, in the order of their first
+/// taxels.
+pub(super) fn components(observations: &Observations, counts: impl Fn(EdgeId) -> bool) -> Vec<Component> {
     let taxels = &observations.taxels;
     let mut sets = Sets { parents: taxels.ids().collect() };
-    for edge in observations.edges.iter().filter(|e| e.is_observed()) {
+    for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
         sets.join(edge.from, edge.to);
     }
     let mut numbers: IdVec<VertexId, usize> = IdVec::filled(usize::MAX, taxels.len());

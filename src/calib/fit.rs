@@ -1,11 +1,11 @@
 use std::collections::HashMap;
 
 use crate::calib::{
-    Model, Motion, Observations, Robust, Touch,
-    chi_square::quantile,
-    chi_square_tail,
-    gauge::Free,
+    Robust,
+    chi_square::{chi_square_tail, quantile},
+    gauge::Anchoring,
     normal_equations::{PerObservation, Problem},
+    robust::Scale,
     search::Found,
 };
 
@@ -65,26 +65,26 @@ impl Fit {
 ///
 /// Those that are kept because their squares are below a bound have smaller squares than all: their sum is held against
 /// its mean under that bound.
-pub(super) fn fit(problem: &Problem<'_>, free: &[Free], found: &Found) -> Fit {
+pub(super) fn fit(problem: &Problem<'_>, anchoring: &Anchoring, found: &Found) -> Fit {
     let observations = problem.observations;
-    let squares = &found.point.squares;
+    let (squares, bounds) = (&found.point.squares, found.kernels.bounds());
     let mut sums = Sums::default();
     // A taxel all of whose observations were rejected is neither observed nor unknown.
     let mut seen = observations.taxels.map(|_| false);
     for (id, edge) in observations.edges.enumerate().filter(|(id, _)| found.kept.edges[*id]) {
-        sums.add(squares.edges[id], edge_rank(&edge.motion), found.bounds.edges[id]);
+        sums.add(squares.edges[id], problem.ranks.edges[id], bounds.edges[id]);
         (seen[edge.from], seen[edge.to]) = (true, true);
     }
     for (id, contact) in observations.contacts.enumerate().filter(|(id, _)| found.kept.contacts[*id]) {
-        let rank = touch_rank(&contact.touch, observations.model);
-        sums.add(squares.contacts[id], rank, found.bounds.contacts[id]);
+        sums.add(squares.contacts[id], problem.ranks.contacts[id], bounds.contacts[id]);
         seen[contact.taxel] = true;
     }
     let moving = seen.enumerate().filter(|(v, seen)| **seen && problem.rows[*v].is_some()).count();
     let unknown = moving * observations.model.unknowns();
+    let free = anchoring.free(problem, &found.point.state, |contact| found.kept.contacts[contact]);
     let unknown = unknown - free.iter().map(|f| f.directions).sum::<usize>().min(unknown);
     let degrees = sums.observed.saturating_sub(unknown);
-    let judged = matches!(found.robust, Robust::None | Robust::Graduated);
+    let judged = matches!(found.kernels.robust, Robust::None | Robust::Graduated);
     let p = judged.then(|| chi_square_tail(sums.chi2 / sums.mean_share(), degrees as f64));
     Fit { chi2: sums.chi2, observed: sums.observed, degrees, p }
 }
@@ -92,38 +92,64 @@ pub(super) fn fit(problem: &Problem<'_>, free: &[Free], found: &Found) -> Fit {
 /// Chance that noise alone makes one of all observations stand out.
 const BY_CHANCE: f64 = 1e-3;
 
-/// Whether one of the `suspects` is farther off than noise as large as that of the others would ever make it, whatever noise
-/// is stated: held against the median of all squares, times the `lever` by which fitting sets suspects and others apart.
+/// The median of squared errors over that of a chi-square variable, of edges and of contacts; 0 without any.
+pub(super) fn middle(ranks: &PerObservation<usize>, squares: &PerObservation) -> Scale {
+    let mut medians = ByRank::new(|rank| quantile(0.5, rank));
+    let mut middle = |ranks: &[usize], squares: &[f64]| {
+        let observed = ranks.iter().zip(squares).filter(|(rank, _)| **rank > 0);
+        let mut relative: Vec<f64> = observed.map(|(&rank, square)| square / medians.of(rank)).collect();
+        let half = relative.len() / 2;
+        if relative.is_empty() { 0.0 } else { *relative.select_nth_unstable_by(half, f64::total_cmp).1 }
+    };
+    Scale {
+        edges: middle(ranks.edges.as_slice(), squares.edges.as_slice()),
+        contacts: middle(ranks.contacts.as_slice(), squares.contacts.as_slice()),
+    }
+}
+
+/// Whether one of the `suspects` is farther off than noise as large as that of others of its kind would ever make it,
+/// whatever noise is stated: held against the median square of all edges, or of all contacts, times the `lever` by which
+/// fitting sets suspects and others apart.
 pub(super) fn stands_out(
-    observations: &Observations,
+    ranks: &PerObservation<usize>,
     lever: f64,
     squares: &PerObservation,
     suspects: &PerObservation<bool>,
 ) -> bool {
-    let ranks = PerObservation {
-        edges: observations.edges.map(|e| edge_rank(&e.motion)),
-        contacts: observations.contacts.map(|c| touch_rank(&c.touch, observations.model)),
+    let count = ranks.iter().filter(|&rank| rank > 0).count() as f64;
+    let mut farthest = ByRank::new(|rank| quantile(1.0 - BY_CHANCE / count, rank));
+    let mut any = |middle: f64, ranks: &[usize], squares: &[f64], suspects: &[bool]| {
+        let observed =
+            ranks.iter().zip(squares).zip(suspects).filter(|((rank, _), suspect)| **suspect && **rank > 0);
+        observed.into_iter().any(|((&rank, &square), _)| square > lever * middle * farthest.of(rank))
     };
-    let count = ranks.iter().filter(|&rank| rank > 0).count();
-    if count == 0 {
-        return false;
+    let middle = middle(ranks, squares);
+    any(middle.edges, ranks.edges.as_slice(), squares.edges.as_slice(), suspects.edges.as_slice())
+        || any(
+            middle.contacts,
+            ranks.contacts.as_slice(),
+            squares.contacts.as_slice(),
+            suspects.contacts.as_slice(),
+        )
+}
+
+/// A number for every rank, found once.
+struct ByRank<F> {
+    find: F,
+    known: Vec<Option<f64>>,
+}
+
+impl<F: Fn(f64) -> f64> ByRank<F> {
+    fn new(find: F) -> Self {
+        Self { find, known: Vec::new() }
     }
-    let mut levels: HashMap<usize, (f64, f64)> = HashMap::new();
-    let mut level = |rank: usize| {
-        let find = || {
-            let rank = rank as f64;
-            (quantile(0.5, rank), quantile(1.0 - BY_CHANCE / count as f64, rank))
-        };
-        *levels.entry(rank).or_insert_with(find)
-    };
-    let pairs = || ranks.iter().zip(squares.iter()).filter(|(rank, _)| *rank > 0);
-    let mut relative: Vec<f64> = pairs().map(|(rank, square)| square / level(rank).0).collect();
-    let middle = *relative.select_nth_unstable_by(count / 2, f64::total_cmp).1;
-    let scale = middle * lever;
-    suspects
-        .iter()
-        .zip(ranks.iter().zip(squares.iter()))
-        .any(|(suspect, (rank, square))| suspect && rank > 0 && square > scale * level(rank).1)
+
+    fn of(&mut self, rank: usize) -> f64 {
+        if self.known.len() <= rank {
+            self.known.resize(rank + 1, None);
+        }
+        *self.known[rank].get_or_insert_with(|| (self.find)(rank as f64))
+    }
 }
 
 #[derive(Default)]
@@ -132,7 +158,7 @@ struct Sums {
     observed: usize,
     /// Mean of the sum of squares under their bounds.
     expected: f64,
-    /// Means by rank and bound, of which there are few: most observations are alike.
+    /// Means by rank and bound: without stretched bounds there are few.
     means: HashMap<(usize, u64), f64>,
 }
 
@@ -154,24 +180,6 @@ fn mean_below(degrees: usize, bound: f64) -> f64 {
     let k = degrees as f64;
     let below = |degrees: f64| 1.0 - chi_square_tail(bound, degrees);
     if bound.is_finite() && degrees > 0 { k * below(k + 2.0) / below(k) } else { k }
-}
-
-fn edge_rank(motion: &Motion) -> usize {
-    match motion {
-        Motion::Offset { information, .. } => information.rank(),
-        Motion::Relative(m) => m.information.rank(),
-    }
-}
-
-fn touch_rank(touch: &Touch, model: Model) -> usize {
-    match touch {
-        Touch::Position { information, .. } => information.rank(),
-        Touch::PositionNormal { information, normal_information, .. } => {
-            let normal = if model == Model::Poses && *normal_information > 0.0 { 2 } else { 0 };
-            information.rank() + normal
-        }
-        Touch::Pose(prior) => prior.information.rank(),
-    }
 }
 
 #[cfg(test)]

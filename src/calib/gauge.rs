@@ -1,3 +1,5 @@
+use std::borrow::Cow;
+
 use glam::{DMat3, DVec3};
 
 use crate::{
@@ -5,8 +7,9 @@ use crate::{
         Model, Pose,
         components::{Component, component_of_taxels, components},
         information::eigen,
-        normal_equations::{Problem, State},
+        normal_equations::{PerObservation, Problem, State},
         residual::{Quarters, Twist},
+        robust::SMALLEST_WEIGHT,
     },
     id::{ContactId, VertexId},
     sparse::{BlockMatrix, BlockSlot},
@@ -31,6 +34,45 @@ pub(super) struct Free {
     /// Typical distance from the centroid, in m: makes translations and rotations comparable.
     pub(super) length: f64,
     contacts: Vec<ContactId>,
+    /// How many of its contacts do not count.
+    pub(super) let_go: usize,
+}
+
+/// What the contacts leave free, whichever of them count.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Anchoring {
+    /// What all of them leave free.
+    by_all: Vec<Free>,
+}
+
+impl Anchoring {
+    pub(super) fn new(problem: &Problem<'_>, state: &State) -> Self {
+        Self { by_all: free_components(problem, state, |_| true) }
+    }
+
+    /// What the contacts that `count` leave free.
+    pub(super) fn free(
+        &self,
+        problem: &Problem<'_>,
+        state: &State,
+        counts: impl Fn(ContactId) -> bool,
+    ) -> Cow<'_, [Free]> {
+        if problem.observations.contacts.ids().all(&counts) {
+            Cow::Borrowed(&self.by_all)
+        } else {
+            Cow::Owned(free_components(problem, state, counts))
+        }
+    }
+
+    /// What contacts of these weights leave free: those that were let go would anchor in rounding errors.
+    pub(super) fn free_under(
+        &self,
+        problem: &Problem<'_>,
+        state: &State,
+        weights: &PerObservation,
+    ) -> Cow<'_, [Free]> {
+        self.free(problem, state, |contact| weights.contacts[contact] > SMALLEST_WEIGHT)
+    }
 }
 
 /// What a component looks like as a whole.
@@ -62,26 +104,27 @@ pub(super) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion
     }
 }
 
-/// The components that the contacts that `count` do not anchor, as far as they do not.
-pub(super) fn free_components(
-    problem: &Problem<'_>,
-    state: &State,
-    counts: impl Fn(ContactId) -> bool,
-) -> Vec<Free> {
+/// The components that the contacts that `counts` picks do not anchor, as far as they do not.
+fn free_components(problem: &Problem<'_>, state: &State, counts: impl Fn(ContactId) -> bool) -> Vec<Free> {
     let observations = problem.observations;
-    let all = components(observations);
-    let mut contacts = vec![Vec::new(); all.len()];
+    let all = components(observations, |_| true);
+    let mut contacts = vec![(Vec::new(), 0); all.len()];
     let of_taxel = component_of_taxels(&all, observations.taxels.len());
-    for (id, contact) in observations.contacts.enumerate().filter(|(id, _)| counts(*id)) {
-        contacts[of_taxel[contact.taxel]].push(id);
+    for (id, contact) in observations.contacts.enumerate() {
+        let (counting, let_go) = &mut contacts[of_taxel[contact.taxel]];
+        if counts(id) {
+            counting.push(id);
+        } else {
+            *let_go += 1;
+        }
     }
     let mut free = Vec::new();
-    for (component, contacts) in all.into_iter().zip(contacts) {
+    for (component, (contacts, let_go)) in all.into_iter().zip(contacts) {
         if component.fixed {
             continue;
         }
         let length = Placement::new(&component.taxels, state).length;
-        let mut candidate = Free { component, directions: 0, length, contacts };
+        let mut candidate = Free { component, directions: 0, length, contacts, let_go };
         let (_, values, _) = candidate.anchoring(problem, state);
         let motions = observations.model.unknowns();
         // In the positions model the three rotations are no motions at all; their eigenvalues are zero.

@@ -269,7 +269,7 @@ fn in_common_frame(problem: &Problem<'_>, state: &State, blocks: &IdVec<VertexId
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calib::{Residual, SimulateOptions, Start, gauge::free_components, simulate, start::start};
+    use crate::calib::{Residual, SimulateOptions, Start, gauge::Anchoring, simulate, start::start};
 
     type Dense = Vec<Vec<f64>>;
 
@@ -342,7 +342,7 @@ mod tests {
             }
             let state = start(&observations, Start::Chordal).unwrap();
             let problem = Problem::new(&observations, Residual::Split).unwrap();
-            let free = free_components(&problem, &state, |_| true);
+            let free = Anchoring::new(&problem, &state).free(&problem, &state, |_| true).into_owned();
             let ones = problem.squares(&state).map(|_| 1.0);
             let found = marginals(&problem, &free, &state, &ones).unwrap();
 

@@ -1,4 +1,4 @@
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use crate::{
@@ -67,6 +67,8 @@ pub(super) struct Problem<'o> {
     pub(super) observations: &'o Observations,
     pub(super) convention: Residual,
     pub(super) shape: Shape,
+    /// How many numbers every observation observes.
+    pub(super) ranks: PerObservation<usize>,
     /// The block row of every taxel that moves.
     pub(super) rows: IdVec<VertexId, Option<u32>>,
     pub(super) system: BlockSystem,
@@ -84,7 +86,11 @@ impl<'o> Problem<'o> {
         let slots = observations
             .edges
             .map(|e| pair_of(e, &rows).and_then(|(i, j)| Some((system.slot(i.max(j), i.min(j))?, j > i))));
-        Ok(Self { observations, convention, shape, rows, system, slots })
+        let ranks = PerObservation {
+            edges: observations.edges.map(Displacement::rank),
+            contacts: observations.contacts.map(|c| c.touch.rank(observations.model)),
+        };
+        Ok(Self { observations, convention, shape, ranks, rows, system, slots })
     }
 
     /// Number of taxels that move.
@@ -384,15 +390,4 @@ impl Sums<'_> {
             self.gradient[at] += x;
         }
     }
-}
-
-/// A start in which every taxel without initial value is at the origin.
-pub(super) fn initial_or_origin(observations: &Observations) -> State {
-    observations.taxels.map(|t| {
-        let pose = t.initial.unwrap_or(Pose::IDENTITY);
-        match observations.model {
-            Model::Positions => Pose { rotation: DQuat::IDENTITY, ..pose },
-            Model::Poses => pose,
-        }
-    })
 }

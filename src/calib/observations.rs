@@ -1,4 +1,4 @@
-use std::collections::HashSet;
+use std::{collections::HashSet, fmt::Display};
 
 use glam::DVec3;
 
@@ -79,6 +79,14 @@ impl Displacement {
             Motion::Relative(m) => m.information.0.iter().flatten().any(|&x| x != 0.0),
         }
     }
+
+    /// How many numbers it observes.
+    pub(super) fn rank(&self) -> usize {
+        match &self.motion {
+            Motion::Offset { information, .. } => information.rank(),
+            Motion::Relative(m) => m.information.rank(),
+        }
+    }
 }
 
 /// An absolute observation of one taxel: it touched something whose place is known.
@@ -113,6 +121,20 @@ pub enum Touch {
     },
     /// The pose of a frame that is fixed to the taxel; poses model only.
     Pose(Box<PosePrior>),
+}
+
+impl Touch {
+    /// How many numbers it observes.
+    pub(super) fn rank(&self, model: Model) -> usize {
+        match self {
+            Self::Position { information, .. } => information.rank(),
+            Self::PositionNormal { information, normal_information, .. } => {
+                let says_normal = model == Model::Poses && *normal_information > 0.0;
+                information.rank() + if says_normal { 2 } else { 0 }
+            }
+            Self::Pose(prior) => prior.information.rank(),
+        }
+    }
 }
 
 /// A known pose of a frame fixed to a taxel (g2o's `EDGE_SE3_PRIOR`).
@@ -177,28 +199,27 @@ impl Observations {
                 return Err(CalibError::DuplicateTaxel { id: taxel.id });
             }
             if taxel.initial.is_none() && taxel.fixed {
-                return Err(CalibError::NoInitialValue { id: taxel.id });
+                return Err(CalibError::FixedNowhere { id: taxel.id });
             }
             if taxel.initial.is_some_and(|p| !p.is_valid()) {
-                return Err(CalibError::BadOption {
-                    option: "an initial value",
-                    found: format!("not finite or not of unit length at taxel {}", taxel.id),
-                    needed: "finite numbers and a unit quaternion",
-                });
+                return Err(CalibError::InvalidInitial { id: taxel.id });
             }
         }
         Ok(())
     }
 
-    fn check_index(&self, edge: usize, vertex: VertexId) -> Result<TaxelId, CalibError> {
-        let taxels = self.taxels.len();
-        let dangling = CalibError::Dangling { edge, vertex: vertex.index(), taxels };
-        self.taxels.get(vertex).map(|t| t.id).ok_or(dangling)
+    fn check_index(&self, element: impl Display, vertex: VertexId) -> Result<TaxelId, CalibError> {
+        let dangling = || CalibError::Dangling {
+            element: element.to_string(),
+            vertex: vertex.index(),
+            taxels: self.taxels.len(),
+        };
+        self.taxels.get(vertex).map(|t| t.id).ok_or_else(dangling)
     }
 
     fn check_edge(&self, edge: EdgeId, displacement: &Displacement) -> Result<(), CalibError> {
-        let from = self.check_index(edge.index(), displacement.from)?;
-        let to = self.check_index(edge.index(), displacement.to)?;
+        let from = self.check_index(format_args!("edge {edge}"), displacement.from)?;
+        let to = self.check_index(format_args!("edge {edge}"), displacement.to)?;
         if from == to {
             return Err(CalibError::SelfEdge { edge, id: from });
         }
@@ -229,7 +250,7 @@ impl Observations {
     }
 
     fn check_contact(&self, contact: ContactId, touched: &Contact) -> Result<(), CalibError> {
-        let id = self.check_index(contact.index(), touched.taxel)?;
+        let id = self.check_index(format_args!("contact {contact}"), touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
         const INDEFINITE: &str = "its information matrix is not positive semi-definite";
         match &touched.touch {
@@ -275,7 +296,7 @@ impl Observations {
             observed[edge.from] = true;
             observed[edge.to] = true;
         }
-        for contact in &self.contacts {
+        for contact in self.contacts.iter().filter(|c| c.touch.rank(self.model) > 0) {
             observed[contact.taxel] = true;
         }
         let mut unobserved = observed.enumerate().filter(|(_, seen)| !**seen).map(|(v, _)| v);

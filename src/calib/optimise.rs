@@ -1,7 +1,7 @@
 use crate::{
     calib::{
         CalibError,
-        gauge::Free,
+        gauge::{Anchoring, Free},
         normal_equations::{PerObservation, Problem, Shape, State},
         robust::Kernels,
     },
@@ -27,7 +27,8 @@ pub struct Iteration {
     pub cost: f64,
     /// Largest change of an unknown, in m or rad.
     pub step: f64,
-    /// Damping (Levenberg-Marquardt) or radius of the trust region (dogleg) the step was taken with; 0 without.
+    /// What the step was taken with: damping (Levenberg-Marquardt), radius of the trust region (dogleg) or how close the
+    /// cost is to the truncated one (graduated non-convexity); 0 without.
     pub control: f64,
 }
 
@@ -192,7 +193,7 @@ impl<'p> Linear<'p> {
 /// Minimises from `start`. Returns the best point, all iterations and the reason for the end.
 pub(super) fn minimise(
     problem: &Problem<'_>,
-    free: &[Free],
+    anchoring: &Anchoring,
     weighting: Weighting<'_>,
     start: State,
     method: Method,
@@ -207,11 +208,13 @@ pub(super) fn minimise(
     let mut last_decrease = 0.0;
     for _ in 0..limits.iterations {
         let weights = weighting.weights(&point.squares);
-        let linear = Linear::new(problem, free, &point.state, &weights);
+        let free = anchoring.free_under(problem, &point.state, &weights);
+        let linear = Linear::new(problem, &free, &point.state, &weights);
         let Some((next, iteration)) = control.advance(problem, &weighting, &linear, &point)? else {
             let ending = if control.method == Method::GaussNewton { Ending::Diverged } else { Ending::Stuck };
             // At a minimum rounding alone can keep every step from lowering the cost.
-            let at_minimum = linear.predicted_decrease()? <= limits.relative_decrease * point.cost;
+            let at_minimum = linear.predicted_decrease().map_err(|e| problem.explain(e))?
+                <= limits.relative_decrease * point.cost;
             return Ok((point, if at_minimum { Ending::Converged } else { ending }));
         };
         let decrease = point.cost - next.cost;
@@ -240,9 +243,8 @@ pub(super) fn minimise(
 
 impl Linear<'_> {
     /// How much the quadratic model would fall by its best step.
-    fn predicted_decrease(&self) -> Result<f64, CalibError> {
-        let step = self.newton_step(0.0).map_err(CalibError::Sparse)?;
-        Ok(self.predicted(&step, 0.0))
+    fn predicted_decrease(&self) -> Result<f64, SparseError> {
+        Ok(self.predicted(&self.newton_step(0.0)?, 0.0))
     }
 
     /// How much the quadratic falls by the minimising `step` under `damping`.

@@ -7,12 +7,17 @@ use crate::{
     id::{EdgeId, IdVec, VertexId},
 };
 
+/// Places tried for one taxel: where more edges disagree, every so many are asked.
+const MOST_PLACES: usize = 100;
+
 /// Moves every taxel, one after the other, to where one of its edges puts it, if more of its observations agree there;
 /// returns whether any moved.
 ///
 /// Truncated least squares has many minima, and graduated non-convexity ends in one of the better ones only where most
 /// of a taxel's edges are right. With its neighbours held, the truncated cost of one taxel has at most one minimum
-/// for each set of edges that agree, so trying the place each edge names finds the best.
+/// for each set of edges that agree, and every set but the present one has an edge in it that disagrees here:
+/// trying the places that those name finds the best. A set that wins among more than [`MOST_PLACES`] of them is so
+/// large that it has many of those asked.
 pub(super) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Kernels) -> bool {
     let observations = problem.observations;
     let edges_of = edges_of_taxels(observations);
@@ -22,24 +27,30 @@ pub(super) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Ker
     }
     let mut moved = false;
     for v in observations.taxels.ids().filter(|&v| problem.rows[v].is_some()) {
-        let cost = |state: &State| {
-            let edges: f64 =
-                edges_of[v].iter().map(|&e| kernels.edges[e].cost(problem.edge_square(e, state))).sum();
+        // The cost at `state`, or some number above `most` if it is above it.
+        let cost = |state: &State, most: f64| {
             let contacts =
                 contacts_of[v].iter().map(|(c, k)| k.cost(problem.touch_square(&c.touch, &state[v])));
-            edges + contacts.sum::<f64>()
+            let edges = edges_of[v].iter().map(|&e| kernels.edges[e].cost(problem.edge_square(e, state)));
+            let mut sum = 0.0;
+            for cost in contacts.chain(edges) {
+                sum += cost;
+                if sum > most {
+                    break;
+                }
+            }
+            sum
         };
-        let here = state[v];
-        let (mut best, mut lowest) = (here, cost(state));
-        // A taxel whose observations all agree cannot be better off.
-        let agrees = |&e: &EdgeId| kernels.edges[e].keeps(problem.edge_square(e, state));
-        let all_agree = edges_of[v].iter().all(agrees);
-        if all_agree {
+        let disagrees = |e: &EdgeId| !kernels.edges[*e].keeps(problem.edge_square(*e, state));
+        let asked: Vec<EdgeId> = edges_of[v].iter().copied().filter(disagrees).collect();
+        if asked.is_empty() {
             continue;
         }
-        for &e in &edges_of[v] {
+        let here = state[v];
+        let (mut best, mut lowest) = (here, cost(state, f64::INFINITY));
+        for &e in asked.iter().step_by(asked.len().div_ceil(MOST_PLACES)) {
             state[v] = named_by(observations, e, v, state);
-            let there = cost(state);
+            let there = cost(state, lowest);
             // Rounding must not send a taxel back and forth.
             if there < lowest * (1.0 - 1e-9) {
                 (best, lowest) = (state[v], there);

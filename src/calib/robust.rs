@@ -1,6 +1,5 @@
 use crate::{
     calib::{
-        Model, Observations, Touch,
         attribution::{LogOdds, stretch},
         chi_square::quantile,
         normal_equations::PerObservation,
@@ -15,7 +14,8 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Robust {
     /// Least squares; truncated least squares ([`Robust::Graduated`]) where those leave more than the stated noise explains
-    /// or an observation stands out from the others, if what they let go stands out, too, and is less than half.
+    /// or an observation stands out from the others, if what they let go stands out from the others of its kind at the scale
+    /// of these, which may be larger than stated, and is less than half of them.
     #[default]
     Automatic,
     /// Least squares: one wrong observation moves everything.
@@ -73,8 +73,9 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    pub(super) fn new(robust: Robust, degrees: usize) -> Self {
-        let degrees = degrees.max(1) as f64;
+    /// The kernel of an observation of `rank` numbers; nothing observed has no error, and any bound does.
+    pub(super) fn new(robust: Robust, rank: usize) -> Self {
+        let degrees = rank.max(1) as f64;
         let bound2 = match robust {
             Robust::Automatic | Robust::None => f64::INFINITY,
             Robust::Huber | Robust::Cauchy | Robust::GemanMcClure => quantile(UNTOUCHED, degrees),
@@ -140,6 +141,25 @@ impl Kernel {
     }
 }
 
+/// How much larger squared errors are than the stated noise lets expect: 1 where it is right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scale {
+    pub(super) edges: f64,
+    pub(super) contacts: f64,
+}
+
+impl Scale {
+    /// Whether the stated noise is right as far as a median can tell that wrong observations shift, too: it
+    /// doubles where 40 % are wrong.
+    pub(super) fn is_as_stated(self) -> bool {
+        self.edges.max(self.contacts) <= 2.5
+    }
+
+    pub(super) fn most(self, other: Self) -> Self {
+        Self { edges: self.edges.max(other.edges), contacts: self.contacts.max(other.contacts) }
+    }
+}
+
 /// The kernel of every observation.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Kernels {
@@ -149,31 +169,31 @@ pub(super) struct Kernels {
 }
 
 impl Kernels {
-    /// Kernels whose bounds follow from what each observation says, and from the `odds` that it is attributed right if
-    /// they are known.
-    pub(super) fn new(observations: &Observations, robust: Robust, odds: Option<&LogOdds>) -> Self {
-        let model = observations.model;
-        let edge = Kernel::new(robust, model.unknowns());
-        let edges = match odds {
-            None => observations.edges.map(|_| edge),
-            Some(odds) => odds.map(|&o| edge.stretched(stretch(o, edge.outlier2))),
-        };
-        // Quantiles take long, and contacts are of few kinds.
-        let mut known: Vec<(usize, Kernel)> = vec![(model.unknowns(), edge)];
-        let contacts = observations.contacts.map(|contact| {
-            let degrees = match &contact.touch {
-                Touch::PositionNormal { .. } if model == Model::Poses => 5,
-                Touch::Position { .. } | Touch::PositionNormal { .. } => 3,
-                Touch::Pose(_) => 6,
-            };
-            let found = known.iter().find(|(d, _)| *d == degrees).map(|(_, kernel)| *kernel);
-            found.unwrap_or_else(|| {
-                let kernel = Kernel::new(robust, degrees);
-                known.push((degrees, kernel));
-                kernel
-            })
-        });
-        Self { robust, edges, contacts }
+    /// Kernels whose bounds follow from how many numbers each observation observes.
+    pub(super) fn new(ranks: &PerObservation<usize>, robust: Robust) -> Self {
+        // Quantiles take long, and there are few ranks.
+        let most = ranks.iter().max().unwrap_or(0);
+        let of_rank: Vec<Kernel> = (0..=most).map(|rank| Kernel::new(robust, rank)).collect();
+        let kernel = |&rank: &usize| of_rank[rank];
+        Self { robust, edges: ranks.edges.map(kernel), contacts: ranks.contacts.map(kernel) }
+    }
+
+    /// The same for edges that are attributed right with these `odds`.
+    pub(super) fn with_odds(&self, odds: &LogOdds) -> Self {
+        let mut this = self.clone();
+        for (kernel, &odds) in this.edges.iter_mut().zip(odds) {
+            *kernel = kernel.stretched(stretch(odds, kernel.outlier2));
+        }
+        this
+    }
+
+    /// The same for errors whose squares are larger by `scale`.
+    pub(super) fn scaled(&self, scale: Scale) -> Self {
+        Self {
+            edges: self.edges.map(|k| k.stretched(scale.edges)),
+            contacts: self.contacts.map(|k| k.stretched(scale.contacts)),
+            ..*self
+        }
     }
 
     pub(super) fn costs(&self, squares: &PerObservation) -> PerObservation {

@@ -1,19 +1,19 @@
 use crate::calib::{
     CalibError, CalibOptions, Ending, Iteration, Robust,
-    attribution::{LogOdds, attribution_odds},
-    fit::{fit, stands_out},
-    gauge::Free,
+    attribution::attribution_odds,
+    fit::{fit, middle, stands_out},
+    gauge::Anchoring,
     normal_equations::{PerObservation, Problem, State},
     optimise::{Linear, Point, Weighting, minimise},
     reconsider::reconsider,
-    robust::Kernels,
+    robust::{Kernels, Scale},
     undecided::take_back_chance,
 };
 
 /// The optimisation with its robust schedule.
 pub(super) struct Search<'s, 'o> {
     pub(super) problem: &'s Problem<'o>,
-    pub(super) free: &'s [Free],
+    pub(super) anchoring: &'s Anchoring,
     pub(super) options: &'s CalibOptions,
     pub(super) iterations: Vec<Iteration>,
     pub(super) watch: &'s dyn Fn(usize, &Iteration),
@@ -31,29 +31,31 @@ pub(super) struct Found {
     pub(super) point: Point,
     pub(super) weights: PerObservation,
     pub(super) kept: PerObservation<bool>,
-    /// Squares up to which observations are kept.
-    pub(super) bounds: PerObservation,
     /// What was done about observations that do not fit.
-    pub(super) robust: Robust,
+    pub(super) kernels: Kernels,
     pub(super) ending: Ending,
 }
 
 impl Search<'_, '_> {
     pub(super) fn run(&mut self, begin: State) -> Result<Found, CalibError> {
-        match self.options.robust {
+        let robust = self.options.robust;
+        match robust {
             Robust::Automatic => {
                 let plain = self.least_squares(begin)?;
                 if !self.is_doubtful(&plain) {
                     return Ok(plain);
                 }
-                let found = self.let_go(plain.point.state.clone(), Robust::Graduated)?;
-                // What lets go of nothing is least squares.
-                let robust = if found.kept.iter().all(|kept| kept) { Robust::None } else { found.robust };
-                Ok(if self.is_better(&found, &plain) { Found { robust, ..found } } else { plain })
+                match self.without_wrong(&plain) {
+                    // A taxel that hangs on what was let go: then there was no telling.
+                    Err(CalibError::Undetermined { .. }) => Ok(plain),
+                    found => Ok(found?.unwrap_or(plain)),
+                }
             }
-            robust @ (Robust::Graduated | Robust::Tukey | Robust::GemanMcClure) => self.let_go(begin, robust),
-            robust @ (Robust::Huber | Robust::Cauchy) => {
-                self.with_kernels(begin, &Kernels::new(self.problem.observations, robust, None))
+            Robust::Graduated | Robust::Tukey | Robust::GemanMcClure => {
+                self.let_go(begin, &Kernels::new(&self.problem.ranks, robust))
+            }
+            Robust::Huber | Robust::Cauchy => {
+                self.with_kernels(begin, &Kernels::new(&self.problem.ranks, robust))
             }
             Robust::None => self.least_squares(begin),
         }
@@ -62,85 +64,118 @@ impl Search<'_, '_> {
     /// Whether least squares leave more than the stated noise explains, or one observation stands out.
     fn is_doubtful(&self, plain: &Found) -> bool {
         if !plain.ending.is_converged() {
-            return true;
+            // Who limits the iterations does not want more of them.
+            return plain.ending != Ending::OutOfIterations;
         }
-        let observations = self.problem.observations;
         let squares = &plain.point.squares;
         // Where every square is within its bound there is nothing to let go.
-        if Kernels::new(observations, Robust::Graduated, None).worst(squares) <= 1.0 {
+        if Kernels::new(&self.problem.ranks, Robust::Graduated).worst(squares) <= 1.0 {
             return false;
         }
-        let fit = fit(self.problem, self.free, plain);
+        let fit = fit(self.problem, self.anchoring, plain);
         // Fitting makes the squares of all smaller.
         fit.is_too_large()
-            || fit.degrees > 0 && stands_out(observations, fit.redundancy(), squares, &plain.kept)
+            || fit.degrees > 0 && stands_out(&self.problem.ranks, fit.redundancy(), squares, &plain.kept)
+    }
+
+    /// What is found when wrong observations are let go, if some are: truncated least squares.
+    ///
+    /// Where much is let go, either much is wrong or the noise is understated. Then the scale of most errors decides: bounds
+    /// that are wider by it let go of less, which widens the scale, until it stays. The smallest scale that
+    /// explains itself is the one to believe.
+    fn without_wrong(&mut self, plain: &Found) -> Result<Option<Found>, CalibError> {
+        let begin = || plain.point.state.clone();
+        let stated = Kernels::new(&self.problem.ranks, Robust::Graduated);
+        let mut found = self.let_go(begin(), &stated)?;
+        if !is_few(&found, SUSPICIOUS) {
+            let mut scale = self.scale(&found);
+            for _ in 0..RESCALINGS {
+                let wide = self.graduate(begin(), &stated.scaled(scale))?;
+                let wider = self.scale(&wide).most(scale);
+                let steady = wider.edges <= STEADY * scale.edges && wider.contacts <= STEADY * scale.contacts;
+                scale = wider;
+                if steady {
+                    break;
+                }
+            }
+            if !scale.is_as_stated() {
+                found = self.let_go(begin(), &stated.scaled(scale))?;
+            }
+        }
+        Ok(self.is_better(&found, plain).then_some(found))
+    }
+
+    /// How much larger the squares of most observations are than their stated noise lets expect.
+    fn scale(&self, found: &Found) -> Scale {
+        let fit = fit(self.problem, self.anchoring, found);
+        let middle = middle(&self.problem.ranks, &found.point.squares);
+        // Fitting makes squares smaller.
+        let scale = |middle: f64| (middle * fit.redundancy()).max(1.0);
+        Scale { edges: scale(middle.edges), contacts: scale(middle.contacts) }
     }
 
     /// Whether letting go found something that is wrong, and left enough to tell. Where nothing is wrong but the stated
     /// noise, what is let go does not stand out.
     fn is_better(&self, found: &Found, plain: &Found) -> bool {
-        let fit = fit(self.problem, self.free, found);
+        let fit = fit(self.problem, self.anchoring, found);
         let rejected = found.kept.map(|kept| !kept);
-        let few = rejected.iter().filter(|&r| r).count() <= rejected.iter().count() / 2;
         // Fitting makes the squares of the others smaller, and those of what was let go as much larger.
         let lever = fit.redundancy() * fit.redundancy();
-        let stands_out = || stands_out(self.problem.observations, lever, &found.point.squares, &rejected);
+        let stands_out = || stands_out(&self.problem.ranks, lever, &found.point.squares, &rejected);
         found.ending.is_converged()
-            && few
+            && is_few(found, MOST)
             && fit.degrees > 0
             && (!plain.ending.is_converged() || stands_out())
     }
 
-    /// Solves with a kernel that lets go, learns from what it let go, solves again, and takes back what was
-    /// decided by chance.
-    fn let_go(&mut self, begin: State, robust: Robust) -> Result<Found, CalibError> {
+    /// Solves with kernels that let go, learns from what they let go, solves again, and takes back what was decided by
+    /// chance.
+    fn let_go(&mut self, begin: State, kernels: &Kernels) -> Result<Found, CalibError> {
         let observations = self.problem.observations;
-        let mut found = self.reject(begin.clone(), robust, None)?;
+        let mut found = self.reject(begin.clone(), kernels)?;
         let odds = attribution_odds(observations, &found.kept);
-        if odds.is_some() && found.ending.is_converged() {
-            found = self.reject(begin, robust, odds.as_ref())?;
+        if let Some(odds) = odds.as_ref().filter(|_| found.ending.is_converged()) {
+            found = self.reject(begin, &kernels.with_odds(odds))?;
         }
-        if found.ending.is_converged()
-            && take_back_chance(observations, &mut found.weights, &mut found.kept, odds.as_ref())
-        {
+        if found.ending.is_converged() && take_back_chance(observations, &mut found, odds.as_ref(), kernels) {
             let weighting = Weighting::Fixed(&found.weights);
             (found.point, found.ending) = self.minimise(weighting, found.point.state)?;
+            // The cost of one kernel, whoever decided.
+            found.point.cost = Weighting::Kernels(&found.kernels).cost(&found.point.squares);
         }
         Ok(found)
     }
 
     fn least_squares(&mut self, begin: State) -> Result<Found, CalibError> {
-        let ones = self.problem.squares(&begin).map(|_| 1.0);
+        let kernels = Kernels::new(&self.problem.ranks, Robust::None);
+        let ones = self.problem.ranks.map(|_| 1.0);
         let (point, ending) = self.minimise(Weighting::Fixed(&ones), begin)?;
-        let (kept, bounds) = (ones.map(|_| true), ones.map(|_| f64::INFINITY));
-        Ok(Found { point, weights: ones, kept, bounds, robust: Robust::None, ending })
+        Ok(Found { point, kept: ones.map(|_| true), weights: ones, kernels, ending })
     }
 
-    fn reject(&mut self, begin: State, robust: Robust, odds: Option<&LogOdds>) -> Result<Found, CalibError> {
-        let kernels = |robust| Kernels::new(self.problem.observations, robust, odds);
-        let (kernels, huber) = (kernels(robust), kernels(Robust::Huber));
-        if robust == Robust::Graduated {
-            return self.graduate(begin, &kernels);
+    fn reject(&mut self, begin: State, kernels: &Kernels) -> Result<Found, CalibError> {
+        if kernels.robust == Robust::Graduated {
+            return self.graduate(begin, kernels);
         }
         // Kernels that let go have many minima: start them from the one minimum of Huber's.
+        let huber = Kernels::new(&self.problem.ranks, Robust::Huber);
         let start = self.with_kernels(begin, &huber)?.point.state;
-        self.with_kernels(start, &kernels)
+        self.with_kernels(start, kernels)
     }
 
     fn with_kernels(&mut self, begin: State, kernels: &Kernels) -> Result<Found, CalibError> {
-        let weighting = Weighting::Kernels(kernels);
-        let (point, ending) = self.minimise(weighting, begin)?;
+        let (point, ending) = self.minimise(Weighting::Kernels(kernels), begin)?;
         let (weights, kept) = (kernels.weights(&point.squares), kernels.keep(&point.squares));
-        Ok(Found { point, weights, kept, bounds: kernels.bounds(), robust: kernels.robust, ending })
+        Ok(Found { point, weights, kept, kernels: kernels.clone(), ending })
     }
 
     fn minimise(&mut self, weighting: Weighting<'_>, begin: State) -> Result<(Point, Ending), CalibError> {
-        let Self { problem, free, options, iterations, watch } = self;
+        let Self { problem, anchoring, options, iterations, watch } = self;
         let mut note = |iteration: Iteration| {
             iterations.push(iteration);
             watch(iterations.len(), &iteration);
         };
-        minimise(problem, free, weighting, begin, options.method, options.limits, &mut note)
+        minimise(problem, anchoring, weighting, begin, options.method, options.limits, &mut note)
     }
 
     /// Truncated least squares from a good start: estimate, look at every taxel anew, and again.
@@ -163,13 +198,14 @@ impl Search<'_, '_> {
         let worst = kernels.worst(&found.point.squares);
         // Nothing moves, or everything fits: nothing to reject. Or not even the worst has a number.
         if self.problem.moving() == 0 || worst <= 1.0 || !worst.is_finite() {
-            return Ok(Found { robust: kernels.robust, ..found });
+            return Ok(Found { kernels: kernels.clone(), ..found });
         }
         let mut point = found.point;
         let mut mu = (2.0 * worst - 1.0).recip().max(FIRST_CONTROL);
         while mu <= LAST_CONTROL {
             let weights = kernels.graduated_weights(mu, &point.squares);
-            let linear = Linear::new(self.problem, self.free, &point.state, &weights);
+            let free = self.anchoring.free_under(self.problem, &point.state, &weights);
+            let linear = Linear::new(self.problem, &free, &point.state, &weights);
             let step = linear.newton_step(0.0).map_err(|e| self.problem.explain(e))?;
             let state = self.problem.advanced(&point.state, &step);
             point = Point::new(self.problem, &Weighting::Fixed(&weights), state);
@@ -182,6 +218,24 @@ impl Search<'_, '_> {
         self.truncate(point.state, kernels)
     }
 }
+
+/// Share of the edges, or of the contacts, that can be wrong for the others to tell.
+const MOST: f64 = 0.5;
+
+/// Share of them that is let go if noise that is understated by half, at least, is all that is wrong.
+const SUSPICIOUS: f64 = 0.1;
+
+/// Whether no more than this `share` of edges was let go, and of contacts.
+fn is_few(found: &Found, share: f64) -> bool {
+    let few = |kept: &[bool]| kept.iter().filter(|&&k| !k).count() as f64 <= share * kept.len() as f64;
+    few(found.kept.edges.as_slice()) && few(found.kept.contacts.as_slice())
+}
+
+/// Rounds of [`Search::without_wrong`] that widen the scale; three have been enough.
+const RESCALINGS: usize = 6;
+
+/// A scale that grows by less than this factor stays.
+const STEADY: f64 = 1.3;
 
 /// Rounds of [`reconsider`] after which truncated least squares is left as it is; each lowers the cost, and more than
 /// three have not been seen.

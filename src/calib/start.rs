@@ -7,7 +7,7 @@ use crate::{
         CalibError, Displacement, Information, Model, Motion, Observations, Pose, RelativePose, Touch,
         components::{component_of_taxels, components},
         information::eigen,
-        normal_equations::{State, initial_or_origin, number_rows, pair_of, row_pairs},
+        normal_equations::{State, number_rows, pair_of, row_pairs},
     },
     id::{IdVec, VertexId},
     sparse::{BlockFactor, BlockSlot, BlockSystem, Pattern, SparseError},
@@ -30,7 +30,7 @@ pub enum Start {
 /// without.
 fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
     let mut anchors = observations.taxels.map(|t| t.fixed);
-    for component in components(observations) {
+    for component in components(observations, |_| true) {
         if !component.fixed {
             anchors[component.gauge] = true;
         }
@@ -40,16 +40,16 @@ fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
 
 /// A start of the wanted kind. Positions are linear: they need none.
 pub(super) fn start(observations: &Observations, kind: Start) -> Result<State, CalibError> {
-    if kind == Start::Initial {
-        if let Some(t) = observations.taxels.iter().find(|t| t.initial.is_none()) {
-            return Err(CalibError::NoInitialValue { id: t.id });
-        }
-        return Ok(initial_or_origin(observations));
-    }
-    if kind == Start::Chordal && observations.model == Model::Positions {
-        return Ok(initial_or_origin(observations));
-    }
     let mut state = match kind {
+        Start::Initial => {
+            return match observations.taxels.iter().find(|t| t.initial.is_none()) {
+                Some(t) => Err(CalibError::NoInitialValue { id: t.id }),
+                None => Ok(initial_or_origin(observations)),
+            };
+        }
+        Start::Chordal if observations.model == Model::Positions => {
+            return Ok(initial_or_origin(observations));
+        }
         Start::Chordal => match chordal(observations) {
             Ok(state) => state,
             // Rotations that nothing determines in the relaxed problem: chain them instead.
@@ -58,10 +58,21 @@ pub(super) fn start(observations: &Observations, kind: Start) -> Result<State, C
             }
             Err(other) => return Err(CalibError::Sparse(other)),
         },
-        Start::Tree | Start::Initial => spanning_tree(observations),
+        Start::Tree => spanning_tree(observations),
     };
     align_to_contacts(observations, &mut state);
     Ok(state)
+}
+
+/// A start in which every taxel without initial value is at the origin.
+fn initial_or_origin(observations: &Observations) -> State {
+    observations.taxels.map(|t| {
+        let pose = t.initial.unwrap_or(Pose::IDENTITY);
+        match observations.model {
+            Model::Positions => Pose { rotation: DQuat::IDENTITY, ..pose },
+            Model::Poses => pose,
+        }
+    })
 }
 
 /// Chains observations breadth first, from the anchors outwards, in the order of the edges.
@@ -250,7 +261,7 @@ pub(super) fn nearest_rotation(m: &DMat3) -> DQuat {
 /// Moves every component without a fixed taxel as a whole to where its contacts say it is (Wahba 1965): the
 /// directions between touched points, touched normals and observed orientations vote for the rotation.
 fn align_to_contacts(observations: &Observations, state: &mut State) {
-    let components = components(observations);
+    let components = components(observations, |_| true);
     let mut touches_of = vec![Vec::new(); components.len()];
     let of_taxel = component_of_taxels(&components, observations.taxels.len());
     for contact in observations.contacts.iter().filter(|c| pulls(&c.touch)) {

@@ -9,8 +9,8 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Comparison, Ending, Fit, Iteration, Limits, Method, Observations, Pose,
-        Residual, Robust, Start, Uncertainty, calibrate, compare,
+        CalibOptions, Calibration, Comparison, Ending, Fit, FreeComponent, Iteration, Limits, Method,
+        Observations, Pose, Residual, Robust, Start, Uncertainty, calibrate, compare,
     },
     id::{IdVec, TaxelId, VertexId},
     io::{IoError, append_observations, read_observations, read_triangles, read_truth},
@@ -47,7 +47,8 @@ pub(crate) struct Args {
     /// Compare with where the taxels truly are: id,x,y,z[,qx,qy,qz,qw]
     #[arg(long, value_name = "T.csv")]
     truth: Option<PathBuf>,
-    /// Write how well every observation fits, and whether noise explains it: i,j,sigmas,weight,inlier
+    /// Write how well every observation fits, and whether it was kept, that is, whether noise and the lengths of the others
+    /// explain it: i,j,sigmas,weight,inlier
     #[arg(long, value_name = "I.csv")]
     inliers: Option<PathBuf>,
     /// What to do about observations that do not fit
@@ -150,7 +151,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
-        if matches!(args.robust, RobustArg::Auto) && found.robust == Robust::Graduated {
+        let rejected = found.weights.rejected_edges().count() + found.weights.rejected_contacts().count();
+        if matches!(args.robust, RobustArg::Auto) && found.robust == Robust::Graduated && rejected > 0 {
             eprintln!(
                 "note: some observations stand out from the others and were let go (gnc); --robust none keeps all"
             );
@@ -252,10 +254,20 @@ const MOST_COMPONENTS: usize = 8;
 fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
     let told = if verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
     for free in &found.free[..told] {
-        eprintln!(
-            "note: nothing says where the {} taxels around taxel {} are ({} of their motions as a whole are free): taxel {} keeps its start",
-            free.taxels, free.gauge, free.directions, free.gauge
-        );
+        let FreeComponent { gauge, taxels, directions, let_go } = free;
+        if *directions < found.model.unknowns() {
+            eprintln!(
+                "note: the contacts leave {directions} motions of the {taxels} taxels around taxel {gauge} as a whole open"
+            );
+        } else if *let_go > 0 {
+            eprintln!(
+                "note: nothing but contacts that were let go says where the {taxels} taxels around taxel {gauge} are: their place means nothing"
+            );
+        } else {
+            eprintln!(
+                "note: nothing says where the {taxels} taxels around taxel {gauge} are: taxel {gauge} keeps its start"
+            );
+        }
     }
     if told < found.free.len() {
         let (rest, taxels) =
