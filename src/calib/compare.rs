@@ -1,7 +1,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
-    calib::{CalibError, Pose, start::nearest_rotation},
+    calib::{CalibError, Pose, pose::outer, start::nearest_rotation},
     id::{IdVec, VertexId},
 };
 
@@ -31,7 +31,6 @@ pub fn compare(
     let centre = |poses: &IdVec<VertexId, Pose>| poses.iter().map(|p| p.position).sum::<DVec3>() / count;
     let (from, to) = (centre(found), centre(truth));
     let pairs = || found.iter().zip(truth);
-    let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
     let correlation =
         pairs().map(|(f, t)| outer(t.position - to, f.position - from)).fold(DMat3::ZERO, |sum, m| sum + m);
     let rotation = if correlation == DMat3::ZERO { DQuat::IDENTITY } else { nearest_rotation(&correlation) };

@@ -6,12 +6,12 @@ use crate::{
     calib::{
         Model, Pose,
         components::{Component, component_of_taxels, components},
-        information::eigen,
         normal_equations::{PerObservation, Problem, State},
         residual::{Quarters, Twist},
         robust::SMALLEST_WEIGHT,
     },
     id::{ContactId, VertexId},
+    mesh::eigen,
     sparse::{BlockMatrix, BlockSlot},
 };
 

@@ -4,12 +4,12 @@ use crate::{
     calib::{
         CalibError, Model, Pose,
         gauge::{Free, Motion, carried},
-        information::eigen,
         normal_equations::{PerObservation, Problem, Shape, State},
         optimise::Linear,
         residual::{Twist, dot},
     },
     id::{IdVec, VertexId},
+    mesh::eigen,
     sparse::BlockFactor,
 };
 

@@ -102,6 +102,11 @@ pub(super) fn hat(v: DVec3) -> DMat3 {
     DMat3::from_cols_array(&[0.0, v.z, -v.y, -v.z, 0.0, v.x, v.y, -v.x, 0.0])
 }
 
+/// The matrix `a b'`.
+pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
 /// `c` of `J_r^-1 = I + hat/2 + c hat^2`, and `dc/dangle / angle`.
 ///
 /// `c = 1/a^2 - cot(a/2)/(2a)` (Barfoot 2017, 7.1): smooth up to, not including, a full turn.
@@ -138,7 +143,6 @@ pub(super) fn unbend(turn: DVec3, y: DVec3) -> DVec3 {
 pub(super) fn unbend_jacobians(turn: DVec3, y: DVec3) -> (DMat3, DMat3) {
     let (c, slope) = curvature(turn.length());
     let k = hat(turn);
-    let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
     let twice = turn.cross(turn.cross(y));
     let by_turn = 0.5 * hat(y)
         + c * (DMat3::from_diagonal(DVec3::splat(turn.dot(y))) + outer(turn, y) - 2.0 * outer(y, turn))

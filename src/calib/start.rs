@@ -6,10 +6,11 @@ use crate::{
     calib::{
         CalibError, Displacement, Information, Model, Motion, Observations, Pose, RelativePose, Touch,
         components::{component_of_taxels, components},
-        information::eigen,
         normal_equations::{State, number_rows, pair_of, row_pairs},
+        pose::outer,
     },
     id::{IdVec, VertexId},
+    mesh::eigen,
     sparse::{BlockFactor, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
@@ -276,7 +277,6 @@ fn align_to_contacts(observations: &Observations, state: &mut State) {
             touches.iter().map(|c| (state[c.taxel].position, observed_position(&c.touch))).collect();
         let from = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
         let to = pairs.iter().map(|p| p.1).sum::<DVec3>() / count;
-        let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
         let mut votes: DMat3 =
             pairs.iter().map(|p| outer(p.1 - to, p.0 - from)).fold(DMat3::ZERO, |sum, m| sum + m);
         // Points vote with their squared distance; directions as if they were as far apart as the points.

@@ -6,6 +6,7 @@
 
 mod adjacency;
 mod edges;
+mod eigen;
 mod error;
 mod fill_holes;
 mod lengths;
@@ -16,6 +17,7 @@ mod tri_mesh;
 
 pub use adjacency::{Adjacency, Halfedge};
 pub(crate) use edges::Edges;
+pub(crate) use eigen::eigen;
 pub use error::MeshError;
 pub use fill_holes::fill_holes;
 pub use lengths::{angle, cotangent, local_spacing, mean_edge_length};

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
+    mesh::eigen,
     skin::{
         bare::{Bare, neighbours::Neighbours},
         outward::{SAME_DIRECTION, is_unit},
@@ -210,39 +211,16 @@ fn fit(points: impl Iterator<Item = DVec3> + Clone) -> Option<(DVec3, [f64; 3])>
     if size == 0.0 {
         return None;
     }
-    let moments = points.fold(DMat3::ZERO, |sum, p| {
-        let d = (p - mean) / size;
-        sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
-    });
-    let (variances, axes) = principal_axes(moments);
-    Some((axes[0], variances))
-}
-
-/// Eigenvalues of a symmetric matrix, the smallest first, and its unit eigenvectors, by Jacobi's rotations.
-fn principal_axes(mut a: DMat3) -> ([f64; 3], [DVec3; 3]) {
-    /// Sweeps converge quadratically: six reach the last bit.
-    const SWEEPS: usize = 10;
-    let mut axes = DMat3::IDENTITY;
-    for _ in 0..SWEEPS {
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            let off = a.col(q)[p];
-            if off == 0.0 {
-                continue;
-            }
-            let theta = (a.col(q)[q] - a.col(p)[p]) / (2.0 * off);
-            let t = if theta.is_finite() { theta.signum() / (theta.abs() + theta.hypot(1.0)) } else { 0.0 };
-            let cos = 1.0 / t.hypot(1.0);
-            let sin = t * cos;
-            let mut turn = DMat3::IDENTITY;
-            turn.col_mut(p)[p] = cos;
-            turn.col_mut(q)[q] = cos;
-            turn.col_mut(q)[p] = sin;
-            turn.col_mut(p)[q] = -sin;
-            a = turn.transpose() * a * turn;
-            axes *= turn;
+    let mut moments = [[0.0; 3]; 3];
+    for p in points {
+        let d = ((p - mean) / size).to_array();
+        for (row, x) in moments.iter_mut().zip(d) {
+            row.iter_mut().zip(d).for_each(|(sum, y)| *sum += x * y);
         }
     }
+    let (variances, axes) = eigen(&moments);
     let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| a.col(i)[i].total_cmp(&a.col(j)[j]));
-    (order.map(|k| a.col(k)[k].max(0.0)), order.map(|k| axes.col(k).normalize_or(DVec3::Z)))
+    order.sort_by(|&i, &j| variances[i].total_cmp(&variances[j]));
+    let normal = DVec3::from(axes.map(|row| row[order[0]])).normalize_or(DVec3::Z);
+    Some((normal, order.map(|k| variances[k].max(0.0))))
 }
