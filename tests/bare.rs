@@ -133,20 +133,55 @@ fn shapes_without_their_triangles_are_themselves_again() {
     }
 }
 
+/// Distance of each taxel to the third nearest, and the median of these over it and the six nearest.
+fn spacing(positions: &[DVec3]) -> Vec<f64> {
+    let nearest = |p: &DVec3| {
+        let mut order: Vec<usize> = (0..positions.len()).collect();
+        order.sort_by(|&a, &b| positions[a].distance(*p).total_cmp(&positions[b].distance(*p)));
+        order.truncate(7);
+        order
+    };
+    let around: Vec<Vec<usize>> = positions.iter().map(nearest).collect();
+    let third: Vec<f64> =
+        positions.iter().zip(&around).map(|(p, near)| p.distance(positions[near[3]])).collect();
+    let median = |near: &Vec<usize>| {
+        let mut of_near: Vec<f64> = near.iter().map(|&k| third[k]).collect();
+        of_near.sort_by(f64::total_cmp);
+        of_near[3]
+    };
+    around.iter().map(median).collect()
+}
+
+/// Islands at every distance from below to beyond the gap: each edge is held against the spacing at its own ends.
 #[test]
 fn no_edge_is_longer_than_the_gap() {
-    let mesh = shaken(&shapes::lattice(30, 30, 0.005), 0.0015);
     for gap in [1.5, 2.5, 4.0] {
-        let draft = mesh_bare(&draft_of(taxels_of(&mesh)), &MeshOptions { gap }).unwrap();
-        let sheet = &draft.sheets[0];
-        let longest = sheet
-            .triangles
-            .iter()
-            .flat_map(|t| [0, 1, 2].map(|k| [t[k] as usize, t[(k + 1) % 3] as usize]))
-            .map(|[a, b]| sheet.positions[a].distance(sheet.positions[b]))
-            .fold(0.0, f64::max);
-        // The shaking makes the spacing vary by a third at most.
-        assert!(longest <= gap * 0.005 * 1.35, "gap {gap}: longest edge {longest}");
+        let mut longest = 0.0_f64;
+        for apart in [0.5, 0.8, 0.95, 1.05, 1.4] {
+            let mut sheet = two_islands(apart * gap);
+            for (k, p) in sheet.positions.iter_mut().enumerate() {
+                *p += 0.001 * DVec3::new(scatter(2 * k + 7) - 0.5, scatter(2 * k + 8) - 0.5, 0.0);
+            }
+            let spacing = spacing(&sheet.positions);
+            let draft = mesh_bare(&draft_of(sheet), &MeshOptions { gap }).unwrap();
+            let sheet = &draft.sheets[0];
+            assert_eq!(
+                sheet.positions.len(),
+                128,
+                "gap {gap}: every taxel is used, so numbers are those of before"
+            );
+            for [a, b] in sheet.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]) {
+                let [a, b] = [a as usize, b as usize];
+                let over =
+                    sheet.positions[a].distance(sheet.positions[b]) / (0.5 * (spacing[a] + spacing[b]));
+                assert!(
+                    over <= gap * (1.0 + 1e-12),
+                    "gap {gap}, islands {apart} of it apart: an edge of {over} spacings"
+                );
+                longest = longest.max(over);
+            }
+        }
+        assert!(longest > 0.9 * gap, "gap {gap}: edges reach it, not only {longest}");
     }
 }
 
@@ -514,7 +549,12 @@ fn a_wide_gap_joins_the_same_taxels() {
     let mesh = shaken(&shapes::cap(1500, 0.1, 1.2), 0.0005);
     for gap in [2.5, 20.0] {
         let draft = mesh_bare(&draft_of(taxels_of(&mesh)), &MeshOptions { gap }).unwrap();
-        assert_eq!(topology(&only(&assemble(&draft).unwrap()).mesh), (1, 1), "gap {gap}");
+        let assembled = assemble(&draft).unwrap();
+        let patch = only(&assembled);
+        assert_eq!(topology(&patch.mesh), (1, 1), "gap {gap}");
+        let joined: BTreeSet<u32> = patch.ids.iter().map(|id| id.0).collect();
+        let every: BTreeSet<u32> = (0..).take(mesh.positions.len()).collect();
+        assert_eq!(joined, every, "gap {gap}: {:?}", assembled.remarks);
     }
 }
 
