@@ -253,6 +253,42 @@ fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
     assert!(merged.message.starts_with("3 taxels"), "{merged}");
 }
 
+/// Dead taxels that a calibration left where it began, up to its rounding: more than the spacing looks at.
+#[test]
+fn a_heap_of_almost_equal_places_is_one_place() {
+    let mut positions = shapes::lattice(6, 6, 0.005).positions.into_vec();
+    let noise = |k| 1e-10 * DVec3::new(scatter(k), scatter(k + 30), scatter(k + 60));
+    let at = positions[14];
+    positions.extend((0..30).map(|k| at + noise(k)));
+    let assembled = meshed(bare(&positions));
+    assert_eq!(only(&assembled).mesh.positions.len(), 36);
+}
+
+/// A module seventy times finer than the skin around it: its taxels are as close as copies of those of the skin might be.
+#[test]
+fn dense_taxels_beside_sparse_ones_are_not_merged() {
+    let coarse = shapes::lattice(12, 12, 0.01);
+    let fine = shapes::lattice(4, 4, 0.00015).positions.map(|&p| p + DVec3::new(0.0312, 0.031, 0.0));
+    let positions: Vec<DVec3> = coarse.positions.iter().chain(&fine).copied().collect();
+    let assembled = meshed(bare(&positions));
+    assert!(!kinds(&assembled).contains(&RemarkKind::Merged), "{:?}", assembled.remarks);
+    let used: usize = assembled.skin.patches.iter().map(|p| p.mesh.positions.len()).sum();
+    assert_eq!(used, 160);
+}
+
+/// Copies rounded to `f32` used to stay, and the file of such a skin could not be read back.
+#[test]
+fn the_smallest_skin_with_a_rounded_copy_is_the_skin_without() {
+    let corners = [DVec3::ZERO, 0.01 * DVec3::X, DVec3::new(0.005, 0.0087, 0.0)];
+    for beside in [1e-17, 4e-9, 1e-5] {
+        let [a, b, c] = corners;
+        let assembled = meshed(bare(&[a, b, c, c + beside * DVec3::X]));
+        assert_eq!(faces(&assembled).into_iter().collect::<Vec<_>>(), [[0, 1, 2]], "{beside} m");
+        let merged = assembled.remarks.iter().find(|r| r.kind == RemarkKind::Merged).unwrap();
+        assert!(merged.message.ends_with("merged with it: 3"), "{merged}");
+    }
+}
+
 #[test]
 fn empty_slots_are_left_out_and_a_taxel_at_the_origin_stays() {
     let mesh = shapes::lattice(5, 5, 0.005);
@@ -587,8 +623,11 @@ fn check_says_that_taxels_are_bare_and_finds_what_else_is_wrong() {
     let islands = check(&draft_of(two_islands(2.8)));
     assert_eq!(islands[1].kind, FindingKind::BarePieces, "{islands:?}");
     sheet.positions[5] = sheet.positions[4];
-    let found: Vec<FindingKind> = check(&draft_of(sheet)).iter().map(|f| f.kind).collect();
+    let found: Vec<FindingKind> = check(&draft_of(sheet.clone())).iter().map(|f| f.kind).collect();
     assert_eq!(found, [FindingKind::Bare, FindingKind::DuplicatePosition]);
+    sheet.positions[5] += DVec3::X * 4e-9;
+    let found = check(&draft_of(sheet));
+    assert_eq!((found[1].kind, found[1].elements.as_slice()), (FindingKind::DuplicatePosition, &[5][..]));
     assert_eq!(
         check(&Draft::default())[0].kind,
         FindingKind::NoTriangles,
@@ -624,6 +663,38 @@ proptest! {
         mixed.ids = sheet.ids.as_ref().map(|ids| order.iter().map(|&k| ids[k]).collect());
         mixed.modules = sheet.modules.as_ref().map(|m| order.iter().map(|&k| m[k]).collect());
         prop_assert_eq!(faces(&meshed(mixed)), expected);
+    }
+
+    /// A place that is written twice, to other digits or in another frame, is one place.
+    #[test]
+    fn copies_beside_taxels_change_nothing(
+        // Powers of ten of the spacing; the first stands for none.
+        decade in -20.0..-2.0_f64,
+        copies in prop::collection::vec((0_usize..400, -1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64), 1..300),
+        which in 0_usize..3,
+    ) {
+        let mesh = [
+            shaken(&shapes::saddle(20), 0.001),
+            shapes::lattice(20, 20, 0.005),
+            bent(20, 20, 0.0065, 0.03),
+        ][which].clone();
+        let beside = 10.0_f64.powf(decade) * [0.0105, 0.005, 0.0065][which] / 3.0_f64.sqrt();
+        let mut positions = mesh.positions.as_slice().to_vec();
+        let mut taken = BTreeMap::new();
+        let mut count = 0;
+        for &(k, x, y, z) in &copies {
+            // A place in more than two roundings besides its own is no rounding any more.
+            let of_k = taken.entry(k).or_insert(0);
+            *of_k += 1;
+            if *of_k <= 2 {
+                positions.push(positions[k] + beside * DVec3::new(x, y, z));
+                count += 1;
+            }
+        }
+        let assembled = meshed(bare(&positions));
+        prop_assert_eq!(faces(&assembled), faces(&meshed(taxels_of(&mesh))));
+        let merged = assembled.remarks.iter().find(|r| r.kind == RemarkKind::Merged).unwrap();
+        prop_assert!(merged.message.starts_with(&format!("{count} taxels")), "{}", merged);
     }
 
     #[test]

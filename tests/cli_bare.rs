@@ -202,6 +202,32 @@ fn the_number_of_threads_changes_no_byte() {
     assert!(one == four);
 }
 
+/// A vendor's table in which a row of taxels stands again, rounded to the digits of an `f32`, a printer or a ruler: what is written
+/// can be read back.
+#[test]
+fn rounded_copies_are_merged_and_the_skin_reads_back() {
+    for digits in [4, 5, 9] {
+        let line = |across: f64, along: f64| {
+            let [x, y, z] = [across + 0.1 / 3.0, along + 0.1 / 7.0, 0.03 + across * along];
+            let copy = format!("{x:.digits$},{y:.digits$},{z:.digits$}\n");
+            format!("{x},{y},{z}\n{}", if along == 0.0 { &copy } else { "" })
+        };
+        let (folder, path) = folder_with("near.csv", format!("x,y,z\n{}", points(line)));
+        let run = |args: &[&str]| dermatome().current_dir(folder.path()).args(args).assert();
+        let told = run(&["convert", "near.csv", "near.glb"]).success().get_output().stderr.clone();
+        let told = String::from_utf8(told).unwrap();
+        assert!(
+            told.contains("6 taxels lie where another one lies (up to ") && !told.contains("without area"),
+            "{told}"
+        );
+        run(&["info", "--json", "near.glb"]).success().stdout(predicate::str::contains("\"vertices\": 36"));
+        run(&["check", "near.glb"]).success();
+        run(&["check", "near.csv"]).code(1).stdout(predicate::str::contains("duplicate-position: 6 taxels"));
+        run(&["build", "near.glb", "-o", "of-glb"]).success();
+        run(&["build", path.to_str().unwrap(), "-o", "of-csv"]).success();
+    }
+}
+
 /// A table of calibrated taxels is a table of bare taxels: they need no graph that is a triangulation.
 #[test]
 fn calibrated_taxels_are_joined_and_keep_what_is_known_of_them() {

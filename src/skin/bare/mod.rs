@@ -3,6 +3,7 @@
 mod close;
 mod front;
 mod kd_tree;
+mod merge;
 mod neighbours;
 mod normals;
 mod orient;
@@ -25,7 +26,6 @@ use crate::{
             normals::Normals,
             orient::orient,
             outside::{Outside, turn_outward},
-            places::Places,
             surroundings::Surroundings,
             weave::weave,
         },
@@ -33,6 +33,8 @@ use crate::{
         remark::first_few,
     },
 };
+
+pub(super) use places::Places;
 
 /// How bare taxels are meshed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,8 +79,9 @@ impl Draft {
 /// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was done;
 /// [`crate::skin::assemble`] calls it with the default options.
 ///
-/// - **Taxels** at one place become one (the first that reads pressure); slots that hold nothing are left out. Thermal pads
-///   and dead taxels have a place, and stay. Taxels keep the order of the file; arrays move with them.
+/// - **Taxels** at one place become one (the first that reads pressure), and so do taxels closer than a fiftieth of the spacing:
+///   the same place, rounded otherwise. Slots that hold nothing are left out. Thermal pads and dead taxels have a place, and
+///   stay. Taxels keep the order of the file; arrays move with them.
 /// - The **spacing** is the distance to the third nearest taxel, smoothed.
 /// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to one side along a
 ///   spanning tree (Hoppe et al. 1992, judged as by König and Gumhold 2009). Those of the file, where these are believable (unit
@@ -182,8 +185,7 @@ impl Bare<'_> {
         }
         if !merged.is_empty() {
             let list = first_few(merged.iter());
-            let message =
-                format!("{} taxels lie where another one lies and were merged with it: {list}", merged.len());
+            let message = format!("{} and were merged with it: {list}", self.places.told_merged());
             tell(RemarkKind::Merged, message);
         }
         if let Some(why) = normals.refused {

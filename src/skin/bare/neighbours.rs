@@ -92,14 +92,19 @@ fn crowd(gap: f64) -> usize {
     (CROWD * gap * gap).ceil() as usize
 }
 
-/// The distance to the third nearest taxel, smoothed.
+/// The distance of a taxel to the third nearest, of those that were found; 1 if it is alone.
+pub(super) fn distance_around(nearest: &[Near]) -> f64 {
+    nearest.get(SPACING_RANK - 1).or(nearest.last()).map_or(1.0, |near| near.0.sqrt())
+}
+
+/// [`distance_around`] of each taxel, smoothed.
 fn spacing(tree: &KdTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
     let ids: Vec<VertexId> = positions.ids().collect();
     let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING]>) = ids
         .par_iter()
         .map_init(Vec::<Near>::new, |found, &v| {
             tree.nearest(positions[v], v, SMOOTHING, f64::INFINITY, found);
-            let own = found.get(SPACING_RANK - 1).or(found.last()).map_or(1.0, |near| near.0.sqrt());
+            let own = distance_around(found);
             let mut nearest = [v; SMOOTHING];
             nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.1);
             (own, nearest)

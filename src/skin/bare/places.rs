@@ -1,33 +1,28 @@
-use std::collections::HashMap;
-
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
     mesh::morton,
-    skin::{Presence, Sheet},
+    skin::{Presence, Sheet, bare::merge::first_at_place},
 };
-
-/// Two taxels are at one place if they are, up to this part of the median distance from the middle of the sheet: 40 of the 53
-/// bits of a number, far below what any sensor can be mounted to, and far above the rounding of a change of frame. Unlike the
-/// extent, the median does not mind a number that stands for none among the coordinates.
-const RESOLUTION: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// The places of the taxels of a sheet, each once.
 ///
 /// They are numbered along a Morton curve, equal codes by coordinate, so that no result depends on the order of the
 /// file, and neighbours lie close together in memory.
 #[derive(Debug)]
-pub(super) struct Places {
+pub(in crate::skin) struct Places {
     /// Moved and scaled so that the longest side of their box is 1: the largest coordinates do not overflow when squared.
     pub positions: IdVec<VertexId, DVec3>,
     /// The taxel of the sheet that lies there.
     pub taxel: IdVec<VertexId, usize>,
     /// How long 1 is, in m.
     pub unit: f64,
-    /// Taxels of the sheet that lie where an earlier one lies.
+    /// Taxels of the sheet that lie where another one lies, ascending.
     pub merged: Vec<usize>,
+    /// How far at most these lie beside that one, in m.
+    pub beside: f64,
     /// Slots of the sheet that hold nothing and have no place.
     pub absent: usize,
 }
@@ -36,7 +31,7 @@ impl Places {
     /// Finds them. All positions must be finite.
     ///
     /// Of several taxels at one place the first stays that has a pressure reading, else the first.
-    pub(super) fn new(sheet: &Sheet) -> Self {
+    pub(in crate::skin) fn new(sheet: &Sheet) -> Self {
         let is_empty = |k: usize| {
             let has_normal = sheet.normals.as_ref().is_some_and(|n| n[k] != DVec3::ZERO);
             let presence = sheet.presence.as_ref().map_or(Presence::Present, |p| p[k]);
@@ -46,24 +41,19 @@ impl Places {
         let mut taxels: Vec<usize> = (0..count).filter(|&k| !is_empty(k)).collect();
         let absent = count - taxels.len();
         let frame = Frame::around(taxels.iter().map(|&k| sheet.positions[k]));
-        let resolution =
-            RESOLUTION * median_distance(taxels.iter().map(|&k| frame.scaled(sheet.positions[k])).collect());
-        let cell = |k: usize| cell(frame.scaled(sheet.positions[k]), resolution);
+        // Of several taxels at one place the first stays.
         let reads = |k: usize| sheet.presence.as_ref().is_none_or(|p| p[k] == Presence::Present);
-        let mut first: HashMap<[i64; 3], usize> = HashMap::with_capacity(taxels.len());
-        for wanted in [true, false] {
-            for &k in taxels.iter().filter(|&&k| reads(k) == wanted) {
-                first.entry(cell(k)).or_insert(k);
-            }
-        }
-        let is_first = |k: usize| first.get(&cell(k)) == Some(&k);
-        let merged = taxels.iter().copied().filter(|&k| !is_first(k)).collect();
-        taxels.retain(|&k| is_first(k));
-        let mut places: Vec<(u64, DVec3, usize)> = taxels
-            .into_par_iter()
-            .map(|k| (frame.scaled(sheet.positions[k]), k))
-            .map(|(p, k)| (morton(p), p, k))
-            .collect();
+        taxels.sort_by_key(|&k| !reads(k));
+        let taxels: IdVec<VertexId, usize> = taxels.into();
+        let positions = taxels.map(|&k| frame.scaled(sheet.positions[k]));
+        let first = first_at_place(&positions);
+        let beside = |(v, &first): (VertexId, &VertexId)| positions[v].distance(positions[first]);
+        let farthest = first.enumerate().map(beside).fold(0.0, f64::max);
+        let (stay, merged): (Vec<VertexId>, Vec<VertexId>) = positions.ids().partition(|&v| first[v] == v);
+        let mut merged: Vec<usize> = merged.into_iter().map(|v| taxels[v]).collect();
+        merged.sort_unstable();
+        let mut places: Vec<(u64, DVec3, usize)> =
+            stay.into_par_iter().map(|v| (morton(positions[v]), positions[v], taxels[v])).collect();
         places.par_sort_unstable_by(|a, b| {
             let by = |axis: usize| a.1[axis].total_cmp(&b.1[axis]);
             a.0.cmp(&b.0).then(by(0)).then(by(1)).then(by(2)).then(a.2.cmp(&b.2))
@@ -73,7 +63,18 @@ impl Places {
             taxel: places.iter().map(|&(.., k)| k).collect(),
             unit: frame.unit,
             merged,
+            beside: farthest * frame.unit,
             absent,
+        }
+    }
+
+    /// How many taxels were merged, and how far beside others they lie.
+    pub(in crate::skin) fn told_merged(&self) -> String {
+        let count = self.merged.len();
+        if self.beside > 0.0 {
+            format!("{count} taxels lie where another one lies (up to {:.1e} m beside it)", self.beside)
+        } else {
+            format!("{count} taxels lie where another one lies")
         }
     }
 }
@@ -104,28 +105,4 @@ impl Frame {
     fn scaled(&self, p: DVec3) -> DVec3 {
         (p * self.down - self.low) / self.side
     }
-}
-
-/// The median of the distances, by coordinate, from the middle: the median of each coordinate. 1, the longest side of the box, if
-/// most lie there.
-fn median_distance(mut places: Vec<DVec3>) -> f64 {
-    if places.is_empty() {
-        return 1.0;
-    }
-    let half = places.len() / 2;
-    let median = [0, 1, 2]
-        .map(|axis: usize| places.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis])).1[axis]);
-    let mut distances: Vec<f64> =
-        places.iter().map(|p| (*p - DVec3::from(median)).abs().max_element()).collect();
-    let distance = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
-    if distance > 0.0 { distance } else { 1.0 }
-}
-
-/// A place rounded to the resolution; one far outside the others may share its cell with the like.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a cast saturates, and only beyond 2^23 median distances"
-)]
-fn cell(p: DVec3, resolution: f64) -> [i64; 3] {
-    (p / resolution).to_array().map(|x| x.round() as i64)
 }

@@ -12,8 +12,8 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::Edges,
     skin::{
-        Draft, Remark, RemarkKind, Sheet, assemble, check::topology::Topology, names::sheet_name,
-        outward::taxel_normals, surface::Surface, winding::Winding,
+        Draft, Remark, RemarkKind, Sheet, assemble, bare::Places, check::topology::Topology,
+        names::sheet_name, outward::taxel_normals, surface::Surface, winding::Winding,
     },
 };
 
@@ -55,12 +55,29 @@ pub fn check(draft: &Draft) -> Vec<Finding> {
     findings
 }
 
-/// Notes what becomes of bare taxels: why they cannot be meshed, into what pieces they fall, and which are left out.
+/// Notes what becomes of bare taxels: why they cannot be meshed, which are merged, into what pieces they fall, and which are left
+/// out.
 fn check_meshing(draft: &Draft, findings: &mut Vec<Finding>) {
+    let assembled = assemble(draft);
+    if assembled.is_ok() {
+        // Not only what lies exactly where another taxel lies is merged.
+        findings.retain(|f| f.kind != FindingKind::DuplicatePosition);
+        for sheet in &draft.sheets {
+            let places = Places::new(sheet);
+            if !places.merged.is_empty() {
+                findings.push(Finding {
+                    kind: FindingKind::DuplicatePosition,
+                    patch: sheet_name(sheet).to_owned(),
+                    elements: places.merged.iter().map(|&k| k as u64).collect(),
+                    message: places.told_merged(),
+                });
+            }
+        }
+    }
     let mut note = |kind, patch: &str, message| {
         findings.push(Finding { kind, patch: patch.to_owned(), elements: Vec::new(), message });
     };
-    match assemble(draft) {
+    match assembled {
         Err(why) => note(FindingKind::NoSkin, "", why.to_string()),
         Ok(assembled) => {
             let of_kind = |r: &&Remark| matches!(r.kind, RemarkKind::Components | RemarkKind::LeftOut);
