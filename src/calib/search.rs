@@ -64,8 +64,7 @@ impl Search<'_, '_> {
     /// Whether least squares leave more than the stated noise explains, or one observation stands out.
     fn is_doubtful(&self, plain: &Found) -> bool {
         if !plain.ending.is_converged() {
-            // Who limits the iterations does not want more of them.
-            return plain.ending != Ending::OutOfIterations;
+            return true;
         }
         let squares = &plain.point.squares;
         // Where every square is within its bound there is nothing to let go.
@@ -200,9 +199,15 @@ impl Search<'_, '_> {
         if self.problem.moving() == 0 || worst <= 1.0 || !worst.is_finite() {
             return Ok(Found { kernels: kernels.clone(), ..found });
         }
-        let mut point = found.point;
+        let mut point = found.point.clone();
         let mut mu = (2.0 * worst - 1.0).recip().max(FIRST_CONTROL);
+        let mut steps = 0;
         while mu <= LAST_CONTROL {
+            if steps == self.options.limits.iterations {
+                let ending = Ending::OutOfIterations;
+                return Ok(Found { point, kernels: kernels.clone(), ending, ..found });
+            }
+            steps += 1;
             let weights = kernels.graduated_weights(mu, &point.squares);
             let free = self.anchoring.free_under(self.problem, &point.state, &weights);
             let linear = Linear::new(self.problem, &free, &point.state, &weights);
