@@ -16,6 +16,7 @@ use crate::{
     Common,
     input::{close_holes, read_skin},
     options::{BareArgs, CoarsenArgs},
+    outputs,
     tables::{plain, print_json, print_table},
 };
 
@@ -41,6 +42,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let (path, known) = (args.output.clone(), "glb");
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }
+    outputs::check([args.output.as_path()])?;
     let mut skin = read_skin(&args.skin, &args.bare, common)?;
     close_holes(&mut skin, args.coarsen.fill_holes, common)?;
     let options = args.coarsen.options();

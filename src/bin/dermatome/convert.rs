@@ -7,7 +7,7 @@ use std::{
 
 use dermatome::{Error, io::write_skin, skin::Skin};
 
-use crate::{Common, input::read_skin, options::BareArgs};
+use crate::{Common, input::read_skin, options::BareArgs, outputs};
 
 /// Arguments of `convert`; the extensions name the kinds.
 #[derive(Debug, clap::Args)]
@@ -23,6 +23,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    outputs::check([args.output.as_path()])?;
     let skin = read_skin(&args.input, &args.bare, common)?;
     write_skin(&args.output, &skin).map_err(Error::from)?;
     remark_lost(&args.output, &skin, common);

@@ -15,8 +15,8 @@ use crate::{
     Common,
     failure::advise,
     input::read_skin,
-    options::BareArgs,
-    options::FlattenArgs,
+    options::{BareArgs, FlattenArgs},
+    outputs::{self, Outputs},
     tables::{print_json, print_levels},
 };
 
@@ -38,6 +38,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    outputs::check(args.output.iter().map(PathBuf::as_path))?;
     let skin = read_skin(&args.mesh, &args.bare, common)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
@@ -55,9 +56,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let uv = flatten(&patch.mesh, &args.flatten.options())
         .map_err(Error::from)
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
+    let mut outputs = Outputs::default();
     for path in &args.output {
-        write_flat(path, &patch.mesh, &uv).map_err(Error::from)?;
+        outputs.stage(path, |path| write_flat(path, &patch.mesh, &uv))?;
     }
+    outputs.publish()?;
     let level = LevelReport::new(LevelId::new(0), &patch.mesh, &distortion(&patch.mesh, &uv));
     if args.json {
         print_json(&level)?;

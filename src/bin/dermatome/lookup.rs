@@ -14,7 +14,12 @@ use dermatome::{
     io::{ContactReader, ContactRow, IoError, LookupRow, LookupWriter, read_map, read_poses, replace_file},
 };
 
-use crate::{Common, failure::advise, tables::plain};
+use crate::{
+    Common,
+    failure::advise,
+    outputs::{self, is_stream},
+    tables::plain,
+};
 
 /// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.
 const CHUNK: usize = 1 << 16;
@@ -41,6 +46,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    check_output(args)?;
     let map = read_map(&args.map).map_err(Error::from)?;
     let mut index = ContactIndex::new(&map).map_err(Error::from)?;
     drop(map);
@@ -85,8 +91,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn is_stream(path: &Path) -> bool {
-    path == Path::new("-")
+/// Refuses an output that is no table, or one of the inputs.
+fn check_output(args: &Args) -> anyhow::Result<()> {
+    if is_stream(&args.output) {
+        return Ok(());
+    }
+    outputs::check_table(&args.output)?;
+    outputs::check([args.output.as_path()])?;
+    let inputs = [&args.map, &args.contacts].into_iter().chain(&args.pose);
+    outputs::check_inputs(&args.output, inputs.map(PathBuf::as_path))
 }
 
 /// Moves the links named in a table of poses.

@@ -14,12 +14,17 @@ use tempfile::TempDir;
 
 use crate::failure::advise;
 
+/// Standard input or output, where a command takes that in place of a file.
+pub(crate) fn is_stream(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
 /// Refuses outputs that can be told before any work to fail, or to overwrite each other.
 pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
     let mut places: Vec<PathBuf> = Vec::new();
     for path in paths {
         let fail = |source| Error::from(IoError::Write { path: path.to_owned(), source });
-        if path.is_dir() {
+        if path.is_dir() && !is_stream(path) {
             return Err(fail(ErrorKind::IsADirectory.into()).into());
         }
         if !folder(path).is_dir() {
@@ -29,13 +34,27 @@ pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Re
         let place = place(path);
         if places.contains(&place) {
             return Err(advise(
-                format!("two outputs would be written to {}", path.display()),
+                format!("two outputs would be written to {}", name(path).display()),
                 "give every output a name of its own",
             ));
         }
         places.push(place);
     }
     Ok(())
+}
+
+/// Refuses an output that would take the place of an input.
+pub(crate) fn check_inputs<'a>(
+    output: &Path,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> anyhow::Result<()> {
+    match inputs.into_iter().find(|input| !is_stream(input) && is_same(input, output)) {
+        None => Ok(()),
+        Some(input) => Err(advise(
+            format!("the result would replace an input, {}", input.display()),
+            "write to another file",
+        )),
+    }
 }
 
 /// Whether two names lead to one file.
@@ -51,6 +70,11 @@ pub(crate) fn check_table(path: &Path) -> anyhow::Result<()> {
     }
 }
 
+/// What an output is called.
+fn name(path: &Path) -> &Path {
+    if is_stream(path) { Path::new("standard output") } else { path }
+}
+
 /// The folder that a file is in.
 fn folder(path: &Path) -> &Path {
     path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
@@ -58,6 +82,9 @@ fn folder(path: &Path) -> &Path {
 
 /// The place that a name leads to, links followed as far as they lead.
 fn place(path: &Path) -> PathBuf {
+    if is_stream(path) {
+        return path.to_owned();
+    }
     fs::canonicalize(path).unwrap_or_else(|_| match (fs::canonicalize(folder(path)), path.file_name()) {
         (Ok(folder), Some(name)) => folder.join(name),
         _ => path.to_owned(),

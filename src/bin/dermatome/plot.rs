@@ -3,7 +3,7 @@
 
 use std::{
     borrow::Cow,
-    io::{Write, stdout},
+    io::Write,
     path::{Path, PathBuf},
     process::ExitCode,
 };
@@ -20,7 +20,8 @@ use crate::{
     Common,
     input::read_skin,
     options::BareArgs,
-    outputs::{self, Outputs},
+    outputs::{self, Outputs, is_stream},
+    tables::print,
 };
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their distortion, and the skin in
@@ -92,7 +93,7 @@ enum Kind {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs: Vec<_> =
         args.outputs.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<_, Error>>()?;
-    outputs::check(args.outputs.iter().map(PathBuf::as_path).filter(|path| !is_stream(path)))?;
+    outputs::check(args.outputs.iter().map(PathBuf::as_path))?;
     let options = PlotOptions {
         patches: args.patches.clone(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
@@ -106,19 +107,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     .map_err(Error::from)?;
     let mut files = Outputs::default();
-    for (path, kind) in outputs {
+    for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
         let bytes = match kind {
             Kind::Svg => Cow::Borrowed(svg.as_bytes()),
             Kind::Png => Cow::Owned(render_png(&svg).map_err(Error::from)?),
         };
-        if is_stream(path) {
-            stdout().lock().write_all(&bytes)?;
-        } else {
-            let fail = |source| IoError::Write { path: path.clone(), source };
-            files.stage(path, |staged| replace_file(staged, |file| file.write_all(&bytes).map_err(fail)))?;
-        }
+        let fail = |source| IoError::Write { path: path.clone(), source };
+        files.stage(path, |staged| replace_file(staged, |file| file.write_all(&bytes).map_err(fail)))?;
     }
     files.publish()?;
+    if args.outputs.iter().any(|path| is_stream(path)) {
+        print(&svg)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -132,10 +132,6 @@ fn viewpoint(text: &str) -> Result<Viewpoint, String> {
         }
         _ => Err("needed: two angles in degrees, the second from -90 to 90, as in -65,-45".into()),
     }
-}
-
-fn is_stream(path: &Path) -> bool {
-    path.as_os_str() == "-"
 }
 
 /// The extension decides; standard output is a text.
