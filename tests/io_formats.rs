@@ -449,6 +449,7 @@ fn broken_tables_are_refused_by_line_and_column() {
         ("id,x,y,z,area\n1,0,0,0,1\n2,0,0,0,\n", good, "line 3, column `area`"),
         ("id,x,y,z,present\n1,0,0,0,3\n", good, "line 2, column `present`"),
         ("id,x,y,z,patch,link\n1,0,0,0,p,a\n2,0,0,0,p,b\n", good, "line 3, column `link`"),
+        ("id,x,y,z,on_link,link\n1,0,0,0,a,a\n", good, "columns `on_link` and `link`"),
         ("id,x,y,z,patch\n1,0,0,0,p\n2,0,0,0,q\n3,0,0,0,q\n", good, "line 2, column `b`"),
         (taxels, "a,b\n", "a column `c`"),
         (taxels, "a,b,c\n0,1,3\n", "line 2, column `c`"),

@@ -12,7 +12,7 @@ use assert_cmd::Command;
 use dermatome::{
     contact::{Contact, ContactIndex},
     id::{LevelId, PatchId},
-    io::{read_map, write_map},
+    io::{read_map, write_map, write_skin},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
@@ -26,6 +26,7 @@ const HEADER: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id
 /// A cap on an arm that is 1 m above a base without skin, and its map as a file holds it.
 struct Fixture {
     folder: TempDir,
+    skin: Skin,
     map: SkinMap,
 }
 
@@ -40,7 +41,7 @@ impl Fixture {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map.glb");
         write_map(&path, &map).unwrap();
-        Self { map: read_map(&path).unwrap(), folder }
+        Self { map: read_map(&path).unwrap(), folder, skin }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -125,6 +126,23 @@ fn a_link_or_a_pose_moves_the_question() {
     assert_eq!(cell(&moved, 0, "distance"), cell(&table, 0, "distance"));
     let distance: f64 = cell(&moved, levels, "distance").parse().unwrap();
     assert!((distance - 0.51).abs() < 1e-6, "{distance}");
+}
+
+/// A table of taxels is in the world, whatever links they are on: each is found where it is.
+#[test]
+fn taxels_of_a_table_are_found_on_the_map() {
+    let fixture = Fixture::new();
+    let table = fixture.path("skin.csv");
+    write_skin(&table, &fixture.skin).unwrap();
+    let answers = output(fixture.lookup(&table).args(["--level", "0"]));
+    let ids: Vec<String> =
+        fixture.skin.patches[PatchId::new(0)].ids.iter().map(ToString::to_string).collect();
+    assert_eq!(answers.lines().count(), 1 + ids.len());
+    for (row, id) in ids.iter().enumerate() {
+        let distance: f64 = cell(&answers, row, "distance").parse().unwrap();
+        assert!(distance.abs() < 1e-6, "taxel {id} is {distance} m off the skin");
+        assert_eq!(cell(&answers, row, "taxel_id"), id);
+    }
 }
 
 #[test]

@@ -16,7 +16,7 @@ use crate::{
         columns::{Columns, Row, table_error, table_write_error},
         presence::{presence_code, presence_of},
         replace_file,
-        source::{Source, excerpt},
+        source::{Source, excerpt, invalid},
         world::in_world,
     },
     skin::{Draft, Link, Patch, Sheet, Skin},
@@ -24,9 +24,16 @@ use crate::{
 
 /// Columns of the table of taxels.
 const COLUMNS: [&str; 18] = [
-    "id", "x", "y", "z", "nx", "ny", "nz", "area", "density", "present", "patch", "link", "cxx", "cxy",
+    "id", "x", "y", "z", "nx", "ny", "nz", "area", "density", "present", "patch", ON_LINK, "cxx", "cxy",
     "cxz", "cyy", "cyz", "czz",
 ];
+
+/// The link that a taxel is on, where positions are in the world: in a table of contacts `link` would say that they are in
+/// the frame of that link.
+const ON_LINK: &str = "on_link";
+
+/// The same in tables from elsewhere.
+const LINK: &str = "link";
 
 /// Columns that a table of calibrated taxels has besides.
 const CALIBRATED: [&str; 5] = ["qx", "qy", "qz", "qw", "sigma"];
@@ -54,7 +61,7 @@ struct Places {
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0 absent, 1 present, 2
-/// thermal pad), `patch` and `link` (names; every patch becomes a sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any
+/// thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any
 /// order; ids below zero become the placeholder [`u32::MAX`]. Tables of calibrated taxels are read, too: `qx,qy,qz,qw`
 /// is the frame whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the places of taxels in their table, counted from 0. The tables know no
 /// frames: links lie at the origin.
@@ -98,6 +105,13 @@ fn open_table<'a>(source: &'a Source, known: &[&str]) -> Result<(csv::Reader<&'a
 
 impl Places {
     fn new(path: &Path, columns: &Columns) -> Result<Self, IoError> {
+        let link = match (columns.find(ON_LINK), columns.find(LINK)) {
+            (Some(_), Some(_)) => {
+                let found = format!("columns `{ON_LINK}` and `{LINK}`");
+                return Err(invalid(path, "line 1", found, "one of them"));
+            }
+            (on_link, link) => on_link.or(link),
+        };
         Ok(Self {
             id: columns.find("id"),
             position: columns.need_vector(path, ["x", "y", "z"])?,
@@ -106,7 +120,7 @@ impl Places {
             density: columns.find("density"),
             present: columns.find("present"),
             patch: columns.find("patch"),
-            link: columns.find("link"),
+            link,
             covariance: columns.find_vector(path, ["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?,
             rotation: columns.find_vector(path, ["qx", "qy", "qz", "qw"])?,
             sigma: columns.find("sigma"),
@@ -126,7 +140,7 @@ struct Sheets {
 
 /// Reads the taxels; with the sheet, and the place in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
-    let known: Vec<&str> = COLUMNS.into_iter().chain(CALIBRATED).collect();
+    let known: Vec<&str> = COLUMNS.into_iter().chain([LINK]).chain(CALIBRATED).collect();
     let (mut table, columns) = open_table(source, &known)?;
     let places = Places::new(source.path(), &columns)?;
     let mut sheets = Sheets::default();
