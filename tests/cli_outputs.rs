@@ -1,6 +1,10 @@
-//! Where the command writes: never over an input, never twice to one place.
+//! Where the command writes: never over an input, never twice to one place, and nothing is left of a run that is stopped.
 #![cfg(feature = "cli")]
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test may stop at a surprise and say what it skips"
+)]
 
 use std::{fs, path::Path};
 
@@ -93,4 +97,61 @@ fn of_two_outputs_either_both_are_written_or_none() {
     let both = "flatten cap.obj -o f.npz -o f.doc";
     dermatome(folder.path(), both).assert().code(2).stderr(contains("f.doc: unknown kind"));
     assert_eq!(listing(folder.path()), ["c.csv", "cap.obj", "map.glb"]);
+}
+
+#[cfg(target_os = "linux")]
+mod stopped {
+    use std::{
+        io::Write,
+        process::{Child, Stdio},
+        thread,
+        time::{Duration, Instant},
+    };
+
+    use super::*;
+
+    /// Whether this test, and so every command it runs, ignores one of the signals that stop a run: `nohup` has it so.
+    fn signals_are_ignored() -> bool {
+        let status = fs::read_to_string("/proc/self/status").unwrap();
+        let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap();
+        let ignored = u64::from_str_radix(ignored.trim(), 16).unwrap();
+        let [hup, int, term] = [1, 2, 15].map(|signal| 1 << (signal - 1));
+        ignored & (hup | int | term) != 0
+    }
+
+    /// Stops a command as ^C does, as soon as there are more than `before` files in a folder.
+    fn interrupt(child: &mut Child, folder: &Path, before: usize) {
+        let patience = Instant::now() + Duration::from_secs(20);
+        while listing(folder).len() == before {
+            assert!(Instant::now() < patience && child.try_wait().unwrap().is_none(), "it writes");
+            thread::sleep(Duration::from_millis(2));
+        }
+        let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(killed.unwrap().success());
+    }
+
+    #[test]
+    fn a_stopped_run_leaves_no_temporary_file() {
+        if signals_are_ignored() {
+            println!("skipped: signals are ignored here");
+            return;
+        }
+        let folder = folder();
+        fs::write(folder.path().join(".dermatome-1-2-another-run"), "").unwrap();
+        let before = listing(folder.path()).len();
+        // Standard input that stays open keeps the run waiting in the middle of its output.
+        let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
+            .args(["lookup", "map.glb", "-", "-o", "out.csv"])
+            .current_dir(folder.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut input = child.stdin.take().unwrap();
+        input.write_all(b"x,y,z\n0,0,-0.1\n").unwrap();
+        interrupt(&mut child, folder.path(), before);
+        assert_eq!(child.wait().unwrap().code(), Some(130), "as shells know a stopped run");
+        assert_eq!(listing(folder.path()), [".dermatome-1-2-another-run", "c.csv", "cap.obj", "map.glb"]);
+    }
 }

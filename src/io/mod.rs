@@ -50,7 +50,7 @@ pub use observations::{
     write_observations,
 };
 pub use pose_table::{LinkPose, read_poses};
-pub use replace::replace_file;
+pub use replace::{replace_file, temporary_prefix};
 pub use scene::{
     read_gltf, read_map, read_map_if_any, write_map, write_pyramids, write_skin_glb, write_skin_gltf,
 };

@@ -2,6 +2,9 @@ use std::{
     fs::{self, File, OpenOptions},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
+    process,
+    sync::LazyLock,
+    time::UNIX_EPOCH,
 };
 
 use crate::io::IoError;
@@ -32,7 +35,7 @@ pub fn replace_file(
     };
     // The name of the temporary file would tell a user nothing, so only the kind of an error is passed on.
     let temporary = tempfile::Builder::new()
-        .prefix(".dermatome-")
+        .prefix(temporary_prefix())
         .tempfile_in(folder)
         .map_err(|e| fail(e.kind().into()))?;
     write_through(temporary.as_file(), write, fail)?;
@@ -43,6 +46,17 @@ pub fn replace_file(
     .map_err(fail)?;
     temporary.persist(&target).map_err(|e| fail(e.error))?;
     Ok(())
+}
+
+/// What the names of this run's temporary files begin with: whoever stops a run can tell its files from those of others.
+#[must_use]
+pub fn temporary_prefix() -> &'static str {
+    static PREFIX: LazyLock<String> = LazyLock::new(|| {
+        // Numbers of processes come again; in containers that share a folder even at the same time.
+        let start = UNIX_EPOCH.elapsed().map_or(0, |since| since.as_nanos());
+        format!(".dermatome-{}-{start:x}-", process::id())
+    });
+    &PREFIX
 }
 
 fn write_through(

@@ -12,7 +12,7 @@ use anyhow::Context;
 use dermatome::{
     Error,
     atlas::skin_images,
-    io::{IoError, peak_memory_bytes, write_images, write_json, write_map},
+    io::{IoError, peak_memory_bytes, temporary_prefix, write_images, write_json, write_map},
     pipeline::{BuildOptions, Stage, build},
     report::{Report, Stages, measure},
 };
@@ -23,6 +23,7 @@ use crate::{
     input::{close_holes, read_skin},
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
     progress,
+    stop::clean_when_stopped,
     tables::{plain, print_json, print_levels},
 };
 
@@ -53,7 +54,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut lap = Lap::start();
     let mut skin = read_skin(&args.skin, &args.bare, common)?;
     close_holes(&mut skin, args.coarsen.fill_holes, common)?;
-    let outputs = Outputs::prepare(&args.output)?;
+    check_output(&args.output)?;
     seconds.read = lap.seconds();
 
     let bar = progress::bar(common);
@@ -76,6 +77,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let images = skin_images(&map).map_err(Error::from)?;
     seconds.rasterise = lap.seconds();
     bar.set_message("writing");
+    let outputs = Outputs::new(&args.output)?;
     outputs.write("map.glb", |path| write_map(path, &map))?;
     outputs.write("map.exr", |path| write_images(path, &images))?;
     seconds.write = lap.seconds();
@@ -109,6 +111,23 @@ impl Args {
     }
 }
 
+/// Makes the folder, and refuses before any work what would fail after it.
+fn check_output(folder: &Path) -> Result<(), Error> {
+    fs::create_dir_all(folder)
+        .map_err(|source| Error::from(IoError::Write { path: folder.to_owned(), source }))?;
+    if let Some(path) = FILES.iter().map(|name| folder.join(name)).find(|path| path.is_dir()) {
+        return Err(cannot_write(&path, ErrorKind::IsADirectory));
+    }
+    // A file without a name: nothing of it can be left behind.
+    tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, e.kind()))?;
+    Ok(())
+}
+
+/// The kind alone: what else the system says may name a temporary file.
+fn cannot_write(path: &Path, why: ErrorKind) -> Error {
+    IoError::Write { path: path.to_owned(), source: why.into() }.into()
+}
+
 /// What a build writes.
 const FILES: [&str; 3] = ["map.glb", "map.exr", "report.json"];
 
@@ -119,17 +138,12 @@ struct Outputs {
 }
 
 impl Outputs {
-    fn prepare(folder: &Path) -> anyhow::Result<Self> {
-        let fail = |source| Error::from(IoError::Write { path: folder.to_owned(), source });
-        fs::create_dir_all(folder).map_err(fail)?;
-        if let Some(path) = FILES.iter().map(|name| folder.join(name)).find(|path| path.is_dir()) {
-            let source = ErrorKind::IsADirectory.into();
-            return Err(Error::from(IoError::Write { path, source }).into());
-        }
+    fn new(folder: &Path) -> Result<Self, Error> {
+        clean_when_stopped(folder);
         let staging = tempfile::Builder::new()
-            .prefix(".dermatome-")
+            .prefix(temporary_prefix())
             .tempdir_in(folder)
-            .map_err(|e| fail(e.kind().into()))?;
+            .map_err(|e| cannot_write(folder, e.kind()))?;
         Ok(Self { folder: folder.to_owned(), staging })
     }
 

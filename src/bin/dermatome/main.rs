@@ -16,6 +16,7 @@ mod plot;
 mod progress;
 mod shell;
 mod simulate;
+mod stop;
 mod tables;
 
 use std::process::ExitCode;

@@ -8,11 +8,11 @@ use std::{
 
 use dermatome::{
     Error,
-    io::{IoError, replace_file},
+    io::{IoError, replace_file, temporary_prefix},
 };
 use tempfile::TempDir;
 
-use crate::failure::advise;
+use crate::{failure::advise, stop::clean_when_stopped};
 
 /// Standard input or output, where a command takes that in place of a file.
 pub(crate) fn is_stream(path: &Path) -> bool {
@@ -37,6 +37,11 @@ pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Re
                 format!("two outputs would be written to {}", name(path).display()),
                 "give every output a name of its own",
             ));
+        }
+        if !is_stream(path) {
+            // A temporary file is beside the name or, where that is a link, beside what it leads to.
+            clean_when_stopped(folder(path));
+            clean_when_stopped(folder(&place));
         }
         places.push(place);
     }
@@ -105,7 +110,8 @@ impl Outputs {
         write: impl FnOnce(&Path) -> Result<(), IoError>,
     ) -> Result<(), Error> {
         let fail = |e: io::Error| IoError::Write { path: path.to_owned(), source: e.kind().into() };
-        let folder = tempfile::Builder::new().prefix(".dermatome-").tempdir_in(folder(path)).map_err(fail)?;
+        let folder =
+            tempfile::Builder::new().prefix(temporary_prefix()).tempdir_in(folder(path)).map_err(fail)?;
         // Writers choose by extension, so the name stays.
         write(&folder.path().join(path.file_name().unwrap_or_default())).map_err(|e| e.about(path))?;
         self.staged.push((path.to_owned(), folder));
