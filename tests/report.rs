@@ -11,11 +11,12 @@ use dermatome::{
     io::write_map,
     map::{MapError, PatchMap},
     mesh::shapes,
-    report::{Paint, PlotOptions, ReportError, plot_map, render_png},
+    report::{Paint, PlotOptions, ReportError, Viewpoint, plot_map, render_png},
 };
 use glam::DVec2;
 use maps::{flat_level, flat_patch, level_id, skin, square_pyramid};
 use predicates::str::contains;
+use resvg::usvg;
 use svg::parser::Event;
 
 /// All that need no calibration.
@@ -88,8 +89,11 @@ fn what_is_not_there_is_named() {
     assert!(matches!(error, ReportError::UnknownLevel { last: 2, .. }), "{error}");
     for width_px in [0, 10, 1 << 20] {
         let error = ask(PlotOptions { width_px, ..PlotOptions::default() });
-        assert!(matches!(error, ReportError::Size { .. }), "{error}");
+        assert!(matches!(error, ReportError::Width { panels: 3, least: 200, .. }), "{error}");
     }
+    let levels = vec![level_id(0); 80];
+    let error = ask(PlotOptions { levels, ..PlotOptions::default() });
+    assert!(error.to_string().contains("80 panels side by side need at least 3765"), "{error}");
     assert_eq!(plot_map(&skin(Vec::new()), &PlotOptions::default()), Err(ReportError::Empty));
 }
 
@@ -153,6 +157,69 @@ fn a_png_has_the_size_of_its_picture() {
         let height = svg.split("height=\"").nth(1).unwrap().split('"').next().unwrap();
         assert_eq!(number(20).to_string(), height, "height");
     }
+}
+
+/// Boxes around the texts of a picture, as the letters that come with the crate make them.
+fn text_boxes(svg: &str) -> Vec<usvg::Rect> {
+    let mut options = usvg::Options { font_family: "Ubuntu".into(), ..usvg::Options::default() };
+    for font in [epaint_default_fonts::UBUNTU_LIGHT, epaint_default_fonts::HACK_REGULAR] {
+        options.fontdb_mut().load_font_data(font.to_vec());
+    }
+    fn collect(group: &usvg::Group, boxes: &mut Vec<usvg::Rect>) {
+        for node in group.children() {
+            match node {
+                usvg::Node::Group(group) => collect(group, boxes),
+                usvg::Node::Text(text) => boxes.push(text.abs_bounding_box()),
+                _ => {}
+            }
+        }
+    }
+    let tree = usvg::Tree::from_str(svg, &options).unwrap();
+    let mut boxes = Vec::new();
+    collect(tree.root(), &mut boxes);
+    boxes
+}
+
+#[test]
+fn no_text_leaves_the_picture_or_runs_into_another() {
+    let long = "a_really_long_name_of_a_skin_as_exported_by_a_cad_program_revision_17_left_forearm_cover";
+    for name in ["palm", long, &"W".repeat(70)] {
+        let mut patch = square_pyramid(name, &[13, 7, 4], 0.06, 0.001);
+        let distortion = &mut patch.levels[level_id(1)].distortion;
+        (distortion.qc_mean, distortion.qc_max) = (12_345.678, 98_765_432.1);
+        let map = skin(vec![patch, palm()]);
+        for (width_px, space) in
+            [(200, None), (200, Some(Viewpoint::default())), (400, Some(Viewpoint::default())), (1600, None)]
+        {
+            let options = PlotOptions { width_px, space, paint: Paint::Area, ..PlotOptions::default() };
+            let boxes = text_boxes(&plot_map(&map, &options).unwrap());
+            assert!(boxes.len() > 18, "{} texts", boxes.len());
+            let width = width_px as f32;
+            for (k, a) in boxes.iter().enumerate() {
+                assert!(
+                    a.left() >= 0.0 && a.right() <= width,
+                    "{name:.9} at {width_px}: {a:?} leaves the picture"
+                );
+                for b in &boxes[k + 1..] {
+                    let apart = a.right() <= b.left()
+                        || b.right() <= a.left()
+                        || a.bottom() <= b.top()
+                        || b.bottom() <= a.top();
+                    assert!(apart, "{name:.9} at {width_px}: {a:?} runs into {b:?}");
+                }
+            }
+        }
+    }
+}
+
+/// A map of any size is as large on its picture, and the bar tells how long it is.
+#[test]
+fn the_bar_of_a_tiny_map_has_a_length() {
+    let side = 1e-20;
+    let svg = plot_map(&skin(vec![square_pyramid("dust", &[5], side, side / 10.0)]), &PlotOptions::default())
+        .unwrap();
+    let (_, texts) = elements(&svg);
+    assert!(texts.iter().any(|t| t.ends_with("e-18 mm")), "{texts:?}");
 }
 
 /// Text needs letters, and those come with the crate: without them nothing would be drawn.

@@ -47,6 +47,21 @@ pub enum ReportError {
         /// The elevation asked for, in degrees.
         elevation: f64,
     },
+    /// A width that the panels of a row do not fit into, or that is too large.
+    #[error(
+        "a picture {width} pixels wide cannot be drawn: {panels} {} at least {least}, and {most} is the most",
+        if *panels == 1 { "panel needs" } else { "panels side by side need" }
+    )]
+    Width {
+        /// Its width, in pixels.
+        width: u32,
+        /// Panels in a row.
+        panels: usize,
+        /// Least width for them.
+        least: u32,
+        /// Largest width.
+        most: u32,
+    },
     /// A picture that is too small or too large.
     #[error("a picture of {width} x {height} pixels cannot be drawn; {least} to {most} a side can")]
     Size {
@@ -90,7 +105,9 @@ impl ReportError {
             Self::Direction { .. } => "give both angles in degrees, for example -65,-45".into(),
             Self::UnknownPatch { .. } => "name one of them, or none to draw them all".into(),
             Self::UnknownLevel { .. } => "ask for one of them, or for none to draw the finest".into(),
-            Self::Size { .. } => "ask for another width, or for fewer patches and levels".into(),
+            Self::Width { .. } | Self::Size { .. } => {
+                "ask for another width, or for fewer patches and levels".into()
+            }
             Self::Atlas(e) => e.help(),
             Self::Render { .. } => "draw it as SVG and look at it in a browser".into(),
         }

@@ -15,8 +15,21 @@ pub(super) const MAX_SIDE: u32 = 16_384;
 /// Least width of a picture, in pixels: the letters still fit.
 const MIN_WIDTH: u32 = 200;
 
-/// Letters are so high that about this many fill the width of a panel; the longest line has fewer.
-const LETTERS_PER_PANEL: f64 = 25.0;
+/// Least width of a panel, in pixels: at six pixels high, a word of its caption still fits.
+const MIN_COLUMN: f64 = 40.0;
+
+/// Largest share of the width that is left between panels, and its part between two of few.
+const MARGINS: f64 = 0.15;
+const MARGIN: f64 = 0.015;
+
+/// Letters are so high that lines this many times as wide fill a panel: the longest line of a caption, as a rule.
+const CAPTION_EMS: f64 = 25.0;
+
+/// Least height of letters, in pixels: smaller ones are not legible.
+const MIN_LETTERS: f64 = 6.0;
+
+/// From one line of a caption to the next, over the height of the letters: they are 1.13 from their tops to their tails.
+const LINE_PITCH: f64 = 1.15;
 
 /// Height of the letters over the width of the picture where few panels leave room for more.
 const LARGEST_LETTERS: f64 = 0.016;
@@ -36,39 +49,52 @@ pub(super) struct Layout {
     margin: f64,
     column: f64,
     scale: f64,
-    /// Upper edges and heights of the rows' maps, in pixels.
-    rows: Vec<(f64, f64)>,
+    rows: Vec<RowPlace>,
+}
+
+/// Where a row of panels stands, in pixels.
+struct RowPlace {
+    /// Upper edge of its maps; the captions stand above.
+    top: f64,
+    /// Height of its maps.
+    height: f64,
+    /// Lines of its longest caption.
+    lines: usize,
 }
 
 impl Layout {
     pub(super) fn new(rows: &[Row<'_>], width: u32) -> Result<Self, ReportError> {
-        let size = |height: f64| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-            let height = height as u32;
-            ReportError::Size { width, height, least: MIN_WIDTH, most: MAX_SIDE }
-        };
-        if !(MIN_WIDTH..=MAX_SIDE).contains(&width) {
-            return Err(size(0.0));
+        let panels = rows.iter().map(Vec::len).max().unwrap_or(0).max(1);
+        let columns = panels as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+        let least = (columns * MIN_COLUMN / (1.0 - MARGINS)).ceil() as u32;
+        let least = least.max(MIN_WIDTH);
+        if !(least..=MAX_SIDE).contains(&width) {
+            return Err(ReportError::Width { width, panels, least, most: MAX_SIDE });
         }
         let total = f64::from(width);
-        let margin = (0.015 * total).round();
-        let columns = rows.iter().map(Vec::len).max().unwrap_or(0).max(1) as f64;
+        let margin = (total * MARGIN.min(MARGINS / (columns + 1.0))).floor();
         let column = (total - margin * (columns + 1.0)) / columns;
-        let em = (column / LETTERS_PER_PANEL).min(LARGEST_LETTERS * total).round().max(6.0);
+        let em = (column / CAPTION_EMS).min(LARGEST_LETTERS * total).round().max(MIN_LETTERS);
         let extents: Vec<DVec2> = rows.iter().map(row_extent).collect();
         let fit = |e: &DVec2| (column / e.x).min(TALLEST * total / e.y);
         let scale = extents.iter().map(fit).fold(f64::INFINITY, f64::min);
         let mut y = margin;
         let mut places = Vec::new();
-        for extent in &extents {
-            y += (4.2 * em).round();
+        let room = caption_room(column, margin, em);
+        for (row, extent) in rows.iter().zip(&extents) {
+            let lines =
+                row.iter().flatten().map(|panel| panel.caption().lines(room).len()).max().unwrap_or(0);
+            y += (0.75 * em).round() + pitch(em) * lines as f64;
             let height = (extent.y * scale).ceil();
-            places.push((y, height));
+            places.push(RowPlace { top: y, height, lines });
             y += height + margin;
         }
         let height = y + (2.6 * em).round() + margin;
         if height > f64::from(MAX_SIDE) {
-            return Err(size(height));
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+            let height = height as u32;
+            return Err(ReportError::Size { width, height, least: MIN_WIDTH, most: MAX_SIDE });
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_SIDE")]
         let height = height as u32;
@@ -78,7 +104,7 @@ impl Layout {
     /// The panels row by row, each in the middle of its place.
     pub(super) fn views<'r, 'a>(&self, rows: &'r [Row<'a>]) -> Vec<(&'r Panel<'a>, View)> {
         let mut views = Vec::new();
-        for (row, &(top, height)) in rows.iter().zip(&self.rows) {
+        for (row, &RowPlace { top, height, .. }) in rows.iter().zip(&self.rows) {
             for (column, panel) in row.iter().enumerate() {
                 let Some(panel) = panel else { continue };
                 let (lo, hi) = panel.bounds;
@@ -95,16 +121,23 @@ impl Layout {
     /// What a panel is and how faithful, above it.
     pub(super) fn caption(&self, panel: &Panel<'_>, view: &View) -> Group {
         let x = view.corner.x + 0.5 * view.size.x;
-        let row = self.rows.iter().rev().find(|(top, _)| *top <= view.corner.y + 1.0);
-        let top = row.map_or(self.margin, |(top, _)| *top);
-        let line = |text: String, up: f64| Text::new(text).set("x", x).set("y", (top - up * self.em).round());
-        let [name, count, about] = panel.caption();
-        Group::new()
-            .set("text-anchor", "middle")
-            .set("fill", "#222")
-            .add(line(name, 3.1).set("stroke", "#222").set("stroke-width", 0.03 * self.em))
-            .add(line(count, 1.95))
-            .add(line(about, 0.8))
+        let row = self.rows.iter().rev().find(|row| row.top <= view.corner.y + 1.0);
+        let (top, lines) = row.map_or((self.margin, 1), |row| (row.top, row.lines));
+        let mut y = top - (0.8 * self.em).round() - pitch(self.em) * lines as f64;
+        let mut group = Group::new().set("text-anchor", "middle").set("fill", "#222");
+        for (k, text) in
+            panel.caption().lines(caption_room(self.column, self.margin, self.em)).into_iter().enumerate()
+        {
+            y += pitch(self.em);
+            let line = Text::new(text).set("x", x).set("y", y);
+            let is_name = k == 0;
+            group = group.add(if is_name {
+                line.set("stroke", "#222").set("stroke-width", 0.03 * self.em)
+            } else {
+                line
+            });
+        }
+        group
     }
 
     /// A bar of a round length, at the lower left.
@@ -183,10 +216,23 @@ impl Layout {
     }
 }
 
+/// From one line of a caption to the next, in whole pixels.
+fn pitch(em: f64) -> f64 {
+    (LINE_PITCH * em).ceil()
+}
+
+/// How wide a caption may be, over the height of its letters: half the space between panels is left.
+fn caption_room(column: f64, margin: f64, em: f64) -> f64 {
+    (column + 0.5 * margin) / em
+}
+
 /// Width and height that hold each panel of a row, in m.
 fn row_extent(row: &Row<'_>) -> DVec2 {
     let extent = |panel: &Panel<'_>| panel.bounds.1 - panel.bounds.0;
-    row.iter().flatten().map(extent).fold(DVec2::splat(1e-6), DVec2::max)
+    let extent = row.iter().flatten().map(extent).fold(DVec2::ZERO, DVec2::max);
+    // A point and a line, too, have a place on the picture.
+    let least = if extent == DVec2::ZERO { 1e-6 } else { 1e-6 * extent.max_element() };
+    extent.max(DVec2::splat(least))
 }
 
 /// XML has no control characters, not even escaped.
@@ -204,7 +250,7 @@ pub(super) fn printable(name: &str) -> String {
     short
 }
 
-/// Longer names would run out of their panel.
+/// No panel has room for more.
 const LONGEST_NAME: usize = 60;
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above a positive `x`.
@@ -216,6 +262,11 @@ fn round_down(x: f64) -> f64 {
 
 /// Three significant digits, without zeros at the end.
 fn short(x: f64) -> String {
+    if x >= 1e5 || (x > 0.0 && x < 1e-3) {
+        let text = format!("{x:.2e}");
+        let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.'));
+    }
     let decimals = [100.0, 10.0, 1.0].into_iter().position(|limit| x >= limit).unwrap_or(3);
     let text = format!("{x:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -232,5 +283,6 @@ mod tests {
         assert_eq!([0.37, 5.0, 99.0].map(|x| short(round_down(x))), ["0.2", "5", "50"]);
         assert_eq!([0.37, 5.0, 99.0].map(|x| short(round_up(x))), ["0.5", "5", "100"]);
         assert_eq!([1.0, 1.05, 12.34, 123.4, 0.012].map(short), ["1", "1.05", "12.3", "123", "0.012"]);
+        assert_eq!([5e-18, 1.234e-4, 2e7].map(short), ["5e-18", "1.23e-4", "2e7"]);
     }
 }

@@ -6,6 +6,7 @@
 //! crate: the same bytes on every machine, fonts installed or not.
 
 mod camera;
+mod caption;
 mod cells;
 mod coat;
 mod colours;

@@ -7,6 +7,7 @@ use crate::{
     report::{
         Paint, ReportError, Viewpoint,
         camera::Camera,
+        caption::{Caption, number},
         cells::{Areas, Canvas, View},
         coat::{Coat, Wearer},
         layout::printable,
@@ -73,30 +74,32 @@ impl<'a> Panel<'a> {
         }
     }
 
-    /// What it is, in three lines.
-    pub(super) fn caption(&self) -> [String; 3] {
+    /// What it is.
+    pub(super) fn caption(&self) -> Caption {
         let name = printable(self.subject.name);
         match &self.look {
             Look::OnMap(level) => {
                 let (d, count) = (&level.distortion, level.uv.len());
                 let kind = if self.number == LevelId::default() { "taxels" } else { "fields" };
-                [
-                    format!("{name}, level {}", self.number),
-                    format!("{count} {kind}, {} flips", d.flips),
-                    format!(
-                        "s1/s2 {:.3} (max {:.2}), area {:.3} (max {:.2})",
-                        d.qc_mean, d.qc_max, d.area_mean, d.area_max
-                    ),
-                ]
+                let stretch = format!("s1/s2 {} (max {})", number(d.qc_mean, 3), number(d.qc_max, 2));
+                let area = format!("area {} (max {})", number(d.area_mean, 3), number(d.area_max, 2));
+                Caption {
+                    name,
+                    which: format!(", level {}", self.number),
+                    about: [format!("{count} {kind}, {} flips", d.flips), format!("{stretch}, {area}")],
+                }
             }
             Look::InSpace(camera, _) => {
                 let mesh = self.subject.mesh;
                 let [azimuth, elevation] = camera.degrees.map(degrees);
-                [
-                    format!("{name}, in space"),
-                    format!("{} taxels, {} triangles", mesh.positions.len(), mesh.triangles.len()),
-                    format!("seen from azimuth {azimuth}, elevation {elevation}"),
-                ]
+                Caption {
+                    name,
+                    which: ", in space".into(),
+                    about: [
+                        format!("{} taxels, {} triangles", mesh.positions.len(), mesh.triangles.len()),
+                        format!("seen from azimuth {azimuth}, elevation {elevation}"),
+                    ],
+                }
             }
         }
     }

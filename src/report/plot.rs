@@ -70,7 +70,7 @@ impl Default for PlotOptions {
 ///
 /// # Errors
 /// If there is no such patch or level, the data are no map or have no covariances to show, the viewpoint is none, or the
-/// picture is larger than 16384 pixels a side.
+/// picture is narrower than its panels need or larger than 16384 pixels a side.
 pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportError> {
     let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
     let levels = choose_levels(&patches, &options.levels)?;
@@ -97,7 +97,7 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportEr
 ///
 /// # Errors
 /// If there is no such patch, the data are no skin, the colours need a map or covariances that are not there, the
-/// viewpoint is none, or the picture is larger than 16384 pixels a side.
+/// viewpoint is none, or the picture is narrower than 200 or larger than 16384 pixels a side.
 pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<String, ReportError> {
     let patches = choose(&skin.patches, |patch| &patch.name, &options.patches)?;
     skin.validate()?;

@@ -1,0 +1,126 @@
+/// What stands above a panel: which it is, then what there is to say about it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Caption {
+    /// Name of the patch, which may be as long as a file allows.
+    pub(super) name: String,
+    /// What tells its panels apart; it follows the name and is never cut for it.
+    pub(super) which: String,
+    pub(super) about: [String; 2],
+}
+
+impl Caption {
+    /// Its lines, each at most `room` times as wide as the letters are high.
+    ///
+    /// The name is cut; what is said about the panel breaks at commas and, should that not do, between words.
+    pub(super) fn lines(&self, room: f64) -> Vec<String> {
+        let name = shorten(&self.name, room - width(&self.which)) + &self.which;
+        let about = self.about.iter().flat_map(|text| break_lines(text, room));
+        std::iter::once(shorten(&name, room)).chain(about).collect()
+    }
+}
+
+/// What a text that was cut ends with.
+const CUT: char = '\u{2026}';
+
+fn break_lines(text: &str, room: f64) -> Vec<String> {
+    if width(text) <= room {
+        return vec![text.to_owned()];
+    }
+    let mut lines = Vec::new();
+    for clause in text.split_inclusive(", ") {
+        let mut line = String::new();
+        for word in clause.split_whitespace() {
+            let longer = if line.is_empty() { word.to_owned() } else { format!("{line} {word}") };
+            if width(&longer) <= room || line.is_empty() {
+                line = longer;
+            } else {
+                lines.push(std::mem::replace(&mut line, word.to_owned()));
+            }
+        }
+        lines.push(line);
+    }
+    lines.iter().map(|line| shorten(line, room)).collect()
+}
+
+/// As many letters of a text as fit.
+fn shorten(text: &str, room: f64) -> String {
+    if width(text) <= room {
+        return text.to_owned();
+    }
+    let mut used = letter_width(CUT);
+    let fitting = text.chars().take_while(|&c| {
+        used += letter_width(c);
+        used <= room
+    });
+    fitting.chain([CUT]).collect()
+}
+
+/// Width of a text over the height of its letters.
+fn width(text: &str) -> f64 {
+    text.chars().map(letter_width).sum()
+}
+
+/// Width of a letter over the height of its text, or a little more: the larger of Ubuntu Light, which PNGs are drawn with,
+/// and `DejaVu` Sans, which a browser takes where there is no Ubuntu. Letters of other scripts are as wide as high.
+fn letter_width(c: char) -> f64 {
+    match c {
+        ' ' | '.' | ',' | ':' | ';' | '\'' | 'i' | 'j' | 'l' | 'I' => 0.32,
+        'f' | 'r' | 't' | '(' | ')' | '[' | ']' | '/' | '\\' | '|' | '-' | '!' => 0.41,
+        'm' | 'w' | 'M' | 'W' | '@' | '%' => 1.0,
+        'A'..='Z' | '+' | '=' | '<' | '>' | '~' | '#' | '&' => 0.84,
+        ' '..='~' => 0.64,
+        _ => 1.0,
+    }
+}
+
+/// A number with so many decimals, or as a power of ten where that would be long.
+pub(super) fn number(x: f64, decimals: usize) -> String {
+    if x.abs() < 1e4 { format!("{x:.decimals$}") } else { format!("{x:.1e}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn caption(name: &str) -> Caption {
+        let about = ["169 taxels, 0 flips", "s1/s2 1.003 (max 1.01), area 1.002 (max 1.02)"];
+        Caption { name: name.into(), which: ", level 0".into(), about: about.map(String::from) }
+    }
+
+    #[test]
+    fn what_fits_stays_as_it_is() {
+        let lines = caption("palm").lines(25.0);
+        assert_eq!(
+            lines,
+            ["palm, level 0", "169 taxels, 0 flips", "s1/s2 1.003 (max 1.01), area 1.002 (max 1.02)"]
+        );
+    }
+
+    #[test]
+    fn a_narrow_panel_breaks_lines_and_cuts_the_name() {
+        let lines = caption("a_really_long_name_of_a_skin").lines(15.0);
+        assert_eq!(lines[0].split_once(CUT).unwrap().1, ", level 0");
+        assert_eq!(lines[1..], ["169 taxels, 0 flips", "s1/s2 1.003 (max 1.01),", "area 1.002 (max 1.02)"]);
+        let lines = caption("palm").lines(7.0);
+        assert!(lines.contains(&"(max 1.02)".to_owned()), "{lines:?}");
+    }
+
+    #[test]
+    fn no_line_is_wider_than_its_room() {
+        for name in ["", "W", &"W".repeat(100), &"\u{624b}".repeat(100), "forearm_cuff"] {
+            for room in 2..40 {
+                let room = f64::from(room);
+                let lines = caption(name).lines(room);
+                assert!(lines.iter().all(|line| width(line) <= room), "{name} in {room}: {lines:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn large_numbers_are_short() {
+        assert_eq!(
+            [1.0034, 9999.0, 1_234_567.0, f64::INFINITY].map(|x| number(x, 3)),
+            ["1.003", "9999.000", "1.2e6", "inf"]
+        );
+    }
+}
