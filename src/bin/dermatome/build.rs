@@ -51,6 +51,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut seconds = Stages::default();
+    let options = args.options()?;
     let mut lap = Lap::start();
     let mut skin = read_skin(&args.skin, &args.bare, common)?;
     close_holes(&mut skin, args.coarsen.fill_holes, common)?;
@@ -66,7 +67,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         bar.set_length(total as u64);
         bar.set_position(done as u64);
     };
-    let options = args.options();
     let (map, spent) =
         build(&skin, &options, &watch).with_context(|| format!("cannot map {}", args.skin.display()))?;
     (seconds.coarsen, seconds.flatten) = (spent.coarsen, spent.flatten);
@@ -102,12 +102,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 }
 
 impl Args {
-    fn options(&self) -> BuildOptions {
-        BuildOptions {
+    fn options(&self) -> anyhow::Result<BuildOptions> {
+        Ok(BuildOptions {
             coarsen: self.coarsen.options(),
-            flatten: self.flatten.options(),
+            flatten: self.flatten.options()?,
             pixel: self.pixel_mm * 1e-3,
-        }
+        })
     }
 }
 

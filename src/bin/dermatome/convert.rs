@@ -15,7 +15,7 @@ pub(crate) struct Args {
     /// The skin or mesh to read: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write, of any of these kinds
+    /// The file to write: .glb, .gltf, .json, .obj, .ply, .stl or .csv
     #[arg(value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]

@@ -39,6 +39,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check(args.output.iter().map(PathBuf::as_path))?;
+    let options = args.flatten.options()?;
     let skin = read_skin(&args.mesh, &args.bare, common)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
@@ -53,7 +54,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ));
     }
     let patch = &skin.patches[PatchId::new(0)];
-    let uv = flatten(&patch.mesh, &args.flatten.options())
+    let uv = flatten(&patch.mesh, &options)
         .map_err(Error::from)
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     let mut outputs = Outputs::default();

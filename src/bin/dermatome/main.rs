@@ -25,8 +25,9 @@ use clap::{Parser, Subcommand, ValueEnum};
 
 /// Somatosensory maps of robot skin.
 ///
-/// The kind of a file follows from its extension; `-` is standard input or output. Exit code 0: done; 1: `check`
-/// found something; 2: bad usage or bad input.
+/// The kind of a file follows from its extension. `-` is standard input for the observations of `calibrate` and the
+/// contacts of `lookup`, and standard output for `lookup`, `plot` and `simulate`. Exit code 0: done; 1: `check` found
+/// something; 2: bad usage or bad input; 130: stopped.
 #[derive(Debug, Parser)]
 #[command(name = "dermatome", version, max_term_width = 100)]
 pub(crate) struct Cli {

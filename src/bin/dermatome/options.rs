@@ -7,6 +7,8 @@ use dermatome::{
     skin::MeshOptions,
 };
 
+use crate::failure::advise;
+
 /// How to join taxels that have no triangles.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Bare taxels")]
@@ -53,21 +55,21 @@ pub(crate) struct FlattenArgs {
     /// How the map is computed
     #[arg(long, value_enum, default_value_t = MethodArg::Intrinsic)]
     method: MethodArg,
-    /// What the intrinsic method minimises
-    #[arg(long, value_enum, default_value_t = EnergyArg::Sum)]
-    energy: EnergyArg,
-    /// Weight of the angle term
-    #[arg(long, value_name = "W", default_value_t = 1.0, value_parser = weight)]
-    angle: f64,
-    /// Weight of the area term
-    #[arg(long, value_name = "W", default_value_t = 1.0, value_parser = weight)]
-    area: f64,
-    /// Weight of the perimeter term
-    #[arg(long, value_name = "W", default_value_t = 0.0, value_parser = weight)]
-    perimeter: f64,
-    /// How much larger dense skin is drawn: 0 as large as it is, 1 equal map area per taxel
-    #[arg(long, value_name = "GAMMA", default_value_t = 0.0, value_parser = finite, allow_negative_numbers = true)]
-    magnify: f64,
+    /// What the intrinsic method minimises [default: sum]
+    #[arg(long, value_enum)]
+    energy: Option<EnergyArg>,
+    /// Weight of the angle term [default: 1]
+    #[arg(long, value_name = "W", value_parser = weight)]
+    angle: Option<f64>,
+    /// Weight of the area term [default: 1]
+    #[arg(long, value_name = "W", value_parser = weight)]
+    area: Option<f64>,
+    /// Weight of the perimeter term [default: 0]
+    #[arg(long, value_name = "W", value_parser = weight)]
+    perimeter: Option<f64>,
+    /// How much larger dense skin is drawn: 0 as large as it is, 1 equal map area per taxel [default: 0]
+    #[arg(long, value_name = "GAMMA", value_parser = finite, allow_negative_numbers = true)]
+    magnify: Option<f64>,
     /// Keep the boundary of the map from crossing itself
     #[arg(long)]
     bijective: bool,
@@ -92,22 +94,50 @@ enum EnergyArg {
 }
 
 impl FlattenArgs {
-    pub(crate) fn options(&self) -> FlattenOptions {
-        FlattenOptions {
+    pub(crate) fn options(&self) -> anyhow::Result<FlattenOptions> {
+        self.refuse_what_changes_nothing()?;
+        let default = FlattenOptions::default();
+        Ok(FlattenOptions {
             method: match self.method {
                 MethodArg::Intrinsic => Method::Intrinsic,
                 MethodArg::Conformal => Method::Conformal,
                 MethodArg::Linear => Method::Linear,
             },
             energy: match self.energy {
-                EnergyArg::Sum => Energy::Sum,
-                EnergyArg::SymmetricDirichlet => Energy::SymmetricDirichlet,
+                None => default.energy,
+                Some(EnergyArg::Sum) => Energy::Sum,
+                Some(EnergyArg::SymmetricDirichlet) => Energy::SymmetricDirichlet,
             },
-            angle: self.angle,
-            area: self.area,
-            perimeter: self.perimeter,
-            magnify: self.magnify,
+            angle: self.angle.unwrap_or(default.angle),
+            area: self.area.unwrap_or(default.area),
+            perimeter: self.perimeter.unwrap_or(default.perimeter),
+            magnify: self.magnify.unwrap_or(default.magnify),
             overlap: if self.bijective { Overlap::Prevented } else { Overlap::Allowed },
+        })
+    }
+
+    /// Whoever gives an option expects that it changes something.
+    fn refuse_what_changes_nothing(&self) -> anyhow::Result<()> {
+        let energy = ("--energy", self.energy.is_some());
+        let angle = ("--angle", self.angle.is_some());
+        let area = ("--area", self.area.is_some());
+        let perimeter = ("--perimeter", self.perimeter.is_some());
+        let magnify = ("--magnify", self.magnify.is_some());
+        let (with, idle) = match (self.method, self.energy) {
+            (MethodArg::Conformal, _) => {
+                ("--method conformal", vec![energy, angle, area, perimeter, magnify])
+            }
+            (MethodArg::Linear, _) => ("--method linear", vec![energy, perimeter, magnify]),
+            (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
+                ("--energy symmetric-dirichlet", vec![angle, area, perimeter])
+            }
+            (MethodArg::Intrinsic, _) => return Ok(()),
+        };
+        match idle.into_iter().find(|(_, given)| *given) {
+            None => Ok(()),
+            Some((name, _)) => {
+                Err(advise(format!("{name} changes nothing with {with}"), "leave out one of the two"))
+            }
         }
     }
 }
