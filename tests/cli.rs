@@ -154,18 +154,22 @@ fn a_full_disk_is_said() {
     let link = skin.with_file_name("full.obj");
     std::os::unix::fs::symlink(full, &link).unwrap();
     dermatome().arg("flatten").arg(&skin).arg("-o").arg(&link).assert().code(2).stderr(contains("space"));
-    let stdout = fs::OpenOptions::new().write(true).open(full).unwrap();
-    let output = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
-        .arg("info")
-        .arg(&skin)
-        .stdout(stdout)
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .unwrap()
-        .wait_with_output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("space"), "it says that no space is left");
+    for words in [&["info"][..], &["plot", "-o", "-"]] {
+        let output = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
+            .args(words)
+            .arg(&skin)
+            .stdout(fs::OpenOptions::new().write(true).open(full).unwrap())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap()
+            .wait_with_output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let told = String::from_utf8_lossy(&output.stderr);
+        for said in ["cannot write standard output", "space", "help:"] {
+            assert!(told.contains(said), "{said:?} in {told:?} of {words:?}");
+        }
+    }
 }
 
 #[test]
@@ -312,4 +316,71 @@ fn extensions_and_options_out_of_range_are_refused() {
     dermatome().arg("coarsen").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("glb"));
     dermatome().arg("info").arg(&skin).args(["--threads", "100000"]).assert().code(2).stderr(contains("512"));
     dermatome().arg("coarsen").arg(&skin).args(["-o", "x.glb", "--ratio", "1.5"]).assert().code(2);
+}
+
+#[test]
+fn options_that_would_change_nothing_are_refused() {
+    let (folder, skin) = folder_with_a_cap();
+    let flatten = |words: &str| {
+        let mut command = dermatome();
+        command.arg("flatten").arg(&skin).arg("-o").arg(folder.path().join("f.npz"));
+        command.args(words.split_whitespace());
+        command
+    };
+    for (words, idle) in [
+        ("--method conformal --magnify 0.5", "--magnify"),
+        ("--method conformal --area 2", "--area"),
+        ("--method linear --energy sum", "--energy"),
+        ("--energy symmetric-dirichlet --area 1", "--area"),
+    ] {
+        flatten(words).assert().code(2).stderr(contains(format!("{idle} changes nothing with")));
+    }
+    for words in
+        ["--method conformal", "--method linear --area 0", "--energy symmetric-dirichlet --magnify 0.5"]
+    {
+        flatten(words).assert().success();
+    }
+}
+
+/// CAD and scanners write millimetres; no format but glTF tells.
+#[test]
+fn a_skin_in_millimetres_is_suspected() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mm.obj");
+    write_skin(&path, &Skin::from_mesh("mm", shapes::lattice(10, 10, 10.0))).unwrap();
+    let suspected = contains("across: is the file in millimetres?");
+    dermatome().arg("info").arg(&path).assert().success().stderr(suspected.clone());
+    dermatome()
+        .arg("check")
+        .arg(&path)
+        .assert()
+        .code(1)
+        .stdout(suspected.and(predicate::str::starts_with("mm: doubtful-unit: ")));
+    let path = folder.path().join("m.obj");
+    write_skin(&path, &Skin::from_mesh("m", shapes::lattice(10, 10, 0.01))).unwrap();
+    dermatome().arg("info").arg(&path).assert().success().stderr("");
+    dermatome().arg("check").arg(&path).assert().success();
+}
+
+/// The parser of PLY tells its insides after the first line.
+#[test]
+fn a_file_that_is_no_ply_is_told_of_in_plain_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wrong.ply");
+    fs::write(&path, "v 0.0 0.0 0\nv 1.0 0.0 0\n").unwrap();
+    dermatome().arg("info").arg(&path).assert().code(2).stderr(
+        contains("found \"v 0.0 0.0 0\": Expected magic number 'ply'").and(contains("ParseError").not()),
+    );
+}
+
+#[test]
+fn help_tells_what_holds() {
+    let help = |args: &[&str]| {
+        let run = dermatome().args(args).arg("--help").assert().success();
+        String::from_utf8(run.get_output().stdout.clone()).unwrap()
+    };
+    assert!(help(&["convert"]).contains(".stl or .csv"), "what `convert` writes");
+    assert!(help(&["check"]).contains("--gap"), "`check` joins taxels as `build` does");
+    let top = help(&[]);
+    assert!(top.contains("`-` is standard input for"), "{top}");
 }

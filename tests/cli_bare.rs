@@ -78,7 +78,8 @@ fn convert_and_build_take_positions_and_tell_what_was_assumed() {
         .arg(&path)
         .assert()
         .success()
-        .stdout(predicate::str::starts_with("bare: its taxels have no triangles"));
+        .stdout("no findings\n")
+        .stderr(predicate::str::starts_with("note: l_shin: bare: its taxels have no triangles"));
     let out = folder.path().join("out");
     dermatome().arg("build").arg(&path).arg("-o").arg(&out).assert().success();
     assert!(out.join("map.glb").exists());
@@ -167,6 +168,10 @@ fn the_gap_is_an_option_and_its_range_is_told() {
     assert_eq!(count, 2, "{said}");
     assert!(said.contains("would join pieces: 1 instead of 2"), "{said}");
     assert_eq!(patches(&["--gap", "4"]).0, 1);
+    let check = |args: &[&str]| dermatome().args(["check", "--quiet"]).arg(&path).args(args).assert();
+    check(&[]).code(1).stdout(predicate::str::starts_with("two: bare-pieces: ")).stderr("");
+    check(&["--gap", "4"]).success().stdout("no findings\n").stderr("");
+    check(&["--gap", "4", "--json"]).success().stdout("{\n  \"findings\": []\n}\n");
     dermatome()
         .arg("convert")
         .arg(&path)

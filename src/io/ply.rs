@@ -137,10 +137,17 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
 }
 
 fn parse_error(source: &Source, error: &ParseError) -> IoError {
-    // Several lines in the crate; the last ones repeat what is known.
+    // The crate tells what is wrong in its first line, which may begin with the number of the line, then quotes the text;
+    // what follows are the insides of its parser.
     let text = error.to_string();
-    let found = text.lines().map(str::trim).collect::<Vec<_>>().join("; ");
-    let found: String = found.chars().take(200).collect();
+    let (wrong, rest) = text.split_once('\n').unwrap_or((&text, ""));
+    let wrong = match wrong.split_once(": ") {
+        Some((place, wrong)) if place.starts_with("Line ") => wrong,
+        _ => wrong,
+    };
+    let quoted = rest.lines().find_map(|line| line.trim().strip_prefix("String: '"));
+    let quoted = quoted.map(|text| excerpt(text.trim_end_matches('\'').trim()) + ": ").unwrap_or_default();
+    let found = quoted + &wrong.trim_end_matches('.').chars().take(200).collect::<String>();
     let element = error.line().map_or("header".into(), |line| format!("line or record {line}"));
     source.invalid(element, found, "PLY as its header describes it")
 }

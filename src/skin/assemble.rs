@@ -4,7 +4,9 @@ use crate::{
     id::{FaceId, IdVec, LinkId, TaxelId, VertexId},
     mesh::{Edges, MeshError, TriMesh},
     skin::{
-        Draft, Link, MeshOptions, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError, mesh_bare,
+        Draft, Link, MeshOptions, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError,
+        extent::doubtful_unit,
+        mesh_bare,
         names::{Names, sheet_name},
         outward::{Worth, enclosed_volume, poll, surface_normals, taxel_normals},
         remark::first_few,
@@ -47,6 +49,9 @@ pub fn assemble(draft: &Draft) -> Result<Assembled, SkinError> {
     let mut skin = Skin { links: draft.links.clone(), patches: IdVec::new() };
     check_links(&skin.links)?;
     let mut remarks = draft.remarks.clone();
+    if let Some((sheet, message)) = doubtful_unit(&draft.sheets) {
+        remarks.push(Remark { kind: RemarkKind::DoubtfulUnit, patch: sheet.to_owned(), message });
+    }
     let mut names = Names::new(&draft.sheets);
     let mut next_id = 1;
     let mut origin = None;

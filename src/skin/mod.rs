@@ -10,6 +10,7 @@ mod bare;
 mod check;
 mod draft;
 mod error;
+mod extent;
 mod forest;
 mod link;
 mod names;
@@ -23,7 +24,7 @@ mod zero_area;
 
 pub use assemble::{Assembled, assemble};
 pub use bare::{MeshOptions, mesh_bare};
-pub use check::{Element, Finding, FindingKind, check};
+pub use check::{Element, Finding, FindingKind, check, check_with};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;
 pub use link::{Link, world_pose};

@@ -30,6 +30,8 @@ pub enum RemarkKind {
     PassedOver,
     /// A patch was given another name.
     Renamed,
+    /// Nothing was changed, but the size makes it doubtful that the file is in metres.
+    DoubtfulUnit,
 }
 
 /// One change that [`crate::skin::assemble`] made; `Display` tells it in a sentence.

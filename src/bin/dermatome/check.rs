@@ -3,15 +3,18 @@ use std::{fmt::Write, path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     io::read_draft,
-    skin::{Element, Finding, check},
+    skin::{Element, Finding, check_with},
 };
 
 use crate::{
     Common,
+    options::BareArgs,
     tables::{line, print, print_json},
 };
 
-/// List everything that is wrong with a skin; exit code 1 if there is anything. That taxels are bare is told, and is nothing wrong.
+/// List everything that is wrong with a skin; exit code 1 if there is anything.
+///
+/// That taxels are bare is a note on standard error, and is nothing wrong.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
@@ -19,14 +22,20 @@ pub(crate) struct Args {
     /// Print all elements of every finding as JSON.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    bare: BareArgs,
 }
 
 /// A line holds no more elements; `--json` gives them all.
 const SHOWN: usize = 8;
 
-pub(crate) fn run(args: &Args, _: &Common) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let draft = read_draft(&args.file).map_err(Error::from)?;
-    let findings = check(&draft);
+    let findings = check_with(&draft, &args.bare.options());
+    let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind.is_informational());
+    for note in notes.iter().filter(|_| !common.quiet) {
+        eprintln!("note: {}", line(&note.to_string()));
+    }
     if args.json {
         print_json(&as_json(&findings))?;
     } else if findings.is_empty() {
@@ -34,8 +43,7 @@ pub(crate) fn run(args: &Args, _: &Common) -> anyhow::Result<ExitCode> {
     } else {
         print(&findings.iter().map(|f| line(&f.to_string()) + &elements(f) + "\n").collect::<String>())?;
     }
-    let is_healthy = findings.iter().all(|f| f.kind.is_informational());
-    Ok(if is_healthy { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn as_json(findings: &[Finding]) -> serde_json::Value {

@@ -49,6 +49,8 @@ kinds! {
     UnknownLink "unknown-link" Sheet,
     /// More than 32-bit numbers count.
     TooLarge "too-large" Sheet,
+    /// A sheet so large that the file is hardly in metres.
+    DoubtfulUnit "doubtful-unit" Sheet,
     /// An array has not one entry per vertex.
     ArrayLength "array-length" Sheet,
     /// A position is NaN or infinite.
@@ -137,6 +139,13 @@ pub struct Finding {
     pub elements: Vec<u64>,
     /// A sentence that says what was found.
     pub message: String,
+}
+
+impl Finding {
+    /// About a whole sheet.
+    pub(super) fn of_sheet(kind: FindingKind, sheet: &str, message: String) -> Self {
+        Self { kind, patch: sheet.to_owned(), elements: Vec::new(), message }
+    }
 }
 
 impl fmt::Display for Finding {

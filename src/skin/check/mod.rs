@@ -12,8 +12,9 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::Edges,
     skin::{
-        Draft, Remark, RemarkKind, Sheet, assemble, bare::Places, check::topology::Topology,
-        names::sheet_name, outward::taxel_normals, surface::Surface, winding::Winding,
+        Draft, MeshOptions, Remark, RemarkKind, Sheet, assemble, bare::Places, check::topology::Topology,
+        extent::doubtful_unit, mesh_bare, names::sheet_name, outward::taxel_normals, surface::Surface,
+        winding::Winding,
     },
 };
 
@@ -26,6 +27,12 @@ use crate::{
 /// is missing there. Takes time near-linear in the size of the draft, and never panics.
 #[must_use]
 pub fn check(draft: &Draft) -> Vec<Finding> {
+    check_with(draft, &MeshOptions::default())
+}
+
+/// [`check`], with bare taxels joined as `options` say.
+#[must_use]
+pub fn check_with(draft: &Draft, options: &MeshOptions) -> Vec<Finding> {
     let mut findings = Vec::new();
     let backward = draft.links.enumerate().filter(|(link, l)| l.parent.is_some_and(|p| p >= *link));
     let backward: Vec<u64> = backward.map(|(link, _)| u64::from(link.raw())).collect();
@@ -37,48 +44,55 @@ pub fn check(draft: &Draft) -> Vec<Finding> {
     for sheet in &draft.sheets {
         check_sheet(sheet, draft.links.len(), &mut findings);
     }
-    let of_draft = |kind, message: &str| Finding {
-        kind,
-        patch: String::new(),
-        elements: Vec::new(),
-        message: message.into(),
-    };
+    if let Some((sheet, message)) = doubtful_unit(&draft.sheets) {
+        findings.push(Finding::of_sheet(FindingKind::DoubtfulUnit, sheet, message));
+    }
     if draft.is_bare() {
-        let message = "its taxels have no triangles; reading it as a skin joins them, and `convert` tells what was assumed";
         findings.retain(|f| f.kind != FindingKind::IsolatedTaxel);
-        findings.insert(0, of_draft(FindingKind::Bare, message));
-        check_meshing(draft, &mut findings);
+        let taxels = draft.sheets.iter().filter(|sheet| !sheet.positions.is_empty());
+        findings.splice(0..0, taxels.map(bare));
+        check_meshing(draft, options, &mut findings);
     } else if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
-        let message = "there is no triangle in it: a skin needs taxels joined by triangles";
-        findings.push(of_draft(FindingKind::NoTriangles, message));
+        let message = "there is no triangle in it: a skin needs taxels joined by triangles".into();
+        findings.push(Finding::of_sheet(FindingKind::NoTriangles, only_name(draft), message));
     }
     findings
 }
 
+fn bare(sheet: &Sheet) -> Finding {
+    let message =
+        "its taxels have no triangles; reading it as a skin joins them, and `convert` tells what was assumed";
+    Finding::of_sheet(FindingKind::Bare, sheet_name(sheet), message.into())
+}
+
+/// Name of the sheet that a finding about the whole draft concerns; empty if there are several.
+fn only_name(draft: &Draft) -> &str {
+    match draft.sheets.as_slice() {
+        [sheet] => sheet_name(sheet),
+        _ => "",
+    }
+}
+
 /// Notes what becomes of bare taxels: why they cannot be meshed, which are merged, into what pieces they fall, and which are left
 /// out.
-fn check_meshing(draft: &Draft, findings: &mut Vec<Finding>) {
-    let assembled = assemble(draft);
+fn check_meshing(draft: &Draft, options: &MeshOptions, findings: &mut Vec<Finding>) {
+    let assembled = mesh_bare(draft, options).and_then(|meshed| assemble(&meshed));
     if assembled.is_ok() {
         // Not only what lies exactly where another taxel lies is merged.
         findings.retain(|f| f.kind != FindingKind::DuplicatePosition);
         for sheet in &draft.sheets {
             let places = Places::new(sheet);
             if !places.merged.is_empty() {
-                findings.push(Finding {
-                    kind: FindingKind::DuplicatePosition,
-                    patch: sheet_name(sheet).to_owned(),
-                    elements: places.merged.iter().map(|&k| k as u64).collect(),
-                    message: places.told_merged(),
-                });
+                let elements = places.merged.iter().map(|&k| k as u64).collect();
+                let message = places.told_merged();
+                let finding = Finding::of_sheet(FindingKind::DuplicatePosition, sheet_name(sheet), message);
+                findings.push(Finding { elements, ..finding });
             }
         }
     }
-    let mut note = |kind, patch: &str, message| {
-        findings.push(Finding { kind, patch: patch.to_owned(), elements: Vec::new(), message });
-    };
+    let mut note = |kind, patch: &str, message| findings.push(Finding::of_sheet(kind, patch, message));
     match assembled {
-        Err(why) => note(FindingKind::NoSkin, "", why.to_string()),
+        Err(why) => note(FindingKind::NoSkin, only_name(draft), why.to_string()),
         Ok(assembled) => {
             let of_kind = |r: &&Remark| matches!(r.kind, RemarkKind::Components | RemarkKind::LeftOut);
             for remark in assembled.remarks[draft.remarks.len()..].iter().filter(of_kind) {
@@ -116,7 +130,7 @@ impl Report<'_> {
 
     /// Notes a finding about the whole sheet.
     fn add_whole(&mut self, kind: FindingKind, message: String) {
-        self.findings.push(Finding { kind, patch: self.patch.to_owned(), elements: Vec::new(), message });
+        self.findings.push(Finding::of_sheet(kind, self.patch, message));
     }
 }
 

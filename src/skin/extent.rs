@@ -1,0 +1,26 @@
+use glam::DVec3;
+
+use crate::skin::{Sheet, names::sheet_name};
+
+/// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times larger, so that down to a
+/// fingertip of 10 mm its unit shows.
+const LARGEST_PART: f64 = 10.0;
+
+/// Says of the largest sheet that its size makes no sense in metres; its name, and the sentence.
+pub(super) fn doubtful_unit(sheets: &[Sheet]) -> Option<(&str, String)> {
+    let largest = sheets.iter().map(|sheet| (sheet, extent(sheet))).max_by(|a, b| a.1.total_cmp(&b.1));
+    let (sheet, extent) = largest.filter(|&(_, extent)| extent > LARGEST_PART && extent.is_finite())?;
+    // What CAD and scanners write.
+    let size = if extent < 1e5 { format!("{extent:.0}") } else { format!("{extent:.0e}") };
+    let message = format!(
+        "it is {size} m across: is the file in millimetres? Lengths are read as metres, so divide them by 1000"
+    );
+    Some((sheet_name(sheet), message))
+}
+
+/// Longest side of the box around a sheet, in m.
+fn extent(sheet: &Sheet) -> f64 {
+    let lowest = sheet.positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let highest = sheet.positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    if sheet.positions.is_empty() { 0.0 } else { (highest - lowest).max_element() }
+}
