@@ -369,6 +369,28 @@ fn calibrated_taxels_go_into_tables_and_skins() {
     assert!((covariances[7][0] / expected[0] - 1.0).abs() < 1e-6, "{:?} is not {expected:?}", covariances[7]);
 }
 
+/// A wrong header is the error, whether rows follow or not; a part of a quaternion is no rotation.
+#[test]
+fn headers_of_truth_and_triangles_are_checked() {
+    let ids = [TaxelId(1), TaxelId(2), TaxelId(3)].into_iter().collect();
+    for (text, said) in [
+        ("foo\n", "a column `id`"),
+        ("id,x,y\n", "a column `z`"),
+        ("id,x,y,z,qx,qy,qz\n1,0,0,0,0,0,1\n", "a column `qw`"),
+        ("id,x,y,z,qw\n", "a column `qx`"),
+        ("id,x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1,1\n", "a unit quaternion"),
+    ] {
+        let (_folder, path) = file("t.csv", text);
+        let refused = read_truth(&path).unwrap_err().to_string();
+        assert!(refused.contains(said), "{text:?}: {refused}");
+    }
+    let (_folder, path) = file("t.csv", "foo\n");
+    let refused = read_triangles(&path, &ids).unwrap_err().to_string();
+    assert!(refused.contains("a column `i`"), "{refused}");
+    let (_folder, path) = file("t.csv", "k,j,i\n3,2,1\n");
+    assert_eq!(read_triangles(&path, &ids).unwrap(), [[0, 1, 2].map(VertexId::new)]);
+}
+
 #[test]
 fn edges_that_are_no_triangulation_make_no_skin() {
     let (_folder, path) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,1,0,0\n");

@@ -30,7 +30,8 @@ pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), I
     const HEADER: [&str; 15] =
         ["id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"];
     let sigmas = calibration.marginals.as_ref().map(|m| (m.sigmas(), &m.positions));
-    write_table(path, &HEADER, |row, v: VertexId| {
+    write_table(path, &HEADER, |row, k| {
+        let v = VertexId::new(k);
         let pose = calibration.poses.get(v)?;
         row.push(calibration.ids[v].to_string());
         let numbers = pose.position.to_array().into_iter().chain(pose.rotation.to_array());
@@ -56,8 +57,8 @@ pub fn write_truth(
     truth: &IdVec<VertexId, Pose>,
 ) -> Result<(), IoError> {
     const HEADER: [&str; 11] = ["id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw"];
-    write_table(path, &HEADER, |row, v: VertexId| {
-        let (id, pose) = (ids.get(v)?, truth.get(v)?);
+    write_table(path, &HEADER, |row, k| {
+        let (id, pose) = (ids.get(VertexId::new(k))?, truth.get(VertexId::new(k))?);
         row.push(id.to_string());
         let normal = (pose.rotation * DVec3::Z).to_array();
         let numbers = pose.position.to_array().into_iter().chain(normal).chain(pose.rotation.to_array());
@@ -75,8 +76,8 @@ pub fn write_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     triangles: &[[VertexId; 3]],
 ) -> Result<(), IoError> {
-    write_table(path, &["i", "j", "k"], |row, k: VertexId| {
-        let corners = triangles.get(k.index())?;
+    write_table(path, &["i", "j", "k"], |row, k| {
+        let corners = triangles.get(k)?;
         row.extend(corners.iter().filter_map(|&v| ids.get(v)).map(ToString::to_string));
         Some(())
     })
@@ -111,20 +112,20 @@ pub fn write_inliers(
     })
 }
 
-/// Writes rows until `fill` has none left.
+/// Writes rows until `fill`, which is told how many there are before, has none left.
 fn write_table(
     path: &Path,
     header: &[&str],
-    mut fill: impl FnMut(&mut Vec<String>, VertexId) -> Option<()>,
+    mut fill: impl FnMut(&mut Vec<String>, usize) -> Option<()>,
 ) -> Result<(), IoError> {
     let fail = |e| table_write_error(path, e);
     replace_file(path, |out| {
         let mut table = Writer::from_writer(out);
         table.write_record(header).map_err(fail)?;
         let mut row = Vec::with_capacity(header.len());
-        for k in 0_u32.. {
+        for k in 0.. {
             row.clear();
-            if fill(&mut row, VertexId::from(k)).is_none() {
+            if fill(&mut row, k).is_none() {
                 break;
             }
             table.write_record(&row).map_err(fail)?;
@@ -140,8 +141,9 @@ fn write_table(
 pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec<[VertexId; 3]>, IoError> {
     let known: HashMap<TaxelId, VertexId> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
     let mut triangles = Vec::new();
-    each_row(path, |row| {
-        let places = row.columns.need_vector(path, ["i", "j", "k"])?;
+    let table = Table::open(path)?;
+    let places = table.columns.need_vector(path, ["i", "j", "k"])?;
+    table.each_row(|row| {
         let mut corners = [VertexId::default(); 3];
         for (corner, column) in corners.iter_mut().zip(places) {
             let vertex = row.text(column).parse().ok().and_then(|id| known.get(&TaxelId(id)));
@@ -156,44 +158,62 @@ pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec
 /// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left alone.
 ///
 /// # Errors
-/// The first broken cell, or id that comes twice, by line and column.
+/// If a column is missing, or only a part of `qx,qy,qz,qw` is there; the first broken cell, or id that comes twice, by line
+/// and column.
 pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
     let mut truth = Vec::new();
     let mut seen = HashSet::new();
-    each_row(path, |row| {
-        let column = row.columns.need(path, "id")?;
-        let parsed = row.text(column).parse().map(TaxelId);
-        let id = parsed.map_err(|_| row.invalid(column, "the number of a taxel"))?;
+    let table = Table::open(path)?;
+    let id_column = table.columns.need(path, "id")?;
+    let position_columns = table.columns.need_vector(path, ["x", "y", "z"])?;
+    let rotation_columns = table.columns.find_vector(path, ["qx", "qy", "qz", "qw"])?;
+    table.each_row(|row| {
+        let parsed = row.text(id_column).parse().map(TaxelId);
+        let id = parsed.map_err(|_| row.invalid(id_column, "the number of a taxel"))?;
         if !seen.insert(id) {
-            return Err(row.invalid(column, "every taxel once"));
+            return Err(row.invalid(id_column, "every taxel once"));
         }
-        let position = row.vector(row.columns.need_vector(path, ["x", "y", "z"])?)?;
-        let rotation = match row.columns.find("qw") {
-            None => DQuat::IDENTITY,
-            Some(w) => {
-                let v = row.vector(row.columns.need_vector(path, ["qx", "qy", "qz"])?)?;
-                let q = DQuat::from_xyzw(v.x, v.y, v.z, row.number(w)?);
-                let off = (q.length() - 1.0).abs();
-                if off.is_nan() || off > 1e-3 {
-                    return Err(row.invalid(w, "a unit quaternion"));
-                }
-                q.normalize()
-            }
-        };
+        let position = row.vector(position_columns)?;
+        let rotation = rotation_columns.map_or(Ok(DQuat::IDENTITY), |columns| rotation(row, columns))?;
         truth.push((id, Pose { position, rotation }));
         Ok(())
     })?;
     Ok(truth)
 }
 
-fn each_row(path: &Path, mut visit: impl FnMut(Row<'_>) -> Result<(), IoError>) -> Result<(), IoError> {
-    let source = Source::open(path)?;
-    let mut table = csv::Reader::from_reader(source.bytes());
-    let header = table.headers().map_err(|e| table_error(path, e))?;
-    let columns = Columns::new(path, header)?;
-    let mut cells = StringRecord::new();
-    while table.read_record(&mut cells).map_err(|e| table_error(path, e))? {
-        visit(Row { path, columns: &columns, cells: &cells })?;
+/// A unit quaternion, as exact as the digits of a table are.
+fn rotation(row: Row<'_>, columns: [usize; 4]) -> Result<DQuat, IoError> {
+    let [x, y, z, w] = columns.map(|column| row.number(column));
+    let q = DQuat::from_xyzw(x?, y?, z?, w?);
+    let off = (q.length() - 1.0).abs();
+    if off.is_nan() || off > 1e-3 {
+        return Err(row.invalid(columns[3], "a unit quaternion"));
     }
-    Ok(())
+    Ok(q.normalize())
+}
+
+/// A table with its columns found, so that a wrong header is told of even where no row follows.
+struct Table<'a> {
+    path: &'a Path,
+    source: Source,
+    columns: Columns,
+}
+
+impl<'a> Table<'a> {
+    fn open(path: &'a Path) -> Result<Self, IoError> {
+        let source = Source::open(path)?;
+        let mut reader = csv::Reader::from_reader(source.bytes());
+        let columns = Columns::new(path, reader.headers().map_err(|e| table_error(path, e))?)?;
+        Ok(Self { path, source, columns })
+    }
+
+    fn each_row(&self, mut visit: impl FnMut(Row<'_>) -> Result<(), IoError>) -> Result<(), IoError> {
+        let Self { path, source, columns } = self;
+        let mut reader = csv::Reader::from_reader(source.bytes());
+        let mut cells = StringRecord::new();
+        while reader.read_record(&mut cells).map_err(|e| table_error(path, e))? {
+            visit(Row { path, columns, cells: &cells })?;
+        }
+        Ok(())
+    }
 }
