@@ -323,13 +323,15 @@ fn contacts_with_normals_have_a_table_of_their_own() {
     assert_eq!(back.contacts.len(), 5);
     for (a, b) in observations.contacts.iter().zip(&back.contacts) {
         let (
-            Touch::PositionNormal { position: p, normal: n, .. },
-            Touch::PositionNormal { position: q, normal: m, .. },
+            Touch::PositionNormal { position: p, information: i, normal: n, normal_information: k },
+            Touch::PositionNormal { position: q, information: j, normal: m, normal_information: l },
         ) = (&a.touch, &b.touch)
         else {
             panic!("contacts with normals");
         };
         assert!(p == q && n.distance(*m) < 1e-15);
+        assert!(i == j, "{i:?} comes back as {j:?}");
+        assert!((k / l - 1.0).abs() < 1e-14, "{k} comes back as {l}");
     }
 }
 

@@ -62,36 +62,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     sheet.ids = Some((0..).take(positions.len()).map(TaxelId).collect());
     sheet.modules = Some((0..).take(positions.len()).map(|slot: u32| slot / SLOTS_PER_MODULE).collect());
     let mut remarks = header.remarks;
-    let over = positions.len() % SLOTS_PER_MODULE as usize;
-    if over != 0 {
-        remarks.push(format!(
-            "{} rows are no whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}, as if the file were cut",
-            positions.len()
-        ));
-    }
-    let beyond = header
-        .representatives
-        .iter()
-        .take(positions.len())
-        .filter(|&&n| usize::try_from(n).is_ok_and(|n| n >= positions.len()))
-        .count();
-    if beyond > 0 {
-        remarks.push(format!(
-            "{beyond} entries of taxel2Repr name slots beyond the {} rows, as if the file were cut; they are taxels",
-            positions.len()
-        ));
-    }
-    let (told, rows) = (header.representatives.len(), positions.len());
-    if told != rows {
-        remarks.push(format!(
-            "taxel2Repr has {told} entries for {rows} rows; {}",
-            if told > rows {
-                "the last ones were passed over"
-            } else {
-                "slots without an entry are taxels unless their rows are zero"
-            }
-        ));
-    }
+    remarks.extend(odd_counts(positions.len(), &header.representatives));
     (sheet.positions, sheet.normals) = (positions, Some(normals));
     let patch = || sheet.name.clone();
     let remarks = remarks
@@ -99,6 +70,32 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         .map(|message| Remark { kind: RemarkKind::PassedOver, patch: patch(), message })
         .collect();
     Ok(Draft { sheets: vec![sheet], remarks, ..Draft::default() })
+}
+
+/// What is odd about the number of rows, and of entries of `taxel2Repr`.
+fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = String> {
+    let over = rows % SLOTS_PER_MODULE as usize;
+    let cut_module = (over != 0).then(|| {
+        format!(
+            "{rows} rows are no whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}, as if the file were cut"
+        )
+    });
+    let is_beyond = |&&n: &&i64| usize::try_from(n).is_ok_and(|n| n >= rows);
+    let beyond = representatives.iter().take(rows).filter(is_beyond).count();
+    let cut_rows = (beyond > 0).then(|| {
+        format!(
+            "{beyond} entries of taxel2Repr name slots beyond the {rows} rows, as if the file were cut; they are taxels"
+        )
+    });
+    let told = representatives.len();
+    let meaning = if told > rows {
+        "the last ones were passed over"
+    } else {
+        "slots without an entry are taxels unless their rows are zero"
+    };
+    let other_length =
+        (told != rows).then(|| format!("taxel2Repr has {told} entries for {rows} rows; {meaning}"));
+    [cut_module, cut_rows, other_length].into_iter().flatten()
 }
 
 /// Lines that are not blank, with their numbers from 1.

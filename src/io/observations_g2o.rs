@@ -2,15 +2,17 @@
 
 use std::{
     collections::HashMap,
-    fmt::Write as _,
-    io::{self, BufRead, Write},
+    fmt::{self, Write as _},
+    io::{BufRead, Write},
     path::Path,
+    str::SplitAsciiWhitespace,
 };
 
 use glam::DVec3;
 
 use crate::{
     calib::{Information, Model, Motion, Observations, Pose, PosePrior, RelativePose, Touch},
+    id::TaxelId,
     io::{
         IoError,
         observations::ReadObservations,
@@ -25,232 +27,286 @@ const IDENTITY_OFFSET: u32 = 0;
 pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
     let mut builder = Builder::new(path);
     let mut offsets = HashMap::new();
-    let mut numbers = Vec::new();
-    while let Some((line, at)) = lines.current() {
-        let mut words = line.split_ascii_whitespace();
+    while let Some((text, at)) = lines.current() {
+        let mut words = text.split_ascii_whitespace();
         if let Some(tag) = words.next() {
-            read_line(tag, words, &mut numbers, &mut offsets, &mut builder, &at)?;
+            read_line(Line { tag, words, at }, &mut offsets, &mut builder)?;
         }
         lines.advance()?;
     }
     builder.finish()
 }
 
-/// Reads what follows the first word of a line.
-fn read_line<'w>(
-    tag: &str,
-    mut words: impl Iterator<Item = &'w str>,
-    numbers: &mut Vec<f64>,
+fn read_line(
+    line: Line<'_>,
     offsets: &mut HashMap<u32, Pose>,
     builder: &mut Builder<'_>,
-    at: &Place<'_>,
 ) -> Result<(), IoError> {
-    let mut id = || at.taxel(words.next().ok_or_else(|| truncated(tag, at))?);
-    match tag {
-        "VERTEX_SE3:QUAT" => {
-            let id = id()?;
-            builder.set_model(Model::Poses, at)?;
-            let pose = builder.pose(exactly(7, tag, words, numbers, at)?, at)?;
-            builder.taxel(id, pose, at)
-        }
-        "VERTEX_TRACKXYZ" => {
-            let id = id()?;
-            builder.set_model(Model::Positions, at)?;
-            let p = exactly(3, tag, words, numbers, at)?;
-            builder.taxel(id, Pose::at(DVec3::new(p[0], p[1], p[2])), at)
-        }
-        "EDGE_SE3:QUAT" => {
-            let ids = [id()?, id()?];
-            builder.set_model(Model::Poses, at)?;
-            let numbers = exactly(28, tag, words, numbers, at)?;
-            let pose = builder.pose(&numbers[..7], at)?;
-            let information = information(&numbers[7..], tag, at)?;
-            builder.edge(ids, Motion::Relative(Box::new(RelativePose { pose, information })), at)
-        }
-        "EDGE_POINTXYZ" => {
-            let ids = [id()?, id()?];
-            builder.set_model(Model::Positions, at)?;
-            let numbers = exactly(9, tag, words, numbers, at)?;
-            let offset = DVec3::new(numbers[0], numbers[1], numbers[2]);
-            builder.edge(
-                ids,
-                Motion::Offset { offset, information: information(&numbers[3..], tag, at)? },
-                at,
-            )
-        }
-        "EDGE_POINTXYZ_PRIOR" => {
-            let id = id()?;
-            let numbers = exactly(9, tag, words, numbers, at)?;
-            let position = DVec3::new(numbers[0], numbers[1], numbers[2]);
-            let information = information(&numbers[3..], tag, at)?;
-            builder.contact(id, Touch::Position { position, information }, at)
-        }
-        "EDGE_SE3_PRIOR" => {
-            let (id, parameter) = (id()?, id()?.0);
-            builder.set_model(Model::Poses, at)?;
-            let numbers = exactly(28, tag, words, numbers, at)?;
-            let pose = builder.pose(&numbers[..7], at)?;
-            let needed = "the number of a PARAMS_SE3OFFSET line before this one";
-            let offset = *offsets
-                .get(&parameter)
-                .ok_or_else(|| at.invalid(format!("parameter {parameter}"), needed))?;
-            let information = information(&numbers[7..], tag, at)?;
-            builder.contact(id, Touch::Pose(Box::new(PosePrior { pose, offset, information })), at)
-        }
-        "PARAMS_SE3OFFSET" => {
-            let parameter = id()?.0;
-            let pose = builder.pose(exactly(7, tag, words, numbers, at)?, at)?;
-            match offsets.insert(parameter, pose) {
-                Some(_) => {
-                    let found = format!("parameter {parameter} a second time");
-                    Err(at.invalid(found, "every parameter declared once"))
-                }
-                None => Ok(()),
-            }
-        }
-        "FIX" => {
-            builder.fix(id()?, at);
-            for word in words {
-                builder.fix(at.taxel(word)?, at);
-            }
-            Ok(())
-        }
-        _ => {
+    match line.tag {
+        "VERTEX_SE3:QUAT" | "VERTEX_TRACKXYZ" => read_vertex(line, builder),
+        "EDGE_SE3:QUAT" | "EDGE_POINTXYZ" => read_edge(line, builder),
+        "EDGE_POINTXYZ_PRIOR" | "EDGE_SE3_PRIOR" => read_prior(line, offsets, builder),
+        "PARAMS_SE3OFFSET" => read_offset(line, offsets, builder),
+        "FIX" => read_fix(line, builder),
+        tag => {
             builder.unknown_tag(tag);
             Ok(())
         }
     }
 }
 
-fn truncated(tag: &str, at: &Place<'_>) -> IoError {
-    at.invalid(format!("a {tag} line that ends too soon"), "the numbers of taxels, then the values")
-}
-
-/// The remaining words as `count` finite numbers.
-fn exactly<'n, 'w>(
-    count: usize,
-    tag: &str,
-    words: impl Iterator<Item = &'w str>,
-    numbers: &'n mut Vec<f64>,
-    at: &Place<'_>,
-) -> Result<&'n [f64], IoError> {
-    numbers.clear();
-    for word in words {
-        numbers.push(at.number(word)?);
-    }
-    if numbers.len() != count {
-        return Err(
-            at.invalid(format!("{} numbers after the ids of {tag}", numbers.len()), count.to_string())
-        );
-    }
-    Ok(numbers)
-}
-
-fn information<const N: usize>(upper: &[f64], tag: &str, at: &Place<'_>) -> Result<Information<N>, IoError> {
-    Information::from_upper(upper).ok_or_else(|| truncated(tag, at))
-}
-
-pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<(), IoError> {
-    let fail = |source: io::Error| IoError::Write { path: path.to_owned(), source };
-    let Observations { model, taxels, edges, contacts } = observations;
-    let mut line = String::new();
-    let mut emit = |line: &mut String| {
-        line.push('\n');
-        let done = out.write_all(line.as_bytes()).map_err(fail);
-        line.clear();
-        done
+fn read_vertex(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+    let (id, at) = (line.id()?, line.at);
+    let pose = if line.tag == "VERTEX_TRACKXYZ" {
+        builder.set_model(Model::Positions, &at)?;
+        Pose::at(DVec3::from_array(line.numbers()?))
+    } else {
+        builder.set_model(Model::Poses, &at)?;
+        builder.pose(&line.numbers::<7>()?, &at)?
     };
-    let mut offsets: Vec<Pose> = vec![Pose::IDENTITY];
-    for contact in contacts {
-        if let Touch::Pose(prior) = &contact.touch
-            && !offsets.contains(&prior.offset)
-        {
-            offsets.push(prior.offset);
-        }
+    builder.taxel(id, pose, &at)
+}
+
+fn read_edge(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+    let (ids, at) = ([line.id()?, line.id()?], line.at);
+    let motion = if line.tag == "EDGE_POINTXYZ" {
+        builder.set_model(Model::Positions, &at)?;
+        let (offset, information) = line.point()?;
+        Motion::Offset { offset, information }
+    } else {
+        builder.set_model(Model::Poses, &at)?;
+        let (pose, information) = line.pose(builder)?;
+        Motion::Relative(Box::new(RelativePose { pose, information }))
+    };
+    builder.edge(ids, motion, &at)
+}
+
+fn read_prior(
+    mut line: Line<'_>,
+    offsets: &HashMap<u32, Pose>,
+    builder: &mut Builder<'_>,
+) -> Result<(), IoError> {
+    let (id, at) = (line.id()?, line.at);
+    if line.tag == "EDGE_POINTXYZ_PRIOR" {
+        let (position, information) = line.point()?;
+        return builder.contact(id, Touch::Position { position, information }, &at);
     }
+    let parameter = line.id()?.0;
+    builder.set_model(Model::Poses, &at)?;
+    let (pose, information) = line.pose(builder)?;
+    let needed = "the number of a PARAMS_SE3OFFSET line before this one";
+    let offset =
+        offsets.get(&parameter).ok_or_else(|| at.invalid(format!("parameter {parameter}"), needed))?;
+    builder.contact(id, Touch::Pose(Box::new(PosePrior { pose, offset: *offset, information })), &at)
+}
+
+fn read_offset(
+    mut line: Line<'_>,
+    offsets: &mut HashMap<u32, Pose>,
+    builder: &mut Builder<'_>,
+) -> Result<(), IoError> {
+    let (parameter, at) = (line.id()?.0, line.at);
+    let pose = builder.pose(&line.numbers::<7>()?, &at)?;
+    match offsets.insert(parameter, pose) {
+        Some(_) => {
+            Err(at.invalid(format!("parameter {parameter} a second time"), "every parameter declared once"))
+        }
+        None => Ok(()),
+    }
+}
+
+fn read_fix(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+    builder.fix(line.id()?, &line.at);
+    for word in line.words {
+        builder.fix(line.at.taxel(word)?, &line.at);
+    }
+    Ok(())
+}
+
+/// What is left of a line after its first word.
+struct Line<'w> {
+    tag: &'w str,
+    words: SplitAsciiWhitespace<'w>,
+    at: Place<'w>,
+}
+
+impl Line<'_> {
+    fn truncated(&self) -> IoError {
+        let found = format!("a {} line that ends too soon", self.tag);
+        self.at.invalid(found, "the numbers of taxels, then the values")
+    }
+
+    /// The number of a taxel, or of a parameter.
+    fn id(&mut self) -> Result<TaxelId, IoError> {
+        let word = self.words.next().ok_or_else(|| self.truncated())?;
+        self.at.taxel(word)
+    }
+
+    /// The remaining words, which are so many finite numbers.
+    fn numbers<const N: usize>(&mut self) -> Result<[f64; N], IoError> {
+        let mut numbers = [0.0; N];
+        let mut count = 0;
+        for word in self.words.by_ref() {
+            let number = self.at.number(word)?;
+            if let Some(place) = numbers.get_mut(count) {
+                *place = number;
+            }
+            count += 1;
+        }
+        if count == N {
+            return Ok(numbers);
+        }
+        Err(self.at.invalid(format!("{count} numbers after the ids of {}", self.tag), N.to_string()))
+    }
+
+    /// A point and its information.
+    fn point(&mut self) -> Result<(DVec3, Information<3>), IoError> {
+        let numbers: [f64; 9] = self.numbers()?;
+        Ok((DVec3::from_slice(&numbers), self.information(&numbers[3..])?))
+    }
+
+    /// A pose and its information.
+    fn pose(&mut self, builder: &mut Builder<'_>) -> Result<(Pose, Information<6>), IoError> {
+        let numbers: [f64; 28] = self.numbers()?;
+        Ok((builder.pose(&numbers[..7], &self.at)?, self.information(&numbers[7..])?))
+    }
+
+    fn information<const N: usize>(&self, upper: &[f64]) -> Result<Information<N>, IoError> {
+        Information::from_upper(upper).ok_or_else(|| self.truncated())
+    }
+}
+
+/// Writes the parameters, the taxels, those that are fixed, the edges and the contacts, in this order.
+pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<(), IoError> {
+    let Observations { model, taxels, edges, contacts } = observations;
+    let mut text = Text { out, line: String::new(), path };
+    let offsets = offsets(observations);
     if contacts.iter().any(|c| matches!(c.touch, Touch::Pose(_))) {
         for (k, offset) in (IDENTITY_OFFSET..).zip(&offsets) {
-            push(&mut line, format_args!("PARAMS_SE3OFFSET {k}"));
-            push_pose(&mut line, offset);
-            emit(&mut line)?;
+            text.begin(format_args!("PARAMS_SE3OFFSET {k}"));
+            text.pose(offset);
+            text.end()?;
         }
     }
     for taxel in taxels {
         let initial = taxel.initial.unwrap_or(Pose::IDENTITY);
         match model {
             Model::Positions => {
-                push(&mut line, format_args!("VERTEX_TRACKXYZ {}", taxel.id));
-                push_numbers(&mut line, initial.position.to_array());
+                text.begin(format_args!("VERTEX_TRACKXYZ {}", taxel.id));
+                text.numbers(initial.position.to_array());
             }
             Model::Poses => {
-                push(&mut line, format_args!("VERTEX_SE3:QUAT {}", taxel.id));
-                push_pose(&mut line, &initial);
+                text.begin(format_args!("VERTEX_SE3:QUAT {}", taxel.id));
+                text.pose(&initial);
             }
         }
-        emit(&mut line)?;
+        text.end()?;
     }
     for taxel in taxels.iter().filter(|t| t.fixed) {
-        push(&mut line, format_args!("FIX {}", taxel.id));
-        emit(&mut line)?;
+        text.begin(format_args!("FIX {}", taxel.id));
+        text.end()?;
     }
     for edge in edges {
-        let ids = [taxels[edge.from].id, taxels[edge.to].id];
-        match &edge.motion {
-            Motion::Offset { offset, information } => {
-                push(&mut line, format_args!("EDGE_POINTXYZ {} {}", ids[0], ids[1]));
-                push_numbers(&mut line, offset.to_array());
-                push_numbers(&mut line, information.upper());
-            }
-            Motion::Relative(m) => {
-                push(&mut line, format_args!("EDGE_SE3:QUAT {} {}", ids[0], ids[1]));
-                push_pose(&mut line, &m.pose);
-                push_numbers(&mut line, m.information.upper());
-            }
-        }
-        emit(&mut line)?;
+        text.edge([taxels[edge.from].id, taxels[edge.to].id], &edge.motion)?;
     }
     for contact in contacts {
-        let id = taxels[contact.taxel].id;
-        match &contact.touch {
+        text.contact(taxels[contact.taxel].id, &contact.touch, &offsets)?;
+    }
+    Ok(())
+}
+
+/// Where sensors are in the frames of taxels: each place once, the taxel's own first.
+fn offsets(observations: &Observations) -> Vec<Pose> {
+    let mut offsets = vec![Pose::IDENTITY];
+    for contact in &observations.contacts {
+        if let Touch::Pose(prior) = &contact.touch
+            && !offsets.contains(&prior.offset)
+        {
+            offsets.push(prior.offset);
+        }
+    }
+    offsets
+}
+
+/// A file that is being written, line by line.
+struct Text<'a, W> {
+    out: &'a mut W,
+    line: String,
+    path: &'a Path,
+}
+
+impl<W: Write> Text<'_, W> {
+    fn begin(&mut self, text: fmt::Arguments<'_>) {
+        push(&mut self.line, text);
+    }
+
+    /// The shortest digits that read back to the same bits: at most 17.
+    fn numbers(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        for x in numbers {
+            // Without an exponent 1e-300 would be 300 zeros.
+            let plain = x == 0.0 || (1e-5..1e17).contains(&x.abs());
+            if plain {
+                push(&mut self.line, format_args!(" {x}"));
+            } else {
+                push(&mut self.line, format_args!(" {x:e}"));
+            }
+        }
+    }
+
+    fn pose(&mut self, pose: &Pose) {
+        self.numbers(pose.position.to_array());
+        self.numbers(pose.rotation.to_array());
+    }
+
+    fn end(&mut self) -> Result<(), IoError> {
+        self.line.push('\n');
+        let done = self.out.write_all(self.line.as_bytes());
+        self.line.clear();
+        done.map_err(|source| IoError::Write { path: self.path.to_owned(), source })
+    }
+
+    fn edge(&mut self, [from, to]: [TaxelId; 2], motion: &Motion) -> Result<(), IoError> {
+        match motion {
+            Motion::Offset { offset, information } => {
+                self.begin(format_args!("EDGE_POINTXYZ {from} {to}"));
+                self.numbers(offset.to_array());
+                self.numbers(information.upper());
+            }
+            Motion::Relative(m) => {
+                self.begin(format_args!("EDGE_SE3:QUAT {from} {to}"));
+                self.pose(&m.pose);
+                self.numbers(m.information.upper());
+            }
+        }
+        self.end()
+    }
+
+    fn contact(&mut self, id: TaxelId, touch: &Touch, offsets: &[Pose]) -> Result<(), IoError> {
+        match touch {
             Touch::Position { position, information } => {
-                push(&mut line, format_args!("EDGE_POINTXYZ_PRIOR {id}"));
-                push_numbers(&mut line, position.to_array());
-                push_numbers(&mut line, information.upper());
+                self.begin(format_args!("EDGE_POINTXYZ_PRIOR {id}"));
+                self.numbers(position.to_array());
+                self.numbers(information.upper());
             }
             Touch::Pose(prior) => {
                 let k = offsets.iter().position(|o| *o == prior.offset).unwrap_or_default();
-                push(&mut line, format_args!("EDGE_SE3_PRIOR {id} {k}"));
-                push_pose(&mut line, &prior.pose);
-                push_numbers(&mut line, prior.information.upper());
+                self.begin(format_args!("EDGE_SE3_PRIOR {id} {k}"));
+                self.pose(&prior.pose);
+                self.numbers(prior.information.upper());
             }
             Touch::PositionNormal { .. } => {
                 return Err(IoError::Unsupported {
-                    path: path.to_owned(),
+                    path: self.path.to_owned(),
                     element: format!("the contact of taxel {id}"),
                     feature: "a normal".into(),
                     remedy: "write the contacts to a table of their own".into(),
                 });
             }
         }
-        emit(&mut line)?;
+        self.end()
     }
-    Ok(())
 }
 
-fn push(line: &mut String, text: std::fmt::Arguments<'_>) {
+fn push(line: &mut String, text: fmt::Arguments<'_>) {
     line.write_fmt(text).expect("writing into a string cannot fail");
-}
-
-/// The shortest digits that read back to the same bits: at most 17.
-fn push_numbers(line: &mut String, numbers: impl IntoIterator<Item = f64>) {
-    for x in numbers {
-        // Without an exponent 1e-300 would be 300 zeros.
-        let plain = x == 0.0 || (1e-5..1e17).contains(&x.abs());
-        if plain { push(line, format_args!(" {x}")) } else { push(line, format_args!(" {x:e}")) }
-    }
-}
-
-fn push_pose(line: &mut String, pose: &Pose) {
-    push_numbers(line, pose.position.to_array());
-    push_numbers(line, pose.rotation.to_array());
 }

@@ -16,8 +16,7 @@ pub(super) struct Range {
 }
 
 impl Range {
-    /// What all but a hundredth of the triangles of the levels stay below, rounded; of taxels, what all but two hundredths
-    /// lie between.
+    /// What all but a hundredth of the triangles of the levels stay below, rounded.
     pub(super) fn new(levels: &[&MapLevel]) -> Self {
         let stretches = || levels.iter().flat_map(|l| l.mesh.triangles.ids().map(|f| face_stretch(l, f)));
         let angle = share(stretches().map(|s| s.angle.abs() - 1.0).collect(), 99);
@@ -29,7 +28,8 @@ impl Range {
         }
     }
 
-    /// The same with the range of the taxels' standard deviations, rounded to two digits.
+    /// The same with the range of the taxels' standard deviations, but for a hundredth below and two above, rounded to two
+    /// digits.
     pub(super) fn with_sigmas(self, subjects: &[Subject<'_>]) -> Result<Self, ReportError> {
         let mut sigmas = Vec::new();
         for subject in subjects {
