@@ -43,6 +43,7 @@ pub use error::IoError;
 pub use exr::{part_name, write_images};
 pub use flat_out::write_flat;
 pub use json::write_json;
+pub use kind::kind;
 pub use lookup_table::{LookupRow, LookupWriter};
 pub use memory::peak_memory_bytes;
 pub use observations::{

@@ -4,7 +4,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::{
     Error,
-    io::{IoError, write_pyramids},
+    io::{IoError, kind, write_pyramids},
     mesh::Adjacency,
     pyramid::{Pyramid, coarsen},
     skin::Skin,
@@ -38,7 +38,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
+    if kind(&args.output) != "glb" {
         let (path, known) = (args.output.clone(), "glb");
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }

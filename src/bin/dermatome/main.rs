@@ -10,6 +10,7 @@ mod flatten;
 mod info;
 mod input;
 mod lookup;
+mod lost;
 mod options;
 mod outputs;
 mod plot;

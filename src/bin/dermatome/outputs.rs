@@ -8,7 +8,7 @@ use std::{
 
 use dermatome::{
     Error,
-    io::{IoError, replace_file, temporary_prefix},
+    io::{IoError, kind, replace_file, temporary_prefix},
 };
 use tempfile::TempDir;
 
@@ -69,10 +69,10 @@ pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
 
 /// A table is written to a .csv: under any other name it would be read as something else.
 pub(crate) fn check_table(path: &Path) -> anyhow::Result<()> {
-    match path.extension() {
-        Some(e) if e.eq_ignore_ascii_case("csv") => Ok(()),
-        _ => Err(Error::from(IoError::UnknownKind { path: path.to_owned(), known: ".csv" }).into()),
+    if kind(path) == "csv" {
+        return Ok(());
     }
+    Err(Error::from(IoError::UnknownKind { path: path.to_owned(), known: ".csv" }).into())
 }
 
 /// What an output is called.

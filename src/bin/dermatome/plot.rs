@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     id::LevelId,
-    io::{IoError, read_map_if_any, replace_file},
+    io::{self, IoError, read_map_if_any, replace_file},
     report::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
 };
 
@@ -139,9 +139,9 @@ fn kind(path: &Path) -> Result<Kind, IoError> {
     if is_stream(path) {
         return Ok(Kind::Svg);
     }
-    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("svg") => Ok(Kind::Svg),
-        Some("png") => Ok(Kind::Png),
+    match io::kind(path).as_str() {
+        "svg" => Ok(Kind::Svg),
+        "png" => Ok(Kind::Png),
         _ => Err(IoError::UnknownKind { path: path.to_owned(), known: ".svg, .png" }),
     }
 }

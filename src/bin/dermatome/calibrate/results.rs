@@ -5,15 +5,15 @@ use std::path::Path;
 use dermatome::{
     Error,
     calib::{Calibration, Outside, calibrated_skin},
-    io::{IoError, write_calibration, write_inliers, write_observations, write_skin},
+    io::{IoError, kind, write_calibration, write_inliers, write_observations, write_skin},
     skin::Skin,
 };
 
 use super::{Args, Inputs};
 use crate::{
     Common,
-    convert::remark_lost,
     failure::advise,
+    lost::remark_lost,
     outputs::{self, Outputs},
 };
 
@@ -31,10 +31,10 @@ pub(super) enum Kind {
 impl Kind {
     /// The extension decides.
     fn of(path: &Path) -> Result<Self, IoError> {
-        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("csv") => Ok(Self::Table),
-            Some("g2o") => Ok(Self::Graph),
-            Some("glb" | "gltf" | "json" | "obj" | "ply" | "stl") => Ok(Self::Skin),
+        match kind(path).as_str() {
+            "csv" => Ok(Self::Table),
+            "g2o" => Ok(Self::Graph),
+            "glb" | "gltf" | "json" | "obj" | "ply" | "stl" => Ok(Self::Skin),
             _ => Err(IoError::UnknownKind {
                 path: path.to_owned(),
                 known: ".csv, .g2o, .glb, .gltf, .json, .obj, .ply, .stl",
