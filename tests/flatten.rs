@@ -288,6 +288,29 @@ fn magnification_gives_dense_skin_a_larger_share() {
     assert!(equal > 1.4 * isometric, "{isometric} grows to {equal}");
 }
 
+/// The levels above only find the minimum sooner. Level 0 used to be magnified once for its way down from level 1 and
+/// again for the map from nothing that is compared with it.
+#[test]
+fn magnification_does_not_depend_on_the_levels_above() {
+    let mesh = bumpy(30, 24, 0.5, 0.3);
+    let densities = mesh.positions.map(|p| 1e4 * (10.0 * p.x).exp());
+    for energy in [Energy::Sum, Energy::SymmetricDirichlet] {
+        let options = FlattenOptions { magnify: 1.0, ..intrinsic(energy) };
+        let level_0 = |levels: Option<usize>| {
+            let patch = Patch::from_mesh("skin", LinkId::new(0), mesh.clone());
+            let pyramid = coarsen(&patch, &CoarsenOptions { levels, ..CoarsenOptions::default() }).unwrap();
+            let maps = flatten_pyramid(&pyramid, Some(&densities), &options).unwrap();
+            (pyramid.levels.len(), maps[LevelId::new(0)].clone())
+        };
+        let (_, alone) = level_0(Some(0));
+        for levels in [Some(1), Some(2), None] {
+            let (count, below) = level_0(levels);
+            let off = alone.iter().zip(&below).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
+            assert!(off < 1e-6, "{off} m below {} levels with {energy:?}", count - 1);
+        }
+    }
+}
+
 #[test]
 fn densities_are_checked() {
     let mesh = shapes::square();

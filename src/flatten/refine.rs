@@ -42,23 +42,23 @@ const RESTARTED: usize = 3000;
 
 /// The map of least energy of a surface, from nothing, in its units.
 pub(super) fn from_nothing(
-    surface: &mut Surface<'_>,
-    magnification: &Magnification,
+    surface: &Surface<'_>,
     options: &FlattenOptions,
 ) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     let mut uv = spectral_conformal(surface)?;
     make_flip_free(surface, &mut uv)?;
-    relax(surface, &mut uv, magnification, options, None)?;
+    relax(surface, &mut uv, options, None)?;
     Ok(uv)
 }
 
-/// The map of least energy of `level`, in units of `surface`, from the map (m) of the next coarser level.
+/// The map of least energy of `level`, in units of `surface`, from the map (m) of the next coarser level. `magnification` is
+/// the level's, and `surface` has it already: only the stages between two levels need it.
 ///
 /// Of a small level, and of one whose boundary crosses itself, the better of this map and one [`from_nothing`] is kept.
 /// Usually every vertex finds its place at once. Where one does not, the level is inserted in stages with a few Newton
 /// steps between them, and what still flips is untangled; a stage that resists starts again inside a circle.
 pub(super) fn refine(
-    surface: &mut Surface<'_>,
+    surface: &Surface<'_>,
     level: &Level,
     coarse: &Level,
     uv: &IdVec<VertexId, DVec2>,
@@ -75,11 +75,11 @@ pub(super) fn refine(
     }
     let mut uv = insertion.map.map(|&p| p / surface.unit);
     make_flip_free(surface, &mut uv)?;
-    relax(surface, &mut uv, magnification, options, None)?;
+    relax(surface, &mut uv, options, None)?;
     if surface.vertices() > RESTARTED && boundary_crossings(surface.mesh, &uv) == 0 {
         return Ok(uv);
     }
-    let other = from_nothing(surface, magnification, options)?;
+    let other = from_nothing(surface, options)?;
     let merit =
         |uv: &IdVec<VertexId, DVec2>| (boundary_crossings(surface.mesh, uv), energy(surface, uv, options));
     let (inherited, fresh) = (merit(&uv), merit(&other));
@@ -118,10 +118,11 @@ fn stage(
         return Ok(());
     }
     let (mesh, vertices) = insertion.mesh();
-    let mut surface = Surface::new(&mesh)?;
+    let factors = magnification.of_vertices(&vertices).of_faces(&mesh);
+    let surface = Surface::new(&mesh)?.magnified(&factors);
     let mut uv: IdVec<VertexId, DVec2> = vertices.iter().map(|&v| insertion.map[v] / surface.unit).collect();
     make_flip_free(&surface, &mut uv)?;
-    relax(&mut surface, &mut uv, &magnification.of_vertices(&vertices), options, Some(STAGE))?;
+    relax(&surface, &mut uv, options, Some(STAGE))?;
     for (&v, &p) in vertices.iter().zip(&uv) {
         insertion.map[v] = p * surface.unit;
     }
@@ -141,13 +142,11 @@ fn make_flip_free(surface: &Surface<'_>, uv: &mut IdVec<VertexId, DVec2>) -> Res
 /// Where overlap is to be prevented and the result has some, the energy is minimised again, with a barrier, from the same
 /// start, or from inside a circle if that start overlaps too.
 fn relax(
-    surface: &mut Surface<'_>,
+    surface: &Surface<'_>,
     uv: &mut IdVec<VertexId, DVec2>,
-    magnification: &Magnification,
     options: &FlattenOptions,
     limits: Option<Limits>,
 ) -> Result<(), FlattenError> {
-    surface.magnify(&magnification.of_faces(surface.mesh));
     let perimeter = perimeter(options);
     let density = Density::new(options);
     let (solver, usual) =

@@ -42,8 +42,8 @@ pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexI
         return Ok(maps.into_iter().next().unwrap_or_default());
     }
     let magnification = Magnification::new(options, None, &mesh.vertex_areas())?;
-    let mut surface = Surface::new(mesh)?;
-    let uv = first_map(&mut surface, &magnification, options)?;
+    let surface = Surface::new(mesh)?.magnified(&magnification.of_faces(mesh));
+    let uv = first_map(&surface, options)?;
     let placed = place(mesh, &uv, main_direction(mesh, &uv));
     check_overlap(mesh, &placed, options)?;
     Ok(placed)
@@ -64,14 +64,13 @@ fn check_overlap(
 
 /// The map of a mesh by itself, in units of its surface.
 fn first_map(
-    surface: &mut Surface<'_>,
-    magnification: &Magnification,
+    surface: &Surface<'_>,
     options: &FlattenOptions,
 ) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     match options.method {
         Method::Conformal => spectral_conformal(surface),
         Method::Linear => linear(surface, options),
-        Method::Intrinsic => from_nothing(surface, magnification, options),
+        Method::Intrinsic => from_nothing(surface, options),
     }
 }
 
@@ -109,13 +108,13 @@ pub fn flatten_pyramid(
     let mut maps: Vec<IdVec<VertexId, DVec2>> = Vec::new();
     let mut coarser: Option<&Level> = None;
     for level in pyramid.levels.iter().rev() {
-        let mut surface = Surface::new(&level.mesh)?;
         let magnification = magnification.restricted(level, &finest.areas);
+        let surface = Surface::new(&level.mesh)?.magnified(&magnification.of_faces(&level.mesh));
         let uv = match (coarser, maps.last()) {
             (Some(coarse), Some(uv)) if options.method == Method::Intrinsic => {
-                refine(&mut surface, level, coarse, uv, &magnification, options)?
+                refine(&surface, level, coarse, uv, &magnification, options)?
             }
-            _ => first_map(&mut surface, &magnification, options)?,
+            _ => first_map(&surface, options)?,
         };
         // In metres, so that the next level starts at the right size.
         maps.push(uv.map(|&p| p * surface.unit));

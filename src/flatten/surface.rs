@@ -60,14 +60,15 @@ impl<'m> Surface<'m> {
         Ok(Self { mesh, disk, unit, net })
     }
 
-    /// Makes the energies aim at `factors` times the true area of each face.
+    /// The same with energies that aim at `factors` times the true area of each face.
     ///
     /// The faces' weights stay: a magnified face does not count more than it did.
-    pub(super) fn magnify(&mut self, factors: &IdVec<FaceId, f64>) {
+    pub(super) fn magnified(mut self, factors: &IdVec<FaceId, f64>) -> Self {
         for (e, factor) in self.net.elements.iter_mut().zip(factors) {
             let shrink = factor.sqrt().recip();
             e.gradients = e.gradients.map(|g| g * shrink);
         }
+        self
     }
 
     /// Number of vertices.
