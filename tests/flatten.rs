@@ -9,7 +9,7 @@ use dermatome::{
         flatten_pyramid,
     },
     id::{IdVec, LevelId, LinkId, VertexId},
-    mesh::{TriMesh, shapes},
+    mesh::{Adjacency, TriMesh, shapes},
     pyramid::{CoarsenOptions, Pyramid, coarsen},
     skin::Patch,
 };
@@ -76,6 +76,39 @@ fn ramp(columns: u32, rows: u32, turns: f64) -> TriMesh {
         let radius = 0.05 + 0.05 * f64::from(j) / f64::from(rows - 1);
         (radius * DVec2::from_angle(-turn)).extend(0.004 * turn)
     })
+}
+
+/// A tube of equilateral triangles, `around` of them around, whose upper end is narrower by `taper`.
+fn sleeve(around: u32, radius: f64, height: f64, taper: f64) -> TriMesh {
+    let side = 2.0 * PI * radius / f64::from(around);
+    let rows = (2_u32..).find(|&n| f64::from(n - 1) * side * 3_f64.sqrt() / 2.0 >= height).unwrap();
+    let mut mesh = shapes::tube(around, rows, radius, height);
+    for p in mesh.positions.iter_mut() {
+        let narrowed = p.truncate() * (1.0 - taper * p.z / height);
+        *p = narrowed.extend(p.z);
+    }
+    mesh
+}
+
+/// What is wrong with the map of a disk with holes, if anything: at an inner vertex the angles must add up to one turn, and
+/// one loop must run counter-clockwise, the others clockwise.
+fn fold(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Option<String> {
+    let adjacency = Adjacency::new(mesh).unwrap();
+    let mut turn = uv.map(|_| 0.0);
+    for &[a, b, c] in &mesh.triangles {
+        for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
+            turn[v] += (uv[from] - uv[v]).angle_to(uv[to] - uv[v]);
+        }
+    }
+    let mut inner = turn.enumerate().filter(|(v, _)| !adjacency.is_boundary(*v));
+    if let Some((v, t)) = inner.find(|(_, t)| (**t - 2.0 * PI).abs() > 1e-6) {
+        return Some(format!("{t} rad of faces around vertex {v}"));
+    }
+    let area = |walk: &Vec<VertexId>| -> f64 {
+        (0..walk.len()).map(|k| uv[walk[k]].perp_dot(uv[walk[(k + 1) % walk.len()]])).sum()
+    };
+    let outer = adjacency.boundary_loops().iter().filter(|walk| area(walk) > 0.0).count();
+    (outer != 1).then(|| format!("{outer} loops run counter-clockwise"))
 }
 
 fn bijective(options: FlattenOptions) -> FlattenOptions {
@@ -495,6 +528,52 @@ fn the_real_cover_flattens_almost_isometrically() {
     }
 }
 
+/// The conformal map of a coarse tube may wind twice about two vertices, untangling may make such vertices, and the rim of a
+/// hole slides through itself: each of them turned the hole inside out, without a flip and without a crossing.
+#[test]
+fn the_hole_of_a_sleeve_stays_a_hole_on_every_level() {
+    for (around, radius, height, taper) in
+        [(24, 0.04, 0.25, 0.0), (24, 0.04, 0.25, 0.3), (20, 0.05, 0.3, 0.2), (14, 0.02, 0.3, 0.0)]
+    {
+        let pyramid = pyramid_of(&sleeve(around, radius, height, taper));
+        let sum = intrinsic(Energy::Sum);
+        for options in [sum.clone(), bijective(sum), intrinsic(Energy::SymmetricDirichlet)] {
+            let maps = flatten_pyramid(&pyramid, None, &options).unwrap();
+            for (level, uv) in maps.enumerate() {
+                let mesh = &pyramid.levels[level].mesh;
+                let what = format!("level {level} of {radius} x {height}, {taper}, {options:?}");
+                assert_eq!(fold(mesh, uv), None, "{what}");
+                let d = distortion(mesh, uv);
+                assert_eq!((d.flips, d.crossings), (0, 0), "{what}: {d:?}");
+            }
+        }
+    }
+}
+
+/// Large enough for level 0 not to be mapped from nothing, too.
+#[test]
+fn the_hole_of_a_large_sleeve_stays_a_hole() {
+    let mesh = sleeve(60, 0.05, 0.25, 0.2);
+    let uv = flatten(&mesh, &FlattenOptions::default()).unwrap();
+    assert_eq!(fold(&mesh, &uv), None);
+    assert_eq!(distortion(&mesh, &uv).crossings, 0);
+}
+
+/// A sleeve laid on both sides of a circle: two of its vertices have two turns of faces.
+#[test]
+fn a_hole_inside_out_is_counted_with_the_crossings() {
+    let mesh = shapes::tube(24, 9, 0.05, 0.1);
+    // The Joukowski map w + 1/w winds twice about the images of 1 and -1, which are vertices in the middle of the tube.
+    let uv = mesh.positions.map(|p| {
+        let up = 0.05 - p.z;
+        let w = p.truncate() / 0.05 * (20.0 * up + 100.0 * up * up).exp2();
+        w + DVec2::new(w.x, -w.y) / w.length_squared()
+    });
+    let found = distortion(&mesh, &uv);
+    assert_eq!((found.flips, found.crossings), (0, 2), "{found:?}");
+    assert!(fold(&mesh, &uv).is_some(), "the law of the tests above sees it, too");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
@@ -527,6 +606,20 @@ proptest! {
         for (level, uv) in maps.enumerate() {
             let d = distortion(&pyramid.levels[level].mesh, uv);
             prop_assert_eq!(d.flips, 0, "level {}: {:?}", level, d);
+        }
+    }
+
+    #[test]
+    fn no_hole_of_any_sleeve_is_turned_inside_out(
+        around in 3_u32..24, slenderness in 0.2..12.0_f64, taper in 0.0..0.6_f64, energy in 0..2,
+    ) {
+        let pyramid = pyramid_of(&sleeve(around, 0.03, 0.03 * slenderness, taper));
+        let energy = if energy == 0 { Energy::Sum } else { Energy::SymmetricDirichlet };
+        let maps = flatten_pyramid(&pyramid, None, &intrinsic(energy)).unwrap();
+        for (level, uv) in maps.enumerate() {
+            let mesh = &pyramid.levels[level].mesh;
+            prop_assert_eq!(distortion(mesh, uv).flips, 0, "level {}", level);
+            prop_assert_eq!(fold(mesh, uv), None, "level {}", level);
         }
     }
 

@@ -5,6 +5,7 @@ use crate::{
         crossings::{Segment, each_near_pair, meet},
         energy::outer,
         net::Net,
+        overlap::counter_clockwise_loops,
     },
     id::{IdVec, VertexId},
     sparse::Matrix,
@@ -23,13 +24,15 @@ const STIFFNESS: f64 = 1.0;
 const MOST_COUPLINGS: usize = 8;
 
 /// Repulsion of boundary vertices from boundary edges: `w (r/d - 1)^2` for every distance `d` below the reach `r`, and
-/// infinite where the boundary crosses itself (Smith and Schaefer 2015).
+/// infinite where the boundary crosses itself or a hole is turned inside out (Smith and Schaefer 2015).
 ///
-/// A map without flips whose boundary does not cross itself is one to one, so it is enough to look at each map by itself;
-/// nothing follows the boundary on its way from one to the next.
+/// A map without flips whose boundary does not cross itself is one to one if just one loop runs counter-clockwise, so it is
+/// enough to look at each map by itself; nothing follows the boundary on its way from one to the next.
 #[derive(Debug, Clone)]
 pub(super) struct Barrier {
     posts: Vec<Post>,
+    /// The boundary edges, loop by loop.
+    edges: Vec<[VertexId; 2]>,
 }
 
 /// A boundary edge and its first vertex.
@@ -93,10 +96,14 @@ impl Barrier {
             vertex: REACH * length.min(before[ends[0]]),
             weight: STIFFNESS * net.mean_edge * length,
         };
-        Self { posts: net.boundary.iter().map(post).collect() }
+        Self {
+            posts: net.boundary.iter().map(post).collect(),
+            edges: net.boundary.iter().map(|b| b.0).collect(),
+        }
     }
 
-    /// Calls `f` with everything within `factor` times its reach, and says whether the boundary does not cross itself.
+    /// Calls `f` with everything within `factor` times its reach, and says whether the boundary does not cross itself and has
+    /// no hole inside out.
     fn each_contact(&self, uv: &IdVec<VertexId, DVec2>, factor: f64, f: &mut dyn FnMut(Contact)) -> bool {
         let mut segments: Vec<Segment> = self
             .posts
@@ -104,7 +111,7 @@ impl Barrier {
             .enumerate()
             .map(|(k, p)| Segment::new(k, p.ends, uv, 0.5 * factor * p.edge))
             .collect();
-        let mut simple = true;
+        let mut simple = counter_clockwise_loops(&self.edges, uv) == 1;
         each_near_pair(&mut segments, &mut |s, t| {
             simple &= !meet(s, t);
             for (s, t) in [(s, t), (t, s)] {
@@ -135,7 +142,7 @@ impl Barrier {
         })
     }
 
-    /// The energy; infinite if the boundary crosses itself.
+    /// The energy; infinite if the boundary crosses itself or a hole is turned inside out.
     pub(super) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
         let mut sum = 0.0;
         if self.each_contact(uv, 1.0, &mut |c| sum += c.energy()) { sum } else { f64::INFINITY }

@@ -1,9 +1,6 @@
 use glam::DVec2;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
-};
+use crate::id::{FaceId, IdVec, VertexId};
 
 /// Boxes in a leaf of the tree: below this, comparing all pairs is quicker than splitting.
 const LEAF: usize = 16;
@@ -29,17 +26,16 @@ impl Segment {
 }
 
 /// Number of pairs of boundary edges without a common vertex that cross or touch on the map.
-pub(super) fn boundary_crossings(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
-    let edges = boundary_edges(&mesh.triangles);
+pub(super) fn boundary_crossings(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> usize {
     let mut segments: Vec<Segment> =
-        edges.into_iter().enumerate().map(|(k, ends)| Segment::new(k, ends, uv, 0.0)).collect();
+        edges.iter().enumerate().map(|(k, &ends)| Segment::new(k, ends, uv, 0.0)).collect();
     let mut count = 0;
     each_near_pair(&mut segments, &mut |s, t| count += usize::from(meet(s, t)));
     count
 }
 
 /// Edges of exactly one face, in the direction that face runs.
-fn boundary_edges(triangles: &IdVec<FaceId, [VertexId; 3]>) -> Vec<[VertexId; 2]> {
+pub(super) fn boundary_edges(triangles: &IdVec<FaceId, [VertexId; 3]>) -> Vec<[VertexId; 2]> {
     let mut edges: Vec<_> = triangles
         .iter()
         .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
@@ -133,7 +129,11 @@ pub(super) fn meet(s: &Segment, t: &Segment) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::shapes;
+    use crate::mesh::{TriMesh, shapes};
+
+    fn crossings(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
+        boundary_crossings(&boundary_edges(&mesh.triangles), uv)
+    }
 
     fn flat(mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
         mesh.positions.map(|p| p.truncate())
@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn a_flat_lattice_does_not_cross_itself() {
         let mesh = shapes::lattice(30, 20, 0.01);
-        assert_eq!(boundary_crossings(&mesh, &flat(&mesh)), 0, "98 boundary edges, none crosses");
+        assert_eq!(crossings(&mesh, &flat(&mesh)), 0, "98 boundary edges, none crosses");
     }
 
     #[test]
@@ -151,7 +151,7 @@ mod tests {
         let mut uv = flat(&mesh);
         let (b, c) = (uv[VertexId::new(1)], uv[VertexId::new(2)]);
         (uv[VertexId::new(1)], uv[VertexId::new(2)]) = (c, b);
-        assert_eq!(boundary_crossings(&mesh, &uv), 1, "two opposite sides of the square");
+        assert_eq!(crossings(&mesh, &uv), 1, "two opposite sides of the square");
     }
 
     /// The tree must find what comparing every pair finds.
@@ -169,6 +169,6 @@ mod tests {
             .map(|i| segments[..i].iter().filter(|s| cross(s, &segments[i])).count())
             .sum();
         assert!(all > 0, "the strip overlaps itself");
-        assert_eq!(boundary_crossings(&mesh, &uv), all);
+        assert_eq!(crossings(&mesh, &uv), all);
     }
 }

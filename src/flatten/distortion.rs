@@ -2,9 +2,9 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        crossings::boundary_crossings,
         jacobian::{FlatTriangle, Singular},
         net::keeps_orientation,
+        overlap::overlaps,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -18,7 +18,8 @@ const LARGEST: f64 = 1e12;
 pub struct Distortion {
     /// Triangles whose map is mirrored or has no area.
     pub flips: usize,
-    /// Pairs of boundary edges that cross or touch.
+    /// Places where the map lies over itself: pairs of boundary edges that cross or touch, and vertices about which the map
+    /// winds more than once. A map without flips and crossings is one to one.
     pub crossings: usize,
     /// Mean `s1/s2`, 1 at a conformal map.
     pub qc_mean: f64,
@@ -53,7 +54,7 @@ pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
             sums.add(&flat, at);
         }
     }
-    sums.finish(flips, boundary_crossings(mesh, uv))
+    sums.finish(flips, overlaps(mesh, uv))
 }
 
 /// What a pass over the faces gathers.

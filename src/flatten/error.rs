@@ -75,13 +75,13 @@ pub enum FlattenError {
         /// The first face without area on the map.
         face: FaceId,
     },
-    /// The boundary of the map crosses itself although that was to be prevented.
+    /// The map lies over itself although that was to be prevented.
     #[error(
-        "the boundary of the map crosses itself {crossings} times; only the intrinsic method can prevent that, and only on \
+        "the map lies over itself at {crossings} places; only the intrinsic method can prevent that, and only on \
          a mesh with a map inside a circle that 64-bit numbers can tell apart"
     )]
     Overlap {
-        /// Pairs of boundary edges that cross or touch.
+        /// Pairs of boundary edges that cross or touch, and vertices about which the map winds more than once.
         crossings: usize,
     },
     /// A linear system could not be solved.

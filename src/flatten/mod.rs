@@ -15,6 +15,7 @@ mod net;
 mod newton;
 mod options;
 mod orientation;
+mod overlap;
 mod problem;
 mod refine;
 mod separate;

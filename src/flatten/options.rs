@@ -28,7 +28,8 @@ pub enum Energy {
 /// A skin that winds more than once around, like a spiral ramp, lies over itself on its map of least distortion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overlap {
-    /// Whatever distorts least.
+    /// Whatever distorts least. Holes stay holes even so: a map with the rim of one over itself or inside out is computed
+    /// again as if overlap were to be prevented.
     #[default]
     Allowed,
     /// A map that would cross itself is computed again with a boundary whose parts repel each other (after Smith and
@@ -38,7 +39,7 @@ pub enum Overlap {
     /// That takes seconds at ten thousand vertices and minutes at a hundred thousand: Newton steps are many while parts of
     /// the boundary slide past each other.
     ///
-    /// Only [`Method::Intrinsic`] can do that; the other methods fail where their map crosses itself.
+    /// Only [`Method::Intrinsic`] can do that; the other methods fail where their map lies over itself.
     Prevented,
 }
 

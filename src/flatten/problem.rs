@@ -46,7 +46,7 @@ impl<'n> Problem<'n> {
     }
 
     /// The energy; infinite if a face is flipped and the density has a barrier, or if the boundary has one and crosses
-    /// itself.
+    /// itself or turns a hole inside out.
     pub(super) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
         let face = |e: &Element| e.weight * self.density.value(&singular(e, uv));
         let parts = self.each_part(|part| part.iter().map(face).sum::<f64>());

@@ -4,10 +4,10 @@ use crate::{
     flatten::{
         FlattenError, FlattenOptions, Method, Overlap,
         conformal::spectral_conformal,
-        crossings::boundary_crossings,
         linear::linear,
         magnification::Magnification,
         orientation::{direction_like, main_direction, place},
+        overlap::overlaps,
         refine::{from_nothing, refine},
         surface::Surface,
     },
@@ -26,8 +26,8 @@ const AT_ONCE: usize = 3000;
 /// boundary may cross itself unless [`FlattenOptions::overlap`] prevents it.
 ///
 /// # Errors
-/// If the mesh is no disk with holes, an option is out of range, a face is too degenerate to be mapped, or the boundary
-/// crosses itself although that was to be prevented.
+/// If the mesh is no disk with holes, an option is out of range, a face is too degenerate to be mapped, or the map lies over
+/// itself although that was to be prevented.
 pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     options.validate()?;
     if options.method == Method::Intrinsic && mesh.positions.len() > AT_ONCE {
@@ -49,7 +49,7 @@ pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexI
     Ok(placed)
 }
 
-/// Refuses a map that crosses itself where that was to be prevented: what is promised is measured on the final numbers.
+/// Refuses a map that lies over itself where that was to be prevented: what is promised is measured on the final numbers.
 fn check_overlap(
     mesh: &TriMesh,
     uv: &IdVec<VertexId, DVec2>,
@@ -57,7 +57,7 @@ fn check_overlap(
 ) -> Result<(), FlattenError> {
     let crossings = match options.overlap {
         Overlap::Allowed => 0,
-        Overlap::Prevented => boundary_crossings(mesh, uv),
+        Overlap::Prevented => overlaps(mesh, uv),
     };
     if crossings > 0 { Err(FlattenError::Overlap { crossings }) } else { Ok(()) }
 }
@@ -94,7 +94,7 @@ fn lay_alike(pyramid: &Pyramid, maps: &[IdVec<VertexId, DVec2>]) -> IdVec<LevelI
 ///
 /// # Errors
 /// If the patch is no disk with holes, an option or a density is out of range, a face is too degenerate to be mapped, or a
-/// boundary crosses itself although that was to be prevented.
+/// map lies over itself although that was to be prevented.
 pub fn flatten_pyramid(
     pyramid: &Pyramid,
     densities: Option<&IdVec<VertexId, f64>>,

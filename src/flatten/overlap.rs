@@ -1,0 +1,159 @@
+use glam::DVec2;
+
+use crate::{
+    flatten::{
+        crossings::{boundary_crossings, boundary_edges},
+        surface::Surface,
+    },
+    id::{IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// The faces at a boundary vertex lie over each other if their angles on the map add up to a full turn and more than
+/// this, in rad. What is less is rounding: both sides of a slit may meet.
+const BEYOND_A_TURN: f64 = 1e-6;
+
+/// Number of places where a map lies over itself: pairs of boundary edges without a common vertex that cross or touch, and
+/// vertices about which the map winds more than once.
+///
+/// A map without flips and without these is one to one: the angles around its inner vertices leave it no choice (Gauss
+/// and Bonnet) but to have one boundary loop that runs counter-clockwise, with all others inside of it and clockwise. Flips
+/// and crossings alone do not tell: a sleeve whose hole is turned inside out has neither, but two inner vertices with two
+/// full turns of faces.
+pub(super) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
+    let edges = boundary_edges(&mesh.triangles);
+    let mut on_boundary = IdVec::filled(false, uv.len());
+    edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
+    let faces = || mesh.triangles.iter().copied();
+    boundary_crossings(&edges, uv) + branches(faces(), &on_boundary, uv) + overfull(faces(), &on_boundary, uv)
+}
+
+/// Whether the map winds once about every inner vertex. No step of a solver that flips no face changes that.
+pub(super) fn winds_once(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+    let mut on_boundary = IdVec::filled(false, uv.len());
+    surface.disk.loops.iter().flatten().for_each(|&v| on_boundary[v] = true);
+    branches(surface.net.elements.iter().map(|e| e.corners), &on_boundary, uv) == 0
+}
+
+/// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise and not across itself.
+pub(super) fn keeps_holes(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+    let edges: Vec<[VertexId; 2]> = surface.disk.boundary_edges().collect();
+    let mut outer = 0;
+    loops(&edges).all(|walk| {
+        let is_outer = is_counter_clockwise(walk, uv);
+        outer += usize::from(is_outer);
+        is_outer || boundary_crossings(walk, uv) == 0
+    }) && outer == 1
+}
+
+/// Number of loops that run counter-clockwise, among boundary edges listed loop by loop.
+pub(super) fn counter_clockwise_loops(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> usize {
+    loops(edges).filter(|walk| is_counter_clockwise(walk, uv)).count()
+}
+
+/// The loops among boundary edges that are listed loop by loop.
+fn loops(edges: &[[VertexId; 2]]) -> impl Iterator<Item = &[[VertexId; 2]]> {
+    edges.chunk_by(|[_, to], [from, _]| to == from)
+}
+
+/// Whether the edges of a loop enclose a positive area.
+fn is_counter_clockwise(walk: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> bool {
+    // Seen from a place on the loop, so that a small one is not lost in rounding.
+    let origin = walk.first().map_or(DVec2::ZERO, |&[from, _]| uv[from]);
+    walk.iter().map(|&[from, to]| (uv[from] - origin).perp_dot(uv[to] - origin)).sum::<f64>() > 0.0
+}
+
+/// Number of inner vertices about which the faces wind more than once.
+///
+/// Counted by the edges opposite to a vertex that pass it on its right: signs of differences, so nothing is rounded.
+fn branches(
+    faces: impl Iterator<Item = [VertexId; 3]>,
+    on_boundary: &IdVec<VertexId, bool>,
+    uv: &IdVec<VertexId, DVec2>,
+) -> usize {
+    let mut winding = IdVec::<VertexId, i32>::filled(0, uv.len());
+    let below = |a: VertexId, b: VertexId| (uv[a].y, uv[a].x) < (uv[b].y, uv[b].x);
+    for [a, b, c] in faces {
+        let area = (uv[b] - uv[a]).perp_dot(uv[c] - uv[a]);
+        for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
+            if area > 0.0 && below(from, v) && below(v, to) {
+                winding[v] += 1;
+            } else if area < 0.0 && below(to, v) && below(v, from) {
+                winding[v] -= 1;
+            }
+        }
+    }
+    winding.iter().zip(on_boundary).filter(|&(&w, &on_boundary)| w > 1 && !on_boundary).count()
+}
+
+/// Number of boundary vertices with more than a full turn of faces.
+fn overfull(
+    faces: impl Iterator<Item = [VertexId; 3]>,
+    on_boundary: &IdVec<VertexId, bool>,
+    uv: &IdVec<VertexId, DVec2>,
+) -> usize {
+    let mut turn = IdVec::<VertexId, f64>::filled(0.0, uv.len());
+    for [a, b, c] in faces {
+        for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
+            if on_boundary[v] {
+                turn[v] += (uv[from] - uv[v]).angle_to(uv[to] - uv[v]);
+            }
+        }
+    }
+    turn.iter().filter(|&&t| t > std::f64::consts::TAU + BEYOND_A_TURN).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{PI, TAU};
+
+    use super::*;
+    use crate::mesh::shapes;
+
+    /// A fan around vertex 0 that winds `turns` times about it.
+    fn wound(corners: u32, turns: f64) -> (TriMesh, IdVec<VertexId, DVec2>) {
+        let mesh = shapes::fan(corners);
+        let place = |v: VertexId| match v.index() {
+            0 => DVec2::new(0.2, -0.1),
+            k => DVec2::from_angle(TAU * turns * (k - 1) as f64 / f64::from(corners) + 0.3),
+        };
+        let uv = mesh.positions.ids().map(place).collect();
+        (mesh, uv)
+    }
+
+    #[test]
+    fn a_fan_wound_once_lies_beside_itself() {
+        let (mesh, uv) = wound(9, 1.0);
+        assert_eq!(overlaps(&mesh, &uv), 0);
+    }
+
+    #[test]
+    fn a_fan_wound_twice_has_a_branch_however_it_is_turned() {
+        let (mesh, uv) = wound(9, 2.0);
+        let surface = Surface::new(&mesh).unwrap();
+        for k in 0..40 {
+            let uv = uv.map(|&p| DVec2::from_angle(f64::from(k) * PI / 20.0).rotate(p));
+            assert!(surface.net.is_flip_free(&uv), "nothing is flipped at turn {k}");
+            assert!(!winds_once(&surface, &uv), "turn {k}");
+        }
+    }
+
+    /// A strip that begins inside itself: no two edges without a common vertex meet.
+    #[test]
+    fn more_than_a_full_turn_at_a_boundary_vertex_is_an_overlap() {
+        // Vertex 0 with five faces along an open chain.
+        let mesh = TriMesh::from_arrays(
+            (0..7).map(|k| glam::DVec3::new(f64::from(k), f64::from(k * k), 0.0)).collect(),
+            &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 6]],
+        );
+        let with = |turn: f64| -> usize {
+            let place = |v: VertexId| match v.index() {
+                0 => DVec2::ZERO,
+                k => DVec2::from_angle(turn * (k - 1) as f64 / 5.0) * (1.0 + 0.2 * k as f64),
+            };
+            let on_boundary = IdVec::filled(true, 7);
+            overfull(mesh.triangles.iter().copied(), &on_boundary, &mesh.positions.ids().map(place).collect())
+        };
+        assert_eq!((with(0.9 * TAU), with(1.1 * TAU)), (0, 1));
+    }
+}
