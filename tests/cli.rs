@@ -295,7 +295,22 @@ fn a_linear_map_that_flips_is_written_and_said() {
         .args(linear)
         .assert()
         .success()
-        .stderr(contains("flipped"));
+        .stderr(contains("note: forearm: the map lies over itself (L0: flips ").and(contains("--area 0")));
+}
+
+/// No triangle of this map flips, but its boundary crosses itself.
+#[test]
+fn a_map_that_only_crosses_itself_is_said_to() {
+    let out = tempfile::tempdir().unwrap();
+    let hand = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/hand.glb");
+    let flatten = |extra: &[&str]| {
+        let mut command = dermatome();
+        command.arg("flatten").arg(&hand).arg("-o").arg(out.path().join("hand.npz"));
+        command.args(["--method", "linear"]).args(extra).assert().success()
+    };
+    flatten(&[]).stderr(contains("(L0: flips 0, crossings "));
+    flatten(&["--quiet"]).stderr("");
+    flatten(&["--area", "0"]).stderr("");
 }
 
 #[test]

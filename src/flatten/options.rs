@@ -10,6 +10,10 @@ pub enum Method {
     Conformal,
     /// Linear mix of conformal and authalic rows with the natural conformal boundary
     /// (Desbrun, Meyer and Alliez 2002; eq. 7 and 8 of the source paper).
+    ///
+    /// It minimises nothing, and only its conformal rows reach the boundary, so nothing bounds the areas either. Measured on
+    /// the skins of `meshes/`, angles **and** areas get worse as [`FlattenOptions::area`] grows, visibly from a hundredth of the
+    /// angle's weight on, and from a tenth on maps flip or cross themselves. Without it this is a conformal map with two pins.
     Linear,
 }
 

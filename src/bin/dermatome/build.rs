@@ -22,9 +22,10 @@ use crate::{
     Common,
     input::{close_holes, read_skin},
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
+    overlap::note_overlaps,
     progress,
     stop::clean_when_stopped,
-    tables::{plain, print_json, print_levels},
+    tables::{print_json, print_levels},
 };
 
 /// Arguments of `build`.
@@ -92,7 +93,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     outputs.write("report.json", |path| write_json(path, &report))?;
     outputs.publish()?;
-    warn_of_flips(&report, common);
+    note_overlaps(&report.patches, &options.flatten, common);
     if args.json {
         print_json(&report)?;
     } else if !common.quiet {
@@ -158,20 +159,6 @@ impl Outputs {
                 .map_err(|source| Error::from(IoError::Write { path, source }))?;
         }
         Ok(())
-    }
-}
-
-/// The intrinsic method never flips a triangle; the others may, and a user must hear of it.
-fn warn_of_flips(report: &Report, common: &Common) {
-    for patch in report.patches.iter().filter(|_| !common.quiet) {
-        for level in patch.levels.iter().filter(|level| level.flips > 0) {
-            eprintln!(
-                "note: {}/L{}: {} triangles of the map are flipped; --method intrinsic flips none",
-                plain(&patch.name),
-                level.level,
-                level.flips
-            );
-        }
     }
 }
 

@@ -17,6 +17,7 @@ use crate::{
     input::read_skin,
     options::{BareArgs, FlattenArgs},
     outputs::{self, Outputs},
+    overlap::note_overlaps,
     tables::{print_json, print_levels},
 };
 
@@ -63,11 +64,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     outputs.publish()?;
     let level = LevelReport::new(LevelId::new(0), &patch.mesh, &distortion(&patch.mesh, &uv));
+    let link = skin.links[patch.link].name.clone();
+    let report = [PatchReport { name: patch.name.clone(), link, levels: vec![level] }];
+    note_overlaps(&report, &options, common);
     if args.json {
         print_json(&level)?;
     } else if !common.quiet {
-        let link = skin.links[patch.link].name.clone();
-        print_levels(&[PatchReport { name: patch.name.clone(), link, levels: vec![level] }])?;
+        print_levels(&report)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -13,6 +13,7 @@ mod lookup;
 mod lost;
 mod options;
 mod outputs;
+mod overlap;
 mod plot;
 mod progress;
 mod shell;

@@ -81,7 +81,7 @@ enum MethodArg {
     Intrinsic,
     /// Spectral natural conformal map
     Conformal,
-    /// Linear mix of conformal and authalic rows
+    /// Linear mix of conformal and authalic rows; on curved skin --area 0 distorts least
     Linear,
 }
 
