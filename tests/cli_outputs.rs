@@ -110,48 +110,56 @@ mod stopped {
 
     use super::*;
 
-    /// Whether this test, and so every command it runs, ignores one of the signals that stop a run: `nohup` has it so.
-    fn signals_are_ignored() -> bool {
+    /// Whether this test, and so every command it runs, ignores a signal: `nohup` has it so.
+    fn is_ignored(signal: i32) -> bool {
         let status = fs::read_to_string("/proc/self/status").unwrap();
         let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap();
-        let ignored = u64::from_str_radix(ignored.trim(), 16).unwrap();
-        let [hup, int, term] = [1, 2, 15].map(|signal| 1 << (signal - 1));
-        ignored & (hup | int | term) != 0
+        u64::from_str_radix(ignored.trim(), 16).unwrap() >> (signal - 1) & 1 == 1
     }
 
-    /// Stops a command as ^C does, as soon as there are more than `before` files in a folder.
-    fn interrupt(child: &mut Child, folder: &Path, before: usize) {
+    /// Sends a signal to a command as soon as there are more than `before` files in a folder.
+    fn interrupt(child: &mut Child, signal: i32, folder: &Path, before: usize) {
         let patience = Instant::now() + Duration::from_secs(20);
         while listing(folder).len() == before {
             assert!(Instant::now() < patience && child.try_wait().unwrap().is_none(), "it writes");
             thread::sleep(Duration::from_millis(2));
         }
-        let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        let killed =
+            std::process::Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
         assert!(killed.unwrap().success());
     }
 
+    /// Hangup, ^C and `kill`, and `kill` of a run whose caller ignores the others.
     #[test]
     fn a_stopped_run_leaves_no_temporary_file() {
-        if signals_are_ignored() {
-            println!("skipped: signals are ignored here");
-            return;
+        for (signal, caller) in [(1, ""), (2, ""), (15, ""), (15, "trap '' HUP INT; ")] {
+            if is_ignored(signal) {
+                println!("skipped: signal {signal} is ignored here");
+                continue;
+            }
+            let folder = folder();
+            fs::write(folder.path().join(".dermatome-1-2-another-run"), "").unwrap();
+            let before = listing(folder.path()).len();
+            // Standard input that stays open keeps the run waiting in the middle of its output.
+            let mut child = std::process::Command::new("sh")
+                .args(["-c", &format!("{caller}exec \"$0\" lookup map.glb - -o out.csv")])
+                .arg(assert_cmd::cargo::cargo_bin!("dermatome"))
+                .current_dir(folder.path())
+                .stdin(Stdio::piped())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap();
+            let mut input = child.stdin.take().unwrap();
+            input.write_all(b"x,y,z\n0,0,-0.1\n").unwrap();
+            interrupt(&mut child, signal, folder.path(), before);
+            assert_eq!(child.wait().unwrap().code(), Some(128 + signal), "as shells know a stopped run");
+            let left = listing(folder.path());
+            assert_eq!(
+                left,
+                [".dermatome-1-2-another-run", "c.csv", "cap.obj", "map.glb"],
+                "{signal} {caller}"
+            );
         }
-        let folder = folder();
-        fs::write(folder.path().join(".dermatome-1-2-another-run"), "").unwrap();
-        let before = listing(folder.path()).len();
-        // Standard input that stays open keeps the run waiting in the middle of its output.
-        let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
-            .args(["lookup", "map.glb", "-", "-o", "out.csv"])
-            .current_dir(folder.path())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut input = child.stdin.take().unwrap();
-        input.write_all(b"x,y,z\n0,0,-0.1\n").unwrap();
-        interrupt(&mut child, folder.path(), before);
-        assert_eq!(child.wait().unwrap().code(), Some(130), "as shells know a stopped run");
-        assert_eq!(listing(folder.path()), [".dermatome-1-2-another-run", "c.csv", "cap.obj", "map.glb"]);
     }
 }

@@ -29,7 +29,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 ///
 /// The kind of a file follows from its extension. `-` is standard input for the observations of `calibrate` and the
 /// contacts of `lookup`, and standard output for `lookup`, `plot` and `simulate`. Exit code 0: done; 1: `check` found
-/// something; 2: bad usage or bad input; 130: stopped.
+/// something; 2: bad usage or bad input; 128 and the number of a signal, 130 after ^C: stopped.
 #[derive(Debug, Parser)]
 #[command(name = "dermatome", version, max_term_width = 100)]
 pub(crate) struct Cli {
