@@ -742,3 +742,21 @@ proptest! {
         }
     }
 }
+
+/// Taxels on both sides of a foil, and three close together on pads far apart: none was rounded to another's place.
+#[test]
+fn close_taxels_that_are_no_copies_stay() {
+    let grid =
+        || (0..12).flat_map(|i| (0..12).map(move |j| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.02));
+    let back = grid().map(|p| p - DVec3::Z * 9e-5);
+    let mut foil = bare(&grid().chain(back).collect::<Vec<_>>());
+    foil.normals = Some((0..288).map(|k| if k < 144 { DVec3::Z } else { -DVec3::Z }).collect());
+    let corners = [DVec3::ZERO, DVec3::X, DVec3::new(0.5, 0.75_f64.sqrt(), 0.0)];
+    let pads = bare(&grid().flat_map(|p| corners.map(|c| 2.5 * p + 9e-4 * c)).collect::<Vec<_>>());
+    for sheet in [foil, pads] {
+        let taxels = sheet.positions.len();
+        let findings = dermatome::skin::check(&draft_of(sheet));
+        let merged = findings.iter().find(|f| f.kind == dermatome::skin::FindingKind::DuplicatePosition);
+        assert_eq!(merged, None, "of {taxels} taxels");
+    }
+}

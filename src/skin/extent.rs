@@ -1,5 +1,3 @@
-use glam::DVec3;
-
 use crate::skin::{Sheet, names::sheet_name};
 
 /// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times larger, so that down to a
@@ -18,9 +16,15 @@ pub(super) fn doubtful_unit(sheets: &[Sheet]) -> Option<(&str, String)> {
     Some((sheet_name(sheet), message))
 }
 
-/// Longest side of the box around a sheet, in m.
+/// Longest side, in m, of the box around a sheet without its outermost hundredth on either side: numbers that stand for none are
+/// often -999.
 fn extent(sheet: &Sheet) -> f64 {
-    let lowest = sheet.positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-    let highest = sheet.positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-    if sheet.positions.is_empty() { 0.0 } else { (highest - lowest).max_element() }
+    let count = sheet.positions.len();
+    let out = count.div_ceil(100).min(count.saturating_sub(1) / 2);
+    let side = |axis: usize| {
+        let mut along: Vec<f64> = sheet.positions.iter().map(|p| p[axis]).collect();
+        let mut nth = |k: usize| *along.select_nth_unstable_by(k, f64::total_cmp).1;
+        nth(count - 1 - out) - nth(out)
+    };
+    if count == 0 { 0.0 } else { (0..3).map(side).fold(0.0, f64::max) }
 }

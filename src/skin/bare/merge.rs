@@ -19,19 +19,27 @@ use crate::{
 /// none among the coordinates.
 const RESOLUTION: f64 = 1.0 / (1_u64 << 24) as f64;
 
-/// They also are if they are closer than this share of the distance to the third nearest: one of them was rounded to the digits
-/// of a text, a tenth of a millimetre at 5 mm. A face with both would be a sliver, fifty times longer than high. The taxels of an
+/// They also are if they are closer than this share of the distance to the third nearest, and than [`MOST_BESIDE`], unless the file
+/// says that they look to different sides: one of them was rounded to the digits of a text. A face with both would be a sliver, fifty times longer than high. The taxels of an
 /// iCub keep 0.41 of it, those of a lattice with a noise of 0.3 spacings 0.1; of points strewn at random one in 1250 is that close
 /// to another.
 const SAME_PLACE: f64 = 0.02;
 
+/// Rounding to the digits of a text moves a taxel by no more than this, in m: what is farther off is another pad, or the other side
+/// of a foil.
+const MOST_BESIDE: f64 = 1e-4;
+
 /// Taxels within the resolution of each other fill at most so many cells.
 const CELLS: usize = 8;
 
-/// For every taxel the first of those at its place.
+/// For every taxel the first of those at its place. `normals` may be zero, and `unit` is the length of 1, in m.
 ///
 /// Which are at one place does not depend on their order. What is close to a close one counts as close.
-pub(super) fn first_at_place(positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, VertexId> {
+pub(super) fn first_at_place(
+    positions: &IdVec<VertexId, DVec3>,
+    normals: &IdVec<VertexId, DVec3>,
+    unit: f64,
+) -> IdVec<VertexId, VertexId> {
     let resolution = RESOLUTION * median_distance(positions.as_slice().to_vec());
     let mut forest = Forest::new(VertexId::new(positions.len()).raw());
     // Of a heap of copies a search for the nearest taxels would see nothing else.
@@ -45,19 +53,24 @@ pub(super) fn first_at_place(positions: &IdVec<VertexId, DVec3>) -> IdVec<Vertex
             forest.join(first.raw(), v.raw());
         }
     }
-    for [a, b] in close_pairs(&firsts.map(|&v| positions[v]), resolution) {
-        forest.join(firsts[a].raw(), firsts[b].raw());
+    let most_beside = MOST_BESIDE / unit;
+    for [a, b] in close_pairs(&firsts.map(|&v| positions[v]), resolution, most_beside) {
+        let [a, b] = [firsts[a], firsts[b]];
+        let is_rounding = positions[a].distance(positions[b]) < resolution;
+        if is_rounding || normals[a].dot(normals[b]) >= 0.0 {
+            forest.join(a.raw(), b.raw());
+        }
     }
     positions.ids().map(|v| forest.root(v.raw()).into()).collect()
 }
 
-/// Pairs closer than the resolution, or than a small share of the distance of the taxels around.
-fn close_pairs(positions: &IdVec<VertexId, DVec3>, resolution: f64) -> Vec<[VertexId; 2]> {
+/// Pairs closer than the resolution, or than a small share of the distance of the taxels around that is at most `most_beside`.
+fn close_pairs(positions: &IdVec<VertexId, DVec3>, resolution: f64, most_beside: f64) -> Vec<[VertexId; 2]> {
     let tree = KdTree::new(positions);
     let ids: Vec<VertexId> = positions.ids().collect();
     let close = |found: &mut Vec<Near>, &v: &VertexId| {
         tree.nearest(positions[v], v, CELLS - 1, f64::INFINITY, found);
-        let reach = resolution.max(SAME_PLACE * distance_around(found));
+        let reach = resolution.max((SAME_PLACE * distance_around(found)).min(most_beside));
         // Squares that vanish, far from a number that stands for none, are not below zero.
         let close = found.iter().take_while(|near| near.0 < reach * reach);
         close.map(|near| [v, near.1]).collect::<Vec<_>>()

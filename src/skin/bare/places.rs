@@ -46,7 +46,8 @@ impl Places {
         taxels.sort_by_key(|&k| !reads(k));
         let taxels: IdVec<VertexId, usize> = taxels.into();
         let positions = taxels.map(|&k| frame.scaled(sheet.positions[k]));
-        let first = first_at_place(&positions);
+        let normals = taxels.map(|&k| sheet.normals.as_ref().map_or(DVec3::ZERO, |n| n[k]));
+        let first = first_at_place(&positions, &normals, frame.unit);
         let beside = |(v, &first): (VertexId, &VertexId)| positions[v].distance(positions[first]);
         let farthest = first.enumerate().map(beside).fold(0.0, f64::max);
         let (stay, merged): (Vec<VertexId>, Vec<VertexId>) = positions.ids().partition(|&v| first[v] == v);
