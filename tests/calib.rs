@@ -539,6 +539,32 @@ fn most_contacts_of_a_noisy_arm_are_kept() {
     }
 }
 
+/// Two of four contacts agree: these are right. One of two: no telling, and no tearing of the skin either.
+#[test]
+fn half_of_the_contacts_may_be_wrong() {
+    for (anchors, seed) in [(4, 1), (6, 2), (8, 2), (2, 2)] {
+        let options = SimulateOptions { taxels: 120, anchors, seed, ..SimulateOptions::default() };
+        let simulation = simulate(&options).unwrap();
+        let mut observations = simulation.observations;
+        for (k, contact) in observations.contacts.iter_mut().take(anchors / 2).enumerate() {
+            if let Touch::Position { position, .. } = &mut contact.touch {
+                *position +=
+                    0.05 * DVec3::new((2.0 * k as f64).cos(), (2.0 * k as f64).sin(), 0.4 * k as f64);
+            }
+        }
+        let found = solve(&observations, &CalibOptions::default());
+        // Noise alone makes one in three hundred as large.
+        assert!(found.weights.rejected_edges().count() < 4, "{anchors} contacts");
+        if anchors == 2 {
+            assert_eq!(found.robust, Robust::None);
+        } else {
+            let rejected: Vec<usize> = found.weights.rejected_contacts().map(|c| c.index()).collect();
+            assert_eq!(rejected, (0..anchors / 2).collect::<Vec<_>>());
+            assert!(compare(&found.poses, &simulation.truth).unwrap().rigid < 1.5e-3);
+        }
+    }
+}
+
 /// Two sheets side by side and two long edges between them, which name the distance of the second from the first and the
 /// same plus `apart`.
 fn bridged(apart: f64) -> Observations {
@@ -627,6 +653,16 @@ fn the_default_stays_within_its_iterations() {
     let found =
         calibrate(&observations, &CalibOptions { limits, ..CalibOptions::default() }, &|_, _| {}).unwrap();
     assert_eq!(found.ending, Ending::OutOfIterations);
+    // Enough for least squares, not for what they leave in doubt: what there is has the weights of its last step.
+    let observations = simulate(&SimulateOptions { outliers: 0.05, seed: 3, ..SimulateOptions::default() })
+        .unwrap()
+        .observations;
+    let limits = dermatome::calib::Limits { iterations: 10, ..Default::default() };
+    let found =
+        calibrate(&observations, &CalibOptions { limits, ..CalibOptions::default() }, &|_, _| {}).unwrap();
+    assert_eq!((found.ending, found.robust), (Ending::OutOfIterations, Robust::Graduated));
+    assert!(found.weights.rejected_edges().count() > 20);
+    assert!(2.0 * found.cost < 1.2 * observations.edges.len() as f64 * 3.0, "{}", found.cost);
 }
 
 /// The goodness of fit of a large clean skin does not depend on whether outliers were looked for.

@@ -92,13 +92,14 @@ pub(super) fn fit(problem: &Problem<'_>, anchoring: &Anchoring, found: &Found) -
 /// Chance that noise alone makes one of all observations stand out.
 const BY_CHANCE: f64 = 1e-3;
 
-/// The median of squared errors over that of a chi-square variable, of edges and of contacts; 0 without any.
+/// The median of squared errors over that of a chi-square variable, of edges and of contacts; 0 without any. Of an even number
+/// the lower one, so that half can be wrong; of two the larger, since either can be made to fit.
 pub(super) fn middle(ranks: &PerObservation<usize>, squares: &PerObservation) -> Scale {
     let mut medians = ByRank::new(|rank| quantile(0.5, rank));
     let mut middle = |ranks: &[usize], squares: &[f64]| {
         let observed = ranks.iter().zip(squares).filter(|(rank, _)| **rank > 0);
         let mut relative: Vec<f64> = observed.map(|(&rank, square)| square / medians.of(rank)).collect();
-        let half = relative.len() / 2;
+        let half = (relative.len().saturating_sub(1) / 2).max(usize::from(relative.len() > 1));
         if relative.is_empty() { 0.0 } else { *relative.select_nth_unstable_by(half, f64::total_cmp).1 }
     };
     Scale {

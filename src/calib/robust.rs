@@ -141,6 +141,9 @@ impl Kernel {
     }
 }
 
+/// A scale up to this is no sign of noise that is understated: the median doubles where 40 % are wrong.
+const AS_STATED: f64 = 2.5;
+
 /// How much larger squared errors are than the stated noise lets expect: 1 where it is right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
@@ -149,10 +152,13 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// Whether the stated noise is right as far as a median can tell that wrong observations shift, too: it
-    /// doubles where 40 % are wrong.
+    /// Whether the stated noise is right as far as a median can tell.
     pub(super) fn is_as_stated(self) -> bool {
-        self.edges.max(self.contacts) <= 2.5
+        self.is_as_stated_of_edges() && self.contacts <= AS_STATED
+    }
+
+    pub(super) fn is_as_stated_of_edges(self) -> bool {
+        self.edges <= AS_STATED
     }
 
     pub(super) fn most(self, other: Self) -> Self {

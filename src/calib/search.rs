@@ -1,6 +1,6 @@
 use crate::calib::{
     CalibError, CalibOptions, Ending, Iteration, Robust,
-    attribution::attribution_odds,
+    attribution::{LogOdds, attribution_odds},
     fit::{fit, middle, stands_out},
     gauge::Anchoring,
     normal_equations::{PerObservation, Problem, State},
@@ -86,6 +86,10 @@ impl Search<'_, '_> {
         let begin = || plain.point.state.clone();
         let stated = Kernels::new(&self.problem.ranks, Robust::Graduated);
         let mut found = self.let_go(begin(), &stated)?;
+        if found.ending == Ending::OutOfIterations {
+            // There is doubt, and no means to resolve it.
+            return Ok(Some(found));
+        }
         if !is_few(&found, SUSPICIOUS) {
             let mut scale = self.scale(&found);
             for _ in 0..RESCALINGS {
@@ -98,7 +102,13 @@ impl Search<'_, '_> {
                 }
             }
             if !scale.is_as_stated() {
-                found = self.let_go(begin(), &stated.scaled(scale))?;
+                let wide = self.let_go(begin(), &stated.scaled(scale))?;
+                let mut both = wide.kept.edges.iter().zip(&found.kept.edges);
+                // Contacts that contradict each other tear edges apart that agree without them.
+                if scale.is_as_stated_of_edges() && both.any(|(wide, stated)| !wide && *stated) {
+                    return Ok(None);
+                }
+                found = wide;
             }
         }
         Ok(self.is_better(&found, plain).then_some(found))
@@ -131,10 +141,10 @@ impl Search<'_, '_> {
     /// chance.
     fn let_go(&mut self, begin: State, kernels: &Kernels) -> Result<Found, CalibError> {
         let observations = self.problem.observations;
-        let mut found = self.reject(begin.clone(), kernels)?;
+        let mut found = self.reject(begin.clone(), kernels, None)?;
         let odds = attribution_odds(observations, &found.kept);
         if let Some(odds) = odds.as_ref().filter(|_| found.ending.is_converged()) {
-            found = self.reject(begin, &kernels.with_odds(odds))?;
+            found = self.reject(begin, &kernels.with_odds(odds), Some(odds))?;
         }
         if found.ending.is_converged() && take_back_chance(observations, &mut found, odds.as_ref(), kernels) {
             let weighting = Weighting::Fixed(&found.weights);
@@ -152,12 +162,18 @@ impl Search<'_, '_> {
         Ok(Found { point, kept: ones.map(|_| true), weights: ones, kernels, ending })
     }
 
-    fn reject(&mut self, begin: State, kernels: &Kernels) -> Result<Found, CalibError> {
+    fn reject(
+        &mut self,
+        begin: State,
+        kernels: &Kernels,
+        odds: Option<&LogOdds>,
+    ) -> Result<Found, CalibError> {
         if kernels.robust == Robust::Graduated {
             return self.graduate(begin, kernels);
         }
         // Kernels that let go have many minima: start them from the one minimum of Huber's.
         let huber = Kernels::new(&self.problem.ranks, Robust::Huber);
+        let huber = odds.map_or_else(|| huber.clone(), |odds| huber.with_odds(odds));
         let start = self.with_kernels(begin, &huber)?.point.state;
         self.with_kernels(start, kernels)
     }
@@ -199,13 +215,16 @@ impl Search<'_, '_> {
         if self.problem.moving() == 0 || worst <= 1.0 || !worst.is_finite() {
             return Ok(Found { kernels: kernels.clone(), ..found });
         }
-        let mut point = found.point.clone();
+        let mut point = found.point;
         let mut mu = (2.0 * worst - 1.0).recip().max(FIRST_CONTROL);
         let mut steps = 0;
         while mu <= LAST_CONTROL {
             if steps == self.options.limits.iterations {
-                let ending = Ending::OutOfIterations;
-                return Ok(Found { point, kernels: kernels.clone(), ending, ..found });
+                let weights = kernels.graduated_weights(mu, &point.squares);
+                let kept = kernels.keep(&point.squares);
+                point.cost = Weighting::Kernels(kernels).cost(&point.squares);
+                let (kernels, ending) = (kernels.clone(), Ending::OutOfIterations);
+                return Ok(Found { point, weights, kept, kernels, ending });
             }
             steps += 1;
             let weights = kernels.graduated_weights(mu, &point.squares);

@@ -24,19 +24,19 @@ const DECISIVE: f64 = 3.0;
 /// explains itself perfectly. Choosing costs more on average than the mean of all, so all its edges get the same small
 /// weight, unless the `odds` speak for the kept one. A kept edge to such a taxel decides nothing about its other end
 /// either, so this goes on until every taxel is held twice or was never in doubt. Then the same for whole pieces, which
-/// are left without any edge: those that agree by the `stated` bounds are kept after all.
+/// are left without any edge: those that agree by the bounds of `kernels`, whatever their lengths, are kept after all.
 pub(super) fn take_back_chance(
     observations: &Observations,
     found: &mut Found,
     odds: Option<&LogOdds>,
-    stated: &Kernels,
+    kernels: &Kernels,
 ) -> bool {
     let mut held = observations.taxels.map(|t| t.fixed);
     for (id, contact) in observations.contacts.enumerate() {
         held[contact.taxel] |= found.kept.contacts[id];
     }
     let taxels = free_taxels(observations, found, odds, &held);
-    let pieces = join_pieces(observations, found, stated, &held);
+    let pieces = join_pieces(observations, found, kernels, &held);
     taxels || pieces
 }
 
@@ -80,7 +80,7 @@ fn free_taxels(
 fn join_pieces(
     observations: &Observations,
     found: &mut Found,
-    stated: &Kernels,
+    kernels: &Kernels,
     held: &IdVec<VertexId, bool>,
 ) -> bool {
     let pieces = components(observations, |e| found.weights.edges[e] > SMALLEST_WEIGHT);
@@ -93,7 +93,7 @@ fn join_pieces(
             continue;
         }
         changed = true;
-        let agrees = stated.edges[e].keeps(found.point.squares.edges[e]);
+        let agrees = kernels.edges[e].keeps(found.point.squares.edges[e]);
         found.kept.edges[e] = agrees;
         found.weights.edges[e] = if agrees { 1.0 } else { UNDECIDED };
     }
