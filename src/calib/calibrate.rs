@@ -78,6 +78,12 @@ impl Weights {
         self.edge_kept.enumerate().filter(|(e, kept)| !**kept && self.edges[*e] < 1.0).map(|(e, _)| e)
     }
 
+    /// Number of edges and contacts that count less.
+    #[must_use]
+    pub fn rejected(&self) -> usize {
+        self.rejected_edges().count() + self.rejected_contacts().count()
+    }
+
     /// The contacts that count less because noise does not explain them.
     pub fn rejected_contacts(&self) -> impl Iterator<Item = ContactId> {
         self.contact_kept.enumerate().filter(|(c, kept)| !**kept && self.contacts[*c] < 1.0).map(|(c, _)| c)

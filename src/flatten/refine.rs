@@ -54,7 +54,8 @@ pub(super) fn from_nothing(
 /// The map of least energy of `level`, in units of `surface`, from the map (m) of the next coarser level. `magnification` is
 /// the level's, and `surface` has it already: only the stages between two levels need it.
 ///
-/// Of a small level, and of one that lies over itself or had to be held apart around a hole, the better of this map and one [`from_nothing`] is kept.
+/// Of a small level, and of one that lies over itself or had to be held apart around a hole, the better of this map and one
+/// [`from_nothing`] is kept.
 /// Usually every vertex finds its place at once. Where one does not, the level is inserted in stages with a few Newton
 /// steps between them, and what still flips is untangled; a stage that resists starts again inside a circle.
 pub(super) fn refine(

@@ -61,10 +61,10 @@ struct Places {
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0 absent, 1 present, 2
-/// thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any
-/// order; ids below zero become the placeholder [`u32::MAX`]. Tables of calibrated taxels are read, too: `qx,qy,qz,qw`
-/// is the frame whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the places of taxels in their table, counted from 0. The tables know no
-/// frames: links lie at the origin.
+/// thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a sheet), `cxx,cxy,cxz,cyy,cyz,czz`
+/// (covariance, m^2), in any order; ids below zero become the placeholder [`u32::MAX`]. Tables of calibrated taxels are read,
+/// too: `qx,qy,qz,qw` is the frame whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the
+/// places of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
 ///
 /// # Errors
 /// The first broken cell by line and column.

@@ -151,8 +151,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
-        let rejected = found.weights.rejected_edges().count() + found.weights.rejected_contacts().count();
-        if matches!(args.robust, RobustArg::Auto) && found.robust == Robust::Graduated && rejected > 0 {
+        let let_go = found.robust == Robust::Graduated && found.weights.rejected() > 0;
+        if matches!(args.robust, RobustArg::Auto) && let_go {
             eprintln!(
                 "note: some observations stand out from the others and were let go (gnc); --robust none keeps all"
             );
@@ -366,7 +366,7 @@ impl Summary {
             iterations: found.iterations.len(),
             converged: found.ending.is_converged(),
             ending: Ending::describe(found.ending),
-            rejected: found.weights.rejected_edges().count() + found.weights.rejected_contacts().count(),
+            rejected: found.weights.rejected(),
             seconds: found.seconds.iter().sum(),
             // Where nothing says where the skin is, the distance as it is means nothing.
             rmse_mm: truth.filter(|_| found.free.is_empty()).map(|t| t.absolute * 1e3),

@@ -18,7 +18,13 @@ mod plot;
 mod progress;
 mod shell;
 mod simulate;
+#[cfg(unix)]
 mod stop;
+/// Elsewhere a run that is stopped leaves its temporary files.
+#[cfg(not(unix))]
+mod stop {
+    pub(crate) fn clean_when_stopped(_: &std::path::Path) {}
+}
 mod tables;
 
 use std::process::ExitCode;

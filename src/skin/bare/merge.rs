@@ -19,10 +19,10 @@ use crate::{
 /// none among the coordinates.
 const RESOLUTION: f64 = 1.0 / (1_u64 << 24) as f64;
 
-/// They also are if they are closer than this share of the distance to the third nearest, and than [`MOST_BESIDE`], unless the file
-/// says that they look to different sides: one of them was rounded to the digits of a text. A face with both would be a sliver, fifty times longer than high. The taxels of an
-/// iCub keep 0.41 of it, those of a lattice with a noise of 0.3 spacings 0.1; of points strewn at random one in 1250 is that close
-/// to another.
+/// They also are if they are closer than this share of the distance to the third nearest, and than [`MOST_BESIDE`], unless
+/// the file says that they look to different sides: one of them was rounded to the digits of a text. A face with both would
+/// be a sliver, fifty times longer than high. The taxels of an iCub keep 0.41 of it, those of a lattice with a noise of 0.3
+/// spacings 0.1; of points strewn at random one in 1250 is that close to another.
 const SAME_PLACE: f64 = 0.02;
 
 /// Rounding to the digits of a text moves a taxel by no more than this, in m: what is farther off is another pad, or the other side
