@@ -7,10 +7,10 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use dermatome::{
     contact::{Contact, ContactIndex},
     flatten::Distortion,
-    id::{IdVec, LinkId, PatchId, TaxelId},
+    id::IdVec,
     map::{MapFrame, MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
-    skin::Link,
+    skin::{Link, LinkId, PatchId, TaxelId},
 };
 use glam::{DAffine3, DVec2, DVec3};
 

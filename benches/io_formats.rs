@@ -11,10 +11,11 @@ use std::{
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    id::{FaceId, LevelId, TaxelId, VertexId},
+    id::{FaceId, VertexId},
     io::{ContactReader, LookupRow, LookupWriter, read_draft, write_flat, write_skin},
     mesh::shapes,
-    skin::Skin,
+    pyramid::LevelId,
+    skin::{Skin, TaxelId},
 };
 use glam::DVec2;
 

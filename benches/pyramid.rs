@@ -3,10 +3,9 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    id::LinkId,
     mesh::shapes,
     pyramid::{CoarsenOptions, coarsen},
-    skin::Patch,
+    skin::{LinkId, Patch},
 };
 
 /// Names and triangle counts of the inputs.

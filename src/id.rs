@@ -1,7 +1,7 @@
 //! Typed indices, and arrays that only their own index opens.
 //!
-//! An index says what it counts: a [`FaceId`] cannot be used where a [`VertexId`] is meant. A
-//! [`TaxelId`] is no index at all but the number a vendor printed on a taxel.
+//! An index says what it counts: a [`FaceId`] cannot be used where a [`VertexId`] is meant. Ids of
+//! other things are defined, by `define_id!`, in the module of the thing that they count.
 
 use std::{fmt, marker::PhantomData, ops};
 
@@ -16,7 +16,8 @@ pub trait Id: Copy + Eq + Ord + fmt::Debug {
     fn index(self) -> usize;
 }
 
-macro_rules! id {
+/// Defines a dense index that counts one kind of thing, an [`Id`].
+macro_rules! define_id {
     ($(#[$doc:meta])* $name:ident, $letter:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -33,7 +34,7 @@ macro_rules! id {
                 Self(u32::try_from(index).expect("more than 2^32 elements"))
             }
 
-            /// Position in an [`IdVec`].
+            /// Position in an [`IdVec`](crate::id::IdVec).
             #[inline]
             #[must_use]
             pub const fn index(self) -> usize {
@@ -55,7 +56,7 @@ macro_rules! id {
             }
         }
 
-        impl Id for $name {
+        impl $crate::id::Id for $name {
             #[inline]
             fn new(index: usize) -> Self {
                 Self::new(index)
@@ -66,66 +67,29 @@ macro_rules! id {
             }
         }
 
-        impl fmt::Debug for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Debug for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 write!(f, concat!($letter, "{}"), self.0)
             }
         }
 
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 self.0.fmt(f)
             }
         }
     };
 }
 
-id!(
+define_id!(
     /// A vertex of one mesh.
     VertexId, "v"
 );
-id!(
+define_id!(
     /// A triangle of one mesh.
     FaceId, "f"
 );
-id!(
-    /// A patch of one skin.
-    PatchId, "p"
-);
-id!(
-    /// A level of one pyramid; 0 is the skin itself.
-    LevelId, "L"
-);
-id!(
-    /// A link of one robot.
-    LinkId, "link"
-);
-id!(
-    /// A displacement observed between two taxels.
-    EdgeId, "e"
-);
-id!(
-    /// An absolute contact observation of one taxel.
-    ContactId, "c"
-);
-
-/// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
-///
-/// Never an index. `TaxelId(0)` is the placeholder of most vendors.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub struct TaxelId(pub u32);
-
-impl fmt::Debug for TaxelId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "taxel {}", self.0)
-    }
-}
-
-impl fmt::Display for TaxelId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
+pub(crate) use define_id;
 
 /// A vector whose elements are reached by one kind of [`Id`] alone.
 #[derive(Clone, PartialEq, Eq, Hash)]

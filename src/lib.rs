@@ -21,6 +21,7 @@
 //! threads.
 
 pub mod id;
+mod numeric;
 pub mod mesh;
 pub mod delaunay;
 pub mod sparse;

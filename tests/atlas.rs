@@ -5,9 +5,10 @@ mod maps;
 
 use dermatome::{
     atlas::{AtlasError, Chart, ImageRows, LevelImage, Samples, face_stretch, level_image},
-    id::{FaceId, TaxelId, VertexId},
+    id::{FaceId, VertexId},
     map::{MapFrame, PatchMap},
     mesh::{MeshError, TriMesh, shapes},
+    skin::TaxelId,
 };
 use glam::{DVec2, DVec3};
 use maps::{flat_patch, level_id, mapped_level, patch};

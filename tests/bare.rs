@@ -8,13 +8,13 @@ use std::{
 };
 
 use dermatome::{
-    id::{TaxelId, VertexId},
+    id::VertexId,
     io,
     mesh::{Adjacency, TriMesh, shapes},
     pipeline, report,
     skin::{
-        Assembled, Draft, FindingKind, MeshOptions, Patch, Presence, RemarkKind, Sheet, SkinError, assemble,
-        check, mesh_bare,
+        Assembled, Draft, FindingKind, MeshOptions, Patch, Presence, RemarkKind, Sheet, SkinError, TaxelId,
+        assemble, check, mesh_bare,
     },
 };
 use glam::{DAffine3, DQuat, DVec3};

@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 
 use dermatome::{
     calib::{
-        CalibError, CalibOptions, CalibratedSkin, Calibration, Contact, Ending, Information, Method, Model,
-        Motion, Observations, Outside, Pose, PosePrior, Residual, Robust, SimulateOptions, Start, Touch,
-        Uncertainty, calibrate, calibrated_skin, compare, simulate,
+        CalibError, CalibOptions, CalibratedSkin, Calibration, Contact, DisplacementId, Ending, Information,
+        Method, Model, Motion, Observations, Outside, Pose, PosePrior, Residual, Robust, SimulateOptions,
+        Start, Touch, Uncertainty, calibrate, calibrated_skin, compare, simulate,
     },
-    id::{EdgeId, IdVec, VertexId},
+    id::{IdVec, VertexId},
     io::read_observations,
 };
 use glam::{DQuat, DVec3};
@@ -331,7 +331,7 @@ fn zero_information_joins_no_components() {
         let one = simulate(&small(model)).unwrap().observations;
         let both = side_by_side(&one, &one);
         let mut joined = both.clone();
-        let mut silent = one.edges[EdgeId::new(0)].clone();
+        let mut silent = one.edges[DisplacementId::new(0)].clone();
         silent.to = VertexId::new(one.taxels.len() + 3);
         match &mut silent.motion {
             Motion::Offset { information, .. } => *information = Information::isotropic(0.0),
@@ -378,7 +378,7 @@ fn a_single_touched_pose_keeps_its_turn() {
     let observations = Observations {
         model: Model::Poses,
         taxels: vec![dermatome::calib::Unknown {
-            id: dermatome::id::TaxelId(4),
+            id: dermatome::skin::TaxelId(4),
             initial: None,
             fixed: false,
         }]
@@ -444,7 +444,7 @@ fn the_default_lets_go_only_of_what_stands_out() {
 fn one_gross_error_is_found() {
     let mut observations =
         simulate(&SimulateOptions { seed: 4, ..SimulateOptions::default() }).unwrap().observations;
-    let wrong = EdgeId::new(700);
+    let wrong = DisplacementId::new(700);
     if let Motion::Offset { offset, .. } = &mut observations.edges[wrong].motion {
         offset.x += 9e-3;
     }
@@ -591,7 +591,7 @@ fn edges_that_join_sheets_are_not_let_go() {
         let found =
             solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
         assert_eq!(found.free.len(), 1, "one piece");
-        let bridges = [observations.edges.len() - 2, observations.edges.len() - 1].map(EdgeId::new);
+        let bridges = [observations.edges.len() - 2, observations.edges.len() - 1].map(DisplacementId::new);
         let kept = bridges.map(|e| found.weights.edge_kept[e]);
         if apart == 0.0 {
             assert_eq!(kept, [true, true]);
@@ -818,7 +818,7 @@ fn side_by_side(one: &Observations, other: &Observations) -> Observations {
     let mut both = one.clone();
     let shift = |v: VertexId| VertexId::new(v.index() + one.taxels.len());
     for taxel in &other.taxels {
-        let id = dermatome::id::TaxelId(taxel.id.0 + 1000);
+        let id = dermatome::skin::TaxelId(taxel.id.0 + 1000);
         both.taxels.push(dermatome::calib::Unknown { id, ..*taxel });
     }
     for edge in &other.edges {
@@ -970,7 +970,7 @@ fn given_triangles_that_are_inside_out_are_turned() {
 fn edges_whose_triangles_close_up_are_no_skin() {
     let places = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(-1.0, -1.0, 0.0)];
     let unknown =
-        |k| dermatome::calib::Unknown { id: dermatome::id::TaxelId(k), initial: None, fixed: false };
+        |k| dermatome::calib::Unknown { id: dermatome::skin::TaxelId(k), initial: None, fixed: false };
     let mut observations =
         Observations { taxels: (10..14).map(unknown).collect(), ..Observations::default() };
     for i in 0..4 {
@@ -1048,7 +1048,7 @@ fn broken_promises_are_named() {
     assert!(error(&|o| o.edges.as_mut_slice()[7].to = o.edges.as_slice()[7].from).contains("edge 7"));
     assert!(error(&|o| o.model = Model::Poses).contains("poses model"));
     assert!(error(&|o| o.edges = IdVec::new()).contains("0 observations"));
-    let lonely = dermatome::calib::Unknown { id: dermatome::id::TaxelId(77), initial: None, fixed: false };
+    let lonely = dermatome::calib::Unknown { id: dermatome::skin::TaxelId(77), initial: None, fixed: false };
     assert!(error(&|o| _ = o.taxels.push(lonely)).contains("taxel 77"));
     let touched = |taxel: usize, information: f64, normal: DVec3| {
         let (position, information) = (DVec3::ZERO, Information::isotropic(information));

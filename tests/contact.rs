@@ -6,11 +6,11 @@ use std::f64::consts::TAU;
 use dermatome::{
     contact::{Contact, ContactError, ContactIndex, Hit},
     flatten::Distortion,
-    id::{FaceId, IdVec, LevelId, LinkId, PatchId, TaxelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     map::{MapFrame, MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
-    pyramid::Prolongation,
-    skin::{Link, world_pose},
+    pyramid::{LevelId, Prolongation},
+    skin::{Link, LinkId, PatchId, TaxelId, world_pose},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};

@@ -8,10 +8,10 @@ use dermatome::{
         Distortion, Energy, FlattenError, FlattenOptions, Method, Overlap, distortion, flatten,
         flatten_pyramid,
     },
-    id::{IdVec, LevelId, LinkId, VertexId},
+    id::{IdVec, VertexId},
     mesh::{Adjacency, TriMesh, shapes},
-    pyramid::{CoarsenOptions, Pyramid, coarsen},
-    skin::Patch,
+    pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
+    skin::{LinkId, Patch},
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;

@@ -9,10 +9,10 @@ use std::{
 };
 
 use dermatome::{
-    id::{IdVec, LinkId, PatchId, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     io::{IoError, read_draft, replace_file, write_flat, write_json, write_skin},
     mesh::shapes,
-    skin::{Draft, Link, Patch, Presence, Sheet, Skin, world_pose},
+    skin::{Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, world_pose},
 };
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use proptest::prelude::*;

@@ -6,12 +6,12 @@ mod gltf_files;
 use std::{fs, path::Path};
 
 use dermatome::{
-    id::{LinkId, PatchId, TaxelId, VertexId},
+    id::VertexId,
     io::{IoError, read_draft, read_map, write_map, write_skin},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
-    skin::{Link, Patch, Presence, Sheet, Skin, assemble},
+    skin::{Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, assemble},
 };
 use glam::{DAffine3, DQuat, DVec3};
 use gltf_files::{Glb, f32s, u16s};
@@ -719,7 +719,7 @@ fn what_no_file_can_hold_is_refused_before_anything_is_written() {
         }
     };
     fn palm(map: &mut SkinMap) -> &mut dermatome::map::MapLevel {
-        &mut map.patches[PatchId::new(0)].levels[dermatome::id::LevelId::new(1)]
+        &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)]
     }
     write(&|map| palm(map).uv[VertexId::new(0)] += 10.0, &["palm/L1", "vertex 0"]);
     write(&|map| palm(map).direct = None, &["palm/L1 direct", "no prolongation"]);

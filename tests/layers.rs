@@ -5,8 +5,8 @@
 use std::{fs, path::Path};
 
 const ROOMS: &[&str] = &[
-    "id", "mesh", "delaunay", "sparse", "skin", "calib", "pyramid", "flatten", "map", "atlas", "contact",
-    "io", "report", "error", "pipeline",
+    "id", "numeric", "mesh", "delaunay", "sparse", "skin", "calib", "pyramid", "flatten", "map", "atlas",
+    "contact", "io", "report", "error", "pipeline",
 ];
 
 const DOORS: &[(&str, &str)] =
@@ -77,7 +77,7 @@ fn rooms_named(text: &str) -> Vec<String> {
 fn groups_and_single_paths_are_both_seen() {
     let text =
         "use crate::{\n    id::{A, B},\n    mesh::TriMesh, // crate::io\n};\nlet x = crate::skin::y();";
-    assert_eq!(rooms_named(text), ["id", "mesh", "skin"]);
+    assert_eq!(rooms_named(text), ["id", "numeric", "mesh", "skin"]);
 }
 
 #[test]

@@ -11,12 +11,12 @@ use std::{
 use assert_cmd::Command;
 use dermatome::{
     contact::{Contact, ContactIndex},
-    id::{LevelId, PatchId},
     io::{read_map, write_map, write_skin},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
-    skin::{Link, Patch, Skin},
+    pyramid::LevelId,
+    skin::{Link, Patch, PatchId, Skin},
 };
 use glam::{DAffine3, DVec3};
 use tempfile::TempDir;

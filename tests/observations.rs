@@ -8,11 +8,12 @@ use dermatome::{
         Contact, Information, Model, Motion, Pose, PosePrior, SimulateOptions, Touch, calibrate,
         calibrated_skin, simulate,
     },
-    id::{TaxelId, VertexId},
+    id::VertexId,
     io::{
         ObservationRemark, append_observations, read_draft, read_observations, read_triangles, read_truth,
         write_calibration, write_contacts, write_observations, write_skin, write_triangles, write_truth,
     },
+    skin::TaxelId,
 };
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;

@@ -5,10 +5,10 @@
 use std::collections::BTreeSet;
 
 use dermatome::{
-    id::{FaceId, IdVec, LevelId, LinkId, TaxelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     mesh::{Adjacency, Halfedge, MeshError, TriMesh, mean_edge_length, shapes},
-    pyramid::{CoarsenOptions, Level, Pyramid, PyramidError, coarsen},
-    skin::Patch,
+    pyramid::{CoarsenOptions, Level, LevelId, Pyramid, PyramidError, coarsen},
+    skin::{LinkId, Patch, TaxelId},
 };
 use glam::DVec3;
 use proptest::prelude::*;

@@ -6,11 +6,11 @@ mod drafts;
 use std::collections::BTreeSet;
 
 use dermatome::{
-    id::{FaceId, TaxelId, VertexId},
+    id::{FaceId, VertexId},
     mesh::{Adjacency, TriMesh, shapes},
     skin::{
-        Assembled, Draft, Element, FindingKind, Presence, Remark, RemarkKind, Sheet, SkinError, assemble,
-        check,
+        Assembled, Draft, Element, FindingKind, Presence, Remark, RemarkKind, Sheet, SkinError, TaxelId,
+        assemble, check,
     },
 };
 use drafts::{cover, draft_of, sheet_of, soup};

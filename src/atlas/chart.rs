@@ -6,9 +6,10 @@ use crate::{
         AtlasError,
         rasterize::{PIXEL, Snapped, UNCOVERED, rasterize},
     },
-    id::{FaceId, IdVec, LevelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     map::{MapFrame, PatchMap},
     mesh::{SurfacePoint, TriMesh},
+    pyramid::LevelId,
 };
 
 /// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what the exact

@@ -1,9 +1,6 @@
 use glam::DVec2;
 
-use crate::{
-    id::{LevelId, VertexId},
-    mesh::MeshError,
-};
+use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId};
 
 /// Why a level has no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

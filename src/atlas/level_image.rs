@@ -9,9 +9,10 @@ use crate::{
         chart::{check_length, check_total, image_name, narrow},
         face_stretch,
     },
-    id::{FaceId, LevelId, VertexId},
+    id::{FaceId, VertexId},
     map::{MapFrame, MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
+    pyramid::LevelId,
 };
 
 /// Channels of measures; 0 where no face is.

@@ -1,12 +1,12 @@
 use glam::DVec3;
 
 use crate::{
-    calib::{Motion, Observations, normal_equations::PerObservation, robust::KEPT},
-    id::{EdgeId, IdVec},
+    calib::{DisplacementId, Motion, Observations, normal_equations::PerObservation, robust::KEPT},
+    id::IdVec,
 };
 
 /// How much likelier than others each edge is to be attributed right, as the logarithm of the ratio of odds.
-pub(super) type LogOdds = IdVec<EdgeId, f64>;
+pub(super) type LogOdds = IdVec<DisplacementId, f64>;
 
 /// Edges of about the same length that are counted on either side. From 10 to 25 the accuracy at 20 % wrong
 /// edges is the same to half a percent.
@@ -26,7 +26,7 @@ const MOST_STRETCH: f64 = 2.0;
 /// among all: no shape of either distribution is assumed, and where wrong edges are as long as good ones, the odds say
 /// nothing.
 pub(super) fn attribution_odds(observations: &Observations, kept: &PerObservation<bool>) -> Option<LogOdds> {
-    let mut by_length: Vec<(f64, EdgeId)> =
+    let mut by_length: Vec<(f64, DisplacementId)> =
         observations.edges.enumerate().map(|(e, d)| (length(&d.motion).length(), e)).collect();
     by_length.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     // Kept edges among the first k.
@@ -76,7 +76,7 @@ mod tests {
     use crate::calib::{SimulateOptions, simulate};
 
     /// All edges but those for which `wrong` holds.
-    fn all_but(observations: &Observations, wrong: impl Fn(EdgeId) -> bool) -> PerObservation<bool> {
+    fn all_but(observations: &Observations, wrong: impl Fn(DisplacementId) -> bool) -> PerObservation<bool> {
         PerObservation {
             edges: observations.edges.ids().map(|e| !wrong(e)).collect(),
             contacts: IdVec::new(),

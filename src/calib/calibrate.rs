@@ -2,8 +2,8 @@ use std::time::Instant;
 
 use crate::{
     calib::{
-        CalibError, Ending, Fit, Iteration, Limits, Marginals, Method, Model, Observations, Pose, Residual,
-        Robust, Start,
+        CalibError, ContactObservationId, DisplacementId, Ending, Fit, Iteration, Limits, Marginals, Method,
+        Model, Observations, Pose, Residual, Robust, Start,
         fit::fit,
         gauge::{Anchoring, Free},
         marginals::marginals,
@@ -12,7 +12,8 @@ use crate::{
         search::{Found, Search},
         start::start,
     },
-    id::{ContactId, EdgeId, IdVec, TaxelId, VertexId},
+    id::{IdVec, VertexId},
+    skin::TaxelId,
 };
 
 /// Options of [`calibrate`].
@@ -59,22 +60,22 @@ pub struct FreeComponent {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weights {
     /// Squared whitened error of every edge.
-    pub edge_squares: IdVec<EdgeId, f64>,
+    pub edge_squares: IdVec<DisplacementId, f64>,
     /// Weight of every edge in the result: 1 without robust kernel, near 0 if the kernel let go of it.
-    pub edges: IdVec<EdgeId, f64>,
+    pub edges: IdVec<DisplacementId, f64>,
     /// Whether the stated noise explains the edge, and its length does not speak against it.
-    pub edge_kept: IdVec<EdgeId, bool>,
+    pub edge_kept: IdVec<DisplacementId, bool>,
     /// Squared whitened error of every contact.
-    pub contact_squares: IdVec<ContactId, f64>,
+    pub contact_squares: IdVec<ContactObservationId, f64>,
     /// Weight of every contact.
-    pub contacts: IdVec<ContactId, f64>,
+    pub contacts: IdVec<ContactObservationId, f64>,
     /// Whether the stated noise explains the contact.
-    pub contact_kept: IdVec<ContactId, bool>,
+    pub contact_kept: IdVec<ContactObservationId, bool>,
 }
 
 impl Weights {
     /// The edges that count less because noise does not explain them, or whose taxel nothing else holds.
-    pub fn rejected_edges(&self) -> impl Iterator<Item = EdgeId> {
+    pub fn rejected_edges(&self) -> impl Iterator<Item = DisplacementId> {
         self.edge_kept.enumerate().filter(|(e, kept)| !**kept && self.edges[*e] < 1.0).map(|(e, _)| e)
     }
 
@@ -85,7 +86,7 @@ impl Weights {
     }
 
     /// The contacts that count less because noise does not explain them.
-    pub fn rejected_contacts(&self) -> impl Iterator<Item = ContactId> {
+    pub fn rejected_contacts(&self) -> impl Iterator<Item = ContactObservationId> {
         self.contact_kept.enumerate().filter(|(c, kept)| !**kept && self.contacts[*c] < 1.0).map(|(c, _)| c)
     }
 }

@@ -1,6 +1,6 @@
 use crate::{
-    calib::Observations,
-    id::{EdgeId, IdVec, VertexId},
+    calib::{DisplacementId, Observations},
+    id::{IdVec, VertexId},
 };
 
 /// Taxels that edges join.
@@ -17,7 +17,10 @@ pub(super) struct Component {
 
 /// The connected components of the graph of edges that say anything and that `counts` picks, in the order of their first
 /// taxels.
-pub(super) fn components(observations: &Observations, counts: impl Fn(EdgeId) -> bool) -> Vec<Component> {
+pub(super) fn components(
+    observations: &Observations,
+    counts: impl Fn(DisplacementId) -> bool,
+) -> Vec<Component> {
     let taxels = &observations.taxels;
     let mut sets = Sets { parents: taxels.ids().collect() };
     for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {

@@ -1,5 +1,6 @@
 use crate::{
-    id::{ContactId, EdgeId, TaxelId},
+    calib::{ContactObservationId, DisplacementId},
+    skin::TaxelId,
     sparse::SparseError,
 };
 
@@ -35,7 +36,7 @@ pub enum CalibError {
     #[error("edge {edge} joins taxel {id} to itself")]
     SelfEdge {
         /// The edge.
-        edge: EdgeId,
+        edge: DisplacementId,
         /// The taxel.
         id: TaxelId,
     },
@@ -45,7 +46,7 @@ pub enum CalibError {
     )]
     InvalidEdge {
         /// The edge.
-        edge: EdgeId,
+        edge: DisplacementId,
         /// Its first taxel.
         from: TaxelId,
         /// Its second taxel.
@@ -57,7 +58,7 @@ pub enum CalibError {
     )]
     IndefiniteEdge {
         /// The edge.
-        edge: EdgeId,
+        edge: DisplacementId,
         /// Its first taxel.
         from: TaxelId,
         /// Its second taxel.
@@ -69,7 +70,7 @@ pub enum CalibError {
     #[error("contact {contact} of taxel {id} is not valid: {reason}")]
     InvalidContact {
         /// The contact.
-        contact: ContactId,
+        contact: ContactObservationId,
         /// The taxel.
         id: TaxelId,
         /// What is wrong with it.

@@ -2,12 +2,12 @@ use std::collections::HashMap;
 
 use crate::calib::{
     Robust,
-    chi_square::{chi_square_tail, quantile},
     gauge::Anchoring,
     normal_equations::{PerObservation, Problem},
     robust::Scale,
     search::Found,
 };
+use crate::numeric::{chi_square_tail, quantile};
 
 /// Whether the stated noise is believable.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,14 +4,14 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        Model, Pose,
+        ContactObservationId, Model, Pose,
         components::{Component, component_of_taxels, components},
         normal_equations::{PerObservation, Problem, State},
         residual::{Quarters, Twist},
         robust::SMALLEST_WEIGHT,
     },
-    id::{ContactId, VertexId},
-    mesh::eigen,
+    id::VertexId,
+    numeric::symmetric_eigen,
     sparse::{BlockMatrix, BlockSlot},
 };
 
@@ -33,7 +33,7 @@ pub(super) struct Free {
     pub(super) directions: usize,
     /// Typical distance from the centroid, in m: makes translations and rotations comparable.
     pub(super) length: f64,
-    contacts: Vec<ContactId>,
+    contacts: Vec<ContactObservationId>,
     /// How many of its contacts do not count.
     pub(super) let_go: usize,
 }
@@ -55,7 +55,7 @@ impl Anchoring {
         &self,
         problem: &Problem<'_>,
         state: &State,
-        counts: impl Fn(ContactId) -> bool,
+        counts: impl Fn(ContactObservationId) -> bool,
     ) -> Cow<'_, [Free]> {
         if problem.observations.contacts.ids().all(&counts) {
             Cow::Borrowed(&self.by_all)
@@ -105,7 +105,11 @@ pub(super) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion
 }
 
 /// The components that the contacts that `counts` picks do not anchor, as far as they do not.
-fn free_components(problem: &Problem<'_>, state: &State, counts: impl Fn(ContactId) -> bool) -> Vec<Free> {
+fn free_components(
+    problem: &Problem<'_>,
+    state: &State,
+    counts: impl Fn(ContactObservationId) -> bool,
+) -> Vec<Free> {
     let observations = problem.observations;
     let all = components(observations, |_| true);
     let mut contacts = vec![(Vec::new(), 0); all.len()];
@@ -228,7 +232,7 @@ fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [Motion; 6]) {
     let holds = |k: usize| sum[k][k] > NOTHING * largest;
     let scale: [f64; 6] = std::array::from_fn(|k| if holds(k) { sum[k][k].sqrt().recip() } else { 0.0 });
     let scaled = std::array::from_fn(|i| std::array::from_fn(|j| sum[i][j] * scale[i] * scale[j]));
-    let (values, vectors) = eigen::<6>(&scaled);
+    let (values, vectors) = symmetric_eigen::<6>(&scaled);
     let mut order = [0, 1, 2, 3, 4, 5];
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
     let motion = |k: usize| -> Motion {

@@ -1,6 +1,6 @@
 use glam::DMat3;
 
-use crate::mesh::eigen;
+use crate::numeric::symmetric_eigen;
 
 /// How far below zero an eigenvalue of a matrix with ones on its diagonal may lie: files round what was exactly
 /// semi-definite.
@@ -73,7 +73,7 @@ impl<const N: usize> Information<N> {
     /// Cyclic Jacobi rotations, which keep small eigenvalues accurate.
     #[must_use]
     pub fn eigenvalues(&self) -> [f64; N] {
-        let mut values = eigen(&self.0).0;
+        let mut values = symmetric_eigen(&self.0).0;
         values.sort_unstable_by(f64::total_cmp);
         values
     }
@@ -109,7 +109,7 @@ impl<const N: usize> Information<N> {
             sum.is_finite() && 2.0 * self.0[i][i] >= sum
         };
         (0..N).all(is_dominant)
-            || self.correlations().is_some_and(|c| eigen(&c).0.iter().all(|&x| x >= -ROUNDING))
+            || self.correlations().is_some_and(|c| symmetric_eigen(&c).0.iter().all(|&x| x >= -ROUNDING))
     }
 
     /// Number of directions that are observed at all.
@@ -124,7 +124,7 @@ impl<const N: usize> Information<N> {
         if (0..N).all(is_weak) {
             return (0..N).filter(|&i| c[i][i] > 0.0).count();
         }
-        eigen(&c).0.iter().filter(|&&x| x > RANK_TOLERANCE).count()
+        symmetric_eigen(&c).0.iter().filter(|&&x| x > RANK_TOLERANCE).count()
     }
 }
 

@@ -9,7 +9,7 @@ use crate::{
         residual::{Twist, dot},
     },
     id::{IdVec, VertexId},
-    mesh::eigen,
+    numeric::symmetric_eigen,
     sparse::BlockFactor,
 };
 
@@ -223,7 +223,7 @@ impl Alignment<'_> {
                 }
             }
         }
-        eigen(&sum)
+        symmetric_eigen(&sum)
     }
 }
 

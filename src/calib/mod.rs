@@ -17,7 +17,6 @@
 mod attribution;
 mod calibrate;
 mod cap;
-mod chi_square;
 mod compare;
 mod components;
 mod error;
@@ -46,7 +45,8 @@ pub use fit::Fit;
 pub use information::Information;
 pub use marginals::Marginals;
 pub use observations::{
-    Contact, Displacement, Model, Motion, Observations, PosePrior, RelativePose, Touch, Unknown,
+    Contact, ContactObservationId, Displacement, DisplacementId, Model, Motion, Observations, PosePrior,
+    RelativePose, Touch, Unknown,
 };
 pub use optimise::{Ending, Iteration, Limits, Method};
 pub use pose::Pose;

@@ -3,11 +3,12 @@ use rayon::prelude::*;
 
 use crate::{
     calib::{
-        CalibError, Displacement, Model, Motion, Observations, Pose, PosePrior, Residual, Touch,
+        CalibError, ContactObservationId, Displacement, DisplacementId, Model, Motion, Observations, Pose,
+        PosePrior, Residual, Touch,
         pose::hat,
         residual::{EdgeTerm, Quarters, Twist, dot, error, linearised},
     },
-    id::{ContactId, EdgeId, IdVec, VertexId},
+    id::{IdVec, VertexId},
     sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
@@ -17,8 +18,8 @@ pub(super) type State = IdVec<VertexId, Pose>;
 /// One value for every observation.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct PerObservation<T = f64> {
-    pub(super) edges: IdVec<EdgeId, T>,
-    pub(super) contacts: IdVec<ContactId, T>,
+    pub(super) edges: IdVec<DisplacementId, T>,
+    pub(super) contacts: IdVec<ContactObservationId, T>,
 }
 
 impl<T: Copy> PerObservation<T> {
@@ -73,7 +74,7 @@ pub(super) struct Problem<'o> {
     pub(super) rows: IdVec<VertexId, Option<u32>>,
     pub(super) system: BlockSystem,
     /// The block of every edge between two taxels that move; `true` where it is that of (to, from).
-    slots: IdVec<EdgeId, Option<(BlockSlot, bool)>>,
+    slots: IdVec<DisplacementId, Option<(BlockSlot, bool)>>,
 }
 
 impl<'o> Problem<'o> {
@@ -125,7 +126,7 @@ impl<'o> Problem<'o> {
     }
 
     /// Squared error of one edge, over its variance.
-    pub(super) fn edge_square(&self, edge: EdgeId, state: &State) -> f64 {
+    pub(super) fn edge_square(&self, edge: DisplacementId, state: &State) -> f64 {
         self.square(&self.observations.edges[edge], state)
     }
 
@@ -171,7 +172,7 @@ impl<'o> Problem<'o> {
         };
         let edges = self.observations.edges.as_slice();
         for (chunk, edges) in edges.chunks(EDGES_PER_CHUNK).enumerate() {
-            let id = |k: usize| EdgeId::new(chunk * EDGES_PER_CHUNK + k);
+            let id = |k: usize| DisplacementId::new(chunk * EDGES_PER_CHUNK + k);
             if self.shape == Shape::Pose {
                 let terms: Vec<Option<EdgeTerm>> =
                     edges.par_iter().map(|e| self.relative_term(e, state)).collect();
@@ -204,7 +205,7 @@ impl<'o> Problem<'o> {
         }
     }
 
-    fn add_relative(&self, sums: &mut Sums<'_>, id: EdgeId, term: &EdgeTerm, weight: f64) {
+    fn add_relative(&self, sums: &mut Sums<'_>, id: DisplacementId, term: &EdgeTerm, weight: f64) {
         let edge = &self.observations.edges[id];
         if let Some(row) = self.rows[edge.from] {
             sums.add_quarters(BlockSlot::diagonal(row), &term.from_from, weight, false);
@@ -219,7 +220,14 @@ impl<'o> Problem<'o> {
         }
     }
 
-    fn add_offset(&self, sums: &mut Sums<'_>, id: EdgeId, edge: &Displacement, state: &State, weight: f64) {
+    fn add_offset(
+        &self,
+        sums: &mut Sums<'_>,
+        id: DisplacementId,
+        edge: &Displacement,
+        state: &State,
+        weight: f64,
+    ) {
         let Motion::Offset { offset, information } = &edge.motion else { return };
         let omega = information.matrix();
         let gradient = omega * offset_error(edge, *offset, state);

@@ -4,8 +4,18 @@ use glam::DVec3;
 
 use crate::{
     calib::{CalibError, Information, Pose},
-    id::{ContactId, EdgeId, IdVec, TaxelId, VertexId},
+    id::{IdVec, VertexId, define_id},
+    skin::TaxelId,
 };
+
+define_id!(
+    /// A displacement observed between two taxels.
+    DisplacementId, "e"
+);
+define_id!(
+    /// An observed position of one taxel.
+    ContactObservationId, "c"
+);
 
 /// What is unknown of a taxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -167,9 +177,9 @@ pub struct Observations {
     /// The taxels.
     pub taxels: IdVec<VertexId, Unknown>,
     /// Displacements between two taxels.
-    pub edges: IdVec<EdgeId, Displacement>,
+    pub edges: IdVec<DisplacementId, Displacement>,
     /// Absolute observations of one taxel.
-    pub contacts: IdVec<ContactId, Contact>,
+    pub contacts: IdVec<ContactObservationId, Contact>,
 }
 
 impl Observations {
@@ -217,7 +227,7 @@ impl Observations {
         self.taxels.get(vertex).map(|t| t.id).ok_or_else(dangling)
     }
 
-    fn check_edge(&self, edge: EdgeId, displacement: &Displacement) -> Result<(), CalibError> {
+    fn check_edge(&self, edge: DisplacementId, displacement: &Displacement) -> Result<(), CalibError> {
         let from = self.check_index(format_args!("edge {edge}"), displacement.from)?;
         let to = self.check_index(format_args!("edge {edge}"), displacement.to)?;
         if from == to {
@@ -249,7 +259,7 @@ impl Observations {
         Ok(())
     }
 
-    fn check_contact(&self, contact: ContactId, touched: &Contact) -> Result<(), CalibError> {
+    fn check_contact(&self, contact: ContactObservationId, touched: &Contact) -> Result<(), CalibError> {
         let id = self.check_index(format_args!("contact {contact}"), touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
         const INDEFINITE: &str = "its information matrix is not positive semi-definite";

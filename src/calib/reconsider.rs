@@ -1,10 +1,10 @@
 use crate::{
     calib::{
-        Motion, Observations, Pose,
+        DisplacementId, Motion, Observations, Pose,
         normal_equations::{Problem, State},
         robust::Kernels,
     },
-    id::{EdgeId, IdVec, VertexId},
+    id::{IdVec, VertexId},
 };
 
 /// Places tried for one taxel: where more edges disagree, every so many are asked.
@@ -41,8 +41,8 @@ pub(super) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Ker
             }
             sum
         };
-        let disagrees = |e: &EdgeId| !kernels.edges[*e].keeps(problem.edge_square(*e, state));
-        let asked: Vec<EdgeId> = edges_of[v].iter().copied().filter(disagrees).collect();
+        let disagrees = |e: &DisplacementId| !kernels.edges[*e].keeps(problem.edge_square(*e, state));
+        let asked: Vec<DisplacementId> = edges_of[v].iter().copied().filter(disagrees).collect();
         if asked.is_empty() {
             continue;
         }
@@ -63,8 +63,8 @@ pub(super) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Ker
 }
 
 /// The edges of every taxel, ascending.
-pub(super) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Vec<EdgeId>> {
-    let mut edges_of: IdVec<VertexId, Vec<EdgeId>> = observations.taxels.map(|_| Vec::new());
+pub(super) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Vec<DisplacementId>> {
+    let mut edges_of: IdVec<VertexId, Vec<DisplacementId>> = observations.taxels.map(|_| Vec::new());
     for (id, edge) in observations.edges.enumerate() {
         edges_of[edge.from].push(id);
         edges_of[edge.to].push(id);
@@ -73,7 +73,12 @@ pub(super) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Ve
 }
 
 /// Where `edge` puts `v`, its other end being where it is.
-pub(super) fn named_by(observations: &Observations, edge: EdgeId, v: VertexId, state: &State) -> Pose {
+pub(super) fn named_by(
+    observations: &Observations,
+    edge: DisplacementId,
+    v: VertexId,
+    state: &State,
+) -> Pose {
     let edge = &observations.edges[edge];
     let forward = edge.to == v;
     let other = &state[if forward { edge.from } else { edge.to }];

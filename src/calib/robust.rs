@@ -1,10 +1,11 @@
 use crate::{
     calib::{
+        ContactObservationId, DisplacementId,
         attribution::{LogOdds, stretch},
-        chi_square::quantile,
         normal_equations::PerObservation,
     },
-    id::{ContactId, EdgeId, IdVec},
+    id::IdVec,
+    numeric::quantile,
 };
 
 /// How much an observation that does not fit may pull.
@@ -170,8 +171,8 @@ impl Scale {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Kernels {
     pub(super) robust: Robust,
-    pub(super) edges: IdVec<EdgeId, Kernel>,
-    pub(super) contacts: IdVec<ContactId, Kernel>,
+    pub(super) edges: IdVec<DisplacementId, Kernel>,
+    pub(super) contacts: IdVec<ContactObservationId, Kernel>,
 }
 
 impl Kernels {

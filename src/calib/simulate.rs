@@ -4,11 +4,12 @@ use glam::{DMat3, DQuat, DVec3, IVec3};
 
 use crate::{
     calib::{
-        CalibError, Contact, Displacement, Information, Model, Motion, Observations, Pose, RelativePose,
-        Touch, Unknown, cap::Cap, pose::exp, random::Random, start::spanning_tree,
+        CalibError, Contact, Displacement, DisplacementId, Information, Model, Motion, Observations, Pose,
+        RelativePose, Touch, Unknown, cap::Cap, pose::exp, random::Random, start::spanning_tree,
     },
-    id::{EdgeId, IdVec, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     mesh::TriMesh,
+    skin::TaxelId,
 };
 
 /// The experiment of the source paper's section IV, with what can be varied.
@@ -97,7 +98,7 @@ pub struct Simulation {
     /// The skin as it truly is.
     pub mesh: TriMesh,
     /// The displacements that were attributed to a wrong taxel.
-    pub outliers: Vec<EdgeId>,
+    pub outliers: Vec<DisplacementId>,
 }
 
 /// A wrongly attributed displacement leads to a taxel within this distance, in m.
@@ -198,7 +199,11 @@ fn stated(noise: f64) -> f64 {
 }
 
 /// Adds the displacements; returns those that were attributed to a wrong taxel.
-fn displacements(options: &SimulateOptions, cap: &Cap, observations: &mut Observations) -> Vec<EdgeId> {
+fn displacements(
+    options: &SimulateOptions,
+    cap: &Cap,
+    observations: &mut Observations,
+) -> Vec<DisplacementId> {
     let mut noise = Random::new(options.seed, stream::DISPLACEMENTS);
     let mut chance = Random::new(options.seed, stream::OUTLIERS);
     let translation = stated(options.noise);
@@ -214,7 +219,7 @@ fn displacements(options: &SimulateOptions, cap: &Cap, observations: &mut Observ
             && let Some(wrong) = cells.confused(cap, from, to, &mut chance)
         {
             seen = wrong;
-            outliers.push(EdgeId::new(observations.edges.len()));
+            outliers.push(DisplacementId::new(observations.edges.len()));
         }
         let motion = match options.model {
             Model::Positions => Motion::Offset {

@@ -3,10 +3,10 @@ use std::collections::{HashMap, HashSet};
 use glam::{DAffine3, DVec3};
 
 use crate::{
-    calib::{CalibError, Calibration, Model, Observations, Touch},
-    id::{EdgeId, IdVec, LinkId, TaxelId, VertexId},
+    calib::{CalibError, Calibration, DisplacementId, Model, Observations, Touch},
+    id::{IdVec, VertexId},
     mesh::{Edges, TriMesh},
-    skin::{Link, Patch, Skin},
+    skin::{Link, LinkId, Patch, Skin, TaxelId},
 };
 
 /// A skin made of calibrated taxels, and what became of the others.
@@ -157,7 +157,7 @@ fn edge_triangles(
 ) -> Result<Vec<[VertexId; 3]>, CalibError> {
     let ids = &calibration.ids;
     let all = lattice_triangles(ids, observations, |_| true).and_then(|faces| oriented(ids, faces));
-    let rejected: HashSet<EdgeId> = calibration.weights.rejected_edges().collect();
+    let rejected: HashSet<DisplacementId> = calibration.weights.rejected_edges().collect();
     if all.is_ok() || rejected.is_empty() {
         return all;
     }
@@ -168,7 +168,7 @@ fn edge_triangles(
 fn lattice_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     observations: &Observations,
-    counts: impl Fn(EdgeId) -> bool,
+    counts: impl Fn(DisplacementId) -> bool,
 ) -> Result<Vec<[VertexId; 3]>, CalibError> {
     // Later neighbours of every taxel, ascending.
     let mut later: IdVec<VertexId, Vec<VertexId>> = observations.taxels.map(|_| Vec::new());

@@ -10,7 +10,7 @@ use crate::{
         pose::outer,
     },
     id::{IdVec, VertexId},
-    mesh::eigen,
+    numeric::symmetric_eigen,
     sparse::{BlockFactor, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
@@ -253,7 +253,7 @@ pub(super) fn nearest_rotation(m: &DMat3) -> DQuat {
         [xz + zx, yz + zy, zz - xx - yy, yx - xy],
         [zy - yz, xz - zx, yx - xy, xx + yy + zz],
     ];
-    let (values, vectors) = eigen(&k);
+    let (values, vectors) = symmetric_eigen(&k);
     let best = (0..4).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(3);
     let q = DQuat::from_xyzw(vectors[0][best], vectors[1][best], vectors[2][best], vectors[3][best]);
     if q.w < 0.0 { -q } else { q }.normalize()

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 
 use crate::{
     contact::{Contact, ContactError, ContactIndex, Hit},
-    mesh::morton,
+    numeric::morton,
 };
 
 /// Contacts that one task answers, each search starting from the last hit: long enough to forget the first search,

@@ -5,10 +5,11 @@ use crate::{
         ContactError,
         pseudo_normal::{Fans, face_of_all},
     },
-    id::{FaceId, IdVec, LevelId, TaxelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     map::{MapFrame, MapLevel, PatchMap},
     mesh::SurfacePoint,
-    pyramid::Prolongation,
+    pyramid::{LevelId, Prolongation},
+    skin::TaxelId,
 };
 
 /// Fields that a contact can lie in: each of a face's three corners lies in up to three.

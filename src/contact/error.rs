@@ -1,6 +1,7 @@
 use crate::{
-    id::{FaceId, LinkId, VertexId},
+    id::{FaceId, VertexId},
     mesh::MeshError,
+    skin::LinkId,
 };
 
 /// Why a map cannot be searched, or a contact not be answered.

@@ -1,8 +1,8 @@
 use glam::DVec3;
 
 use crate::{
-    id::{LinkId, PatchId},
     mesh::SurfacePoint,
+    skin::{LinkId, PatchId},
 };
 
 /// A place where something touches the robot.

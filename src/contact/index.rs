@@ -10,9 +10,11 @@ use crate::{
         search::{Best, Search},
         stage::Stage,
     },
-    id::{FaceId, IdVec, LevelId, LinkId, PatchId},
+    id::{FaceId, IdVec},
     map::{PatchMap, SkinMap},
     mesh::SurfacePoint,
+    pyramid::LevelId,
+    skin::{LinkId, PatchId},
 };
 
 /// Coordinates beyond this (in m) are refused: their squares still fit into `f32`.

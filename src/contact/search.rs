@@ -8,7 +8,8 @@ use crate::{
         patch_tree::PatchTree,
         wide_tree::{Child, WideNode},
     },
-    id::{FaceId, PatchId},
+    id::FaceId,
+    skin::PatchId,
 };
 
 /// By how much a distance found in `f32` may be wrong, relative to the patch's radius plus the distance of the

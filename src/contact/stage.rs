@@ -8,7 +8,7 @@ use crate::{
         search::{lanes, least_lane, seeming_squared, slack},
         wide_tree::WideNode,
     },
-    id::PatchId,
+    skin::PatchId,
 };
 
 /// The boxes of all patches as the robot is posed now, in the world.

@@ -264,7 +264,11 @@ mod tests {
     /// Undoing every removal gives the level's own mesh, and on a flat skin its own places.
     #[test]
     fn a_flat_level_comes_back_from_its_coarser_map() {
-        use crate::{id::LevelId, id::LinkId, mesh::shapes, pyramid::coarsen, skin::Patch};
+        use crate::{
+            mesh::shapes,
+            pyramid::{LevelId, coarsen},
+            skin::{LinkId, Patch},
+        };
         let patch = Patch::from_mesh("flat", LinkId::new(0), shapes::lattice(15, 12, 0.01));
         let pyramid = coarsen(&patch, &Default::default()).unwrap();
         let [fine, coarse] = [0, 1].map(|l| &pyramid.levels[LevelId::new(l)]);

@@ -11,10 +11,10 @@ use crate::{
         refine::{from_nothing, refine},
         surface::Surface,
     },
-    id::{IdVec, LevelId, LinkId, VertexId},
+    id::{IdVec, VertexId},
     mesh::TriMesh,
-    pyramid::{CoarsenOptions, Level, Pyramid, coarsen},
-    skin::Patch,
+    pyramid::{CoarsenOptions, Level, LevelId, Pyramid, coarsen},
+    skin::{LinkId, Patch},
 };
 
 /// Meshes up to this size are flattened at once, larger ones through a pyramid: about where both take equally long.

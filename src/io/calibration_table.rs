@@ -10,13 +10,14 @@ use glam::{DQuat, DVec3};
 
 use crate::{
     calib::{Calibration, Observations, Pose},
-    id::{IdVec, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     io::{
         IoError,
         columns::{Columns, Row, table_error, table_write_error},
         replace_file,
         source::Source,
     },
+    skin::TaxelId,
 };
 
 /// Writes calibrated taxels: `id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz`.

@@ -5,12 +5,11 @@ use std::{collections::BTreeSet, str::Lines};
 use glam::DVec3;
 
 use crate::{
-    id::TaxelId,
     io::{
         IoError,
         source::{Source, excerpt},
     },
-    skin::{Draft, Presence, Remark, RemarkKind, Sheet},
+    skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
 };
 
 /// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board or a fingertip of twelve.

@@ -6,8 +6,10 @@ use std::{
 use glam::DVec2;
 
 use crate::{
-    id::{FaceId, LevelId, TaxelId, VertexId},
+    id::{FaceId, VertexId},
     io::{IoError, columns::table_write_error},
+    pyramid::LevelId,
+    skin::TaxelId,
 };
 
 /// Columns of a table of lookups.

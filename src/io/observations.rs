@@ -10,11 +10,12 @@ use std::{
 
 use crate::{
     calib::{Contact, Displacement, Observations, Touch},
-    id::{TaxelId, VertexId},
+    id::VertexId,
     io::{
         IoError, kind::kind, observations_csv, observations_g2o, observations_lines::Lines, replace_file,
         source::invalid,
     },
+    skin::TaxelId,
 };
 
 /// Observations as a file tells them, and what had to be changed to read them.

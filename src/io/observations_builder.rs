@@ -11,13 +11,14 @@ use glam::{DQuat, DVec3};
 
 use crate::{
     calib::{Contact, Displacement, Information, Model, Motion, Observations, Pose, Touch, Unknown},
-    id::{TaxelId, VertexId},
+    id::VertexId,
     io::{
         IoError,
         observations::{ObservationRemark, ReadObservations},
         observations_lines::Place,
         source::invalid,
     },
+    skin::TaxelId,
 };
 
 /// Farthest that anything may be from the origin or from another taxel, in m. Coordinates of the whole Earth stay below

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::{
     calib::{Information, Model, Motion, Observations, Touch},
-    id::{TaxelId, VertexId},
+    id::VertexId,
     io::{
         IoError,
         observations::ReadObservations,
@@ -18,6 +18,7 @@ use crate::{
         observations_lines::{Lines, Place},
         source::{excerpt, invalid},
     },
+    skin::TaxelId,
 };
 
 /// Uncertainty where a table gives none, in m per axis: that of the source paper's experiment.

@@ -12,13 +12,13 @@ use glam::DVec3;
 
 use crate::{
     calib::{Information, Model, Motion, Observations, Pose, PosePrior, RelativePose, Touch},
-    id::TaxelId,
     io::{
         IoError,
         observations::ReadObservations,
         observations_builder::Builder,
         observations_lines::{Lines, Place},
     },
+    skin::TaxelId,
 };
 
 /// The number g2o files give to the one offset that is written here.

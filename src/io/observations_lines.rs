@@ -6,11 +6,11 @@ use std::{
 };
 
 use crate::{
-    id::TaxelId,
     io::{
         IoError,
         source::{excerpt, invalid},
     },
+    skin::TaxelId,
 };
 
 /// Longest line that is read: a line of an edge has 31 numbers of at most 25 characters.

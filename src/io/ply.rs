@@ -15,7 +15,6 @@ use ply_rs_bw::{
 };
 
 use crate::{
-    id::TaxelId,
     io::{
         IoError,
         presence::{presence_code, presence_of},
@@ -23,7 +22,7 @@ use crate::{
         source::{Source, excerpt, invalid},
         world::in_world,
     },
-    skin::{Draft, Patch, Presence, Sheet, Skin},
+    skin::{Draft, Patch, Presence, Sheet, Skin, TaxelId},
 };
 
 /// What is known of a vertex; the place in this list is the place in a [`VertexRow`].

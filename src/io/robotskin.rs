@@ -7,14 +7,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::{
-    id::{LinkId, TaxelId},
     io::{
         IoError,
         source::{Source, excerpt, stem},
         world::{in_world, is_rotation, rotation_defect},
         write_json,
     },
-    skin::{Draft, Link, Patch, Presence, Sheet, Skin, world_pose},
+    skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
 };
 
 /// How far a frame's matrix may be from a rotation. Real files round the sine of 45 degrees to 0.7071, which leaves 1e-5;

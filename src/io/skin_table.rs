@@ -10,7 +10,7 @@ use csv::{StringRecord, Writer};
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::{
-    id::{LinkId, TaxelId, VertexId},
+    id::VertexId,
     io::{
         IoError,
         columns::{Columns, Row, table_error, table_write_error},
@@ -19,7 +19,7 @@ use crate::{
         source::{Source, excerpt, invalid},
         world::in_world,
     },
-    skin::{Draft, Link, Patch, Sheet, Skin},
+    skin::{Draft, Link, LinkId, Patch, Sheet, Skin, TaxelId},
 };
 
 /// Columns of the table of taxels.

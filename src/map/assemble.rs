@@ -2,9 +2,9 @@ use glam::DVec2;
 
 use crate::{
     flatten::distortion,
-    id::{IdVec, LevelId, VertexId},
+    id::{IdVec, VertexId},
     map::{MapFrame, MapLevel, PatchMap},
-    pyramid::{Level, Pyramid},
+    pyramid::{Level, LevelId, Pyramid},
     skin::Patch,
 };
 

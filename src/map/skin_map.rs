@@ -1,7 +1,8 @@
 use crate::{
-    id::{IdVec, LevelId, LinkId, PatchId, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     map::MapLevel,
-    skin::Link,
+    pyramid::LevelId,
+    skin::{Link, LinkId, PatchId, TaxelId},
 };
 
 /// One patch with the maps of its levels.

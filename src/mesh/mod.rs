@@ -6,22 +6,18 @@
 
 mod adjacency;
 mod edges;
-mod eigen;
 mod error;
 mod fill_holes;
 mod lengths;
-mod morton;
 pub mod shapes;
 mod surface_point;
 mod tri_mesh;
 
 pub use adjacency::{Adjacency, Halfedge};
 pub(crate) use edges::Edges;
-pub(crate) use eigen::eigen;
 pub use error::MeshError;
 pub use fill_holes::fill_holes;
 pub use lengths::{angle, cotangent, local_spacing, mean_edge_length};
-pub(crate) use morton::morton;
 pub use surface_point::SurfacePoint;
 pub use tri_mesh::TriMesh;
 pub(crate) use tri_mesh::smallest_first;

@@ -40,7 +40,7 @@ impl Default for CoarsenOptions {
 /// The pyramid of one patch.
 ///
 /// ```
-/// use dermatome::{id::{LevelId, LinkId}, mesh::shapes, pyramid::{CoarsenOptions, coarsen}, skin::Patch};
+/// use dermatome::{mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::{LinkId, Patch}};
 ///
 /// let patch = Patch::from_mesh("cap", LinkId::new(0), shapes::cap(2000, 0.1, 1.9));
 /// let pyramid = coarsen(&patch, &CoarsenOptions::default())?;

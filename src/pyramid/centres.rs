@@ -4,9 +4,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    id::{IdVec, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     mesh::angle,
     pyramid::{rings::Rings, surface::Surface},
+    skin::TaxelId,
 };
 
 /// A boundary vertex is a corner if its interior angle differs from a straight one by more than this, 75 degrees:

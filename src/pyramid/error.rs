@@ -1,7 +1,4 @@
-use crate::{
-    id::{LevelId, VertexId},
-    mesh::MeshError,
-};
+use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId};
 
 /// Why a patch has no pyramid, or data is no pyramid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

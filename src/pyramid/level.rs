@@ -1,8 +1,13 @@
 use crate::{
-    id::{IdVec, LevelId, VertexId},
+    id::{IdVec, VertexId, define_id},
     mesh::{Adjacency, TriMesh},
     pyramid::{Prolongation, PyramidError, RemovalLog},
 };
+
+define_id!(
+    /// A level of one pyramid; 0 is the skin itself.
+    LevelId, "L"
+);
 
 /// One level of a pyramid: a mesh whose vertices are the centres of receptive fields.
 #[derive(Debug, Clone, PartialEq)]

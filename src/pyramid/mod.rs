@@ -24,6 +24,6 @@ mod surface;
 
 pub use build::{CoarsenOptions, coarsen};
 pub use error::PyramidError;
-pub use level::{Level, Pyramid};
+pub use level::{Level, LevelId, Pyramid};
 pub use prolongation::Prolongation;
 pub use removal_log::{Removal, RemovalLog};

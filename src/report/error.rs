@@ -1,4 +1,4 @@
-use crate::{atlas::AtlasError, id::LevelId, map::MapError, skin::SkinError};
+use crate::{atlas::AtlasError, map::MapError, pyramid::LevelId, skin::SkinError};
 
 /// Why there is no picture.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -2,9 +2,9 @@ use serde::Serialize;
 
 use crate::{
     flatten::Distortion,
-    id::LevelId,
     map::{PatchMap, SkinMap},
     mesh::{Adjacency, TriMesh},
+    pyramid::LevelId,
 };
 
 /// What `report.json` holds.

@@ -2,8 +2,9 @@ use glam::DVec2;
 use svg::node::element::{Circle, Group, Path};
 
 use crate::{
-    id::{IdVec, LevelId, VertexId},
+    id::{IdVec, VertexId},
     map::MapLevel,
+    pyramid::LevelId,
     report::{
         Paint, ReportError, Viewpoint,
         camera::Camera,

@@ -4,9 +4,10 @@ use svg::{
 };
 
 use crate::{
-    id::{IdVec, LevelId, LinkId, PatchId},
+    id::IdVec,
     map::{MapError, PatchMap, SkinMap},
     mesh::MeshError,
+    pyramid::LevelId,
     report::{
         ReportError, Viewpoint,
         layout::{Layout, Row, printable},
@@ -15,7 +16,7 @@ use crate::{
         range::Range,
         subject::Subject,
     },
-    skin::{Link, Skin, SkinError},
+    skin::{Link, LinkId, PatchId, Skin, SkinError},
 };
 
 /// Levels drawn when none is asked for: as many as are legible side by side in a README.

@@ -1,11 +1,12 @@
 use glam::DAffine3;
 
 use crate::{
-    id::{IdVec, LevelId, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
+    pyramid::LevelId,
     report::ReportError,
-    skin::{Patch, Skin, world_pose},
+    skin::{Patch, Skin, TaxelId, world_pose},
 };
 
 /// A patch as pictures see it, with its map or without.

@@ -1,10 +1,11 @@
 use glam::{DAffine3, DVec3};
 
 use crate::{
-    id::{FaceId, IdVec, LinkId, TaxelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     mesh::{Edges, MeshError, TriMesh},
     skin::{
-        Draft, Link, MeshOptions, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError,
+        Draft, Link, LinkId, MeshOptions, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError,
+        TaxelId,
         extent::doubtful_unit,
         mesh_bare,
         names::{Names, sheet_name},

@@ -1,8 +1,8 @@
 use glam::DVec3;
 
 use crate::{
-    id::{IdVec, LinkId, TaxelId},
-    skin::{Link, Presence, Remark},
+    id::IdVec,
+    skin::{Link, LinkId, Presence, Remark, TaxelId},
 };
 
 /// A skin as a file tells it, before anything is repaired or refused.

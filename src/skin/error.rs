@@ -1,7 +1,4 @@
-use crate::{
-    id::{LinkId, VertexId},
-    mesh::MeshError,
-};
+use crate::{id::VertexId, mesh::MeshError, skin::LinkId};
 
 /// Why a draft is no skin. Vertices and faces are numbered as the sheet of the draft, or the patch of the skin, numbers them.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,6 +1,11 @@
 use glam::DAffine3;
 
-use crate::id::{IdVec, LinkId};
+use crate::id::{IdVec, define_id};
+
+define_id!(
+    /// A link of one robot.
+    LinkId, "link"
+);
 
 /// A link of the robot: a frame that patches are fixed to.
 #[derive(Debug, Clone, PartialEq)]

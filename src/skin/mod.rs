@@ -19,6 +19,7 @@ mod patch;
 mod remark;
 mod sides;
 mod surface;
+mod taxels;
 mod winding;
 mod zero_area;
 
@@ -27,6 +28,7 @@ pub use bare::{MeshOptions, mesh_bare};
 pub use check::{Element, Finding, FindingKind, check, check_with};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;
-pub use link::{Link, world_pose};
-pub use patch::{Patch, Presence, Skin};
+pub use link::{Link, LinkId, world_pose};
+pub use patch::{Patch, PatchId, Presence, Skin};
 pub use remark::{Remark, RemarkKind};
+pub use taxels::TaxelId;

@@ -3,10 +3,15 @@ use std::collections::HashSet;
 use glam::DVec3;
 
 use crate::{
-    id::{IdVec, LinkId, PatchId, TaxelId, VertexId},
+    id::{IdVec, VertexId, define_id},
     mesh::{Adjacency, TriMesh},
-    skin::{Link, SkinError},
+    skin::{Link, LinkId, SkinError, TaxelId},
 };
+
+define_id!(
+    /// A patch of one skin.
+    PatchId, "p"
+);
 
 /// What a slot of the skin holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

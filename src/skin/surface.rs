@@ -1,9 +1,9 @@
 use std::collections::HashMap;
 
 use crate::{
-    id::{FaceId, IdVec, TaxelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     mesh::{Edges, Halfedge, TriMesh},
-    skin::{Sheet, forest::Forest},
+    skin::{Sheet, TaxelId, forest::Forest},
 };
 
 /// The triangles of one sheet with the vertices welded that the file has split: what `assemble` repairs and `check`

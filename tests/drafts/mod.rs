@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use dermatome::{
-    id::TaxelId,
     mesh::TriMesh,
-    skin::{Draft, Sheet},
+    skin::{Draft, Sheet, TaxelId},
 };
 use glam::DVec3;
 

@@ -3,11 +3,11 @@
 
 use dermatome::{
     flatten::Distortion,
-    id::{FaceId, IdVec, LevelId, LinkId, TaxelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     map::{MapFrame, MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
-    pyramid::Prolongation,
-    skin::Link,
+    pyramid::{LevelId, Prolongation},
+    skin::{Link, LinkId, TaxelId},
 };
 use glam::{DAffine3, DVec2, DVec3};
 

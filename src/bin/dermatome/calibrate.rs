@@ -12,8 +12,9 @@ use dermatome::{
         CalibOptions, Calibration, Comparison, Ending, Fit, FreeComponent, Iteration, Limits, Method,
         Observations, Pose, Residual, Robust, Start, Uncertainty, calibrate, compare,
     },
-    id::{IdVec, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     io::{IoError, append_observations, read_observations, read_triangles, read_truth},
+    skin::TaxelId,
 };
 use serde::Serialize;
 

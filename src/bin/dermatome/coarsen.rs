@@ -66,7 +66,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
 /// The patches as `report.json` tells them, with what is known without a map.
 fn levels(skin: &Skin, pyramids: &[Pyramid]) -> Result<Vec<Value>, Error> {
-    let level = |(k, level): (dermatome::id::LevelId, &dermatome::pyramid::Level)| {
+    let level = |(k, level): (dermatome::pyramid::LevelId, &dermatome::pyramid::Level)| {
         Ok(json!({
             "level": k.index(),
             "vertices": level.mesh.positions.len(),

@@ -6,9 +6,10 @@ use anyhow::Context;
 use dermatome::{
     Error,
     flatten::{distortion, flatten},
-    id::{LevelId, PatchId},
     io::write_flat,
+    pyramid::LevelId,
     report::{LevelReport, PatchReport},
+    skin::PatchId,
 };
 
 use crate::{

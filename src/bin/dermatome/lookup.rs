@@ -10,8 +10,9 @@ use std::{
 use dermatome::{
     Error,
     contact::{Contact, ContactError, ContactIndex},
-    id::{LevelId, PatchId},
     io::{ContactReader, ContactRow, IoError, LookupRow, LookupWriter, read_map, read_poses, replace_file},
+    pyramid::LevelId,
+    skin::PatchId,
 };
 
 use crate::{

@@ -11,8 +11,8 @@ use std::{
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    id::LevelId,
     io::{self, IoError, read_map_if_any, replace_file},
+    pyramid::LevelId,
     report::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
 };
 

@@ -4,12 +4,12 @@ use glam::{DMat3, DQuat};
 use gltf::json::{Index, Node, Scene, scene::UnitQuaternion};
 
 use crate::{
-    id::{IdVec, LinkId},
+    id::IdVec,
     io::{
         IoError,
         scene::write::{SceneWriter, narrow},
     },
-    skin::Link,
+    skin::{Link, LinkId},
 };
 
 /// Largest deviation of a link's axes from orthonormal: a link's frame is rigid, and a quaternion holds no more.

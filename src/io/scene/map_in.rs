@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::{
     flatten::distortion,
-    id::{IdVec, LevelId, LinkId, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     io::{
         IoError,
         kind::kind,
@@ -21,7 +21,8 @@ use crate::{
     },
     map::{MapFrame, MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
-    pyramid::Prolongation,
+    pyramid::{LevelId, Prolongation},
+    skin::{LinkId, TaxelId},
 };
 
 /// Largest deviation of a row of weights from sum 1: other programs may have written it.

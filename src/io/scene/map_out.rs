@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use gltf::json::{Index, Mesh};
 
 use crate::{
-    id::{IdVec, LevelId, LinkId, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     io::{
         IoError,
         scene::{
@@ -17,8 +17,8 @@ use crate::{
     },
     map::{MapFrame, MapLevel, SkinMap},
     mesh::TriMesh,
-    pyramid::{Level, Prolongation, Pyramid},
-    skin::{Link, Patch, Skin},
+    pyramid::{Level, LevelId, Prolongation, Pyramid},
+    skin::{Link, LinkId, Patch, Skin, TaxelId},
 };
 
 /// Largest deviation of a row of weights from sum 1.

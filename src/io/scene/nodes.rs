@@ -3,7 +3,7 @@ use std::{cmp::Reverse, collections::BinaryHeap};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use crate::{
-    id::{IdVec, LinkId},
+    id::IdVec,
     io::{
         IoError,
         scene::{
@@ -11,7 +11,7 @@ use crate::{
             schema::{Node, Whole},
         },
     },
-    skin::Link,
+    skin::{Link, LinkId},
 };
 
 /// A matrix whose columns are orthonormal to this much is taken for a rotation: f32 rounding leaves about 1e-7.

@@ -3,7 +3,6 @@ use std::{collections::BTreeMap, path::Path};
 use glam::{DMat3, DVec3};
 
 use crate::{
-    id::TaxelId,
     io::{
         IoError,
         presence::presence_of,
@@ -16,7 +15,7 @@ use crate::{
             triangles::{Mode, triangles},
         },
     },
-    skin::{Draft, Presence, Sheet},
+    skin::{Draft, Presence, Sheet, TaxelId},
 };
 
 /// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of triangles.

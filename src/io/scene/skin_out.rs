@@ -9,7 +9,7 @@ use gltf::json::{
 };
 
 use crate::{
-    id::{IdVec, TaxelId, VertexId},
+    id::{IdVec, VertexId},
     io::{
         IoError,
         presence::presence_code,
@@ -20,7 +20,7 @@ use crate::{
         source::invalid as refuse,
     },
     mesh::TriMesh,
-    skin::{Patch, Skin},
+    skin::{Patch, Skin, TaxelId},
 };
 
 /// Largest deviation of a normal from unit length that is written; rounding to `f32` adds 1e-7.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::eigen,
+    numeric::symmetric_eigen,
     skin::{
         bare::{Bare, neighbours::Neighbours},
         outward::{SAME_DIRECTION, is_unit},
@@ -218,7 +218,7 @@ fn fit(points: impl Iterator<Item = DVec3> + Clone) -> Option<(DVec3, [f64; 3])>
             row.iter_mut().zip(d).for_each(|(sum, y)| *sum += x * y);
         }
     }
-    let (variances, axes) = eigen(&moments);
+    let (variances, axes) = symmetric_eigen(&moments);
     let mut order = [0, 1, 2];
     order.sort_by(|&i, &j| variances[i].total_cmp(&variances[j]));
     let normal = DVec3::from(axes.map(|row| row[order[0]])).normalize_or(DVec3::Z);

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::morton,
+    numeric::morton,
     skin::{Presence, Sheet, bare::merge::first_at_place},
 };
 

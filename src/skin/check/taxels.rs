@@ -1,9 +1,9 @@
 use std::collections::HashMap;
 
 use crate::{
-    id::{FaceId, IdVec, TaxelId, VertexId},
+    id::{FaceId, IdVec, VertexId},
     skin::{
-        Presence, Sheet,
+        Presence, Sheet, TaxelId,
         check::{FindingKind, Report, Subject, numbers},
         outward::is_unit,
     },

@@ -1,9 +1,9 @@
 //! A robot of three links that wears five patches.
 
 use dermatome::{
-    id::{IdVec, LinkId, TaxelId},
+    id::IdVec,
     mesh::{TriMesh, shapes},
-    skin::{Link, Patch, Skin},
+    skin::{Link, LinkId, Patch, Skin, TaxelId},
 };
 use glam::{DAffine3, DMat3, DVec3};
 

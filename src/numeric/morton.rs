@@ -1,3 +1,5 @@
+//! Positions along the Morton curve, which sort points so that neighbours are near each other.
+
 use glam::DVec3;
 
 /// Bits of each coordinate: three times as many fit into a word.

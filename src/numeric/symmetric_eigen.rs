@@ -1,10 +1,12 @@
+//! Eigenvalues and eigenvectors of small symmetric matrices.
+
 /// Sweeps after which Jacobi rotations have long converged: each squares the off-diagonal size near the end.
 const SWEEPS: usize = 30;
 
 /// Eigenvalues, in no order, and, in the columns of the second matrix, unit eigenvectors of a symmetric matrix.
 ///
 /// Cyclic Jacobi rotations, which keep small eigenvalues accurate.
-pub(crate) fn eigen<const N: usize>(matrix: &[[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
+pub(crate) fn symmetric_eigen<const N: usize>(matrix: &[[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
     let mut a = *matrix;
     let mut v = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }));
     for _ in 0..SWEEPS {
@@ -53,7 +55,7 @@ mod tests {
                 *x = 1.0 / (i + j + 1) as f64;
             }
         }
-        let (values, v) = eigen(&m);
+        let (values, v) = symmetric_eigen(&m);
         for k in 0..6 {
             for i in 0..6 {
                 let image: f64 = (0..6).map(|j| m[i][j] * v[j][k]).sum();

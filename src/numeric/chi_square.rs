@@ -1,9 +1,11 @@
+//! The chi-square distribution: tail probability and quantile.
+
 /// Chance that a chi-square variable of `degrees` degrees of freedom is above `x`: the upper regularised incomplete
 /// gamma function `Q(degrees / 2, x / 2)`.
 ///
 /// Series below the mean, continued fraction above it (Abramowitz and Stegun 6.5.29 and 6.5.31).
 #[must_use]
-pub(super) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
+pub(crate) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
     let (a, x) = (0.5 * degrees, 0.5 * x);
     if !(x > 0.0 && a > 0.0) {
         return 1.0;
@@ -62,7 +64,7 @@ fn upper_fraction(a: f64, x: f64) -> f64 {
 }
 
 /// The value that a chi-square variable stays below with chance `share`.
-pub(super) fn quantile(share: f64, degrees: f64) -> f64 {
+pub(crate) fn quantile(share: f64, degrees: f64) -> f64 {
     let (mut low, mut high) = (0.0, degrees + 10.0);
     while 1.0 - chi_square_tail(high, degrees) < share {
         high *= 2.0;
