@@ -6,23 +6,19 @@
 //! flattening can undo the removals on the map, and the [`Prolongation`], which carries values coarse to fine and whose
 //! transpose carries amounts fine to coarse.
 
-mod build;
-mod centres;
+mod coarsen;
 mod error;
-mod filling;
+mod independent_set;
 mod level;
 mod prolongation;
-mod queue;
 mod refill;
-mod relocate;
+mod removal;
 mod removal_log;
-mod remove;
 mod rings;
 mod spacing;
-mod star;
 mod surface;
 
-pub use build::{CoarsenOptions, coarsen};
+pub use coarsen::{CoarsenOptions, coarsen};
 pub use error::PyramidError;
 pub use level::{Level, LevelId, Pyramid};
 pub use prolongation::Prolongation;

@@ -2,8 +2,7 @@ use crate::{
     id::VertexId,
     pyramid::{
         Removal,
-        filling::diagonals,
-        star::MAX_RING,
+        removal::{MAX_RING, diagonals},
         surface::{Face, NEXT, Side, Surface},
     },
 };

@@ -5,10 +5,12 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     pyramid::{
         Removal, RemovalLog,
-        filling::{Filler, diagonals},
-        queue::Queue,
-        relocate::{Move, Places},
-        star::{Limits, Star},
+        removal::{
+            queue::Queue,
+            retriangulation::{Filler, diagonals},
+            star::{Limits, Star},
+            taxel_locations::{Move, TaxelLocations},
+        },
         surface::{NEXT, Side, Surface},
     },
 };
@@ -28,12 +30,12 @@ const STRICT: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35 };
 const LENIENT: Limits = Limits { min_cos_turn: 0.2, max_sagitta: 0.35 };
 
 /// Turns one level into the next coarser one.
-pub(super) struct Remover<'a> {
-    pub(super) surface: &'a mut Surface,
-    pub(super) places: &'a mut Places,
-    pub(super) positions: &'a IdVec<VertexId, DVec3>,
+pub(in crate::pyramid) struct Remover<'a> {
+    pub(in crate::pyramid) surface: &'a mut Surface,
+    pub(in crate::pyramid) places: &'a mut TaxelLocations,
+    pub(in crate::pyramid) positions: &'a IdVec<VertexId, DVec3>,
     /// The taxel that each vertex is.
-    pub(super) origins: &'a IdVec<VertexId, VertexId>,
+    pub(in crate::pyramid) origins: &'a IdVec<VertexId, VertexId>,
 }
 
 impl Remover<'_> {
@@ -41,7 +43,11 @@ impl Remover<'_> {
     ///
     /// Works in rounds: vertices of which no two are neighbours, so that their stars share no triangle, are planned in
     /// parallel and applied in order.
-    pub(super) fn remove(&mut self, kept: &IdVec<VertexId, bool>, order: &[VertexId]) -> RemovalLog {
+    pub(in crate::pyramid) fn remove(
+        &mut self,
+        kept: &IdVec<VertexId, bool>,
+        order: &[VertexId],
+    ) -> RemovalLog {
         let mut log = RemovalLog::default();
         let mut queue = Queue::new(kept, order);
         // The round in which each face became part of a filling.

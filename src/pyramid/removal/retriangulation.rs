@@ -1,7 +1,7 @@
 use crate::{
     mesh::smallest_first,
     pyramid::{
-        star::{Limits, MAX_RING, Star},
+        removal::star::{Limits, MAX_RING, Star},
         surface::Surface,
     },
 };
@@ -172,7 +172,7 @@ fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
 
 /// Diagonals of a filling of `count` ring positions: each is the side from the first to the last corner of exactly
 /// one triangle, because corners ascend.
-pub(super) fn diagonals(triangles: &[[u8; 3]], count: usize) -> impl Iterator<Item = [usize; 2]> {
+pub(in crate::pyramid) fn diagonals(triangles: &[[u8; 3]], count: usize) -> impl Iterator<Item = [usize; 2]> {
     let ends = triangles.iter().map(|&[i, _, j]| [usize::from(i), usize::from(j)]);
     ends.filter(move |&ends| ends != [0, count - 1])
 }

@@ -1,9 +1,8 @@
+//! Angles, cotangents and lengths of triangles.
+
 use glam::DVec3;
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{Adjacency, TriMesh},
-};
+use crate::mesh::{Adjacency, TriMesh};
 
 /// Angle at `at` in the triangle `at`, `b`, `c`, in rad; accurate for slivers too.
 #[must_use]
@@ -32,17 +31,4 @@ pub fn mean_edge_length(mesh: &TriMesh, adjacency: &Adjacency) -> f64 {
         }
     }
     if count == 0 { 0.0 } else { sum / count as f64 }
-}
-
-/// Mean distance of each vertex to its one-ring, in m; zero for a vertex without neighbours.
-#[must_use]
-pub fn local_spacing(mesh: &TriMesh, adjacency: &Adjacency) -> IdVec<VertexId, f64> {
-    mesh.positions
-        .enumerate()
-        .map(|(v, &p)| {
-            let ring = adjacency.ring(v);
-            let sum: f64 = ring.iter().map(|&w| p.distance(mesh.positions[w])).sum();
-            sum / ring.len().max(1) as f64
-        })
-        .collect()
 }

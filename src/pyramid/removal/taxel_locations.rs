@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     pyramid::{
-        star::Star,
+        removal::star::Star,
         surface::{NEXT, PREVIOUS, Side, Surface},
     },
 };
@@ -14,7 +14,7 @@ const NONE: u32 = u32::MAX;
 
 /// Where a taxel lies that is no vertex any more.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct TaxelLocation {
     face: FaceId,
     /// Weights of the face's corners, in its order.
     weights: [f64; 3],
@@ -22,9 +22,9 @@ struct Place {
 
 /// Where all taxels of level 0 lie on the level at hand: on a vertex, or inside a face that lists them.
 #[derive(Debug, Clone)]
-pub(super) struct Places {
+pub(in crate::pyramid) struct TaxelLocations {
     /// By level-0 vertex; without meaning for those that are vertices still.
-    places: IdVec<VertexId, Place>,
+    places: IdVec<VertexId, TaxelLocation>,
     /// The next taxel in the same face.
     next: Vec<u32>,
     /// The first taxel of each face.
@@ -39,10 +39,10 @@ pub(super) struct Move {
     pub(super) weights: [f64; 3],
 }
 
-impl Places {
+impl TaxelLocations {
     /// All taxels on vertices.
-    pub(super) fn new(taxels: usize, faces: usize) -> Self {
-        let nowhere = Place { face: FaceId::default(), weights: [1.0, 0.0, 0.0] };
+    pub(in crate::pyramid) fn new(taxels: usize, faces: usize) -> Self {
+        let nowhere = TaxelLocation { face: FaceId::default(), weights: [1.0, 0.0, 0.0] };
         Self {
             places: IdVec::filled(nowhere, taxels),
             next: vec![NONE; taxels],
@@ -81,14 +81,14 @@ impl Places {
         }
         for &Move { taxel, triangle, weights } in moves {
             let face = star[usize::from(triangle)].face();
-            self.places[taxel] = Place { face, weights };
+            self.places[taxel] = TaxelLocation { face, weights };
             self.next[taxel.index()] = self.heads[face];
             self.heads[face] = taxel.raw();
         }
     }
 
     /// Follows [`Surface::compact`].
-    pub(super) fn compact(&mut self, faces: &IdVec<FaceId, FaceId>, count: usize) {
+    pub(in crate::pyramid) fn compact(&mut self, faces: &IdVec<FaceId, FaceId>, count: usize) {
         let mut heads = IdVec::filled(NONE, count);
         for (old, &head) in self.heads.enumerate() {
             if head != NONE {
@@ -103,7 +103,7 @@ impl Places {
 
     /// The corners and weights of every taxel on `surface`, whose vertices are the taxels `origins`. All three indices
     /// of a row are the corners of one face, also where one weight is 1.
-    pub(super) fn rows(
+    pub(in crate::pyramid) fn rows(
         &self,
         surface: &Surface,
         origins: &IdVec<VertexId, VertexId>,

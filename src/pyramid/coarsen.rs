@@ -3,9 +3,8 @@ use crate::{
     mesh::TriMesh,
     pyramid::{
         Level, Prolongation, Pyramid, PyramidError, RemovalLog,
-        centres::{ALPHA, Candidates, priorities},
-        relocate::Places,
-        remove::Remover,
+        independent_set::{ALPHA, Candidates, priorities},
+        removal::{Remover, TaxelLocations},
         rings::Rings,
         spacing::{measured_spacing, spacing_of_densities},
         surface::Surface,
@@ -60,7 +59,7 @@ impl Default for CoarsenOptions {
 pub fn coarsen(patch: &Patch, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(patch, options)?;
     let mut surface = Surface::new(&patch.mesh)?;
-    let mut places = Places::new(patch.mesh.positions.len(), patch.mesh.triangles.len());
+    let mut places = TaxelLocations::new(patch.mesh.positions.len(), patch.mesh.triangles.len());
     let mut levels = IdVec::new();
     let mut level = ground(patch);
     while levels.len() < options.levels.unwrap_or(usize::MAX) && wants_coarser(&level, options) {
@@ -122,7 +121,7 @@ fn step(
     options: &CoarsenOptions,
     level: &mut Level,
     surface: &mut Surface,
-    places: &mut Places,
+    places: &mut TaxelLocations,
 ) -> Option<Level> {
     let count = level.mesh.positions.len();
     let positions = &level.mesh.positions;

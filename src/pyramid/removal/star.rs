@@ -9,7 +9,7 @@ use crate::{
 
 /// Vertices with more neighbours stay for now: filling their star costs the cube of this, and their turn comes again
 /// when neighbours are gone.
-pub(super) const MAX_RING: usize = 32;
+pub(in crate::pyramid) const MAX_RING: usize = 32;
 
 /// A corner of a star below this angle, in rad, has no direction that rounding leaves alone; such a star is not flattened.
 const MIN_ANGLE: f64 = 1e-9;

@@ -1,0 +1,12 @@
+//! Removing the vertices of a level that are not kept, star by independent star.
+
+mod queue;
+mod remover;
+mod retriangulation;
+mod star;
+mod taxel_locations;
+
+pub(super) use remover::Remover;
+pub(super) use retriangulation::diagonals;
+pub(super) use star::MAX_RING;
+pub(super) use taxel_locations::TaxelLocations;
