@@ -6,25 +6,23 @@
 //! that is wrong with a draft, without changing it.
 
 mod assemble;
-mod bare;
+mod triangulate;
 mod check;
 mod draft;
 mod error;
-mod extent;
+mod unit_check;
 mod forest;
 mod link;
 mod names;
-mod outward;
+mod normals;
 mod patch;
 mod remark;
 mod sides;
-mod surface;
+mod welded;
 mod taxels;
 mod winding;
-mod zero_area;
 
 pub use assemble::{Assembled, assemble};
-pub use bare::{MeshOptions, mesh_bare};
 pub use check::{Element, Finding, FindingKind, check, check_with};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;
@@ -32,3 +30,4 @@ pub use link::{Link, LinkId, world_pose};
 pub use patch::{Patch, PatchId, Presence, Skin};
 pub use remark::{Remark, RemarkKind};
 pub use taxels::TaxelId;
+pub use triangulate::{MeshOptions, mesh_bare};

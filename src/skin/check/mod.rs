@@ -12,9 +12,9 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::Edges,
     skin::{
-        Draft, MeshOptions, Remark, RemarkKind, Sheet, assemble, bare::Places, check::topology::Topology,
-        extent::doubtful_unit, mesh_bare, names::sheet_name, outward::taxel_normals, surface::Surface,
-        winding::Winding,
+        Draft, MeshOptions, Remark, RemarkKind, Sheet, assemble, check::topology::Topology, mesh_bare,
+        names::sheet_name, normals::taxel_normals, triangulate::Places, unit_check::doubtful_unit,
+        welded::Surface, winding::Winding,
     },
 };
 

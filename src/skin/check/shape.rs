@@ -6,9 +6,9 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
     skin::{
+        assemble::zero_area::{has_no_area, slenderness},
         check::{FindingKind, Report, Subject, numbers},
-        outward::{Poll, Worth, surface_normals},
-        zero_area::{has_no_area, slenderness},
+        normals::{Poll, Worth, surface_normals},
     },
 };
 

@@ -5,7 +5,7 @@ use crate::{
     skin::{
         Presence, Sheet, TaxelId,
         check::{FindingKind, Report, Subject, numbers},
-        outward::is_unit,
+        normals::is_unit,
     },
 };
 

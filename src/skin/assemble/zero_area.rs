@@ -12,7 +12,7 @@ use crate::{
 const FLATTEST: f64 = 1e-5;
 
 /// Height of a triangle over its longest side, as a share of that side: `sqrt(3)/2` if equilateral, 0 without area.
-pub(super) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
+pub(in crate::skin) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     let height = (b - a).cross(c - a).length() / longest;
     // Sides too short or too long for their squares: 0/0.
@@ -20,7 +20,7 @@ pub(super) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 /// Whether a triangle has no area worth the name.
-pub(super) fn has_no_area(corners: [DVec3; 3]) -> bool {
+pub(in crate::skin) fn has_no_area(corners: [DVec3; 3]) -> bool {
     slenderness(corners) <= FLATTEST
 }
 

@@ -6,11 +6,11 @@ use crate::{
     delaunay::Star,
     id::{FaceId, IdVec, VertexId},
     mesh::smallest_first,
-    skin::bare::{
-        close::{close_leftovers, part_fans, take_in},
-        front::Front,
-        star::tangent_star,
-        surroundings::Surroundings,
+    skin::triangulate::{
+        growing_mesh::Front,
+        point_cloud::Surroundings,
+        repair::{close_leftovers, part_fans, take_in},
+        tangent_star::tangent_star,
     },
 };
 

@@ -2,7 +2,7 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    skin::bare::neighbours::Neighbours,
+    skin::triangulate::neighbours::Neighbours,
 };
 
 /// What is known of the taxels before there are triangles.

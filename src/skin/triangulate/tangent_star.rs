@@ -1,6 +1,6 @@
 use glam::DVec2;
 
-use crate::{delaunay::Star, id::VertexId, skin::bare::surroundings::Surroundings};
+use crate::{delaunay::Star, id::VertexId, skin::triangulate::point_cloud::Surroundings};
 
 /// Neighbours whose normal is turned by a right angle or more lie on another side of the part.
 const SAME_SIDE: f64 = 0.0;

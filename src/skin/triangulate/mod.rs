@@ -1,17 +1,17 @@
 //! Bare taxels to a mesh.
 
-mod close;
-mod front;
+mod repair;
+mod growing_mesh;
 mod kd_tree;
-mod merge;
+mod coincident;
 mod neighbours;
 mod normals;
-mod orient;
-mod outside;
-mod places;
-mod star;
-mod surroundings;
-mod weave;
+mod orient_normals;
+mod orient_outward;
+mod unique_points;
+mod tangent_star;
+mod point_cloud;
+mod candidates;
 
 use std::collections::BTreeSet;
 
@@ -21,20 +21,20 @@ use crate::{
     skin::{
         Draft, Remark, RemarkKind, Sheet, SkinError,
         assemble::check_sheet,
-        bare::{
-            neighbours::Neighbours,
-            normals::Normals,
-            orient::orient,
-            outside::{Outside, turn_outward},
-            surroundings::Surroundings,
-            weave::weave,
-        },
         names::sheet_name,
         remark::first_few,
+        triangulate::{
+            candidates::weave,
+            neighbours::Neighbours,
+            normals::Normals,
+            orient_normals::orient,
+            orient_outward::{Outside, turn_outward},
+            point_cloud::Surroundings,
+        },
     },
 };
 
-pub(super) use places::Places;
+pub(super) use unique_points::Places;
 
 /// How bare taxels are meshed.
 #[derive(Debug, Clone, Copy, PartialEq)]

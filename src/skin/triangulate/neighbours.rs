@@ -3,7 +3,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    skin::bare::kd_tree::{KdTree, Near},
+    skin::triangulate::kd_tree::{KdTree, Near},
 };
 
 /// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on the boundary and

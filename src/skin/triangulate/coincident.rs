@@ -6,11 +6,11 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     skin::{
-        bare::{
+        forest::Forest,
+        triangulate::{
             kd_tree::{KdTree, Near},
             neighbours::distance_around,
         },
-        forest::Forest,
     },
 };
 

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     skin::{
-        bare::{neighbours::Neighbours, normals::Normals},
         sides::Sides,
+        triangulate::{neighbours::Neighbours, normals::Normals},
     },
 };
 

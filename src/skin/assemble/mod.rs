@@ -1,3 +1,5 @@
+pub(super) mod zero_area;
+
 use glam::{DAffine3, DVec3};
 
 use crate::{
@@ -6,14 +8,14 @@ use crate::{
     skin::{
         Draft, Link, LinkId, MeshOptions, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError,
         TaxelId,
-        extent::doubtful_unit,
+        assemble::zero_area::{Cleared, clear_zero_area},
         mesh_bare,
         names::{Names, sheet_name},
-        outward::{Worth, enclosed_volume, poll, surface_normals, taxel_normals},
+        normals::{Worth, enclosed_volume, poll, surface_normals, taxel_normals},
         remark::first_few,
-        surface::Surface,
+        unit_check::doubtful_unit,
+        welded::Surface,
         winding::Winding,
-        zero_area::{Cleared, clear_zero_area},
     },
 };
 

@@ -9,8 +9,8 @@ use crate::{
     id::{IdVec, VertexId},
     numeric::symmetric_eigen,
     skin::{
-        bare::{Bare, neighbours::Neighbours},
-        outward::{SAME_DIRECTION, is_unit},
+        normals::{SAME_DIRECTION, is_unit},
+        triangulate::{Bare, neighbours::Neighbours},
     },
 };
 

@@ -2,9 +2,9 @@
 
 use crate::{
     id::{FaceId, VertexId},
-    skin::bare::{
-        front::{Front, Opening},
-        surroundings::Surroundings,
+    skin::triangulate::{
+        growing_mesh::{Front, Opening},
+        point_cloud::Surroundings,
     },
 };
 

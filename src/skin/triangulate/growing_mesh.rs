@@ -2,7 +2,7 @@ use glam::DVec2;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    skin::bare::surroundings::Surroundings,
+    skin::triangulate::point_cloud::Surroundings,
 };
 
 /// A face is seen from the outside of all its corners if the cosine with their normals is at least this: it may stand on edge, since

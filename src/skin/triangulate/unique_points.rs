@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     numeric::morton,
-    skin::{Presence, Sheet, bare::merge::first_at_place},
+    skin::{Presence, Sheet, triangulate::coincident::first_at_place},
 };
 
 /// The places of the taxels of a sheet, each once.
