@@ -1,7 +1,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
-    calib::{CalibError, Pose, pose::outer, start::nearest_rotation},
+    calib::{CalibError, Pose, geometry::pose::outer, solve::initial::nearest_rotation},
     id::{IdVec, VertexId},
 };
 

@@ -14,44 +14,30 @@
 //! in SE(3). Where no contact says where a sheet of taxels is, it stays where its first taxel started, and
 //! covariances are those left after the best alignment ([`Marginals`]).
 
-mod attribution;
 mod calibrate;
-mod cap;
 mod compare;
-mod components;
 mod error;
-mod fit;
-mod gauge;
-mod information;
-mod marginals;
-mod normal_equations;
+mod geometry;
 mod observations;
-mod optimise;
-mod pose;
-mod random;
-mod reconsider;
-mod residual;
 mod robust;
-mod search;
 mod simulate;
-mod skin_out;
-mod start;
-mod undecided;
+mod skin;
+mod solve;
 
 pub use calibrate::{CalibOptions, Calibration, FreeComponent, Uncertainty, Weights, calibrate};
 pub use compare::{Comparison, compare};
 pub use error::CalibError;
-pub use fit::Fit;
-pub use information::Information;
-pub use marginals::Marginals;
+pub use geometry::pose::Pose;
+pub use observations::information::Information;
 pub use observations::{
     Contact, ContactObservationId, Displacement, DisplacementId, Model, Motion, Observations, PosePrior,
     RelativePose, Touch, Unknown,
 };
-pub use optimise::{Ending, Iteration, Limits, Method};
-pub use pose::Pose;
-pub use residual::Residual;
-pub use robust::Robust;
+pub use robust::goodness_of_fit::Fit;
 pub use simulate::{Probe, SimulateOptions, Simulation, simulate};
-pub use skin_out::{CalibratedSkin, Outside, calibrated_skin};
-pub use start::Start;
+pub use skin::{CalibratedSkin, Outside, calibrated_skin};
+pub use solve::initial::Start;
+pub use solve::levenberg_marquardt::{Ending, Iteration, Limits, Method};
+pub use solve::loss::Robust;
+pub use solve::marginals::Marginals;
+pub use solve::residual::Residual;

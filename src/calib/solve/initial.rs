@@ -5,9 +5,9 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::{
     calib::{
         CalibError, Displacement, Information, Model, Motion, Observations, Pose, RelativePose, Touch,
-        components::{component_of_taxels, components},
-        normal_equations::{State, number_rows, pair_of, row_pairs},
-        pose::outer,
+        geometry::pose::outer,
+        observations::graph::{component_of_taxels, components},
+        solve::normal_equations::{State, number_rows, pair_of, row_pairs},
     },
     id::{IdVec, VertexId},
     numeric::symmetric_eigen,
@@ -40,7 +40,7 @@ fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
 }
 
 /// A start of the wanted kind. Positions are linear: they need none.
-pub(super) fn start(observations: &Observations, kind: Start) -> Result<State, CalibError> {
+pub(crate) fn start(observations: &Observations, kind: Start) -> Result<State, CalibError> {
     let mut state = match kind {
         Start::Initial => {
             return match observations.taxels.iter().find(|t| t.initial.is_none()) {
@@ -77,7 +77,7 @@ fn initial_or_origin(observations: &Observations) -> State {
 }
 
 /// Chains observations breadth first, from the anchors outwards, in the order of the edges.
-pub(super) fn spanning_tree(observations: &Observations) -> State {
+pub(crate) fn spanning_tree(observations: &Observations) -> State {
     let mut state = initial_or_origin(observations);
     let mut neighbours: IdVec<VertexId, Vec<_>> = observations.taxels.map(|_| Vec::new());
     for edge in observations.edges.iter().filter(|e| e.is_observed()) {
@@ -242,7 +242,7 @@ fn add_pair(
 
 /// The rotation nearest to a matrix in the sum of squares: the largest eigenvector of Horn's matrix (1987), which
 /// cannot become a reflection.
-pub(super) fn nearest_rotation(m: &DMat3) -> DQuat {
+pub(crate) fn nearest_rotation(m: &DMat3) -> DQuat {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
     let (xx, xy, xz) = (x.x, y.x, z.x);
     let (yx, yy, yz) = (x.y, y.y, z.y);

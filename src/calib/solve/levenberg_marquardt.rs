@@ -1,9 +1,9 @@
 use crate::{
     calib::{
         CalibError,
-        gauge::{Anchoring, Free},
-        normal_equations::{PerObservation, Problem, Shape, State},
-        robust::Kernels,
+        solve::gauge::{Anchoring, Free},
+        solve::loss::Kernels,
+        solve::normal_equations::{PerObservation, Problem, Shape, State},
     },
     sparse::{BlockMatrix, SparseError},
 };
@@ -107,7 +107,7 @@ const LEAST_FACTOR: f64 = 1e-3;
 
 /// What weights the squares get while the optimisation runs.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Weighting<'w> {
+pub(crate) enum Weighting<'w> {
     /// From kernels, at every step anew.
     Kernels(&'w Kernels),
     /// Given.
@@ -115,7 +115,7 @@ pub(super) enum Weighting<'w> {
 }
 
 impl Weighting<'_> {
-    pub(super) fn cost(&self, squares: &PerObservation) -> f64 {
+    pub(crate) fn cost(&self, squares: &PerObservation) -> f64 {
         let sum: f64 = match self {
             Self::Kernels(kernels) => kernels.costs(squares).iter().sum(),
             Self::Fixed(weights) => weights.iter().zip(squares.iter()).map(|(w, s)| w * s).sum(),
@@ -123,7 +123,7 @@ impl Weighting<'_> {
         0.5 * sum
     }
 
-    pub(super) fn weights(&self, squares: &PerObservation) -> PerObservation {
+    pub(crate) fn weights(&self, squares: &PerObservation) -> PerObservation {
         match self {
             Self::Kernels(kernels) => kernels.weights(squares),
             Self::Fixed(weights) => (*weights).clone(),
@@ -133,14 +133,14 @@ impl Weighting<'_> {
 
 /// A state with its squares and cost.
 #[derive(Debug, Clone)]
-pub(super) struct Point {
-    pub(super) state: State,
-    pub(super) squares: PerObservation,
-    pub(super) cost: f64,
+pub(crate) struct Point {
+    pub(crate) state: State,
+    pub(crate) squares: PerObservation,
+    pub(crate) cost: f64,
 }
 
 impl Point {
-    pub(super) fn new(problem: &Problem<'_>, weighting: &Weighting<'_>, state: State) -> Self {
+    pub(crate) fn new(problem: &Problem<'_>, weighting: &Weighting<'_>, state: State) -> Self {
         let squares = problem.squares(&state);
         let cost = weighting.cost(&squares);
         Self { state, squares, cost }
@@ -148,14 +148,14 @@ impl Point {
 }
 
 /// The linear system at a point.
-pub(super) struct Linear<'p> {
-    pub(super) matrix: BlockMatrix<'p>,
-    pub(super) gradient: Vec<f64>,
+pub(crate) struct Linear<'p> {
+    pub(crate) matrix: BlockMatrix<'p>,
+    pub(crate) gradient: Vec<f64>,
     columns: usize,
 }
 
 impl<'p> Linear<'p> {
-    pub(super) fn new(
+    pub(crate) fn new(
         problem: &'p Problem<'_>,
         free: &[Free],
         state: &State,
@@ -169,7 +169,7 @@ impl<'p> Linear<'p> {
     }
 
     /// The step to the minimum of the quadratic, with `damping` times the diagonal added.
-    pub(super) fn newton_step(&self, damping: f64) -> Result<Vec<f64>, SparseError> {
+    pub(crate) fn newton_step(&self, damping: f64) -> Result<Vec<f64>, SparseError> {
         let factor = if damping > 0.0 {
             let mut damped = self.matrix.clone();
             let more: Vec<f64> = self.matrix.diagonal().iter().map(|d| damping * d).collect();
@@ -191,7 +191,7 @@ impl<'p> Linear<'p> {
 }
 
 /// Minimises from `start`. Returns the best point, all iterations and the reason for the end.
-pub(super) fn minimise(
+pub(crate) fn minimise(
     problem: &Problem<'_>,
     anchoring: &Anchoring,
     weighting: Weighting<'_>,

@@ -1,22 +1,22 @@
 use crate::calib::{
     CalibError, CalibOptions, Ending, Iteration, Robust,
-    attribution::{LogOdds, attribution_odds},
-    fit::{fit, middle, stands_out},
-    gauge::Anchoring,
-    normal_equations::{PerObservation, Problem, State},
-    optimise::{Linear, Point, Weighting, minimise},
-    reconsider::reconsider,
-    robust::{Kernels, Scale},
-    undecided::take_back_chance,
+    robust::ambiguity::take_back_chance,
+    robust::coordinate_descent::reconsider,
+    robust::goodness_of_fit::{fit, middle, stands_out},
+    robust::length_prior::{LogOdds, attribution_odds},
+    solve::gauge::Anchoring,
+    solve::levenberg_marquardt::{Linear, Point, Weighting, minimise},
+    solve::loss::{Kernels, Scale},
+    solve::normal_equations::{PerObservation, Problem, State},
 };
 
 /// The optimisation with its robust schedule.
-pub(super) struct Search<'s, 'o> {
-    pub(super) problem: &'s Problem<'o>,
-    pub(super) anchoring: &'s Anchoring,
-    pub(super) options: &'s CalibOptions,
-    pub(super) iterations: Vec<Iteration>,
-    pub(super) watch: &'s dyn Fn(usize, &Iteration),
+pub(crate) struct Search<'s, 'o> {
+    pub(crate) problem: &'s Problem<'o>,
+    pub(crate) anchoring: &'s Anchoring,
+    pub(crate) options: &'s CalibOptions,
+    pub(crate) iterations: Vec<Iteration>,
+    pub(crate) watch: &'s dyn Fn(usize, &Iteration),
 }
 
 /// Growth of the control of graduated non-convexity from step to step. The paper's 1.4 takes three times the steps of
@@ -27,17 +27,17 @@ const GRADUATION: f64 = 2.0;
 const FIRST_CONTROL: f64 = 1e-12;
 
 /// Where the search ended.
-pub(super) struct Found {
-    pub(super) point: Point,
-    pub(super) weights: PerObservation,
-    pub(super) kept: PerObservation<bool>,
+pub(crate) struct Found {
+    pub(crate) point: Point,
+    pub(crate) weights: PerObservation,
+    pub(crate) kept: PerObservation<bool>,
     /// What was done about observations that do not fit.
-    pub(super) kernels: Kernels,
-    pub(super) ending: Ending,
+    pub(crate) kernels: Kernels,
+    pub(crate) ending: Ending,
 }
 
 impl Search<'_, '_> {
-    pub(super) fn run(&mut self, begin: State) -> Result<Found, CalibError> {
+    pub(crate) fn run(&mut self, begin: State) -> Result<Found, CalibError> {
         let robust = self.options.robust;
         match robust {
             Robust::Automatic => {

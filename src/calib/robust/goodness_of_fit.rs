@@ -2,10 +2,10 @@ use std::collections::HashMap;
 
 use crate::calib::{
     Robust,
-    gauge::Anchoring,
-    normal_equations::{PerObservation, Problem},
-    robust::Scale,
-    search::Found,
+    robust::automatic::Found,
+    solve::gauge::Anchoring,
+    solve::loss::Scale,
+    solve::normal_equations::{PerObservation, Problem},
 };
 use crate::numeric::{chi_square_tail, quantile};
 
@@ -51,12 +51,12 @@ impl Fit {
     }
 
     /// Observed numbers over degrees of freedom: what fitting takes from the squares of errors.
-    pub(super) fn redundancy(&self) -> f64 {
+    pub(crate) fn redundancy(&self) -> f64 {
         self.observed as f64 / self.degrees.max(1) as f64
     }
 
     /// Whether the observations disagree by more than the stated noise.
-    pub(super) fn is_too_large(&self) -> bool {
+    pub(crate) fn is_too_large(&self) -> bool {
         self.p.is_some_and(|p| p < DOUBTFUL)
     }
 }
@@ -65,7 +65,7 @@ impl Fit {
 ///
 /// Those that are kept because their squares are below a bound have smaller squares than all: their sum is held against
 /// its mean under that bound.
-pub(super) fn fit(problem: &Problem<'_>, anchoring: &Anchoring, found: &Found) -> Fit {
+pub(crate) fn fit(problem: &Problem<'_>, anchoring: &Anchoring, found: &Found) -> Fit {
     let observations = problem.observations;
     let (squares, bounds) = (&found.point.squares, found.kernels.bounds());
     let mut sums = Sums::default();
@@ -94,7 +94,7 @@ const BY_CHANCE: f64 = 1e-3;
 
 /// The median of squared errors over that of a chi-square variable, of edges and of contacts; 0 without any. Of an even number
 /// the lower one, so that half can be wrong; of two the larger, since either can be made to fit.
-pub(super) fn middle(ranks: &PerObservation<usize>, squares: &PerObservation) -> Scale {
+pub(crate) fn middle(ranks: &PerObservation<usize>, squares: &PerObservation) -> Scale {
     let mut medians = ByRank::new(|rank| quantile(0.5, rank));
     let mut middle = |ranks: &[usize], squares: &[f64]| {
         let observed = ranks.iter().zip(squares).filter(|(rank, _)| **rank > 0);
@@ -111,7 +111,7 @@ pub(super) fn middle(ranks: &PerObservation<usize>, squares: &PerObservation) ->
 /// Whether one of the `suspects` is farther off than noise as large as that of others of its kind would ever make it,
 /// whatever noise is stated: held against the median square of all edges, or of all contacts, times the `lever` by which
 /// fitting sets suspects and others apart.
-pub(super) fn stands_out(
+pub(crate) fn stands_out(
     ranks: &PerObservation<usize>,
     lever: f64,
     squares: &PerObservation,

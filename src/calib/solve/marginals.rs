@@ -3,10 +3,10 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         CalibError, Model, Pose,
-        gauge::{Free, Motion, carried},
-        normal_equations::{PerObservation, Problem, Shape, State},
-        optimise::Linear,
-        residual::{Twist, dot},
+        solve::gauge::{Free, Motion, carried},
+        solve::levenberg_marquardt::Linear,
+        solve::normal_equations::{PerObservation, Problem, Shape, State},
+        solve::residual::{Twist, dot},
     },
     id::{IdVec, VertexId},
     numeric::symmetric_eigen,
@@ -38,7 +38,7 @@ impl Marginals {
 type Block = [[f64; 6]; 6];
 
 /// Covariances at `state`, for observations of the given weights.
-pub(super) fn marginals(
+pub(crate) fn marginals(
     problem: &Problem<'_>,
     free: &[Free],
     state: &State,
@@ -269,7 +269,9 @@ fn in_common_frame(problem: &Problem<'_>, state: &State, blocks: &IdVec<VertexId
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calib::{Residual, SimulateOptions, Start, gauge::Anchoring, simulate, start::start};
+    use crate::calib::{
+        Residual, SimulateOptions, Start, simulate, solve::gauge::Anchoring, solve::initial::start,
+    };
 
     type Dense = Vec<Vec<f64>>;
 

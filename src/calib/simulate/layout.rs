@@ -19,13 +19,13 @@ const LENGTHS: RangeInclusive<f64> = 1e-6..=1e3;
 
 /// Taxels on the bottom of a sphere, as the end effector of the source paper's experiment carries them.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Cap {
+pub(crate) struct Cap {
     /// Taxel frames: z is the outward normal, x the lattice direction.
-    pub(super) frames: IdVec<VertexId, Pose>,
+    pub(crate) frames: IdVec<VertexId, Pose>,
     /// Pairs of lattice neighbours, ascending.
-    pub(super) edges: Vec<[VertexId; 2]>,
+    pub(crate) edges: Vec<[VertexId; 2]>,
     /// The triangles between them, seen from outside.
-    pub(super) triangles: IdVec<FaceId, [VertexId; 3]>,
+    pub(crate) triangles: IdVec<FaceId, [VertexId; 3]>,
 }
 
 impl Cap {
@@ -34,7 +34,7 @@ impl Cap {
     ///
     /// # Errors
     /// [`CalibError::BadOption`] unless lengths are positive and the taxels fit on the sphere.
-    pub(super) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
+    pub(crate) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
         check(taxels, spacing, radius)?;
         let (cells, plane) = lattice(taxels);
         let reach = plane.iter().map(|p| p.length()).fold(0.0, f64::max) * spacing;
@@ -70,7 +70,7 @@ impl Cap {
     }
 
     /// Positions and triangles.
-    pub(super) fn mesh(&self) -> TriMesh {
+    pub(crate) fn mesh(&self) -> TriMesh {
         TriMesh { positions: self.frames.map(|f| f.position), triangles: self.triangles.clone() }
     }
 }

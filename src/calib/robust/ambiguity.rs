@@ -1,11 +1,11 @@
 use crate::{
     calib::{
         Observations,
-        attribution::LogOdds,
-        components::{component_of_taxels, components},
-        reconsider::edges_of_taxels,
-        robust::{Kernels, SMALLEST_WEIGHT},
-        search::Found,
+        observations::graph::{component_of_taxels, components},
+        robust::automatic::Found,
+        robust::coordinate_descent::edges_of_taxels,
+        robust::length_prior::LogOdds,
+        solve::loss::{Kernels, SMALLEST_WEIGHT},
     },
     id::{IdVec, VertexId},
 };
@@ -25,7 +25,7 @@ const DECISIVE: f64 = 3.0;
 /// weight, unless the `odds` speak for the kept one. A kept edge to such a taxel decides nothing about its other end
 /// either, so this goes on until every taxel is held twice or was never in doubt. Then the same for whole pieces, which
 /// are left without any edge: those that agree by the bounds of `kernels`, whatever their lengths, are kept after all.
-pub(super) fn take_back_chance(
+pub(crate) fn take_back_chance(
     observations: &Observations,
     found: &mut Found,
     odds: Option<&LogOdds>,

@@ -1,8 +1,8 @@
 use crate::{
     calib::{
         ContactObservationId, DisplacementId,
-        attribution::{LogOdds, stretch},
-        normal_equations::PerObservation,
+        robust::length_prior::{LogOdds, stretch},
+        solve::normal_equations::PerObservation,
     },
     id::IdVec,
     numeric::quantile,
@@ -56,18 +56,18 @@ const UNTOUCHED: f64 = 0.95;
 
 /// Share of good observations that count as good: three standard deviations of a normal variable. Where truncated least
 /// squares keeps 0.99, the good ones that are lost cost 2 % of the accuracy at 5 % outliers.
-pub(super) const KEPT: f64 = 0.997;
+pub(crate) const KEPT: f64 = 0.997;
 
 /// Tukey's bound over Huber's: with 3 degrees of freedom it lets go at 6 standard deviations.
 const TUKEY_OVER_HUBER: f64 = 2.147;
 
 /// No weight falls below this: a taxel whose observations are all rejected keeps its place instead of making the
 /// system singular.
-pub(super) const SMALLEST_WEIGHT: f64 = 1e-8;
+pub(crate) const SMALLEST_WEIGHT: f64 = 1e-8;
 
 /// A kernel for errors of some degrees of freedom, with the squares of its bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Kernel {
+pub(crate) struct Kernel {
     robust: Robust,
     bound2: f64,
     outlier2: f64,
@@ -75,7 +75,7 @@ pub(super) struct Kernel {
 
 impl Kernel {
     /// The kernel of an observation of `rank` numbers; nothing observed has no error, and any bound does.
-    pub(super) fn new(robust: Robust, rank: usize) -> Self {
+    pub(crate) fn new(robust: Robust, rank: usize) -> Self {
         let degrees = rank.max(1) as f64;
         let bound2 = match robust {
             Robust::Automatic | Robust::None => f64::INFINITY,
@@ -88,7 +88,7 @@ impl Kernel {
     }
 
     /// Whether noise explains a squared error.
-    pub(super) fn keeps(&self, square: f64) -> bool {
+    pub(crate) fn keeps(&self, square: f64) -> bool {
         square <= self.outlier2
     }
 
@@ -98,7 +98,7 @@ impl Kernel {
     }
 
     /// What a squared error of `square` costs, twice: `square` itself under least squares.
-    pub(super) fn cost(&self, square: f64) -> f64 {
+    pub(crate) fn cost(&self, square: f64) -> f64 {
         let c2 = self.bound2;
         match self.robust {
             Robust::Automatic | Robust::None => square,
@@ -113,7 +113,7 @@ impl Kernel {
     }
 
     /// Derivative of the cost with respect to `square`: the weight of the observation.
-    pub(super) fn weight(&self, square: f64) -> f64 {
+    pub(crate) fn weight(&self, square: f64) -> f64 {
         let c2 = self.bound2;
         let weight = match self.robust {
             Robust::Automatic | Robust::None => 1.0,
@@ -129,7 +129,7 @@ impl Kernel {
 
     /// Weight of truncated least squares at control `mu`: nearly convex for small `mu`, the truncation itself as it
     /// grows (equation 14 of the paper).
-    pub(super) fn graduated_weight(&self, mu: f64, square: f64) -> f64 {
+    pub(crate) fn graduated_weight(&self, mu: f64, square: f64) -> f64 {
         let c2 = self.bound2;
         let weight = if square <= mu / (mu + 1.0) * c2 {
             1.0
@@ -147,37 +147,37 @@ const AS_STATED: f64 = 2.5;
 
 /// How much larger squared errors are than the stated noise lets expect: 1 where it is right.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Scale {
-    pub(super) edges: f64,
-    pub(super) contacts: f64,
+pub(crate) struct Scale {
+    pub(crate) edges: f64,
+    pub(crate) contacts: f64,
 }
 
 impl Scale {
     /// Whether the stated noise is right as far as a median can tell.
-    pub(super) fn is_as_stated(self) -> bool {
+    pub(crate) fn is_as_stated(self) -> bool {
         self.is_as_stated_of_edges() && self.contacts <= AS_STATED
     }
 
-    pub(super) fn is_as_stated_of_edges(self) -> bool {
+    pub(crate) fn is_as_stated_of_edges(self) -> bool {
         self.edges <= AS_STATED
     }
 
-    pub(super) fn most(self, other: Self) -> Self {
+    pub(crate) fn most(self, other: Self) -> Self {
         Self { edges: self.edges.max(other.edges), contacts: self.contacts.max(other.contacts) }
     }
 }
 
 /// The kernel of every observation.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Kernels {
-    pub(super) robust: Robust,
-    pub(super) edges: IdVec<DisplacementId, Kernel>,
-    pub(super) contacts: IdVec<ContactObservationId, Kernel>,
+pub(crate) struct Kernels {
+    pub(crate) robust: Robust,
+    pub(crate) edges: IdVec<DisplacementId, Kernel>,
+    pub(crate) contacts: IdVec<ContactObservationId, Kernel>,
 }
 
 impl Kernels {
     /// Kernels whose bounds follow from how many numbers each observation observes.
-    pub(super) fn new(ranks: &PerObservation<usize>, robust: Robust) -> Self {
+    pub(crate) fn new(ranks: &PerObservation<usize>, robust: Robust) -> Self {
         // Quantiles take long, and there are few ranks.
         let most = ranks.iter().max().unwrap_or(0);
         let of_rank: Vec<Kernel> = (0..=most).map(|rank| Kernel::new(robust, rank)).collect();
@@ -186,7 +186,7 @@ impl Kernels {
     }
 
     /// The same for edges that are attributed right with these `odds`.
-    pub(super) fn with_odds(&self, odds: &LogOdds) -> Self {
+    pub(crate) fn with_odds(&self, odds: &LogOdds) -> Self {
         let mut this = self.clone();
         for (kernel, &odds) in this.edges.iter_mut().zip(odds) {
             *kernel = kernel.stretched(stretch(odds, kernel.outlier2));
@@ -195,7 +195,7 @@ impl Kernels {
     }
 
     /// The same for errors whose squares are larger by `scale`.
-    pub(super) fn scaled(&self, scale: Scale) -> Self {
+    pub(crate) fn scaled(&self, scale: Scale) -> Self {
         Self {
             edges: self.edges.map(|k| k.stretched(scale.edges)),
             contacts: self.contacts.map(|k| k.stretched(scale.contacts)),
@@ -203,31 +203,31 @@ impl Kernels {
         }
     }
 
-    pub(super) fn costs(&self, squares: &PerObservation) -> PerObservation {
+    pub(crate) fn costs(&self, squares: &PerObservation) -> PerObservation {
         self.each(squares, Kernel::cost)
     }
 
-    pub(super) fn weights(&self, squares: &PerObservation) -> PerObservation {
+    pub(crate) fn weights(&self, squares: &PerObservation) -> PerObservation {
         self.each(squares, Kernel::weight)
     }
 
     /// Which observations noise explains.
-    pub(super) fn keep(&self, squares: &PerObservation) -> PerObservation<bool> {
+    pub(crate) fn keep(&self, squares: &PerObservation) -> PerObservation<bool> {
         self.each(squares, Kernel::keeps)
     }
 
     /// The squares up to which it does.
-    pub(super) fn bounds(&self) -> PerObservation {
+    pub(crate) fn bounds(&self) -> PerObservation {
         PerObservation { edges: self.edges.map(|k| k.outlier2), contacts: self.contacts.map(|k| k.outlier2) }
     }
 
     /// [`Kernel::graduated_weight`] of every observation.
-    pub(super) fn graduated_weights(&self, mu: f64, squares: &PerObservation) -> PerObservation {
+    pub(crate) fn graduated_weights(&self, mu: f64, squares: &PerObservation) -> PerObservation {
         self.each(squares, |kernel, square| kernel.graduated_weight(mu, square))
     }
 
     /// The largest square over its bound.
-    pub(super) fn worst(&self, squares: &PerObservation) -> f64 {
+    pub(crate) fn worst(&self, squares: &PerObservation) -> f64 {
         self.each(squares, |kernel, square| square / kernel.bound2).iter().fold(0.0, f64::max)
     }
 

@@ -1,3 +1,6 @@
+pub(crate) mod graph;
+pub(crate) mod information;
+
 use std::{collections::HashSet, fmt::Display};
 
 use glam::DVec3;
@@ -83,7 +86,7 @@ pub struct Displacement {
 
 impl Displacement {
     /// Whether it says anything: zero information is no edge.
-    pub(super) fn is_observed(&self) -> bool {
+    pub(crate) fn is_observed(&self) -> bool {
         match &self.motion {
             Motion::Offset { information, .. } => information.0.iter().flatten().any(|&x| x != 0.0),
             Motion::Relative(m) => m.information.0.iter().flatten().any(|&x| x != 0.0),
@@ -91,7 +94,7 @@ impl Displacement {
     }
 
     /// How many numbers it observes.
-    pub(super) fn rank(&self) -> usize {
+    pub(crate) fn rank(&self) -> usize {
         match &self.motion {
             Motion::Offset { information, .. } => information.rank(),
             Motion::Relative(m) => m.information.rank(),
@@ -135,7 +138,7 @@ pub enum Touch {
 
 impl Touch {
     /// How many numbers it observes.
-    pub(super) fn rank(&self, model: Model) -> usize {
+    pub(crate) fn rank(&self, model: Model) -> usize {
         match self {
             Self::Position { information, .. } => information.rank(),
             Self::PositionNormal { information, normal_information, .. } => {

@@ -5,36 +5,36 @@ use crate::{
     calib::{
         CalibError, ContactObservationId, Displacement, DisplacementId, Model, Motion, Observations, Pose,
         PosePrior, Residual, Touch,
-        pose::hat,
-        residual::{EdgeTerm, Quarters, Twist, dot, error, linearised},
+        geometry::pose::hat,
+        solve::residual::{EdgeTerm, Quarters, Twist, dot, error, linearised},
     },
     id::{IdVec, VertexId},
     sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
 /// Where every taxel is thought to be.
-pub(super) type State = IdVec<VertexId, Pose>;
+pub(crate) type State = IdVec<VertexId, Pose>;
 
 /// One value for every observation.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct PerObservation<T = f64> {
-    pub(super) edges: IdVec<DisplacementId, T>,
-    pub(super) contacts: IdVec<ContactObservationId, T>,
+pub(crate) struct PerObservation<T = f64> {
+    pub(crate) edges: IdVec<DisplacementId, T>,
+    pub(crate) contacts: IdVec<ContactObservationId, T>,
 }
 
 impl<T: Copy> PerObservation<T> {
-    pub(super) fn map<U>(&self, f: impl Fn(T) -> U) -> PerObservation<U> {
+    pub(crate) fn map<U>(&self, f: impl Fn(T) -> U) -> PerObservation<U> {
         PerObservation { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = T> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = T> {
         self.edges.iter().chain(&self.contacts).copied()
     }
 }
 
 /// How much of a taxel shares one block of the system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(crate) enum Shape {
     /// Positions whose information is the same in every direction: one matrix serves x, y and z.
     Scalar,
     /// Positions.
@@ -45,7 +45,7 @@ pub(super) enum Shape {
 
 impl Shape {
     /// Rows of a block.
-    pub(super) const fn size(self) -> usize {
+    pub(crate) const fn size(self) -> usize {
         match self {
             Self::Scalar => 1,
             Self::Vector => 3,
@@ -54,7 +54,7 @@ impl Shape {
     }
 
     /// Right-hand sides.
-    pub(super) const fn columns(self) -> usize {
+    pub(crate) const fn columns(self) -> usize {
         if matches!(self, Self::Scalar) { 3 } else { 1 }
     }
 }
@@ -64,21 +64,21 @@ const EDGES_PER_CHUNK: usize = 4096;
 
 /// The observations with the places of their contributions in the linear system.
 #[derive(Debug)]
-pub(super) struct Problem<'o> {
-    pub(super) observations: &'o Observations,
-    pub(super) convention: Residual,
-    pub(super) shape: Shape,
+pub(crate) struct Problem<'o> {
+    pub(crate) observations: &'o Observations,
+    pub(crate) convention: Residual,
+    pub(crate) shape: Shape,
     /// How many numbers every observation observes.
-    pub(super) ranks: PerObservation<usize>,
+    pub(crate) ranks: PerObservation<usize>,
     /// The block row of every taxel that moves.
-    pub(super) rows: IdVec<VertexId, Option<u32>>,
-    pub(super) system: BlockSystem,
+    pub(crate) rows: IdVec<VertexId, Option<u32>>,
+    pub(crate) system: BlockSystem,
     /// The block of every edge between two taxels that move; `true` where it is that of (to, from).
     slots: IdVec<DisplacementId, Option<(BlockSlot, bool)>>,
 }
 
 impl<'o> Problem<'o> {
-    pub(super) fn new(observations: &'o Observations, convention: Residual) -> Result<Self, CalibError> {
+    pub(crate) fn new(observations: &'o Observations, convention: Residual) -> Result<Self, CalibError> {
         let (rows, count) = number_rows(observations, |v| !observations.taxels[v].fixed);
         let pairs = row_pairs(observations, &rows);
         let shape = shape_of(observations);
@@ -95,17 +95,17 @@ impl<'o> Problem<'o> {
     }
 
     /// Number of taxels that move.
-    pub(super) fn moving(&self) -> usize {
+    pub(crate) fn moving(&self) -> usize {
         self.system.blocks()
     }
 
     /// The taxel of a block row.
-    pub(super) fn taxel_of(&self, row: usize) -> Option<VertexId> {
+    pub(crate) fn taxel_of(&self, row: usize) -> Option<VertexId> {
         self.rows.enumerate().find(|(_, r)| r.is_some_and(|r| r as usize == row)).map(|(v, _)| v)
     }
 
     /// Says which taxel makes the system singular.
-    pub(super) fn explain(&self, error: SparseError) -> CalibError {
+    pub(crate) fn explain(&self, error: SparseError) -> CalibError {
         match error {
             SparseError::NotPositiveDefinite { row } | SparseError::NotFinite { row } => {
                 let id = self.taxel_of(row).map_or_else(Default::default, |v| self.observations.taxels[v].id);
@@ -116,7 +116,7 @@ impl<'o> Problem<'o> {
     }
 
     /// Squared error of every observation, over its variance.
-    pub(super) fn squares(&self, state: &State) -> PerObservation {
+    pub(crate) fn squares(&self, state: &State) -> PerObservation {
         let Observations { edges, contacts, .. } = self.observations;
         let square = |e: &Displacement| self.square(e, state);
         PerObservation {
@@ -126,7 +126,7 @@ impl<'o> Problem<'o> {
     }
 
     /// Squared error of one edge, over its variance.
-    pub(super) fn edge_square(&self, edge: DisplacementId, state: &State) -> f64 {
+    pub(crate) fn edge_square(&self, edge: DisplacementId, state: &State) -> f64 {
         self.square(&self.observations.edges[edge], state)
     }
 
@@ -142,7 +142,7 @@ impl<'o> Problem<'o> {
         }
     }
 
-    pub(super) fn touch_square(&self, touch: &Touch, at: &Pose) -> f64 {
+    pub(crate) fn touch_square(&self, touch: &Touch, at: &Pose) -> f64 {
         match touch {
             Touch::Position { position, information } => {
                 information.square(&(at.position - *position).to_array())
@@ -163,7 +163,7 @@ impl<'o> Problem<'o> {
     }
 
     /// The Gauss-Newton matrix and the gradient of half the weighted sum of squares.
-    pub(super) fn linearise(&self, state: &State, weights: &PerObservation) -> (BlockMatrix<'_>, Vec<f64>) {
+    pub(crate) fn linearise(&self, state: &State, weights: &PerObservation) -> (BlockMatrix<'_>, Vec<f64>) {
         let mut sums = Sums {
             matrix: self.system.zero(),
             gradient: vec![0.0; self.moving() * self.shape.size() * self.shape.columns()],
@@ -252,7 +252,7 @@ impl<'o> Problem<'o> {
     }
 
     /// `J' Omega J` and `J' Omega e` of a contact, in the frame in which its taxel moves.
-    pub(super) fn touch_term(&self, touch: &Touch, at: &Pose) -> (Quarters, Twist) {
+    pub(crate) fn touch_term(&self, touch: &Touch, at: &Pose) -> (Quarters, Twist) {
         // The rotation is the identity in the positions model.
         let r = DMat3::from_quat(at.rotation);
         match touch {
@@ -288,7 +288,7 @@ impl<'o> Problem<'o> {
     }
 
     /// The state after a step: one block per moving taxel, as the gradient is laid out.
-    pub(super) fn advanced(&self, state: &State, step: &[f64]) -> State {
+    pub(crate) fn advanced(&self, state: &State, step: &[f64]) -> State {
         let vector = |row: usize, k: usize| match self.shape {
             Shape::Scalar => DVec3::from_array(std::array::from_fn(|c| step[c * self.moving() + row])),
             Shape::Vector => DVec3::from_slice(&step[3 * row..]),
@@ -314,7 +314,7 @@ fn offset_error(edge: &Displacement, offset: DVec3, state: &State) -> DVec3 {
 }
 
 /// Numbers the taxels that `moves` in their order.
-pub(super) fn number_rows(
+pub(crate) fn number_rows(
     observations: &Observations,
     moves: impl Fn(VertexId) -> bool,
 ) -> (IdVec<VertexId, Option<u32>>, usize) {
@@ -330,12 +330,12 @@ pub(super) fn number_rows(
 }
 
 /// The rows of an edge between two taxels that move.
-pub(super) fn pair_of(edge: &Displacement, rows: &IdVec<VertexId, Option<u32>>) -> Option<(usize, usize)> {
+pub(crate) fn pair_of(edge: &Displacement, rows: &IdVec<VertexId, Option<u32>>) -> Option<(usize, usize)> {
     Some((rows[edge.from]? as usize, rows[edge.to]? as usize))
 }
 
 /// The rows of all edges between two taxels that move.
-pub(super) fn row_pairs<'a>(
+pub(crate) fn row_pairs<'a>(
     observations: &'a Observations,
     rows: &'a IdVec<VertexId, Option<u32>>,
 ) -> impl Iterator<Item = (usize, usize)> + 'a {

@@ -1,8 +1,8 @@
 use crate::{
     calib::{
         DisplacementId, Motion, Observations, Pose,
-        normal_equations::{Problem, State},
-        robust::Kernels,
+        solve::loss::Kernels,
+        solve::normal_equations::{Problem, State},
     },
     id::{IdVec, VertexId},
 };
@@ -18,7 +18,7 @@ const MOST_PLACES: usize = 100;
 /// for each set of edges that agree, and every set but the present one has an edge in it that disagrees here:
 /// trying the places that those name finds the best. A set that wins among more than [`MOST_PLACES`] of them is so
 /// large that it has many of those asked.
-pub(super) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Kernels) -> bool {
+pub(crate) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Kernels) -> bool {
     let observations = problem.observations;
     let edges_of = edges_of_taxels(observations);
     let mut contacts_of: IdVec<VertexId, Vec<_>> = observations.taxels.map(|_| Vec::new());
@@ -63,7 +63,7 @@ pub(super) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Ker
 }
 
 /// The edges of every taxel, ascending.
-pub(super) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Vec<DisplacementId>> {
+pub(crate) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Vec<DisplacementId>> {
     let mut edges_of: IdVec<VertexId, Vec<DisplacementId>> = observations.taxels.map(|_| Vec::new());
     for (id, edge) in observations.edges.enumerate() {
         edges_of[edge.from].push(id);
@@ -73,7 +73,7 @@ pub(super) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Ve
 }
 
 /// Where `edge` puts `v`, its other end being where it is.
-pub(super) fn named_by(
+pub(crate) fn named_by(
     observations: &Observations,
     edge: DisplacementId,
     v: VertexId,

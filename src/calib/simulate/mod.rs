@@ -1,3 +1,6 @@
+mod layout;
+mod random;
+
 use std::collections::HashMap;
 
 use glam::{DMat3, DQuat, DVec3, IVec3};
@@ -5,7 +8,8 @@ use glam::{DMat3, DQuat, DVec3, IVec3};
 use crate::{
     calib::{
         CalibError, Contact, Displacement, DisplacementId, Information, Model, Motion, Observations, Pose,
-        RelativePose, Touch, Unknown, cap::Cap, pose::exp, random::Random, start::spanning_tree,
+        RelativePose, Touch, Unknown, geometry::pose::exp, simulate::layout::Cap, simulate::random::Random,
+        solve::initial::spanning_tree,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -115,10 +119,10 @@ const MOST_NOISE: f64 = 1e3;
 
 /// Streams of random numbers: one for each source.
 mod stream {
-    pub(super) const DISPLACEMENTS: u64 = 0;
-    pub(super) const OUTLIERS: u64 = 1;
-    pub(super) const ANCHORS: u64 = 2;
-    pub(super) const ARM: u64 = 3;
+    pub(crate) const DISPLACEMENTS: u64 = 0;
+    pub(crate) const OUTLIERS: u64 = 1;
+    pub(crate) const ANCHORS: u64 = 2;
+    pub(crate) const ARM: u64 = 3;
 }
 
 /// Lets the skin touch itself into view: displacements between lattice neighbours with independent noise, and

@@ -66,7 +66,7 @@ impl std::ops::Mul for Pose {
 ///
 /// Sines come from `libm`, so that simulated observations have the same bytes on every system.
 #[must_use]
-pub(super) fn exp(turn: DVec3) -> DQuat {
+pub(crate) fn exp(turn: DVec3) -> DQuat {
     let angle = turn.length();
     // sin(x / 2) / x.
     let factor = if angle < SMALL_ANGLE {
@@ -81,7 +81,7 @@ pub(super) fn exp(turn: DVec3) -> DQuat {
 
 /// The rotation vector of `rotation`, of at most pi radians.
 #[must_use]
-pub(super) fn log(rotation: DQuat) -> DVec3 {
+pub(crate) fn log(rotation: DQuat) -> DVec3 {
     let q = if rotation.w < 0.0 { -rotation } else { rotation };
     let v = q.xyz();
     let sine = v.length();
@@ -98,12 +98,12 @@ pub(super) fn log(rotation: DQuat) -> DVec3 {
 
 /// The matrix of `x -> v x x`.
 #[must_use]
-pub(super) fn hat(v: DVec3) -> DMat3 {
+pub(crate) fn hat(v: DVec3) -> DMat3 {
     DMat3::from_cols_array(&[0.0, v.z, -v.y, -v.z, 0.0, v.x, v.y, -v.x, 0.0])
 }
 
 /// The matrix `a b'`.
-pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
@@ -126,21 +126,21 @@ fn curvature(angle: f64) -> (f64, f64) {
 
 /// Derivative of `log(R exp(x))` with respect to `x` at 0, where `turn = log(R)`: the inverse right Jacobian.
 #[must_use]
-pub(super) fn right_jacobian_inverse(turn: DVec3) -> DMat3 {
+pub(crate) fn right_jacobian_inverse(turn: DVec3) -> DMat3 {
     let k = hat(turn);
     DMat3::IDENTITY + 0.5 * k + curvature(turn.length()).0 * (k * k)
 }
 
 /// The translation part of the SE(3) logarithm: `V(turn)^-1 y`, with `V` the left Jacobian.
 #[must_use]
-pub(super) fn unbend(turn: DVec3, y: DVec3) -> DVec3 {
+pub(crate) fn unbend(turn: DVec3, y: DVec3) -> DVec3 {
     let k = turn.cross(y);
     y - 0.5 * k + curvature(turn.length()).0 * turn.cross(k)
 }
 
 /// Derivatives of [`unbend`] with respect to `turn` and to `y`.
 #[must_use]
-pub(super) fn unbend_jacobians(turn: DVec3, y: DVec3) -> (DMat3, DMat3) {
+pub(crate) fn unbend_jacobians(turn: DVec3, y: DVec3) -> (DMat3, DMat3) {
     let (c, slope) = curvature(turn.length());
     let k = hat(turn);
     let twice = turn.cross(turn.cross(y));

@@ -5,19 +5,19 @@ use crate::{
 
 /// Taxels that edges join.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Component {
+pub(crate) struct Component {
     /// Its taxels, ascending.
-    pub(super) taxels: Vec<VertexId>,
+    pub(crate) taxels: Vec<VertexId>,
     /// Whether one of them is fixed.
-    pub(super) fixed: bool,
+    pub(crate) fixed: bool,
     /// The taxel that keeps its place where nothing else says where the component is: the first with an initial
     /// value, else the first.
-    pub(super) gauge: VertexId,
+    pub(crate) gauge: VertexId,
 }
 
 /// The connected components of the graph of edges that say anything and that `counts` picks, in the order of their first
 /// taxels.
-pub(super) fn components(
+pub(crate) fn components(
     observations: &Observations,
     counts: impl Fn(DisplacementId) -> bool,
 ) -> Vec<Component> {
@@ -45,7 +45,7 @@ pub(super) fn components(
 }
 
 /// The place in `components` of every taxel's own.
-pub(super) fn component_of_taxels(components: &[Component], taxels: usize) -> IdVec<VertexId, usize> {
+pub(crate) fn component_of_taxels(components: &[Component], taxels: usize) -> IdVec<VertexId, usize> {
     let mut of_taxel = IdVec::filled(0, taxels);
     for (k, component) in components.iter().enumerate() {
         component.taxels.iter().for_each(|&v| of_taxel[v] = k);

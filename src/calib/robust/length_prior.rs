@@ -1,12 +1,14 @@
 use glam::DVec3;
 
 use crate::{
-    calib::{DisplacementId, Motion, Observations, normal_equations::PerObservation, robust::KEPT},
+    calib::{
+        DisplacementId, Motion, Observations, solve::loss::KEPT, solve::normal_equations::PerObservation,
+    },
     id::IdVec,
 };
 
 /// How much likelier than others each edge is to be attributed right, as the logarithm of the ratio of odds.
-pub(super) type LogOdds = IdVec<DisplacementId, f64>;
+pub(crate) type LogOdds = IdVec<DisplacementId, f64>;
 
 /// Edges of about the same length that are counted on either side. From 10 to 25 the accuracy at 20 % wrong
 /// edges is the same to half a percent.
@@ -25,7 +27,7 @@ const MOST_STRETCH: f64 = 2.0;
 /// else tells which. The odds of an edge are those among the edges that are next to it in length, over those
 /// among all: no shape of either distribution is assumed, and where wrong edges are as long as good ones, the odds say
 /// nothing.
-pub(super) fn attribution_odds(observations: &Observations, kept: &PerObservation<bool>) -> Option<LogOdds> {
+pub(crate) fn attribution_odds(observations: &Observations, kept: &PerObservation<bool>) -> Option<LogOdds> {
     let mut by_length: Vec<(f64, DisplacementId)> =
         observations.edges.enumerate().map(|(e, d)| (length(&d.motion).length(), e)).collect();
     by_length.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -59,7 +61,7 @@ pub(super) fn attribution_odds(observations: &Observations, kept: &PerObservatio
 ///
 /// An edge of squared error `s` is good with odds proportional to `exp(odds - s / 2)`: what its length says for it
 /// weighs as much as twice that of squared error.
-pub(super) fn stretch(odds: f64, bound2: f64) -> f64 {
+pub(crate) fn stretch(odds: f64, bound2: f64) -> f64 {
     (1.0 + 2.0 * odds / bound2).clamp(LEAST_STRETCH, MOST_STRETCH)
 }
 

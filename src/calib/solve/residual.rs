@@ -2,7 +2,7 @@ use glam::{DMat3, DVec3};
 
 use crate::calib::{
     Information, Pose, RelativePose,
-    pose::{hat, log, right_jacobian_inverse, unbend, unbend_jacobians},
+    geometry::pose::{hat, log, right_jacobian_inverse, unbend, unbend_jacobians},
 };
 
 /// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose becomes six numbers.
@@ -32,16 +32,16 @@ impl Residual {
 }
 
 /// Translation, then rotation, both in the moving frame.
-pub(super) type Twist = [DVec3; 2];
+pub(crate) type Twist = [DVec3; 2];
 
 /// A 6 x 6 matrix in four quarters: rows translation and rotation, columns likewise.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Quarters(pub(super) [[DMat3; 2]; 2]);
+pub(crate) struct Quarters(pub(crate) [[DMat3; 2]; 2]);
 
 impl Quarters {
-    pub(super) const ZERO: Self = Self([[DMat3::ZERO; 2]; 2]);
+    pub(crate) const ZERO: Self = Self([[DMat3::ZERO; 2]; 2]);
 
-    pub(super) fn of(information: &Information<6>) -> Self {
+    pub(crate) fn of(information: &Information<6>) -> Self {
         let m = &information.0;
         let quarter = |r: usize, c: usize| {
             let column = |b: usize| DVec3::new(m[r][c + b], m[r + 1][c + b], m[r + 2][c + b]);
@@ -50,36 +50,36 @@ impl Quarters {
         Self([[quarter(0, 0), quarter(0, 3)], [quarter(3, 0), quarter(3, 3)]])
     }
 
-    pub(super) fn times(&self, other: &Self) -> Self {
+    pub(crate) fn times(&self, other: &Self) -> Self {
         let (x, y) = (&self.0, &other.0);
         let entry = |r: usize, c: usize| x[r][0] * y[0][c] + x[r][1] * y[1][c];
         Self([[entry(0, 0), entry(0, 1)], [entry(1, 0), entry(1, 1)]])
     }
 
-    pub(super) fn transpose(&self) -> Self {
+    pub(crate) fn transpose(&self) -> Self {
         let [[a, b], [c, d]] = self.0;
         Self([[a.transpose(), c.transpose()], [b.transpose(), d.transpose()]])
     }
 
-    pub(super) fn apply(&self, x: Twist) -> Twist {
+    pub(crate) fn apply(&self, x: Twist) -> Twist {
         let m = &self.0;
         [m[0][0] * x[0] + m[0][1] * x[1], m[1][0] * x[0] + m[1][1] * x[1]]
     }
 
     /// Row `a` and column `b`.
     #[inline]
-    pub(super) fn entry(&self, a: usize, b: usize) -> f64 {
+    pub(crate) fn entry(&self, a: usize, b: usize) -> f64 {
         self.0[a / 3][b / 3].col(b % 3)[a % 3]
     }
 }
 
 /// `x' y`.
-pub(super) fn dot(x: Twist, y: Twist) -> f64 {
+pub(crate) fn dot(x: Twist, y: Twist) -> f64 {
     x[0].dot(y[0]) + x[1].dot(y[1])
 }
 
 /// The six numbers of `E = Z^-1 T_i^-1 T_j`.
-pub(super) fn error(convention: Residual, observed: &Pose, from: &Pose, to: &Pose) -> Twist {
+pub(crate) fn error(convention: Residual, observed: &Pose, from: &Pose, to: &Pose) -> Twist {
     let step = from.rotation.conjugate() * (to.position - from.position);
     let dt = observed.rotation.conjugate() * (step - observed.position);
     let dr = observed.rotation.conjugate() * (from.rotation.conjugate() * to.rotation);
@@ -94,7 +94,7 @@ pub(super) fn error(convention: Residual, observed: &Pose, from: &Pose, to: &Pos
 }
 
 /// The error, and its derivatives when `from` and `to` are moved in their own frames ([`Pose::moved`]).
-pub(super) fn linearised(
+pub(crate) fn linearised(
     convention: Residual,
     observed: &Pose,
     from: &Pose,
@@ -129,21 +129,21 @@ pub(super) fn linearised(
 
 /// One relative pose in the normal equations, before any robust weight.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct EdgeTerm {
+pub(crate) struct EdgeTerm {
     /// `J_from' Omega J_from`.
-    pub(super) from_from: Quarters,
+    pub(crate) from_from: Quarters,
     /// `J_to' Omega J_to`.
-    pub(super) to_to: Quarters,
+    pub(crate) to_to: Quarters,
     /// `J_from' Omega J_to`.
-    pub(super) from_to: Quarters,
+    pub(crate) from_to: Quarters,
     /// `J_from' Omega e`.
-    pub(super) from_gradient: Twist,
+    pub(crate) from_gradient: Twist,
     /// `J_to' Omega e`.
-    pub(super) to_gradient: Twist,
+    pub(crate) to_gradient: Twist,
 }
 
 impl EdgeTerm {
-    pub(super) fn new(convention: Residual, observed: &RelativePose, from: &Pose, to: &Pose) -> Self {
+    pub(crate) fn new(convention: Residual, observed: &RelativePose, from: &Pose, to: &Pose) -> Self {
         let (e, j_from, j_to) = linearised(convention, &observed.pose, from, to);
         let omega = Quarters::of(&observed.information);
         let weighted = omega.apply(e);
@@ -164,7 +164,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::calib::pose::exp;
+    use crate::calib::geometry::pose::exp;
 
     fn vector(length: f64) -> impl Strategy<Value = DVec3> {
         (-1.0..1.0, -1.0..1.0, -1.0..1.0_f64).prop_map(move |(x, y, z)| DVec3::new(x, y, z) * length)

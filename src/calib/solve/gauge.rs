@@ -5,10 +5,10 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         ContactObservationId, Model, Pose,
-        components::{Component, component_of_taxels, components},
-        normal_equations::{PerObservation, Problem, State},
-        residual::{Quarters, Twist},
-        robust::SMALLEST_WEIGHT,
+        observations::graph::{Component, component_of_taxels, components},
+        solve::loss::SMALLEST_WEIGHT,
+        solve::normal_equations::{PerObservation, Problem, State},
+        solve::residual::{Quarters, Twist},
     },
     id::VertexId,
     numeric::symmetric_eigen,
@@ -23,35 +23,35 @@ const RANK_TOLERANCE: f64 = 1e-9;
 const NOTHING: f64 = 1e-20;
 
 /// A rigid motion of a whole component about a pivot: translation over [`Free::length`], and rotation vector.
-pub(super) type Motion = [f64; 6];
+pub(crate) type Motion = [f64; 6];
 
 /// A component that the contacts leave free to move as a whole.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Free {
-    pub(super) component: Component,
+pub(crate) struct Free {
+    pub(crate) component: Component,
     /// How many independent motions are free: up to 3 for positions, up to 6 for poses.
-    pub(super) directions: usize,
+    pub(crate) directions: usize,
     /// Typical distance from the centroid, in m: makes translations and rotations comparable.
-    pub(super) length: f64,
+    pub(crate) length: f64,
     contacts: Vec<ContactObservationId>,
     /// How many of its contacts do not count.
-    pub(super) let_go: usize,
+    pub(crate) let_go: usize,
 }
 
 /// What the contacts leave free, whichever of them count.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Anchoring {
+pub(crate) struct Anchoring {
     /// What all of them leave free.
     by_all: Vec<Free>,
 }
 
 impl Anchoring {
-    pub(super) fn new(problem: &Problem<'_>, state: &State) -> Self {
+    pub(crate) fn new(problem: &Problem<'_>, state: &State) -> Self {
         Self { by_all: free_components(problem, state, |_| true) }
     }
 
     /// What the contacts that `count` leave free.
-    pub(super) fn free(
+    pub(crate) fn free(
         &self,
         problem: &Problem<'_>,
         state: &State,
@@ -65,7 +65,7 @@ impl Anchoring {
     }
 
     /// What contacts of these weights leave free: those that were let go would anchor in rounding errors.
-    pub(super) fn free_under(
+    pub(crate) fn free_under(
         &self,
         problem: &Problem<'_>,
         state: &State,
@@ -92,7 +92,7 @@ impl Placement {
 }
 
 /// How taxel frames move when their component moves as a whole: `G` with columns for the six motions.
-pub(super) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion: &Motion) -> Twist {
+pub(crate) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion: &Motion) -> Twist {
     let translation = length * DVec3::new(motion[0], motion[1], motion[2]);
     match model {
         Model::Positions => [translation, DVec3::ZERO],
@@ -180,7 +180,7 @@ impl Free {
     }
 
     /// The free motions at `state`, with the pivot that they turn about.
-    pub(super) fn motions(&self, problem: &Problem<'_>, state: &State) -> (DVec3, Vec<Motion>) {
+    pub(crate) fn motions(&self, problem: &Problem<'_>, state: &State) -> (DVec3, Vec<Motion>) {
         if self.directions == problem.observations.model.unknowns() {
             let centroid = Placement::new(&self.component.taxels, state).centroid;
             return (centroid, (0..self.directions).map(unit).collect());
@@ -197,7 +197,7 @@ impl Free {
     /// The cost does not change along a free motion, so its gradient is orthogonal to all of them, and the step of
     /// the stiffened system is the one step of least squares that does not move the gauge taxel along them: the
     /// stiffness holds without being felt.
-    pub(super) fn stiffen(&self, problem: &Problem<'_>, state: &State, matrix: &mut BlockMatrix<'_>) {
+    pub(crate) fn stiffen(&self, problem: &Problem<'_>, state: &State, matrix: &mut BlockMatrix<'_>) {
         let gauge = self.component.gauge;
         let Some(row) = problem.rows[gauge] else { return };
         let size = problem.shape.size();

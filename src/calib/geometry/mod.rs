@@ -1,0 +1,3 @@
+//! Rigid frames and their alignment.
+
+pub(crate) mod pose;
