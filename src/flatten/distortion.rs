@@ -2,9 +2,9 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
+        bijective::overlap::overlaps,
+        domain::elements::keeps_orientation,
         jacobian::{FlatTriangle, Singular},
-        net::keeps_orientation,
-        overlap::overlaps,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,

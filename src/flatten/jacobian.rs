@@ -3,26 +3,26 @@ use glam::{DMat2, DVec2, DVec3};
 /// A triangle laid flat: corner 0 at the origin, corner 1 at `(base, 0)`, corner 2 at `apex`
 /// with `apex.y >= 0`, in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FlatTriangle {
-    pub(super) base: f64,
-    pub(super) apex: DVec2,
+pub(crate) struct FlatTriangle {
+    pub(crate) base: f64,
+    pub(crate) apex: DVec2,
 }
 
 impl FlatTriangle {
     /// The triangle as it is; not finite if its first edge has no length.
-    pub(super) fn new([a, b, c]: [DVec3; 3]) -> Self {
+    pub(crate) fn new([a, b, c]: [DVec3; 3]) -> Self {
         let (e1, e2) = (b - a, c - a);
         let base = e1.length();
         Self { base, apex: DVec2::new(e1.dot(e2), e1.cross(e2).length()) / base }
     }
 
-    pub(super) fn area(&self) -> f64 {
+    pub(crate) fn area(&self) -> f64 {
         0.5 * self.base * self.apex.y
     }
 
     /// The triangle itself, or, if its height is less than `least` times its longest edge, one that is so high over
     /// the same edge. `None` if all corners coincide.
-    pub(super) fn healed(self, corners: [DVec3; 3], least: f64) -> Option<Self> {
+    pub(crate) fn healed(self, corners: [DVec3; 3], least: f64) -> Option<Self> {
         let side = |k: usize| corners[k].distance(corners[(k + 1) % 3]);
         let k = (1..3).fold(0, |best, k| if side(k) > side(best) { k } else { best });
         let longest = side(k);
@@ -43,14 +43,14 @@ impl FlatTriangle {
     }
 
     /// Gradients of the three hat functions, in 1/m.
-    pub(super) fn gradients(&self) -> [DVec2; 3] {
+    pub(crate) fn gradients(&self) -> [DVec2; 3] {
         let g1 = DVec2::new(1.0, -self.apex.x / self.apex.y) / self.base;
         let g2 = DVec2::new(0.0, 1.0 / self.apex.y);
         [-g1 - g2, g1, g2]
     }
 
     /// Jacobian of the linear map that takes the triangle to `uv`.
-    pub(super) fn jacobian(&self, [a, b, c]: [DVec2; 3]) -> DMat2 {
+    pub(crate) fn jacobian(&self, [a, b, c]: [DVec2; 3]) -> DMat2 {
         let x = (b - a) / self.base;
         let y = (c - a - x * self.apex.x) / self.apex.y;
         DMat2::from_cols(x, y)
@@ -63,17 +63,17 @@ impl FlatTriangle {
 /// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (Smith, de Goes and Kim 2019 build
 /// the eigensystem of any isotropic energy from these two).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Singular {
+pub(crate) struct Singular {
     /// Larger singular value, non-negative.
-    pub(super) s1: f64,
+    pub(crate) s1: f64,
     /// Smaller one, `s1 >= |s2|`, negative for a mirrored map.
-    pub(super) s2: f64,
-    pub(super) rotation: DVec2,
-    pub(super) reflection: DVec2,
+    pub(crate) s2: f64,
+    pub(crate) rotation: DVec2,
+    pub(crate) reflection: DVec2,
 }
 
 impl Singular {
-    pub(super) fn of(j: &DMat2) -> Self {
+    pub(crate) fn of(j: &DMat2) -> Self {
         let (a, b, c, d) = (j.x_axis.x, j.y_axis.x, j.x_axis.y, j.y_axis.y);
         let (turn, mirror) = (DVec2::new(a + d, c - b), DVec2::new(a - d, c + b));
         let (p, q) = (0.5 * turn.length(), 0.5 * mirror.length());

@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use glam::DVec2;
 
 use crate::{
-    flatten::{FlattenError, surface::Surface},
+    flatten::{FlattenError, domain::flatten_domain::Surface},
     id::{IdVec, VertexId},
     sparse::{Cholesky, Matrix, SparseError},
 };
@@ -28,7 +28,7 @@ const ITERATIONS: usize = 60;
 /// The Dirichlet energy is the cotangent Laplacian; the area enclosed is a sum over boundary edges and adds the only
 /// imaginary entries. One complex unknown a vertex instead of two real ones
 /// makes the factor four times smaller (natural conformal map of Desbrun, Meyer and Alliez 2002).
-pub(super) fn conformal_matrix<'s>(surface: &'s Surface<'_>) -> Matrix<'s, DVec2> {
+pub(crate) fn conformal_matrix<'s>(surface: &'s Surface<'_>) -> Matrix<'s, DVec2> {
     let mut matrix = Matrix::<DVec2>::zero(&surface.net.pattern);
     for e in &surface.net.elements {
         for k in 0..3 {
@@ -50,7 +50,7 @@ pub(super) fn conformal_matrix<'s>(surface: &'s Surface<'_>) -> Matrix<'s, DVec2
 ///
 /// Departure from the paper: boundary vertices weigh their share of the boundary's length instead of 1, so
 /// that the map does not depend on how densely the boundary is sampled.
-pub(super) fn spectral_conformal(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn spectral_conformal(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     let failed = |source| FlattenError::System { method: "conformal", source };
     let cholesky = Cholesky::new(&surface.net.pattern, surface.mesh.positions.as_slice()).map_err(failed)?;
     let mut matrix = conformal_matrix(surface);
@@ -94,7 +94,7 @@ fn start(surface: &Surface<'_>) -> IdVec<VertexId, DVec2> {
 }
 
 /// Places of the outer loop's vertices on the unit circle, by arc length.
-pub(super) fn circle(surface: &Surface<'_>) -> Vec<DVec2> {
+pub(crate) fn circle(surface: &Surface<'_>) -> Vec<DVec2> {
     let outer = surface.disk.loops[0].len();
     // The boundary list runs loop by loop, the outer one first.
     let edges = &surface.net.boundary[..outer];

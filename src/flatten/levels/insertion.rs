@@ -12,19 +12,19 @@ const WELL_INSIDE: f64 = 0.02;
 /// A map of a coarser level on its way to the map of `level`: removals are undone on it one by one, last to first, and
 /// each vertex goes back into its own star.
 #[derive(Debug, Clone)]
-pub(super) struct Insertion<'l> {
+pub(crate) struct Insertion<'l> {
     level: &'l Level,
     /// Removals not yet undone.
     left: usize,
     /// Which vertices are on the map.
     present: IdVec<VertexId, bool>,
     /// Map positions of those, in m.
-    pub(super) map: IdVec<VertexId, DVec2>,
+    pub(crate) map: IdVec<VertexId, DVec2>,
 }
 
 impl<'l> Insertion<'l> {
     /// Starts from the map `uv` of the next coarser level.
-    pub(super) fn new(level: &'l Level, coarse: &Level, uv: &IdVec<VertexId, DVec2>) -> Self {
+    pub(crate) fn new(level: &'l Level, coarse: &Level, uv: &IdVec<VertexId, DVec2>) -> Self {
         let count = level.mesh.positions.len();
         let mut present = IdVec::filled(false, count);
         let mut map = IdVec::filled(DVec2::ZERO, count);
@@ -36,12 +36,12 @@ impl<'l> Insertion<'l> {
     }
 
     /// Removals not yet undone.
-    pub(super) fn left(&self) -> usize {
+    pub(crate) fn left(&self) -> usize {
         self.left
     }
 
     /// Undoes removals until so many are left, and returns how many vertices found no place without a flip.
-    pub(super) fn undo_until(&mut self, left: usize) -> usize {
+    pub(crate) fn undo_until(&mut self, left: usize) -> usize {
         let mut homeless = 0;
         for removal in self.level.removals.iter().take(self.left).skip(left).rev() {
             let star = Star::new(&self.level.mesh, &self.map, &removal);
@@ -56,7 +56,7 @@ impl<'l> Insertion<'l> {
     }
 
     /// The mesh of the vertices on the map, and the vertex of the level that each of them is.
-    pub(super) fn mesh(&self) -> (TriMesh, Vec<VertexId>) {
+    pub(crate) fn mesh(&self) -> (TriMesh, Vec<VertexId>) {
         let vertices: Vec<VertexId> = self.present.ids().filter(|&v| self.present[v]).collect();
         let mut number = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.present.len());
         for (k, &v) in vertices.iter().enumerate() {

@@ -2,10 +2,10 @@ use glam::{DMat2, DVec2};
 
 use crate::{
     flatten::{
-        crossings::{Segment, each_near_pair, meet},
-        energy::outer,
-        net::Net,
-        overlap::counter_clockwise_loops,
+        bijective::crossings::{Segment, each_near_pair, meet},
+        bijective::overlap::counter_clockwise_loops,
+        domain::elements::Net,
+        energy::density::outer,
     },
     id::{IdVec, VertexId},
     sparse::Matrix,
@@ -29,7 +29,7 @@ const MOST_COUPLINGS: usize = 8;
 /// A map without flips whose boundary does not cross itself is one to one if just one loop runs counter-clockwise, so it is
 /// enough to look at each map by itself; nothing follows the boundary on its way from one to the next.
 #[derive(Debug, Clone)]
-pub(super) struct Barrier {
+pub(crate) struct Barrier {
     posts: Vec<Post>,
     /// The boundary edges, loop by loop.
     edges: Vec<[VertexId; 2]>,
@@ -85,7 +85,7 @@ impl Contact {
 }
 
 impl Barrier {
-    pub(super) fn new(net: &Net) -> Self {
+    pub(crate) fn new(net: &Net) -> Self {
         let mut before = IdVec::<VertexId, f64>::filled(f64::INFINITY, net.free());
         for &([_, to], length) in &net.boundary {
             before[to] = before[to].min(length);
@@ -143,13 +143,13 @@ impl Barrier {
     }
 
     /// The energy; infinite if the boundary crosses itself or a hole is turned inside out.
-    pub(super) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
+    pub(crate) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
         let mut sum = 0.0;
         if self.each_contact(uv, 1.0, &mut |c| sum += c.energy()) { sum } else { f64::INFINITY }
     }
 
     /// Vertices that repel each other, or would at `factor` times their reach; none if they are too many.
-    pub(super) fn couplings(&self, uv: &IdVec<VertexId, DVec2>, factor: f64) -> Vec<[VertexId; 2]> {
+    pub(crate) fn couplings(&self, uv: &IdVec<VertexId, DVec2>, factor: f64) -> Vec<[VertexId; 2]> {
         let most = MOST_COUPLINGS * self.posts.len();
         let (mut pairs, mut count) = (Vec::new(), 0);
         self.each_contact(uv, factor, &mut |c| {
@@ -165,7 +165,7 @@ impl Barrier {
     ///
     /// Where the pattern has no room for a vertex and an edge to be coupled, each of them is held by twice the curvature
     /// instead, which is never less: `(x - y)^2 <= 2 x^2 + 2 y^2`.
-    pub(super) fn add(
+    pub(crate) fn add(
         &self,
         uv: &IdVec<VertexId, DVec2>,
         gradient: &mut [DVec2],
@@ -193,7 +193,7 @@ impl Barrier {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{flatten::surface::Surface, mesh::shapes};
+    use crate::{flatten::domain::flatten_domain::Surface, mesh::shapes};
 
     /// A strip bent until its ends nearly meet, and a barrier around it.
     fn nearly_closed(gap: f64) -> (Net, IdVec<VertexId, DVec2>) {

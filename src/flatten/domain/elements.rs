@@ -7,44 +7,44 @@ use crate::{
 
 /// One face as the energies see it, in units of the square root of the whole area.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Element {
-    pub(super) corners: [VertexId; 3],
+pub(crate) struct Element {
+    pub(crate) corners: [VertexId; 3],
     /// Gradients of the three hat functions in the plane of the face.
-    pub(super) gradients: [DVec2; 3],
+    pub(crate) gradients: [DVec2; 3],
     /// Share of the whole area.
-    pub(super) weight: f64,
+    pub(crate) weight: f64,
 }
 
 impl Element {
     /// Area times the scalar product of two hat gradients: an entry of the cotangent Laplacian, whatever the scale.
-    pub(super) fn stiffness(&self, k: usize, l: usize) -> f64 {
+    pub(crate) fn stiffness(&self, k: usize, l: usize) -> f64 {
         let [_, g1, g2] = self.gradients;
         0.5 * self.gradients[k].dot(self.gradients[l]) / g1.perp_dot(g2)
     }
 }
 
 /// Whether a face of this signed area keeps its orientation; NaN does not.
-pub(super) fn keeps_orientation(area: f64) -> bool {
+pub(crate) fn keeps_orientation(area: f64) -> bool {
     area > 0.0
 }
 
 /// Faces that share vertices, some of which may move: the whole surface, or a part of it inside a fixed rim.
 #[derive(Debug, Clone)]
-pub(super) struct Net {
-    pub(super) elements: IdVec<FaceId, Element>,
+pub(crate) struct Net {
+    pub(crate) elements: IdVec<FaceId, Element>,
     /// Movable vertices that share an edge. They are numbered before the fixed ones.
-    pub(super) pattern: Pattern,
+    pub(crate) pattern: Pattern,
     /// Places of the movable vertices on the skin, in m: they order large systems.
-    pub(super) places: Vec<DVec3>,
+    pub(crate) places: Vec<DVec3>,
     /// Boundary edges between movable vertices, faces on the left, with their lengths.
-    pub(super) boundary: Vec<([VertexId; 2], f64)>,
+    pub(crate) boundary: Vec<([VertexId; 2], f64)>,
     /// Mean length of all edges.
-    pub(super) mean_edge: f64,
+    pub(crate) mean_edge: f64,
 }
 
 impl Net {
     /// A net of `elements` whose first vertices, those with a place, may move.
-    pub(super) fn new(elements: IdVec<FaceId, Element>, places: Vec<DVec3>) -> Self {
+    pub(crate) fn new(elements: IdVec<FaceId, Element>, places: Vec<DVec3>) -> Self {
         let free = places.len();
         let edges = elements
             .iter()
@@ -58,7 +58,7 @@ impl Net {
     }
 
     /// The same net with room for more `pairs` of movable vertices in the Hessian.
-    pub(super) fn coupled(&self, pairs: &[[VertexId; 2]]) -> Self {
+    pub(crate) fn coupled(&self, pairs: &[[VertexId; 2]]) -> Self {
         let old = &self.pattern;
         let edges = (0..old.rows()).flat_map(|i| old.columns(i).iter().map(move |&j| (i, j as usize)));
         let more = pairs.iter().map(|[a, b]| (a.index(), b.index()));
@@ -67,12 +67,12 @@ impl Net {
     }
 
     /// Number of vertices that may move.
-    pub(super) fn free(&self) -> usize {
+    pub(crate) fn free(&self) -> usize {
         self.pattern.rows()
     }
 
     /// Signed area of the map of each face.
-    pub(super) fn map_areas<'a>(&'a self, uv: &'a IdVec<VertexId, DVec2>) -> impl Iterator<Item = f64> + 'a {
+    pub(crate) fn map_areas<'a>(&'a self, uv: &'a IdVec<VertexId, DVec2>) -> impl Iterator<Item = f64> + 'a {
         self.elements.iter().map(|e| {
             let [a, b, c] = e.corners.map(|v| uv[v]);
             0.5 * (b - a).perp_dot(c - a)
@@ -80,32 +80,32 @@ impl Net {
     }
 
     /// Whether every face keeps its orientation on the map.
-    pub(super) fn is_flip_free(&self, uv: &IdVec<VertexId, DVec2>) -> bool {
+    pub(crate) fn is_flip_free(&self, uv: &IdVec<VertexId, DVec2>) -> bool {
         self.map_areas(uv).all(keeps_orientation)
     }
 }
 
 /// Slot of a [`Corner`] whose other vertex is fixed: there is no unknown to couple with.
-pub(super) const FIXED: u32 = u32::MAX;
+pub(crate) const FIXED: u32 = u32::MAX;
 
 /// One corner of a face at a vertex, and the slots of the vertex's row that its blocks go to.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Corner {
-    pub(super) face: FaceId,
-    pub(super) corner: u8,
+pub(crate) struct Corner {
+    pub(crate) face: FaceId,
+    pub(crate) corner: u8,
     /// Slots of the vertex itself, the next and the previous corner.
-    pub(super) slots: [u32; 3],
+    pub(crate) slots: [u32; 3],
 }
 
 /// The corners around every movable vertex: rows of the Hessian can then be summed side by side, always in the same order.
 #[derive(Debug)]
-pub(super) struct Stars {
+pub(crate) struct Stars {
     starts: Vec<u32>,
     corners: Vec<Corner>,
 }
 
 impl Stars {
-    pub(super) fn new(net: &Net) -> Self {
+    pub(crate) fn new(net: &Net) -> Self {
         let free = net.free();
         let mut starts = vec![0_u32; free + 1];
         for v in net.elements.iter().flat_map(|e| e.corners).filter(|v| v.index() < free) {
@@ -135,7 +135,7 @@ impl Stars {
     }
 
     /// The corners at the vertex of `row`.
-    pub(super) fn of(&self, row: usize) -> &[Corner] {
+    pub(crate) fn of(&self, row: usize) -> &[Corner] {
         &self.corners[self.starts[row] as usize..self.starts[row + 1] as usize]
     }
 }

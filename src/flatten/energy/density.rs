@@ -4,7 +4,7 @@ use crate::flatten::{Energy, FlattenOptions, jacobian::Singular};
 
 /// Energy of a face per unit of its area, as a function of the singular values.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Density {
+pub(crate) enum Density {
     /// `angle (s1/s2 + s2/s1)/2 + area (s1 s2 + 1/(s1 s2))/2`.
     Sum {
         /// Weight of the angle term.
@@ -43,7 +43,7 @@ struct Derivatives {
 }
 
 impl Density {
-    pub(super) fn new(options: &FlattenOptions) -> Self {
+    pub(crate) fn new(options: &FlattenOptions) -> Self {
         match options.energy {
             Energy::Sum => Self::Sum { angle: options.angle, area: options.area },
             Energy::SymmetricDirichlet => Self::SymmetricDirichlet,
@@ -51,7 +51,7 @@ impl Density {
     }
 
     /// The value; infinite for a flipped or collapsed face.
-    pub(super) fn value(&self, s: &Singular) -> f64 {
+    pub(crate) fn value(&self, s: &Singular) -> f64 {
         let (s1, s2) = (s.s1, s.s2);
         let d = s1 * s2;
         if self.has_barrier() && (s2.is_nan() || s2 <= 0.0) {
@@ -65,7 +65,7 @@ impl Density {
     }
 
     /// Whether flipped faces cost infinitely much.
-    pub(super) fn has_barrier(&self) -> bool {
+    pub(crate) fn has_barrier(&self) -> bool {
         !matches!(self, Self::Untangling { .. })
     }
 
@@ -120,17 +120,17 @@ impl Density {
 
 /// Gradient of one face and its Hessian, projected to be positive semi-definite, by corner.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LocalModel {
-    pub(super) gradient: [DVec2; 3],
+pub(crate) struct LocalModel {
+    pub(crate) gradient: [DVec2; 3],
     /// Blocks of the corner pairs (0,0), (1,1), (2,2).
-    pub(super) diagonal: [DMat2; 3],
+    pub(crate) diagonal: [DMat2; 3],
     /// Blocks of the corner pairs (0,1), (1,2), (2,0): row first.
-    pub(super) beside: [DMat2; 3],
+    pub(crate) beside: [DMat2; 3],
 }
 
 impl LocalModel {
     /// The model of a face of weight `weight` with hat gradients `hats`.
-    pub(super) fn new(density: &Density, s: &Singular, hats: &[DVec2; 3], weight: f64) -> Self {
+    pub(crate) fn new(density: &Density, s: &Singular, hats: &[DVec2; 3], weight: f64) -> Self {
         let d = density.derivatives(s);
         let turned = |v: DVec2| DVec2::new(-v.y, v.x);
         let rotate = |g: DVec2| s.rotation.rotate(g);
@@ -187,7 +187,7 @@ fn half_angle(x: f64, y: f64) -> (f64, f64) {
 }
 
 /// `a b'`.
-pub(super) fn outer(a: DVec2, b: DVec2) -> DMat2 {
+pub(crate) fn outer(a: DVec2, b: DVec2) -> DMat2 {
     DMat2::from_cols(a * b.x, a * b.y)
 }
 

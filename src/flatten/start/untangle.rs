@@ -4,11 +4,11 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        energy::Density,
-        net::{Element, Net, keeps_orientation},
-        newton::{Limits, Solver},
-        problem::Problem,
-        surface::Surface,
+        domain::elements::{Element, Net, keeps_orientation},
+        domain::flatten_domain::Surface,
+        energy::density::Density,
+        energy::newton::{Limits, Solver},
+        energy::objective::Problem,
     },
     id::{FaceId, IdVec, VertexId},
     sparse::SparseError,
@@ -34,7 +34,7 @@ const ROUND: Limits = Limits { decrement: 1e-3, steps: 4 };
 /// Each part minimises a shape energy that stays finite for flipped faces, `(s1^2 + s2^2)/chi(s1 s2)` with
 /// `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks (Escobar et al. 2003, Garanzha et al. 2021). There is no
 /// proof that this always ends well, but nearly always it does; the caller has a convex start for the rest.
-pub(super) fn untangle(surface: &Surface<'_>, uv: &mut IdVec<VertexId, DVec2>) -> Result<bool, SparseError> {
+pub(crate) fn untangle(surface: &Surface<'_>, uv: &mut IdVec<VertexId, DVec2>) -> Result<bool, SparseError> {
     for rings in RINGS {
         let flipped: Vec<bool> = surface.net.map_areas(uv).map(|area| !keeps_orientation(area)).collect();
         if !flipped.iter().any(|f| *f) {

@@ -3,10 +3,10 @@ use rayon::prelude::*;
 
 use crate::{
     flatten::{
-        barrier::Barrier,
-        energy::{Density, LocalModel, outer},
+        bijective::barrier::Barrier,
+        domain::elements::{Element, FIXED, Net, Stars},
+        energy::density::{Density, LocalModel, outer},
         jacobian::Singular,
-        net::{Element, FIXED, Net, Stars},
     },
     id::{IdVec, VertexId},
     sparse::Matrix,
@@ -20,23 +20,23 @@ const STEP_TO_COLLAPSE: f64 = 0.9;
 
 /// The energy of a map of a net, with its gradient and a convex model of its Hessian.
 #[derive(Debug)]
-pub(super) struct Problem<'n> {
-    pub(super) net: &'n Net,
-    pub(super) density: Density,
+pub(crate) struct Problem<'n> {
+    pub(crate) net: &'n Net,
+    pub(crate) density: Density,
     /// Weight of the perimeter term, `l3`.
-    pub(super) perimeter: f64,
+    pub(crate) perimeter: f64,
     /// Keeps the boundary from crossing itself, if there is one.
     barrier: Option<Barrier>,
     stars: Stars,
 }
 
 impl<'n> Problem<'n> {
-    pub(super) fn new(net: &'n Net, density: Density, perimeter: f64) -> Self {
+    pub(crate) fn new(net: &'n Net, density: Density, perimeter: f64) -> Self {
         Self { net, density, perimeter, barrier: None, stars: Stars::new(net) }
     }
 
     /// The same with a boundary that must not cross itself.
-    pub(super) fn with_barrier(self, barrier: Barrier) -> Self {
+    pub(crate) fn with_barrier(self, barrier: Barrier) -> Self {
         Self { barrier: Some(barrier), ..self }
     }
 
@@ -47,7 +47,7 @@ impl<'n> Problem<'n> {
 
     /// The energy; infinite if a face is flipped and the density has a barrier, or if the boundary has one and crosses
     /// itself or turns a hole inside out.
-    pub(super) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
+    pub(crate) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
         let face = |e: &Element| e.weight * self.density.value(&singular(e, uv));
         let parts = self.each_part(|part| part.iter().map(face).sum::<f64>());
         let repulsion = self.barrier.as_ref().map_or(0.0, |b| b.energy(uv));
@@ -68,7 +68,7 @@ impl<'n> Problem<'n> {
     }
 
     /// Gradient by the movable vertices, and projected Hessian, at `uv`.
-    pub(super) fn assemble(
+    pub(crate) fn assemble(
         &self,
         uv: &IdVec<VertexId, DVec2>,
         hessian: &mut Matrix<'_, DMat2>,
@@ -131,7 +131,7 @@ impl<'n> Problem<'n> {
     }
 
     /// The largest share of the step `d` of the movable vertices that collapses no face, at most 1.
-    pub(super) fn largest_step(&self, uv: &IdVec<VertexId, DVec2>, d: &[DVec2]) -> f64 {
+    pub(crate) fn largest_step(&self, uv: &IdVec<VertexId, DVec2>, d: &[DVec2]) -> f64 {
         if !self.density.has_barrier() {
             return 1.0;
         }

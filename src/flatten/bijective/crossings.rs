@@ -7,26 +7,26 @@ const LEAF: usize = 16;
 
 /// One boundary edge on the map, with its box.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Segment {
+pub(crate) struct Segment {
     /// Its place in the list of boundary edges.
-    pub(super) edge: usize,
+    pub(crate) edge: usize,
     ends: [VertexId; 2],
-    pub(super) from: DVec2,
-    pub(super) to: DVec2,
+    pub(crate) from: DVec2,
+    pub(crate) to: DVec2,
     low: DVec2,
     high: DVec2,
 }
 
 impl Segment {
     /// The segment of a boundary edge, with a box that is `margin` wider on every side.
-    pub(super) fn new(edge: usize, ends: [VertexId; 2], uv: &IdVec<VertexId, DVec2>, margin: f64) -> Self {
+    pub(crate) fn new(edge: usize, ends: [VertexId; 2], uv: &IdVec<VertexId, DVec2>, margin: f64) -> Self {
         let [from, to] = ends.map(|v| uv[v]);
         Self { edge, ends, from, to, low: from.min(to) - margin, high: from.max(to) + margin }
     }
 }
 
 /// Number of pairs of boundary edges without a common vertex that cross or touch on the map.
-pub(super) fn boundary_crossings(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> usize {
+pub(crate) fn boundary_crossings(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> usize {
     let mut segments: Vec<Segment> =
         edges.iter().enumerate().map(|(k, &ends)| Segment::new(k, ends, uv, 0.0)).collect();
     let mut count = 0;
@@ -35,7 +35,7 @@ pub(super) fn boundary_crossings(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, D
 }
 
 /// Edges of exactly one face, in the direction that face runs.
-pub(super) fn boundary_edges(triangles: &IdVec<FaceId, [VertexId; 3]>) -> Vec<[VertexId; 2]> {
+pub(crate) fn boundary_edges(triangles: &IdVec<FaceId, [VertexId; 3]>) -> Vec<[VertexId; 2]> {
     let mut edges: Vec<_> = triangles
         .iter()
         .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
@@ -71,7 +71,7 @@ fn split(segments: &mut [Segment]) -> (&mut [Segment], &mut [Segment]) {
 ///
 /// Pairs are found by splitting the set of boxes against itself at medians, so the work grows with the number of
 /// segments and of near pairs, not with its square.
-pub(super) fn each_near_pair(segments: &mut [Segment], visit: &mut dyn FnMut(&Segment, &Segment)) {
+pub(crate) fn each_near_pair(segments: &mut [Segment], visit: &mut dyn FnMut(&Segment, &Segment)) {
     if segments.len() <= LEAF {
         for i in 1..segments.len() {
             segments[..i].iter().filter(|s| near(s, &segments[i])).for_each(|s| visit(s, &segments[i]));
@@ -112,7 +112,7 @@ fn near(s: &Segment, t: &Segment) -> bool {
 }
 
 /// Whether two segments without a common vertex have a common point.
-pub(super) fn meet(s: &Segment, t: &Segment) -> bool {
+pub(crate) fn meet(s: &Segment, t: &Segment) -> bool {
     let (low, high) = (|s: &Segment| s.from.min(s.to), |s: &Segment| s.from.max(s.to));
     if low(s).cmpgt(high(t)).any() || low(t).cmpgt(high(s)).any() {
         return false;

@@ -2,8 +2,8 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        crossings::{boundary_crossings, boundary_edges},
-        surface::Surface,
+        bijective::crossings::{boundary_crossings, boundary_edges},
+        domain::flatten_domain::Surface,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -20,7 +20,7 @@ const BEYOND_A_TURN: f64 = 1e-6;
 /// and Bonnet) but to have one boundary loop that runs counter-clockwise, with all others inside of it and clockwise. Flips
 /// and crossings alone do not tell: a sleeve whose hole is turned inside out has neither, but two inner vertices with two
 /// full turns of faces.
-pub(super) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
+pub(crate) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
     let edges = boundary_edges(&mesh.triangles);
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
@@ -29,14 +29,14 @@ pub(super) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
 }
 
 /// Whether the map winds once about every inner vertex. No step of a solver that flips no face changes that.
-pub(super) fn winds_once(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+pub(crate) fn winds_once(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
     let mut on_boundary = IdVec::filled(false, uv.len());
     surface.disk.loops.iter().flatten().for_each(|&v| on_boundary[v] = true);
     branches(surface.net.elements.iter().map(|e| e.corners), &on_boundary, uv) == 0
 }
 
 /// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise and not across itself.
-pub(super) fn keeps_holes(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+pub(crate) fn keeps_holes(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
     let edges: Vec<[VertexId; 2]> = surface.disk.boundary_edges().collect();
     let mut outer = 0;
     loops(&edges).all(|walk| {
@@ -47,7 +47,7 @@ pub(super) fn keeps_holes(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) ->
 }
 
 /// Number of loops that run counter-clockwise, among boundary edges listed loop by loop.
-pub(super) fn counter_clockwise_loops(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> usize {
+pub(crate) fn counter_clockwise_loops(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> usize {
     loops(edges).filter(|walk| is_counter_clockwise(walk, uv)).count()
 }
 

@@ -2,11 +2,11 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        barrier::Barrier,
-        energy::Density,
-        net::Net,
-        newton::{Limits, Solver},
-        problem::Problem,
+        bijective::barrier::Barrier,
+        domain::elements::Net,
+        energy::density::Density,
+        energy::newton::{Limits, Solver},
+        energy::objective::Problem,
     },
     id::{IdVec, VertexId},
     sparse::SparseError,
@@ -27,7 +27,7 @@ const ENOUGH: f64 = 1e-7;
 ///
 /// The map to start from must have no flips and a boundary that does not cross itself. The map that comes out has
 /// neither, even where `limits` end before the optimum.
-pub(super) fn minimise_apart(
+pub(crate) fn minimise_apart(
     net: &Net,
     density: Density,
     perimeter: f64,

@@ -3,13 +3,13 @@ use glam::DVec2;
 use crate::{
     flatten::{
         FlattenError, FlattenOptions, Method, Overlap,
-        conformal::spectral_conformal,
-        linear::linear,
-        magnification::Magnification,
-        orientation::{direction_like, main_direction, place},
-        overlap::overlaps,
-        refine::{from_nothing, refine},
-        surface::Surface,
+        bijective::overlap::overlaps,
+        domain::flatten_domain::Surface,
+        domain::magnification::Magnification,
+        levels::refine::{from_nothing, refine},
+        placement::{direction_like, main_direction, place},
+        start::conformal::spectral_conformal,
+        start::linear::linear,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -32,7 +32,7 @@ pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexI
     options.validate()?;
     if options.method == Method::Intrinsic && mesh.positions.len() > AT_ONCE {
         // Refuse a mesh that is no disk before the work of coarsening it.
-        crate::flatten::disk::Disk::new(mesh)?;
+        crate::flatten::domain::disk::Disk::new(mesh)?;
         let mut patch = Patch::from_mesh("", LinkId::new(0), mesh.clone());
         // A vertex between faces without area still needs a field.
         let least = mesh.area() / mesh.positions.len() as f64 * f64::EPSILON;

@@ -1,7 +1,9 @@
 use glam::{DVec2, DVec3};
 
 use crate::{
-    flatten::{FlattenError, FlattenOptions, conformal::conformal_matrix, surface::Surface},
+    flatten::{
+        FlattenError, FlattenOptions, domain::flatten_domain::Surface, start::conformal::conformal_matrix,
+    },
     id::{IdVec, VertexId},
     mesh::cotangent,
     sparse::{Matrix, solve_unsymmetric},
@@ -42,7 +44,7 @@ fn authalic_matrix<'s>(surface: &'s Surface<'_>) -> Matrix<'s, DVec2> {
 ///
 /// Both kinds of rows are scaled to the same mean diagonal before they are mixed `angle : area`. Conformal rows are
 /// real except on the boundary, so one complex unknown a vertex holds both coordinates.
-pub(super) fn linear(
+pub(crate) fn linear(
     surface: &Surface<'_>,
     options: &FlattenOptions,
 ) -> Result<IdVec<VertexId, DVec2>, FlattenError> {

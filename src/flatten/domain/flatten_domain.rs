@@ -1,9 +1,9 @@
 use crate::{
     flatten::{
         FlattenError,
-        disk::Disk,
+        domain::disk::Disk,
+        domain::elements::{Element, Net},
         jacobian::FlatTriangle,
-        net::{Element, Net},
     },
     id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
@@ -19,17 +19,17 @@ const LEAST_HEIGHT: f64 = 1e-6;
 /// Lengths are in units of the square root of the whole area, so that tolerances mean the same for a
 /// fingertip and a torso.
 #[derive(Debug)]
-pub(super) struct Surface<'m> {
-    pub(super) mesh: &'m TriMesh,
-    pub(super) disk: Disk,
+pub(crate) struct Surface<'m> {
+    pub(crate) mesh: &'m TriMesh,
+    pub(crate) disk: Disk,
     /// The unit, in m.
-    pub(super) unit: f64,
+    pub(crate) unit: f64,
     /// The faces and how they hang together. Its boundary runs loop by loop, the outer one first.
-    pub(super) net: Net,
+    pub(crate) net: Net,
 }
 
 impl<'m> Surface<'m> {
-    pub(super) fn new(mesh: &'m TriMesh) -> Result<Self, FlattenError> {
+    pub(crate) fn new(mesh: &'m TriMesh) -> Result<Self, FlattenError> {
         let disk = Disk::new(mesh)?;
         let mut flat = Vec::with_capacity(mesh.triangles.len());
         for face in mesh.triangles.ids() {
@@ -63,7 +63,7 @@ impl<'m> Surface<'m> {
     /// The same with energies that aim at `factors` times the true area of each face.
     ///
     /// The faces' weights stay: a magnified face does not count more than it did.
-    pub(super) fn magnified(mut self, factors: &IdVec<FaceId, f64>) -> Self {
+    pub(crate) fn magnified(mut self, factors: &IdVec<FaceId, f64>) -> Self {
         for (e, factor) in self.net.elements.iter_mut().zip(factors) {
             let shrink = factor.sqrt().recip();
             e.gradients = e.gradients.map(|g| g * shrink);
@@ -72,7 +72,7 @@ impl<'m> Surface<'m> {
     }
 
     /// Number of vertices.
-    pub(super) fn vertices(&self) -> usize {
+    pub(crate) fn vertices(&self) -> usize {
         self.mesh.positions.len()
     }
 }

@@ -12,7 +12,7 @@ const LARGEST_FACTOR: f64 = 1e3;
 /// How many times larger than on the skin each part of the map should be: `(rho / mean rho)^gamma`, as the
 /// cortex gives densely innervated skin a larger share.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Magnification {
+pub(crate) enum Magnification {
     /// `gamma = 0`: areas as they are.
     None,
     /// Densities `rho` of the vertices, in 1/m^2, and the exponent.
@@ -21,7 +21,7 @@ pub(super) enum Magnification {
 
 impl Magnification {
     /// From densities of the vertices, or else from their receptive areas.
-    pub(super) fn new(
+    pub(crate) fn new(
         options: &FlattenOptions,
         densities: Option<&IdVec<VertexId, f64>>,
         areas: &IdVec<VertexId, f64>,
@@ -43,7 +43,7 @@ impl Magnification {
     }
 
     /// The same on a coarser level: each field has the mean density of its taxels, weighted with their areas.
-    pub(super) fn restricted(&self, level: &Level, areas: &IdVec<VertexId, f64>) -> Self {
+    pub(crate) fn restricted(&self, level: &Level, areas: &IdVec<VertexId, f64>) -> Self {
         match (self, &level.direct) {
             (Self::Density(rho, gamma), Some(direct)) => {
                 let taxels = direct.restrict(&areas.iter().zip(rho).map(|(a, r)| a * r).collect());
@@ -55,7 +55,7 @@ impl Magnification {
     }
 
     /// The same for a mesh of some of the vertices.
-    pub(super) fn of_vertices(&self, vertices: &[VertexId]) -> Self {
+    pub(crate) fn of_vertices(&self, vertices: &[VertexId]) -> Self {
         match self {
             Self::None => Self::None,
             Self::Density(rho, gamma) => Self::Density(vertices.iter().map(|&v| rho[v]).collect(), *gamma),
@@ -63,7 +63,7 @@ impl Magnification {
     }
 
     /// The factor of each face, so that the whole map keeps its area.
-    pub(super) fn of_faces(&self, mesh: &TriMesh) -> IdVec<FaceId, f64> {
+    pub(crate) fn of_faces(&self, mesh: &TriMesh) -> IdVec<FaceId, f64> {
         let Self::Density(rho, gamma) = self else {
             return IdVec::filled(1.0, mesh.triangles.len());
         };

@@ -6,15 +6,15 @@ use crate::{
 
 /// What makes a mesh flattenable: a disk with holes, its neighbours and its loops.
 #[derive(Debug)]
-pub(super) struct Disk {
-    pub(super) adjacency: Adjacency,
+pub(crate) struct Disk {
+    pub(crate) adjacency: Adjacency,
     /// Boundary loops, faces on the left; the longest one first, that is the outer one.
-    pub(super) loops: Vec<Vec<VertexId>>,
+    pub(crate) loops: Vec<Vec<VertexId>>,
 }
 
 impl Disk {
     /// Checks that `mesh` is one component with at least one boundary loop and no handle.
-    pub(super) fn new(mesh: &TriMesh) -> Result<Self, FlattenError> {
+    pub(crate) fn new(mesh: &TriMesh) -> Result<Self, FlattenError> {
         if mesh.triangles.is_empty() {
             return Err(FlattenError::NotADisk { euler: 0, loops: 0, components: 0 });
         }
@@ -35,7 +35,7 @@ impl Disk {
     }
 
     /// The boundary edges, faces on the left, loop by loop.
-    pub(super) fn boundary_edges(&self) -> impl Iterator<Item = [VertexId; 2]> + '_ {
+    pub(crate) fn boundary_edges(&self) -> impl Iterator<Item = [VertexId; 2]> + '_ {
         self.loops.iter().flat_map(|walk| walk.iter().zip(walk.iter().cycle().skip(1)).map(|(&a, &b)| [a, b]))
     }
 }

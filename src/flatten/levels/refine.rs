@@ -3,17 +3,17 @@ use glam::DVec2;
 use crate::{
     flatten::{
         Energy, FlattenError, FlattenOptions, Overlap,
-        conformal::spectral_conformal,
-        energy::Density,
-        insertion::Insertion,
-        magnification::Magnification,
-        newton::{Limits, Solver},
-        overlap::{keeps_holes, overlaps, winds_once},
-        problem::Problem,
-        separate::minimise_apart,
-        surface::Surface,
-        tutte::tutte,
-        untangle::untangle,
+        bijective::minimise::minimise_apart,
+        bijective::overlap::{keeps_holes, overlaps, winds_once},
+        domain::flatten_domain::Surface,
+        domain::magnification::Magnification,
+        energy::density::Density,
+        energy::newton::{Limits, Solver},
+        energy::objective::Problem,
+        levels::insertion::Insertion,
+        start::conformal::spectral_conformal,
+        start::tutte::tutte,
+        start::untangle::untangle,
     },
     id::{IdVec, VertexId},
     pyramid::Level,
@@ -41,7 +41,7 @@ const STAGE_GROWTH: f64 = 1.5;
 const RESTARTED: usize = 3000;
 
 /// The map of least energy of a surface, from nothing, in its units.
-pub(super) fn from_nothing(
+pub(crate) fn from_nothing(
     surface: &Surface<'_>,
     options: &FlattenOptions,
 ) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
@@ -58,7 +58,7 @@ pub(super) fn from_nothing(
 /// [`from_nothing`] is kept.
 /// Usually every vertex finds its place at once. Where one does not, the level is inserted in stages with a few Newton
 /// steps between them, and what still flips is untangled; a stage that resists starts again inside a circle.
-pub(super) fn refine(
+pub(crate) fn refine(
     surface: &Surface<'_>,
     level: &Level,
     coarse: &Level,

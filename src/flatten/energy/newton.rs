@@ -1,7 +1,7 @@
 use glam::{DMat2, DVec2};
 
 use crate::{
-    flatten::problem::Problem,
+    flatten::energy::objective::Problem,
     id::{IdVec, VertexId},
     sparse::{BlockJacobi, Cholesky, Matrix, SparseError, Stop, conjugate_gradients, dot},
 };
@@ -36,7 +36,7 @@ const SLOW: f64 = 0.3;
 
 /// How the Newton system is solved.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Solver {
+pub(crate) enum Solver {
     /// By factoring it; the steps are exact and few.
     Direct,
     /// By conjugate gradients, as many iterations as pay off; nothing is factored.
@@ -45,17 +45,17 @@ pub(super) enum Solver {
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Limits {
+pub(crate) struct Limits {
     /// Decrease promised by a step, over the energy.
-    pub(super) decrement: f64,
+    pub(crate) decrement: f64,
     /// Newton steps.
-    pub(super) steps: usize,
+    pub(crate) steps: usize,
 }
 
 impl Problem<'_> {
     /// Minimises the energy by projected Newton. A density with a barrier needs a map without flips to start from, and
     /// no step flips a face.
-    pub(super) fn minimise(
+    pub(crate) fn minimise(
         &self,
         uv: &mut IdVec<VertexId, DVec2>,
         solver: Solver,

@@ -1,7 +1,10 @@
 use glam::DVec2;
 
 use crate::{
-    flatten::{FlattenError, conformal::circle, net::keeps_orientation, surface::Surface},
+    flatten::{
+        FlattenError, domain::elements::keeps_orientation, domain::flatten_domain::Surface,
+        start::conformal::circle,
+    },
     id::{FaceId, IdVec, VertexId},
     sparse::{Cholesky, Matrix, Pattern, SparseError},
 };
@@ -26,7 +29,7 @@ enum Weights {
 ///
 /// # Errors
 /// [`FlattenError::NoStart`] when both fail.
-pub(super) fn tutte(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn tutte(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     let failed = |source| FlattenError::System { method: "convex", source };
     let mut worst = None;
     for weights in [Weights::Cotangent, Weights::Uniform] {
