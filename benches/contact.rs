@@ -5,7 +5,7 @@ use std::{hint::black_box, time::Duration};
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    contact::{Contact, ContactIndex},
+    contact::{ContactIndex, Query},
     flatten::Distortion,
     id::IdVec,
     map::{MapFrame, MapLevel, PatchMap, SkinMap},
@@ -61,21 +61,21 @@ fn at(polar: f64, turn: f64, height: f64) -> DVec3 {
 }
 
 /// Contacts spread evenly over the cap.
-fn scattered(count: usize) -> Vec<Contact> {
+fn scattered(count: usize) -> Vec<Query> {
     let mut number = numbers();
     let place = |_| {
         let polar = (1.0 - number() * (1.0 - HALF_ANGLE.cos())).acos();
-        Contact::world(at(polar, std::f64::consts::TAU * number(), 0.003 * number()))
+        Query::world(at(polar, std::f64::consts::TAU * number(), 0.003 * number()))
     };
     (0..count).map(place).collect()
 }
 
 /// A spiral over the cap in steps of about half a millimetre.
-fn path(count: usize) -> Vec<Contact> {
+fn path(count: usize) -> Vec<Query> {
     let mut number = numbers();
     let place = |k: usize| {
         let along = k as f64 / count as f64;
-        Contact::world(at(0.3 + 1.2 * along, 0.007 * k as f64, 0.001 + 0.0001 * number()))
+        Query::world(at(0.3 + 1.2 * along, 0.007 * k as f64, 0.001 + 0.0001 * number()))
     };
     (0..count).map(place).collect()
 }
@@ -94,8 +94,8 @@ fn contacts(c: &mut Criterion) {
         let path = path(1 << 15);
         group.bench_function("path", |b| {
             let mut next = path.iter().cycle();
-            let mut last = index.locate_contact(&path[0]).unwrap();
-            b.iter(|| last = index.locate_from(&last, black_box(next.next().unwrap())).unwrap());
+            let mut last = index.locate(path[0]).unwrap();
+            b.iter(|| last = index.locate_from(&last, black_box(*next.next().unwrap())).unwrap());
         });
         let hits = index.locate_all(&path).unwrap();
         group.bench_function("cells", |b| {

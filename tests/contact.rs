@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use dermatome::{
-    contact::{Contact, ContactError, ContactIndex, Hit},
+    contact::{ContactError, ContactIndex, Hit, Query},
     flatten::Distortion,
     id::{FaceId, IdVec, VertexId},
     map::{MapFrame, MapLevel, PatchMap, SkinMap},
@@ -94,7 +94,7 @@ fn distance_to_triangle(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 /// The nearest distance on level 0 of those patches that `contact` may touch, in m.
-fn brute(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>, contact: &Contact) -> f64 {
+fn brute(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>, contact: &Query) -> f64 {
     let mut best = f64::INFINITY;
     for patch in &map.patches {
         if contact.link.is_some_and(|link| link != patch.link) {
@@ -115,8 +115,8 @@ fn own_poses(map: &SkinMap) -> IdVec<LinkId, DAffine3> {
 }
 
 /// The distance is that of brute force, and the hit lies where it says, within `tolerance` metres.
-fn assert_exact(map: &SkinMap, index: &ContactIndex, contact: &Contact, tolerance: f64) -> Hit {
-    let hit = index.locate_contact(contact).unwrap();
+fn assert_exact(map: &SkinMap, index: &ContactIndex, contact: &Query, tolerance: f64) -> Hit {
+    let hit = index.locate(*contact).unwrap();
     let expected = brute(map, &index.poses(), contact);
     let found = hit.distance.abs();
     assert!((found - expected).abs() <= tolerance, "{contact:?}: found {found}, brute force {expected}");
@@ -249,7 +249,7 @@ proptest! {
         let map = map_of(mesh.clone());
         let index = ContactIndex::new(&map).unwrap();
         for aim in aims {
-            assert_exact(&map, &index, &Contact::world(aim.at(&mesh)), 1e-9);
+            assert_exact(&map, &index, &Query::world(aim.at(&mesh)), 1e-9);
         }
     }
 
@@ -269,7 +269,7 @@ proptest! {
         let map = map_of(moved.clone());
         let index = ContactIndex::new(&map).unwrap();
         for aim in aims {
-            let contact = Contact::world(aim.at(&moved));
+            let contact = Query::world(aim.at(&moved));
             assert_exact(&map, &index, &contact, 1e-9 * scale.max(1.0));
         }
     }
@@ -288,8 +288,8 @@ proptest! {
                 let patch = &map.patches[PatchId::new(*patch)];
                 let local = aim.at(&patch.levels[LevelId::new(0)].mesh);
                 let world = index.poses()[patch.link].transform_point3(local);
-                assert_exact(&map, &index, &Contact::world(world), 1e-9);
-                let hit = assert_exact(&map, &index, &Contact::on_link(patch.link, local), 1e-9);
+                assert_exact(&map, &index, &Query::world(world), 1e-9);
+                let hit = assert_exact(&map, &index, &Query::on_link(patch.link, local), 1e-9);
                 prop_assert_eq!(map.patches[hit.patch].link, patch.link);
             }
             if round == 0 {
@@ -309,24 +309,24 @@ proptest! {
     ) {
         let map = robot(shapes, poses);
         let index = ContactIndex::new(&map).unwrap();
-        let contacts: Vec<Contact> = aims.iter().map(|(aim, patch, local)| {
+        let contacts: Vec<Query> = aims.iter().map(|(aim, patch, local)| {
             let patch = &map.patches[PatchId::new(*patch)];
             let at = aim.at(&patch.levels[LevelId::new(0)].mesh);
             if *local {
-                Contact::on_link(patch.link, at)
+                Query::on_link(patch.link, at)
             } else {
-                Contact::world(index.poses()[patch.link].transform_point3(at))
+                Query::world(index.poses()[patch.link].transform_point3(at))
             }
         }).collect();
-        let single: Vec<Hit> = contacts.iter().map(|c| index.locate_contact(c).unwrap()).collect();
+        let single: Vec<Hit> = contacts.iter().map(|c| index.locate(*c).unwrap()).collect();
         prop_assert_eq!(&index.locate_all(&contacts).unwrap(), &single);
 
         let mut last = single[0];
         for (contact, expected) in contacts.iter().zip(&single) {
-            last = index.locate_from(&last, contact).unwrap();
+            last = index.locate_from(&last, *contact).unwrap();
             prop_assert_eq!(&last, expected);
         }
-        let backwards: Vec<Contact> = contacts.iter().rev().copied().collect();
+        let backwards: Vec<Query> = contacts.iter().rev().copied().collect();
         let mut hits = index.locate_all(&backwards).unwrap();
         hits.reverse();
         prop_assert_eq!(&hits, &single, "the order of the contacts does not matter");
@@ -348,7 +348,7 @@ fn of_coincident_faces_the_first_is_hit() {
     for point in
         [DVec3::new(0.2, 0.3, 0.1), DVec3::ZERO, DVec3::new(0.5, 0.5, 0.0), DVec3::new(4.0, -9.0, 1e4)]
     {
-        let hit = assert_exact(&map, &index, &Contact::world(point), 1e-9);
+        let hit = assert_exact(&map, &index, &Query::world(point), 1e-9);
         assert_eq!(hit.point.face, FaceId::new(0), "at {point}");
     }
 }
@@ -386,7 +386,11 @@ fn on_the_medial_axis_the_first_patch_is_hit() {
         for k in 0..40 {
             let point = DVec3::new(0.1 * f64::from(k), 1.7, 0.0);
             assert_eq!(index.locate(point).unwrap().patch, PatchId::new(0), "at {point}");
-            assert_eq!(index.locate_in(LinkId::new(0), point).unwrap().patch, PatchId::new(0), "at {point}");
+            assert_eq!(
+                index.locate(Query::on_link(LinkId::new(0), point)).unwrap().patch,
+                PatchId::new(0),
+                "at {point}"
+            );
         }
     }
 }
@@ -413,7 +417,7 @@ fn a_degenerate_triangle_is_measured_as_its_segment() {
         (DVec3::new(0.5, 0.2, -0.9), 2),
         (DVec3::new(0.5, 0.0, -0.6), 2),
     ] {
-        let hit = assert_exact(&map, &index, &Contact::world(point), 1e-12);
+        let hit = assert_exact(&map, &index, &Query::world(point), 1e-12);
         assert_eq!(hit.point.face, FaceId::new(face), "at {point}");
     }
 }
@@ -431,7 +435,7 @@ fn contacts_far_beyond_single_precision_are_exact() {
                 (f64::from(k) * 0.9).cos(),
                 (TAU * 0.13 * f64::from(k)).sin(),
             );
-            assert_exact(&map, &index, &Contact::world(direction * away), 1e-9 + 1e-15 * away);
+            assert_exact(&map, &index, &Query::world(direction * away), 1e-9 + 1e-15 * away);
         }
     }
     let edge = DVec3::new(1e12, -1e12, 1e12);
@@ -531,11 +535,11 @@ fn a_level_that_does_not_exist_has_no_cell() {
     beyond.point.face = FaceId::new(1 << 20);
     assert!(index.cell(&beyond, LevelId::new(0)).is_none());
     assert_eq!(
-        index.locate_from(&foreign, &Contact::world(DVec3::ZERO)).unwrap(),
+        index.locate_from(&foreign, Query::world(DVec3::ZERO)).unwrap(),
         hit,
         "a foreign hit is no hint"
     );
-    assert_eq!(index.locate_from(&beyond, &Contact::world(DVec3::ZERO)).unwrap(), hit);
+    assert_eq!(index.locate_from(&beyond, Query::world(DVec3::ZERO)).unwrap(), hit);
 }
 
 // ---- refusals ----
@@ -547,21 +551,21 @@ fn a_contact_that_is_nowhere_is_named() {
         [DAffine3::IDENTITY; 3],
     );
     let index = ContactIndex::new(&map).unwrap();
-    let good = Contact::world(DVec3::ZERO);
+    let good = Query::world(DVec3::ZERO);
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e13] {
         for axis in 0..3 {
             let mut point = DVec3::ZERO;
             point[axis] = bad;
-            let batch = [good, good, Contact::world(point), Contact::world(DVec3::NAN)];
+            let batch = [good, good, Query::world(point), Query::world(DVec3::NAN)];
             let error = index.locate_all(&batch).unwrap_err();
             assert!(matches!(error, ContactError::NotFinite { contact: 2, .. }), "{error}");
             assert!(index.locate(point).is_err());
-            assert!(index.locate_in(LinkId::new(1), point).is_err());
+            assert!(index.locate(Query::on_link(LinkId::new(1), point)).is_err());
         }
     }
-    let error = index.locate_in(LinkId::new(3), DVec3::ZERO).unwrap_err();
+    let error = index.locate(Query::on_link(LinkId::new(3), DVec3::ZERO)).unwrap_err();
     assert!(matches!(error, ContactError::UnknownLink { count: 3, .. }), "{error}");
-    let error = index.locate_in(LinkId::new(0), DVec3::ZERO).unwrap_err();
+    let error = index.locate(Query::on_link(LinkId::new(0), DVec3::ZERO)).unwrap_err();
     assert!(matches!(&error, ContactError::BareLink { name, .. } if name == "base"), "{error}");
     assert_eq!(index.locate_all(&[]).unwrap(), [], "no contacts, no hits");
 }

@@ -10,7 +10,7 @@ use std::{
 
 use assert_cmd::Command;
 use dermatome::{
-    contact::{Contact, ContactIndex},
+    contact::{ContactIndex, Query},
     io::{read_map, write_map, write_skin},
     map::SkinMap,
     mesh::shapes,
@@ -85,7 +85,7 @@ fn each_contact_has_a_row_on_each_level() {
     assert_eq!(table.lines().next().unwrap(), HEADER);
     assert_eq!(table.lines().count(), 1 + points.len() * levels);
     for (k, &point) in points.iter().enumerate() {
-        let hit = index.locate_contact(&Contact::world(point)).unwrap();
+        let hit = index.locate(Query::world(point)).unwrap();
         for (level, expected) in index.cells(&hit).enumerate() {
             let row = k * levels + level;
             let number = |name: &str| cell(&table, row, name).parse::<f64>().unwrap();

@@ -1,8 +1,10 @@
+//! Many queries at once, in parallel.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    contact::{Contact, ContactError, ContactIndex, Hit},
+    contact::{ContactError, ContactIndex, Hit, Query},
     numeric::morton,
 };
 
@@ -17,7 +19,7 @@ impl ContactIndex {
     ///
     /// # Errors
     /// The first contact that cannot be answered.
-    pub fn locate_all(&self, contacts: &[Contact]) -> Result<Vec<Hit>, ContactError> {
+    pub fn locate_all(&self, contacts: &[Query]) -> Result<Vec<Hit>, ContactError> {
         for (number, contact) in contacts.iter().enumerate() {
             self.check(number, contact)?;
         }
@@ -39,7 +41,7 @@ impl ContactIndex {
     }
 
     /// Morton code and number of each contact, sorted.
-    fn along_curve(&self, contacts: &[Contact]) -> Vec<(u64, usize)> {
+    fn along_curve(&self, contacts: &[Query]) -> Vec<(u64, usize)> {
         let places: Vec<DVec3> = contacts.iter().map(|contact| self.in_world(contact)).collect();
         let (lo, hi) =
             places.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));

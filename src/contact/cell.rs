@@ -1,9 +1,11 @@
+//! [`Cell`]: where a hit lies on the map of a level, and what an index keeps of a map for it.
+
 use glam::DVec2;
 
 use crate::{
     contact::{
         ContactError,
-        pseudo_normal::{Fans, face_of_all},
+        geometry::{Fans, face_of_all},
     },
     id::{FaceId, IdVec, VertexId},
     map::{MapFrame, MapLevel, PatchMap},

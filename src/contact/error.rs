@@ -1,3 +1,5 @@
+//! Why a map cannot be searched, or a query not be answered.
+
 use crate::{
     id::{FaceId, VertexId},
     mesh::MeshError,

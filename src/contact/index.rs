@@ -1,14 +1,14 @@
+//! [`ContactIndex`]: the trees and maps of all patches, the poses of all links, and the answer to one query.
+
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use crate::{
     contact::{
-        Cell, Contact, ContactError, Hit,
+        Cell, ContactError, Hit, Query,
         cell::PatchCells,
-        frame::Frame,
-        patch_tree::PatchTree,
-        search::{Best, Search},
-        stage::Stage,
+        geometry::RigidPose,
+        search::{Best, LARGEST, PatchBvh, PosedBoxes, Search},
     },
     id::{FaceId, IdVec},
     map::{PatchMap, SkinMap},
@@ -17,9 +17,6 @@ use crate::{
     skin::{LinkId, PatchId},
 };
 
-/// Coordinates beyond this (in m) are refused: their squares still fit into `f32`.
-pub(super) const LARGEST: f64 = 1e12;
-
 /// A map made ready for contacts.
 ///
 /// It owns what it needs of the map, and asking changes nothing in it: share it among threads as you like.
@@ -27,14 +24,14 @@ pub(super) const LARGEST: f64 = 1e12;
 pub struct ContactIndex {
     links: IdVec<LinkId, IndexedLink>,
     patches: IdVec<PatchId, IndexedPatch>,
-    stage: Stage,
+    boxes: PosedBoxes,
 }
 
 #[derive(Debug, Clone)]
 struct IndexedLink {
     name: String,
     parent: Option<LinkId>,
-    frame: Frame,
+    pose: RigidPose,
     patches: Vec<PatchId>,
 }
 
@@ -42,7 +39,7 @@ struct IndexedLink {
 struct IndexedPatch {
     name: String,
     link: LinkId,
-    tree: PatchTree,
+    tree: PatchBvh,
     cells: PatchCells,
 }
 
@@ -52,7 +49,7 @@ impl IndexedPatch {
         let Some(skin) = patch.levels.get(LevelId::new(0)).filter(|_| link.index() < links) else {
             return Err(ContactError::Homeless { patch: name, levels: patch.levels.len(), link, links });
         };
-        let tree = PatchTree::new(&name, &skin.mesh)?;
+        let tree = PatchBvh::new(&name, &skin.mesh)?;
         Ok(Self { name, link, tree, cells: PatchCells::new(patch)? })
     }
 }
@@ -81,14 +78,14 @@ impl ContactIndex {
         }
         let mut links = IdVec::new();
         for (link, pose) in map.links.iter().zip(&world) {
-            let (name, parent, frame) = (link.name.clone(), link.parent, frame(&link.name, pose)?);
-            links.push(IndexedLink { name, parent, frame, patches: Vec::new() });
+            let (name, parent, pose) = (link.name.clone(), link.parent, rigid(&link.name, pose)?);
+            links.push(IndexedLink { name, parent, pose, patches: Vec::new() });
         }
         for (id, patch) in patches.enumerate() {
             links[patch.link].patches.push(id);
         }
-        let mut index = Self { links, patches, stage: Stage::default() };
-        index.restage();
+        let mut index = Self { links, patches, boxes: PosedBoxes::default() };
+        index.update_posed_boxes();
         Ok(index)
     }
 
@@ -100,12 +97,12 @@ impl ContactIndex {
         if poses.len() != self.links.len() {
             return Err(ContactError::PoseCount { found: poses.len(), needed: self.links.len() });
         }
-        let frames = self.links.iter().zip(poses).map(|(link, pose)| frame(&link.name, pose));
-        let frames = frames.collect::<Result<Vec<_>, _>>()?;
-        for (link, frame) in self.links.iter_mut().zip(frames) {
-            link.frame = frame;
+        let poses = self.links.iter().zip(poses).map(|(link, pose)| rigid(&link.name, pose));
+        let poses = poses.collect::<Result<Vec<_>, _>>()?;
+        for (link, pose) in self.links.iter_mut().zip(poses) {
+            link.pose = pose;
         }
-        self.restage();
+        self.update_posed_boxes();
         Ok(())
     }
 
@@ -134,7 +131,7 @@ impl ContactIndex {
     /// The poses of the links in the world, in m.
     #[must_use]
     pub fn poses(&self) -> IdVec<LinkId, DAffine3> {
-        self.links.map(|link| link.frame.pose())
+        self.links.map(|link| link.pose.pose())
     }
 
     /// The first link of that name.
@@ -161,53 +158,39 @@ impl ContactIndex {
         self.patches.len()
     }
 
-    fn restage(&mut self) {
-        let place = |patch: PatchId, origin: DVec3| {
+    fn update_posed_boxes(&mut self) {
+        let posed = |patch: PatchId, origin: DVec3| {
             let patch = &self.patches[patch];
-            let frame = &self.links[patch.link].frame;
-            patch.tree.placed_box(|corner| frame.place(corner) - origin)
+            let pose = &self.links[patch.link].pose;
+            patch.tree.posed_box(|corner| pose.to_world(corner) - origin)
         };
-        self.stage = Stage::new(self.patches.len(), place);
+        self.boxes = PosedBoxes::new(self.patches.len(), posed);
     }
 
-    /// The point of the skin nearest to `point` (m, in the world).
-    ///
-    /// # Errors
-    /// If the point is not finite.
-    pub fn locate(&self, point: DVec3) -> Result<Hit, ContactError> {
-        self.locate_contact(&Contact::world(point))
-    }
-
-    /// The point nearest to `point` (m, in the frame of `link`) on the patches of that link alone.
+    /// The point of the skin nearest to a query: a point of the world, or [`Query::on_link`].
     ///
     /// # Errors
     /// If the point is not finite, or the link does not exist or carries no patch.
-    pub fn locate_in(&self, link: LinkId, point: DVec3) -> Result<Hit, ContactError> {
-        self.locate_contact(&Contact::on_link(link, point))
+    pub fn locate(&self, query: impl Into<Query>) -> Result<Hit, ContactError> {
+        let query = query.into();
+        self.check(0, &query)?;
+        self.answer(&query, None)
     }
 
-    /// The point of the skin nearest to a contact.
+    /// The same as [`Self::locate`], faster where the query is near the one that `last` answers: along a path,
+    /// pass each hit to the next search.
     ///
     /// # Errors
-    /// As [`Self::locate`] and [`Self::locate_in`].
-    pub fn locate_contact(&self, contact: &Contact) -> Result<Hit, ContactError> {
-        self.check(0, contact)?;
-        self.answer(contact, None)
-    }
-
-    /// The same as [`Self::locate_contact`], faster where the contact is near the one `last` answered: along a
-    /// path, hand each hit to the next search.
-    ///
-    /// # Errors
-    /// As [`Self::locate_contact`].
-    pub fn locate_from(&self, last: &Hit, contact: &Contact) -> Result<Hit, ContactError> {
-        self.check(0, contact)?;
-        self.answer(contact, Some((last.patch, last.point.face)))
+    /// As [`Self::locate`].
+    pub fn locate_from(&self, last: &Hit, query: impl Into<Query>) -> Result<Hit, ContactError> {
+        let query = query.into();
+        self.check(0, &query)?;
+        self.answer(&query, Some((last.patch, last.point.face)))
     }
 
     /// Whether a contact can be answered; `number` is its place in its batch.
-    pub(super) fn check(&self, number: usize, contact: &Contact) -> Result<(), ContactError> {
-        let Contact { point, link } = *contact;
+    pub(super) fn check(&self, number: usize, contact: &Query) -> Result<(), ContactError> {
+        let Query { point, link } = *contact;
         // Also false for NaN.
         if !(point.abs().max_element() <= LARGEST && point.is_finite()) {
             return Err(ContactError::NotFinite { contact: number, point: point.to_array() });
@@ -223,14 +206,14 @@ impl ContactIndex {
     }
 
     /// Where a contact lies in the world, in m. The contact must have been checked.
-    pub(super) fn in_world(&self, contact: &Contact) -> DVec3 {
-        contact.link.map_or(contact.point, |link| self.links[link].frame.place(contact.point))
+    pub(super) fn in_world(&self, contact: &Query) -> DVec3 {
+        contact.link.map_or(contact.point, |link| self.links[link].pose.to_world(contact.point))
     }
 
     /// The answer to a contact that has been checked; `near` is measured first.
     pub(super) fn answer(
         &self,
-        contact: &Contact,
+        contact: &Query,
         near: Option<(PatchId, FaceId)>,
     ) -> Result<Hit, ContactError> {
         let mut best = near.and_then(|(patch, face)| self.seed(contact, patch, face));
@@ -238,9 +221,9 @@ impl ContactIndex {
         match contact.link {
             None => {
                 let distance = reached(&best);
-                self.stage.each_within(contact.point, distance, |id| {
+                self.boxes.each_within(contact.point, distance, |id| {
                     let patch = &self.patches[id];
-                    let q = self.links[patch.link].frame.unplace(contact.point);
+                    let q = self.links[patch.link].pose.to_local(contact.point);
                     Search::new(&patch.tree, id, q).run(&mut best);
                     reached(&best)
                 });
@@ -264,32 +247,32 @@ impl ContactIndex {
     }
 
     /// A face measured before the search, if it exists and the contact may lie on it.
-    fn seed(&self, contact: &Contact, id: PatchId, face: FaceId) -> Option<Best> {
+    fn seed(&self, contact: &Query, id: PatchId, face: FaceId) -> Option<Best> {
         let patch = self.patches.get(id)?;
         if contact.link.is_some_and(|link| link != patch.link)
             || face.index() >= patch.tree.mesh.triangles.len()
         {
             return None;
         }
-        let q = self.in_frame_of(patch.link, contact);
+        let q = self.in_link(patch.link, contact);
         Some(Best { patch: id, face, closest: patch.tree.measure(q, face) })
     }
 
-    fn in_frame_of(&self, link: LinkId, contact: &Contact) -> DVec3 {
-        if contact.link == Some(link) { contact.point } else { self.links[link].frame.unplace(contact.point) }
+    fn in_link(&self, link: LinkId, contact: &Query) -> DVec3 {
+        if contact.link == Some(link) { contact.point } else { self.links[link].pose.to_local(contact.point) }
     }
 
-    fn hit(&self, contact: &Contact, best: &Best) -> Hit {
+    fn hit(&self, contact: &Query, best: &Best) -> Hit {
         let Best { patch: id, face, closest } = *best;
         let patch = &self.patches[id];
-        let PatchTree { mesh, fans, .. } = &patch.tree;
-        let q = self.in_frame_of(patch.link, contact);
+        let PatchBvh { mesh, fans, .. } = &patch.tree;
+        let q = self.in_link(patch.link, contact);
         let point = SurfacePoint { face, barycentric: closest.barycentric };
         let here = mesh.point(&point);
         let outward = fans.pseudo_normal(mesh, face, closest.feature);
         let length = closest.squared.sqrt();
         let distance = if (q - here).dot(outward) < 0.0 { -length } else { length };
-        let position = if contact.link.is_some() { here } else { self.links[patch.link].frame.place(here) };
+        let position = if contact.link.is_some() { here } else { self.links[patch.link].pose.to_world(here) };
         Hit { patch: id, point, distance, position }
     }
 
@@ -319,6 +302,8 @@ impl ContactIndex {
     }
 }
 
-fn frame(name: &str, pose: &DAffine3) -> Result<Frame, ContactError> {
-    Frame::new(pose).ok_or_else(|| ContactError::NotRigid { name: name.to_owned() })
+fn rigid(name: &str, pose: &DAffine3) -> Result<RigidPose, ContactError> {
+    let near = pose.translation.abs().max_element() <= LARGEST;
+    let rigid = RigidPose::new(pose).filter(|_| near);
+    rigid.ok_or_else(|| ContactError::NotRigid { name: name.to_owned() })
 }

@@ -12,19 +12,13 @@
 
 mod batch;
 mod cell;
-mod closest_point;
 mod error;
-mod frame;
-mod hit;
+mod geometry;
 mod index;
-mod packet;
-mod patch_tree;
-mod pseudo_normal;
+mod query;
 mod search;
-mod stage;
-mod wide_tree;
 
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
-pub use hit::{Contact, Hit};
 pub use index::ContactIndex;
+pub use query::{Hit, Query};

@@ -9,7 +9,7 @@ use std::{
 
 use dermatome::{
     Error,
-    contact::{Contact, ContactError, ContactIndex},
+    contact::{ContactError, ContactIndex, Query},
     io::{ContactReader, ContactRow, IoError, LookupRow, LookupWriter, read_map, read_poses, replace_file},
     pyramid::LevelId,
     skin::PatchId,
@@ -160,18 +160,18 @@ impl Lookup<'_> {
         writer.finish()?.flush().map_err(|source| IoError::Write { path: path.into(), source })
     }
 
-    fn contact(&self, row: ContactRow, line: u64) -> Result<Contact, IoError> {
+    fn contact(&self, row: ContactRow, line: u64) -> Result<Query, IoError> {
         let link = row
             .link
             .map(|name| self.index.link_named(&name).ok_or_else(|| unknown_link(self.path, line, &name)));
-        Ok(Contact { point: row.position, link: link.transpose()? })
+        Ok(Query { point: row.position, link: link.transpose()? })
     }
 
     /// Writes the rows of some contacts, the first of which has number `first`.
     fn answer_chunk(
         &self,
         first: u64,
-        chunk: &[Contact],
+        chunk: &[Query],
         lines: &[u64],
         writer: &mut LookupWriter<impl Write>,
     ) -> Result<(), IoError> {

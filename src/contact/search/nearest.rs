@@ -1,26 +1,15 @@
+//! The nearest face of one patch: an ordered, bounded walk down the tree.
+
 use glam::DVec3;
 use wide::f32x8;
 
-use crate::{
-    contact::{
-        closest_point::Closest,
-        packet::{LANES, Wide3, splat},
-        patch_tree::PatchTree,
-        wide_tree::{Child, WideNode},
-    },
-    id::FaceId,
-    skin::PatchId,
+use super::{
+    bvh8::{Child, Node8},
+    lanes::{LANES, Wide3, lanes, least_lane, splat},
+    patch_bvh::PatchBvh,
+    rounding::{slack, squared_bound_f32},
 };
-
-/// By how much a distance found in `f32` may be wrong, relative to the patch's radius plus the distance of the
-/// contact from the patch's centre.
-///
-/// Rounding the contact, the corner and their difference: 3 units; three coordinates along axes that are rounded
-/// themselves: 7; the side's projection and its squares: 8; the rounded triangle: 6. Doubled, `48 * 2^-24`.
-const SLACK: f64 = 48.0 / 16_777_216.0;
-
-/// Squares found in `f32` are compared with bounds enlarged by this, for the last roundings.
-const ROUND_UP: f64 = 1.0 + 8.0 / 16_777_216.0;
+use crate::{contact::geometry::Closest, id::FaceId, skin::PatchId};
 
 /// From this many radii away, the slack is as large as the smallest faces: `f64` boxes take over.
 const FAR: f64 = 1000.0;
@@ -39,21 +28,21 @@ const PENDING: usize = 16;
 
 /// The nearest face known so far.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Best {
-    pub(super) patch: PatchId,
-    pub(super) face: FaceId,
-    pub(super) closest: Closest,
+pub(in crate::contact) struct Best {
+    pub(in crate::contact) patch: PatchId,
+    pub(in crate::contact) face: FaceId,
+    pub(in crate::contact) closest: Closest,
 }
 
 impl Best {
     /// Squared distance of the nearest face known, in m^2.
-    pub(super) fn squared(best: Option<&Self>) -> f64 {
+    pub(in crate::contact) fn squared(best: Option<&Self>) -> f64 {
         best.map_or(f64::INFINITY, |b| b.closest.squared)
     }
 
     /// Keeps the nearer of the two; of equally near ones the first patch's first face.
     #[inline]
-    pub(super) fn offer(best: &mut Option<Self>, patch: PatchId, face: FaceId, closest: Closest) {
+    pub(in crate::contact) fn offer(best: &mut Option<Self>, patch: PatchId, face: FaceId, closest: Closest) {
         let nearer = best.as_ref().is_none_or(|b| {
             let (old, new) = (b.closest.squared, closest.squared);
             new < old || (new == old && (patch, face) < (b.patch, b.face))
@@ -64,49 +53,9 @@ impl Best {
     }
 }
 
-/// Largest squared `f32` distance that a face (or box) can seem to have which is not farther than `distance`.
-#[expect(clippy::cast_possible_truncation, reason = "rounding is part of ROUND_UP; clamped to finite")]
-pub(super) fn seeming_squared(distance: f64, slack: f64) -> f32 {
-    let reach = distance + slack;
-    // Infinity would let the empty slots of nodes in.
-    (reach * reach * ROUND_UP).min(f64::from(f32::MAX)) as f32
-}
-
-/// The slack of a search from `reach` units away in a scene of radius 1.
-pub(super) fn slack(reach: f64, radius: f64) -> f64 {
-    SLACK * (reach + radius)
-}
-
-/// The lane of the least of eight numbers that are not negative.
-#[inline]
-pub(super) fn least_lane(numbers: f32x8) -> usize {
-    // Bits of such numbers sort as they do; the lane takes the place of the last three. Without a branch, since
-    // which lane it is cannot be foreseen.
-    let mut lane = 0;
-    let keys = numbers.to_array().map(|x| {
-        let key = x.to_bits() & !7 | lane;
-        lane += 1;
-        key
-    });
-    let least = |a: &[u32], b: &[u32]| [a[0].min(b[0]), a[1].min(b[1])];
-    let [a, b] = [least(&keys[0..2], &keys[2..4]), least(&keys[4..6], &keys[6..8])];
-    let [c, d] = least(&a, &b);
-    (c.min(d) & 7) as usize
-}
-
-/// The numbers of the bits set in `mask`, lowest first.
-#[inline]
-pub(super) fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = mask.trailing_zeros();
-        mask &= mask.wrapping_sub(1);
-        (lane < u32::BITS).then_some(lane as usize)
-    })
-}
-
 /// One search for the face of a patch nearest to a point.
-pub(super) struct Search<'a> {
-    patch: &'a PatchTree,
+pub(in crate::contact) struct Search<'a> {
+    patch: &'a PatchBvh,
     id: PatchId,
     /// The point, in m in the link's frame.
     q: DVec3,
@@ -114,14 +63,14 @@ pub(super) struct Search<'a> {
     local: DVec3,
     wide: Wide3,
     slack: f64,
-    /// What a face must not exceed to be of interest: [`seeming_squared`] of the best.
+    /// What a face must not exceed to be of interest: [`squared_bound_f32`] of the best.
     bound: f32,
     pending: [(f32, FaceId); PENDING],
     waiting: usize,
 }
 
 impl<'a> Search<'a> {
-    pub(super) fn new(patch: &'a PatchTree, id: PatchId, q: DVec3) -> Self {
+    pub(in crate::contact) fn new(patch: &'a PatchBvh, id: PatchId, q: DVec3) -> Self {
         let local = (q - patch.origin) * patch.scale;
         let slack = slack(local.length(), 1.0);
         let wide = splat(local.as_vec3());
@@ -130,7 +79,7 @@ impl<'a> Search<'a> {
     }
 
     /// Offers the nearest face of the patch, if it is not farther than `best`.
-    pub(super) fn run(mut self, best: &mut Option<Best>) {
+    pub(in crate::contact) fn run(mut self, best: &mut Option<Best>) {
         if self.local.length_squared() > FAR * FAR {
             return self.run_far(best);
         }
@@ -152,12 +101,12 @@ impl<'a> Search<'a> {
             waiting = 1;
         }
         self.walk(stack, waiting, best);
-        self.settle(best);
+        self.measure_pending(best);
     }
 
     fn tighten(&mut self, best: Option<&Best>) {
         if let Some(best) = best {
-            self.bound = seeming_squared(best.closest.squared.sqrt() * self.patch.scale, self.slack);
+            self.bound = squared_bound_f32(best.closest.squared.sqrt() * self.patch.scale, self.slack);
         }
     }
 
@@ -268,7 +217,7 @@ impl<'a> Search<'a> {
         for lane in lanes(mask & !(1 << nearest)) {
             if squared[lane] <= self.bound {
                 if self.waiting == PENDING {
-                    self.settle(best);
+                    self.measure_pending(best);
                 }
                 self.pending[self.waiting] = (squared[lane], packet.face(lane));
                 self.waiting += 1;
@@ -277,7 +226,7 @@ impl<'a> Search<'a> {
     }
 
     /// Measures the triangles kept in mind that may still be as near as the best.
-    fn settle(&mut self, best: &mut Option<Best>) {
+    fn measure_pending(&mut self, best: &mut Option<Best>) {
         for k in 0..self.waiting {
             let (squared, face) = self.pending[k];
             if squared <= self.bound {
@@ -290,7 +239,7 @@ impl<'a> Search<'a> {
 
 /// Puts the children of `node` in the lanes of `mask` onto the stack, the nearest on top.
 #[inline]
-fn push(node: &WideNode, squared: f32x8, mask: u32, stack: &mut [u64], waiting: &mut usize) {
+fn push(node: &Node8, squared: f32x8, mask: u32, stack: &mut [u64], waiting: &mut usize) {
     let squared = squared.as_array();
     let first = *waiting;
     for lane in lanes(mask) {

@@ -1,21 +1,13 @@
-use glam::{DVec3, Vec3};
+//! Eight triangles side by side, and their squared distances to a point in `f32`.
+
+use glam::DVec3;
 use wide::f32x8;
 
+use super::lanes::{LANES, Wide3};
 use crate::id::FaceId;
-
-/// Triangles of a packet; as many as `f32x8` has lanes.
-pub(super) const LANES: usize = 8;
-
-/// A point, the same in every lane.
-pub(super) type Wide3 = [f32x8; 3];
 
 /// Sides shorter than this (in units of the patch's radius, squared) count as points; their inverse would overflow.
 const SHORTEST_SQUARED: f64 = 1e-30;
-
-/// The same point in every lane.
-pub(super) fn splat(p: Vec3) -> Wide3 {
-    p.to_array().map(f32x8::splat)
-}
 
 fn dot(a: &Wide3, b: &Wide3) -> f32x8 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -27,7 +19,7 @@ fn dot(a: &Wide3, b: &Wide3) -> f32x8 {
 /// `z` normal. In that frame the triangle is `(0, 0), (base, 0), apex`, and the distance to it needs no
 /// division and no product that cancels: whatever its shape, the error is a few roundings of the coordinates.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TrianglePacket {
+pub(super) struct Triangle8 {
     start: Wide3,
     x: Wide3,
     y: Wide3,
@@ -41,7 +33,7 @@ pub(super) struct TrianglePacket {
     used: u32,
 }
 
-/// One triangle in its own frame, as [`TrianglePacket`] stores it.
+/// One triangle in its own frame, as [`Triangle8`] stores it.
 struct Framed {
     start: DVec3,
     axes: [DVec3; 3],
@@ -85,7 +77,7 @@ fn inverse_length_squared(x: f64, y: f64) -> f32 {
     if squared < SHORTEST_SQUARED { 0.0 } else { narrow(1.0 / squared) }
 }
 
-impl TrianglePacket {
+impl Triangle8 {
     /// A packet of the first eight of `triangles`, at least one: corners in units of the patch's radius.
     pub(super) fn new(triangles: &[(FaceId, [DVec3; 3])]) -> Self {
         let mut lanes = [[0.0_f32; LANES]; 17];

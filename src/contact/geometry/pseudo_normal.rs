@@ -1,14 +1,16 @@
+//! The outer side of a surface at any of its points: angle-weighted pseudo-normals.
+
 use glam::DVec3;
 
 use crate::{
-    contact::closest_point::Feature,
+    contact::geometry::closest_point::Feature,
     id::{FaceId, IdVec, VertexId},
     mesh::{TriMesh, angle},
 };
 
 /// The faces around each vertex, for any set of triangles, manifold or not.
 #[derive(Debug, Clone)]
-pub(super) struct Fans {
+pub(in crate::contact) struct Fans {
     /// Where the faces of each vertex start; one more entry than vertices.
     starts: Vec<u32>,
     faces: Vec<FaceId>,
@@ -16,7 +18,7 @@ pub(super) struct Fans {
 
 impl Fans {
     /// Lists the faces of each vertex in the order of their ids.
-    pub(super) fn new(mesh: &TriMesh) -> Self {
+    pub(in crate::contact) fn new(mesh: &TriMesh) -> Self {
         let mut starts = vec![0_u32; mesh.positions.len() + 1];
         for v in mesh.triangles.iter().flatten() {
             starts[v.index() + 1] += 1;
@@ -37,7 +39,7 @@ impl Fans {
     }
 
     /// The faces around `v`, smallest id first.
-    pub(super) fn around(&self, v: VertexId) -> &[FaceId] {
+    pub(in crate::contact) fn around(&self, v: VertexId) -> &[FaceId] {
         &self.faces[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
     }
 
@@ -45,7 +47,7 @@ impl Fans {
     ///
     /// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right everywhere
     /// (Bærentzen and Aanæs, Signed distance computation using the angle weighted pseudonormal, 2005).
-    pub(super) fn pseudo_normal(&self, mesh: &TriMesh, face: FaceId, feature: Feature) -> DVec3 {
+    pub(in crate::contact) fn pseudo_normal(&self, mesh: &TriMesh, face: FaceId, feature: Feature) -> DVec3 {
         let unit = |f: FaceId| mesh.face_cross(f).normalize_or_zero();
         let ids = mesh.triangles[face];
         match feature {
@@ -72,7 +74,7 @@ fn angle_at(mesh: &TriMesh, face: FaceId, v: VertexId) -> f64 {
 }
 
 /// The smallest face around each vertex that holds all of `corners`, at least one.
-pub(super) fn face_of_all(
+pub(in crate::contact) fn face_of_all(
     fans: &Fans,
     triangles: &IdVec<FaceId, [VertexId; 3]>,
     corners: &[VertexId],

@@ -1,43 +1,48 @@
+//! Which patches may be nearest to a point of the world: the boxes of all patches as they are posed.
+
 use glam::DVec3;
 use obvhs::aabb::Aabb;
 use wide::f32x8;
 
-use crate::{
-    contact::{
-        packet::{LANES, splat},
-        search::{lanes, least_lane, seeming_squared, slack},
-        wide_tree::WideNode,
-    },
-    skin::PatchId,
+use super::{
+    bvh8::Node8,
+    lanes::{LANES, lanes, least_lane, splat},
+    rounding::{slack, squared_bound_f32},
 };
+use crate::skin::PatchId;
 
 /// The boxes of all patches as the robot is posed now, in the world.
 ///
 /// Robots have tens of patches: eight boxes at a time are compared faster than a tree is walked.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Stage {
-    rows: Vec<WideNode>,
+pub(in crate::contact) struct PosedBoxes {
+    rows: Vec<Node8>,
     /// What the boxes are relative to, in m.
     origin: DVec3,
     /// Largest distance of a box from the origin, in m.
     radius: f64,
 }
 
-impl Stage {
-    /// `place(patch, origin)`: the box of a patch relative to `origin`.
-    pub(super) fn new(patches: usize, place: impl Fn(PatchId, DVec3) -> Aabb) -> Self {
+impl PosedBoxes {
+    /// `posed(patch, origin)`: the box of a patch relative to `origin`.
+    pub(in crate::contact) fn new(patches: usize, posed: impl Fn(PatchId, DVec3) -> Aabb) -> Self {
         let around = |origin| (0..patches).map(move |p| (PatchId::new(p), origin));
-        let all = around(DVec3::ZERO).map(|(p, o)| place(p, o)).reduce(|a, b| a.union(&b));
+        let all = around(DVec3::ZERO).map(|(p, o)| posed(p, o)).reduce(|a, b| a.union(&b));
         let origin = all.map_or(DVec3::ZERO, |b| b.center().as_dvec3());
-        let boxes: Vec<Aabb> = around(origin).map(|(p, o)| place(p, o)).collect();
+        let boxes: Vec<Aabb> = around(origin).map(|(p, o)| posed(p, o)).collect();
         let reach = |b: &Aabb| f64::from(b.min.abs().max(b.max.abs()).length());
         let radius = boxes.iter().map(reach).fold(0.0, f64::max);
-        Self { rows: WideNode::rows(&boxes), origin, radius }
+        Self { rows: Node8::rows(&boxes), origin, radius }
     }
 
     /// Calls `visit(patch, distance)` for every patch that may be nearer to `q` (m, in the world) than the
     /// distance `visit` returned last, in m; the one with the nearest box first.
-    pub(super) fn each_within(&self, q: DVec3, distance: f64, mut visit: impl FnMut(PatchId) -> f64) {
+    pub(in crate::contact) fn each_within(
+        &self,
+        q: DVec3,
+        distance: f64,
+        mut visit: impl FnMut(PatchId) -> f64,
+    ) {
         let local = q - self.origin;
         let slack = slack(local.length(), self.radius);
         let wide = splat(local.as_vec3());
@@ -51,10 +56,10 @@ impl Stage {
                 nearest = (squared, row, lane);
             }
         }
-        let mut bound = seeming_squared(distance, slack);
+        let mut bound = squared_bound_f32(distance, slack);
         let (squared, first_row, first_lane) = nearest;
         if squared <= bound {
-            bound = seeming_squared(visit(patch(first_row, first_lane)), slack);
+            bound = squared_bound_f32(visit(patch(first_row, first_lane)), slack);
         }
         for (row, node) in self.rows.iter().enumerate() {
             let squared = node.distance_squared(&wide);
@@ -65,7 +70,7 @@ impl Stage {
             }
             for lane in lanes(mask) {
                 if squared.as_array()[lane] <= bound {
-                    bound = seeming_squared(visit(patch(row, lane)), slack);
+                    bound = squared_bound_f32(visit(patch(row, lane)), slack);
                 }
             }
         }

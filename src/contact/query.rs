@@ -1,3 +1,5 @@
+//! What is asked of an index, and its answer.
+
 use glam::DVec3;
 
 use crate::{
@@ -7,7 +9,7 @@ use crate::{
 
 /// A place where something touches the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contact {
+pub struct Query {
     /// Where, in m, in the frame of `link`.
     pub point: DVec3,
     /// The link in whose frame `point` is given and whose patches alone are searched; `None`: the world, and all
@@ -15,7 +17,7 @@ pub struct Contact {
     pub link: Option<LinkId>,
 }
 
-impl Contact {
+impl Query {
     /// A contact in world coordinates, in m.
     #[must_use]
     pub const fn world(point: DVec3) -> Self {
@@ -29,7 +31,14 @@ impl Contact {
     }
 }
 
-/// The point of the skin nearest to a contact.
+impl From<DVec3> for Query {
+    /// A point in world coordinates, in m.
+    fn from(point: DVec3) -> Self {
+        Self::world(point)
+    }
+}
+
+/// The point of the skin nearest to a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// The patch it lies on.

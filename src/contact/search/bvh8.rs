@@ -1,13 +1,16 @@
+//! A bounding volume hierarchy with eight boxes to a node, over packets of eight triangles.
+
 use std::time::Duration;
 
 use glam::{DVec3, Vec3A};
 use obvhs::{Boundable, BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2};
 use wide::f32x8;
 
-use crate::{
-    contact::packet::{LANES, TrianglePacket, Wide3},
-    id::{FaceId, IdVec},
+use super::{
+    lanes::{LANES, Wide3},
+    triangle8::Triangle8,
 };
+use crate::id::{FaceId, IdVec};
 
 /// What a slot of a node holds: nothing, a node, or (top bit) a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,7 +45,7 @@ impl Child {
 
 /// Eight boxes side by side. Empty slots are boxes at infinity.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct WideNode {
+pub(super) struct Node8 {
     lo: Wide3,
     hi: Wide3,
     children: [Child; LANES],
@@ -66,7 +69,7 @@ pub(super) fn enclose(points: impl IntoIterator<Item = DVec3>) -> Aabb {
     Aabb::new(down(lo), -down(-hi))
 }
 
-impl WideNode {
+impl Node8 {
     /// At most eight boxes with what is in them.
     fn new(children: impl IntoIterator<Item = (Aabb, Child)>) -> Self {
         let mut lo = [[f32::INFINITY; LANES]; 3];
@@ -112,9 +115,9 @@ impl WideNode {
 
 /// A tree of boxes, eight to a node, over packets of up to eight triangles.
 #[derive(Debug, Clone)]
-pub(super) struct WideTree {
-    pub(super) nodes: Vec<WideNode>,
-    pub(super) packets: Vec<TrianglePacket>,
+pub(super) struct Bvh8 {
+    pub(super) nodes: Vec<Node8>,
+    pub(super) packets: Vec<Triangle8>,
     /// Most entries that an ordered walk ever leaves waiting. Coincident triangles make deep trees, so this is
     /// counted, not guessed.
     pub(super) waiting: usize,
@@ -130,7 +133,7 @@ impl Boundable for Boxed {
     }
 }
 
-impl WideTree {
+impl Bvh8 {
     /// A tree over at least one and at most [`MAX_FACES`] triangles, whose corners are finite and about 1.
     pub(super) fn new(triangles: &IdVec<FaceId, [DVec3; 3]>) -> Self {
         let bounds: Vec<Boxed> = triangles.iter().map(|corners| Boxed(enclose(*corners))).collect();
@@ -169,15 +172,15 @@ struct Collapse<'a> {
 }
 
 impl Collapse<'_> {
-    fn run(&self) -> WideTree {
-        let mut tree = WideTree { nodes: Vec::new(), packets: Vec::new(), waiting: 0, depth: 0 };
+    fn run(&self) -> Bvh8 {
+        let mut tree = Bvh8 { nodes: Vec::new(), packets: Vec::new(), waiting: 0, depth: 0 };
         // Binary node, the wide slot that waits for it, the entries an ordered walk has waiting there, and the depth.
         let mut open = vec![(0_usize, None, 0_usize, 1_usize)];
         while let Some((root, slot, waiting, depth)) = open.pop() {
             let parts = self.split(root);
             let index = tree.nodes.len();
             if let Some((parent, lane)) = slot {
-                let parent: &mut WideNode = &mut tree.nodes[parent];
+                let parent: &mut Node8 = &mut tree.nodes[parent];
                 parent.children[lane] = Child::node(index);
             }
             let waiting = waiting + parts.len() - 1;
@@ -194,7 +197,7 @@ impl Collapse<'_> {
                     open.push((part, Some((index, lane)), waiting, depth + 1));
                 }
             }
-            tree.nodes.push(WideNode::new(children));
+            tree.nodes.push(Node8::new(children));
         }
         tree
     }
@@ -219,7 +222,7 @@ impl Collapse<'_> {
         parts
     }
 
-    fn pack(&self, root: usize) -> TrianglePacket {
+    fn pack(&self, root: usize) -> Triangle8 {
         let mut faces = Vec::with_capacity(LANES);
         let mut stack = vec![root];
         while let Some(at) = stack.pop() {
@@ -234,6 +237,6 @@ impl Collapse<'_> {
         }
         faces.sort_unstable();
         let triangles: Vec<_> = faces.into_iter().map(|f| (f, self.triangles[f])).collect();
-        TrianglePacket::new(&triangles)
+        Triangle8::new(&triangles)
     }
 }

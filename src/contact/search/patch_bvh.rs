@@ -1,14 +1,16 @@
+//! Level 0 of one patch with its tree, in the frame of its link.
+
 use glam::DVec3;
 use obvhs::aabb::Aabb;
 
+use super::{
+    bvh8::{Bvh8, MAX_FACES, enclose},
+    rounding::{LARGEST, slack},
+};
 use crate::{
     contact::{
         ContactError,
-        closest_point::{Closest, closest_point},
-        index::LARGEST,
-        pseudo_normal::Fans,
-        search::slack,
-        wide_tree::{MAX_FACES, WideTree, enclose},
+        geometry::{Closest, Fans, closest_point},
     },
     id::{FaceId, IdVec},
     mesh::TriMesh,
@@ -16,10 +18,10 @@ use crate::{
 
 /// Level 0 of one patch, ready to be searched in the frame of its link.
 #[derive(Debug, Clone)]
-pub(super) struct PatchTree {
-    pub(super) mesh: TriMesh,
-    pub(super) fans: Fans,
-    pub(super) tree: WideTree,
+pub(in crate::contact) struct PatchBvh {
+    pub(in crate::contact) mesh: TriMesh,
+    pub(in crate::contact) fans: Fans,
+    pub(super) tree: Bvh8,
     /// Centre of the patch's box, in m.
     pub(super) origin: DVec3,
     /// What makes metres into the units of the tree, in which the patch's radius is between 1/2 and 1: a power of
@@ -29,8 +31,8 @@ pub(super) struct PatchTree {
     pub(super) bounds: (DVec3, DVec3),
 }
 
-impl PatchTree {
-    pub(super) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
+impl PatchBvh {
+    pub(in crate::contact) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
         let name = || patch.to_owned();
         let broken = |source| ContactError::Mesh { patch: name(), level: 0, source };
         mesh.validate().map_err(broken)?;
@@ -57,13 +59,13 @@ impl PatchTree {
         let scale = unit_scale(radius);
         let triangles: IdVec<FaceId, _> =
             mesh.triangles.ids().map(|f| mesh.corners(f).map(|p| (p - origin) * scale)).collect();
-        let tree = WideTree::new(&triangles);
+        let tree = Bvh8::new(&triangles);
         Ok(Self { fans: Fans::new(mesh), mesh: mesh.clone(), tree, origin, scale, bounds })
     }
 
     /// A distance, in m, that no face is nearer to `q` (m, the link's frame): that to the patch's box, less what
     /// rounding may have added to it.
-    pub(super) fn least_distance(&self, q: DVec3) -> f64 {
+    pub(in crate::contact) fn least_distance(&self, q: DVec3) -> f64 {
         let (lo, hi) = self.bounds;
         let radius = 1.0 / self.scale;
         q.distance(q.clamp(lo, hi)) - slack(q.distance(self.origin), radius)
@@ -71,12 +73,12 @@ impl PatchTree {
 
     /// The nearest point of one face, measured on the vertices of the map.
     #[inline]
-    pub(super) fn measure(&self, q: DVec3, face: FaceId) -> Closest {
+    pub(in crate::contact) fn measure(&self, q: DVec3, face: FaceId) -> Closest {
         closest_point(q, self.mesh.corners(face), self.mesh.triangles[face])
     }
 
     /// The corners of the patch's box moved by `place`, as a box.
-    pub(super) fn placed_box(&self, place: impl Fn(DVec3) -> DVec3) -> Aabb {
+    pub(in crate::contact) fn posed_box(&self, place: impl Fn(DVec3) -> DVec3) -> Aabb {
         let (lo, hi) = self.bounds;
         enclose((0..8).map(|k| {
             let pick = |bit: usize, lo: f64, hi: f64| if k >> bit & 1 == 0 { lo } else { hi };

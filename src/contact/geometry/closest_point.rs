@@ -1,3 +1,5 @@
+//! The point of a triangle nearest to another point, in `f64`.
+
 use glam::DVec3;
 
 use crate::id::VertexId;
@@ -13,7 +15,7 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// Which part of a triangle is nearest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Feature {
+pub(in crate::contact) enum Feature {
     Inside,
     /// The side from this corner to the next.
     Side(usize),
@@ -22,11 +24,11 @@ pub(super) enum Feature {
 
 /// The point of a triangle nearest to another point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Closest {
+pub(in crate::contact) struct Closest {
     /// Squared distance, in m^2.
-    pub(super) squared: f64,
-    pub(super) barycentric: [f64; 3],
-    pub(super) feature: Feature,
+    pub(in crate::contact) squared: f64,
+    pub(in crate::contact) barycentric: [f64; 3],
+    pub(in crate::contact) feature: Feature,
 }
 
 /// The point of the triangle nearest to `q`, in `f64`, for slivers and triangles without area too.
@@ -34,7 +36,7 @@ pub(super) struct Closest {
 /// Inside the triangle the distance is that to its plane. Otherwise it is that to a side, measured from the
 /// smaller to the larger vertex id: two faces that share a side or corner find exactly the same distance, so
 /// that face ids alone break the tie.
-pub(super) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -> Closest {
+pub(in crate::contact) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -> Closest {
     let [a, b, c] = corners;
     let (ab, ac, aq) = (b - a, c - a, q - a);
     let normal = ab.cross(ac);

@@ -1,3 +1,5 @@
+//! The pose of a link, and its inverse.
+
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 /// How far the axes of a pose may be from unit length and right angles: glTF stores poses in `f32`, and a chain of
@@ -6,16 +8,16 @@ const RIGID_TOLERANCE: f64 = 1e-5;
 
 /// A rigid frame with the way there and back.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Frame {
+pub(in crate::contact) struct RigidPose {
     to_world: DAffine3,
     from_world: DAffine3,
 }
 
-impl Frame {
+impl RigidPose {
     /// The frame of a pose that rotates and translates; its axes are made exactly orthonormal, so distances in
     /// the frame are those of the world. `None` if the pose does anything else.
-    pub(super) fn new(pose: &DAffine3) -> Option<Self> {
-        if !pose.is_finite() || pose.translation.abs().max_element() > super::index::LARGEST {
+    pub(in crate::contact) fn new(pose: &DAffine3) -> Option<Self> {
+        if !pose.is_finite() {
             return None;
         }
         let axes = pose.matrix3;
@@ -30,15 +32,15 @@ impl Frame {
     }
 
     /// The pose that was given, made exactly rigid.
-    pub(super) fn pose(&self) -> DAffine3 {
+    pub(in crate::contact) fn pose(&self) -> DAffine3 {
         self.to_world
     }
 
-    pub(super) fn place(&self, point: DVec3) -> DVec3 {
+    pub(in crate::contact) fn to_world(&self, point: DVec3) -> DVec3 {
         self.to_world.transform_point3(point)
     }
 
-    pub(super) fn unplace(&self, point: DVec3) -> DVec3 {
+    pub(in crate::contact) fn to_local(&self, point: DVec3) -> DVec3 {
         self.from_world.transform_point3(point)
     }
 }
