@@ -12,7 +12,7 @@ use anyhow::Context;
 use dermatome::{
     Error,
     atlas::skin_images,
-    io::{IoError, peak_memory_bytes, temporary_prefix, write_images, write_json, write_map},
+    io::{IoError, temporary_prefix, write_images, write_json, write_map},
     pipeline::{BuildOptions, Stage, build},
     report::{Report, Stages, measure},
 };
@@ -21,6 +21,7 @@ use tempfile::TempDir;
 use crate::{
     Common,
     input::{close_holes, read_skin},
+    memory::peak_memory_bytes,
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
     overlap::note_overlaps,
     progress,

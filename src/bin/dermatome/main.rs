@@ -11,6 +11,7 @@ mod info;
 mod input;
 mod lookup;
 mod lost;
+mod memory;
 mod options;
 mod outputs;
 mod overlap;

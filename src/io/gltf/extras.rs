@@ -1,0 +1,48 @@
+use serde::{Deserialize, Serialize};
+
+use crate::io::gltf::schema::Mesh;
+
+/// What a map says about a mesh beside its geometry: `extras.dermatome` of the mesh.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct LevelExtras {
+    /// Name of the patch.
+    pub patch: String,
+    /// Number of the level.
+    pub level: usize,
+    /// The rectangle of the map that the texture coordinates cover; absent where there is no map.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map: Option<FrameExtras>,
+    /// This level's vertices in terms of the next coarser one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up: Option<RowsExtras>,
+    /// Level 0's vertices in terms of this level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direct: Option<RowsExtras>,
+}
+
+/// The rectangle of a [`crate::map::MapFrame`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct FrameExtras {
+    /// Lower left corner, in m.
+    pub origin: [f64; 2],
+    /// Width and height, in m.
+    pub size: [f64; 2],
+    /// Width and height of the image, in pixels; without it, one pixel per millimetre.
+    pub pixels: Option<[u32; 2]>,
+}
+
+/// A prolongation, as numbers of two accessors with three components a row.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct RowsExtras {
+    /// Vertex indices.
+    pub indices: usize,
+    /// Weights.
+    pub weights: usize,
+}
+
+impl LevelExtras {
+    /// What a mesh says; `None` if it says nothing.
+    pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
+        mesh.extras.as_ref()?.get("dermatome").map(Self::deserialize)
+    }
+}

@@ -1,0 +1,82 @@
+use std::path::Path;
+
+use glam::{DMat3, DQuat};
+use gltf::json::{Index, Node, Scene, scene::UnitQuaternion};
+
+use crate::{
+    id::IdVec,
+    io::{
+        IoError,
+        gltf::writer::{SceneWriter, narrow},
+    },
+    skin::{Link, LinkId},
+};
+
+/// Largest deviation of a link's axes from orthonormal: a link's frame is rigid, and a quaternion holds no more.
+const RIGID: f64 = 1e-6;
+
+/// Adds a scene with a node for each link that `wanted` names, and `patches` (links and the nodes of what hangs on
+/// them) under their links.
+pub(super) fn add_scene(
+    path: &Path,
+    writer: &mut SceneWriter,
+    name: Option<String>,
+    links: &IdVec<LinkId, Link>,
+    wanted: &IdVec<LinkId, bool>,
+    patches: Vec<(LinkId, Node)>,
+) -> Result<(), IoError> {
+    let mut nodes = IdVec::<LinkId, Option<Index<Node>>>::filled(None, links.len());
+    let mut roots = Vec::new();
+    for (link, description) in links.enumerate().filter(|(link, _)| wanted[*link]) {
+        let node = writer.root.push(node_of(path, link, description)?);
+        nodes[link] = Some(node);
+        match description.parent.and_then(|p| nodes.get(p).copied().flatten()) {
+            Some(parent) => writer.root.nodes[parent.value()].children.get_or_insert_default().push(node),
+            None if description.parent.is_some() => {
+                return Err(refuse(
+                    path,
+                    link,
+                    "a parent that comes after it",
+                    "a parent that comes before it",
+                ));
+            }
+            None => roots.push(node),
+        }
+    }
+    for (link, patch) in patches {
+        let Some(parent) = nodes.get(link).copied().flatten() else {
+            return Err(refuse(path, link, "a patch, but no link of this number", "one of the skin's links"));
+        };
+        let node = writer.root.push(patch);
+        writer.root.nodes[parent.value()].children.get_or_insert_default().push(node);
+    }
+    writer.root.push(Scene { extensions: None, extras: None, name, nodes: roots });
+    Ok(())
+}
+
+fn refuse(path: &Path, link: LinkId, found: &str, needed: &str) -> IoError {
+    IoError::Invalid {
+        path: path.into(),
+        element: format!("link {link}"),
+        found: found.into(),
+        needed: needed.into(),
+    }
+}
+
+/// The node of a link: name, translation and rotation, each left out where it says nothing.
+fn node_of(path: &Path, link: LinkId, description: &Link) -> Result<Node, IoError> {
+    let Link { name, pose, .. } = description;
+    let axes = pose.matrix3;
+    let orthonormal = (axes.transpose() * axes).abs_diff_eq(DMat3::IDENTITY, RIGID);
+    if !pose.is_finite() || !orthonormal || axes.determinant() < 0.0 {
+        return Err(refuse(path, link, "a pose that is not rigid", "rotation and translation"));
+    }
+    let translation = pose.translation.to_array().map(narrow);
+    let rotation = DQuat::from_mat3(&axes).normalize().to_array().map(narrow);
+    Ok(Node {
+        name: (!name.is_empty()).then(|| name.clone()),
+        translation: (translation != [0.0; 3]).then_some(translation),
+        rotation: (rotation != [0.0, 0.0, 0.0, 1.0]).then_some(UnitQuaternion(rotation)),
+        ..Node::default()
+    })
+}

@@ -1,0 +1,229 @@
+use std::{collections::BTreeMap, path::Path};
+
+use glam::DVec3;
+use gltf::json::{
+    Index, Mesh, Node,
+    accessor::Accessor,
+    mesh::{Mode, Primitive, Semantic},
+    validation::Checked,
+};
+
+use crate::{
+    id::{IdVec, VertexId},
+    io::{
+        IoError,
+        file::source::invalid as refuse,
+        gltf::{
+            write_links::add_scene,
+            writer::{Form, SceneWriter, narrow},
+        },
+        presence::presence_code,
+    },
+    mesh::TriMesh,
+    skin::{Patch, Skin, TaxelId},
+};
+
+/// Largest deviation of a normal from unit length that is written; rounding to `f32` adds 1e-7.
+const UNIT_NORMAL: f64 = 1e-3;
+
+/// Writes a skin as one binary file: a node for each link, and under it one for each of its patches.
+///
+/// Ids become `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY` (1/m^2), presence
+/// `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA` (square root of their trace, in m) and
+/// `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy, yz, zz), in m^2. Everything is rounded to `f32`.
+///
+/// # Errors
+/// If there is no patch, a link is not rigid, a patch breaks a promise of [`Patch`] or cannot be told in `f32`, or the
+/// file cannot be written.
+pub fn write_skin_glb(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    write_skin(path, skin, Form::Glb)
+}
+
+/// Writes a skin as one text file with the arrays in a data URI; otherwise as [`write_skin_glb`].
+///
+/// # Errors
+/// As [`write_skin_glb`].
+pub fn write_skin_gltf(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    write_skin(path, skin, Form::Text)
+}
+
+fn write_skin(path: &Path, skin: &Skin, form: Form) -> Result<(), IoError> {
+    if skin.patches.is_empty() {
+        return Err(refuse(path, "the skin", "no patch", "at least one"));
+    }
+    let mut writer = SceneWriter::new();
+    let mut nodes = Vec::new();
+    for patch in &skin.patches {
+        let mesh = add_patch(path, &mut writer, patch)?;
+        nodes.push((patch.link, node(patch.name.clone(), mesh)));
+    }
+    let all = skin.links.map(|_| true);
+    add_scene(path, &mut writer, None, &skin.links, &all, nodes)?;
+    writer.root.scene = Some(Index::new(0));
+    writer.finish(path, form)
+}
+
+/// A node that only carries a mesh.
+pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
+    Node { name: Some(name), mesh: Some(mesh), ..Node::default() }
+}
+
+fn add_patch(path: &Path, writer: &mut SceneWriter, patch: &Patch) -> Result<Index<Mesh>, IoError> {
+    let name = format!("patch {:?}", patch.name);
+    let count = patch.mesh.positions.len();
+    let lengths = [patch.ids.len(), patch.presence.len(), patch.densities.as_ref().map_or(count, IdVec::len)];
+    if let Some(length) = lengths.into_iter().find(|&n| n != count) {
+        return Err(refuse(
+            path,
+            name,
+            format!("an array of {length} entries"),
+            format!("{count}, one per vertex"),
+        ));
+    }
+    let mut sheet = SheetWriter::new(path, name, writer, &patch.mesh)?;
+    sheet.normals(&patch.normals)?;
+    sheet.ids(&patch.ids);
+    sheet.positive("_AREA", &patch.areas)?;
+    if let Some(densities) = &patch.densities {
+        sheet.positive("_DENSITY", densities)?;
+    }
+    let presence = patch.presence.iter().map(|&p| [presence_code(p)]);
+    sheet.insert("_PRESENT", |writer| writer.attribute(presence));
+    if let Some(covariances) = &patch.covariances {
+        sheet.covariances(covariances)?;
+    }
+    let primitive = sheet.finish();
+    Ok(writer.root.push(mesh(patch.name.clone(), primitive)))
+}
+
+/// A mesh of one primitive.
+pub(super) fn mesh(name: String, primitive: Primitive) -> Mesh {
+    Mesh { extensions: None, extras: None, name: Some(name), primitives: vec![primitive], weights: None }
+}
+
+/// Writes the arrays of one mesh, each checked for what `f32` and glTF cannot hold.
+pub(super) struct SheetWriter<'a> {
+    path: &'a Path,
+    /// What it is called in errors.
+    name: String,
+    writer: &'a mut SceneWriter,
+    attributes: BTreeMap<Checked<Semantic>, Index<Accessor>>,
+    corners: Index<Accessor>,
+    count: usize,
+}
+
+impl<'a> SheetWriter<'a> {
+    /// Positions and triangles.
+    pub(super) fn new(
+        path: &'a Path,
+        name: String,
+        writer: &'a mut SceneWriter,
+        mesh: &TriMesh,
+    ) -> Result<Self, IoError> {
+        mesh.validate().map_err(|e| refuse(path, &name, e.to_string(), "a mesh of finite triangles"))?;
+        if mesh.triangles.is_empty() {
+            return Err(refuse(path, name, "no triangles", "at least one"));
+        }
+        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array().map(narrow)).collect();
+        if let Some(v) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            return Err(refuse(
+                path,
+                name,
+                format!("vertex {v} at {}", mesh.positions[VertexId::new(v)]),
+                "a place that f32 can hold",
+            ));
+        }
+        let position = writer.positions(&positions);
+        let corners = writer.corners(mesh.triangles.iter().map(|t| t.map(VertexId::raw)));
+        let attributes = BTreeMap::from([(Checked::Valid(Semantic::Positions), position)]);
+        Ok(Self { path, name, writer, attributes, corners, count: positions.len() })
+    }
+
+    /// Adds an attribute; `name` with its underscore, or one of glTF's own.
+    pub(super) fn insert(&mut self, name: &str, write: impl FnOnce(&mut SceneWriter) -> Index<Accessor>) {
+        let semantic = match name {
+            "NORMAL" => Semantic::Normals,
+            "TEXCOORD_0" => Semantic::TexCoords(0),
+            _ => Semantic::Extras(name.trim_start_matches('_').into()),
+        };
+        self.attributes.insert(Checked::Valid(semantic), write(self.writer));
+    }
+
+    /// Unit normals.
+    pub(super) fn normals(&mut self, normals: &IdVec<VertexId, DVec3>) -> Result<(), IoError> {
+        self.check_length("normals", normals.len())?;
+        if let Some((v, n)) = normals
+            .enumerate()
+            .find(|(_, n)| (n.length() - 1.0).abs().is_nan() || (n.length() - 1.0).abs() > UNIT_NORMAL)
+        {
+            let found = format!("normal {v} of length {}", n.length());
+            return Err(refuse(self.path, &self.name, found, "unit normals"));
+        }
+        let rows = normals.iter().map(|n| n.to_array().map(narrow));
+        self.insert("NORMAL", |writer| writer.attribute(rows));
+        Ok(())
+    }
+
+    /// Vendor ids, low half first.
+    pub(super) fn ids(&mut self, ids: &IdVec<VertexId, TaxelId>) {
+        let halves = |id: &TaxelId| {
+            let [a, b, c, d] = id.0.to_le_bytes();
+            [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
+        };
+        self.insert("_TAXEL_ID", |writer| writer.attribute(ids.iter().map(halves)));
+    }
+
+    /// A positive scalar.
+    pub(super) fn positive(&mut self, name: &str, values: &IdVec<VertexId, f64>) -> Result<(), IoError> {
+        self.check_length(name, values.len())?;
+        if let Some((v, x)) =
+            values.enumerate().find(|(_, x)| !(narrow(**x) > 0.0 && narrow(**x).is_finite()))
+        {
+            return Err(refuse(self.path, &self.name, format!("{name} {x} of vertex {v}"), "a positive f32"));
+        }
+        self.insert(name, |writer| writer.attribute(values.iter().map(|&x| [narrow(x)])));
+        Ok(())
+    }
+
+    /// Covariances of positions, and the standard deviation that stands for each.
+    pub(super) fn covariances(&mut self, covariances: &IdVec<VertexId, [f64; 6]>) -> Result<(), IoError> {
+        self.check_length("covariances", covariances.len())?;
+        if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !c.iter().all(|x| narrow(*x).is_finite()))
+        {
+            return Err(refuse(
+                self.path,
+                &self.name,
+                format!("covariance {c:?} of vertex {v}"),
+                "finite f32",
+            ));
+        }
+        let sigma = |c: &[f64; 6]| [narrow((c[0] + c[3] + c[5]).max(0.0).sqrt())];
+        self.insert("_SIGMA", |writer| writer.attribute(covariances.iter().map(sigma)));
+        for (name, first) in [("_COVARIANCE_0", 0), ("_COVARIANCE_1", 3)] {
+            let row = |c: &[f64; 6]| [narrow(c[first]), narrow(c[first + 1]), narrow(c[first + 2])];
+            self.insert(name, |writer| writer.attribute(covariances.iter().map(row)));
+        }
+        Ok(())
+    }
+
+    fn check_length(&self, what: &str, length: usize) -> Result<(), IoError> {
+        if length == self.count {
+            return Ok(());
+        }
+        let needed = format!("{}, one per vertex", self.count);
+        Err(refuse(self.path, &self.name, format!("{what} with {length} entries"), needed))
+    }
+
+    /// The primitive of everything inserted.
+    pub(super) fn finish(self) -> Primitive {
+        Primitive {
+            attributes: self.attributes,
+            extensions: None,
+            extras: None,
+            indices: Some(self.corners),
+            material: None,
+            mode: Checked::Valid(Mode::Triangles),
+            targets: None,
+        }
+    }
+}

@@ -1,0 +1,218 @@
+use std::{fs::File, io, path::Path};
+
+use exr::{
+    block::{
+        BlockIndex,
+        chunk::{Chunk, CompressedBlock, CompressedScanLineBlock},
+        enumerate_ordered_header_block_indices,
+        writer::ChunksWriter,
+    },
+    meta::{
+        BlockDescription, Headers,
+        attribute::{AttributeValue, ChannelDescription, IntegerBounds, LineOrder, SampleType, Text},
+        header::Header,
+    },
+    prelude::{Compression, Vec2},
+};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::{
+    atlas::{ChannelLayout, ImageRows, SampleKind, Samples},
+    io::{IoError, file::replace::replace_file, image::exr_zip},
+    map::MapFrame,
+};
+
+/// The one custom attribute of each part. There must not be a second: the crate keeps attributes in a hash map, and
+/// their order in the file would change from run to run.
+const ATTRIBUTE: &str = "dermatome";
+
+/// Blocks of 16 rows that are compressed before any of them is written, per thread: what bounds the memory, and
+/// enough that no thread waits long for the last one.
+const BLOCKS_PER_THREAD: usize = 8;
+
+/// Largest width or height: far from where the format's 32-bit coordinates end.
+const MAX_SIDE: u32 = 1 << 24;
+
+/// Writes images as one multi-part OpenEXR file: scan lines from the top, ZIP compression in blocks of 16 rows.
+///
+/// Parts are named as the images ([`part_name`] tells how characters beyond ASCII are written), channels are sorted by
+/// name, every data window starts at (0, 0), and all parts share a display window that holds the largest.
+/// The attribute `dermatome` of each part is a JSON text: `version` of the program, `name` of the image and `map`,
+/// with `origin` and `size` in m as in `map.glb`.
+///
+/// Rows are asked for and compressed block by block on the current threads; the bytes do not depend on their number.
+///
+/// # Errors
+/// If there is no image, an image has no pixels or no channels or fewer samples than pixels, two have the same name, or the file cannot be written.
+pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoError> {
+    let fail = |source| IoError::Write { path: path.to_owned(), source };
+    let parts: Vec<_> = images.iter().map(Part::new).collect::<Result<_, _>>().map_err(fail)?;
+    let display = parts.iter().fold(Vec2(1, 1), |Vec2(w, h), part| {
+        let Vec2(x, y) = part.size();
+        Vec2(w.max(x), h.max(y))
+    });
+    let headers: Headers =
+        parts.iter().map(|part| part.header(display)).collect::<Result<_, _>>().map_err(fail)?;
+    if headers.is_empty() {
+        return Err(fail(invalid("there is no image to write".into())));
+    }
+    replace_file(path, |file: &mut io::BufWriter<&File>| {
+        exr::block::write(file, headers, true, |meta, writer| {
+            let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
+            for batch in blocks.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
+                let compress =
+                    |&(at, block): &(usize, BlockIndex)| Ok((at, parts[block.layer].chunk(block)?));
+                let chunks: Vec<_> = batch.par_iter().map(compress).collect::<exr::error::Result<_>>()?;
+                for (at, chunk) in chunks {
+                    writer.write_chunk(at, chunk)?;
+                }
+            }
+            Ok(())
+        })
+        .map_err(|e| fail(to_io(e)))
+    })
+}
+
+/// An image with its channels in the order of the file.
+struct Part<'a, I> {
+    image: &'a I,
+    channels: Vec<ChannelLayout>,
+    /// Channels sorted by name, as positions in `channels`.
+    order: Vec<usize>,
+}
+
+impl<'a, I: ImageRows> Part<'a, I> {
+    fn new(image: &'a I) -> io::Result<Self> {
+        let size = image.frame().size_px;
+        if !size.iter().all(|n| (1..=MAX_SIDE).contains(n)) {
+            let [width, height] = size;
+            return Err(invalid(format!(
+                "image {:?} has {width} x {height} pixels; 1 to {MAX_SIDE} a side can be written",
+                image.name()
+            )));
+        }
+        let channels = image.channels();
+        let mut order: Vec<_> = (0..channels.len()).collect();
+        order.sort_by(|&a, &b| channels[a].name.cmp(&channels[b].name));
+        Ok(Self { image, channels, order })
+    }
+
+    fn size(&self) -> Vec2<usize> {
+        let [width, height] = self.image.frame().size_px;
+        Vec2(width as usize, height as usize)
+    }
+
+    fn header(&self, display: Vec2<usize>) -> io::Result<Header> {
+        let describe = |&at: &usize| ChannelDescription {
+            name: ascii(&self.channels[at].name),
+            sample_type: match self.channels[at].kind {
+                SampleKind::F32 => SampleType::F32,
+                SampleKind::U32 => SampleType::U32,
+            },
+            quantize_linearly: false,
+            sampling: Vec2(1, 1),
+        };
+        let name = ascii(self.image.name());
+        let channels = self.order.iter().map(describe).collect();
+        let mut header = Header::new(name, self.size(), channels)
+            .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
+            .with_display_window(IntegerBounds::from_dimensions(display));
+        let note = serde_json::to_vec(&Note::new(self.image.name(), self.image.frame()))?;
+        let note = AttributeValue::Text(Text::from_slice_unchecked(&note));
+        header.own_attributes.other.insert(ascii(ATTRIBUTE), note);
+        Ok(header)
+    }
+
+    /// The rows of one block, compressed.
+    fn chunk(&self, index: BlockIndex) -> exr::error::Result<Chunk> {
+        let (Vec2(_, top), Vec2(width, count)) = (index.pixel_position, index.pixel_size);
+        let row = |y: usize| u32::try_from(y).unwrap_or(u32::MAX);
+        let bands = self.image.rows(row(top)..row(top + count));
+        self.check(&bands, width * count)?;
+        let mut data = Vec::with_capacity(4 * width * count * bands.len());
+        for line in 0..count {
+            let columns = line * width..(line + 1) * width;
+            for &channel in &self.order {
+                match &bands[channel] {
+                    Samples::F32(x) => data.extend(x[columns.clone()].iter().flat_map(|x| x.to_le_bytes())),
+                    Samples::U32(x) => data.extend(x[columns.clone()].iter().flat_map(|x| x.to_le_bytes())),
+                }
+            }
+        }
+        let y = i32::try_from(top).map_err(|_| exr::error::Error::Invalid("row number".into()))?;
+        let compressed_pixels_le = exr_zip::compress(data)?;
+        let block = CompressedScanLineBlock { y_coordinate: y, compressed_pixels_le };
+        Ok(Chunk { layer_index: index.layer, compressed_block: CompressedBlock::ScanLine(block) })
+    }
+
+    /// Whether an image keeps what its layout promises.
+    fn check(&self, bands: &[Samples], needed: usize) -> io::Result<()> {
+        for (k, layout) in self.channels.iter().enumerate() {
+            let found = bands.get(k).map(|band| (band.kind(), band.len()));
+            if found != Some((layout.kind, needed)) {
+                let (image, channel, kind) = (self.image.name(), &layout.name, layout.kind);
+                return Err(invalid(format!(
+                    "channel {channel:?} of image {image:?} has {found:?} samples where {needed} of {kind:?} are needed"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The JSON text of the attribute [`ATTRIBUTE`].
+#[derive(Serialize)]
+struct Note<'a> {
+    version: &'static str,
+    name: &'a str,
+    map: Rectangle,
+}
+
+/// Part of a map, in m.
+#[derive(Serialize)]
+struct Rectangle {
+    origin: [f64; 2],
+    size: [f64; 2],
+}
+
+impl<'a> Note<'a> {
+    fn new(name: &'a str, frame: &MapFrame) -> Self {
+        let map = Rectangle { origin: frame.origin.to_array(), size: frame.size.to_array() };
+        Self { version: env!("CARGO_PKG_VERSION"), name, map }
+    }
+}
+
+/// A name as it is written in an EXR file, whose names are bytes that every program reads as it likes: printable ASCII
+/// as it is, any other byte of the UTF-8 text, and `%` itself, as `%` and two hexadecimal digits.
+#[must_use]
+pub fn part_name(name: &str) -> String {
+    let mut out = String::with_capacity(name.len());
+    for byte in name.bytes() {
+        match byte {
+            b' '..=b'~' if byte != b'%' => out.push(char::from(byte)),
+            _ => {
+                out.push('%');
+                out.extend(
+                    [byte >> 4, byte & 15].map(|digit| char::from(b"0123456789ABCDEF"[usize::from(digit)])),
+                );
+            }
+        }
+    }
+    out
+}
+
+fn ascii(name: &str) -> Text {
+    Text::from_slice_unchecked(part_name(name).as_bytes())
+}
+
+fn invalid(message: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, message)
+}
+
+fn to_io(error: exr::error::Error) -> io::Error {
+    match error {
+        exr::error::Error::Io(e) => e,
+        other => io::Error::other(other.to_string()),
+    }
+}

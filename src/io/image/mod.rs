@@ -1,0 +1,4 @@
+//! Images of maps.
+
+pub(super) mod exr;
+mod exr_zip;

@@ -1,0 +1,185 @@
+//! Taxel positions of the iCub, as its `skinManager` keeps them: `positions/*.txt`.
+
+use std::{collections::BTreeSet, str::Lines};
+
+use glam::DVec3;
+
+use crate::{
+    io::{
+        IoError,
+        file::source::{Source, excerpt},
+    },
+    skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
+};
+
+/// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board or a fingertip of twelve.
+const SLOTS_PER_MODULE: u32 = 12;
+
+/// Numbers of one row.
+const ROW: usize = 6;
+
+/// What `taxel2Repr` says of a slot without a pressure reading.
+const ABSENT: i64 = -1;
+const THERMAL_PAD: i64 = -2;
+
+const SECTION: &str = "[calibration]";
+
+/// Reads one part of the skin as one sheet without triangles.
+///
+/// Before the line `[calibration]` stand `name`, `spatial_sampling` and `taxel2Repr ( ... )`, one number a slot: which slot reads
+/// for it, -1 for an absent one, -2 for a thermal pad. After it each slot has a row `x y z nx ny nz`, in m in the frame of the
+/// link; twelve rows are one module. Ids are the numbers of the slots, from 0. A row of zeros is an absent slot, whatever
+/// `taxel2Repr` says; a slot with a place but without a reading is a thermal pad. Normals are taken as they are, placeholders too.
+///
+/// A header line may stand there once. That rows end within a module, or `taxel2Repr` names slots beyond them, is remarked.
+///
+/// # Errors
+/// The first line that is none of these.
+pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+    let mut lines = Numbered { lines: source.text()?.lines(), number: 0 };
+    let header = Header::read(source, &mut lines)?;
+    let mut sheet = Sheet { name: header.name.unwrap_or_else(|| source.stem()), ..Sheet::default() };
+    let (mut positions, mut normals) = (Vec::new(), Vec::new());
+    for (number, line) in lines.by_ref() {
+        let [x, y, z, nx, ny, nz] = row(source, number, line)?;
+        positions.push(DVec3::new(x, y, z));
+        normals.push(DVec3::new(nx, ny, nz));
+    }
+    if positions.is_empty() {
+        return Err(source.invalid(
+            format!("line {}", lines.number),
+            "the end",
+            format!("rows after {SECTION}"),
+        ));
+    }
+    let presence = |(k, (p, n)): (usize, (&DVec3, &DVec3))| match header.representatives.get(k) {
+        _ if *p == DVec3::ZERO && *n == DVec3::ZERO => Presence::Absent,
+        Some(&(ABSENT | THERMAL_PAD)) => Presence::ThermalPad,
+        _ => Presence::Present,
+    };
+    sheet.presence = Some(positions.iter().zip(&normals).enumerate().map(presence).collect());
+    sheet.ids = Some((0..).take(positions.len()).map(TaxelId).collect());
+    sheet.modules = Some((0..).take(positions.len()).map(|slot: u32| slot / SLOTS_PER_MODULE).collect());
+    let mut remarks = header.remarks;
+    remarks.extend(odd_counts(positions.len(), &header.representatives));
+    (sheet.positions, sheet.normals) = (positions, Some(normals));
+    let patch = || sheet.name.clone();
+    let remarks = remarks
+        .into_iter()
+        .map(|message| Remark { kind: RemarkKind::PassedOver, patch: patch(), message })
+        .collect();
+    Ok(Draft { sheets: vec![sheet], remarks, ..Draft::default() })
+}
+
+/// What is odd about the number of rows, and of entries of `taxel2Repr`.
+fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = String> {
+    let over = rows % SLOTS_PER_MODULE as usize;
+    let cut_module = (over != 0).then(|| {
+        format!(
+            "{rows} rows are no whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}, as if the file were cut"
+        )
+    });
+    let is_beyond = |&&n: &&i64| usize::try_from(n).is_ok_and(|n| n >= rows);
+    let beyond = representatives.iter().take(rows).filter(is_beyond).count();
+    let cut_rows = (beyond > 0).then(|| {
+        format!(
+            "{beyond} entries of taxel2Repr name slots beyond the {rows} rows, as if the file were cut; they are taxels"
+        )
+    });
+    let told = representatives.len();
+    let meaning = if told > rows {
+        "the last ones were passed over"
+    } else {
+        "slots without an entry are taxels unless their rows are zero"
+    };
+    let other_length =
+        (told != rows).then(|| format!("taxel2Repr has {told} entries for {rows} rows; {meaning}"));
+    [cut_module, cut_rows, other_length].into_iter().flatten()
+}
+
+/// Lines that are not blank, with their numbers from 1.
+struct Numbered<'a> {
+    lines: Lines<'a>,
+    number: usize,
+}
+
+impl<'a> Iterator for Numbered<'a> {
+    type Item = (usize, &'a str);
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let line = self.lines.next()?.trim();
+            self.number += 1;
+            if !line.is_empty() {
+                return Some((self.number, line));
+            }
+        }
+    }
+}
+
+/// What stands before the rows.
+#[derive(Debug, Default)]
+struct Header {
+    name: Option<String>,
+    representatives: Vec<i64>,
+    remarks: Vec<String>,
+}
+
+impl Header {
+    fn read(source: &Source, lines: &mut Numbered<'_>) -> Result<Self, IoError> {
+        const KNOWN: &str = "positions of iCub taxels: lines `name`, `spatial_sampling` and `taxel2Repr`, then `[calibration]`";
+        const KEYS: [&str; 3] = ["name", "spatial_sampling", "taxel2Repr"];
+        let mut header = Self::default();
+        let mut seen = BTreeSet::new();
+        for (number, line) in lines.by_ref() {
+            let (key, value) = line.split_once(|c: char| c.is_whitespace() || c == '(').unwrap_or((line, ""));
+            if KEYS.contains(&key) && !seen.insert(key) {
+                let found = format!("{key} again");
+                return Err(source.invalid(format!("line {number}"), found, "each header line once"));
+            }
+            match key {
+                SECTION => return Ok(header),
+                "name" => header.name = Some(value.trim().to_owned()).filter(|name| !name.is_empty()),
+                "spatial_sampling" if value.trim() == "taxel" => {}
+                "spatial_sampling" => {
+                    let message = format!("spatial_sampling {} is not looked at", excerpt(value.trim()));
+                    header.remarks.push(message);
+                }
+                "taxel2Repr" => header.representatives = representatives(source, number, line)?,
+                _ => return Err(source.invalid(format!("line {number}"), excerpt(line), KNOWN)),
+            }
+        }
+        Err(source.invalid(format!("line {}", lines.number), "the end", KNOWN))
+    }
+}
+
+/// The numbers between brackets.
+fn representatives(source: &Source, number: usize, line: &str) -> Result<Vec<i64>, IoError> {
+    let list = line.split_once('(').and_then(|(_, rest)| rest.trim().strip_suffix(')'));
+    let list = list.ok_or_else(|| {
+        source.invalid(format!("line {number}"), excerpt(line), "taxel2Repr ( one number a slot )")
+    })?;
+    let parse = |(k, word): (usize, &str)| {
+        word.parse::<i64>().ok().filter(|&n| n >= THERMAL_PAD).ok_or_else(|| {
+            let element = format!("line {number}, entry {} of taxel2Repr", k + 1);
+            source.invalid(element, excerpt(word), "the number of a slot, -1 or -2")
+        })
+    };
+    list.split_whitespace().enumerate().map(parse).collect()
+}
+
+/// The six numbers of a slot.
+fn row(source: &Source, number: usize, line: &str) -> Result<[f64; ROW], IoError> {
+    const NEEDED: &str = "x y z nx ny nz, six finite numbers";
+    let mut row = [0.0; ROW];
+    let mut words = line.split_whitespace();
+    for x in &mut row {
+        let element = || format!("line {number}");
+        let word = words.next().ok_or_else(|| source.invalid(element(), excerpt(line), NEEDED))?;
+        let value = word.parse().ok().filter(|x: &f64| x.is_finite());
+        *x = value.ok_or_else(|| source.invalid(element(), excerpt(word), NEEDED))?;
+    }
+    match words.next() {
+        None => Ok(row),
+        Some(_) => Err(source.invalid(format!("line {number}"), excerpt(line), NEEDED)),
+    }
+}

@@ -1,0 +1,330 @@
+//! Wavefront OBJ: read and written here, without a crate.
+//!
+//! The usual reader, tobj, names no line in its errors, forgets vertices that no face uses (which `check` has to report),
+//! and panics on an index like `1//6148914691236517206`, whose product with three wraps around. What is needed of the
+//! format are four statements.
+
+use std::{
+    borrow::Cow,
+    collections::HashMap,
+    io::{self, Write},
+    path::Path,
+};
+
+use glam::DVec3;
+
+use crate::{
+    io::{
+        IoError,
+        file::{
+            replace::replace_file,
+            source::{Source, excerpt},
+        },
+        world::in_world,
+    },
+    skin::{Draft, Patch, Sheet, Skin},
+};
+
+/// Stands for "no normal" in a [`Corner`].
+const NONE: u32 = u32::MAX;
+
+/// A corner of a face: position and normal, counted from 0 over the whole file.
+#[derive(Clone, Copy)]
+struct Corner {
+    position: u32,
+    normal: u32,
+}
+
+/// The faces of one object and group.
+struct Group {
+    name: String,
+    triangles: Vec<[Corner; 3]>,
+}
+
+/// The largest index of one kind, and the line it stands on: statements may refer forward, so it is judged at the end.
+#[derive(Clone, Copy, Default)]
+struct Largest {
+    index: u64,
+    line: usize,
+}
+
+/// What has been read so far.
+struct Reader<'a> {
+    source: &'a Source,
+    /// Positions, and the group in which each was declared.
+    positions: Vec<DVec3>,
+    declared_in: Vec<usize>,
+    normals: Vec<DVec3>,
+    texture_points: usize,
+    groups: Vec<Group>,
+    /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
+    known: HashMap<(String, String), usize>,
+    object: String,
+    group: usize,
+    /// Largest index of positions, texture points, normals.
+    largest: [Largest; 3],
+}
+
+/// Reads an OBJ file: every `o` or `g` becomes a sheet, polygons become fans.
+///
+/// A normal belongs to a corner in the file and to a vertex in a sheet: where the corners of a vertex disagree it is
+/// their mean, where a vertex has no corner it is zero. A sheet with a corner without a normal has none. Colours, texture
+/// coordinates, materials, lines and points are left out.
+///
+/// # Errors
+/// The first broken statement, by line.
+pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+    let mut reader = Reader {
+        source,
+        positions: Vec::new(),
+        declared_in: Vec::new(),
+        normals: Vec::new(),
+        texture_points: 0,
+        groups: vec![Group { name: source.stem(), triangles: Vec::new() }],
+        known: HashMap::from([(Default::default(), 0)]),
+        object: String::new(),
+        group: 0,
+        largest: Default::default(),
+    };
+    let mut lines = source.text()?.lines().enumerate();
+    while let Some((at, line)) = lines.next() {
+        let mut line = Cow::Borrowed(line);
+        while line.ends_with('\\') {
+            let whole = line.to_mut();
+            whole.pop();
+            whole.push(' ');
+            whole.push_str(lines.next().map_or("", |(_, next)| next));
+        }
+        reader.statement(at + 1, &line)?;
+    }
+    reader.check_indices()?;
+    Ok(Draft { sheets: reader.sheets(), ..Draft::default() })
+}
+
+impl Reader<'_> {
+    fn statement(&mut self, line: usize, text: &str) -> Result<(), IoError> {
+        let text = text.trim();
+        let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+        match word {
+            "v" => {
+                let position = self.vector(line, word, rest)?;
+                self.positions.push(position);
+                self.declared_in.push(self.group);
+            }
+            "vn" => {
+                let normal = self.vector(line, word, rest)?;
+                self.normals.push(normal);
+            }
+            "vt" => self.texture_points += 1,
+            "f" => self.face(line, rest)?,
+            "o" => {
+                rest.trim().clone_into(&mut self.object);
+                self.enter("");
+            }
+            "g" => self.enter(rest.trim()),
+            "curv" | "curv2" | "surf" => {
+                return Err(IoError::Unsupported {
+                    path: self.source.path().into(),
+                    element: format!("line {line}"),
+                    feature: "a free-form curve or surface".into(),
+                    remedy: "export the skin as triangles".into(),
+                });
+            }
+            // The format asks readers to pass over statements they do not know.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Goes on in `group` of the current object.
+    fn enter(&mut self, group: &str) {
+        let key = (self.object.clone(), group.to_owned());
+        let name = [group, &self.object].into_iter().find(|n| !n.is_empty());
+        let name = name.map_or_else(|| self.source.stem(), str::to_owned);
+        let groups = &mut self.groups;
+        self.group = *self.known.entry(key).or_insert_with(|| {
+            groups.push(Group { name, triangles: Vec::new() });
+            groups.len() - 1
+        });
+    }
+
+    /// Three coordinates. A position may be followed by a weight of 1, by a colour, or by both.
+    fn vector(&self, line: usize, word: &str, rest: &str) -> Result<DVec3, IoError> {
+        let mut numbers = [0.0; 7];
+        let mut count = 0;
+        for token in rest.split_whitespace() {
+            let value = token.parse().ok().filter(|x: &f64| x.is_finite());
+            let (Some(value), Some(slot)) = (value, numbers.get_mut(count)) else {
+                let element = format!("line {line}, number {} of `{word}`", count + 1);
+                return Err(self.source.invalid(
+                    element,
+                    excerpt(token),
+                    "a finite number, of seven at most",
+                ));
+            };
+            *slot = value;
+            count += 1;
+        }
+        if !(count == 3 || (word == "v" && matches!(count, 4 | 6 | 7))) {
+            let element = format!("line {line}, `{word}`");
+            return Err(self.source.invalid(element, format!("{count} numbers"), "3 numbers"));
+        }
+        if matches!(count, 4 | 7) && numbers[3] != 1.0 {
+            let element = format!("line {line}, weight of `v`");
+            return Err(self.source.invalid(element, numbers[3].to_string(), "1, or no weight at all"));
+        }
+        Ok(DVec3::new(numbers[0], numbers[1], numbers[2]))
+    }
+
+    fn face(&mut self, line: usize, rest: &str) -> Result<(), IoError> {
+        let mut corners = rest.split_whitespace().map(|token| (token, line));
+        let mut next = |reader: &mut Self| corners.next().map(|(t, l)| reader.corner(l, t)).transpose();
+        let (Some(first), Some(mut last), Some(mut corner)) = (next(self)?, next(self)?, next(self)?) else {
+            let found = format!("{} corners", rest.split_whitespace().count());
+            return Err(self.source.invalid(format!("line {line}, `f`"), found, "at least 3 corners"));
+        };
+        loop {
+            self.groups[self.group].triangles.push([first, last, corner]);
+            last = corner;
+            match next(self)? {
+                Some(further) => corner = further,
+                None => return Ok(()),
+            }
+        }
+    }
+
+    /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+    fn corner(&mut self, line: usize, token: &str) -> Result<Corner, IoError> {
+        let counts = [self.positions.len(), self.texture_points, self.normals.len()];
+        let broken = || {
+            self.source.invalid(
+                format!("line {line}, corner of `f`"),
+                excerpt(token),
+                "v, v/vt, v//vn or v/vt/vn, each counted from 1, or backwards from -1",
+            )
+        };
+        let mut indices = [None; 3];
+        for (k, part) in token.split('/').enumerate() {
+            let slot = indices.get_mut(k).ok_or_else(broken)?;
+            if part.is_empty() && k > 0 {
+                continue;
+            }
+            let index = part.parse::<i64>().map_err(|_| broken())?;
+            // Both kinds of index, counted from 1.
+            let index = if index < 0 { counts[k] as i64 + 1 + index } else { index };
+            *slot = Some(u64::try_from(index).ok().filter(|&i| i > 0).ok_or_else(broken)?);
+        }
+        let [Some(position), _, normal] = indices else { return Err(broken()) };
+        for (largest, index) in self.largest.iter_mut().zip(indices) {
+            if let Some(index) = index.filter(|&i| i > largest.index) {
+                *largest = Largest { index, line };
+            }
+        }
+        // An index that does not fit is past the end, which `check_indices` will say.
+        let narrow = |index: u64| u32::try_from(index - 1).unwrap_or(NONE);
+        Ok(Corner { position: narrow(position), normal: normal.map_or(NONE, narrow) })
+    }
+
+    fn check_indices(&self) -> Result<(), IoError> {
+        let counts = [self.positions.len(), self.texture_points, self.normals.len()];
+        let words = ["v", "vt", "vn"];
+        for ((largest, count), word) in self.largest.iter().zip(counts).zip(words) {
+            if largest.index > count as u64 {
+                return Err(self.source.invalid(
+                    format!("line {}, corner of `f`", largest.line),
+                    format!("`{word}` number {}", largest.index),
+                    format!("at most {count}, as many as the file has"),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The groups that hold something. A vertex that no face uses stays in the group that declared it.
+    fn sheets(&self) -> Vec<Sheet> {
+        let mut used = vec![false; self.positions.len()];
+        for corner in self.groups.iter().flat_map(|g| g.triangles.iter().flatten()) {
+            used[corner.position as usize] = true;
+        }
+        let mut members: Vec<Vec<u32>> = vec![Vec::new(); self.groups.len()];
+        for ((v, &group), _) in (0..).zip(&self.declared_in).zip(&used).filter(|(_, used)| !**used) {
+            members[group].push(v);
+        }
+        // Place of each vertex in the sheet at hand; overwritten for every vertex a sheet uses.
+        let mut places = vec![0; self.positions.len()];
+        let mut sheets = Vec::new();
+        for (group, mut members) in self.groups.iter().zip(members) {
+            members.extend(group.triangles.iter().flatten().map(|c| c.position));
+            members.sort_unstable();
+            members.dedup();
+            if members.is_empty() {
+                continue;
+            }
+            for (place, &v) in (0..).zip(&members) {
+                places[v as usize] = place;
+            }
+            sheets.push(Sheet {
+                name: group.name.clone(),
+                positions: members.iter().map(|&v| self.positions[v as usize]).collect(),
+                triangles: group.triangles.iter().map(|t| t.map(|c| places[c.position as usize])).collect(),
+                normals: self.vertex_normals(group, &places, members.len()),
+                ..Sheet::default()
+            });
+        }
+        sheets
+    }
+
+    /// One normal per vertex, from those of its corners.
+    fn vertex_normals(&self, group: &Group, places: &[u32], count: usize) -> Option<Vec<DVec3>> {
+        let mut first: Vec<Option<DVec3>> = vec![None; count];
+        let mut sums = vec![DVec3::ZERO; count];
+        let mut differ = vec![false; count];
+        for corner in group.triangles.iter().flatten() {
+            let place = places[corner.position as usize] as usize;
+            let normal = *self.normals.get(corner.normal as usize)?;
+            differ[place] |= *first[place].get_or_insert(normal) != normal;
+            sums[place] += normal;
+        }
+        if group.triangles.is_empty() {
+            return None;
+        }
+        let mean = first.iter().zip(&sums).zip(&differ).map(|((first, sum), &differ)| {
+            if differ { sum.normalize_or_zero() } else { first.unwrap_or(DVec3::ZERO) }
+        });
+        Some(mean.collect())
+    }
+}
+
+/// Writes an OBJ file: one `o` per patch, positions in the world, normals. Ids, areas and links are lost.
+///
+/// # Errors
+/// If the file cannot be written.
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    replace_file(path, |file| {
+        let mut before = 0;
+        for patch in &skin.patches {
+            write_patch(file, &in_world(skin, patch), before)
+                .map_err(|source| IoError::Write { path: path.into(), source })?;
+            before += patch.mesh.positions.len();
+        }
+        Ok(())
+    })
+}
+
+/// Writes one patch after `before` vertices of others.
+fn write_patch(file: &mut impl Write, patch: &Patch, before: usize) -> io::Result<()> {
+    // A name ends with its line.
+    let name: String = patch.name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    writeln!(file, "o {name}")?;
+    for p in &patch.mesh.positions {
+        writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
+    }
+    for n in &patch.normals {
+        writeln!(file, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
+    }
+    for &corners in &patch.mesh.triangles {
+        let [a, b, c] = corners.map(|v| before + v.index() + 1);
+        writeln!(file, "f {a}//{a} {b}//{b} {c}//{c}")?;
+    }
+    Ok(())
+}

@@ -1,0 +1,352 @@
+//! PLY: text or binary of either byte order in, binary little endian out.
+
+use std::{
+    io::{self, Write},
+    path::Path,
+};
+
+use glam::DVec3;
+use ply_rs_bw::{
+    parser::{ParseError, Parser, Reader},
+    ply::{
+        ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
+        ScalarType,
+    },
+};
+
+use crate::{
+    io::{
+        IoError,
+        file::{
+            replace::replace_file,
+            source::{Source, excerpt, invalid},
+        },
+        presence::{presence_code, presence_of},
+        world::in_world,
+    },
+    skin::{Draft, Patch, Presence, Sheet, Skin, TaxelId},
+};
+
+/// What is known of a vertex; the place in this list is the place in a [`VertexRow`].
+const VERTEX_PROPERTIES: [&str; 10] =
+    ["x", "y", "z", "nx", "ny", "nz", "taxel_id", "area", "density", "present"];
+
+/// Places of single properties in [`VERTEX_PROPERTIES`]; the position and the normal are its first six.
+const ID: usize = 6;
+const AREA: usize = 7;
+const DENSITY: usize = 8;
+const PRESENT: usize = 9;
+
+/// The numbers of one vertex. Every scalar type of the format fits into `f64` exactly.
+struct VertexRow([f64; VERTEX_PROPERTIES.len()]);
+
+/// The place of a vertex property, under any of its names.
+fn vertex_slot(property: &str) -> Option<usize> {
+    let property = if property == "id" { "taxel_id" } else { property };
+    VERTEX_PROPERTIES.iter().position(|&name| name == property)
+}
+
+impl PropertyAccess for VertexRow {
+    fn new() -> Self {
+        Self([0.0; VERTEX_PROPERTIES.len()])
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let Some(slot) = vertex_slot(name) else { return PropertyAccessResult::Ignored };
+        self.0[slot] = match property {
+            Property::Char(x) => x.into(),
+            Property::UChar(x) => x.into(),
+            Property::Short(x) => x.into(),
+            Property::UShort(x) => x.into(),
+            Property::Int(x) => x.into(),
+            Property::UInt(x) => x.into(),
+            Property::Float(x) => x.into(),
+            Property::Double(x) => x,
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+/// The corners of one face; `None` if one of them is negative.
+struct FaceRow(Option<Vec<u32>>);
+
+fn is_corner_list(property: &str) -> bool {
+    matches!(property, "vertex_indices" | "vertex_index")
+}
+
+impl PropertyAccess for FaceRow {
+    fn new() -> Self {
+        Self(None)
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if !is_corner_list(name) {
+            return PropertyAccessResult::Ignored;
+        }
+        self.0 = property.to_u32_list();
+        PropertyAccessResult::Set
+    }
+}
+
+/// An element that is passed over.
+struct Skipped;
+
+impl PropertyAccess for Skipped {
+    fn new() -> Self {
+        Self
+    }
+}
+
+/// Reads a PLY file as one sheet named after it; polygons become fans.
+///
+/// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; negative ones become the
+/// placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2 thermal pad).
+///
+/// # Errors
+/// The first thing that breaks a rule. Counts of the header are compared with the length of the file before anything is
+/// read.
+pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+    let broken = |e: ParseError| parse_error(source, &e);
+    let mut reader = Reader::new(source.bytes());
+    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(broken)?;
+    let header_len = source.bytes().len() - reader.get_ref().len();
+    check_header(source, &header, header_len)?;
+    let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
+    let mut corners = Vec::new();
+    for element in header.elements.values() {
+        match element.name.as_str() {
+            "vertex" => {
+                let rows = Parser::<VertexRow>::new().read_payload_for_element(&mut reader, element, &header);
+                read_vertices(source, element, &rows.map_err(broken)?, &mut sheet)?;
+            }
+            "face" => {
+                let rows = Parser::<FaceRow>::new().read_payload_for_element(&mut reader, element, &header);
+                corners = rows.map_err(broken)?;
+            }
+            _ => {
+                Parser::<Skipped>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(broken)?;
+            }
+        }
+    }
+    for (k, row) in corners.iter().enumerate() {
+        read_face(source, k, row, &mut sheet)?;
+    }
+    Ok(Draft { sheets: vec![sheet], ..Draft::default() })
+}
+
+fn parse_error(source: &Source, error: &ParseError) -> IoError {
+    // The crate tells what is wrong in its first line, which may begin with the number of the line, then quotes the text;
+    // what follows are the insides of its parser.
+    let text = error.to_string();
+    let (wrong, rest) = text.split_once('\n').unwrap_or((&text, ""));
+    let wrong = match wrong.split_once(": ") {
+        Some((place, wrong)) if place.starts_with("Line ") => wrong,
+        _ => wrong,
+    };
+    let quoted = rest.lines().find_map(|line| line.trim().strip_prefix("String: '"));
+    let quoted = quoted.map(|text| excerpt(text.trim_end_matches('\'').trim()) + ": ").unwrap_or_default();
+    let found = quoted + &wrong.trim_end_matches('.').chars().take(200).collect::<String>();
+    let element = error.line().map_or("header".into(), |line| format!("line or record {line}"));
+    source.invalid(element, found, "PLY as its header describes it")
+}
+
+/// Checks what the crate leaves to its caller: that names differ (it would read the first with the type of the last),
+/// that vertices have positions, and that the counts fit into the file (elements without a byte could be counted for
+/// ever).
+fn check_header(source: &Source, header: &Header, header_len: usize) -> Result<(), IoError> {
+    let head = String::from_utf8_lossy(&source.bytes()[..header_len]);
+    let told = |word: &str| head.lines().filter(|l| l.split_whitespace().next() == Some(word)).count();
+    let properties: usize = header.elements.values().map(|e| e.properties.len()).sum();
+    if told("element") != header.elements.len() || told("property") != properties {
+        return Err(source.invalid("header", "a name twice", "elements and properties of different names"));
+    }
+    let vertex = header.elements.get("vertex");
+    let has = |name: &&str| vertex.is_some_and(|e| e.properties.contains_key(*name));
+    if let Some(name) = ["x", "y", "z"].into_iter().find(|name| !has(name)) {
+        let found = format!("no property `{name}`");
+        return Err(source.invalid("header, element \"vertex\"", found, "properties x, y and z"));
+    }
+    let mut left = source.bytes().len() - header_len;
+    for element in header.elements.values() {
+        let least = least_bytes(element, header.encoding).max(1).saturating_mul(element.count);
+        // The last line of a text need not end.
+        let slack = usize::from(header.encoding == Encoding::Ascii);
+        if least > left + slack || (element.properties.is_empty() && element.count > 0) {
+            return Err(source.invalid(
+                format!("header, element {}", excerpt(&element.name)),
+                format!("{} of them, at least {least} bytes", element.count),
+                format!("as many as the {left} bytes that are left in the file can hold"),
+            ));
+        }
+        left = (left + slack).saturating_sub(least);
+    }
+    Ok(())
+}
+
+/// Bytes that one element takes at the least.
+fn least_bytes(element: &ElementDef, encoding: Encoding) -> usize {
+    let scalar = |t: &ScalarType| match (encoding, t) {
+        // A digit, and a blank or the end of the line.
+        (Encoding::Ascii, _) => 2,
+        (_, ScalarType::Char | ScalarType::UChar) => 1,
+        (_, ScalarType::Short | ScalarType::UShort) => 2,
+        (_, ScalarType::Int | ScalarType::UInt | ScalarType::Float) => 4,
+        (_, ScalarType::Double) => 8,
+    };
+    let property = |t: &PropertyType| match t {
+        PropertyType::Scalar(t) | PropertyType::List(t, _) => scalar(t),
+    };
+    element.properties.values().map(|p| property(&p.data_type)).sum()
+}
+
+fn read_vertices(
+    source: &Source,
+    element: &ElementDef,
+    rows: &[VertexRow],
+    sheet: &mut Sheet,
+) -> Result<(), IoError> {
+    let mut has = [false; VERTEX_PROPERTIES.len()];
+    for slot in element.properties.keys().filter_map(|name| vertex_slot(name)) {
+        has[slot] = true;
+    }
+    for (k, VertexRow(row)) in rows.iter().enumerate() {
+        if let Some(slot) = (0..row.len()).find(|&slot| !row[slot].is_finite()) {
+            let element = format!("vertex {k}, property `{}`", VERTEX_PROPERTIES[slot]);
+            return Err(source.invalid(element, row[slot].to_string(), "a finite number"));
+        }
+    }
+    let column = |slot: usize| has[slot].then(|| rows.iter().map(|VertexRow(row)| row[slot]).collect());
+    let vector =
+        |at: usize| rows.iter().map(move |VertexRow(row)| DVec3::new(row[at], row[at + 1], row[at + 2]));
+    sheet.positions = vector(0).collect();
+    sheet.normals = has[3..6].iter().all(|&h| h).then(|| vector(3).collect());
+    sheet.areas = column(AREA);
+    sheet.densities = column(DENSITY);
+    if has[ID] {
+        let ids = rows.iter().enumerate().map(|(k, row)| taxel_id(source, k, row.0[ID]));
+        sheet.ids = Some(ids.collect::<Result<_, _>>()?);
+    }
+    if has[PRESENT] {
+        let slots = rows.iter().enumerate().map(|(k, VertexRow(row))| {
+            presence_of(row[PRESENT]).ok_or_else(|| {
+                let element = format!("vertex {k}, property `present`");
+                source.invalid(element, row[PRESENT].to_string(), "0 absent, 1 present or 2 thermal pad")
+            })
+        });
+        sheet.presence = Some(slots.collect::<Result<_, _>>()?);
+    }
+    Ok(())
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be a whole u32")]
+fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId, IoError> {
+    if value < 0.0 {
+        return Ok(TaxelId(u32::MAX));
+    }
+    if value.fract() != 0.0 || value > f64::from(u32::MAX) {
+        let needed = format!("a whole number up to {}", u32::MAX);
+        return Err(source.invalid(format!("vertex {k}, taxel id"), value.to_string(), needed));
+    }
+    Ok(TaxelId(value as u32))
+}
+
+fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Result<(), IoError> {
+    let broken = |found: String, needed: &str| source.invalid(format!("face {k}"), found, needed);
+    let Some(corners) = &row.0 else {
+        return Err(broken("no list `vertex_indices` of whole numbers from 0".into(), "one"));
+    };
+    if let Some(corner) = corners.iter().find(|&&v| v as usize >= sheet.positions.len()) {
+        let needed = format!("one of {} vertices, counted from 0", sheet.positions.len());
+        return Err(broken(format!("vertex {corner}"), &needed));
+    }
+    let [first, rest @ ..] = corners.as_slice() else { return Err(broken("no corner".into(), "at least 3")) };
+    if rest.len() < 2 {
+        return Err(broken(format!("{} corners", corners.len()), "at least 3"));
+    }
+    sheet.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    Ok(())
+}
+
+/// Writes a PLY file, binary little endian, positions in the world, everything else as [`read`] knows it.
+///
+/// Patch and link names are lost, and densities too unless every patch has them.
+///
+/// # Errors
+/// If the file cannot be written, or the skin has more vertices than the format can name.
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    let vertices: usize = skin.patches.iter().map(|p| p.mesh.positions.len()).sum();
+    let faces: usize = skin.patches.iter().map(|p| p.mesh.triangles.len()).sum();
+    if u32::try_from(vertices).is_err() {
+        return Err(invalid(path, "skin", format!("{vertices} vertices"), format!("at most {}", u32::MAX)));
+    }
+    let extra = Extra {
+        density: skin.patches.iter().all(|p| p.densities.is_some()),
+        presence: skin.patches.iter().flat_map(|p| &p.presence).any(|&p| p != Presence::Present),
+    };
+    replace_file(path, |file| {
+        let fail = |source| IoError::Write { path: path.into(), source };
+        write_header(file, vertices, faces, extra).map_err(fail)?;
+        for patch in &skin.patches {
+            write_vertices(file, &in_world(skin, patch), extra).map_err(fail)?;
+        }
+        let mut before = 0;
+        for patch in &skin.patches {
+            write_faces(file, &in_world(skin, patch), before).map_err(fail)?;
+            before += patch.mesh.positions.len();
+        }
+        Ok(())
+    })
+}
+
+/// Which of the optional properties are written.
+#[derive(Clone, Copy)]
+struct Extra {
+    density: bool,
+    presence: bool,
+}
+
+fn write_header(file: &mut impl Write, vertices: usize, faces: usize, extra: Extra) -> io::Result<()> {
+    writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
+    for name in ["x", "y", "z", "nx", "ny", "nz"] {
+        writeln!(file, "property double {name}")?;
+    }
+    writeln!(file, "property uint taxel_id\nproperty double area")?;
+    if extra.density {
+        writeln!(file, "property double density")?;
+    }
+    if extra.presence {
+        writeln!(file, "property uchar present")?;
+    }
+    writeln!(file, "element face {faces}\nproperty list uchar uint vertex_indices\nend_header")
+}
+
+fn write_vertices(file: &mut impl Write, patch: &Patch, extra: Extra) -> io::Result<()> {
+    for (v, position) in patch.mesh.positions.enumerate() {
+        for x in position.to_array().into_iter().chain(patch.normals[v].to_array()) {
+            file.write_all(&x.to_le_bytes())?;
+        }
+        file.write_all(&patch.ids[v].0.to_le_bytes())?;
+        file.write_all(&patch.areas[v].to_le_bytes())?;
+        if let Some(densities) = patch.densities.as_ref().filter(|_| extra.density) {
+            file.write_all(&densities[v].to_le_bytes())?;
+        }
+        if extra.presence {
+            file.write_all(&[presence_code(patch.presence[v])])?;
+        }
+    }
+    Ok(())
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "`write` checked that vertices fit into 32 bits")]
+fn write_faces(file: &mut impl Write, patch: &Patch, before: usize) -> io::Result<()> {
+    for corners in &patch.mesh.triangles {
+        file.write_all(&[3])?;
+        for v in corners {
+            file.write_all(&((before + v.index()) as u32).to_le_bytes())?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,311 @@
+//! JSON of robotskinlib, version 2: one rigid body of skin with its taxels, faces and frame.
+
+use std::{borrow::Cow, path::Path};
+
+use glam::{DAffine3, DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::{
+    io::{
+        IoError,
+        file::{
+            json::write_json,
+            source::{Source, excerpt, stem},
+        },
+        world::{in_world, is_rotation, rotation_defect},
+    },
+    skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
+};
+
+/// How far a frame's matrix may be from a rotation. Real files round the sine of 45 degrees to 0.7071, which leaves 1e-5;
+/// a matrix that scales or shears by more than this is no frame.
+const FRAME_TOLERANCE: f64 = 1e-3;
+
+#[derive(Serialize, Deserialize)]
+struct File<'a> {
+    #[serde(default)]
+    info: Info,
+    #[serde(borrow)]
+    skin: Body<'a>,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default)]
+struct Info {
+    file_version: Value,
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+    name: String,
+    #[serde(skip_deserializing)]
+    application: &'static str,
+    #[serde(skip_deserializing)]
+    description: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Body<'a> {
+    n_taxels: Option<usize>,
+    n_faces: Option<usize>,
+    #[serde(default)]
+    parent_frames: Vec<Frame>,
+    #[serde(borrow)]
+    taxels: Vec<Taxel<'a>>,
+    faces: Vec<[u32; 3]>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Frame {
+    #[serde(default)]
+    key: i64,
+    #[serde(default)]
+    id: i64,
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+    #[serde(default)]
+    name: String,
+    /// Column by column; the translation is the last column.
+    tf_matrix: [f64; 16],
+}
+
+#[derive(Serialize, Deserialize)]
+struct Taxel<'a> {
+    id: i64,
+    x: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n: Option<[f64; 3]>,
+    #[serde(rename = "type", borrow, default = "pressure")]
+    kind: Cow<'a, str>,
+    /// Whether the laboratory's own map is cut open here; not used.
+    #[serde(skip_deserializing)]
+    cut: u8,
+}
+
+fn pressure() -> Cow<'static, str> {
+    presence_name(Presence::Present).into()
+}
+
+fn presence_name(presence: Presence) -> &'static str {
+    match presence {
+        Presence::Present => "pressure",
+        Presence::Absent => "absent",
+        Presence::ThermalPad => "thermal",
+    }
+}
+
+/// What a slot of this type holds; whatever senses neither pressure nor warmth counts as no taxel.
+fn presence(kind: &str) -> Presence {
+    match kind {
+        "pressure" => Presence::Present,
+        "thermal" | "temperature" => Presence::ThermalPad,
+        _ => Presence::Absent,
+    }
+}
+
+/// Reads a robotskinlib file: one sheet, named as the body is, on the first of its frames.
+///
+/// Every frame becomes a link; taxels name none, so further frames only keep their place. Negative ids, the placeholder
+/// of some tools, become [`u32::MAX`]. The `tactile_maps` are left out: they are made anew here.
+///
+/// # Errors
+/// The first broken value, by line and column or by its place in the body.
+pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+    let file: File<'_> = serde_json::from_slice(source.bytes()).map_err(|e| {
+        let found = e.to_string();
+        let (found, _) = found.rsplit_once(" at line ").unwrap_or((&found, ""));
+        source.invalid(
+            format!("line {}, column {}", e.line(), e.column()),
+            found,
+            "robotskinlib JSON, version 2",
+        )
+    })?;
+    let body = file.skin;
+    check_version(source, &file.info.file_version)?;
+    check_counts(source, &body)?;
+    let mut draft = Draft::default();
+    for (k, frame) in body.parent_frames.iter().enumerate() {
+        let pose = read_pose(source, k, &frame.tf_matrix)?;
+        draft.links.push(Link { name: frame.name.clone(), parent: None, pose });
+    }
+    draft.sheets.push(Sheet {
+        name: if file.info.name.is_empty() { source.stem() } else { file.info.name },
+        link: draft.links.ids().next(),
+        ids: Some(read_ids(source, &body.taxels)?),
+        normals: read_normals(source, &body.taxels)?,
+        presence: Some(body.taxels.iter().map(|t| presence(&t.kind)).collect()),
+        positions: body.taxels.iter().map(|t| t.x.into()).collect(),
+        triangles: body.faces,
+        ..Sheet::default()
+    });
+    Ok(draft)
+}
+
+fn check_version(source: &Source, version: &Value) -> Result<(), IoError> {
+    match version {
+        Value::Null => Ok(()),
+        Value::String(text) if text == "2" => Ok(()),
+        Value::Number(number) if number.as_u64() == Some(2) => Ok(()),
+        other => Err(source.invalid(
+            "info.file_version",
+            excerpt(&other.to_string()),
+            "2, the only version known here",
+        )),
+    }
+}
+
+fn check_counts(source: &Source, body: &Body<'_>) -> Result<(), IoError> {
+    let counts =
+        [("n_taxels", body.n_taxels, body.taxels.len()), ("n_faces", body.n_faces, body.faces.len())];
+    for (name, told, counted) in counts {
+        if let Some(told) = told.filter(|&n| n != counted) {
+            return Err(source.invalid(
+                format!("skin.{name}"),
+                told.to_string(),
+                format!("{counted}, the true count"),
+            ));
+        }
+    }
+    for (k, face) in body.faces.iter().enumerate() {
+        if let Some(corner) = face.iter().find(|&&v| v as usize >= body.taxels.len()) {
+            let needed = format!("the place of one of {} taxels, counted from 0", body.taxels.len());
+            return Err(source.invalid(format!("skin.faces[{k}]"), format!("taxel {corner}"), needed));
+        }
+    }
+    Ok(())
+}
+
+fn read_ids(source: &Source, taxels: &[Taxel<'_>]) -> Result<Vec<TaxelId>, IoError> {
+    let id = |(k, taxel): (usize, &Taxel<'_>)| match taxel.id {
+        ..0 => Ok(TaxelId(u32::MAX)),
+        id => u32::try_from(id).map(TaxelId).map_err(|_| {
+            source.invalid(format!("skin.taxels[{k}].id"), id.to_string(), format!("at most {}", u32::MAX))
+        }),
+    };
+    taxels.iter().enumerate().map(id).collect()
+}
+
+/// The normals, of all taxels or of none.
+fn read_normals(source: &Source, taxels: &[Taxel<'_>]) -> Result<Option<Vec<DVec3>>, IoError> {
+    let normals: Vec<DVec3> = taxels.iter().filter_map(|t| t.n).map(DVec3::from).collect();
+    match taxels.iter().position(|t| t.n.is_none()) {
+        None => Ok(Some(normals)),
+        Some(_) if normals.is_empty() => Ok(None),
+        Some(k) => {
+            Err(source.invalid(format!("skin.taxels[{k}]"), "no normal `n`", "one, as other taxels have one"))
+        }
+    }
+}
+
+/// The pose of frame `k`. Printed digits make a rotation slightly wrong, which would shrink the skin a little and make
+/// poses that should undo each other not do so: the nearest rotation is taken.
+fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3, IoError> {
+    let element = || format!("skin.parent_frames[{k}].tf_matrix");
+    let [xx, xy, xz, xw, yx, yy, yz, yw, zx, zy, zz, zw, tx, ty, tz, tw] = *columns;
+    if [xw, yw, zw, tw] != [0.0, 0.0, 0.0, 1.0] {
+        let found = format!("{:?} as its last row", [xw, yw, zw, tw]);
+        return Err(source.invalid(element(), found, "[0, 0, 0, 1]: column by column, translation last"));
+    }
+    let matrix = DMat3::from_cols_array(&[xx, xy, xz, yx, yy, yz, zx, zy, zz]);
+    let defect = rotation_defect(&matrix);
+    if !(defect <= FRAME_TOLERANCE && matrix.determinant() > 0.0) {
+        let found = format!("determinant {:?}, columns off by {defect:.1e}", matrix.determinant());
+        return Err(source.invalid(
+            element(),
+            found,
+            "a rotation: unit columns at right angles, right-handed",
+        ));
+    }
+    let rotation = if is_rotation(&matrix) { matrix } else { nearest_rotation(matrix) };
+    Ok(DAffine3::from_mat3_translation(rotation, DVec3::new(tx, ty, tz)))
+}
+
+/// The rotation nearest to an almost orthonormal matrix: its polar factor, by Newton's iteration (Higham 1986), which
+/// doubles the right digits each time.
+fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
+    for _ in 0..6 {
+        matrix = (matrix + matrix.inverse().transpose()) * 0.5;
+    }
+    matrix
+}
+
+/// Writes a robotskinlib file: one body with all taxels. Areas and densities are lost.
+///
+/// Patches that share one link keep its frame; otherwise, and if the frame is no rotation, positions are in the world.
+///
+/// # Errors
+/// If the file cannot be written.
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    let (frame, patches) = framed(skin);
+    let mut taxels = Vec::new();
+    let mut faces = Vec::new();
+    for patch in &patches {
+        // Faces of a validated skin fit into 32 bits patch by patch, so saturation is never reached in practice, and
+        // would be noticed as a face past the end.
+        let before = u32::try_from(taxels.len()).unwrap_or(u32::MAX);
+        faces.extend(patch.mesh.triangles.iter().map(|t| t.map(|v| before.saturating_add(v.raw()))));
+        taxels.extend(patch.ids.enumerate().map(|(v, id)| Taxel {
+            id: if id.0 == u32::MAX { -1 } else { i64::from(id.0) },
+            x: patch.mesh.positions[v].to_array(),
+            n: Some(patch.normals[v].to_array()),
+            kind: presence_name(patch.presence[v]).into(),
+            cut: 0,
+        }));
+    }
+    let name = match patches.as_slice() {
+        [patch] => patch.name.clone(),
+        _ => stem(path),
+    };
+    let info = Info { file_version: "2".into(), kind: "rigid_body", name, ..Info::default() };
+    let body = Body {
+        n_taxels: Some(taxels.len()),
+        n_faces: Some(faces.len()),
+        parent_frames: vec![frame],
+        taxels,
+        faces,
+    };
+    write_json(path, &File { info, skin: body })
+}
+
+/// The frame of the whole skin, and the patches in it.
+fn framed(skin: &Skin) -> (Frame, Vec<Cow<'_, Patch>>) {
+    let frame = |name: &str, pose: DAffine3| {
+        let [[a, b, c], [d, e, f], [g, h, i], [x, y, z]] = pose.to_cols_array_2d();
+        let tf_matrix = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0, x, y, z, 1.0];
+        Frame { key: 0, id: 0, kind: "", name: name.into(), tf_matrix }
+    };
+    if let Some((link, pose)) = only_link(skin) {
+        return (frame(&skin.links[link].name, pose), skin.patches.iter().map(Cow::Borrowed).collect());
+    }
+    (frame("", DAffine3::IDENTITY), skin.patches.iter().map(|p| in_world(skin, p)).collect())
+}
+
+/// The link that carries every patch, with its pose, if there is one and it neither scales nor mirrors.
+fn only_link(skin: &Skin) -> Option<(LinkId, DAffine3)> {
+    let link = skin.patches.iter().next()?.link;
+    let pose = world_pose(&skin.links, link);
+    (skin.patches.iter().all(|p| p.link == link) && is_rotation(&pose.matrix3)).then_some((link, pose))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four printed digits of a turn by 45 degrees are enough to find it again.
+    #[test]
+    fn rounded_rotation_becomes_the_nearest_one() {
+        #[expect(clippy::approx_constant, reason = "the files print four digits")]
+        let [s, c] = [0.7071, 0.7071];
+        let rounded = DMat3::from_cols_array(&[c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0]);
+        let found = nearest_rotation(rounded);
+        let turn = DMat3::from_rotation_z(std::f64::consts::FRAC_PI_4);
+        assert!(found.abs_diff_eq(turn, 1e-15), "{found}");
+    }
+
+    #[test]
+    fn unknown_types_count_as_no_taxel() {
+        assert_eq!(presence("proximity"), Presence::Absent);
+        for p in [Presence::Present, Presence::Absent, Presence::ThermalPad] {
+            assert_eq!(presence(presence_name(p)), p, "the name of each kind reads back");
+        }
+    }
+}

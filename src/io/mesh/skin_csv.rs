@@ -1,0 +1,320 @@
+//! A skin as two tables: `skin.csv` with one taxel a row, `skin.triangles.csv` with their triangles.
+
+use std::{
+    collections::HashMap,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use csv::{StringRecord, Writer};
+use glam::{DAffine3, DQuat, DVec3};
+
+use crate::{
+    id::VertexId,
+    io::{
+        IoError,
+        file::{
+            replace::replace_file,
+            source::{Source, excerpt, invalid},
+        },
+        presence::{presence_code, presence_of},
+        table::columns::{Columns, Row, table_error, table_write_error},
+        world::in_world,
+    },
+    skin::{Draft, Link, LinkId, Patch, Sheet, Skin, TaxelId},
+};
+
+/// Columns of the table of taxels.
+const COLUMNS: [&str; 18] = [
+    "id", "x", "y", "z", "nx", "ny", "nz", "area", "density", "present", "patch", ON_LINK, "cxx", "cxy",
+    "cxz", "cyy", "cyz", "czz",
+];
+
+/// The link that a taxel is on, where positions are in the world: in a table of contacts `link` would say that they are in
+/// the frame of that link.
+const ON_LINK: &str = "on_link";
+
+/// The same in tables from elsewhere.
+const LINK: &str = "link";
+
+/// Columns that a table of calibrated taxels has besides.
+const CALIBRATED: [&str; 5] = ["qx", "qy", "qz", "qw", "sigma"];
+
+/// The table of triangles that belongs to the table of taxels `path`.
+fn companion(path: &Path) -> PathBuf {
+    path.with_extension("triangles.csv")
+}
+
+/// Where the columns of the table of taxels are.
+struct Places {
+    id: Option<usize>,
+    position: [usize; 3],
+    normal: Option<[usize; 3]>,
+    area: Option<usize>,
+    density: Option<usize>,
+    present: Option<usize>,
+    patch: Option<usize>,
+    link: Option<usize>,
+    covariance: Option<[usize; 6]>,
+    rotation: Option<[usize; 4]>,
+    sigma: Option<usize>,
+}
+
+/// Reads the two tables, or the taxels alone where there is no table of triangles.
+///
+/// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0 absent, 1 present, 2
+/// thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a sheet), `cxx,cxy,cxz,cyy,cyz,czz`
+/// (covariance, m^2), in any order; ids below zero become the placeholder [`u32::MAX`]. Tables of calibrated taxels are read,
+/// too: `qx,qy,qz,qw` is the frame whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the
+/// places of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
+///
+/// # Errors
+/// The first broken cell by line and column.
+pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+    let (mut draft, homes) = read_taxels(source)?;
+    let triangles_path = companion(source.path());
+    if triangles_path.exists() {
+        read_triangles(&Source::open(&triangles_path)?, &homes, &mut draft.sheets)?;
+    }
+    Ok(draft)
+}
+
+/// Calls `visit` for every line of a table but the first.
+fn each_row(
+    source: &Source,
+    columns: &Columns,
+    table: &mut csv::Reader<&[u8]>,
+    mut visit: impl FnMut(Row<'_>) -> Result<(), IoError>,
+) -> Result<(), IoError> {
+    let mut cells = StringRecord::new();
+    while table.read_record(&mut cells).map_err(|e| table_error(source.path(), e))? {
+        visit(Row { path: source.path(), columns, cells: &cells })?;
+    }
+    Ok(())
+}
+
+fn open_table<'a>(source: &'a Source, known: &[&str]) -> Result<(csv::Reader<&'a [u8]>, Columns), IoError> {
+    let mut table = csv::Reader::from_reader(source.bytes());
+    let header = table.headers().map_err(|e| table_error(source.path(), e))?;
+    let columns = Columns::new(source.path(), header)?;
+    // A column that is misspelt must not be missed in silence.
+    if let Some((k, name)) = columns.unknown(known).next() {
+        let element = format!("line 1, column {}", k + 1);
+        return Err(source.invalid(element, excerpt(name), format!("one of {}", known.join(","))));
+    }
+    Ok((table, columns))
+}
+
+impl Places {
+    fn new(path: &Path, columns: &Columns) -> Result<Self, IoError> {
+        let link = match (columns.find(ON_LINK), columns.find(LINK)) {
+            (Some(_), Some(_)) => {
+                let found = format!("columns `{ON_LINK}` and `{LINK}`");
+                return Err(invalid(path, "line 1", found, "one of them"));
+            }
+            (on_link, link) => on_link.or(link),
+        };
+        Ok(Self {
+            id: columns.find("id"),
+            position: columns.need_vector(path, ["x", "y", "z"])?,
+            normal: columns.find_vector(path, ["nx", "ny", "nz"])?,
+            area: columns.find("area"),
+            density: columns.find("density"),
+            present: columns.find("present"),
+            patch: columns.find("patch"),
+            link,
+            covariance: columns.find_vector(path, ["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?,
+            rotation: columns.find_vector(path, ["qx", "qy", "qz", "qw"])?,
+            sigma: columns.find("sigma"),
+        })
+    }
+}
+
+/// The sheets that are being filled, and where each taxel went.
+#[derive(Default)]
+struct Sheets {
+    draft: Draft,
+    by_name: HashMap<String, usize>,
+    links: HashMap<String, LinkId>,
+    /// Sheet and place in it of every row.
+    homes: Vec<(usize, u32)>,
+}
+
+/// Reads the taxels; with the sheet, and the place in it, of every row.
+fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
+    let known: Vec<&str> = COLUMNS.into_iter().chain([LINK]).chain(CALIBRATED).collect();
+    let (mut table, columns) = open_table(source, &known)?;
+    let places = Places::new(source.path(), &columns)?;
+    let mut sheets = Sheets::default();
+    each_row(source, &columns, &mut table, |row| sheets.add(row, &places, source))?;
+    if places.normal.is_none() {
+        // Frames that are all the identity are those of a calibration of positions alone: they tell no normals.
+        for sheet in &mut sheets.draft.sheets {
+            sheet.normals = sheet.normals.take().filter(|n| n.iter().any(|n| *n != DVec3::Z));
+        }
+    }
+    Ok((sheets.draft, sheets.homes))
+}
+
+impl Sheets {
+    fn add(&mut self, row: Row<'_>, places: &Places, source: &Source) -> Result<(), IoError> {
+        let link = self.link(places.link.map_or("", |c| row.text(c)));
+        let name = places.patch.map_or("", |c| row.text(c));
+        let sheets = &mut self.draft.sheets;
+        let at = match self.by_name.get(name) {
+            Some(&at) => at,
+            None => {
+                self.by_name.insert(name.to_owned(), sheets.len());
+                let name = if name.is_empty() { source.stem() } else { name.to_owned() };
+                sheets.push(Sheet { name, link, ..Sheet::default() });
+                sheets.len() - 1
+            }
+        };
+        let sheet = &mut sheets[at];
+        if let (true, Some(column)) = (sheet.link != link, places.link) {
+            return Err(row.invalid(column, "the link of the other taxels of its patch"));
+        }
+        let place = sheet.positions.len();
+        sheet.positions.push(row.vector(places.position)?);
+        if let Some(column) = places.id {
+            sheet.ids.get_or_insert_default().push(taxel_id(row, column)?);
+        }
+        if let Some(columns) = places.normal {
+            let normal = row.vector_if_any(columns)?;
+            add(&mut sheet.normals, place, normal).ok_or_else(|| row.invalid(columns[0], ALL_OR_NONE))?;
+        } else if let Some(columns) = places.rotation {
+            let [x, y, z, w] = columns.map(|c| row.number(c));
+            let rotation = DQuat::from_xyzw(x?, y?, z?, w?);
+            if (rotation.length() - 1.0).abs() > UNIT_TOLERANCE {
+                return Err(row.invalid(columns[3], "a unit quaternion"));
+            }
+            sheet.normals.get_or_insert_default().push(rotation.normalize() * DVec3::Z);
+        }
+        if let Some(columns) = places.covariance {
+            let covariance = row.numbers_if_any(columns)?;
+            add(&mut sheet.covariances, place, covariance)
+                .ok_or_else(|| row.invalid(columns[0], ALL_OR_NONE))?;
+        }
+        if let Some(column) = places.sigma {
+            row.number_if_any(column)?;
+        }
+        for (column, numbers) in [(places.area, &mut sheet.areas), (places.density, &mut sheet.densities)] {
+            let Some(column) = column else { continue };
+            let number = row.number_if_any(column)?;
+            add(numbers, place, number).ok_or_else(|| row.invalid(column, ALL_OR_NONE))?;
+        }
+        if let Some(column) = places.present {
+            let presence = presence_of(row.number(column)?);
+            let presence =
+                presence.ok_or_else(|| row.invalid(column, "0 absent, 1 present or 2 thermal pad"))?;
+            sheet.presence.get_or_insert_default().push(presence);
+        }
+        self.homes.push((at, VertexId::new(place).raw()));
+        Ok(())
+    }
+
+    /// The link of this name, at the origin.
+    fn link(&mut self, name: &str) -> Option<LinkId> {
+        if name.is_empty() {
+            return None;
+        }
+        if let Some(&link) = self.links.get(name) {
+            return Some(link);
+        }
+        let link = Link { name: name.to_owned(), parent: None, pose: DAffine3::IDENTITY };
+        let link = self.draft.links.push(link);
+        self.links.insert(name.to_owned(), link);
+        Some(link)
+    }
+}
+
+/// Tables print rounded digits.
+const UNIT_TOLERANCE: f64 = 1e-3;
+
+const ALL_OR_NONE: &str = "a value for every taxel of a patch, or for none";
+
+/// Appends to an array that is there for all rows of a sheet or for none; `None` where the rows disagree.
+fn add<T>(values: &mut Option<Vec<T>>, place: usize, value: Option<T>) -> Option<()> {
+    match (values.is_some() || place == 0, value) {
+        (true, Some(value)) => {
+            values.get_or_insert_default().push(value);
+            Some(())
+        }
+        (_, None) if values.is_none() => Some(()),
+        _ => None,
+    }
+}
+
+fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId, IoError> {
+    let id = row.text(column).parse::<i64>().ok();
+    let id = id.and_then(|id| if id < 0 { Some(u32::MAX) } else { u32::try_from(id).ok() });
+    id.map(TaxelId).ok_or_else(|| row.invalid(column, format!("a whole number up to {}", u32::MAX)))
+}
+
+fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet]) -> Result<(), IoError> {
+    const CORNERS: [&str; 3] = ["a", "b", "c"];
+    let (mut table, columns) = open_table(source, &CORNERS)?;
+    let places = columns.need_vector(source.path(), CORNERS)?;
+    each_row(source, &columns, &mut table, |row| {
+        let mut triangle = [0; 3];
+        let mut home = None;
+        for (corner, column) in triangle.iter_mut().zip(places) {
+            let taxel = row.text(column).parse::<usize>().ok().and_then(|k| homes.get(k));
+            let needed = || format!("the place of one of {} taxels, counted from 0", homes.len());
+            let &(sheet, place) = taxel.ok_or_else(|| row.invalid(column, needed()))?;
+            *corner = place;
+            if *home.get_or_insert(sheet) != sheet {
+                return Err(row.invalid(column, "a taxel of the same patch as the other corners"));
+            }
+        }
+        if let Some(sheet) = home {
+            sheets[sheet].triangles.push(triangle);
+        }
+        Ok(())
+    })
+}
+
+/// Writes the two tables, positions in the world. The frames of the links are lost, their names kept.
+///
+/// # Errors
+/// If one of them cannot be written.
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    let triangles_path = companion(path);
+    replace_file(path, |taxels| {
+        let fail = |e| table_write_error(path, e);
+        let mut table = Writer::from_writer(taxels);
+        table.write_record(COLUMNS).map_err(fail)?;
+        for patch in &skin.patches {
+            write_taxels(&mut table, &in_world(skin, patch), &skin.links[patch.link].name).map_err(fail)?;
+        }
+        table.flush().map_err(|e| fail(e.into()))?;
+        // Both are complete before the first is renamed.
+        replace_file(&triangles_path, |triangles| {
+            let fail = |source| IoError::Write { path: triangles_path.clone(), source };
+            writeln!(triangles, "a,b,c").map_err(fail)?;
+            let mut before = 0;
+            for patch in &skin.patches {
+                for &corners in &in_world(skin, patch).mesh.triangles {
+                    let [a, b, c] = corners.map(|v| before + v.index());
+                    writeln!(triangles, "{a},{b},{c}").map_err(fail)?;
+                }
+                before += patch.mesh.positions.len();
+            }
+            Ok(())
+        })
+    })
+}
+
+fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> csv::Result<()> {
+    for (v, x) in patch.mesh.positions.enumerate() {
+        let n = patch.normals[v];
+        let density = patch.densities.as_ref().map(|d| d[v]);
+        let covariance = match &patch.covariances {
+            Some(c) => c[v].map(Some),
+            None => [None; 6],
+        };
+        let numbers = (patch.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, patch.areas[v], density);
+        table.serialize((numbers, presence_code(patch.presence[v]), &patch.name, link, covariance))?;
+    }
+    Ok(())
+}

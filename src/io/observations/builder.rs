@@ -1,0 +1,283 @@
+//! Observations while they are read.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    fmt,
+    ops::RangeInclusive,
+    path::Path,
+};
+
+use glam::{DQuat, DVec3};
+
+use crate::{
+    calib::{Contact, Displacement, Information, Model, Motion, Observations, Pose, Touch, Unknown},
+    id::VertexId,
+    io::{
+        IoError,
+        file::{lines::Place, source::invalid},
+        observations::read_write::{ObservationRemark, ReadObservations},
+    },
+    skin::TaxelId,
+};
+
+/// Farthest that anything may be from the origin or from another taxel, in m. Coordinates of the whole Earth stay below
+/// 1e7 m; a number above is damage, and from about 1e150 m on squares overflow.
+const FARTHEST: f64 = 1e9;
+
+/// Largest entry of an information matrix, in 1/m^2 or 1/rad^2: a standard deviation of 1 nm. With [`FARTHEST`] a squared
+/// error stays below 1e38, so that sums over any number of observations are finite.
+const MOST_INFORMATION: f64 = 1e18;
+
+/// Standard deviations in m or rad: the smallest gives [`MOST_INFORMATION`], the largest says nothing of what is within
+/// [`FARTHEST`].
+pub(super) const SIGMA_RANGE: RangeInclusive<f64> = 1e-9..=1e9;
+
+/// Observations while they are read: taxels may be declared after the lines that name them.
+pub(super) struct Builder<'a> {
+    path: &'a Path,
+    observations: Observations,
+    model_known: bool,
+    index: HashMap<TaxelId, VertexId>,
+    edges: Vec<(TaxelId, TaxelId, usize, Motion)>,
+    contacts: Vec<(TaxelId, usize, Touch)>,
+    fixed: Vec<(TaxelId, usize)>,
+    unknown_tags: BTreeMap<String, usize>,
+    normalised: usize,
+    worst: f64,
+    pub(super) assumed_sigma: Option<f64>,
+}
+
+impl<'a> Builder<'a> {
+    pub(super) fn new(path: &'a Path) -> Self {
+        Self {
+            path,
+            observations: Observations::default(),
+            model_known: false,
+            index: HashMap::new(),
+            edges: Vec::new(),
+            contacts: Vec::new(),
+            fixed: Vec::new(),
+            unknown_tags: BTreeMap::new(),
+            normalised: 0,
+            worst: 1.0,
+            assumed_sigma: None,
+        }
+    }
+
+    /// One file has one model.
+    pub(super) fn set_model(&mut self, model: Model, at: &Place<'_>) -> Result<(), IoError> {
+        if self.model_known && self.observations.model != model {
+            let needed =
+                format!("{}, as the lines before: one model in a file", self.observations.model.name());
+            return Err(at.invalid(format!("a line of the {} model", model.name()), needed));
+        }
+        (self.observations.model, self.model_known) = (model, true);
+        Ok(())
+    }
+
+    pub(super) fn taxel(&mut self, id: TaxelId, initial: Pose, at: &Place<'_>) -> Result<(), IoError> {
+        check_length(initial.position, at)?;
+        let vertex = self.observations.taxels.push(Unknown { id, initial: Some(initial), fixed: false });
+        match self.index.insert(id, vertex) {
+            Some(_) => Err(at.invalid(format!("taxel {id} a second time"), "every taxel declared once")),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn edge(
+        &mut self,
+        [from, to]: [TaxelId; 2],
+        motion: Motion,
+        at: &Place<'_>,
+    ) -> Result<(), IoError> {
+        if from == to {
+            return Err(at.invalid(format!("an edge from taxel {from} to itself"), "two different taxels"));
+        }
+        let name = || format!("edge {from} to {to}");
+        match &motion {
+            Motion::Offset { offset, information } => {
+                check_length(*offset, at)?;
+                check_information(information, name, at)?;
+            }
+            Motion::Relative(m) => check_information(&m.information, name, at)?,
+        }
+        self.edges.push((from, to, at.line, motion));
+        Ok(())
+    }
+
+    pub(super) fn contact(&mut self, id: TaxelId, touch: Touch, at: &Place<'_>) -> Result<(), IoError> {
+        let name = || format!("taxel {id}");
+        match &touch {
+            Touch::Position { position, information }
+            | Touch::PositionNormal { position, information, .. } => {
+                check_length(*position, at)?;
+                check_information(information, name, at)?;
+            }
+            Touch::Pose(prior) => check_information(&prior.information, name, at)?,
+        }
+        self.contacts.push((id, at.line, touch));
+        Ok(())
+    }
+
+    pub(super) fn fix(&mut self, id: TaxelId, at: &Place<'_>) {
+        self.fixed.push((id, at.line));
+    }
+
+    pub(super) fn unknown_tag(&mut self, tag: &str) {
+        // A damaged file could hold a different tag in every line, and a line may be all one word.
+        const MOST_TAGS: usize = 64;
+        const LONGEST_TAG: usize = 60;
+        if let Some(lines) = self.unknown_tags.get_mut(tag) {
+            *lines += 1;
+        } else if self.unknown_tags.len() < MOST_TAGS && tag.len() <= LONGEST_TAG {
+            self.unknown_tags.insert(tag.to_owned(), 1);
+        } else {
+            *self.unknown_tags.entry("(other)".to_owned()).or_default() += 1;
+        }
+    }
+
+    /// A pose from `x y z qx qy qz qw`; the quaternion is normalised.
+    pub(super) fn pose(&mut self, numbers: &[f64], at: &Place<'_>) -> Result<Pose, IoError> {
+        let &[x, y, z, qx, qy, qz, qw] = numbers else {
+            return Err(at.invalid(format!("{} numbers", numbers.len()), "x y z qx qy qz qw"));
+        };
+        let position = DVec3::new(x, y, z);
+        check_length(position, at)?;
+        let q = DQuat::from_xyzw(qx, qy, qz, qw);
+        let length = q.length();
+        if !(length > SHORTEST_QUATERNION && length.is_finite()) {
+            return Err(at.invalid(format!("a quaternion of length {length}"), "a unit quaternion"));
+        }
+        // Files round to six digits; only what is farther off is worth a remark.
+        if (length - 1.0).abs() > FILE_ROUNDING {
+            self.normalised += 1;
+            if (length - 1.0).abs() > (self.worst - 1.0).abs() {
+                self.worst = length;
+            }
+        }
+        // A unit quaternion of 17 digits must read back to the same bits.
+        let rotation = if (length - 1.0).abs() > 4.0 * f64::EPSILON { q / length } else { q };
+        Ok(Pose { position, rotation })
+    }
+
+    pub(super) fn finish(mut self) -> Result<ReadObservations, IoError> {
+        let declared = !self.observations.taxels.is_empty();
+        if !declared {
+            self.declare_named_taxels();
+        }
+        // Lines that were left out may be why something is missing.
+        let left_out = LeftOut(&self.unknown_tags);
+        let Self { path, mut observations, index, .. } = self;
+        let find = |id: TaxelId, line: usize| {
+            index.get(&id).copied().ok_or_else(|| {
+                let needed = "a taxel that a VERTEX line declares";
+                Place { path, line }.invalid(format!("taxel {id}{left_out}"), needed)
+            })
+        };
+        for (id, line) in self.fixed {
+            if !declared {
+                let found = format!("FIX {id}{left_out}");
+                return Err(Place { path, line }.invalid(found, "a VERTEX line that says where it is fixed"));
+            }
+            observations.taxels[find(id, line)?].fixed = true;
+        }
+        for (from, to, line, motion) in self.edges {
+            let (from, to) = (find(from, line)?, find(to, line)?);
+            observations.edges.push(Displacement { from, to, motion });
+        }
+        for (id, line, touch) in self.contacts {
+            let taxel = find(id, line)?;
+            observations.contacts.push(Contact { taxel, touch });
+        }
+        if observations.edges.is_empty() && observations.contacts.is_empty() {
+            let found = format!("{} taxels and no observation{left_out}", observations.taxels.len());
+            return Err(invalid(path, "the file", found, "edges between taxels, or contacts"));
+        }
+        let mut remarks: Vec<_> = self
+            .unknown_tags
+            .into_iter()
+            .map(|(tag, lines)| ObservationRemark::UnknownTag { tag, lines })
+            .collect();
+        if self.normalised > 0 {
+            remarks.push(ObservationRemark::Normalised { quaternions: self.normalised, worst: self.worst });
+        }
+        remarks.extend(self.assumed_sigma.map(|sigma| ObservationRemark::AssumedSigma { sigma }));
+        Ok(ReadObservations { observations, remarks })
+    }
+
+    /// Without declarations the taxels are those that are named, in ascending order.
+    fn declare_named_taxels(&mut self) {
+        let mut ids: Vec<TaxelId> = self.edges.iter().flat_map(|e| [e.0, e.1]).collect();
+        ids.extend(self.contacts.iter().map(|c| c.0));
+        ids.sort_unstable();
+        ids.dedup();
+        for id in ids {
+            let vertex = self.observations.taxels.push(Unknown { id, initial: None, fixed: false });
+            self.index.insert(id, vertex);
+        }
+    }
+}
+
+/// Below this length a quaternion has no direction that could be trusted.
+const SHORTEST_QUATERNION: f64 = 1e-3;
+
+/// Quaternions written with six digits are off by this much.
+const FILE_ROUNDING: f64 = 3e-6;
+
+/// Tells lines of unknown kinds at the end of an error's sentence: nothing if there are none.
+struct LeftOut<'a>(&'a BTreeMap<String, usize>);
+
+impl fmt::Display for LeftOut<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // More would hide the error itself.
+        const MOST_NAMED: usize = 3;
+        let Some(lines) = self.0.values().copied().reduce(|a, b| a + b) else { return Ok(()) };
+        let named: Vec<String> =
+            self.0.iter().take(MOST_NAMED).map(|(tag, lines)| format!("{tag} ({lines})")).collect();
+        write!(
+            f,
+            "; {lines} line{} of unknown tags: {}",
+            if lines == 1 { "" } else { "s" },
+            named.join(", ")
+        )?;
+        match self.0.len().saturating_sub(MOST_NAMED) {
+            0 => Ok(()),
+            more => write!(f, " and {more} more"),
+        }
+    }
+}
+
+fn check_length(vector: DVec3, at: &Place<'_>) -> Result<(), IoError> {
+    match vector.abs().max_element() {
+        x if x <= FARTHEST => Ok(()),
+        x => Err(at.invalid(format!("a length of {x:e} m"), format!("metres, at most {FARTHEST:e}"))),
+    }
+}
+
+fn check_information<const N: usize>(
+    information: &Information<N>,
+    name: impl Fn() -> String,
+    at: &Place<'_>,
+) -> Result<(), IoError> {
+    let largest = information.upper().fold(0.0, |most: f64, x| most.max(x.abs()));
+    if largest > MOST_INFORMATION {
+        let found = format!("an information of {largest:e} for {}", name());
+        let needed = format!("at most {MOST_INFORMATION:e}, a standard deviation of 1 nm or 1e-9 rad");
+        return Err(at.invalid(found, needed));
+    }
+    if !information.is_positive_semidefinite() {
+        let found = format!(
+            "an information matrix of {} with the negative eigenvalue {:e}",
+            name(),
+            information.eigenvalues()[0]
+        );
+        return Err(at.invalid(found, "a positive semi-definite matrix, upper triangle row by row"));
+    }
+    Ok(())
+}
+
+/// The information of a standard deviation in m or rad, if that is within [`SIGMA_RANGE`].
+pub(super) fn information_of(sigma: f64) -> Option<f64> {
+    // 1e-9 squared and inverted is not quite 1e18.
+    SIGMA_RANGE.contains(&sigma).then(|| sigma.powi(-2).min(MOST_INFORMATION))
+}

@@ -1,0 +1,311 @@
+//! g2o text (Kuemmerle et al. 2011): one vertex, edge or parameter a line.
+
+use std::{
+    collections::HashMap,
+    fmt::{self, Write as _},
+    io::{BufRead, Write},
+    path::Path,
+    str::SplitAsciiWhitespace,
+};
+
+use glam::DVec3;
+
+use crate::{
+    calib::{Information, Model, Motion, Observations, Pose, PosePrior, RelativePose, Touch},
+    io::{
+        IoError,
+        file::lines::{Lines, Place},
+        observations::{builder::Builder, read_write::ReadObservations},
+    },
+    skin::TaxelId,
+};
+
+/// The number g2o files give to the one offset that is written here.
+const IDENTITY_OFFSET: u32 = 0;
+
+pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
+    let mut builder = Builder::new(path);
+    let mut offsets = HashMap::new();
+    while let Some((text, at)) = lines.current() {
+        let mut words = text.split_ascii_whitespace();
+        if let Some(tag) = words.next() {
+            read_line(Line { tag, words, at }, &mut offsets, &mut builder)?;
+        }
+        lines.advance()?;
+    }
+    builder.finish()
+}
+
+fn read_line(
+    line: Line<'_>,
+    offsets: &mut HashMap<u32, Pose>,
+    builder: &mut Builder<'_>,
+) -> Result<(), IoError> {
+    match line.tag {
+        "VERTEX_SE3:QUAT" | "VERTEX_TRACKXYZ" => read_vertex(line, builder),
+        "EDGE_SE3:QUAT" | "EDGE_POINTXYZ" => read_edge(line, builder),
+        "EDGE_POINTXYZ_PRIOR" | "EDGE_SE3_PRIOR" => read_prior(line, offsets, builder),
+        "PARAMS_SE3OFFSET" => read_offset(line, offsets, builder),
+        "FIX" => read_fix(line, builder),
+        tag => {
+            builder.unknown_tag(tag);
+            Ok(())
+        }
+    }
+}
+
+fn read_vertex(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+    let (id, at) = (line.id()?, line.at);
+    let pose = if line.tag == "VERTEX_TRACKXYZ" {
+        builder.set_model(Model::Positions, &at)?;
+        Pose::at(DVec3::from_array(line.numbers()?))
+    } else {
+        builder.set_model(Model::Poses, &at)?;
+        builder.pose(&line.numbers::<7>()?, &at)?
+    };
+    builder.taxel(id, pose, &at)
+}
+
+fn read_edge(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+    let (ids, at) = ([line.id()?, line.id()?], line.at);
+    let motion = if line.tag == "EDGE_POINTXYZ" {
+        builder.set_model(Model::Positions, &at)?;
+        let (offset, information) = line.point()?;
+        Motion::Offset { offset, information }
+    } else {
+        builder.set_model(Model::Poses, &at)?;
+        let (pose, information) = line.pose(builder)?;
+        Motion::Relative(Box::new(RelativePose { pose, information }))
+    };
+    builder.edge(ids, motion, &at)
+}
+
+fn read_prior(
+    mut line: Line<'_>,
+    offsets: &HashMap<u32, Pose>,
+    builder: &mut Builder<'_>,
+) -> Result<(), IoError> {
+    let (id, at) = (line.id()?, line.at);
+    if line.tag == "EDGE_POINTXYZ_PRIOR" {
+        let (position, information) = line.point()?;
+        return builder.contact(id, Touch::Position { position, information }, &at);
+    }
+    let parameter = line.id()?.0;
+    builder.set_model(Model::Poses, &at)?;
+    let (pose, information) = line.pose(builder)?;
+    let needed = "the number of a PARAMS_SE3OFFSET line before this one";
+    let offset =
+        offsets.get(&parameter).ok_or_else(|| at.invalid(format!("parameter {parameter}"), needed))?;
+    builder.contact(id, Touch::Pose(Box::new(PosePrior { pose, offset: *offset, information })), &at)
+}
+
+fn read_offset(
+    mut line: Line<'_>,
+    offsets: &mut HashMap<u32, Pose>,
+    builder: &mut Builder<'_>,
+) -> Result<(), IoError> {
+    let (parameter, at) = (line.id()?.0, line.at);
+    let pose = builder.pose(&line.numbers::<7>()?, &at)?;
+    match offsets.insert(parameter, pose) {
+        Some(_) => {
+            Err(at.invalid(format!("parameter {parameter} a second time"), "every parameter declared once"))
+        }
+        None => Ok(()),
+    }
+}
+
+fn read_fix(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+    builder.fix(line.id()?, &line.at);
+    for word in line.words {
+        builder.fix(line.at.taxel(word)?, &line.at);
+    }
+    Ok(())
+}
+
+/// What is left of a line after its first word.
+struct Line<'w> {
+    tag: &'w str,
+    words: SplitAsciiWhitespace<'w>,
+    at: Place<'w>,
+}
+
+impl Line<'_> {
+    fn truncated(&self) -> IoError {
+        let found = format!("a {} line that ends too soon", self.tag);
+        self.at.invalid(found, "the numbers of taxels, then the values")
+    }
+
+    /// The number of a taxel, or of a parameter.
+    fn id(&mut self) -> Result<TaxelId, IoError> {
+        let word = self.words.next().ok_or_else(|| self.truncated())?;
+        self.at.taxel(word)
+    }
+
+    /// The remaining words, which are so many finite numbers.
+    fn numbers<const N: usize>(&mut self) -> Result<[f64; N], IoError> {
+        let mut numbers = [0.0; N];
+        let mut count = 0;
+        for word in self.words.by_ref() {
+            let number = self.at.number(word)?;
+            if let Some(place) = numbers.get_mut(count) {
+                *place = number;
+            }
+            count += 1;
+        }
+        if count == N {
+            return Ok(numbers);
+        }
+        Err(self.at.invalid(format!("{count} numbers after the ids of {}", self.tag), N.to_string()))
+    }
+
+    /// A point and its information.
+    fn point(&mut self) -> Result<(DVec3, Information<3>), IoError> {
+        let numbers: [f64; 9] = self.numbers()?;
+        Ok((DVec3::from_slice(&numbers), self.information(&numbers[3..])?))
+    }
+
+    /// A pose and its information.
+    fn pose(&mut self, builder: &mut Builder<'_>) -> Result<(Pose, Information<6>), IoError> {
+        let numbers: [f64; 28] = self.numbers()?;
+        Ok((builder.pose(&numbers[..7], &self.at)?, self.information(&numbers[7..])?))
+    }
+
+    fn information<const N: usize>(&self, upper: &[f64]) -> Result<Information<N>, IoError> {
+        Information::from_upper(upper).ok_or_else(|| self.truncated())
+    }
+}
+
+/// Writes the parameters, the taxels, those that are fixed, the edges and the contacts, in this order.
+pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<(), IoError> {
+    let Observations { model, taxels, edges, contacts } = observations;
+    let mut text = Text { out, line: String::new(), path };
+    let offsets = offsets(observations);
+    if contacts.iter().any(|c| matches!(c.touch, Touch::Pose(_))) {
+        for (k, offset) in (IDENTITY_OFFSET..).zip(&offsets) {
+            text.begin(format_args!("PARAMS_SE3OFFSET {k}"));
+            text.pose(offset);
+            text.end()?;
+        }
+    }
+    for taxel in taxels {
+        let initial = taxel.initial.unwrap_or(Pose::IDENTITY);
+        match model {
+            Model::Positions => {
+                text.begin(format_args!("VERTEX_TRACKXYZ {}", taxel.id));
+                text.numbers(initial.position.to_array());
+            }
+            Model::Poses => {
+                text.begin(format_args!("VERTEX_SE3:QUAT {}", taxel.id));
+                text.pose(&initial);
+            }
+        }
+        text.end()?;
+    }
+    for taxel in taxels.iter().filter(|t| t.fixed) {
+        text.begin(format_args!("FIX {}", taxel.id));
+        text.end()?;
+    }
+    for edge in edges {
+        text.edge([taxels[edge.from].id, taxels[edge.to].id], &edge.motion)?;
+    }
+    for contact in contacts {
+        text.contact(taxels[contact.taxel].id, &contact.touch, &offsets)?;
+    }
+    Ok(())
+}
+
+/// Where sensors are in the frames of taxels: each place once, the taxel's own first.
+fn offsets(observations: &Observations) -> Vec<Pose> {
+    let mut offsets = vec![Pose::IDENTITY];
+    for contact in &observations.contacts {
+        if let Touch::Pose(prior) = &contact.touch
+            && !offsets.contains(&prior.offset)
+        {
+            offsets.push(prior.offset);
+        }
+    }
+    offsets
+}
+
+/// A file that is being written, line by line.
+struct Text<'a, W> {
+    out: &'a mut W,
+    line: String,
+    path: &'a Path,
+}
+
+impl<W: Write> Text<'_, W> {
+    fn begin(&mut self, text: fmt::Arguments<'_>) {
+        push(&mut self.line, text);
+    }
+
+    /// The shortest digits that read back to the same bits: at most 17.
+    fn numbers(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        for x in numbers {
+            // Without an exponent 1e-300 would be 300 zeros.
+            let plain = x == 0.0 || (1e-5..1e17).contains(&x.abs());
+            if plain {
+                push(&mut self.line, format_args!(" {x}"));
+            } else {
+                push(&mut self.line, format_args!(" {x:e}"));
+            }
+        }
+    }
+
+    fn pose(&mut self, pose: &Pose) {
+        self.numbers(pose.position.to_array());
+        self.numbers(pose.rotation.to_array());
+    }
+
+    fn end(&mut self) -> Result<(), IoError> {
+        self.line.push('\n');
+        let done = self.out.write_all(self.line.as_bytes());
+        self.line.clear();
+        done.map_err(|source| IoError::Write { path: self.path.to_owned(), source })
+    }
+
+    fn edge(&mut self, [from, to]: [TaxelId; 2], motion: &Motion) -> Result<(), IoError> {
+        match motion {
+            Motion::Offset { offset, information } => {
+                self.begin(format_args!("EDGE_POINTXYZ {from} {to}"));
+                self.numbers(offset.to_array());
+                self.numbers(information.upper());
+            }
+            Motion::Relative(m) => {
+                self.begin(format_args!("EDGE_SE3:QUAT {from} {to}"));
+                self.pose(&m.pose);
+                self.numbers(m.information.upper());
+            }
+        }
+        self.end()
+    }
+
+    fn contact(&mut self, id: TaxelId, touch: &Touch, offsets: &[Pose]) -> Result<(), IoError> {
+        match touch {
+            Touch::Position { position, information } => {
+                self.begin(format_args!("EDGE_POINTXYZ_PRIOR {id}"));
+                self.numbers(position.to_array());
+                self.numbers(information.upper());
+            }
+            Touch::Pose(prior) => {
+                let k = offsets.iter().position(|o| *o == prior.offset).unwrap_or_default();
+                self.begin(format_args!("EDGE_SE3_PRIOR {id} {k}"));
+                self.pose(&prior.pose);
+                self.numbers(prior.information.upper());
+            }
+            Touch::PositionNormal { .. } => {
+                return Err(IoError::Unsupported {
+                    path: self.path.to_owned(),
+                    element: format!("the contact of taxel {id}"),
+                    feature: "a normal".into(),
+                    remedy: "write the contacts to a table of their own".into(),
+                });
+            }
+        }
+        self.end()
+    }
+}
+
+fn push(line: &mut String, text: fmt::Arguments<'_>) {
+    line.write_fmt(text).expect("writing into a string cannot fail");
+}

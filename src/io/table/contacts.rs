@@ -1,0 +1,251 @@
+use std::{
+    io::{self, Read},
+    path::{Path, PathBuf},
+};
+
+use csv::StringRecord;
+use glam::DVec3;
+
+use crate::io::{
+    IoError,
+    table::columns::{Columns, Row, table_error},
+};
+
+/// Columns of a table of contacts.
+const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "time"];
+
+/// Longest line of a stream, in bytes. A stream has no length to be checked; without a bound, one that never ends its
+/// line, or never closes a quote, would fill the memory.
+const MAX_LINE: usize = 1 << 20;
+
+/// One contact of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactRow {
+    /// Where it is, in m; in the frame of `link`, or in the world without one.
+    pub position: DVec3,
+    /// Direction, as given.
+    pub normal: Option<DVec3>,
+    /// Force, in N.
+    pub force: Option<f64>,
+    /// Radius of the touching sphere, in m.
+    pub radius: Option<f64>,
+    /// Name of the link it is relative to.
+    pub link: Option<String>,
+    /// When it was, in s.
+    pub time: Option<f64>,
+}
+
+/// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and optionally `nx,ny,nz`, `force`,
+/// `radius`, `link` and `time`, in any order. Cells of optional columns may be empty.
+///
+/// Memory does not grow with the table. After an error about a line the iterator goes on with the next one; it ends when
+/// the stream fails.
+#[derive(Debug)]
+pub struct ContactReader<R> {
+    table: csv::Reader<Bounded<R>>,
+    path: PathBuf,
+    columns: Columns,
+    places: Places,
+    cells: StringRecord,
+    ended: bool,
+}
+
+/// Where the columns are.
+#[derive(Debug)]
+struct Places {
+    position: [usize; 3],
+    normal: Option<[usize; 3]>,
+    force: Option<usize>,
+    radius: Option<usize>,
+    link: Option<usize>,
+    time: Option<usize>,
+}
+
+impl<R: Read> ContactReader<R> {
+    /// Reads the names of the columns; errors call the table `path`.
+    ///
+    /// # Errors
+    /// If a name comes twice, `x`, `y` or `z` is missing, or only a part of `nx,ny,nz` is there.
+    pub fn new(path: &Path, input: R) -> Result<Self, IoError> {
+        let input = Bounded { input, left: MAX_LINE };
+        let mut table = csv::Reader::from_reader(input);
+        let header = table.headers().map_err(|e| table_error(path, e))?;
+        let columns = Columns::new(path, header)?;
+        let places = Places {
+            position: columns.need_vector(path, ["x", "y", "z"])?,
+            normal: columns.find_vector(path, ["nx", "ny", "nz"])?,
+            force: columns.find("force"),
+            radius: columns.find("radius"),
+            link: columns.find("link"),
+            time: columns.find("time"),
+        };
+        Ok(Self { table, path: path.into(), columns, places, cells: StringRecord::new(), ended: false })
+    }
+
+    /// Names of columns that are not read.
+    pub fn unknown_columns(&self) -> impl Iterator<Item = &str> {
+        self.columns.unknown(&COLUMNS).map(|(_, name)| name)
+    }
+
+    /// Line of the table that the last row came from, counted from 1.
+    #[must_use]
+    pub fn line(&self) -> u64 {
+        self.cells.position().map_or(1, csv::Position::line)
+    }
+
+    fn read_row(&self) -> Result<ContactRow, IoError> {
+        let row = Row { path: &self.path, columns: &self.columns, cells: &self.cells };
+        let number = |column: Option<usize>| column.map_or(Ok(None), |c| row.number_if_any(c));
+        let places = &self.places;
+        let radius = number(places.radius)?;
+        if let (Some(column), true) = (places.radius, radius.is_some_and(|r| r < 0.0)) {
+            return Err(row.invalid(column, "a radius of at least 0 m"));
+        }
+        Ok(ContactRow {
+            position: row.vector(places.position)?,
+            normal: places.normal.map_or(Ok(None), |c| row.vector_if_any(c))?,
+            force: number(places.force)?,
+            radius,
+            link: places.link.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned),
+            time: number(places.time)?,
+        })
+    }
+}
+
+impl<R: Read> Iterator for ContactReader<R> {
+    type Item = Result<ContactRow, IoError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
+        }
+        self.table.get_mut().left = MAX_LINE;
+        match self.table.read_record(&mut self.cells) {
+            Ok(true) => Some(self.read_row()),
+            Ok(false) => {
+                self.ended = true;
+                None
+            }
+            Err(error) => {
+                self.ended = error.is_io_error();
+                Some(Err(table_error(&self.path, error)))
+            }
+        }
+    }
+}
+
+/// A stream of which `left` bytes may still be read before the next line is done.
+#[derive(Debug)]
+struct Bounded<R> {
+    input: R,
+    left: usize,
+}
+
+impl<R: Read> Read for Bounded<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.left == 0 {
+            let found = format!("more than {MAX_LINE} bytes");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, found));
+        }
+        let wanted = buffer.len().min(self.left);
+        let count = self.input.read(&mut buffer[..wanted])?;
+        self.left -= count;
+        Ok(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Vec<Result<ContactRow, IoError>> {
+        ContactReader::new(Path::new("-"), text.as_bytes()).unwrap().collect()
+    }
+
+    fn message<T: std::fmt::Debug>(result: Result<T, IoError>) -> String {
+        result.unwrap_err().to_string()
+    }
+
+    #[test]
+    fn columns_come_in_any_order_and_cells_may_be_empty() {
+        let text = "\u{feff}time, z ,link,y,x,radius,force,nz,ny,nx\r\n0.5,3,\"left, arm\",2,1e0,,-2,1,0,0\r\n,0,,0,0,,,,,\r\n";
+        let rows: Vec<ContactRow> = read(text).into_iter().map(Result::unwrap).collect();
+        let full = ContactRow {
+            position: DVec3::new(1.0, 2.0, 3.0),
+            normal: Some(DVec3::Z),
+            force: Some(-2.0),
+            radius: None,
+            link: Some("left, arm".into()),
+            time: Some(0.5),
+        };
+        let bare = ContactRow {
+            position: DVec3::ZERO,
+            normal: None,
+            force: None,
+            radius: None,
+            link: None,
+            time: None,
+        };
+        assert_eq!(rows, [full, bare]);
+    }
+
+    #[test]
+    fn unknown_columns_are_told() {
+        let reader = ContactReader::new(Path::new("-"), &b"x,y,z,colour\n"[..]).unwrap();
+        assert_eq!(reader.unknown_columns().collect::<Vec<_>>(), ["colour"]);
+    }
+
+    #[test]
+    fn a_broken_line_is_named_and_the_next_one_read() {
+        let rows = read("x,y,z,nx,ny,nz,radius\n0,0,NaN,,,,\n0,0,0,1,,0,\n0,0,0,,,,-1\n0,0\n1,2,3,,,,\n");
+        let places = [
+            "line 2, column `z`: found \"NaN\"",
+            "line 3, column `ny`",
+            "line 4, column `radius`",
+            "line 5: found 2 cells",
+        ];
+        let mut rows = rows.into_iter();
+        for place in places {
+            let found = message(rows.next().unwrap());
+            assert!(found.contains(place), "{place:?} is named in {found:?}");
+        }
+        assert_eq!(rows.next().unwrap().unwrap().position, DVec3::new(1.0, 2.0, 3.0));
+        assert!(rows.next().is_none());
+    }
+
+    #[test]
+    fn headers_without_a_position_or_with_a_name_twice_are_refused() {
+        for (header, place) in [
+            ("", "the names of the columns"),
+            ("x,y\n", "a column `z`"),
+            ("x,y,z,x\n", "line 1, column 4"),
+            ("x,y,z,nx,nz\n", "a column `ny`"),
+            ("x,y,\u{fffd}\n", "a column `z`"),
+        ] {
+            let found = message(ContactReader::new(Path::new("-"), header.as_bytes()));
+            assert!(found.contains(place), "{place:?} is named in {found:?}");
+        }
+        let latin = message(ContactReader::new(Path::new("-"), &b"x,y,z,\xfc\n"[..]));
+        assert!(latin.contains("UTF-8"), "{latin}");
+    }
+
+    /// A line without end, and a quote that is never closed, end the table instead of filling the memory.
+    #[test]
+    fn an_endless_line_is_refused() {
+        for start in ["", "\""] {
+            let endless = format!("x,y,z\n{start}").into_bytes();
+            let input = endless.as_slice().chain(io::repeat(b'1'));
+            let mut rows = ContactReader::new(Path::new("-"), input).unwrap();
+            let found = message(rows.next().unwrap());
+            assert!(found.contains("more than 1048576 bytes"), "{found}");
+            assert!(rows.next().is_none(), "the stream is given up");
+        }
+    }
+
+    #[test]
+    fn a_long_table_passes_though_its_lines_together_are_long() {
+        let line = format!("0,0,0,{}\n", "l".repeat(1000));
+        let text = "x,y,z,link\n".to_owned() + &line.repeat(3000);
+        assert_eq!(read(&text).into_iter().filter(Result::is_ok).count(), 3000);
+    }
+}
