@@ -35,7 +35,7 @@ pub enum Error {
     Io(#[from] crate::io::IoError),
     /// A map without a picture.
     #[error(transparent)]
-    Report(#[from] crate::report::ReportError),
+    Plot(#[from] crate::plot::PlotError),
     /// Any of them, in one patch of a skin.
     #[error("patch {patch:?}: {source}")]
     Patch {
@@ -70,7 +70,7 @@ impl Error {
             Self::Contact(e) => e.help().into(),
             Self::Atlas(e) => e.help(),
             Self::Io(e) => e.help(),
-            Self::Report(e) => e.help(),
+            Self::Plot(e) => e.help(),
             Self::Patch { source, .. } => source.help(),
         }
     }

@@ -531,7 +531,10 @@ fn the_parts_of_the_icub_become_sound_skins() {
         // Not only is it all there: its map has no flip.
         let options = pipeline::BuildOptions::default();
         let (map, _) = pipeline::build(&assembled.skin, &options, &|_, _, _| ()).unwrap();
-        assert!(report::measure(&map).iter().flat_map(|p| &p.levels).all(|l| l.flips == 0), "{part}");
+        assert!(
+            report::measure(&map).iter().flat_map(|p| &p.levels).all(|l| l.distortion.flips == 0),
+            "{part}"
+        );
     }
 }
 

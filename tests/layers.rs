@@ -6,7 +6,7 @@ use std::{fs, path::Path};
 
 const ROOMS: &[&str] = &[
     "id", "numeric", "mesh", "delaunay", "sparse", "skin", "calib", "pyramid", "flatten", "map", "atlas",
-    "contact", "io", "report", "error", "pipeline",
+    "contact", "io", "plot", "report", "error", "pipeline",
 ];
 
 const DOORS: &[(&str, &str)] =

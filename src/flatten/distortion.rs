@@ -14,7 +14,7 @@ use crate::{
 const LARGEST: f64 = 1e12;
 
 /// How faithful a map is. Means are weighted with the areas on the skin.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Distortion {
     /// Triangles whose map is mirrored or has no area.
     pub flips: usize,

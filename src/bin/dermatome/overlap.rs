@@ -10,9 +10,12 @@ use crate::{Common, tables::plain};
 /// Says which maps have flipped triangles or cross themselves, one line a patch: a user must hear of it.
 pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, common: &Common) {
     for patch in patches.iter().filter(|_| !common.quiet) {
-        let faulty = patch.levels.iter().filter(|l| l.flips + l.crossings > 0);
-        let levels: Vec<String> =
-            faulty.map(|l| format!("L{}: flips {}, crossings {}", l.level, l.flips, l.crossings)).collect();
+        let faulty = patch.levels.iter().filter(|l| l.distortion.flips + l.distortion.crossings > 0);
+        let levels: Vec<String> = faulty
+            .map(|l| {
+                format!("L{}: flips {}, crossings {}", l.level, l.distortion.flips, l.distortion.crossings)
+            })
+            .collect();
         if !levels.is_empty() {
             let (name, cure) = (plain(&patch.name), cure(options));
             eprintln!("note: {name}: the map lies over itself ({}); {cure}", levels.join("; "));

@@ -12,8 +12,8 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     io::{self, IoError, read_map_if_any, replace_file},
+    plot::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
     pyramid::LevelId,
-    report::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
 };
 
 use crate::{

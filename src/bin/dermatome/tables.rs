@@ -80,13 +80,13 @@ pub(crate) fn print_levels(patches: &[PatchReport]) -> anyhow::Result<()> {
                 l.vertices.to_string(),
                 l.faces.to_string(),
                 l.boundary_loops.to_string(),
-                l.flips.to_string(),
-                l.crossings.to_string(),
-                format!("{:.4}", l.qc_mean),
-                format!("{:.3}", l.qc_max),
-                format!("{:.4}", l.area_mean),
-                format!("{:.3}", l.area_max),
-                format!("{:.5}", l.symmetric_dirichlet),
+                l.distortion.flips.to_string(),
+                l.distortion.crossings.to_string(),
+                format!("{:.4}", l.distortion.qc_mean),
+                format!("{:.3}", l.distortion.qc_max),
+                format!("{:.4}", l.distortion.area_mean),
+                format!("{:.3}", l.distortion.area_max),
+                format!("{:.5}", l.distortion.symmetric_dirichlet),
             ]
         })
         .collect();

@@ -1,16 +1,16 @@
 use glam::DVec2;
 use svg::node::element::{Definitions, Group, LinearGradient, Rectangle, Stop, Text};
 
-use crate::report::{
-    Paint, ReportError,
-    cells::View,
-    colours::{DIVERGING, ORDER, SEQUENTIAL, Scale},
-    panel::Panel,
-    range::Range,
+use crate::plot::{
+    Paint, PlotError,
+    colour::scale_limits::Range,
+    colour::scales::{DIVERGING, ORDER, SEQUENTIAL, Scale},
+    draw::panel::Panel,
+    draw::view::View,
 };
 
 /// Largest width or height of a picture, in pixels.
-pub(super) const MAX_SIDE: u32 = 16_384;
+pub(crate) const MAX_SIDE: u32 = 16_384;
 
 /// Least width of a picture, in pixels: the letters still fit.
 const MIN_WIDTH: u32 = 200;
@@ -38,14 +38,14 @@ const LARGEST_LETTERS: f64 = 0.016;
 const TALLEST: f64 = 0.8;
 
 /// The panels of a patch; a level that it lacks leaves its place empty.
-pub(super) type Row<'a> = Vec<Option<Panel<'a>>>;
+pub(crate) type Row<'a> = Vec<Option<Panel<'a>>>;
 
 /// Where everything stands: a row per patch, a column per level, one scale.
-pub(super) struct Layout {
-    pub(super) width: u32,
-    pub(super) height: u32,
+pub(crate) struct Layout {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
     /// Height of the letters.
-    pub(super) em: f64,
+    pub(crate) em: f64,
     margin: f64,
     column: f64,
     scale: f64,
@@ -63,14 +63,14 @@ struct RowPlace {
 }
 
 impl Layout {
-    pub(super) fn new(rows: &[Row<'_>], width: u32) -> Result<Self, ReportError> {
+    pub(crate) fn new(rows: &[Row<'_>], width: u32) -> Result<Self, PlotError> {
         let panels = rows.iter().map(Vec::len).max().unwrap_or(0).max(1);
         let columns = panels as f64;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let least = (columns * MIN_COLUMN / (1.0 - MARGINS)).ceil() as u32;
         let least = least.max(MIN_WIDTH);
         if !(least..=MAX_SIDE).contains(&width) {
-            return Err(ReportError::Width { width, panels, least, most: MAX_SIDE });
+            return Err(PlotError::Width { width, panels, least, most: MAX_SIDE });
         }
         let total = f64::from(width);
         let margin = (total * MARGIN.min(MARGINS / (columns + 1.0))).floor();
@@ -94,7 +94,7 @@ impl Layout {
         if height > f64::from(MAX_SIDE) {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
             let height = height as u32;
-            return Err(ReportError::Size { width, height, least: MIN_WIDTH, most: MAX_SIDE });
+            return Err(PlotError::Size { width, height, least: MIN_WIDTH, most: MAX_SIDE });
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_SIDE")]
         let height = height as u32;
@@ -102,7 +102,7 @@ impl Layout {
     }
 
     /// The panels row by row, each in the middle of its place.
-    pub(super) fn views<'r, 'a>(&self, rows: &'r [Row<'a>]) -> Vec<(&'r Panel<'a>, View)> {
+    pub(crate) fn views<'r, 'a>(&self, rows: &'r [Row<'a>]) -> Vec<(&'r Panel<'a>, View)> {
         let mut views = Vec::new();
         for (row, &RowPlace { top, height, .. }) in rows.iter().zip(&self.rows) {
             for (column, panel) in row.iter().enumerate() {
@@ -119,7 +119,7 @@ impl Layout {
     }
 
     /// What a panel is and how faithful, above it.
-    pub(super) fn caption(&self, panel: &Panel<'_>, view: &View) -> Group {
+    pub(crate) fn caption(&self, panel: &Panel<'_>, view: &View) -> Group {
         let x = view.corner.x + 0.5 * view.size.x;
         let row = self.rows.iter().rev().find(|row| row.top <= view.corner.y + 1.0);
         let (top, lines) = row.map_or((self.margin, 1), |row| (row.top, row.lines));
@@ -141,7 +141,7 @@ impl Layout {
     }
 
     /// A bar of a round length, at the lower left.
-    pub(super) fn scale_bar(&self) -> Group {
+    pub(crate) fn scale_bar(&self) -> Group {
         let metres = round_down(0.4 * self.column / self.scale);
         let (x, y) = (self.margin, self.foot());
         let bar = |x: f64, y: f64, w: f64, h: f64| {
@@ -167,7 +167,7 @@ impl Layout {
     }
 
     /// What the colours mean, at the lower right.
-    pub(super) fn legend(&self, paint: Paint, range: &Range) -> Option<(Definitions, Group)> {
+    pub(crate) fn legend(&self, paint: Paint, range: &Range) -> Option<(Definitions, Group)> {
         let (scale, name, labels): (Scale, _, [String; 3]) = match paint {
             Paint::Fields => return None,
             Paint::Angle => {
@@ -236,7 +236,7 @@ fn row_extent(row: &Row<'_>) -> DVec2 {
 }
 
 /// XML has no control characters, not even escaped.
-pub(super) fn printable(name: &str) -> String {
+pub(crate) fn printable(name: &str) -> String {
     let is_drawn = |c: char| {
         // What turns the direction of writing would turn the rest of the caption, too.
         let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
@@ -274,7 +274,7 @@ fn short(x: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::report::range::round_up;
+    use crate::plot::colour::scale_limits::round_up;
 
     use super::*;
 

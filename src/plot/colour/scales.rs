@@ -2,7 +2,7 @@ use std::collections::BTreeSet;
 
 /// Fills of neighbouring fields: Paul Tol's "light" scheme, made for areas under black lines and letters and told
 /// apart with every kind of colour vision, without its grey.
-pub(super) const FIELDS: [Colour; 8] = [
+pub(crate) const FIELDS: [Colour; 8] = [
     Colour(0x77, 0xaa, 0xdd),
     Colour(0xee, 0x88, 0x66),
     Colour(0xee, 0xdd, 0x88),
@@ -14,20 +14,20 @@ pub(super) const FIELDS: [Colour; 8] = [
 ];
 
 /// The skin itself, whose taxels are no fields yet.
-pub(super) const SKIN: Colour = Colour(0xe3, 0xea, 0xf2);
+pub(crate) const SKIN: Colour = Colour(0xe3, 0xea, 0xf2);
 
 /// An sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Colour(pub(super) u8, pub(super) u8, pub(super) u8);
+pub(crate) struct Colour(pub(crate) u8, pub(crate) u8, pub(crate) u8);
 
 impl Colour {
     /// As SVG writes it.
-    pub(super) fn hex(self) -> String {
+    pub(crate) fn hex(self) -> String {
         format!("#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
     }
 
     /// So bright, 0 to 1.
-    pub(super) fn lit(self, brightness: f64) -> Self {
+    pub(crate) fn lit(self, brightness: f64) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -38,7 +38,7 @@ impl Colour {
     }
 
     /// Between three.
-    pub(super) fn mean([a, b, c]: [Self; 3]) -> Self {
+    pub(crate) fn mean([a, b, c]: [Self; 3]) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a mean of bytes is a byte")]
         let mean = |a: u8, b: u8, c: u8| ((u16::from(a) + u16::from(b) + u16::from(c)) / 3) as u8;
         Self(mean(a.0, b.0, c.0), mean(a.1, b.1, c.1), mean(a.2, b.2, c.2))
@@ -47,10 +47,10 @@ impl Colour {
 
 /// A scale of colours between anchors at equal distances.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Scale(&'static [Colour]);
+pub(crate) struct Scale(&'static [Colour]);
 
 /// Light where a map is faithful, dark where it is not (ColorBrewer's YlOrBr).
-pub(super) const SEQUENTIAL: Scale = Scale(&[
+pub(crate) const SEQUENTIAL: Scale = Scale(&[
     Colour(0xff, 0xff, 0xe5),
     Colour(0xfe, 0xe3, 0x91),
     Colour(0xfe, 0x99, 0x29),
@@ -59,7 +59,7 @@ pub(super) const SEQUENTIAL: Scale = Scale(&[
 ]);
 
 /// Blue below, light in the middle, red above (ColorBrewer's RdBu, reversed).
-pub(super) const DIVERGING: Scale = Scale(&[
+pub(crate) const DIVERGING: Scale = Scale(&[
     Colour(0x21, 0x66, 0xac),
     Colour(0x92, 0xc5, 0xde),
     Colour(0xf7, 0xf7, 0xf7),
@@ -68,7 +68,7 @@ pub(super) const DIVERGING: Scale = Scale(&[
 ]);
 
 /// For an order without a middle (viridis).
-pub(super) const ORDER: Scale = Scale(&[
+pub(crate) const ORDER: Scale = Scale(&[
     Colour(0x44, 0x01, 0x54),
     Colour(0x3b, 0x52, 0x8b),
     Colour(0x21, 0x91, 0x8c),
@@ -78,7 +78,7 @@ pub(super) const ORDER: Scale = Scale(&[
 
 impl Scale {
     /// The colour at `t`; below 0 the first, above 1 the last.
-    pub(super) fn at(self, t: f64) -> Colour {
+    pub(crate) fn at(self, t: f64) -> Colour {
         let last = self.0.len() - 1;
         let x = t.clamp(0.0, 1.0) * last as f64;
         let k = (0..last).rev().find(|&k| k as f64 <= x).unwrap_or(0);
@@ -94,7 +94,7 @@ impl Scale {
 /// Fields are coloured in the reverse of the order in which the one with the fewest neighbours left is taken away
 /// (Matula and Beck 1983): six colours then suffice for a planar map. Among the colours that no neighbour has, the
 /// one is taken that is rarest two steps away, then rarest so far. Should every colour be taken, neighbours may agree.
-pub(super) fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usize> {
+pub(crate) fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usize> {
     let mut ring = vec![Vec::new(); count];
     for &(a, b) in neighbours {
         ring[a].push(b);

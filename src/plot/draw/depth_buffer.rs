@@ -11,7 +11,7 @@ const UNCOVERED: u32 = u32::MAX;
 /// The face under the centre of each pixel that is nearest to the viewer; of several the one with the smallest id.
 ///
 /// Depths are not kept but computed from the planes of the faces, so that a picture takes four bytes a pixel.
-pub(super) struct DepthBuffer {
+pub(crate) struct DepthBuffer {
     width: usize,
     faces: Vec<u32>,
     planes: IdVec<FaceId, Option<Plane>>,
@@ -19,7 +19,7 @@ pub(super) struct DepthBuffer {
 
 impl DepthBuffer {
     /// Draws all faces; `places` are pixels to the right and down, and towards the viewer.
-    pub(super) fn new(mesh: &TriMesh, places: &IdVec<VertexId, DVec3>, [width, height]: [usize; 2]) -> Self {
+    pub(crate) fn new(mesh: &TriMesh, places: &IdVec<VertexId, DVec3>, [width, height]: [usize; 2]) -> Self {
         let planes = mesh.triangles.map(|t| Plane::new(t.map(|v| places[v])));
         let mut buffer = Self { width, faces: vec![UNCOVERED; width * height], planes };
         for (face, t) in mesh.triangles.enumerate() {
@@ -49,13 +49,13 @@ impl DepthBuffer {
     }
 
     /// The face that a pixel shows.
-    pub(super) fn face(&self, column: usize, row: usize) -> Option<FaceId> {
+    pub(crate) fn face(&self, column: usize, row: usize) -> Option<FaceId> {
         let face = *self.faces.get(row * self.width + column).filter(|_| column < self.width)?;
         (face != UNCOVERED).then(|| FaceId::from(face))
     }
 
     /// Whether nothing is more than `slack` pixels in front of a place.
-    pub(super) fn shows(&self, place: DVec3, slack: f64) -> bool {
+    pub(crate) fn shows(&self, place: DVec3, slack: f64) -> bool {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let [column, row] = [place.x as usize, place.y as usize];
         let front = self.face(column, row).and_then(|face| self.planes[face]);

@@ -29,18 +29,18 @@ impl Node {
 
 /// One loop around cells of a group.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Outline {
+pub(crate) struct Outline {
     /// The group inside of it.
-    pub(super) group: u32,
+    pub(crate) group: u32,
     /// Its corners on the map, in m; the group lies on the left.
-    pub(super) corners: Vec<DVec2>,
+    pub(crate) corners: Vec<DVec2>,
 }
 
 /// The borders of groups of cells, merged. The cell of a vertex is its barycentric dual: a third of each face around
 /// it, bounded by middles of edges and centroids.
 ///
 /// The mesh is an oriented manifold; elsewhere a loop may stay open, which does no harm in a picture.
-pub(super) fn outlines(
+pub(crate) fn outlines(
     mesh: &TriMesh,
     uv: &IdVec<VertexId, DVec2>,
     groups: &IdVec<VertexId, u32>,
@@ -94,7 +94,7 @@ fn border_steps(mesh: &TriMesh, groups: &IdVec<VertexId, u32>) -> Vec<(u32, Node
 }
 
 /// Directed edges that have a face on their left and none on their right, sorted.
-pub(super) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
     let mut edges: Vec<[VertexId; 2]> = directed_edges(mesh).collect();
     edges.sort_unstable();
     let open = |&[a, b]: &[VertexId; 2]| edges.binary_search(&[b, a]).is_err();
@@ -102,7 +102,7 @@ pub(super) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
 }
 
 /// Every edge once, sorted.
-pub(super) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+pub(crate) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
     let mut edges: Vec<_> = directed_edges(mesh).map(|[a, b]| [a.min(b), a.max(b)]).collect();
     edges.sort_unstable();
     edges.dedup();
@@ -114,7 +114,7 @@ fn directed_edges(mesh: &TriMesh) -> impl Iterator<Item = [VertexId; 2]> {
 }
 
 /// The boundary as loops of vertices, as far as it closes.
-pub(super) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
+pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
     let edges = boundary_edges(mesh);
     let mut used = vec![false; edges.len()];
     let mut loops = Vec::new();

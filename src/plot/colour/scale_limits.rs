@@ -1,23 +1,23 @@
 use crate::{
     atlas::face_stretch,
     map::MapLevel,
-    report::{ReportError, subject::Subject},
+    plot::{PlotError, patch_view::Subject},
 };
 
 /// Ends of the scales, common to all panels of a picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Range {
+pub(crate) struct Range {
     /// Largest `s1/s2` shown.
-    pub(super) angle: f64,
+    pub(crate) angle: f64,
     /// Largest area ratio shown; its inverse is the smallest.
-    pub(super) area: f64,
+    pub(crate) area: f64,
     /// Smallest and largest standard deviation shown, in m.
-    pub(super) sigma: [f64; 2],
+    pub(crate) sigma: [f64; 2],
 }
 
 impl Range {
     /// What all but a hundredth of the triangles of the levels stay below, rounded.
-    pub(super) fn new(levels: &[&MapLevel]) -> Self {
+    pub(crate) fn new(levels: &[&MapLevel]) -> Self {
         let stretches = || levels.iter().flat_map(|l| l.mesh.triangles.ids().map(|f| face_stretch(l, f)));
         let angle = share(stretches().map(|s| s.angle.abs() - 1.0).collect(), 99);
         let area = share(stretches().map(|s| s.area.abs().ln().abs()).collect(), 99);
@@ -30,7 +30,7 @@ impl Range {
 
     /// The same with the range of the taxels' standard deviations, but for a hundredth below and two above, rounded to two
     /// digits.
-    pub(super) fn with_sigmas(self, subjects: &[Subject<'_>]) -> Result<Self, ReportError> {
+    pub(crate) fn with_sigmas(self, subjects: &[Subject<'_>]) -> Result<Self, PlotError> {
         let mut sigmas = Vec::new();
         for subject in subjects {
             sigmas.extend(subject.sigmas()?);
@@ -52,7 +52,7 @@ fn share(values: Vec<f64>, percent: usize) -> f64 {
 }
 
 /// The smallest of 1, 2, 5 and 10 times a power of ten that is not below a positive `x`.
-pub(super) fn round_up(x: f64) -> f64 {
+pub(crate) fn round_up(x: f64) -> f64 {
     let power = 10_f64.powf(x.log10().floor());
     let digit = [1.0, 2.0, 5.0].into_iter().find(|d| d * power >= x).unwrap_or(10.0);
     digit * power

@@ -4,45 +4,45 @@ use svg::node::element::{Circle, Group, Path};
 use crate::{
     id::{IdVec, VertexId},
     map::MapLevel,
-    pyramid::LevelId,
-    report::{
-        Paint, ReportError, Viewpoint,
-        camera::Camera,
-        caption::{Caption, number},
-        cells::{Areas, Canvas, View},
-        coat::{Coat, Wearer},
-        layout::printable,
-        outline::{boundary_loops, edges},
-        path::PathData,
-        range::Range,
-        space::draw_in_space,
-        subject::Subject,
+    plot::{
+        Paint, PlotError, Viewpoint,
+        colour::coloured_mesh::{Coat, Wearer},
+        colour::scale_limits::Range,
+        draw::camera::Camera,
+        draw::outline::{boundary_loops, edges},
+        draw::svg_path::PathData,
+        draw::view::{Areas, Canvas, View},
+        draw::view_3d::draw_in_space,
+        layout::caption::{Caption, number},
+        layout::grid::printable,
+        patch_view::Subject,
     },
+    pyramid::LevelId,
 };
 
 /// The triangles of a level are drawn if their edges are at least so long on the picture; shorter, they would grey it.
-pub(super) const LEAST_LINE_PX: f64 = 6.0;
+pub(crate) const LEAST_LINE_PX: f64 = 6.0;
 
 /// Centres of fields, or taxels, are drawn if their distance on the picture is at least this.
 const LEAST_DOT_PX: f64 = 7.0;
 
 /// Width of the lines between triangles, in pixels.
-pub(super) const LINE_PX: f64 = 0.7;
+pub(crate) const LINE_PX: f64 = 0.7;
 
 /// Width of the line around a skin, in pixels.
-pub(super) const BOUNDARY_PX: f64 = 2.0;
+pub(crate) const BOUNDARY_PX: f64 = 2.0;
 
 /// Colour of the line around a skin, and of taxels.
-pub(super) const INK: &str = "#222";
+pub(crate) const INK: &str = "#222";
 
 /// One picture of one patch.
-pub(super) struct Panel<'a> {
+pub(crate) struct Panel<'a> {
     subject: &'a Subject<'a>,
     /// Number of the level that the colours tell about.
     number: LevelId,
     look: Look<'a>,
     /// Corners of the smallest rectangle around it, in m.
-    pub(super) bounds: (DVec2, DVec2),
+    pub(crate) bounds: (DVec2, DVec2),
 }
 
 /// How a patch is looked at.
@@ -55,20 +55,20 @@ enum Look<'a> {
 
 impl<'a> Panel<'a> {
     /// The map of a level, if there is one.
-    pub(super) fn on_map(subject: &'a Subject<'a>, number: LevelId) -> Option<Self> {
+    pub(crate) fn on_map(subject: &'a Subject<'a>, number: LevelId) -> Option<Self> {
         let level = subject.level(number)?;
         Some(Self { subject, number, look: Look::OnMap(level), bounds: bounds(&level.uv) })
     }
 
     /// The skin in space, with the colours of a level; of the coarsest if the patch has fewer.
-    pub(super) fn in_space(subject: &'a Subject<'a>, number: LevelId, viewpoint: Viewpoint) -> Self {
+    pub(crate) fn in_space(subject: &'a Subject<'a>, number: LevelId, viewpoint: Viewpoint) -> Self {
         let camera = Camera::new(viewpoint, subject.mesh, subject.pose);
         let bounds = bounds(&camera.project(subject.mesh));
         Self { subject, number, look: Look::InSpace(camera, subject.level_at_most(number)), bounds }
     }
 
     /// The level whose colours it has.
-    pub(super) fn level(&self) -> Option<&'a MapLevel> {
+    pub(crate) fn level(&self) -> Option<&'a MapLevel> {
         match self.look {
             Look::OnMap(level) => Some(level),
             Look::InSpace(_, level) => level,
@@ -76,7 +76,7 @@ impl<'a> Panel<'a> {
     }
 
     /// What it is.
-    pub(super) fn caption(&self) -> Caption {
+    pub(crate) fn caption(&self) -> Caption {
         let name = printable(self.subject.name);
         match &self.look {
             Look::OnMap(level) => {
@@ -106,7 +106,7 @@ impl<'a> Panel<'a> {
     }
 
     /// The map or the skin, coloured.
-    pub(super) fn draw(&self, view: &View, paint: Paint, range: &Range) -> Result<Group, ReportError> {
+    pub(crate) fn draw(&self, view: &View, paint: Paint, range: &Range) -> Result<Group, PlotError> {
         let coat = Coat::new(self.subject, self.level(), paint, range)?;
         match &self.look {
             Look::OnMap(level) => draw_map(level, &coat, view, paint),
@@ -127,7 +127,7 @@ fn has_dots(paint: Paint) -> bool {
     matches!(paint, Paint::Fields | Paint::Sigma)
 }
 
-fn draw_map(level: &MapLevel, coat: &Coat<'_>, view: &View, paint: Paint) -> Result<Group, ReportError> {
+fn draw_map(level: &MapLevel, coat: &Coat<'_>, view: &View, paint: Paint) -> Result<Group, PlotError> {
     let own = Canvas::own(level);
     let coated = match coat.wearer {
         Wearer::Level => Canvas::own(level),
@@ -166,16 +166,16 @@ fn boundary(canvas: &Canvas<'_>, view: &View) -> Path {
 }
 
 /// Radius of dots between edges so long, in pixels; `None` where they would touch.
-pub(super) fn dot_radius(edge_px: f64) -> Option<f64> {
+pub(crate) fn dot_radius(edge_px: f64) -> Option<f64> {
     (edge_px >= LEAST_DOT_PX).then_some((0.13 * edge_px).min(4.0))
 }
 
-pub(super) fn circle(at: DVec2, radius: f64) -> Circle {
+pub(crate) fn circle(at: DVec2, radius: f64) -> Circle {
     let short = |x: f64| (10.0 * x).round() / 10.0;
     Circle::new().set("cx", short(at.x)).set("cy", short(at.y)).set("r", short(radius))
 }
 
-pub(super) fn stroke(path: PathData, colour: &str, width: f64) -> Path {
+pub(crate) fn stroke(path: PathData, colour: &str, width: f64) -> Path {
     Path::new()
         .set("d", path.into_text())
         .set("fill", "none")
@@ -184,7 +184,7 @@ pub(super) fn stroke(path: PathData, colour: &str, width: f64) -> Path {
 }
 
 /// Fields are parted by white lines; other areas of one colour flow together, so their seams are painted over.
-pub(super) fn add_areas(mut group: Group, areas: &Areas, parted: bool) -> Group {
+pub(crate) fn add_areas(mut group: Group, areas: &Areas, parted: bool) -> Group {
     for (colour, path) in areas.paths.iter().filter(|(_, path)| !path.is_empty()) {
         let element = Path::new().set("d", path.clone().into_text()).set("fill", colour.hex());
         group = group.add(match (areas.exact, parted) {

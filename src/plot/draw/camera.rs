@@ -29,18 +29,18 @@ pub enum Viewpoint {
 
 /// An orthographic camera: lengths in the picture plane are true, so one bar tells the scale everywhere.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Camera {
+pub(crate) struct Camera {
     /// Unit axes of the picture in the frame of the mesh; `toward` points to the viewer.
     right: DVec3,
     up: DVec3,
     toward: DVec3,
     /// The direction in whole degrees, azimuth and elevation.
-    pub(super) degrees: [f64; 2],
+    pub(crate) degrees: [f64; 2],
 }
 
 impl Camera {
     /// Looks at a mesh that `pose` places in the world; z is up.
-    pub(super) fn new(viewpoint: Viewpoint, mesh: &TriMesh, pose: DAffine3) -> Self {
+    pub(crate) fn new(viewpoint: Viewpoint, mesh: &TriMesh, pose: DAffine3) -> Self {
         let degrees = match viewpoint {
             // Whole degrees, so that the direction that a picture tells gives the same picture.
             Viewpoint::Outside => outside(mesh, pose).map(|angle| angle.to_degrees().round()),
@@ -57,29 +57,29 @@ impl Camera {
     }
 
     /// Where a point is on the picture, in m, right and up.
-    pub(super) fn place(&self, at: DVec3) -> DVec2 {
+    pub(crate) fn place(&self, at: DVec3) -> DVec2 {
         DVec2::new(self.right.dot(at), self.up.dot(at))
     }
 
     /// How near a point is to the viewer, in m; larger is nearer.
-    pub(super) fn nearness(&self, at: DVec3) -> f64 {
+    pub(crate) fn nearness(&self, at: DVec3) -> f64 {
         self.toward.dot(at)
     }
 
     /// How much light a surface with this unit normal sends to the viewer, 0 to 1: the lamp stands at the viewer's upper
     /// left.
-    pub(super) fn light(&self, normal: DVec3) -> f64 {
+    pub(crate) fn light(&self, normal: DVec3) -> f64 {
         let lamp = (self.toward + 0.3 * self.up - 0.3 * self.right).normalize_or_zero();
         lamp.dot(normal).max(0.0)
     }
 
     /// Whether a surface with this normal shows its outside.
-    pub(super) fn sees(&self, normal: DVec3) -> bool {
+    pub(crate) fn sees(&self, normal: DVec3) -> bool {
         self.toward.dot(normal) > 0.0
     }
 
     /// Places of all vertices, in m.
-    pub(super) fn project(&self, mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
+    pub(crate) fn project(&self, mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
         mesh.positions.map(|&p| self.place(p))
     }
 }

@@ -25,7 +25,7 @@ const LEAST_GAP_PX: f64 = 0.5;
 ///
 /// `places` are pixels to the right and down, and towards the viewer. Where the mesh leaves a choice the middle that is
 /// farther comes first.
-pub(super) fn back_to_front(mesh: &TriMesh, places: &IdVec<VertexId, DVec3>) -> Option<Vec<FaceId>> {
+pub(crate) fn back_to_front(mesh: &TriMesh, places: &IdVec<VertexId, DVec3>) -> Option<Vec<FaceId>> {
     let corners: IdVec<FaceId, [DVec3; 3]> = mesh.triangles.map(|t| counter_clockwise(t.map(|v| places[v])));
     let hides = overlaps(&corners)?;
     let mut by_middle: Vec<FaceId> = corners.ids().collect();

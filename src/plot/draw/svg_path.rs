@@ -5,21 +5,21 @@ use glam::DVec2;
 /// Path data of SVG: points rounded to a tenth of a pixel and written relative to the last, which is short and does
 /// not drift.
 #[derive(Debug, Clone, Default)]
-pub(super) struct PathData {
+pub(crate) struct PathData {
     text: String,
     at: [i64; 2],
 }
 
 impl PathData {
     /// Starts a subpath.
-    pub(super) fn move_to(&mut self, p: DVec2) {
+    pub(crate) fn move_to(&mut self, p: DVec2) {
         let to = tenths(p);
         self.put('M', to);
         self.at = to;
     }
 
     /// A straight line, unless it is shorter than the rounding.
-    pub(super) fn line_to(&mut self, p: DVec2) {
+    pub(crate) fn line_to(&mut self, p: DVec2) {
         let to = tenths(p);
         if to != self.at {
             self.put('l', [to[0] - self.at[0], to[1] - self.at[1]]);
@@ -28,7 +28,7 @@ impl PathData {
     }
 
     /// A closed polygon.
-    pub(super) fn polygon(&mut self, points: impl IntoIterator<Item = DVec2>) {
+    pub(crate) fn polygon(&mut self, points: impl IntoIterator<Item = DVec2>) {
         let mut points = points.into_iter();
         let Some(first) = points.next() else { return };
         self.move_to(first);
@@ -39,18 +39,18 @@ impl PathData {
     }
 
     /// A rectangle of whole pixels, one pixel high.
-    pub(super) fn run(&mut self, corner: DVec2, columns: usize) {
+    pub(crate) fn run(&mut self, corner: DVec2, columns: usize) {
         self.move_to(corner);
         // Writing to a string cannot fail.
         let _ = write!(self.text, "h{columns}v1h-{columns}z");
     }
 
     /// The text of the attribute `d`.
-    pub(super) fn into_text(self) -> String {
+    pub(crate) fn into_text(self) -> String {
         self.text
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.text.is_empty()
     }
 

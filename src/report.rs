@@ -1,3 +1,5 @@
+//! `report.json`: what a build measured, level by level ([`measure`]), and how long each stage took.
+
 use serde::Serialize;
 
 use crate::{
@@ -48,39 +50,32 @@ pub struct PatchReport {
     pub levels: Vec<LevelReport>,
 }
 
-/// One level of a [`PatchReport`]; the measures are those of [`crate::flatten::Distortion`].
+/// One level of a [`PatchReport`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[allow(missing_docs, reason = "named as in Distortion, which tells their meaning")]
 pub struct LevelReport {
+    /// The level; 0 is the skin itself.
     pub level: usize,
+    /// Number of vertices: taxels or fields.
     pub vertices: usize,
+    /// Number of triangles.
     pub faces: usize,
+    /// Number of boundary loops.
     pub boundary_loops: usize,
-    pub flips: usize,
-    pub crossings: usize,
-    pub qc_mean: f64,
-    pub qc_max: f64,
-    pub area_mean: f64,
-    pub area_max: f64,
-    pub symmetric_dirichlet: f64,
+    /// How faithful the level's map is.
+    #[serde(flatten)]
+    pub distortion: Distortion,
 }
 
 impl LevelReport {
     /// The counts and measures of one level.
     #[must_use]
-    pub fn new(level: LevelId, mesh: &TriMesh, d: &Distortion) -> Self {
+    pub fn new(level: LevelId, mesh: &TriMesh, distortion: &Distortion) -> Self {
         Self {
             level: level.index(),
             vertices: mesh.positions.len(),
             faces: mesh.triangles.len(),
             boundary_loops: Adjacency::new(mesh).map_or(0, |a| a.boundary_loops().len()),
-            flips: d.flips,
-            crossings: d.crossings,
-            qc_mean: d.qc_mean,
-            qc_max: d.qc_max,
-            area_mean: d.area_mean,
-            area_max: d.area_max,
-            symmetric_dirichlet: d.symmetric_dirichlet,
+            distortion: *distortion,
         }
     }
 }

@@ -15,15 +15,15 @@ const TOLERANCES: [u8; 6] = [0, 1, 2, 3, 4, 6];
 /// A drawing has few colours but thousands of mixtures along its edges. The most frequent colours are taken first, each
 /// unless one of those before is near enough, with the least tolerance that needs no more than 256. Shaded scales of colours
 /// have no such palette.
-pub(super) struct Palette {
+pub(crate) struct Palette {
     /// The colours, the most frequent first.
-    pub(super) colours: Vec<Rgb>,
+    pub(crate) colours: Vec<Rgb>,
     numbers: BTreeMap<Rgb, u8>,
 }
 
 impl Palette {
     /// The palette of a picture's pixels, if it has one.
-    pub(super) fn new(pixels: impl Iterator<Item = Rgb>) -> Option<Self> {
+    pub(crate) fn new(pixels: impl Iterator<Item = Rgb>) -> Option<Self> {
         let mut counts = BTreeMap::<Rgb, u64>::new();
         let (mut current, mut run) = (None, 0);
         for pixel in pixels {
@@ -48,7 +48,7 @@ impl Palette {
     }
 
     /// The number of the colour that stands for a pixel.
-    pub(super) fn number(&self, pixel: Rgb) -> u8 {
+    pub(crate) fn number(&self, pixel: Rgb) -> u8 {
         self.numbers.get(&pixel).copied().unwrap_or_default()
     }
 }

@@ -10,11 +10,11 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     map::{MapFrame, MapLevel},
     mesh::TriMesh,
-    report::{
-        ReportError,
-        colours::{Colour, FIELDS, colour_fields},
-        outline::{edges, outlines},
-        path::PathData,
+    plot::{
+        PlotError,
+        colour::scales::{Colour, FIELDS, colour_fields},
+        draw::outline::{edges, outlines},
+        draw::svg_path::PathData,
     },
 };
 
@@ -24,20 +24,20 @@ const LEAST_EDGE_PX: f64 = 3.0;
 
 /// From the map to the picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
+pub(crate) struct View {
     /// Pixels per metre.
-    pub(super) scale: f64,
+    pub(crate) scale: f64,
     /// Where the panel's upper left corner lies on the picture, in whole pixels.
-    pub(super) corner: DVec2,
+    pub(crate) corner: DVec2,
     /// The same corner on the map, in m.
-    pub(super) origin: DVec2,
+    pub(crate) origin: DVec2,
     /// Width and height of the panel, in whole pixels.
-    pub(super) size: DVec2,
+    pub(crate) size: DVec2,
 }
 
 impl View {
     /// The place of a map position on the picture, in pixels.
-    pub(super) fn place(&self, at: DVec2) -> DVec2 {
+    pub(crate) fn place(&self, at: DVec2) -> DVec2 {
         self.corner + DVec2::new(at.x - self.origin.x, self.origin.y - at.y) * self.scale
     }
 
@@ -55,19 +55,19 @@ impl View {
 }
 
 /// A mesh laid out in the plane of a panel.
-pub(super) struct Canvas<'a> {
-    pub(super) mesh: &'a TriMesh,
-    pub(super) uv: Cow<'a, IdVec<VertexId, DVec2>>,
+pub(crate) struct Canvas<'a> {
+    pub(crate) mesh: &'a TriMesh,
+    pub(crate) uv: Cow<'a, IdVec<VertexId, DVec2>>,
 }
 
 impl<'a> Canvas<'a> {
     /// A level on its own map.
-    pub(super) fn own(level: &'a MapLevel) -> Self {
+    pub(crate) fn own(level: &'a MapLevel) -> Self {
         Self { mesh: &level.mesh, uv: Cow::Borrowed(&level.uv) }
     }
 
     /// The taxels on the map of `level`, each where its fields pull it.
-    pub(super) fn carried(taxels: &'a TriMesh, level: &'a MapLevel) -> Self {
+    pub(crate) fn carried(taxels: &'a TriMesh, level: &'a MapLevel) -> Self {
         let Some(direct) = &level.direct else { return Self::own(level) };
         let place = |(v, t): (VertexId, &[VertexId; 3])| {
             t.iter().zip(direct.weights[v]).map(|(&k, w)| w * level.uv[k]).sum()
@@ -76,7 +76,7 @@ impl<'a> Canvas<'a> {
     }
 
     /// Mean length of the edges, in pixels of the picture.
-    pub(super) fn edge_px(&self, view: &View) -> f64 {
+    pub(crate) fn edge_px(&self, view: &View) -> f64 {
         let edges = edges(self.mesh);
         let sum: f64 = edges.iter().map(|&[a, b]| self.uv[a].distance(self.uv[b])).sum();
         view.scale * sum / edges.len().max(1) as f64
@@ -84,7 +84,7 @@ impl<'a> Canvas<'a> {
 }
 
 /// The field that each taxel belongs to most, the first of several; on level 0 every taxel is its own.
-pub(super) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
+pub(crate) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
     let Some(direct) = &level.direct else {
         return level.mesh.positions.ids().map(VertexId::raw).collect();
     };
@@ -93,7 +93,7 @@ pub(super) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
 }
 
 /// A colour for each of `count` fields that differs from those of the fields beside it.
-pub(super) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count: usize) -> Vec<Colour> {
+pub(crate) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count: usize) -> Vec<Colour> {
     let mut neighbours = BTreeSet::new();
     for [a, b] in edges(mesh) {
         let (a, b) = (groups[a] as usize, groups[b] as usize);
@@ -105,7 +105,7 @@ pub(super) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count
 }
 
 /// What a mesh is filled with.
-pub(super) enum Fill {
+pub(crate) enum Fill {
     /// One colour for each group of cells.
     Cells { groups: IdVec<VertexId, u32>, colours: Vec<Colour> },
     /// One colour for each face.
@@ -114,7 +114,7 @@ pub(super) enum Fill {
 
 impl Fill {
     /// The colour of a corner of a face.
-    pub(super) fn colour(&self, face: FaceId, corner: VertexId) -> Colour {
+    pub(crate) fn colour(&self, face: FaceId, corner: VertexId) -> Colour {
         match self {
             Self::Faces(colours) => colours[face],
             Self::Cells { groups, colours } => colours[groups[corner] as usize],
@@ -123,14 +123,14 @@ impl Fill {
 }
 
 /// The areas of each colour, and whether they are exact or pixels.
-pub(super) struct Areas {
-    pub(super) paths: BTreeMap<Colour, PathData>,
-    pub(super) exact: bool,
+pub(crate) struct Areas {
+    pub(crate) paths: BTreeMap<Colour, PathData>,
+    pub(crate) exact: bool,
 }
 
 impl Areas {
     /// Fills the canvas. Neighbouring groups of one colour merge.
-    pub(super) fn new(canvas: &Canvas<'_>, fill: &Fill, view: &View) -> Result<Self, ReportError> {
+    pub(crate) fn new(canvas: &Canvas<'_>, fill: &Fill, view: &View) -> Result<Self, PlotError> {
         let mut paths = BTreeMap::<Colour, PathData>::new();
         let exact = canvas.edge_px(view) >= LEAST_EDGE_PX;
         match (exact, fill) {
@@ -158,7 +158,7 @@ fn draw_runs(
     fill: &Fill,
     view: &View,
     paths: &mut BTreeMap<Colour, PathData>,
-) -> Result<(), ReportError> {
+) -> Result<(), PlotError> {
     let chart = Chart::of("the picture", canvas.mesh, &canvas.uv, view.frame())?;
     let [width, height] = chart.size_px();
     let colour = |column, row| {
@@ -173,7 +173,7 @@ fn draw_runs(
 }
 
 /// Adds the pixels of a row, which begins at `corner`, as runs of equal ones.
-pub(super) fn draw_row(colours: &[Option<Colour>], corner: DVec2, paths: &mut BTreeMap<Colour, PathData>) {
+pub(crate) fn draw_row(colours: &[Option<Colour>], corner: DVec2, paths: &mut BTreeMap<Colour, PathData>) {
     let mut start = 0;
     for run in colours.chunk_by(|a, b| a == b) {
         if let Some(colour) = run[0] {
@@ -184,6 +184,6 @@ pub(super) fn draw_row(colours: &[Option<Colour>], corner: DVec2, paths: &mut BT
 }
 
 /// The largest of three weights, the first of several.
-pub(super) fn largest(weights: [f64; 3]) -> usize {
+pub(crate) fn largest(weights: [f64; 3]) -> usize {
     (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }

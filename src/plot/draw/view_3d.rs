@@ -5,16 +5,16 @@ use svg::node::element::{Group, Path};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    report::{
-        camera::Camera,
-        cells::{Areas, Canvas, View, draw_row, largest},
-        coat::Coat,
-        colours::Colour,
-        depth::DepthBuffer,
-        order::back_to_front,
-        outline::{boundary_edges, edges},
-        panel::{BOUNDARY_PX, INK, LEAST_LINE_PX, LINE_PX, add_areas, circle, dot_radius, stroke},
-        path::PathData,
+    plot::{
+        colour::coloured_mesh::Coat,
+        colour::scales::Colour,
+        draw::camera::Camera,
+        draw::depth_buffer::DepthBuffer,
+        draw::depth_order::back_to_front,
+        draw::outline::{boundary_edges, edges},
+        draw::panel::{BOUNDARY_PX, INK, LEAST_LINE_PX, LINE_PX, add_areas, circle, dot_radius, stroke},
+        draw::svg_path::PathData,
+        draw::view::{Areas, Canvas, View, draw_row, largest},
     },
 };
 
@@ -46,7 +46,7 @@ const MOST_PIECES: f64 = 4096.0;
 ///
 /// Triangles that are large enough for lines are drawn from the farthest to the nearest; smaller ones, and such as have no
 /// such order, pixel by pixel with the lines and dots that are not hidden.
-pub(super) fn draw_in_space(coat: &Coat<'_>, camera: &Camera, view: &View, dots: &[VertexId]) -> Group {
+pub(crate) fn draw_in_space(coat: &Coat<'_>, camera: &Camera, view: &View, dots: &[VertexId]) -> Group {
     let scene = Scene::new(coat, camera, view, dots);
     let order = if scene.has_lines() { back_to_front(coat.mesh, &scene.places) } else { None };
     match order {

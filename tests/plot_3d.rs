@@ -10,7 +10,7 @@ use dermatome::{
     id::IdVec,
     io::{write_map, write_skin},
     mesh::{TriMesh, shapes},
-    report::{Paint, PlotOptions, ReportError, Viewpoint, plot_map, plot_skin, render_png},
+    plot::{Paint, PlotError, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
     skin::Skin,
 };
 use glam::DVec3;
@@ -142,7 +142,7 @@ fn a_patch_without_the_level_has_the_colours_of_its_coarsest() {
     let svg = plot_map(&map, &options).unwrap();
     assert!(svg.contains("tip, in space") && !svg.contains("tip, level"));
     map.links = IdVec::new();
-    assert!(matches!(plot_map(&map, &options), Err(ReportError::Skin(_))), "no link, no place in space");
+    assert!(matches!(plot_map(&map, &options), Err(PlotError::Skin(_))), "no link, no place in space");
 }
 
 #[test]
@@ -175,18 +175,18 @@ fn what_cannot_be_drawn_is_named() {
     let bare = Skin::from_mesh("bare", shapes::square());
     let ask = |options: PlotOptions| plot_skin(&bare, &options).unwrap_err();
     let paint = |paint| PlotOptions { paint, ..PlotOptions::default() };
-    assert!(matches!(ask(paint(Paint::Angle)), ReportError::NoMap { .. }));
-    assert!(matches!(ask(paint(Paint::Area)), ReportError::NoMap { .. }));
-    assert!(matches!(ask(paint(Paint::Sigma)), ReportError::NoCovariances { .. }));
+    assert!(matches!(ask(paint(Paint::Angle)), PlotError::NoMap { .. }));
+    assert!(matches!(ask(paint(Paint::Area)), PlotError::NoMap { .. }));
+    assert!(matches!(ask(paint(Paint::Sigma)), PlotError::NoCovariances { .. }));
     let levels = PlotOptions { levels: vec![level_id(0)], ..PlotOptions::default() };
-    assert!(matches!(ask(levels), ReportError::NoMap { .. }));
+    assert!(matches!(ask(levels), PlotError::NoMap { .. }));
     for options in [from(0.0, 91.0), from(f64::NAN, 0.0), from(0.0, f64::INFINITY)] {
-        assert!(matches!(ask(options), ReportError::Direction { .. }));
+        assert!(matches!(ask(options), PlotError::Direction { .. }));
     }
-    assert_eq!(plot_skin(&Skin::default(), &PlotOptions::default()), Err(ReportError::Empty));
+    assert_eq!(plot_skin(&Skin::default(), &PlotOptions::default()), Err(PlotError::Empty));
     let mut broken = calibrated_cap(100);
     broken.patches.iter_mut().for_each(|p| p.covariances = Some(IdVec::new()));
-    assert!(matches!(plot_skin(&broken, &paint(Paint::Sigma)), Err(ReportError::Skin(_))));
+    assert!(matches!(plot_skin(&broken, &paint(Paint::Sigma)), Err(PlotError::Skin(_))));
 }
 
 #[test]

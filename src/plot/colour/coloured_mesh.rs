@@ -3,12 +3,12 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     map::MapLevel,
     mesh::TriMesh,
-    report::{
-        Paint, ReportError,
-        cells::{Fill, dominant_fields, field_colours},
-        colours::{Colour, DIVERGING, ORDER, SEQUENTIAL, SKIN, Scale},
-        range::Range,
-        subject::Subject,
+    plot::{
+        Paint, PlotError,
+        colour::scale_limits::Range,
+        colour::scales::{Colour, DIVERGING, ORDER, SEQUENTIAL, SKIN, Scale},
+        draw::view::{Fill, dominant_fields, field_colours},
+        patch_view::Subject,
     },
 };
 
@@ -16,19 +16,19 @@ use crate::{
 const STEPS: u32 = 64;
 
 /// Colours of a surface, wherever it will be laid out.
-pub(super) struct Coat<'a> {
+pub(crate) struct Coat<'a> {
     /// The mesh that wears it.
-    pub(super) mesh: &'a TriMesh,
+    pub(crate) mesh: &'a TriMesh,
     /// Whose mesh that is.
-    pub(super) wearer: Wearer,
-    pub(super) fill: Fill,
+    pub(crate) wearer: Wearer,
+    pub(crate) fill: Fill,
     /// Whether the colours are read off a scale, so that shade must hardly change them.
-    pub(super) is_scale: bool,
+    pub(crate) is_scale: bool,
 }
 
 /// Whose triangles are coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Wearer {
+pub(crate) enum Wearer {
     Taxels,
     Level,
 }
@@ -37,12 +37,12 @@ impl<'a> Coat<'a> {
     /// What the colours say about a level of a patch, or about a patch without a map.
     ///
     /// The stretch belongs to the level's own triangles, everything else to the taxels.
-    pub(super) fn new(
+    pub(crate) fn new(
         subject: &Subject<'a>,
         level: Option<&'a MapLevel>,
         paint: Paint,
         range: &Range,
-    ) -> Result<Self, ReportError> {
+    ) -> Result<Self, PlotError> {
         let need_map = |what| level.ok_or_else(|| subject.no_map(what));
         let is_scale = paint != Paint::Fields;
         let of_taxels = |fill| Ok(Self { mesh: subject.mesh, wearer: Wearer::Taxels, fill, is_scale });

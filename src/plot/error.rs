@@ -3,7 +3,7 @@ use crate::{atlas::AtlasError, map::MapError, pyramid::LevelId, skin::SkinError}
 /// Why there is no picture.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum ReportError {
+pub enum PlotError {
     /// A map or a skin without patches.
     #[error("there is no patch: there is nothing to draw")]
     Empty,
@@ -91,7 +91,7 @@ pub enum ReportError {
     },
 }
 
-impl ReportError {
+impl PlotError {
     /// What a user can do about it, as a sentence.
     #[must_use]
     pub fn help(&self) -> String {

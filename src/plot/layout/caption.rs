@@ -1,18 +1,18 @@
 /// What stands above a panel: which it is, then what there is to say about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Caption {
+pub(crate) struct Caption {
     /// Name of the patch, which may be as long as a file allows.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// What tells its panels apart; it follows the name and is never cut for it.
-    pub(super) which: String,
-    pub(super) about: [String; 2],
+    pub(crate) which: String,
+    pub(crate) about: [String; 2],
 }
 
 impl Caption {
     /// Its lines, each at most `room` times as wide as the letters are high.
     ///
     /// The name is cut; what is said about the panel breaks at commas and, should that not do, between words.
-    pub(super) fn lines(&self, room: f64) -> Vec<String> {
+    pub(crate) fn lines(&self, room: f64) -> Vec<String> {
         let name = shorten(&self.name, room - width(&self.which)) + &self.which;
         let about = self.about.iter().flat_map(|text| break_lines(text, room));
         std::iter::once(shorten(&name, room)).chain(about).collect()
@@ -74,7 +74,7 @@ fn letter_width(c: char) -> f64 {
 }
 
 /// A number with so many decimals, or as a power of ten where that would be long.
-pub(super) fn number(x: f64, decimals: usize) -> String {
+pub(crate) fn number(x: f64, decimals: usize) -> String {
     if x.abs() < 1e4 { format!("{x:.decimals$}") } else { format!("{x:.1e}") }
 }
 

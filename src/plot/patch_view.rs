@@ -4,19 +4,19 @@ use crate::{
     id::{IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
+    plot::PlotError,
     pyramid::LevelId,
-    report::ReportError,
     skin::{Patch, Skin, TaxelId, world_pose},
 };
 
 /// A patch as pictures see it, with its map or without.
-pub(super) struct Subject<'a> {
-    pub(super) name: &'a str,
+pub(crate) struct Subject<'a> {
+    pub(crate) name: &'a str,
     /// The taxels and the triangles between them, in the link's frame.
-    pub(super) mesh: &'a TriMesh,
+    pub(crate) mesh: &'a TriMesh,
     /// The link's frame in the world.
-    pub(super) pose: DAffine3,
-    pub(super) ids: &'a IdVec<VertexId, TaxelId>,
+    pub(crate) pose: DAffine3,
+    pub(crate) ids: &'a IdVec<VertexId, TaxelId>,
     covariances: Option<&'a IdVec<VertexId, [f64; 6]>>,
     /// The levels with their maps; `None` for a skin that has no map.
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
@@ -24,7 +24,7 @@ pub(super) struct Subject<'a> {
 
 impl<'a> Subject<'a> {
     /// `None` for a patch without a level.
-    pub(super) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Option<Self> {
+    pub(crate) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Option<Self> {
         Some(Self {
             name: &patch.name,
             mesh: &patch.levels.get(LevelId::default())?.mesh,
@@ -35,7 +35,7 @@ impl<'a> Subject<'a> {
         })
     }
 
-    pub(super) fn of_skin(skin: &'a Skin, patch: &'a Patch) -> Self {
+    pub(crate) fn of_skin(skin: &'a Skin, patch: &'a Patch) -> Self {
         Self {
             name: &patch.name,
             mesh: &patch.mesh,
@@ -46,23 +46,23 @@ impl<'a> Subject<'a> {
         }
     }
 
-    pub(super) fn level(&self, level: LevelId) -> Option<&'a MapLevel> {
+    pub(crate) fn level(&self, level: LevelId) -> Option<&'a MapLevel> {
         self.levels?.get(level)
     }
 
     /// This level, or the coarsest if there are fewer.
-    pub(super) fn level_at_most(&self, level: LevelId) -> Option<&'a MapLevel> {
+    pub(crate) fn level_at_most(&self, level: LevelId) -> Option<&'a MapLevel> {
         self.level(level).or_else(|| self.levels?.iter().last())
     }
 
     /// The error of a picture that needs a map.
-    pub(super) fn no_map(&self, what: &'static str) -> ReportError {
-        ReportError::NoMap { patch: self.name.to_owned(), what }
+    pub(crate) fn no_map(&self, what: &'static str) -> PlotError {
+        PlotError::NoMap { patch: self.name.to_owned(), what }
     }
 
     /// The standard deviation of each taxel's position, in m: the square root of the trace of its covariance.
-    pub(super) fn sigmas(&self) -> Result<IdVec<VertexId, f64>, ReportError> {
-        let unknown = || ReportError::NoCovariances { patch: self.name.to_owned() };
+    pub(crate) fn sigmas(&self) -> Result<IdVec<VertexId, f64>, PlotError> {
+        let unknown = || PlotError::NoCovariances { patch: self.name.to_owned() };
         Ok(self.covariances.ok_or_else(unknown)?.map(|[xx, _, _, yy, _, zz]| (xx + yy + zz).max(0.0).sqrt()))
     }
 }

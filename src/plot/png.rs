@@ -2,14 +2,14 @@ use std::sync::Arc;
 
 use resvg::{tiny_skia, usvg};
 
-use crate::report::{ReportError, layout::MAX_SIDE, palette::Palette};
+use crate::plot::{PlotError, layout::grid::MAX_SIDE, palette::Palette};
 
 /// Letters of the pictures, in the order in which they are tried: no font of the machine is, so that a picture is the
 /// same everywhere. Together they have Latin, Greek and Cyrillic.
 const FONTS: [&[u8]; 2] = [epaint_default_fonts::UBUNTU_LIGHT, epaint_default_fonts::HACK_REGULAR];
 
 /// Family name of the first of [`FONTS`].
-pub(super) const FONT_FAMILY: &str = "Ubuntu";
+pub(crate) const FONT_FAMILY: &str = "Ubuntu";
 
 /// Turns an SVG picture into a PNG of the size that the picture says, on a white ground.
 ///
@@ -18,8 +18,8 @@ pub(super) const FONT_FAMILY: &str = "Ubuntu";
 ///
 /// # Errors
 /// If the text is no SVG, or larger than 16384 pixels a side.
-pub fn render_png(svg: &str) -> Result<Vec<u8>, ReportError> {
-    let fail = |e: &dyn std::fmt::Display| ReportError::Render { message: e.to_string() };
+pub fn render_png(svg: &str) -> Result<Vec<u8>, PlotError> {
+    let fail = |e: &dyn std::fmt::Display| PlotError::Render { message: e.to_string() };
     let mut fonts = usvg::fontdb::Database::new();
     for font in FONTS {
         fonts.load_font_source(usvg::fontdb::Source::Binary(Arc::new(font)));
@@ -34,7 +34,7 @@ pub fn render_png(svg: &str) -> Result<Vec<u8>, ReportError> {
     let size = tree.size().to_int_size();
     let (width, height) = (size.width(), size.height());
     if width > MAX_SIDE || height > MAX_SIDE {
-        return Err(ReportError::Size { width, height, least: 1, most: MAX_SIDE });
+        return Err(PlotError::Size { width, height, least: 1, most: MAX_SIDE });
     }
     let mut pixels =
         tiny_skia::Pixmap::new(width, height).ok_or_else(|| fail(&"there is not enough memory for it"))?;

@@ -11,7 +11,7 @@ use dermatome::{
     io::write_map,
     map::{MapError, PatchMap},
     mesh::shapes,
-    report::{Paint, PlotOptions, ReportError, Viewpoint, plot_map, render_png},
+    plot::{Paint, PlotError, PlotOptions, Viewpoint, plot_map, render_png},
 };
 use glam::DVec2;
 use maps::{flat_level, flat_patch, level_id, skin, square_pyramid};
@@ -86,15 +86,15 @@ fn what_is_not_there_is_named() {
     let error = ask(PlotOptions { patches: vec!["thumb".into()], ..PlotOptions::default() });
     assert!(error.to_string().contains("thumb") && error.to_string().contains("palm"), "{error}");
     let error = ask(PlotOptions { levels: vec![level_id(3)], ..PlotOptions::default() });
-    assert!(matches!(error, ReportError::UnknownLevel { last: 2, .. }), "{error}");
+    assert!(matches!(error, PlotError::UnknownLevel { last: 2, .. }), "{error}");
     for width_px in [0, 10, 1 << 20] {
         let error = ask(PlotOptions { width_px, ..PlotOptions::default() });
-        assert!(matches!(error, ReportError::Width { panels: 3, least: 200, .. }), "{error}");
+        assert!(matches!(error, PlotError::Width { panels: 3, least: 200, .. }), "{error}");
     }
     let levels = vec![level_id(0); 80];
     let error = ask(PlotOptions { levels, ..PlotOptions::default() });
     assert!(error.to_string().contains("80 panels side by side need at least 3765"), "{error}");
-    assert_eq!(plot_map(&skin(Vec::new()), &PlotOptions::default()), Err(ReportError::Empty));
+    assert_eq!(plot_map(&skin(Vec::new()), &PlotOptions::default()), Err(PlotError::Empty));
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn data_that_is_no_map_is_an_error() {
         assert!(
             matches!(
                 result,
-                Err(ReportError::Map(
+                Err(PlotError::Map(
                     MapError::Mesh { .. } | MapError::Length { .. } | MapError::OutOfRange { .. }
                 ))
             ),
@@ -238,10 +238,10 @@ fn letters_are_drawn_without_fonts_of_the_machine() {
 #[test]
 fn no_svg_no_png() {
     for text in ["", "<svg", "<svg xmlns='http://www.w3.org/2000/svg' width='0' height='3'/>", "no picture"] {
-        assert!(matches!(render_png(text), Err(ReportError::Render { .. })), "{text:?}");
+        assert!(matches!(render_png(text), Err(PlotError::Render { .. })), "{text:?}");
     }
     let large = "<svg xmlns='http://www.w3.org/2000/svg' width='1e6' height='1e6'/>";
-    assert!(matches!(render_png(large), Err(ReportError::Size { .. })));
+    assert!(matches!(render_png(large), Err(PlotError::Size { .. })));
 }
 
 #[test]

@@ -7,15 +7,15 @@ use crate::{
     id::IdVec,
     map::{MapError, PatchMap, SkinMap},
     mesh::MeshError,
-    pyramid::LevelId,
-    report::{
-        ReportError, Viewpoint,
-        layout::{Layout, Row, printable},
-        panel::Panel,
+    plot::{
+        PlotError, Viewpoint,
+        colour::scale_limits::Range,
+        draw::panel::Panel,
+        layout::grid::{Layout, Row, printable},
+        patch_view::Subject,
         png::FONT_FAMILY,
-        range::Range,
-        subject::Subject,
     },
+    pyramid::LevelId,
     skin::{Link, LinkId, PatchId, Skin, SkinError},
 };
 
@@ -72,14 +72,14 @@ impl Default for PlotOptions {
 /// # Errors
 /// If there is no such patch or level, the data are no map or have no covariances to show, the viewpoint is none, or the
 /// picture is narrower than its panels need or larger than 16384 pixels a side.
-pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportError> {
+pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, PlotError> {
     let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
     let levels = choose_levels(&patches, &options.levels)?;
     patches.iter().try_for_each(|patch| check(patch, &levels))?;
     options.space.map_or(Ok(()), check_viewpoint)?;
     check_links(map)?;
     let subjects: Option<Vec<_>> = patches.iter().map(|patch| Subject::of_map(map, patch)).collect();
-    let subjects = subjects.ok_or(ReportError::Empty)?;
+    let subjects = subjects.ok_or(PlotError::Empty)?;
     let first = levels.first().copied().unwrap_or_default();
     let row = |subject| {
         let in_space = options.space.map(|viewpoint| Some(Panel::in_space(subject, first, viewpoint)));
@@ -99,7 +99,7 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, ReportEr
 /// # Errors
 /// If there is no such patch, the data are no skin, the colours need a map or covariances that are not there, the
 /// viewpoint is none, or the picture is narrower than 200 or larger than 16384 pixels a side.
-pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<String, ReportError> {
+pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<String, PlotError> {
     let patches = choose(&skin.patches, |patch| &patch.name, &options.patches)?;
     skin.validate()?;
     let subjects: Vec<_> = patches.iter().map(|patch| Subject::of_skin(skin, patch)).collect();
@@ -118,7 +118,7 @@ fn draw(
     subjects: &[Subject<'_>],
     rows: &[Row<'_>],
     options: &PlotOptions,
-) -> Result<String, ReportError> {
+) -> Result<String, PlotError> {
     let layout = Layout::new(rows, options.width_px)?;
     let panels = layout.views(rows);
     let levels: Vec<_> = panels.iter().filter_map(|(panel, _)| panel.level()).collect();
@@ -151,15 +151,15 @@ fn choose<'a, P>(
     patches: &'a IdVec<PatchId, P>,
     name: impl Fn(&P) -> &String,
     names: &[String],
-) -> Result<Vec<&'a P>, ReportError> {
+) -> Result<Vec<&'a P>, PlotError> {
     if patches.is_empty() {
-        return Err(ReportError::Empty);
+        return Err(PlotError::Empty);
     }
     if names.is_empty() {
         return Ok(patches.iter().collect());
     }
     let find = |wanted: &String| {
-        patches.iter().find(|p| name(p) == wanted).ok_or_else(|| ReportError::UnknownPatch {
+        patches.iter().find(|p| name(p) == wanted).ok_or_else(|| PlotError::UnknownPatch {
             patch: wanted.clone(),
             known: patches.iter().map(|p| name(p).clone()).collect(),
         })
@@ -179,18 +179,18 @@ fn check_links(map: &SkinMap) -> Result<(), SkinError> {
     }
 }
 
-fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), ReportError> {
+fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), PlotError> {
     let Viewpoint::From { azimuth, elevation } = viewpoint else { return Ok(()) };
     let [azimuth, elevation] = [azimuth, elevation].map(f64::to_degrees);
     // A right angle in radians is no decimal.
     let is_direction = azimuth.is_finite() && elevation.abs() <= 90.0 + 1e-9;
-    if is_direction { Ok(()) } else { Err(ReportError::Direction { azimuth, elevation }) }
+    if is_direction { Ok(()) } else { Err(PlotError::Direction { azimuth, elevation }) }
 }
 
-fn choose_levels(patches: &[&PatchMap], levels: &[LevelId]) -> Result<Vec<LevelId>, ReportError> {
+fn choose_levels(patches: &[&PatchMap], levels: &[LevelId]) -> Result<Vec<LevelId>, PlotError> {
     let count = patches.iter().map(|p| p.levels.len()).max().unwrap_or(0);
     if let Some(&level) = levels.iter().find(|l| l.index() >= count) {
-        return Err(ReportError::UnknownLevel { level, last: count.saturating_sub(1) });
+        return Err(PlotError::UnknownLevel { level, last: count.saturating_sub(1) });
     }
     if levels.is_empty() {
         return Ok((0..count.min(LEVELS_SIDE_BY_SIDE)).map(LevelId::new).collect());
@@ -199,7 +199,7 @@ fn choose_levels(patches: &[&PatchMap], levels: &[LevelId]) -> Result<Vec<LevelI
 }
 
 /// Whether a patch keeps the promises that drawing relies on.
-fn check(patch: &PatchMap, levels: &[LevelId]) -> Result<(), ReportError> {
+fn check(patch: &PatchMap, levels: &[LevelId]) -> Result<(), PlotError> {
     let taxels = patch.levels.iter().next().map_or(0, |l| l.mesh.positions.len());
     let finest = LevelId::default();
     for &id in std::iter::once(&finest).chain(levels) {
