@@ -1,5 +1,5 @@
 use crate::{
-    id::{FaceId, IdVec, VertexId},
+    id::{FaceId, Id, IdVec, VertexId},
     mesh::{Edges, MeshError, TriMesh},
 };
 
@@ -27,6 +27,13 @@ impl Halfedge {
         Self { face: FaceId::new(slot / 3), side: [0, 1, 2][slot % 3] }
     }
 
+    /// The side of the same face that starts where this one ends.
+    #[inline]
+    #[must_use]
+    pub const fn next(self) -> Self {
+        Self { face: self.face, side: (self.side + 1) % 3 }
+    }
+
     /// The vertex it leaves.
     #[inline]
     #[must_use]
@@ -47,6 +54,16 @@ impl Halfedge {
     #[must_use]
     pub const fn previous(self) -> Self {
         Self { face: self.face, side: (self.side + 2) % 3 }
+    }
+}
+
+impl Id for Halfedge {
+    fn new(index: usize) -> Self {
+        Self::from_slot(index)
+    }
+
+    fn index(self) -> usize {
+        self.slot()
     }
 }
 

@@ -1,9 +1,15 @@
 //! Small matrices, distributions and sets: numbers that know no mesh and no taxel.
 
 mod chi_square;
+mod covariance;
+mod disjoint_sets;
+mod matrix6;
 mod morton;
 mod symmetric_eigen;
 
 pub(crate) use chi_square::{chi_square_tail, quantile};
+pub use covariance::Covariance;
+pub(crate) use disjoint_sets::{DisjointSets, Relation};
+pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use morton::morton;
 pub(crate) use symmetric_eigen::symmetric_eigen;

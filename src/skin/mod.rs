@@ -11,17 +11,16 @@ mod check;
 mod draft;
 mod error;
 mod unit_check;
-mod forest;
 mod link;
 mod names;
 mod normals;
 mod patch;
 mod remark;
-mod sides;
 mod welded;
 mod taxels;
 mod winding;
 
+pub use crate::numeric::Covariance;
 pub use assemble::{Assembled, assemble};
 pub use check::{Element, Finding, FindingKind, check, check_with};
 pub use draft::{Draft, Sheet};

@@ -3,7 +3,8 @@ use std::collections::HashMap;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Edges, Halfedge, TriMesh},
-    skin::{Sheet, TaxelId, forest::Forest},
+    numeric::DisjointSets,
+    skin::{Sheet, TaxelId},
 };
 
 /// The triangles of one sheet with the vertices welded that the file has split: what `assemble` repairs and `check`
@@ -50,17 +51,17 @@ impl Surface {
         let mut count = IdVec::<VertexId, u32>::filled(0, self.mesh.positions.len());
         for (face, t) in self.mesh.triangles.enumerate() {
             for (side, &v) in (0..).zip(t) {
-                let corner = corner(face, side);
+                let corner = Halfedge { face, side };
                 count[v] += u32::from(fans.of(corner) == corner);
             }
         }
         // Welded vertex, vertex of the file, fan: sorted, the fans of one vertex of the file stand side by side.
-        let mut corners: Vec<(VertexId, VertexId, u32)> = Vec::new();
+        let mut corners: Vec<(VertexId, VertexId, Halfedge)> = Vec::new();
         for (face, t) in self.mesh.triangles.enumerate() {
             let in_file = sheet.triangles[self.file_faces[face].index()].map(VertexId::from);
             for ((side, &v), at) in (0..).zip(t).zip(in_file) {
                 if count[v] > 1 {
-                    corners.push((v, at, fans.of(corner(face, side))));
+                    corners.push((v, at, fans.of(Halfedge { face, side })));
                 }
             }
         }
@@ -107,18 +108,17 @@ fn weld<'a>(
             *first.entry((place, ids.map(|ids| ids[v.index()]))).or_insert(v)
         })
         .collect();
-    let mut forest: Option<Forest> = None;
+    let mut sets: Option<DisjointSets<VertexId>> = None;
     for t in triangles {
         for side in 0..3 {
             let (a, b) = (taxel[t[side]], taxel[t[(side + 1) % 3]]);
             if a != b && mesh.positions[a] == mesh.positions[b] {
-                let forest = forest.get_or_insert_with(|| Forest::new(VertexId::new(taxel.len()).raw()));
-                forest.join(a.raw(), b.raw());
+                sets.get_or_insert_with(|| DisjointSets::new(taxel.len())).join(a, b);
             }
         }
     }
-    if let Some(mut forest) = forest {
-        taxel = taxel.map(|v| forest.root(v.raw()).into());
+    if let Some(mut sets) = sets {
+        taxel = taxel.map(|&v| sets.root(v));
     }
     taxel
 }
@@ -126,40 +126,30 @@ fn weld<'a>(
 /// Which corners of faces hang together around their vertex, across edges.
 #[derive(Debug)]
 struct Fans {
-    /// Of corners, counted through as `3 face + side`.
-    forest: Forest,
+    /// A corner is told by the halfedge that leaves it.
+    corners: DisjointSets<Halfedge>,
 }
 
 impl Fans {
     fn new(mesh: &TriMesh, edges: &Edges) -> Self {
-        let mut forest = Forest::new(corner(FaceId::new(mesh.triangles.len()), 0));
+        let mut corners = DisjointSets::<Halfedge>::new(3 * mesh.triangles.len());
         for uses in edges.iter() {
             let first = uses[0];
             for &other in &uses[1..] {
-                let [a, b] = ends(first);
-                let [mut c, mut d] = ends(other);
+                let [a, b] = [first, first.next()];
+                let [mut c, mut d] = [other, other.next()];
                 if first.start(mesh) != other.start(mesh) {
                     (c, d) = (d, c);
                 }
-                forest.join(a, c);
-                forest.join(b, d);
+                corners.join(a, c);
+                corners.join(b, d);
             }
         }
-        Self { forest }
+        Self { corners }
     }
 
     /// The fan of a corner, named by its first corner.
-    fn of(&mut self, corner: u32) -> u32 {
-        self.forest.root(corner)
+    fn of(&mut self, corner: Halfedge) -> Halfedge {
+        self.corners.root(corner)
     }
-}
-
-/// The corners at the start and the end of a halfedge.
-fn ends(h: Halfedge) -> [u32; 2] {
-    [corner(h.face, u32::from(h.side)), corner(h.face, (u32::from(h.side) + 1) % 3)]
-}
-
-/// Corners counted through; [`TriMesh::validate`] refuses meshes with more than fit.
-fn corner(face: FaceId, side: u32) -> u32 {
-    3 * face.raw() + side
 }

@@ -1,7 +1,7 @@
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Edges, TriMesh},
-    skin::sides::Sides,
+    numeric::{DisjointSets, Relation},
 };
 
 /// The pieces of a mesh that hang together across edges, and which faces to turn so that each is wound one way.
@@ -20,35 +20,35 @@ pub(super) struct Winding {
 impl Winding {
     /// Follows the edges of two faces; edges of more faces join pieces too, but say nothing about their sides.
     pub(super) fn new(mesh: &TriMesh, edges: &Edges) -> Self {
-        let mut sides = Sides::new(mesh.triangles.len());
+        let mut faces = DisjointSets::<FaceId, Relation>::new(mesh.triangles.len());
         let mut contradictions = Vec::new();
         for uses in edges.iter() {
             if let &[a, b] = uses {
-                let same_way = a.start(mesh) == b.start(mesh);
-                if !sides.join(a.face, b.face, same_way) {
+                let relation = Relation::reversed_if(a.start(mesh) == b.start(mesh));
+                if !faces.join(a.face, b.face, relation) {
                     contradictions.push([a.start(mesh), a.end(mesh)]);
                 }
             }
         }
         for uses in edges.iter().filter(|uses| uses.len() > 2) {
             for other in &uses[1..] {
-                let same_way = uses[0].start(mesh) == other.start(mesh);
-                let _ = sides.join(uses[0].face, other.face, same_way);
+                let relation = Relation::reversed_if(uses[0].start(mesh) == other.start(mesh));
+                let _ = faces.join(uses[0].face, other.face, relation);
             }
         }
         let mut number = IdVec::<FaceId, usize>::filled(usize::MAX, mesh.triangles.len());
-        let mut first_side = Vec::new();
+        let mut first_relation = Vec::new();
         let mut component = IdVec::new();
         let mut against_first = IdVec::new();
         for face in mesh.triangles.ids() {
-            let (root, against) = sides.root(face);
+            let (root, relation) = faces.root(face);
             if number[root] == usize::MAX {
-                number[root] = first_side.len();
-                first_side.push(against);
+                number[root] = first_relation.len();
+                first_relation.push(relation);
             }
             component.push(number[root]);
-            against_first.push(against != first_side[number[root]]);
+            against_first.push(relation != first_relation[number[root]]);
         }
-        Self { component, components: first_side.len(), against_first, contradictions }
+        Self { component, components: first_relation.len(), against_first, contradictions }
     }
 }

@@ -1,6 +1,7 @@
 use crate::{
     calib::{DisplacementId, Observations},
     id::{IdVec, VertexId},
+    numeric::DisjointSets,
 };
 
 /// Taxels that edges join.
@@ -22,7 +23,7 @@ pub(crate) fn components(
     counts: impl Fn(DisplacementId) -> bool,
 ) -> Vec<Component> {
     let taxels = &observations.taxels;
-    let mut sets = Sets { parents: taxels.ids().collect() };
+    let mut sets = DisjointSets::<VertexId>::new(taxels.len());
     for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
         sets.join(edge.from, edge.to);
     }
@@ -51,24 +52,4 @@ pub(crate) fn component_of_taxels(components: &[Component], taxels: usize) -> Id
         component.taxels.iter().for_each(|&v| of_taxel[v] = k);
     }
     of_taxel
-}
-
-/// Disjoint sets (Tarjan 1975) with path halving; the root of a set is its smallest member.
-struct Sets {
-    parents: IdVec<VertexId, VertexId>,
-}
-
-impl Sets {
-    fn root(&mut self, mut v: VertexId) -> VertexId {
-        while self.parents[v] != v {
-            self.parents[v] = self.parents[self.parents[v]];
-            v = self.parents[v];
-        }
-        v
-    }
-
-    fn join(&mut self, a: VertexId, b: VertexId) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b)] = a.min(b);
-    }
 }

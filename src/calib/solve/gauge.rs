@@ -8,10 +8,9 @@ use crate::{
         observations::graph::{Component, component_of_taxels, components},
         solve::loss::SMALLEST_WEIGHT,
         solve::normal_equations::{PerObservation, Problem, State},
-        solve::residual::{Quarters, Twist},
     },
     id::VertexId,
-    numeric::symmetric_eigen,
+    numeric::{Matrix6, Twist, symmetric_eigen},
     sparse::{BlockMatrix, BlockSlot},
 };
 
@@ -158,7 +157,7 @@ impl Free {
                 (at, problem.touch_term(&contact.touch, at).0)
             })
             .collect();
-        let pull = |block: &Quarters| (0..3).map(|a| block.entry(a, a)).sum::<f64>();
+        let pull = |block: &Matrix6| (0..3).map(|a| block.entry(a, a)).sum::<f64>();
         let total: f64 = terms.iter().map(|(_, block)| pull(block)).sum();
         let pivot = if total > 0.0 {
             terms.iter().map(|(at, block)| at.position * (pull(block) / total)).sum()
@@ -169,7 +168,7 @@ impl Free {
         for (at, block) in &terms {
             let moved: [Twist; 6] = std::array::from_fn(|k| carried(model, pivot, self.length, at, &unit(k)));
             for (row, a) in sum.iter_mut().zip(&moved) {
-                let pull = block.apply(*a);
+                let pull = *block * *a;
                 for (x, b) in row.iter_mut().zip(&moved) {
                     *x += pull[0].dot(b[0]) + pull[1].dot(b[1]);
                 }

@@ -6,10 +6,9 @@ use crate::{
         solve::gauge::{Free, Motion, carried},
         solve::levenberg_marquardt::Linear,
         solve::normal_equations::{PerObservation, Problem, Shape, State},
-        solve::residual::{Twist, dot},
     },
     id::{IdVec, VertexId},
-    numeric::symmetric_eigen,
+    numeric::{Twist, dot, symmetric_eigen},
     sparse::BlockFactor,
 };
 

@@ -6,9 +6,10 @@ use crate::{
         CalibError, ContactObservationId, Displacement, DisplacementId, Model, Motion, Observations, Pose,
         PosePrior, Residual, Touch,
         geometry::pose::hat,
-        solve::residual::{EdgeTerm, Quarters, Twist, dot, error, linearised},
+        solve::residual::{EdgeTerm, error, linearised},
     },
     id::{IdVec, VertexId},
+    numeric::{Matrix6, Twist, dot},
     sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
@@ -137,7 +138,7 @@ impl<'o> Problem<'o> {
             }
             Motion::Relative(m) => {
                 let e = error(self.convention, &m.pose, &state[e.from], &state[e.to]);
-                dot(e, Quarters::of(&m.information).apply(e))
+                dot(e, Matrix6::from_rows(&m.information.0) * e)
             }
         }
     }
@@ -157,7 +158,7 @@ impl<'o> Problem<'o> {
             }
             Touch::Pose(prior) => {
                 let e = error(self.convention, &prior.pose, &Pose::IDENTITY, &(*at * prior.offset));
-                dot(e, Quarters::of(&prior.information).apply(e))
+                dot(e, Matrix6::from_rows(&prior.information.0) * e)
             }
         }
     }
@@ -252,14 +253,14 @@ impl<'o> Problem<'o> {
     }
 
     /// `J' Omega J` and `J' Omega e` of a contact, in the frame in which its taxel moves.
-    pub(crate) fn touch_term(&self, touch: &Touch, at: &Pose) -> (Quarters, Twist) {
+    pub(crate) fn touch_term(&self, touch: &Touch, at: &Pose) -> (Matrix6, Twist) {
         // The rotation is the identity in the positions model.
         let r = DMat3::from_quat(at.rotation);
         match touch {
             Touch::Position { position, information }
             | Touch::PositionNormal { position, information, .. } => {
                 let omega = information.matrix();
-                let mut block = Quarters::ZERO;
+                let mut block = Matrix6::ZERO;
                 block.0[0][0] = r.transpose() * omega * r;
                 let mut gradient = [r.transpose() * (omega * (at.position - *position)), DVec3::ZERO];
                 if let (Shape::Pose, Touch::PositionNormal { normal, normal_information, .. }) =
@@ -275,16 +276,16 @@ impl<'o> Problem<'o> {
         }
     }
 
-    fn prior_term(&self, prior: &PosePrior, at: &Pose) -> (Quarters, Twist) {
+    fn prior_term(&self, prior: &PosePrior, at: &Pose) -> (Matrix6, Twist) {
         let (e, _, by_frame) =
             linearised(self.convention, &prior.pose, &Pose::IDENTITY, &(*at * prior.offset));
         // Moving the taxel by (u, w) moves the fixed frame by (R' (u + w x p), R' w).
         let turned = DMat3::from_quat(prior.offset.rotation).transpose();
-        let carried = Quarters([[turned, -(turned * hat(prior.offset.position))], [DMat3::ZERO, turned]]);
-        let jacobian = by_frame.times(&carried);
-        let omega = Quarters::of(&prior.information);
+        let carried = Matrix6([[turned, -(turned * hat(prior.offset.position))], [DMat3::ZERO, turned]]);
+        let jacobian = by_frame * carried;
+        let omega = Matrix6::from_rows(&prior.information.0);
         let back = jacobian.transpose();
-        (back.times(&omega.times(&jacobian)), back.apply(omega.apply(e)))
+        (back * (omega * jacobian), back * (omega * e))
     }
 
     /// The state after a step: one block per moving taxel, as the gradient is laid out.
@@ -374,7 +375,7 @@ struct Sums<'s> {
 }
 
 impl Sums<'_> {
-    fn add_quarters(&mut self, slot: BlockSlot, block: &Quarters, weight: f64, transposed: bool) {
+    fn add_quarters(&mut self, slot: BlockSlot, block: &Matrix6, weight: f64, transposed: bool) {
         if transposed {
             self.matrix.add(slot, |a, b| weight * block.entry(b, a));
         } else {

@@ -1,8 +1,11 @@
 use glam::{DMat3, DVec3};
 
-use crate::calib::{
-    Information, Pose, RelativePose,
-    geometry::pose::{hat, log, right_jacobian_inverse, unbend, unbend_jacobians},
+use crate::{
+    calib::{
+        Pose, RelativePose,
+        geometry::pose::{hat, log, right_jacobian_inverse, unbend, unbend_jacobians},
+    },
+    numeric::{Matrix6, Twist},
 };
 
 /// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose becomes six numbers.
@@ -31,53 +34,6 @@ impl Residual {
     }
 }
 
-/// Translation, then rotation, both in the moving frame.
-pub(crate) type Twist = [DVec3; 2];
-
-/// A 6 x 6 matrix in four quarters: rows translation and rotation, columns likewise.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Quarters(pub(crate) [[DMat3; 2]; 2]);
-
-impl Quarters {
-    pub(crate) const ZERO: Self = Self([[DMat3::ZERO; 2]; 2]);
-
-    pub(crate) fn of(information: &Information<6>) -> Self {
-        let m = &information.0;
-        let quarter = |r: usize, c: usize| {
-            let column = |b: usize| DVec3::new(m[r][c + b], m[r + 1][c + b], m[r + 2][c + b]);
-            DMat3::from_cols(column(0), column(1), column(2))
-        };
-        Self([[quarter(0, 0), quarter(0, 3)], [quarter(3, 0), quarter(3, 3)]])
-    }
-
-    pub(crate) fn times(&self, other: &Self) -> Self {
-        let (x, y) = (&self.0, &other.0);
-        let entry = |r: usize, c: usize| x[r][0] * y[0][c] + x[r][1] * y[1][c];
-        Self([[entry(0, 0), entry(0, 1)], [entry(1, 0), entry(1, 1)]])
-    }
-
-    pub(crate) fn transpose(&self) -> Self {
-        let [[a, b], [c, d]] = self.0;
-        Self([[a.transpose(), c.transpose()], [b.transpose(), d.transpose()]])
-    }
-
-    pub(crate) fn apply(&self, x: Twist) -> Twist {
-        let m = &self.0;
-        [m[0][0] * x[0] + m[0][1] * x[1], m[1][0] * x[0] + m[1][1] * x[1]]
-    }
-
-    /// Row `a` and column `b`.
-    #[inline]
-    pub(crate) fn entry(&self, a: usize, b: usize) -> f64 {
-        self.0[a / 3][b / 3].col(b % 3)[a % 3]
-    }
-}
-
-/// `x' y`.
-pub(crate) fn dot(x: Twist, y: Twist) -> f64 {
-    x[0].dot(y[0]) + x[1].dot(y[1])
-}
-
 /// The six numbers of `E = Z^-1 T_i^-1 T_j`.
 pub(crate) fn error(convention: Residual, observed: &Pose, from: &Pose, to: &Pose) -> Twist {
     let step = from.rotation.conjugate() * (to.position - from.position);
@@ -99,7 +55,7 @@ pub(crate) fn linearised(
     observed: &Pose,
     from: &Pose,
     to: &Pose,
-) -> (Twist, Quarters, Quarters) {
+) -> (Twist, Matrix6, Matrix6) {
     let back = DMat3::from_quat(observed.rotation).transpose();
     let step = from.rotation.conjugate() * (to.position - from.position);
     let dt = back * (step - observed.position);
@@ -119,23 +75,23 @@ pub(crate) fn linearised(
     let by_from = [[-back, back * hat(step)], [DMat3::ZERO, turn_by_from]];
     let by_to = [[DMat3::from_quat(dr), DMat3::ZERO], [DMat3::ZERO, slope]];
     if convention != Residual::Log {
-        return ([dt, turn], Quarters(by_from), Quarters(by_to));
+        return ([dt, turn], Matrix6(by_from), Matrix6(by_to));
     }
     // The translation bends with the rotation: chain rule.
     let (by_turn, by_dt) = unbend_jacobians(turn, dt);
-    let chain = Quarters([[by_dt, by_turn], [DMat3::ZERO, DMat3::IDENTITY]]);
-    ([unbend(turn, dt), turn], chain.times(&Quarters(by_from)), chain.times(&Quarters(by_to)))
+    let chain = Matrix6([[by_dt, by_turn], [DMat3::ZERO, DMat3::IDENTITY]]);
+    ([unbend(turn, dt), turn], chain * Matrix6(by_from), chain * Matrix6(by_to))
 }
 
 /// One relative pose in the normal equations, before any robust weight.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct EdgeTerm {
     /// `J_from' Omega J_from`.
-    pub(crate) from_from: Quarters,
+    pub(crate) from_from: Matrix6,
     /// `J_to' Omega J_to`.
-    pub(crate) to_to: Quarters,
+    pub(crate) to_to: Matrix6,
     /// `J_from' Omega J_to`.
-    pub(crate) from_to: Quarters,
+    pub(crate) from_to: Matrix6,
     /// `J_from' Omega e`.
     pub(crate) from_gradient: Twist,
     /// `J_to' Omega e`.
@@ -145,16 +101,16 @@ pub(crate) struct EdgeTerm {
 impl EdgeTerm {
     pub(crate) fn new(convention: Residual, observed: &RelativePose, from: &Pose, to: &Pose) -> Self {
         let (e, j_from, j_to) = linearised(convention, &observed.pose, from, to);
-        let omega = Quarters::of(&observed.information);
-        let weighted = omega.apply(e);
+        let omega = Matrix6::from_rows(&observed.information.0);
+        let weighted = omega * e;
         let (t_from, t_to) = (j_from.transpose(), j_to.transpose());
-        let w_to = omega.times(&j_to);
+        let w_to = omega * j_to;
         Self {
-            from_from: t_from.times(&omega.times(&j_from)),
-            to_to: t_to.times(&w_to),
-            from_to: t_from.times(&w_to),
-            from_gradient: t_from.apply(weighted),
-            to_gradient: t_to.apply(weighted),
+            from_from: t_from * (omega * j_from),
+            to_to: t_to * w_to,
+            from_to: t_from * w_to,
+            from_gradient: t_from * weighted,
+            to_gradient: t_to * weighted,
         }
     }
 }
@@ -164,7 +120,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::calib::geometry::pose::exp;
+    use crate::{calib::geometry::pose::exp, numeric::dot};
 
     fn vector(length: f64) -> impl Strategy<Value = DVec3> {
         (-1.0..1.0, -1.0..1.0, -1.0..1.0_f64).prop_map(move |(x, y, z)| DVec3::new(x, y, z) * length)

@@ -1,9 +1,7 @@
 use crate::{
     id::{IdVec, VertexId},
-    skin::{
-        check::{FindingKind, Report, Subject, numbers},
-        forest::Forest,
-    },
+    numeric::DisjointSets,
+    skin::check::{FindingKind, Report, Subject, numbers},
 };
 
 /// A hole of so few edges is no missing taxel: that leaves at least five.
@@ -94,14 +92,14 @@ impl Topology {
                 euler[piece] += i64::from(!std::mem::replace(&mut seen[v], true));
             }
         }
-        let mut forest = Forest::new(VertexId::new(mesh.positions.len()).raw());
+        let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
         let mut boundary = Vec::new();
         for uses in edges.iter() {
             let piece = winding.component[uses[0].face];
             euler[piece] -= 1;
             if let &[h] = uses {
                 let (a, b) = (h.start(mesh), h.end(mesh));
-                forest.join(a.raw(), b.raw());
+                sets.join(a, b);
                 boundary.push((a, mesh.positions[a].distance(mesh.positions[b]), piece));
                 boundary.push((b, 0.0, piece));
             }
@@ -110,7 +108,7 @@ impl Topology {
         let mut place = IdVec::<VertexId, usize>::filled(usize::MAX, mesh.positions.len());
         let mut loops: Vec<Loop> = Vec::new();
         for (v, length, piece) in boundary {
-            let at = &mut place[VertexId::from(forest.root(v.raw()))];
+            let at = &mut place[sets.root(v)];
             if *at == usize::MAX {
                 *at = loops.len();
                 loops.push(Loop { piece, vertices: Vec::new(), length: 0.0 });

@@ -5,12 +5,10 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    skin::{
-        forest::Forest,
-        triangulate::{
-            kd_tree::{KdTree, Near},
-            neighbours::distance_around,
-        },
+    numeric::DisjointSets,
+    skin::triangulate::{
+        kd_tree::{KdTree, Near},
+        neighbours::distance_around,
     },
 };
 
@@ -41,7 +39,7 @@ pub(super) fn first_at_place(
     unit: f64,
 ) -> IdVec<VertexId, VertexId> {
     let resolution = RESOLUTION * median_distance(positions.as_slice().to_vec());
-    let mut forest = Forest::new(VertexId::new(positions.len()).raw());
+    let mut sets = DisjointSets::<VertexId>::new(positions.len());
     // Of a heap of copies a search for the nearest taxels would see nothing else.
     let mut first_in_cell = HashMap::with_capacity(positions.len());
     let mut firsts = IdVec::<VertexId, VertexId>::new();
@@ -50,7 +48,7 @@ pub(super) fn first_at_place(
         if first == v {
             firsts.push(v);
         } else {
-            forest.join(first.raw(), v.raw());
+            sets.join(first, v);
         }
     }
     let most_beside = MOST_BESIDE / unit;
@@ -58,10 +56,10 @@ pub(super) fn first_at_place(
         let [a, b] = [firsts[a], firsts[b]];
         let is_rounding = positions[a].distance(positions[b]) < resolution;
         if is_rounding || normals[a].dot(normals[b]) >= 0.0 {
-            forest.join(a.raw(), b.raw());
+            sets.join(a, b);
         }
     }
-    positions.ids().map(|v| forest.root(v.raw()).into()).collect()
+    positions.ids().map(|v| sets.root(v)).collect()
 }
 
 /// Pairs closer than the resolution, or than a small share of the distance of the taxels around that is at most `most_beside`.

@@ -3,10 +3,8 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    skin::{
-        sides::Sides,
-        triangulate::{neighbours::Neighbours, normals::Normals},
-    },
+    numeric::{DisjointSets, Relation},
+    skin::triangulate::{neighbours::Neighbours, normals::Normals},
 };
 
 /// Orientation spreads along the edges to so many nearest neighbours; more only cost time.
@@ -42,20 +40,20 @@ pub(super) fn orient(normals: &mut Normals, positions: &IdVec<VertexId, DVec3>, 
         })
         .collect();
     edges.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut sides = Sides::new(positions.len());
-    for (_, v, w, against) in edges {
+    let mut sets = DisjointSets::<VertexId, Relation>::new(positions.len());
+    for (_, v, w, is_reversed) in edges {
         // Edges that close a cycle have nothing to say any more, whether they agree or not.
-        let _ = sides.join(v, w, against);
+        let _ = sets.join(v, w, Relation::reversed_if(is_reversed));
     }
     // The file's normals choose the side of a set.
     let mut votes = IdVec::<VertexId, i32>::filled(0, positions.len());
     for &v in ids.iter().filter(|&&v| has_side(v)) {
-        let (root, against) = sides.root(v);
-        votes[root] += if against { -1 } else { 1 };
+        let (root, relation) = sets.root(v);
+        votes[root] += if relation.is_reversed() { -1 } else { 1 };
     }
     for v in ids {
-        let (root, against) = sides.root(v);
-        if against != (votes[root] < 0) {
+        let (root, relation) = sets.root(v);
+        if relation.is_reversed() != (votes[root] < 0) {
             normal[v] = -normal[v];
         }
     }

@@ -2,7 +2,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    skin::forest::Forest,
+    numeric::DisjointSets,
 };
 
 /// Below this mean cosine between the faces and the directions away from the centre, a piece bulges neither way: on a flat one
@@ -118,15 +118,15 @@ pub(super) fn turn_outward(
 
 /// The piece of every face, and how many there are.
 fn number_pieces(triangles: &IdVec<FaceId, [VertexId; 3]>, vertices: usize) -> (IdVec<FaceId, usize>, usize) {
-    let mut forest = Forest::new(VertexId::new(vertices).raw());
+    let mut sets = DisjointSets::<VertexId>::new(vertices);
     for &[a, b, c] in triangles {
-        forest.join(a.raw(), b.raw());
-        forest.join(a.raw(), c.raw());
+        sets.join(a, b);
+        sets.join(a, c);
     }
     let mut number = IdVec::<VertexId, Option<usize>>::filled(None, vertices);
     let mut count = 0;
     let of_face = triangles.map(|t| {
-        *number[forest.root(t[0].raw()).into()].get_or_insert_with(|| {
+        *number[sets.root(t[0])].get_or_insert_with(|| {
             count += 1;
             count - 1
         })
