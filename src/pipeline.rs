@@ -80,7 +80,7 @@ pub fn build(skin: &Skin, options: &BuildOptions, watch: &Watch<'_>) -> Result<(
         .par_iter()
         .zip(pyramids)
         .map(|(patch, pyramid)| {
-            let flat = flatten_pyramid(&pyramid, patch.densities.as_ref(), &options.flatten)
+            let flat = flatten_pyramid(&pyramid, patch.taxels.densities.as_ref(), &options.flatten)
                 .map_err(|e| Error::from(e).in_patch(&patch.name))?;
             let map = PatchMap::new(patch, pyramid, flat, options.pixel);
             done.step();

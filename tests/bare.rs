@@ -64,7 +64,7 @@ fn faces(assembled: &Assembled) -> BTreeSet<[u32; 3]> {
             .triangles
             .iter()
             .map(|t| {
-                let [a, b, c] = t.map(|v| p.ids[v].0);
+                let [a, b, c] = t.map(|v| p.taxels.ids[v].0);
                 [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap()
             })
             .collect()
@@ -120,7 +120,10 @@ fn shapes_without_their_triangles_are_themselves_again() {
             assert_eq!(patch.mesh.positions.len(), mesh.positions.len(), "{name}: every taxel is used");
             assert_eq!(topology(&patch.mesh).0, euler, "{name}: Euler characteristic");
             let side = |f| {
-                patch.mesh.face_cross(f).dot(truth[VertexId::from(patch.ids[patch.mesh.triangles[f][0]].0)])
+                patch
+                    .mesh
+                    .face_cross(f)
+                    .dot(truth[VertexId::from(patch.taxels.ids[patch.mesh.triangles[f][0]].0)])
             };
             let outward = patch.mesh.triangles.ids().filter(|&f| side(f) > 0.0).count();
             let count = patch.mesh.triangles.len();
@@ -247,7 +250,7 @@ fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
     let assembled = meshed(sheet);
     let patch = only(&assembled);
     assert_eq!(patch.mesh.positions.len(), 36);
-    let ids: BTreeSet<u32> = patch.ids.iter().map(|id| id.0).collect();
+    let ids: BTreeSet<u32> = patch.taxels.ids.iter().map(|id| id.0).collect();
     assert!(ids.contains(&3) && ids.contains(&38) && !ids.contains(&17), "{ids:?}");
     let merged = assembled.remarks.iter().find(|r| r.kind == RemarkKind::Merged).unwrap();
     assert!(merged.message.starts_with("3 taxels"), "{merged}");
@@ -304,7 +307,11 @@ fn empty_slots_are_left_out_and_a_taxel_at_the_origin_stays() {
     let assembled = meshed(sheet);
     let patch = only(&assembled);
     assert_eq!(patch.mesh.positions.len(), 25, "the slots are gone, the first taxel is not");
-    assert_eq!(patch.presence.iter().filter(|&&p| p == Presence::ThermalPad).count(), 1, "pads have a place");
+    assert_eq!(
+        patch.taxels.presence.iter().filter(|&&p| p == Presence::ThermalPad).count(),
+        1,
+        "pads have a place"
+    );
 }
 
 #[test]
@@ -325,7 +332,7 @@ fn placeholder_normals_are_replaced_and_believable_ones_kept() {
     assert!(!kinds(&assembled).contains(&RemarkKind::Normals));
     let patch = only(&assembled);
     let kept = |(id, n): (&TaxelId, &DVec3)| n.distance(inward[id.0 as usize]) < 1e-12;
-    assert!(patch.ids.iter().zip(&patch.normals).all(kept), "the file knows best");
+    assert!(patch.taxels.ids.iter().zip(&patch.taxels.normals).all(kept), "the file knows best");
 }
 
 #[test]
@@ -473,7 +480,7 @@ fn modules_round_an_arm_become_a_skin() {
     for f in patch.mesh.triangles.ids() {
         let out = patch.mesh.face_cross(f).normalize();
         for v in patch.mesh.triangles[f] {
-            let module = patch.ids[v].0 as usize / 12;
+            let module = patch.taxels.ids[v].0 as usize / 12;
             let [a, b, c] = [0, 1, 4].map(|k| positions[12 * module + k]);
             let plane = (b - a).cross(c - a).normalize();
             let plane = plane * plane.dot(DVec3::new(a.x, a.y, 0.0)).signum();
@@ -498,7 +505,7 @@ fn icub(part: &str) -> Option<Draft> {
 fn module_normals(patch: &Patch) -> BTreeMap<u32, DVec3> {
     let mut normals = BTreeMap::new();
     for (f, t) in patch.mesh.triangles.enumerate() {
-        let [a, b, c] = t.map(|v| patch.ids[v].0 / 12);
+        let [a, b, c] = t.map(|v| patch.taxels.ids[v].0 / 12);
         if a == b && b == c {
             *normals.entry(a).or_insert(DVec3::ZERO) += patch.mesh.face_cross(f);
         }
@@ -522,7 +529,7 @@ fn the_parts_of_the_icub_become_sound_skins() {
             assert_eq!(euler, 2 - i64::try_from(loops).unwrap(), "{part}: a disk with holes");
             let normals = module_normals(patch);
             for (f, t) in patch.mesh.triangles.enumerate() {
-                for module in t.map(|v| patch.ids[v].0 / 12) {
+                for module in t.map(|v| patch.taxels.ids[v].0 / 12) {
                     let cosine = normals.get(&module).map_or(1.0, |n| n.dot(patch.mesh.face_cross(f)));
                     assert!(cosine > 0.0, "{part}: face {f} against module {module}");
                 }
@@ -591,7 +598,7 @@ fn a_wide_gap_joins_the_same_taxels() {
         let assembled = assemble(&draft).unwrap();
         let patch = only(&assembled);
         assert_eq!(topology(&patch.mesh), (1, 1), "gap {gap}");
-        let joined: BTreeSet<u32> = patch.ids.iter().map(|id| id.0).collect();
+        let joined: BTreeSet<u32> = patch.taxels.ids.iter().map(|id| id.0).collect();
         let every: BTreeSet<u32> = (0..).take(mesh.positions.len()).collect();
         assert_eq!(joined, every, "gap {gap}: {:?}", assembled.remarks);
     }

@@ -861,7 +861,7 @@ fn every_sheet_of_a_skin_is_seen_from_outside() {
         assert_eq!(made.outside, [Outside::Frames, Outside::Frames]);
         for patch in &made.skin.patches {
             for face in patch.mesh.triangles.ids() {
-                let normal = patch.normals[patch.mesh.triangles[face][0]];
+                let normal = patch.taxels.normals[patch.mesh.triangles[face][0]];
                 assert!(patch.mesh.face_cross(face).dot(normal) > 0.0, "{face:?} of {}", patch.name);
             }
         }

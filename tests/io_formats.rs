@@ -30,11 +30,11 @@ fn posed_skin() -> Skin {
         DVec3::new(0.1, -0.2, 1.0 / 3.0),
     );
     let patch = &mut skin.patches[PatchId::new(0)];
-    patch.densities = Some(patch.areas.map(|a| 1.0 / a));
-    patch.ids[VertexId::new(1)] = TaxelId(u32::MAX);
-    patch.ids[VertexId::new(2)] = patch.ids[VertexId::new(3)];
-    patch.presence[VertexId::new(4)] = Presence::Absent;
-    patch.presence[VertexId::new(5)] = Presence::ThermalPad;
+    patch.taxels.densities = Some(patch.taxels.areas.map(|a| 1.0 / a));
+    patch.taxels.ids[VertexId::new(1)] = TaxelId(u32::MAX);
+    patch.taxels.ids[VertexId::new(2)] = patch.taxels.ids[VertexId::new(3)];
+    patch.taxels.presence[VertexId::new(4)] = Presence::Absent;
+    patch.taxels.presence[VertexId::new(5)] = Presence::ThermalPad;
     skin
 }
 
@@ -47,7 +47,7 @@ fn robot() -> Skin {
         pose: DAffine3::from_translation(DVec3::new(0.0, 0.5, 0.0)),
     });
     let mut tube = Patch::from_mesh("tube", LinkId::new(0), shapes::tube(5, 3, 0.05, 0.1));
-    tube.densities = Some(IdVec::filled(7.5, tube.areas.len()));
+    tube.taxels.densities = Some(IdVec::filled(7.5, tube.taxels.areas.len()));
     skin.patches.push(tube);
     skin.patches.push(Patch::from_mesh("palm", hand, shapes::lattice(3, 3, 0.01)));
     skin
@@ -107,7 +107,7 @@ fn every_format_keeps_positions_and_triangles() {
             "{kind}: positions to the last bit"
         );
         assert_eq!(sheet.triangles, triangles(patch), "{kind}");
-        assert_eq!(sheet.normals.as_deref(), Some(patch.normals.as_slice()), "{kind}: normals");
+        assert_eq!(sheet.normals.as_deref(), Some(patch.taxels.normals.as_slice()), "{kind}: normals");
     }
 }
 
@@ -123,9 +123,9 @@ fn json_keeps_the_frame_of_its_link() {
         link: Some(LinkId::new(0)),
         positions: positions(patch, DAffine3::IDENTITY),
         triangles: triangles(patch),
-        ids: Some(patch.ids.as_slice().to_vec()),
-        normals: Some(patch.normals.as_slice().to_vec()),
-        presence: Some(patch.presence.as_slice().to_vec()),
+        ids: Some(patch.taxels.ids.as_slice().to_vec()),
+        normals: Some(patch.taxels.normals.as_slice().to_vec()),
+        presence: Some(patch.taxels.presence.as_slice().to_vec()),
         ..Sheet::default()
     };
     assert_eq!(draft.sheets, [sheet], "all but areas and densities");
@@ -155,12 +155,12 @@ fn tables_keep_patches_ids_and_link_names() {
         assert_eq!(sheet.name, patch.name);
         assert_eq!(sheet.positions, positions(patch, pose), "{}: in the world", patch.name);
         assert_eq!(sheet.triangles, triangles(patch), "{}", patch.name);
-        assert_eq!(sheet.ids.as_deref(), Some(patch.ids.as_slice()), "{}", patch.name);
-        assert_eq!(sheet.areas.as_deref(), Some(patch.areas.as_slice()), "{}", patch.name);
-        assert_eq!(sheet.presence.as_deref(), Some(patch.presence.as_slice()), "{}", patch.name);
+        assert_eq!(sheet.ids.as_deref(), Some(patch.taxels.ids.as_slice()), "{}", patch.name);
+        assert_eq!(sheet.areas.as_deref(), Some(patch.taxels.areas.as_slice()), "{}", patch.name);
+        assert_eq!(sheet.presence.as_deref(), Some(patch.taxels.presence.as_slice()), "{}", patch.name);
         assert_eq!(
             sheet.densities,
-            patch.densities.as_ref().map(|d| d.as_slice().to_vec()),
+            patch.taxels.densities.as_ref().map(|d| d.as_slice().to_vec()),
             "{}",
             patch.name
         );
@@ -177,7 +177,7 @@ fn tables_keep_covariances_in_the_world() {
     let mut skin = robot();
     let told = DMat3::from_diagonal(DVec3::new(1e-6, 4e-6, 9e-6));
     for patch in skin.patches.iter_mut() {
-        patch.covariances = Some(patch.ids.map(|_| [1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6]));
+        patch.taxels.covariances = Some(patch.taxels.ids.map(|_| [1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6]));
     }
     let draft = write_and_read(&folder, "csv", &skin);
     for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
@@ -201,11 +201,11 @@ fn ply_keeps_all_numbers_of_a_vertex() {
         link: None,
         positions: positions(patch, DAffine3::IDENTITY),
         triangles: triangles(patch),
-        ids: Some(patch.ids.as_slice().to_vec()),
-        normals: Some(patch.normals.as_slice().to_vec()),
-        areas: Some(patch.areas.as_slice().to_vec()),
-        densities: patch.densities.as_ref().map(|d| d.as_slice().to_vec()),
-        presence: Some(patch.presence.as_slice().to_vec()),
+        ids: Some(patch.taxels.ids.as_slice().to_vec()),
+        normals: Some(patch.taxels.normals.as_slice().to_vec()),
+        areas: Some(patch.taxels.areas.as_slice().to_vec()),
+        densities: patch.taxels.densities.as_ref().map(|d| d.as_slice().to_vec()),
+        presence: Some(patch.taxels.presence.as_slice().to_vec()),
         ..Sheet::default()
     };
     assert_eq!(draft.sheets, [sheet]);
@@ -248,7 +248,7 @@ fn a_pose_that_scales_and_mirrors_is_carried_into_the_world() {
     skin.links[LinkId::new(0)].pose = DAffine3::from_scale(DVec3::new(-2.0, 2.0, 2.0));
     let sheet = &write_and_read(&folder, "ply", &skin).sheets[0];
     let patch = &skin.patches[PatchId::new(0)];
-    assert_eq!(sheet.areas.as_ref().unwrap()[5], 4.0 * patch.areas[VertexId::new(5)]);
+    assert_eq!(sheet.areas.as_ref().unwrap()[5], 4.0 * patch.taxels.areas[VertexId::new(5)]);
     let [a, b, c] = sheet.triangles[0].map(|v| sheet.positions[v as usize]);
     let normal = sheet.normals.as_ref().unwrap()[sheet.triangles[0][0] as usize];
     assert_eq!(normal, DVec3::Z, "outward stays outward");

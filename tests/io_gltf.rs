@@ -27,15 +27,15 @@ fn robot() -> Skin {
     link("tool", Some(arm), pose(-1.0, DVec3::X));
     let other = link("", None, pose(3.0, DVec3::NEG_Y));
     let mut palm = Patch::from_mesh("palm", arm, shapes::cap(200, 0.125, 0.75));
-    for (id, k) in palm.ids.iter_mut().zip(0_u32..) {
+    for (id, k) in palm.taxels.ids.iter_mut().zip(0_u32..) {
         *id = TaxelId(if k % 5 == 0 { 0 } else { 0xFFFF_0000 + k });
     }
-    palm.presence[VertexId::new(3)] = Presence::Absent;
-    palm.presence[VertexId::new(4)] = Presence::ThermalPad;
-    palm.densities = Some(palm.areas.map(|a| 1.0 / a));
+    palm.taxels.presence[VertexId::new(3)] = Presence::Absent;
+    palm.taxels.presence[VertexId::new(4)] = Presence::ThermalPad;
+    palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
     // Exact in `f32`.
     let covariance = [4.0, -1.0, 0.5, 2.0, 0.25, 1.0].map(|x: f64| x / f64::from(1 << 20));
-    palm.covariances = Some(palm.areas.map(|_| covariance));
+    palm.taxels.covariances = Some(palm.taxels.areas.map(|_| covariance));
     skin.patches.push(palm);
     skin.patches.push(Patch::from_mesh("back", other, shapes::lattice(5, 4, 0.0078125)));
     skin
@@ -51,9 +51,9 @@ fn narrowed(mut skin: Skin) -> Skin {
     for patch in skin.patches.iter_mut() {
         let round = |p: &DVec3| DVec3::from_array(p.to_array().map(rounded));
         patch.mesh.positions = patch.mesh.positions.map(round);
-        patch.normals = patch.normals.map(round);
-        patch.areas = patch.areas.map(|&a| rounded(a));
-        patch.densities = patch.densities.as_ref().map(|d| d.map(|&x| rounded(x)));
+        patch.taxels.normals = patch.taxels.normals.map(round);
+        patch.taxels.areas = patch.taxels.areas.map(|&a| rounded(a));
+        patch.taxels.densities = patch.taxels.densities.as_ref().map(|d| d.map(|&x| rounded(x)));
     }
     skin
 }
@@ -78,12 +78,25 @@ fn a_skin_reads_back_the_same_in_both_forms() {
         let want = narrowed(robot());
         assert_eq!(back.links, want.links, "{name}");
         for (got, want) in back.patches.iter().zip(&want.patches) {
-            assert_eq!((&got.name, got.link, &got.ids), (&want.name, want.link, &want.ids), "{name}");
+            assert_eq!(
+                (&got.name, got.link, &got.taxels.ids),
+                (&want.name, want.link, &want.taxels.ids),
+                "{name}"
+            );
             assert_eq!(got.mesh, want.mesh, "{name}: {}", want.name);
             let close = |(a, b): (&DVec3, &DVec3)| a.abs_diff_eq(*b, 1e-7);
-            assert!(got.normals.iter().zip(&want.normals).all(close), "{name}: normals of {}", want.name);
-            assert_eq!((&got.areas, &got.densities), (&want.areas, &want.densities), "{name}: {}", want.name);
-            assert_eq!(got.presence, want.presence, "{name}: {}", want.name);
+            assert!(
+                got.taxels.normals.iter().zip(&want.taxels.normals).all(close),
+                "{name}: normals of {}",
+                want.name
+            );
+            assert_eq!(
+                (&got.taxels.areas, &got.taxels.densities),
+                (&want.taxels.areas, &want.taxels.densities),
+                "{name}: {}",
+                want.name
+            );
+            assert_eq!(got.taxels.presence, want.taxels.presence, "{name}: {}", want.name);
         }
         write_skin(&second, &robot()).unwrap();
         assert_eq!(fs::read(&first).unwrap(), fs::read(&second).unwrap(), "{name}: the same bytes again");
@@ -155,7 +168,7 @@ fn a_map_reads_back_the_same() {
     let skin = read_skin(&again);
     assert_eq!(skin.patches[PatchId::new(0)].name, "palm", "a map reads as its skin too");
     assert_eq!(skin.patches.len(), 2, "of which only level 0 is shown");
-    assert!(skin.patches[PatchId::new(0)].covariances.is_some(), "that still knows its uncertainty");
+    assert!(skin.patches[PatchId::new(0)].taxels.covariances.is_some(), "that still knows its uncertainty");
 }
 
 #[test]
@@ -707,7 +720,7 @@ fn what_no_file_can_hold_is_refused_before_anything_is_written() {
     skin.patches[PatchId::new(1)].mesh.positions[VertexId::new(2)] = DVec3::splat(1e300);
     check(skin, "vertex 2");
     let mut skin = robot();
-    skin.patches[PatchId::new(0)].areas[VertexId::new(7)] = 1e-300;
+    skin.patches[PatchId::new(0)].taxels.areas[VertexId::new(7)] = 1e-300;
     check(skin, "vertex 7");
 
     let write = |change: &dyn Fn(&mut SkinMap), words: &[&str]| {

@@ -136,7 +136,7 @@ fn taxels_of_a_table_are_found_on_the_map() {
     write_skin(&table, &fixture.skin).unwrap();
     let answers = output(fixture.lookup(&table).args(["--level", "0"]));
     let ids: Vec<String> =
-        fixture.skin.patches[PatchId::new(0)].ids.iter().map(ToString::to_string).collect();
+        fixture.skin.patches[PatchId::new(0)].taxels.ids.iter().map(ToString::to_string).collect();
     assert_eq!(answers.lines().count(), 1 + ids.len());
     for (row, id) in ids.iter().enumerate() {
         let distance: f64 = cell(&answers, row, "distance").parse().unwrap();

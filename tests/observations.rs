@@ -362,7 +362,7 @@ fn calibrated_taxels_go_into_tables_and_skins() {
         let patch = made.skin.patches.iter().next().unwrap();
         assert_eq!((patch.mesh.positions.len(), patch.mesh.triangles.len()), (500, 920));
         let outward =
-            patch.normals.enumerate().filter(|(v, n)| n.dot(patch.mesh.positions[*v]) > 0.0).count();
+            patch.taxels.normals.enumerate().filter(|(v, n)| n.dot(patch.mesh.positions[*v]) > 0.0).count();
         assert_eq!(outward, 500, "seen from outside");
     }
     write_skin(&at("s.glb"), &meshed.skin).unwrap();

@@ -27,7 +27,7 @@ fn calibrated_cap(faces: usize) -> Skin {
     let mut skin = Skin::from_mesh("cap", shapes::cap(faces, 0.1, 1.2));
     for patch in skin.patches.iter_mut() {
         let variance = |p: &DVec3| 1e-6 * (1.0 + 200.0 * p.truncate().length_squared());
-        patch.covariances = Some(patch.mesh.positions.map(|p| [variance(p) / 3.0; 6]));
+        patch.taxels.covariances = Some(patch.mesh.positions.map(|p| [variance(p) / 3.0; 6]));
     }
     skin
 }
@@ -60,7 +60,7 @@ fn the_nearer_layer_is_drawn_over_the_farther_one() {
 #[test]
 fn hidden_taxels_have_no_dot() {
     let tube = Skin::from_mesh("tube", shapes::tube(24, 6, 0.03, 0.05));
-    let taxels = tube.patches.iter().next().unwrap().ids.len();
+    let taxels = tube.patches.iter().next().unwrap().taxels.ids.len();
     let svg = plot_skin(&tube, &from(0.0, 0.0)).unwrap();
     let dots = svg.matches("<circle").count();
     assert!((taxels / 3..=taxels / 2).contains(&dots), "{dots} of {taxels}: the half that faces the viewer");
@@ -185,7 +185,7 @@ fn what_cannot_be_drawn_is_named() {
     }
     assert_eq!(plot_skin(&Skin::default(), &PlotOptions::default()), Err(PlotError::Empty));
     let mut broken = calibrated_cap(100);
-    broken.patches.iter_mut().for_each(|p| p.covariances = Some(IdVec::new()));
+    broken.patches.iter_mut().for_each(|p| p.taxels.covariances = Some(IdVec::new()));
     assert!(matches!(plot_skin(&broken, &paint(Paint::Sigma)), Err(PlotError::Skin(_))));
 }
 

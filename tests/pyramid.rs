@@ -331,7 +331,7 @@ fn dense_skin_keeps_small_fields() {
     let mut patch = patch(shapes::lattice(60, 60, 0.01));
     // Twice the density in the right half: that many more of its taxels stay.
     let right = |p: &DVec3| p.x > 0.3;
-    patch.densities = Some(patch.mesh.positions.map(|p| if right(p) { 4e4 } else { 1e4 }));
+    patch.taxels.densities = Some(patch.mesh.positions.map(|p| if right(p) { 4e4 } else { 1e4 }));
     let options = CoarsenOptions { levels: Some(2), ..CoarsenOptions::default() };
     for level in coarsen(&patch, &options).unwrap().levels.iter().skip(1) {
         let dense = level.mesh.positions.iter().filter(|p| right(p)).count() as f64;
@@ -351,13 +351,13 @@ fn the_order_of_vertices_does_not_matter() {
     let order: Vec<usize> = (0..count).map(|v| (v * 1_009 + 17) % count).collect();
     let mut other = patch(shapes::renumbered(&mesh, &order));
     for (v, &to) in order.iter().enumerate() {
-        other.ids[VertexId::new(to)] = TaxelId(u32::try_from(v).unwrap() + 1);
+        other.taxels.ids[VertexId::new(to)] = TaxelId(u32::try_from(v).unwrap() + 1);
     }
     let options = CoarsenOptions { levels: Some(1), ..CoarsenOptions::default() };
     let centres = |patch: &Patch| -> BTreeSet<TaxelId> {
         let pyramid = coarsen(patch, &options).unwrap();
         let top = &pyramid.levels[LevelId::new(1)];
-        top.origins.iter().map(|&taxel| patch.ids[taxel]).collect()
+        top.origins.iter().map(|&taxel| patch.taxels.ids[taxel]).collect()
     };
     assert_eq!(centres(&patch(mesh)), centres(&other), "ids of the centres");
 }
@@ -365,7 +365,7 @@ fn the_order_of_vertices_does_not_matter() {
 #[test]
 fn placeholder_ids_do_no_harm() {
     let mut patch = patch(cap(3_000));
-    patch.ids = patch.ids.map(|_| TaxelId(0));
+    patch.taxels.ids = patch.taxels.ids.map(|_| TaxelId(0));
     assert_laws(&coarsen(&patch, &CoarsenOptions::default()).unwrap());
 }
 
@@ -437,15 +437,15 @@ fn bad_patches_are_refused_by_name() {
     assert_eq!(coarsen(&patch(doubled)), PyramidError::Mesh(edge));
 
     let mut short = patch(shapes::square());
-    short.ids = IdVec::new();
+    short.taxels.ids = IdVec::new();
     assert_eq!(coarsen(&short), PyramidError::Length { what: "ids", found: 0, needed: 4 });
 
     let mut negative = patch(shapes::square());
-    negative.areas[VertexId::new(2)] = -1.0;
+    negative.taxels.areas[VertexId::new(2)] = -1.0;
     assert_eq!(coarsen(&negative), PyramidError::Area { vertex: VertexId::new(2), found: -1.0 });
 
     let mut empty = patch(shapes::square());
-    empty.densities = Some(IdVec::filled(0.0, 4));
+    empty.taxels.densities = Some(IdVec::filled(0.0, 4));
     assert_eq!(coarsen(&empty), PyramidError::Density { vertex: VertexId::new(0), found: 0.0 });
 }
 

@@ -74,7 +74,7 @@ fn welding_takes_the_mean_of_the_normals() {
     sheet.normals = Some(normals.collect());
     let assembled = assemble(&draft_of(sheet)).unwrap();
     let patch = assembled.skin.patches.iter().next().unwrap();
-    for (v, n) in patch.normals.enumerate() {
+    for (v, n) in patch.taxels.normals.enumerate() {
         let outward = patch.mesh.positions[v].normalize();
         assert!(n.dot(outward) > 0.98, "normal of {v:?} is {n}, the sphere's is {outward}");
     }
@@ -254,7 +254,10 @@ fn without_believable_normals_most_faces_decide() {
         let patch = assembled.skin.patches.iter().next().unwrap();
         assert!(patch.mesh.face_cross(FaceId::new(1)).dot(-DVec3::Z) > 0.0, "as most faces of the file");
         let expected = patch.mesh.vertex_normals();
-        assert!(patch.normals.iter().zip(&expected).all(|(n, m)| n.distance(*m) < 1e-12), "from the faces");
+        assert!(
+            patch.taxels.normals.iter().zip(&expected).all(|(n, m)| n.distance(*m) < 1e-12),
+            "from the faces"
+        );
         assert!(remark_kinds(&assembled.remarks).contains(&RemarkKind::Turned));
         let turned: Vec<_> =
             check(&draft).into_iter().filter(|f| f.kind == FindingKind::InconsistentWinding).collect();
@@ -303,10 +306,11 @@ fn missing_ids_count_on_and_bad_areas_are_measured() {
     areas.areas = Some(vec![0.5, 0.0, f64::NAN, -1.0]);
     let draft = Draft { sheets: vec![sheet_of("a", &mesh), areas], ..Draft::default() };
     let assembled = assemble(&draft).unwrap();
-    let ids: Vec<u32> = assembled.skin.patches.iter().flat_map(|p| p.ids.iter().map(|id| id.0)).collect();
+    let ids: Vec<u32> =
+        assembled.skin.patches.iter().flat_map(|p| p.taxels.ids.iter().map(|id| id.0)).collect();
     assert_eq!(ids, (1..=8).collect::<Vec<_>>());
     let second = assembled.skin.patches.iter().nth(1).unwrap();
-    assert_eq!(second.areas.as_slice(), [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
+    assert_eq!(second.taxels.areas.as_slice(), [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
     assert_eq!(remark_kinds(&assembled.remarks), [RemarkKind::Areas].into());
     assert_eq!(check(&draft)[0].elements, [1, 2, 3]);
 }
@@ -529,9 +533,9 @@ proptest! {
         let Ok(first) = assemble(&draft_of(sheet)) else { return Ok(()) };
         let sheets = first.skin.patches.iter().map(|p| Sheet {
             link: Some(p.link),
-            ids: Some(p.ids.as_slice().to_vec()),
-            normals: Some(p.normals.as_slice().to_vec()),
-            areas: Some(p.areas.as_slice().to_vec()),
+            ids: Some(p.taxels.ids.as_slice().to_vec()),
+            normals: Some(p.taxels.normals.as_slice().to_vec()),
+            areas: Some(p.taxels.areas.as_slice().to_vec()),
             ..sheet_of(&p.name, &p.mesh)
         });
         let again = assemble(&Draft { links: first.skin.links.clone(), sheets: sheets.collect(), ..Draft::default() }).unwrap();
@@ -541,8 +545,8 @@ proptest! {
         prop_assert!(told.is_subset(&tolerated), "{:?}", again.remarks);
         if told.is_empty() {
             for (now, then) in again.skin.patches.iter().zip(&first.skin.patches) {
-                prop_assert_eq!((&now.name, &now.mesh, &now.ids), (&then.name, &then.mesh, &then.ids));
-                let turned = now.normals.iter().zip(&then.normals).map(|(n, m)| n.distance(*m));
+                prop_assert_eq!((&now.name, &now.mesh, &now.taxels.ids), (&then.name, &then.mesh, &then.taxels.ids));
+                let turned = now.taxels.normals.iter().zip(&then.taxels.normals).map(|(n, m)| n.distance(*m));
                 prop_assert!(turned.fold(0.0, f64::max) < 1e-12, "normals");
             }
         }

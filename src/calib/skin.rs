@@ -102,7 +102,7 @@ pub fn calibrated_skin(
         if !given
             && Edges::new(&patch.mesh.triangles, patch.mesh.positions.len()).iter().all(|e| e.len() == 2)
         {
-            let what = format!("the triangles around taxel {} close up", patch.ids[VertexId::new(0)]);
+            let what = format!("the triangles around taxel {} close up", patch.taxels.ids[VertexId::new(0)]);
             return Err(CalibError::NoTriangulation { what });
         }
     }
@@ -140,11 +140,11 @@ impl Sheet {
             triangles: self.faces.iter().map(|f| f.map(|v| place[&v])).collect(),
         };
         let mut patch = Patch::from_mesh(name, link, mesh);
-        patch.ids = taxels().map(|&v| calibration.ids[v]).collect();
+        patch.taxels.ids = taxels().map(|&v| calibration.ids[v]).collect();
         if calibration.model == Model::Poses {
-            patch.normals = taxels().map(|&v| calibration.poses[v].rotation * DVec3::Z).collect();
+            patch.taxels.normals = taxels().map(|&v| calibration.poses[v].rotation * DVec3::Z).collect();
         }
-        patch.covariances =
+        patch.taxels.covariances =
             calibration.marginals.as_ref().map(|m| taxels().map(|&v| m.positions[v]).collect());
         patch
     }
@@ -207,7 +207,7 @@ fn defect(patch: &Patch) -> Option<String> {
     for uses in Edges::new(&patch.mesh.triangles, patch.mesh.positions.len()).iter() {
         let start = |k: usize| uses[k].start(&patch.mesh);
         if uses.len() > 2 || uses.len() == 2 && start(0) == start(1) {
-            let (a, b) = (patch.ids[start(0)], patch.ids[uses[0].end(&patch.mesh)]);
+            let (a, b) = (patch.taxels.ids[start(0)], patch.taxels.ids[uses[0].end(&patch.mesh)]);
             let more = if uses.len() > 2 {
                 "more than two triangles meet"
             } else {

@@ -36,7 +36,7 @@ pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexI
         let mut patch = Patch::from_mesh("", LinkId::new(0), mesh.clone());
         // A vertex between faces without area still needs a field.
         let least = mesh.area() / mesh.positions.len() as f64 * f64::EPSILON;
-        patch.areas.iter_mut().for_each(|a| *a = a.max(least));
+        patch.taxels.areas.iter_mut().for_each(|a| *a = a.max(least));
         let pyramid = coarsen(&patch, &CoarsenOptions::default())?;
         let maps = flatten_pyramid(&pyramid, None, options)?;
         return Ok(maps.into_iter().next().unwrap_or_default());

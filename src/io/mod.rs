@@ -9,9 +9,7 @@ mod gltf;
 mod image;
 mod mesh;
 mod observations;
-mod presence;
 mod table;
-mod world;
 
 pub use self::gltf::{
     read_gltf, read_map, read_map_if_any, write_map, write_pyramids, write_skin_glb, write_skin_gltf,

@@ -21,8 +21,8 @@ impl PatchMap {
         Self {
             name: patch.name.clone(),
             link: patch.link,
-            ids: patch.ids.clone(),
-            covariances: patch.covariances.clone(),
+            ids: patch.taxels.ids.clone(),
+            covariances: patch.taxels.covariances.clone(),
             levels: levels.map(|(level, uv)| MapLevel::new(patch, level, uv, pixel)).collect(),
         }
     }
@@ -31,7 +31,7 @@ impl PatchMap {
 impl MapLevel {
     fn new(patch: &Patch, level: Level, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
         Self {
-            normals: level.origins.map(|&taxel| patch.normals[taxel]),
+            normals: level.origins.map(|&taxel| patch.taxels.normals[taxel]),
             distortion: distortion(&level.mesh, &uv),
             frame: MapFrame::around(&uv, pixel),
             mesh: level.mesh,

@@ -40,8 +40,8 @@ impl<'a> Subject<'a> {
             name: &patch.name,
             mesh: &patch.mesh,
             pose: world_pose(&skin.links, patch.link),
-            ids: &patch.ids,
-            covariances: patch.covariances.as_ref(),
+            ids: &patch.taxels.ids,
+            covariances: patch.taxels.covariances.as_ref(),
             levels: None,
         }
     }

@@ -72,16 +72,17 @@ pub fn coarsen(patch: &Patch, options: &CoarsenOptions) -> Result<Pyramid, Pyram
 
 fn check(patch: &Patch, options: &CoarsenOptions) -> Result<(), PyramidError> {
     let needed = patch.mesh.positions.len();
-    let densities = patch.densities.as_ref();
+    let densities = patch.taxels.densities.as_ref();
     let lengths = [
-        ("ids", patch.ids.len()),
-        ("areas", patch.areas.len()),
+        ("ids", patch.taxels.ids.len()),
+        ("areas", patch.taxels.areas.len()),
         ("densities", densities.map_or(needed, IdVec::len)),
     ];
     if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != needed) {
         return Err(PyramidError::Length { what, found, needed });
     }
-    if let Some((vertex, &found)) = patch.areas.enumerate().find(|(_, a)| !a.is_finite() || **a < 0.0) {
+    if let Some((vertex, &found)) = patch.taxels.areas.enumerate().find(|(_, a)| !a.is_finite() || **a < 0.0)
+    {
         return Err(PyramidError::Area { vertex, found });
     }
     let mut densities = densities.into_iter().flat_map(IdVec::enumerate);
@@ -102,7 +103,7 @@ fn ground(patch: &Patch) -> Level {
         mesh: patch.mesh.clone(),
         origins: patch.mesh.positions.ids().collect(),
         parents: patch.mesh.positions.ids().collect(),
-        areas: patch.areas.clone(),
+        areas: patch.taxels.areas.clone(),
         up: None,
         direct: None,
         removals: RemovalLog::default(),
@@ -167,10 +168,10 @@ fn choose(
     let positions = &level.mesh.positions;
     let rings = Rings::new(surface);
     let mut spacing = measured_spacing(&rings, positions);
-    if let Some(densities) = &patch.densities {
+    if let Some(densities) = &patch.taxels.densities {
         spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
     }
-    let order = priorities(surface, positions, &level.origins.map(|&taxel| patch.ids[taxel]));
+    let order = priorities(surface, positions, &level.origins.map(|&taxel| patch.taxels.ids[taxel]));
     let loops = surface.boundary_loops();
     let candidates =
         Candidates { rings: &rings, loops: &loops, positions, spacing: &spacing, priorities: &order };

@@ -47,17 +47,18 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// The length of the first optional array that has not one entry per vertex.
-    pub(super) fn wrong_length(&self) -> Option<usize> {
+    /// The first optional array that has not one entry per vertex, and its length.
+    pub(super) fn wrong_length(&self) -> Option<(&'static str, usize)> {
         let lengths = [
-            self.ids.as_ref().map(Vec::len),
-            self.normals.as_ref().map(Vec::len),
-            self.areas.as_ref().map(Vec::len),
-            self.densities.as_ref().map(Vec::len),
-            self.presence.as_ref().map(Vec::len),
-            self.covariances.as_ref().map(Vec::len),
-            self.modules.as_ref().map(Vec::len),
+            ("ids", self.ids.as_ref().map(Vec::len)),
+            ("normals", self.normals.as_ref().map(Vec::len)),
+            ("areas", self.areas.as_ref().map(Vec::len)),
+            ("densities", self.densities.as_ref().map(Vec::len)),
+            ("presence", self.presence.as_ref().map(Vec::len)),
+            ("covariances", self.covariances.as_ref().map(Vec::len)),
+            ("modules", self.modules.as_ref().map(Vec::len)),
         ];
-        lengths.into_iter().flatten().find(|&n| n != self.positions.len())
+        let mut given = lengths.into_iter().filter_map(|(what, n)| Some((what, n?)));
+        given.find(|&(_, n)| n != self.positions.len())
     }
 }

@@ -1,4 +1,8 @@
-use crate::{id::VertexId, mesh::MeshError, skin::LinkId};
+use crate::{
+    id::VertexId,
+    mesh::MeshError,
+    skin::{LinkId, TaxelError},
+};
 
 /// Why a draft is no skin. Vertices and faces are numbered as the sheet of the draft, or the patch of the skin, numbers them.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -12,15 +16,13 @@ pub enum SkinError {
         /// What is wrong with its triangles.
         source: MeshError,
     },
-    /// An array of a patch has not one entry per vertex.
-    #[error("patch {patch:?} has an array of {found} entries; {needed} are needed, one per vertex")]
-    Lengths {
+    /// Arrays that are not the taxels of the patch.
+    #[error("patch {patch:?}: {source}")]
+    Taxels {
         /// Name of the patch.
         patch: String,
-        /// Entries found.
-        found: usize,
-        /// Entries needed.
-        needed: usize,
+        /// What is wrong with them.
+        source: TaxelError,
     },
     /// Edges where more than two faces meet.
     #[error(
@@ -54,38 +56,6 @@ pub enum SkinError {
         patch: String,
         /// An edge where the contradiction shows.
         edge: [VertexId; 2],
-    },
-    /// A density that is not positive and finite.
-    #[error(
-        "patch {patch:?}: vertex {vertex} has a density of {found} taxels per m^2; a positive number is needed"
-    )]
-    Density {
-        /// Name of the patch.
-        patch: String,
-        /// The vertex.
-        vertex: VertexId,
-        /// The density found.
-        found: f64,
-    },
-    /// A receptive area that is not positive and finite.
-    #[error("patch {patch:?}: vertex {vertex} has an area of {found} m^2; a positive number is needed")]
-    Area {
-        /// Name of the patch.
-        patch: String,
-        /// The vertex.
-        vertex: VertexId,
-        /// The area found.
-        found: f64,
-    },
-    /// A normal that is not a unit vector.
-    #[error("patch {patch:?}: the normal of vertex {vertex} has length {found}; 1 is needed")]
-    Normal {
-        /// Name of the patch.
-        patch: String,
-        /// The vertex.
-        vertex: VertexId,
-        /// Length of the normal found; zero where the faces have no direction.
-        found: f64,
     },
     /// Two patches of one name.
     #[error("two patches are named {patch:?}; names must differ")]

@@ -1,29 +1,19 @@
-use std::collections::HashSet;
+//! Patches and skins: the plain data that all later steps start from.
 
-use glam::DVec3;
+use std::{borrow::Cow, collections::HashSet};
+
+use glam::DAffine3;
 
 use crate::{
-    id::{IdVec, VertexId, define_id},
+    id::{IdVec, define_id},
     mesh::{Adjacency, TriMesh},
-    skin::{Link, LinkId, SkinError, TaxelId},
+    skin::{Link, LinkId, SkinError, Taxels, world_pose},
 };
 
 define_id!(
     /// A patch of one skin.
     PatchId, "p"
 );
-
-/// What a slot of the skin holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Presence {
-    /// A working taxel.
-    #[default]
-    Present,
-    /// No taxel, or a dead one.
-    Absent,
-    /// A thermal pad: it has a place but no pressure reading.
-    ThermalPad,
-}
 
 /// One connected sheet of taxels on one link.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,36 +25,15 @@ pub struct Patch {
     /// Taxel positions in the link's frame and triangles seen from outside: manifold, one component, no
     /// vertex without a face.
     pub mesh: TriMesh,
-    /// Vendor ids; not unique.
-    pub ids: IdVec<VertexId, TaxelId>,
-    /// Unit normals in the link's frame, outward.
-    pub normals: IdVec<VertexId, DVec3>,
-    /// Receptive areas in m^2, positive.
-    pub areas: IdVec<VertexId, f64>,
-    /// Taxels per m^2, positive; `None`: as the spacing says.
-    pub densities: Option<IdVec<VertexId, f64>>,
-    /// What each slot holds.
-    pub presence: IdVec<VertexId, Presence>,
-    /// How uncertain the positions are: covariances `xx xy xz yy yz zz` in m^2, in the link's frame; `None`: unknown.
-    pub covariances: Option<IdVec<VertexId, [f64; 6]>>,
+    /// What is known of each vertex of the mesh.
+    pub taxels: Taxels,
 }
 
 impl Patch {
     /// A patch of a bare mesh: ids count from 1, normals and areas come from the triangles.
     #[must_use]
     pub fn from_mesh(name: impl Into<String>, link: LinkId, mesh: TriMesh) -> Self {
-        let count = mesh.positions.len();
-        Self {
-            name: name.into(),
-            link,
-            ids: mesh.positions.ids().map(|v| TaxelId(v.raw() + 1)).collect(),
-            normals: mesh.vertex_normals(),
-            areas: mesh.vertex_areas(),
-            densities: None,
-            presence: IdVec::filled(Presence::Present, count),
-            covariances: None,
-            mesh,
-        }
+        Self { name: name.into(), link, taxels: Taxels::of_mesh(&mesh), mesh }
     }
 
     /// Checks every promise that concerns this patch alone.
@@ -73,44 +42,28 @@ impl Patch {
     /// The first broken promise.
     pub fn validate(&self) -> Result<(), SkinError> {
         let patch = || self.name.clone();
-        let needed = self.mesh.positions.len();
-        let lengths = [
-            self.ids.len(),
-            self.normals.len(),
-            self.areas.len(),
-            self.presence.len(),
-            self.densities.as_ref().map_or(needed, IdVec::len),
-            self.covariances.as_ref().map_or(needed, IdVec::len),
-        ];
-        if let Some(&found) = lengths.iter().find(|&&n| n != needed) {
-            return Err(SkinError::Lengths { patch: patch(), found, needed });
-        }
         let adjacency =
             Adjacency::new(&self.mesh).map_err(|source| SkinError::Mesh { patch: patch(), source })?;
         let (_, found) = adjacency.components();
         if found != 1 {
             return Err(SkinError::Components { patch: patch(), found });
         }
-        let is_positive = |x: f64| x.is_finite() && x > 0.0;
-        if let Some((vertex, &found)) = self.areas.enumerate().find(|&(_, &a)| !is_positive(a)) {
-            return Err(SkinError::Area { patch: patch(), vertex, found });
+        self.taxels
+            .validate(self.mesh.positions.len())
+            .map_err(|source| SkinError::Taxels { patch: patch(), source })
+    }
+
+    /// The patch in another frame. A pose that mirrors turns the triangles round, so that they still run
+    /// counter-clockwise seen from outside.
+    pub(crate) fn posed(&self, pose: &DAffine3) -> Self {
+        let mut mesh = self.mesh.clone();
+        mesh.positions.iter_mut().for_each(|x| *x = pose.transform_point3(*x));
+        if pose.matrix3.determinant() < 0.0 {
+            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
-        for (vertex, n) in self.normals.enumerate() {
-            let found = n.length();
-            if found.is_nan() || (found - 1.0).abs() > UNIT_TOLERANCE {
-                return Err(SkinError::Normal { patch: patch(), vertex, found });
-            }
-        }
-        let mut densities = self.densities.iter().flat_map(IdVec::enumerate);
-        if let Some((vertex, &found)) = densities.find(|&(_, &d)| !is_positive(d)) {
-            return Err(SkinError::Density { patch: patch(), vertex, found });
-        }
-        Ok(())
+        Self { name: self.name.clone(), link: self.link, mesh, taxels: self.taxels.posed(pose) }
     }
 }
-
-/// Normals go through `f32` in files, which keeps seven digits.
-const UNIT_TOLERANCE: f64 = 1e-5;
 
 /// All patches of a robot, with the frames of its links.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -126,10 +79,15 @@ impl Skin {
     #[must_use]
     pub fn from_mesh(name: &str, mesh: TriMesh) -> Self {
         let mut skin = Self::default();
-        let link =
-            skin.links.push(Link { name: String::new(), parent: None, pose: glam::DAffine3::IDENTITY });
+        let link = skin.links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY });
         skin.patches.push(Patch::from_mesh(name, link, mesh));
         skin
+    }
+
+    /// A patch of this skin as it lies in the world, for formats that know no frames.
+    pub(crate) fn in_world<'a>(&self, patch: &'a Patch) -> Cow<'a, Patch> {
+        let pose = world_pose(&self.links, patch.link);
+        if pose == DAffine3::IDENTITY { Cow::Borrowed(patch) } else { Cow::Owned(patch.posed(&pose)) }
     }
 
     /// Checks every promise of [`Patch`] and of the links.

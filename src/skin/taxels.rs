@@ -1,6 +1,16 @@
-//! The number of a taxel.
+//! What is known of the taxels of a patch: one array per property, one entry per vertex of its mesh.
+//!
+//! Every step that drops, reorders or moves taxels goes through [`Taxels::select`] and
+//! [`Taxels::posed`], so that a property cannot be forgotten on the way.
 
 use std::fmt;
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::{TriMesh, is_rotation},
+};
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///
@@ -18,4 +28,219 @@ impl fmt::Display for TaxelId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
     }
+}
+
+/// What a slot of the skin holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Presence {
+    /// A working taxel.
+    #[default]
+    Present,
+    /// No taxel, or a dead one.
+    Absent,
+    /// A thermal pad: it has a position but no pressure reading.
+    ThermalPad,
+}
+
+impl Presence {
+    /// The number that stands for it in files.
+    pub(crate) const fn code(self) -> u8 {
+        match self {
+            Self::Absent => 0,
+            Self::Present => 1,
+            Self::ThermalPad => 2,
+        }
+    }
+
+    /// What the number `code` of a file stands for.
+    pub(crate) fn from_code(code: f64) -> Option<Self> {
+        [Self::Absent, Self::Present, Self::ThermalPad].into_iter().find(|p| f64::from(p.code()) == code)
+    }
+}
+
+/// What is known of the taxels of a patch.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Taxels {
+    /// Vendor ids; not unique.
+    pub ids: IdVec<VertexId, TaxelId>,
+    /// Unit normals in the link's frame, outward.
+    pub normals: IdVec<VertexId, DVec3>,
+    /// Receptive areas in m^2, positive.
+    pub areas: IdVec<VertexId, f64>,
+    /// Taxels per m^2, positive; `None`: as the spacing says.
+    pub densities: Option<IdVec<VertexId, f64>>,
+    /// What each slot holds.
+    pub presence: IdVec<VertexId, Presence>,
+    /// How uncertain the positions are: covariances `xx xy xz yy yz zz` in m^2, in the link's frame; `None`: unknown.
+    pub covariances: Option<IdVec<VertexId, [f64; 6]>>,
+}
+
+/// Normals go through `f32` in files, which keeps seven digits.
+const UNIT_TOLERANCE: f64 = 1e-5;
+
+/// Principal minors of a covariance may be this much below 0, in units of its trace: files store `f32`.
+const COVARIANCE_TOLERANCE: f64 = 1e-5;
+
+impl Taxels {
+    /// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas come from the triangles.
+    #[must_use]
+    pub fn of_mesh(mesh: &TriMesh) -> Self {
+        Self {
+            ids: mesh.positions.ids().map(|v| TaxelId(v.raw() + 1)).collect(),
+            normals: mesh.vertex_normals(),
+            areas: mesh.vertex_areas(),
+            densities: None,
+            presence: IdVec::filled(Presence::Present, mesh.positions.len()),
+            covariances: None,
+        }
+    }
+
+    /// Checks the length of every array and the values in it.
+    ///
+    /// # Errors
+    /// The first array that has not one entry for each of `vertices` vertices, or the first value out of range.
+    pub fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
+        let lengths = [
+            ("ids", self.ids.len()),
+            ("normals", self.normals.len()),
+            ("areas", self.areas.len()),
+            ("densities", self.densities.as_ref().map_or(vertices, IdVec::len)),
+            ("presence", self.presence.len()),
+            ("covariances", self.covariances.as_ref().map_or(vertices, IdVec::len)),
+        ];
+        if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != vertices) {
+            return Err(TaxelError::Length { what, found, needed: vertices });
+        }
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
+        if let Some((vertex, &found)) = self.areas.enumerate().find(|&(_, &a)| !is_positive(a)) {
+            return Err(TaxelError::Area { vertex, found });
+        }
+        for (vertex, n) in self.normals.enumerate() {
+            let found = n.length();
+            if found.is_nan() || (found - 1.0).abs() > UNIT_TOLERANCE {
+                return Err(TaxelError::Normal { vertex, found });
+            }
+        }
+        let mut densities = self.densities.iter().flat_map(IdVec::enumerate);
+        if let Some((vertex, &found)) = densities.find(|&(_, &d)| !is_positive(d)) {
+            return Err(TaxelError::Density { vertex, found });
+        }
+        let mut covariances = self.covariances.iter().flat_map(IdVec::enumerate);
+        match covariances.find(|(_, c)| !is_covariance(c)) {
+            Some((vertex, &found)) => Err(TaxelError::Covariance { vertex, found }),
+            None => Ok(()),
+        }
+    }
+
+    /// The taxels `origins`, in that order.
+    ///
+    /// # Panics
+    /// If one of them does not exist.
+    #[must_use]
+    pub fn select(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
+        Self {
+            ids: origins.map(|&v| self.ids[v]),
+            normals: origins.map(|&v| self.normals[v]),
+            areas: origins.map(|&v| self.areas[v]),
+            densities: self.densities.as_ref().map(|d| origins.map(|&v| d[v])),
+            presence: origins.map(|&v| self.presence[v]),
+            covariances: self.covariances.as_ref().map(|c| origins.map(|&v| c[v])),
+        }
+    }
+
+    /// The taxels in another frame.
+    ///
+    /// A pose that scales also scales areas and densities. One that mirrors keeps normals outward.
+    pub(crate) fn posed(&self, pose: &DAffine3) -> Self {
+        let matrix = pose.matrix3;
+        let mut posed = self.clone();
+        if is_rotation(&matrix) {
+            posed.normals = self.normals.map(|&n| matrix * n);
+        } else {
+            // Normals, and areas along them, go by the cofactors of the matrix.
+            let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+            let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+            let side = if matrix.determinant() < 0.0 { -1.0 } else { 1.0 };
+            for (v, n) in self.normals.enumerate() {
+                let across = cofactors * *n;
+                let stretch = across.length();
+                posed.normals[v] = across.normalize_or_zero() * side;
+                posed.areas[v] *= stretch;
+                if let Some(densities) = &mut posed.densities {
+                    densities[v] /= stretch;
+                }
+            }
+        }
+        posed.covariances = self.covariances.as_ref().map(|covariances| {
+            covariances.map(|&[xx, xy, xz, yy, yz, zz]| {
+                let turned = matrix
+                    * DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])
+                    * matrix.transpose();
+                let [x, y, z] = [turned.x_axis, turned.y_axis, turned.z_axis];
+                [x.x, y.x, z.x, y.y, z.y, z.z]
+            })
+        });
+        posed
+    }
+}
+
+/// Whether all principal minors are non-negative but for rounding: then no direction has a negative variance.
+fn is_covariance(&[xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> bool {
+    let trace = xx + yy + zz;
+    let [a, b, c] = [xx * yy - xy * xy, xx * zz - xz * xz, yy * zz - yz * yz];
+    let determinant = xx * c - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    let minors = [(xx, 1), (yy, 1), (zz, 1), (a, 2), (b, 2), (c, 2), (determinant, 3)];
+    trace.is_finite()
+        && minors.iter().all(|&(minor, degree)| minor >= -COVARIANCE_TOLERANCE * trace.powi(degree))
+}
+
+/// Why arrays are not the taxels of a patch.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TaxelError {
+    /// An array has not one entry per vertex.
+    #[error("{what}: an array of {found} entries; {needed} are needed, one per vertex")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Entries found.
+        found: usize,
+        /// Entries needed.
+        needed: usize,
+    },
+    /// A receptive area that is not positive and finite.
+    #[error("vertex {vertex} has an area of {found} m^2; a positive number is needed")]
+    Area {
+        /// The vertex.
+        vertex: VertexId,
+        /// The area found.
+        found: f64,
+    },
+    /// A normal that is not a unit vector.
+    #[error("the normal of vertex {vertex} has length {found}; 1 is needed")]
+    Normal {
+        /// The vertex.
+        vertex: VertexId,
+        /// Length of the normal found; zero where the faces have no direction.
+        found: f64,
+    },
+    /// A density that is not positive and finite.
+    #[error("vertex {vertex} has a density of {found} taxels per m^2; a positive number is needed")]
+    Density {
+        /// The vertex.
+        vertex: VertexId,
+        /// The density found.
+        found: f64,
+    },
+    /// A matrix that is not the covariance of a position.
+    #[error(
+        "vertex {vertex} has the covariance {found:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \
+         semidefinite"
+    )]
+    Covariance {
+        /// The vertex.
+        vertex: VertexId,
+        /// The entries found.
+        found: [f64; 6],
+    },
 }

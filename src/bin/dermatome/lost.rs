@@ -17,7 +17,7 @@ pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
 fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
     let kind = kind(path);
     let covariances = matches!(kind.as_str(), "json" | "obj" | "ply" | "stl")
-        && skin.patches.iter().any(|patch| patch.covariances.is_some());
+        && skin.patches.iter().any(|patch| patch.taxels.covariances.is_some());
     let covariances = covariances.then_some("how uncertain the taxels are is lost");
     lost_frames(&kind, skin).into_iter().chain(covariances).collect()
 }

@@ -13,7 +13,6 @@ use crate::{
             nodes::{Placement, place},
             triangles::{Mode, triangles},
         },
-        presence::presence_of,
     },
     skin::{Draft, Presence, Sheet, TaxelId},
 };
@@ -247,7 +246,7 @@ fn read_presence(document: &Document, accessor: &Accessor<'_>) -> Result<Vec<Pre
         let found = format!("_PRESENT {x} in row {row}");
         document.invalid(accessor.name(), found, "0 (absent), 1 (present) or 2 (thermal pad)")
     };
-    raw.into_iter().enumerate().map(|(row, x)| presence_of(x).ok_or_else(|| refuse(row, x))).collect()
+    raw.into_iter().enumerate().map(|(row, x)| Presence::from_code(x).ok_or_else(|| refuse(row, x))).collect()
 }
 
 /// Applies the part of a node's transform that a link's rigid frame cannot hold. Areas and densities are in metres

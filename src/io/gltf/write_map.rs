@@ -67,8 +67,8 @@ pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<
         .map(|(patch, pyramid)| PatchView {
             name: &patch.name,
             link: patch.link,
-            ids: &patch.ids,
-            covariances: patch.covariances.as_ref(),
+            ids: &patch.taxels.ids,
+            covariances: patch.taxels.covariances.as_ref(),
             levels: pyramid.levels.iter().map(|level| LevelView::of_pyramid(patch, level)).collect(),
         })
         .collect();
@@ -110,7 +110,9 @@ impl<'a> LevelView<'a> {
         let zero = DVec3::ZERO;
         Self {
             mesh: &level.mesh,
-            normals: Cow::Owned(level.origins.map(|&taxel| *patch.normals.get(taxel).unwrap_or(&zero))),
+            normals: Cow::Owned(
+                level.origins.map(|&taxel| *patch.taxels.normals.get(taxel).unwrap_or(&zero)),
+            ),
             areas: &level.areas,
             map: None,
             up: level.up.as_ref(),

@@ -17,7 +17,6 @@ use crate::{
             write_links::add_scene,
             writer::{Form, SceneWriter, narrow},
         },
-        presence::presence_code,
     },
     mesh::TriMesh,
     skin::{Patch, Skin, TaxelId},
@@ -71,7 +70,11 @@ pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
 fn add_patch(path: &Path, writer: &mut SceneWriter, patch: &Patch) -> Result<Index<Mesh>, IoError> {
     let name = format!("patch {:?}", patch.name);
     let count = patch.mesh.positions.len();
-    let lengths = [patch.ids.len(), patch.presence.len(), patch.densities.as_ref().map_or(count, IdVec::len)];
+    let lengths = [
+        patch.taxels.ids.len(),
+        patch.taxels.presence.len(),
+        patch.taxels.densities.as_ref().map_or(count, IdVec::len),
+    ];
     if let Some(length) = lengths.into_iter().find(|&n| n != count) {
         return Err(refuse(
             path,
@@ -81,15 +84,15 @@ fn add_patch(path: &Path, writer: &mut SceneWriter, patch: &Patch) -> Result<Ind
         ));
     }
     let mut sheet = SheetWriter::new(path, name, writer, &patch.mesh)?;
-    sheet.normals(&patch.normals)?;
-    sheet.ids(&patch.ids);
-    sheet.positive("_AREA", &patch.areas)?;
-    if let Some(densities) = &patch.densities {
+    sheet.normals(&patch.taxels.normals)?;
+    sheet.ids(&patch.taxels.ids);
+    sheet.positive("_AREA", &patch.taxels.areas)?;
+    if let Some(densities) = &patch.taxels.densities {
         sheet.positive("_DENSITY", densities)?;
     }
-    let presence = patch.presence.iter().map(|&p| [presence_code(p)]);
+    let presence = patch.taxels.presence.iter().map(|&p| [p.code()]);
     sheet.insert("_PRESENT", |writer| writer.attribute(presence));
-    if let Some(covariances) = &patch.covariances {
+    if let Some(covariances) = &patch.taxels.covariances {
         sheet.covariances(covariances)?;
     }
     let primitive = sheet.finish();

@@ -20,7 +20,6 @@ use crate::{
             replace::replace_file,
             source::{Source, excerpt},
         },
-        world::in_world,
     },
     skin::{Draft, Patch, Sheet, Skin},
 };
@@ -303,7 +302,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     replace_file(path, |file| {
         let mut before = 0;
         for patch in &skin.patches {
-            write_patch(file, &in_world(skin, patch), before)
+            write_patch(file, &skin.in_world(patch), before)
                 .map_err(|source| IoError::Write { path: path.into(), source })?;
             before += patch.mesh.positions.len();
         }
@@ -319,7 +318,7 @@ fn write_patch(file: &mut impl Write, patch: &Patch, before: usize) -> io::Resul
     for p in &patch.mesh.positions {
         writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
     }
-    for n in &patch.normals {
+    for n in &patch.taxels.normals {
         writeln!(file, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
     }
     for &corners in &patch.mesh.triangles {

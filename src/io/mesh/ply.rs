@@ -21,8 +21,6 @@ use crate::{
             replace::replace_file,
             source::{Source, excerpt, invalid},
         },
-        presence::{presence_code, presence_of},
-        world::in_world,
     },
     skin::{Draft, Patch, Presence, Sheet, Skin, TaxelId},
 };
@@ -231,7 +229,7 @@ fn read_vertices(
     }
     if has[PRESENT] {
         let slots = rows.iter().enumerate().map(|(k, VertexRow(row))| {
-            presence_of(row[PRESENT]).ok_or_else(|| {
+            Presence::from_code(row[PRESENT]).ok_or_else(|| {
                 let element = format!("vertex {k}, property `present`");
                 source.invalid(element, row[PRESENT].to_string(), "0 absent, 1 present or 2 thermal pad")
             })
@@ -283,18 +281,18 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
         return Err(invalid(path, "skin", format!("{vertices} vertices"), format!("at most {}", u32::MAX)));
     }
     let extra = Extra {
-        density: skin.patches.iter().all(|p| p.densities.is_some()),
-        presence: skin.patches.iter().flat_map(|p| &p.presence).any(|&p| p != Presence::Present),
+        density: skin.patches.iter().all(|p| p.taxels.densities.is_some()),
+        presence: skin.patches.iter().flat_map(|p| &p.taxels.presence).any(|&p| p != Presence::Present),
     };
     replace_file(path, |file| {
         let fail = |source| IoError::Write { path: path.into(), source };
         write_header(file, vertices, faces, extra).map_err(fail)?;
         for patch in &skin.patches {
-            write_vertices(file, &in_world(skin, patch), extra).map_err(fail)?;
+            write_vertices(file, &skin.in_world(patch), extra).map_err(fail)?;
         }
         let mut before = 0;
         for patch in &skin.patches {
-            write_faces(file, &in_world(skin, patch), before).map_err(fail)?;
+            write_faces(file, &skin.in_world(patch), before).map_err(fail)?;
             before += patch.mesh.positions.len();
         }
         Ok(())
@@ -325,16 +323,16 @@ fn write_header(file: &mut impl Write, vertices: usize, faces: usize, extra: Ext
 
 fn write_vertices(file: &mut impl Write, patch: &Patch, extra: Extra) -> io::Result<()> {
     for (v, position) in patch.mesh.positions.enumerate() {
-        for x in position.to_array().into_iter().chain(patch.normals[v].to_array()) {
+        for x in position.to_array().into_iter().chain(patch.taxels.normals[v].to_array()) {
             file.write_all(&x.to_le_bytes())?;
         }
-        file.write_all(&patch.ids[v].0.to_le_bytes())?;
-        file.write_all(&patch.areas[v].to_le_bytes())?;
-        if let Some(densities) = patch.densities.as_ref().filter(|_| extra.density) {
+        file.write_all(&patch.taxels.ids[v].0.to_le_bytes())?;
+        file.write_all(&patch.taxels.areas[v].to_le_bytes())?;
+        if let Some(densities) = patch.taxels.densities.as_ref().filter(|_| extra.density) {
             file.write_all(&densities[v].to_le_bytes())?;
         }
         if extra.presence {
-            file.write_all(&[presence_code(patch.presence[v])])?;
+            file.write_all(&[patch.taxels.presence[v].code()])?;
         }
     }
     Ok(())

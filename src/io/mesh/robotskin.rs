@@ -13,8 +13,8 @@ use crate::{
             json::write_json,
             source::{Source, excerpt, stem},
         },
-        world::{in_world, is_rotation, rotation_defect},
     },
+    mesh::{is_rotation, rotation_defect},
     skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
 };
 
@@ -243,11 +243,11 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
         // would be noticed as a face past the end.
         let before = u32::try_from(taxels.len()).unwrap_or(u32::MAX);
         faces.extend(patch.mesh.triangles.iter().map(|t| t.map(|v| before.saturating_add(v.raw()))));
-        taxels.extend(patch.ids.enumerate().map(|(v, id)| Taxel {
+        taxels.extend(patch.taxels.ids.enumerate().map(|(v, id)| Taxel {
             id: if id.0 == u32::MAX { -1 } else { i64::from(id.0) },
             x: patch.mesh.positions[v].to_array(),
-            n: Some(patch.normals[v].to_array()),
-            kind: presence_name(patch.presence[v]).into(),
+            n: Some(patch.taxels.normals[v].to_array()),
+            kind: presence_name(patch.taxels.presence[v]).into(),
             cut: 0,
         }));
     }
@@ -276,7 +276,7 @@ fn framed(skin: &Skin) -> (Frame, Vec<Cow<'_, Patch>>) {
     if let Some((link, pose)) = only_link(skin) {
         return (frame(&skin.links[link].name, pose), skin.patches.iter().map(Cow::Borrowed).collect());
     }
-    (frame("", DAffine3::IDENTITY), skin.patches.iter().map(|p| in_world(skin, p)).collect())
+    (frame("", DAffine3::IDENTITY), skin.patches.iter().map(|p| skin.in_world(p)).collect())
 }
 
 /// The link that carries every patch, with its pose, if there is one and it neither scales nor mirrors.

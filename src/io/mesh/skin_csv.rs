@@ -17,11 +17,9 @@ use crate::{
             replace::replace_file,
             source::{Source, excerpt, invalid},
         },
-        presence::{presence_code, presence_of},
         table::columns::{Columns, Row, table_error, table_write_error},
-        world::in_world,
     },
-    skin::{Draft, Link, LinkId, Patch, Sheet, Skin, TaxelId},
+    skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
 };
 
 /// Columns of the table of taxels.
@@ -204,7 +202,7 @@ impl Sheets {
             add(numbers, place, number).ok_or_else(|| row.invalid(column, ALL_OR_NONE))?;
         }
         if let Some(column) = places.present {
-            let presence = presence_of(row.number(column)?);
+            let presence = Presence::from_code(row.number(column)?);
             let presence =
                 presence.ok_or_else(|| row.invalid(column, "0 absent, 1 present or 2 thermal pad"))?;
             sheet.presence.get_or_insert_default().push(presence);
@@ -285,7 +283,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
         let mut table = Writer::from_writer(taxels);
         table.write_record(COLUMNS).map_err(fail)?;
         for patch in &skin.patches {
-            write_taxels(&mut table, &in_world(skin, patch), &skin.links[patch.link].name).map_err(fail)?;
+            write_taxels(&mut table, &skin.in_world(patch), &skin.links[patch.link].name).map_err(fail)?;
         }
         table.flush().map_err(|e| fail(e.into()))?;
         // Both are complete before the first is renamed.
@@ -294,7 +292,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
             writeln!(triangles, "a,b,c").map_err(fail)?;
             let mut before = 0;
             for patch in &skin.patches {
-                for &corners in &in_world(skin, patch).mesh.triangles {
+                for &corners in &skin.in_world(patch).mesh.triangles {
                     let [a, b, c] = corners.map(|v| before + v.index());
                     writeln!(triangles, "{a},{b},{c}").map_err(fail)?;
                 }
@@ -307,14 +305,14 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
 
 fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> csv::Result<()> {
     for (v, x) in patch.mesh.positions.enumerate() {
-        let n = patch.normals[v];
-        let density = patch.densities.as_ref().map(|d| d[v]);
-        let covariance = match &patch.covariances {
+        let n = patch.taxels.normals[v];
+        let density = patch.taxels.densities.as_ref().map(|d| d[v]);
+        let covariance = match &patch.taxels.covariances {
             Some(c) => c[v].map(Some),
             None => [None; 6],
         };
-        let numbers = (patch.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, patch.areas[v], density);
-        table.serialize((numbers, presence_code(patch.presence[v]), &patch.name, link, covariance))?;
+        let numbers = (patch.taxels.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, patch.taxels.areas[v], density);
+        table.serialize((numbers, patch.taxels.presence[v].code(), &patch.name, link, covariance))?;
     }
     Ok(())
 }

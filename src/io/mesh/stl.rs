@@ -13,7 +13,6 @@ use crate::{
             replace::replace_file,
             source::{Source, excerpt, invalid},
         },
-        world::in_world,
     },
     skin::{Draft, Patch, Sheet, Skin},
 };
@@ -138,7 +137,7 @@ fn weld(
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let mut facets = Vec::new();
     for patch in &skin.patches {
-        add_facets(path, &in_world(skin, patch), &mut facets)?;
+        add_facets(path, &skin.in_world(patch), &mut facets)?;
     }
     if u32::try_from(facets.len()).is_err() {
         return Err(invalid(

@@ -7,7 +7,7 @@ use crate::{
     mesh::{Edges, MeshError, TriMesh},
     skin::{
         Draft, Link, LinkId, MeshOptions, Patch, Presence, Remark, RemarkKind, Sheet, Skin, SkinError,
-        TaxelId,
+        TaxelError, TaxelId, Taxels,
         assemble::zero_area::{Cleared, clear_zero_area},
         mesh_bare,
         names::{Names, sheet_name},
@@ -97,8 +97,9 @@ pub(super) fn check_sheet(sheet: &Sheet, links: &IdVec<LinkId, Link>) -> Result<
         return Err(SkinError::UnknownLink { patch: patch(), link });
     }
     let needed = sheet.positions.len();
-    if let Some(found) = sheet.wrong_length() {
-        return Err(SkinError::Lengths { patch: patch(), found, needed });
+    if let Some((what, found)) = sheet.wrong_length() {
+        let source = TaxelError::Length { what, found, needed };
+        return Err(SkinError::Taxels { patch: patch(), source });
     }
     let refuse = |source| Err(SkinError::Mesh { patch: patch(), source });
     let faces = sheet.triangles.len();
@@ -320,11 +321,12 @@ impl<'a> Pieces<'a> {
             .zip(densities.iter().flat_map(IdVec::<VertexId, f64>::iter))
             .find(|(_, d)| !(d.is_finite() && **d > 0.0))
         {
-            return Err(SkinError::Density { patch: name, vertex, found });
+            return Err(SkinError::Taxels { patch: name, source: TaxelError::Density { vertex, found } });
         }
         let covariances =
             self.sheet.covariances.as_ref().map(|c| vertices.iter().map(|v| c[v.index()]).collect());
-        Ok(Patch { name, link, mesh, ids, normals, areas, densities, presence, covariances })
+        let taxels = Taxels { ids, normals, areas, densities, presence, covariances };
+        Ok(Patch { name, link, mesh, taxels })
     }
 
     /// The areas of the file where they are positive, else those of the triangles.

@@ -140,7 +140,7 @@ fn check_sheet(sheet: &Sheet, links: usize, findings: &mut Vec<Finding>) {
         let message = format!("it hangs on link {link}, but there are {links} links");
         report.add_whole(FindingKind::UnknownLink, message);
     }
-    if let Some(found) = sheet.wrong_length() {
+    if let Some((_, found)) = sheet.wrong_length() {
         let needed = sheet.positions.len();
         let message =
             format!("an array has {found} entries for {needed} vertices; nothing else was looked at");

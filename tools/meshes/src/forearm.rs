@@ -91,7 +91,7 @@ pub fn forearm() -> Skin {
         for module in 0..modules.len() {
             let at = |k: usize| patch.mesh.positions[VertexId::new(10 * module + k)];
             let normal = (at(3) - at(0)).cross(at(9) - at(0)).normalize();
-            (0..10).for_each(|k| patch.normals[VertexId::new(10 * module + k)] = normal);
+            (0..10).for_each(|k| patch.taxels.normals[VertexId::new(10 * module + k)] = normal);
         }
     }
     skin
@@ -252,9 +252,9 @@ mod tests {
     fn modules_are_flat_and_keep_their_size() {
         let skin = forearm();
         let patch = skin.patches.iter().next().unwrap();
-        for module in 0..patch.ids.len() / 10 {
+        for module in 0..patch.taxels.ids.len() / 10 {
             let at = |k: usize| patch.mesh.positions[VertexId::new(10 * module + k)];
-            let normal = patch.normals[VertexId::new(10 * module)];
+            let normal = patch.taxels.normals[VertexId::new(10 * module)];
             for k in 0..10 {
                 let height = (at(k) - at(0)).dot(normal);
                 assert!(height.abs() < 2e-7, "taxel {k} of module {module} lies {height} m off its plane");

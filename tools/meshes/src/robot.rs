@@ -29,7 +29,7 @@ pub fn robot() -> Skin {
     // Ids count through the whole robot, with room for each patch to grow, as they do where hubs number their taxels.
     for ((name, link, mesh), hub) in patches.into_iter().zip(1..) {
         let mut patch = Patch::from_mesh(name, link, snapped(mesh));
-        patch.ids = patch.ids.map(|id| TaxelId(1000 * hub + id.0));
+        patch.taxels.ids = patch.taxels.ids.map(|id| TaxelId(1000 * hub + id.0));
         skin.patches.push(patch);
     }
     skin

@@ -22,7 +22,7 @@ fn mesh_of(skin: &Skin) -> &TriMesh {
 fn every_patch_is_a_disk_with_holes_in_the_size_asked_for() {
     for (name, skin) in SKINS.iter() {
         skin.validate().unwrap();
-        let taxels: usize = skin.patches.iter().map(|p| p.ids.len()).sum();
+        let taxels: usize = skin.patches.iter().map(|p| p.taxels.ids.len()).sum();
         assert!((300..=10_000).contains(&taxels), "{name} has {taxels} taxels");
         for patch in &skin.patches {
             let adjacency = Adjacency::new(&patch.mesh).unwrap();
@@ -60,8 +60,8 @@ fn nothing_is_found_wrong() {
             link: Some(patch.link),
             positions: patch.mesh.positions.as_slice().to_vec(),
             triangles: patch.mesh.triangles.iter().map(|t| t.map(VertexId::raw)).collect(),
-            ids: Some(patch.ids.as_slice().to_vec()),
-            normals: Some(patch.normals.as_slice().to_vec()),
+            ids: Some(patch.taxels.ids.as_slice().to_vec()),
+            normals: Some(patch.taxels.normals.as_slice().to_vec()),
             ..Sheet::default()
         };
         let draft = Draft {
