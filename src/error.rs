@@ -1,7 +1,5 @@
 //! The sum of the rooms' errors.
 
-use crate::{flatten::FlattenError, skin::SkinError};
-
 /// Any error of the library.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -51,43 +49,5 @@ impl Error {
     #[must_use]
     pub fn in_patch(self, patch: &str) -> Self {
         Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
-    }
-
-    /// What a user can do about it, as a sentence.
-    #[must_use]
-    pub fn help(&self) -> String {
-        match self {
-            Self::Skin(
-                SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. },
-            ) => "give the taxels triangles, or normals that tell the sides of thin parts apart; check for mixed units".into(),
-            Self::Skin(SkinError::Gap { .. }) => "change the option".into(),
-            Self::Mesh(_) | Self::Skin(_) | Self::Pyramid(_) => {
-                "run `dermatome check` on the file: it lists every such element".into()
-            }
-            Self::Flatten(e) => flatten_help(e).into(),
-            Self::Calib(e) => e.help(),
-            Self::Map(_) => "make the map again with `dermatome build`".into(),
-            Self::Contact(e) => e.help().into(),
-            Self::Atlas(e) => e.help(),
-            Self::Io(e) => e.help(),
-            Self::Plot(e) => e.help(),
-            Self::Patch { source, .. } => source.help(),
-        }
-    }
-}
-
-/// What a user can do about a mesh without a map.
-const fn flatten_help(error: &FlattenError) -> &'static str {
-    match error {
-        FlattenError::NotADisk { .. } => "cut the mesh open, or give each piece a file of its own",
-        FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => {
-            "run `dermatome check` on the file: it lists every such element"
-        }
-        FlattenError::Option { .. } => "change the option: `dermatome help flatten` tells what each takes",
-        FlattenError::Size { .. } => "give positions in metres",
-        FlattenError::Density { .. } | FlattenError::Densities { .. } => {
-            "mend the densities in the file, or leave them out"
-        }
-        _ => "remesh the thin part, cut it into shorter pieces, or try another --method",
     }
 }

@@ -257,7 +257,7 @@ fn many_large_images_are_refused_with_a_pixel_size_that_fits() {
         .arg(&out)
         .assert()
         .code(2)
-        .stderr(contains("400 images").and(contains("help: draw it with --pixel-mm 1.")));
+        .stderr(contains("400 images").and(contains("help: use larger pixels: --pixel-mm 1.")));
     dermatome().args(["build", "--pixel-mm", "10"]).arg(&path).arg("-o").arg(&out).assert().success();
 }
 
@@ -295,7 +295,7 @@ fn a_linear_map_that_flips_is_written_and_said() {
         .args(linear)
         .assert()
         .success()
-        .stderr(contains("note: forearm: the map lies over itself (L0: flips ").and(contains("--area 0")));
+        .stderr(contains("note: forearm: the map overlaps itself (L0: flips ").and(contains("--area 0")));
 }
 
 /// No triangle of this map flips, but its boundary crosses itself.

@@ -95,19 +95,3 @@ pub enum AtlasError {
         last: usize,
     },
 }
-
-impl AtlasError {
-    /// What a user can do about it, as a sentence.
-    #[must_use]
-    pub fn help(&self) -> String {
-        match self {
-            Self::TooLarge { fits_mm, .. } | Self::TooManyPixels { fits_mm, .. } => {
-                format!("draw it with --pixel-mm {fits_mm} or more")
-            }
-            Self::NoSuchLevel { last, .. } => format!("ask for a level from 0 to {last}"),
-            Self::Frame { .. } | Self::OutsideFrame { .. } | Self::Mesh { .. } | Self::Length { .. } => {
-                "make the map again with `dermatome build`".into()
-            }
-        }
-    }
-}

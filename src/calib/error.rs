@@ -158,33 +158,3 @@ pub enum CalibError {
     #[error(transparent)]
     Sparse(SparseError),
 }
-
-impl CalibError {
-    /// What a user can do about it, as a sentence.
-    #[must_use]
-    pub fn help(&self) -> String {
-        match self {
-            Self::Unobserved { .. } => "remove those taxels from the file, or observe them".into(),
-            Self::Undetermined { .. } => {
-                "add an edge or a contact of that taxel, or give its edges information in every direction"
-                    .into()
-            }
-            Self::IndefiniteEdge { .. } => {
-                "write the inverse of the covariance, upper triangle row by row: x y z, then rotations".into()
-            }
-            Self::BadTriangles { .. } => {
-                "mend the triangles, or leave them out and let the edges form them".into()
-            }
-            Self::NoTriangulation { .. } => {
-                "give the triangles with --triangles FILE.csv, or write .csv or .g2o".into()
-            }
-            Self::NoInitialValue { .. } => "choose another start: --initial chordal or --initial tree".into(),
-            Self::BadOption { .. } => {
-                "change the option: `dermatome help calibrate` and `dermatome help simulate` tell what each takes"
-                    .into()
-            }
-            Self::Sparse(_) => "split the observations into smaller parts".into(),
-            _ => "mend the file of observations".into(),
-        }
-    }
-}

@@ -153,19 +153,3 @@ pub enum ContactError {
         last: FaceId,
     },
 }
-
-impl ContactError {
-    /// What a user can do about it, as a sentence.
-    #[must_use]
-    pub fn help(&self) -> &'static str {
-        match self {
-            Self::NotFinite { .. } | Self::UnknownLink { .. } | Self::BareLink { .. } => {
-                "mend or leave out that contact"
-            }
-            Self::NotRigid { .. } | Self::PoseCount { .. } => {
-                "give every link a rotation and a translation, in metres"
-            }
-            _ => "make the map again with `dermatome build`",
-        }
-    }
-}

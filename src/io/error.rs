@@ -82,17 +82,4 @@ impl IoError {
         }
         self
     }
-
-    /// What a user can do about it, as a sentence.
-    #[must_use]
-    pub fn help(&self) -> String {
-        match self {
-            Self::Read { .. } => "check that the file exists and may be read".into(),
-            Self::Write { .. } => "check that the folder exists, may be written to and has space".into(),
-            Self::Invalid { .. } => "mend the file, or export it again from the program that wrote it".into(),
-            Self::Unsupported { remedy, .. } => remedy.clone(),
-            Self::Unfit { remedy, .. } => (*remedy).into(),
-            Self::UnknownKind { known, .. } => format!("name a file that ends in one of: {known}"),
-        }
-    }
 }

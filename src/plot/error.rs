@@ -90,26 +90,3 @@ pub enum PlotError {
         message: String,
     },
 }
-
-impl PlotError {
-    /// What a user can do about it, as a sentence.
-    #[must_use]
-    pub fn help(&self) -> String {
-        match self {
-            Self::Empty | Self::Map(_) => "make the map again with `dermatome build`".into(),
-            Self::Skin(_) => "see what is wrong with `dermatome check`".into(),
-            Self::NoMap { .. } => "make a map with `dermatome build`, and draw that".into(),
-            Self::NoCovariances { .. } => {
-                "calibrate the skin with covariances, or show its fields or taxels".into()
-            }
-            Self::Direction { .. } => "give both angles in degrees, for example -65,-45".into(),
-            Self::UnknownPatch { .. } => "name one of them, or none to draw them all".into(),
-            Self::UnknownLevel { .. } => "ask for one of them, or for none to draw the finest".into(),
-            Self::Width { .. } | Self::Size { .. } => {
-                "ask for another width, or for fewer patches and levels".into()
-            }
-            Self::Atlas(e) => e.help(),
-            Self::Render { .. } => "draw it as SVG and look at it in a browser".into(),
-        }
-    }
-}

@@ -19,14 +19,14 @@ use dermatome::{
 use tempfile::TempDir;
 
 use crate::{
-    Common,
+    common::Common,
     input::{close_holes, read_skin},
     memory::peak_memory_bytes,
+    notes::note_overlaps,
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
-    overlap::note_overlaps,
+    print::{print_json, print_levels},
     progress,
-    stop::clean_when_stopped,
-    tables::{print_json, print_levels},
+    signals::clean_when_stopped,
 };
 
 /// Arguments of `build`.

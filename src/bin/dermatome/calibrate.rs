@@ -19,10 +19,10 @@ use dermatome::{
 use serde::Serialize;
 
 use crate::{
-    Common,
-    failure::advise,
+    common::Common,
+    errors::advise,
+    print::{line, print, print_json, print_table},
     progress,
-    tables::{line, print, print_json, print_table},
 };
 
 /// Arguments of `calibrate`.

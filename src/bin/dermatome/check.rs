@@ -7,9 +7,9 @@ use dermatome::{
 };
 
 use crate::{
-    Common,
+    common::Common,
     options::BareArgs,
-    tables::{line, print, print_json},
+    print::{line, print, print_json},
 };
 
 /// List everything that is wrong with a skin; exit code 1 if there is anything.

@@ -13,11 +13,11 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::{
-    Common,
+    common::Common,
     input::{close_holes, read_skin},
     options::{BareArgs, CoarsenArgs},
     outputs,
-    tables::{plain, print_json, print_table},
+    print::{plain, print_json, print_table},
 };
 
 /// Arguments of `coarsen`.

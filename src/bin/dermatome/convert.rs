@@ -4,7 +4,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::{Error, io::write_skin};
 
-use crate::{Common, input::read_skin, lost::remark_lost, options::BareArgs, outputs};
+use crate::{common::Common, input::read_skin, notes::remark_lost, options::BareArgs, outputs};
 
 /// Arguments of `convert`; the extensions name the kinds.
 #[derive(Debug, clap::Args)]

@@ -13,13 +13,13 @@ use dermatome::{
 };
 
 use crate::{
-    Common,
-    failure::advise,
+    common::Common,
+    errors::advise,
     input::read_skin,
+    notes::note_overlaps,
     options::{BareArgs, FlattenArgs},
     outputs::{self, Outputs},
-    overlap::note_overlaps,
-    tables::{print_json, print_levels},
+    print::{print_json, print_levels},
 };
 
 /// Arguments of `flatten`.

@@ -8,10 +8,10 @@ use dermatome::{
 use serde_json::{Value, json};
 
 use crate::{
-    Common,
+    common::Common,
     input::read_skin,
     options::BareArgs,
-    tables::{plain, print_json, print_table},
+    print::{plain, print_json, print_table},
 };
 
 /// Say what is in a skin: its patches, their size and shape.

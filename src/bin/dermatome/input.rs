@@ -11,9 +11,9 @@ use dermatome::{
 };
 
 use crate::{
-    Common,
+    common::Common,
     options::BareArgs,
-    tables::{line, plain},
+    print::{line, plain},
 };
 
 /// Reads and assembles a skin, bare taxels too; what had to be changed is told on standard error.

@@ -16,10 +16,10 @@ use dermatome::{
 };
 
 use crate::{
-    Common,
-    failure::advise,
+    common::Common,
+    errors::advise,
     outputs::{self, is_stream},
-    tables::plain,
+    print::plain,
 };
 
 /// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.

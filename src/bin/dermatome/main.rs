@@ -4,33 +4,35 @@ mod build;
 mod calibrate;
 mod check;
 mod coarsen;
+mod common;
 mod convert;
-mod failure;
+mod errors;
 mod flatten;
 mod info;
 mod input;
 mod lookup;
-mod lost;
 mod memory;
+mod notes;
 mod options;
 mod outputs;
-mod overlap;
 mod plot;
+mod print;
 mod progress;
 mod shell;
 mod simulate;
 #[cfg(unix)]
-mod stop;
+mod signals;
 /// Elsewhere a run that is stopped leaves its temporary files.
 #[cfg(not(unix))]
-mod stop {
+mod signals {
     pub(crate) fn clean_when_stopped(_: &std::path::Path) {}
 }
-mod tables;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand};
+
+use crate::common::Common;
 
 /// Somatosensory maps of robot skin.
 ///
@@ -44,40 +46,6 @@ pub(crate) struct Cli {
     common: Common,
     #[command(subcommand)]
     command: Command,
-}
-
-/// Options that every subcommand takes.
-#[derive(Debug, Clone, clap::Args)]
-pub(crate) struct Common {
-    /// Worker threads; 0: one per processor. The result does not depend on it.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = threads)]
-    pub threads: usize,
-    /// Seed of whatever is drawn at random.
-    #[arg(long, global = true, default_value_t = 0, value_name = "S")]
-    pub seed: u64,
-    /// No progress and no remarks, only errors.
-    #[arg(long, short, global = true)]
-    pub quiet: bool,
-    /// When to use colours.
-    #[arg(long, global = true, default_value = "auto", value_name = "WHEN")]
-    pub color: ColorChoice,
-}
-
-/// More threads than any machine gains from, and few enough that making them takes no time.
-const MOST_THREADS: usize = 512;
-
-fn threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n) if n <= MOST_THREADS => Ok(n),
-        _ => Err(format!("needed: a number from 0 to {MOST_THREADS}")),
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ColorChoice {
-    Auto,
-    Always,
-    Never,
 }
 
 #[derive(Debug, Subcommand)]
@@ -111,11 +79,11 @@ enum Command {
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(e) => return failure::usage(&e),
+        Err(e) => return errors::usage(&e),
     };
     match run(&cli) {
         Ok(code) => code,
-        Err(e) => failure::report(&e, cli.common.color),
+        Err(e) => errors::report(&e, cli.common.color),
     }
 }
 
@@ -135,7 +103,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Lookup(args) => lookup::run(args, common),
         Command::Plot(args) => plot::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
-        Command::Completions(args) => shell::completions(args),
-        Command::Man => shell::manual(),
+        Command::Completions(args) => shell::completions(args, &mut Cli::command()),
+        Command::Man => shell::manual(Cli::command()),
     }
 }

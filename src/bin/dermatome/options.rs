@@ -7,7 +7,7 @@ use dermatome::{
     skin::MeshOptions,
 };
 
-use crate::failure::advise;
+use crate::errors::advise;
 
 /// How to join taxels that have no triangles.
 #[derive(Debug, Clone, clap::Args)]

@@ -12,7 +12,7 @@ use dermatome::{
 };
 use tempfile::TempDir;
 
-use crate::{failure::advise, stop::clean_when_stopped};
+use crate::{errors::advise, signals::clean_when_stopped};
 
 /// Standard input or output, where a command takes that in place of a file.
 pub(crate) fn is_stream(path: &Path) -> bool {

@@ -17,11 +17,11 @@ use dermatome::{
 };
 
 use crate::{
-    Common,
+    common::Common,
     input::read_skin,
     options::BareArgs,
     outputs::{self, Outputs, is_stream},
-    tables::print,
+    print::print,
 };
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their distortion, and the skin in

@@ -4,7 +4,7 @@ use std::{io::IsTerminal, time::Duration};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::Common;
+use crate::common::Common;
 
 /// A bar on standard error, or nothing where nobody watches.
 pub(crate) fn bar(common: &Common) -> ProgressBar {

@@ -2,9 +2,9 @@
 
 use std::process::ExitCode;
 
-use clap::CommandFactory;
+use clap::Command;
 
-use crate::tables::print;
+use crate::print::print;
 
 /// Arguments of `completions`.
 #[derive(Debug, clap::Args)]
@@ -13,16 +13,16 @@ pub(crate) struct CompletionsArgs {
     shell: clap_complete::Shell,
 }
 
-pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitCode> {
+pub(crate) fn completions(args: &CompletionsArgs, command: &mut Command) -> anyhow::Result<ExitCode> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut crate::Cli::command(), "dermatome", &mut script);
+    clap_complete::generate(args.shell, command, "dermatome", &mut script);
     print(&String::from_utf8(script)?)?;
     Ok(ExitCode::SUCCESS)
 }
 
-pub(crate) fn manual() -> anyhow::Result<ExitCode> {
+pub(crate) fn manual(command: Command) -> anyhow::Result<ExitCode> {
     let mut page = Vec::new();
-    clap_mangen::Man::new(crate::Cli::command()).render(&mut page)?;
+    clap_mangen::Man::new(command).render(&mut page)?;
     print(&String::from_utf8(page)?)?;
     Ok(ExitCode::SUCCESS)
 }

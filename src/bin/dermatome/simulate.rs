@@ -14,7 +14,7 @@ use dermatome::{
 };
 
 use crate::{
-    Common,
+    common::Common,
     outputs::{self, Outputs},
 };
 

@@ -105,7 +105,7 @@ fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>, IoError> {
         patches[at].levels.push((mesh, extras));
     }
     if patches.is_empty() {
-        let needed = "a map: make one with `dermatome build`";
+        let needed = "a map, as dermatome writes it";
         return Err(document.invalid("the file", "no mesh with extras.dermatome", needed));
     }
     for patch in &mut patches {
@@ -201,7 +201,11 @@ fn read_level(
         ));
     }
     let map = extras.map.as_ref().ok_or_else(|| {
-        document.invalid(&name, "a pyramid without a map", "a map: make one with `dermatome build`")
+        document.invalid(
+            &name,
+            "a pyramid without a map",
+            "a map, as dermatome writes it",
+        )
     })?;
     let frame = read_frame(document, &name, map)?;
     let uv = read_uv(document, &name, &attributes, &frame)?;

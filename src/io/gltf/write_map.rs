@@ -270,7 +270,7 @@ fn check_faces(
         if is_upright && !(area > 0.0 && shape.is_none_or(|d| d > 0.0)) {
             let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
             let remedy =
-                "choose --pixel-mm so that the image is not much larger than the map, or remesh slivers";
+                "choose a pixel size with which the image is not much larger than the map, or remesh slivers";
             return unfit(found, "a positive area", remedy);
         }
     }

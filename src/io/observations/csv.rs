@@ -293,7 +293,7 @@ pub(super) fn write_edges(
         return Err(unsupported(
             format!("taxel {}", id(contact.taxel)),
             "a contact beside displacements",
-            "write a .g2o file, or the contacts to a table of their own (--contacts)",
+            "write a .g2o file, or the contacts to a table of their own",
         ));
     }
     if let Some(fixed) = observations.taxels.iter().find(|t| t.fixed) {

@@ -11,9 +11,9 @@ use dermatome::{
 
 use super::{Args, Inputs};
 use crate::{
-    Common,
-    failure::advise,
-    lost::remark_lost,
+    common::Common,
+    errors::advise,
+    notes::remark_lost,
     outputs::{self, Outputs},
 };
 

@@ -1,0 +1,37 @@
+//! Options that every subcommand takes.
+
+use clap::ValueEnum;
+
+/// Options that every subcommand takes.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct Common {
+    /// Worker threads; 0: one per processor. The result does not depend on it.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = threads)]
+    pub(crate) threads: usize,
+    /// Seed of whatever is drawn at random.
+    #[arg(long, global = true, default_value_t = 0, value_name = "S")]
+    pub(crate) seed: u64,
+    /// No progress and no remarks, only errors.
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
+    /// When to use colours.
+    #[arg(long, global = true, default_value = "auto", value_name = "WHEN")]
+    pub(crate) color: ColorChoice,
+}
+
+/// More threads than any machine gains from, and few enough that making them takes no time.
+const MOST_THREADS: usize = 512;
+
+fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if n <= MOST_THREADS => Ok(n),
+        _ => Err(format!("needed: a number from 0 to {MOST_THREADS}")),
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ColorChoice {
+    Auto,
+    Always,
+    Never,
+}

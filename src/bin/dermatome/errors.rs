@@ -1,0 +1,209 @@
+//! Errors as a user reads them, in three lines: what, why, what to do. Advice that names options is here alone.
+
+use std::{
+    fmt,
+    io::{ErrorKind, IsTerminal},
+    process::ExitCode,
+};
+
+use dermatome::{
+    Error, atlas::AtlasError, calib::CalibError, contact::ContactError, flatten::FlattenError, io::IoError,
+    plot::PlotError, skin::SkinError,
+};
+
+use crate::{common::ColorChoice, print::line};
+
+/// Exit code of bad usage and bad input.
+const BAD_INPUT: u8 = 2;
+
+/// What a user can do about an error of the command's own, as a sentence.
+#[derive(Debug)]
+pub(crate) struct Advice(pub String);
+
+impl fmt::Display for Advice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Advice {}
+
+/// An error with advice of the command's own.
+pub(crate) fn advise(what: impl fmt::Display, help: impl Into<String>) -> anyhow::Error {
+    anyhow::Error::new(Advice(help.into())).context(what.to_string())
+}
+
+/// Prints what clap has to say: help on standard output, errors on standard error.
+pub(crate) fn usage(error: &clap::Error) -> ExitCode {
+    let failed_to_print = error.print().is_err();
+    if error.use_stderr() || failed_to_print { ExitCode::from(BAD_INPUT) } else { ExitCode::SUCCESS }
+}
+
+/// Prints an error; a closed pipe (`| head`) is not one.
+pub(crate) fn report(error: &anyhow::Error, color: ColorChoice) -> ExitCode {
+    if error.chain().any(is_broken_pipe) {
+        return ExitCode::SUCCESS;
+    }
+    let paint = match color {
+        ColorChoice::Always => true,
+        ColorChoice::Never => false,
+        ColorChoice::Auto => std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
+    };
+    let label = |text: &str, code: &str| {
+        if paint { format!("\u{1b}[1;{code}m{text}\u{1b}[0m") } else { text.to_owned() }
+    };
+    let mut reasons: Vec<String> = Vec::new();
+    for cause in error.chain().filter(|cause| !cause.is::<Advice>()).map(ToString::to_string) {
+        // Most errors quote their source in their own sentence.
+        if !reasons.last().is_some_and(|last| last.contains(&cause)) {
+            reasons.push(cause);
+        }
+    }
+    let what = reasons.first().cloned().unwrap_or_default();
+    eprintln!("{} {}", label("error:", "31"), line(&what));
+    if reasons.len() > 1 {
+        eprintln!("{} {}", label("  why:", "33"), line(&reasons[1..].join(": ")));
+    }
+    if let Some(help) = help(error) {
+        eprintln!("{} {}", label(" help:", "32"), line(&help));
+    }
+    ExitCode::from(BAD_INPUT)
+}
+
+fn is_broken_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
+    cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == ErrorKind::BrokenPipe)
+}
+
+/// What a user can do about an error, as a sentence.
+fn help(error: &anyhow::Error) -> Option<String> {
+    error.chain().find_map(|cause| {
+        if let Some(advice) = cause.downcast_ref::<Advice>() {
+            return Some(advice.0.clone());
+        }
+        if let Some(e) = cause.downcast_ref::<IoError>() {
+            return Some(io_help(e));
+        }
+        cause.downcast_ref::<Error>().map(library_help)
+    })
+}
+
+/// Advice for data that `check` explains.
+const CHECK: &str = "run `dermatome check` on the file: it lists every such element";
+
+/// Advice for a map that is not valid.
+const BUILD_AGAIN: &str = "make the map again with `dermatome build`";
+
+fn library_help(error: &Error) -> String {
+    match error {
+        Error::Skin(e) => skin_help(e).into(),
+        Error::Mesh(_) | Error::Pyramid(_) => CHECK.into(),
+        Error::Flatten(e) => flatten_help(e).into(),
+        Error::Calib(e) => calib_help(e).into(),
+        Error::Contact(e) => contact_help(e).into(),
+        Error::Atlas(e) => atlas_help(e),
+        Error::Io(e) => io_help(e),
+        Error::Plot(e) => plot_help(e),
+        Error::Patch { source, .. } => library_help(source),
+        _ => BUILD_AGAIN.into(),
+    }
+}
+
+fn skin_help(error: &SkinError) -> &'static str {
+    match error {
+        SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. } => {
+            "give the taxels triangles, or normals that distinguish the sides of thin parts; check for mixed units"
+        }
+        SkinError::Gap { .. } => "change --gap",
+        _ => CHECK,
+    }
+}
+
+fn flatten_help(error: &FlattenError) -> &'static str {
+    match error {
+        FlattenError::NotADisk { .. } => "cut the mesh open, or give each piece a file of its own",
+        FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => CHECK,
+        FlattenError::Option { .. } => "change the option: `dermatome help flatten` lists what each takes",
+        FlattenError::Size { .. } => "give positions in metres",
+        FlattenError::Density { .. } | FlattenError::Densities { .. } => {
+            "correct the densities in the file, or remove them"
+        }
+        _ => "remesh the thin part, cut it into shorter pieces, or try another --method",
+    }
+}
+
+fn calib_help(error: &CalibError) -> &'static str {
+    match error {
+        CalibError::Unobserved { .. } => "remove those taxels from the file, or observe them",
+        CalibError::Undetermined { .. } => {
+            "add an edge or a contact of that taxel, or give its edges information in every direction"
+        }
+        CalibError::IndefiniteEdge { .. } => {
+            "write the inverse of the covariance, upper triangle row by row: x y z, then rotations"
+        }
+        CalibError::BadTriangles { .. } => {
+            "correct the triangles, or leave them out and let the edges form them"
+        }
+        CalibError::NoTriangulation { .. } => {
+            "give the triangles with --triangles FILE.csv, or write .csv or .g2o"
+        }
+        CalibError::NoInitialValue { .. } => "choose another start: --initial chordal or --initial tree",
+        CalibError::BadOption { .. } => {
+            "change the option: `dermatome help calibrate` and `dermatome help simulate` list what each takes"
+        }
+        CalibError::Sparse(_) => "split the observations into smaller parts",
+        _ => "correct the file of observations",
+    }
+}
+
+fn contact_help(error: &ContactError) -> &'static str {
+    match error {
+        ContactError::NotFinite { .. } | ContactError::UnknownLink { .. } | ContactError::BareLink { .. } => {
+            "correct or remove that contact"
+        }
+        ContactError::NotRigid { .. } | ContactError::PoseCount { .. } => {
+            "give every link a rotation and a translation, in metres"
+        }
+        _ => BUILD_AGAIN,
+    }
+}
+
+fn atlas_help(error: &AtlasError) -> String {
+    match error {
+        AtlasError::TooLarge { fits_mm, .. } | AtlasError::TooManyPixels { fits_mm, .. } => {
+            format!("use larger pixels: --pixel-mm {fits_mm} or more")
+        }
+        AtlasError::NoSuchLevel { last, .. } => format!("give a level from 0 to {last}"),
+        _ => BUILD_AGAIN.into(),
+    }
+}
+
+fn plot_help(error: &PlotError) -> String {
+    let help = match error {
+        PlotError::Atlas(e) => return atlas_help(e),
+        PlotError::Skin(_) => CHECK,
+        PlotError::NoMap { .. } => "make a map with `dermatome build`, and draw that",
+        PlotError::NoCovariances { .. } => {
+            "calibrate the skin with covariances, or use --show fields or taxel"
+        }
+        PlotError::Direction { .. } => "give both angles in degrees, for example -65,-45",
+        PlotError::UnknownPatch { .. } => "name one of them, or leave out --patch to draw them all",
+        PlotError::UnknownLevel { .. } => "give one of them, or leave out --level to draw the finest",
+        PlotError::Width { .. } | PlotError::Size { .. } => {
+            "choose another --width, or draw fewer patches and levels"
+        }
+        PlotError::Render { .. } => "write it as SVG and open it in a browser",
+        _ => BUILD_AGAIN,
+    };
+    help.into()
+}
+
+fn io_help(error: &IoError) -> String {
+    match error {
+        IoError::Read { .. } => "check that the file exists and may be read".into(),
+        IoError::Write { .. } => "check that the folder exists, may be written to and has space".into(),
+        IoError::Unsupported { remedy, .. } => remedy.clone(),
+        IoError::Unfit { remedy, .. } => (*remedy).into(),
+        IoError::UnknownKind { known, .. } => format!("name a file that ends in one of: {known}"),
+        _ => "correct the file, or export it again from the program that wrote it".into(),
+    }
+}

@@ -1,0 +1,83 @@
+//! Notes on standard error: what a kind of file loses of a skin, which maps overlap themselves.
+
+use std::{fmt, path::Path};
+
+use dermatome::{
+    flatten::{FlattenOptions, Method},
+    io::kind,
+    report::PatchReport,
+    skin::Skin,
+};
+
+use crate::{
+    common::Common,
+    print::{line, plain},
+};
+
+/// Prints a note on standard error, unless the run is quiet.
+pub(crate) fn note(common: &Common, text: impl fmt::Display) {
+    if !common.quiet {
+        eprintln!("note: {}", line(&text.to_string()));
+    }
+}
+
+/// Prints what a skin loses in the kind of file that a path names.
+pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
+    for lost in lost(path, skin) {
+        note(common, format_args!("{}: {lost}; .glb keeps everything", path.display()));
+    }
+}
+
+/// What a skin loses there: its frames and names, and its covariances.
+fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
+    let kind = kind(path);
+    let covariances = matches!(kind.as_str(), "json" | "obj" | "ply" | "stl")
+        && skin.patches.iter().any(|patch| patch.taxels.covariances.is_some());
+    let covariances = covariances.then_some("the covariances of the taxels are lost");
+    lost_frames(&kind, skin).into_iter().chain(covariances).collect()
+}
+
+fn lost_frames(kind: &str, skin: &Skin) -> Option<&'static str> {
+    let is_one_body = skin.patches.iter().all(|patch| patch.link == skin.patches[0.into()].link);
+    let is_bare = skin.links.len() <= 1
+        && skin.links.iter().all(|l| l.name.is_empty() && l.pose.abs_diff_eq(glam::DAffine3::IDENTITY, 0.0));
+    match kind {
+        "json" if !is_one_body => Some("robotskinlib has one link: positions are in the world"),
+        "json" if skin.patches.len() > 1 => Some("robotskinlib has one patch: its pieces lose their names"),
+        "obj" => Some("OBJ keeps no taxel ids and no link frames: positions are in the world"),
+        "ply" if !is_bare || skin.patches.len() > 1 => {
+            Some("PLY keeps no names and no link frames: positions are in the world")
+        }
+        "stl" => Some("STL keeps positions alone, in the world and rounded to f32"),
+        "csv" if !is_bare => Some("tables keep no link frames: positions are in the world"),
+        _ => None,
+    }
+}
+
+/// Prints which maps have flipped triangles or a boundary that crosses itself, one line a patch.
+pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, common: &Common) {
+    for patch in patches {
+        let faulty = patch.levels.iter().filter(|l| l.distortion.flips + l.distortion.crossings > 0);
+        let levels: Vec<String> = faulty
+            .map(|l| {
+                format!("L{}: flips {}, crossings {}", l.level, l.distortion.flips, l.distortion.crossings)
+            })
+            .collect();
+        if !levels.is_empty() {
+            let (name, cure) = (plain(&patch.name), cure(options));
+            note(common, format_args!("{name}: the map overlaps itself ({}); {cure}", levels.join("; ")));
+        }
+    }
+}
+
+fn cure(options: &FlattenOptions) -> &'static str {
+    match options.method {
+        Method::Intrinsic => "--bijective prevents that",
+        Method::Linear if options.area > 0.0 => {
+            "try --area 0, or --method intrinsic, which flips none; with --bijective nothing crosses either"
+        }
+        Method::Linear | Method::Conformal => {
+            "--method intrinsic flips none; with --bijective nothing crosses either"
+        }
+    }
+}
