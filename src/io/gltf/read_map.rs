@@ -200,13 +200,10 @@ fn read_level(
             "a positive area",
         ));
     }
-    let map = extras.map.as_ref().ok_or_else(|| {
-        document.invalid(
-            &name,
-            "a pyramid without a map",
-            "a map, as dermatome writes it",
-        )
-    })?;
+    let map = extras
+        .map
+        .as_ref()
+        .ok_or_else(|| document.invalid(&name, "a pyramid without a map", "a map, as dermatome writes it"))?;
     let frame = read_frame(document, &name, map)?;
     let uv = read_uv(document, &name, &attributes, &frame)?;
     let taxels = match (extras.level, attributes.get("_TAXEL_ID")) {
