@@ -13,17 +13,20 @@ use std::{
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use dermatome::{
-    calib::{CalibOptions, Model, Observations, Residual, SimulateOptions, Uncertainty, calibrate, simulate},
+    calib::{
+        CalibOptions, Model, Observations, ResidualConvention, SimulateOptions, Uncertainty, calibrate,
+        simulate,
+    },
     io::read_observations,
 };
 
 const ALONE: CalibOptions = CalibOptions {
-    residual: Residual::Log,
+    residual: ResidualConvention::Log,
     uncertainty: Uncertainty::Skip,
     robust: dermatome::calib::Robust::None,
-    start: dermatome::calib::Start::Chordal,
+    start: dermatome::calib::Initialization::Chordal,
     method: dermatome::calib::Method::GaussNewton,
-    limits: dermatome::calib::Limits { iterations: 100, relative_decrease: 1e-9 },
+    limits: dermatome::calib::StopCriteria { iterations: 100, relative_decrease: 1e-9 },
 };
 
 const WITH_COVARIANCE: CalibOptions = CalibOptions { uncertainty: Uncertainty::Marginals, ..ALONE };

@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 
 use dermatome::{
     calib::{
-        CalibError, CalibOptions, CalibratedSkin, Calibration, Contact, DisplacementId, Ending, Information,
-        Method, Model, Motion, Observations, Outside, Pose, PosePrior, Residual, Robust, SimulateOptions,
-        Start, Touch, Uncertainty, calibrate, calibrated_skin, compare, simulate,
+        CalibError, CalibOptions, CalibratedSkin, Calibration, ContactMeasurement, ContactObservation,
+        DisplacementId, DisplacementMeasurement, Information, Initialization, Method, Model, Observations,
+        Outside, Pose, PosePrior, ResidualConvention, Robust, SimulateOptions, Termination, Uncertainty,
+        calibrate, calibrated_skin, compare, simulate,
     },
     id::{IdVec, VertexId},
     io::read_observations,
@@ -20,7 +21,7 @@ use glam::{DQuat, DVec3};
 
 fn solve(observations: &Observations, options: &CalibOptions) -> Calibration {
     let found = calibrate(observations, options, &|_, _| {}).unwrap();
-    assert!(found.ending.is_converged(), "{:?}", found.ending);
+    assert!(found.termination.is_converged(), "{:?}", found.termination);
     found
 }
 
@@ -191,9 +192,11 @@ fn public_pose_graphs_reach_their_minima() {
     for (name, log, split, quaternion) in minima {
         let Some(path) = data(&format!("g2o/{name}.g2o")) else { continue };
         let observations = read_observations(&path).unwrap().observations;
-        for (residual, expected) in
-            [(Residual::Log, log), (Residual::Split, split), (Residual::Quaternion, quaternion)]
-        {
+        for (residual, expected) in [
+            (ResidualConvention::Log, log),
+            (ResidualConvention::Split, split),
+            (ResidualConvention::Quaternion, quaternion),
+        ] {
             let options = CalibOptions { residual, ..CalibOptions::default() };
             let cost = solve(&observations, &options).cost;
             assert!((cost / expected - 1.0).abs() < 1e-6, "{name} {residual:?}: {cost} is not {expected}");
@@ -207,9 +210,9 @@ fn methods_and_starts_lead_to_the_same_minimum() {
     let cost = |method, start| {
         solve(&simulation.observations, &CalibOptions { method, start, ..CalibOptions::default() }).cost
     };
-    let expected = cost(Method::LevenbergMarquardt, Start::Chordal);
+    let expected = cost(Method::LevenbergMarquardt, Initialization::Chordal);
     for method in [Method::GaussNewton, Method::LevenbergMarquardt, Method::Dogleg] {
-        for start in [Start::Chordal, Start::Tree, Start::Initial] {
+        for start in [Initialization::Chordal, Initialization::SpanningTree, Initialization::InitialValues] {
             let found = cost(method, start);
             assert!(
                 (found / expected - 1.0).abs() < 1e-9,
@@ -246,7 +249,7 @@ fn order_and_gauge_taxel_change_nothing() {
         let back: IdVec<VertexId, Pose> = b.poses.iter().rev().copied().collect();
         let shape = compare(&a.poses, &back).unwrap();
         assert!(shape.rigid < 1e-8, "{model:?}: shapes differ by {} m", shape.rigid);
-        let sigmas = |c: &Calibration| c.marginals.as_ref().unwrap().sigmas();
+        let sigmas = |c: &Calibration| c.marginals.as_ref().unwrap().position_rms();
         for (x, y) in sigmas(&a).iter().zip(sigmas(&b).iter().rev()) {
             assert!((x / y - 1.0).abs() < 1e-6, "{model:?}: sigma {x} became {y}");
         }
@@ -267,7 +270,7 @@ fn moving_the_frame_moves_the_skin() {
         taxel.initial = taxel.initial.map(|p| motion * p);
     }
     for contact in moved.contacts.iter_mut() {
-        if let Touch::PositionNormal { position, normal, .. } = &mut contact.touch {
+        if let ContactMeasurement::PositionNormal { position, normal, .. } = &mut contact.measurement {
             *position = motion.apply(*position);
             *normal = (motion.rotation * *normal).normalize();
         }
@@ -283,11 +286,13 @@ fn moving_the_frame_moves_the_skin() {
 /// Applies `f` to every information matrix of the edges.
 fn scale_information(observations: &mut Observations, factor: impl Fn(usize) -> f64) {
     for (k, edge) in observations.edges.iter_mut().enumerate() {
-        match &mut edge.motion {
-            Motion::Offset { information, .. } => {
+        match &mut edge.measurement {
+            DisplacementMeasurement::Offset { information, .. } => {
                 information.0.iter_mut().flatten().for_each(|x| *x *= factor(k));
             }
-            Motion::Relative(m) => m.information.0.iter_mut().flatten().for_each(|x| *x *= factor(k)),
+            DisplacementMeasurement::Relative(m) => {
+                m.information.0.iter_mut().flatten().for_each(|x| *x *= factor(k))
+            }
         }
     }
 }
@@ -302,7 +307,7 @@ fn information_scales_the_cost() {
         let a = solve(&simulation.observations, plain);
         let b = solve(&scaled, plain);
         assert!((b.cost / a.cost - 4.0).abs() < 1e-8, "{} and {}", a.cost, b.cost);
-        let sigma = |c: &Calibration| c.marginals.as_ref().unwrap().sigmas()[VertexId::new(7)];
+        let sigma = |c: &Calibration| c.marginals.as_ref().unwrap().position_rms()[VertexId::new(7)];
         assert!((sigma(&a) / sigma(&b) - 2.0).abs() < 1e-6, "half the uncertainty");
     }
 }
@@ -333,9 +338,9 @@ fn zero_information_joins_no_components() {
         let mut joined = both.clone();
         let mut silent = one.edges[DisplacementId::new(0)].clone();
         silent.to = VertexId::new(one.taxels.len() + 3);
-        match &mut silent.motion {
-            Motion::Offset { information, .. } => *information = Information::isotropic(0.0),
-            Motion::Relative(m) => m.information = Information::isotropic(0.0),
+        match &mut silent.measurement {
+            DisplacementMeasurement::Offset { information, .. } => *information = Information::isotropic(0.0),
+            DisplacementMeasurement::Relative(m) => m.information = Information::isotropic(0.0),
         }
         joined.edges.push(silent);
         let (a, b) = (solve(&both, &CalibOptions::default()), solve(&joined, &CalibOptions::default()));
@@ -363,7 +368,9 @@ fn a_full_prior_leaves_nothing_free() {
         let information = Information::diagonal([translation, translation, translation, 1e2, 1e2, 1e2]);
         let pose = Pose { position: DVec3::new(100.0, 50.0, -3.0), ..Pose::IDENTITY };
         let prior = PosePrior { pose, offset: Pose::IDENTITY, information };
-        observations.contacts.push(Contact { taxel, touch: Touch::Pose(Box::new(prior)) });
+        observations
+            .contacts
+            .push(ContactObservation { taxel, measurement: ContactMeasurement::Pose(Box::new(prior)) });
         let found = solve(&observations, &CalibOptions::default());
         assert_eq!(found.free, [], "{translation}");
         assert!(found.poses[taxel].position.distance(pose.position) < 1e-6, "{translation}");
@@ -374,17 +381,17 @@ fn a_full_prior_leaves_nothing_free() {
 #[test]
 fn a_single_touched_pose_keeps_its_turn() {
     let position = DVec3::new(1.0, 2.0, 3.0);
-    let touch = Touch::Position { position, information: Information::isotropic(1e6) };
+    let touch = ContactMeasurement::Position { position, information: Information::isotropic(1e6) };
     let observations = Observations {
         model: Model::Poses,
-        taxels: vec![dermatome::calib::Unknown {
+        taxels: vec![dermatome::calib::TaxelVariable {
             id: dermatome::skin::TaxelId(4),
             initial: None,
             fixed: false,
         }]
         .into(),
         edges: IdVec::new(),
-        contacts: vec![Contact { taxel: VertexId::new(0), touch }].into(),
+        contacts: vec![ContactObservation { taxel: VertexId::new(0), measurement: touch }].into(),
     };
     let found = solve(&observations, &CalibOptions::default());
     assert_eq!((found.free[0].directions, found.fit.degrees), (3, 0));
@@ -394,11 +401,13 @@ fn a_single_touched_pose_keeps_its_turn() {
 #[test]
 fn a_cost_beyond_all_numbers_is_no_minimum() {
     let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
-    if let Motion::Offset { offset, .. } = &mut observations.edges.as_mut_slice()[3].motion {
+    if let DisplacementMeasurement::Offset { offset, .. } =
+        &mut observations.edges.as_mut_slice()[3].measurement
+    {
         offset.x = 1e160;
     }
     let found = calibrate(&observations, &CalibOptions::default(), &|_, _| {}).unwrap();
-    assert_eq!(found.ending, Ending::Overflow);
+    assert_eq!(found.termination, Termination::Overflow);
 }
 
 /// Observations of fixed taxels can be wrong, too.
@@ -445,7 +454,7 @@ fn one_gross_error_is_found() {
     let mut observations =
         simulate(&SimulateOptions { seed: 4, ..SimulateOptions::default() }).unwrap().observations;
     let wrong = DisplacementId::new(700);
-    if let Motion::Offset { offset, .. } = &mut observations.edges[wrong].motion {
+    if let DisplacementMeasurement::Offset { offset, .. } = &mut observations.edges[wrong].measurement {
         offset.x += 9e-3;
     }
     let found = solve(&observations, &CalibOptions::default());
@@ -457,7 +466,9 @@ fn one_gross_error_is_found() {
 fn contradictions_that_nothing_decides_stay() {
     let mut observations =
         simulate(&SimulateOptions { taxels: 3, ..SimulateOptions::default() }).unwrap().observations;
-    if let Motion::Offset { offset, .. } = &mut observations.edges.as_mut_slice()[0].motion {
+    if let DisplacementMeasurement::Offset { offset, .. } =
+        &mut observations.edges.as_mut_slice()[0].measurement
+    {
         offset.x += 20e-3;
     }
     let found = solve(&observations, &CalibOptions::default());
@@ -471,7 +482,9 @@ fn contacts_that_were_let_go_are_no_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..SimulateOptions::default() };
     let simulation = simulate(&options).unwrap();
     let mut observations = simulation.observations;
-    if let Touch::Position { position, .. } = &mut observations.contacts.as_mut_slice()[0].touch {
+    if let ContactMeasurement::Position { position, .. } =
+        &mut observations.contacts.as_mut_slice()[0].measurement
+    {
         position.x += 0.03;
     }
     let found = solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
@@ -479,7 +492,7 @@ fn contacts_that_were_let_go_are_no_anchors() {
     let free = &found.free[0];
     assert_eq!((found.free.len(), free.directions, free.let_go), (1, 3, 2));
     assert_eq!(found.fit.degrees, 3 * 1419 - 3 * 499 - 3 * found.weights.rejected_edges().count());
-    let most = found.marginals.as_ref().unwrap().sigmas().iter().fold(0.0_f64, |m, s| m.max(*s));
+    let most = found.marginals.as_ref().unwrap().position_rms().iter().fold(0.0_f64, |m, s| m.max(*s));
     assert!(most < 5e-3, "{most} m");
 }
 
@@ -495,7 +508,9 @@ fn weak_contacts_that_contradict_are_no_failure() {
         ..SimulateOptions::default()
     };
     let mut observations = simulate(&options).unwrap().observations;
-    if let Touch::Position { position, .. } = &mut observations.contacts.as_mut_slice()[0].touch {
+    if let ContactMeasurement::Position { position, .. } =
+        &mut observations.contacts.as_mut_slice()[0].measurement
+    {
         position.x += 0.5;
     }
     for robust in [Robust::Automatic, Robust::Graduated, Robust::Tukey] {
@@ -513,7 +528,9 @@ fn weak_contacts_that_contradict_are_no_failure() {
 fn contacts_that_still_pull_are_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..small(Model::Positions) };
     let mut observations = simulate(&options).unwrap().observations;
-    if let Touch::Position { position, .. } = &mut observations.contacts.as_mut_slice()[0].touch {
+    if let ContactMeasurement::Position { position, .. } =
+        &mut observations.contacts.as_mut_slice()[0].measurement
+    {
         position.x += 0.03;
     }
     let found = solve(&observations, &CalibOptions { robust: Robust::Huber, ..CalibOptions::default() });
@@ -547,7 +564,7 @@ fn half_of_the_contacts_may_be_wrong() {
         let simulation = simulate(&options).unwrap();
         let mut observations = simulation.observations;
         for (k, contact) in observations.contacts.iter_mut().take(anchors / 2).enumerate() {
-            if let Touch::Position { position, .. } = &mut contact.touch {
+            if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
                 *position +=
                     0.05 * DVec3::new((2.0 * k as f64).cos(), (2.0 * k as f64).sin(), 0.4 * k as f64);
             }
@@ -576,9 +593,9 @@ fn bridged(apart: f64) -> Observations {
     for (from, to, more) in [(3, 8, 0.0), (20, 25, apart)] {
         let (from, to) = (VertexId::new(from), VertexId::new(to));
         let offset = truth[to].position - truth[from].position + away + DVec3::X * more;
-        let motion = Motion::Offset { offset, information: Information::isotropic(1e6) };
+        let motion = DisplacementMeasurement::Offset { offset, information: Information::isotropic(1e6) };
         let to = VertexId::new(one.taxels.len() + to.index());
-        both.edges.push(dermatome::calib::Displacement { from, to, motion });
+        both.edges.push(dermatome::calib::Displacement { from, to, measurement: motion });
     }
     both
 }
@@ -598,7 +615,7 @@ fn edges_that_join_sheets_are_not_let_go() {
         } else {
             assert!(bridges.iter().all(|&e| found.weights.edges[e] > 1e-4), "{:?}", found.weights.edges);
         }
-        let mut sigmas = found.marginals.as_ref().unwrap().sigmas().as_slice().to_vec();
+        let mut sigmas = found.marginals.as_ref().unwrap().position_rms().as_slice().to_vec();
         sigmas.sort_by(f64::total_cmp);
         let middle = sigmas[sigmas.len() / 2];
         assert!(middle < widest, "{middle} m");
@@ -631,12 +648,15 @@ fn bounds_follow_what_an_observation_says() {
         let taxel = VertexId::new(4 * k);
         let position = at[taxel].position + DVec3::Z * off;
         let information = Information::diagonal([0.0, 0.0, 1e6]);
-        observations.contacts.push(Contact { taxel, touch: Touch::Position { position, information } });
+        observations.contacts.push(ContactObservation {
+            taxel,
+            measurement: ContactMeasurement::Position { position, information },
+        });
     }
     // Edges that are sure: all of the error is the contact's.
     scale_information(&mut observations, |_| 1e4);
     for (k, edge) in observations.edges.iter_mut().enumerate() {
-        if let Motion::Offset { offset, .. } = &mut edge.motion {
+        if let DisplacementMeasurement::Offset { offset, .. } = &mut edge.measurement {
             *offset = at[edge.to].position - at[edge.from].position + DVec3::X * 1e-6 * (k % 3) as f64;
         }
     }
@@ -649,18 +669,18 @@ fn bounds_follow_what_an_observation_says() {
 #[test]
 fn the_default_stays_within_its_iterations() {
     let observations = simulate(&SimulateOptions { outliers: 0.1, ..poses(4) }).unwrap().observations;
-    let limits = dermatome::calib::Limits { iterations: 1, ..Default::default() };
+    let limits = dermatome::calib::StopCriteria { iterations: 1, ..Default::default() };
     let found =
         calibrate(&observations, &CalibOptions { limits, ..CalibOptions::default() }, &|_, _| {}).unwrap();
-    assert_eq!(found.ending, Ending::OutOfIterations);
+    assert_eq!(found.termination, Termination::OutOfIterations);
     // Enough for least squares, not for what they leave in doubt: what there is has the weights of its last step.
     let observations = simulate(&SimulateOptions { outliers: 0.05, seed: 3, ..SimulateOptions::default() })
         .unwrap()
         .observations;
-    let limits = dermatome::calib::Limits { iterations: 10, ..Default::default() };
+    let limits = dermatome::calib::StopCriteria { iterations: 10, ..Default::default() };
     let found =
         calibrate(&observations, &CalibOptions { limits, ..CalibOptions::default() }, &|_, _| {}).unwrap();
-    assert_eq!((found.ending, found.robust), (Ending::OutOfIterations, Robust::Graduated));
+    assert_eq!((found.termination, found.robust), (Termination::OutOfIterations, Robust::Graduated));
     assert!(found.weights.rejected_edges().count() > 20);
     assert!(2.0 * found.cost < 1.2 * observations.edges.len() as f64 * 3.0, "{}", found.cost);
 }
@@ -712,7 +732,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
         for edge in simulation.observations.edges.ids() {
             for axis in 0..6 {
                 push(&|o, sigmas| {
-                    if let Motion::Relative(m) = &mut o.edges[edge].motion {
+                    if let DisplacementMeasurement::Relative(m) = &mut o.edges[edge].measurement {
                         let size = m.information.0[axis][axis].powf(-0.5) * sigmas;
                         let mut twist = [DVec3::ZERO; 2];
                         twist[axis / 3][axis % 3] = size;
@@ -725,7 +745,9 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
         for contact in simulation.observations.contacts.ids() {
             for axis in 0..3 {
                 push(&|o, sigmas| {
-                    if let Touch::Position { position, information } = &mut o.contacts[contact].touch {
+                    if let ContactMeasurement::Position { position, information } =
+                        &mut o.contacts[contact].measurement
+                    {
                         position[axis] += information.0[axis][axis].powf(-0.5) * sigmas;
                     }
                 });
@@ -763,14 +785,14 @@ fn covariances_are_what_noise_does_to_the_estimate() {
     };
     for edge in simulation.observations.edges.ids() {
         let mut changed = simulation.observations.clone();
-        if let Motion::Offset { offset, .. } = &mut changed.edges[edge].motion {
+        if let DisplacementMeasurement::Offset { offset, .. } = &mut changed.edges[edge].measurement {
             offset.x += 1e-3;
         }
         add(&changed);
     }
     for contact in simulation.observations.contacts.ids() {
         let mut changed = simulation.observations.clone();
-        if let Touch::Position { position, .. } = &mut changed.contacts[contact].touch {
+        if let ContactMeasurement::Position { position, .. } = &mut changed.contacts[contact].measurement {
             position.x += 1e-3;
         }
         add(&changed);
@@ -785,7 +807,9 @@ fn anisotropic_information_with_equal_directions_is_isotropic_information() {
     let simulation = simulate(&SimulateOptions { anchors: 3, ..small(Model::Positions) }).unwrap();
     let mut nearly = simulation.observations.clone();
     // One direction that differs in the last digits takes the path of blocks.
-    if let Motion::Offset { information, .. } = &mut nearly.edges.as_mut_slice()[0].motion {
+    if let DisplacementMeasurement::Offset { information, .. } =
+        &mut nearly.edges.as_mut_slice()[0].measurement
+    {
         information.0[0][0] *= 1.0 + 1e-12;
     }
     let a = solve(&simulation.observations, &CalibOptions::default());
@@ -819,13 +843,13 @@ fn side_by_side(one: &Observations, other: &Observations) -> Observations {
     let shift = |v: VertexId| VertexId::new(v.index() + one.taxels.len());
     for taxel in &other.taxels {
         let id = dermatome::skin::TaxelId(taxel.id.0 + 1000);
-        both.taxels.push(dermatome::calib::Unknown { id, ..*taxel });
+        both.taxels.push(dermatome::calib::TaxelVariable { id, ..*taxel });
     }
     for edge in &other.edges {
         both.edges.push(dermatome::calib::Displacement {
             from: shift(edge.from),
             to: shift(edge.to),
-            motion: edge.motion.clone(),
+            measurement: edge.measurement.clone(),
         });
     }
     both
@@ -840,8 +864,8 @@ fn components_are_calibrated_each_in_its_own_gauge() {
     let shift = |v: VertexId| VertexId::new(v.index() + first);
     let mut both = side_by_side(&one, &other);
     let position = DVec3::new(1.0, 2.0, 3.0);
-    let touch = Touch::Position { position, information: Information::isotropic(1e6) };
-    both.contacts.push(Contact { taxel: shift(VertexId::new(4)), touch });
+    let touch = ContactMeasurement::Position { position, information: Information::isotropic(1e6) };
+    both.contacts.push(ContactObservation { taxel: shift(VertexId::new(4)), measurement: touch });
     let found = solve(&both, &CalibOptions::default());
     assert_eq!(found.free.len(), 1, "{:?}", found.free);
     assert_eq!((found.free[0].gauge.0, found.free[0].taxels), (0, 40));
@@ -880,8 +904,9 @@ fn sheets_without_normals_look_away_from_the_origin() {
         let information = Information::isotropic(1e6);
         // The skin seen from inside.
         let normal = -position.normalize();
-        let touch = Touch::PositionNormal { position, information, normal, normal_information: 1.0 };
-        both.contacts.push(Contact { taxel, touch });
+        let touch =
+            ContactMeasurement::PositionNormal { position, information, normal, normal_information: 1.0 };
+        both.contacts.push(ContactObservation { taxel, measurement: touch });
         let made = calibrated_skin(&solve(&both, &CalibOptions::default()), &both, None).unwrap();
         assert_eq!(made.outside, [Outside::Contacts, Outside::Origin]);
         for (patch, side) in made.skin.patches.iter().zip([-1.0, 1.0]) {
@@ -913,9 +938,11 @@ fn edges_that_do_not_count_form_no_triangles() {
         .unwrap();
     for (information, off) in [(0.0, 0.0), (1e6, 0.02)] {
         let mut observations = whole.clone();
-        let motion =
-            Motion::Offset { offset: DVec3::X * off, information: Information::isotropic(information) };
-        observations.edges.push(dermatome::calib::Displacement { from: a, to: b, motion });
+        let motion = DisplacementMeasurement::Offset {
+            offset: DVec3::X * off,
+            information: Information::isotropic(information),
+        };
+        observations.edges.push(dermatome::calib::Displacement { from: a, to: b, measurement: motion });
         let found =
             solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
         let made = calibrated_skin(&found, &observations, None).unwrap();
@@ -933,8 +960,8 @@ fn a_graph_of_all_edges_is_no_skin() {
     observations.edges = IdVec::new();
     for from in observations.taxels.ids() {
         for to in observations.taxels.ids().skip(from.index() + 1) {
-            let motion = Motion::Offset { offset: DVec3::ZERO, information };
-            observations.edges.push(dermatome::calib::Displacement { from, to, motion });
+            let motion = DisplacementMeasurement::Offset { offset: DVec3::ZERO, information };
+            observations.edges.push(dermatome::calib::Displacement { from, to, measurement: motion });
         }
     }
     let options =
@@ -970,15 +997,17 @@ fn given_triangles_that_are_inside_out_are_turned() {
 fn edges_whose_triangles_close_up_are_no_skin() {
     let places = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(-1.0, -1.0, 0.0)];
     let unknown =
-        |k| dermatome::calib::Unknown { id: dermatome::skin::TaxelId(k), initial: None, fixed: false };
+        |k| dermatome::calib::TaxelVariable { id: dermatome::skin::TaxelId(k), initial: None, fixed: false };
     let mut observations =
         Observations { taxels: (10..14).map(unknown).collect(), ..Observations::default() };
     for i in 0..4 {
         for j in i + 1..4 {
-            let motion =
-                Motion::Offset { offset: places[j] - places[i], information: Information::isotropic(1.0) };
+            let motion = DisplacementMeasurement::Offset {
+                offset: places[j] - places[i],
+                information: Information::isotropic(1.0),
+            };
             let (from, to) = (VertexId::new(i), VertexId::new(j));
-            observations.edges.push(dermatome::calib::Displacement { from, to, motion });
+            observations.edges.push(dermatome::calib::Displacement { from, to, measurement: motion });
         }
     }
     let found = solve(&observations, &CalibOptions::default());
@@ -997,7 +1026,7 @@ fn fixed_taxels_stay_where_they_are() {
         let found = solve(&observations, &CalibOptions::default());
         for v in fixed {
             assert_eq!(Some(found.poses[v]), observations.taxels[v].initial);
-            assert_eq!(found.marginals.as_ref().unwrap().sigmas()[v], 0.0, "known exactly");
+            assert_eq!(found.marginals.as_ref().unwrap().position_rms()[v], 0.0, "known exactly");
         }
         assert!(found.free.is_empty());
     }
@@ -1008,7 +1037,7 @@ fn a_taxel_that_nothing_determines_is_named() {
     let mut observations = simulate(&small(Model::Poses)).unwrap().observations;
     let lost = VertexId::new(5);
     for edge in observations.edges.iter_mut() {
-        if let Motion::Relative(m) = &mut edge.motion
+        if let DisplacementMeasurement::Relative(m) = &mut edge.measurement
             && (edge.from == lost || edge.to == lost)
         {
             m.information = Information::isotropic(0.0);
@@ -1018,7 +1047,7 @@ fn a_taxel_that_nothing_determines_is_named() {
     assert_eq!(found, Some(CalibError::Unobserved { id: observations.taxels[lost].id, others: 0 }));
     // Edges that say something, but not where.
     for edge in observations.edges.iter_mut() {
-        if let Motion::Relative(m) = &mut edge.motion
+        if let DisplacementMeasurement::Relative(m) = &mut edge.measurement
             && (edge.from == lost || edge.to == lost)
         {
             m.information = Information::diagonal([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
@@ -1037,7 +1066,9 @@ fn broken_promises_are_named() {
         calibrate(&broken, &CalibOptions::default(), &|_, _| {}).unwrap_err().to_string()
     };
     let first = |o: &mut Observations, f: &dyn Fn(&mut DVec3, &mut Information<3>)| {
-        if let Motion::Offset { offset, information } = &mut o.edges.as_mut_slice()[0].motion {
+        if let DisplacementMeasurement::Offset { offset, information } =
+            &mut o.edges.as_mut_slice()[0].measurement
+        {
             f(offset, information);
         }
     };
@@ -1048,14 +1079,16 @@ fn broken_promises_are_named() {
     assert!(error(&|o| o.edges.as_mut_slice()[7].to = o.edges.as_slice()[7].from).contains("edge 7"));
     assert!(error(&|o| o.model = Model::Poses).contains("poses model"));
     assert!(error(&|o| o.edges = IdVec::new()).contains("0 observations"));
-    let lonely = dermatome::calib::Unknown { id: dermatome::skin::TaxelId(77), initial: None, fixed: false };
+    let lonely =
+        dermatome::calib::TaxelVariable { id: dermatome::skin::TaxelId(77), initial: None, fixed: false };
     assert!(error(&|o| _ = o.taxels.push(lonely)).contains("taxel 77"));
     let touched = |taxel: usize, information: f64, normal: DVec3| {
         let (position, information) = (DVec3::ZERO, Information::isotropic(information));
-        let touch = Touch::PositionNormal { position, information, normal, normal_information: 1.0 };
-        Contact { taxel: VertexId::new(taxel), touch }
+        let touch =
+            ContactMeasurement::PositionNormal { position, information, normal, normal_information: 1.0 };
+        ContactObservation { taxel: VertexId::new(taxel), measurement: touch }
     };
-    let contact = |c: Contact| error(&|o| _ = o.contacts.push(c.clone()));
+    let contact = |c: ContactObservation| error(&|o| _ = o.contacts.push(c.clone()));
     assert!(contact(touched(4, 1.0, DVec3::ONE)).contains("contact 0 of taxel 4 is not valid: its normal"));
     assert!(contact(touched(4, -1.0, DVec3::Z)).contains("contact 0 of taxel 4"));
     assert!(contact(touched(99, 1.0, DVec3::Z)).contains("contact 0 names vertex 99"));
@@ -1064,8 +1097,9 @@ fn broken_promises_are_named() {
         o.contacts.push(touched(40, 0.0, DVec3::Z));
     };
     assert!(error(&silent).contains("taxel 77"), "zero information is no observation");
-    let start =
-        |change: &dyn Fn(&mut dermatome::calib::Unknown)| error(&|o| change(&mut o.taxels.as_mut_slice()[5]));
+    let start = |change: &dyn Fn(&mut dermatome::calib::TaxelVariable)| {
+        error(&|o| change(&mut o.taxels.as_mut_slice()[5]))
+    };
     assert!(start(&|t| (t.initial, t.fixed) = (None, true)).contains("taxel 5 is fixed"));
     assert!(start(&|t| t.initial = Some(Pose::at(DVec3::NAN))).contains("initial value of taxel 5"));
 }

@@ -5,8 +5,8 @@ use std::{fs, path::PathBuf};
 
 use dermatome::{
     calib::{
-        Contact, Information, Model, Motion, Pose, PosePrior, SimulateOptions, Touch, calibrate,
-        calibrated_skin, simulate,
+        ContactMeasurement, ContactObservation, DisplacementMeasurement, Information, Model, Pose, PosePrior,
+        SimulateOptions, calibrate, calibrated_skin, simulate,
     },
     id::VertexId,
     io::{
@@ -45,9 +45,10 @@ fn simulated_graphs_come_back_bit_by_bit() {
             let offset = Pose { position: DVec3::X, rotation: DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8) };
             let information = Information::diagonal([1.0, 2.0, 3.0, 4.0, 5.0, 1e-300]);
             let prior = PosePrior { pose: Pose::IDENTITY, offset, information };
-            observations
-                .contacts
-                .push(Contact { taxel: VertexId::new(3), touch: Touch::Pose(Box::new(prior)) });
+            observations.contacts.push(ContactObservation {
+                taxel: VertexId::new(3),
+                measurement: ContactMeasurement::Pose(Box::new(prior)),
+            });
         }
         write_observations(&path, &observations).unwrap();
         let back = read_observations(&path).unwrap();
@@ -138,7 +139,11 @@ fn tables_of_displacements_and_contacts_belong_together() {
     let (_folder, edges) = file("e.csv", "i,j,dx,dy,dz,sigma\n10,20,1,0,0,0.001\n20,30,0,1,0,0.002\n");
     let mut read = read_observations(&edges).unwrap();
     assert_eq!(read.observations.taxels.iter().map(|t| t.id.0).collect::<Vec<_>>(), [10, 20, 30]);
-    let Motion::Offset { information, .. } = &read.observations.edges.as_slice()[1].motion else { panic!() };
+    let DisplacementMeasurement::Offset { information, .. } =
+        &read.observations.edges.as_slice()[1].measurement
+    else {
+        panic!()
+    };
     assert!((information.as_isotropic().unwrap() - 250_000.0).abs() < 1e-6);
 
     let (_folder, contacts) =
@@ -146,7 +151,9 @@ fn tables_of_displacements_and_contacts_belong_together() {
     append_observations(&mut read, read_observations(&contacts).unwrap(), &contacts).unwrap();
     let contact = &read.observations.contacts.as_slice()[0];
     assert_eq!(contact.taxel, VertexId::new(2));
-    assert!(matches!(contact.touch, Touch::PositionNormal { normal, .. } if normal == DVec3::Z));
+    assert!(
+        matches!(contact.measurement, ContactMeasurement::PositionNormal { normal, .. } if normal == DVec3::Z)
+    );
     let found = calibrate(&read.observations, &Default::default(), &|_, _| {}).unwrap();
     assert!(found.poses[VertexId::new(0)].position.distance(DVec3::new(0.0, 1.0, 3.0)) < 1e-9);
 
@@ -208,11 +215,13 @@ fn sigma_may_differ_by_axis_in_every_table() {
     };
     let (_folder, path) = file("e.csv", "i,j,dx,dy,dz,sx,sy,sz\n1,2,0,0,0,0.001,0.002,0.01\n");
     let edges = read_observations(&path).unwrap().observations.edges;
-    assert!(matches!(&edges.as_slice()[0].motion, Motion::Offset { information, .. } if near(information)));
+    assert!(
+        matches!(&edges.as_slice()[0].measurement, DisplacementMeasurement::Offset { information, .. } if near(information))
+    );
     let (_folder, path) = file("c.csv", "i,sz,sy,sx,x,y,z\n1,0.01,0.002,0.001,0,0,0\n");
     let contacts = read_observations(&path).unwrap().observations.contacts;
     assert!(
-        matches!(&contacts.as_slice()[0].touch, Touch::Position { information, .. } if near(information))
+        matches!(&contacts.as_slice()[0].measurement, ContactMeasurement::Position { information, .. } if near(information))
     );
 }
 
@@ -324,9 +333,19 @@ fn contacts_with_normals_have_a_table_of_their_own() {
     assert_eq!(back.contacts.len(), 5);
     for (a, b) in observations.contacts.iter().zip(&back.contacts) {
         let (
-            Touch::PositionNormal { position: p, information: i, normal: n, normal_information: k },
-            Touch::PositionNormal { position: q, information: j, normal: m, normal_information: l },
-        ) = (&a.touch, &b.touch)
+            ContactMeasurement::PositionNormal {
+                position: p,
+                information: i,
+                normal: n,
+                normal_information: k,
+            },
+            ContactMeasurement::PositionNormal {
+                position: q,
+                information: j,
+                normal: m,
+                normal_information: l,
+            },
+        ) = (&a.measurement, &b.measurement)
         else {
             panic!("contacts with normals");
         };

@@ -2,8 +2,8 @@ use std::time::Instant;
 
 use crate::{
     calib::{
-        CalibError, ContactObservationId, DisplacementId, Ending, Fit, Iteration, Limits, Marginals, Method,
-        Model, Observations, Pose, Residual, Robust, Start,
+        CalibError, ContactObservationId, DisplacementId, GoodnessOfFit, Initialization, Iteration,
+        Marginals, Method, Model, Observations, Pose, ResidualConvention, Robust, StopCriteria, Termination,
         robust::automatic::{Found, Search},
         robust::goodness_of_fit::fit,
         solve::gauge::{Anchoring, Free},
@@ -20,15 +20,15 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CalibOptions {
     /// How the error of a relative pose becomes numbers; without meaning for positions.
-    pub residual: Residual,
+    pub residual: ResidualConvention,
     /// What to do about observations that do not fit.
     pub robust: Robust,
     /// Where to start.
-    pub start: Start,
+    pub start: Initialization,
     /// How to step.
     pub method: Method,
     /// When to end.
-    pub limits: Limits,
+    pub limits: StopCriteria,
     /// Whether to compute covariances.
     pub uncertainty: Uncertainty,
 }
@@ -103,13 +103,13 @@ pub struct Calibration {
     /// Their covariances, if wanted.
     pub marginals: Option<Marginals>,
     /// The convention of `cost` and `fit`.
-    pub residual: Residual,
+    pub residual: ResidualConvention,
     /// What was done about observations that do not fit; never [`Robust::Automatic`].
     pub robust: Robust,
     /// Half of the sum of squared whitened errors, robust kernels applied.
     pub cost: f64,
     /// Goodness of fit.
-    pub fit: Fit,
+    pub fit: GoodnessOfFit,
     /// How well every observation fits.
     pub weights: Weights,
     /// Components that nothing anchors.
@@ -117,7 +117,7 @@ pub struct Calibration {
     /// The steps taken.
     pub iterations: Vec<Iteration>,
     /// Why it ended.
-    pub ending: Ending,
+    pub termination: Termination,
     /// Wall-clock seconds of the start, the optimisation and the covariances.
     pub seconds: [f64; 3],
 }
@@ -132,7 +132,7 @@ pub struct Calibration {
 ///
 /// # Errors
 /// Observations that break a promise ([`Observations::validate`]) or leave the place of a taxel open. A solve that
-/// does not converge is no error: see [`Calibration::ending`].
+/// does not converge is no error: see [`Calibration::termination`].
 pub fn calibrate(
     observations: &Observations,
     options: &CalibOptions,
@@ -152,7 +152,7 @@ pub fn calibrate(
     let iterations = search.iterations;
     let fit = fit(&problem, &anchoring, &found);
     let free = anchoring.free_under(&problem, &found.point.state, &found.weights);
-    let Found { point, weights, mut kept, kernels, ending } = found;
+    let Found { point, weights, mut kept, kernels, termination } = found;
     let robust = kernels.robust;
     if robust == Robust::None {
         kept = Kernels::new(&problem.ranks, Robust::Graduated).keep(&point.squares);
@@ -183,14 +183,14 @@ pub fn calibrate(
         },
         free: free.iter().map(|f| f.describe(observations)).collect(),
         iterations,
-        ending,
+        termination,
         seconds,
     })
 }
 
 impl CalibOptions {
     fn validate(&self) -> Result<(), CalibError> {
-        let Limits { iterations, relative_decrease } = self.limits;
+        let StopCriteria { iterations, relative_decrease } = self.limits;
         if iterations == 0 {
             let needed = "at least 1";
             return Err(CalibError::BadOption {

@@ -30,14 +30,14 @@ pub use error::CalibError;
 pub use geometry::pose::Pose;
 pub use observations::information::Information;
 pub use observations::{
-    Contact, ContactObservationId, Displacement, DisplacementId, Model, Motion, Observations, PosePrior,
-    RelativePose, Touch, Unknown,
+    ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
+    DisplacementMeasurement, Model, Observations, PosePrior, RelativePose, TaxelVariable,
 };
-pub use robust::goodness_of_fit::Fit;
+pub use robust::goodness_of_fit::GoodnessOfFit;
 pub use simulate::{Probe, SimulateOptions, Simulation, simulate};
 pub use skin::{CalibratedSkin, Outside, calibrated_skin};
-pub use solve::initial::Start;
-pub use solve::levenberg_marquardt::{Ending, Iteration, Limits, Method};
+pub use solve::initial::Initialization;
+pub use solve::levenberg_marquardt::{Iteration, Method, StopCriteria, Termination};
 pub use solve::loss::Robust;
 pub use solve::marginals::Marginals;
-pub use solve::residual::Residual;
+pub use solve::residual::ResidualConvention;

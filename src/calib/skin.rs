@@ -3,7 +3,7 @@ use std::collections::{HashMap, HashSet};
 use glam::{DAffine3, DVec3};
 
 use crate::{
-    calib::{CalibError, Calibration, DisplacementId, Model, Observations, Touch},
+    calib::{CalibError, Calibration, ContactMeasurement, DisplacementId, Model, Observations},
     id::{IdVec, VertexId},
     mesh::{Edges, TriMesh},
     skin::{Link, LinkId, Patch, Skin, TaxelId},
@@ -275,7 +275,7 @@ fn known_normals(calibration: &Calibration, observations: &Observations) -> IdVe
     }
     let mut touched = calibration.poses.map(|_| DVec3::ZERO);
     for contact in &observations.contacts {
-        if let Touch::PositionNormal { normal, .. } = contact.touch {
+        if let ContactMeasurement::PositionNormal { normal, .. } = contact.measurement {
             touched[contact.taxel] += normal;
         }
     }

@@ -9,8 +9,9 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Comparison, Ending, Fit, FreeComponent, Iteration, Limits, Method,
-        Observations, Pose, Residual, Robust, Start, Uncertainty, calibrate, compare,
+        CalibOptions, Calibration, Comparison, FreeComponent, GoodnessOfFit, Initialization, Iteration,
+        Method, Observations, Pose, ResidualConvention, Robust, StopCriteria, Termination, Uncertainty,
+        calibrate, compare,
     },
     id::{IdVec, VertexId},
     io::{IoError, append_observations, read_observations, read_triangles, read_truth},
@@ -65,7 +66,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = MethodArg::Lm, help_heading = "Solver")]
     method: MethodArg,
     /// Most iterations of one solve; robust kernels solve several times
-    #[arg(long, value_name = "N", default_value_t = Limits::default().iterations, help_heading = "Solver")]
+    #[arg(long, value_name = "N", default_value_t = StopCriteria::default().iterations, help_heading = "Solver")]
     iterations: usize,
     /// No covariances
     #[arg(long, help_heading = "Solver")]
@@ -161,9 +162,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         remark(&found, observations, args.verbose);
     }
     let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
-    if !found.ending.is_converged() && !args.keep {
+    if !found.termination.is_converged() && !args.keep {
         return Err(advise(
-            format!("{}: {}; nothing was written", args.observations.display(), found.ending.describe()),
+            format!("{}: {}; nothing was written", args.observations.display(), found.termination.describe()),
             "try --robust gnc if some observations may be wrong, --method dogleg, --initial tree, more --iterations, or write what there is with --keep",
         ));
     }
@@ -174,7 +175,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else if !common.quiet {
         print_summary(&summary, &found.fit)?;
     }
-    Ok(if found.ending.is_converged() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+    Ok(if found.termination.is_converged() { ExitCode::SUCCESS } else { ExitCode::from(2) })
 }
 
 impl Args {
@@ -190,21 +191,21 @@ impl Args {
                 RobustArg::Gnc => Robust::Graduated,
             },
             residual: match self.residual {
-                ResidualArg::Split => Residual::Split,
-                ResidualArg::Log => Residual::Log,
-                ResidualArg::Quaternion => Residual::Quaternion,
+                ResidualArg::Split => ResidualConvention::Split,
+                ResidualArg::Log => ResidualConvention::Log,
+                ResidualArg::Quaternion => ResidualConvention::Quaternion,
             },
             start: match self.initial {
-                StartArg::Chordal => Start::Chordal,
-                StartArg::Tree => Start::Tree,
-                StartArg::File => Start::Initial,
+                StartArg::Chordal => Initialization::Chordal,
+                StartArg::Tree => Initialization::SpanningTree,
+                StartArg::File => Initialization::InitialValues,
             },
             method: match self.method {
                 MethodArg::Gn => Method::GaussNewton,
                 MethodArg::Lm => Method::LevenbergMarquardt,
                 MethodArg::Dogleg => Method::Dogleg,
             },
-            limits: Limits { iterations: self.iterations, ..Limits::default() },
+            limits: StopCriteria { iterations: self.iterations, ..StopCriteria::default() },
             uncertainty: if self.no_covariance { Uncertainty::Skip } else { Uncertainty::Marginals },
         }
     }
@@ -354,7 +355,7 @@ struct Summary {
 
 impl Summary {
     fn new(found: &Calibration, truth: Option<Comparison>) -> Self {
-        let Fit { chi2, degrees, p, .. } = found.fit;
+        let GoodnessOfFit { chi2, degrees, p, .. } = found.fit;
         Self {
             model: found.model.name(),
             residual: found.residual.name(),
@@ -365,8 +366,8 @@ impl Summary {
             verdict: found.fit.verdict(),
             robust: found.robust.name(),
             iterations: found.iterations.len(),
-            converged: found.ending.is_converged(),
-            ending: Ending::describe(found.ending),
+            converged: found.termination.is_converged(),
+            ending: Termination::describe(found.termination),
             rejected: found.weights.rejected(),
             seconds: found.seconds.iter().sum(),
             // Where nothing says where the skin is, the distance as it is means nothing.
@@ -376,12 +377,12 @@ impl Summary {
     }
 }
 
-fn print_summary(summary: &Summary, fit: &Fit) -> anyhow::Result<()> {
+fn print_summary(summary: &Summary, fit: &GoodnessOfFit) -> anyhow::Result<()> {
     let titles = ["model", "residual", "ending", "iterations", "cost", "chi2", "dof", "p", "seconds"];
     let row = [
         summary.model.to_owned(),
         summary.residual.to_owned(),
-        summary.ending.to_owned(),
+        summary.termination.to_owned(),
         summary.iterations.to_string(),
         format!("{:.10}", summary.cost),
         format!("{:.6}", summary.chi2),

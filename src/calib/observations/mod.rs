@@ -40,7 +40,7 @@ impl Model {
         }
     }
 
-    /// Unknown numbers of one taxel.
+    /// TaxelVariable numbers of one taxel.
     #[must_use]
     pub const fn unknowns(self) -> usize {
         match self {
@@ -52,7 +52,7 @@ impl Model {
 
 /// What was observed between two taxels `i` and `j`.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Motion {
+pub enum DisplacementMeasurement {
     /// `t_j - t_i`, in m, in the common frame: the positions model.
     Offset {
         /// The displacement, in m.
@@ -81,39 +81,41 @@ pub struct Displacement {
     /// Taxel `j`.
     pub to: VertexId,
     /// What was observed.
-    pub motion: Motion,
+    pub measurement: DisplacementMeasurement,
 }
 
 impl Displacement {
     /// Whether it says anything: zero information is no edge.
     pub(crate) fn is_observed(&self) -> bool {
-        match &self.motion {
-            Motion::Offset { information, .. } => information.0.iter().flatten().any(|&x| x != 0.0),
-            Motion::Relative(m) => m.information.0.iter().flatten().any(|&x| x != 0.0),
+        match &self.measurement {
+            DisplacementMeasurement::Offset { information, .. } => {
+                information.0.iter().flatten().any(|&x| x != 0.0)
+            }
+            DisplacementMeasurement::Relative(m) => m.information.0.iter().flatten().any(|&x| x != 0.0),
         }
     }
 
     /// How many numbers it observes.
     pub(crate) fn rank(&self) -> usize {
-        match &self.motion {
-            Motion::Offset { information, .. } => information.rank(),
-            Motion::Relative(m) => m.information.rank(),
+        match &self.measurement {
+            DisplacementMeasurement::Offset { information, .. } => information.rank(),
+            DisplacementMeasurement::Relative(m) => m.information.rank(),
         }
     }
 }
 
 /// An absolute observation of one taxel: it touched something whose place is known.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Contact {
+pub struct ContactObservation {
     /// The taxel.
     pub taxel: VertexId,
     /// What was observed.
-    pub touch: Touch,
+    pub measurement: ContactMeasurement,
 }
 
 /// What a contact says about a taxel.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Touch {
+pub enum ContactMeasurement {
     /// Its position.
     Position {
         /// The position, in m.
@@ -136,7 +138,7 @@ pub enum Touch {
     Pose(Box<PosePrior>),
 }
 
-impl Touch {
+impl ContactMeasurement {
     /// How many numbers it observes.
     pub(crate) fn rank(&self, model: Model) -> usize {
         match self {
@@ -163,7 +165,7 @@ pub struct PosePrior {
 
 /// One unknown taxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Unknown {
+pub struct TaxelVariable {
     /// The vendor's number; unique here.
     pub id: TaxelId,
     /// Where it is thought to be, if anyone knows. Orientation is the identity in the positions model.
@@ -178,11 +180,11 @@ pub struct Observations {
     /// What is unknown of every taxel.
     pub model: Model,
     /// The taxels.
-    pub taxels: IdVec<VertexId, Unknown>,
+    pub taxels: IdVec<VertexId, TaxelVariable>,
     /// Displacements between two taxels.
     pub edges: IdVec<DisplacementId, Displacement>,
     /// Absolute observations of one taxel.
-    pub contacts: IdVec<ContactObservationId, Contact>,
+    pub contacts: IdVec<ContactObservationId, ContactObservation>,
 }
 
 impl Observations {
@@ -236,11 +238,11 @@ impl Observations {
         if from == to {
             return Err(CalibError::SelfEdge { edge, id: from });
         }
-        let (fits, finite, definite) = match &displacement.motion {
-            Motion::Offset { offset, information } => {
+        let (fits, finite, definite) = match &displacement.measurement {
+            DisplacementMeasurement::Offset { offset, information } => {
                 (self.model == Model::Positions, offset.is_finite(), information.is_positive_semidefinite())
             }
-            Motion::Relative(m) => {
+            DisplacementMeasurement::Relative(m) => {
                 (self.model == Model::Poses, m.pose.is_valid(), m.information.is_positive_semidefinite())
             }
         };
@@ -253,22 +255,26 @@ impl Observations {
             return Err(CalibError::InvalidEdge { edge, from, to });
         }
         if !definite {
-            let eigenvalue = match &displacement.motion {
-                Motion::Offset { information, .. } => information.eigenvalues()[0],
-                Motion::Relative(m) => m.information.eigenvalues()[0],
+            let eigenvalue = match &displacement.measurement {
+                DisplacementMeasurement::Offset { information, .. } => information.eigenvalues()[0],
+                DisplacementMeasurement::Relative(m) => m.information.eigenvalues()[0],
             };
             return Err(CalibError::IndefiniteEdge { edge, from, to, eigenvalue });
         }
         Ok(())
     }
 
-    fn check_contact(&self, contact: ContactObservationId, touched: &Contact) -> Result<(), CalibError> {
+    fn check_contact(
+        &self,
+        contact: ContactObservationId,
+        touched: &ContactObservation,
+    ) -> Result<(), CalibError> {
         let id = self.check_index(format_args!("contact {contact}"), touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
         const INDEFINITE: &str = "its information matrix is not positive semi-definite";
-        match &touched.touch {
-            Touch::Position { position, information }
-            | Touch::PositionNormal { position, information, .. } => {
+        match &touched.measurement {
+            ContactMeasurement::Position { position, information }
+            | ContactMeasurement::PositionNormal { position, information, .. } => {
                 if !position.is_finite() {
                     return invalid("its position is not finite");
                 }
@@ -276,7 +282,7 @@ impl Observations {
                     return invalid(INDEFINITE);
                 }
             }
-            Touch::Pose(prior) => {
+            ContactMeasurement::Pose(prior) => {
                 if self.model == Model::Positions {
                     let needed = "positions, with or without normal";
                     let element = format!("contact {contact}");
@@ -292,7 +298,7 @@ impl Observations {
                 }
             }
         }
-        if let Touch::PositionNormal { normal, normal_information, .. } = &touched.touch {
+        if let ContactMeasurement::PositionNormal { normal, normal_information, .. } = &touched.measurement {
             if !normal.is_normalized() {
                 return invalid("its normal is not of unit length");
             }
@@ -309,7 +315,7 @@ impl Observations {
             observed[edge.from] = true;
             observed[edge.to] = true;
         }
-        for contact in self.contacts.iter().filter(|c| c.touch.rank(self.model) > 0) {
+        for contact in self.contacts.iter().filter(|c| c.measurement.rank(self.model) > 0) {
             observed[contact.taxel] = true;
         }
         let mut unobserved = observed.enumerate().filter(|(_, seen)| !**seen).map(|(v, _)| v);

@@ -1,5 +1,5 @@
 use crate::calib::{
-    CalibError, CalibOptions, Ending, Iteration, Robust,
+    CalibError, CalibOptions, Iteration, Robust, Termination,
     robust::ambiguity::take_back_chance,
     robust::coordinate_descent::reconsider,
     robust::goodness_of_fit::{fit, middle, stands_out},
@@ -33,7 +33,7 @@ pub(crate) struct Found {
     pub(crate) kept: PerObservation<bool>,
     /// What was done about observations that do not fit.
     pub(crate) kernels: Kernels,
-    pub(crate) ending: Ending,
+    pub(crate) termination: Termination,
 }
 
 impl Search<'_, '_> {
@@ -63,7 +63,7 @@ impl Search<'_, '_> {
 
     /// Whether least squares leave more than the stated noise explains, or one observation stands out.
     fn is_doubtful(&self, plain: &Found) -> bool {
-        if !plain.ending.is_converged() {
+        if !plain.termination.is_converged() {
             return true;
         }
         let squares = &plain.point.squares;
@@ -86,7 +86,7 @@ impl Search<'_, '_> {
         let begin = || plain.point.state.clone();
         let stated = Kernels::new(&self.problem.ranks, Robust::Graduated);
         let mut found = self.let_go(begin(), &stated)?;
-        if found.ending == Ending::OutOfIterations {
+        if found.termination == Termination::OutOfIterations {
             // There is doubt, and no means to resolve it.
             return Ok(Some(found));
         }
@@ -131,10 +131,10 @@ impl Search<'_, '_> {
         // Fitting makes the squares of the others smaller, and those of what was let go as much larger.
         let lever = fit.redundancy() * fit.redundancy();
         let stands_out = || stands_out(&self.problem.ranks, lever, &found.point.squares, &rejected);
-        found.ending.is_converged()
+        found.termination.is_converged()
             && is_few(found, MOST)
             && fit.degrees > 0
-            && (!plain.ending.is_converged() || stands_out())
+            && (!plain.termination.is_converged() || stands_out())
     }
 
     /// Solves with kernels that let go, learns from what they let go, solves again, and takes back what was decided by
@@ -143,12 +143,14 @@ impl Search<'_, '_> {
         let observations = self.problem.observations;
         let mut found = self.reject(begin.clone(), kernels, None)?;
         let odds = attribution_odds(observations, &found.kept);
-        if let Some(odds) = odds.as_ref().filter(|_| found.ending.is_converged()) {
+        if let Some(odds) = odds.as_ref().filter(|_| found.termination.is_converged()) {
             found = self.reject(begin, &kernels.with_odds(odds), Some(odds))?;
         }
-        if found.ending.is_converged() && take_back_chance(observations, &mut found, odds.as_ref(), kernels) {
+        if found.termination.is_converged()
+            && take_back_chance(observations, &mut found, odds.as_ref(), kernels)
+        {
             let weighting = Weighting::Fixed(&found.weights);
-            (found.point, found.ending) = self.minimise(weighting, found.point.state)?;
+            (found.point, found.termination) = self.minimise(weighting, found.point.state)?;
             // The cost of one kernel, whoever decided.
             found.point.cost = Weighting::Kernels(&found.kernels).cost(&found.point.squares);
         }
@@ -158,8 +160,8 @@ impl Search<'_, '_> {
     fn least_squares(&mut self, begin: State) -> Result<Found, CalibError> {
         let kernels = Kernels::new(&self.problem.ranks, Robust::None);
         let ones = self.problem.ranks.map(|_| 1.0);
-        let (point, ending) = self.minimise(Weighting::Fixed(&ones), begin)?;
-        Ok(Found { point, kept: ones.map(|_| true), weights: ones, kernels, ending })
+        let (point, termination) = self.minimise(Weighting::Fixed(&ones), begin)?;
+        Ok(Found { point, kept: ones.map(|_| true), weights: ones, kernels, termination })
     }
 
     fn reject(
@@ -179,12 +181,16 @@ impl Search<'_, '_> {
     }
 
     fn with_kernels(&mut self, begin: State, kernels: &Kernels) -> Result<Found, CalibError> {
-        let (point, ending) = self.minimise(Weighting::Kernels(kernels), begin)?;
+        let (point, termination) = self.minimise(Weighting::Kernels(kernels), begin)?;
         let (weights, kept) = (kernels.weights(&point.squares), kernels.keep(&point.squares));
-        Ok(Found { point, weights, kept, kernels: kernels.clone(), ending })
+        Ok(Found { point, weights, kept, kernels: kernels.clone(), termination })
     }
 
-    fn minimise(&mut self, weighting: Weighting<'_>, begin: State) -> Result<(Point, Ending), CalibError> {
+    fn minimise(
+        &mut self,
+        weighting: Weighting<'_>,
+        begin: State,
+    ) -> Result<(Point, Termination), CalibError> {
         let Self { problem, anchoring, options, iterations, watch } = self;
         let mut note = |iteration: Iteration| {
             iterations.push(iteration);
@@ -223,8 +229,8 @@ impl Search<'_, '_> {
                 let weights = kernels.graduated_weights(mu, &point.squares);
                 let kept = kernels.keep(&point.squares);
                 point.cost = Weighting::Kernels(kernels).cost(&point.squares);
-                let (kernels, ending) = (kernels.clone(), Ending::OutOfIterations);
-                return Ok(Found { point, weights, kept, kernels, ending });
+                let (kernels, termination) = (kernels.clone(), Termination::OutOfIterations);
+                return Ok(Found { point, weights, kept, kernels, termination });
             }
             steps += 1;
             let weights = kernels.graduated_weights(mu, &point.squares);

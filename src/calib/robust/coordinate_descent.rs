@@ -1,6 +1,6 @@
 use crate::{
     calib::{
-        DisplacementId, Motion, Observations, Pose,
+        DisplacementId, DisplacementMeasurement, Observations, Pose,
         solve::loss::Kernels,
         solve::normal_equations::{Problem, State},
     },
@@ -30,7 +30,7 @@ pub(crate) fn reconsider(problem: &Problem<'_>, state: &mut State, kernels: &Ker
         // The cost at `state`, or some number above `most` if it is above it.
         let cost = |state: &State, most: f64| {
             let contacts =
-                contacts_of[v].iter().map(|(c, k)| k.cost(problem.touch_square(&c.touch, &state[v])));
+                contacts_of[v].iter().map(|(c, k)| k.cost(problem.touch_square(&c.measurement, &state[v])));
             let edges = edges_of[v].iter().map(|&e| kernels.edges[e].cost(problem.edge_square(e, state)));
             let mut sum = 0.0;
             for cost in contacts.chain(edges) {
@@ -82,10 +82,10 @@ pub(crate) fn named_by(
     let edge = &observations.edges[edge];
     let forward = edge.to == v;
     let other = &state[if forward { edge.from } else { edge.to }];
-    match &edge.motion {
-        Motion::Offset { offset, .. } => {
+    match &edge.measurement {
+        DisplacementMeasurement::Offset { offset, .. } => {
             Pose { position: other.position + if forward { *offset } else { -*offset }, ..*other }
         }
-        Motion::Relative(m) => *other * if forward { m.pose } else { m.pose.inverse() },
+        DisplacementMeasurement::Relative(m) => *other * if forward { m.pose } else { m.pose.inverse() },
     }
 }

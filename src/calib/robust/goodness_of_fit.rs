@@ -11,7 +11,7 @@ use crate::numeric::{chi_square_tail, quantile};
 
 /// Whether the stated noise is believable.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fit {
+pub struct GoodnessOfFit {
     /// Sum of the squared whitened errors of the observations that were kept.
     pub chi2: f64,
     /// Numbers that were observed by those.
@@ -30,7 +30,7 @@ const DOUBTFUL: f64 = 5e-4;
 /// million observations chance excludes even that, but no user cares.
 const NEGLIGIBLE: f64 = 0.02;
 
-impl Fit {
+impl GoodnessOfFit {
     /// What a user should think of it, as a sentence.
     #[must_use]
     pub fn verdict(&self) -> &'static str {
@@ -65,7 +65,7 @@ impl Fit {
 ///
 /// Those that are kept because their squares are below a bound have smaller squares than all: their sum is held against
 /// its mean under that bound.
-pub(crate) fn fit(problem: &Problem<'_>, anchoring: &Anchoring, found: &Found) -> Fit {
+pub(crate) fn fit(problem: &Problem<'_>, anchoring: &Anchoring, found: &Found) -> GoodnessOfFit {
     let observations = problem.observations;
     let (squares, bounds) = (&found.point.squares, found.kernels.bounds());
     let mut sums = Sums::default();
@@ -86,7 +86,7 @@ pub(crate) fn fit(problem: &Problem<'_>, anchoring: &Anchoring, found: &Found) -
     let degrees = sums.observed.saturating_sub(unknown);
     let judged = matches!(found.kernels.robust, Robust::None | Robust::Graduated);
     let p = judged.then(|| chi_square_tail(sums.chi2 / sums.mean_share(), degrees as f64));
-    Fit { chi2: sums.chi2, observed: sums.observed, degrees, p }
+    GoodnessOfFit { chi2: sums.chi2, observed: sums.observed, degrees, p }
 }
 
 /// Chance that noise alone makes one of all observations stand out.

@@ -2,7 +2,8 @@ use glam::DVec3;
 
 use crate::{
     calib::{
-        DisplacementId, Motion, Observations, solve::loss::KEPT, solve::normal_equations::PerObservation,
+        DisplacementId, DisplacementMeasurement, Observations, solve::loss::KEPT,
+        solve::normal_equations::PerObservation,
     },
     id::IdVec,
 };
@@ -29,7 +30,7 @@ const MOST_STRETCH: f64 = 2.0;
 /// nothing.
 pub(crate) fn attribution_odds(observations: &Observations, kept: &PerObservation<bool>) -> Option<LogOdds> {
     let mut by_length: Vec<(f64, DisplacementId)> =
-        observations.edges.enumerate().map(|(e, d)| (length(&d.motion).length(), e)).collect();
+        observations.edges.enumerate().map(|(e, d)| (length(&d.measurement).length(), e)).collect();
     by_length.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     // Kept edges among the first k.
     let mut kept_before = vec![0_usize];
@@ -65,10 +66,10 @@ pub(crate) fn stretch(odds: f64, bound2: f64) -> f64 {
     (1.0 + 2.0 * odds / bound2).clamp(LEAST_STRETCH, MOST_STRETCH)
 }
 
-fn length(motion: &Motion) -> DVec3 {
+fn length(motion: &DisplacementMeasurement) -> DVec3 {
     match motion {
-        Motion::Offset { offset, .. } => *offset,
-        Motion::Relative(m) => m.pose.position,
+        DisplacementMeasurement::Offset { offset, .. } => *offset,
+        DisplacementMeasurement::Relative(m) => m.pose.position,
     }
 }
 
@@ -93,7 +94,7 @@ mod tests {
         let kept = all_but(observations, |e| simulation.outliers.contains(&e));
         let odds = attribution_odds(observations, &kept).unwrap();
         for (e, edge) in observations.edges.enumerate() {
-            let length = length(&edge.motion).length();
+            let length = length(&edge.measurement).length();
             if length < 7e-3 {
                 assert!(odds[e] > -1.0, "{length} m: {}", odds[e]);
             } else if length > 15e-3 {

@@ -7,9 +7,9 @@ use glam::{DMat3, DQuat, DVec3, IVec3};
 
 use crate::{
     calib::{
-        CalibError, Contact, Displacement, DisplacementId, Information, Model, Motion, Observations, Pose,
-        RelativePose, Touch, Unknown, geometry::pose::exp, simulate::layout::Cap, simulate::random::Random,
-        solve::initial::spanning_tree,
+        CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
+        DisplacementMeasurement, Information, Model, Observations, Pose, RelativePose, TaxelVariable,
+        geometry::pose::exp, simulate::layout::Cap, simulate::random::Random, solve::initial::spanning_tree,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -143,7 +143,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
         let needed = "less than the radius of the sphere";
         return Err(CalibError::BadOption { option: "the indentation", found, needed });
     }
-    let unknown = |v: VertexId| Unknown { id: TaxelId(v.raw()), initial: None, fixed: false };
+    let unknown = |v: VertexId| TaxelVariable { id: TaxelId(v.raw()), initial: None, fixed: false };
     let mut observations = Observations {
         model: options.model,
         taxels: cap.frames.ids().map(unknown).collect(),
@@ -226,7 +226,7 @@ fn displacements(
             outliers.push(DisplacementId::new(observations.edges.len()));
         }
         let motion = match options.model {
-            Model::Positions => Motion::Offset {
+            Model::Positions => DisplacementMeasurement::Offset {
                 offset: cap.frames[seen].position - cap.frames[from].position + noise.vector(options.noise),
                 information: Information::isotropic(translation),
             },
@@ -235,10 +235,13 @@ fn displacements(
                 let position = truth.position + noise.vector(options.noise);
                 let rotation = (truth.rotation * exp(noise.vector(options.rotation_noise))).normalize();
                 let pose = Pose { position, rotation };
-                Motion::Relative(Box::new(RelativePose { pose, information: pose_information }))
+                DisplacementMeasurement::Relative(Box::new(RelativePose {
+                    pose,
+                    information: pose_information,
+                }))
             }
         };
-        observations.edges.push(Displacement { from, to, motion });
+        observations.edges.push(Displacement { from, to, measurement: motion });
     }
     outliers
 }
@@ -298,15 +301,20 @@ fn contacts(options: &SimulateOptions, cap: &Cap, observations: &mut Observation
         let touched = touch(&options.probe, options.radius, frame.rotation * DVec3::Z, &mut arm);
         let position = touched.position + noise.vector(options.anchor_noise);
         let touch = match options.normal_noise {
-            None => Touch::Position { position, information },
+            None => ContactMeasurement::Position { position, information },
             Some(sigma) => {
                 let x = touched.normal.any_orthonormal_vector();
                 let tilt = noise.normal() * x + noise.normal() * touched.normal.cross(x);
                 let normal = (touched.normal + sigma * tilt).normalize();
-                Touch::PositionNormal { position, information, normal, normal_information: stated(sigma) }
+                ContactMeasurement::PositionNormal {
+                    position,
+                    information,
+                    normal,
+                    normal_information: stated(sigma),
+                }
             }
         };
-        observations.contacts.push(Contact { taxel, touch });
+        observations.contacts.push(ContactObservation { taxel, measurement: touch });
     }
 }
 
@@ -318,7 +326,7 @@ struct Touched {
 
 /// Touches the probe with the taxel of normal `n` from a random direction: the contact forward model of section IV.
 ///
-/// Contact along `u` (from the probe to the end effector) means an end-effector rotation with `Q n = -u` and centre
+/// ContactObservation along `u` (from the probe to the end effector) means an end-effector rotation with `Q n = -u` and centre
 /// `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is observed at `Q' (c_b + r_b u - o)`.
 fn touch(probe: &Probe, radius: f64, n: DVec3, arm: &mut Random) -> Touched {
     let u = arm.direction();

@@ -22,7 +22,7 @@ const RANK_TOLERANCE: f64 = 1e-9;
 const NOTHING: f64 = 1e-20;
 
 /// A rigid motion of a whole component about a pivot: translation over [`Free::length`], and rotation vector.
-pub(crate) type Motion = [f64; 6];
+pub(crate) type RigidMotion = [f64; 6];
 
 /// A component that the contacts leave free to move as a whole.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,7 +91,7 @@ impl Placement {
 }
 
 /// How taxel frames move when their component moves as a whole: `G` with columns for the six motions.
-pub(crate) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion: &Motion) -> Twist {
+pub(crate) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion: &RigidMotion) -> Twist {
     let translation = length * DVec3::new(motion[0], motion[1], motion[2]);
     match model {
         Model::Positions => [translation, DVec3::ZERO],
@@ -146,7 +146,7 @@ impl Free {
     ///
     /// About the middle of what was touched, translations and rotations hardly mix, and every motion is measured in
     /// its own unit: a position known to a micrometre does not make a rotation known to a degree look unknown.
-    fn anchoring(&self, problem: &Problem<'_>, state: &State) -> (DVec3, [f64; 6], [Motion; 6]) {
+    fn anchoring(&self, problem: &Problem<'_>, state: &State) -> (DVec3, [f64; 6], [RigidMotion; 6]) {
         let model = problem.observations.model;
         let terms: Vec<_> = self
             .contacts
@@ -154,7 +154,7 @@ impl Free {
             .map(|&id| {
                 let contact = &problem.observations.contacts[id];
                 let at = &state[contact.taxel];
-                (at, problem.touch_term(&contact.touch, at).0)
+                (at, problem.touch_term(&contact.measurement, at).0)
             })
             .collect();
         let pull = |block: &Matrix6| (0..3).map(|a| block.entry(a, a)).sum::<f64>();
@@ -179,7 +179,7 @@ impl Free {
     }
 
     /// The free motions at `state`, with the pivot that they turn about.
-    pub(crate) fn motions(&self, problem: &Problem<'_>, state: &State) -> (DVec3, Vec<Motion>) {
+    pub(crate) fn motions(&self, problem: &Problem<'_>, state: &State) -> (DVec3, Vec<RigidMotion>) {
         if self.directions == problem.observations.model.unknowns() {
             let centroid = Placement::new(&self.component.taxels, state).centroid;
             return (centroid, (0..self.directions).map(unit).collect());
@@ -187,7 +187,7 @@ impl Free {
         let (pivot, _, motions) = self.anchoring(problem, state);
         // In the positions model rotations are among the free motions; they move nothing and are left out.
         let moves =
-            |m: &Motion| problem.observations.model == Model::Poses || m[..3].iter().any(|&x| x != 0.0);
+            |m: &RigidMotion| problem.observations.model == Model::Poses || m[..3].iter().any(|&x| x != 0.0);
         (pivot, motions.into_iter().filter(moves).take(self.directions).collect())
     }
 
@@ -226,7 +226,7 @@ impl Free {
 }
 
 /// Eigenvalues, ascending, of a matrix scaled to ones on its diagonal, and its eigenvectors in the unscaled motions.
-fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [Motion; 6]) {
+fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [RigidMotion; 6]) {
     let largest = (0..6).fold(0.0_f64, |m, k| m.max(sum[k][k]));
     let holds = |k: usize| sum[k][k] > NOTHING * largest;
     let scale: [f64; 6] = std::array::from_fn(|k| if holds(k) { sum[k][k].sqrt().recip() } else { 0.0 });
@@ -234,8 +234,9 @@ fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [Motion; 6]) {
     let (values, vectors) = symmetric_eigen::<6>(&scaled);
     let mut order = [0, 1, 2, 3, 4, 5];
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-    let motion = |k: usize| -> Motion {
-        let unscaled: Motion = std::array::from_fn(|i| vectors[i][k] * if holds(i) { scale[i] } else { 1.0 });
+    let motion = |k: usize| -> RigidMotion {
+        let unscaled: RigidMotion =
+            std::array::from_fn(|i| vectors[i][k] * if holds(i) { scale[i] } else { 1.0 });
         let length = unscaled.iter().map(|x| x * x).sum::<f64>().sqrt();
         unscaled.map(|x| x / length)
     };
@@ -255,6 +256,6 @@ fn orthogonalise(column: &mut [f64], basis: &[Vec<f64>]) {
     column.iter_mut().for_each(|x| *x *= factor);
 }
 
-fn unit(k: usize) -> Motion {
+fn unit(k: usize) -> RigidMotion {
     std::array::from_fn(|i| f64::from(u8::from(i == k)))
 }

@@ -4,7 +4,8 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
     calib::{
-        CalibError, Displacement, Information, Model, Motion, Observations, Pose, RelativePose, Touch,
+        CalibError, ContactMeasurement, Displacement, DisplacementMeasurement, Information, Model,
+        Observations, Pose, RelativePose,
         geometry::pose::outer,
         observations::graph::{component_of_taxels, components},
         solve::normal_equations::{State, number_rows, pair_of, row_pairs},
@@ -16,15 +17,15 @@ use crate::{
 
 /// Where the optimisation starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Start {
+pub enum Initialization {
     /// Rotations as if they were free matrices, then projected, then translations: two linear systems (Martinec and
     /// Pajdla 2007, Carlone et al. 2015). Along a spanning tree where that has no solution.
     #[default]
     Chordal,
     /// Observations chained along a breadth-first spanning tree.
-    Tree,
+    SpanningTree,
     /// The initial values of the taxels.
-    Initial,
+    InitialValues,
 }
 
 /// Taxels that keep their place while the start is computed: fixed ones, and the gauge taxel of every component
@@ -40,18 +41,18 @@ fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
 }
 
 /// A start of the wanted kind. Positions are linear: they need none.
-pub(crate) fn start(observations: &Observations, kind: Start) -> Result<State, CalibError> {
+pub(crate) fn start(observations: &Observations, kind: Initialization) -> Result<State, CalibError> {
     let mut state = match kind {
-        Start::Initial => {
+        Initialization::InitialValues => {
             return match observations.taxels.iter().find(|t| t.initial.is_none()) {
                 Some(t) => Err(CalibError::NoInitialValue { id: t.id }),
                 None => Ok(initial_or_origin(observations)),
             };
         }
-        Start::Chordal if observations.model == Model::Positions => {
+        Initialization::Chordal if observations.model == Model::Positions => {
             return Ok(initial_or_origin(observations));
         }
-        Start::Chordal => match chordal(observations) {
+        Initialization::Chordal => match chordal(observations) {
             Ok(state) => state,
             // Rotations that nothing determines in the relaxed problem: chain them instead.
             Err(SparseError::NotPositiveDefinite { .. } | SparseError::NotFinite { .. }) => {
@@ -59,7 +60,7 @@ pub(crate) fn start(observations: &Observations, kind: Start) -> Result<State, C
             }
             Err(other) => return Err(CalibError::Sparse(other)),
         },
-        Start::Tree => spanning_tree(observations),
+        Initialization::SpanningTree => spanning_tree(observations),
     };
     align_to_contacts(observations, &mut state);
     Ok(state)
@@ -92,13 +93,13 @@ pub(crate) fn spanning_tree(observations: &Observations) -> State {
             if reached[other] {
                 continue;
             }
-            state[other] = match &edge.motion {
-                Motion::Offset { offset, .. } => {
+            state[other] = match &edge.measurement {
+                DisplacementMeasurement::Offset { offset, .. } => {
                     let sign = if edge.from == v { 1.0 } else { -1.0 };
                     Pose::at(state[v].position + sign * *offset)
                 }
-                Motion::Relative(m) if edge.from == v => state[v] * m.pose,
-                Motion::Relative(m) => state[v] * m.pose.inverse(),
+                DisplacementMeasurement::Relative(m) if edge.from == v => state[v] * m.pose,
+                DisplacementMeasurement::Relative(m) => state[v] * m.pose.inverse(),
             };
             reached[other] = true;
             open.push_back(other);
@@ -150,9 +151,9 @@ struct Weighted<'o> {
 fn relative_edges(observations: &Observations) -> Vec<Weighted<'_>> {
     let mean = |info: &Information<6>, from: usize| (from..from + 3).map(|k| info.0[k][k]).sum::<f64>() / 3.0;
     let weigh = |m: &RelativePose| [mean(&m.information, 3), mean(&m.information, 0)];
-    let relative = observations.edges.iter().filter_map(|edge| match &edge.motion {
-        Motion::Relative(m) => Some((edge, m)),
-        Motion::Offset { .. } => None,
+    let relative = observations.edges.iter().filter_map(|edge| match &edge.measurement {
+        DisplacementMeasurement::Relative(m) => Some((edge, m)),
+        DisplacementMeasurement::Offset { .. } => None,
     });
     relative
         .map(|(edge, m)| {
@@ -265,7 +266,7 @@ fn align_to_contacts(observations: &Observations, state: &mut State) {
     let components = components(observations, |_| true);
     let mut touches_of = vec![Vec::new(); components.len()];
     let of_taxel = component_of_taxels(&components, observations.taxels.len());
-    for contact in observations.contacts.iter().filter(|c| pulls(&c.touch)) {
+    for contact in observations.contacts.iter().filter(|c| pulls(&c.measurement)) {
         touches_of[of_taxel[contact.taxel]].push(contact);
     }
     for (component, touches) in components.iter().zip(&touches_of) {
@@ -274,7 +275,7 @@ fn align_to_contacts(observations: &Observations, state: &mut State) {
         }
         let count = touches.len() as f64;
         let pairs: Vec<_> =
-            touches.iter().map(|c| (state[c.taxel].position, observed_position(&c.touch))).collect();
+            touches.iter().map(|c| (state[c.taxel].position, observed_position(&c.measurement))).collect();
         let from = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
         let to = pairs.iter().map(|p| p.1).sum::<DVec3>() / count;
         let mut votes: DMat3 =
@@ -284,13 +285,15 @@ fn align_to_contacts(observations: &Observations, state: &mut State) {
         let scale = if spread > 0.0 { spread } else { 1.0 };
         for contact in touches {
             let at = state[contact.taxel].rotation;
-            match &contact.touch {
-                Touch::PositionNormal { normal, .. } => votes += outer(*normal, at * DVec3::Z) * scale,
-                Touch::Pose(prior) => {
+            match &contact.measurement {
+                ContactMeasurement::PositionNormal { normal, .. } => {
+                    votes += outer(*normal, at * DVec3::Z) * scale
+                }
+                ContactMeasurement::Pose(prior) => {
                     let seen = prior.pose.rotation * prior.offset.rotation.conjugate();
                     votes += DMat3::from_quat(seen * at.conjugate()) * scale;
                 }
-                Touch::Position { .. } => {}
+                ContactMeasurement::Position { .. } => {}
             }
         }
         let rotation = match observations.model {
@@ -305,19 +308,19 @@ fn align_to_contacts(observations: &Observations, state: &mut State) {
     }
 }
 
-fn pulls(touch: &Touch) -> bool {
+fn pulls(touch: &ContactMeasurement) -> bool {
     match touch {
-        Touch::Position { information, .. } | Touch::PositionNormal { information, .. } => {
-            information.rank() > 0
-        }
-        Touch::Pose(prior) => prior.information.rank() > 0,
+        ContactMeasurement::Position { information, .. }
+        | ContactMeasurement::PositionNormal { information, .. } => information.rank() > 0,
+        ContactMeasurement::Pose(prior) => prior.information.rank() > 0,
     }
 }
 
 /// Where a contact puts its taxel.
-fn observed_position(touch: &Touch) -> DVec3 {
+fn observed_position(touch: &ContactMeasurement) -> DVec3 {
     match touch {
-        Touch::Position { position, .. } | Touch::PositionNormal { position, .. } => *position,
-        Touch::Pose(prior) => (prior.pose * prior.offset.inverse()).position,
+        ContactMeasurement::Position { position, .. }
+        | ContactMeasurement::PositionNormal { position, .. } => *position,
+        ContactMeasurement::Pose(prior) => (prior.pose * prior.offset.inverse()).position,
     }
 }

@@ -34,7 +34,7 @@ pub struct Iteration {
 
 /// Why the optimisation ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ending {
+pub enum Termination {
     /// The cost no longer falls.
     Converged,
     /// Nothing moves: every taxel is fixed.
@@ -49,7 +49,7 @@ pub enum Ending {
     Overflow,
 }
 
-impl Ending {
+impl Termination {
     /// Whether the result is a minimum.
     #[must_use]
     pub const fn is_converged(self) -> bool {
@@ -72,14 +72,14 @@ impl Ending {
 
 /// When to end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct StopCriteria {
     /// Most iterations.
     pub iterations: usize,
     /// The cost has converged when a step lowers it by less than this share, or the next one is sure to.
     pub relative_decrease: f64,
 }
 
-impl Default for Limits {
+impl Default for StopCriteria {
     fn default() -> Self {
         Self { iterations: 100, relative_decrease: 1e-9 }
     }
@@ -197,12 +197,12 @@ pub(crate) fn minimise(
     weighting: Weighting<'_>,
     start: State,
     method: Method,
-    limits: Limits,
+    limits: StopCriteria,
     watch: &mut dyn FnMut(Iteration),
-) -> Result<(Point, Ending), CalibError> {
+) -> Result<(Point, Termination), CalibError> {
     let mut point = Point::new(problem, &weighting, start);
     if problem.moving() == 0 {
-        return Ok((point, Ending::NothingToSolve));
+        return Ok((point, Termination::NothingToSolve));
     }
     let mut control = Control { method, damping: 0.0, growth: FIRST_GROWTH, radius: None };
     let mut last_decrease = 0.0;
@@ -211,18 +211,22 @@ pub(crate) fn minimise(
         let free = anchoring.free_under(problem, &point.state, &weights);
         let linear = Linear::new(problem, &free, &point.state, &weights);
         let Some((next, iteration)) = control.advance(problem, &weighting, &linear, &point)? else {
-            let ending = if control.method == Method::GaussNewton { Ending::Diverged } else { Ending::Stuck };
+            let ending = if control.method == Method::GaussNewton {
+                Termination::Diverged
+            } else {
+                Termination::Stuck
+            };
             // At a minimum rounding alone can keep every step from lowering the cost.
             let at_minimum = linear.predicted_decrease().map_err(|e| problem.explain(e))?
                 <= limits.relative_decrease * point.cost;
-            return Ok((point, if at_minimum { Ending::Converged } else { ending }));
+            return Ok((point, if at_minimum { Termination::Converged } else { ending }));
         };
         let decrease = point.cost - next.cost;
         let exact = EXACT_FIT * point.squares.iter().count() as f64;
         point = next;
         watch(iteration);
         if !point.cost.is_finite() {
-            return Ok((point, Ending::Overflow));
+            return Ok((point, Termination::Overflow));
         }
         // A quadratic has its minimum where one undamped step leads.
         let exact_model = problem.shape != Shape::Pose
@@ -234,11 +238,11 @@ pub(crate) fn minimise(
         let factor = (decrease / last_decrease).max(LEAST_FACTOR);
         let next_decrease = if is_newton && factor < STEADY { decrease * factor } else { decrease };
         if exact_model || next_decrease <= limits.relative_decrease * point.cost + exact {
-            return Ok((point, Ending::Converged));
+            return Ok((point, Termination::Converged));
         }
         last_decrease = if is_newton { decrease } else { 0.0 };
     }
-    Ok((point, Ending::OutOfIterations))
+    Ok((point, Termination::OutOfIterations))
 }
 
 impl Linear<'_> {

@@ -3,7 +3,7 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         CalibError, Model, Pose,
-        solve::gauge::{Free, Motion, carried},
+        solve::gauge::{Free, RigidMotion, carried},
         solve::levenberg_marquardt::Linear,
         solve::normal_equations::{PerObservation, Problem, Shape, State},
     },
@@ -28,7 +28,7 @@ pub struct Marginals {
 impl Marginals {
     /// Square root of the trace of the position covariance of every taxel, in m.
     #[must_use]
-    pub fn sigmas(&self) -> IdVec<VertexId, f64> {
+    pub fn position_rms(&self) -> IdVec<VertexId, f64> {
         self.positions.map(|c| (c[0] + c[3] + c[5]).max(0.0).sqrt())
     }
 }
@@ -78,7 +78,7 @@ struct Alignment<'f> {
     free: &'f Free,
     model: Model,
     pivot: DVec3,
-    motions: Vec<Motion>,
+    motions: Vec<RigidMotion>,
     /// What rotations count beside positions.
     weight: f64,
     /// The inverse of `A G`.
@@ -269,7 +269,8 @@ fn in_common_frame(problem: &Problem<'_>, state: &State, blocks: &IdVec<VertexId
 mod tests {
     use super::*;
     use crate::calib::{
-        Residual, SimulateOptions, Start, simulate, solve::gauge::Anchoring, solve::initial::start,
+        Initialization, ResidualConvention, SimulateOptions, simulate, solve::gauge::Anchoring,
+        solve::initial::start,
     };
 
     type Dense = Vec<Vec<f64>>;
@@ -335,14 +336,14 @@ mod tests {
         {
             let options = SimulateOptions { model, taxels: 12, anchors, ..SimulateOptions::default() };
             let mut observations = simulate(&options).unwrap().observations;
-            if let Some(crate::calib::Motion::Offset { information, .. }) =
-                observations.edges.as_mut_slice().first_mut().map(|e| &mut e.motion)
+            if let Some(crate::calib::DisplacementMeasurement::Offset { information, .. }) =
+                observations.edges.as_mut_slice().first_mut().map(|e| &mut e.measurement)
             {
                 // Different in every direction: blocks of three.
                 information.0[0][0] *= 2.0;
             }
-            let state = start(&observations, Start::Chordal).unwrap();
-            let problem = Problem::new(&observations, Residual::Split).unwrap();
+            let state = start(&observations, Initialization::Chordal).unwrap();
+            let problem = Problem::new(&observations, ResidualConvention::Split).unwrap();
             let free = Anchoring::new(&problem, &state).free(&problem, &state, |_| true).into_owned();
             let ones = problem.squares(&state).map(|_| 1.0);
             let found = marginals(&problem, &free, &state, &ones).unwrap();

@@ -3,8 +3,8 @@ use rayon::prelude::*;
 
 use crate::{
     calib::{
-        CalibError, ContactObservationId, Displacement, DisplacementId, Model, Motion, Observations, Pose,
-        PosePrior, Residual, Touch,
+        CalibError, ContactMeasurement, ContactObservationId, Displacement, DisplacementId,
+        DisplacementMeasurement, Model, Observations, Pose, PosePrior, ResidualConvention,
         geometry::pose::hat,
         solve::residual::{EdgeTerm, error, linearised},
     },
@@ -67,7 +67,7 @@ const EDGES_PER_CHUNK: usize = 4096;
 #[derive(Debug)]
 pub(crate) struct Problem<'o> {
     pub(crate) observations: &'o Observations,
-    pub(crate) convention: Residual,
+    pub(crate) convention: ResidualConvention,
     pub(crate) shape: Shape,
     /// How many numbers every observation observes.
     pub(crate) ranks: PerObservation<usize>,
@@ -79,7 +79,10 @@ pub(crate) struct Problem<'o> {
 }
 
 impl<'o> Problem<'o> {
-    pub(crate) fn new(observations: &'o Observations, convention: Residual) -> Result<Self, CalibError> {
+    pub(crate) fn new(
+        observations: &'o Observations,
+        convention: ResidualConvention,
+    ) -> Result<Self, CalibError> {
         let (rows, count) = number_rows(observations, |v| !observations.taxels[v].fixed);
         let pairs = row_pairs(observations, &rows);
         let shape = shape_of(observations);
@@ -90,7 +93,7 @@ impl<'o> Problem<'o> {
             .map(|e| pair_of(e, &rows).and_then(|(i, j)| Some((system.slot(i.max(j), i.min(j))?, j > i))));
         let ranks = PerObservation {
             edges: observations.edges.map(Displacement::rank),
-            contacts: observations.contacts.map(|c| c.touch.rank(observations.model)),
+            contacts: observations.contacts.map(|c| c.measurement.rank(observations.model)),
         };
         Ok(Self { observations, convention, shape, ranks, rows, system, slots })
     }
@@ -122,7 +125,7 @@ impl<'o> Problem<'o> {
         let square = |e: &Displacement| self.square(e, state);
         PerObservation {
             edges: edges.as_slice().par_iter().map(square).collect::<Vec<_>>().into(),
-            contacts: contacts.map(|c| self.touch_square(&c.touch, &state[c.taxel])),
+            contacts: contacts.map(|c| self.touch_square(&c.measurement, &state[c.taxel])),
         }
     }
 
@@ -132,23 +135,23 @@ impl<'o> Problem<'o> {
     }
 
     fn square(&self, e: &Displacement, state: &State) -> f64 {
-        match &e.motion {
-            Motion::Offset { offset, information } => {
+        match &e.measurement {
+            DisplacementMeasurement::Offset { offset, information } => {
                 information.square(&offset_error(e, *offset, state).to_array())
             }
-            Motion::Relative(m) => {
+            DisplacementMeasurement::Relative(m) => {
                 let e = error(self.convention, &m.pose, &state[e.from], &state[e.to]);
                 dot(e, Matrix6::from_rows(&m.information.0) * e)
             }
         }
     }
 
-    pub(crate) fn touch_square(&self, touch: &Touch, at: &Pose) -> f64 {
+    pub(crate) fn touch_square(&self, touch: &ContactMeasurement, at: &Pose) -> f64 {
         match touch {
-            Touch::Position { position, information } => {
+            ContactMeasurement::Position { position, information } => {
                 information.square(&(at.position - *position).to_array())
             }
-            Touch::PositionNormal { position, information, normal, normal_information } => {
+            ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
                 let square = information.square(&(at.position - *position).to_array());
                 let turned = match self.shape {
                     Shape::Pose => (at.rotation * DVec3::Z).distance_squared(*normal),
@@ -156,7 +159,7 @@ impl<'o> Problem<'o> {
                 };
                 square + normal_information * turned
             }
-            Touch::Pose(prior) => {
+            ContactMeasurement::Pose(prior) => {
                 let e = error(self.convention, &prior.pose, &Pose::IDENTITY, &(*at * prior.offset));
                 dot(e, Matrix6::from_rows(&prior.information.0) * e)
             }
@@ -191,18 +194,18 @@ impl<'o> Problem<'o> {
         for (id, contact) in self.observations.contacts.enumerate() {
             if let Some(row) = self.rows[contact.taxel] {
                 let weight = weights.contacts[id];
-                self.add_touch(&mut sums, row, &contact.touch, &state[contact.taxel], weight);
+                self.add_touch(&mut sums, row, &contact.measurement, &state[contact.taxel], weight);
             }
         }
         (sums.matrix, sums.gradient)
     }
 
     fn relative_term(&self, edge: &Displacement, state: &State) -> Option<EdgeTerm> {
-        match &edge.motion {
-            Motion::Relative(m) => {
+        match &edge.measurement {
+            DisplacementMeasurement::Relative(m) => {
                 Some(EdgeTerm::new(self.convention, m, &state[edge.from], &state[edge.to]))
             }
-            Motion::Offset { .. } => None,
+            DisplacementMeasurement::Offset { .. } => None,
         }
     }
 
@@ -229,7 +232,7 @@ impl<'o> Problem<'o> {
         state: &State,
         weight: f64,
     ) {
-        let Motion::Offset { offset, information } = &edge.motion else { return };
+        let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else { return };
         let omega = information.matrix();
         let gradient = omega * offset_error(edge, *offset, state);
         for (row, sign) in [(self.rows[edge.from], -1.0), (self.rows[edge.to], 1.0)] {
@@ -243,7 +246,7 @@ impl<'o> Problem<'o> {
         }
     }
 
-    fn add_touch(&self, sums: &mut Sums<'_>, row: u32, touch: &Touch, at: &Pose, weight: f64) {
+    fn add_touch(&self, sums: &mut Sums<'_>, row: u32, touch: &ContactMeasurement, at: &Pose, weight: f64) {
         let (block, gradient) = self.touch_term(touch, at);
         sums.add_quarters(BlockSlot::diagonal(row), &block, weight, false);
         match self.shape {
@@ -253,17 +256,17 @@ impl<'o> Problem<'o> {
     }
 
     /// `J' Omega J` and `J' Omega e` of a contact, in the frame in which its taxel moves.
-    pub(crate) fn touch_term(&self, touch: &Touch, at: &Pose) -> (Matrix6, Twist) {
+    pub(crate) fn touch_term(&self, touch: &ContactMeasurement, at: &Pose) -> (Matrix6, Twist) {
         // The rotation is the identity in the positions model.
         let r = DMat3::from_quat(at.rotation);
         match touch {
-            Touch::Position { position, information }
-            | Touch::PositionNormal { position, information, .. } => {
+            ContactMeasurement::Position { position, information }
+            | ContactMeasurement::PositionNormal { position, information, .. } => {
                 let omega = information.matrix();
                 let mut block = Matrix6::ZERO;
                 block.0[0][0] = r.transpose() * omega * r;
                 let mut gradient = [r.transpose() * (omega * (at.position - *position)), DVec3::ZERO];
-                if let (Shape::Pose, Touch::PositionNormal { normal, normal_information, .. }) =
+                if let (Shape::Pose, ContactMeasurement::PositionNormal { normal, normal_information, .. }) =
                     (self.shape, touch)
                 {
                     // e = R z - n with the derivative -R hat(z): turning about z changes nothing.
@@ -272,7 +275,7 @@ impl<'o> Problem<'o> {
                 }
                 (block, gradient)
             }
-            Touch::Pose(prior) => self.prior_term(prior, at),
+            ContactMeasurement::Pose(prior) => self.prior_term(prior, at),
         }
     }
 
@@ -344,21 +347,20 @@ pub(crate) fn row_pairs<'a>(
 }
 
 fn shape_of(observations: &Observations) -> Shape {
-    let round_edge = |e: &Displacement| match &e.motion {
-        Motion::Offset { information, .. } => information.as_isotropic().is_some(),
-        Motion::Relative(_) => false,
+    let round_edge = |e: &Displacement| match &e.measurement {
+        DisplacementMeasurement::Offset { information, .. } => information.as_isotropic().is_some(),
+        DisplacementMeasurement::Relative(_) => false,
     };
-    let round_touch = |touch: &Touch| match touch {
-        Touch::Position { information, .. } | Touch::PositionNormal { information, .. } => {
-            information.as_isotropic().is_some()
-        }
-        Touch::Pose(_) => false,
+    let round_touch = |touch: &ContactMeasurement| match touch {
+        ContactMeasurement::Position { information, .. }
+        | ContactMeasurement::PositionNormal { information, .. } => information.as_isotropic().is_some(),
+        ContactMeasurement::Pose(_) => false,
     };
     match observations.model {
         Model::Poses => Shape::Pose,
         Model::Positions
             if observations.edges.iter().all(round_edge)
-                && observations.contacts.iter().all(|c| round_touch(&c.touch)) =>
+                && observations.contacts.iter().all(|c| round_touch(&c.measurement)) =>
         {
             Shape::Scalar
         }

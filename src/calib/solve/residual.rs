@@ -12,7 +12,7 @@ use crate::{
 ///
 /// The same file has a different minimum under each, so every printed cost names its convention.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Residual {
+pub enum ResidualConvention {
     /// `[dt; Log dR]`: translation and rotation apart.
     #[default]
     Split,
@@ -22,7 +22,7 @@ pub enum Residual {
     Quaternion,
 }
 
-impl Residual {
+impl ResidualConvention {
     /// `split`, `log` or `quaternion`.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -35,23 +35,23 @@ impl Residual {
 }
 
 /// The six numbers of `E = Z^-1 T_i^-1 T_j`.
-pub(crate) fn error(convention: Residual, observed: &Pose, from: &Pose, to: &Pose) -> Twist {
+pub(crate) fn error(convention: ResidualConvention, observed: &Pose, from: &Pose, to: &Pose) -> Twist {
     let step = from.rotation.conjugate() * (to.position - from.position);
     let dt = observed.rotation.conjugate() * (step - observed.position);
     let dr = observed.rotation.conjugate() * (from.rotation.conjugate() * to.rotation);
     match convention {
-        Residual::Split => [dt, log(dr)],
-        Residual::Log => {
+        ResidualConvention::Split => [dt, log(dr)],
+        ResidualConvention::Log => {
             let turn = log(dr);
             [unbend(turn, dt), turn]
         }
-        Residual::Quaternion => [dt, if dr.w < 0.0 { -dr.xyz() } else { dr.xyz() }],
+        ResidualConvention::Quaternion => [dt, if dr.w < 0.0 { -dr.xyz() } else { dr.xyz() }],
     }
 }
 
 /// The error, and its derivatives when `from` and `to` are moved in their own frames ([`Pose::moved`]).
 pub(crate) fn linearised(
-    convention: Residual,
+    convention: ResidualConvention,
     observed: &Pose,
     from: &Pose,
     to: &Pose,
@@ -62,11 +62,11 @@ pub(crate) fn linearised(
     let between = from.rotation.conjugate() * to.rotation;
     let dr = observed.rotation.conjugate() * between;
     let (turn, slope) = match convention {
-        Residual::Split | Residual::Log => {
+        ResidualConvention::Split | ResidualConvention::Log => {
             let turn = log(dr);
             (turn, right_jacobian_inverse(turn))
         }
-        Residual::Quaternion => {
+        ResidualConvention::Quaternion => {
             let q = if dr.w < 0.0 { -dr } else { dr };
             (q.xyz(), 0.5 * (DMat3::from_diagonal(DVec3::splat(q.w)) + hat(q.xyz())))
         }
@@ -74,7 +74,7 @@ pub(crate) fn linearised(
     let turn_by_from = -(slope * DMat3::from_quat(between).transpose());
     let by_from = [[-back, back * hat(step)], [DMat3::ZERO, turn_by_from]];
     let by_to = [[DMat3::from_quat(dr), DMat3::ZERO], [DMat3::ZERO, slope]];
-    if convention != Residual::Log {
+    if convention != ResidualConvention::Log {
         return ([dt, turn], Matrix6(by_from), Matrix6(by_to));
     }
     // The translation bends with the rotation: chain rule.
@@ -99,7 +99,12 @@ pub(crate) struct EdgeTerm {
 }
 
 impl EdgeTerm {
-    pub(crate) fn new(convention: Residual, observed: &RelativePose, from: &Pose, to: &Pose) -> Self {
+    pub(crate) fn new(
+        convention: ResidualConvention,
+        observed: &RelativePose,
+        from: &Pose,
+        to: &Pose,
+    ) -> Self {
         let (e, j_from, j_to) = linearised(convention, &observed.pose, from, to);
         let omega = Matrix6::from_rows(&observed.information.0);
         let weighted = omega * e;
@@ -136,7 +141,7 @@ mod tests {
         fn jacobians_are_the_slopes_of_the_error(
             from in pose(), to in pose(), noise in (vector(0.3), vector(1.2)), which in 0..3_usize,
         ) {
-            let convention = [Residual::Split, Residual::Log, Residual::Quaternion][which];
+            let convention = [ResidualConvention::Split, ResidualConvention::Log, ResidualConvention::Quaternion][which];
             let observed = (from.inverse() * to).moved(noise.0, noise.1);
             let (e, by_from, by_to) = linearised(convention, &observed, &from, &to);
             prop_assert!(dot(e, e) > 0.0 || noise.0 == DVec3::ZERO);
@@ -166,7 +171,7 @@ mod tests {
         #[test]
         fn a_perfect_observation_has_no_error(from in pose(), to in pose()) {
             let observed = from.inverse() * to;
-            for convention in [Residual::Split, Residual::Log, Residual::Quaternion] {
+            for convention in [ResidualConvention::Split, ResidualConvention::Log, ResidualConvention::Quaternion] {
                 let e = error(convention, &observed, &from, &to);
                 prop_assert!(dot(e, e) < 1e-28, "{e:?}");
             }

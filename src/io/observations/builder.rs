@@ -10,7 +10,10 @@ use std::{
 use glam::{DQuat, DVec3};
 
 use crate::{
-    calib::{Contact, Displacement, Information, Model, Motion, Observations, Pose, Touch, Unknown},
+    calib::{
+        ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
+        Observations, Pose, TaxelVariable,
+    },
     id::VertexId,
     io::{
         IoError,
@@ -38,8 +41,8 @@ pub(super) struct Builder<'a> {
     observations: Observations,
     model_known: bool,
     index: HashMap<TaxelId, VertexId>,
-    edges: Vec<(TaxelId, TaxelId, usize, Motion)>,
-    contacts: Vec<(TaxelId, usize, Touch)>,
+    edges: Vec<(TaxelId, TaxelId, usize, DisplacementMeasurement)>,
+    contacts: Vec<(TaxelId, usize, ContactMeasurement)>,
     fixed: Vec<(TaxelId, usize)>,
     unknown_tags: BTreeMap<String, usize>,
     normalised: usize,
@@ -77,7 +80,8 @@ impl<'a> Builder<'a> {
 
     pub(super) fn taxel(&mut self, id: TaxelId, initial: Pose, at: &Place<'_>) -> Result<(), IoError> {
         check_length(initial.position, at)?;
-        let vertex = self.observations.taxels.push(Unknown { id, initial: Some(initial), fixed: false });
+        let vertex =
+            self.observations.taxels.push(TaxelVariable { id, initial: Some(initial), fixed: false });
         match self.index.insert(id, vertex) {
             Some(_) => Err(at.invalid(format!("taxel {id} a second time"), "every taxel declared once")),
             None => Ok(()),
@@ -87,7 +91,7 @@ impl<'a> Builder<'a> {
     pub(super) fn edge(
         &mut self,
         [from, to]: [TaxelId; 2],
-        motion: Motion,
+        motion: DisplacementMeasurement,
         at: &Place<'_>,
     ) -> Result<(), IoError> {
         if from == to {
@@ -95,25 +99,30 @@ impl<'a> Builder<'a> {
         }
         let name = || format!("edge {from} to {to}");
         match &motion {
-            Motion::Offset { offset, information } => {
+            DisplacementMeasurement::Offset { offset, information } => {
                 check_length(*offset, at)?;
                 check_information(information, name, at)?;
             }
-            Motion::Relative(m) => check_information(&m.information, name, at)?,
+            DisplacementMeasurement::Relative(m) => check_information(&m.information, name, at)?,
         }
         self.edges.push((from, to, at.line, motion));
         Ok(())
     }
 
-    pub(super) fn contact(&mut self, id: TaxelId, touch: Touch, at: &Place<'_>) -> Result<(), IoError> {
+    pub(super) fn contact(
+        &mut self,
+        id: TaxelId,
+        touch: ContactMeasurement,
+        at: &Place<'_>,
+    ) -> Result<(), IoError> {
         let name = || format!("taxel {id}");
         match &touch {
-            Touch::Position { position, information }
-            | Touch::PositionNormal { position, information, .. } => {
+            ContactMeasurement::Position { position, information }
+            | ContactMeasurement::PositionNormal { position, information, .. } => {
                 check_length(*position, at)?;
                 check_information(information, name, at)?;
             }
-            Touch::Pose(prior) => check_information(&prior.information, name, at)?,
+            ContactMeasurement::Pose(prior) => check_information(&prior.information, name, at)?,
         }
         self.contacts.push((id, at.line, touch));
         Ok(())
@@ -183,11 +192,11 @@ impl<'a> Builder<'a> {
         }
         for (from, to, line, motion) in self.edges {
             let (from, to) = (find(from, line)?, find(to, line)?);
-            observations.edges.push(Displacement { from, to, motion });
+            observations.edges.push(Displacement { from, to, measurement: motion });
         }
         for (id, line, touch) in self.contacts {
             let taxel = find(id, line)?;
-            observations.contacts.push(Contact { taxel, touch });
+            observations.contacts.push(ContactObservation { taxel, measurement: touch });
         }
         if observations.edges.is_empty() && observations.contacts.is_empty() {
             let found = format!("{} taxels and no observation{left_out}", observations.taxels.len());
@@ -212,7 +221,7 @@ impl<'a> Builder<'a> {
         ids.sort_unstable();
         ids.dedup();
         for id in ids {
-            let vertex = self.observations.taxels.push(Unknown { id, initial: None, fixed: false });
+            let vertex = self.observations.taxels.push(TaxelVariable { id, initial: None, fixed: false });
             self.index.insert(id, vertex);
         }
     }

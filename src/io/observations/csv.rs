@@ -9,7 +9,7 @@ use std::{
 use glam::DVec3;
 
 use crate::{
-    calib::{Information, Model, Motion, Observations, Touch},
+    calib::{ContactMeasurement, DisplacementMeasurement, Information, Model, Observations},
     id::VertexId,
     io::{
         IoError,
@@ -83,7 +83,7 @@ struct Columns {
 /// What the rows tell.
 enum Subject {
     Displacement { other: usize, offset: [usize; 3] },
-    Contact { position: [usize; 3], normal: Option<([usize; 3], Option<usize>)> },
+    ContactObservation { position: [usize; 3], normal: Option<([usize; 3], Option<usize>)> },
 }
 
 /// How the rows tell how well it was observed.
@@ -111,7 +111,7 @@ impl Columns {
                 Some(normal) => Some((normal, finder.find([NORMAL_SIGMA])?.map(|[k]| k))),
                 None => None,
             };
-            Subject::Contact { position, normal }
+            Subject::ContactObservation { position, normal }
         };
         let uncertainty = if let Some([k]) = finder.find([SIGMA])? {
             Uncertainty::Sigma(k)
@@ -208,17 +208,22 @@ impl Row<'_> {
                 let ids = [id, self.taxel(*other)?];
                 let offset = self.vector(*offset)?;
                 builder.set_model(Model::Positions, self.at)?;
-                builder.edge(ids, Motion::Offset { offset, information }, self.at)
+                builder.edge(ids, DisplacementMeasurement::Offset { offset, information }, self.at)
             }
-            Subject::Contact { position, normal } => {
+            Subject::ContactObservation { position, normal } => {
                 let position = self.vector(*position)?;
                 let touch = match normal {
-                    None => Touch::Position { position, information },
+                    None => ContactMeasurement::Position { position, information },
                     Some((columns, sigma)) => {
                         let normal = self.normal(*columns)?;
                         let assumed = || Ok(DEFAULT_NORMAL_SIGMA.powi(-2));
                         let normal_information = sigma.map_or_else(assumed, |k| self.sigma(k))?;
-                        Touch::PositionNormal { position, information, normal, normal_information }
+                        ContactMeasurement::PositionNormal {
+                            position,
+                            information,
+                            normal,
+                            normal_information,
+                        }
                     }
                 };
                 builder.contact(id, touch, self.at)
@@ -302,7 +307,7 @@ pub(super) fn write_edges(
     writeln!(out, "i,j,{},{}", OFFSET.join(","), INFORMATION.join(",")).map_err(fail)?;
     for edge in &observations.edges {
         let (from, to) = (id(edge.from), id(edge.to));
-        let Motion::Offset { offset, information } = &edge.motion else {
+        let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else {
             return Err(unsupported(format!("edge {from} to {to}"), "a rotation", "write a .g2o file"));
         };
         let mut line = format!("{from},{to}");
@@ -320,7 +325,10 @@ pub(super) fn write_contacts(
     path: &Path,
 ) -> Result<(), IoError> {
     let fail = |source: io::Error| IoError::Write { path: path.to_owned(), source };
-    let with_normals = observations.contacts.iter().any(|c| matches!(c.touch, Touch::PositionNormal { .. }));
+    let with_normals = observations
+        .contacts
+        .iter()
+        .any(|c| matches!(c.measurement, ContactMeasurement::PositionNormal { .. }));
     let normals = if with_normals { ",nx,ny,nz,sigma_n" } else { "" };
     writeln!(out, "i,x,y,z{normals},{}", INFORMATION.join(",")).map_err(fail)?;
     let mut line = String::new();
@@ -333,15 +341,15 @@ pub(super) fn write_contacts(
             remedy: remedy.into(),
         };
         line.clear();
-        let (position, information, normal) = match &contact.touch {
-            Touch::Position { .. } if with_normals => {
+        let (position, information, normal) = match &contact.measurement {
+            ContactMeasurement::Position { .. } if with_normals => {
                 return Err(unsupported("no normal, as others do", "give all contacts a normal, or none"));
             }
-            Touch::Position { position, information } => (position, information, None),
-            Touch::PositionNormal { position, information, normal, normal_information } => {
+            ContactMeasurement::Position { position, information } => (position, information, None),
+            ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
                 (position, information, Some((normal, normal_information)))
             }
-            Touch::Pose(_) => return Err(unsupported("a full pose", "write a .g2o file")),
+            ContactMeasurement::Pose(_) => return Err(unsupported("a full pose", "write a .g2o file")),
         };
         let sigma = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
         let numbers =

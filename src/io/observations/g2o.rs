@@ -11,7 +11,10 @@ use std::{
 use glam::DVec3;
 
 use crate::{
-    calib::{Information, Model, Motion, Observations, Pose, PosePrior, RelativePose, Touch},
+    calib::{
+        ContactMeasurement, DisplacementMeasurement, Information, Model, Observations, Pose, PosePrior,
+        RelativePose,
+    },
     io::{
         IoError,
         file::lines::{Lines, Place},
@@ -71,11 +74,11 @@ fn read_edge(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoErro
     let motion = if line.tag == "EDGE_POINTXYZ" {
         builder.set_model(Model::Positions, &at)?;
         let (offset, information) = line.point()?;
-        Motion::Offset { offset, information }
+        DisplacementMeasurement::Offset { offset, information }
     } else {
         builder.set_model(Model::Poses, &at)?;
         let (pose, information) = line.pose(builder)?;
-        Motion::Relative(Box::new(RelativePose { pose, information }))
+        DisplacementMeasurement::Relative(Box::new(RelativePose { pose, information }))
     };
     builder.edge(ids, motion, &at)
 }
@@ -88,7 +91,7 @@ fn read_prior(
     let (id, at) = (line.id()?, line.at);
     if line.tag == "EDGE_POINTXYZ_PRIOR" {
         let (position, information) = line.point()?;
-        return builder.contact(id, Touch::Position { position, information }, &at);
+        return builder.contact(id, ContactMeasurement::Position { position, information }, &at);
     }
     let parameter = line.id()?.0;
     builder.set_model(Model::Poses, &at)?;
@@ -96,7 +99,11 @@ fn read_prior(
     let needed = "the number of a PARAMS_SE3OFFSET line before this one";
     let offset =
         offsets.get(&parameter).ok_or_else(|| at.invalid(format!("parameter {parameter}"), needed))?;
-    builder.contact(id, Touch::Pose(Box::new(PosePrior { pose, offset: *offset, information })), &at)
+    builder.contact(
+        id,
+        ContactMeasurement::Pose(Box::new(PosePrior { pose, offset: *offset, information })),
+        &at,
+    )
 }
 
 fn read_offset(
@@ -180,7 +187,7 @@ pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Pa
     let Observations { model, taxels, edges, contacts } = observations;
     let mut text = Text { out, line: String::new(), path };
     let offsets = offsets(observations);
-    if contacts.iter().any(|c| matches!(c.touch, Touch::Pose(_))) {
+    if contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose(_))) {
         for (k, offset) in (IDENTITY_OFFSET..).zip(&offsets) {
             text.begin(format_args!("PARAMS_SE3OFFSET {k}"));
             text.pose(offset);
@@ -206,10 +213,10 @@ pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Pa
         text.end()?;
     }
     for edge in edges {
-        text.edge([taxels[edge.from].id, taxels[edge.to].id], &edge.motion)?;
+        text.edge([taxels[edge.from].id, taxels[edge.to].id], &edge.measurement)?;
     }
     for contact in contacts {
-        text.contact(taxels[contact.taxel].id, &contact.touch, &offsets)?;
+        text.contact(taxels[contact.taxel].id, &contact.measurement, &offsets)?;
     }
     Ok(())
 }
@@ -218,7 +225,7 @@ pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Pa
 fn offsets(observations: &Observations) -> Vec<Pose> {
     let mut offsets = vec![Pose::IDENTITY];
     for contact in &observations.contacts {
-        if let Touch::Pose(prior) = &contact.touch
+        if let ContactMeasurement::Pose(prior) = &contact.measurement
             && !offsets.contains(&prior.offset)
         {
             offsets.push(prior.offset);
@@ -264,14 +271,14 @@ impl<W: Write> Text<'_, W> {
         done.map_err(|source| IoError::Write { path: self.path.to_owned(), source })
     }
 
-    fn edge(&mut self, [from, to]: [TaxelId; 2], motion: &Motion) -> Result<(), IoError> {
+    fn edge(&mut self, [from, to]: [TaxelId; 2], motion: &DisplacementMeasurement) -> Result<(), IoError> {
         match motion {
-            Motion::Offset { offset, information } => {
+            DisplacementMeasurement::Offset { offset, information } => {
                 self.begin(format_args!("EDGE_POINTXYZ {from} {to}"));
                 self.numbers(offset.to_array());
                 self.numbers(information.upper());
             }
-            Motion::Relative(m) => {
+            DisplacementMeasurement::Relative(m) => {
                 self.begin(format_args!("EDGE_SE3:QUAT {from} {to}"));
                 self.pose(&m.pose);
                 self.numbers(m.information.upper());
@@ -280,20 +287,20 @@ impl<W: Write> Text<'_, W> {
         self.end()
     }
 
-    fn contact(&mut self, id: TaxelId, touch: &Touch, offsets: &[Pose]) -> Result<(), IoError> {
+    fn contact(&mut self, id: TaxelId, touch: &ContactMeasurement, offsets: &[Pose]) -> Result<(), IoError> {
         match touch {
-            Touch::Position { position, information } => {
+            ContactMeasurement::Position { position, information } => {
                 self.begin(format_args!("EDGE_POINTXYZ_PRIOR {id}"));
                 self.numbers(position.to_array());
                 self.numbers(information.upper());
             }
-            Touch::Pose(prior) => {
+            ContactMeasurement::Pose(prior) => {
                 let k = offsets.iter().position(|o| *o == prior.offset).unwrap_or_default();
                 self.begin(format_args!("EDGE_SE3_PRIOR {id} {k}"));
                 self.pose(&prior.pose);
                 self.numbers(prior.information.upper());
             }
-            Touch::PositionNormal { .. } => {
+            ContactMeasurement::PositionNormal { .. } => {
                 return Err(IoError::Unsupported {
                     path: self.path.to_owned(),
                     element: format!("the contact of taxel {id}"),

@@ -9,7 +9,7 @@ use std::{
 };
 
 use crate::{
-    calib::{Contact, Displacement, Observations, Touch},
+    calib::{ContactMeasurement, ContactObservation, Displacement, Observations},
     id::VertexId,
     io::{
         IoError,
@@ -179,11 +179,13 @@ pub fn append_observations(
     }
     for contact in &other.observations.contacts {
         let taxel = place(contact.taxel)?;
-        into.observations.contacts.push(Contact { taxel, touch: contact.touch.clone() });
+        into.observations
+            .contacts
+            .push(ContactObservation { taxel, measurement: contact.measurement.clone() });
     }
     for edge in &other.observations.edges {
         let (from, to) = (place(edge.from)?, place(edge.to)?);
-        into.observations.edges.push(Displacement { from, to, motion: edge.motion.clone() });
+        into.observations.edges.push(Displacement { from, to, measurement: edge.measurement.clone() });
     }
     into.remarks.extend(other.remarks);
     Ok(())
@@ -193,7 +195,7 @@ pub fn append_observations(
 fn check_model(into: &Observations, other: &Observations, path: &Path) -> Result<(), IoError> {
     let has_model = !other.edges.is_empty()
         || other.taxels.iter().any(|t| t.initial.is_some())
-        || other.contacts.iter().any(|c| matches!(c.touch, Touch::Pose(_)));
+        || other.contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose(_)));
     if has_model && other.model != into.model {
         let found = format!("observations of the {} model", other.model.name());
         let needed = format!("{}, as in the other file", into.model.name());

@@ -29,7 +29,7 @@ use crate::{
 pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), IoError> {
     const HEADER: [&str; 15] =
         ["id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"];
-    let sigmas = calibration.marginals.as_ref().map(|m| (m.sigmas(), &m.positions));
+    let sigmas = calibration.marginals.as_ref().map(|m| (m.position_rms(), &m.positions));
     write_table(path, &HEADER, |row, k| {
         let v = VertexId::new(k);
         let pose = calibration.poses.get(v)?;
