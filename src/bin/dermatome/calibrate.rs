@@ -382,7 +382,7 @@ fn print_summary(summary: &Summary, fit: &GoodnessOfFit) -> anyhow::Result<()> {
     let row = [
         summary.model.to_owned(),
         summary.residual.to_owned(),
-        summary.termination.to_owned(),
+        summary.ending.to_owned(),
         summary.iterations.to_string(),
         format!("{:.10}", summary.cost),
         format!("{:.6}", summary.chi2),
