@@ -2,12 +2,21 @@
 
 use std::collections::BTreeMap;
 
+use gltf::json::{
+    Mesh,
+    accessor::{ComponentType, Type},
+    mesh::{Primitive, Semantic},
+    validation::Checked,
+};
+use serde::Deserialize;
+use serde_json::Value;
+
 use crate::io::{
     IoError,
     gltf::{
-        accessor::{Accessor, Component, Role},
-        document::{DRACO, Document, compression_remedy},
-        schema::{Mesh, Primitive},
+        accessor::{Accessor, kind_name},
+        document::{DRACO, Document, Role, compression_remedy},
+        guard::numbered,
     },
 };
 
@@ -19,7 +28,7 @@ pub(super) struct Attributes<'a> {
     /// What the primitive is called in errors.
     pub(super) element: String,
     pub(super) count: usize,
-    by_name: BTreeMap<&'a str, Accessor<'a>>,
+    by_name: BTreeMap<String, Accessor<'a>>,
 }
 
 impl<'a> Attributes<'a> {
@@ -36,39 +45,43 @@ impl<'a> Attributes<'a> {
         primitive: &'a Primitive,
     ) -> Result<Self, IoError> {
         let element = format!("mesh {mesh} primitive {p}");
-        if !primitive.attributes.contains_key("POSITION") {
+        if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
             let remedy = "give the vertices a POSITION";
             return Err(document.unsupported(element, "vertices without POSITION", remedy));
         }
         let mut by_name = BTreeMap::new();
-        let mut first: Option<(&str, usize)> = None;
-        for (name, &index) in &primitive.attributes {
+        let mut first: Option<(String, usize)> = None;
+        for (semantic, &index) in &primitive.attributes {
+            // The crate strips the underscore of a name and puts it back here.
+            let name = semantic.to_string();
             let asked_by = format!("{element} {name}");
-            let accessor = document.accessor(index, Role::Vertex, &asked_by)?;
-            if let Err(needed) = format_of(name, &accessor, document.is_quantized()) {
-                let json = accessor.json;
-                let normalized = if json.normalized { ", normalized" } else { "" };
-                let found = format!("{} of componentType {}{normalized}", json.kind, json.component_type);
-                return Err(document.invalid(asked_by, found, needed));
+            let accessor = document.accessor(index.value(), Role::Vertex, &asked_by)?;
+            if let Err(needed) = check_format(&name, &accessor, document.is_quantized()) {
+                let normalized = if accessor.json.normalized { ", normalized" } else { "" };
+                let (kind, code) = (kind_name(accessor.kind), accessor.component.as_gl_enum());
+                return Err(document.invalid(
+                    asked_by,
+                    format!("{kind} of componentType {code}{normalized}"),
+                    needed,
+                ));
             }
-            let (other, count) = *first.get_or_insert((name, accessor.count));
-            if accessor.count != count {
+            let (other, count) = first.get_or_insert((name.clone(), accessor.count));
+            if accessor.count != *count {
                 let needed = format!("as many as {other}, {count}");
                 return Err(document.invalid(asked_by, format!("{} rows", accessor.count), needed));
             }
-            by_name.insert(name.as_str(), accessor);
+            by_name.insert(name, accessor);
         }
-        let attributes = Self { element, count: first.map_or(0, |f| f.1), by_name };
+        let count = first.map_or(0, |(_, count)| count);
+        let attributes = Self { element, count, by_name };
         attributes.check_sets(document)?;
-        if primitive.extensions.contains_key(DRACO) && attributes.by_name["POSITION"].base.is_none() {
+        let is_compressed = primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO));
+        if is_compressed && attributes.by_name["POSITION"].base.is_none() {
             return Err(document.unsupported(
                 attributes.element,
                 DRACO,
                 compression_remedy(DRACO).unwrap_or_default(),
             ));
-        }
-        if let Some(material) = primitive.material {
-            document.get(&document.json.materials, material, "material", || attributes.element.clone())?;
         }
         attributes.check_targets(document, primitive)?;
         Ok(attributes)
@@ -76,12 +89,12 @@ impl<'a> Attributes<'a> {
 
     /// Numbered attributes count from 0 without gaps, and every set of joints has its weights.
     fn check_sets(&self, document: &Document) -> Result<(), IoError> {
-        let has = |name: String| self.by_name.contains_key(name.as_str());
+        let has = |name: String| self.by_name.contains_key(&name);
         for name in self.by_name.keys() {
             let Some((base, set)) = numbered(name) else { continue };
             if set > 0 && !has(format!("{base}_{}", set - 1)) {
                 let needed = format!("{base}_{} before it", set - 1);
-                return Err(document.invalid(&self.element, *name, needed));
+                return Err(document.invalid(&self.element, name, needed));
             }
             let partner = match base {
                 "JOINTS" => format!("WEIGHTS_{set}"),
@@ -89,7 +102,7 @@ impl<'a> Attributes<'a> {
                 _ => continue,
             };
             if !has(partner.clone()) {
-                return Err(document.invalid(&self.element, *name, format!("{partner} beside it")));
+                return Err(document.invalid(&self.element, name, format!("{partner} beside it")));
             }
         }
         Ok(())
@@ -98,24 +111,16 @@ impl<'a> Attributes<'a> {
     /// Morph targets move attributes that exist. They are not read, but a broken one is no glTF.
     fn check_targets(&self, document: &'a Document, primitive: &Primitive) -> Result<(), IoError> {
         for (t, target) in primitive.targets.iter().flatten().enumerate() {
-            for (name, &index) in target {
+            let moved =
+                [("POSITION", target.positions), ("NORMAL", target.normals), ("TANGENT", target.tangents)];
+            for (name, index) in moved {
+                let Some(index) = index else { continue };
                 let asked_by = format!("{} target {t} {name}", self.element);
-                let accessor = document.accessor(index, Role::Vertex, &asked_by)?;
-                if !is_known(name) {
-                    return Err(document.invalid(
-                        asked_by,
-                        "an unknown attribute",
-                        "a name of glTF 2.0, or one with _",
-                    ));
-                }
-                let base = self.by_name.get(name.as_str());
-                if base.is_none_or(|b| b.count != accessor.count) {
+                let accessor = document.accessor(index.value(), Role::Vertex, &asked_by)?;
+                if self.by_name.get(name).is_none_or(|base| base.count != accessor.count) {
                     let found = format!("{} rows", accessor.count);
-                    return Err(document.invalid(
-                        asked_by,
-                        found,
-                        format!("a base attribute of as many, {}", self.count),
-                    ));
+                    let needed = format!("a base attribute of as many, {}", self.count);
+                    return Err(document.invalid(asked_by, found, needed));
                 }
                 if name == "POSITION" {
                     declared_bounds(document, &accessor)?;
@@ -155,7 +160,7 @@ pub(super) fn declared_bounds(
     document: &Document,
     accessor: &Accessor<'_>,
 ) -> Result<[[f64; 3]; 2], IoError> {
-    let bound = |values: &Option<Vec<f64>>| values.as_deref().and_then(|v| <[f64; 3]>::try_from(v).ok());
+    let bound = |values: &Option<Value>| values.as_ref().and_then(|v| <[f64; 3]>::deserialize(v).ok());
     match (bound(&accessor.json.min), bound(&accessor.json.max)) {
         (Some(min), Some(max)) => Ok([min, max]),
         _ => Err(document.invalid(accessor.name(), "POSITION without min and max", "both, of three numbers")),
@@ -177,68 +182,40 @@ pub(super) fn check_normals(
     }
 }
 
-/// Splits `JOINTS_0`; the number is written without leading zeros.
-fn numbered(name: &str) -> Option<(&str, u32)> {
-    let (base, digits) = name.rsplit_once('_')?;
-    let known = ["TEXCOORD", "COLOR", "JOINTS", "WEIGHTS"].contains(&base);
-    let set = digits.parse::<u32>().ok().filter(|n| n.to_string() == digits)?;
-    known.then_some((base, set))
-}
-
-fn is_known(name: &str) -> bool {
-    matches!(name, "POSITION" | "NORMAL" | "TANGENT") || name.starts_with('_') || numbered(name).is_some()
-}
-
-/// Whether an attribute has one of the formats glTF 2.0 (or its quantization extension) gives it; else which.
-fn format_of(name: &str, accessor: &Accessor<'_>, quantized: bool) -> Result<(), &'static str> {
-    use Component::{F32, I8, I16, U8, U16, U32};
-    let (kind, component) = (accessor.json.kind.as_str(), accessor.component);
-    let normalized = accessor.json.normalized;
-    let small = matches!(component, I8 | U8 | I16 | U16);
-    let signed = matches!(component, I8 | I16) && normalized;
-    let unsigned = matches!(component, U8 | U16);
-    let (base, _) = numbered(name).unwrap_or((name, 0));
+/// Whether an attribute has one of the formats that glTF 2.0 (or its quantization extension) gives it; else which.
+fn check_format(name: &str, accessor: &Accessor<'_>, quantized: bool) -> Result<(), &'static str> {
+    use ComponentType::{F32, I8, I16, U8, U16, U32};
+    use Type::{Vec2, Vec3, Vec4};
+    let (kind, component, normalized) = (accessor.kind, accessor.component, accessor.json.normalized);
+    let is_float = component == F32;
+    let is_small = matches!(component, I8 | I16 | U8 | U16);
+    let is_signed = matches!(component, I8 | I16) && normalized;
+    let is_unsigned = matches!(component, U8 | U16);
+    let is_fraction = is_unsigned && normalized;
+    let base = numbered(name).map_or(name, |(base, _)| base);
     let (fits, needed) = match base {
-        "POSITION" => {
-            let integer = quantized && small;
-            (
-                kind == "VEC3" && (component == F32 || integer),
-                "VEC3 of floats (integers with KHR_mesh_quantization)",
-            )
-        }
-        "NORMAL" => {
-            let integer = quantized && signed;
-            (kind == "VEC3" && (component == F32 || integer), "VEC3 of floats")
-        }
-        "TANGENT" => (kind == "VEC4" && (component == F32 || (quantized && signed)), "VEC4 of floats"),
-        "TEXCOORD" => {
-            let integer = (unsigned && normalized) || (quantized && small);
-            (
-                kind == "VEC2" && (component == F32 || integer),
-                "VEC2 of floats or normalized unsigned integers",
-            )
-        }
-        "COLOR" => {
-            let integer = unsigned && normalized;
-            let vector = matches!(kind, "VEC3" | "VEC4");
-            (
-                vector && (component == F32 || integer),
-                "VEC3 or VEC4 of floats or normalized unsigned integers",
-            )
-        }
-        "JOINTS" => (kind == "VEC4" && unsigned && !normalized, "VEC4 of unsigned integers"),
+        "POSITION" => (
+            kind == Vec3 && (is_float || (quantized && is_small)),
+            "VEC3 of floats (integers with KHR_mesh_quantization)",
+        ),
+        "NORMAL" => (kind == Vec3 && (is_float || (quantized && is_signed)), "VEC3 of floats"),
+        "TANGENT" => (kind == Vec4 && (is_float || (quantized && is_signed)), "VEC4 of floats"),
+        "TEXCOORD" => (
+            kind == Vec2 && (is_float || is_fraction || (quantized && is_small)),
+            "VEC2 of floats or normalized unsigned integers",
+        ),
+        "COLOR" => (
+            matches!(kind, Vec3 | Vec4) && (is_float || is_fraction),
+            "VEC3 or VEC4 of floats or normalized unsigned integers",
+        ),
+        "JOINTS" => (kind == Vec4 && is_unsigned && !normalized, "VEC4 of unsigned integers"),
         "WEIGHTS" => {
-            let integer = unsigned && normalized;
-            (
-                kind == "VEC4" && (component == F32 || integer),
-                "VEC4 of floats or normalized unsigned integers",
-            )
+            (kind == Vec4 && (is_float || is_fraction), "VEC4 of floats or normalized unsigned integers")
         }
-        _ if name.starts_with('_') => (
+        _ => (
             component != U32,
             "no 32-bit integers in vertex attributes: u8, u16, floats, or VEC2 of u16 (low, high)",
         ),
-        _ => (false, "a name of glTF 2.0, or one that starts with _"),
     };
     if fits { Ok(()) } else { Err(needed) }
 }

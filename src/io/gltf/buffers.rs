@@ -1,3 +1,7 @@
+//! Buffers: the binary chunk, data URIs, and files next to the document.
+//!
+//! The import of the `gltf` crate is not used: it follows URIs out of the folder, and decodes images.
+
 use std::{
     path::{Component, Path, PathBuf},
     rc::Rc,
@@ -8,23 +12,23 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use crate::io::{
     IoError,
     gltf::{
-        document::{Document, read_file},
-        schema::Whole,
+        container::read_file,
+        document::{Document, position},
     },
 };
 
 impl Document {
     /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
-    pub(super) fn buffer(&self, index: Whole, asked_by: &str) -> Result<&[u8], IoError> {
-        let buffer = self.get(&self.json.buffers, index, "buffer", || asked_by.into())?;
+    pub(super) fn buffer(&self, index: usize) -> Result<&[u8], IoError> {
+        let buffer = &self.root.buffers[index];
         let element = format!("buffer {index}");
-        let length = buffer.byte_length.index();
+        let length = position(buffer.byte_length);
         if length == 0 {
             return Err(self.invalid(element, "byteLength 0", "at least 1"));
         }
         let bytes: &[u8] = match (&buffer.uri, self.chunk()) {
-            (None, Some(chunk)) if index.0 == 0 => chunk,
-            (None, None) if index.0 == 0 && self.is_binary() => {
+            (None, Some(chunk)) if index == 0 => chunk,
+            (None, None) if index == 0 && self.is_binary() => {
                 return Err(self.invalid(element, "no uri and no binary chunk", "one of them"));
             }
             (None, _) => {
@@ -32,7 +36,7 @@ impl Document {
                 return Err(self.unsupported(element, "bytes from elsewhere, without a uri", remedy));
             }
             (Some(uri), _) => {
-                let slot = &self.loaded[index.index()];
+                let slot = &self.loaded[index];
                 let bytes = match slot.get() {
                     Some(bytes) => bytes,
                     None => {

@@ -1,6 +1,6 @@
+use gltf::json::Mesh;
 use serde::{Deserialize, Serialize};
-
-use crate::io::gltf::schema::Mesh;
+use serde_json::Value;
 
 /// What a map says about a mesh beside its geometry: `extras.dermatome` of the mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -43,6 +43,7 @@ pub(super) struct RowsExtras {
 impl LevelExtras {
     /// What a mesh says; `None` if it says nothing.
     pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
-        mesh.extras.as_ref()?.get("dermatome").map(Self::deserialize)
+        let extras: Value = serde_json::from_str(mesh.extras.as_ref()?.get()).ok()?;
+        extras.get("dermatome").map(Self::deserialize)
     }
 }

@@ -8,13 +8,15 @@
 mod accessor;
 mod attributes;
 mod buffers;
+mod container;
 mod decode;
 mod document;
 mod extras;
+mod guard;
 mod nodes;
 mod read_map;
 mod read_skin;
-mod schema;
+mod transform;
 mod triangles;
 mod write_links;
 mod write_map;

@@ -9,13 +9,11 @@ use crate::{
         IoError,
         file::extension::kind,
         gltf::{
-            accessor::Role,
             attributes::Attributes,
-            document::Document,
+            document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
-            nodes::place,
+            nodes::read_node_tree,
             read_skin::{read_covariances, read_ids, read_normals, read_positions},
-            schema::Whole,
             triangles::{Mode, triangles},
         },
     },
@@ -53,13 +51,13 @@ pub fn read_map_if_any(path: &Path) -> Result<Option<SkinMap>, IoError> {
     }
     let document = Document::open(path)?;
     let is_map = |extras: Result<LevelExtras, _>| extras.is_ok_and(|extras| extras.map.is_some());
-    let has_map = document.json.meshes.iter().filter_map(LevelExtras::of).any(is_map);
+    let has_map = document.root.meshes.iter().filter_map(LevelExtras::of).any(is_map);
     if has_map { read_levels(&document).map(Some) } else { Ok(None) }
 }
 
 fn read_levels(document: &Document) -> Result<SkinMap, IoError> {
     let found = levels_by_patch(document)?;
-    let tree = place(document)?;
+    let tree = read_node_tree(document)?;
     let mut links = BTreeMap::new();
     for placement in &tree.placements {
         if placement.stretch.is_some() {
@@ -89,7 +87,7 @@ struct PatchFound {
 fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>, IoError> {
     let mut patches: Vec<PatchFound> = Vec::new();
     let mut by_name: BTreeMap<String, usize> = BTreeMap::new();
-    for (mesh, json) in document.json.meshes.iter().enumerate() {
+    for (mesh, json) in document.root.meshes.iter().enumerate() {
         let extras = match LevelExtras::of(json) {
             None => continue,
             Some(Ok(extras)) => extras,
@@ -177,10 +175,10 @@ fn read_level(
     extras: &LevelExtras,
 ) -> Result<(MapLevel, Option<Taxels>), IoError> {
     let name = format!("{}/L{}", extras.patch, extras.level);
-    let [primitive] = document.json.meshes[index].primitives.as_slice() else {
+    let [primitive] = document.root.meshes[index].primitives.as_slice() else {
         return Err(document.invalid(name, "several primitives or none", "one"));
     };
-    let mode = Mode::of(document, &name, primitive)?;
+    let mode = Mode::of(primitive);
     if mode == Mode::Thin {
         return Err(document.invalid(name, "points or lines", "triangles"));
     }
@@ -280,14 +278,14 @@ fn read_rows(
         (Some(_), None) => return Err(document.invalid(name, "a prolongation", "none at this level")),
         (None, Some(_)) => return Err(document.invalid(name, "no prolongation", "one at this level")),
     };
-    let accessor = |number: usize| document.accessor(Whole(number as u64), Role::Plain, name);
+    let accessor = |number: usize| document.accessor(number, Role::Plain, name);
     let indices = accessor(given.indices)?;
     let weights = accessor(given.weights)?;
     if (indices.count, weights.count) != (rows, rows) {
         let found = format!("{} rows of indices and {} of weights", indices.count, weights.count);
         return Err(document.invalid(name, found, format!("{rows} of both")));
     }
-    let indices = document.gather_whole::<3>(&indices)?;
+    let indices = document.gather_uint::<3>(&indices)?;
     if let Some(row) = indices.iter().position(|row| row.iter().any(|&i| i as usize >= coarse)) {
         let found = format!("row {row} names the vertices {:?}", indices[row]);
         return Err(document.invalid(name, found, format!("vertices below {coarse}")));

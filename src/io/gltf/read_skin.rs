@@ -1,6 +1,9 @@
+//! Skins from glTF: one sheet for each node that carries a mesh of triangles.
+
 use std::{collections::BTreeMap, path::Path};
 
 use glam::{DMat3, DVec3};
+use gltf::json::accessor::Type;
 
 use crate::{
     io::{
@@ -10,7 +13,7 @@ use crate::{
             attributes::{Attributes, check_morphs, check_normals, declared_bounds},
             document::Document,
             extras::LevelExtras,
-            nodes::{Placement, place},
+            nodes::{Placement, read_node_tree},
             triangles::{Mode, triangles},
         },
     },
@@ -28,13 +31,13 @@ use crate::{
 /// If the file cannot be read, breaks a rule of glTF 2.0 in something that is used, or has no triangles.
 pub fn read_gltf(path: &Path) -> Result<Draft, IoError> {
     let document = Document::open(path)?;
-    let tree = place(&document)?;
+    let tree = read_node_tree(&document)?;
     let mut draft = Draft { links: tree.links, ..Draft::default() };
     for placement in &tree.placements {
         draft.sheets.extend(read_sheet(&document, placement)?);
     }
     if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
-        let found = match (document.json.meshes.len(), tree.placements.len()) {
+        let found = match (document.root.meshes.len(), tree.placements.len()) {
             (0, _) => "no mesh".into(),
             (meshes, 0) => format!("no node that carries one of the {meshes} meshes"),
             (_, carried) => format!("{carried} meshes without a triangle"),
@@ -46,10 +49,7 @@ pub fn read_gltf(path: &Path) -> Result<Draft, IoError> {
 
 /// The sheet of one use of a mesh; `None` if it has no triangles but points and lines.
 fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet>, IoError> {
-    let mesh = &document.json.meshes[placement.mesh];
-    if mesh.primitives.is_empty() {
-        return Err(document.invalid(format!("mesh {}", placement.mesh), "no primitives", "at least one"));
-    }
+    let mesh = &document.root.meshes[placement.mesh];
     check_morphs(document, placement.mesh, mesh)?;
     let mut sheet = Sheet { link: Some(placement.link), ..Sheet::default() };
     sheet.name = match LevelExtras::of(mesh) {
@@ -59,7 +59,7 @@ fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet
     // Where the vertices of each set of accessors start: primitives may differ in their triangles alone.
     let mut starts = BTreeMap::new();
     for (p, primitive) in mesh.primitives.iter().enumerate() {
-        let mode = Mode::of(document, &format!("mesh {} primitive {p}", placement.mesh), primitive)?;
+        let mode = Mode::of(primitive);
         if mode == Mode::Thin {
             continue;
         }
@@ -210,8 +210,8 @@ pub(super) fn read_covariances(
 pub(super) fn read_ids(document: &Document, accessor: &Accessor<'_>) -> Result<Vec<TaxelId>, IoError> {
     /// The first whole number that `f32` cannot tell from its successor.
     const EXACT: f64 = 16_777_216.0;
-    if accessor.json.kind == "VEC2" {
-        let halves = document.gather_whole::<2>(accessor)?;
+    if accessor.kind == Type::Vec2 {
+        let halves = document.gather_uint::<2>(accessor)?;
         return match halves.iter().position(|half| half.iter().any(|&h| h > 0xFFFF)) {
             None => Ok(halves.into_iter().map(|[low, high]| TaxelId(low | high << 16)).collect()),
             Some(row) => Err(document.invalid(

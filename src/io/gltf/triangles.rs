@@ -1,10 +1,14 @@
+//! Triangles of a primitive: lists, strips and fans.
+
+use gltf::json::{
+    accessor::ComponentType,
+    mesh::{self, Primitive},
+    validation::Checked,
+};
+
 use crate::io::{
     IoError,
-    gltf::{
-        accessor::{Component, Role},
-        document::Document,
-        schema::Primitive,
-    },
+    gltf::document::{Document, Role},
 };
 
 /// How a primitive joins its vertices, as far as skins are concerned.
@@ -22,13 +26,12 @@ pub(super) enum Mode {
 
 impl Mode {
     /// The mode of a primitive.
-    pub(super) fn of(document: &Document, element: &str, primitive: &Primitive) -> Result<Self, IoError> {
-        match primitive.mode.map_or(4, |m| m.0) {
-            0..=3 => Ok(Self::Thin),
-            4 => Ok(Self::List),
-            5 => Ok(Self::Strip),
-            6 => Ok(Self::Fan),
-            mode => Err(document.invalid(element, format!("mode {mode}"), "0 to 6")),
+    pub(super) fn of(primitive: &Primitive) -> Self {
+        match primitive.mode {
+            Checked::Valid(mesh::Mode::Triangles) => Self::List,
+            Checked::Valid(mesh::Mode::TriangleStrip) => Self::Strip,
+            Checked::Valid(mesh::Mode::TriangleFan) => Self::Fan,
+            _ => Self::Thin,
         }
     }
 }
@@ -44,8 +47,8 @@ pub(super) fn triangles(
 ) -> Result<Vec<[u32; 3]>, IoError> {
     let corners = match primitive.indices {
         Some(index) => {
-            let accessor = document.accessor(index, Role::Index, &format!("{element} indices"))?;
-            let corners = document.gather_whole::<1>(&accessor)?;
+            let accessor = document.accessor(index.value(), Role::Index, &format!("{element} indices"))?;
+            let corners = document.gather_uint::<1>(&accessor)?;
             check_corners(document, &accessor.name(), accessor.component, &corners, vertices)?;
             corners
         }
@@ -79,7 +82,7 @@ fn is_proper(t: &[u32; 3]) -> bool {
 fn check_corners(
     document: &Document,
     element: &str,
-    component: Component,
+    component: ComponentType,
     corners: &[[u32; 1]],
     vertices: usize,
 ) -> Result<(), IoError> {
