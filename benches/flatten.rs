@@ -21,12 +21,11 @@ fn caps() -> Vec<(&'static str, dermatome::mesh::TriMesh)> {
 }
 
 fn bench(c: &mut Criterion) {
-    let dirichlet = FlattenOptions { energy: Energy::SymmetricDirichlet, ..FlattenOptions::default() };
     let methods = [
         ("sum", FlattenOptions::default()),
-        ("symmetric-dirichlet", dirichlet),
-        ("conformal", FlattenOptions { method: Method::Conformal, ..FlattenOptions::default() }),
-        ("linear", FlattenOptions { method: Method::Linear, ..FlattenOptions::default() }),
+        ("symmetric-dirichlet", Energy::SymmetricDirichlet.into()),
+        ("conformal", Method::Conformal.into()),
+        ("linear", Method::Linear { angle: 1.0, area: 1.0 }.into()),
     ];
     let caps = caps();
     let mut group = c.benchmark_group("flatten");

@@ -1,3 +1,5 @@
+//! How faithful a map is: measures of any map, however it was computed.
+
 use glam::DVec2;
 
 use crate::{
@@ -18,8 +20,9 @@ const LARGEST: f64 = 1e12;
 pub struct Distortion {
     /// Triangles whose map is mirrored or has no area.
     pub flips: usize,
-    /// Places where the map lies over itself: pairs of boundary edges that cross or touch, and vertices about which the map
-    /// winds more than once. A map without flips and crossings is one to one.
+    /// Places where the map overlaps itself: pairs of boundary edges that cross or touch, and
+    /// vertices about which the map winds more than once. A map without flips and crossings is one
+    /// to one.
     pub crossings: usize,
     /// Mean `s1/s2`, 1 at a conformal map.
     pub qc_mean: f64,
@@ -29,14 +32,26 @@ pub struct Distortion {
     pub area_mean: f64,
     /// Largest `max(r, 1/r)`.
     pub area_max: f64,
-    /// Symmetric Dirichlet energy after the best scale, 4 at an isometry, infinite where a face flips.
+    /// Symmetric Dirichlet energy after the best scale, 4 at an isometry, infinite where a face
+    /// flips.
     pub symmetric_dirichlet: f64,
 }
 
 /// Measures the map `uv` (m) of `mesh`.
 ///
-/// Faces without area on the skin count as flips when they are mirrored, but have no singular values and stay out of the
-/// other measures. A mirrored map is not turned back first: all of its faces are flips.
+/// ```
+/// use dermatome::{flatten::distortion, mesh::shapes};
+///
+/// let skin = shapes::lattice(5, 4, 0.01);
+/// let uv = skin.positions.map(|p| p.truncate());
+/// let measured = distortion(&skin, &uv);
+/// assert_eq!((measured.flips, measured.crossings), (0, 0));
+/// assert!((measured.symmetric_dirichlet - 4.0).abs() < 1e-12, "a flat skin is its own map");
+/// ```
+///
+/// Faces without area on the skin count as flips when they are mirrored, but have no singular
+/// values and stay out of the other measures. A mirrored map is not turned back first: all of its
+/// faces are flips.
 ///
 /// # Panics
 /// If `uv` has not one entry per vertex, or a corner does not exist.
@@ -57,7 +72,7 @@ pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
     sums.finish(flips, overlaps(mesh, uv))
 }
 
-/// What a pass over the faces gathers.
+/// What one pass over the faces sums up.
 #[derive(Debug, Default)]
 struct Sums {
     /// Area on the skin, magnitude of the area on the map, of every face.

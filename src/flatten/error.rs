@@ -1,3 +1,5 @@
+//! Why a mesh cannot be flattened.
+
 use crate::{
     id::{FaceId, VertexId},
     mesh::MeshError,
@@ -5,11 +7,11 @@ use crate::{
     sparse::SparseError,
 };
 
-/// Why a mesh has no map.
+/// Why a mesh cannot be flattened.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlattenError {
-    /// The triangles are no oriented manifold.
+    /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// The mesh has no pyramid.
@@ -75,13 +77,14 @@ pub enum FlattenError {
         /// The first face without area on the map.
         face: FaceId,
     },
-    /// The map lies over itself although that was to be prevented.
+    /// The map overlaps itself although it must not.
     #[error(
-        "the map lies over itself at {crossings} places; only the intrinsic method can prevent that, and only on \
+        "the map overlaps itself at {crossings} places; only the intrinsic method can prevent that, and only on \
          a mesh with a map inside a circle that 64-bit numbers can tell apart"
     )]
     Overlap {
-        /// Pairs of boundary edges that cross or touch, and vertices about which the map winds more than once.
+        /// Pairs of boundary edges that cross or touch, and vertices about which the map winds more
+        /// than once.
         crossings: usize,
     },
     /// A linear system could not be solved.

@@ -1,3 +1,5 @@
+//! A triangle laid flat, and how a map stretches it: Jacobian and signed singular values.
+
 use glam::{DMat2, DVec2, DVec3};
 
 /// A triangle laid flat: corner 0 at the origin, corner 1 at `(base, 0)`, corner 2 at `apex`
@@ -20,8 +22,8 @@ impl FlatTriangle {
         0.5 * self.base * self.apex.y
     }
 
-    /// The triangle itself, or, if its height is less than `least` times its longest edge, one that is so high over
-    /// the same edge. `None` if all corners coincide.
+    /// The triangle itself, or, if its height is less than `least` times its longest edge, one that
+    /// is so high over the same edge. `None` if all corners coincide.
     pub(crate) fn healed(self, corners: [DVec3; 3], least: f64) -> Option<Self> {
         let side = |k: usize| corners[k].distance(corners[(k + 1) % 3]);
         let k = (1..3).fold(0, |best, k| if side(k) > side(best) { k } else { best });
@@ -60,8 +62,8 @@ impl FlatTriangle {
 /// Signed singular values of a map, and the directions the energies are built from.
 ///
 /// `J = (s1 + s2)/2 rotation + (s1 - s2)/2 reflection`, with `rotation = [c, -s; s, c]` and
-/// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (Smith, de Goes and Kim 2019 build
-/// the eigensystem of any isotropic energy from these two).
+/// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (Smith, de Goes and Kim 2019
+/// build the eigensystem of any isotropic energy from these two).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Singular {
     /// Larger singular value, non-negative.

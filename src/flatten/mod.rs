@@ -1,4 +1,77 @@
 //! Flattening: a disk-like mesh with holes to the plane, with a free boundary and no flips.
+//!
+//! The map of a patch is where its tactile images are drawn, so it should be as close to an
+//! isometry as the skin's curvature allows, everywhere at once, and never fold. This module follows
+//! Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile Information"
+//! (`[cannata]`), whose weighted sum of angle, area and perimeter distortion it minimises as one
+//! nonlinear energy instead of by linear rows.
+//!
+//! # The energy
+//!
+//! Of a face of area `A`, let `J` be the 2 x 2 Jacobian from the skin to the plane and `s1 >= |s2|`
+//! its signed singular values; of a boundary edge of length `L`, let `r` be its stretch; let `h` be
+//! the mean edge. The map minimises (eq. 4 of `[cannata]`)
+//!
+//! ```text
+//! E = sum over faces of A [ l1 (s1/s2 + s2/s1)/2 + l2 (s1 s2 + 1/(s1 s2))/2 ]
+//!   + l3 h sum over boundary edges of L (r + 1/r)/2
+//! ```
+//!
+//! Each term is 1 at an isometry, and a face that collapses costs infinitely much, so a descent
+//! never flips one. There are no pins and no prescribed boundary. The alternative is the symmetric
+//! Dirichlet energy, `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`. *Magnification* makes each face aim at `(rho
+//! / mean rho)^gamma` times its area, with `rho` the density of taxels.
+//!
+//! # The algorithm
+//!
+//! 1. **Domain.** Check that the mesh is a disk with holes; lay each face flat, in units of the
+//!    square root of the whole area.
+//! 2. **Start**, on the coarsest level: the spectral natural conformal map (`[mullen2008]`), one
+//!    sparse Hermitian eigenproblem. Flipped faces are repaired locally (`[garanzha2021]`). If that
+//!    fails, or the map winds twice about a vertex: the outer loop on a circle and holes closed by
+//!    a vertex each (`[tutte1963]`), which cannot flip in exact arithmetic.
+//! 3. **Minimise** by projected Newton: the Hessian of each face, clamped to be positive
+//!    semi-definite along its four known eigenvectors (`[smith2019]`, `[teran2005]`), a step below
+//!    the first collapse of a face (`[smith2015]`), a line search. Up to 10 000 vertices systems
+//!    are factored, above solved by conjugate gradients.
+//! 4. **Hold apart, if needed.** A map that overlaps itself although it must not, or whose hole is
+//!    inside out, is minimised again with a barrier between close parts of the boundary
+//!    (`[smith2015]`).
+//! 5. **Next finer level**: undo the removals of the pyramid on the map, each vertex into the
+//!    kernel of its ring, and go to 3. Small levels and suspicious ones are also solved from
+//!    scratch, and the better map is kept. The table of all fallbacks is at the top of
+//!    `levels/refine.rs`.
+//! 6. **Place** every level: centred, turned to its main direction, as large as the skin, coarse
+//!    levels like the finest.
+//!
+//! # Guarantees
+//!
+//! - The intrinsic method returns a map without flips on every level, or an error
+//!   ([`FlattenError::NoStart`]).
+//! - With [`FlattenOptions::bijective`], a map is one to one, or the result is
+//!   [`FlattenError::Overlap`].
+//! - The intrinsic method keeps holes: one loop runs counter-clockwise, all others clockwise.
+//! - The same input gives the same bits with any number of threads.
+//!
+//! # Not guaranteed
+//!
+//! - The minimum is local; nothing proves that it is the global one.
+//! - A map may overlap itself unless `bijective` is set. [`distortion`] counts overlaps.
+//! - [`Method::Conformal`] and [`Method::Linear`] may flip faces and overlap.
+//! - Closed surfaces and handles are refused, not cut. Patches that bend round a limb stay rings,
+//!   far from isometric.
+//!
+//! # Files, in reading order
+//!
+//! - `options`, `error`: what is asked for, and why it may fail; `flatten`: the two entry points
+//! - `domain/` (`disk`, `elements`, `flatten_domain`, `magnification`): what is known of the skin
+//! - `energy/` (`density`, `objective`, `newton`): one face, all faces, the minimiser; a new energy
+//!   goes into `density`
+//! - `start/` (`conformal`, `linear`, `tutte`, `untangle`): maps without another one to start from
+//! - `bijective/` (`crossings`, `overlap`, `barrier`, `minimise`): whether a map overlaps itself,
+//!   and how that is prevented
+//! - `levels/` (`relax`, `insertion`, `refine`): least energy on one level; from one to the next
+//! - `placement`: where the finished map lies; `distortion`: how faithful any map is
 
 mod bijective;
 mod distortion;
@@ -15,4 +88,4 @@ mod start;
 pub use distortion::{Distortion, distortion};
 pub use error::FlattenError;
 pub use flatten::{flatten, flatten_pyramid};
-pub use options::{Energy, FlattenOptions, Method, Overlap};
+pub use options::{Energy, FlattenOptions, Method};

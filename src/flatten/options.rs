@@ -1,82 +1,94 @@
+//! What a user chooses: how a map is computed, what it minimises, and whether it must not overlap
+//! itself.
+
 use crate::flatten::FlattenError;
 
 /// How a map is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
     /// Minimise an [`Energy`] with projected Newton, from a spectral conformal start.
-    #[default]
-    Intrinsic,
+    Intrinsic {
+        /// What is minimised.
+        energy: Energy,
+        /// Exponent `gamma` of magnification: 0 isometric, 1 equal map area per taxel.
+        magnify: f64,
+    },
     /// Spectral natural conformal map alone (Desbrun, Meyer and Alliez 2002; Mullen et al. 2008).
     Conformal,
-    /// Linear mix of conformal and authalic rows with the natural conformal boundary
-    /// (Desbrun, Meyer and Alliez 2002; eq. 7 and 8 of the source paper).
+    /// Linear mix of conformal and authalic rows with the natural conformal boundary (Desbrun,
+    /// Meyer and Alliez 2002; eq. 7 and 8 of Cannata, Denei and Mastrogiovanni).
     ///
-    /// It minimises nothing, and only its conformal rows reach the boundary, so nothing bounds the areas either. Measured on
-    /// the skins of `meshes/`, angles **and** areas get worse as [`FlattenOptions::area`] grows, visibly from a hundredth of the
-    /// angle's weight on, and from a tenth on maps flip or cross themselves. Without it this is a conformal map with two pins.
-    Linear,
+    /// It minimises nothing, and only its conformal rows reach the boundary, so nothing bounds the
+    /// areas either. Measured on the skins of `meshes/`, angles **and** areas get worse as `area`
+    /// grows, visibly from a hundredth of `angle` on, and from a tenth on maps flip or cross
+    /// themselves. With `area: 0.0` this is a conformal map with two pins.
+    Linear {
+        /// Weight of the conformal rows.
+        angle: f64,
+        /// Weight of the authalic rows.
+        area: f64,
+    },
+}
+
+impl Default for Method {
+    fn default() -> Self {
+        Self::Intrinsic { energy: Energy::default(), magnify: 0.0 }
+    }
 }
 
 /// What the intrinsic method minimises; both are least at an isometry and infinite at a flip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Energy {
-    /// Weighted sum of angle, area and perimeter terms, each 1 at isometry (eq. 4 of the source paper).
-    #[default]
-    Sum,
-    /// `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`, 4 at isometry.
+    /// Weighted sum of three terms, each 1 at an isometry (eq. 4 of Cannata, Denei and
+    /// Mastrogiovanni).
+    Sum {
+        /// Weight `l1` of the angle term.
+        angle: f64,
+        /// Weight `l2` of the area term.
+        area: f64,
+        /// Weight `l3` of the perimeter term.
+        perimeter: f64,
+    },
+    /// `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`, 4 at an isometry.
     SymmetricDirichlet,
 }
 
-/// Whether the boundary of the map may cross itself, so that two places of the skin share one of the map.
-///
-/// A skin that winds more than once around, like a spiral ramp, lies over itself on its map of least distortion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Overlap {
-    /// Whatever distorts least. Holes stay holes even so: a map with the rim of one over itself or inside out is computed
-    /// again as if overlap were to be prevented.
-    #[default]
-    Allowed,
-    /// A map that would cross itself is computed again with a boundary whose parts repel each other (after Smith and
-    /// Schaefer 2015): one place of the skin for every place of the map, at more distortion. A map that does not cross
-    /// itself stays as it is.
-    ///
-    /// That takes seconds at ten thousand vertices and minutes at a hundred thousand: Newton steps are many while parts of
-    /// the boundary slide past each other.
-    ///
-    /// Only [`Method::Intrinsic`] can do that; the other methods fail where their map lies over itself.
-    Prevented,
+impl Default for Energy {
+    /// Angle and area alike, no perimeter term.
+    fn default() -> Self {
+        Self::Sum { angle: 1.0, area: 1.0, perimeter: 0.0 }
+    }
 }
 
 /// Options of flattening.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FlattenOptions {
     /// How the map is computed.
     pub method: Method,
-    /// What the intrinsic method minimises.
-    pub energy: Energy,
-    /// Weight of the angle term (`l1`), also of the conformal rows of [`Method::Linear`].
-    pub angle: f64,
-    /// Weight of the area term (`l2`), also of the authalic rows of [`Method::Linear`].
-    pub area: f64,
-    /// Weight of the perimeter term (`l3`).
-    pub perimeter: f64,
-    /// Exponent `gamma` of magnification: 0 isometric, 1 equal map area per taxel.
-    pub magnify: f64,
-    /// Whether the boundary of the map may cross itself.
-    pub overlap: Overlap,
+    /// Whether the map must be one to one: one place of the skin for every place of the map.
+    ///
+    /// A skin that winds more than once around, like a spiral ramp, overlaps itself on its map of
+    /// least distortion. If `false`, that is the result; only holes stay holes even so.
+    ///
+    /// If `true`, the intrinsic method computes a map that would overlap itself again, with a
+    /// boundary whose parts repel each other (after Smith and Schaefer 2015), at more distortion; a
+    /// map that does not overlap itself stays as it is. That takes seconds at ten thousand vertices
+    /// and minutes at a hundred thousand, because Newton steps are many while parts of the boundary
+    /// slide past each other. The other methods cannot change their map: where it overlaps itself,
+    /// the result is [`FlattenError::Overlap`].
+    pub bijective: bool,
 }
 
-impl Default for FlattenOptions {
-    fn default() -> Self {
-        Self {
-            method: Method::default(),
-            energy: Energy::default(),
-            angle: 1.0,
-            area: 1.0,
-            perimeter: 0.0,
-            magnify: 0.0,
-            overlap: Overlap::default(),
-        }
+impl From<Method> for FlattenOptions {
+    fn from(method: Method) -> Self {
+        Self { method, ..Self::default() }
+    }
+}
+
+impl From<Energy> for FlattenOptions {
+    /// The map of least `energy`.
+    fn from(energy: Energy) -> Self {
+        Method::Intrinsic { energy, magnify: 0.0 }.into()
     }
 }
 
@@ -86,39 +98,44 @@ impl FlattenOptions {
     /// # Errors
     /// [`FlattenError::Option`] with the field, the value found and what is needed.
     pub fn validate(&self) -> Result<(), FlattenError> {
-        for (name, found) in [("angle", self.angle), ("area", self.area), ("perimeter", self.perimeter)] {
-            if !(found.is_finite() && found >= 0.0) {
-                return Err(FlattenError::Option {
-                    name,
-                    found,
-                    needed: "a weight that is finite and not negative is needed",
-                });
+        match self.method {
+            Method::Intrinsic { energy, magnify } => {
+                if let Energy::Sum { angle, area, perimeter } = energy {
+                    check_weights(angle, area, perimeter)?;
+                }
+                if !magnify.is_finite() {
+                    let needed = "a finite exponent is needed";
+                    return Err(FlattenError::Option { name: "magnify", found: magnify, needed });
+                }
+                Ok(())
             }
+            Method::Conformal => Ok(()),
+            Method::Linear { angle, area } => check_weights(angle, area, 0.0),
         }
-        if !self.magnify.is_finite() {
-            let needed = "a finite exponent is needed";
-            return Err(FlattenError::Option { name: "magnify", found: self.magnify, needed });
-        }
-        let weighted = match self.method {
-            Method::Intrinsic => self.energy == Energy::Sum,
-            Method::Conformal => false,
-            Method::Linear => true,
-        };
-        if weighted && self.angle + self.area <= 0.0 {
-            let needed =
-                "it or the weight of the area must be positive: the perimeter alone leaves the inside free";
-            return Err(FlattenError::Option { name: "angle", found: self.angle, needed });
-        }
-        Ok(())
     }
+}
+
+fn check_weights(angle: f64, area: f64, perimeter: f64) -> Result<(), FlattenError> {
+    for (name, found) in [("angle", angle), ("area", area), ("perimeter", perimeter)] {
+        if !(found.is_finite() && found >= 0.0) {
+            let needed = "a weight that is finite and not negative is needed";
+            return Err(FlattenError::Option { name, found, needed });
+        }
+    }
+    if angle + area <= 0.0 {
+        let needed =
+            "it or the weight of the area must be positive: the perimeter alone leaves the inside free";
+        return Err(FlattenError::Option { name: "angle", found: angle, needed });
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn refused(options: &FlattenOptions) -> Option<&'static str> {
-        match options.validate() {
+    fn refused(method: Method) -> Option<&'static str> {
+        match FlattenOptions::from(method).validate() {
             Err(FlattenError::Option { name, .. }) => Some(name),
             _ => None,
         }
@@ -126,14 +143,16 @@ mod tests {
 
     #[test]
     fn weights_that_mean_nothing_are_refused_by_name() {
-        let sound = FlattenOptions::default();
-        assert_eq!(refused(&sound), None);
-        assert_eq!(refused(&FlattenOptions { area: -1.0, ..sound.clone() }), Some("area"));
-        assert_eq!(refused(&FlattenOptions { perimeter: f64::NAN, ..sound.clone() }), Some("perimeter"));
-        assert_eq!(refused(&FlattenOptions { magnify: f64::INFINITY, ..sound.clone() }), Some("magnify"));
-        assert_eq!(
-            refused(&FlattenOptions { angle: 0.0, area: 0.0, perimeter: 1.0, ..sound }),
-            Some("angle")
-        );
+        let sum = |angle, area, perimeter| Method::Intrinsic {
+            energy: Energy::Sum { angle, area, perimeter },
+            magnify: 0.0,
+        };
+        assert_eq!(refused(Method::default()), None);
+        assert_eq!(refused(sum(1.0, -1.0, 0.0)), Some("area"));
+        assert_eq!(refused(sum(1.0, 1.0, f64::NAN)), Some("perimeter"));
+        let magnified = Method::Intrinsic { energy: Energy::default(), magnify: f64::INFINITY };
+        assert_eq!(refused(magnified), Some("magnify"));
+        assert_eq!(refused(sum(0.0, 0.0, 1.0)), Some("angle"));
+        assert_eq!(refused(Method::Linear { angle: 0.0, area: 0.0 }), Some("angle"));
     }
 }

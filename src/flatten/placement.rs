@@ -1,3 +1,8 @@
+//! Where a finished map lies: centred, turned to its main direction, as large as the skin.
+//!
+//! Any map may be moved, turned and scaled without a change of its shape; this fixes the choice,
+//! independent of the numbering of the vertices wherever the shape has a direction of its own.
+
 use glam::DVec2;
 
 use crate::{
@@ -5,18 +10,19 @@ use crate::{
     mesh::TriMesh,
 };
 
-/// Moments closer than this, relatively, are equal: the shape then has no direction of its own to turn by.
+/// Moments closer than this, relatively, are equal: such a shape has no direction of its own.
 const NO_DIRECTION: f64 = 1e-6;
 
-/// Moments of the map, weighted with areas on the skin: the same for every numbering of the vertices.
+/// Moments of the map, weighted with areas on the skin: the same for every numbering of the
+/// vertices.
 struct Moments {
     centre: DVec2,
     /// Second moments about the centre: xx, yy, xy.
     second: [f64; 3],
 }
 
-/// Calls `visit(mass, place)` for points that carry the area: the middles of the faces' sides, a third of the face
-/// each, which integrates second moments exactly.
+/// Calls `visit(mass, position)` for points that carry the area: the middles of the faces' sides, a
+/// third of the face each, which integrates second moments exactly.
 fn each_mass(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, mut visit: impl FnMut(f64, DVec2)) {
     let total = mesh.area();
     for (face, corners) in mesh.triangles.enumerate() {
@@ -42,8 +48,9 @@ fn moments(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Moments {
 
 /// The direction on the map that shall point along x.
 ///
-/// That is the longer principal axis, towards the side where the map reaches farther (third moment). A shape without such
-/// an axis or side, like a disk, turns so that its first vertex off the centre lies on the positive x axis or side.
+/// That is the longer principal axis, towards the side where the map reaches farther (third
+/// moment). A shape without such an axis or side, like a disk, turns so that its first vertex off
+/// the centre lies on the positive x axis or side.
 pub(super) fn main_direction(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> DVec2 {
     let Moments { centre, second: [xx, yy, xy] } = moments(mesh, uv);
     let spread = xx + yy;
@@ -67,8 +74,13 @@ pub(super) fn main_direction(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> DVe
     if towards < 0.0 { -axis } else { axis }
 }
 
-/// Puts a map in its place, in m: its centre at the origin, `direction` along x, as large as the skin.
-pub(super) fn place(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, direction: DVec2) -> IdVec<VertexId, DVec2> {
+/// Moves, turns and scales a map, in m: its centre at the origin, `direction` along x, as large as
+/// the skin.
+pub(super) fn normalise_map(
+    mesh: &TriMesh,
+    uv: &IdVec<VertexId, DVec2>,
+    direction: DVec2,
+) -> IdVec<VertexId, DVec2> {
     let map_area: f64 = mesh
         .triangles
         .iter()
@@ -83,8 +95,8 @@ pub(super) fn place(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, direction: DVec
     uv.map(|&p| back.rotate(p - centre) * scale)
 }
 
-/// The direction on a map that shall point along x so that it lies like another one. `pairs` are places of the same
-/// points, first on the map to be turned, then on the other.
+/// The direction on a map that shall point along x so that it lies like another one. `pairs` are
+/// positions of the same points, first on the map to be turned, then on the other.
 pub(super) fn direction_like<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)> + Clone) -> DVec2 {
     let count = pairs.clone().count() as f64;
     let (sum_a, sum_b) = pairs.clone().fold((DVec2::ZERO, DVec2::ZERO), |(s, t), (a, b)| (s + *a, t + *b));
@@ -104,14 +116,14 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn a_map_is_placed_alike_however_it_lay() {
+    fn a_map_is_normalised_alike_however_it_lay() {
         let mut mesh = shapes::lattice(9, 4, 0.01);
         for p in mesh.positions.iter_mut() {
             // Wider on one side, so that the third moment knows left from right.
             p.y *= 1.0 + 5.0 * p.x;
         }
         let flat = mesh.positions.map(|p| p.truncate());
-        let settled = |uv: &IdVec<VertexId, DVec2>| place(&mesh, uv, main_direction(&mesh, uv));
+        let settled = |uv: &IdVec<VertexId, DVec2>| normalise_map(&mesh, uv, main_direction(&mesh, uv));
         let lying = settled(&flat);
         let turned = settled(&flat.map(|&p| DVec2::from_angle(2.2).rotate(p) * 7.0 + DVec2::X));
         assert!(lying.iter().zip(&turned).all(|(a, b)| a.distance(*b) < 1e-14), "{lying:?}\n{turned:?}");
@@ -125,7 +137,7 @@ mod tests {
     fn a_symmetric_shape_turns_to_its_first_vertex_off_the_centre() {
         let mesh = shapes::fan(6);
         let uv = mesh.positions.map(|p| DVec2::from_angle(1.0).rotate(p.truncate()));
-        let placed = place(&mesh, &uv, main_direction(&mesh, &uv));
+        let placed = normalise_map(&mesh, &uv, main_direction(&mesh, &uv));
         let first = placed[VertexId::new(1)];
         assert!((first - DVec2::X).length() < 1e-12, "vertex 0 is the centre, vertex 1 at {first}");
     }

@@ -72,11 +72,11 @@ pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, c
 
 fn cure(options: &FlattenOptions) -> &'static str {
     match options.method {
-        Method::Intrinsic => "--bijective prevents that",
-        Method::Linear if options.area > 0.0 => {
+        Method::Intrinsic { .. } => "--bijective prevents that",
+        Method::Linear { area, .. } if area > 0.0 => {
             "try --area 0, or --method intrinsic, which flips none; with --bijective nothing crosses either"
         }
-        Method::Linear | Method::Conformal => {
+        Method::Linear { .. } | Method::Conformal => {
             "--method intrinsic flips none; with --bijective nothing crosses either"
         }
     }

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use dermatome::{
-    flatten::{Energy, FlattenOptions, Method, Overlap},
+    flatten::{Energy, FlattenOptions, Method},
     pyramid::CoarsenOptions,
     skin::MeshOptions,
 };
@@ -13,7 +13,8 @@ use crate::errors::advise;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Bare taxels")]
 pub(crate) struct BareArgs {
-    /// Longest edge between bare taxels, over the spacing around them; what is longer is a real gap and stays open
+    /// Longest edge between bare taxels, over the spacing around them; what is longer is a real gap
+    /// and stays open
     #[arg(long, value_name = "K", default_value_t = MeshOptions::default().gap, value_parser = gap)]
     gap: f64,
 }
@@ -28,7 +29,8 @@ impl BareArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Pyramid")]
 pub(crate) struct CoarsenArgs {
-    /// Vertices of a level over those of the next coarser one [default: about 4, whatever keeps fields even]
+    /// Vertices of a level over those of the next coarser one [default: about 4, whatever keeps
+    /// fields even]
     #[arg(long, value_name = "R", value_parser = ratio)]
     ratio: Option<f64>,
     /// At most so many levels above level 0 [default: as many as --coarsest allows]
@@ -67,7 +69,8 @@ pub(crate) struct FlattenArgs {
     /// Weight of the perimeter term [default: 0]
     #[arg(long, value_name = "W", value_parser = weight)]
     perimeter: Option<f64>,
-    /// How much larger dense skin is drawn: 0 as large as it is, 1 equal map area per taxel [default: 0]
+    /// How much larger dense skin is drawn: 0 as large as it is, 1 equal map area per taxel
+    /// [default: 0]
     #[arg(long, value_name = "GAMMA", value_parser = finite, allow_negative_numbers = true)]
     magnify: Option<f64>,
     /// Keep the boundary of the map from crossing itself
@@ -94,46 +97,42 @@ enum EnergyArg {
 }
 
 impl FlattenArgs {
+    /// # Errors
+    /// An option that would change nothing: whoever gives it expects that it does.
     pub(crate) fn options(&self) -> anyhow::Result<FlattenOptions> {
-        self.refuse_what_changes_nothing()?;
-        let default = FlattenOptions::default();
-        Ok(FlattenOptions {
-            method: match self.method {
-                MethodArg::Intrinsic => Method::Intrinsic,
-                MethodArg::Conformal => Method::Conformal,
-                MethodArg::Linear => Method::Linear,
-            },
-            energy: match self.energy {
-                None => default.energy,
-                Some(EnergyArg::Sum) => Energy::Sum,
-                Some(EnergyArg::SymmetricDirichlet) => Energy::SymmetricDirichlet,
-            },
-            angle: self.angle.unwrap_or(default.angle),
-            area: self.area.unwrap_or(default.area),
-            perimeter: self.perimeter.unwrap_or(default.perimeter),
-            magnify: self.magnify.unwrap_or(default.magnify),
-            overlap: if self.bijective { Overlap::Prevented } else { Overlap::Allowed },
-        })
+        let (angle, area) = (self.angle.unwrap_or(1.0), self.area.unwrap_or(1.0));
+        let magnify = self.magnify.unwrap_or(0.0);
+        let method = match (self.method, self.energy) {
+            (MethodArg::Conformal, _) => {
+                self.allow_only(&[], "--method conformal")?;
+                Method::Conformal
+            }
+            (MethodArg::Linear, _) => {
+                self.allow_only(&["--angle", "--area"], "--method linear")?;
+                Method::Linear { angle, area }
+            }
+            (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
+                self.allow_only(&["--energy", "--magnify"], "--energy symmetric-dirichlet")?;
+                Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify }
+            }
+            (MethodArg::Intrinsic, Some(EnergyArg::Sum) | None) => {
+                let perimeter = self.perimeter.unwrap_or(0.0);
+                Method::Intrinsic { energy: Energy::Sum { angle, area, perimeter }, magnify }
+            }
+        };
+        Ok(FlattenOptions { method, bijective: self.bijective })
     }
 
-    /// Whoever gives an option expects that it changes something.
-    fn refuse_what_changes_nothing(&self) -> anyhow::Result<()> {
-        let energy = ("--energy", self.energy.is_some());
-        let angle = ("--angle", self.angle.is_some());
-        let area = ("--area", self.area.is_some());
-        let perimeter = ("--perimeter", self.perimeter.is_some());
-        let magnify = ("--magnify", self.magnify.is_some());
-        let (with, idle) = match (self.method, self.energy) {
-            (MethodArg::Conformal, _) => {
-                ("--method conformal", vec![energy, angle, area, perimeter, magnify])
-            }
-            (MethodArg::Linear, _) => ("--method linear", vec![energy, perimeter, magnify]),
-            (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
-                ("--energy symmetric-dirichlet", vec![angle, area, perimeter])
-            }
-            (MethodArg::Intrinsic, _) => return Ok(()),
-        };
-        match idle.into_iter().find(|(_, given)| *given) {
+    /// Refuses every given option that is not among `used`.
+    fn allow_only(&self, used: &[&str], with: &str) -> anyhow::Result<()> {
+        let given = [
+            ("--energy", self.energy.is_some()),
+            ("--angle", self.angle.is_some()),
+            ("--area", self.area.is_some()),
+            ("--perimeter", self.perimeter.is_some()),
+            ("--magnify", self.magnify.is_some()),
+        ];
+        match given.into_iter().find(|(name, given)| *given && !used.contains(name)) {
             None => Ok(()),
             Some((name, _)) => {
                 Err(advise(format!("{name} changes nothing with {with}"), "leave out one of the two"))

@@ -1,33 +1,43 @@
+//! A barrier that keeps the boundary of a map from crossing itself (`[smith2015]`).
+//!
+//! Every pair of a boundary vertex and a boundary edge closer than a reach pays `w (r/d - 1)^2`; a
+//! boundary that crosses itself, or a hole inside out, costs infinitely much, so that the line
+//! search refuses it. It never ends an overlap that is already there.
+
 use glam::{DMat2, DVec2};
 
 use crate::{
     flatten::{
         bijective::crossings::{Segment, each_near_pair, meet},
         bijective::overlap::counter_clockwise_loops,
-        domain::elements::Net,
-        energy::density::outer,
+        domain::elements::{BoundaryEdge, ElementMesh},
+        energy::{density::outer, objective::BoundaryTerm},
     },
     id::{IdVec, VertexId},
     sparse::Matrix,
 };
 
-/// Parts of the boundary repel each other below this distance over the shortest edge there, on the skin. At a quarter of
-/// it, edges on both sides of a corner leave each other alone down to angles of 15 degrees.
+/// Parts of the boundary repel each other below this distance over the shortest edge there, on the
+/// skin. At a quarter of it, edges on both sides of a corner leave each other alone down to angles
+/// of 15 degrees.
 const REACH: f64 = 0.25;
 
-/// Weight of the repulsion, per mean edge length and length of boundary: the force on a length of boundary then has the
-/// size of the stress of a face that is stretched by its own size, however fine the mesh.
+/// Weight of the repulsion, per mean edge length and length of boundary: the force on a length of
+/// boundary then has the size of the stress of a face that is stretched by its own size, however
+/// fine the mesh.
 const STIFFNESS: f64 = 1.0;
 
-/// Couplings of a vertex and an edge, at most, over the number of boundary edges. More are only met where a hole starts
-/// out tiny, and all of its edges repel each other.
+/// Couplings of a vertex and an edge, at most, over the number of boundary edges. More are only met
+/// where a hole starts out tiny, and all of its edges repel each other.
 const MOST_COUPLINGS: usize = 8;
 
-/// Repulsion of boundary vertices from boundary edges: `w (r/d - 1)^2` for every distance `d` below the reach `r`, and
-/// infinite where the boundary crosses itself or a hole is turned inside out (Smith and Schaefer 2015).
+/// Repulsion of boundary vertices from boundary edges: `w (r/d - 1)^2` for every distance `d` below
+/// the reach `r`, and infinite where the boundary crosses itself or a hole is turned inside out
+/// (Smith and Schaefer 2015).
 ///
-/// A map without flips whose boundary does not cross itself is one to one if just one loop runs counter-clockwise, so it is
-/// enough to look at each map by itself; nothing follows the boundary on its way from one to the next.
+/// A map without flips whose boundary does not cross itself is one to one if just one loop runs
+/// counter-clockwise, so it is enough to look at each map by itself; nothing follows the boundary
+/// on its way from one to the next.
 #[derive(Debug, Clone)]
 pub(crate) struct Barrier {
     posts: Vec<Post>,
@@ -47,9 +57,9 @@ struct Post {
     weight: f64,
 }
 
-/// A vertex within reach of an edge that it is no end of.
+/// A vertex within reach of an edge that does not end at it.
 #[derive(Debug, Clone, Copy)]
-struct Contact {
+struct ProximityPair {
     vertex: VertexId,
     edge: [VertexId; 2],
     /// Where the nearest point lies on the edge, from 0 to 1.
@@ -62,7 +72,7 @@ struct Contact {
     weight: f64,
 }
 
-impl Contact {
+impl ProximityPair {
     fn energy(&self) -> f64 {
         self.weight * (self.ratio - 1.0).powi(2)
     }
@@ -74,7 +84,7 @@ impl Contact {
         (first, self.weight * q * q * q * (6.0 * q - 4.0) / (r * r))
     }
 
-    /// Derivatives of the distance by the three places are these, times the normal.
+    /// Derivatives of the distance by the three positions are these, times the normal.
     fn shares(&self) -> [f64; 3] {
         [1.0, self.along - 1.0, -self.along]
     }
@@ -85,26 +95,31 @@ impl Contact {
 }
 
 impl Barrier {
-    pub(crate) fn new(net: &Net) -> Self {
-        let mut before = IdVec::<VertexId, f64>::filled(f64::INFINITY, net.free());
-        for &([_, to], length) in &net.boundary {
+    pub(crate) fn new(elements: &ElementMesh) -> Self {
+        let mut before = IdVec::<VertexId, f64>::filled(f64::INFINITY, elements.free());
+        for &BoundaryEdge { ends: [_, to], length } in &elements.boundary {
             before[to] = before[to].min(length);
         }
-        let post = |&(ends, length): &([VertexId; 2], f64)| Post {
+        let post = |&BoundaryEdge { ends, length }: &BoundaryEdge| Post {
             ends,
             edge: REACH * length,
             vertex: REACH * length.min(before[ends[0]]),
-            weight: STIFFNESS * net.mean_edge * length,
+            weight: STIFFNESS * elements.mean_edge * length,
         };
         Self {
-            posts: net.boundary.iter().map(post).collect(),
-            edges: net.boundary.iter().map(|b| b.0).collect(),
+            posts: elements.boundary.iter().map(post).collect(),
+            edges: elements.boundary.iter().map(|b| b.ends).collect(),
         }
     }
 
-    /// Calls `f` with everything within `factor` times its reach, and says whether the boundary does not cross itself and has
-    /// no hole inside out.
-    fn each_contact(&self, uv: &IdVec<VertexId, DVec2>, factor: f64, f: &mut dyn FnMut(Contact)) -> bool {
+    /// Calls `f` with everything within `factor` times its reach, and says whether the boundary
+    /// does not cross itself and has no hole inside out.
+    fn each_proximity(
+        &self,
+        uv: &IdVec<VertexId, DVec2>,
+        factor: f64,
+        f: &mut dyn FnMut(ProximityPair),
+    ) -> bool {
         let mut segments: Vec<Segment> = self
             .posts
             .iter()
@@ -124,14 +139,14 @@ impl Barrier {
     }
 
     /// The first vertex of `s` near `t`.
-    fn contact(&self, s: &Segment, t: &Segment, factor: f64) -> Option<Contact> {
+    fn contact(&self, s: &Segment, t: &Segment, factor: f64) -> Option<ProximityPair> {
         let (post, edge) = (self.posts[s.edge], self.posts[t.edge]);
         let reach = post.vertex.min(edge.edge);
         let (way, to) = (t.to - t.from, s.from - t.from);
         let along = (to.dot(way) / way.length_squared()).clamp(0.0, 1.0);
         let off = to - along * way;
         let distance = off.length();
-        (distance > 0.0 && distance < factor * reach).then(|| Contact {
+        (distance > 0.0 && distance < factor * reach).then(|| ProximityPair {
             vertex: post.ends[0],
             edge: edge.ends,
             along,
@@ -142,17 +157,12 @@ impl Barrier {
         })
     }
 
-    /// The energy; infinite if the boundary crosses itself or a hole is turned inside out.
-    pub(crate) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
-        let mut sum = 0.0;
-        if self.each_contact(uv, 1.0, &mut |c| sum += c.energy()) { sum } else { f64::INFINITY }
-    }
-
-    /// Vertices that repel each other, or would at `factor` times their reach; none if they are too many.
+    /// Vertices that repel each other, or would at `factor` times their reach; none if they are too
+    /// many.
     pub(crate) fn couplings(&self, uv: &IdVec<VertexId, DVec2>, factor: f64) -> Vec<[VertexId; 2]> {
         let most = MOST_COUPLINGS * self.posts.len();
         let (mut pairs, mut count) = (Vec::new(), 0);
-        self.each_contact(uv, factor, &mut |c| {
+        self.each_proximity(uv, factor, &mut |c| {
             count += 1;
             if count <= most {
                 pairs.extend(c.edge.map(|end| [c.vertex, end]));
@@ -160,19 +170,23 @@ impl Barrier {
         });
         if count <= most { pairs } else { Vec::new() }
     }
+}
 
-    /// Adds gradient and a convex model of the Hessian (Gauss-Newton: distances are taken as linear).
+impl BoundaryTerm for Barrier {
+    /// The energy; infinite if the boundary crosses itself or a hole is turned inside out.
+    fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
+        let mut sum = 0.0;
+        if self.each_proximity(uv, 1.0, &mut |c| sum += c.energy()) { sum } else { f64::INFINITY }
+    }
+
+    /// Adds gradient and a convex model of the Hessian (Gauss-Newton: distances are taken as
+    /// linear).
     ///
-    /// Where the pattern has no room for a vertex and an edge to be coupled, each of them is held by twice the curvature
-    /// instead, which is never less: `(x - y)^2 <= 2 x^2 + 2 y^2`.
-    pub(crate) fn add(
-        &self,
-        uv: &IdVec<VertexId, DVec2>,
-        gradient: &mut [DVec2],
-        hessian: &mut Matrix<'_, DMat2>,
-    ) {
+    /// Where the pattern has no room for a vertex and an edge to be coupled, each of them is held
+    /// by twice the curvature instead, which is never less: `(x - y)^2 <= 2 x^2 + 2 y^2`.
+    fn add(&self, uv: &IdVec<VertexId, DVec2>, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
         let pattern = hessian.pattern();
-        self.each_contact(uv, 1.0, &mut |c| {
+        self.each_proximity(uv, 1.0, &mut |c| {
             let (slope, curvature) = c.derivatives();
             let (rows, shares) = (c.rows(), c.shares());
             let coupled = rows[1..].iter().all(|&end| pattern.slot(rows[0], end).is_some());
@@ -193,15 +207,15 @@ impl Barrier {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{flatten::domain::flatten_domain::Surface, mesh::shapes};
+    use crate::{flatten::domain::flatten_domain::FlattenDomain, mesh::shapes};
 
     /// A strip bent until its ends nearly meet, and a barrier around it.
-    fn nearly_closed(gap: f64) -> (Net, IdVec<VertexId, DVec2>) {
+    fn nearly_closed(gap: f64) -> (ElementMesh, IdVec<VertexId, DVec2>) {
         let mesh = shapes::sheet(24, 3, |i, j| glam::DVec3::new(f64::from(i), f64::from(j), 0.0));
         let uv = mesh
             .positions
             .map(|p| DVec2::from_angle((std::f64::consts::TAU - gap) * p.x / 23.0) * (5.0 - p.y) / 8.0);
-        (Surface::new(&mesh).unwrap().net, uv)
+        (FlattenDomain::new(&mesh).unwrap().elements, uv)
     }
 
     #[test]
@@ -238,7 +252,7 @@ mod tests {
         let (net, uv) = nearly_closed(0.04);
         let barrier = Barrier::new(&net);
         let coupled = net.coupled(&barrier.couplings(&uv, 1.0));
-        let curvature = |net: &Net, x: &[DVec2]| -> f64 {
+        let curvature = |net: &ElementMesh, x: &[DVec2]| -> f64 {
             let mut hessian = Matrix::zero(&net.pattern);
             barrier.add(&uv, &mut vec![DVec2::ZERO; net.free()], &mut hessian);
             let mut out = vec![DVec2::ZERO; net.free()];

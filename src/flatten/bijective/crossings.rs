@@ -1,3 +1,9 @@
+//! Which boundary edges of a map cross or touch: every pair once, found by splitting the boxes at
+//! medians.
+//!
+//! The tests are signs of areas in 64 bits: not exact predicates, but nothing is rounded to "apart"
+//! by an underflow.
+
 use glam::DVec2;
 
 use crate::id::{FaceId, IdVec, VertexId};
@@ -67,10 +73,11 @@ fn split(segments: &mut [Segment]) -> (&mut [Segment], &mut [Segment]) {
     segments.split_at_mut(middle)
 }
 
-/// Visits every pair of segments without a common vertex whose boxes touch, in an order that depends only on them.
+/// Visits every pair of segments without a common vertex whose boxes touch, in an order that
+/// depends only on them.
 ///
-/// Pairs are found by splitting the set of boxes against itself at medians, so the work grows with the number of
-/// segments and of near pairs, not with its square.
+/// Pairs are found by splitting the set of boxes against itself at medians, so the work grows with
+/// the number of segments and of near pairs, not with its square.
 pub(crate) fn each_near_pair(segments: &mut [Segment], visit: &mut dyn FnMut(&Segment, &Segment)) {
     if segments.len() <= LEAF {
         for i in 1..segments.len() {

@@ -1,43 +1,53 @@
+//! Whether a map overlaps itself: crossings of the boundary, branch points inside, excess angles on
+//! the boundary.
+//!
+//! This is the only judge of overlap, for the solver that must prevent it and for the measures of
+//! [`Distortion`](crate::flatten::Distortion).
+
 use glam::DVec2;
 
 use crate::{
     flatten::{
         bijective::crossings::{boundary_crossings, boundary_edges},
-        domain::flatten_domain::Surface,
+        domain::flatten_domain::FlattenDomain,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
 };
 
-/// The faces at a boundary vertex lie over each other if their angles on the map add up to a full turn and more than
-/// this, in rad. What is less is rounding: both sides of a slit may meet.
+/// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
+/// than this, in rad. What is less is rounding: both sides of a slit may meet.
 const BEYOND_A_TURN: f64 = 1e-6;
 
-/// Number of places where a map lies over itself: pairs of boundary edges without a common vertex that cross or touch, and
-/// vertices about which the map winds more than once.
+/// Number of places where a map overlaps itself: pairs of boundary edges without a common vertex
+/// that cross or touch, and vertices about which the map winds more than once.
 ///
-/// A map without flips and without these is one to one: the angles around its inner vertices leave it no choice (Gauss
-/// and Bonnet) but to have one boundary loop that runs counter-clockwise, with all others inside of it and clockwise. Flips
-/// and crossings alone do not tell: a sleeve whose hole is turned inside out has neither, but two inner vertices with two
-/// full turns of faces.
+/// A map without flips and without these is one to one: the angles around its inner vertices leave
+/// it no choice (Gauss and Bonnet) but to have one boundary loop that runs counter-clockwise, with
+/// all others inside of it and clockwise. Flips and crossings alone are not enough: a sleeve whose
+/// hole is turned inside out has neither, but two inner vertices with two full turns of faces.
 pub(crate) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
     let edges = boundary_edges(&mesh.triangles);
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
     let faces = || mesh.triangles.iter().copied();
-    boundary_crossings(&edges, uv) + branches(faces(), &on_boundary, uv) + overfull(faces(), &on_boundary, uv)
+    boundary_crossings(&edges, uv)
+        + count_branch_points(faces(), &on_boundary, uv)
+        + count_angle_excess(faces(), &on_boundary, uv)
 }
 
-/// Whether the map winds once about every inner vertex. No step of a solver that flips no face changes that.
-pub(crate) fn winds_once(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+/// Whether the map winds once about every inner vertex. No step of a solver that flips no face
+/// changes that.
+pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
     let mut on_boundary = IdVec::filled(false, uv.len());
-    surface.disk.loops.iter().flatten().for_each(|&v| on_boundary[v] = true);
-    branches(surface.net.elements.iter().map(|e| e.corners), &on_boundary, uv) == 0
+    domain.disk.loops.iter().flatten().for_each(|&v| on_boundary[v] = true);
+    count_branch_points(domain.elements.faces.iter().map(|e| e.corners), &on_boundary, uv) == 0
 }
 
-/// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise and not across itself.
-pub(crate) fn keeps_holes(surface: &Surface<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
-    let edges: Vec<[VertexId; 2]> = surface.disk.boundary_edges().collect();
+/// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise
+/// and not across itself.
+pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+    let edges: Vec<[VertexId; 2]> = domain.disk.boundary_edges().collect();
     let mut outer = 0;
     loops(&edges).all(|walk| {
         let is_outer = is_counter_clockwise(walk, uv);
@@ -65,8 +75,9 @@ fn is_counter_clockwise(walk: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> 
 
 /// Number of inner vertices about which the faces wind more than once.
 ///
-/// Counted by the edges opposite to a vertex that pass it on its right: signs of differences, so nothing is rounded.
-fn branches(
+/// Counted by the edges opposite to a vertex that pass it on its right: signs of differences, so
+/// nothing is rounded.
+fn count_branch_points(
     faces: impl Iterator<Item = [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
     uv: &IdVec<VertexId, DVec2>,
@@ -87,7 +98,7 @@ fn branches(
 }
 
 /// Number of boundary vertices with more than a full turn of faces.
-fn overfull(
+fn count_angle_excess(
     faces: impl Iterator<Item = [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
     uv: &IdVec<VertexId, DVec2>,
@@ -122,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fan_wound_once_lies_beside_itself() {
+    fn a_fan_wound_once_does_not_overlap_itself() {
         let (mesh, uv) = wound(9, 1.0);
         assert_eq!(overlaps(&mesh, &uv), 0);
     }
@@ -130,11 +141,11 @@ mod tests {
     #[test]
     fn a_fan_wound_twice_has_a_branch_however_it_is_turned() {
         let (mesh, uv) = wound(9, 2.0);
-        let surface = Surface::new(&mesh).unwrap();
+        let domain = FlattenDomain::new(&mesh).unwrap();
         for k in 0..40 {
             let uv = uv.map(|&p| DVec2::from_angle(f64::from(k) * PI / 20.0).rotate(p));
-            assert!(surface.net.is_flip_free(&uv), "nothing is flipped at turn {k}");
-            assert!(!winds_once(&surface, &uv), "turn {k}");
+            assert!(domain.elements.is_flip_free(&uv), "nothing is flipped at turn {k}");
+            assert!(!has_no_branch_points(&domain, &uv), "turn {k}");
         }
     }
 
@@ -152,7 +163,11 @@ mod tests {
                 k => DVec2::from_angle(turn * (k - 1) as f64 / 5.0) * (1.0 + 0.2 * k as f64),
             };
             let on_boundary = IdVec::filled(true, 7);
-            overfull(mesh.triangles.iter().copied(), &on_boundary, &mesh.positions.ids().map(place).collect())
+            count_angle_excess(
+                mesh.triangles.iter().copied(),
+                &on_boundary,
+                &mesh.positions.ids().map(place).collect(),
+            )
         };
         assert_eq!((with(0.9 * TAU), with(1.1 * TAU)), (0, 1));
     }

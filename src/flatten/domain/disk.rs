@@ -1,10 +1,13 @@
+//! The test that a mesh can be flattened at all: one component, at least one boundary loop, no
+//! handle.
+
 use crate::{
     flatten::FlattenError,
     id::VertexId,
     mesh::{Adjacency, TriMesh},
 };
 
-/// What makes a mesh flattenable: a disk with holes, its neighbours and its loops.
+/// A disk with holes: the neighbours of its vertices, and its boundary loops.
 #[derive(Debug)]
 pub(crate) struct Disk {
     pub(crate) adjacency: Adjacency,

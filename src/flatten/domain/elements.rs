@@ -1,3 +1,6 @@
+//! The faces of a surface as finite elements: what the energies, the linear maps and the repairs
+//! compute with.
+
 use glam::{DVec2, DVec3};
 
 use crate::{
@@ -16,7 +19,8 @@ pub(crate) struct Element {
 }
 
 impl Element {
-    /// Area times the scalar product of two hat gradients: an entry of the cotangent Laplacian, whatever the scale.
+    /// Area times the scalar product of two hat gradients: an entry of the cotangent Laplacian,
+    /// whatever the scale.
     pub(crate) fn stiffness(&self, k: usize, l: usize) -> f64 {
         let [_, g1, g2] = self.gradients;
         0.5 * self.gradients[k].dot(self.gradients[l]) / g1.perp_dot(g2)
@@ -28,25 +32,35 @@ pub(crate) fn keeps_orientation(area: f64) -> bool {
     area > 0.0
 }
 
-/// Faces that share vertices, some of which may move: the whole surface, or a part of it inside a fixed rim.
+/// A boundary edge between movable vertices.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BoundaryEdge {
+    /// Its vertices; the face is on the left.
+    pub(crate) ends: [VertexId; 2],
+    /// Its length on the skin.
+    pub(crate) length: f64,
+}
+
+/// Faces that share vertices, some of which may move: a whole surface, or a part of one inside a
+/// fixed rim.
 #[derive(Debug, Clone)]
-pub(crate) struct Net {
-    pub(crate) elements: IdVec<FaceId, Element>,
+pub(crate) struct ElementMesh {
+    pub(crate) faces: IdVec<FaceId, Element>,
     /// Movable vertices that share an edge. They are numbered before the fixed ones.
     pub(crate) pattern: Pattern,
-    /// Places of the movable vertices on the skin, in m: they order large systems.
-    pub(crate) places: Vec<DVec3>,
-    /// Boundary edges between movable vertices, faces on the left, with their lengths.
-    pub(crate) boundary: Vec<([VertexId; 2], f64)>,
+    /// Positions of the movable vertices on the skin, in m: they order large systems.
+    pub(crate) positions: Vec<DVec3>,
+    /// Boundary edges, loop by loop, the outer loop first; none for a part inside a fixed rim.
+    pub(crate) boundary: Vec<BoundaryEdge>,
     /// Mean length of all edges.
     pub(crate) mean_edge: f64,
 }
 
-impl Net {
-    /// A net of `elements` whose first vertices, those with a place, may move.
-    pub(crate) fn new(elements: IdVec<FaceId, Element>, places: Vec<DVec3>) -> Self {
-        let free = places.len();
-        let edges = elements
+impl ElementMesh {
+    /// The first vertices, those with a position, may move.
+    pub(crate) fn new(faces: IdVec<FaceId, Element>, positions: Vec<DVec3>) -> Self {
+        let free = positions.len();
+        let edges = faces
             .iter()
             .flat_map(|e| {
                 let [a, b, c] = e.corners.map(VertexId::index);
@@ -54,10 +68,10 @@ impl Net {
             })
             .filter(|&(a, b)| a < free && b < free);
         let pattern = Pattern::new(free, edges);
-        Self { elements, pattern, places, boundary: Vec::new(), mean_edge: 0.0 }
+        Self { faces, pattern, positions, boundary: Vec::new(), mean_edge: 0.0 }
     }
 
-    /// The same net with room for more `pairs` of movable vertices in the Hessian.
+    /// The same with additional `pairs` of movable vertices coupled in the Hessian.
     pub(crate) fn coupled(&self, pairs: &[[VertexId; 2]]) -> Self {
         let old = &self.pattern;
         let edges = (0..old.rows()).flat_map(|i| old.columns(i).iter().map(move |&j| (i, j as usize)));
@@ -73,7 +87,7 @@ impl Net {
 
     /// Signed area of the map of each face.
     pub(crate) fn map_areas<'a>(&'a self, uv: &'a IdVec<VertexId, DVec2>) -> impl Iterator<Item = f64> + 'a {
-        self.elements.iter().map(|e| {
+        self.faces.iter().map(|e| {
             let [a, b, c] = e.corners.map(|v| uv[v]);
             0.5 * (b - a).perp_dot(c - a)
         })
@@ -88,7 +102,8 @@ impl Net {
 /// Slot of a [`Corner`] whose other vertex is fixed: there is no unknown to couple with.
 pub(crate) const FIXED: u32 = u32::MAX;
 
-/// One corner of a face at a vertex, and the slots of the vertex's row that its blocks go to.
+/// One corner of a face at a vertex, and the slots of the vertex's matrix row that its blocks go
+/// to.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Corner {
     pub(crate) face: FaceId,
@@ -97,18 +112,19 @@ pub(crate) struct Corner {
     pub(crate) slots: [u32; 3],
 }
 
-/// The corners around every movable vertex: rows of the Hessian can then be summed side by side, always in the same order.
+/// The corners around every movable vertex, so that the rows of the Hessian are summed in parallel,
+/// always in the same order.
 #[derive(Debug)]
-pub(crate) struct Stars {
+pub(crate) struct CornerSlots {
     starts: Vec<u32>,
     corners: Vec<Corner>,
 }
 
-impl Stars {
-    pub(crate) fn new(net: &Net) -> Self {
+impl CornerSlots {
+    pub(crate) fn new(net: &ElementMesh) -> Self {
         let free = net.free();
         let mut starts = vec![0_u32; free + 1];
-        for v in net.elements.iter().flat_map(|e| e.corners).filter(|v| v.index() < free) {
+        for v in net.faces.iter().flat_map(|e| e.corners).filter(|v| v.index() < free) {
             starts[v.index() + 1] += 1;
         }
         for i in 0..free {
@@ -116,7 +132,7 @@ impl Stars {
         }
         let mut cursor = starts.clone();
         let mut corners = vec![Corner::default(); starts[free] as usize];
-        for (face, e) in net.elements.enumerate() {
+        for (face, e) in net.faces.enumerate() {
             for corner in [0_u8, 1, 2] {
                 let k = corner as usize;
                 let around = [e.corners[k], e.corners[(k + 1) % 3], e.corners[(k + 2) % 3]];

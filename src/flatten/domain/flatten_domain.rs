@@ -1,34 +1,38 @@
+//! What is to be flattened: a disk with holes, laid out face by face, in units of its own size.
+
+use glam::{DVec2, DVec3};
+
 use crate::{
     flatten::{
         FlattenError,
         domain::disk::Disk,
-        domain::elements::{Element, Net},
+        domain::elements::{BoundaryEdge, Element, ElementMesh},
         jacobian::FlatTriangle,
     },
     id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{TriMesh, mean_edge_length},
 };
 
-/// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were that high: exact
-/// slivers still flatten to themselves down to a millionth, and a face without area still has an
-/// orientation to keep, at a weight that nothing else notices.
+/// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were
+/// that high: exact slivers still flatten to themselves down to a millionth, and a face without
+/// area still has an orientation to keep, at a negligible weight.
 const LEAST_HEIGHT: f64 = 1e-6;
 
-/// A disk with holes, laid out face by face: all that flattening needs to know about the skin.
+/// A disk with holes and its finite elements.
 ///
-/// Lengths are in units of the square root of the whole area, so that tolerances mean the same for a
-/// fingertip and a torso.
+/// Lengths of the elements and of maps are in units of the square root of the whole area, so that
+/// tolerances mean the same for a fingertip and a torso; [`Self::to_units`] and [`Self::to_metres`]
+/// convert.
 #[derive(Debug)]
-pub(crate) struct Surface<'m> {
+pub(crate) struct FlattenDomain<'m> {
     pub(crate) mesh: &'m TriMesh,
     pub(crate) disk: Disk,
     /// The unit, in m.
-    pub(crate) unit: f64,
-    /// The faces and how they hang together. Its boundary runs loop by loop, the outer one first.
-    pub(crate) net: Net,
+    unit: f64,
+    pub(crate) elements: ElementMesh,
 }
 
-impl<'m> Surface<'m> {
+impl<'m> FlattenDomain<'m> {
     pub(crate) fn new(mesh: &'m TriMesh) -> Result<Self, FlattenError> {
         let disk = Disk::new(mesh)?;
         let mut flat = Vec::with_capacity(mesh.triangles.len());
@@ -41,7 +45,7 @@ impl<'m> Surface<'m> {
             return Err(FlattenError::Size { area: total });
         }
         let unit = total.sqrt();
-        let elements = mesh
+        let faces = mesh
             .triangles
             .iter()
             .zip(&flat)
@@ -52,19 +56,19 @@ impl<'m> Surface<'m> {
             })
             .collect();
         let distance = |a: VertexId, b: VertexId| mesh.positions[a].distance(mesh.positions[b]) / unit;
-        let boundary =
-            disk.boundary_edges().map(|[a, b]| ([a, b], distance(a, b).max(LEAST_HEIGHT))).collect();
-        let mut net = Net::new(elements, mesh.positions.as_slice().to_vec());
-        net.boundary = boundary;
-        net.mean_edge = crate::mesh::mean_edge_length(mesh, &disk.adjacency) / unit;
-        Ok(Self { mesh, disk, unit, net })
+        let boundary_edge =
+            |[a, b]: [VertexId; 2]| BoundaryEdge { ends: [a, b], length: distance(a, b).max(LEAST_HEIGHT) };
+        let mut elements = ElementMesh::new(faces, mesh.positions.as_slice().to_vec());
+        elements.boundary = disk.boundary_edges().map(boundary_edge).collect();
+        elements.mean_edge = mean_edge_length(mesh, &disk.adjacency) / unit;
+        Ok(Self { mesh, disk, unit, elements })
     }
 
     /// The same with energies that aim at `factors` times the true area of each face.
     ///
     /// The faces' weights stay: a magnified face does not count more than it did.
     pub(crate) fn magnified(mut self, factors: &IdVec<FaceId, f64>) -> Self {
-        for (e, factor) in self.net.elements.iter_mut().zip(factors) {
+        for (e, factor) in self.elements.faces.iter_mut().zip(factors) {
             let shrink = factor.sqrt().recip();
             e.gradients = e.gradients.map(|g| g * shrink);
         }
@@ -74,5 +78,20 @@ impl<'m> Surface<'m> {
     /// Number of vertices.
     pub(crate) fn vertices(&self) -> usize {
         self.mesh.positions.len()
+    }
+
+    /// Position of a vertex on the skin, in units.
+    pub(crate) fn position(&self, vertex: VertexId) -> DVec3 {
+        self.mesh.positions[vertex] / self.unit
+    }
+
+    /// A map in m as one in units.
+    pub(crate) fn to_units(&self, metres: &IdVec<VertexId, DVec2>) -> IdVec<VertexId, DVec2> {
+        metres.map(|&p| p / self.unit)
+    }
+
+    /// A map in units as one in m.
+    pub(crate) fn to_metres(&self, units: &IdVec<VertexId, DVec2>) -> IdVec<VertexId, DVec2> {
+        units.map(|&p| p * self.unit)
     }
 }

@@ -1,16 +1,18 @@
+//! Magnification: the area that each face aims at, from the densities of the taxels.
+
 use crate::{
-    flatten::{FlattenError, FlattenOptions},
+    flatten::{FlattenError, Method},
     id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
     pyramid::Level,
 };
 
-/// Largest area factor, and its inverse the smallest: beyond, neighbouring faces could not meet without extreme angles,
-/// and the solver would only fight that.
+/// Largest area factor, and its inverse the smallest: beyond, neighbouring faces could not meet
+/// without extreme angles.
 const LARGEST_FACTOR: f64 = 1e3;
 
-/// How many times larger than on the skin each part of the map should be: `(rho / mean rho)^gamma`, as the
-/// cortex gives densely innervated skin a larger share.
+/// How many times larger than on the skin each part of the map should be: `(rho / mean rho)^gamma`,
+/// as the cortex gives densely innervated skin a larger share.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Magnification {
     /// `gamma = 0`: areas as they are.
@@ -20,15 +22,16 @@ pub(crate) enum Magnification {
 }
 
 impl Magnification {
-    /// From densities of the vertices, or else from their receptive areas.
+    /// From the densities of the vertices, or else their receptive areas.
     pub(crate) fn new(
-        options: &FlattenOptions,
+        method: Method,
         densities: Option<&IdVec<VertexId, f64>>,
         areas: &IdVec<VertexId, f64>,
     ) -> Result<Self, FlattenError> {
-        if options.magnify == 0.0 {
-            return Ok(Self::None);
-        }
+        let gamma = match method {
+            Method::Intrinsic { magnify, .. } if magnify != 0.0 => magnify,
+            _ => return Ok(Self::None),
+        };
         let rho = match densities {
             Some(given) if given.len() != areas.len() => {
                 return Err(FlattenError::Densities { found: given.len(), needed: areas.len() });
@@ -39,10 +42,11 @@ impl Magnification {
         if let Some((vertex, &found)) = rho.enumerate().find(|(_, r)| !(r.is_finite() && **r > 0.0)) {
             return Err(FlattenError::Density { vertex, found });
         }
-        Ok(Self::Density(rho, options.magnify))
+        Ok(Self::Density(rho, gamma))
     }
 
-    /// The same on a coarser level: each field has the mean density of its taxels, weighted with their areas.
+    /// The same on a coarser level: each field has the mean density of its taxels, weighted with
+    /// their areas.
     pub(crate) fn restricted(&self, level: &Level, areas: &IdVec<VertexId, f64>) -> Self {
         match (self, &level.direct) {
             (Self::Density(rho, gamma), Some(direct)) => {

@@ -1,10 +1,60 @@
+//! The energy of one face: its value, its exact derivatives, and a convex quadratic model of it.
+//!
+//! # One formula
+//!
+//! With `J` the Jacobian of the face from the skin to the plane, `s1 >= |s2|` its signed singular
+//! values, `d = s1 s2` (the ratio of the areas) and `S = s1^2 + s2^2`, every energy here is
+//!
+//! ```text
+//! E = p(d) S + q(d)
+//! ```
+//!
+//! | energy | `p` | `q` |
+//! |---|---|---|
+//! | sum of angle and area (eq. 4 of `[cannata]`) | `angle/(2 d)` | `area (d + 1/d)/2` |
+//! | symmetric Dirichlet (`[smith2015]`) | `1 + 1/d^2` | 0 |
+//! | untangling (`[garanzha2021]`) | `1/chi(d)` | 0 |
+//!
+//! since `s1/s2 + s2/s1 = S/d` and `1/s1^2 + 1/s2^2 = S/d^2`. So a new energy needs `p` and `q`
+//! with two derivatives each, in `DistortionEnergy::coefficients`, and no more.
+//!
+//! # Derivatives
+//!
+//! `d` changes with `s1` by `s2`, and `S` by `2 s1`. With `A = p' S + q'` and `B = p'' S + q''`
+//! (primes are derivatives by `d`):
+//!
+//! ```text
+//! g1  = 2 p s1 + A s2
+//! h11 = 2 p + 4 d p' + B s2^2
+//! h12 = 2 p' S + A + B d
+//! ```
+//!
+//! and `g2`, `h22` with `s1` and `s2` exchanged. These are the derivatives along the two
+//! *stretches*. Any energy of the singular values alone has two more eigenvectors (`[smith2019]`):
+//! the *twist* turns the face, the *flip* shears it, and their curvatures are
+//!
+//! ```text
+//! twist = (g1 + g2)/(s1 + s2) = 2 p + A
+//! flip  = (g1 - g2)/(s1 - s2) = 2 p - A
+//! ```
+//!
+//! The two energies with a barrier repeat these five lines multiplied out, because there the terms
+//! of `h11` cancel: with `p = a/d` the largest are `(2 - 4 + 2) a/d`. The formula then loses
+//! `(s1/s2)^2` units of rounding, 1e-8 of `h11` on a face stretched 1 : 10 000, the written-out
+//! form none. A test compares the two.
+//!
+//! # Convex model
+//!
+//! Newton needs a positive semi-definite Hessian: the four curvatures (the two of the stretches
+//! after a rotation that makes `h12` vanish) are clamped to at least 0 (`[teran2005]`).
+
 use glam::{DMat2, DVec2};
 
-use crate::flatten::{Energy, FlattenOptions, jacobian::Singular};
+use crate::flatten::{Energy, jacobian::Singular};
 
 /// Energy of a face per unit of its area, as a function of the singular values.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Density {
+pub(crate) enum DistortionEnergy {
     /// `angle (s1/s2 + s2/s1)/2 + area (s1 s2 + 1/(s1 s2))/2`.
     Sum {
         /// Weight of the angle term.
@@ -14,11 +64,78 @@ pub(crate) enum Density {
     },
     /// `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`.
     SymmetricDirichlet,
-    /// `(s1^2 + s2^2)/chi(s1 s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`: finite for flipped faces too.
+    /// `(s1^2 + s2^2)/chi(s1 s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`: finite for flipped
+    /// faces too.
     Untangling {
         /// `e`: about how deep a flipped face may lie.
         softness: f64,
     },
+}
+
+impl From<Energy> for DistortionEnergy {
+    fn from(energy: Energy) -> Self {
+        match energy {
+            Energy::Sum { angle, area, perimeter: _ } => Self::Sum { angle, area },
+            Energy::SymmetricDirichlet => Self::SymmetricDirichlet,
+        }
+    }
+}
+
+impl DistortionEnergy {
+    /// Whether flipped faces cost infinitely much.
+    pub(crate) fn has_barrier(&self) -> bool {
+        !matches!(self, Self::Untangling { .. })
+    }
+
+    /// `p` and `q` at the area ratio `d`: the definition of each energy.
+    fn coefficients(&self, d: f64) -> Coefficients {
+        let i = 1.0 / d;
+        match *self {
+            Self::Sum { angle, area } => {
+                let (a, b) = (0.5 * angle, 0.5 * area);
+                Coefficients {
+                    inverse_p: d / a,
+                    p: [-a * i * i, 2.0 * a * i * i * i],
+                    q: [b * (d + i), b * (1.0 - i * i), 2.0 * b * i * i * i],
+                }
+            }
+            Self::SymmetricDirichlet => Coefficients {
+                inverse_p: 1.0 / (1.0 + i * i),
+                p: [-2.0 * i * i * i, 6.0 * i * i * i * i],
+                q: [0.0; 3],
+            },
+            Self::Untangling { softness } => {
+                let [c, c1, c2] = chi(d, softness);
+                Coefficients {
+                    inverse_p: c,
+                    p: [-c1 / (c * c), 2.0 * c1 * c1 / (c * c * c) - c2 / (c * c)],
+                    q: [0.0; 3],
+                }
+            }
+        }
+    }
+
+    /// The value; infinite for a flipped or collapsed face if there is a barrier.
+    pub(crate) fn value(&self, s: &Singular) -> f64 {
+        let (s1, s2) = (s.s1, s.s2);
+        if self.has_barrier() && (s2.is_nan() || s2 <= 0.0) {
+            return f64::INFINITY;
+        }
+        let d = s1 * s2;
+        match *self {
+            Self::Sum { angle, area } => 0.5 * (angle * (s1 / s2 + s2 / s1) + area * (d + 1.0 / d)),
+            Self::SymmetricDirichlet => s1 * s1 + s2 * s2 + (s1 * s1 + s2 * s2) / (d * d),
+            Self::Untangling { .. } => self.coefficients(d).value(s),
+        }
+    }
+
+    fn derivatives(&self, s: &Singular) -> Derivatives {
+        match *self {
+            Self::Sum { angle, area } => sum_derivatives(angle, area, s),
+            Self::SymmetricDirichlet => symmetric_dirichlet_derivatives(s),
+            Self::Untangling { .. } => self.coefficients(s.s1 * s.s2).derivatives(s),
+        }
+    }
 }
 
 /// `chi`, and its first and second derivative.
@@ -29,92 +146,82 @@ fn chi(d: f64, softness: f64) -> [f64; 3] {
     [value, value / root, 2.0 * softness * softness / (root * root * root)]
 }
 
-/// First derivatives, and the Hessian on the four directions that diagonalise every isotropic energy in
-/// 2-D (Smith, de Goes and Kim 2019): the two stretches, turning and shearing.
+/// `p` and `q` of an energy at one `d`, with derivatives by `d`.
 #[derive(Debug, Clone, Copy)]
-struct Derivatives {
-    gradient: [f64; 2],
-    /// Second derivatives by the singular values: 11, 22, 12.
-    stretch: [f64; 3],
-    /// `(g1 + g2)/(s1 + s2)`.
-    turn: f64,
-    /// `(g1 - g2)/(s1 - s2)`, written out so that nothing cancels where they are equal.
-    shear: f64,
+struct Coefficients {
+    /// `1/p`: a division by it rounds once where `p` itself is a quotient.
+    inverse_p: f64,
+    /// `p'`, `p''`.
+    p: [f64; 2],
+    /// `q`, `q'`, `q''`.
+    q: [f64; 3],
 }
 
-impl Density {
-    pub(crate) fn new(options: &FlattenOptions) -> Self {
-        match options.energy {
-            Energy::Sum => Self::Sum { angle: options.angle, area: options.area },
-            Energy::SymmetricDirichlet => Self::SymmetricDirichlet,
-        }
+impl Coefficients {
+    fn value(&self, s: &Singular) -> f64 {
+        (s.s1 * s.s1 + s.s2 * s.s2) / self.inverse_p + self.q[0]
     }
 
-    /// The value; infinite for a flipped or collapsed face.
-    pub(crate) fn value(&self, s: &Singular) -> f64 {
-        let (s1, s2) = (s.s1, s.s2);
-        let d = s1 * s2;
-        if self.has_barrier() && (s2.is_nan() || s2 <= 0.0) {
-            return f64::INFINITY;
-        }
-        match *self {
-            Self::Sum { angle, area } => 0.5 * (angle * (s1 / s2 + s2 / s1) + area * (d + 1.0 / d)),
-            Self::SymmetricDirichlet => s1 * s1 + s2 * s2 + (s1 * s1 + s2 * s2) / (d * d),
-            Self::Untangling { softness } => (s1 * s1 + s2 * s2) / chi(d, softness)[0],
-        }
-    }
-
-    /// Whether flipped faces cost infinitely much.
-    pub(crate) fn has_barrier(&self) -> bool {
-        !matches!(self, Self::Untangling { .. })
-    }
-
+    /// The formulas of the module's page, term by term.
     fn derivatives(&self, s: &Singular) -> Derivatives {
+        let ([p1, p2], [_, q1, q2], twice_p) = (self.p, self.q, 2.0 / self.inverse_p);
         let (s1, s2) = (s.s1, s.s2);
-        let (i1, i2) = (1.0 / s1, 1.0 / s2);
-        let (squares, i) = (s1 * s1 + s2 * s2, i1 * i2);
-        match *self {
-            Self::Sum { angle, area } => {
-                let (a, b) = (0.5 * angle, 0.5 * area);
-                let d = s1 * s2;
-                Derivatives {
-                    gradient: [
-                        a * (i2 - s2 * i1 * i1) + b * (s2 - i * i1),
-                        a * (i1 - s1 * i2 * i2) + b * (s1 - i * i2),
-                    ],
-                    stretch: [
-                        2.0 * i1 * i1 * (a * s2 * i1 + b * i),
-                        2.0 * i2 * i2 * (a * s1 * i2 + b * i),
-                        -a * (i1 * i1 + i2 * i2) + b * (1.0 + i * i),
-                    ],
-                    turn: a * (i - (squares - d) * i * i) + b * (1.0 - i * i),
-                    shear: a * (i + (squares + d) * i * i) + b * (i * i - 1.0),
-                }
-            }
-            Self::SymmetricDirichlet => {
-                let cube = |x: f64| x * x * x;
-                let d = s1 * s2;
-                Derivatives {
-                    gradient: [2.0 * (s1 - cube(i1)), 2.0 * (s2 - cube(i2))],
-                    stretch: [2.0 + 6.0 * i1 * cube(i1), 2.0 + 6.0 * i2 * cube(i2), 0.0],
-                    turn: 2.0 - 2.0 * (squares - d) * cube(i),
-                    shear: 2.0 + 2.0 * (squares + d) * cube(i),
-                }
-            }
-            Self::Untangling { softness } => {
-                let d = s1 * s2;
-                let [c, c1, c2] = chi(d, softness);
-                // Slope and curvature of 1/chi.
-                let (slope, bend) = (-c1 / (c * c), 2.0 * c1 * c1 / (c * c * c) - c2 / (c * c));
-                let own = |s: f64, t: f64| 2.0 / c + 4.0 * s * t * slope + squares * t * t * bend;
-                Derivatives {
-                    gradient: [2.0 * s1 / c + squares * s2 * slope, 2.0 * s2 / c + squares * s1 * slope],
-                    stretch: [own(s1, s2), own(s2, s1), 3.0 * squares * slope + squares * d * bend],
-                    turn: 2.0 / c + squares * slope,
-                    shear: 2.0 / c - squares * slope,
-                }
-            }
+        let (d, squares) = (s1 * s2, s1 * s1 + s2 * s2);
+        let slope = |own: f64, other: f64| 2.0 * own / self.inverse_p + squares * other * p1 + q1 * other;
+        let curvature =
+            |other: f64| twice_p + 4.0 * d * p1 + squares * other * other * p2 + q2 * other * other;
+        let a = squares * p1 + q1;
+        Derivatives {
+            gradient: [slope(s1, s2), slope(s2, s1)],
+            stretch: [curvature(s2), curvature(s1), 3.0 * squares * p1 + squares * d * p2 + (q1 + q2 * d)],
+            twist: twice_p + a,
+            flip: twice_p - a,
         }
+    }
+}
+
+/// First derivatives, and the Hessian in the directions of the module's page.
+#[derive(Debug, Clone, Copy)]
+struct Derivatives {
+    /// `g1`, `g2`.
+    gradient: [f64; 2],
+    /// `h11`, `h22`, `h12`.
+    stretch: [f64; 3],
+    twist: f64,
+    flip: f64,
+}
+
+/// [`Coefficients::derivatives`] for `p = a/d`, `q = b (d + 1/d)`, multiplied out so that nothing
+/// cancels on a sliver.
+fn sum_derivatives(angle: f64, area: f64, s: &Singular) -> Derivatives {
+    let (s1, s2) = (s.s1, s.s2);
+    let (i1, i2) = (1.0 / s1, 1.0 / s2);
+    let (a, b) = (0.5 * angle, 0.5 * area);
+    let (d, i, squares) = (s1 * s2, i1 * i2, s1 * s1 + s2 * s2);
+    Derivatives {
+        gradient: [a * (i2 - s2 * i1 * i1) + b * (s2 - i * i1), a * (i1 - s1 * i2 * i2) + b * (s1 - i * i2)],
+        stretch: [
+            2.0 * i1 * i1 * (a * s2 * i1 + b * i),
+            2.0 * i2 * i2 * (a * s1 * i2 + b * i),
+            -a * (i1 * i1 + i2 * i2) + b * (1.0 + i * i),
+        ],
+        twist: a * (i - (squares - d) * i * i) + b * (1.0 - i * i),
+        flip: a * (i + (squares + d) * i * i) + b * (i * i - 1.0),
+    }
+}
+
+/// [`Coefficients::derivatives`] for `p = 1 + 1/d^2`, `q = 0`, multiplied out so that nothing
+/// cancels on a sliver.
+fn symmetric_dirichlet_derivatives(s: &Singular) -> Derivatives {
+    let (s1, s2) = (s.s1, s.s2);
+    let (i1, i2) = (1.0 / s1, 1.0 / s2);
+    let (d, i, squares) = (s1 * s2, i1 * i2, s1 * s1 + s2 * s2);
+    let cube = |x: f64| x * x * x;
+    Derivatives {
+        gradient: [2.0 * (s1 - cube(i1)), 2.0 * (s2 - cube(i2))],
+        stretch: [2.0 + 6.0 * i1 * cube(i1), 2.0 + 6.0 * i2 * cube(i2), 0.0],
+        twist: 2.0 - 2.0 * (squares - d) * cube(i),
+        flip: 2.0 + 2.0 * (squares + d) * cube(i),
     }
 }
 
@@ -125,27 +232,27 @@ pub(crate) struct LocalModel {
     /// Blocks of the corner pairs (0,0), (1,1), (2,2).
     pub(crate) diagonal: [DMat2; 3],
     /// Blocks of the corner pairs (0,1), (1,2), (2,0): row first.
-    pub(crate) beside: [DMat2; 3],
+    pub(crate) off_diagonal: [DMat2; 3],
 }
 
 impl LocalModel {
     /// The model of a face of weight `weight` with hat gradients `hats`.
-    pub(crate) fn new(density: &Density, s: &Singular, hats: &[DVec2; 3], weight: f64) -> Self {
-        let d = density.derivatives(s);
-        let turned = |v: DVec2| DVec2::new(-v.y, v.x);
+    pub(crate) fn new(energy: &DistortionEnergy, s: &Singular, hats: &[DVec2; 3], weight: f64) -> Self {
+        let d = energy.derivatives(s);
+        let quarter_turn = |v: DVec2| DVec2::new(-v.y, v.x);
         let rotate = |g: DVec2| s.rotation.rotate(g);
         // [c, s; s, -c] g, and the same for the vector turned by a quarter.
         let reflect = |m: DVec2, g: DVec2| DVec2::new(m.dot(g), DVec2::new(m.y, -m.x).dot(g));
-        let shear = turned(s.reflection);
+        let flip = quarter_turn(s.reflection);
         // Modes applied to each hat gradient, of unit Frobenius norm: stretch along the first and
-        // second singular direction, turn, shear.
+        // second singular direction, twist, flip.
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let stretch = hats.map(|g| {
             let (r, m) = (rotate(g), reflect(s.reflection, g));
             [0.5 * (r + m), 0.5 * (r - m)]
         });
-        let turns = hats.map(|g| half * turned(rotate(g)));
-        let shears = hats.map(|g| half * reflect(shear, g));
+        let twists = hats.map(|g| half * quarter_turn(rotate(g)));
+        let flips = hats.map(|g| half * reflect(flip, g));
 
         let [h11, h22, h12] = d.stretch;
         let (mean, difference) = (0.5 * (h11 + h22), 0.5 * (h11 - h22));
@@ -156,13 +263,13 @@ impl LocalModel {
 
         // `DMat2::default()` is the identity.
         let mut model =
-            Self { gradient: [DVec2::ZERO; 3], diagonal: [DMat2::ZERO; 3], beside: [DMat2::ZERO; 3] };
-        let modes = [(mean + radius, first), (mean - radius, second), (d.turn, turns), (d.shear, shears)];
+            Self { gradient: [DVec2::ZERO; 3], diagonal: [DMat2::ZERO; 3], off_diagonal: [DMat2::ZERO; 3] };
+        let modes = [(mean + radius, first), (mean - radius, second), (d.twist, twists), (d.flip, flips)];
         for (curvature, mode) in modes {
             let c = weight * curvature.max(0.0);
             for k in 0..3 {
                 model.diagonal[k] += outer(c * mode[k], mode[k]);
-                model.beside[k] += outer(c * mode[k], mode[(k + 1) % 3]);
+                model.off_diagonal[k] += outer(c * mode[k], mode[(k + 1) % 3]);
             }
         }
         model.gradient = stretch.map(|[d1, d2]| weight * (d.gradient[0] * d1 + d.gradient[1] * d2));
@@ -196,19 +303,19 @@ mod tests {
     use super::*;
 
     const HATS: [DVec2; 3] = [DVec2::new(-1.2, -0.3), DVec2::new(1.0, -0.7), DVec2::new(0.2, 1.0)];
-    const DENSITIES: [Density; 4] = [
-        Density::Untangling { softness: 0.1 },
-        Density::Sum { angle: 1.0, area: 0.0 },
-        Density::Sum { angle: 0.3, area: 1.0 },
-        Density::SymmetricDirichlet,
+    const ENERGIES: [DistortionEnergy; 4] = [
+        DistortionEnergy::Untangling { softness: 0.1 },
+        DistortionEnergy::Sum { angle: 1.0, area: 0.0 },
+        DistortionEnergy::Sum { angle: 0.3, area: 1.0 },
+        DistortionEnergy::SymmetricDirichlet,
     ];
 
     fn jacobian(uv: &[DVec2; 3]) -> DMat2 {
         (0..3).map(|k| outer(uv[k], HATS[k])).fold(DMat2::ZERO, |a, b| a + b)
     }
 
-    fn model(density: &Density, uv: &[DVec2; 3]) -> LocalModel {
-        LocalModel::new(density, &Singular::of(&jacobian(uv)), &HATS, 0.7)
+    fn model(energy: &DistortionEnergy, uv: &[DVec2; 3]) -> LocalModel {
+        LocalModel::new(energy, &Singular::of(&jacobian(uv)), &HATS, 0.7)
     }
 
     /// Unflipped, stretched and turned.
@@ -216,9 +323,9 @@ mod tests {
 
     #[test]
     fn the_gradient_is_the_derivative_of_the_value() {
-        for density in &DENSITIES {
-            let value = |uv: &[DVec2; 3]| 0.7 * density.value(&Singular::of(&jacobian(uv)));
-            let found = model(density, &UV).gradient;
+        for energy in &ENERGIES {
+            let value = |uv: &[DVec2; 3]| 0.7 * energy.value(&Singular::of(&jacobian(uv)));
+            let found = model(energy, &UV).gradient;
             for k in 0..3 {
                 for (axis, step) in [DVec2::X, DVec2::Y].into_iter().enumerate() {
                     let (mut up, mut down) = (UV, UV);
@@ -227,7 +334,7 @@ mod tests {
                     let difference = (value(&up) - value(&down)) / 2e-6;
                     assert!(
                         (found[k][axis] - difference).abs() < 1e-7,
-                        "{density:?}: {} is {difference}",
+                        "{energy:?}: {} is {difference}",
                         found[k]
                     );
                 }
@@ -235,33 +342,71 @@ mod tests {
         }
     }
 
-    /// Near the isometry no curvature is negative, so nothing is clamped and the model is the Hessian.
+    /// Near the isometry no curvature is negative, so nothing is clamped and the model is the
+    /// Hessian.
     #[test]
     fn the_model_is_the_hessian_where_that_is_positive() {
         // Corners that make the Jacobian nearly the identity: hats and positions are dual.
         let inverse = DMat2::from_cols(HATS[1], HATS[2]).transpose().inverse();
         let uv = [DVec2::ZERO, inverse.x_axis * 1.001, inverse.y_axis + DVec2::new(5e-4, 0.0)];
-        for density in &DENSITIES[2..] {
-            let hessian = model(density, &uv);
+        for energy in &ENERGIES[2..] {
+            let hessian = model(energy, &uv);
             for k in 0..3 {
                 let mut moved = uv;
                 moved[1] += DVec2::new(1e-6, 0.0);
-                let up = model(density, &moved).gradient[k];
+                let up = model(energy, &moved).gradient[k];
                 moved[1] -= DVec2::new(2e-6, 0.0);
-                let down = model(density, &moved).gradient[k];
+                let down = model(energy, &moved).gradient[k];
                 let difference = (up - down) / 2e-6;
-                let block = [hessian.beside[0], hessian.diagonal[1], hessian.beside[1].transpose()][k];
-                // One curvature (turning) is slightly negative or positive, of the order of the strain.
+                let block =
+                    [hessian.off_diagonal[0], hessian.diagonal[1], hessian.off_diagonal[1].transpose()][k];
+                // One curvature (turning) is slightly negative or positive, of the order of the
+                // strain.
                 let error = (block.x_axis - difference).length();
-                assert!(error < 2e-3, "{density:?}: {} is {difference}", block.x_axis);
+                assert!(error < 2e-3, "{energy:?}: {} is {difference}", block.x_axis);
+            }
+        }
+    }
+
+    /// The written-out derivatives are those of the formula; on slivers the formula alone loses
+    /// digits.
+    #[test]
+    fn every_energy_follows_from_its_two_coefficients() {
+        for energy in &ENERGIES {
+            for [s1, s2] in [[1.0, 1.0], [1.1, 0.9], [3.0, 0.2], [0.4, 0.3], [7.0, 5.0]] {
+                let s = Singular::of(&DMat2::from_cols_array(&[s1, 0.0, 0.0, s2]));
+                let coefficients = energy.coefficients(s1 * s2);
+                let value = coefficients.value(&s);
+                assert!((energy.value(&s) - value).abs() <= 1e-14 * value, "{energy:?} at {s1}, {s2}");
+                let flat = |d: Derivatives| {
+                    let ([g1, g2], [h11, h22, h12]) = (d.gradient, d.stretch);
+                    [g1, g2, h11, h22, h12, d.twist, d.flip]
+                };
+                let (exact, formula) = (flat(energy.derivatives(&s)), flat(coefficients.derivatives(&s)));
+                let largest = formula.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+                for (x, y) in exact.into_iter().zip(formula) {
+                    assert!(
+                        (x - y).abs() <= 1e-14 * largest,
+                        "{energy:?} at {s1}, {s2}: {exact:?}, {formula:?}"
+                    );
+                }
             }
         }
     }
 
     #[test]
+    fn the_written_out_curvature_is_exact_on_a_sliver() {
+        let s = Singular::of(&DMat2::from_cols_array(&[1.0, 0.0, 0.0, 1e-6]));
+        let [h11, ..] = DistortionEnergy::Sum { angle: 1.0, area: 0.0 }.derivatives(&s).stretch;
+        assert!((h11 / (s.s2 / s.s1.powi(3)) - 1.0).abs() < 1e-14, "angle s2/s1^3, found {h11}");
+        let [h11, ..] = DistortionEnergy::SymmetricDirichlet.derivatives(&s).stretch;
+        assert!((h11 - 8.0).abs() < 1e-14, "2 + 6/s1^4, found {h11}");
+    }
+
+    #[test]
     fn turning_and_moving_a_face_costs_nothing() {
-        for density in &DENSITIES {
-            let m = model(density, &UV);
+        for energy in &ENERGIES {
+            let m = model(energy, &UV);
             let sum: DVec2 = m.gradient.iter().sum();
             assert!(sum.length() < 1e-14, "no force on the whole face");
             let torque: f64 = UV.iter().zip(&m.gradient).map(|(p, g)| p.perp_dot(*g)).sum();
@@ -272,19 +417,19 @@ mod tests {
     #[test]
     fn a_flipped_face_costs_infinitely_much_where_there_is_a_barrier() {
         let mirrored = UV.map(|p| DVec2::new(-p.x, p.y));
-        for density in &DENSITIES {
-            let value = density.value(&Singular::of(&jacobian(&mirrored)));
-            assert_eq!(value.is_infinite(), density.has_barrier(), "{density:?}");
+        for energy in &ENERGIES {
+            let value = energy.value(&Singular::of(&jacobian(&mirrored)));
+            assert_eq!(value.is_infinite(), energy.has_barrier(), "{energy:?}");
         }
     }
 
     /// The untangling energy is used on flipped faces, so its derivatives must hold there.
     #[test]
     fn the_gradient_holds_for_a_flipped_face() {
-        let density = Density::Untangling { softness: 0.3 };
+        let energy = DistortionEnergy::Untangling { softness: 0.3 };
         let mirrored = UV.map(|p| DVec2::new(-p.x, p.y));
-        let value = |uv: &[DVec2; 3]| 0.7 * density.value(&Singular::of(&jacobian(uv)));
-        let found = model(&density, &mirrored).gradient;
+        let value = |uv: &[DVec2; 3]| 0.7 * energy.value(&Singular::of(&jacobian(uv)));
+        let found = model(&energy, &mirrored).gradient;
         for k in 0..3 {
             for (axis, step) in [DVec2::X, DVec2::Y].into_iter().enumerate() {
                 let (mut up, mut down) = (mirrored, mirrored);

@@ -1,13 +1,20 @@
+//! Projected Newton with a line search that cannot flip a face (`[teran2005]`, `[smith2015]`).
+//!
+//! Each step solves the Newton system of the convex model, directly or by truncated conjugate
+//! gradients with block Jacobi. It starts at 0.9 of the first step that collapses a face, and is
+//! halved until the energy falls (`[armijo1966]`). It reaches a local minimum, which need not be
+//! the global one.
+
 use glam::{DMat2, DVec2};
 
 use crate::{
-    flatten::energy::objective::Problem,
+    flatten::energy::objective::Objective,
     id::{IdVec, VertexId},
     sparse::{BlockJacobi, Cholesky, Matrix, SparseError, Stop, conjugate_gradients, dot},
 };
 
-/// Added to the diagonal of the Hessian, over its mean: moving and turning the whole map costs nothing, so
-/// the Hessian alone is singular. It fixes the gauge without pinning a vertex.
+/// Added to the diagonal of the Hessian, over its mean: moving and turning the whole map costs
+/// nothing, so the Hessian alone is singular. It fixes the gauge without pinning a vertex.
 const GAUGE: f64 = 1e-9;
 
 /// How much the gauge term grows when rounding still makes a pivot negative.
@@ -16,54 +23,57 @@ const GAUGE_GROWTH: f64 = 1e3;
 /// Share of the decrease promised by the gradient that a step must reach (Armijo 1966).
 const ARMIJO: f64 = 1e-4;
 
-/// Rise of the energy, over its value, that rounding explains: the last steps to the optimum are lost in it.
+/// Rise of the energy, over its value, that rounding explains: the last steps to the optimum are
+/// lost in it.
 const ROUNDING: f64 = 4e-15;
 
-/// Halvings of a step before it is given up: the map is then as good as rounding allows.
+/// Halvings of a step before the minimisation ends: the map is then optimal up to rounding.
 const HALVINGS: usize = 30;
 
-/// Conjugate gradients stop at this residual: a truncated step needs no more, the next one has another Hessian.
+/// Conjugate gradients stop at this relative residual (truncated Newton).
 const RESIDUAL: f64 = 1e-2;
 
-/// Iterations of the first steps. From the optimum of a coarser level only details are missing, and twenty reach them.
+/// Iterations of the first steps: from the optimum of a coarser level only short-range corrections
+/// are missing.
 const FIRST_ITERATIONS: usize = 20;
 
 /// Iterations at most.
 const MOST_ITERATIONS: usize = 640;
 
-/// A step that promises more than this share of what the last one promised was too short: iterations are doubled.
+/// If the decrease promised by a step is more than this share of the last one, the last step was
+/// solved too coarsely: the iterations are doubled.
 const SLOW: f64 = 0.3;
 
 /// How the Newton system is solved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Solver {
-    /// By factoring it; the steps are exact and few.
+    /// By a Cholesky factorisation: few exact steps.
     Direct,
-    /// By conjugate gradients, as many iterations as pay off; nothing is factored.
+    /// By conjugate gradients, with more iterations where steps fall short.
     Iterative,
 }
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Limits {
+pub(crate) struct NewtonLimits {
     /// Decrease promised by a step, over the energy.
     pub(crate) decrement: f64,
     /// Newton steps.
     pub(crate) steps: usize,
 }
 
-impl Problem<'_> {
-    /// Minimises the energy by projected Newton. A density with a barrier needs a map without flips to start from, and
-    /// no step flips a face.
+impl Objective<'_> {
+    /// Minimises the energy by projected Newton. An energy with a barrier needs a map without flips
+    /// to start from, and no step flips a face.
     pub(crate) fn minimise(
         &self,
         uv: &mut IdVec<VertexId, DVec2>,
         solver: Solver,
-        limits: Limits,
+        limits: NewtonLimits,
     ) -> Result<(), SparseError> {
-        let mut hessian = Matrix::zero(&self.net.pattern);
+        let mut hessian = Matrix::zero(&self.elements.pattern);
         let direct = match solver {
-            Solver::Direct => Some(Cholesky::of_blocks(&self.net.pattern, &self.net.places)?),
+            Solver::Direct => Some(Cholesky::of_blocks(&self.elements.pattern, &self.elements.positions)?),
             Solver::Iterative => None,
         };
         let mut energy = self.energy(uv);
@@ -80,7 +90,8 @@ impl Problem<'_> {
                 Some(reached) => energy = reached,
                 None => break,
             }
-            // After the step, not before: convergence is quadratic, so the last step squares the error.
+            // After the step, not before: convergence is quadratic, so the last step squares the
+            // error.
             if decrement.is_nan() || decrement <= limits.decrement * energy {
                 break;
             }
@@ -92,7 +103,8 @@ impl Problem<'_> {
         Ok(())
     }
 
-    /// Moves `uv` along `d` as far as the energy falls, and returns the new energy; `None` if it falls nowhere.
+    /// Moves `uv` along `d` as far as the energy falls, and returns the new energy; `None` if it
+    /// falls nowhere.
     fn line_search(
         &self,
         uv: &mut IdVec<VertexId, DVec2>,

@@ -1,11 +1,22 @@
+//! The energy of a whole map, and the quadratic model of it that a Newton step minimises.
+//!
+//! ```text
+//! E(uv) = sum over faces of A E_face(s1, s2)
+//!       + l3 h sum over boundary edges of L (r + 1/r)/2  +  boundary term
+//! ```
+//!
+//! with `A` the share of the area, `L` the length of an edge and `r` its stretch, `h` the mean edge
+//! (so that the perimeter term does not grow as a mesh is refined); eq. (4) of `[cannata]`. Sums
+//! run in fixed parts, so results do not depend on the number of threads.
+
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
 use crate::{
     flatten::{
-        bijective::barrier::Barrier,
-        domain::elements::{Element, FIXED, Net, Stars},
-        energy::density::{Density, LocalModel, outer},
+        Energy,
+        domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED},
+        energy::density::{DistortionEnergy, LocalModel, outer},
         jacobian::Singular,
     },
     id::{IdVec, VertexId},
@@ -18,40 +29,58 @@ const FACES_PER_TASK: usize = 2048;
 /// Share of the step to the first collapsed face that is taken at most.
 const STEP_TO_COLLAPSE: f64 = 0.9;
 
-/// The energy of a map of a net, with its gradient and a convex model of its Hessian.
-#[derive(Debug)]
-pub(crate) struct Problem<'n> {
-    pub(crate) net: &'n Net,
-    pub(crate) density: Density,
-    /// Weight of the perimeter term, `l3`.
-    pub(crate) perimeter: f64,
-    /// Keeps the boundary from crossing itself, if there is one.
-    barrier: Option<Barrier>,
-    stars: Stars,
+/// A term of the energy that depends on the shape of the boundary on the map.
+pub(crate) trait BoundaryTerm: std::fmt::Debug + Sync {
+    /// Its value; infinite for a map that must not be.
+    fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64;
+
+    /// Adds its gradient, and a positive semi-definite model of its Hessian.
+    fn add(&self, uv: &IdVec<VertexId, DVec2>, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>);
 }
 
-impl<'n> Problem<'n> {
-    pub(crate) fn new(net: &'n Net, density: Density, perimeter: f64) -> Self {
-        Self { net, density, perimeter, barrier: None, stars: Stars::new(net) }
+/// The energy of a map, with its gradient and a convex model of its Hessian.
+#[derive(Debug)]
+pub(crate) struct Objective<'e> {
+    pub(crate) elements: &'e ElementMesh,
+    energy: DistortionEnergy,
+    /// Weight of the perimeter term, `l3`.
+    perimeter: f64,
+    boundary_term: Option<&'e dyn BoundaryTerm>,
+    slots: CornerSlots,
+}
+
+impl<'e> Objective<'e> {
+    /// The energy of the options.
+    pub(crate) fn new(elements: &'e ElementMesh, energy: Energy) -> Self {
+        let perimeter = match energy {
+            Energy::Sum { perimeter, .. } => perimeter,
+            Energy::SymmetricDirichlet => 0.0,
+        };
+        Self { perimeter, ..Self::of_faces(elements, energy.into()) }
     }
 
-    /// The same with a boundary that must not cross itself.
-    pub(crate) fn with_barrier(self, barrier: Barrier) -> Self {
-        Self { barrier: Some(barrier), ..self }
+    /// An energy of the faces alone.
+    pub(crate) fn of_faces(elements: &'e ElementMesh, energy: DistortionEnergy) -> Self {
+        Self { elements, energy, perimeter: 0.0, boundary_term: None, slots: CornerSlots::new(elements) }
+    }
+
+    /// The same with another term.
+    pub(crate) fn with_boundary_term(self, term: &'e dyn BoundaryTerm) -> Self {
+        Self { boundary_term: Some(term), ..self }
     }
 
     /// `f` of every part of the faces, in order.
     fn each_part<T: Send>(&self, f: impl Fn(&[Element]) -> T + Sync + Send) -> Vec<T> {
-        self.net.elements.as_slice().par_chunks(FACES_PER_TASK).map(f).collect()
+        self.elements.faces.as_slice().par_chunks(FACES_PER_TASK).map(f).collect()
     }
 
-    /// The energy; infinite if a face is flipped and the density has a barrier, or if the boundary has one and crosses
-    /// itself or turns a hole inside out.
+    /// The energy; infinite if a face is flipped and the energy has a barrier, or if the boundary
+    /// term is infinite.
     pub(crate) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
-        let face = |e: &Element| e.weight * self.density.value(&singular(e, uv));
+        let face = |e: &Element| e.weight * self.energy.value(&singular(e, uv));
         let parts = self.each_part(|part| part.iter().map(face).sum::<f64>());
-        let repulsion = self.barrier.as_ref().map_or(0.0, |b| b.energy(uv));
-        parts.iter().sum::<f64>() + self.perimeter_energy(uv) + repulsion
+        let of_boundary = self.boundary_term.map_or(0.0, |term| term.energy(uv));
+        parts.iter().sum::<f64>() + self.perimeter_energy(uv) + of_boundary
     }
 
     /// `l3 h sum_b L_b (r_b + 1/r_b)/2`.
@@ -59,12 +88,12 @@ impl<'n> Problem<'n> {
         if self.perimeter == 0.0 {
             return 0.0;
         }
-        let scale = 0.5 * self.perimeter * self.net.mean_edge;
-        let term = |&([a, b], length): &([VertexId; 2], f64)| {
+        let scale = 0.5 * self.perimeter * self.elements.mean_edge;
+        let term = |&BoundaryEdge { ends: [a, b], length }: &BoundaryEdge| {
             let r = uv[a].distance(uv[b]) / length;
             scale * length * (r + 1.0 / r)
         };
-        self.net.boundary.iter().map(term).sum()
+        self.elements.boundary.iter().map(term).sum()
     }
 
     /// Gradient by the movable vertices, and projected Hessian, at `uv`.
@@ -73,15 +102,15 @@ impl<'n> Problem<'n> {
         uv: &IdVec<VertexId, DVec2>,
         hessian: &mut Matrix<'_, DMat2>,
     ) -> Vec<DVec2> {
-        let model = |e: &Element| LocalModel::new(&self.density, &singular(e, uv), &e.gradients, e.weight);
+        let model = |e: &Element| LocalModel::new(&self.energy, &singular(e, uv), &e.gradients, e.weight);
         let models: Vec<LocalModel> =
-            self.net.elements.as_slice().par_iter().with_min_len(FACES_PER_TASK).map(model).collect();
+            self.elements.faces.as_slice().par_iter().with_min_len(FACES_PER_TASK).map(model).collect();
         let pattern = hessian.pattern();
         hessian.fill_rows(|row, blocks| {
             let first = pattern.slots(row).start;
-            for corner in self.stars.of(row) {
+            for corner in self.slots.of(row) {
                 let (m, k) = (&models[corner.face.index()], corner.corner as usize);
-                let of_corner = [m.diagonal[k], m.beside[k], m.beside[(k + 2) % 3].transpose()];
+                let of_corner = [m.diagonal[k], m.off_diagonal[k], m.off_diagonal[(k + 2) % 3].transpose()];
                 for (slot, block) in corner.slots.into_iter().zip(of_corner) {
                     if slot != FIXED {
                         blocks[slot as usize - first] += block;
@@ -90,13 +119,13 @@ impl<'n> Problem<'n> {
             }
         });
         let force = |row: usize| -> DVec2 {
-            self.stars.of(row).iter().map(|c| models[c.face.index()].gradient[c.corner as usize]).sum()
+            self.slots.of(row).iter().map(|c| models[c.face.index()].gradient[c.corner as usize]).sum()
         };
         let mut gradient: Vec<DVec2> =
-            (0..self.net.free()).into_par_iter().with_min_len(FACES_PER_TASK).map(force).collect();
+            (0..self.elements.free()).into_par_iter().with_min_len(FACES_PER_TASK).map(force).collect();
         self.add_perimeter(uv, &mut gradient, hessian);
-        if let Some(barrier) = &self.barrier {
-            barrier.add(uv, &mut gradient, hessian);
+        if let Some(term) = self.boundary_term {
+            term.add(uv, &mut gradient, hessian);
         }
         gradient
     }
@@ -110,8 +139,8 @@ impl<'n> Problem<'n> {
         if self.perimeter == 0.0 {
             return;
         }
-        let scale = 0.5 * self.perimeter * self.net.mean_edge;
-        for &([a, b], length) in &self.net.boundary {
+        let scale = 0.5 * self.perimeter * self.elements.mean_edge;
+        for &BoundaryEdge { ends: [a, b], length } in &self.elements.boundary {
             let edge = uv[b] - uv[a];
             let stretched = edge.length();
             let (r, along) = (stretched / length, edge / stretched);
@@ -132,7 +161,7 @@ impl<'n> Problem<'n> {
 
     /// The largest share of the step `d` of the movable vertices that collapses no face, at most 1.
     pub(crate) fn largest_step(&self, uv: &IdVec<VertexId, DVec2>, d: &[DVec2]) -> f64 {
-        if !self.density.has_barrier() {
+        if !self.energy.has_barrier() {
             return 1.0;
         }
         let parts =
@@ -147,7 +176,8 @@ fn singular(e: &Element, uv: &IdVec<VertexId, DVec2>) -> Singular {
     Singular::of(&(outer(a, g0) + outer(b, g1) + outer(c, g2)))
 }
 
-/// The smallest positive step along `d` at which the face's area is zero; infinite if there is none.
+/// The smallest positive step along `d` at which the face's area is zero; infinite if there is
+/// none.
 fn collapse(e: &Element, uv: &IdVec<VertexId, DVec2>, d: &[DVec2]) -> f64 {
     let [a, b, c] = e.corners.map(|v| uv[v]);
     let [da, db, dc] = e.corners.map(|v| d.get(v.index()).copied().unwrap_or(DVec2::ZERO));

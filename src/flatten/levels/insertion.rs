@@ -1,3 +1,13 @@
+//! Puts the vertices of a finer level on the map of a coarser one: the removals of the pyramid are
+//! undone on the map.
+//!
+//! Every vertex goes where its ring on the skin says, by mean value coordinates
+//! (`[floater2003mvc]`), if no face around it flips there; else into the kernel of its ring, the
+//! set of points that see all of it. A kernel may be empty: then the vertex is counted as unplaced,
+//! and the caller repairs the flips. *Heuristic*: the share of area that counts as well inside.
+
+use std::f64::consts::TAU;
+
 use glam::{DVec2, DVec3};
 
 use crate::{
@@ -9,8 +19,8 @@ use crate::{
 /// A vertex lies well inside its star if every new face has at least this share of the mean area.
 const WELL_INSIDE: f64 = 0.02;
 
-/// A map of a coarser level on its way to the map of `level`: removals are undone on it one by one, last to first, and
-/// each vertex goes back into its own star.
+/// A map of a coarser level on its way to the map of `level`: removals are undone on it one by one,
+/// last to first, and each vertex goes back into its own ring.
 #[derive(Debug, Clone)]
 pub(crate) struct Insertion<'l> {
     level: &'l Level,
@@ -40,19 +50,20 @@ impl<'l> Insertion<'l> {
         self.left
     }
 
-    /// Undoes removals until so many are left, and returns how many vertices found no place without a flip.
+    /// Undoes removals until this many are left, and returns how many vertices found no place
+    /// without a flip.
     pub(crate) fn undo_until(&mut self, left: usize) -> usize {
-        let mut homeless = 0;
+        let mut unplaced = 0;
         for removal in self.level.removals.iter().take(self.left).skip(left).rev() {
-            let star = Star::new(&self.level.mesh, &self.map, &removal);
-            let wanted = star.transplanted();
-            let at = if star.fits(wanted) { Some(wanted) } else { star.kernel_centre(wanted) };
-            homeless += usize::from(at.is_none());
+            let ring = RingMap::new(&self.level.mesh, &self.map, &removal);
+            let wanted = ring.transplanted();
+            let at = if ring.fits(wanted) { Some(wanted) } else { ring.kernel_centre(wanted) };
+            unplaced += usize::from(at.is_none());
             self.map[removal.vertex] = at.unwrap_or(wanted);
             self.present[removal.vertex] = true;
         }
         self.left = self.left.min(left);
-        homeless
+        unplaced
     }
 
     /// The mesh of the vertices on the map, and the vertex of the level that each of them is.
@@ -72,19 +83,17 @@ impl<'l> Insertion<'l> {
 }
 
 /// The ring of a removed vertex, on the skin around the vertex and on the map.
-struct Star {
+struct RingMap {
     /// The ring laid flat around the vertex: true lengths, angles scaled to a full turn inside.
     skin: Vec<DVec2>,
     map: Vec<DVec2>,
     boundary: bool,
 }
 
-impl Star {
+impl RingMap {
     fn new(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, removal: &Removal<'_>) -> Self {
-        let centre = mesh.positions[removal.vertex];
-        let ring: Vec<DVec3> = removal.ring.iter().map(|&v| mesh.positions[v]).collect();
         Self {
-            skin: lay_flat(centre, &ring, removal.boundary),
+            skin: lay_flat(mesh, removal),
             map: removal.ring.iter().map(|&v| uv[v]).collect(),
             boundary: removal.boundary,
         }
@@ -96,8 +105,9 @@ impl Star {
         (0..count).map(|k| (self.map[k], self.map[(k + 1) % self.map.len()]))
     }
 
-    /// Where the vertex goes if the star on the skin is carried over by the affine map (inside) or the similarity (on a
-    /// boundary, where the vertex lies outside of its ring) that fits the ring best.
+    /// Where the vertex goes if the star on the skin is carried over by the affine map (inside) or
+    /// the similarity (on a boundary, where the vertex lies outside of its ring) that fits the ring
+    /// best.
     fn transplanted(&self) -> DVec2 {
         let count = self.skin.len() as f64;
         let from = self.skin.iter().sum::<DVec2>() / count;
@@ -155,17 +165,26 @@ impl Star {
     }
 }
 
-/// The ring around `centre` in the plane: true distances, angles added up; scaled to a full turn for a closed ring, and to
-/// less than one for an open one.
-fn lay_flat(centre: DVec3, ring: &[DVec3], boundary: bool) -> Vec<DVec2> {
-    use std::f64::consts::TAU;
+/// An open ring, around a boundary vertex, is narrowed to this share of a turn if its angles add up
+/// to more: its first and last vertex would meet, or change sides.
+const WIDEST_OPEN: f64 = 0.9;
+
+/// The ring around a removed vertex in the plane, the vertex at the origin: true distances, angles
+/// added up; those of a closed ring scaled to a full turn.
+///
+/// An open ring keeps its angles: the vertex shall go back to where it was, outside of an edge
+/// between its first and last neighbour. (The star that `pyramid::removal` retriangulates is scaled
+/// to half a turn instead, because there the boundary shall run straight past the removed vertex.)
+fn lay_flat(mesh: &TriMesh, removal: &Removal<'_>) -> Vec<DVec2> {
+    let centre = mesh.positions[removal.vertex];
+    let ring: Vec<DVec3> = removal.ring.iter().map(|&v| mesh.positions[v]).collect();
     let count = ring.len();
-    let gaps = count - usize::from(boundary);
+    let gaps = count - usize::from(removal.boundary);
     let angles: Vec<f64> = (0..gaps).map(|k| angle(centre, ring[k], ring[(k + 1) % count])).collect();
     let sum: f64 = angles.iter().sum();
-    let scale = match boundary {
+    let scale = match removal.boundary {
         false if sum > 0.0 => TAU / sum,
-        true if sum > 0.9 * TAU => 0.9 * TAU / sum,
+        true if sum > WIDEST_OPEN * TAU => WIDEST_OPEN * TAU / sum,
         _ => 1.0,
     };
     let mut turn = 0.0;
@@ -224,9 +243,9 @@ fn centroid(polygon: &[DVec2]) -> Option<DVec2> {
 mod tests {
     use super::*;
 
-    fn star(map: &[[f64; 2]], boundary: bool) -> Star {
+    fn star(map: &[[f64; 2]], boundary: bool) -> RingMap {
         let map: Vec<DVec2> = map.iter().map(|&p| p.into()).collect();
-        Star { skin: map.clone(), map, boundary }
+        RingMap { skin: map.clone(), map, boundary }
     }
 
     #[test]
@@ -244,7 +263,8 @@ mod tests {
         assert!(s.transplanted().distance(DVec2::X) < 1e-15);
     }
 
-    /// An L: the corner behind the bend does not see the far end, the kernel is the square at the bend.
+    /// An L: the corner behind the bend does not see the far end, the kernel is the square at the
+    /// bend.
     #[test]
     fn a_place_outside_of_the_kernel_moves_into_it() {
         let l = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];

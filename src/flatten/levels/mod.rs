@@ -1,4 +1,5 @@
-//! From the map of a coarse level to that of the next finer one.
+//! One level, and from one level to the next finer one.
 
 pub(super) mod insertion;
 pub(super) mod refine;
+pub(super) mod relax;

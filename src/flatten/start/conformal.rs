@@ -1,36 +1,47 @@
+//! The spectral natural conformal map: least angle distortion, free boundary, no pinned vertex
+//! (`[mullen2008]`, `[desbrun2002]`).
+//!
+//! A map by itself, and the start of the intrinsic method. It may flip faces and wind twice about a
+//! vertex.
+
 use std::f64::consts::TAU;
 
 use glam::DVec2;
 
 use crate::{
-    flatten::{FlattenError, domain::flatten_domain::Surface},
+    flatten::{
+        FlattenError,
+        domain::{elements::BoundaryEdge, flatten_domain::FlattenDomain},
+    },
     id::{IdVec, VertexId},
     sparse::{Cholesky, Matrix, SparseError},
 };
 
-/// Share of the boundary mass that is added to the matrix, which is singular (translations) and on a flat mesh doubly so. A shift
-/// by the mass leaves the eigenvectors what they are; it is far below the other eigenvalues, which are of order 1, and far
-/// above rounding.
+/// Share of the boundary mass that is added to the matrix, which is singular (translations) and on
+/// a flat mesh doubly so. A shift by the mass does not change the eigenvectors; it is far below the
+/// other eigenvalues, which are of order 1, and far above rounding.
 const SHIFT: f64 = 1e-4;
 
 /// How much the shift grows when rounding still makes a pivot negative.
 const SHIFT_GROWTH: f64 = 10.0;
 
-/// Inverse iteration ends when the eigenvalue changes by less than this, relatively: the error of the
-/// map is about its square root.
+/// Inverse iteration ends when the eigenvalue changes by less than this, relatively: the error of
+/// the map is about its square root.
 const TOLERANCE: f64 = 1e-13;
 
-/// Iterations at most; 5 to 20 are usual, two nearly equal eigenvalues need more and either map is as good.
+/// Iterations at most; 5 to 20 are usual, two nearly equal eigenvalues need more and either map is
+/// as good.
 const ITERATIONS: usize = 60;
 
-/// The conformal energy `E_D - A` of a map given as complex numbers, as a Hermitian matrix: `z* M z / 2`.
+/// The conformal energy `E_D - A` of a map given as complex numbers, as a Hermitian matrix: `z* M z
+/// / 2`.
 ///
-/// The Dirichlet energy is the cotangent Laplacian; the area enclosed is a sum over boundary edges and adds the only
-/// imaginary entries. One complex unknown a vertex instead of two real ones
-/// makes the factor four times smaller (natural conformal map of Desbrun, Meyer and Alliez 2002).
-pub(crate) fn conformal_matrix<'s>(surface: &'s Surface<'_>) -> Matrix<'s, DVec2> {
-    let mut matrix = Matrix::<DVec2>::zero(&surface.net.pattern);
-    for e in &surface.net.elements {
+/// The Dirichlet energy is the cotangent Laplacian; the area enclosed is a sum over boundary edges
+/// and adds the only imaginary entries. One complex unknown a vertex instead of two real ones makes
+/// the factor four times smaller (natural conformal map of Desbrun, Meyer and Alliez 2002).
+pub(crate) fn conformal_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, DVec2> {
+    let mut matrix = Matrix::<DVec2>::zero(&domain.elements.pattern);
+    for e in &domain.elements.faces {
         for k in 0..3 {
             for l in 0..3 {
                 let entry = e.stiffness(k, l);
@@ -38,23 +49,24 @@ pub(crate) fn conformal_matrix<'s>(surface: &'s Surface<'_>) -> Matrix<'s, DVec2
             }
         }
     }
-    for &([a, b], _) in &surface.net.boundary {
+    for &BoundaryEdge { ends: [a, b], .. } in &domain.elements.boundary {
         matrix.at(a.index(), b.index()).y += 0.5;
         matrix.at(b.index(), a.index()).y -= 0.5;
     }
     matrix
 }
 
-/// Spectral natural conformal map (Mullen, Tong, Alliez and Desbrun 2008): the map of least conformal energy among
-/// those whose boundary has mass one and mean zero.
+/// Spectral natural conformal map (Mullen, Tong, Alliez and Desbrun 2008): the map of least
+/// conformal energy among those whose boundary has mass one and mean zero.
 ///
-/// Departure from the paper: boundary vertices weigh their share of the boundary's length instead of 1, so
-/// that the map does not depend on how densely the boundary is sampled.
-pub(crate) fn spectral_conformal(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+/// Departure from the paper: boundary vertices weigh their share of the boundary's length instead
+/// of 1, so that the map does not depend on how densely the boundary is sampled.
+pub(crate) fn spectral_conformal(domain: &FlattenDomain<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     let failed = |source| FlattenError::System { method: "conformal", source };
-    let cholesky = Cholesky::new(&surface.net.pattern, surface.mesh.positions.as_slice()).map_err(failed)?;
-    let mut matrix = conformal_matrix(surface);
-    let mass = boundary_mass(surface);
+    let cholesky =
+        Cholesky::new(&domain.elements.pattern, domain.mesh.positions.as_slice()).map_err(failed)?;
+    let mut matrix = conformal_matrix(domain);
+    let mass = boundary_mass(domain);
     let (mut shift, mut added) = (SHIFT, 0.0);
     loop {
         for (v, m) in mass.enumerate() {
@@ -62,7 +74,7 @@ pub(crate) fn spectral_conformal(surface: &Surface<'_>) -> Result<IdVec<VertexId
         }
         match cholesky.factor_hermitian(&matrix) {
             Ok(factor) => {
-                return inverse_iteration(start(surface), &mass, |z| factor.solve(z)).map_err(failed);
+                return inverse_iteration(outer_circle(domain), &mass, |z| factor.solve(z)).map_err(failed);
             }
             Err(SparseError::NotPositiveDefinite { .. }) if shift < 1.0 => {
                 (shift, added) = (shift * SHIFT_GROWTH, shift);
@@ -73,10 +85,10 @@ pub(crate) fn spectral_conformal(surface: &Surface<'_>) -> Result<IdVec<VertexId
 }
 
 /// Each boundary vertex's share of the boundary, half of both its edges.
-fn boundary_mass(surface: &Surface<'_>) -> IdVec<VertexId, f64> {
-    let mut mass = IdVec::filled(0.0, surface.vertices());
-    let total: f64 = surface.net.boundary.iter().map(|b| b.1).sum();
-    for &(ends, length) in &surface.net.boundary {
+fn boundary_mass(domain: &FlattenDomain<'_>) -> IdVec<VertexId, f64> {
+    let mut mass = IdVec::filled(0.0, domain.vertices());
+    let total: f64 = domain.elements.boundary.iter().map(|b| b.length).sum();
+    for &BoundaryEdge { ends, length } in &domain.elements.boundary {
         for v in ends {
             mass[v] += 0.5 * length / total;
         }
@@ -84,33 +96,35 @@ fn boundary_mass(surface: &Surface<'_>) -> IdVec<VertexId, f64> {
     mass
 }
 
-/// The outer loop on a circle by arc length: counter-clockwise, so never orthogonal to the map that is wanted.
-fn start(surface: &Surface<'_>) -> IdVec<VertexId, DVec2> {
-    let mut z = IdVec::filled(DVec2::ZERO, surface.vertices());
-    for (&v, at) in surface.disk.loops[0].iter().zip(circle(surface)) {
+/// The outer loop on a circle by arc length: counter-clockwise, so never orthogonal to the
+/// eigenvector that is wanted.
+fn outer_circle(domain: &FlattenDomain<'_>) -> IdVec<VertexId, DVec2> {
+    let mut z = IdVec::filled(DVec2::ZERO, domain.vertices());
+    for (&v, at) in domain.disk.loops[0].iter().zip(circle(domain)) {
         z[v] = at;
     }
     z
 }
 
 /// Places of the outer loop's vertices on the unit circle, by arc length.
-pub(crate) fn circle(surface: &Surface<'_>) -> Vec<DVec2> {
-    let outer = surface.disk.loops[0].len();
+pub(crate) fn circle(domain: &FlattenDomain<'_>) -> Vec<DVec2> {
+    let outer = domain.disk.loops[0].len();
     // The boundary list runs loop by loop, the outer one first.
-    let edges = &surface.net.boundary[..outer];
-    let total: f64 = edges.iter().map(|e| e.1).sum();
+    let edges = &domain.elements.boundary[..outer];
+    let total: f64 = edges.iter().map(|e| e.length).sum();
     let mut along = 0.0;
     edges
         .iter()
         .map(|e| {
             let at = DVec2::from_angle(TAU * along / total);
-            along += e.1;
+            along += e.length;
             at
         })
         .collect()
 }
 
-/// The eigenvector of `M z = mu B z` with the least `mu` among those with mean zero on the boundary.
+/// The eigenvector of `M z = mu B z` with the least `mu` among those with mean zero on the
+/// boundary.
 fn inverse_iteration(
     mut z: IdVec<VertexId, DVec2>,
     mass: &IdVec<VertexId, f64>,

@@ -1,16 +1,22 @@
+//! A start without flips for every disk with holes: the outer loop on a circle (`[tutte1963]`,
+//! `[floater2003]`).
+//!
+//! In exact arithmetic no face flips and no vertex has more than one turn of faces. In 64 bits
+//! faces of a long thin part may end without area.
+
 use glam::DVec2;
 
 use crate::{
     flatten::{
-        FlattenError, domain::elements::keeps_orientation, domain::flatten_domain::Surface,
+        FlattenError, domain::elements::keeps_orientation, domain::flatten_domain::FlattenDomain,
         start::conformal::circle,
     },
     id::{FaceId, IdVec, VertexId},
     sparse::{Cholesky, Matrix, Pattern, SparseError},
 };
 
-/// Cotangent weights below this share of the mean are lifted to it: any positive weight keeps the map free of flips,
-/// but tiny ones let faces shrink below what 64 bits can tell apart.
+/// Cotangent weights below this share of the mean are lifted to it: any positive weight keeps the
+/// map free of flips, but tiny ones let faces shrink below what 64 bits can tell apart.
 const LEAST_WEIGHT: f64 = 0.1;
 
 /// How edges pull on their ends.
@@ -18,23 +24,24 @@ const LEAST_WEIGHT: f64 = 0.1;
 enum Weights {
     /// Cotangents, lifted to be positive: close to harmonic, keeps the faces' shapes.
     Cotangent,
-    /// All alike.
+    /// All equal.
     Uniform,
 }
 
-/// The outer boundary on a circle, every other vertex at the weighted mean of its neighbours: no face can flip
-/// (Tutte 1963, Floater 2003). Holes are closed by a virtual vertex in the middle of each.
+/// The outer boundary on a circle, every other vertex at the weighted mean of its neighbours: no
+/// face can flip (Tutte 1963, Floater 2003). Holes are closed by a virtual vertex in the middle of
+/// each.
 ///
-/// Faces can still become too small for 64-bit numbers; then weights that are all alike are tried.
+/// Faces can still become too small for 64-bit numbers; then equal weights are tried.
 ///
 /// # Errors
 /// [`FlattenError::NoStart`] when both fail.
-pub(crate) fn tutte(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     let failed = |source| FlattenError::System { method: "convex", source };
     let mut worst = None;
     for weights in [Weights::Cotangent, Weights::Uniform] {
-        let uv = solve(surface, weights).map_err(failed)?;
-        let flipped = surface.net.map_areas(&uv).position(|area| !keeps_orientation(area));
+        let uv = solve(domain, weights).map_err(failed)?;
+        let flipped = domain.elements.map_areas(&uv).position(|area| !keeps_orientation(area));
         match flipped {
             None => return Ok(uv),
             Some(face) => worst = Some(FaceId::new(face)),
@@ -43,11 +50,12 @@ pub(crate) fn tutte(surface: &Surface<'_>) -> Result<IdVec<VertexId, DVec2>, Fla
     Err(FlattenError::NoStart { face: worst.unwrap_or_default() })
 }
 
-/// Pull of every edge on its ends: pairs of rows and weights, virtual vertices behind the real ones.
-fn springs(surface: &Surface<'_>, weights: Weights) -> Vec<(usize, usize, f64)> {
-    let vertices = surface.vertices();
-    let mut pull = Matrix::<f64>::zero(&surface.net.pattern);
-    for e in &surface.net.elements {
+/// Pull of every edge on its ends: pairs of rows and weights, virtual vertices behind the real
+/// ones.
+fn springs(domain: &FlattenDomain<'_>, weights: Weights) -> Vec<(usize, usize, f64)> {
+    let vertices = domain.vertices();
+    let mut pull = Matrix::<f64>::zero(&domain.elements.pattern);
+    for e in &domain.elements.faces {
         for k in 0..3 {
             let (i, j) = (e.corners[k], e.corners[(k + 1) % 3]);
             let cotangent = -e.stiffness(k, (k + 1) % 3);
@@ -56,7 +64,7 @@ fn springs(surface: &Surface<'_>, weights: Weights) -> Vec<(usize, usize, f64)> 
     }
     let mut springs = Vec::new();
     for i in 0..vertices {
-        for (&j, slot) in surface.net.pattern.columns(i).iter().zip(surface.net.pattern.slots(i)) {
+        for (&j, slot) in domain.elements.pattern.columns(i).iter().zip(domain.elements.pattern.slots(i)) {
             if (j as usize) < i {
                 springs.push((i, j as usize, pull.values()[slot]));
             }
@@ -70,27 +78,27 @@ fn springs(surface: &Surface<'_>, weights: Weights) -> Vec<(usize, usize, f64)> 
             Weights::Uniform => mean,
         };
     }
-    for (hole, walk) in surface.disk.loops[1..].iter().enumerate() {
+    for (hole, walk) in domain.disk.loops[1..].iter().enumerate() {
         springs.extend(walk.iter().map(|v| (vertices + hole, v.index(), mean)));
     }
     springs
 }
 
-fn solve(surface: &Surface<'_>, weights: Weights) -> Result<IdVec<VertexId, DVec2>, SparseError> {
-    let springs = springs(surface, weights);
-    let vertices = surface.vertices();
-    let all = vertices + surface.disk.loops.len() - 1;
+fn solve(domain: &FlattenDomain<'_>, weights: Weights) -> Result<IdVec<VertexId, DVec2>, SparseError> {
+    let springs = springs(domain, weights);
+    let vertices = domain.vertices();
+    let all = vertices + domain.disk.loops.len() - 1;
     let mut fixed = vec![None; all];
-    for (&v, at) in surface.disk.loops[0].iter().zip(circle(surface)) {
+    for (&v, at) in domain.disk.loops[0].iter().zip(circle(domain)) {
         fixed[v.index()] = Some(at);
     }
-    // Free vertices, numbered; the middle of a hole stands near the hole.
+    // Free vertices, numbered; the middle of a hole is put near the hole.
     let mut row_of = vec![usize::MAX; all];
     let mut coordinates = Vec::new();
     for i in (0..all).filter(|&i| fixed[i].is_none()) {
         row_of[i] = coordinates.len();
-        let near = if i < vertices { VertexId::new(i) } else { surface.disk.loops[1 + i - vertices][0] };
-        coordinates.push(surface.mesh.positions[near]);
+        let near = if i < vertices { VertexId::new(i) } else { domain.disk.loops[1 + i - vertices][0] };
+        coordinates.push(domain.mesh.positions[near]);
     }
     let free = |&&(i, j, _): &&(usize, usize, f64)| row_of[i] != usize::MAX && row_of[j] != usize::MAX;
     let pattern =
@@ -130,10 +138,10 @@ mod tests {
     use crate::mesh::{TriMesh, shapes};
 
     fn check(mesh: &TriMesh) {
-        let surface = Surface::new(mesh).unwrap();
+        let domain = FlattenDomain::new(mesh).unwrap();
         for weights in [Weights::Cotangent, Weights::Uniform] {
-            let uv = solve(&surface, weights).unwrap();
-            assert!(surface.net.is_flip_free(&uv), "{weights:?} on {} faces", mesh.triangles.len());
+            let uv = solve(&domain, weights).unwrap();
+            assert!(domain.elements.is_flip_free(&uv), "{weights:?} on {} faces", mesh.triangles.len());
         }
     }
 

@@ -1,20 +1,27 @@
+//! Removes flipped faces by moving only the vertices around them (`[garanzha2021]`; *heuristic*:
+//! the sizes of the parts).
+//!
+//! Success is not guaranteed, and a repaired map may wind twice about a vertex: the caller checks
+//! both and has a convex start for what fails.
+
 use std::collections::HashMap;
 
 use glam::DVec2;
 
 use crate::{
     flatten::{
-        domain::elements::{Element, Net, keeps_orientation},
-        domain::flatten_domain::Surface,
-        energy::density::Density,
-        energy::newton::{Limits, Solver},
-        energy::objective::Problem,
+        domain::elements::{Element, ElementMesh, keeps_orientation},
+        domain::flatten_domain::FlattenDomain,
+        energy::density::DistortionEnergy,
+        energy::newton::{NewtonLimits, Solver},
+        energy::objective::Objective,
     },
     id::{FaceId, IdVec, VertexId},
     sparse::SparseError,
 };
 
-/// Rings around flipped faces that may move, tried one after the other: a larger part costs more but leaves more room.
+/// Rings around flipped faces that may move, tried one after the other: a larger part costs more
+/// but leaves more room.
 const RINGS: [usize; 4] = [2, 4, 8, 16];
 
 /// Parts up to this many movable vertices are repaired; more are quicker to flatten anew.
@@ -27,58 +34,62 @@ const SOFTNESS: f64 = 1.0;
 const ROUNDS: usize = 40;
 
 /// Newton steps of a round; the energy changes with the next one anyway.
-const ROUND: Limits = Limits { decrement: 1e-3, steps: 4 };
+const ROUND: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 4 };
 
 /// Turns flipped faces back by moving only the vertices around them, and says whether none is left.
 ///
-/// Each part minimises a shape energy that stays finite for flipped faces, `(s1^2 + s2^2)/chi(s1 s2)` with
-/// `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks (Escobar et al. 2003, Garanzha et al. 2021). There is no
-/// proof that this always ends well, but nearly always it does; the caller has a convex start for the rest.
-pub(crate) fn untangle(surface: &Surface<'_>, uv: &mut IdVec<VertexId, DVec2>) -> Result<bool, SparseError> {
+/// Each part minimises a shape energy that stays finite for flipped faces, `(s1^2 + s2^2)/chi(s1
+/// s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks (Escobar et al. 2003, Garanzha
+/// et al. 2021). There is no proof that this always succeeds.
+pub(crate) fn untangle(
+    domain: &FlattenDomain<'_>,
+    uv: &mut IdVec<VertexId, DVec2>,
+) -> Result<bool, SparseError> {
     for rings in RINGS {
-        let flipped: Vec<bool> = surface.net.map_areas(uv).map(|area| !keeps_orientation(area)).collect();
+        let flipped: Vec<bool> = domain.elements.map_areas(uv).map(|area| !keeps_orientation(area)).collect();
         if !flipped.iter().any(|f| *f) {
             return Ok(true);
         }
-        let movable = around(surface, &flipped, rings);
-        for part in parts(surface, &movable) {
+        let movable = around(domain, &flipped, rings);
+        for part in parts(domain, &movable) {
             if part.vertices.len() <= LARGEST_PART {
-                repair(surface, &part, uv)?;
+                repair(domain, &part, uv)?;
             }
         }
     }
-    Ok(surface.net.is_flip_free(uv))
+    Ok(domain.elements.is_flip_free(uv))
 }
 
 /// The vertices within `rings` rings of a flipped face.
-fn around(surface: &Surface<'_>, flipped: &[bool], rings: usize) -> IdVec<VertexId, bool> {
-    let mut inside = IdVec::filled(false, surface.vertices());
+fn around(domain: &FlattenDomain<'_>, flipped: &[bool], rings: usize) -> IdVec<VertexId, bool> {
+    let mut inside = IdVec::filled(false, domain.vertices());
     let mut front: Vec<VertexId> = Vec::new();
     let mut enter = |v: VertexId, front: &mut Vec<VertexId>| {
         if !std::mem::replace(&mut inside[v], true) {
             front.push(v);
         }
     };
-    for (e, _) in surface.net.elements.iter().zip(flipped).filter(|(_, f)| **f) {
+    for (e, _) in domain.elements.faces.iter().zip(flipped).filter(|(_, f)| **f) {
         e.corners.into_iter().for_each(|v| enter(v, &mut front));
     }
     for _ in 0..rings {
         for v in std::mem::take(&mut front) {
-            surface.disk.adjacency.ring(v).iter().for_each(|&w| enter(w, &mut front));
+            domain.disk.adjacency.ring(v).iter().for_each(|&w| enter(w, &mut front));
         }
     }
     inside
 }
 
-/// Movable vertices that hang together, and the faces around them.
+/// Connected movable vertices, and the faces around them.
 #[derive(Debug, Default)]
 struct Part {
     vertices: Vec<VertexId>,
     faces: Vec<FaceId>,
 }
 
-/// The connected parts of the `movable` vertices, each in the order of a search from its smallest one.
-fn parts(surface: &Surface<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Part> {
+/// The connected parts of the `movable` vertices, each in the order of a search from its smallest
+/// one.
+fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Part> {
     const NONE: usize = usize::MAX;
     let mut part_of = IdVec::<VertexId, usize>::filled(NONE, movable.len());
     let mut parts: Vec<Part> = Vec::new();
@@ -91,7 +102,7 @@ fn parts(surface: &Surface<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Part> {
         let mut next = 0;
         while let Some(&v) = vertices.get(next) {
             next += 1;
-            for &w in surface.disk.adjacency.ring(v) {
+            for &w in domain.disk.adjacency.ring(v) {
                 if movable[w] && part_of[w] == NONE {
                     part_of[w] = parts.len();
                     vertices.push(w);
@@ -101,7 +112,7 @@ fn parts(surface: &Surface<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Part> {
         parts.push(Part { vertices, faces: Vec::new() });
     }
     // Movable corners of one face are neighbours, so they are all of the same part.
-    for (face, e) in surface.net.elements.enumerate() {
+    for (face, e) in domain.elements.faces.enumerate() {
         let part = e.corners.into_iter().map(|v| part_of[v]).find(|p| *p != NONE);
         if let Some(part) = part.and_then(|p| parts.get_mut(p)) {
             part.faces.push(face);
@@ -110,22 +121,27 @@ fn parts(surface: &Surface<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Part> {
     parts
 }
 
-/// Moves the vertices of `part` until no face around them is flipped; leaves them where they were if that fails.
-fn repair(surface: &Surface<'_>, part: &Part, uv: &mut IdVec<VertexId, DVec2>) -> Result<(), SparseError> {
-    let (net, ids) = net_of(surface, part, uv);
+/// Moves the vertices of `part` until no face around them is flipped; leaves them where they were
+/// if that fails.
+fn repair(
+    domain: &FlattenDomain<'_>,
+    part: &Part,
+    uv: &mut IdVec<VertexId, DVec2>,
+) -> Result<(), SparseError> {
+    let (elements, ids) = elements_of(domain, part, uv);
     let mut local: IdVec<VertexId, DVec2> = ids.iter().map(|&v| uv[v]).collect();
-    let worst = net
-        .elements
+    let worst = elements
+        .faces
         .iter()
-        .zip(net.map_areas(&local))
+        .zip(elements.map_areas(&local))
         .map(|(e, area)| 2.0 * area * e.gradients[1].perp_dot(e.gradients[2]))
         .fold(0.0, f64::min);
     // A part that only touches zero still needs some softness to be pushed off it.
     let mut softness = SOFTNESS * worst.abs().max(1e-2);
     for _ in 0..ROUNDS {
-        let problem = Problem::new(&net, Density::Untangling { softness }, 0.0);
-        problem.minimise(&mut local, Solver::Direct, ROUND)?;
-        if net.is_flip_free(&local) {
+        let objective = Objective::of_faces(&elements, DistortionEnergy::Untangling { softness });
+        objective.minimise(&mut local, Solver::Direct, ROUND)?;
+        if elements.is_flip_free(&local) {
             for (&v, &p) in ids.iter().zip(&local) {
                 uv[v] = p;
             }
@@ -136,10 +152,16 @@ fn repair(surface: &Surface<'_>, part: &Part, uv: &mut IdVec<VertexId, DVec2>) -
     Ok(())
 }
 
-/// The faces around the vertices of `part`, numbered anew, movable vertices first, and the old number of each vertex.
+/// The faces around the vertices of `part`, numbered anew, movable vertices first, and the old
+/// number of each vertex.
 ///
-/// Faces are scaled so that their areas on the map are 1 on average: the part may be magnified or shrunk.
-fn net_of(surface: &Surface<'_>, part: &Part, uv: &IdVec<VertexId, DVec2>) -> (Net, Vec<VertexId>) {
+/// Faces are scaled so that their areas on the map are 1 on average: the part may be magnified or
+/// shrunk.
+fn elements_of(
+    domain: &FlattenDomain<'_>,
+    part: &Part,
+    uv: &IdVec<VertexId, DVec2>,
+) -> (ElementMesh, Vec<VertexId>) {
     let mut ids = part.vertices.clone();
     let mut number: HashMap<VertexId, VertexId> =
         ids.iter().enumerate().map(|(k, &v)| (v, VertexId::new(k))).collect();
@@ -149,16 +171,16 @@ fn net_of(surface: &Surface<'_>, part: &Part, uv: &IdVec<VertexId, DVec2>) -> (N
             VertexId::new(ids.len() - 1)
         })
     };
-    let mut elements: Vec<Element> = part
+    let mut faces: Vec<Element> = part
         .faces
         .iter()
         .map(|&f| {
-            let e = surface.net.elements[f];
+            let e = domain.elements.faces[f];
             Element { corners: e.corners.map(&mut renumber), ..e }
         })
         .collect();
-    let skin: f64 = elements.iter().map(|e| e.weight).sum();
-    let map: f64 = elements
+    let skin: f64 = faces.iter().map(|e| e.weight).sum();
+    let map: f64 = faces
         .iter()
         .map(|e| {
             let [a, b, c] = e.corners.map(|v| uv[ids[v.index()]]);
@@ -166,12 +188,12 @@ fn net_of(surface: &Surface<'_>, part: &Part, uv: &IdVec<VertexId, DVec2>) -> (N
         })
         .sum();
     let scale = if map > 0.0 { (skin / map).sqrt() } else { 1.0 };
-    for e in &mut elements {
+    for e in &mut faces {
         e.gradients = e.gradients.map(|g| g * scale);
         e.weight /= skin;
     }
-    let places = part.vertices.iter().map(|&v| surface.mesh.positions[v]).collect();
-    (Net::new(elements.into(), places), ids)
+    let positions = part.vertices.iter().map(|&v| domain.mesh.positions[v]).collect();
+    (ElementMesh::new(faces.into(), positions), ids)
 }
 
 #[cfg(test)]
@@ -182,16 +204,16 @@ mod tests {
     #[test]
     fn scattered_vertices_find_back_into_their_stars() {
         let mesh = shapes::lattice(12, 10, 0.01);
-        let surface = Surface::new(&mesh).unwrap();
-        let mut uv = mesh.positions.map(|p| p.truncate() / surface.unit);
+        let domain = FlattenDomain::new(&mesh).unwrap();
+        let mut uv = mesh.positions.ids().map(|v| domain.position(v).truncate()).collect();
         // Two vertices inside and one on the boundary, thrown across their rings.
         for (v, by) in [(42, DVec2::new(0.3, 0.1)), (67, DVec2::new(-0.2, 0.25)), (5, DVec2::new(0.0, 0.4))] {
             uv[VertexId::new(v)] += by;
         }
-        assert!(!surface.net.is_flip_free(&uv));
+        assert!(!domain.elements.is_flip_free(&uv));
         let before = uv.clone();
-        assert_eq!(untangle(&surface, &mut uv), Ok(true));
-        assert!(surface.net.is_flip_free(&uv));
+        assert_eq!(untangle(&domain, &mut uv), Ok(true));
+        assert!(domain.elements.is_flip_free(&uv));
         let last = VertexId::new(119);
         assert_eq!(uv[last], before[last], "a vertex far from any flip does not move");
     }
@@ -199,10 +221,10 @@ mod tests {
     #[test]
     fn a_map_without_flips_stays_as_it_is() {
         let mesh = shapes::lattice(5, 4, 0.01);
-        let surface = Surface::new(&mesh).unwrap();
+        let domain = FlattenDomain::new(&mesh).unwrap();
         let mut uv = mesh.positions.map(|p| p.truncate() * 3.0);
         let before = uv.clone();
-        assert_eq!(untangle(&surface, &mut uv), Ok(true));
+        assert_eq!(untangle(&domain, &mut uv), Ok(true));
         assert_eq!(uv, before);
     }
 }
