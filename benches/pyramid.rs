@@ -22,7 +22,7 @@ fn bench(c: &mut Criterion) {
             group.throughput(Throughput::Elements(mesh.triangles.len() as u64));
             let patch = Patch::from_mesh("cap", LinkId::default(), mesh);
             group.bench_with_input(BenchmarkId::new("cap", size), &patch, |b, patch| {
-                b.iter(|| coarsen(patch, &options));
+                b.iter(|| coarsen(&patch.mesh, &patch.taxels, &options));
             });
         }
         group.finish();

@@ -66,7 +66,8 @@ pub fn build(skin: &Skin, options: &BuildOptions, watch: &Watch<'_>) -> Result<(
     let pyramids: Vec<_> = patches
         .par_iter()
         .map(|patch| {
-            let pyramid = coarsen(patch, &options.coarsen).map_err(|e| Error::from(e).in_patch(&patch.name));
+            let pyramid = coarsen(&patch.mesh, &patch.taxels, &options.coarsen)
+                .map_err(|e| Error::from(e).in_patch(&patch.name));
             done.step();
             pyramid
         })

@@ -10,7 +10,7 @@ use dermatome::{
     id::{IdVec, VertexId},
     mesh::{Adjacency, TriMesh, shapes},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
-    skin::{LinkId, Patch},
+    skin::Taxels,
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -45,7 +45,7 @@ fn measure(mesh: &TriMesh, options: &FlattenOptions) -> Distortion {
 }
 
 fn pyramid_of(mesh: &TriMesh) -> Pyramid {
-    coarsen(&Patch::from_mesh("skin", LinkId::new(0), mesh.clone()), &CoarsenOptions::default()).unwrap()
+    coarsen(mesh, &Taxels::of_mesh(mesh), &CoarsenOptions::default()).unwrap()
 }
 
 /// A sheet with a bump and a dent, of heights `a` and `b`.
@@ -337,8 +337,8 @@ fn magnification_does_not_depend_on_the_levels_above() {
     for energy in [Energy::default(), Energy::SymmetricDirichlet] {
         let options = magnified(energy, 1.0);
         let level_0 = |levels: Option<usize>| {
-            let patch = Patch::from_mesh("skin", LinkId::new(0), mesh.clone());
-            let pyramid = coarsen(&patch, &CoarsenOptions { levels, ..CoarsenOptions::default() }).unwrap();
+            let levels = CoarsenOptions { levels, ..CoarsenOptions::default() };
+            let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &levels).unwrap();
             let maps = flatten_pyramid(&pyramid, Some(&densities), &options).unwrap();
             (pyramid.levels.len(), maps[LevelId::new(0)].clone())
         };
@@ -658,8 +658,7 @@ fn a_tube_is_mapped_through_a_pyramid_as_well_as_at_once() {
     let mesh = shapes::tube(60, 10, 0.05, 0.03);
     let options = FlattenOptions::default();
     let at_once = distortion(&mesh, &flatten(&mesh, &options).unwrap());
-    let pyramid =
-        coarsen(&Patch::from_mesh("tube", LinkId::new(0), mesh.clone()), &CoarsenOptions::default()).unwrap();
+    let pyramid = pyramid_of(&mesh);
     let levels = flatten_pyramid(&pyramid, None, &options).unwrap();
     let through = distortion(&mesh, &levels[LevelId::new(0)]);
     assert_eq!((at_once.crossings, through.crossings), (0, 0), "neither map crosses itself");

@@ -54,9 +54,8 @@ const DOORS: &[(&str, &[&str])] = &[
 const CIRCLES: &[&str] = &["bin", "calib", "io/gltf", "io/observations", "mesh", "plot", "pyramid", "skin"];
 
 /// Modules with files that do not say yet what they are for.
-const WITHOUT_DOCS: &[&str] = &[
-    "atlas", "bin", "calib", "delaunay", "flatten", "io", "map", "mesh", "plot", "pyramid", "skin", "sparse",
-];
+const WITHOUT_DOCS: &[&str] =
+    &["atlas", "bin", "calib", "delaunay", "io", "map", "mesh", "plot", "pyramid", "skin", "sparse"];
 
 /// A source file.
 struct Source {

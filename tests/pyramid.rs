@@ -17,8 +17,12 @@ fn patch(mesh: TriMesh) -> Patch {
     Patch::from_mesh("patch", LinkId::new(0), mesh)
 }
 
+fn coarsen_patch(patch: &Patch, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
+    coarsen(&patch.mesh, &patch.taxels, options)
+}
+
 fn pyramid(mesh: TriMesh) -> Pyramid {
-    coarsen(&patch(mesh), &CoarsenOptions::default()).unwrap()
+    coarsen_patch(&patch(mesh), &CoarsenOptions::default()).unwrap()
 }
 
 /// Pairs of a level and the next coarser one.
@@ -202,7 +206,7 @@ proptest! {
         };
         let patch = patch(jittered(&mesh, share, seed));
         let options = CoarsenOptions { ratio, coarsest: 8, ..CoarsenOptions::default() };
-        assert_laws(&coarsen(&patch, &options).unwrap());
+        assert_laws(&coarsen_patch(&patch, &options).unwrap());
     }
 
     /// Slivers, spikes and vertices on top of each other are all manifolds: they may stall a pyramid but not break it.
@@ -216,7 +220,7 @@ proptest! {
             DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * 1e-3
         });
         let options = CoarsenOptions { coarsest: 3, ..CoarsenOptions::default() };
-        assert_laws(&coarsen(&patch(mesh), &options).unwrap());
+        assert_laws(&coarsen_patch(&patch(mesh), &options).unwrap());
     }
 }
 
@@ -226,7 +230,7 @@ fn the_same_bytes_for_any_number_of_threads() {
     let options = CoarsenOptions { ratio: Some(4.0), ..CoarsenOptions::default() };
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| coarsen(&patch, &options).unwrap())
+        pool.install(|| coarsen_patch(&patch, &options).unwrap())
     };
     let one = with(1);
     assert!(one == with(2), "one thread and two");
@@ -265,7 +269,7 @@ fn a_ratio_is_met_and_the_top_is_about_as_small_as_asked() {
     let patch = patch(cap(20_000));
     for ratio in [2.0, 3.0, 4.0, 8.0] {
         let options = CoarsenOptions { ratio: Some(ratio), ..CoarsenOptions::default() };
-        let pyramid = coarsen(&patch, &options).unwrap();
+        let pyramid = coarsen_patch(&patch, &options).unwrap();
         for (fine, coarse) in steps(&pyramid) {
             let (before, after) = (fine.mesh.positions.len() as f64, coarse.mesh.positions.len() as f64);
             if after > 500.0 {
@@ -283,7 +287,11 @@ fn levels_are_as_many_as_asked_for() {
     let patch = patch(cap(5_000));
     for levels in [0, 1, 2] {
         let options = CoarsenOptions { levels: Some(levels), ..CoarsenOptions::default() };
-        assert_eq!(coarsen(&patch, &options).unwrap().levels.len(), levels + 1, "level 0 is always there");
+        assert_eq!(
+            coarsen_patch(&patch, &options).unwrap().levels.len(),
+            levels + 1,
+            "level 0 is always there"
+        );
     }
 }
 
@@ -333,7 +341,7 @@ fn dense_skin_keeps_small_fields() {
     let right = |p: &DVec3| p.x > 0.3;
     patch.taxels.densities = Some(patch.mesh.positions.map(|p| if right(p) { 4e4 } else { 1e4 }));
     let options = CoarsenOptions { levels: Some(2), ..CoarsenOptions::default() };
-    for level in coarsen(&patch, &options).unwrap().levels.iter().skip(1) {
+    for level in coarsen_patch(&patch, &options).unwrap().levels.iter().skip(1) {
         let dense = level.mesh.positions.iter().filter(|p| right(p)).count() as f64;
         let sparse = level.mesh.positions.len() as f64 - dense;
         assert!(
@@ -355,7 +363,7 @@ fn the_order_of_vertices_does_not_matter() {
     }
     let options = CoarsenOptions { levels: Some(1), ..CoarsenOptions::default() };
     let centres = |patch: &Patch| -> BTreeSet<TaxelId> {
-        let pyramid = coarsen(patch, &options).unwrap();
+        let pyramid = coarsen_patch(patch, &options).unwrap();
         let top = &pyramid.levels[LevelId::new(1)];
         top.origins.iter().map(|&taxel| patch.taxels.ids[taxel]).collect()
     };
@@ -366,7 +374,7 @@ fn the_order_of_vertices_does_not_matter() {
 fn placeholder_ids_do_no_harm() {
     let mut patch = patch(cap(3_000));
     patch.taxels.ids = patch.taxels.ids.map(|_| TaxelId(0));
-    assert_laws(&coarsen(&patch, &CoarsenOptions::default()).unwrap());
+    assert_laws(&coarsen_patch(&patch, &CoarsenOptions::default()).unwrap());
 }
 
 #[test]
@@ -425,7 +433,7 @@ fn hubs_do_not_make_it_slow() {
 
 #[test]
 fn bad_patches_are_refused_by_name() {
-    let coarsen = |patch: &Patch| coarsen(patch, &CoarsenOptions::default()).unwrap_err();
+    let coarsen = |patch: &Patch| coarsen_patch(patch, &CoarsenOptions::default()).unwrap_err();
     let doubled =
         TriMesh::from_arrays(vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], &[[0, 1, 2], [0, 1, 3]]);
     let edge = MeshError::NonManifoldEdge {
@@ -453,7 +461,7 @@ fn bad_patches_are_refused_by_name() {
 fn a_ratio_that_makes_no_levels_is_refused() {
     for found in [1.0, 0.0, -4.0, f64::INFINITY] {
         let options = CoarsenOptions { ratio: Some(found), ..CoarsenOptions::default() };
-        let error = coarsen(&patch(shapes::square()), &options).unwrap_err();
+        let error = coarsen_patch(&patch(shapes::square()), &options).unwrap_err();
         assert_eq!(error, PyramidError::Ratio { found, least: 1.5 });
     }
 }

@@ -16,7 +16,7 @@ use crate::{
     id::{IdVec, VertexId},
     mesh::TriMesh,
     pyramid::{CoarsenOptions, Level, LevelId, Pyramid, coarsen},
-    skin::{LinkId, Patch},
+    skin::Taxels,
 };
 
 /// Meshes up to this size are flattened at once, larger ones through a pyramid: about where both
@@ -63,13 +63,13 @@ pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexI
     Ok(placed)
 }
 
-/// The pyramid of a mesh without taxels.
+/// The pyramid of a mesh with a taxel at every vertex.
 fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
-    let mut patch = Patch::from_mesh("", LinkId::new(0), mesh.clone());
+    let mut taxels = Taxels::of_mesh(mesh);
     // A vertex between faces without area still needs a field.
     let least = mesh.area() / mesh.positions.len() as f64 * f64::EPSILON;
-    patch.taxels.areas.iter_mut().for_each(|a| *a = a.max(least));
-    Ok(coarsen(&patch, &CoarsenOptions::default())?)
+    taxels.areas.iter_mut().for_each(|a| *a = a.max(least));
+    Ok(coarsen(mesh, &taxels, &CoarsenOptions::default())?)
 }
 
 /// Refuses a map that overlaps itself although it must not: the promise is checked on the final
@@ -93,11 +93,11 @@ fn check_overlap(
 ///     flatten::{FlattenOptions, distortion, flatten_pyramid},
 ///     mesh::shapes,
 ///     pyramid::{CoarsenOptions, coarsen},
-///     skin::{LinkId, Patch},
+///     skin::Taxels,
 /// };
 ///
-/// let patch = Patch::from_mesh("fingertip", LinkId::new(0), shapes::cap(500, 8e-3, 1.9));
-/// let pyramid = coarsen(&patch, &CoarsenOptions::default())?;
+/// let skin = shapes::cap(500, 8e-3, 1.9);
+/// let pyramid = coarsen(&skin, &Taxels::of_mesh(&skin), &CoarsenOptions::default())?;
 /// let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default())?;
 /// for (level, uv) in pyramid.levels.iter().zip(&maps) {
 ///     assert_eq!(distortion(&level.mesh, uv).flips, 0);

@@ -9,7 +9,7 @@ use crate::{
         spacing::{measured_spacing, spacing_of_densities},
         surface::Surface,
     },
-    skin::Patch,
+    skin::Taxels,
 };
 
 /// A level that has not so many times fewer vertices than the one below tells nothing new, and the pyramid ends.
@@ -36,13 +36,13 @@ impl Default for CoarsenOptions {
     }
 }
 
-/// The pyramid of one patch.
+/// The pyramid of one patch: its mesh, and what is known of each of its vertices.
 ///
 /// ```
-/// use dermatome::{mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::{LinkId, Patch}};
+/// use dermatome::{mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::Taxels};
 ///
-/// let patch = Patch::from_mesh("cap", LinkId::new(0), shapes::cap(2000, 0.1, 1.9));
-/// let pyramid = coarsen(&patch, &CoarsenOptions::default())?;
+/// let mesh = shapes::cap(2000, 0.1, 1.9);
+/// let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &CoarsenOptions::default())?;
 ///
 /// // Push on one taxel: the force arrives whole at the receptive fields of level 1.
 /// let skin = &pyramid.levels[LevelId::new(0)];
@@ -56,33 +56,32 @@ impl Default for CoarsenOptions {
 /// # Errors
 /// If the patch is no oriented manifold or an array has another length than its mesh, an area is negative, a density
 /// not positive, or the ratio below 1.5.
-pub fn coarsen(patch: &Patch, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
-    check(patch, options)?;
-    let mut surface = Surface::new(&patch.mesh)?;
-    let mut places = TaxelLocations::new(patch.mesh.positions.len(), patch.mesh.triangles.len());
+pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
+    check(mesh, taxels, options)?;
+    let mut surface = Surface::new(mesh)?;
+    let mut places = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
     let mut levels = IdVec::new();
-    let mut level = ground(patch);
+    let mut level = ground(mesh, taxels);
     while levels.len() < options.levels.unwrap_or(usize::MAX) && wants_coarser(&level, options) {
-        let Some(next) = step(patch, options, &mut level, &mut surface, &mut places) else { break };
+        let Some(next) = step(taxels, options, &mut level, &mut surface, &mut places) else { break };
         levels.push(std::mem::replace(&mut level, next));
     }
     levels.push(level);
     Ok(Pyramid { levels })
 }
 
-fn check(patch: &Patch, options: &CoarsenOptions) -> Result<(), PyramidError> {
-    let needed = patch.mesh.positions.len();
-    let densities = patch.taxels.densities.as_ref();
+fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<(), PyramidError> {
+    let needed = mesh.positions.len();
+    let densities = taxels.densities.as_ref();
     let lengths = [
-        ("ids", patch.taxels.ids.len()),
-        ("areas", patch.taxels.areas.len()),
+        ("ids", taxels.ids.len()),
+        ("areas", taxels.areas.len()),
         ("densities", densities.map_or(needed, IdVec::len)),
     ];
     if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != needed) {
         return Err(PyramidError::Length { what, found, needed });
     }
-    if let Some((vertex, &found)) = patch.taxels.areas.enumerate().find(|(_, a)| !a.is_finite() || **a < 0.0)
-    {
+    if let Some((vertex, &found)) = taxels.areas.enumerate().find(|(_, a)| !a.is_finite() || **a < 0.0) {
         return Err(PyramidError::Area { vertex, found });
     }
     let mut densities = densities.into_iter().flat_map(IdVec::enumerate);
@@ -98,12 +97,12 @@ fn check(patch: &Patch, options: &CoarsenOptions) -> Result<(), PyramidError> {
 }
 
 /// Level 0.
-fn ground(patch: &Patch) -> Level {
+fn ground(mesh: &TriMesh, taxels: &Taxels) -> Level {
     Level {
-        mesh: patch.mesh.clone(),
-        origins: patch.mesh.positions.ids().collect(),
-        parents: patch.mesh.positions.ids().collect(),
-        areas: patch.taxels.areas.clone(),
+        mesh: mesh.clone(),
+        origins: mesh.positions.ids().collect(),
+        parents: mesh.positions.ids().collect(),
+        areas: taxels.areas.clone(),
         up: None,
         direct: None,
         removals: RemovalLog::default(),
@@ -118,7 +117,7 @@ fn wants_coarser(level: &Level, options: &CoarsenOptions) -> bool {
 
 /// The next coarser level; writes `up` and `removals` of this one. `None` if it would not shrink enough.
 fn step(
-    patch: &Patch,
+    taxels: &Taxels,
     options: &CoarsenOptions,
     level: &mut Level,
     surface: &mut Surface,
@@ -126,7 +125,7 @@ fn step(
 ) -> Option<Level> {
     let count = level.mesh.positions.len();
     let positions = &level.mesh.positions;
-    let (kept, order) = choose(patch, options, level, surface);
+    let (kept, order) = choose(taxels, options, level, surface);
     let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
     if !is_small(kept.iter().filter(|k| **k).count()) {
         return None;
@@ -160,7 +159,7 @@ fn step(
 
 /// Which vertices stay, and the order in which the others go.
 fn choose(
-    patch: &Patch,
+    taxels: &Taxels,
     options: &CoarsenOptions,
     level: &Level,
     surface: &Surface,
@@ -168,10 +167,10 @@ fn choose(
     let positions = &level.mesh.positions;
     let rings = Rings::new(surface);
     let mut spacing = measured_spacing(&rings, positions);
-    if let Some(densities) = &patch.taxels.densities {
+    if let Some(densities) = &taxels.densities {
         spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
     }
-    let order = priorities(surface, positions, &level.origins.map(|&taxel| patch.taxels.ids[taxel]));
+    let order = priorities(surface, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
     let loops = surface.boundary_loops();
     let candidates =
         Candidates { rings: &rings, loops: &loops, positions, spacing: &spacing, priorities: &order };

@@ -50,7 +50,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .patches
         .as_slice()
         .par_iter()
-        .map(|patch| coarsen(patch, &options).map_err(|e| Error::from(e).in_patch(&patch.name)))
+        .map(|patch| {
+            coarsen(&patch.mesh, &patch.taxels, &options).map_err(|e| Error::from(e).in_patch(&patch.name))
+        })
         .collect();
     let pyramids = pyramids.into_iter().collect::<Result<Vec<_>, _>>()?;
     write_pyramids(&args.output, &skin, &pyramids).map_err(Error::from)?;

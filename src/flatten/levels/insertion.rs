@@ -287,10 +287,10 @@ mod tests {
         use crate::{
             mesh::shapes,
             pyramid::{LevelId, coarsen},
-            skin::{LinkId, Patch},
+            skin::Taxels,
         };
-        let patch = Patch::from_mesh("flat", LinkId::new(0), shapes::lattice(15, 12, 0.01));
-        let pyramid = coarsen(&patch, &Default::default()).unwrap();
+        let mesh = shapes::lattice(15, 12, 0.01);
+        let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &Default::default()).unwrap();
         let [fine, coarse] = [0, 1].map(|l| &pyramid.levels[LevelId::new(l)]);
         let uv = coarse.mesh.positions.map(|p| p.truncate());
         let mut insertion = Insertion::new(fine, coarse, &uv);

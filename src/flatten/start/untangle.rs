@@ -205,7 +205,8 @@ mod tests {
     fn scattered_vertices_find_back_into_their_stars() {
         let mesh = shapes::lattice(12, 10, 0.01);
         let domain = FlattenDomain::new(&mesh).unwrap();
-        let mut uv = mesh.positions.ids().map(|v| domain.position(v).truncate()).collect();
+        let mut uv: IdVec<VertexId, DVec2> =
+            mesh.positions.ids().map(|v| domain.position(v).truncate()).collect();
         // Two vertices inside and one on the boundary, thrown across their rings.
         for (v, by) in [(42, DVec2::new(0.3, 0.1)), (67, DVec2::new(-0.2, 0.25)), (5, DVec2::new(0.0, 0.4))] {
             uv[VertexId::new(v)] += by;
