@@ -4,7 +4,7 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     mesh::{TriMesh, shapes},
-    skin::{Draft, MeshOptions, Sheet, assemble, check, mesh_bare},
+    skin::{AssembleOptions, Draft, Sheet, assemble, check, triangulate_taxels},
 };
 
 /// A healthy sheet with normals.
@@ -40,7 +40,7 @@ fn bare(c: &mut Criterion) {
         group.throughput(Throughput::Elements(count as u64));
         let draft = taxels(count);
         group.bench_with_input(BenchmarkId::new("mesh", count), &draft, |b, draft| {
-            b.iter(|| mesh_bare(draft, &MeshOptions::default()));
+            b.iter(|| triangulate_taxels(draft, 2.5));
         });
     }
 }
@@ -53,13 +53,13 @@ fn skin(c: &mut Criterion) {
         let mesh = shapes::cap(faces, 0.1, 1.9);
         let (whole, soup) = (whole(&mesh), soup(&mesh));
         group.bench_with_input(BenchmarkId::new("assemble", faces), &whole, |b, draft| {
-            b.iter(|| assemble(draft));
+            b.iter(|| assemble(draft, &AssembleOptions::default()));
         });
         group.bench_with_input(BenchmarkId::new("assemble_soup", faces), &soup, |b, draft| {
-            b.iter(|| assemble(draft));
+            b.iter(|| assemble(draft, &AssembleOptions::default()));
         });
         group.bench_with_input(BenchmarkId::new("check", faces), &whole, |b, draft| {
-            b.iter(|| check(draft));
+            b.iter(|| check(draft, &AssembleOptions::default()));
         });
     }
 }

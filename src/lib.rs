@@ -8,7 +8,7 @@
 //! The rooms of the crate stand in the order of that flow, and each names only those before it:
 //!
 //! 1. [`io::read_draft`] reads a file as it was written; [`skin::assemble()`] turns it into a sound [`skin::Skin`] and says what
-//!    it changed; taxels without triangles it joins ([`skin::mesh_bare()`]). [`skin::check()`] lists what is wrong with it.
+//!    it changed; taxels without triangles it joins ([`skin::triangulate_taxels()`]). [`skin::check()`] lists what is wrong with it.
 //!    [`calib::calibrate()`] makes one from noisy observations, with a covariance per taxel.
 //! 2. [`pyramid::coarsen`] makes every patch a [`pyramid::Pyramid`] of receptive fields, joined by
 //!    [`pyramid::Prolongation`]s.

@@ -90,8 +90,8 @@ fn a_list_of_another_length_is_told() {
     let (_folder, path) = folder_with("shin.txt", positions().replace("-1  ", ""));
     let draft = read_draft(&path).unwrap();
     assert_eq!(draft.remarks.len(), 1);
-    assert_eq!(draft.remarks[0].kind, RemarkKind::PassedOver);
-    assert!(draft.remarks[0].message.contains("22 entries for 24 rows"), "{}", draft.remarks[0]);
+    let RemarkKind::PassedOver { what } = &draft.remarks[0].kind else { panic!("{}", draft.remarks[0]) };
+    assert!(what.contains("22 entries for 24 rows"), "{what}");
 }
 
 #[test]

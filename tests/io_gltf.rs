@@ -11,7 +11,7 @@ use dermatome::{
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
-    skin::{Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, assemble},
+    skin::{AssembleOptions, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, assemble},
 };
 use glam::{DAffine3, DQuat, DVec3};
 use gltf_files::{Glb, f32s, u16s};
@@ -59,7 +59,7 @@ fn narrowed(mut skin: Skin) -> Skin {
 }
 
 fn read_skin(path: &Path) -> Skin {
-    let assembled = assemble(&read_draft(path).unwrap()).unwrap();
+    let assembled = assemble(&read_draft(path).unwrap(), &AssembleOptions::default()).unwrap();
     assert!(assembled.remarks.is_empty(), "nothing to repair: {:?}", assembled.remarks);
     assembled.skin
 }

@@ -1,25 +1,28 @@
+//! Drafts: skins as files hold them, before anything is repaired or refused.
+
 use glam::DVec3;
 
 use crate::{
-    id::IdVec,
-    skin::{Link, LinkId, Presence, Remark, TaxelId},
+    id::{FaceId, IdVec, VertexId},
+    mesh::MeshError,
+    skin::{Link, LinkId, Presence, Remark, SkinError, TaxelError, TaxelId},
 };
 
-/// A skin as a file tells it, before anything is repaired or refused.
+/// A skin as a file holds it, before anything is repaired or refused.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Draft {
-    /// The links; empty where the format knows none.
+    /// The links; empty where the format has none.
     pub links: IdVec<LinkId, Link>,
     /// The sheets of taxels and triangles.
     pub sheets: Vec<Sheet>,
-    /// What the reader of the file changed or passed over.
+    /// What the reader of the file changed or ignored.
     pub remarks: Vec<Remark>,
 }
 
 /// One sheet of triangles with their taxels, as written.
 ///
-/// The optional arrays are either absent or as long as `positions`. Nothing else is promised: corners may be out
-/// of range, positions not finite, vertices unused or duplicated, winding mixed.
+/// The optional arrays are either absent or as long as `positions`. Nothing else is guaranteed: corners may be
+/// out of range, positions not finite, vertices unused or duplicated, winding mixed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
     /// Name of the patch.
@@ -46,7 +49,49 @@ pub struct Sheet {
     pub covariances: Option<Vec<[f64; 6]>>,
 }
 
+impl Draft {
+    /// Whether it holds taxels, but no triangle.
+    #[must_use]
+    pub fn is_bare(&self) -> bool {
+        self.sheets.iter().all(|s| s.triangles.is_empty())
+            && self.sheets.iter().any(|s| !s.positions.is_empty())
+    }
+}
+
 impl Sheet {
+    /// The name to show: that of the file, or `patch` if it has none.
+    pub(super) fn title(&self) -> &str {
+        if self.name.is_empty() { "patch" } else { &self.name }
+    }
+
+    /// Refuses what would make every further step guess: links, lengths, positions and corners out of range.
+    pub(super) fn validate(&self, links: usize) -> Result<(), SkinError> {
+        let patch = || self.title().to_owned();
+        if let Some(link) = self.link.filter(|l| l.index() >= links) {
+            return Err(SkinError::UnknownLink { patch: patch(), link });
+        }
+        let needed = self.positions.len();
+        if let Some((what, found)) = self.wrong_length() {
+            let source = TaxelError::Length { what, found, needed };
+            return Err(SkinError::Taxels { patch: patch(), source });
+        }
+        let refuse = |source| Err(SkinError::Mesh { patch: patch(), source });
+        if self.is_too_large() {
+            return refuse(MeshError::TooMany { vertices: needed, faces: self.triangles.len() });
+        }
+        if let Some(v) = self.positions.iter().position(|p| !p.is_finite()) {
+            let position = self.positions[v].to_array();
+            return refuse(MeshError::NotFinite { vertex: VertexId::new(v), position });
+        }
+        for (face, t) in self.triangles.iter().enumerate() {
+            if let Some(&v) = t.iter().find(|&&v| v as usize >= needed) {
+                let (face, vertex) = (FaceId::new(face), VertexId::from(v));
+                return refuse(MeshError::CornerOutOfRange { face, vertex, vertices: needed });
+            }
+        }
+        Ok(())
+    }
+
     /// The first optional array that has not one entry per vertex, and its length.
     pub(super) fn wrong_length(&self) -> Option<(&'static str, usize)> {
         let lengths = [
@@ -60,5 +105,30 @@ impl Sheet {
         ];
         let mut given = lengths.into_iter().filter_map(|(what, n)| Some((what, n?)));
         given.find(|&(_, n)| n != self.positions.len())
+    }
+
+    /// Whether vertices or corners of faces are more than 32-bit ids can number.
+    pub(super) const fn is_too_large(&self) -> bool {
+        self.positions.len() >= u32::MAX as usize || self.triangles.len() >= (u32::MAX / 3) as usize
+    }
+
+    /// The taxels `kept`, in that order, without triangles.
+    pub(super) fn select(&self, kept: &[usize]) -> Self {
+        fn pick<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
+            kept.iter().map(|&k| values[k]).collect()
+        }
+        Self {
+            name: self.name.clone(),
+            link: self.link,
+            positions: pick(&self.positions, kept),
+            triangles: Vec::new(),
+            ids: self.ids.as_ref().map(|x| pick(x, kept)),
+            normals: self.normals.as_ref().map(|x| pick(x, kept)),
+            areas: self.areas.as_ref().map(|x| pick(x, kept)),
+            densities: self.densities.as_ref().map(|x| pick(x, kept)),
+            presence: self.presence.as_ref().map(|x| pick(x, kept)),
+            modules: self.modules.as_ref().map(|x| pick(x, kept)),
+            covariances: self.covariances.as_ref().map(|x| pick(x, kept)),
+        }
     }
 }

@@ -1,25 +1,22 @@
+//! Names of patches: each one unique within a skin.
+
 use std::collections::{HashMap, HashSet};
 
 use crate::skin::Sheet;
 
-/// Gives every patch a name of its own.
+/// Gives every patch a unique name.
 #[derive(Debug)]
 pub(super) struct Names {
-    /// Names of sheets: a piece of another sheet must not take them.
+    /// Names of sheets: a component of another sheet must not take them.
     of_sheets: HashSet<String>,
     taken: HashSet<String>,
-    /// The last number given to a piece, by the name of its sheet.
+    /// The last number given to a component, by the name of its sheet.
     last: HashMap<String, usize>,
-}
-
-/// The name of a sheet; one that has none in the file is called `patch`.
-pub(super) fn sheet_name(sheet: &Sheet) -> &str {
-    if sheet.name.is_empty() { "patch" } else { &sheet.name }
 }
 
 impl Names {
     pub(super) fn new(sheets: &[Sheet]) -> Self {
-        let of_sheets = sheets.iter().map(|s| sheet_name(s).to_owned()).collect();
+        let of_sheets = sheets.iter().map(|s| s.title().to_owned()).collect();
         Self { of_sheets, taken: HashSet::new(), last: HashMap::new() }
     }
 

@@ -1,8 +1,14 @@
+//! Normals of taxels: which of the file's are reliable, and those of the faces.
+//!
+//! *Heuristic*: thresholds were chosen on real covers and on placeholders that vendors write. Shared by
+//! assembling, checking and triangulating.
+
 use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, TriMesh},
+    mesh::TriMesh,
+    skin::UnreliableNormals,
 };
 
 /// A normal is a unit vector if its length is this close to 1: tables print three digits.
@@ -25,35 +31,31 @@ pub(super) fn is_unit(n: DVec3) -> bool {
     (n.length() - 1.0).abs() <= UNIT_TOLERANCE
 }
 
-/// What the taxels' normals of one piece of skin are worth.
+/// What the normals of the taxels of one component can be used for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Worth {
+pub(super) enum NormalQuality {
     /// They tell the outside: the faces are wound with them.
     Outward,
     /// They tell the outside: the faces are wound against them.
     Inward,
-    /// Most are no unit vectors.
-    NotUnit,
-    /// All are the same although the piece is curved: a placeholder.
-    Constant,
-    /// They have nothing to do with the faces.
-    Unrelated,
+    /// Nothing.
+    Unreliable(UnreliableNormals),
 }
 
-impl Worth {
-    pub(super) const fn is_believable(self) -> bool {
+impl NormalQuality {
+    pub(super) const fn is_reliable(self) -> bool {
         matches!(self, Self::Outward | Self::Inward)
     }
 }
 
-/// What the faces of one piece of skin say about its normals, added up face by face.
+/// How well the normals of the taxels of one component agree with its faces, added up face by face.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Poll {
+pub(super) struct NormalConsensus {
     /// Twice the area.
     area: f64,
-    /// Twice the vector area; twice the area long on a flat piece.
+    /// Twice the vector area; its length is twice the area on a flat component.
     direction: DVec3,
-    /// Cosines between faces and their corners' normals, weighted by twice the area.
+    /// Cosines between faces and the normals of their corners, weighted by twice the area.
     agreement: f64,
     /// What `agreement` would be if all cosines were 1.
     weight: f64,
@@ -63,7 +65,16 @@ pub(super) struct Poll {
     differs: bool,
 }
 
-impl Poll {
+impl NormalConsensus {
+    /// Of a component and the normals of its taxels.
+    pub(super) fn of(mesh: &TriMesh, normals: &IdVec<VertexId, DVec3>) -> Self {
+        let mut this = Self::default();
+        for (face, corners) in mesh.triangles.enumerate() {
+            this.add(mesh.face_cross(face), corners.map(|v| normals[v]));
+        }
+        this
+    }
+
     /// Adds a face with vector `cross` (twice its area) and the normals of its corners; zero where there is none.
     pub(super) fn add(&mut self, cross: DVec3, normals: [DVec3; 3]) {
         let area = cross.length();
@@ -83,23 +94,23 @@ impl Poll {
     }
 
     /// The verdict.
-    pub(super) fn worth(&self) -> Worth {
+    pub(super) fn quality(&self) -> NormalQuality {
         if 2 * self.unit_corners < self.corners {
-            Worth::NotUnit
+            NormalQuality::Unreliable(UnreliableNormals::NotUnit)
         } else if !self.differs && self.direction.length() < FLAT * self.area {
-            Worth::Constant
+            NormalQuality::Unreliable(UnreliableNormals::Constant)
         } else if self.agreement >= AGREEMENT * self.weight {
-            Worth::Outward
+            NormalQuality::Outward
         } else if self.agreement <= -AGREEMENT * self.weight {
-            Worth::Inward
+            NormalQuality::Inward
         } else {
-            Worth::Unrelated
+            NormalQuality::Unreliable(UnreliableNormals::Unrelated)
         }
     }
 }
 
-/// The believable part of a taxel's normals: the mean of the unit normals of all file vertices that are this taxel,
-/// zero where there is none.
+/// Unit normals of the taxels: the mean of the unit normals of all file vertices that are this taxel, zero
+/// where there is none.
 pub(super) fn taxel_normals(normals: &[DVec3], taxel: &IdVec<VertexId, VertexId>) -> IdVec<VertexId, DVec3> {
     let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, taxel.len());
     for ((_, &v), &n) in taxel.enumerate().zip(normals) {
@@ -110,10 +121,10 @@ pub(super) fn taxel_normals(normals: &[DVec3], taxel: &IdVec<VertexId, VertexId>
     sums.map(|n| n.normalize_or_zero())
 }
 
-/// Unit normals of the faces around each vertex, and zero only where these have no direction at all.
+/// Unit normals of the faces around each vertex; zero only where these have no direction at all.
 pub(super) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
     let mut normals = mesh.vertex_normals();
-    // Where opposite faces cancel, and where areas are too small for their squares, one face is as good as another.
+    // Where opposite faces cancel, and where areas are too small for their squares, take any face.
     for (face, corners) in mesh.triangles.enumerate() {
         for &v in corners {
             if normals[v] == DVec3::ZERO {
@@ -127,26 +138,4 @@ pub(super) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
 fn face_direction(mesh: &TriMesh, face: FaceId) -> DVec3 {
     let [a, b, c] = mesh.corners(face);
     (b - a).normalize_or_zero().cross((c - a).normalize_or_zero()).normalize_or_zero()
-}
-
-/// What the faces of a patch say about the normals of its taxels.
-pub(super) fn poll(mesh: &TriMesh, normals: &IdVec<VertexId, DVec3>) -> Poll {
-    let mut poll = Poll::default();
-    for (face, corners) in mesh.triangles.enumerate() {
-        poll.add(mesh.face_cross(face), corners.map(|v| normals[v]));
-    }
-    poll
-}
-
-/// Volume inside a closed piece, in m^3, negative if it is inside out; `None` for one with a boundary.
-pub(super) fn enclosed_volume(mesh: &TriMesh) -> Option<f64> {
-    if Edges::new(&mesh.triangles, mesh.positions.len()).iter().any(|uses| uses.len() == 1) {
-        return None;
-    }
-    let origin = mesh.positions.iter().next().copied()?;
-    let volume = |face| {
-        let [a, b, c] = mesh.corners(face).map(|p| p - origin);
-        a.dot(b.cross(c)) / 6.0
-    };
-    Some(mesh.triangles.ids().map(volume).sum())
 }

@@ -1,23 +1,21 @@
-use crate::skin::{Sheet, names::sheet_name};
+//! *Heuristic*: recognises files in millimetres by the size of the skin.
+//!
+//! The extent without outliers is robust against sentinel coordinates such as -999; the bounding box is not.
 
-/// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times larger, so that down to a
-/// fingertip of 10 mm its unit shows.
+use crate::skin::{Remark, RemarkKind, Sheet};
+
+/// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times larger, so that
+/// its unit shows down to a fingertip of 10 mm.
 const LARGEST_PART: f64 = 10.0;
 
-/// Says of the largest sheet that its size makes no sense in metres; its name, and the sentence.
-pub(super) fn doubtful_unit(sheets: &[Sheet]) -> Option<(&str, String)> {
+/// A warning about the largest sheet, if its size makes no sense in metres.
+pub(super) fn doubtful_unit(sheets: &[Sheet]) -> Option<Remark> {
     let largest = sheets.iter().map(|sheet| (sheet, extent(sheet))).max_by(|a, b| a.1.total_cmp(&b.1));
     let (sheet, extent) = largest.filter(|&(_, extent)| extent > LARGEST_PART && extent.is_finite())?;
-    // What CAD and scanners write.
-    let size = if extent < 1e5 { format!("{extent:.0}") } else { format!("{extent:.0e}") };
-    let message = format!(
-        "it is {size} m across: is the file in millimetres? Lengths are read as metres, so divide them by 1000"
-    );
-    Some((sheet_name(sheet), message))
+    Some(Remark { patch: sheet.title().to_owned(), kind: RemarkKind::DoubtfulUnit { extent } })
 }
 
-/// Longest side, in m, of the box around a sheet without its outermost hundredth on either side: numbers that stand for none are
-/// often -999.
+/// Longest side, in m, of the box around a sheet without the outermost hundredth of its vertices on each side.
 fn extent(sheet: &Sheet) -> f64 {
     let count = sheet.positions.len();
     let out = count.div_ceil(100).min(count.saturating_sub(1) / 2);

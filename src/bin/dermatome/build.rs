@@ -15,12 +15,13 @@ use dermatome::{
     io::{IoError, temporary_prefix, write_images, write_json, write_map},
     pipeline::{BuildOptions, Stage, build},
     report::{Report, Stages, measure},
+    skin::AssembleOptions,
 };
 use tempfile::TempDir;
 
 use crate::{
     common::Common,
-    input::{close_holes, read_skin},
+    input::read_skin,
     memory::peak_memory_bytes,
     notes::note_overlaps,
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
@@ -55,8 +56,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut seconds = Stages::default();
     let options = args.options()?;
     let mut lap = Lap::start();
-    let mut skin = read_skin(&args.skin, &args.bare, common)?;
-    close_holes(&mut skin, args.coarsen.fill_holes, common)?;
+    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
+    let skin = read_skin(&args.skin, &assemble, common)?;
     check_output(&args.output)?;
     seconds.read = lap.seconds();
 

@@ -3,7 +3,7 @@ use std::{fmt::Write, path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     io::read_draft,
-    skin::{Element, Finding, check_with},
+    skin::{Element, Finding, check},
 };
 
 use crate::{
@@ -31,7 +31,7 @@ const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let draft = read_draft(&args.file).map_err(Error::from)?;
-    let findings = check_with(&draft, &args.bare.options());
+    let findings = check(&draft, &args.bare.options());
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind.is_informational());
     for note in notes.iter().filter(|_| !common.quiet) {
         eprintln!("note: {}", line(&note.to_string()));

@@ -7,14 +7,14 @@ use dermatome::{
     io::{IoError, kind, write_pyramids},
     mesh::Adjacency,
     pyramid::{Pyramid, coarsen},
-    skin::Skin,
+    skin::{AssembleOptions, Skin},
 };
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::{
     common::Common,
-    input::{close_holes, read_skin},
+    input::read_skin,
     options::{BareArgs, CoarsenArgs},
     outputs,
     print::{plain, print_json, print_table},
@@ -43,8 +43,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }
     outputs::check([args.output.as_path()])?;
-    let mut skin = read_skin(&args.skin, &args.bare, common)?;
-    close_holes(&mut skin, args.coarsen.fill_holes, common)?;
+    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
+    let skin = read_skin(&args.skin, &assemble, common)?;
     let options = args.coarsen.options();
     let pyramids: Vec<_> = skin
         .patches

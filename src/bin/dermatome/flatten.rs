@@ -42,7 +42,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check(args.output.iter().map(PathBuf::as_path))?;
     let options = args.flatten.options()?;
-    let skin = read_skin(&args.mesh, &args.bare, common)?;
+    let skin = read_skin(&args.mesh, &args.bare.options(), common)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
         return Err(advise(

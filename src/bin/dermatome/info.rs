@@ -31,7 +31,7 @@ const COLUMNS: [&str; 8] =
     ["name", "link", "vertices", "faces", "boundary_loops", "euler", "area_m2", "spacing_mm"];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.file, &args.bare, common)?;
+    let skin = read_skin(&args.file, &args.bare.options(), common)?;
     let rows: Vec<[Value; 8]> =
         skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<_, Error>>()?;
     if args.json {

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use dermatome::{
     flatten::{Energy, FlattenOptions, Method},
     pyramid::CoarsenOptions,
-    skin::MeshOptions,
+    skin::AssembleOptions,
 };
 
 use crate::errors::advise;
@@ -15,13 +15,13 @@ use crate::errors::advise;
 pub(crate) struct BareArgs {
     /// Longest edge between bare taxels, over the spacing around them; what is longer is a real gap
     /// and stays open
-    #[arg(long, value_name = "K", default_value_t = MeshOptions::default().gap, value_parser = gap)]
+    #[arg(long, value_name = "K", default_value_t = AssembleOptions::default().gap, value_parser = gap)]
     gap: f64,
 }
 
 impl BareArgs {
-    pub(crate) fn options(&self) -> MeshOptions {
-        MeshOptions { gap: self.gap }
+    pub(crate) fn options(&self) -> AssembleOptions {
+        AssembleOptions { gap: self.gap, ..AssembleOptions::default() }
     }
 }
 

@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let svg = match read_map_if_any(&args.map).map_err(Error::from)? {
         Some(map) => plot_map(&map, &options),
-        None => plot_skin(&read_skin(&args.map, &args.bare, common)?, &options),
+        None => plot_skin(&read_skin(&args.map, &args.bare.options(), common)?, &options),
     }
     .map_err(Error::from)?;
     let mut files = Outputs::default();

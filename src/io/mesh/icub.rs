@@ -66,7 +66,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let patch = || sheet.name.clone();
     let remarks = remarks
         .into_iter()
-        .map(|message| Remark { kind: RemarkKind::PassedOver, patch: patch(), message })
+        .map(|what| Remark { patch: patch(), kind: RemarkKind::PassedOver { what } })
         .collect();
     Ok(Draft { sheets: vec![sheet], remarks, ..Draft::default() })
 }

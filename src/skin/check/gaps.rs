@@ -4,7 +4,10 @@ use glam::{DVec3, I64Vec3};
 
 use crate::{
     id::{IdVec, VertexId},
-    skin::check::{FindingKind, Report, Subject, numbers},
+    skin::check::{
+        FindingKind,
+        report::{Report, Subject, numbers},
+    },
 };
 
 /// Two boundaries closer than this share of the local spacing look like a seam that was not joined. Modules that

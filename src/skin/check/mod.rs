@@ -2,6 +2,7 @@
 
 mod finding;
 mod gaps;
+mod report;
 mod shape;
 mod taxels;
 mod topology;
@@ -9,12 +10,20 @@ mod topology;
 pub use finding::{Element, Finding, FindingKind};
 
 use crate::{
-    id::{FaceId, IdVec, VertexId},
+    id::FaceId,
     mesh::Edges,
     skin::{
-        Draft, MeshOptions, Remark, RemarkKind, Sheet, assemble, check::topology::Topology, mesh_bare,
-        names::sheet_name, normals::taxel_normals, triangulate::Places, unit_check::doubtful_unit,
-        welded::Surface, winding::Winding,
+        AssembleOptions, Draft, RemarkKind, Sheet, assemble,
+        check::{
+            report::{Report, Subject},
+            topology::Topology,
+        },
+        normals::taxel_normals,
+        remark::Coincident,
+        triangulate::UniquePoints,
+        unit_check::doubtful_unit,
+        welded::Surface,
+        winding::Winding,
     },
 };
 
@@ -25,14 +34,10 @@ use crate::{
 /// apart. Vertices that a file splits along seams of its normals or textures are healthy too, and so are slots marked as
 /// absent that have no face. Holes of three or four edges are findings: a taxel leaves a larger one, so a face
 /// is missing there. Takes time near-linear in the size of the draft, and never panics.
+///
+/// Bare taxels are judged by what assembling them with `options` gives.
 #[must_use]
-pub fn check(draft: &Draft) -> Vec<Finding> {
-    check_with(draft, &MeshOptions::default())
-}
-
-/// [`check`], with bare taxels joined as `options` say.
-#[must_use]
-pub fn check_with(draft: &Draft, options: &MeshOptions) -> Vec<Finding> {
+pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
     let mut findings = Vec::new();
     let backward = draft.links.enumerate().filter(|(link, l)| l.parent.is_some_and(|p| p >= *link));
     let backward: Vec<u64> = backward.map(|(link, _)| u64::from(link.raw())).collect();
@@ -44,14 +49,14 @@ pub fn check_with(draft: &Draft, options: &MeshOptions) -> Vec<Finding> {
     for sheet in &draft.sheets {
         check_sheet(sheet, draft.links.len(), &mut findings);
     }
-    if let Some((sheet, message)) = doubtful_unit(&draft.sheets) {
-        findings.push(Finding::of_sheet(FindingKind::DoubtfulUnit, sheet, message));
+    if let Some(remark) = doubtful_unit(&draft.sheets) {
+        findings.push(Finding::of_sheet(FindingKind::DoubtfulUnit, &remark.patch, remark.kind.to_string()));
     }
     if draft.is_bare() {
         findings.retain(|f| f.kind != FindingKind::IsolatedTaxel);
         let taxels = draft.sheets.iter().filter(|sheet| !sheet.positions.is_empty());
         findings.splice(0..0, taxels.map(bare));
-        check_meshing(draft, options, &mut findings);
+        check_bare(draft, options, &mut findings);
     } else if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
         let message = "there is no triangle in it: a skin needs taxels joined by triangles".into();
         findings.push(Finding::of_sheet(FindingKind::NoTriangles, only_name(draft), message));
@@ -62,80 +67,50 @@ pub fn check_with(draft: &Draft, options: &MeshOptions) -> Vec<Finding> {
 fn bare(sheet: &Sheet) -> Finding {
     let message =
         "its taxels have no triangles; reading it as a skin joins them, and `convert` tells what was assumed";
-    Finding::of_sheet(FindingKind::Bare, sheet_name(sheet), message.into())
+    Finding::of_sheet(FindingKind::Bare, sheet.title(), message.into())
 }
 
 /// Name of the sheet that a finding about the whole draft concerns; empty if there are several.
 fn only_name(draft: &Draft) -> &str {
     match draft.sheets.as_slice() {
-        [sheet] => sheet_name(sheet),
+        [sheet] => sheet.title(),
         _ => "",
     }
 }
 
-/// Notes what becomes of bare taxels: why they cannot be meshed, which are merged, into what pieces they fall, and which are left
-/// out.
-fn check_meshing(draft: &Draft, options: &MeshOptions, findings: &mut Vec<Finding>) {
-    let assembled = mesh_bare(draft, options).and_then(|meshed| assemble(&meshed));
-    if assembled.is_ok() {
-        // Not only what lies exactly where another taxel lies is merged.
-        findings.retain(|f| f.kind != FindingKind::DuplicatePosition);
-        for sheet in &draft.sheets {
-            let places = Places::new(sheet);
-            if !places.merged.is_empty() {
-                let elements = places.merged.iter().map(|&k| k as u64).collect();
-                let message = places.told_merged();
-                let finding = Finding::of_sheet(FindingKind::DuplicatePosition, sheet_name(sheet), message);
-                findings.push(Finding { elements, ..finding });
-            }
+/// Notes what becomes of bare taxels: why they cannot be joined, which are merged, into what components they fall, and
+/// which are left out.
+fn check_bare(draft: &Draft, options: &AssembleOptions, findings: &mut Vec<Finding>) {
+    let assembled = match assemble(draft, options) {
+        Ok(assembled) => assembled,
+        Err(why) => {
+            return findings.push(Finding::of_sheet(FindingKind::NoSkin, only_name(draft), why.to_string()));
+        }
+    };
+    // Not only what lies exactly where another taxel lies is merged.
+    findings.retain(|f| f.kind != FindingKind::DuplicatePosition);
+    for sheet in &draft.sheets {
+        let points = UniquePoints::new(sheet);
+        if !points.merged.is_empty() {
+            let elements = points.merged.iter().map(|v| u64::from(v.raw())).collect();
+            let message = Coincident { taxels: points.merged.len(), distance: points.distance }.to_string();
+            let finding = Finding::of_sheet(FindingKind::DuplicatePosition, sheet.title(), message);
+            findings.push(Finding { elements, ..finding });
         }
     }
-    let mut note = |kind, patch: &str, message| findings.push(Finding::of_sheet(kind, patch, message));
-    match assembled {
-        Err(why) => note(FindingKind::NoSkin, only_name(draft), why.to_string()),
-        Ok(assembled) => {
-            let of_kind = |r: &&Remark| matches!(r.kind, RemarkKind::Components | RemarkKind::LeftOut);
-            for remark in assembled.remarks[draft.remarks.len()..].iter().filter(of_kind) {
-                note(FindingKind::BarePieces, &remark.patch, remark.message.clone());
-            }
+    for remark in &assembled.remarks[draft.remarks.len()..] {
+        if matches!(
+            remark.kind,
+            RemarkKind::Components { .. } | RemarkKind::LeftOut { .. } | RemarkKind::SheetLeftOut { .. }
+        ) {
+            let message = remark.kind.to_string();
+            findings.push(Finding::of_sheet(FindingKind::BarePieces, &remark.patch, message));
         }
-    }
-}
-
-/// One sheet with all that the parts of the check need to know of it.
-struct Subject<'a> {
-    sheet: &'a Sheet,
-    surface: Surface,
-    edges: Edges,
-    winding: Winding,
-    /// Believable parts of the taxels' normals; `None` without normals.
-    normals: Option<IdVec<VertexId, glam::DVec3>>,
-}
-
-/// The findings of one sheet; of each kind one.
-struct Report<'a> {
-    patch: &'a str,
-    findings: Vec<Finding>,
-}
-
-impl Report<'_> {
-    /// Notes a finding, unless it has no elements.
-    fn add(&mut self, kind: FindingKind, elements: Vec<u64>, message: impl FnOnce(usize) -> String) {
-        let per_item = if kind.element() == Element::Edge { 2 } else { 1 };
-        if !elements.is_empty() {
-            let message = message(elements.len() / per_item);
-            self.findings.push(Finding { kind, patch: self.patch.to_owned(), elements, message });
-        }
-    }
-
-    /// Notes a finding about the whole sheet.
-    fn add_whole(&mut self, kind: FindingKind, message: String) {
-        self.findings.push(Finding::of_sheet(kind, self.patch, message));
     }
 }
 
 fn check_sheet(sheet: &Sheet, links: usize, findings: &mut Vec<Finding>) {
-    let mut report = Report { patch: sheet_name(sheet), findings: Vec::new() };
+    let mut report = Report { patch: sheet.title(), findings: Vec::new() };
     if let Some(link) = sheet.link.filter(|l| l.index() >= links) {
         let message = format!("it hangs on link {link}, but there are {links} links");
         report.add_whole(FindingKind::UnknownLink, message);
@@ -145,7 +120,7 @@ fn check_sheet(sheet: &Sheet, links: usize, findings: &mut Vec<Finding>) {
         let message =
             format!("an array has {found} entries for {needed} vertices; nothing else was looked at");
         report.add_whole(FindingKind::ArrayLength, message);
-    } else if sheet.positions.len() >= u32::MAX as usize || sheet.triangles.len() >= (u32::MAX / 3) as usize {
+    } else if sheet.is_too_large() {
         let message =
             "it has more vertices or faces than 32-bit numbers count; nothing else was looked at".into();
         report.add_whole(FindingKind::TooLarge, message);
@@ -177,9 +152,4 @@ fn check_surface(sheet: &Sheet, report: &mut Report<'_>) {
     taxels::check_places(&subject, report);
     taxels::check_ids(&subject, report);
     taxels::check_quantities(&subject, report);
-}
-
-/// Elements as a finding lists them.
-fn numbers<T: Copy + Into<u64>>(elements: impl IntoIterator<Item = T>) -> Vec<u64> {
-    elements.into_iter().map(Into::into).collect()
 }

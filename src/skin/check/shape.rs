@@ -6,9 +6,13 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
     skin::{
+        UnreliableNormals,
         assemble::zero_area::{has_no_area, slenderness},
-        check::{FindingKind, Report, Subject, numbers},
-        normals::{Poll, Worth, surface_normals},
+        check::{
+            FindingKind,
+            report::{Report, Subject, numbers},
+        },
+        normals::{NormalConsensus, NormalQuality, surface_normals},
     },
 };
 
@@ -86,23 +90,23 @@ pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Some(normals) = &subject.normals else { return };
     // The mesh with every piece wound like its first face, then outward.
     let mut wound = mesh.clone();
-    let mut polls = vec![Poll::default(); winding.components];
+    let mut consensus = vec![NormalConsensus::default(); winding.components];
     for face in mesh.triangles.ids() {
         if winding.against_first[face] {
             wound.triangles[face].swap(1, 2);
         }
         let at_corners = wound.triangles[face].map(|v| normals[v]);
-        polls[winding.component[face]].add(wound.face_cross(face), at_corners);
+        consensus[winding.component[face]].add(wound.face_cross(face), at_corners);
     }
-    let worth: Vec<Worth> = polls.iter().map(Poll::worth).collect();
+    let qualities: Vec<NormalQuality> = consensus.iter().map(NormalConsensus::quality).collect();
     let mut turned = Vec::new();
     for face in mesh.triangles.ids() {
-        let of_piece = worth[winding.component[face]];
-        if of_piece == Worth::Inward {
+        let of_piece = qualities[winding.component[face]];
+        if of_piece == NormalQuality::Inward {
             wound.triangles[face].swap(1, 2);
         }
-        let is_turned = winding.against_first[face] != (of_piece == Worth::Inward);
-        if of_piece.is_believable() && is_turned {
+        let is_turned = winding.against_first[face] != (of_piece == NormalQuality::Inward);
+        if of_piece.is_reliable() && is_turned {
             turned.push(subject.surface.file_faces[face].raw());
         }
     }
@@ -110,7 +114,7 @@ pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
         format!("{n} of {} faces are wound against the taxels' normals", mesh.triangles.len())
     });
 
-    check_directions(subject, normals, &wound, &worth, report);
+    check_directions(subject, normals, &wound, &qualities, report);
 }
 
 /// Notes normals that do not tell the outside of `wound`, the mesh wound outward.
@@ -118,7 +122,7 @@ fn check_directions(
     subject: &Subject<'_>,
     normals: &IdVec<VertexId, DVec3>,
     wound: &TriMesh,
-    worth: &[Worth],
+    qualities: &[NormalQuality],
     report: &mut Report<'_>,
 ) {
     let outward = surface_normals(wound);
@@ -129,10 +133,12 @@ fn check_directions(
             if std::mem::replace(&mut seen[v], true) {
                 continue;
             }
-            match worth[subject.winding.component[face]] {
-                Worth::Constant => constant.push(v.raw()),
-                Worth::Unrelated => unrelated.push(v.raw()),
-                Worth::Outward | Worth::Inward if normals[v].dot(outward[v]) < 0.0 => inward.push(v.raw()),
+            match qualities[subject.winding.component[face]] {
+                NormalQuality::Unreliable(UnreliableNormals::Constant) => constant.push(v.raw()),
+                NormalQuality::Unreliable(UnreliableNormals::Unrelated) => unrelated.push(v.raw()),
+                NormalQuality::Outward | NormalQuality::Inward if normals[v].dot(outward[v]) < 0.0 => {
+                    inward.push(v.raw())
+                }
                 _ => {}
             }
         }

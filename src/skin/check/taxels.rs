@@ -4,7 +4,10 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     skin::{
         Presence, Sheet, TaxelId,
-        check::{FindingKind, Report, Subject, numbers},
+        check::{
+            FindingKind,
+            report::{Report, Subject, numbers},
+        },
         normals::is_unit,
     },
 };

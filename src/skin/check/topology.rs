@@ -1,7 +1,10 @@
 use crate::{
     id::{IdVec, VertexId},
     numeric::DisjointSets,
-    skin::check::{FindingKind, Report, Subject, numbers},
+    skin::check::{
+        FindingKind,
+        report::{Report, Subject, numbers},
+    },
 };
 
 /// A hole of so few edges is no missing taxel: that leaves at least five.

@@ -9,8 +9,9 @@ use crate::{
     id::{IdVec, VertexId},
     numeric::symmetric_eigen,
     skin::{
+        UnreliableNormals,
         normals::{SAME_DIRECTION, is_unit},
-        triangulate::{Bare, neighbours::Neighbours},
+        triangulate::{neighbours::Neighbours, unique_points::UniquePoints},
     },
 };
 
@@ -64,19 +65,19 @@ pub(super) struct Normals {
     /// Median of [`Plane::thickness`].
     pub thickness: f64,
     /// Why the file's normals were not used; `None` if they were or there are none.
-    pub refused: Option<&'static str>,
+    pub refused: Option<UnreliableNormals>,
 }
 
 impl Normals {
     /// Those of the rigid modules, else those of the planes of least squares through the nearest neighbours (Hoppe et al. 1992),
     /// towards the side of the file's where these are believable. Neighbours that these show on different sides of a thin part
     /// are neighbours no more.
-    pub(super) fn new(bare: &Bare<'_>, neighbours: &mut Neighbours) -> Self {
-        let file = bare.sheet.normals.as_ref().map(|n| bare.places.taxel.map(|&k| believable(n[k])));
+    pub(super) fn new(points: &UniquePoints<'_>, neighbours: &mut Neighbours) -> Self {
+        let file = points.sheet.normals.as_ref().map(|n| points.taxel.map(|&k| believable(n[k])));
         let mut refused = None;
         if let Some(file) = file {
-            let beside = neighbours.filtered(|v, w| !is_across(v, w, bare, &file, neighbours));
-            let (mut normal, thickness) = planes(bare, &beside);
+            let beside = neighbours.filtered(|v, w| !is_across(v, w, points, &file, neighbours));
+            let (mut normal, thickness) = planes(points, &beside);
             refused = refuse(&file, &normal);
             if refused.is_none() {
                 *neighbours = beside;
@@ -86,7 +87,7 @@ impl Normals {
                 return Self { normal, file, thickness, refused };
             }
         }
-        let (normal, thickness) = planes(bare, neighbours);
+        let (normal, thickness) = planes(points, neighbours);
         Self { file: IdVec::filled(DVec3::ZERO, normal.len()), normal, thickness, refused }
     }
 
@@ -118,11 +119,11 @@ impl Normals {
 fn is_across(
     v: VertexId,
     w: VertexId,
-    bare: &Bare<'_>,
+    points: &UniquePoints<'_>,
     file: &IdVec<VertexId, DVec3>,
     neighbours: &Neighbours,
 ) -> bool {
-    let d = bare.places.positions[w] - bare.places.positions[v];
+    let d = points.positions[w] - points.positions[v];
     let [seen, back] = [d.dot(file[v]), -d.dot(file[w])];
     let apart = APART * 0.5 * (neighbours.spacing[v] + neighbours.spacing[w]);
     let least = seen.abs().min(back.abs());
@@ -136,24 +137,24 @@ fn believable(n: DVec3) -> DVec3 {
 }
 
 /// The planes of all taxels, those of modules where there are such, and the median of the thickness.
-fn planes(bare: &Bare<'_>, neighbours: &Neighbours) -> (IdVec<VertexId, DVec3>, f64) {
-    let ids: Vec<VertexId> = bare.places.positions.ids().collect();
+fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId, DVec3>, f64) {
+    let ids: Vec<VertexId> = points.positions.ids().collect();
     let plane = |&v: &VertexId| {
         let near = neighbours.of(v).iter().take(PLANE_NEIGHBOURS);
-        local_plane(near.chain([&v]).map(|&w| bare.places.positions[w]))
+        local_plane(near.chain([&v]).map(|&w| points.positions[w]))
     };
     let planes: Vec<Plane> = ids.par_iter().map(plane).collect();
     let mut thickness: Vec<f64> = planes.iter().map(|p| p.thickness).collect();
     thickness.sort_unstable_by(f64::total_cmp);
     let mut normal: IdVec<VertexId, DVec3> = planes.iter().map(|p| p.normal).collect();
-    for (v, plane) in module_planes(bare) {
+    for (v, plane) in module_planes(points) {
         normal[v] = plane;
     }
     (normal, thickness[thickness.len() / 2])
 }
 
 /// Why the normals of the file are not to be believed.
-fn refuse(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<&'static str> {
+fn refuse(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<UnreliableNormals> {
     let mut units = 0_usize;
     let (mut agreement, mut differs) = (0.0, false);
     let mut first = None;
@@ -164,11 +165,11 @@ fn refuse(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Opt
     }
     let mean = agreement / units as f64;
     if 2 * units < file.len() {
-        Some("most normals are no unit vectors")
+        Some(UnreliableNormals::NotUnit)
     } else if !differs && mean < FLAT_AGREEMENT {
-        Some("the normals are all the same and do not stand on the part")
+        Some(UnreliableNormals::Constant)
     } else if mean < AGREEMENT {
-        Some("the normals do not fit the places of the taxels")
+        Some(UnreliableNormals::Unrelated)
     } else {
         None
     }
@@ -183,15 +184,15 @@ fn local_plane(points: impl Iterator<Item = DVec3> + Clone) -> Plane {
 }
 
 /// The normals of the modules, taxel by taxel, where they have one.
-fn module_planes(bare: &Bare<'_>) -> Vec<(VertexId, DVec3)> {
-    let Some(modules) = &bare.sheet.modules else { return Vec::new() };
+fn module_planes(points: &UniquePoints<'_>) -> Vec<(VertexId, DVec3)> {
+    let Some(modules) = &points.sheet.modules else { return Vec::new() };
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
-    for (v, &k) in bare.places.taxel.enumerate() {
+    for (v, &k) in points.taxel.enumerate() {
         members.entry(modules[k]).or_default().push(v);
     }
     let mut planes = Vec::new();
     for members in members.values().filter(|m| m.len() >= MODULE_PLACES) {
-        if let Some((normal, variance)) = fit(members.iter().map(|&v| bare.places.positions[v]))
+        if let Some((normal, variance)) = fit(members.iter().map(|&v| points.positions[v]))
             && variance[1] > MODULE_BREADTH * variance[2]
         {
             planes.extend(members.iter().map(|&v| (v, normal)));

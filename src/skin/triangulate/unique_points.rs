@@ -12,7 +12,9 @@ use crate::{
 /// They are numbered along a Morton curve, equal codes by coordinate, so that no result depends on the order of the
 /// file, and neighbours lie close together in memory.
 #[derive(Debug)]
-pub(in crate::skin) struct Places {
+pub(in crate::skin) struct UniquePoints<'a> {
+    /// The sheet whose taxels they are.
+    pub sheet: &'a Sheet,
     /// Moved and scaled so that the longest side of their box is 1: the largest coordinates do not overflow when squared.
     pub positions: IdVec<VertexId, DVec3>,
     /// The taxel of the sheet that lies there.
@@ -20,18 +22,18 @@ pub(in crate::skin) struct Places {
     /// How long 1 is, in m.
     pub unit: f64,
     /// Taxels of the sheet that lie where another one lies, ascending.
-    pub merged: Vec<usize>,
-    /// How far at most these lie beside that one, in m.
-    pub beside: f64,
+    pub merged: Vec<VertexId>,
+    /// The largest distance between those and that one, in m.
+    pub distance: f64,
     /// Slots of the sheet that hold nothing and have no place.
     pub absent: usize,
 }
 
-impl Places {
+impl<'a> UniquePoints<'a> {
     /// Finds them. All positions must be finite.
     ///
     /// Of several taxels at one place the first stays that has a pressure reading, else the first.
-    pub(in crate::skin) fn new(sheet: &Sheet) -> Self {
+    pub(in crate::skin) fn new(sheet: &'a Sheet) -> Self {
         let is_empty = |k: usize| {
             let has_normal = sheet.normals.as_ref().is_some_and(|n| n[k] != DVec3::ZERO);
             let presence = sheet.presence.as_ref().map_or(Presence::Present, |p| p[k]);
@@ -48,10 +50,10 @@ impl Places {
         let positions = taxels.map(|&k| frame.scaled(sheet.positions[k]));
         let normals = taxels.map(|&k| sheet.normals.as_ref().map_or(DVec3::ZERO, |n| n[k]));
         let first = first_at_place(&positions, &normals, frame.unit);
-        let beside = |(v, &first): (VertexId, &VertexId)| positions[v].distance(positions[first]);
-        let farthest = first.enumerate().map(beside).fold(0.0, f64::max);
+        let distance = |(v, &first): (VertexId, &VertexId)| positions[v].distance(positions[first]);
+        let farthest = first.enumerate().map(distance).fold(0.0, f64::max);
         let (stay, merged): (Vec<VertexId>, Vec<VertexId>) = positions.ids().partition(|&v| first[v] == v);
-        let mut merged: Vec<usize> = merged.into_iter().map(|v| taxels[v]).collect();
+        let mut merged: Vec<VertexId> = merged.into_iter().map(|v| VertexId::new(taxels[v])).collect();
         merged.sort_unstable();
         let mut places: Vec<(u64, DVec3, usize)> =
             stay.into_par_iter().map(|v| (morton(positions[v]), positions[v], taxels[v])).collect();
@@ -60,22 +62,13 @@ impl Places {
             a.0.cmp(&b.0).then(by(0)).then(by(1)).then(by(2)).then(a.2.cmp(&b.2))
         });
         Self {
+            sheet,
             positions: places.iter().map(|&(_, p, _)| p).collect(),
             taxel: places.iter().map(|&(.., k)| k).collect(),
             unit: frame.unit,
             merged,
-            beside: farthest * frame.unit,
+            distance: farthest * frame.unit,
             absent,
-        }
-    }
-
-    /// How many taxels were merged, and how far beside others they lie.
-    pub(in crate::skin) fn told_merged(&self) -> String {
-        let count = self.merged.len();
-        if self.beside > 0.0 {
-            format!("{count} taxels lie where another one lies (up to {:.1e} m beside it)", self.beside)
-        } else {
-            format!("{count} taxels lie where another one lies")
         }
     }
 }

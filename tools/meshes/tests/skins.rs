@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use dermatome::{
     id::VertexId,
     mesh::{Adjacency, TriMesh, angle},
-    skin::{Draft, Sheet, Skin, check},
+    skin::{AssembleOptions, Draft, Sheet, Skin, check},
 };
 use glam::DVec3;
 
@@ -69,7 +69,7 @@ fn nothing_is_found_wrong() {
             sheets: skin.patches.iter().map(sheet).collect(),
             ..Draft::default()
         };
-        assert_eq!(check(&draft), [], "{name}");
+        assert_eq!(check(&draft, &AssembleOptions::default()), [], "{name}");
     }
 }
 

@@ -1,5 +1,4 @@
-//! Laws of the meshing of bare taxels: shapes without their triangles, and taxels that no surface holds.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+//! Laws of triangulating bare taxels: shapes without their triangles, and taxels that lie on no surface.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -10,15 +9,17 @@ use std::{
 use dermatome::{
     id::VertexId,
     io,
-    mesh::{Adjacency, TriMesh, shapes},
+    mesh::{TriMesh, shapes},
     pipeline, report,
     skin::{
-        Assembled, Draft, FindingKind, MeshOptions, Patch, Presence, RemarkKind, Sheet, SkinError, TaxelId,
-        assemble, check, mesh_bare,
+        self, AssembleOptions, Assembled, Draft, Finding, FindingKind, Patch, Presence, Remark, RemarkKind,
+        Sheet, SkinError, TaxelId, triangulate_taxels,
     },
 };
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
+
+use crate::drafts::{assemble, draft_of, kinds, only, topology};
 
 /// The taxels of a shape alone, numbered from 0.
 fn bare(positions: &[DVec3]) -> Sheet {
@@ -30,10 +31,6 @@ fn bare(positions: &[DVec3]) -> Sheet {
     }
 }
 
-fn draft_of(sheet: Sheet) -> Draft {
-    Draft { sheets: vec![sheet], ..Draft::default() }
-}
-
 fn taxels_of(mesh: &TriMesh) -> Sheet {
     bare(mesh.positions.as_slice())
 }
@@ -42,19 +39,24 @@ fn with_normals(mesh: &TriMesh) -> Sheet {
     Sheet { normals: Some(mesh.vertex_normals().into_vec()), ..taxels_of(mesh) }
 }
 
+fn check(draft: &Draft) -> Vec<Finding> {
+    skin::check(draft, &AssembleOptions::default())
+}
+
+/// The taxels that were merged with another one.
+fn merged(assembled: &Assembled) -> &[VertexId] {
+    let of = |r| {
+        if let &Remark { kind: RemarkKind::Merged { ref vertices, .. }, .. } = r {
+            Some(&vertices[..])
+        } else {
+            None
+        }
+    };
+    assembled.remarks.iter().find_map(of).unwrap()
+}
+
 fn meshed(sheet: Sheet) -> Assembled {
     assemble(&draft_of(sheet)).unwrap()
-}
-
-fn only(assembled: &Assembled) -> &Patch {
-    assert_eq!(assembled.skin.patches.len(), 1, "one patch: {:?}", assembled.remarks);
-    &assembled.skin.patches[0.into()]
-}
-
-/// Euler characteristic and number of boundary loops.
-fn topology(mesh: &TriMesh) -> (i64, usize) {
-    let adjacency = Adjacency::new(mesh).unwrap();
-    (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
 }
 
 /// The triangles of all patches, by the ids of their taxels, each from its smallest on.
@@ -70,10 +72,6 @@ fn faces(assembled: &Assembled) -> BTreeSet<[u32; 3]> {
             .collect()
     };
     assembled.skin.patches.iter().flat_map(of_patch).collect()
-}
-
-fn kinds(assembled: &Assembled) -> BTreeSet<RemarkKind> {
-    assembled.remarks.iter().map(|r| r.kind).collect()
 }
 
 /// A lattice bent round a cylinder of `radius` about the z axis, `turn` rad wide: seen from outside.
@@ -166,7 +164,7 @@ fn no_edge_is_longer_than_the_gap() {
                 *p += 0.001 * DVec3::new(scatter(2 * k + 7) - 0.5, scatter(2 * k + 8) - 0.5, 0.0);
             }
             let spacing = spacing(&sheet.positions);
-            let draft = mesh_bare(&draft_of(sheet), &MeshOptions { gap }).unwrap();
+            let draft = triangulate_taxels(&draft_of(sheet), gap).unwrap();
             let sheet = &draft.sheets[0];
             assert_eq!(
                 sheet.positions.len(),
@@ -223,8 +221,8 @@ fn a_gap_wider_than_the_limit_stays_open_and_a_narrower_one_is_bridged() {
     assert_eq!(meshed(two_islands(2.0)).skin.patches.len(), 1);
     let open = meshed(two_islands(2.8));
     assert_eq!(open.skin.patches.len(), 2);
-    assert!(kinds(&open).contains(&RemarkKind::Components), "that there are two is told");
-    let wide = mesh_bare(&draft_of(two_islands(2.8)), &MeshOptions { gap: 3.5 }).unwrap();
+    assert!(kinds(&open).contains("Components"), "that there are two is told");
+    let wide = triangulate_taxels(&draft_of(two_islands(2.8)), 3.5).unwrap();
     assert_eq!(assemble(&wide).unwrap().skin.patches.len(), 1, "a wider limit bridges it");
 }
 
@@ -252,8 +250,7 @@ fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
     assert_eq!(patch.mesh.positions.len(), 36);
     let ids: BTreeSet<u32> = patch.taxels.ids.iter().map(|id| id.0).collect();
     assert!(ids.contains(&3) && ids.contains(&38) && !ids.contains(&17), "{ids:?}");
-    let merged = assembled.remarks.iter().find(|r| r.kind == RemarkKind::Merged).unwrap();
-    assert!(merged.message.starts_with("3 taxels"), "{merged}");
+    assert_eq!(merged(&assembled).len(), 3);
 }
 
 /// Dead taxels that a calibration left where it began, up to its rounding: more than the spacing looks at.
@@ -274,7 +271,7 @@ fn dense_taxels_beside_sparse_ones_are_not_merged() {
     let fine = shapes::lattice(4, 4, 0.00015).positions.map(|&p| p + DVec3::new(0.0312, 0.031, 0.0));
     let positions: Vec<DVec3> = coarse.positions.iter().chain(&fine).copied().collect();
     let assembled = meshed(bare(&positions));
-    assert!(!kinds(&assembled).contains(&RemarkKind::Merged), "{:?}", assembled.remarks);
+    assert!(!kinds(&assembled).contains("Merged"), "{:?}", assembled.remarks);
     let used: usize = assembled.skin.patches.iter().map(|p| p.mesh.positions.len()).sum();
     assert_eq!(used, 160);
 }
@@ -287,8 +284,7 @@ fn the_smallest_skin_with_a_rounded_copy_is_the_skin_without() {
         let [a, b, c] = corners;
         let assembled = meshed(bare(&[a, b, c, c + beside * DVec3::X]));
         assert_eq!(faces(&assembled).into_iter().collect::<Vec<_>>(), [[0, 1, 2]], "{beside} m");
-        let merged = assembled.remarks.iter().find(|r| r.kind == RemarkKind::Merged).unwrap();
-        assert!(merged.message.ends_with("merged with it: 3"), "{merged}");
+        assert_eq!(merged(&assembled), [VertexId::new(3)]);
     }
 }
 
@@ -325,11 +321,11 @@ fn placeholder_normals_are_replaced_and_believable_ones_kept() {
     for sheet in [constant, random] {
         let assembled = meshed(sheet);
         assert_eq!(faces(&assembled), expected, "as if there were none");
-        assert!(kinds(&assembled).contains(&RemarkKind::Normals), "and this is told");
+        assert!(kinds(&assembled).contains("NormalsIgnored"), "and this is reported");
     }
     let inward: Vec<DVec3> = mesh.vertex_normals().iter().map(|&n| -n).collect();
     let assembled = meshed(Sheet { normals: Some(inward.clone()), ..taxels_of(&mesh) });
-    assert!(!kinds(&assembled).contains(&RemarkKind::Normals));
+    assert!(!kinds(&assembled).iter().any(|kind| kind.starts_with("Normals")));
     let patch = only(&assembled);
     let kept = |(id, n): (&TaxelId, &DVec3)| n.distance(inward[id.0 as usize]) < 1e-12;
     assert!(patch.taxels.ids.iter().zip(&patch.taxels.normals).all(kept), "the file knows best");
@@ -368,7 +364,7 @@ fn normals_that_point_to_either_side_tear_nothing() {
         ] {
             let assembled = meshed(Sheet { normals: Some(normals), ..taxels_of(&mesh) });
             assert_eq!(faces(&assembled), expected, "{name}");
-            assert!(kinds(&assembled).contains(&RemarkKind::Normals) || name == "shaken", "{name} is told");
+            assert!(kinds(&assembled).contains("NormalsOpposed") || name == "shaken", "{name} is reported");
         }
     }
 }
@@ -563,7 +559,7 @@ fn what_is_no_surface_is_refused_by_name() {
     }
     let sheet = taxels_of(&shapes::lattice(3, 3, 1.0));
     for gap in [0.5, f64::NAN, f64::INFINITY, -1.0] {
-        let error = mesh_bare(&draft_of(sheet.clone()), &MeshOptions { gap }).unwrap_err();
+        let error = triangulate_taxels(&draft_of(sheet.clone()), gap).unwrap_err();
         assert!(matches!(error, SkinError::Gap { .. }));
     }
 }
@@ -575,8 +571,9 @@ fn a_sheet_of_one_taxel_does_not_stop_the_others() {
     draft.sheets.push(lone.clone());
     let assembled = assemble(&draft).unwrap();
     assert_eq!(only(&assembled).mesh.positions.len(), 36);
-    let told = |r: &dermatome::skin::Remark| r.kind == RemarkKind::LeftOut && r.patch == "lone";
-    assert!(assembled.remarks.iter().any(told), "{:?}", assembled.remarks);
+    let reports =
+        |r: &Remark| matches!(r.kind, RemarkKind::SheetLeftOut { taxels: 1, .. }) && r.patch == "lone";
+    assert!(assembled.remarks.iter().any(reports), "{:?}", assembled.remarks);
     assert!(assemble(&draft_of(lone)).is_err(), "but alone it is no skin");
 }
 
@@ -587,14 +584,14 @@ fn a_coordinate_that_stands_for_none_merges_nothing() {
     positions.push(DVec3::splat(1e10));
     let assembled = meshed(bare(&positions));
     assert_eq!(only(&assembled).mesh.positions.len(), 900);
-    assert!(!kinds(&assembled).contains(&RemarkKind::Merged));
+    assert!(!kinds(&assembled).contains("Merged"));
 }
 
 #[test]
 fn a_wide_gap_joins_the_same_taxels() {
     let mesh = shaken(&shapes::cap(1500, 0.1, 1.2), 0.0005);
     for gap in [2.5, 20.0] {
-        let draft = mesh_bare(&draft_of(taxels_of(&mesh)), &MeshOptions { gap }).unwrap();
+        let draft = triangulate_taxels(&draft_of(taxels_of(&mesh)), gap).unwrap();
         let assembled = assemble(&draft).unwrap();
         let patch = only(&assembled);
         assert_eq!(topology(&patch.mesh), (1, 1), "gap {gap}");
@@ -703,8 +700,7 @@ proptest! {
         }
         let assembled = meshed(bare(&positions));
         prop_assert_eq!(faces(&assembled), faces(&meshed(taxels_of(&mesh))));
-        let merged = assembled.remarks.iter().find(|r| r.kind == RemarkKind::Merged).unwrap();
-        prop_assert!(merged.message.starts_with(&format!("{count} taxels")), "{}", merged);
+        prop_assert_eq!(merged(&assembled).len(), count);
     }
 
     #[test]
@@ -765,8 +761,8 @@ fn close_taxels_that_are_no_copies_stay() {
     let pads = bare(&grid().flat_map(|p| corners.map(|c| 2.5 * p + 9e-4 * c)).collect::<Vec<_>>());
     for sheet in [foil, pads] {
         let taxels = sheet.positions.len();
-        let findings = dermatome::skin::check(&draft_of(sheet));
-        let merged = findings.iter().find(|f| f.kind == dermatome::skin::FindingKind::DuplicatePosition);
+        let findings = check(&draft_of(sheet));
+        let merged = findings.iter().find(|f| f.kind == FindingKind::DuplicatePosition);
         assert_eq!(merged, None, "of {taxels} taxels");
     }
 }

@@ -1,12 +1,35 @@
 //! Drafts for tests: of shapes, of triangle soups, of real covers.
 
-use std::path::PathBuf;
+use std::{collections::BTreeSet, path::PathBuf};
 
 use dermatome::{
-    mesh::TriMesh,
-    skin::{Draft, Sheet, TaxelId},
+    mesh::{Adjacency, TriMesh},
+    skin::{AssembleOptions, Assembled, Draft, Patch, Sheet, SkinError, TaxelId},
 };
 use glam::DVec3;
+
+/// Assembled with the default options.
+pub(crate) fn assemble(draft: &Draft) -> Result<Assembled, SkinError> {
+    dermatome::skin::assemble(draft, &AssembleOptions::default())
+}
+
+/// The patch of a skin that has one.
+pub(crate) fn only(assembled: &Assembled) -> &Patch {
+    assert_eq!(assembled.skin.patches.len(), 1, "one patch: {:?}", assembled.remarks);
+    &assembled.skin.patches[0.into()]
+}
+
+/// Euler characteristic and number of boundary loops.
+pub(crate) fn topology(mesh: &TriMesh) -> (i64, usize) {
+    let adjacency = Adjacency::new(mesh).unwrap();
+    (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
+}
+
+/// The kinds of remarks, by the names of their variants.
+pub(crate) fn kinds(assembled: &Assembled) -> BTreeSet<String> {
+    let name = |kind: String| kind.split([' ', '{']).next().unwrap().to_owned();
+    assembled.remarks.iter().map(|r| name(format!("{:?}", r.kind))).collect()
+}
 
 /// A draft of one sheet.
 pub(crate) fn draft_of(sheet: Sheet) -> Draft {

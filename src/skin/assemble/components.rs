@@ -1,0 +1,158 @@
+//! One sheet, welded, wound consistently and cleared of faces without area, split into its components.
+
+use glam::DVec3;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::{Edges, TriMesh},
+    skin::{
+        RemarkKind, Sheet, SkinError,
+        assemble::zero_area::{Cleared, clear_zero_area},
+        normals::taxel_normals,
+        welded::Surface,
+        winding::Winding,
+    },
+};
+
+/// One sheet, ready to be split into patches.
+pub(super) struct Components<'a> {
+    pub sheet: &'a Sheet,
+    /// Unit normals of the taxels in the file, zero where there is none; `None` without normals.
+    pub normals: Option<IdVec<VertexId, DVec3>>,
+    mesh: TriMesh,
+    /// The component of each face; `None` for a face that was dropped.
+    component: IdVec<FaceId, Option<usize>>,
+    count: usize,
+    /// Whether each face is wound against the file.
+    turned: IdVec<FaceId, bool>,
+}
+
+/// One patch to be: its taxels, as the sheet numbers them, and its faces.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Component {
+    pub vertices: Vec<VertexId>,
+    pub mesh: TriMesh,
+    /// How many of its faces are wound against the file.
+    pub turned: usize,
+}
+
+impl<'a> Components<'a> {
+    /// Welds and winds a valid sheet.
+    pub(super) fn new(sheet: &'a Sheet, remarks: &mut Vec<RemarkKind>) -> Result<Self, SkinError> {
+        let patch = || sheet.title().to_owned();
+        let mut surface = Surface::new(sheet, |_| true);
+        let edges = Edges::new(&surface.mesh.triangles, surface.mesh.positions.len());
+        let crowded: Vec<[VertexId; 2]> = edges
+            .iter()
+            .filter(|uses| uses.len() > 2)
+            .map(|uses| [uses[0].start(&surface.mesh), uses[0].end(&surface.mesh)])
+            .collect();
+        if !crowded.is_empty() {
+            return Err(SkinError::NonManifoldEdges { patch: patch(), edges: crowded });
+        }
+        let vertices = surface.part_fans(sheet, &edges);
+        if !vertices.is_empty() {
+            return Err(SkinError::NonManifoldVertices { patch: patch(), vertices });
+        }
+        let winding = Winding::new(&surface.mesh, &edges);
+        if let Some(&edge) = winding.contradictions.first() {
+            return Err(SkinError::NotOrientable { patch: patch(), edge });
+        }
+        drop(edges);
+        let Surface { mut mesh, taxel, file_faces, repeated } = surface;
+        for (face, t) in mesh.triangles.iter_mut().enumerate() {
+            if winding.against_first[FaceId::new(face)] {
+                t.swap(1, 2);
+            }
+        }
+        let cleared = clear_zero_area(&mut mesh);
+        let mut component: IdVec<FaceId, Option<usize>> = winding.component.map(|&c| Some(c));
+        for &face in &cleared.dropped {
+            component[face] = None;
+        }
+        report_faces(repeated, &cleared, &file_faces, remarks);
+        let normals = sheet.normals.as_deref().map(|n| taxel_normals(n, &taxel));
+        let (turned, count) = (winding.against_first, winding.components);
+        let this = Self { sheet, normals, mesh, component, count, turned };
+        this.report_taxels(&taxel, remarks);
+        Ok(this)
+    }
+
+    /// Reports which taxels have no face (any more), and how many vertices were welded.
+    fn report_taxels(&self, taxel: &IdVec<VertexId, VertexId>, remarks: &mut Vec<RemarkKind>) {
+        let mut in_file = vec![false; taxel.len()];
+        for &v in self.sheet.triangles.iter().flatten() {
+            in_file[v as usize] = true;
+        }
+        let mut used = IdVec::<VertexId, bool>::filled(false, taxel.len());
+        for (face, t) in self.mesh.triangles.enumerate() {
+            if self.component[face].is_some() {
+                t.iter().for_each(|&v| used[v] = true);
+            }
+        }
+        let mut merged = 0_usize;
+        let mut left_out = Vec::new();
+        for (v, &first) in taxel.enumerate() {
+            if used[first] && in_file[v.index()] {
+                merged += usize::from(first != v);
+            } else if !used[first] {
+                left_out.push(v);
+            }
+        }
+        if merged > 0 {
+            let taxels = used.iter().filter(|&&u| u).count();
+            remarks.push(RemarkKind::Welded { vertices: taxels + merged, taxels });
+        }
+        if !left_out.is_empty() {
+            remarks.push(RemarkKind::LeftOut { vertices: left_out });
+        }
+    }
+
+    /// The taxels and faces of each component that has any, in the order of the file.
+    pub(super) fn split(&self) -> Vec<Component> {
+        let mut components = vec![Component::default(); self.count];
+        let mut of_vertex = IdVec::<VertexId, Option<usize>>::filled(None, self.mesh.positions.len());
+        for (face, t) in self.mesh.triangles.enumerate() {
+            if let Some(component) = self.component[face] {
+                t.iter().for_each(|&v| of_vertex[v] = Some(component));
+            }
+        }
+        let mut local = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.mesh.positions.len());
+        for (v, &component) in of_vertex.enumerate() {
+            if let Some(component) = component {
+                components[component].vertices.push(v);
+                local[v] = components[component].mesh.positions.push(self.mesh.positions[v]);
+            }
+        }
+        for (face, t) in self.mesh.triangles.enumerate() {
+            if let Some(component) = self.component[face] {
+                components[component].mesh.triangles.push(t.map(|v| local[v]));
+                components[component].turned += usize::from(self.turned[face]);
+            }
+        }
+        components.retain(|c| !c.vertices.is_empty());
+        components
+    }
+}
+
+/// Reports which faces were left out or flipped.
+fn report_faces(
+    repeated: Vec<FaceId>,
+    cleared: &Cleared,
+    file_faces: &IdVec<FaceId, FaceId>,
+    remarks: &mut Vec<RemarkKind>,
+) {
+    let in_file = |faces: &[FaceId]| faces.iter().map(|&f| file_faces[f]).collect::<Vec<FaceId>>();
+    if !repeated.is_empty() {
+        remarks.push(RemarkKind::RepeatedCorner { faces: repeated });
+    }
+    if !cleared.dropped.is_empty() {
+        remarks.push(RemarkKind::ZeroAreaDropped { faces: in_file(&cleared.dropped) });
+    }
+    if !cleared.flipped.is_empty() {
+        remarks.push(RemarkKind::ZeroAreaFlipped { faces: in_file(&cleared.flipped) });
+    }
+    if !cleared.kept.is_empty() {
+        remarks.push(RemarkKind::ZeroAreaKept { faces: in_file(&cleared.kept) });
+    }
+}

@@ -1,0 +1,98 @@
+//! A component becomes a patch: outward, filled, and with everything the file says about its taxels.
+
+use glam::DVec3;
+
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::{TriMesh, fill_holes},
+    skin::{
+        LinkId, Patch, Presence, RemarkKind, Sheet, SkinError, TaxelError, TaxelId, Taxels,
+        assemble::{
+            components::{Component, Components},
+            outward::{choose_normals, turn_outward},
+        },
+        normals::NormalConsensus,
+    },
+};
+
+/// Turns `component` outward, fills its holes of at most `max_hole_edges` edges and gives its taxels what the file says about them.
+///
+/// Holes are filled before normals and areas are computed, since these come from the faces.
+pub(super) fn patch_of(
+    components: &Components<'_>,
+    mut component: Component,
+    (name, link): (String, LinkId),
+    max_hole_edges: usize,
+    next_id: &mut u32,
+    remarks: &mut Vec<RemarkKind>,
+) -> Result<Patch, SkinError> {
+    let sheet = components.sheet;
+    let normals = components.normals.as_ref().map(|normals| {
+        let given: IdVec<VertexId, DVec3> = component.vertices.iter().map(|&v| normals[v]).collect();
+        let quality = NormalConsensus::of(&component.mesh, &given).quality();
+        (given, quality)
+    });
+    turn_outward(&mut component, normals.as_ref().map(|n| n.1), remarks);
+    let Component { vertices, mut mesh, .. } = component;
+    if max_hole_edges > 0 {
+        let filled = fill_holes(&mut mesh, max_hole_edges);
+        let holes = filled.map_err(|source| SkinError::Mesh { patch: name.clone(), source })?.len();
+        if holes > 0 {
+            remarks.push(RemarkKind::HolesFilled { holes, max_edges: max_hole_edges });
+        }
+    }
+    let normals = choose_normals(&mesh, normals, remarks);
+    let areas = areas(sheet, &vertices, &mesh, remarks);
+    let ids = match &sheet.ids {
+        Some(ids) => vertices.iter().map(|v| ids[v.index()]).collect(),
+        None => vertices.iter().map(|_| count_on(next_id)).collect(),
+    };
+    let presence = match &sheet.presence {
+        Some(presence) => vertices.iter().map(|v| presence[v.index()]).collect(),
+        None => IdVec::filled(Presence::Present, vertices.len()),
+    };
+    let is_bad = |&&v: &&VertexId| sheet.densities.as_ref().is_some_and(|d| !is_positive(d[v.index()]));
+    if let (Some(&vertex), Some(densities)) = (vertices.iter().find(is_bad), &sheet.densities) {
+        let source = TaxelError::Density { vertex, found: densities[vertex.index()] };
+        return Err(SkinError::Taxels { patch: name, source });
+    }
+    let densities = sheet.densities.as_ref().map(|d| vertices.iter().map(|v| d[v.index()]).collect());
+    let covariances = sheet.covariances.as_ref().map(|c| vertices.iter().map(|v| c[v.index()]).collect());
+    let taxels = Taxels { ids, normals, areas, densities, presence, covariances };
+    Ok(Patch { name, link, mesh, taxels })
+}
+
+/// The areas of the file where they are positive, else those of the faces.
+fn areas(
+    sheet: &Sheet,
+    vertices: &[VertexId],
+    mesh: &TriMesh,
+    remarks: &mut Vec<RemarkKind>,
+) -> IdVec<VertexId, f64> {
+    let mut areas = mesh.vertex_areas();
+    let Some(given) = &sheet.areas else { return areas };
+    let mut replaced = Vec::new();
+    for (area, &v) in areas.iter_mut().zip(vertices) {
+        let found = given[v.index()];
+        if is_positive(found) {
+            *area = found;
+        } else {
+            replaced.push(v);
+        }
+    }
+    if !replaced.is_empty() {
+        remarks.push(RemarkKind::AreasReplaced { vertices: replaced });
+    }
+    areas
+}
+
+fn is_positive(x: f64) -> bool {
+    x.is_finite() && x > 0.0
+}
+
+/// The next id for a taxel that has none; starts again after the last 32-bit number.
+fn count_on(next_id: &mut u32) -> TaxelId {
+    let id = TaxelId(*next_id);
+    *next_id = next_id.wrapping_add(1);
+    id
+}
