@@ -1,6 +1,24 @@
-//! The whole flow as one short function: skin in, maps out.
+//! The whole flow, from a skin to the files of its map.
+//!
+//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), maps every level of it to
+//!    the plane ([`flatten_pyramid`]) and returns the [`SkinMap`].
+//! 2. [`write_files`] rasterises the levels ([`skin_images`]) and writes `map.glb` and `map.exr`.
+//!
+//! Patches are independent: they are built in parallel, and the result does not depend on the number of threads. Before
+//! it, [`read_draft`](crate::io::read_draft) and [`assemble`](crate::skin::assemble()) make the skin; after it,
+//! [`measure`](crate::report::measure) says how faithful the map is.
+//!
+//! ```
+//! use dermatome::{mesh::shapes, pipeline, skin::Skin};
+//!
+//! let skin = Skin::from_mesh("cap", shapes::cap(500, 0.1, 0.6));
+//! let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
+//! assert!(map.patches.iter().all(|patch| patch.levels.len() > 1));
+//! # Ok::<_, dermatome::Error>(())
+//! ```
 
 use std::{
+    path::Path,
     sync::atomic::{AtomicUsize, Ordering},
     time::Instant,
 };
@@ -9,10 +27,13 @@ use rayon::prelude::*;
 
 use crate::{
     Error,
+    atlas::skin_images,
     flatten::{FlattenOptions, flatten_pyramid},
+    io::{write_images, write_map},
     map::{PatchMap, SkinMap},
-    pyramid::{CoarsenOptions, coarsen},
-    skin::Skin,
+    pyramid::{CoarsenOptions, Pyramid, coarsen},
+    report::Seconds,
+    skin::{Patch, Skin},
 };
 
 /// Options of [`build`].
@@ -32,84 +53,118 @@ impl Default for BuildOptions {
     }
 }
 
-/// What [`build`] is doing.
+/// A step of the flow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// Making the pyramids.
     Coarsen,
     /// Making the maps of every level.
     Flatten,
+    /// Making the images.
+    Rasterise,
+    /// Writing the map and the images.
+    Write,
 }
 
-/// Told how many patches of a stage are done, and of how many.
-pub type Watch<'a> = dyn Fn(Stage, usize, usize) + Sync + 'a;
-
-/// Wall-clock seconds of the stages of [`build`].
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Seconds {
-    /// Making the pyramids.
-    pub coarsen: f64,
-    /// Making the maps.
-    pub flatten: f64,
+/// How far a stage is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: Stage,
+    /// Patches that are done.
+    pub done: usize,
+    /// Patches in all.
+    pub total: usize,
 }
+
+/// Called from any thread at the start of a stage and after each patch.
+pub type OnProgress<'a> = dyn Fn(Progress) + Sync + 'a;
 
 /// Coarsens and flattens every patch of a skin.
 ///
 /// # Errors
-/// The first patch, in their order, that is no oriented manifold or no disk with holes.
-pub fn build(skin: &Skin, options: &BuildOptions, watch: &Watch<'_>) -> Result<(SkinMap, Seconds), Error> {
-    let patches = skin.patches.as_slice();
-    let mut seconds = Seconds::default();
+/// The first patch, in their order, that is not an oriented manifold or not a disk with holes.
+pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
+    build_with_progress(skin, options, &|_| ()).map(|(map, _)| map)
+}
 
+/// The same as [`build`], with its progress and the time that its stages took.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_with_progress(
+    skin: &Skin,
+    options: &BuildOptions,
+    progress: &OnProgress<'_>,
+) -> Result<(SkinMap, Seconds), Error> {
     let start = Instant::now();
-    let done = Counter::new(Stage::Coarsen, patches.len(), watch);
-    let pyramids: Vec<_> = patches
-        .par_iter()
-        .map(|patch| {
-            let pyramid = coarsen(&patch.mesh, &patch.taxels, &options.coarsen)
-                .map_err(|e| Error::from(e).in_patch(&patch.name));
-            done.step();
-            pyramid
-        })
-        .collect();
-    let pyramids = pyramids.into_iter().collect::<Result<Vec<_>, _>>()?;
-    seconds.coarsen = start.elapsed().as_secs_f64();
-
-    let start = Instant::now();
-    let done = Counter::new(Stage::Flatten, patches.len(), watch);
-    let maps: Vec<_> = patches
-        .par_iter()
-        .zip(pyramids)
-        .map(|(patch, pyramid)| {
-            let flat = flatten_pyramid(&pyramid, patch.taxels.densities.as_ref(), &options.flatten)
-                .map_err(|e| Error::from(e).in_patch(&patch.name))?;
-            let map = PatchMap::new(patch, pyramid, flat, options.pixel);
-            done.step();
-            Ok::<_, Error>(map)
-        })
-        .collect();
-    let maps = maps.into_iter().collect::<Result<Vec<_>, _>>()?;
-    seconds.flatten = start.elapsed().as_secs_f64();
-
+    let pyramids = coarsen_patches(skin, &options.coarsen, progress)?;
+    let coarsened = start.elapsed();
+    // Every pyramid is taken once, by the thread that maps it.
+    let jobs: Vec<_> = skin.patches.iter().zip(pyramids).collect();
+    let maps = each_patch(Stage::Flatten, jobs, progress, |(patch, pyramid)| {
+        let maps = flatten_pyramid(&pyramid, patch.taxels.densities.as_ref(), &options.flatten)
+            .map_err(|e| Error::from(e).in_patch(&patch.name))?;
+        Ok(PatchMap::new(patch, pyramid, maps, options.pixel))
+    })?;
+    let flattened = start.elapsed() - coarsened;
+    let seconds =
+        Seconds { coarsen: coarsened.as_secs_f64(), flatten: flattened.as_secs_f64(), ..Seconds::default() };
     Ok((SkinMap { links: skin.links.clone(), patches: maps.into() }, seconds))
 }
 
-/// Counts finished patches from any thread.
-struct Counter<'a> {
-    stage: Stage,
-    total: usize,
-    done: AtomicUsize,
-    watch: &'a Watch<'a>,
+/// Coarsens every patch of a skin.
+///
+/// # Errors
+/// The first patch, in their order, that is not an oriented manifold.
+pub fn coarsen_patches(
+    skin: &Skin,
+    options: &CoarsenOptions,
+    progress: &OnProgress<'_>,
+) -> Result<Vec<Pyramid>, Error> {
+    let patches: Vec<&Patch> = skin.patches.iter().collect();
+    each_patch(Stage::Coarsen, patches, progress, |patch| {
+        coarsen(&patch.mesh, &patch.taxels, options).map_err(|e| Error::from(e).in_patch(&patch.name))
+    })
 }
 
-impl<'a> Counter<'a> {
-    fn new(stage: Stage, total: usize, watch: &'a Watch<'a>) -> Self {
-        watch(stage, 0, total);
-        Self { stage, total, done: AtomicUsize::new(0), watch }
-    }
+/// The files that [`write_files`] writes.
+pub const FILES: [&str; 2] = ["map.glb", "map.exr"];
 
-    fn step(&self) {
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        (self.watch)(self.stage, done, self.total);
-    }
+/// Rasterises a map and writes [`FILES`] into a folder that exists; returns the time that took.
+///
+/// # Errors
+/// If the images have too many pixels, the map is not valid or a file cannot be written.
+pub fn write_files(map: &SkinMap, folder: &Path, progress: &OnProgress<'_>) -> Result<Seconds, Error> {
+    let total = map.patches.len();
+    let start = Instant::now();
+    progress(Progress { stage: Stage::Rasterise, done: 0, total });
+    let images = skin_images(map)?;
+    let rasterised = start.elapsed();
+    progress(Progress { stage: Stage::Write, done: 0, total });
+    let [map_file, images_file] = FILES;
+    write_map(&folder.join(map_file), map)?;
+    write_images(&folder.join(images_file), &images)?;
+    let written = start.elapsed() - rasterised;
+    Ok(Seconds { rasterise: rasterised.as_secs_f64(), write: written.as_secs_f64(), ..Seconds::default() })
+}
+
+/// Does `job` for every patch in parallel; the error is that of the first patch.
+fn each_patch<P: Send, T: Send>(
+    stage: Stage,
+    patches: Vec<P>,
+    progress: &OnProgress<'_>,
+    job: impl Fn(P) -> Result<T, Error> + Sync,
+) -> Result<Vec<T>, Error> {
+    let (total, done) = (patches.len(), AtomicUsize::new(0));
+    progress(Progress { stage, done: 0, total });
+    let made: Vec<_> = patches
+        .into_par_iter()
+        .map(|patch| {
+            let made = job(patch)?;
+            progress(Progress { stage, done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+            Ok(made)
+        })
+        .collect();
+    made.into_iter().collect()
 }

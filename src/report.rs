@@ -17,16 +17,16 @@ pub struct Report {
     /// The file it was made from.
     pub input: String,
     /// Wall-clock seconds by stage, in the order of the stages.
-    pub seconds: Stages,
-    /// Largest resident memory of the process, where the system tells it.
+    pub seconds: Seconds,
+    /// Largest resident memory of the process, where the system reports it.
     pub peak_memory_bytes: Option<u64>,
     /// The patches, in the order of the map.
     pub patches: Vec<PatchReport>,
 }
 
-/// Wall-clock seconds of a build.
+/// Wall-clock seconds of the stages of a build; 0 for a stage that was not run.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Stages {
+pub struct Seconds {
     /// Reading and assembling the skin.
     pub read: f64,
     /// Making the pyramids.
@@ -80,7 +80,7 @@ impl LevelReport {
     }
 }
 
-/// The patches of a map, as a [`Report`] tells them.
+/// The patches of a map, as a [`Report`] lists them.
 #[must_use]
 pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
     let levels = |patch: &PatchMap| {

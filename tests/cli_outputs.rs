@@ -30,7 +30,7 @@ fn folder() -> TempDir {
 }
 
 fn map(skin: &Skin) -> SkinMap {
-    build(skin, &BuildOptions::default(), &|_, _, _| {}).unwrap().0
+    build(skin, &BuildOptions::default()).unwrap()
 }
 
 /// The command in a folder, with words that a user would type.

@@ -104,7 +104,7 @@ fn a_skin_reads_back_the_same_in_both_forms() {
 }
 
 fn map() -> SkinMap {
-    build(&robot(), &BuildOptions::default(), &|_, _, _| {}).unwrap().0
+    build(&robot(), &BuildOptions::default()).unwrap()
 }
 
 fn read_bytes(bytes: &[u8]) -> Result<dermatome::skin::Draft, IoError> {

@@ -37,7 +37,7 @@ impl Fixture {
         let pose = DAffine3::from_translation(DVec3::Z);
         let arm = skin.links.push(Link { name: "arm".into(), parent: Some(base), pose });
         skin.patches.push(Patch::from_mesh("cap", arm, shapes::cap(600, 0.1, 0.6)));
-        let (map, _) = build(&skin, &BuildOptions::default(), &|_, _, _| {}).unwrap();
+        let map = build(&skin, &BuildOptions::default()).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map.glb");
         write_map(&path, &map).unwrap();

@@ -69,7 +69,20 @@ pub enum IoError {
 }
 
 impl IoError {
-    /// The same error, told of the file that the user knows: outputs are written elsewhere first.
+    /// The file it is about.
+    #[must_use]
+    pub fn path(&self) -> &std::path::Path {
+        match self {
+            Self::Read { path, .. }
+            | Self::Write { path, .. }
+            | Self::Invalid { path, .. }
+            | Self::Unsupported { path, .. }
+            | Self::UnknownKind { path, .. }
+            | Self::Unfit { path, .. } => path,
+        }
+    }
+
+    /// The same error about another file: outputs are written to a temporary file first.
     #[must_use]
     pub fn about(mut self, file: &std::path::Path) -> Self {
         match &mut self {

@@ -533,7 +533,7 @@ fn the_parts_of_the_icub_become_sound_skins() {
         }
         // Not only is it all there: its map has no flip.
         let options = pipeline::BuildOptions::default();
-        let (map, _) = pipeline::build(&assembled.skin, &options, &|_, _, _| ()).unwrap();
+        let map = pipeline::build(&assembled.skin, &options).unwrap();
         assert!(
             report::measure(&map).iter().flat_map(|p| &p.levels).all(|l| l.distortion.flips == 0),
             "{part}"

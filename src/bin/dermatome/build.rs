@@ -11,13 +11,11 @@ use std::{
 use anyhow::Context;
 use dermatome::{
     Error,
-    atlas::skin_images,
-    io::{IoError, temporary_prefix, write_images, write_json, write_map},
-    pipeline::{BuildOptions, Stage, build},
-    report::{Report, Stages, measure},
+    io::{IoError, write_json},
+    pipeline::{BuildOptions, FILES, build_with_progress, write_files},
+    report::{Report, Seconds, measure},
     skin::AssembleOptions,
 };
-use tempfile::TempDir;
 
 use crate::{
     common::Common,
@@ -25,6 +23,7 @@ use crate::{
     memory::peak_memory_bytes,
     notes::note_overlaps,
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
+    outputs::{Outputs, cannot_write},
     print::{print_json, print_levels},
     progress,
     signals::clean_when_stopped,
@@ -53,47 +52,30 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let mut seconds = Stages::default();
     let options = args.options()?;
-    let mut lap = Lap::start();
+    let start = Instant::now();
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
     let skin = read_skin(&args.skin, &assemble, common)?;
     check_output(&args.output)?;
-    seconds.read = lap.seconds();
+    let read = start.elapsed().as_secs_f64();
 
     let bar = progress::bar(common);
-    let watch = |stage: Stage, done: usize, total: usize| {
-        bar.set_message(match stage {
-            Stage::Coarsen => "coarsening",
-            Stage::Flatten => "flattening",
-        });
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    };
-    let (map, spent) =
-        build(&skin, &options, &watch).with_context(|| format!("cannot map {}", args.skin.display()))?;
-    (seconds.coarsen, seconds.flatten) = (spent.coarsen, spent.flatten);
+    let on_progress = |progress| progress::show(&bar, progress);
+    let (map, built) = build_with_progress(&skin, &options, &on_progress)
+        .with_context(|| format!("cannot map {}", args.skin.display()))?;
     drop(skin);
-
-    lap = Lap::start();
-    bar.set_message("rasterising");
-    let images = skin_images(&map).map_err(Error::from)?;
-    seconds.rasterise = lap.seconds();
-    bar.set_message("writing");
-    let outputs = Outputs::new(&args.output)?;
-    outputs.write("map.glb", |path| write_map(path, &map))?;
-    outputs.write("map.exr", |path| write_images(path, &images))?;
-    seconds.write = lap.seconds();
+    let mut outputs = Outputs::default();
+    let written = outputs.stage_in(&args.output, &FILES, |folder| write_files(&map, folder, &on_progress))?;
     bar.finish_and_clear();
 
     let report = Report {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         input: args.skin.display().to_string(),
-        seconds,
+        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..built },
         peak_memory_bytes: peak_memory_bytes(),
         patches: measure(&map),
     };
-    outputs.write("report.json", |path| write_json(path, &report))?;
+    outputs.stage(&args.output.join(REPORT), |path| write_json(path, &report))?;
     outputs.publish()?;
     note_overlaps(&report.patches, &options.flatten, common);
     if args.json {
@@ -114,67 +96,19 @@ impl Args {
     }
 }
 
+/// The file of measures beside [`FILES`].
+const REPORT: &str = "report.json";
+
 /// Makes the folder, and refuses before any work what would fail after it.
 fn check_output(folder: &Path) -> Result<(), Error> {
     fs::create_dir_all(folder)
         .map_err(|source| Error::from(IoError::Write { path: folder.to_owned(), source }))?;
-    if let Some(path) = FILES.iter().map(|name| folder.join(name)).find(|path| path.is_dir()) {
+    let mut files = FILES.into_iter().chain([REPORT]).map(|name| folder.join(name));
+    if let Some(path) = files.find(|path| path.is_dir()) {
         return Err(cannot_write(&path, ErrorKind::IsADirectory));
     }
+    clean_when_stopped(folder);
     // A file without a name: nothing of it can be left behind.
     tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, e.kind()))?;
     Ok(())
-}
-
-/// The kind alone: what else the system says may name a temporary file.
-fn cannot_write(path: &Path, why: ErrorKind) -> Error {
-    IoError::Write { path: path.to_owned(), source: why.into() }.into()
-}
-
-/// What a build writes.
-const FILES: [&str; 3] = ["map.glb", "map.exr", "report.json"];
-
-/// A folder whose files change together: they are written into a hidden folder inside it, then renamed.
-struct Outputs {
-    folder: PathBuf,
-    staging: TempDir,
-}
-
-impl Outputs {
-    fn new(folder: &Path) -> Result<Self, Error> {
-        clean_when_stopped(folder);
-        let staging = tempfile::Builder::new()
-            .prefix(temporary_prefix())
-            .tempdir_in(folder)
-            .map_err(|e| cannot_write(folder, e.kind()))?;
-        Ok(Self { folder: folder.to_owned(), staging })
-    }
-
-    fn write(&self, name: &str, write: impl FnOnce(&Path) -> Result<(), IoError>) -> Result<(), Error> {
-        Ok(write(&self.staging.path().join(name)).map_err(|e| e.about(&self.folder.join(name)))?)
-    }
-
-    fn publish(self) -> anyhow::Result<()> {
-        for name in FILES {
-            let path = self.folder.join(name);
-            fs::rename(self.staging.path().join(name), &path)
-                .map_err(|source| Error::from(IoError::Write { path, source }))?;
-        }
-        Ok(())
-    }
-}
-
-/// Seconds since the last look.
-struct Lap(Instant);
-
-impl Lap {
-    fn start() -> Self {
-        Self(Instant::now())
-    }
-
-    fn seconds(&mut self) -> f64 {
-        let spent = self.0.elapsed().as_secs_f64();
-        self.0 = Instant::now();
-        spent
-    }
 }

@@ -6,11 +6,11 @@ use dermatome::{
     Error,
     io::{IoError, kind, write_pyramids},
     mesh::Adjacency,
-    pyramid::{Pyramid, coarsen},
-    skin::{AssembleOptions, Skin},
+    pipeline::coarsen_patches,
+    pyramid::{Level, LevelId, Pyramid},
+    skin::{AssembleOptions, Patch, Skin},
 };
-use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use crate::{
     common::Common,
@@ -45,60 +45,68 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check([args.output.as_path()])?;
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
     let skin = read_skin(&args.skin, &assemble, common)?;
-    let options = args.coarsen.options();
-    let pyramids: Vec<_> = skin
-        .patches
-        .as_slice()
-        .par_iter()
-        .map(|patch| {
-            coarsen(&patch.mesh, &patch.taxels, &options).map_err(|e| Error::from(e).in_patch(&patch.name))
-        })
-        .collect();
-    let pyramids = pyramids.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let pyramids = coarsen_patches(&skin, &args.coarsen.options(), &|_| ())?;
     write_pyramids(&args.output, &skin, &pyramids).map_err(Error::from)?;
-    let patches = levels(&skin, &pyramids)?;
+    let summary = Summary::new(&skin, &pyramids)?;
     if args.json {
-        print_json(&json!({ "patches": patches }))?;
+        print_json(&summary)?;
     } else if !common.quiet {
-        let rows: Vec<_> = patches.iter().flat_map(rows).collect();
-        print_table(["level", "vertices", "faces", "loops"], 1, &rows)?;
+        summary.print()?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// The patches as `report.json` tells them, with what is known without a map.
-fn levels(skin: &Skin, pyramids: &[Pyramid]) -> Result<Vec<Value>, Error> {
-    let level = |(k, level): (dermatome::pyramid::LevelId, &dermatome::pyramid::Level)| {
-        Ok(json!({
-            "level": k.index(),
-            "vertices": level.mesh.positions.len(),
-            "faces": level.mesh.triangles.len(),
-            "boundary_loops": Adjacency::new(&level.mesh)?.boundary_loops().len(),
-        }))
-    };
-    skin.patches
-        .iter()
-        .zip(pyramids)
-        .map(|(patch, pyramid)| {
-            let levels = pyramid.levels.enumerate().map(level).collect::<Result<Vec<_>, Error>>()?;
-            Ok(json!({ "name": patch.name, "link": skin.links[patch.link].name, "levels": levels }))
-        })
-        .collect()
+/// The patches as `report.json` lists them, with what is known without a map.
+#[derive(Serialize)]
+struct Summary<'a> {
+    patches: Vec<PatchSummary<'a>>,
 }
 
-fn rows(patch: &Value) -> Vec<[String; 4]> {
-    let name = patch["name"].as_str().unwrap_or_default();
-    let levels = patch["levels"].as_array().map_or(&[][..], Vec::as_slice);
-    let number = |level: &Value, key: &str| level[key].to_string();
-    levels
-        .iter()
-        .map(|l| {
-            [
-                format!("{}/L{}", plain(name), l["level"]),
-                number(l, "vertices"),
-                number(l, "faces"),
-                number(l, "boundary_loops"),
-            ]
-        })
-        .collect()
+#[derive(Serialize)]
+struct PatchSummary<'a> {
+    levels: Vec<LevelSummary>,
+    link: &'a str,
+    name: &'a str,
+}
+
+#[derive(Serialize)]
+struct LevelSummary {
+    boundary_loops: usize,
+    faces: usize,
+    level: usize,
+    vertices: usize,
+}
+
+impl<'a> Summary<'a> {
+    fn new(skin: &'a Skin, pyramids: &[Pyramid]) -> Result<Self, Error> {
+        let level = |(id, level): (LevelId, &Level)| {
+            Ok(LevelSummary {
+                level: id.index(),
+                vertices: level.mesh.positions.len(),
+                faces: level.mesh.triangles.len(),
+                boundary_loops: Adjacency::new(&level.mesh)?.boundary_loops().len(),
+            })
+        };
+        let patch = |(patch, pyramid): (&'a Patch, &Pyramid)| {
+            let levels = pyramid.levels.enumerate().map(level).collect::<Result<_, Error>>()?;
+            Ok(PatchSummary { name: &patch.name, link: &skin.links[patch.link].name, levels })
+        };
+        Ok(Self { patches: skin.patches.iter().zip(pyramids).map(patch).collect::<Result<_, Error>>()? })
+    }
+
+    fn print(&self) -> anyhow::Result<()> {
+        let levels =
+            self.patches.iter().flat_map(|patch| patch.levels.iter().map(move |level| (patch, level)));
+        let rows: Vec<_> = levels
+            .map(|(patch, level)| {
+                [
+                    format!("{}/L{}", plain(patch.name), level.level),
+                    level.vertices.to_string(),
+                    level.faces.to_string(),
+                    level.boundary_loops.to_string(),
+                ]
+            })
+            .collect();
+        print_table(["level", "vertices", "faces", "loops"], 1, &rows)
+    }
 }

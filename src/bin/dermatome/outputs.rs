@@ -19,7 +19,7 @@ pub(crate) fn is_stream(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
-/// Refuses outputs that can be told before any work to fail, or to overwrite each other.
+/// Refuses, before any work, outputs that cannot be written or would overwrite each other.
 pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
     let mut places: Vec<PathBuf> = Vec::new();
     for path in paths {
@@ -39,7 +39,7 @@ pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Re
             ));
         }
         if !is_stream(path) {
-            // A temporary file is beside the name or, where that is a link, beside what it leads to.
+            // The temporary file is in the folder of the path, or of the link's target.
             clean_when_stopped(folder(path));
             clean_when_stopped(folder(&place));
         }
@@ -96,10 +96,18 @@ fn place(path: &Path) -> PathBuf {
     })
 }
 
-/// Complete files beside the places they are meant for.
+/// Complete files on their way to the places they are meant for.
 #[derive(Default)]
 pub(crate) struct Outputs {
-    staged: Vec<(PathBuf, TempDir)>,
+    staged: Vec<Staged>,
+    /// Hidden folders with the staged files; they vanish with this.
+    folders: Vec<TempDir>,
+}
+
+/// A file that is complete but not in its place.
+struct Staged {
+    file: PathBuf,
+    path: PathBuf,
 }
 
 impl Outputs {
@@ -109,23 +117,60 @@ impl Outputs {
         path: &Path,
         write: impl FnOnce(&Path) -> Result<(), IoError>,
     ) -> Result<(), Error> {
-        let fail = |e: io::Error| IoError::Write { path: path.to_owned(), source: e.kind().into() };
-        let folder =
-            tempfile::Builder::new().prefix(temporary_prefix()).tempdir_in(folder(path)).map_err(fail)?;
         // Writers choose by extension, so the name stays.
-        write(&folder.path().join(path.file_name().unwrap_or_default())).map_err(|e| e.about(path))?;
-        self.staged.push((path.to_owned(), folder));
-        Ok(())
+        let name = path.file_name().unwrap_or_default();
+        self.stage_in(folder(path), &[name], |folder| Ok(write(&folder.join(name))?)).map_err(|e| match e {
+            Error::Io(e) => e.about(path).into(),
+            other => other,
+        })
+    }
+
+    /// Lets `write` write files of these names, which do not appear in `folder` before [`Self::publish`].
+    pub(crate) fn stage_in<T>(
+        &mut self,
+        folder: &Path,
+        names: &[impl AsRef<Path>],
+        write: impl FnOnce(&Path) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let staging = tempfile::Builder::new()
+            .prefix(temporary_prefix())
+            .tempdir_in(folder)
+            .map_err(|e| cannot_write(folder, e.kind()))?;
+        let written = write(staging.path()).map_err(|e| match e {
+            Error::Io(e) => {
+                let path = folder.join(e.path().file_name().unwrap_or_default());
+                e.about(&path).into()
+            }
+            other => other,
+        })?;
+        for name in names {
+            self.staged.push(Staged { file: staging.path().join(name), path: folder.join(name) });
+        }
+        self.folders.push(staging);
+        Ok(written)
     }
 
     /// Puts every file in its place.
     pub(crate) fn publish(self) -> Result<(), Error> {
-        for (path, folder) in self.staged {
+        for Staged { file, path } in &self.staged {
             let fail = |source| IoError::Write { path: path.clone(), source };
-            let staged = folder.path().join(path.file_name().unwrap_or_default());
-            let mut whole = File::open(staged).map_err(fail)?;
-            replace_file(&path, |out| io::copy(&mut whole, out).map(drop).map_err(fail))?;
+            match fs::symlink_metadata(path) {
+                // A link is followed; a device or a pipe cannot be replaced.
+                Ok(older) if !older.is_file() => {
+                    let mut whole = File::open(file).map_err(fail)?;
+                    replace_file(path, |out| io::copy(&mut whole, out).map(drop).map_err(fail))?;
+                }
+                older => {
+                    let keep = older.map_or(Ok(()), |older| fs::set_permissions(file, older.permissions()));
+                    keep.and_then(|()| fs::rename(file, path)).map_err(fail)?;
+                }
+            }
         }
         Ok(())
     }
+}
+
+/// An error about a place: only the kind is kept, since the system's text may name a temporary file.
+pub(crate) fn cannot_write(path: &Path, why: ErrorKind) -> Error {
+    IoError::Write { path: path.to_owned(), source: why.into() }.into()
 }

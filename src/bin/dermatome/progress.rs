@@ -2,11 +2,12 @@
 
 use std::{io::IsTerminal, time::Duration};
 
+use dermatome::pipeline::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::common::Common;
 
-/// A bar on standard error, or nothing where nobody watches.
+/// A bar on standard error; hidden unless that is a terminal.
 pub(crate) fn bar(common: &Common) -> ProgressBar {
     if common.quiet || !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
@@ -17,4 +18,16 @@ pub(crate) fn bar(common: &Common) -> ProgressBar {
     }
     bar.enable_steady_tick(Duration::from_millis(100));
     bar
+}
+
+/// Shows how far a build is.
+pub(crate) fn show(bar: &ProgressBar, progress: Progress) {
+    bar.set_message(match progress.stage {
+        Stage::Coarsen => "coarsening",
+        Stage::Flatten => "flattening",
+        Stage::Rasterise => "rasterising",
+        Stage::Write => "writing",
+    });
+    bar.set_length(progress.total as u64);
+    bar.set_position(progress.done as u64);
 }
