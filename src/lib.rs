@@ -23,8 +23,6 @@
 pub mod id;
 mod numeric;
 pub mod mesh;
-pub mod delaunay;
-pub mod sparse;
 pub mod skin;
 pub mod calib;
 pub mod pyramid;
@@ -38,7 +36,12 @@ pub mod report;
 pub mod error;
 pub mod pipeline;
 
+#[cfg(test)]
+mod delaunay;
+
+use dermatome_sparse as sparse;
 pub use error::Error;
+pub use sparse::SparseError;
 
 /// The README's example, run as a test.
 #[cfg(doctest)]

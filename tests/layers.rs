@@ -23,7 +23,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("libm", &["calib", "numeric"]),
     ("rand_pcg", &["calib/simulate"]),
     ("spade", &["delaunay"]),
-    ("faer", &["sparse"]),
+    ("dermatome_sparse", &["lib.rs"]),
     ("obvhs", &["contact/search"]),
     ("wide", &["contact/search"]),
     ("gltf", &["io/gltf"]),
@@ -55,7 +55,7 @@ const CIRCLES: &[&str] = &["bin", "calib", "io/gltf", "io/observations", "mesh",
 
 /// Modules with files that do not say yet what they are for.
 const WITHOUT_DOCS: &[&str] =
-    &["atlas", "bin", "calib", "delaunay", "io", "map", "mesh", "plot", "pyramid", "skin", "sparse"];
+    &["atlas", "bin", "calib", "io", "map", "mesh", "plot", "pyramid", "skin"];
 
 /// A source file.
 struct Source {

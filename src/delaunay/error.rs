@@ -1,7 +1,8 @@
+//! Errors of this module.
+
 /// Why points have no Delaunay triangulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum DelaunayError {
+pub(crate) enum DelaunayError {
     /// A coordinate is NaN or out of range.
     #[error("point {point} lies at {position:?}; coordinates must be finite and below 1e60 m")]
     OutOfRange {

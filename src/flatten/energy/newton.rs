@@ -10,7 +10,7 @@ use glam::{DMat2, DVec2};
 use crate::{
     flatten::energy::objective::Objective,
     id::{IdVec, VertexId},
-    sparse::{BlockJacobi, Cholesky, Matrix, SparseError, Stop, conjugate_gradients, dot},
+    sparse::{BlockJacobi, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
 };
 
 /// Added to the diagonal of the Hessian, over its mean: moving and turning the whole map costs
@@ -161,6 +161,6 @@ fn factored_step(
 
 fn iterated_step(hessian: &mut Matrix<'_, DMat2>, rhs: &[DVec2], iterations: usize) -> Vec<DVec2> {
     add_gauge(hessian, GAUGE);
-    let stop = Stop { relative_residual: RESIDUAL, iterations };
-    conjugate_gradients(hessian, &BlockJacobi::new(hessian), rhs, stop).0
+    let options = CgOptions { relative_residual: RESIDUAL, iterations };
+    conjugate_gradients(hessian, &BlockJacobi::new(hessian), rhs, options).0
 }

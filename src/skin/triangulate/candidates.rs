@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use crate::{
-    delaunay::Star,
     id::{FaceId, IdVec, VertexId},
     mesh::smallest_first,
     skin::triangulate::{
+        delaunay_star::DelaunayStar,
         growing_mesh::Front,
         point_cloud::Surroundings,
         repair::{close_leftovers, part_fans, take_in},
@@ -55,7 +55,7 @@ fn candidates(around: &Surroundings<'_>) -> Vec<Candidate> {
     let ids: Vec<VertexId> = around.positions.ids().collect();
     let mut seen: Vec<[VertexId; 3]> = ids
         .par_iter()
-        .map_init(Star::default, |star, &v| tangent_star(star, v, around))
+        .map_init(DelaunayStar::default, |star, &v| tangent_star(star, v, around))
         .flatten_iter()
         .map(smallest_first)
         .collect();

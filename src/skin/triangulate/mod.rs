@@ -2,6 +2,7 @@
 
 mod candidates;
 mod coincident;
+mod delaunay_star;
 mod growing_mesh;
 mod kd_tree;
 mod neighbours;

@@ -1,6 +1,9 @@
 use glam::DVec2;
 
-use crate::{delaunay::Star, id::VertexId, skin::triangulate::point_cloud::Surroundings};
+use crate::{
+    id::VertexId,
+    skin::triangulate::{delaunay_star::DelaunayStar, point_cloud::Surroundings},
+};
 
 /// Neighbours whose normal is turned by a right angle or more lie on another side of the part.
 const SAME_SIDE: f64 = 0.0;
@@ -15,7 +18,11 @@ const WIDEST: f64 = 1.2;
 /// The triangles around `v` of the Delaunay triangulation of its neighbours in its tangent plane.
 ///
 /// Neighbours are unrolled: they keep their distance, and the direction in which they are seen.
-pub(super) fn tangent_star(star: &mut Star, v: VertexId, around: &Surroundings<'_>) -> Vec<[VertexId; 3]> {
+pub(super) fn tangent_star(
+    star: &mut DelaunayStar,
+    v: VertexId,
+    around: &Surroundings<'_>,
+) -> Vec<[VertexId; 3]> {
     let Surroundings { positions, normals, neighbours, gap } = *around;
     let (n, spacing) = (normals[v], neighbours.spacing[v]);
     let (e, f) = n.any_orthonormal_pair();

@@ -1,9 +1,12 @@
 //! A hand: a palm with five fingers whose tips are ten times denser than the palm.
 
-use dermatome::{delaunay::triangulate, mesh::TriMesh, skin::Skin};
+use dermatome::{mesh::TriMesh, skin::Skin};
 use glam::{DVec2, DVec3};
 
-use crate::grid::{STEP, snapped};
+use crate::{
+    delaunay::triangulate,
+    grid::{STEP, snapped},
+};
 
 /// Spacing of the taxels on the palm, in m.
 const PALM_SPACING: f64 = 0.0034;
@@ -178,7 +181,7 @@ fn scattered() -> Vec<DVec2> {
 
 /// The Delaunay triangles whose middle lies within the outline.
 fn inside(points: &[DVec2]) -> Vec<[usize; 3]> {
-    let mut triangles = triangulate(points).expect("points on a grid that differ");
+    let mut triangles = triangulate(points);
     triangles.retain(|t| {
         let middle = t.iter().map(|&v| points[v]).sum::<DVec2>() / 3.0;
         // Slivers between points of the outline have their middle just within it.

@@ -1,18 +1,14 @@
+//! Conjugate gradients for matrices of 2 x 2 blocks.
+
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
-use crate::sparse::Matrix;
+use crate::Matrix;
 
 /// Entries that one task handles; fixed, so that sums do not depend on the number of threads.
 const ENTRIES_PER_TASK: usize = 4096;
 
-/// An approximate inverse.
-pub trait Preconditioner {
-    /// `out` = approximately `M^-1 r`; symmetric and positive definite.
-    fn apply(&self, r: &[DVec2], out: &mut [DVec2]);
-}
-
-/// The inverses of the diagonal blocks.
+/// The inverses of the diagonal blocks: a preconditioner.
 #[derive(Debug, Clone)]
 pub struct BlockJacobi(Vec<DMat2>);
 
@@ -32,9 +28,8 @@ impl BlockJacobi {
         };
         Self((0..matrix.pattern().rows()).into_par_iter().map(invert).collect())
     }
-}
 
-impl Preconditioner for BlockJacobi {
+    /// `out` = approximately `M^-1 r`.
     fn apply(&self, r: &[DVec2], out: &mut [DVec2]) {
         out.par_chunks_mut(ENTRIES_PER_TASK).enumerate().for_each(|(chunk, out)| {
             for (k, out) in out.iter_mut().enumerate() {
@@ -47,7 +42,7 @@ impl Preconditioner for BlockJacobi {
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stop {
+pub struct CgOptions {
     /// The residual, over the right-hand side, in the norm of the preconditioner.
     pub relative_residual: f64,
     /// Number of iterations.
@@ -56,7 +51,7 @@ pub struct Stop {
 
 /// How the iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stopped {
+pub struct CgReport {
     /// The residual reached, over the right-hand side, in the norm of the preconditioner.
     pub relative_residual: f64,
     /// Iterations done.
@@ -90,10 +85,10 @@ fn add_scaled(y: &mut [DVec2], factor: f64, x: &[DVec2]) {
 #[must_use]
 pub fn conjugate_gradients(
     matrix: &Matrix<'_, DMat2>,
-    preconditioner: &impl Preconditioner,
+    preconditioner: &BlockJacobi,
     rhs: &[DVec2],
-    stop: Stop,
-) -> (Vec<DVec2>, Stopped) {
+    options: CgOptions,
+) -> (Vec<DVec2>, CgReport) {
     let zero = || vec![DVec2::ZERO; rhs.len()];
     let (mut x, mut r, mut z, mut q) = (zero(), rhs.to_vec(), zero(), zero());
     preconditioner.apply(&r, &mut z);
@@ -102,7 +97,7 @@ pub fn conjugate_gradients(
     let mut rz = first;
     let relative = |rz: f64| if first > 0.0 { (rz / first).max(0.0).sqrt() } else { 0.0 };
     let mut iterations = 0;
-    while iterations < stop.iterations && relative(rz) > stop.relative_residual {
+    while iterations < options.iterations && relative(rz) > options.relative_residual {
         matrix.multiply(&p, &mut q);
         let curvature = dot(&p, &q);
         if curvature.is_nan() || curvature <= 0.0 {
@@ -122,13 +117,13 @@ pub fn conjugate_gradients(
         rz = next;
         iterations += 1;
     }
-    (x, Stopped { relative_residual: relative(rz), iterations })
+    (x, CgReport { relative_residual: relative(rz), iterations })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sparse::Pattern;
+    use crate::Pattern;
 
     #[test]
     fn as_many_iterations_as_unknowns_solve_exactly() {
@@ -144,9 +139,9 @@ mod tests {
         let truth: Vec<_> = (0..6).map(|i| DVec2::new(f64::from(i), 1.0)).collect();
         let mut rhs = vec![DVec2::ZERO; 6];
         m.multiply(&truth, &mut rhs);
-        let stop = Stop { relative_residual: 1e-14, iterations: 12 };
-        let (x, stopped) = conjugate_gradients(&m, &BlockJacobi::new(&m), &rhs, stop);
-        assert!(stopped.iterations <= 12, "{stopped:?}");
+        let options = CgOptions { relative_residual: 1e-14, iterations: 12 };
+        let (x, report) = conjugate_gradients(&m, &BlockJacobi::new(&m), &rhs, options);
+        assert!(report.iterations <= 12, "{report:?}");
         assert!(x.iter().zip(&truth).all(|(a, b)| a.distance(*b) < 1e-12), "{x:?} is {truth:?}");
     }
 
@@ -155,8 +150,8 @@ mod tests {
         let pattern = Pattern::new(2, [(0, 1)]);
         let mut m = Matrix::zero(&pattern);
         (*m.at(0, 0), *m.at(1, 1)) = (DMat2::IDENTITY, DMat2::IDENTITY);
-        let stop = Stop { relative_residual: 0.0, iterations: 9 };
-        let (x, stopped) = conjugate_gradients(&m, &BlockJacobi::new(&m), &[DVec2::ZERO; 2], stop);
-        assert_eq!((x, stopped.iterations), (vec![DVec2::ZERO; 2], 0));
+        let options = CgOptions { relative_residual: 0.0, iterations: 9 };
+        let (x, report) = conjugate_gradients(&m, &BlockJacobi::new(&m), &[DVec2::ZERO; 2], options);
+        assert_eq!((x, report.iterations), (vec![DVec2::ZERO; 2], 0));
     }
 }

@@ -1,7 +1,9 @@
+//! Numbers on a pattern.
+
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
-use crate::sparse::Pattern;
+use crate::Pattern;
 
 /// Rows that one task multiplies; fixed, so that results do not depend on the number of threads.
 const ROWS_PER_TASK: usize = 2048;

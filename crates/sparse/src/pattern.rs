@@ -1,3 +1,5 @@
+//! Where a symmetric matrix has entries.
+
 use std::ops::Range;
 
 /// Which entries a matrix with a symmetric pattern has: row by row, columns ascending, the diagonal always.
@@ -48,7 +50,7 @@ impl Pattern {
         self.columns.len()
     }
 
-    /// The slots of `row`: positions of its entries in [`crate::sparse::Matrix::values`].
+    /// The slots of `row`: positions of its entries in [`crate::Matrix::values`].
     #[inline]
     #[must_use]
     pub fn slots(&self, row: usize) -> Range<usize> {

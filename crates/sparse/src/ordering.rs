@@ -1,6 +1,16 @@
+//! The order in which rows are eliminated, which decides how much of the factor fills up.
+
+use faer::{
+    dyn_stack::{MemBuffer, MemStack},
+    sparse::{FaerError, linalg::amd},
+};
 use glam::DVec3;
 
-use crate::sparse::Pattern;
+use crate::{Pattern, lower::Lower};
+
+/// From this many rows on the order comes from coordinates: the minimum degree order of faer takes longer than the
+/// factorization there (measured on cotangent Laplacians, 0.18 s against 0.06 s at 100 000 rows).
+const DISSECTION_ROWS: usize = 20_000;
 
 /// Parts of this size are not split further: below it a separator costs more fill than it saves.
 const LEAF: usize = 48;
@@ -8,14 +18,25 @@ const LEAF: usize = 48;
 /// Label of rows that lie in a separator already placed.
 const SEPARATOR: u32 = u32::MAX;
 
+/// A fill-reducing order: `order[k]` is the row eliminated in step `k`.
+///
+/// Nested dissection where there are many rows and `coordinates` for all of them, else approximate minimum degree.
+pub(crate) fn order_rows(pattern: &Pattern, coordinates: &[DVec3]) -> Result<Vec<u32>, FaerError> {
+    if pattern.rows() >= DISSECTION_ROWS && coordinates.len() == pattern.rows() {
+        Ok(dissect(pattern, coordinates))
+    } else {
+        minimum_degree(pattern)
+    }
+}
+
 /// Fill-reducing order by geometric nested dissection (George 1973): the rows are halved at the median of their
 /// longest coordinate, rows of the lower half that touch the upper one become the separator and come last, and both
 /// halves are treated alike.
 ///
-/// On surfaces it is as good as a graph partitioner at a fraction of the cost. `order[k]` is the row eliminated in
-/// step `k`.
-pub(super) fn dissect(pattern: &Pattern, coordinates: &[DVec3]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..pattern.rows()).filter_map(|i| u32::try_from(i).ok()).collect();
+/// On surfaces it is as good as a graph partitioner at a fraction of the cost.
+fn dissect(pattern: &Pattern, coordinates: &[DVec3]) -> Vec<u32> {
+    let rows = u32::try_from(pattern.rows()).expect("a pattern has at most 2^32 entries");
+    let mut order: Vec<u32> = (0..rows).collect();
     // Which part each row is in: every split gives its upper half a new number.
     let mut part = vec![0_u32; order.len()];
     let mut upper = 0;
@@ -63,6 +84,23 @@ fn longest_axis(rows: &[u32], coordinates: &[DVec3]) -> usize {
     });
     let size = hi - lo;
     if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) }
+}
+
+/// Approximate minimum degree order of the rows ([amestoy1996]).
+fn minimum_degree(pattern: &Pattern) -> Result<Vec<u32>, FaerError> {
+    let rows = pattern.rows();
+    let (mut order, mut inverse) = (vec![0_u32; rows], vec![0_u32; rows]);
+    let upper = Lower::new(pattern, 1).ok_or(FaerError::IndexOverflow)?;
+    let scratch = amd::order_maybe_unsorted_scratch::<u32>(rows, upper.indices.len());
+    let mut memory = MemBuffer::try_new(scratch).map_err(FaerError::from)?;
+    amd::order_maybe_unsorted(
+        &mut order,
+        &mut inverse,
+        upper.symbolic(),
+        Default::default(),
+        MemStack::new(&mut memory),
+    )?;
+    Ok(order)
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
+//! Symmetric matrices of blocks of any size, their factors and selected inverses.
+
 use faer::sparse::linalg::cholesky::{SymbolicCholeskyRaw, supernodal::SupernodalLltRef};
 
-use crate::sparse::{
+use crate::{
     Cholesky, Pattern, SparseError,
     selected_inverse::{SelectedInverse, invert},
 };
@@ -205,26 +207,22 @@ impl BlockFactor<'_> {
     pub fn selected_inverse(&self) -> SelectedInverse {
         let order = self.system.cholesky.symbolic().perm().map(|p| p.arrays().1);
         let positions = order.map_or_else(|| (0..self.rows()).collect(), |o| o.to_vec());
-        match self.supernodes() {
-            Some(factor) => invert(factor, positions, self.system.size),
-            None => SelectedInverse::default(),
-        }
+        invert(self.supernodes(), positions, self.system.size)
     }
 
     fn rows(&self) -> u32 {
-        u32::try_from(self.system.blocks() * self.system.size).unwrap_or(u32::MAX)
+        u32::try_from(self.system.blocks() * self.system.size).expect("`Lower` has no more than 2^32 entries")
     }
 
-    fn supernodes(&self) -> Option<SupernodalLltRef<'_, u32, f64>> {
+    fn supernodes(&self) -> SupernodalLltRef<'_, u32, f64> {
         match self.system.cholesky.symbolic().raw() {
-            SymbolicCholeskyRaw::Supernodal(symbolic) => Some(SupernodalLltRef::new(symbolic, &self.values)),
-            // Never made: the analysis is forced to be supernodal.
-            SymbolicCholeskyRaw::Simplicial(_) => None,
+            SymbolicCholeskyRaw::Supernodal(symbolic) => SupernodalLltRef::new(symbolic, &self.values),
+            SymbolicCholeskyRaw::Simplicial(_) => unreachable!("the analysis is forced to be supernodal"),
         }
     }
 
     fn check_pivots(&self, diagonal: &[f64]) -> Result<(), SparseError> {
-        let Some(factor) = self.supernodes() else { return Ok(()) };
+        let factor = self.supernodes();
         let order = self.system.cholesky.symbolic().perm().map(|p| p.arrays().0);
         for s in 0..factor.symbolic().n_supernodes() {
             let supernode = factor.supernode(s);

@@ -1,3 +1,5 @@
+//! Entries of an inverse without the rest of it.
+
 use faer::{
     Accum, Mat, MatMut, MatRef, Par,
     linalg::{matmul::matmul, triangular_inverse::invert_lower_triangular, triangular_solve},
@@ -7,10 +9,10 @@ use rayon::prelude::*;
 
 /// Entries of the inverse of a factored matrix, on the pattern of its factor.
 ///
-/// Takahashi, Fagan and Chen 1973: from the last column to the first, every column of the inverse follows from
+/// [takahashi1973]: from the last column to the first, every column of the inverse follows from
 /// entries already known, since the rows of a column of `L` lie in columns that come later. Here in supernodes: with
 /// `W = L_uj L_jj^-1`, `Z_uj = -Z_uu W` and `Z_jj = L_jj^-T L_jj^-1 - W' Z_uj`.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct SelectedInverse {
     /// Position of every row in the order of elimination.
     positions: Vec<u32>,
@@ -82,7 +84,7 @@ pub(super) fn invert(
     for s in 0..count {
         let supernode = factor.supernode(s);
         let range = supernode.start()..supernode.start() + supernode.val().ncols();
-        supernodes[range].fill(u32::try_from(s).unwrap_or(u32::MAX));
+        supernodes[range].fill(u32::try_from(s).expect("no more supernodes than rows"));
     }
     // Depth below the roots; parents come later, so from the last on.
     let mut depths = vec![0_usize; count];

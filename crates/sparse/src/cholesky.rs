@@ -1,30 +1,30 @@
+//! Cholesky factorization, supernodal, of real symmetric and complex Hermitian matrices.
+
 use faer::{
     MatMut, Par, Side,
     dyn_stack::{MemBuffer, MemStack},
     linalg::cholesky::llt::factor::LltError,
     perm::PermRef,
     sparse::{
-        FaerError, SparseColMatRef, SymbolicSparseColMatRef,
+        SparseColMatRef,
         linalg::{
-            LuError, SupernodalThreshold, amd,
+            SupernodalThreshold,
             cholesky::{
                 CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
                 factorize_symbolic_cholesky,
             },
-            lu::{NumericLu, factorize_symbolic_lu},
         },
     },
     traits::ComplexField,
 };
 use glam::{DMat2, DVec2, DVec3};
 
-use crate::sparse::{Matrix, Pattern, SparseError, dissection::dissect};
-
-type Complex = faer::c64;
-
-/// From this many rows on the order comes from coordinates: the minimum degree order of faer takes longer than the
-/// factorization there (measured on cotangent Laplacians, 0.18 s against 0.06 s at 100 000 rows).
-const DISSECTION_ROWS: usize = 20_000;
+use crate::{
+    Matrix, Pattern, SparseError,
+    lower::Lower,
+    ordering::order_rows,
+    scalar::{Complex, Finite, complex},
+};
 
 /// The order and the symbolic factor of a [`Pattern`], good for every positive definite [`Matrix`] on it.
 ///
@@ -62,17 +62,14 @@ impl Cholesky {
         block: usize,
     ) -> Result<Self, SparseError> {
         let too_large = |_| SparseError::TooLarge { rows: pattern.rows() };
-        let order = if pattern.rows() >= DISSECTION_ROWS && coordinates.len() == pattern.rows() {
-            dissect(pattern, coordinates)
-        } else {
-            minimum_degree(pattern).map_err(too_large)?
-        };
         let lower = Lower::new(pattern, block).ok_or(SparseError::TooLarge { rows: pattern.rows() })?;
-        let size = u32::try_from(block).unwrap_or(1);
+        let order = order_rows(pattern, coordinates).map_err(too_large)?;
+        let index = |k: usize| u32::try_from(k).expect("`Lower` has no more than 2^32 entries");
+        let size = index(block);
         let forward: Vec<u32> = order.iter().flat_map(|&i| (0..size).map(move |a| size * i + a)).collect();
         let mut inverse = vec![0; forward.len()];
         for (k, &i) in forward.iter().enumerate() {
-            inverse[i as usize] = u32::try_from(k).unwrap_or(u32::MAX);
+            inverse[i as usize] = index(k);
         }
         let symbolic = factorize_symbolic_cholesky(
             lower.symbolic(),
@@ -244,167 +241,6 @@ impl HermitianFactor<'_> {
     }
 }
 
-/// Solves one system with any complex matrix on a symmetric pattern by LU with partial pivoting, in place.
-///
-/// # Errors
-/// [`SparseError::Singular`], [`SparseError::NotFinite`] or [`SparseError::TooLarge`].
-///
-/// # Panics
-/// If `rhs` has not one entry per row.
-pub fn solve_unsymmetric(matrix: &Matrix<'_, DVec2>, rhs: &mut [DVec2]) -> Result<(), SparseError> {
-    let pattern = matrix.pattern();
-    let rows = pattern.rows();
-    assert_eq!(rhs.len(), rows, "one right-hand side per row");
-    let (mut starts, mut indices, mut values) = (vec![0_u32], Vec::new(), Vec::new());
-    for column in 0..rows {
-        // The pattern is symmetric, so a row tells where the column's entries are.
-        for &row in pattern.columns(column) {
-            let slot = pattern.slot(row as usize, column).ok_or(SparseError::Singular { rows })?;
-            let value = complex(matrix.values()[slot]);
-            if !value.finite() {
-                return Err(SparseError::NotFinite { row: row as usize });
-            }
-            indices.push(row);
-            values.push(value);
-        }
-        starts.push(u32::try_from(indices.len()).map_err(|_| SparseError::TooLarge { rows })?);
-    }
-    let shape = SymbolicSparseColMatRef::new_checked(rows, rows, &starts, None, &indices);
-    let mut x: Vec<Complex> = rhs.iter().map(|&z| complex(z)).collect();
-    lower_upper(SparseColMatRef::new(shape, &values), &mut x).map_err(|e| match e {
-        LuError::SymbolicSingular { .. } => SparseError::Singular { rows },
-        LuError::Generic(_) => SparseError::TooLarge { rows },
-    })?;
-    for (out, z) in rhs.iter_mut().zip(x) {
-        if !z.finite() {
-            return Err(SparseError::Singular { rows });
-        }
-        *out = DVec2::new(z.re, z.im);
-    }
-    Ok(())
-}
-
-fn lower_upper(matrix: SparseColMatRef<'_, u32, Complex>, x: &mut [Complex]) -> Result<(), LuError> {
-    let symbolic = factorize_symbolic_lu(matrix.symbolic(), Default::default())?;
-    let mut numeric = NumericLu::new();
-    let scratch = symbolic.factorize_numeric_lu_scratch::<Complex>(Par::Seq, Default::default());
-    let mut memory = MemBuffer::try_new(scratch).map_err(FaerError::from)?;
-    let factor = symbolic.factorize_numeric_lu(
-        &mut numeric,
-        matrix,
-        Par::Seq,
-        MemStack::new(&mut memory),
-        Default::default(),
-    )?;
-    let scratch = symbolic.solve_in_place_scratch::<Complex>(1, Par::Seq);
-    let mut memory = MemBuffer::try_new(scratch).map_err(FaerError::from)?;
-    let rows = x.len();
-    factor.solve_in_place_with_conj(
-        faer::Conj::No,
-        MatMut::from_column_major_slice_mut(x, rows, 1),
-        Par::Seq,
-        MemStack::new(&mut memory),
-    );
-    Ok(())
-}
-
-/// The lower triangle of a pattern, blocks expanded, column by column as faer reads it.
-#[derive(Debug)]
-pub(super) struct Lower {
-    rows: usize,
-    pub(super) starts: Vec<u32>,
-    pub(super) indices: Vec<u32>,
-}
-
-impl Lower {
-    /// `None` if it has more than 2^32 entries.
-    fn new(pattern: &Pattern, block: usize) -> Option<Self> {
-        let (mut starts, mut indices) = (vec![0], Vec::new());
-        for j in 0..pattern.rows() {
-            for b in 0..block {
-                let column = block * j + b;
-                let below =
-                    pattern.columns(j).iter().flat_map(|&i| (0..block).map(move |a| block * i as usize + a));
-                for row in below.filter(|&row| row >= column) {
-                    indices.push(u32::try_from(row).ok()?);
-                }
-                starts.push(u32::try_from(indices.len()).ok()?);
-            }
-        }
-        Some(Self { rows: block * pattern.rows(), starts, indices })
-    }
-
-    fn symbolic(&self) -> SymbolicSparseColMatRef<'_, u32> {
-        SymbolicSparseColMatRef::new_checked(self.rows, self.rows, &self.starts, None, &self.indices)
-    }
-
-    /// The entries of the lower triangle in this order.
-    fn gather<T: Finite>(
-        &self,
-        pattern: &Pattern,
-        block: usize,
-        entry: impl Fn(usize, usize, usize) -> T,
-    ) -> Result<Vec<T>, SparseError> {
-        let mut values = Vec::with_capacity(self.indices.len());
-        for j in 0..pattern.rows() {
-            for b in 0..block {
-                // Entry (i, j) below the diagonal: found from row i, so that only the lower triangle is read.
-                for &i in pattern.columns(j).iter().filter(|&&i| i as usize >= j) {
-                    let slot = pattern.slot(i as usize, j).ok_or(SparseError::NotFinite { row: j })?;
-                    for a in 0..block {
-                        if block * i as usize + a >= block * j + b {
-                            let value = entry(slot, a, b);
-                            if !value.finite() {
-                                return Err(SparseError::NotFinite { row: i as usize });
-                            }
-                            values.push(value);
-                        }
-                    }
-                }
-            }
-        }
-        Ok(values)
-    }
-}
-
-/// Approximate minimum degree order of the rows.
-fn minimum_degree(pattern: &Pattern) -> Result<Vec<u32>, FaerError> {
-    let rows = pattern.rows();
-    let (mut order, mut inverse) = (vec![0_u32; rows], vec![0_u32; rows]);
-    let upper = Lower::new(pattern, 1).ok_or(FaerError::IndexOverflow)?;
-    let scratch = amd::order_maybe_unsorted_scratch::<u32>(rows, upper.indices.len());
-    let mut memory = MemBuffer::try_new(scratch).map_err(FaerError::from)?;
-    amd::order_maybe_unsorted(
-        &mut order,
-        &mut inverse,
-        upper.symbolic(),
-        Default::default(),
-        MemStack::new(&mut memory),
-    )?;
-    Ok(order)
-}
-
-fn complex(z: DVec2) -> Complex {
-    Complex::new(z.x, z.y)
-}
-
-/// Numbers that can be asked whether they are finite.
-trait Finite {
-    fn finite(&self) -> bool;
-}
-
-impl Finite for f64 {
-    fn finite(&self) -> bool {
-        self.is_finite()
-    }
-}
-
-impl Finite for Complex {
-    fn finite(&self) -> bool {
-        self.re.is_finite() && self.im.is_finite()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -464,23 +300,6 @@ mod tests {
     }
 
     #[test]
-    fn an_unsymmetric_system_gives_back_its_solution() {
-        let pattern = path(4);
-        let mut m = Matrix::<DVec2>::zero(&pattern);
-        for i in 0..4 {
-            *m.at(i, i) = DVec2::X;
-            if i > 0 {
-                *m.at(i, i - 1) = DVec2::new(0.0, 2.0);
-            }
-        }
-        let mut x = vec![DVec2::X; 4];
-        solve_unsymmetric(&m, &mut x).unwrap();
-        // x_i = 1 - 2i x_{i-1}.
-        assert_eq!(x[1], DVec2::new(1.0, -2.0));
-        assert_eq!(x[2], DVec2::new(-3.0, -2.0));
-    }
-
-    #[test]
     fn an_indefinite_matrix_is_refused_with_its_row() {
         let pattern = Pattern::new(1, []);
         let mut m = Matrix::zero(&pattern);
@@ -496,13 +315,5 @@ mod tests {
         *m.at(2, 1) = f64::NAN;
         let found = Cholesky::new(&pattern, &[]).unwrap().factor(&m).err();
         assert_eq!(found, Some(SparseError::NotFinite { row: 2 }));
-    }
-
-    #[test]
-    fn a_singular_unsymmetric_matrix_is_refused() {
-        let pattern = path(3);
-        let mut x = vec![DVec2::X; 3];
-        let found = solve_unsymmetric(&Matrix::zero(&pattern), &mut x);
-        assert_eq!(found, Err(SparseError::Singular { rows: 3 }));
     }
 }
