@@ -54,8 +54,7 @@ const DOORS: &[(&str, &[&str])] = &[
 const CIRCLES: &[&str] = &["bin", "calib", "io/gltf", "io/observations", "mesh", "plot", "pyramid"];
 
 /// Modules with files that do not say yet what they are for.
-const WITHOUT_DOCS: &[&str] =
-    &["atlas", "bin", "calib", "io", "map", "mesh", "plot", "pyramid", "skin"];
+const WITHOUT_DOCS: &[&str] = &["atlas", "bin", "calib", "io", "map", "mesh", "plot", "pyramid", "skin"];
 
 /// A source file.
 struct Source {
