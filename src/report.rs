@@ -1,4 +1,15 @@
-//! `report.json`: what a build measured, level by level ([`measure`]), and how long each stage took.
+//! `report.json`: what a build measured, level by level ([`measure`]), and how long each stage
+//! took.
+//!
+//! ```
+//! use dermatome::{mesh::shapes, pipeline, report, skin::Skin};
+//!
+//! let skin = Skin::from_mesh("palm", shapes::cap(300, 0.05, 1.0));
+//! let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
+//! let patches = report::measure(&map);
+//! assert_eq!(patches[0].levels[0].distortion.flips, 0);
+//! # Ok::<(), dermatome::Error>(())
+//! ```
 
 use serde::Serialize;
 

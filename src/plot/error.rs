@@ -1,6 +1,8 @@
-use crate::{atlas::AtlasError, map::MapError, pyramid::LevelId, skin::SkinError};
+//! Why a picture cannot be drawn.
 
-/// Why there is no picture.
+use crate::{map::MapError, pyramid::LevelId, skin::SkinError};
+
+/// Why a picture cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlotError {
@@ -31,13 +33,13 @@ pub enum PlotError {
         /// What of the map.
         what: &'static str,
     },
-    /// A patch whose taxels do not say how uncertain they are.
+    /// A patch whose taxels have no covariances.
     #[error("patch {patch:?} has no covariances, so the uncertainty of its taxels cannot be drawn")]
     NoCovariances {
         /// The patch.
         patch: String,
     },
-    /// A direction that is none.
+    /// A viewpoint that is not a direction.
     #[error(
         "there is no view from azimuth {azimuth} and elevation {elevation} degrees; elevations are -90 to 90"
     )]
@@ -74,19 +76,10 @@ pub enum PlotError {
         /// Largest side.
         most: u32,
     },
-    /// Data that is no map.
+    /// Data that is not a valid map.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// Data that is no skin.
+    /// Data that is not a valid skin.
     #[error(transparent)]
     Skin(#[from] SkinError),
-    /// A map that cannot be rasterised.
-    #[error(transparent)]
-    Atlas(#[from] AtlasError),
-    /// A text that is no SVG picture.
-    #[error("the picture cannot be rendered: {message}")]
-    Render {
-        /// What the renderer said.
-        message: String,
-    },
 }

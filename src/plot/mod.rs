@@ -1,20 +1,34 @@
-//! Pictures of maps and of skins.
+//! Pictures of maps and of skins, as SVG or PNG.
 //!
-//! Pictures show levels side by side at one scale, with their receptive fields or their distortion, and the skin in space.
+//! A picture shows levels side by side at one scale, with their receptive fields or their
+//! distortion, and the skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`];
+//! [`Picture::to_svg`] and [`Picture::to_png`] write it.
 //!
-//! [`plot_map`] and [`plot_skin`] draw a picture as SVG text, [`render_png`] turns one into a PNG with the letters that come with the
-//! crate: the same bytes on every machine, fonts installed or not.
+//! ```
+//! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};
+//!
+//! let skin = Skin::from_mesh("palm", shapes::cap(300, 0.05, 1.0));
+//! let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
+//! let picture = plot::plot_map(&map, &plot::PlotOptions { width_px: 800, ..Default::default() })?;
+//! assert!(picture.to_svg().contains("palm, level 0"));
+//! assert!(picture.to_png()?.starts_with(b"\x89PNG"));
+//! # Ok::<(), dermatome::Error>(())
+//! ```
+//!
+//! In reading order: [`plot_map`] chooses patches and levels, `draw` makes a panel of each (a level
+//! on its map, or the skin in space), `colour` chooses the colours, `layout` positions panels,
+//! captions and legends, and `picture` is the list of shapes that comes out.
 
 mod colour;
 mod draw;
 mod error;
 mod layout;
-mod palette;
+mod options;
 mod patch_view;
+mod picture;
 mod plot_map;
-mod png;
 
-pub use draw::camera::Viewpoint;
 pub use error::PlotError;
-pub use plot_map::{Paint, PlotOptions, plot_map, plot_skin};
-pub use png::render_png;
+pub use options::{Paint, PlotOptions, Viewpoint};
+pub use picture::Picture;
+pub use plot_map::{plot_map, plot_skin};

@@ -1,3 +1,5 @@
+//! A patch as pictures see it, with its map or without.
+
 use glam::DAffine3;
 
 use crate::{
@@ -9,8 +11,8 @@ use crate::{
     skin::{Patch, Skin, TaxelId, world_pose},
 };
 
-/// A patch as pictures see it, with its map or without.
-pub(crate) struct Subject<'a> {
+/// The parts of a patch that pictures show.
+pub(crate) struct PatchView<'a> {
     pub(crate) name: &'a str,
     /// The taxels and the triangles between them, in the link's frame.
     pub(crate) mesh: &'a TriMesh,
@@ -22,7 +24,7 @@ pub(crate) struct Subject<'a> {
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
 }
 
-impl<'a> Subject<'a> {
+impl<'a> PatchView<'a> {
     /// `None` for a patch without a level.
     pub(crate) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Option<Self> {
         Some(Self {
@@ -60,7 +62,8 @@ impl<'a> Subject<'a> {
         PlotError::NoMap { patch: self.name.to_owned(), what }
     }
 
-    /// The standard deviation of each taxel's position, in m: the square root of the trace of its covariance.
+    /// The standard deviation of each taxel's position, in m: the square root of the trace of its
+    /// covariance.
     pub(crate) fn sigmas(&self) -> Result<IdVec<VertexId, f64>, PlotError> {
         let unknown = || PlotError::NoCovariances { patch: self.name.to_owned() };
         Ok(self.covariances.ok_or_else(unknown)?.map(|[xx, _, _, yy, _, zz]| (xx + yy + zz).max(0.0).sqrt()))

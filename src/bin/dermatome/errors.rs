@@ -179,7 +179,6 @@ fn atlas_help(error: &AtlasError) -> String {
 
 fn plot_help(error: &PlotError) -> String {
     let help = match error {
-        PlotError::Atlas(e) => return atlas_help(e),
         PlotError::Skin(_) => CHECK,
         PlotError::NoMap { .. } => "make a map with `dermatome build`, and draw that",
         PlotError::NoCovariances { .. } => {
@@ -191,7 +190,6 @@ fn plot_help(error: &PlotError) -> String {
         PlotError::Width { .. } | PlotError::Size { .. } => {
             "choose another --width, or draw fewer patches and levels"
         }
-        PlotError::Render { .. } => "write it as SVG and open it in a browser",
         _ => BUILD_AGAIN,
     };
     help.into()

@@ -2,7 +2,6 @@
 //! space.
 
 use std::{
-    borrow::Cow,
     io::Write,
     path::{Path, PathBuf},
     process::ExitCode,
@@ -12,7 +11,7 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     io::{self, IoError, read_map_if_any, replace_file},
-    plot::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin, render_png},
+    plot::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin},
     pyramid::LevelId,
 };
 
@@ -101,7 +100,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         space: args.from.or(args.space.then(Viewpoint::default)),
         width_px: args.width,
     };
-    let svg = match read_map_if_any(&args.map).map_err(Error::from)? {
+    let picture = match read_map_if_any(&args.map).map_err(Error::from)? {
         Some(map) => plot_map(&map, &options),
         None => plot_skin(&read_skin(&args.map, &args.bare.options(), common)?, &options),
     }
@@ -109,15 +108,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut files = Outputs::default();
     for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
         let bytes = match kind {
-            Kind::Svg => Cow::Borrowed(svg.as_bytes()),
-            Kind::Png => Cow::Owned(render_png(&svg).map_err(Error::from)?),
+            Kind::Svg => picture.to_svg().into_bytes(),
+            Kind::Png => picture.to_png().map_err(Error::from)?,
         };
         let fail = |source| IoError::Write { path: path.clone(), source };
         files.stage(path, |staged| replace_file(staged, |file| file.write_all(&bytes).map_err(fail)))?;
     }
     files.publish()?;
     if args.outputs.iter().any(|path| is_stream(path)) {
-        print(&svg)?;
+        print(&picture.to_svg())?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,3 +1,5 @@
+//! A mesh and the colours of its triangles or of the cells around its vertices.
+
 use crate::{
     atlas::{Stretch, face_stretch},
     id::{FaceId, IdVec, VertexId},
@@ -5,22 +7,22 @@ use crate::{
     mesh::TriMesh,
     plot::{
         Paint, PlotError,
-        colour::scale_limits::Range,
-        colour::scales::{Colour, DIVERGING, ORDER, SEQUENTIAL, SKIN, Scale},
-        draw::view::{Fill, dominant_fields, field_colours},
-        patch_view::Subject,
+        colour::{
+            ScaleLimits,
+            field_colours::{dominant_fields, field_colours},
+            scales::{Colour, DIVERGING, ORDER, SEQUENTIAL, SKIN, Scale},
+        },
+        patch_view::PatchView,
     },
 };
 
-/// Steps of a continuous scale: more cannot be told apart, and each is one path.
+/// Steps of a continuous scale: finer ones cannot be distinguished, and each is one path.
 const STEPS: u32 = 64;
 
 /// Colours of a surface, wherever it will be laid out.
-pub(crate) struct Coat<'a> {
-    /// The mesh that wears it.
+pub(crate) struct ColouredMesh<'a> {
     pub(crate) mesh: &'a TriMesh,
-    /// Whose mesh that is.
-    pub(crate) wearer: Wearer,
+    pub(crate) owner: MeshOwner,
     pub(crate) fill: Fill,
     /// Whether the colours are read off a scale, so that shade must hardly change them.
     pub(crate) is_scale: bool,
@@ -28,53 +30,71 @@ pub(crate) struct Coat<'a> {
 
 /// Whose triangles are coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Wearer {
+pub(crate) enum MeshOwner {
     Taxels,
     Level,
 }
 
-impl<'a> Coat<'a> {
+/// What a mesh is filled with.
+pub(crate) enum Fill {
+    /// One colour for each group of cells.
+    Cells { groups: IdVec<VertexId, u32>, colours: Vec<Colour> },
+    /// One colour for each face.
+    Faces(IdVec<FaceId, Colour>),
+}
+
+impl Fill {
+    /// The colour of a corner of a face.
+    pub(crate) fn colour(&self, face: FaceId, corner: VertexId) -> Colour {
+        match self {
+            Self::Faces(colours) => colours[face],
+            Self::Cells { groups, colours } => colours[groups[corner] as usize],
+        }
+    }
+}
+
+impl<'a> ColouredMesh<'a> {
     /// What the colours say about a level of a patch, or about a patch without a map.
     ///
     /// The stretch belongs to the level's own triangles, everything else to the taxels.
     pub(crate) fn new(
-        subject: &Subject<'a>,
+        patch: &PatchView<'a>,
         level: Option<&'a MapLevel>,
         paint: Paint,
-        range: &Range,
+        limits: &ScaleLimits,
     ) -> Result<Self, PlotError> {
-        let need_map = |what| level.ok_or_else(|| subject.no_map(what));
+        let need_map = |what| level.ok_or_else(|| patch.no_map(what));
         let is_scale = paint != Paint::Fields;
-        let of_taxels = |fill| Ok(Self { mesh: subject.mesh, wearer: Wearer::Taxels, fill, is_scale });
+        let of_taxels = |fill| Ok(Self { mesh: patch.mesh, owner: MeshOwner::Taxels, fill, is_scale });
         match paint {
             Paint::Angle => Ok(by_stretch(need_map("angles")?, SEQUENTIAL, &|s| {
-                (s.angle.abs() - 1.0) / (range.angle - 1.0)
+                (s.angle.abs() - 1.0) / (limits.angle - 1.0)
             })),
             Paint::Area => Ok(by_stretch(need_map("areas")?, DIVERGING, &|s| {
-                0.5 + 0.5 * s.area.abs().ln() / range.area.ln()
+                0.5 + 0.5 * s.area.abs().ln() / limits.area.ln()
             })),
             Paint::Fields => match level.filter(|level| level.direct.is_some()) {
-                None => of_taxels(Fill::Faces(subject.mesh.triangles.map(|_| SKIN))),
+                None => of_taxels(Fill::Faces(patch.mesh.triangles.map(|_| SKIN))),
                 Some(level) => {
                     let groups = dominant_fields(level);
-                    let colours = field_colours(&groups, subject.mesh, level.uv.len());
+                    let colours = field_colours(&groups, patch.mesh, level.uv.len());
                     of_taxels(Fill::Cells { groups, colours })
                 }
             },
-            Paint::Taxel => of_taxels(by_value(&ranks_of_ids(subject), ORDER)),
+            Paint::Taxel => of_taxels(by_value(&ranks_of_ids(patch), ORDER)),
             Paint::Sigma => {
-                let [least, most] = range.sigma;
-                let values = subject.sigmas()?.map(|s| (s - least) / (most - least));
+                let [least, most] = limits.sigma;
+                let values = patch.sigmas()?.map(|s| (s - least) / (most - least));
                 of_taxels(by_value(&values, SEQUENTIAL))
             }
         }
     }
 }
 
-fn by_stretch<'a>(level: &'a MapLevel, scale: Scale, value: &dyn Fn(Stretch) -> f64) -> Coat<'a> {
+fn by_stretch<'a>(level: &'a MapLevel, scale: Scale, value: &dyn Fn(Stretch) -> f64) -> ColouredMesh<'a> {
     let colour = |f: FaceId| step_colour(step(value(face_stretch(level, f))), scale);
     let fill = Fill::Faces(level.mesh.triangles.ids().map(colour).collect());
-    Coat { mesh: &level.mesh, wearer: Wearer::Level, fill, is_scale: true }
+    ColouredMesh { mesh: &level.mesh, owner: MeshOwner::Level, fill, is_scale: true }
 }
 
 /// Cells coloured by values from 0 to 1.
@@ -85,13 +105,13 @@ fn by_value(values: &IdVec<VertexId, f64>, scale: Scale) -> Fill {
     }
 }
 
-/// Where each taxel's id stands in the order of the ids, 0 to 1.
-fn ranks_of_ids(subject: &Subject<'_>) -> IdVec<VertexId, f64> {
-    let mut sorted: Vec<_> = subject.ids.iter().copied().collect();
+/// Rank of each taxel's id among the ids, 0 to 1.
+fn ranks_of_ids(patch: &PatchView<'_>) -> IdVec<VertexId, f64> {
+    let mut sorted: Vec<_> = patch.ids.iter().copied().collect();
     sorted.sort_unstable();
     sorted.dedup();
     let last = sorted.len().saturating_sub(1).max(1) as f64;
-    subject.ids.map(|id| sorted.partition_point(|other| other < id) as f64 / last)
+    patch.ids.map(|id| sorted.partition_point(|other| other < id) as f64 / last)
 }
 
 fn step(x: f64) -> u32 {

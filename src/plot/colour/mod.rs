@@ -1,5 +1,11 @@
 //! Which colour each triangle or taxel has.
 
-pub(crate) mod coloured_mesh;
-pub(crate) mod scale_limits;
-pub(crate) mod scales;
+mod coloured_mesh;
+mod field_colours;
+mod scale_limits;
+mod scales;
+
+pub(crate) use coloured_mesh::{ColouredMesh, Fill, MeshOwner};
+pub(crate) use field_colours::largest;
+pub(crate) use scale_limits::ScaleLimits;
+pub(crate) use scales::{Colour, DIVERGING, ORDER, SEQUENTIAL, Scale};

@@ -1,33 +1,18 @@
+//! The camera that a skin in space is seen with.
+
 use glam::{DAffine3, DVec2, DVec3};
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::TriMesh,
-};
+use crate::{mesh::TriMesh, plot::Viewpoint};
 
-/// How far the default viewpoint leans from the outside of the skin towards [`SIDE`]: enough for a cap to show its
-/// bulge and little enough to see all of it. Below 1, so that the two never cancel.
+/// How far the default viewpoint leans from the outside of the skin towards [`SIDE`]: enough for a
+/// cap to show its bulge and little enough to see all of it. Below 1, so that the two never cancel.
 const LEAN: f64 = 0.85;
 
 /// Where the default viewpoint leans to: the front, a little to the right and above.
 const SIDE: DVec3 = DVec3::new(0.4, -0.87, 0.3);
 
-/// From where a skin is looked at, in the frame of the world.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Viewpoint {
-    /// From outside: along the mean normal of each patch, tilted so that its shape shows.
-    #[default]
-    Outside,
-    /// From one direction.
-    From {
-        /// Angle from x towards y, in radians.
-        azimuth: f64,
-        /// Angle above the xy plane, in radians.
-        elevation: f64,
-    },
-}
-
-/// An orthographic camera: lengths in the picture plane are true, so one bar tells the scale everywhere.
+/// An orthographic camera: lengths in the picture plane are true, so one scale bar holds
+/// everywhere.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Camera {
     /// Unit axes of the picture in the frame of the mesh; `toward` points to the viewer.
@@ -42,22 +27,23 @@ impl Camera {
     /// Looks at a mesh that `pose` places in the world; z is up.
     pub(crate) fn new(viewpoint: Viewpoint, mesh: &TriMesh, pose: DAffine3) -> Self {
         let degrees = match viewpoint {
-            // Whole degrees, so that the direction that a picture tells gives the same picture.
+            // Whole degrees, so that the direction in a caption gives the same picture.
             Viewpoint::Outside => outside(mesh, pose).map(|angle| angle.to_degrees().round()),
             Viewpoint::From { azimuth, elevation } => [azimuth, elevation].map(f64::to_degrees),
         };
         let [azimuth, elevation] = degrees.map(f64::to_radians);
         let level = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
         let toward = elevation.cos() * level + elevation.sin() * DVec3::Z;
-        // From straight above the picture's upper edge is where the viewer would be from a little below.
+        // From straight above the picture's upper edge is where the viewer would be from a little
+        // below.
         let up = elevation.cos() * DVec3::Z - elevation.sin() * level;
         let into_link = pose.matrix3.transpose();
         let [right, up, toward] = [up.cross(toward), up, toward].map(|axis| into_link * axis);
         Self { right, up, toward, degrees }
     }
 
-    /// Where a point is on the picture, in m, right and up.
-    pub(crate) fn place(&self, at: DVec3) -> DVec2 {
+    /// A point on the picture plane, in m, right and up.
+    pub(crate) fn project(&self, at: DVec3) -> DVec2 {
         DVec2::new(self.right.dot(at), self.up.dot(at))
     }
 
@@ -66,8 +52,8 @@ impl Camera {
         self.toward.dot(at)
     }
 
-    /// How much light a surface with this unit normal sends to the viewer, 0 to 1: the lamp stands at the viewer's upper
-    /// left.
+    /// How much light a surface with this unit normal sends to the viewer, 0 to 1: the lamp is at
+    /// the viewer's upper left.
     pub(crate) fn light(&self, normal: DVec3) -> f64 {
         let lamp = (self.toward + 0.3 * self.up - 0.3 * self.right).normalize_or_zero();
         lamp.dot(normal).max(0.0)
@@ -76,11 +62,6 @@ impl Camera {
     /// Whether a surface with this normal shows its outside.
     pub(crate) fn sees(&self, normal: DVec3) -> bool {
         self.toward.dot(normal) > 0.0
-    }
-
-    /// Places of all vertices, in m.
-    pub(crate) fn project(&self, mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
-        mesh.positions.map(|&p| self.place(p))
     }
 }
 
@@ -114,19 +95,22 @@ mod tests {
             let camera = camera(azimuth, elevation);
             for (x, y) in [(1.0, 0.0), (0.0, 2.0), (-3.0, 4.0)] {
                 let point = x * camera.right + y * camera.up + 7.0 * camera.toward;
-                assert!((camera.place(point) - DVec2::new(x, y)).length() < 1e-12, "{point} from {camera:?}");
+                assert!(
+                    (camera.project(point) - DVec2::new(x, y)).length() < 1e-12,
+                    "{point} from {camera:?}"
+                );
                 assert!((camera.nearness(point) - 7.0).abs() < 1e-12);
             }
         }
     }
 
     #[test]
-    fn the_viewer_stands_where_the_angles_say() {
+    fn the_viewer_is_where_the_angles_say() {
         let front = camera(-FRAC_PI_2, 0.0);
-        assert!((front.place(DVec3::X) - DVec2::X).length() < 1e-12, "x is right when seen from -y");
-        assert!((front.place(DVec3::Z) - DVec2::Y).length() < 1e-12, "z is up");
+        assert!((front.project(DVec3::X) - DVec2::X).length() < 1e-12, "x is right when seen from -y");
+        assert!((front.project(DVec3::Z) - DVec2::Y).length() < 1e-12, "z is up");
         let above = camera(-FRAC_PI_2, FRAC_PI_2);
-        assert!((above.place(DVec3::new(1.0, 2.0, 3.0)) - DVec2::new(1.0, 2.0)).length() < 1e-12, "a plan");
+        assert!((above.project(DVec3::new(1.0, 2.0, 3.0)) - DVec2::new(1.0, 2.0)).length() < 1e-12, "a plan");
     }
 
     #[test]
@@ -141,9 +125,10 @@ mod tests {
         let posed = Camera::new(Viewpoint::Outside, &mesh, pose);
         let plain = Camera::new(Viewpoint::Outside, &moved, DAffine3::IDENTITY);
         assert_eq!(posed.degrees, plain.degrees);
-        let shift = plain.place(pose.translation);
-        for (a, b) in posed.project(&mesh).iter().zip(&plain.project(&moved)) {
-            assert!((*a + shift - *b).length() < 1e-12, "{a} and {b}");
+        let shift = plain.project(pose.translation);
+        for (a, b) in mesh.positions.iter().zip(&moved.positions) {
+            let (a, b) = (posed.project(*a), plain.project(*b));
+            assert!((a + shift - b).length() < 1e-12, "{a} and {b}");
         }
     }
 

@@ -1,3 +1,5 @@
+//! Borders of groups of cells, and the boundary of a mesh, as loops.
+
 use glam::DVec2;
 
 use crate::{
@@ -18,7 +20,7 @@ impl Node {
         Self::Middle(a.min(b), a.max(b))
     }
 
-    fn place(self, uv: &IdVec<VertexId, DVec2>) -> DVec2 {
+    fn at(self, uv: &IdVec<VertexId, DVec2>) -> DVec2 {
         match self {
             Self::Vertex(v) => uv[v],
             Self::Middle(a, b) => 0.5 * (uv[a] + uv[b]),
@@ -36,10 +38,11 @@ pub(crate) struct Outline {
     pub(crate) corners: Vec<DVec2>,
 }
 
-/// The borders of groups of cells, merged. The cell of a vertex is its barycentric dual: a third of each face around
-/// it, bounded by middles of edges and centroids.
+/// The borders of groups of cells, merged. The cell of a vertex is its barycentric dual: a third of
+/// each face around it, bounded by middles of edges and centroids.
 ///
-/// The mesh is an oriented manifold; elsewhere a loop may stay open, which does no harm in a picture.
+/// The mesh is an oriented manifold; elsewhere a loop may stay open, which does no harm in a
+/// picture.
 pub(crate) fn outlines(
     mesh: &TriMesh,
     uv: &IdVec<VertexId, DVec2>,
@@ -57,7 +60,7 @@ pub(crate) fn outlines(
         while !used[at] {
             used[at] = true;
             let (_, from, to) = steps[at];
-            corners.push(from.place(uv));
+            corners.push(from.at(uv));
             // The group's border goes on from where this step ends.
             let next = steps.partition_point(|&(g, from, _)| (g, from) < (group, to));
             match steps.get(next) {
@@ -79,7 +82,8 @@ fn border_steps(mesh: &TriMesh, groups: &IdVec<VertexId, u32>) -> Vec<(u32, Node
             let (a, b) = (t[k], t[(k + 1) % 3]);
             if groups[a] != groups[b] {
                 let middle = Node::middle(a, b);
-                // Counter-clockwise around `a` the border leaves the edge, around `b` it comes back to it.
+                // Counter-clockwise around `a` the border leaves the edge, around `b` it comes back
+                // to it.
                 steps.push((groups[a], middle, centroid));
                 steps.push((groups[b], centroid, middle));
             }

@@ -1,9 +1,13 @@
-/// What stands above a panel: which it is, then what there is to say about it.
+//! Captions of panels, broken into lines that fit.
+//!
+//! Widths of letters are estimates: an SVG is drawn with the fonts of its viewer.
+
+/// The text above a panel: which it is, then its measures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Caption {
     /// Name of the patch, which may be as long as a file allows.
     pub(crate) name: String,
-    /// What tells its panels apart; it follows the name and is never cut for it.
+    /// Which of the patch's panels; it follows the name and is never cut for it.
     pub(crate) which: String,
     pub(crate) about: [String; 2],
 }
@@ -11,7 +15,7 @@ pub(crate) struct Caption {
 impl Caption {
     /// Its lines, each at most `room` times as wide as the letters are high.
     ///
-    /// The name is cut; what is said about the panel breaks at commas and, should that not do, between words.
+    /// The name is cut; the measures break at commas and, if that is not enough, between words.
     pub(crate) fn lines(&self, room: f64) -> Vec<String> {
         let name = shorten(&self.name, room - width(&self.which)) + &self.which;
         let about = self.about.iter().flat_map(|text| break_lines(text, room));
@@ -19,7 +23,7 @@ impl Caption {
     }
 }
 
-/// What a text that was cut ends with.
+/// The last letter of a text that was cut.
 const CUT: char = '\u{2026}';
 
 fn break_lines(text: &str, room: f64) -> Vec<String> {
@@ -60,8 +64,9 @@ fn width(text: &str) -> f64 {
     text.chars().map(letter_width).sum()
 }
 
-/// Width of a letter over the height of its text, or a little more: the larger of Ubuntu Light, which PNGs are drawn with,
-/// and `DejaVu` Sans, which a browser takes where there is no Ubuntu. Letters of other scripts are as wide as high.
+/// Width of a letter over the height of its text, or a little more: the larger of Ubuntu Light,
+/// which PNGs are drawn with, and `DejaVu` Sans, which a browser uses if it has no Ubuntu. Letters
+/// of other scripts are as wide as high.
 fn letter_width(c: char) -> f64 {
     match c {
         ' ' | '.' | ',' | ':' | ';' | '\'' | 'i' | 'j' | 'l' | 'I' => 0.32,
@@ -71,11 +76,6 @@ fn letter_width(c: char) -> f64 {
         ' '..='~' => 0.64,
         _ => 1.0,
     }
-}
-
-/// A number with so many decimals, or as a power of ten where that would be long.
-pub(crate) fn number(x: f64, decimals: usize) -> String {
-    if x.abs() < 1e4 { format!("{x:.decimals$}") } else { format!("{x:.1e}") }
 }
 
 #[cfg(test)]
@@ -114,13 +114,5 @@ mod tests {
                 assert!(lines.iter().all(|line| width(line) <= room), "{name} in {room}: {lines:?}");
             }
         }
-    }
-
-    #[test]
-    fn large_numbers_are_short() {
-        assert_eq!(
-            [1.0034, 9999.0, 1_234_567.0, f64::INFINITY].map(|x| number(x, 3)),
-            ["1.003", "9999.000", "1.2e6", "inf"]
-        );
     }
 }

@@ -1,0 +1,143 @@
+//! Colours of receptive fields: neighbours differ.
+
+use std::collections::BTreeSet;
+
+use crate::{
+    id::{IdVec, VertexId},
+    map::MapLevel,
+    mesh::TriMesh,
+    plot::colour::Colour,
+};
+
+/// Fills of neighbouring fields: Paul Tol's "light" scheme, made for areas under black lines and
+/// letters and distinguishable with every kind of colour vision, without its grey.
+pub(crate) const FIELDS: [Colour; 8] = [
+    Colour(0x77, 0xaa, 0xdd),
+    Colour(0xee, 0x88, 0x66),
+    Colour(0xee, 0xdd, 0x88),
+    Colour(0x44, 0xbb, 0x99),
+    Colour(0xff, 0xaa, 0xbb),
+    Colour(0x99, 0xdd, 0xff),
+    Colour(0xbb, 0xcc, 0x33),
+    Colour(0xaa, 0xaa, 0x00),
+];
+
+/// The field that each taxel belongs to most, the first of several; on level 0 every taxel is its
+/// own.
+pub(crate) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
+    let Some(direct) = &level.direct else {
+        return level.mesh.positions.ids().map(VertexId::raw).collect();
+    };
+    let row = |(v, t): (VertexId, &[VertexId; 3])| t[largest(direct.weights[v])].raw();
+    direct.indices.enumerate().map(row).collect()
+}
+
+/// The largest of three weights, the first of several.
+pub(crate) fn largest(weights: [f64; 3]) -> usize {
+    (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
+}
+
+/// A colour for each of `count` fields that differs from those of its neighbours.
+pub(crate) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count: usize) -> Vec<Colour> {
+    let mut neighbours = BTreeSet::new();
+    for &[a, b, c] in &mesh.triangles {
+        for [a, b] in [[a, b], [b, c], [c, a]].map(|edge| edge.map(|v| groups[v] as usize)) {
+            if a != b {
+                neighbours.insert((a.min(b), a.max(b)));
+            }
+        }
+    }
+    colour_fields(count, &neighbours).into_iter().map(|c| FIELDS[c]).collect()
+}
+
+/// One of [`FIELDS`] for each of `count` fields so that neighbours differ.
+///
+/// Fields are coloured in the reverse of the order in which the one with the fewest neighbours left
+/// is taken away [matula1983]: six colours then suffice for a planar map. Among the colours that no
+/// neighbour has, the one is taken that is rarest two steps away, then rarest so far. Should every
+/// colour be taken, neighbours may agree.
+fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usize> {
+    let mut ring = vec![Vec::new(); count];
+    for &(a, b) in neighbours {
+        ring[a].push(b);
+        ring[b].push(a);
+    }
+    let mut colours: Vec<Option<usize>> = vec![None; count];
+    let mut used = [0_usize; FIELDS.len()];
+    for &field in smallest_last(&ring).iter().rev() {
+        let mut near = [0_usize; FIELDS.len()];
+        let mut beyond = [0_usize; FIELDS.len()];
+        for &a in &ring[field] {
+            colours[a].into_iter().for_each(|c| near[c] += 1);
+            // A hub's thousands of neighbours would be walked once for each of them.
+            ring[a].iter().take(64).filter_map(|&b| colours[b]).for_each(|c| beyond[c] += 1);
+        }
+        let best = (0..FIELDS.len()).min_by_key(|&c| (near[c], beyond[c], used[c], c)).unwrap_or(0);
+        colours[field] = Some(best);
+        used[best] += 1;
+    }
+    colours.into_iter().map(|c| c.unwrap_or(0)).collect()
+}
+
+/// The fields in the order of removal: each time the one with the fewest neighbours left, the first
+/// of several.
+fn smallest_last(ring: &[Vec<usize>]) -> Vec<usize> {
+    let mut left: Vec<usize> = ring.iter().map(Vec::len).collect();
+    let mut queue: BTreeSet<(usize, usize)> = left.iter().copied().enumerate().map(|(i, n)| (n, i)).collect();
+    let mut order = Vec::with_capacity(ring.len());
+    while let Some((_, field)) = queue.pop_first() {
+        order.push(field);
+        for &other in &ring[field] {
+            if queue.remove(&(left[other], other)) {
+                left[other] -= 1;
+                queue.insert((left[other], other));
+            }
+        }
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(columns: usize, rows: usize) -> BTreeSet<(usize, usize)> {
+        let at = |i: usize, j: usize| j * columns + i;
+        let mut pairs = BTreeSet::new();
+        for j in 0..rows {
+            for i in 0..columns {
+                if i + 1 < columns {
+                    pairs.insert((at(i, j), at(i + 1, j)));
+                }
+                if j + 1 < rows {
+                    pairs.insert((at(i, j), at(i, j + 1)));
+                    if i + 1 < columns {
+                        pairs.insert((at(i, j), at(i + 1, j + 1)));
+                    }
+                }
+            }
+        }
+        pairs
+    }
+
+    #[test]
+    fn neighbours_differ() {
+        let pairs = grid(20, 15);
+        let colours = colour_fields(300, &pairs);
+        assert!(pairs.iter().all(|&(a, b)| colours[a] != colours[b]));
+        let used: BTreeSet<_> = colours.iter().collect();
+        assert!(used.len() > 4, "a varied picture: {used:?}");
+    }
+
+    /// A wheel with a thousand spokes: greedy colouring in the wrong order may run out of colours,
+    /// this one not.
+    #[test]
+    fn a_hub_with_many_neighbours_differs_from_all() {
+        let rim = 1000;
+        let spokes = (1..=rim).map(|k| (0, k));
+        let pairs: BTreeSet<_> =
+            spokes.chain((1..=rim).map(|k| (k.min(k % rim + 1), k.max(k % rim + 1)))).collect();
+        let colours = colour_fields(rim + 1, &pairs);
+        assert!(pairs.iter().all(|&(a, b)| colours[a] != colours[b]));
+    }
+}

@@ -1,0 +1,90 @@
+//! A mesh laid out on the picture, and what is drawn of it pixel by pixel.
+
+use glam::{DVec2, DVec3};
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::TriMesh,
+    plot::{
+        colour::{Colour, largest},
+        draw::{depth_buffer::DepthBuffer, outline::edges},
+        layout::View,
+        picture::{Pixels, Shape},
+    },
+};
+
+/// Pixels of an image for each pixel of the picture, in each direction: a PNG shows their mean,
+/// which smooths the edges between colours, and an SVG stays sharp when it is enlarged twice.
+const FINENESS: usize = 2;
+
+/// Sides of panels from which on images are only as fine as the picture, in pixels; four images of
+/// this size fill a gigabyte.
+const LARGE_PX: usize = 4096;
+
+/// A mesh laid out on the picture.
+pub(crate) struct Canvas<'a> {
+    pub(crate) mesh: &'a TriMesh,
+    /// Pixels to the right, down and towards the viewer.
+    pub(crate) places: IdVec<VertexId, DVec3>,
+    /// Every edge once.
+    pub(crate) edges: Vec<[VertexId; 2]>,
+    /// Mean length of the edges, in pixels.
+    pub(crate) edge_px: f64,
+}
+
+impl<'a> Canvas<'a> {
+    pub(crate) fn new(mesh: &'a TriMesh, places: IdVec<VertexId, DVec3>) -> Self {
+        let edges = edges(mesh);
+        let length = |&[a, b]: &[VertexId; 2]| places[a].truncate().distance(places[b].truncate());
+        let edge_px = edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64;
+        Self { mesh, places, edges, edge_px }
+    }
+
+    /// Where a vertex is on the picture.
+    pub(crate) fn at(&self, v: VertexId) -> DVec2 {
+        self.places[v].truncate()
+    }
+
+    /// Which face each pixel of a panel shows.
+    pub(crate) fn depth_buffer(&self, view: &View) -> DepthBuffer {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "whole pixels of a picture"
+        )]
+        let size = view.size.to_array().map(|x| x as usize);
+        let fineness = if size.iter().all(|&side| side < LARGE_PX) { FINENESS } else { 1 };
+        DepthBuffer::new(
+            self.mesh,
+            &self.places,
+            view.corner,
+            size.map(|side| fineness * side),
+            fineness as f64,
+        )
+    }
+
+    /// The colour of the nearest face in each pixel: that of the corner to whose cell the pixel
+    /// belongs.
+    pub(crate) fn image(
+        &self,
+        buffer: &DepthBuffer,
+        view: &View,
+        colour: impl Fn(FaceId, VertexId) -> Colour,
+    ) -> Shape {
+        let pixel = |(face, at): (Option<FaceId>, DVec2)| {
+            let Some(face) = face else { return Colour::WHITE };
+            colour(face, self.mesh.triangles[face][self.nearest_corner(face, at)])
+        };
+        let pixels = Pixels { size: buffer.size(), colours: buffer.pixels().map(pixel).collect() };
+        Shape::Image { corner: view.corner, size: view.size, pixels }
+    }
+
+    /// The corner of a face whose cell a place lies in: that with the largest barycentric
+    /// coordinate.
+    fn nearest_corner(&self, face: FaceId, at: DVec2) -> usize {
+        let [a, b, c] = self.mesh.triangles[face].map(|v| self.at(v) - at);
+        let weights = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
+        let sign = weights.iter().sum::<f64>().signum();
+        largest(weights.map(|w| sign * w))
+    }
+}

@@ -1,0 +1,109 @@
+//! A level on its own map: coloured areas, triangles, boundary, and dots.
+
+use std::collections::BTreeMap;
+
+use glam::DVec2;
+
+use crate::{
+    id::{IdVec, VertexId},
+    map::MapLevel,
+    mesh::TriMesh,
+    plot::{
+        Paint,
+        colour::{Colour, ColouredMesh, Fill, MeshOwner},
+        draw::{
+            canvas::Canvas,
+            outline::{boundary_loops, outlines},
+            strokes::{boundary_line, dot_radius, triangle_lines},
+        },
+        layout::View,
+        picture::{Path, Shape, Stroke},
+    },
+};
+
+/// Triangles with edges shorter than this on the picture are not drawn one by one, but pixel by
+/// pixel. That bounds the size of a picture whatever the size of the mesh.
+const LEAST_EDGE_PX: f64 = 3.0;
+
+/// Lines around areas: fields are separated by white ones; the seams of other areas are painted
+/// over.
+const SEPARATION_PX: f64 = 1.5;
+const SEAM_PX: f64 = 0.6;
+
+/// Draws the map of a level.
+pub(crate) fn draw_map(
+    level: &MapLevel,
+    coloured: &ColouredMesh<'_>,
+    view: &View,
+    paint: Paint,
+) -> Vec<Shape> {
+    let own = lay_out(&level.mesh, &level.uv, view);
+    let mut shapes = match coloured.owner {
+        MeshOwner::Level => areas(&own, &coloured.fill, view, false),
+        MeshOwner::Taxels => {
+            let carried = lay_out(coloured.mesh, &carry(level), view);
+            let is_separated = paint == Paint::Fields && level.direct.is_some();
+            areas(&carried, &coloured.fill, view, is_separated)
+        }
+    };
+    let mut lines = Path::default();
+    for &[a, b] in &own.edges {
+        lines.move_to(own.at(a));
+        lines.line_to(own.at(b));
+    }
+    shapes.extend(triangle_lines(lines, own.edge_px));
+    let mut boundary = Path::default();
+    for walk in boundary_loops(own.mesh) {
+        boundary.polygon(walk.into_iter().map(|v| own.at(v)));
+    }
+    shapes.push(boundary_line(boundary));
+    if let (true, Some(radius)) = (paint.has_dots(), dot_radius(own.edge_px)) {
+        shapes.push(Shape::Dots { centres: own.mesh.positions.ids().map(|v| own.at(v)).collect(), radius });
+    }
+    shapes
+}
+
+fn lay_out<'a>(mesh: &'a TriMesh, uv: &IdVec<VertexId, DVec2>, view: &View) -> Canvas<'a> {
+    Canvas::new(mesh, uv.map(|&at| view.to_pixels(at).extend(0.0)))
+}
+
+/// The taxels on the map of a level: each at the mean of its fields, by its weights.
+fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
+    let Some(direct) = &level.direct else { return level.uv.clone() };
+    let at = |(v, t): (VertexId, &[VertexId; 3])| {
+        t.iter().zip(direct.weights[v]).map(|(&k, w)| w * level.uv[k]).sum()
+    };
+    direct.indices.enumerate().map(at).collect()
+}
+
+/// A path for each colour, or an image if triangles are small. Neighbouring groups of one colour
+/// merge.
+fn areas(canvas: &Canvas<'_>, fill: &Fill, view: &View, is_separated: bool) -> Vec<Shape> {
+    if canvas.edge_px < LEAST_EDGE_PX {
+        let buffer = canvas.depth_buffer(view);
+        return vec![canvas.image(&buffer, view, |face, corner| fill.colour(face, corner))];
+    }
+    let mut paths = BTreeMap::<Colour, Path>::new();
+    match fill {
+        Fill::Cells { groups, colours } => {
+            let places = canvas.places.map(|p| p.truncate());
+            for outline in outlines(canvas.mesh, &places, groups) {
+                paths.entry(colours[outline.group as usize]).or_default().polygon(outline.corners);
+            }
+        }
+        Fill::Faces(colours) => {
+            for (face, t) in canvas.mesh.triangles.enumerate() {
+                paths.entry(colours[face]).or_default().polygon(t.map(|v| canvas.at(v)));
+            }
+        }
+    }
+    let area = |(colour, path)| {
+        let stroke = if is_separated {
+            Stroke { colour: Colour::WHITE, width: SEPARATION_PX, opacity: 1.0 }
+        } else {
+            Stroke { colour, width: SEAM_PX, opacity: 1.0 }
+        };
+        Shape::Path { path, fill: Some(colour), stroke: Some(stroke) }
+    };
+    paths.into_iter().map(area).collect()
+}

@@ -1,0 +1,77 @@
+//! The scale bar and the legend of the colours.
+
+use glam::DVec2;
+
+use crate::plot::{
+    Paint,
+    colour::{DIVERGING, ORDER, SEQUENTIAL, Scale, ScaleLimits},
+    layout::{
+        Layout,
+        text::{round_down, short},
+    },
+    picture::{Anchor, INK, Path, Shape},
+};
+
+impl Layout {
+    /// A bar of a round length, at the lower left.
+    pub(crate) fn scale_bar(&self) -> Vec<Shape> {
+        let metres = round_down(0.4 * self.column / self.scale);
+        let (at, length) = (DVec2::new(self.margin, self.foot()), metres * self.scale);
+        let bar = |dx: f64, dy: f64, width: f64, height: f64| Shape::Path {
+            path: Path::rectangle(at + DVec2::new(dx, dy), DVec2::new(width, height)),
+            fill: Some(INK),
+            stroke: None,
+        };
+        let label = Shape::Text {
+            text: format!("{} mm", short(1e3 * metres)),
+            at: at + DVec2::new(length + 0.6 * self.em, 0.35 * self.em),
+            anchor: Anchor::Start,
+            is_bold: false,
+        };
+        vec![
+            bar(0.0, -2.0, length, 4.0),
+            bar(0.0, -7.0, 2.0, 14.0),
+            bar(length - 2.0, -7.0, 2.0, 14.0),
+            label,
+        ]
+    }
+
+    /// What the colours mean, at the lower right; nothing for colours that only distinguish fields.
+    pub(crate) fn legend(&self, paint: Paint, limits: &ScaleLimits) -> Vec<Shape> {
+        let (scale, name, labels): (Scale, _, [String; 3]) = match paint {
+            Paint::Fields => return Vec::new(),
+            Paint::Angle => {
+                let middle = 0.5 * (1.0 + limits.angle);
+                (SEQUENTIAL, "s1/s2", ["1".into(), short(middle), format!("≥ {}", short(limits.angle))])
+            }
+            Paint::Area => {
+                let low = format!("≤ {}", short(1.0 / limits.area));
+                (DIVERGING, "area ratio", [low, "1".into(), format!("≥ {}", short(limits.area))])
+            }
+            Paint::Sigma => {
+                let [low, high] = limits.sigma.map(|s| 1e3 * s);
+                let middle = short(0.5 * (low + high));
+                (SEQUENTIAL, "sigma, mm", [format!("≤ {}", short(low)), middle, format!("≥ {}", short(high))])
+            }
+            Paint::Taxel => (ORDER, "taxel id", ["lowest".into(), String::new(), "highest".into()]),
+        };
+        let size = self.em * DVec2::new(11.0, 0.8);
+        let right = f64::from(self.width) - self.margin - 2.0 * self.em;
+        let corner = DVec2::new(right - size.x, self.foot() - 0.9 * self.em);
+        let text = |text: &str, dx: f64, dy: f64, anchor| Shape::Text {
+            text: text.to_owned(),
+            at: corner + DVec2::new(dx, dy),
+            anchor,
+            is_bold: false,
+        };
+        let colours = (0..=16).map(|k| scale.at(f64::from(k) / 16.0)).collect();
+        let mut shapes = vec![
+            Shape::Scale { corner, size, colours },
+            text(name, -0.6 * self.em, 0.7 * self.em, Anchor::End),
+        ];
+        for (label, share) in labels.iter().zip([0.0, 0.5, 1.0]).filter(|(label, _)| !label.is_empty()) {
+            shapes.push(text(label, share * size.x, 2.0 * self.em, Anchor::Middle));
+        }
+        shapes
+    }
+}

@@ -1,0 +1,64 @@
+//! Names and numbers as pictures show them.
+
+/// A name without the characters that XML does not have, not even escaped, cut to the length that a
+/// panel has room for.
+pub(crate) fn printable(name: &str) -> String {
+    let is_drawn = |c: char| {
+        // These would also change the direction of writing of the rest of the caption.
+        let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        !(c.is_control() || turns || matches!(c, '\u{fffe}' | '\u{ffff}'))
+    };
+    let mut short: String =
+        name.chars().take(LONGEST_NAME).map(|c| if is_drawn(c) { c } else { '\u{fffd}' }).collect();
+    if name.chars().nth(LONGEST_NAME).is_some() {
+        short.push('\u{2026}');
+    }
+    short
+}
+
+/// Letters of the longest name: no panel has room for more.
+const LONGEST_NAME: usize = 60;
+
+/// A number with this many decimals, or as a power of ten if that would be long.
+pub(crate) fn number(x: f64, decimals: usize) -> String {
+    if x.abs() < 1e4 { format!("{x:.decimals$}") } else { format!("{x:.1e}") }
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is not above a positive `x`.
+pub(crate) fn round_down(x: f64) -> f64 {
+    let power = 10_f64.powf(x.log10().floor());
+    let digit = [5.0, 2.0, 1.0].into_iter().find(|d| d * power <= x).unwrap_or(1.0);
+    digit * power
+}
+
+/// Three significant digits, without zeros at the end.
+pub(crate) fn short(x: f64) -> String {
+    if x >= 1e5 || (x > 0.0 && x < 1e-3) {
+        let text = format!("{x:.2e}");
+        let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.'));
+    }
+    let decimals = [100.0, 10.0, 1.0].into_iter().position(|limit| x >= limit).unwrap_or(3);
+    let text = format!("{x:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_numbers() {
+        assert_eq!([0.37, 5.0, 99.0].map(|x| short(round_down(x))), ["0.2", "5", "50"]);
+        assert_eq!([1.0, 1.05, 12.34, 123.4, 0.012].map(short), ["1", "1.05", "12.3", "123", "0.012"]);
+        assert_eq!([5e-18, 1.234e-4, 2e7].map(short), ["5e-18", "1.23e-4", "2e7"]);
+    }
+
+    #[test]
+    fn large_numbers_are_short() {
+        assert_eq!(
+            [1.0034, 9999.0, 1_234_567.0, f64::INFINITY].map(|x| number(x, 3)),
+            ["1.003", "9999.000", "1.2e6", "inf"]
+        );
+    }
+}

@@ -1,0 +1,64 @@
+//! What to draw, and how.
+
+use crate::pyramid::LevelId;
+
+/// What the colours of a plot say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Paint {
+    /// The receptive field that each taxel belongs to most; neighbouring fields differ.
+    #[default]
+    Fields,
+    /// `s1/s2` of each triangle.
+    Angle,
+    /// `s1 s2` of each triangle.
+    Area,
+    /// Each taxel's id, from the lowest to the highest.
+    Taxel,
+    /// How uncertain each taxel's position is: the square root of the trace of its covariance.
+    Sigma,
+}
+
+impl Paint {
+    /// Whether the centres of taxels or fields are shown: where the colours say something about
+    /// them one by one.
+    pub(crate) fn has_dots(self) -> bool {
+        matches!(self, Self::Fields | Self::Sigma)
+    }
+}
+
+/// What to plot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlotOptions {
+    /// Names of the patches, one row each; none: all.
+    pub patches: Vec<String>,
+    /// The levels, side by side; none: the finest three. A patch that lacks a level leaves its slot
+    /// empty.
+    pub levels: Vec<LevelId>,
+    /// What the colours say.
+    pub paint: Paint,
+    /// From where the skin is drawn in space, next to its maps; `None`: the maps alone.
+    pub space: Option<Viewpoint>,
+    /// Width of the picture, in pixels.
+    pub width_px: u32,
+}
+
+impl Default for PlotOptions {
+    fn default() -> Self {
+        Self { patches: Vec::new(), levels: Vec::new(), paint: Paint::default(), space: None, width_px: 1600 }
+    }
+}
+
+/// From where a skin is looked at, in the frame of the world.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Viewpoint {
+    /// From outside: along the mean normal of each patch, tilted so that its shape shows.
+    #[default]
+    Outside,
+    /// From one direction.
+    From {
+        /// Angle from x towards y, in radians.
+        azimuth: f64,
+        /// Angle above the xy plane, in radians.
+        elevation: f64,
+    },
+}

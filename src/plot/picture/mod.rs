@@ -1,0 +1,82 @@
+//! A picture as a list of shapes, which is written as SVG text or drawn as a PNG.
+//!
+//! Both forms show the same shapes at the same places, in pixels to the right and down. Texts stay
+//! texts in an SVG and are drawn with the fonts of the crate in a PNG, so that a PNG has the same
+//! bytes on every machine. Shapes lie over those before them.
+
+mod fonts;
+mod path;
+mod png;
+mod svg;
+
+pub(crate) use path::Path;
+
+use glam::DVec2;
+
+use crate::plot::colour::Colour;
+
+/// Colour of texts, lines and dots.
+pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
+
+/// Largest width or height of a picture, in pixels.
+pub(crate) const MAX_SIDE: u32 = 16_384;
+
+/// A picture of a map or a skin, as [`crate::plot::plot_map`] and [`crate::plot::plot_skin`] draw
+/// it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    pub(crate) title: String,
+    pub(crate) size_px: [u32; 2],
+    /// Height of the letters, in pixels.
+    pub(crate) em: f64,
+    /// Shapes that belong together, for those who edit the SVG.
+    pub(crate) groups: Vec<Vec<Shape>>,
+}
+
+/// A part of a picture; lengths are pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Shape {
+    /// Straight lines and the areas inside of them.
+    Path { path: Path, fill: Option<Colour>, stroke: Option<Stroke> },
+    /// Discs in ink.
+    Dots { centres: Vec<DVec2>, radius: f64 },
+    /// A line of text; `at` is on its base line.
+    Text { text: String, at: DVec2, anchor: Anchor, is_bold: bool },
+    /// Pixels, as fine as those of the picture or finer.
+    Image { corner: DVec2, size: DVec2, pixels: Pixels },
+    /// A rectangle with a scale of colours from left to right.
+    Scale { corner: DVec2, size: DVec2, colours: Vec<Colour> },
+}
+
+/// How the lines of a path look. Joins and ends are round.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stroke {
+    pub(crate) colour: Colour,
+    pub(crate) width: f64,
+    pub(crate) opacity: f64,
+}
+
+impl Stroke {
+    /// Around the scale of a legend.
+    const FRAME: Self = Self { colour: INK, width: 0.8, opacity: 1.0 };
+
+    /// What makes letters of this height bolder.
+    fn bold(em: f64) -> Self {
+        Self { colour: INK, width: 0.03 * em, opacity: 1.0 }
+    }
+}
+
+/// Which part of a text is at its position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+/// Opaque pixels, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Pixels {
+    pub(crate) size: [usize; 2],
+    pub(crate) colours: Vec<Colour>,
+}

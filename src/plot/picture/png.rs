@@ -1,0 +1,180 @@
+//! Pictures as PNG images.
+
+use glam::DVec2;
+use tiny_skia::{
+    Color, FillRule, FilterQuality, GradientStop, LineCap, LineJoin, LinearGradient, Paint, PathBuilder,
+    Pixmap, PixmapPaint, Point, PremultipliedColorU8, Rect, Shader, SpreadMode, Transform,
+};
+
+use crate::plot::{
+    PlotError,
+    colour::Colour,
+    picture::{Anchor, INK, MAX_SIDE, Path, Picture, Pixels, Shape, Stroke, fonts::Fonts},
+};
+
+impl Picture {
+    /// The picture as the bytes of a PNG file, the same on every machine.
+    ///
+    /// # Errors
+    /// If the picture has no pixels or more than memory can hold.
+    pub fn to_png(&self) -> Result<Vec<u8>, PlotError> {
+        let [width, height] = self.size_px;
+        let mut canvas = Canvas {
+            pixels: Pixmap::new(width, height).ok_or(PlotError::Size {
+                width,
+                height,
+                least: 1,
+                most: MAX_SIDE,
+            })?,
+            fonts: Fonts::new(),
+            em: self.em,
+        };
+        canvas.pixels.fill(Color::WHITE);
+        self.groups.iter().flatten().for_each(|shape| canvas.draw(shape));
+        let colour = |p: &PremultipliedColorU8| Colour(p.red(), p.green(), p.blue());
+        let colours: Vec<Colour> = canvas.pixels.pixels().iter().map(colour).collect();
+        Ok(encode([width as usize, height as usize], &colours))
+    }
+}
+
+/// Pixels as a PNG file; there is at least one.
+pub(crate) fn encode(size: [usize; 2], colours: &[Colour]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let [width, height] = size.map(|x| u32::try_from(x).unwrap_or(u32::MAX));
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_compression(png::Compression::High);
+    // In a drawing pixels repeat those before; differences would hide it.
+    encoder.set_filter(png::Filter::NoFilter);
+    let data: Vec<u8> = colours.iter().flat_map(|c| [c.0, c.1, c.2]).collect();
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&data));
+    written.expect("pixels of this size, written to memory");
+    bytes
+}
+
+/// What the shapes are drawn on.
+struct Canvas {
+    pixels: Pixmap,
+    fonts: Fonts,
+    em: f64,
+}
+
+impl Canvas {
+    fn draw(&mut self, shape: &Shape) {
+        match shape {
+            Shape::Path { path, fill, stroke } => {
+                let path = to_skia(path);
+                self.draw_path(path.as_ref(), *fill, stroke.as_ref(), Transform::identity());
+            }
+            Shape::Dots { centres, radius } => {
+                let mut path = PathBuilder::new();
+                for at in centres {
+                    let [x, y, r] = [at.x, at.y, *radius].map(f32_of);
+                    path.push_circle(x, y, r);
+                }
+                self.draw_path(path.finish().as_ref(), Some(INK), None, Transform::identity());
+            }
+            Shape::Text { text, at, anchor, is_bold } => {
+                let (path, width) = self.fonts.outline(text, self.em);
+                let share = match anchor {
+                    Anchor::Start => 0.0,
+                    Anchor::Middle => 0.5,
+                    Anchor::End => 1.0,
+                };
+                let to = Transform::from_translate(f32_of(at.x) - share * width, f32_of(at.y));
+                let stroke = is_bold.then(|| Stroke::bold(self.em));
+                self.draw_path(path.as_ref(), Some(INK), stroke.as_ref(), to);
+            }
+            Shape::Image { corner, size, pixels } => self.draw_image(*corner, *size, pixels),
+            Shape::Scale { corner, size, colours } => self.draw_scale(*corner, *size, colours),
+        }
+    }
+
+    fn draw_path(
+        &mut self,
+        path: Option<&tiny_skia::Path>,
+        fill: Option<Colour>,
+        stroke: Option<&Stroke>,
+        to: Transform,
+    ) {
+        let Some(path) = path else { return };
+        if let Some(fill) = fill {
+            self.pixels.fill_path(path, &paint(fill, 1.0), FillRule::Winding, to, None);
+        }
+        if let Some(stroke) = stroke {
+            let paint = paint(stroke.colour, stroke.opacity);
+            let line = tiny_skia::Stroke {
+                width: f32_of(stroke.width),
+                line_cap: LineCap::Round,
+                line_join: LineJoin::Round,
+                ..Default::default()
+            };
+            self.pixels.stroke_path(path, &paint, &line, to, None);
+        }
+    }
+
+    /// Bilinear interpolation at half the size is the mean of four pixels.
+    fn draw_image(&mut self, corner: DVec2, size: DVec2, image: &Pixels) {
+        let [width, height] = image.size;
+        let Some(mut pixels) =
+            u32::try_from(width).ok().zip(u32::try_from(height).ok()).and_then(|(w, h)| Pixmap::new(w, h))
+        else {
+            return;
+        };
+        for (pixel, colour) in pixels.pixels_mut().iter_mut().zip(&image.colours) {
+            *pixel = tiny_skia::ColorU8::from_rgba(colour.0, colour.1, colour.2, 255).premultiply();
+        }
+        let scale = size / DVec2::new(width as f64, height as f64);
+        let to = Transform::from_translate(f32_of(corner.x), f32_of(corner.y))
+            .pre_scale(f32_of(scale.x), f32_of(scale.y));
+        let paint = PixmapPaint { quality: FilterQuality::Bilinear, ..PixmapPaint::default() };
+        self.pixels.draw_pixmap(0, 0, pixels.as_ref(), &paint, to, None);
+    }
+
+    fn draw_scale(&mut self, corner: DVec2, size: DVec2, colours: &[Colour]) {
+        let end = corner + size;
+        let [left, top, right, bottom] = [corner.x, corner.y, end.x, end.y].map(f32_of);
+        let last = colours.len().saturating_sub(1).max(1) as f64;
+        let stop = |(k, c): (usize, &Colour)| GradientStop::new(f32_of(k as f64 / last), colour(*c));
+        let stops = colours.iter().enumerate().map(stop).collect();
+        let [from, to] = [left, right].map(|x| Point::from_xy(x, top));
+        let gradient = LinearGradient::new(from, to, stops, SpreadMode::Pad, Transform::identity());
+        let (Some(shader), Some(rect)) = (gradient, Rect::from_ltrb(left, top, right, bottom)) else {
+            return;
+        };
+        let paint = Paint { shader, ..Paint::default() };
+        self.pixels.fill_rect(rect, &paint, Transform::identity(), None);
+        let frame = PathBuilder::from_rect(rect);
+        self.draw_path(Some(&frame), None, Some(&Stroke::FRAME), Transform::identity());
+    }
+}
+
+fn to_skia(path: &Path) -> Option<tiny_skia::Path> {
+    let mut builder = PathBuilder::new();
+    for (points, is_closed) in path.pieces() {
+        for (k, p) in points.enumerate() {
+            let [x, y] = [p.x, p.y].map(f32_of);
+            if k == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
+        }
+        if is_closed {
+            builder.close();
+        }
+    }
+    builder.finish()
+}
+
+fn colour(c: Colour) -> Color {
+    Color::from_rgba8(c.0, c.1, c.2, 255)
+}
+
+fn paint(c: Colour, opacity: f64) -> Paint<'static> {
+    let mut colour = colour(c);
+    colour.set_alpha(f32_of(opacity));
+    Paint { shader: Shader::SolidColor(colour), anti_alias: true, ..Paint::default() }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
+fn f32_of(x: f64) -> f32 {
+    x as f32
+}

@@ -1,0 +1,120 @@
+//! Pictures as SVG text.
+
+use std::fmt::{Display, Write};
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+use glam::DVec2;
+
+use crate::plot::{
+    colour::Colour,
+    picture::{Anchor, INK, Picture, Shape, Stroke, png::encode},
+};
+
+impl Picture {
+    /// The picture as SVG text. Texts are `<text>` elements, which an editor can change; images are
+    /// embedded.
+    #[must_use]
+    pub fn to_svg(&self) -> String {
+        let [width, height] = self.size_px;
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" font-family=\"Ubuntu, 'DejaVu Sans', Arial, sans-serif\" \
+             font-size=\"{}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n\
+             <title>{}</title>\n<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n",
+            self.em,
+            escape(&self.title)
+        );
+        for group in self.groups.iter().filter(|group| !group.is_empty()) {
+            svg.push_str("<g>\n");
+            group.iter().for_each(|shape| write_shape(&mut svg, shape, self.em));
+            svg.push_str("</g>\n");
+        }
+        svg.push_str("</svg>\n");
+        svg
+    }
+}
+
+/// An element that is written attribute by attribute.
+struct Element<'a>(&'a mut String);
+
+impl<'a> Element<'a> {
+    fn new(svg: &'a mut String, name: &str) -> Self {
+        svg.push('<');
+        svg.push_str(name);
+        Self(svg)
+    }
+
+    fn set(self, name: &str, value: impl Display) -> Self {
+        // Writing to a string cannot fail.
+        let _ = write!(self.0, " {name}=\"{value}\"");
+        self
+    }
+
+    fn corner_and_size(self, corner: DVec2, size: DVec2) -> Self {
+        self.set("x", corner.x).set("y", corner.y).set("width", size.x).set("height", size.y)
+    }
+
+    fn stroke(self, stroke: &Stroke) -> Self {
+        let element = self.set("stroke", stroke.colour.hex()).set("stroke-width", stroke.width);
+        if stroke.opacity < 1.0 { element.set("stroke-opacity", stroke.opacity) } else { element }
+    }
+
+    fn end(self) {
+        self.0.push_str("/>\n");
+    }
+
+    fn text(self, text: &str) {
+        let name_end = format!(">{}</text>\n", escape(text));
+        self.0.push_str(&name_end);
+    }
+}
+
+fn write_shape(svg: &mut String, shape: &Shape, em: f64) {
+    match shape {
+        Shape::Path { path, fill, stroke } => {
+            let fill = fill.map_or_else(|| "none".to_owned(), Colour::hex);
+            let element = Element::new(svg, "path").set("d", path.to_svg()).set("fill", fill);
+            stroke.iter().fold(element, Element::stroke).end();
+        }
+        Shape::Dots { centres, radius } => {
+            let tenth = |x: f64| (10.0 * x).round() / 10.0;
+            let _ = writeln!(svg, "<g fill=\"{}\">", INK.hex());
+            for at in centres {
+                let dot = Element::new(svg, "circle").set("cx", tenth(at.x)).set("cy", tenth(at.y));
+                dot.set("r", tenth(*radius)).end();
+            }
+            svg.push_str("</g>\n");
+        }
+        Shape::Text { text, at, anchor, is_bold } => {
+            let element = Element::new(svg, "text").set("x", at.x).set("y", at.y).set("fill", INK.hex());
+            let element = match anchor {
+                Anchor::Start => element,
+                Anchor::Middle => element.set("text-anchor", "middle"),
+                Anchor::End => element.set("text-anchor", "end"),
+            };
+            let stroke = is_bold.then(|| Stroke::bold(em));
+            stroke.iter().fold(element, Element::stroke).text(text);
+        }
+        Shape::Image { corner, size, pixels } => {
+            let data = STANDARD.encode(encode(pixels.size, &pixels.colours));
+            let element = Element::new(svg, "image").corner_and_size(*corner, *size);
+            element.set("href", format_args!("data:image/png;base64,{data}")).end();
+        }
+        Shape::Scale { corner, size, colours } => {
+            svg.push_str("<defs><linearGradient id=\"scale\">\n");
+            let last = colours.len().saturating_sub(1).max(1) as f64;
+            for (k, colour) in colours.iter().enumerate() {
+                let stop = Element::new(svg, "stop").set("offset", k as f64 / last);
+                stop.set("stop-color", colour.hex()).end();
+            }
+            svg.push_str("</linearGradient></defs>\n");
+            let bar = Element::new(svg, "rect").corner_and_size(*corner, *size);
+            bar.set("fill", "url(#scale)").stroke(&Stroke::FRAME).end();
+        }
+    }
+}
+
+/// XML text.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
