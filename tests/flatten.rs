@@ -74,8 +74,7 @@ fn rolled(columns: u32, rows: u32) -> TriMesh {
     shapes::sheet(columns, rows, |i, j| profile[i as usize].extend(0.01 * f64::from(j)))
 }
 
-/// A spiral ramp of so many turns around a hole: nearly flat, so what lies above lies over what
-/// lies below on a map.
+/// A spiral ramp of this many turns around a hole: nearly flat, so its turns overlap on a map.
 fn ramp(columns: u32, rows: u32, turns: f64) -> TriMesh {
     shapes::sheet(columns, rows, |i, j| {
         let turn = 2.0 * PI * turns * f64::from(i) / f64::from(columns - 1);
@@ -363,7 +362,7 @@ fn densities_are_checked() {
 }
 
 #[test]
-fn what_is_no_disk_is_refused_with_its_numbers() {
+fn what_is_not_a_disk_is_refused_with_its_numbers() {
     let refused = |mesh: &TriMesh| match flatten(mesh, &FlattenOptions::default()) {
         Err(FlattenError::NotADisk { euler, loops, components }) => (euler, loops, components),
         other => panic!("{other:?}"),

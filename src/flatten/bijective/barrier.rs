@@ -40,21 +40,19 @@ const MOST_COUPLINGS: usize = 8;
 /// on its way from one to the next.
 #[derive(Debug, Clone)]
 pub(crate) struct Barrier {
-    posts: Vec<Post>,
+    repellers: Vec<Repeller>,
     /// The boundary edges, loop by loop.
     edges: Vec<[VertexId; 2]>,
 }
 
-/// A boundary edge and its first vertex.
+/// A boundary edge, which repels vertices, and its first vertex, which repels edges.
 #[derive(Debug, Clone, Copy)]
-struct Post {
+struct Repeller {
     ends: [VertexId; 2],
-    /// Reach of the edge.
-    edge: f64,
-    /// Reach of the vertex: no more than that of the edges on both sides.
-    vertex: f64,
-    /// Weight of the vertex.
-    weight: f64,
+    edge_reach: f64,
+    /// No more than the reach of the edges on both sides.
+    vertex_reach: f64,
+    vertex_weight: f64,
 }
 
 /// A vertex within reach of an edge that does not end at it.
@@ -77,7 +75,8 @@ impl ProximityPair {
         self.weight * (self.ratio - 1.0).powi(2)
     }
 
-    /// First and second derivative of the energy by the distance.
+    /// First and second derivative of the energy by the distance `d`, with `q = r/d`, which changes by
+    /// `-q^2/r`: `2 w (q - 1) (-q^2/r)`, and `-2 w/r (3 q^2 - 2 q) (-q^2/r)`.
     fn derivatives(&self) -> (f64, f64) {
         let (q, r) = (self.ratio, self.reach);
         let first = -2.0 * self.weight * (q - 1.0) * q * q / r;
@@ -100,14 +99,14 @@ impl Barrier {
         for &BoundaryEdge { ends: [_, to], length } in &elements.boundary {
             before[to] = before[to].min(length);
         }
-        let post = |&BoundaryEdge { ends, length }: &BoundaryEdge| Post {
+        let repeller = |&BoundaryEdge { ends, length }: &BoundaryEdge| Repeller {
             ends,
-            edge: REACH * length,
-            vertex: REACH * length.min(before[ends[0]]),
-            weight: STIFFNESS * elements.mean_edge * length,
+            edge_reach: REACH * length,
+            vertex_reach: REACH * length.min(before[ends[0]]),
+            vertex_weight: STIFFNESS * elements.mean_edge * length,
         };
         Self {
-            posts: elements.boundary.iter().map(post).collect(),
+            repellers: elements.boundary.iter().map(repeller).collect(),
             edges: elements.boundary.iter().map(|b| b.ends).collect(),
         }
     }
@@ -121,10 +120,10 @@ impl Barrier {
         f: &mut dyn FnMut(ProximityPair),
     ) -> bool {
         let mut segments: Vec<Segment> = self
-            .posts
+            .repellers
             .iter()
             .enumerate()
-            .map(|(k, p)| Segment::new(k, p.ends, uv, 0.5 * factor * p.edge))
+            .map(|(k, p)| Segment::new(k, p.ends, uv, 0.5 * factor * p.edge_reach))
             .collect();
         let mut simple = counter_clockwise_loops(&self.edges, uv) == 1;
         each_near_pair(&mut segments, &mut |s, t| {
@@ -140,27 +139,27 @@ impl Barrier {
 
     /// The first vertex of `s` near `t`.
     fn contact(&self, s: &Segment, t: &Segment, factor: f64) -> Option<ProximityPair> {
-        let (post, edge) = (self.posts[s.edge], self.posts[t.edge]);
-        let reach = post.vertex.min(edge.edge);
+        let (own, other) = (self.repellers[s.edge], self.repellers[t.edge]);
+        let reach = own.vertex_reach.min(other.edge_reach);
         let (way, to) = (t.to - t.from, s.from - t.from);
         let along = (to.dot(way) / way.length_squared()).clamp(0.0, 1.0);
         let off = to - along * way;
         let distance = off.length();
         (distance > 0.0 && distance < factor * reach).then(|| ProximityPair {
-            vertex: post.ends[0],
-            edge: edge.ends,
+            vertex: own.ends[0],
+            edge: other.ends,
             along,
             normal: off / distance,
             ratio: reach / distance,
             reach,
-            weight: post.weight,
+            weight: own.vertex_weight,
         })
     }
 
     /// Vertices that repel each other, or would at `factor` times their reach; none if they are too
     /// many.
     pub(crate) fn couplings(&self, uv: &IdVec<VertexId, DVec2>, factor: f64) -> Vec<[VertexId; 2]> {
-        let most = MOST_COUPLINGS * self.posts.len();
+        let most = MOST_COUPLINGS * self.repellers.len();
         let (mut pairs, mut count) = (Vec::new(), 0);
         self.each_proximity(uv, factor, &mut |c| {
             count += 1;

@@ -29,9 +29,17 @@
 //! h12 = 2 p' S + A + B d
 //! ```
 //!
-//! and `g2`, `h22` with `s1` and `s2` exchanged. These are the derivatives along the two
-//! *stretches*. Any energy of the singular values alone has two more eigenvectors (`[smith2019]`):
-//! the *twist* turns the face, the *flip* shears it, and their curvatures are
+//! and `g2`, `h22` with `s1` and `s2` exchanged. On paper: `A` changes with `s1` by `B s2 + 2 p' s1`
+//! and with `s2` by `B s1 + 2 p' s2`, so that
+//!
+//! ```text
+//! h11 = 2 p + 2 s1 p' s2 + s2 (B s2 + 2 p' s1)
+//! h12 = 2 s1 p' s1 + A + s2 (B s1 + 2 p' s2)
+//! ```
+//!
+//! These are the derivatives along the two *stretches*. Any energy of the singular values alone has
+//! two more eigenvectors (`[smith2019]`): the *twist* turns the face, the *flip* shears it, and
+//! their curvatures are
 //!
 //! ```text
 //! twist = (g1 + g2)/(s1 + s2) = 2 p + A
