@@ -1,6 +1,10 @@
-use glam::{DMat2, DVec2};
+//! How much a map stretches each face: the angle and area channels of images and pictures.
 
-use crate::{id::FaceId, map::MapLevel};
+use crate::{
+    id::FaceId,
+    map::MapLevel,
+    mesh::{FlatTriangle, SingularValues},
+};
 
 /// How one face is stretched on its way from the skin to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,23 +24,12 @@ pub struct Stretch {
 #[must_use]
 pub fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
     const NO_SKIN: Stretch = Stretch { angle: f64::INFINITY, area: f64::INFINITY };
-    let [a, b, c] = level.mesh.corners(face);
-    let [p, q, r] = level.mesh.triangles[face].map(|v| level.uv[v]);
-    // The skin's triangle laid into the plane: `ab` along the first axis.
-    let (ab, ac) = (b - a, c - a);
-    let base = ab.length();
-    let height = ab.cross(ac).length() / base;
-    let skin = DMat2::from_cols(DVec2::new(base, 0.0), DVec2::new(ab.dot(ac) / base, height));
-    let determinant = base * height;
-    if !(determinant > 0.0 && determinant.is_finite()) {
+    let uv = level.mesh.triangles[face].map(|v| level.uv[v]);
+    let flat = FlatTriangle::new(level.mesh.corners(face));
+    if !(flat.area() > 0.0 && flat.area().is_finite()) {
         return NO_SKIN;
     }
-    let jacobian = DMat2::from_cols(q - p, r - p) * skin.inverse();
-    let [e, f] = [jacobian.x_axis, jacobian.y_axis];
-    // Singular values as the radii of the similar and the anti-similar part: no cancellation near 1.
-    let similar = 0.5 * DVec2::new(e.x + f.y, e.y - f.x).length();
-    let mirrored = 0.5 * DVec2::new(e.x - f.y, e.y + f.x).length();
-    let (s1, s2) = (similar + mirrored, similar - mirrored);
+    let SingularValues { s1, s2, .. } = SingularValues::of(&flat.jacobian(uv));
     if !(s1.is_finite() && s2.is_finite()) {
         return NO_SKIN;
     }

@@ -3,13 +3,9 @@
 use glam::DVec2;
 
 use crate::{
-    flatten::{
-        bijective::overlap::overlaps,
-        domain::elements::keeps_orientation,
-        jacobian::{FlatTriangle, Singular},
-    },
+    flatten::{bijective::overlap::overlaps, domain::elements::keeps_orientation},
     id::{IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{FlatTriangle, SingularValues, TriMesh},
 };
 
 /// Ratios are cut off here, so that one face without area on the map does not make a mean infinite.
@@ -86,7 +82,7 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, flat: &FlatTriangle, at: [DVec2; 3]) {
-        let Singular { s1, s2, .. } = Singular::of(&flat.jacobian(at));
+        let SingularValues { s1, s2, .. } = SingularValues::of(&flat.jacobian(at));
         let (area, s2) = (flat.area(), s2.abs().max(f64::MIN_POSITIVE));
         let qc = (s1 / s2).min(LARGEST);
         self.qc += area * qc;

@@ -79,7 +79,6 @@ mod domain;
 mod energy;
 mod error;
 mod flatten;
-mod jacobian;
 mod levels;
 mod options;
 mod placement;

@@ -13,6 +13,7 @@ mod rigid;
 pub mod shapes;
 mod surface_point;
 mod tri_mesh;
+mod triangle_map;
 
 pub use adjacency::{Adjacency, Halfedge};
 pub(crate) use edges::Edges;
@@ -23,3 +24,4 @@ pub(crate) use rigid::{is_rotation, rotation_defect};
 pub use surface_point::SurfacePoint;
 pub use tri_mesh::TriMesh;
 pub(crate) use tri_mesh::smallest_first;
+pub(crate) use triangle_map::{FlatTriangle, SingularValues};

@@ -7,10 +7,9 @@ use crate::{
         FlattenError,
         domain::disk::Disk,
         domain::elements::{BoundaryEdge, Element, ElementMesh},
-        jacobian::FlatTriangle,
     },
     id::{FaceId, IdVec, VertexId},
-    mesh::{TriMesh, mean_edge_length},
+    mesh::{FlatTriangle, TriMesh, mean_edge_length},
 };
 
 /// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were

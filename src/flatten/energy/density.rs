@@ -58,7 +58,7 @@
 
 use glam::{DMat2, DVec2};
 
-use crate::flatten::{Energy, jacobian::Singular};
+use crate::{flatten::Energy, mesh::SingularValues};
 
 /// Energy of a face per unit of its area, as a function of the singular values.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,7 +124,7 @@ impl DistortionEnergy {
     }
 
     /// The value; infinite for a flipped or collapsed face if there is a barrier.
-    pub(crate) fn value(&self, s: &Singular) -> f64 {
+    pub(crate) fn value(&self, s: &SingularValues) -> f64 {
         let (s1, s2) = (s.s1, s.s2);
         if self.has_barrier() && (s2.is_nan() || s2 <= 0.0) {
             return f64::INFINITY;
@@ -137,7 +137,7 @@ impl DistortionEnergy {
         }
     }
 
-    fn derivatives(&self, s: &Singular) -> Derivatives {
+    fn derivatives(&self, s: &SingularValues) -> Derivatives {
         match *self {
             Self::Sum { angle, area } => sum_derivatives(angle, area, s),
             Self::SymmetricDirichlet => symmetric_dirichlet_derivatives(s),
@@ -166,12 +166,12 @@ struct Coefficients {
 }
 
 impl Coefficients {
-    fn value(&self, s: &Singular) -> f64 {
+    fn value(&self, s: &SingularValues) -> f64 {
         (s.s1 * s.s1 + s.s2 * s.s2) / self.inverse_p + self.q[0]
     }
 
     /// The formulas of the module's page, term by term.
-    fn derivatives(&self, s: &Singular) -> Derivatives {
+    fn derivatives(&self, s: &SingularValues) -> Derivatives {
         let ([p1, p2], [_, q1, q2], twice_p) = (self.p, self.q, 2.0 / self.inverse_p);
         let (s1, s2) = (s.s1, s.s2);
         let (d, squares) = (s1 * s2, s1 * s1 + s2 * s2);
@@ -201,7 +201,7 @@ struct Derivatives {
 
 /// [`Coefficients::derivatives`] for `p = a/d`, `q = b (d + 1/d)`, multiplied out so that nothing
 /// cancels on a sliver.
-fn sum_derivatives(angle: f64, area: f64, s: &Singular) -> Derivatives {
+fn sum_derivatives(angle: f64, area: f64, s: &SingularValues) -> Derivatives {
     let (s1, s2) = (s.s1, s.s2);
     let (i1, i2) = (1.0 / s1, 1.0 / s2);
     let (a, b) = (0.5 * angle, 0.5 * area);
@@ -220,7 +220,7 @@ fn sum_derivatives(angle: f64, area: f64, s: &Singular) -> Derivatives {
 
 /// [`Coefficients::derivatives`] for `p = 1 + 1/d^2`, `q = 0`, multiplied out so that nothing
 /// cancels on a sliver.
-fn symmetric_dirichlet_derivatives(s: &Singular) -> Derivatives {
+fn symmetric_dirichlet_derivatives(s: &SingularValues) -> Derivatives {
     let (s1, s2) = (s.s1, s.s2);
     let (i1, i2) = (1.0 / s1, 1.0 / s2);
     let (d, i, squares) = (s1 * s2, i1 * i2, s1 * s1 + s2 * s2);
@@ -245,7 +245,7 @@ pub(crate) struct LocalModel {
 
 impl LocalModel {
     /// The model of a face of weight `weight` with hat gradients `hats`.
-    pub(crate) fn new(energy: &DistortionEnergy, s: &Singular, hats: &[DVec2; 3], weight: f64) -> Self {
+    pub(crate) fn new(energy: &DistortionEnergy, s: &SingularValues, hats: &[DVec2; 3], weight: f64) -> Self {
         let d = energy.derivatives(s);
         let quarter_turn = |v: DVec2| DVec2::new(-v.y, v.x);
         let rotate = |g: DVec2| s.rotation.rotate(g);
@@ -323,7 +323,7 @@ mod tests {
     }
 
     fn model(energy: &DistortionEnergy, uv: &[DVec2; 3]) -> LocalModel {
-        LocalModel::new(energy, &Singular::of(&jacobian(uv)), &HATS, 0.7)
+        LocalModel::new(energy, &SingularValues::of(&jacobian(uv)), &HATS, 0.7)
     }
 
     /// Unflipped, stretched and turned.
@@ -332,7 +332,7 @@ mod tests {
     #[test]
     fn the_gradient_is_the_derivative_of_the_value() {
         for energy in &ENERGIES {
-            let value = |uv: &[DVec2; 3]| 0.7 * energy.value(&Singular::of(&jacobian(uv)));
+            let value = |uv: &[DVec2; 3]| 0.7 * energy.value(&SingularValues::of(&jacobian(uv)));
             let found = model(energy, &UV).gradient;
             for k in 0..3 {
                 for (axis, step) in [DVec2::X, DVec2::Y].into_iter().enumerate() {
@@ -382,7 +382,7 @@ mod tests {
     fn every_energy_follows_from_its_two_coefficients() {
         for energy in &ENERGIES {
             for [s1, s2] in [[1.0, 1.0], [1.1, 0.9], [3.0, 0.2], [0.4, 0.3], [7.0, 5.0]] {
-                let s = Singular::of(&DMat2::from_cols_array(&[s1, 0.0, 0.0, s2]));
+                let s = SingularValues::of(&DMat2::from_cols_array(&[s1, 0.0, 0.0, s2]));
                 let coefficients = energy.coefficients(s1 * s2);
                 let value = coefficients.value(&s);
                 assert!((energy.value(&s) - value).abs() <= 1e-14 * value, "{energy:?} at {s1}, {s2}");
@@ -404,7 +404,7 @@ mod tests {
 
     #[test]
     fn the_written_out_curvature_is_exact_on_a_sliver() {
-        let s = Singular::of(&DMat2::from_cols_array(&[1.0, 0.0, 0.0, 1e-6]));
+        let s = SingularValues::of(&DMat2::from_cols_array(&[1.0, 0.0, 0.0, 1e-6]));
         let [h11, ..] = DistortionEnergy::Sum { angle: 1.0, area: 0.0 }.derivatives(&s).stretch;
         assert!((h11 / (s.s2 / s.s1.powi(3)) - 1.0).abs() < 1e-14, "angle s2/s1^3, found {h11}");
         let [h11, ..] = DistortionEnergy::SymmetricDirichlet.derivatives(&s).stretch;
@@ -426,7 +426,7 @@ mod tests {
     fn a_flipped_face_costs_infinitely_much_where_there_is_a_barrier() {
         let mirrored = UV.map(|p| DVec2::new(-p.x, p.y));
         for energy in &ENERGIES {
-            let value = energy.value(&Singular::of(&jacobian(&mirrored)));
+            let value = energy.value(&SingularValues::of(&jacobian(&mirrored)));
             assert_eq!(value.is_infinite(), energy.has_barrier(), "{energy:?}");
         }
     }
@@ -436,7 +436,7 @@ mod tests {
     fn the_gradient_holds_for_a_flipped_face() {
         let energy = DistortionEnergy::Untangling { softness: 0.3 };
         let mirrored = UV.map(|p| DVec2::new(-p.x, p.y));
-        let value = |uv: &[DVec2; 3]| 0.7 * energy.value(&Singular::of(&jacobian(uv)));
+        let value = |uv: &[DVec2; 3]| 0.7 * energy.value(&SingularValues::of(&jacobian(uv)));
         let found = model(&energy, &mirrored).gradient;
         for k in 0..3 {
             for (axis, step) in [DVec2::X, DVec2::Y].into_iter().enumerate() {

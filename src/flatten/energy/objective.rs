@@ -17,9 +17,9 @@ use crate::{
         Energy,
         domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED},
         energy::density::{DistortionEnergy, LocalModel, outer},
-        jacobian::Singular,
     },
     id::{IdVec, VertexId},
+    mesh::SingularValues,
     sparse::Matrix,
 };
 
@@ -170,10 +170,10 @@ impl<'e> Objective<'e> {
     }
 }
 
-fn singular(e: &Element, uv: &IdVec<VertexId, DVec2>) -> Singular {
+fn singular(e: &Element, uv: &IdVec<VertexId, DVec2>) -> SingularValues {
     let [a, b, c] = e.corners.map(|v| uv[v]);
     let [g0, g1, g2] = e.gradients;
-    Singular::of(&(outer(a, g0) + outer(b, g1) + outer(c, g2)))
+    SingularValues::of(&(outer(a, g0) + outer(b, g1) + outer(c, g2)))
 }
 
 /// The smallest positive step along `d` at which the face's area is zero; infinite if there is

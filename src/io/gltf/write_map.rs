@@ -16,7 +16,7 @@ use crate::{
         },
     },
     map::{MapFrame, MapLevel, SkinMap},
-    mesh::TriMesh,
+    mesh::{FlatTriangle, TriMesh},
     pyramid::{Level, LevelId, Prolongation, Pyramid},
     skin::{Link, LinkId, Patch, Skin, TaxelId},
 };
@@ -254,12 +254,13 @@ fn check_faces(
         let [a, b, c] =
             corners.map(|v| frame.from_texture(DVec2::from_array(texture[v.index()].map(f64::from))));
         let exact = corners.map(|v| uv[v]);
-        let [p, q, r] = corners.map(|v| mesh.positions[v].as_vec3().as_dvec3());
+        let flat = FlatTriangle::new(corners.map(|v| mesh.positions[v].as_vec3().as_dvec3()));
         let unfit = |found: String, needed: &str, remedy| {
             let (path, element, needed) = (path.to_owned(), name.to_owned(), needed.to_owned());
             Err(IoError::Unfit { path, element, found, needed, remedy })
         };
-        let shape = determinant([b - a, c - a], [q - p, r - p]);
+        // As readers will compute it; a triangle without area on the skin has none.
+        let shape = (flat.area() > 0.0).then(|| flat.jacobian([a, b, c]).determinant());
         if shape.is_none() && mesh.face_area(face) > 0.0 {
             let found = format!("face {face} without area after rounding its positions to f32");
             let remedy = "move the link's frame near the patch: f32 keeps seven digits";
@@ -275,18 +276,6 @@ fn check_faces(
         }
     }
     Ok(())
-}
-
-/// Determinant of the Jacobian skin to map in an orthonormal frame of the triangle, from two edges on the map and on
-/// the skin, computed by columns as readers do; `None` for a triangle without area on the skin.
-fn determinant([d1, d2]: [DVec2; 2], [e1, e2]: [DVec3; 2]) -> Option<f64> {
-    let (length, area) = (e1.length(), e1.cross(e2).length());
-    if area == 0.0 {
-        return None;
-    }
-    let first = d1 / length;
-    let second = (d2 - first * (e1.dot(e2) / length)) / (area / length);
-    Some(first.x * second.y - second.x * first.y)
 }
 
 /// Writes prolongations for the level called `name`.

@@ -1,4 +1,5 @@
-//! A triangle laid flat, and how a map stretches it: Jacobian and signed singular values.
+//! How a triangle is mapped from space to the plane: its own layout, the Jacobian of the map, and its
+//! signed singular values.
 
 use glam::{DMat2, DVec2, DVec3};
 
@@ -65,7 +66,7 @@ impl FlatTriangle {
 /// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (Smith, de Goes and Kim 2019
 /// build the eigensystem of any isotropic energy from these two).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Singular {
+pub(crate) struct SingularValues {
     /// Larger singular value, non-negative.
     pub(crate) s1: f64,
     /// Smaller one, `s1 >= |s2|`, negative for a mirrored map.
@@ -74,7 +75,7 @@ pub(crate) struct Singular {
     pub(crate) reflection: DVec2,
 }
 
-impl Singular {
+impl SingularValues {
     pub(crate) fn of(j: &DMat2) -> Self {
         let (a, b, c, d) = (j.x_axis.x, j.y_axis.x, j.x_axis.y, j.y_axis.y);
         let (turn, mirror) = (DVec2::new(a + d, c - b), DVec2::new(a - d, c + b));
@@ -95,7 +96,7 @@ mod tests {
     #[test]
     fn singular_values_and_directions_rebuild_the_map() {
         let j = DMat2::from_cols_array(&[1.5, -0.25, 0.75, 2.0]);
-        let s = Singular::of(&j);
+        let s = SingularValues::of(&j);
         let (r, m) = (s.rotation, s.reflection);
         let rebuilt = DMat2::from_cols_array(&[r.x, r.y, -r.y, r.x]) * (0.5 * (s.s1 + s.s2))
             + DMat2::from_cols_array(&[m.x, m.y, m.y, -m.x]) * (0.5 * (s.s1 - s.s2));
