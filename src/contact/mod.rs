@@ -1,14 +1,63 @@
 //! Contacts: from a point near the skin to the nearest map cell, on every level.
 //!
-//! A [`ContactIndex`] holds one tree of triangles per patch, in the frame of the patch's link, so posing the
-//! robot never rebuilds a tree. [`ContactIndex::locate`] finds the nearest point of the skin ([`Hit`]);
-//! [`ContactIndex::cell`] says in constant time where that is on the map of any level ([`Cell`]).
+//! # Algorithm
 //!
-//! Answers are exact: boxes and triangles are searched in `f32` with a bound on the rounding, and whatever may
-//! be nearest is measured in `f64` on the vertices of the map. Of equally near faces the first patch's first
-//! face is the answer, so it depends neither on the order of the search nor on what was asked before.
+//! 1. [`ContactIndex::new`] builds one tree per patch over the triangles of level 0, in the frame of the patch's link:
+//!    a binary bounding volume hierarchy (obvhs) collapsed into nodes of eight boxes, whose leaves are packets of up to
+//!    eight triangles. Moving links ([`ContactIndex::move_links`]) only updates the boxes of the patches in the world.
+//! 2. [`ContactIndex::locate`] searches the patches, the one with the nearest box first. In a patch it walks down the
+//!    tree, nearest box first, and skips what is beyond a bound. Boxes and triangles are compared in `f32`, eight at a
+//!    time; whatever is within the bound is measured in `f64` on the vertices of the map.
+//! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal \[baerentzen2005\].
+//! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of a level ([`Cell`]): on level 0 by
+//!    its barycentric coordinates, on a coarser one by the direct prolongation of the face's corners.
 //!
-//! The room is the only one that knows obvhs.
+//! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an `f32` distance exceeds
+//! the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest face measured so far is `D` away, nothing
+//! with a computed square above `(D + slack)^2` can be nearer. From more than 1000 radii away `slack` is as large as
+//! a face, so boxes are compared in `f64` there.
+//!
+//! # Guarantees
+//!
+//! - The answer is the nearest point in `f64`, for any set of triangles: slivers, points and non-manifold meshes too.
+//! - Of equally near faces the first face of the first patch is the answer. It depends neither on the order of the
+//!   search nor on what was asked before: alone, along a path ([`ContactIndex::locate_from`]) and in a batch
+//!   ([`ContactIndex::locate_all`]) it is the same, with any number of threads.
+//! - Asking changes nothing in the index; share it among threads.
+//!
+//! Not guaranteed: the sign of the distance beyond the boundary of an open patch is the side of its continuation.
+//!
+//! # Files in reading order
+//!
+//! `query` (what is asked and answered), `index` (patches, links, one query), `search/posed_boxes` (which patches),
+//! `search/patch_bvh`, `search/bvh8`, `search/triangle8` (the tree), `search/rounding` (the bound), `search/nearest`
+//! (the walk), `geometry` (exact measurements), `batch` (many queries), `cell` (from a hit to the map).
+//!
+//! The module is the only one that uses obvhs and wide.
+//!
+//! # Example
+//!
+//! ```
+//! use dermatome::{contact::{ContactIndex, Query}, mesh::shapes, pipeline, skin::{LinkId, Skin}};
+//! use glam::DVec3;
+//!
+//! // A cap of a sphere around the origin, open at the top.
+//! let skin = Skin::from_mesh("cap", shapes::cap(500, 0.1, 0.6));
+//! let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
+//! let index = ContactIndex::new(&map)?;
+//!
+//! let below = DVec3::new(0.0, 0.0, -0.103);
+//! let hit = index.locate(below)?;
+//! assert!((hit.distance - 0.003).abs() < 1e-4, "3 mm outside of the skin");
+//! for cell in index.cells(&hit) {
+//!     println!("level {}: field {} around taxel {} at {}", cell.level, cell.field, cell.taxel, cell.uv);
+//! }
+//!
+//! // In the frame of a link, where a sensor is mounted; and many at once.
+//! let query = Query::on_link(LinkId::new(0), below);
+//! assert_eq!(index.locate_all(&[query])?[0].point, index.locate(query)?.point);
+//! # Ok::<_, dermatome::Error>(())
+//! ```
 
 mod batch;
 mod cell;

@@ -18,6 +18,7 @@ use dermatome::{
 use crate::{
     common::Common,
     errors::advise,
+    notes::note,
     outputs::{self, is_stream},
     print::plain,
 };
@@ -59,13 +60,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let what = format!("the map has no level {level}; its levels are 0 to {}", most.saturating_sub(1));
         return Err(advise(what, "leave out --level to get all of them"));
     }
-    if !common.quiet {
-        for patch in (0..index.patch_count()).map(PatchId::new) {
-            let count = index.level_count(patch);
-            if args.levels.iter().any(|&level| level >= count) {
-                let name = plain(index.patch_name(patch).unwrap_or_default());
-                eprintln!("note: {name} has {count} levels; contacts on it get no row for levels above");
-            }
+    for patch in (0..index.patch_count()).map(PatchId::new) {
+        let count = index.level_count(patch);
+        if args.levels.iter().any(|&level| level >= count) {
+            let name = plain(index.patch_name(patch).unwrap_or_default());
+            note(
+                common,
+                format_args!("{name} has {count} levels; contacts on it get no row for levels above"),
+            );
         }
     }
     let levels = (0..most).filter(|k| args.levels.is_empty() || args.levels.contains(k)).map(LevelId::new);
@@ -77,17 +79,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         (&args.contacts, Box::new(File::open(&args.contacts).map_err(fail)?))
     };
     let contacts = ContactReader::new(path, input).map_err(Error::from)?;
-    if !common.quiet {
-        for column in contacts.unknown_columns() {
-            eprintln!("note: {}: column `{column}` is not used", path.display());
-        }
+    for column in contacts.unknown_columns() {
+        note(common, format_args!("{}: column `{column}` is not used", path.display()));
     }
-    let lookup = Lookup { index: &index, path, levels: levels.collect() };
+    let mut lookup = Lookup { index: &index, path, levels: levels.collect(), unused: [false; 4] };
     if is_stream(&args.output) {
         lookup.answer(contacts, Path::new("standard output"), stdout().lock()).map_err(Error::from)?;
     } else {
         replace_file(&args.output, |output| lookup.answer(contacts, &args.output, output))
             .map_err(Error::from)?;
+    }
+    for (column, _) in UNUSED.iter().zip(lookup.unused).filter(|(_, given)| *given) {
+        note(common, format_args!("{}: column `{column}` is not used", path.display()));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -122,18 +125,23 @@ fn unknown_link(path: &Path, line: u64, link: &str) -> IoError {
     }
 }
 
+/// Columns that are read and checked, but change nothing in the answer.
+const UNUSED: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
+
 /// What is asked of a map.
 struct Lookup<'a> {
     index: &'a ContactIndex,
     /// What errors call the table of contacts.
     path: &'a Path,
     levels: Vec<LevelId>,
+    /// Which of [`UNUSED`] some contact has.
+    unused: [bool; 4],
 }
 
 impl Lookup<'_> {
     /// Answers all contacts, some at a time, so that memory does not grow with their number.
     fn answer<R: Read>(
-        &self,
+        &mut self,
         mut contacts: ContactReader<R>,
         path: &Path,
         output: impl Write,
@@ -160,7 +168,9 @@ impl Lookup<'_> {
         writer.finish()?.flush().map_err(|source| IoError::Write { path: path.into(), source })
     }
 
-    fn contact(&self, row: ContactRow, line: u64) -> Result<Query, IoError> {
+    fn contact(&mut self, row: ContactRow, line: u64) -> Result<Query, IoError> {
+        let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
+        self.unused = std::array::from_fn(|k| self.unused[k] | given[k]);
         let link = row
             .link
             .map(|name| self.index.link_named(&name).ok_or_else(|| unknown_link(self.path, line, &name)));

@@ -98,3 +98,88 @@ fn at_corner(corner: usize, squared: f64) -> Closest {
     barycentric[corner] = 1.0;
     Closest { squared, barycentric, feature: Feature::Corner(corner) }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::{prelude::*, test_runner::RngSeed};
+
+    use super::*;
+
+    fn ids() -> [VertexId; 3] {
+        [0, 1, 2].map(VertexId::new)
+    }
+
+    fn point(corners: [DVec3; 3], [a, b, c]: [f64; 3]) -> DVec3 {
+        corners[0] * a + corners[1] * b + corners[2] * c
+    }
+
+    #[test]
+    fn inside_sides_and_corners_of_a_right_triangle() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        for (q, squared, feature) in [
+            (DVec3::new(0.25, 0.25, -2.0), 4.0, Feature::Inside),
+            (DVec3::new(0.5, -1.0, 0.0), 1.0, Feature::Side(0)),
+            (DVec3::new(1.0, 1.0, 0.0), 0.5, Feature::Side(1)),
+            (DVec3::new(-3.0, 0.5, 4.0), 25.0, Feature::Side(2)),
+            (DVec3::new(-1.0, -1.0, 0.0), 2.0, Feature::Corner(0)),
+            (DVec3::new(2.0, -1.0, 0.0), 2.0, Feature::Corner(1)),
+            (DVec3::new(0.0, 3.0, 0.0), 4.0, Feature::Corner(2)),
+        ] {
+            let found = closest_point(q, corners, ids());
+            assert_eq!((found.squared, found.feature), (squared, feature), "from {q}");
+        }
+    }
+
+    #[test]
+    fn triangles_without_area_are_segments_or_points() {
+        let q = DVec3::new(0.5, 0.0, 1.0);
+        let segment = closest_point(q, [DVec3::ZERO, DVec3::X, DVec3::X], ids());
+        assert_eq!((segment.squared, segment.feature), (1.0, Feature::Side(0)));
+        let point = closest_point(q, [DVec3::X; 3], ids());
+        assert_eq!((point.squared, point.barycentric.iter().sum::<f64>()), (1.25, 1.0));
+    }
+
+    /// Two faces find bitwise the same distance to a side or a corner that they share, whichever way it is listed.
+    #[test]
+    fn a_shared_side_is_equally_far_from_both_faces() {
+        let [a, b] = [DVec3::new(0.1, 0.2, 0.3), DVec3::new(1.3, -0.7, 0.9)];
+        let c = DVec3::new(0.4, 1.0, 0.2);
+        let ids = [5, 9, 3].map(VertexId::new);
+        for k in 0..20 {
+            let q = a.lerp(b, f64::from(k) / 19.0) + DVec3::new(0.0, -0.3, 0.1) * f64::from(k % 3);
+            let one = closest_side(q, &[a, b, c], ids, [true, false, false]);
+            let other = closest_side(q, &[c, b, a], [ids[2], ids[1], ids[0]], [false, true, false]);
+            assert_eq!(one.squared.to_bits(), other.squared.to_bits(), "from {q}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 500,
+            rng_seed: RngSeed::Fixed(10),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        /// The point found is in the triangle, as far as is said, and no other point of the triangle is nearer.
+        #[test]
+        fn no_point_of_the_triangle_is_nearer(
+            corners in prop::array::uniform3(prop::array::uniform3(-1.0_f64..1.0)),
+            q in prop::array::uniform3(-2.0_f64..2.0),
+            flat in prop_oneof![2 => Just(1.0), 1 => Just(1e-6), 1 => Just(0.0)],
+        ) {
+            let [a, b, c] = corners.map(DVec3::from);
+            let foot = a.lerp(b, 0.3);
+            let (corners, q) = ([a, b, foot + (c - foot) * flat], DVec3::from(q));
+            let found = closest_point(q, corners, ids());
+            let distance = found.squared.sqrt();
+            prop_assert!(found.barycentric.iter().all(|&w| (0.0..=1.0).contains(&w)));
+            let error = (point(corners, found.barycentric).distance(q) - distance).abs();
+            prop_assert!(error < 1e-7, "off by {error:e}");
+            for (i, j) in (0..=16).flat_map(|i| (0..=16 - i).map(move |j| (i, j))) {
+                let weights = [i, j, 16 - i - j].map(|w| f64::from(w) / 16.0);
+                prop_assert!(point(corners, weights).distance(q) >= distance - 1e-7);
+            }
+        }
+    }
+}

@@ -1,6 +1,8 @@
 //! The pose of a link, and its inverse.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
+
+use crate::mesh::rotation_defect;
 
 /// How far the axes of a pose may be from unit length and right angles: glTF stores poses in `f32`, and a chain of
 /// links multiplies a few of them.
@@ -21,9 +23,7 @@ impl RigidPose {
             return None;
         }
         let axes = pose.matrix3;
-        let error = axes.transpose() * axes - DMat3::IDENTITY;
-        let worst = error.to_cols_array().into_iter().fold(0.0, |worst: f64, e| worst.max(e.abs()));
-        if worst > RIGID_TOLERANCE || axes.determinant() < 0.0 {
+        if rotation_defect(&axes) > RIGID_TOLERANCE || axes.determinant() < 0.0 {
             return None;
         }
         let rotation = DQuat::from_mat3(&axes).normalize();

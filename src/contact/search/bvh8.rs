@@ -12,6 +12,12 @@ use super::{
 };
 use crate::id::{FaceId, IdVec};
 
+/// Where a [`Child`] leads: to a node or to a packet of triangles.
+pub(super) enum Target {
+    Node(usize),
+    Packet(usize),
+}
+
 /// What a slot of a node holds: nothing, a node, or (top bit) a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Child(pub(super) u32);
@@ -36,10 +42,14 @@ impl Child {
         Self(PACKET | index as u32)
     }
 
-    /// The packet, or else the node.
+    /// What it leads to.
     #[inline]
-    pub(super) fn open(self) -> Result<usize, usize> {
-        if self.0 & PACKET == 0 { Err(self.0 as usize) } else { Ok((self.0 & !PACKET) as usize) }
+    pub(super) fn target(self) -> Target {
+        if self.0 & PACKET == 0 {
+            Target::Node(self.0 as usize)
+        } else {
+            Target::Packet((self.0 & !PACKET) as usize)
+        }
     }
 }
 
@@ -118,9 +128,9 @@ impl Node8 {
 pub(super) struct Bvh8 {
     pub(super) nodes: Vec<Node8>,
     pub(super) packets: Vec<Triangle8>,
-    /// Most entries that an ordered walk ever leaves waiting. Coincident triangles make deep trees, so this is
-    /// counted, not guessed.
-    pub(super) waiting: usize,
+    /// Most entries on the stack of an ordered walk. Coincident triangles make deep trees, so this is counted, not
+    /// guessed.
+    pub(super) max_stack: usize,
     /// Nodes on the longest way from the root to a packet.
     pub(super) depth: usize,
 }
@@ -173,18 +183,18 @@ struct Collapse<'a> {
 
 impl Collapse<'_> {
     fn run(&self) -> Bvh8 {
-        let mut tree = Bvh8 { nodes: Vec::new(), packets: Vec::new(), waiting: 0, depth: 0 };
-        // Binary node, the wide slot that waits for it, the entries an ordered walk has waiting there, and the depth.
+        let mut tree = Bvh8 { nodes: Vec::new(), packets: Vec::new(), max_stack: 0, depth: 0 };
+        // Binary node, the wide slot it goes into, the entries on the stack of a walk that comes there, and the depth.
         let mut open = vec![(0_usize, None, 0_usize, 1_usize)];
-        while let Some((root, slot, waiting, depth)) = open.pop() {
+        while let Some((root, slot, stacked, depth)) = open.pop() {
             let parts = self.split(root);
             let index = tree.nodes.len();
             if let Some((parent, lane)) = slot {
                 let parent: &mut Node8 = &mut tree.nodes[parent];
                 parent.children[lane] = Child::node(index);
             }
-            let waiting = waiting + parts.len() - 1;
-            tree.waiting = tree.waiting.max(waiting + 1);
+            let stacked = stacked + parts.len() - 1;
+            tree.max_stack = tree.max_stack.max(stacked + 1);
             tree.depth = tree.depth.max(depth);
             let mut children = Vec::with_capacity(LANES);
             for (lane, &part) in parts.iter().enumerate() {
@@ -194,7 +204,7 @@ impl Collapse<'_> {
                     tree.packets.push(self.pack(part));
                 } else {
                     children.push((bounds, Child::NONE));
-                    open.push((part, Some((index, lane)), waiting, depth + 1));
+                    open.push((part, Some((index, lane)), stacked, depth + 1));
                 }
             }
             tree.nodes.push(Node8::new(children));
@@ -238,5 +248,88 @@ impl Collapse<'_> {
         faces.sort_unstable();
         let triangles: Vec<_> = faces.into_iter().map(|f| (f, self.triangles[f])).collect();
         Triangle8::new(&triangles)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{TriMesh, shapes};
+
+    fn corners(mesh: &TriMesh) -> IdVec<FaceId, [DVec3; 3]> {
+        mesh.triangles.ids().map(|face| mesh.corners(face)).collect()
+    }
+
+    /// Faces below a child, all of whose corners must lie in `lo` to `hi`.
+    fn faces_below(
+        tree: &Bvh8,
+        child: Child,
+        (lo, hi): (DVec3, DVec3),
+        triangles: &IdVec<FaceId, [DVec3; 3]>,
+    ) -> Vec<FaceId> {
+        match child.target() {
+            Target::Packet(packet) => {
+                let packet = &tree.packets[packet];
+                let faces: Vec<_> = (0..LANES)
+                    .filter(|lane| packet.used() >> lane & 1 == 1)
+                    .map(|lane| packet.face(lane))
+                    .collect();
+                for p in faces.iter().flat_map(|&face| triangles[face]) {
+                    assert!(p.cmpge(lo).all() && p.cmple(hi).all(), "{p} lies in its box {lo} to {hi}");
+                }
+                faces
+            }
+            Target::Node(node) => {
+                let node = &tree.nodes[node];
+                let slots = (0..LANES).filter(|&lane| node.child(lane) != Child::NONE);
+                slots
+                    .flat_map(|lane| faces_below(tree, node.child(lane), node.bounds(lane), triangles))
+                    .collect()
+            }
+        }
+    }
+
+    #[test]
+    fn each_face_is_below_the_root_once_and_inside_of_all_boxes_above_it() {
+        let stacked = |n: usize| {
+            TriMesh::from_arrays(shapes::triangle().positions.iter().copied().collect(), &vec![[0, 1, 2]; n])
+        };
+        for mesh in
+            [shapes::triangle(), shapes::fan(8), shapes::cap(3000, 0.5, 1.9), stacked(9), stacked(500)]
+        {
+            let triangles = corners(&mesh);
+            let tree = Bvh8::new(&triangles);
+            let everywhere = (DVec3::NEG_INFINITY, DVec3::INFINITY);
+            let mut faces = faces_below(&tree, Child::ROOT, everywhere, &triangles);
+            faces.sort_unstable();
+            assert_eq!(faces, mesh.triangles.ids().collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn distances_to_boxes_are_those_of_f64_and_empty_slots_are_infinitely_far() {
+        let boxes: Vec<Aabb> = [-1.0, 0.25, 2.0]
+            .map(|x| enclose([DVec3::new(x, 0.0, 0.0), DVec3::new(x + 0.5, 1.0, 0.25)]))
+            .into();
+        let nodes = Node8::rows(&boxes);
+        let q = DVec3::new(0.5, -1.0, 0.5);
+        let squared =
+            nodes[0].distance_squared(&crate::contact::search::lanes::splat(q.as_vec3())).to_array();
+        for (lane, found) in squared.into_iter().enumerate() {
+            let expected = if lane < boxes.len() {
+                let (lo, hi) = nodes[0].bounds(lane);
+                q.distance_squared(q.clamp(lo, hi))
+            } else {
+                f64::INFINITY
+            };
+            assert_eq!(f64::from(found), expected, "lane {lane}");
+        }
+    }
+
+    #[test]
+    fn boxes_are_rounded_outwards() {
+        let p = DVec3::new(0.1, -0.1, 1.0 / 3.0);
+        let Aabb { min, max } = enclose([p]);
+        assert!(min.as_dvec3().cmple(p).all() && max.as_dvec3().cmpge(p).all(), "{min} to {max} holds {p}");
     }
 }

@@ -40,3 +40,24 @@ pub(super) fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
         (lane < u32::BITS).then_some(lane as usize)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_lane_is_that_of_the_least_number() {
+        for least in 0..LANES {
+            let mut numbers = [f32::INFINITY; LANES];
+            numbers[(least + 3) % LANES] = 2.0;
+            numbers[least] = if least == 0 { 0.0 } else { 1e-20 };
+            assert_eq!(least_lane(f32x8::new(numbers)), least);
+        }
+    }
+
+    #[test]
+    fn lanes_are_the_bits_of_a_mask() {
+        assert_eq!(lanes(0b1010_0001).collect::<Vec<_>>(), [0, 5, 7]);
+        assert_eq!(lanes(0).count(), 0);
+    }
+}

@@ -6,6 +6,8 @@ mod nearest;
 mod patch_bvh;
 mod posed_boxes;
 mod rounding;
+#[cfg(test)]
+mod soup;
 mod triangle8;
 
 pub(super) use nearest::{Best, Search};

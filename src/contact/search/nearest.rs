@@ -4,7 +4,7 @@ use glam::DVec3;
 use wide::f32x8;
 
 use super::{
-    bvh8::{Child, Node8},
+    bvh8::{Child, Node8, Target},
     lanes::{LANES, Wide3, lanes, least_lane, splat},
     patch_bvh::PatchBvh,
     rounding::{slack, squared_bound_f32},
@@ -17,13 +17,13 @@ const FAR: f64 = 1000.0;
 /// Squares found in `f64` are compared with bounds enlarged by this: some hundred roundings.
 const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
 
-/// Entries of a walk that are kept without an allocation: trees of some ten million triangles.
+/// Entries of the stack that need no allocation: enough for trees of some ten million triangles.
 const SHALLOW: usize = 80;
 
-/// Nodes on the way down that are remembered; deeper trees, of coincident triangles, are walked from the root.
+/// Most nodes on the first way down; deeper trees, of coincident triangles, are walked from the root.
 const TRAIL: usize = 12;
 
-/// Triangles that wait to be measured; more are measured at once.
+/// Triangles that are collected before they are measured in `f64`.
 const PENDING: usize = 16;
 
 /// The nearest face known so far.
@@ -66,7 +66,7 @@ pub(in crate::contact) struct Search<'a> {
     /// What a face must not exceed to be of interest: [`squared_bound_f32`] of the best.
     bound: f32,
     pending: [(f32, FaceId); PENDING],
-    waiting: usize,
+    pending_len: usize,
 }
 
 impl<'a> Search<'a> {
@@ -75,7 +75,7 @@ impl<'a> Search<'a> {
         let slack = slack(local.length(), 1.0);
         let wide = splat(local.as_vec3());
         let pending = [(0.0, FaceId::default()); PENDING];
-        Self { patch, id, q, local, wide, slack, bound: f32::MAX, pending, waiting: 0 }
+        Self { patch, id, q, local, wide, slack, bound: f32::MAX, pending, pending_len: 0 }
     }
 
     /// Offers the nearest face of the patch, if it is not farther than `best`.
@@ -86,21 +86,21 @@ impl<'a> Search<'a> {
         let tree = &self.patch.tree;
         let mut shallow = [0; SHALLOW];
         let mut deep;
-        let stack: &mut [u64] = if tree.waiting <= SHALLOW {
+        let stack: &mut [u64] = if tree.max_stack <= SHALLOW {
             &mut shallow
         } else {
-            deep = vec![0; tree.waiting];
+            deep = vec![0; tree.max_stack];
             &mut deep
         };
-        let mut waiting = 0;
+        let mut stack_len = 0;
         if best.is_none() && tree.depth <= TRAIL {
-            self.descend(stack, &mut waiting, best);
+            self.descend(stack, &mut stack_len, best);
         } else {
             self.tighten(best.as_ref());
             stack[0] = u64::from(Child::ROOT.0);
-            waiting = 1;
+            stack_len = 1;
         }
-        self.walk(stack, waiting, best);
+        self.walk(stack, stack_len, best);
         self.measure_pending(best);
     }
 
@@ -119,17 +119,19 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Follows the nearest box down to one packet, whose nearest triangle gives a bound to begin with; then what the
-    /// way passed by waits on the stack as far as it is within that bound, the last passed on top.
-    fn descend(&mut self, stack: &mut [u64], waiting: &mut usize, best: &mut Option<Best>) {
+    /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound; then pushes the other
+    /// children of the nodes on the way that are within that bound, the deepest on top.
+    ///
+    /// Without a bound the walk from the root would push every child of these nodes.
+    fn descend(&mut self, stack: &mut [u64], stack_len: &mut usize, best: &mut Option<Best>) {
         let tree = &self.patch.tree;
         let mut trail = [(0, 0, f32x8::ZERO); TRAIL];
         let mut passed = 0;
         let mut at = Child::ROOT;
         let packet = loop {
-            match at.open() {
-                Ok(packet) => break packet,
-                Err(index) => {
+            match at.target() {
+                Target::Packet(packet) => break packet,
+                Target::Node(index) => {
                     let node = &tree.nodes[index];
                     let squared = node.distance_squared(&self.wide);
                     let lane = least_lane(squared);
@@ -142,7 +144,7 @@ impl<'a> Search<'a> {
         self.visit(packet, best);
         for &(index, taken, squared) in &trail[..passed] {
             let mask = self.within(squared) & !(1 << taken);
-            push(&tree.nodes[index], squared, mask, stack, waiting);
+            push(&tree.nodes[index], squared, mask, stack, stack_len);
         }
     }
 
@@ -152,27 +154,27 @@ impl<'a> Search<'a> {
         squared.simd_le(f32x8::splat(self.bound)).to_bitmask()
     }
 
-    /// Ordered, bounded, depth-first: everything that waits on the stack and all below it.
-    fn walk(&mut self, stack: &mut [u64], mut waiting: usize, best: &mut Option<Best>) {
+    /// The ordered, bounded, depth-first walk through everything on the stack and below it.
+    fn walk(&mut self, stack: &mut [u64], mut stack_len: usize, best: &mut Option<Best>) {
         let tree = &self.patch.tree;
-        while waiting > 0 {
-            waiting -= 1;
-            let (squared, child) = unpack(stack[waiting]);
+        while stack_len > 0 {
+            stack_len -= 1;
+            let (squared, child) = unpack(stack[stack_len]);
             if squared > self.bound {
                 continue;
             }
-            match child.open() {
-                Ok(packet) => self.visit(packet, best),
-                Err(index) => {
+            match child.target() {
+                Target::Packet(packet) => self.visit(packet, best),
+                Target::Node(index) => {
                     let node = &tree.nodes[index];
                     let squared = node.distance_squared(&self.wide);
-                    push(node, squared, self.within(squared), stack, &mut waiting);
+                    push(node, squared, self.within(squared), stack, &mut stack_len);
                 }
             }
         }
     }
 
-    /// The same from so far away that `f32` cannot tell the faces apart: boxes in `f64`, nearest first.
+    /// The same from so far away that `f32` cannot distinguish the faces: boxes in `f64`, nearest first.
     fn run_far(&self, best: &mut Option<Best>) {
         let tree = &self.patch.tree;
         let mut stack = vec![(0.0, Child::ROOT)];
@@ -181,15 +183,15 @@ impl<'a> Search<'a> {
             if squared > reach * FAR_ROUND_UP {
                 continue;
             }
-            match at.open() {
-                Ok(packet) => {
+            match at.target() {
+                Target::Packet(packet) => {
                     let packet = &tree.packets[packet];
                     for lane in lanes(packet.used()) {
                         let face = packet.face(lane);
                         Best::offer(best, self.id, face, self.patch.measure(self.q, face));
                     }
                 }
-                Err(node) => {
+                Target::Node(node) => {
                     let node = &tree.nodes[node];
                     let first = stack.len();
                     for lane in 0..LANES {
@@ -205,7 +207,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Measures the nearest triangle of a packet and keeps in mind those others that may be as near.
+    /// Measures the nearest triangle of a packet, and collects the others that may be as near.
     fn visit(&mut self, packet: usize, best: &mut Option<Best>) {
         let packet = &self.patch.tree.packets[packet];
         let squared = packet.distance_squared(&self.wide);
@@ -216,42 +218,42 @@ impl<'a> Search<'a> {
         self.measure(packet.face(nearest), best);
         for lane in lanes(mask & !(1 << nearest)) {
             if squared[lane] <= self.bound {
-                if self.waiting == PENDING {
+                if self.pending_len == PENDING {
                     self.measure_pending(best);
                 }
-                self.pending[self.waiting] = (squared[lane], packet.face(lane));
-                self.waiting += 1;
+                self.pending[self.pending_len] = (squared[lane], packet.face(lane));
+                self.pending_len += 1;
             }
         }
     }
 
-    /// Measures the triangles kept in mind that may still be as near as the best.
+    /// Measures the collected triangles that may still be as near as the best.
     fn measure_pending(&mut self, best: &mut Option<Best>) {
-        for k in 0..self.waiting {
+        for k in 0..self.pending_len {
             let (squared, face) = self.pending[k];
             if squared <= self.bound {
                 self.measure(face, best);
             }
         }
-        self.waiting = 0;
+        self.pending_len = 0;
     }
 }
 
 /// Puts the children of `node` in the lanes of `mask` onto the stack, the nearest on top.
 #[inline]
-fn push(node: &Node8, squared: f32x8, mask: u32, stack: &mut [u64], waiting: &mut usize) {
+fn push(node: &Node8, squared: f32x8, mask: u32, stack: &mut [u64], stack_len: &mut usize) {
     let squared = squared.as_array();
-    let first = *waiting;
+    let first = *stack_len;
     for lane in lanes(mask) {
         // Distances are not negative, so their bits sort as they do.
         let entry = u64::from(squared[lane].to_bits()) << 32 | u64::from(node.child(lane).0);
-        let mut slot = *waiting;
+        let mut slot = *stack_len;
         while slot > first && stack[slot - 1] < entry {
             stack[slot] = stack[slot - 1];
             slot -= 1;
         }
         stack[slot] = entry;
-        *waiting += 1;
+        *stack_len += 1;
     }
 }
 
@@ -260,4 +262,78 @@ fn push(node: &Node8, squared: f32x8, mask: u32, stack: &mut [u64], waiting: &mu
 #[expect(clippy::cast_possible_truncation, reason = "the halves of 64 bits")]
 fn unpack(entry: u64) -> (f32, Child) {
     (f32::from_bits((entry >> 32) as u32), Child(entry as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::{prelude::*, test_runner::RngSeed};
+
+    use super::*;
+    use crate::{
+        contact::{geometry::closest_point, search::soup},
+        mesh::{TriMesh, shapes},
+    };
+
+    /// The nearest face, measured one by one.
+    fn brute(mesh: &TriMesh, q: DVec3) -> Best {
+        let mut best = None;
+        for face in mesh.triangles.ids() {
+            let closest = closest_point(q, mesh.corners(face), mesh.triangles[face]);
+            Best::offer(&mut best, PatchId::new(0), face, closest);
+        }
+        best.unwrap()
+    }
+
+    fn assert_finds_the_nearest(mesh: &TriMesh, q: DVec3) {
+        let patch = PatchBvh::new("patch", mesh).unwrap();
+        let expected = brute(mesh, q);
+        let mut found = None;
+        Search::new(&patch, PatchId::new(0), q).run(&mut found);
+        let found = found.unwrap();
+        assert_eq!((found.face, found.closest), (expected.face, expected.closest), "from {q}");
+        // A bound to begin with changes nothing, be it the answer itself.
+        let mut again = Some(found);
+        Search::new(&patch, PatchId::new(0), q).run(&mut again);
+        assert_eq!(again.unwrap().face, expected.face, "again from {q}");
+    }
+
+    /// Deeper than the trail, with more triangles at one place than wait to be measured.
+    #[test]
+    fn of_coincident_triangles_the_first_is_nearest() {
+        let triangle = shapes::triangle();
+        for n in [1, 8, 9, 64, 5000] {
+            let mesh =
+                TriMesh::from_arrays(triangle.positions.iter().copied().collect(), &vec![[0, 1, 2]; n]);
+            assert_finds_the_nearest(&mesh, DVec3::new(0.2, 0.2, 0.5));
+        }
+    }
+
+    #[test]
+    fn the_walk_in_f64_begins_where_f32_ends() {
+        let mesh = shapes::cap(500, 0.1, 1.2);
+        for radii in [0.5, 0.99, 1.01, 2.0, 1e3, 1e6] {
+            assert_finds_the_nearest(&mesh, DVec3::new(0.3, -0.2, 0.5).normalize() * (FAR * 0.1 * radii));
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 200,
+            rng_seed: RngSeed::Fixed(8),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        #[test]
+        fn the_nearest_face_is_that_of_brute_force(
+            triangles in prop::collection::vec(soup::triangle(), 1..80),
+            directions in prop::collection::vec(prop::array::uniform3(-1.0_f64..1.0), 4),
+            away in prop_oneof![Just(1e-6), Just(0.1), Just(2.0), Just(500.0), Just(1e5)],
+        ) {
+            let mesh = soup::mesh(&triangles);
+            for direction in directions {
+                assert_finds_the_nearest(&mesh, triangles[0][0] + DVec3::from(direction) * away);
+            }
+        }
+    }
 }

@@ -76,3 +76,28 @@ impl PosedBoxes {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::search::bvh8::enclose;
+
+    /// Unit cubes in a row, three apart, far from the origin: more than fit into one node.
+    #[test]
+    fn all_patches_within_the_distance_are_visited_the_nearest_first() {
+        let corner = |patch: PatchId| DVec3::new(1e6 + 3.0 * patch.index() as f64, 0.0, 0.0);
+        let boxes = PosedBoxes::new(20, |patch, origin| {
+            enclose([corner(patch) - origin, corner(patch) + DVec3::ONE - origin])
+        });
+        let q = corner(PatchId::new(11)) + DVec3::new(0.5, 0.5, 2.0);
+        let mut visited = Vec::new();
+        boxes.each_within(q, f64::INFINITY, |patch| {
+            visited.push(patch.index());
+            4.0
+        });
+        assert_eq!(visited[0], 11, "its box is nearest");
+        visited.sort_unstable();
+        assert_eq!(visited, [10, 11, 12], "boxes within 4 m");
+        boxes.each_within(q, 0.5, |patch| unreachable!("{patch} is 1 m away"));
+    }
+}

@@ -1,4 +1,6 @@
 //! How far a distance computed in `f32` may be from the true one, and the bounds that follow.
+//!
+//! `triangle8` holds the test of the promise: no triangle within a distance ever seems to be beyond its bound.
 
 /// Coordinates beyond this (in m) are refused: their squares still fit into `f32`.
 pub(in crate::contact) const LARGEST: f64 = 1e12;
@@ -21,7 +23,28 @@ pub(super) fn squared_bound_f32(distance: f64, slack: f64) -> f32 {
     (reach * reach * ROUND_UP).min(f64::from(f32::MAX)) as f32
 }
 
-/// The slack of a search from `reach` units away in a scene of radius 1.
+/// The most by which a distance found in `f32` exceeds the true one, seen from `reach` away from the centre of a scene of
+/// that `radius`, in the unit of both.
 pub(super) fn slack(reach: f64, radius: f64) -> f64 {
     SLACK * (reach + radius)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bound_is_above_the_square_and_at_most_a_few_roundings_above_it() {
+        for k in 0..400 {
+            let distance = 1e-12 * 1.17_f64.powi(k);
+            let exact = (distance + slack(1.0, 1.0)).powi(2);
+            let bound = f64::from(squared_bound_f32(distance, slack(1.0, 1.0)));
+            assert!(bound >= exact && bound <= exact * (1.0 + 1e-6), "{bound:e} for {exact:e}");
+        }
+    }
+
+    #[test]
+    fn without_a_distance_the_bound_is_the_largest_finite_number() {
+        assert_eq!(squared_bound_f32(f64::INFINITY, 0.0), f32::MAX, "empty slots are infinitely far");
+    }
 }

@@ -148,3 +148,92 @@ impl Triangle8 {
         z * z + (!inside & sideways)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::{prelude::*, test_runner::RngSeed};
+
+    use super::*;
+    use crate::{
+        contact::{
+            geometry::closest_point,
+            search::{
+                lanes::splat,
+                rounding::{slack, squared_bound_f32},
+                soup,
+            },
+        },
+        id::VertexId,
+    };
+
+    fn packet(triangles: &[[DVec3; 3]]) -> Triangle8 {
+        let numbered: Vec<_> = (0_u32..).map(FaceId::from).zip(triangles.iter().copied()).collect();
+        Triangle8::new(&numbered)
+    }
+
+    fn distance(q: DVec3, corners: [DVec3; 3]) -> f64 {
+        closest_point(q, corners, [0, 1, 2].map(VertexId::new)).squared.sqrt()
+    }
+
+    /// Coordinates that `f32` has exactly: above the inside, beside each side, beyond each corner.
+    #[test]
+    fn distances_to_a_right_triangle_are_exact() {
+        let triangle = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 3.0, 0.0)];
+        let packet = packet(&[triangle]);
+        assert_eq!((packet.used(), packet.face(0)), (1, FaceId::from(0)));
+        for (q, expected) in [
+            (DVec3::new(1.0, 1.0, 2.0), 4.0),
+            (DVec3::new(2.0, -1.0, 0.0), 1.0),
+            (DVec3::new(-2.0, 1.0, 0.0), 4.0),
+            (DVec3::new(-3.0, -4.0, 0.0), 25.0),
+            (DVec3::new(7.0, 0.0, 4.0), 25.0),
+            (DVec3::new(0.0, 5.0, 0.0), 4.0),
+        ] {
+            let found = f64::from(packet.distance_squared(&splat(q.as_vec3())).to_array()[0]);
+            assert!((found - expected).abs() < 1e-5, "{found} instead of {expected} from {q}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 2000,
+            rng_seed: RngSeed::Fixed(9),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        /// The promise of the slack: a triangle nearer than a bound never seems to be farther, whatever its shape.
+        #[test]
+        fn no_distance_is_overestimated_by_more_than_the_slack(
+            triangles in prop::collection::vec(soup::triangle(), 1..=LANES),
+            direction in prop::array::uniform3(-1.0_f64..1.0),
+            away in prop_oneof![Just(0.0), Just(1e-6), Just(0.01), Just(1.0), Just(30.0), Just(900.0)],
+        ) {
+            // Units in which the radius is 1, as in a tree.
+            let triangles: Vec<_> = triangles.iter().map(|t| t.map(|p| p * 0.5)).collect();
+            let q = triangles[0][0] + DVec3::from(direction) * away;
+            let found = packet(&triangles).distance_squared(&splat(q.as_vec3())).to_array();
+            for (corners, found) in triangles.iter().zip(found) {
+                let bound = squared_bound_f32(distance(q, *corners), slack(q.length(), 1.0));
+                prop_assert!(found <= bound, "{found} above {bound} from {q} to {corners:?}");
+            }
+        }
+
+        /// Only needles may seem nearer than they are; where the third corner is clear of the longest side the error is
+        /// at most the slack in both directions.
+        #[test]
+        fn distances_to_well_shaped_triangles_are_within_the_slack(
+            corners in prop::array::uniform3(prop::array::uniform3(-0.5_f64..0.5)),
+            q in prop::array::uniform3(-2.0_f64..2.0),
+        ) {
+            let corners = corners.map(DVec3::from);
+            let [a, b, c] = corners;
+            let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+            prop_assume!((b - a).cross(c - a).length() > 0.1 * longest && longest > 0.01);
+            let q = DVec3::from(q);
+            let found = f64::from(packet(&[corners]).distance_squared(&splat(q.as_vec3())).to_array()[0]).sqrt();
+            let error = (found - distance(q, corners)).abs();
+            prop_assert!(error <= slack(q.length(), 1.0), "off by {error:e}");
+        }
+    }
+}
