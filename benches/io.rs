@@ -5,7 +5,7 @@ use std::{hint::black_box, path::Path};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    io::{read_gltf, write_skin_glb},
+    io::{read_draft, write_skin},
     mesh::shapes,
     skin::Skin,
 };
@@ -20,12 +20,12 @@ fn skins(c: &mut Criterion) {
     for faces in SIZES {
         let skin = Skin::from_mesh("cap", shapes::cap(faces, 0.1, 1.0));
         let path = folder.path().join(format!("cap_{faces}.glb"));
-        write_skin_glb(&path, &skin).expect("a file to read");
+        write_skin(&path, &skin).expect("a file to read");
         let mut group = c.benchmark_group("skin_glb");
         group.throughput(Throughput::Elements(faces as u64));
         group.sample_size(if faces > 100_000 { 10 } else { 50 });
-        group.bench_function(BenchmarkId::new("write", faces), |b| b.iter(|| write_skin_glb(&path, &skin)));
-        group.bench_function(BenchmarkId::new("read", faces), |b| b.iter(|| read_gltf(black_box(&path))));
+        group.bench_function(BenchmarkId::new("write", faces), |b| b.iter(|| write_skin(&path, &skin)));
+        group.bench_function(BenchmarkId::new("read", faces), |b| b.iter(|| read_draft(black_box(&path))));
         group.finish();
     }
 }

@@ -183,7 +183,7 @@ fn what_cannot_be_written_leaves_the_old_file() {
     let torn = TactileImage { frame: frame(7, 50), ..tiny("torn") };
     for images in [vec![], vec![empty], vec![hollow], vec![torn], vec![tiny("twice"), tiny("twice")]] {
         let result = write_images(&path, &images);
-        assert!(matches!(result, Err(IoError::Write { .. })), "{images:?}: {result:?}");
+        assert!(matches!(result, Err(IoError::Unfit { .. })), "{images:?}: {result:?}");
         assert_holds(&path, std::slice::from_ref(&old));
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");

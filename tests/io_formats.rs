@@ -597,7 +597,7 @@ fn devices_are_not_read_and_never_replaced() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("full.obj");
     std::os::unix::fs::symlink("/dev/full", &path).unwrap();
-    assert!(read_draft(&path).unwrap_err().to_string().contains("no regular file"));
+    assert!(read_draft(&path).unwrap_err().to_string().contains("not a regular file"));
     let error = write_skin(&path, &plain_skin()).unwrap_err();
     assert!(error.to_string().contains("full.obj: No space left"), "{error}");
     assert_eq!(names_in(folder.path()), ["full.obj"], "the link stays, and nothing is left beside it");
@@ -639,7 +639,7 @@ fn a_broken_skin_is_not_written() {
     skin.patches[PatchId::new(0)].link = LinkId::new(7);
     for kind in KINDS {
         let path = folder.path().join(format!("skin.{kind}"));
-        assert!(matches!(write_skin(&path, &skin), Err(IoError::Invalid { .. })), "{kind}");
+        assert!(matches!(write_skin(&path, &skin), Err(IoError::Unfit { .. })), "{kind}");
     }
     assert_eq!(names_in(folder.path()), [""; 0]);
 }

@@ -103,6 +103,48 @@ fn a_skin_reads_back_the_same_in_both_forms() {
     }
 }
 
+/// Every file that is written here is one that the `gltf` crate reads and finds valid, down to its bytes.
+#[test]
+fn what_is_written_is_read_by_the_gltf_crate() {
+    use base64::{Engine as _, engine::general_purpose::STANDARD};
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_skin(&at("skin.glb"), &robot()).unwrap();
+    write_skin(&at("skin.gltf"), &robot()).unwrap();
+    write_map(&at("map.glb"), &map()).unwrap();
+    for name in ["skin.glb", "skin.gltf", "map.glb"] {
+        let gltf = gltf::Gltf::from_slice(&fs::read(at(name)).unwrap()).unwrap();
+        let buffer = gltf.buffers().next().unwrap();
+        let bytes = match buffer.source() {
+            gltf::buffer::Source::Bin => gltf.blob.clone().unwrap(),
+            gltf::buffer::Source::Uri(uri) => STANDARD.decode(uri.split_once(',').unwrap().1).unwrap(),
+        };
+        assert_eq!(bytes.len(), buffer.length(), "{name}: one buffer of the length it declares");
+        for accessor in gltf.accessors() {
+            let view = accessor.view().unwrap();
+            let stride = view.stride().unwrap_or(accessor.size());
+            let needed = accessor.offset() + stride * (accessor.count() - 1) + accessor.size();
+            assert!(needed <= view.length(), "{name}: accessor {}", accessor.index());
+            assert!(view.offset() + view.length() <= bytes.len(), "{name}: view {}", view.index());
+        }
+        for primitive in gltf.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>()) {
+            let reader = primitive.reader(|_| Some(&bytes));
+            let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+            let bounds = primitive.bounding_box();
+            for (k, (low, high)) in bounds.min.into_iter().zip(bounds.max).enumerate() {
+                assert!(positions.iter().all(|p| (low..=high).contains(&p[k])), "{name}: bounds");
+            }
+            assert_eq!(reader.read_normals().unwrap().count(), positions.len(), "{name}: a normal each");
+            let mut corners = reader.read_indices().unwrap().into_u32();
+            assert!(corners.all(|corner| (corner as usize) < positions.len()), "{name}: corners exist");
+            let id = gltf::Semantic::Extras("TAXEL_ID".into());
+            if let Some(ids) = primitive.get(&id) {
+                assert_eq!(ids.count(), positions.len(), "{name}: an id each");
+            }
+        }
+    }
+}
+
 fn map() -> SkinMap {
     build(&robot(), &BuildOptions::default()).unwrap()
 }

@@ -1,3 +1,5 @@
+//! What can be wrong with a file.
+
 use std::path::PathBuf;
 
 /// What is wrong with a file: which, where in it, what was found, what is needed.
@@ -58,7 +60,7 @@ pub enum IoError {
         /// What a user can do, as a sentence.
         remedy: String,
     },
-    /// The extension says no kind of file that can be used here.
+    /// The extension is not one of a file that can be used here.
     #[error("{}: unknown kind of file; known here: {known}", path.display())]
     UnknownKind {
         /// The file.

@@ -1,7 +1,28 @@
 //! Files: the only disk access.
 //!
-//! The kind of a file follows from its extension. Readers trust no count, index or offset of a file before they have
-//! checked it; writers replace a file whole or not at all ([`replace_file`]).
+//! The kind of a file follows from its extension.
+//!
+//! | folder | reads | writes |
+//! |---|---|---|
+//! | `gltf` | [`read_map`]; skins for [`read_draft`] | [`write_map`], [`write_pyramids`]; skins for [`write_skin`] |
+//! | `mesh` | [`read_draft`]: glTF, JSON, OBJ, PLY, STL, CSV, iCub text | [`write_skin`]; [`write_flat`]: OBJ, NPZ |
+//! | `observations` | [`read_observations`]: g2o, CSV | [`write_observations`], [`write_contacts`] |
+//! | `table` | [`ContactReader`], [`read_poses`], [`read_triangles`], [`read_truth`] | [`LookupWriter`], [`write_calibration`], ... |
+//! | `image` | | [`write_images`]: OpenEXR |
+//! | `file` | what all of them need: whole files, lines, replacing | |
+//!
+//! What every reader keeps:
+//! - No count, index, offset or size of a file is trusted before it was checked against the bytes that are there, and
+//!   memory is bounded by the size of the file.
+//! - Every number that comes out is finite, every corner exists; whatever else a file claims is judged by
+//!   [`crate::skin`], [`crate::map`] and [`crate::calib`].
+//! - Bad input is an error that names the element, what was found and what is needed ([`IoError::Invalid`]); nothing
+//!   panics, nothing is repaired in silence.
+//!
+//! What every writer keeps:
+//! - A file is replaced whole or not at all ([`replace_file`]).
+//! - What a format cannot hold is refused before anything is written ([`IoError::Unfit`]).
+//! - The same input gives the same bytes.
 
 mod error;
 mod file;
@@ -11,20 +32,21 @@ mod mesh;
 mod observations;
 mod table;
 
-pub use self::gltf::{
-    read_gltf, read_map, read_map_if_any, write_map, write_pyramids, write_skin_glb, write_skin_gltf,
-};
+pub use self::gltf::{read_map, read_map_if_any, write_map, write_pyramids};
 pub use error::IoError;
 pub use file::{
-    extension::kind,
-    json::write_json,
-    replace::{replace_file, temporary_prefix},
+    replace::{replace_file, temporary_prefix, write_json},
+    source::kind,
 };
 pub use image::exr::{part_name, write_images};
-pub use mesh::{flat::write_flat, read::read_draft, write::write_skin};
-pub use observations::read_write::{
-    ObservationRemark, ReadObservations, append_observations, read_observations, write_contacts,
-    write_observations,
+pub use mesh::{
+    flat::write_flat,
+    formats::{read_draft, write_skin},
+};
+pub use observations::{
+    append::append_observations,
+    read_write::{read_observations, write_contacts, write_observations},
+    types::{ObservationRemark, ReadObservations},
 };
 pub use table::{
     calibration::{

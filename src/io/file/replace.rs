@@ -1,6 +1,8 @@
+//! Writing a file whole or not at all.
+
 use std::{
     fs::{self, File, OpenOptions},
-    io::{self, BufWriter, Write},
+    io::{self, BufWriter, Write as _},
     path::{Path, PathBuf},
     process,
     sync::LazyLock,
@@ -9,7 +11,7 @@ use std::{
 
 use crate::io::IoError;
 
-/// Writes a file whole or not at all: into a temporary file beside it, then renamed.
+/// Writes a file whole or not at all: into a temporary file next to it, then renamed.
 ///
 /// An older file stays as it was until the new one is complete. A link is followed; a device or a pipe is written to as it
 /// is, since it cannot be replaced.
@@ -20,6 +22,15 @@ pub fn replace_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), IoError>,
 ) -> Result<(), IoError> {
+    let mut write = Some(write);
+    replace(path, &mut |file| write.take().map_or(Ok(()), |write| write(file)))
+}
+
+/// Fills a file.
+type Write<'a> = &'a mut dyn FnMut(&mut BufWriter<&File>) -> Result<(), IoError>;
+
+/// [`replace_file`], compiled once for all writers.
+fn replace(path: &Path, write: Write<'_>) -> Result<(), IoError> {
     let fail = |source: io::Error| IoError::Write { path: PathBuf::from(path), source };
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     if target.is_dir() {
@@ -48,22 +59,18 @@ pub fn replace_file(
     Ok(())
 }
 
-/// What the names of this run's temporary files begin with: whoever stops a run can tell its files from those of others.
+/// Prefix of the names of this run's temporary files, so that cleaning up removes only these.
 #[must_use]
 pub fn temporary_prefix() -> &'static str {
     static PREFIX: LazyLock<String> = LazyLock::new(|| {
-        // Numbers of processes come again; in containers that share a folder even at the same time.
+        // Process ids are reused, and containers that share a folder may have the same one.
         let start = UNIX_EPOCH.elapsed().map_or(0, |since| since.as_nanos());
         format!(".dermatome-{}-{start:x}-", process::id())
     });
     &PREFIX
 }
 
-fn write_through(
-    file: &File,
-    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), IoError>,
-    fail: impl Fn(io::Error) -> IoError,
-) -> Result<(), IoError> {
+fn write_through(file: &File, write: Write<'_>, fail: impl Fn(io::Error) -> IoError) -> Result<(), IoError> {
     let mut buffered = BufWriter::with_capacity(1 << 18, file);
     write(&mut buffered)?;
     buffered.flush().map_err(fail)
@@ -79,4 +86,19 @@ fn share_like_a_new_file(file: &File) -> io::Result<()> {
 #[cfg(not(unix))]
 fn share_like_a_new_file(_: &File) -> io::Result<()> {
     Ok(())
+}
+
+/// Writes `value` as indented JSON with a newline at its end; the file is replaced whole or not at all.
+///
+/// Numbers are the shortest decimals that read back as the same `f64`. JSON knows no NaN: it becomes `null`.
+///
+/// # Errors
+/// If the file cannot be written, or `value` has a map whose keys are no text.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), IoError> {
+    replace_file(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value)
+            .map_err(std::io::Error::from)
+            .and_then(|()| file.write_all(b"\n"))
+            .map_err(|source| IoError::Write { path: path.into(), source })
+    })
 }

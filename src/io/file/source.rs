@@ -1,3 +1,5 @@
+//! Files that are read whole, and what errors say about them.
+
 use std::{
     fs::{self, File},
     io::{self, Read},
@@ -32,7 +34,7 @@ impl Source {
         }
         // A device or a pipe has no length, and need not have an end.
         if !about.is_file() {
-            return Err(fail(io::Error::other("it is no regular file")));
+            return Err(fail(io::Error::other("it is not a regular file")));
         }
         let found = format!("{} bytes", about.len());
         if about.len() == 0 {
@@ -85,6 +87,12 @@ impl Source {
     }
 }
 
+/// The kind of a file: its extension in lower case, empty without one.
+#[must_use]
+pub fn kind(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
 /// The name of a file without folder and extension.
 pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
@@ -102,6 +110,22 @@ pub(crate) fn invalid(
         element: element.into(),
         found: found.into(),
         needed: needed.into(),
+    }
+}
+
+/// An error about something that does not fit into the file `path`, which is about to be written.
+pub(crate) fn unfit(
+    path: &Path,
+    element: impl Into<String>,
+    found: impl Into<String>,
+    needed: impl Into<String>,
+) -> IoError {
+    IoError::Unfit {
+        path: path.into(),
+        element: element.into(),
+        found: found.into(),
+        needed: needed.into(),
+        remedy: "correct what is to be written, or choose a format that can hold it",
     }
 }
 

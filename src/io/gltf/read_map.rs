@@ -7,7 +7,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::extension::kind,
+        file::source::kind,
         gltf::{
             attributes::Attributes,
             document::{Document, Role},

@@ -29,7 +29,7 @@ use crate::{
 ///
 /// # Errors
 /// If the file cannot be read, breaks a rule of glTF 2.0 in something that is used, or has no triangles.
-pub fn read_gltf(path: &Path) -> Result<Draft, IoError> {
+pub(crate) fn read_gltf(path: &Path) -> Result<Draft, IoError> {
     let document = Document::open(path)?;
     let tree = read_node_tree(&document)?;
     let mut draft = Draft { links: tree.links, ..Draft::default() };

@@ -1,3 +1,5 @@
+//! The links of a skin as a scene.
+
 use std::path::Path;
 
 use glam::{DMat3, DQuat};
@@ -7,6 +9,7 @@ use crate::{
     id::IdVec,
     io::{
         IoError,
+        file::source::unfit,
         gltf::writer::{SceneWriter, narrow},
     },
     skin::{Link, LinkId},
@@ -55,12 +58,7 @@ pub(super) fn add_scene(
 }
 
 fn refuse(path: &Path, link: LinkId, found: &str, needed: &str) -> IoError {
-    IoError::Invalid {
-        path: path.into(),
-        element: format!("link {link}"),
-        found: found.into(),
-        needed: needed.into(),
-    }
+    unfit(path, format!("link {link}"), found, needed)
 }
 
 /// The node of a link: name, translation and rotation, each left out where it says nothing.

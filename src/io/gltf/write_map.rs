@@ -7,7 +7,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::invalid as refuse,
+        file::source::unfit as refuse,
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
             write_links::add_scene,

@@ -12,7 +12,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::invalid as refuse,
+        file::source::unfit as refuse,
         gltf::{
             write_links::add_scene,
             writer::{Form, SceneWriter, narrow},
@@ -34,7 +34,7 @@ const UNIT_NORMAL: f64 = 1e-3;
 /// # Errors
 /// If there is no patch, a link is not rigid, a patch breaks a promise of [`Patch`] or cannot be told in `f32`, or the
 /// file cannot be written.
-pub fn write_skin_glb(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write_skin_glb(path: &Path, skin: &Skin) -> Result<(), IoError> {
     write_skin(path, skin, Form::Glb)
 }
 
@@ -42,7 +42,7 @@ pub fn write_skin_glb(path: &Path, skin: &Skin) -> Result<(), IoError> {
 ///
 /// # Errors
 /// As [`write_skin_glb`].
-pub fn write_skin_gltf(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write_skin_gltf(path: &Path, skin: &Skin) -> Result<(), IoError> {
     write_skin(path, skin, Form::Text)
 }
 

@@ -1,4 +1,3 @@
-//! Images of maps.
+//! Images of maps: OpenEXR.
 
 pub(super) mod exr;
-mod exr_zip;

@@ -1,3 +1,5 @@
+//! Flat maps: a mesh with a position on the map for each vertex.
+
 use std::{
     fs::File,
     io::{self, BufWriter, Cursor, Write},
@@ -12,7 +14,10 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::{extension::kind, replace::replace_file, source::invalid},
+        file::{
+            replace::replace_file,
+            source::{kind, unfit},
+        },
     },
     mesh::TriMesh,
 };
@@ -37,10 +42,10 @@ pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> R
         "npz" => write_npz,
         _ => return Err(IoError::UnknownKind { path: path.into(), known: KNOWN }),
     };
-    mesh.validate().map_err(|e| invalid(path, "mesh to write", e.to_string(), "a valid one"))?;
+    mesh.validate().map_err(|e| unfit(path, "mesh to write", e.to_string(), "a valid one"))?;
     if uv.len() != mesh.positions.len() {
         let needed = format!("{}, one per vertex", mesh.positions.len());
-        return Err(invalid(path, "map to write", format!("{} positions", uv.len()), needed));
+        return Err(unfit(path, "map to write", format!("{} positions", uv.len()), needed));
     }
     replace_file(path, |file| {
         write(file, mesh, uv).map_err(|source| IoError::Write { path: path.into(), source })

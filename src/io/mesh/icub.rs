@@ -1,13 +1,16 @@
 //! Taxel positions of the iCub, as its `skinManager` keeps them: `positions/*.txt`.
 
-use std::{collections::BTreeSet, str::Lines};
+use std::collections::BTreeSet;
 
 use glam::DVec3;
 
 use crate::{
     io::{
         IoError,
-        file::source::{Source, excerpt},
+        file::{
+            lines::{LineLocation, finite},
+            source::{Source, excerpt},
+        },
     },
     skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
 };
@@ -36,21 +39,18 @@ const SECTION: &str = "[calibration]";
 /// # Errors
 /// The first line that is none of these.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
-    let mut lines = Numbered { lines: source.text()?.lines(), number: 0 };
-    let header = Header::read(source, &mut lines)?;
+    let last = LineLocation { path: source.path(), line: source.text()?.lines().count() };
+    let mut lines = source.lines()?.map(|(at, line)| (at, line.trim())).filter(|(_, line)| !line.is_empty());
+    let header = Header::read(&mut lines, last)?;
     let mut sheet = Sheet { name: header.name.unwrap_or_else(|| source.stem()), ..Sheet::default() };
     let (mut positions, mut normals) = (Vec::new(), Vec::new());
-    for (number, line) in lines.by_ref() {
-        let [x, y, z, nx, ny, nz] = row(source, number, line)?;
+    for (at, line) in lines {
+        let [x, y, z, nx, ny, nz] = row(at, line)?;
         positions.push(DVec3::new(x, y, z));
         normals.push(DVec3::new(nx, ny, nz));
     }
     if positions.is_empty() {
-        return Err(source.invalid(
-            format!("line {}", lines.number),
-            "the end",
-            format!("rows after {SECTION}"),
-        ));
+        return Err(last.invalid("the end", format!("rows after {SECTION}")));
     }
     let presence = |(k, (p, n)): (usize, (&DVec3, &DVec3))| match header.representatives.get(k) {
         _ if *p == DVec3::ZERO && *n == DVec3::ZERO => Presence::Absent,
@@ -97,25 +97,6 @@ fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = Stri
     [cut_module, cut_rows, other_length].into_iter().flatten()
 }
 
-/// Lines that are not blank, with their numbers from 1.
-struct Numbered<'a> {
-    lines: Lines<'a>,
-    number: usize,
-}
-
-impl<'a> Iterator for Numbered<'a> {
-    type Item = (usize, &'a str);
-    fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            let line = self.lines.next()?.trim();
-            self.number += 1;
-            if !line.is_empty() {
-                return Some((self.number, line));
-            }
-        }
-    }
-}
-
 /// What stands before the rows.
 #[derive(Debug, Default)]
 struct Header {
@@ -125,16 +106,18 @@ struct Header {
 }
 
 impl Header {
-    fn read(source: &Source, lines: &mut Numbered<'_>) -> Result<Self, IoError> {
+    fn read<'a>(
+        lines: &mut dyn Iterator<Item = (LineLocation<'a>, &'a str)>,
+        last: LineLocation<'_>,
+    ) -> Result<Self, IoError> {
         const KNOWN: &str = "positions of iCub taxels: lines `name`, `spatial_sampling` and `taxel2Repr`, then `[calibration]`";
         const KEYS: [&str; 3] = ["name", "spatial_sampling", "taxel2Repr"];
         let mut header = Self::default();
         let mut seen = BTreeSet::new();
-        for (number, line) in lines.by_ref() {
+        for (at, line) in lines {
             let (key, value) = line.split_once(|c: char| c.is_whitespace() || c == '(').unwrap_or((line, ""));
             if KEYS.contains(&key) && !seen.insert(key) {
-                let found = format!("{key} again");
-                return Err(source.invalid(format!("line {number}"), found, "each header line once"));
+                return Err(at.invalid(format!("{key} again"), "each header line once"));
             }
             match key {
                 SECTION => return Ok(header),
@@ -144,42 +127,38 @@ impl Header {
                     let message = format!("spatial_sampling {} is not looked at", excerpt(value.trim()));
                     header.remarks.push(message);
                 }
-                "taxel2Repr" => header.representatives = representatives(source, number, line)?,
-                _ => return Err(source.invalid(format!("line {number}"), excerpt(line), KNOWN)),
+                "taxel2Repr" => header.representatives = representatives(at, line)?,
+                _ => return Err(at.invalid(excerpt(line), KNOWN)),
             }
         }
-        Err(source.invalid(format!("line {}", lines.number), "the end", KNOWN))
+        Err(last.invalid("the end", KNOWN))
     }
 }
 
 /// The numbers between brackets.
-fn representatives(source: &Source, number: usize, line: &str) -> Result<Vec<i64>, IoError> {
+fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>, IoError> {
     let list = line.split_once('(').and_then(|(_, rest)| rest.trim().strip_suffix(')'));
-    let list = list.ok_or_else(|| {
-        source.invalid(format!("line {number}"), excerpt(line), "taxel2Repr ( one number a slot )")
-    })?;
+    let list = list.ok_or_else(|| at.invalid(excerpt(line), "taxel2Repr ( one number a slot )"))?;
     let parse = |(k, word): (usize, &str)| {
         word.parse::<i64>().ok().filter(|&n| n >= THERMAL_PAD).ok_or_else(|| {
-            let element = format!("line {number}, entry {} of taxel2Repr", k + 1);
-            source.invalid(element, excerpt(word), "the number of a slot, -1 or -2")
+            let part = format!("entry {} of taxel2Repr", k + 1);
+            at.invalid_part(part, excerpt(word), "the number of a slot, -1 or -2")
         })
     };
     list.split_whitespace().enumerate().map(parse).collect()
 }
 
 /// The six numbers of a slot.
-fn row(source: &Source, number: usize, line: &str) -> Result<[f64; ROW], IoError> {
+fn row(at: LineLocation<'_>, line: &str) -> Result<[f64; ROW], IoError> {
     const NEEDED: &str = "x y z nx ny nz, six finite numbers";
     let mut row = [0.0; ROW];
     let mut words = line.split_whitespace();
     for x in &mut row {
-        let element = || format!("line {number}");
-        let word = words.next().ok_or_else(|| source.invalid(element(), excerpt(line), NEEDED))?;
-        let value = word.parse().ok().filter(|x: &f64| x.is_finite());
-        *x = value.ok_or_else(|| source.invalid(element(), excerpt(word), NEEDED))?;
+        let word = words.next().ok_or_else(|| at.invalid(excerpt(line), NEEDED))?;
+        *x = finite(word).ok_or_else(|| at.invalid(excerpt(word), NEEDED))?;
     }
     match words.next() {
         None => Ok(row),
-        Some(_) => Err(source.invalid(format!("line {number}"), excerpt(line), NEEDED)),
+        Some(_) => Err(at.invalid(excerpt(line), NEEDED)),
     }
 }

@@ -1,11 +1,10 @@
-//! Skins and flat meshes in the formats of other programs.
+//! Skins and flat meshes in the formats of other programs; `formats.rs` lists what each keeps.
 
 pub(super) mod flat;
+pub(super) mod formats;
 mod icub;
 mod obj;
 mod ply;
-pub(super) mod read;
 mod robotskin;
 mod skin_csv;
 mod stl;
-pub(super) mod write;

@@ -17,6 +17,7 @@ use crate::{
     io::{
         IoError,
         file::{
+            lines::{LineLocation, finite},
             replace::replace_file,
             source::{Source, excerpt},
         },
@@ -85,7 +86,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         group: 0,
         largest: Default::default(),
     };
-    let mut lines = source.text()?.lines().enumerate();
+    let mut lines = source.lines()?;
     while let Some((at, line)) = lines.next() {
         let mut line = Cow::Borrowed(line);
         while line.ends_with('\\') {
@@ -94,28 +95,28 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
             whole.push(' ');
             whole.push_str(lines.next().map_or("", |(_, next)| next));
         }
-        reader.statement(at + 1, &line)?;
+        reader.statement(at, &line)?;
     }
     reader.check_indices()?;
     Ok(Draft { sheets: reader.sheets(), ..Draft::default() })
 }
 
-impl Reader<'_> {
-    fn statement(&mut self, line: usize, text: &str) -> Result<(), IoError> {
+impl<'a> Reader<'a> {
+    fn statement(&mut self, at: LineLocation<'a>, text: &str) -> Result<(), IoError> {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         match word {
             "v" => {
-                let position = self.vector(line, word, rest)?;
+                let position = vector(at, word, rest)?;
                 self.positions.push(position);
                 self.declared_in.push(self.group);
             }
             "vn" => {
-                let normal = self.vector(line, word, rest)?;
+                let normal = vector(at, word, rest)?;
                 self.normals.push(normal);
             }
             "vt" => self.texture_points += 1,
-            "f" => self.face(line, rest)?,
+            "f" => self.face(at, rest)?,
             "o" => {
                 rest.trim().clone_into(&mut self.object);
                 self.enter("");
@@ -124,7 +125,7 @@ impl Reader<'_> {
             "curv" | "curv2" | "surf" => {
                 return Err(IoError::Unsupported {
                     path: self.source.path().into(),
-                    element: format!("line {line}"),
+                    element: format!("line {}", at.line),
                     feature: "a free-form curve or surface".into(),
                     remedy: "export the skin as triangles".into(),
                 });
@@ -147,40 +148,12 @@ impl Reader<'_> {
         });
     }
 
-    /// Three coordinates. A position may be followed by a weight of 1, by a colour, or by both.
-    fn vector(&self, line: usize, word: &str, rest: &str) -> Result<DVec3, IoError> {
-        let mut numbers = [0.0; 7];
-        let mut count = 0;
-        for token in rest.split_whitespace() {
-            let value = token.parse().ok().filter(|x: &f64| x.is_finite());
-            let (Some(value), Some(slot)) = (value, numbers.get_mut(count)) else {
-                let element = format!("line {line}, number {} of `{word}`", count + 1);
-                return Err(self.source.invalid(
-                    element,
-                    excerpt(token),
-                    "a finite number, of seven at most",
-                ));
-            };
-            *slot = value;
-            count += 1;
-        }
-        if !(count == 3 || (word == "v" && matches!(count, 4 | 6 | 7))) {
-            let element = format!("line {line}, `{word}`");
-            return Err(self.source.invalid(element, format!("{count} numbers"), "3 numbers"));
-        }
-        if matches!(count, 4 | 7) && numbers[3] != 1.0 {
-            let element = format!("line {line}, weight of `v`");
-            return Err(self.source.invalid(element, numbers[3].to_string(), "1, or no weight at all"));
-        }
-        Ok(DVec3::new(numbers[0], numbers[1], numbers[2]))
-    }
-
-    fn face(&mut self, line: usize, rest: &str) -> Result<(), IoError> {
-        let mut corners = rest.split_whitespace().map(|token| (token, line));
-        let mut next = |reader: &mut Self| corners.next().map(|(t, l)| reader.corner(l, t)).transpose();
+    fn face(&mut self, at: LineLocation<'a>, rest: &str) -> Result<(), IoError> {
+        let mut corners = rest.split_whitespace();
+        let mut next = |reader: &mut Self| corners.next().map(|token| reader.corner(at, token)).transpose();
         let (Some(first), Some(mut last), Some(mut corner)) = (next(self)?, next(self)?, next(self)?) else {
             let found = format!("{} corners", rest.split_whitespace().count());
-            return Err(self.source.invalid(format!("line {line}, `f`"), found, "at least 3 corners"));
+            return Err(at.invalid_part("`f`", found, "at least 3 corners"));
         };
         loop {
             self.groups[self.group].triangles.push([first, last, corner]);
@@ -193,14 +166,11 @@ impl Reader<'_> {
     }
 
     /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner(&mut self, line: usize, token: &str) -> Result<Corner, IoError> {
+    fn corner(&mut self, at: LineLocation<'a>, token: &str) -> Result<Corner, IoError> {
         let counts = [self.positions.len(), self.texture_points, self.normals.len()];
         let broken = || {
-            self.source.invalid(
-                format!("line {line}, corner of `f`"),
-                excerpt(token),
-                "v, v/vt, v//vn or v/vt/vn, each counted from 1, or backwards from -1",
-            )
+            let needed = "v, v/vt, v//vn or v/vt/vn, each counted from 1, or backwards from -1";
+            at.invalid_part("corner of `f`", excerpt(token), needed)
         };
         let mut indices = [None; 3];
         for (k, part) in token.split('/').enumerate() {
@@ -216,7 +186,7 @@ impl Reader<'_> {
         let [Some(position), _, normal] = indices else { return Err(broken()) };
         for (largest, index) in self.largest.iter_mut().zip(indices) {
             if let Some(index) = index.filter(|&i| i > largest.index) {
-                *largest = Largest { index, line };
+                *largest = Largest { index, line: at.line };
             }
         }
         // An index that does not fit is past the end, which `check_indices` will say.
@@ -292,6 +262,27 @@ impl Reader<'_> {
         });
         Some(mean.collect())
     }
+}
+
+/// Three coordinates. A position may be followed by a weight of 1, by a colour, or by both.
+fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3, IoError> {
+    let mut numbers = [0.0; 7];
+    let mut count = 0;
+    for token in rest.split_whitespace() {
+        let (Some(value), Some(slot)) = (finite(token), numbers.get_mut(count)) else {
+            let part = format!("number {} of `{word}`", count + 1);
+            return Err(at.invalid_part(part, excerpt(token), "a finite number, of seven at most"));
+        };
+        *slot = value;
+        count += 1;
+    }
+    if !(count == 3 || (word == "v" && matches!(count, 4 | 6 | 7))) {
+        return Err(at.invalid_part(format!("`{word}`"), format!("{count} numbers"), "3 numbers"));
+    }
+    if matches!(count, 4 | 7) && numbers[3] != 1.0 {
+        return Err(at.invalid_part("weight of `v`", numbers[3].to_string(), "1, or no weight at all"));
+    }
+    Ok(DVec3::new(numbers[0], numbers[1], numbers[2]))
 }
 
 /// Writes an OBJ file: one `o` per patch, positions in the world, normals. Ids, areas and links are lost.

@@ -19,7 +19,7 @@ use crate::{
         IoError,
         file::{
             replace::replace_file,
-            source::{Source, excerpt, invalid},
+            source::{Source, excerpt, unfit},
         },
     },
     skin::{Draft, Patch, Presence, Sheet, Skin, TaxelId},
@@ -278,7 +278,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let vertices: usize = skin.patches.iter().map(|p| p.mesh.positions.len()).sum();
     let faces: usize = skin.patches.iter().map(|p| p.mesh.triangles.len()).sum();
     if u32::try_from(vertices).is_err() {
-        return Err(invalid(path, "skin", format!("{vertices} vertices"), format!("at most {}", u32::MAX)));
+        return Err(unfit(path, "skin", format!("{vertices} vertices"), format!("at most {}", u32::MAX)));
     }
     let extra = Extra {
         density: skin.patches.iter().all(|p| p.taxels.densities.is_some()),

@@ -10,7 +10,7 @@ use crate::{
     io::{
         IoError,
         file::{
-            json::write_json,
+            replace::write_json,
             source::{Source, excerpt, stem},
         },
     },

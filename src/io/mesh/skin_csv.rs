@@ -6,8 +6,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use csv::{StringRecord, Writer};
-use glam::{DAffine3, DQuat, DVec3};
+use csv::Writer;
+use glam::{DAffine3, DVec3};
 
 use crate::{
     id::VertexId,
@@ -15,9 +15,9 @@ use crate::{
         IoError,
         file::{
             replace::replace_file,
-            source::{Source, excerpt, invalid},
+            source::{Source, invalid},
         },
-        table::columns::{Columns, Row, table_error, table_write_error},
+        table::csv_table::{Columns, Row, Table, table_write_error},
     },
     skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
 };
@@ -44,7 +44,7 @@ fn companion(path: &Path) -> PathBuf {
 }
 
 /// Where the columns of the table of taxels are.
-struct Places {
+struct ColumnIndices {
     id: Option<usize>,
     position: [usize; 3],
     normal: Option<[usize; 3]>,
@@ -77,33 +77,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     Ok(draft)
 }
 
-/// Calls `visit` for every line of a table but the first.
-fn each_row(
-    source: &Source,
-    columns: &Columns,
-    table: &mut csv::Reader<&[u8]>,
-    mut visit: impl FnMut(Row<'_>) -> Result<(), IoError>,
-) -> Result<(), IoError> {
-    let mut cells = StringRecord::new();
-    while table.read_record(&mut cells).map_err(|e| table_error(source.path(), e))? {
-        visit(Row { path: source.path(), columns, cells: &cells })?;
-    }
-    Ok(())
-}
-
-fn open_table<'a>(source: &'a Source, known: &[&str]) -> Result<(csv::Reader<&'a [u8]>, Columns), IoError> {
-    let mut table = csv::Reader::from_reader(source.bytes());
-    let header = table.headers().map_err(|e| table_error(source.path(), e))?;
-    let columns = Columns::new(source.path(), header)?;
-    // A column that is misspelt must not be missed in silence.
-    if let Some((k, name)) = columns.unknown(known).next() {
-        let element = format!("line 1, column {}", k + 1);
-        return Err(source.invalid(element, excerpt(name), format!("one of {}", known.join(","))));
-    }
-    Ok((table, columns))
-}
-
-impl Places {
+impl ColumnIndices {
     fn new(path: &Path, columns: &Columns) -> Result<Self, IoError> {
         let link = match (columns.find(ON_LINK), columns.find(LINK)) {
             (Some(_), Some(_)) => {
@@ -114,15 +88,15 @@ impl Places {
         };
         Ok(Self {
             id: columns.find("id"),
-            position: columns.need_vector(path, ["x", "y", "z"])?,
-            normal: columns.find_vector(path, ["nx", "ny", "nz"])?,
+            position: columns.need_vector(["x", "y", "z"])?,
+            normal: columns.find_vector(["nx", "ny", "nz"])?,
             area: columns.find("area"),
             density: columns.find("density"),
             present: columns.find("present"),
             patch: columns.find("patch"),
             link,
-            covariance: columns.find_vector(path, ["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?,
-            rotation: columns.find_vector(path, ["qx", "qy", "qz", "qw"])?,
+            covariance: columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?,
+            rotation: columns.find_vector(["qx", "qy", "qz", "qw"])?,
             sigma: columns.find("sigma"),
         })
     }
@@ -141,11 +115,12 @@ struct Sheets {
 /// Reads the taxels; with the sheet, and the place in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
     let known: Vec<&str> = COLUMNS.into_iter().chain([LINK]).chain(CALIBRATED).collect();
-    let (mut table, columns) = open_table(source, &known)?;
-    let places = Places::new(source.path(), &columns)?;
+    let table = Table::open(source.path(), source.bytes())?;
+    table.refuse_unknown(&known)?;
+    let indices = ColumnIndices::new(source.path(), &table.columns)?;
     let mut sheets = Sheets::default();
-    each_row(source, &columns, &mut table, |row| sheets.add(row, &places, source))?;
-    if places.normal.is_none() {
+    table.each_row(&mut |row| sheets.add(row, &indices, source))?;
+    if indices.normal.is_none() {
         // Frames that are all the identity are those of a calibration of positions alone: they tell no normals.
         for sheet in &mut sheets.draft.sheets {
             sheet.normals = sheet.normals.take().filter(|n| n.iter().any(|n| *n != DVec3::Z));
@@ -155,9 +130,9 @@ fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
 }
 
 impl Sheets {
-    fn add(&mut self, row: Row<'_>, places: &Places, source: &Source) -> Result<(), IoError> {
-        let link = self.link(places.link.map_or("", |c| row.text(c)));
-        let name = places.patch.map_or("", |c| row.text(c));
+    fn add(&mut self, row: Row<'_>, indices: &ColumnIndices, source: &Source) -> Result<(), IoError> {
+        let link = self.link(indices.link.map_or("", |c| row.text(c)));
+        let name = indices.patch.map_or("", |c| row.text(c));
         let sheets = &mut self.draft.sheets;
         let at = match self.by_name.get(name) {
             Some(&at) => at,
@@ -169,39 +144,38 @@ impl Sheets {
             }
         };
         let sheet = &mut sheets[at];
-        if let (true, Some(column)) = (sheet.link != link, places.link) {
+        if let (true, Some(column)) = (sheet.link != link, indices.link) {
             return Err(row.invalid(column, "the link of the other taxels of its patch"));
         }
         let place = sheet.positions.len();
-        sheet.positions.push(row.vector(places.position)?);
-        if let Some(column) = places.id {
+        sheet.positions.push(row.vector(indices.position)?);
+        if let Some(column) = indices.id {
             sheet.ids.get_or_insert_default().push(taxel_id(row, column)?);
         }
-        if let Some(columns) = places.normal {
-            let normal = row.vector_if_any(columns)?;
-            add(&mut sheet.normals, place, normal).ok_or_else(|| row.invalid(columns[0], ALL_OR_NONE))?;
-        } else if let Some(columns) = places.rotation {
-            let [x, y, z, w] = columns.map(|c| row.number(c));
-            let rotation = DQuat::from_xyzw(x?, y?, z?, w?);
-            if (rotation.length() - 1.0).abs() > UNIT_TOLERANCE {
-                return Err(row.invalid(columns[3], "a unit quaternion"));
-            }
-            sheet.normals.get_or_insert_default().push(rotation.normalize() * DVec3::Z);
+        if let Some(columns) = indices.normal {
+            OptionalColumn::of(columns[0], &mut sheet.normals).push(
+                row,
+                place,
+                row.vector_if_any(columns)?,
+            )?;
+        } else if let Some(columns) = indices.rotation {
+            sheet.normals.get_or_insert_default().push(row.rotation(columns)? * DVec3::Z);
         }
-        if let Some(columns) = places.covariance {
-            let covariance = row.numbers_if_any(columns)?;
-            add(&mut sheet.covariances, place, covariance)
-                .ok_or_else(|| row.invalid(columns[0], ALL_OR_NONE))?;
+        if let Some(columns) = indices.covariance {
+            OptionalColumn::of(columns[0], &mut sheet.covariances).push(
+                row,
+                place,
+                row.numbers_if_any(columns)?,
+            )?;
         }
-        if let Some(column) = places.sigma {
+        if let Some(column) = indices.sigma {
             row.number_if_any(column)?;
         }
-        for (column, numbers) in [(places.area, &mut sheet.areas), (places.density, &mut sheet.densities)] {
+        for (column, numbers) in [(indices.area, &mut sheet.areas), (indices.density, &mut sheet.densities)] {
             let Some(column) = column else { continue };
-            let number = row.number_if_any(column)?;
-            add(numbers, place, number).ok_or_else(|| row.invalid(column, ALL_OR_NONE))?;
+            OptionalColumn::of(column, numbers).push(row, place, row.number_if_any(column)?)?;
         }
-        if let Some(column) = places.present {
+        if let Some(column) = indices.present {
             let presence = Presence::from_code(row.number(column)?);
             let presence =
                 presence.ok_or_else(|| row.invalid(column, "0 absent, 1 present or 2 thermal pad"))?;
@@ -226,20 +200,27 @@ impl Sheets {
     }
 }
 
-/// Tables print rounded digits.
-const UNIT_TOLERANCE: f64 = 1e-3;
+/// A column whose cells are filled for all taxels of a sheet or for none.
+struct OptionalColumn<'a, T> {
+    column: usize,
+    values: &'a mut Option<Vec<T>>,
+}
 
-const ALL_OR_NONE: &str = "a value for every taxel of a patch, or for none";
+impl<'a, T> OptionalColumn<'a, T> {
+    fn of(column: usize, values: &'a mut Option<Vec<T>>) -> Self {
+        Self { column, values }
+    }
 
-/// Appends to an array that is there for all rows of a sheet or for none; `None` where the rows disagree.
-fn add<T>(values: &mut Option<Vec<T>>, place: usize, value: Option<T>) -> Option<()> {
-    match (values.is_some() || place == 0, value) {
-        (true, Some(value)) => {
-            values.get_or_insert_default().push(value);
-            Some(())
+    /// Appends the cell of a row after `before` others of its sheet.
+    fn push(self, row: Row<'_>, before: usize, value: Option<T>) -> Result<(), IoError> {
+        match value {
+            Some(value) if self.values.is_some() || before == 0 => {
+                self.values.get_or_insert_default().push(value);
+                Ok(())
+            }
+            None if self.values.is_none() => Ok(()),
+            _ => Err(row.invalid(self.column, "a value for every taxel of a patch, or for none")),
         }
-        (_, None) if values.is_none() => Some(()),
-        _ => None,
     }
 }
 
@@ -251,12 +232,13 @@ fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId, IoError> {
 
 fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet]) -> Result<(), IoError> {
     const CORNERS: [&str; 3] = ["a", "b", "c"];
-    let (mut table, columns) = open_table(source, &CORNERS)?;
-    let places = columns.need_vector(source.path(), CORNERS)?;
-    each_row(source, &columns, &mut table, |row| {
+    let table = Table::open(source.path(), source.bytes())?;
+    table.refuse_unknown(&CORNERS)?;
+    let columns = table.columns.need_vector(CORNERS)?;
+    table.each_row(&mut |row| {
         let mut triangle = [0; 3];
         let mut home = None;
-        for (corner, column) in triangle.iter_mut().zip(places) {
+        for (corner, column) in triangle.iter_mut().zip(columns) {
             let taxel = row.text(column).parse::<usize>().ok().and_then(|k| homes.get(k));
             let needed = || format!("the place of one of {} taxels, counted from 0", homes.len());
             let &(sheet, place) = taxel.ok_or_else(|| row.invalid(column, needed()))?;

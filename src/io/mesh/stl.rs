@@ -1,9 +1,8 @@
 //! STL, text or binary: bare triangles of `f32` corners.
 
-use std::{collections::HashMap, io::Cursor, path::Path};
+use std::{collections::HashMap, io::Write, path::Path};
 
 use glam::DVec3;
-use stl_io::{Normal, Triangle, Vertex};
 
 use crate::{
     id::VertexId,
@@ -11,7 +10,7 @@ use crate::{
         IoError,
         file::{
             replace::replace_file,
-            source::{Source, excerpt, invalid},
+            source::{Source, excerpt, unfit},
         },
     },
     skin::{Draft, Patch, Sheet, Skin},
@@ -34,8 +33,8 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     Ok(Draft { sheets, ..Draft::default() })
 }
 
-/// Triangles that the header of a binary file tells of.
-fn told_count(bytes: &[u8]) -> Option<u32> {
+/// Number of triangles in the header of a binary file.
+fn declared_count(bytes: &[u8]) -> Option<u32> {
     let count = bytes.get(HEADER - 4..HEADER)?;
     Some(u32::from_le_bytes(count.try_into().ok()?))
 }
@@ -47,12 +46,12 @@ fn binary_len(count: u32) -> u64 {
 /// Text starts with `solid`; so does the comment of many a binary file, whose length gives it away.
 fn is_text(bytes: &[u8]) -> bool {
     let solid = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    solid && told_count(bytes).is_none_or(|n| binary_len(n) != bytes.len() as u64)
+    solid && declared_count(bytes).is_none_or(|n| binary_len(n) != bytes.len() as u64)
 }
 
 fn read_binary(source: &Source) -> Result<Sheet, IoError> {
     let bytes = source.bytes();
-    let Some(count) = told_count(bytes) else {
+    let Some(count) = declared_count(bytes) else {
         let found = format!("{} bytes", bytes.len());
         return Err(source.invalid(
             "header",
@@ -64,70 +63,107 @@ fn read_binary(source: &Source) -> Result<Sheet, IoError> {
         let found = format!("{count} triangles in {} bytes", bytes.len());
         return Err(source.invalid("header", found, format!("{HEADER} bytes and {FACET} for each triangle")));
     }
-    // The crate takes every file whose comment starts with `solid` for text: without a comment it cannot.
-    let mut plain = vec![0; HEADER - 4];
-    plain.extend_from_slice(&bytes[HEADER - 4..]);
-    weld(source, source.stem(), &plain, |k| format!("triangle {k}"))
+    let mut solid = Solid::new(source.stem());
+    for (k, facet) in bytes[HEADER..].chunks_exact(FACET).enumerate() {
+        // Its first three numbers are the normal, its last two bytes mean nothing.
+        let (numbers, _) = facet[12..48].as_chunks::<4>();
+        let (corners, _) = numbers.as_chunks::<3>();
+        for corner in corners {
+            let corner = corner.map(f32::from_le_bytes);
+            solid.add_corner(corner).ok_or_else(|| {
+                source.invalid(format!("triangle {k}"), format!("{corner:?}"), "finite coordinates")
+            })?;
+        }
+    }
+    Ok(solid.finish())
 }
 
-/// Reads the solids one by one, since the crate stops after the first.
+/// Reads the solids of a text: `solid`, facets of three vertices each, `endsolid`.
 fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
-    let mut lines = source.text()?.lines().map(str::trim).zip(1..).filter(|(line, _)| !line.is_empty());
+    let mut lines = source.lines()?.filter(|(_, line)| !line.trim().is_empty());
     let mut sheets = Vec::new();
-    while let Some((line, number)) = lines.next() {
+    while let Some((at, line)) = lines.next() {
         if !starts_with_word(line, "solid") {
-            return Err(source.invalid(format!("line {number}"), excerpt(line), "`solid` and a name"));
+            return Err(at.invalid(excerpt(line), "`solid` and a name"));
         }
-        let name = line.split_once(char::is_whitespace).map_or("", |(_, name)| name.trim());
+        let name = line.trim().split_once(char::is_whitespace).map_or("", |(_, name)| name.trim());
         let name = if name.is_empty() { source.stem() } else { name.into() };
-        // The crate wants a name, and small letters.
-        let mut solid = String::from("solid -\n");
-        for (line, _) in lines.by_ref() {
-            solid.extend(line.chars().map(|c| c.to_ascii_lowercase()).chain(['\n']));
-            if starts_with_word(line, "endsolid") {
+        let mut solid = Solid::new(name.clone());
+        for k in 0.. {
+            let element = || format!("solid {}, which starts on line {}, facet {k}", excerpt(&name), at.line);
+            let refuse = |found: String| source.invalid(element(), found, "a triangle, or `endsolid`");
+            let mut next = || lines.next().map(|(_, line)| line).ok_or_else(|| refuse("the end".into()));
+            let first = next()?;
+            if starts_with_word(first, "endsolid") {
                 break;
             }
+            for (j, words) in FACET_LINES.iter().enumerate() {
+                let line = if j == 0 { first } else { next()? };
+                let mut found = line.split_whitespace();
+                let fits =
+                    words.iter().all(|word| found.next().is_some_and(|f| f.eq_ignore_ascii_case(word)));
+                if !fits {
+                    return Err(refuse(excerpt(line)));
+                }
+                if words[0] == "vertex" {
+                    let numbers: Vec<f32> = found.map_while(|word| word.parse().ok()).collect();
+                    let corner = <[f32; 3]>::try_from(numbers).ok();
+                    corner
+                        .and_then(|corner| solid.add_corner(corner))
+                        .ok_or_else(|| refuse(excerpt(line)))?;
+                }
+            }
         }
-        let place = |k| format!("solid {}, which starts on line {number}, facet {k}", excerpt(&name));
-        sheets.push(weld(source, name.clone(), solid.as_bytes(), place)?);
+        sheets.push(solid.finish());
     }
     Ok(sheets)
 }
+
+/// How the lines of a facet begin.
+const FACET_LINES: [&[&str]; 7] = [
+    &["facet", "normal"],
+    &["outer", "loop"],
+    &["vertex"],
+    &["vertex"],
+    &["vertex"],
+    &["endloop"],
+    &["endfacet"],
+];
 
 fn starts_with_word(line: &str, word: &str) -> bool {
     line.split_whitespace().next().is_some_and(|first| first.eq_ignore_ascii_case(word))
 }
 
-/// Reads the triangles of `solid` and joins corners at the same place; `place` names the k-th triangle.
-fn weld(
-    source: &Source,
-    name: String,
-    solid: &[u8],
-    place: impl Fn(usize) -> String,
-) -> Result<Sheet, IoError> {
-    let mut sheet = Sheet { name, ..Sheet::default() };
-    let mut vertices = HashMap::new();
-    let mut solid = Cursor::new(solid);
-    let facets = stl_io::create_stl_reader(&mut solid)
-        .map_err(|e| source.invalid(place(0), e.to_string(), "a triangle"))?;
-    for (k, facet) in facets.enumerate() {
-        let facet = facet.map_err(|e| source.invalid(place(k), e.to_string(), "a triangle"))?;
-        let mut corners = [0; 3];
-        for (corner, vertex) in corners.iter_mut().zip(facet.vertices) {
-            let position = DVec3::from(vertex.0.map(f64::from));
-            if !position.is_finite() {
-                return Err(source.invalid(place(k), position.to_string(), "finite coordinates"));
-            }
-            // Adding zero makes -0 and 0 the same place.
-            let bits = vertex.0.map(|x| (x + 0.0).to_bits());
-            *corner = *vertices.entry(bits).or_insert_with(|| {
-                sheet.positions.push(position);
-                VertexId::new(sheet.positions.len() - 1).raw()
-            });
-        }
-        sheet.triangles.push(corners);
+/// A sheet in the making: corners at the same place become one vertex.
+struct Solid {
+    sheet: Sheet,
+    vertices: HashMap<[u32; 3], u32>,
+    corners: Vec<u32>,
+}
+
+impl Solid {
+    fn new(name: String) -> Self {
+        let sheet = Sheet { name, ..Sheet::default() };
+        Self { sheet, vertices: HashMap::new(), corners: Vec::new() }
     }
-    Ok(sheet)
+
+    /// Adds the next corner of a triangle; `None` if it is not finite.
+    fn add_corner(&mut self, corner: [f32; 3]) -> Option<()> {
+        let position = DVec3::from(corner.map(f64::from));
+        let positions = &mut self.sheet.positions;
+        // Adding zero makes -0 and 0 the same place.
+        let bits = corner.map(|x| (x + 0.0).to_bits());
+        self.corners.push(*self.vertices.entry(bits).or_insert_with(|| {
+            positions.push(position);
+            VertexId::new(positions.len() - 1).raw()
+        }));
+        position.is_finite().then_some(())
+    }
+
+    fn finish(mut self) -> Sheet {
+        self.sheet.triangles = self.corners.as_chunks::<3>().0.to_vec();
+        self.sheet
+    }
 }
 
 /// Writes a binary STL file of all patches, positions in the world, rounded to `f32`.
@@ -135,33 +171,31 @@ fn weld(
 /// # Errors
 /// If the file cannot be written, or a coordinate or the number of triangles is too large for the format.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
-    let mut facets = Vec::new();
+    let count: usize = skin.patches.iter().map(|patch| patch.mesh.triangles.len()).sum();
+    let Ok(count) = u32::try_from(count) else {
+        return Err(unfit(path, "skin", format!("{count} triangles"), format!("at most {}", u32::MAX)));
+    };
+    let mut bytes = vec![0; HEADER - 4];
+    bytes.extend(count.to_le_bytes());
     for patch in &skin.patches {
-        add_facets(path, &skin.in_world(patch), &mut facets)?;
-    }
-    if u32::try_from(facets.len()).is_err() {
-        return Err(invalid(
-            path,
-            "skin",
-            format!("{} triangles", facets.len()),
-            format!("at most {}", u32::MAX),
-        ));
+        add_facets(path, &skin.in_world(patch), &mut bytes)?;
     }
     replace_file(path, |file| {
-        stl_io::write_stl(file, facets.iter()).map_err(|source| IoError::Write { path: path.into(), source })
+        file.write_all(&bytes).map_err(|source| IoError::Write { path: path.into(), source })
     })
 }
 
-fn add_facets(path: &Path, patch: &Patch, facets: &mut Vec<Triangle>) -> Result<(), IoError> {
+fn add_facets(path: &Path, patch: &Patch, bytes: &mut Vec<u8>) -> Result<(), IoError> {
     for face in patch.mesh.triangles.ids() {
         let corners = patch.mesh.corners(face).map(narrow);
         if !corners.iter().flatten().all(|x| x.is_finite()) {
             let element = format!("patch {:?}, face {face}", patch.name);
             let found = format!("{:?}", patch.mesh.corners(face));
-            return Err(invalid(path, element, found, "coordinates within the range of f32"));
+            return Err(unfit(path, element, found, "coordinates within the range of f32"));
         }
-        let normal = patch.mesh.face_cross(face).normalize_or_zero();
-        facets.push(Triangle { normal: Normal::new(narrow(normal)), vertices: corners.map(Vertex::new) });
+        let normal = narrow(patch.mesh.face_cross(face).normalize_or_zero());
+        bytes.extend([normal].iter().chain(&corners).flatten().flat_map(|x| x.to_le_bytes()));
+        bytes.extend([0; 2]);
     }
     Ok(())
 }

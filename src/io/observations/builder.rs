@@ -1,4 +1,4 @@
-//! Observations while they are read.
+//! Observations while they are read: what they name, and what is out of range.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -17,8 +17,8 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{lines::Place, source::invalid},
-        observations::read_write::{ObservationRemark, ReadObservations},
+        file::{lines::LineLocation, source::invalid},
+        observations::types::{ObservationRemark, ReadObservations},
     },
     skin::TaxelId,
 };
@@ -36,7 +36,7 @@ const MOST_INFORMATION: f64 = 1e18;
 pub(super) const SIGMA_RANGE: RangeInclusive<f64> = 1e-9..=1e9;
 
 /// Observations while they are read: taxels may be declared after the lines that name them.
-pub(super) struct Builder<'a> {
+pub(super) struct ObservationsBuilder<'a> {
     path: &'a Path,
     observations: Observations,
     model_known: bool,
@@ -50,7 +50,7 @@ pub(super) struct Builder<'a> {
     pub(super) assumed_sigma: Option<f64>,
 }
 
-impl<'a> Builder<'a> {
+impl<'a> ObservationsBuilder<'a> {
     pub(super) fn new(path: &'a Path) -> Self {
         Self {
             path,
@@ -68,7 +68,7 @@ impl<'a> Builder<'a> {
     }
 
     /// One file has one model.
-    pub(super) fn set_model(&mut self, model: Model, at: &Place<'_>) -> Result<(), IoError> {
+    pub(super) fn set_model(&mut self, model: Model, at: &LineLocation<'_>) -> Result<(), IoError> {
         if self.model_known && self.observations.model != model {
             let needed =
                 format!("{}, as the lines before: one model in a file", self.observations.model.name());
@@ -78,7 +78,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    pub(super) fn taxel(&mut self, id: TaxelId, initial: Pose, at: &Place<'_>) -> Result<(), IoError> {
+    pub(super) fn taxel(&mut self, id: TaxelId, initial: Pose, at: &LineLocation<'_>) -> Result<(), IoError> {
         check_length(initial.position, at)?;
         let vertex =
             self.observations.taxels.push(TaxelVariable { id, initial: Some(initial), fixed: false });
@@ -92,7 +92,7 @@ impl<'a> Builder<'a> {
         &mut self,
         [from, to]: [TaxelId; 2],
         motion: DisplacementMeasurement,
-        at: &Place<'_>,
+        at: &LineLocation<'_>,
     ) -> Result<(), IoError> {
         if from == to {
             return Err(at.invalid(format!("an edge from taxel {from} to itself"), "two different taxels"));
@@ -113,7 +113,7 @@ impl<'a> Builder<'a> {
         &mut self,
         id: TaxelId,
         touch: ContactMeasurement,
-        at: &Place<'_>,
+        at: &LineLocation<'_>,
     ) -> Result<(), IoError> {
         let name = || format!("taxel {id}");
         match &touch {
@@ -128,7 +128,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    pub(super) fn fix(&mut self, id: TaxelId, at: &Place<'_>) {
+    pub(super) fn fix(&mut self, id: TaxelId, at: &LineLocation<'_>) {
         self.fixed.push((id, at.line));
     }
 
@@ -146,7 +146,7 @@ impl<'a> Builder<'a> {
     }
 
     /// A pose from `x y z qx qy qz qw`; the quaternion is normalised.
-    pub(super) fn pose(&mut self, numbers: &[f64], at: &Place<'_>) -> Result<Pose, IoError> {
+    pub(super) fn pose(&mut self, numbers: &[f64], at: &LineLocation<'_>) -> Result<Pose, IoError> {
         let &[x, y, z, qx, qy, qz, qw] = numbers else {
             return Err(at.invalid(format!("{} numbers", numbers.len()), "x y z qx qy qz qw"));
         };
@@ -180,13 +180,15 @@ impl<'a> Builder<'a> {
         let find = |id: TaxelId, line: usize| {
             index.get(&id).copied().ok_or_else(|| {
                 let needed = "a taxel that a VERTEX line declares";
-                Place { path, line }.invalid(format!("taxel {id}{left_out}"), needed)
+                LineLocation { path, line }.invalid(format!("taxel {id}{left_out}"), needed)
             })
         };
         for (id, line) in self.fixed {
             if !declared {
                 let found = format!("FIX {id}{left_out}");
-                return Err(Place { path, line }.invalid(found, "a VERTEX line that says where it is fixed"));
+                return Err(
+                    LineLocation { path, line }.invalid(found, "a VERTEX line that says where it is fixed")
+                );
             }
             observations.taxels[find(id, line)?].fixed = true;
         }
@@ -256,7 +258,7 @@ impl fmt::Display for LeftOut<'_> {
     }
 }
 
-fn check_length(vector: DVec3, at: &Place<'_>) -> Result<(), IoError> {
+fn check_length(vector: DVec3, at: &LineLocation<'_>) -> Result<(), IoError> {
     match vector.abs().max_element() {
         x if x <= FARTHEST => Ok(()),
         x => Err(at.invalid(format!("a length of {x:e} m"), format!("metres, at most {FARTHEST:e}"))),
@@ -266,7 +268,7 @@ fn check_length(vector: DVec3, at: &Place<'_>) -> Result<(), IoError> {
 fn check_information<const N: usize>(
     information: &Information<N>,
     name: impl Fn() -> String,
-    at: &Place<'_>,
+    at: &LineLocation<'_>,
 ) -> Result<(), IoError> {
     let largest = information.upper().fold(0.0, |most: f64, x| most.max(x.abs()));
     if largest > MOST_INFORMATION {

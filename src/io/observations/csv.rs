@@ -1,10 +1,6 @@
 //! Tables of displacements and of contacts.
 
-use std::{
-    fmt::Write as _,
-    io::{self, BufRead, Write},
-    path::Path,
-};
+use std::{io::BufRead, path::Path};
 
 use glam::DVec3;
 
@@ -14,15 +10,15 @@ use crate::{
     io::{
         IoError,
         file::{
-            lines::{Lines, Place},
+            lines::{LineLocation, Lines},
             source::{excerpt, invalid},
         },
         observations::{
-            builder::{Builder, SIGMA_RANGE, information_of},
-            read_write::ReadObservations,
+            builder::{ObservationsBuilder, SIGMA_RANGE, information_of},
+            types::ReadObservations,
         },
+        table::csv_table::{Columns, Row, Table, decimals, write_table},
     },
-    skin::TaxelId,
 };
 
 /// Uncertainty where a table gives none, in m per axis: that of the source paper's experiment.
@@ -73,14 +69,14 @@ fn cell(text: &str) -> &str {
 }
 
 /// Where the columns of a table are.
-struct Columns {
-    names: Vec<String>,
+struct ColumnIndices {
     taxel: usize,
     subject: Subject,
     uncertainty: Uncertainty,
 }
 
-/// What the rows tell.
+/// What the rows observe.
+#[derive(Clone, Copy)]
 enum Subject {
     Displacement { other: usize, offset: [usize; 3] },
     ContactObservation { position: [usize; 3], normal: Option<([usize; 3], Option<usize>)> },
@@ -94,128 +90,89 @@ enum Uncertainty {
     Information([usize; 6]),
 }
 
-impl Columns {
-    fn new(header: &str, at: &Place<'_>) -> Result<Self, IoError> {
-        let names: Vec<String> = header.split(',').map(|n| cell(n).to_ascii_lowercase()).collect();
-        if let Some(k) = (0..names.len()).find(|&k| names[..k].contains(&names[k])) {
-            return Err(at.invalid(format!("two columns {}", excerpt(&names[k])), "every column once"));
-        }
-        let mut finder = Finder { names: &names, found: Vec::new(), at };
-        let taxel = finder.need(["i"])?[0];
-        let is_displacement = names.iter().any(|n| n == "j" || OFFSET.contains(&n.as_str()));
-        let subject = if is_displacement {
-            Subject::Displacement { other: finder.need(["j"])?[0], offset: finder.need(OFFSET)? }
+impl ColumnIndices {
+    fn new(columns: &Columns, path: &Path, line: u64) -> Result<Self, IoError> {
+        let mut used = vec!["i"];
+        let has = |name: &str| columns.find(name).is_some();
+        let taxel = columns.need("i")?;
+        let subject = if has("j") || OFFSET.iter().any(|name| has(name)) {
+            used.extend(["j"].into_iter().chain(OFFSET));
+            Subject::Displacement { other: columns.need("j")?, offset: columns.need_vector(OFFSET)? }
         } else {
-            let position = finder.need(POSITION)?;
-            let normal = match finder.find(NORMAL)? {
-                Some(normal) => Some((normal, finder.find([NORMAL_SIGMA])?.map(|[k]| k))),
-                None => None,
-            };
-            Subject::ContactObservation { position, normal }
+            used.extend(POSITION);
+            let position = columns.need_vector(POSITION)?;
+            let normal = columns.find_vector(NORMAL)?;
+            if normal.is_some() {
+                used.extend(NORMAL.into_iter().chain([NORMAL_SIGMA]));
+            }
+            Subject::ContactObservation {
+                position,
+                normal: normal.map(|columns_of_normal| (columns_of_normal, columns.find(NORMAL_SIGMA))),
+            }
         };
-        let uncertainty = if let Some([k]) = finder.find([SIGMA])? {
-            Uncertainty::Sigma(k)
-        } else if let Some(three) = finder.find(SIGMAS)? {
+        let uncertainty = if let Some(column) = columns.find(SIGMA) {
+            used.push(SIGMA);
+            Uncertainty::Sigma(column)
+        } else if let Some(three) = columns.find_vector(SIGMAS)? {
+            used.extend(SIGMAS);
             Uncertainty::Sigmas(three)
-        } else if let Some(six) = finder.find(INFORMATION)? {
+        } else if let Some(six) = columns.find_vector(INFORMATION)? {
+            used.extend(INFORMATION);
             Uncertainty::Information(six)
         } else {
             Uncertainty::Assumed
         };
-        finder.refuse_the_others()?;
-        Ok(Self { taxel, subject, uncertainty, names })
-    }
-}
-
-/// Finds columns, and remembers which were found.
-struct Finder<'a> {
-    names: &'a [String],
-    found: Vec<usize>,
-    at: &'a Place<'a>,
-}
-
-impl Finder<'_> {
-    /// Columns that the table must have.
-    fn need<const N: usize>(&mut self, group: [&str; N]) -> Result<[usize; N], IoError> {
-        let mut places = [0; N];
-        for (place, name) in places.iter_mut().zip(group) {
-            let found = self.names.iter().position(|n| n == name);
-            *place = found.ok_or_else(|| {
-                let among = excerpt(&self.names.join(","));
-                self.at.invalid(format!("no column {name:?} among {among}"), TABLES)
-            })?;
+        // Unknown columns are an error, so that a misspelt name is not silently ignored.
+        used.retain(|name| columns.find(name).is_some());
+        if let Some((_, name)) = columns.unknown(&used).next() {
+            let found = format!("a column {}, which says nothing next to {}", excerpt(name), used.join(","));
+            return Err(invalid(path, format!("line {line}"), found, TABLES));
         }
-        self.found.extend(places);
-        Ok(places)
-    }
-
-    /// Columns that come together or not at all.
-    fn find<const N: usize>(&mut self, group: [&str; N]) -> Result<Option<[usize; N]>, IoError> {
-        let is_there = self.names.iter().any(|n| group.contains(&n.as_str()));
-        if is_there { self.need(group).map(Some) } else { Ok(None) }
-    }
-
-    /// A column that nobody reads would be a user's error that nobody tells.
-    fn refuse_the_others(&self) -> Result<(), IoError> {
-        match self.names.iter().enumerate().find(|(k, _)| !self.found.contains(k)) {
-            None => Ok(()),
-            Some((_, name)) => {
-                let beside: Vec<&str> = self.found.iter().map(|&k| self.names[k].as_str()).collect();
-                let found =
-                    format!("a column {}, which says nothing beside {}", excerpt(name), beside.join(","));
-                Err(self.at.invalid(found, TABLES))
-            }
-        }
+        Ok(Self { taxel, subject, uncertainty })
     }
 }
 
-pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
-    let mut builder = Builder::new(path);
-    let Some((header, at)) = lines.current() else {
+pub(super) fn read(lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
+    let mut builder = ObservationsBuilder::new(path);
+    if lines.current()?.is_none() {
         return Err(invalid(path, "the file", "an empty file, or comments alone", TABLES));
-    };
-    let columns = Columns::new(header, &at)?;
+    }
+    let table = Table::open(path, lines)?;
+    let columns = ColumnIndices::new(&table.columns, path, table.row().line)?;
     if matches!(columns.uncertainty, Uncertainty::Assumed) {
         builder.assumed_sigma = Some(DEFAULT_SIGMA);
     }
-    lines.advance()?;
-    while let Some((line, at)) = lines.current() {
-        let words: Vec<&str> = line.split(',').map(cell).collect();
-        if words.len() != columns.names.len() {
-            let needed = format!("{}, as the header has", columns.names.len());
-            return Err(at.invalid(format!("{} values", words.len()), needed));
-        }
-        Row { columns: &columns, words: &words, at: &at }.read(&mut builder)?;
-        lines.advance()?;
-    }
+    table.each_row(&mut |row| {
+        let line = usize::try_from(row.line).unwrap_or(usize::MAX);
+        Observation { row, at: LineLocation { path, line } }.read(&columns, &mut builder)
+    })?;
     builder.finish()
 }
 
-/// One line of a table.
-struct Row<'a> {
-    columns: &'a Columns,
-    words: &'a [&'a str],
-    at: &'a Place<'a>,
+/// One row of a table.
+struct Observation<'a> {
+    row: Row<'a>,
+    at: LineLocation<'a>,
 }
 
-impl Row<'_> {
-    fn read(&self, builder: &mut Builder<'_>) -> Result<(), IoError> {
-        let Columns { taxel, subject, uncertainty, .. } = self.columns;
-        let id = self.taxel(*taxel)?;
-        let information = self.information(uncertainty)?;
-        match subject {
+impl Observation<'_> {
+    fn read(&self, columns: &ColumnIndices, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
+        let (row, at) = (&self.row, &self.at);
+        let id = row.taxel(columns.taxel)?;
+        let information = self.information(&columns.uncertainty)?;
+        match columns.subject {
             Subject::Displacement { other, offset } => {
-                let ids = [id, self.taxel(*other)?];
-                let offset = self.vector(*offset)?;
-                builder.set_model(Model::Positions, self.at)?;
-                builder.edge(ids, DisplacementMeasurement::Offset { offset, information }, self.at)
+                let ids = [id, row.taxel(other)?];
+                let offset = row.vector(offset)?;
+                builder.set_model(Model::Positions, at)?;
+                builder.edge(ids, DisplacementMeasurement::Offset { offset, information }, at)
             }
             Subject::ContactObservation { position, normal } => {
-                let position = self.vector(*position)?;
+                let position = row.vector(position)?;
                 let touch = match normal {
                     None => ContactMeasurement::Position { position, information },
                     Some((columns, sigma)) => {
-                        let normal = self.normal(*columns)?;
+                        let normal = self.normal(columns)?;
                         let assumed = || Ok(DEFAULT_NORMAL_SIGMA.powi(-2));
                         let normal_information = sigma.map_or_else(assumed, |k| self.sigma(k))?;
                         ContactMeasurement::PositionNormal {
@@ -226,7 +183,7 @@ impl Row<'_> {
                         }
                     }
                 };
-                builder.contact(id, touch, self.at)
+                builder.contact(id, touch, at)
             }
         }
     }
@@ -239,7 +196,7 @@ impl Row<'_> {
                 Information::diagonal([self.sigma(*x)?, self.sigma(*y)?, self.sigma(*z)?])
             }
             Uncertainty::Information([xx, xy, xz, yy, yz, zz]) => {
-                let row = |columns| self.vector(columns).map(|v| v.to_array());
+                let row = |columns| self.row.vector(columns).map(|v| v.to_array());
                 Information([row([*xx, *xy, *xz])?, row([*xy, *yy, *yz])?, row([*xz, *yz, *zz])?])
             }
         })
@@ -248,45 +205,18 @@ impl Row<'_> {
     /// The information of a standard deviation.
     fn sigma(&self, column: usize) -> Result<f64, IoError> {
         let needed = || format!("a sigma of {:e} to {:e}", SIGMA_RANGE.start(), SIGMA_RANGE.end());
-        information_of(self.number(column)?).ok_or_else(|| self.refuse(column, &needed()))
+        information_of(self.row.number(column)?).ok_or_else(|| self.row.invalid(column, needed()))
     }
 
     fn normal(&self, columns: [usize; 3]) -> Result<DVec3, IoError> {
-        let found = self.vector(columns)?;
+        let found = self.row.vector(columns)?;
         let needed = "a normal with a direction";
         found.try_normalize().ok_or_else(|| self.at.invalid(format!("the normal {found}"), needed))
-    }
-
-    fn vector(&self, [x, y, z]: [usize; 3]) -> Result<DVec3, IoError> {
-        Ok(DVec3::new(self.number(x)?, self.number(y)?, self.number(z)?))
-    }
-
-    fn number(&self, column: usize) -> Result<f64, IoError> {
-        self.at.number(self.words[column]).map_err(|_| self.refuse(column, "a finite number"))
-    }
-
-    fn taxel(&self, column: usize) -> Result<TaxelId, IoError> {
-        let needed = "the number of a taxel, 0 to 4294967295";
-        self.at.taxel(self.words[column]).map_err(|_| self.refuse(column, needed))
-    }
-
-    /// An error about a cell.
-    fn refuse(&self, column: usize, needed: &str) -> IoError {
-        let found = match self.words[column] {
-            "" => "an empty cell".to_owned(),
-            word => excerpt(word),
-        };
-        self.at.invalid(format!("{found} in column `{}`", self.columns.names[column]), needed)
     }
 }
 
 /// Writes displacements; the table has no place for anything else.
-pub(super) fn write_edges(
-    out: &mut impl Write,
-    observations: &Observations,
-    path: &Path,
-) -> Result<(), IoError> {
-    let fail = |source: io::Error| IoError::Write { path: path.to_owned(), source };
+pub(super) fn write_edges(observations: &Observations, path: &Path) -> Result<(), IoError> {
     let unsupported = |element: String, feature: &str, remedy: &str| IoError::Unsupported {
         path: path.to_owned(),
         element,
@@ -304,35 +234,27 @@ pub(super) fn write_edges(
     if let Some(fixed) = observations.taxels.iter().find(|t| t.fixed) {
         return Err(unsupported(format!("taxel {}", fixed.id), "a fixed place", "write a .g2o file"));
     }
-    writeln!(out, "i,j,{},{}", OFFSET.join(","), INFORMATION.join(",")).map_err(fail)?;
-    for edge in &observations.edges {
+    let header: Vec<&str> = ["i", "j"].into_iter().chain(OFFSET).chain(INFORMATION).collect();
+    let mut rows = observations.edges.iter().map(|edge| {
         let (from, to) = (id(edge.from), id(edge.to));
         let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else {
             return Err(unsupported(format!("edge {from} to {to}"), "a rotation", "write a .g2o file"));
         };
-        let mut line = format!("{from},{to}");
-        for x in offset.to_array().into_iter().chain(information.upper()) {
-            write!(line, ",{x}").expect("writing into a string cannot fail");
-        }
-        writeln!(out, "{line}").map_err(fail)?;
-    }
-    Ok(())
+        let numbers = offset.to_array().into_iter().chain(information.upper());
+        Ok([from, to].map(|id| id.to_string()).into_iter().chain(decimals(numbers)).collect())
+    });
+    write_table(path, &header, &mut rows)
 }
 
-pub(super) fn write_contacts(
-    out: &mut impl Write,
-    observations: &Observations,
-    path: &Path,
-) -> Result<(), IoError> {
-    let fail = |source: io::Error| IoError::Write { path: path.to_owned(), source };
+/// Writes contacts, with their normals if they have any.
+pub(super) fn write_contacts(observations: &Observations, path: &Path) -> Result<(), IoError> {
     let with_normals = observations
         .contacts
         .iter()
         .any(|c| matches!(c.measurement, ContactMeasurement::PositionNormal { .. }));
-    let normals = if with_normals { ",nx,ny,nz,sigma_n" } else { "" };
-    writeln!(out, "i,x,y,z{normals},{}", INFORMATION.join(",")).map_err(fail)?;
-    let mut line = String::new();
-    for contact in &observations.contacts {
+    let normals: &[&str] = if with_normals { &["nx", "ny", "nz", NORMAL_SIGMA] } else { &[] };
+    let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied()).chain(INFORMATION);
+    let mut rows = observations.contacts.iter().map(|contact| {
         let id = observations.taxels[contact.taxel].id;
         let unsupported = |feature: &str, remedy: &str| IoError::Unsupported {
             path: path.to_owned(),
@@ -340,7 +262,6 @@ pub(super) fn write_contacts(
             feature: feature.into(),
             remedy: remedy.into(),
         };
-        line.clear();
         let (position, information, normal) = match &contact.measurement {
             ContactMeasurement::Position { .. } if with_normals => {
                 return Err(unsupported("no normal, as others do", "give all contacts a normal, or none"));
@@ -351,13 +272,10 @@ pub(super) fn write_contacts(
             }
             ContactMeasurement::Pose(_) => return Err(unsupported("a full pose", "write a .g2o file")),
         };
-        let sigma = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
+        let normal = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
         let numbers =
-            position.to_array().into_iter().chain(sigma.into_iter().flatten()).chain(information.upper());
-        for x in numbers {
-            write!(line, ",{x}").expect("writing into a string cannot fail");
-        }
-        writeln!(out, "{id}{line}").map_err(fail)?;
-    }
-    Ok(())
+            position.to_array().into_iter().chain(normal.into_iter().flatten()).chain(information.upper());
+        Ok([id.to_string()].into_iter().chain(decimals(numbers)).collect())
+    });
+    write_table(path, &header.collect::<Vec<_>>(), &mut rows)
 }

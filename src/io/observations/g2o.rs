@@ -17,8 +17,8 @@ use crate::{
     },
     io::{
         IoError,
-        file::lines::{Lines, Place},
-        observations::{builder::Builder, read_write::ReadObservations},
+        file::lines::{LineLocation, Lines},
+        observations::{builder::ObservationsBuilder, types::ReadObservations},
     },
     skin::TaxelId,
 };
@@ -27,9 +27,9 @@ use crate::{
 const IDENTITY_OFFSET: u32 = 0;
 
 pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
-    let mut builder = Builder::new(path);
+    let mut builder = ObservationsBuilder::new(path);
     let mut offsets = HashMap::new();
-    while let Some((text, at)) = lines.current() {
+    while let Some((text, at)) = lines.current()? {
         let mut words = text.split_ascii_whitespace();
         if let Some(tag) = words.next() {
             read_line(Line { tag, words, at }, &mut offsets, &mut builder)?;
@@ -42,7 +42,7 @@ pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<Re
 fn read_line(
     line: Line<'_>,
     offsets: &mut HashMap<u32, Pose>,
-    builder: &mut Builder<'_>,
+    builder: &mut ObservationsBuilder<'_>,
 ) -> Result<(), IoError> {
     match line.tag {
         "VERTEX_SE3:QUAT" | "VERTEX_TRACKXYZ" => read_vertex(line, builder),
@@ -57,7 +57,7 @@ fn read_line(
     }
 }
 
-fn read_vertex(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+fn read_vertex(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
     let (id, at) = (line.id()?, line.at);
     let pose = if line.tag == "VERTEX_TRACKXYZ" {
         builder.set_model(Model::Positions, &at)?;
@@ -69,7 +69,7 @@ fn read_vertex(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoEr
     builder.taxel(id, pose, &at)
 }
 
-fn read_edge(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+fn read_edge(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
     let (ids, at) = ([line.id()?, line.id()?], line.at);
     let motion = if line.tag == "EDGE_POINTXYZ" {
         builder.set_model(Model::Positions, &at)?;
@@ -86,7 +86,7 @@ fn read_edge(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoErro
 fn read_prior(
     mut line: Line<'_>,
     offsets: &HashMap<u32, Pose>,
-    builder: &mut Builder<'_>,
+    builder: &mut ObservationsBuilder<'_>,
 ) -> Result<(), IoError> {
     let (id, at) = (line.id()?, line.at);
     if line.tag == "EDGE_POINTXYZ_PRIOR" {
@@ -109,7 +109,7 @@ fn read_prior(
 fn read_offset(
     mut line: Line<'_>,
     offsets: &mut HashMap<u32, Pose>,
-    builder: &mut Builder<'_>,
+    builder: &mut ObservationsBuilder<'_>,
 ) -> Result<(), IoError> {
     let (parameter, at) = (line.id()?.0, line.at);
     let pose = builder.pose(&line.numbers::<7>()?, &at)?;
@@ -121,7 +121,7 @@ fn read_offset(
     }
 }
 
-fn read_fix(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError> {
+fn read_fix(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
     builder.fix(line.id()?, &line.at);
     for word in line.words {
         builder.fix(line.at.taxel(word)?, &line.at);
@@ -133,7 +133,7 @@ fn read_fix(mut line: Line<'_>, builder: &mut Builder<'_>) -> Result<(), IoError
 struct Line<'w> {
     tag: &'w str,
     words: SplitAsciiWhitespace<'w>,
-    at: Place<'w>,
+    at: LineLocation<'w>,
 }
 
 impl Line<'_> {
@@ -148,7 +148,7 @@ impl Line<'_> {
         self.at.taxel(word)
     }
 
-    /// The remaining words, which are so many finite numbers.
+    /// The remaining words, which are this many finite numbers.
     fn numbers<const N: usize>(&mut self) -> Result<[f64; N], IoError> {
         let mut numbers = [0.0; N];
         let mut count = 0;
@@ -172,7 +172,7 @@ impl Line<'_> {
     }
 
     /// A pose and its information.
-    fn pose(&mut self, builder: &mut Builder<'_>) -> Result<(Pose, Information<6>), IoError> {
+    fn pose(&mut self, builder: &mut ObservationsBuilder<'_>) -> Result<(Pose, Information<6>), IoError> {
         let numbers: [f64; 28] = self.numbers()?;
         Ok((builder.pose(&numbers[..7], &self.at)?, self.information(&numbers[7..])?))
     }

@@ -5,7 +5,6 @@ use std::{
     path::Path,
 };
 
-use csv::{StringRecord, Writer};
 use glam::{DQuat, DVec3};
 
 use crate::{
@@ -13,8 +12,8 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::{replace::replace_file, source::Source},
-        table::columns::{Columns, Row, table_error, table_write_error},
+        file::source::Source,
+        table::csv_table::{Table, decimals, write_table},
     },
     skin::TaxelId,
 };
@@ -30,21 +29,19 @@ pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), I
     const HEADER: [&str; 15] =
         ["id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"];
     let sigmas = calibration.marginals.as_ref().map(|m| (m.position_rms(), &m.positions));
-    write_table(path, &HEADER, |row, k| {
-        let v = VertexId::new(k);
-        let pose = calibration.poses.get(v)?;
-        row.push(calibration.ids[v].to_string());
+    let mut rows = calibration.poses.enumerate().map(|(v, pose)| {
         let numbers = pose.position.to_array().into_iter().chain(pose.rotation.to_array());
-        row.extend(numbers.map(|x| x.to_string()));
+        let mut row: Vec<String> =
+            [calibration.ids[v].to_string()].into_iter().chain(decimals(numbers)).collect();
         match &sigmas {
             Some((sigmas, covariances)) => {
-                row.push(sigmas[v].to_string());
-                row.extend(covariances[v].map(|x| x.to_string()));
+                row.extend(decimals([sigmas[v]].into_iter().chain(covariances[v])))
             }
             None => row.resize(HEADER.len(), String::new()),
         }
-        Some(())
-    })
+        Ok(row)
+    });
+    write_table(path, &HEADER, &mut rows)
 }
 
 /// Writes where taxels truly are: `id,x,y,z,nx,ny,nz,qx,qy,qz,qw`.
@@ -57,14 +54,12 @@ pub fn write_truth(
     truth: &IdVec<VertexId, Pose>,
 ) -> Result<(), IoError> {
     const HEADER: [&str; 11] = ["id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw"];
-    write_table(path, &HEADER, |row, k| {
-        let (id, pose) = (ids.get(VertexId::new(k))?, truth.get(VertexId::new(k))?);
-        row.push(id.to_string());
+    let mut rows = ids.iter().zip(truth).map(|(id, pose)| {
         let normal = (pose.rotation * DVec3::Z).to_array();
         let numbers = pose.position.to_array().into_iter().chain(normal).chain(pose.rotation.to_array());
-        row.extend(numbers.map(|x| x.to_string()));
-        Some(())
-    })
+        Ok([id.to_string()].into_iter().chain(decimals(numbers)).collect())
+    });
+    write_table(path, &HEADER, &mut rows)
 }
 
 /// Writes triangles between taxels by their ids: `i,j,k`, counter-clockwise seen from outside.
@@ -76,11 +71,9 @@ pub fn write_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     triangles: &[[VertexId; 3]],
 ) -> Result<(), IoError> {
-    write_table(path, &["i", "j", "k"], |row, k| {
-        let corners = triangles.get(k)?;
-        row.extend(corners.iter().filter_map(|&v| ids.get(v)).map(ToString::to_string));
-        Some(())
-    })
+    let id = |&v: &VertexId| ids.get(v).map(ToString::to_string);
+    let mut rows = triangles.iter().map(|corners| Ok(corners.iter().filter_map(id).collect()));
+    write_table(path, &["i", "j", "k"], &mut rows)
 }
 
 /// Writes how well every observation fits: `i,j,sigmas,weight,inlier`, edges first, then contacts with an empty `j`.
@@ -104,34 +97,10 @@ pub fn write_inliers(
         let (square, weight) = (fits.contact_squares[c], fits.contacts[c]);
         (id(contact.taxel), String::new(), square, weight, fits.contact_kept[c])
     });
-    let mut rows = edges.chain(contacts);
-    write_table(path, &["i", "j", "sigmas", "weight", "inlier"], |row, _| {
-        let (i, j, square, weight, kept) = rows.next()?;
-        row.extend([i, j, square.sqrt().to_string(), weight.to_string(), u8::from(kept).to_string()]);
-        Some(())
-    })
-}
-
-/// Writes rows until `fill`, which is told how many there are before, has none left.
-fn write_table(
-    path: &Path,
-    header: &[&str],
-    mut fill: impl FnMut(&mut Vec<String>, usize) -> Option<()>,
-) -> Result<(), IoError> {
-    let fail = |e| table_write_error(path, e);
-    replace_file(path, |out| {
-        let mut table = Writer::from_writer(out);
-        table.write_record(header).map_err(fail)?;
-        let mut row = Vec::with_capacity(header.len());
-        for k in 0.. {
-            row.clear();
-            if fill(&mut row, k).is_none() {
-                break;
-            }
-            table.write_record(&row).map_err(fail)?;
-        }
-        table.flush().map_err(|source| IoError::Write { path: path.to_owned(), source })
-    })
+    let mut rows = edges.chain(contacts).map(|(i, j, square, weight, kept)| {
+        Ok(vec![i, j, square.sqrt().to_string(), weight.to_string(), u8::from(kept).to_string()])
+    });
+    write_table(path, &["i", "j", "sigmas", "weight", "inlier"], &mut rows)
 }
 
 /// Reads triangles `i,j,k` between taxels that are named by their ids.
@@ -141,11 +110,12 @@ fn write_table(
 pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec<[VertexId; 3]>, IoError> {
     let known: HashMap<TaxelId, VertexId> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
     let mut triangles = Vec::new();
-    let table = Table::open(path)?;
-    let places = table.columns.need_vector(path, ["i", "j", "k"])?;
-    table.each_row(|row| {
+    let source = Source::open(path)?;
+    let table = Table::open(path, source.bytes())?;
+    let columns = table.columns.need_vector(["i", "j", "k"])?;
+    table.each_row(&mut |row| {
         let mut corners = [VertexId::default(); 3];
-        for (corner, column) in corners.iter_mut().zip(places) {
+        for (corner, column) in corners.iter_mut().zip(columns) {
             let vertex = row.text(column).parse().ok().and_then(|id| known.get(&TaxelId(id)));
             *corner = *vertex.ok_or_else(|| row.invalid(column, "the id of a taxel that was observed"))?;
         }
@@ -163,57 +133,20 @@ pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec
 pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
     let mut truth = Vec::new();
     let mut seen = HashSet::new();
-    let table = Table::open(path)?;
-    let id_column = table.columns.need(path, "id")?;
-    let position_columns = table.columns.need_vector(path, ["x", "y", "z"])?;
-    let rotation_columns = table.columns.find_vector(path, ["qx", "qy", "qz", "qw"])?;
-    table.each_row(|row| {
-        let parsed = row.text(id_column).parse().map(TaxelId);
-        let id = parsed.map_err(|_| row.invalid(id_column, "the number of a taxel"))?;
+    let source = Source::open(path)?;
+    let table = Table::open(path, source.bytes())?;
+    let id_column = table.columns.need("id")?;
+    let position_columns = table.columns.need_vector(["x", "y", "z"])?;
+    let rotation_columns = table.columns.find_vector(["qx", "qy", "qz", "qw"])?;
+    table.each_row(&mut |row| {
+        let id = row.taxel(id_column)?;
         if !seen.insert(id) {
             return Err(row.invalid(id_column, "every taxel once"));
         }
         let position = row.vector(position_columns)?;
-        let rotation = rotation_columns.map_or(Ok(DQuat::IDENTITY), |columns| rotation(row, columns))?;
+        let rotation = rotation_columns.map_or(Ok(DQuat::IDENTITY), |columns| row.rotation(columns))?;
         truth.push((id, Pose { position, rotation }));
         Ok(())
     })?;
     Ok(truth)
-}
-
-/// A unit quaternion, as exact as the digits of a table are.
-fn rotation(row: Row<'_>, columns: [usize; 4]) -> Result<DQuat, IoError> {
-    let [x, y, z, w] = columns.map(|column| row.number(column));
-    let q = DQuat::from_xyzw(x?, y?, z?, w?);
-    let off = (q.length() - 1.0).abs();
-    if off.is_nan() || off > 1e-3 {
-        return Err(row.invalid(columns[3], "a unit quaternion"));
-    }
-    Ok(q.normalize())
-}
-
-/// A table with its columns found, so that a wrong header is told of even where no row follows.
-struct Table<'a> {
-    path: &'a Path,
-    source: Source,
-    columns: Columns,
-}
-
-impl<'a> Table<'a> {
-    fn open(path: &'a Path) -> Result<Self, IoError> {
-        let source = Source::open(path)?;
-        let mut reader = csv::Reader::from_reader(source.bytes());
-        let columns = Columns::new(path, reader.headers().map_err(|e| table_error(path, e))?)?;
-        Ok(Self { path, source, columns })
-    }
-
-    fn each_row(&self, mut visit: impl FnMut(Row<'_>) -> Result<(), IoError>) -> Result<(), IoError> {
-        let Self { path, source, columns } = self;
-        let mut reader = csv::Reader::from_reader(source.bytes());
-        let mut cells = StringRecord::new();
-        while reader.read_record(&mut cells).map_err(|e| table_error(path, e))? {
-            visit(Row { path, columns, cells: &cells })?;
-        }
-        Ok(())
-    }
 }

@@ -1,22 +1,16 @@
-use std::{
-    io::{self, Read},
-    path::{Path, PathBuf},
-};
+//! Tables of contacts, read one by one.
 
-use csv::StringRecord;
+use std::{io::Read, path::Path};
+
 use glam::DVec3;
 
 use crate::io::{
     IoError,
-    table::columns::{Columns, Row, table_error},
+    table::csv_table::{Bounded, Columns, Table},
 };
 
 /// Columns of a table of contacts.
 const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "time"];
-
-/// Longest line of a stream, in bytes. A stream has no length to be checked; without a bound, one that never ends its
-/// line, or never closes a quote, would fill the memory.
-const MAX_LINE: usize = 1 << 20;
 
 /// One contact of a table.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,17 +36,13 @@ pub struct ContactRow {
 /// the stream fails.
 #[derive(Debug)]
 pub struct ContactReader<R> {
-    table: csv::Reader<Bounded<R>>,
-    path: PathBuf,
-    columns: Columns,
-    places: Places,
-    cells: StringRecord,
-    ended: bool,
+    table: Table<Bounded<R>>,
+    indices: ColumnIndices,
 }
 
 /// Where the columns are.
 #[derive(Debug)]
-struct Places {
+struct ColumnIndices {
     position: [usize; 3],
     normal: Option<[usize; 3]>,
     force: Option<usize>,
@@ -61,53 +51,55 @@ struct Places {
     time: Option<usize>,
 }
 
+impl ColumnIndices {
+    fn new(columns: &Columns) -> Result<Self, IoError> {
+        Ok(Self {
+            position: columns.need_vector(["x", "y", "z"])?,
+            normal: columns.find_vector(["nx", "ny", "nz"])?,
+            force: columns.find("force"),
+            radius: columns.find("radius"),
+            link: columns.find("link"),
+            time: columns.find("time"),
+        })
+    }
+}
+
 impl<R: Read> ContactReader<R> {
     /// Reads the names of the columns; errors call the table `path`.
     ///
     /// # Errors
     /// If a name comes twice, `x`, `y` or `z` is missing, or only a part of `nx,ny,nz` is there.
     pub fn new(path: &Path, input: R) -> Result<Self, IoError> {
-        let input = Bounded { input, left: MAX_LINE };
-        let mut table = csv::Reader::from_reader(input);
-        let header = table.headers().map_err(|e| table_error(path, e))?;
-        let columns = Columns::new(path, header)?;
-        let places = Places {
-            position: columns.need_vector(path, ["x", "y", "z"])?,
-            normal: columns.find_vector(path, ["nx", "ny", "nz"])?,
-            force: columns.find("force"),
-            radius: columns.find("radius"),
-            link: columns.find("link"),
-            time: columns.find("time"),
-        };
-        Ok(Self { table, path: path.into(), columns, places, cells: StringRecord::new(), ended: false })
+        let table = Table::open(path, Bounded::new(input))?;
+        let indices = ColumnIndices::new(&table.columns)?;
+        Ok(Self { table, indices })
     }
 
     /// Names of columns that are not read.
     pub fn unknown_columns(&self) -> impl Iterator<Item = &str> {
-        self.columns.unknown(&COLUMNS).map(|(_, name)| name)
+        self.table.columns.unknown(&COLUMNS).map(|(_, name)| name)
     }
 
     /// Line of the table that the last row came from, counted from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
-        self.cells.position().map_or(1, csv::Position::line)
+        self.table.row().line
     }
 
     fn read_row(&self) -> Result<ContactRow, IoError> {
-        let row = Row { path: &self.path, columns: &self.columns, cells: &self.cells };
+        let (row, indices) = (self.table.row(), &self.indices);
         let number = |column: Option<usize>| column.map_or(Ok(None), |c| row.number_if_any(c));
-        let places = &self.places;
-        let radius = number(places.radius)?;
-        if let (Some(column), true) = (places.radius, radius.is_some_and(|r| r < 0.0)) {
+        let radius = number(indices.radius)?;
+        if let (Some(column), true) = (indices.radius, radius.is_some_and(|r| r < 0.0)) {
             return Err(row.invalid(column, "a radius of at least 0 m"));
         }
         Ok(ContactRow {
-            position: row.vector(places.position)?,
-            normal: places.normal.map_or(Ok(None), |c| row.vector_if_any(c))?,
-            force: number(places.force)?,
+            position: row.vector(indices.position)?,
+            normal: indices.normal.map_or(Ok(None), |c| row.vector_if_any(c))?,
+            force: number(indices.force)?,
             radius,
-            link: places.link.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned),
-            time: number(places.time)?,
+            link: indices.link.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned),
+            time: number(indices.time)?,
         })
     }
 }
@@ -116,41 +108,11 @@ impl<R: Read> Iterator for ContactReader<R> {
     type Item = Result<ContactRow, IoError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.ended {
-            return None;
-        }
-        self.table.get_mut().left = MAX_LINE;
-        match self.table.read_record(&mut self.cells) {
+        match self.table.advance() {
             Ok(true) => Some(self.read_row()),
-            Ok(false) => {
-                self.ended = true;
-                None
-            }
-            Err(error) => {
-                self.ended = error.is_io_error();
-                Some(Err(table_error(&self.path, error)))
-            }
+            Ok(false) => None,
+            Err(error) => Some(Err(error)),
         }
-    }
-}
-
-/// A stream of which `left` bytes may still be read before the next line is done.
-#[derive(Debug)]
-struct Bounded<R> {
-    input: R,
-    left: usize,
-}
-
-impl<R: Read> Read for Bounded<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.left == 0 {
-            let found = format!("more than {MAX_LINE} bytes");
-            return Err(io::Error::new(io::ErrorKind::InvalidData, found));
-        }
-        let wanted = buffer.len().min(self.left);
-        let count = self.input.read(&mut buffer[..wanted])?;
-        self.left -= count;
-        Ok(count)
     }
 }
 
@@ -190,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_columns_are_told() {
+    fn unknown_columns_are_listed() {
         let reader = ContactReader::new(Path::new("-"), &b"x,y,z,colour\n"[..]).unwrap();
         assert_eq!(reader.unknown_columns().collect::<Vec<_>>(), ["colour"]);
     }
@@ -234,7 +196,7 @@ mod tests {
     fn an_endless_line_is_refused() {
         for start in ["", "\""] {
             let endless = format!("x,y,z\n{start}").into_bytes();
-            let input = endless.as_slice().chain(io::repeat(b'1'));
+            let input = endless.as_slice().chain(std::io::repeat(b'1'));
             let mut rows = ContactReader::new(Path::new("-"), input).unwrap();
             let found = message(rows.next().unwrap());
             assert!(found.contains("more than 1048576 bytes"), "{found}");

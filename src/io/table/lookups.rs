@@ -1,3 +1,5 @@
+//! Tables of lookups, written one by one.
+
 use std::{
     io::Write,
     path::{Path, PathBuf},
@@ -7,7 +9,7 @@ use glam::DVec2;
 
 use crate::{
     id::{FaceId, VertexId},
-    io::{IoError, table::columns::table_write_error},
+    io::{IoError, table::csv_table::table_write_error},
     pyramid::LevelId,
     skin::TaxelId,
 };

@@ -1,7 +1,7 @@
 //! Tables with a line of column names (CSV).
 
 pub(super) mod calibration;
-pub(super) mod columns;
 pub(super) mod contacts;
+pub(super) mod csv_table;
 pub(super) mod lookups;
 pub(super) mod poses;

@@ -1,16 +1,8 @@
-use std::path::Path;
+use std::{collections::HashSet, path::Path};
 
-use csv::{ReaderBuilder, StringRecord, Trim};
-use glam::{DAffine3, DQuat};
+use glam::DAffine3;
 
-use crate::io::{
-    IoError,
-    file::source::Source,
-    table::columns::{Columns, Row, table_error},
-};
-
-/// How far a quaternion may be from unit length: three decimals are enough for a user to mean a rotation.
-const UNIT_TOLERANCE: f64 = 1e-3;
+use crate::io::{IoError, file::source::Source, table::csv_table::Table};
 
 /// The pose of one link in the world.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,30 +22,22 @@ pub struct LinkPose {
 /// length, or a link comes twice.
 pub fn read_poses(path: &Path) -> Result<Vec<LinkPose>, IoError> {
     let source = Source::open(path)?;
-    let mut table = ReaderBuilder::new().trim(Trim::All).from_reader(source.text()?.as_bytes());
-    let columns = Columns::new(path, table.headers().map_err(|e| table_error(path, e))?)?;
-    let link = columns.need(path, "link")?;
-    let place = columns.need_vector(path, ["x", "y", "z"])?;
-    let imaginary = columns.need_vector(path, ["qx", "qy", "qz"])?;
-    let real = columns.need(path, "qw")?;
+    let table = Table::open(path, source.text()?.as_bytes())?;
+    let link = table.columns.need("link")?;
+    let position = table.columns.need_vector(["x", "y", "z"])?;
+    let rotation = table.columns.need_vector(["qx", "qy", "qz", "qw"])?;
     let mut poses: Vec<LinkPose> = Vec::new();
-    let mut seen = std::collections::HashSet::new();
-    let mut cells = StringRecord::new();
-    while table.read_record(&mut cells).map_err(|e| table_error(path, e))? {
-        let row = Row { path, columns: &columns, cells: &cells };
-        let rotation = DQuat::from_vec4(row.vector(imaginary)?.extend(row.number(real)?));
-        if (rotation.length() - 1.0).abs() > UNIT_TOLERANCE {
-            return Err(
-                row.invalid(real, format!("a quaternion of length 1 instead of {}", rotation.length()))
-            );
-        }
+    let mut seen = HashSet::new();
+    table.each_row(&mut |row| {
+        let rotation = row.rotation(rotation)?;
         let name = row.text(link).to_owned();
         if !seen.insert(name.clone()) {
             return Err(row.invalid(link, "each link once"));
         }
-        let pose = DAffine3::from_rotation_translation(rotation.normalize(), row.vector(place)?);
-        poses.push(LinkPose { link: name, pose, line: cells.position().map_or(1, csv::Position::line) });
-    }
+        let pose = DAffine3::from_rotation_translation(rotation, row.vector(position)?);
+        poses.push(LinkPose { link: name, pose, line: row.line });
+        Ok(())
+    })?;
     Ok(poses)
 }
 

@@ -1,0 +1,95 @@
+//! Skins in all formats: which extension is read and written by which file.
+
+use std::path::Path;
+
+use crate::{
+    io::{
+        IoError,
+        file::source::{Source, kind, unfit},
+        gltf,
+        mesh::{icub, obj, ply, robotskin, skin_csv, stl},
+    },
+    skin::{Draft, Skin},
+};
+
+/// Extensions that [`read_draft`] knows.
+const READABLE: &str = "glb, gltf, json, obj, ply, stl, csv, txt";
+
+/// Reads a skin or a mesh as it was written, by the extension of its file:
+///
+/// | extension | what | keeps |
+/// |---|---|---|
+/// | `glb`, `gltf` | glTF 2.0: every mesh of the default scene is a sheet | all, rounded to 32 bits |
+/// | `json` | robotskinlib, version 2 | ids, normals, link frame |
+/// | `obj` | Wavefront OBJ: every `o` or `g` is a sheet | normals |
+/// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
+/// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
+/// | `csv` | tables of taxels (`skin.csv`) and triangles (`skin.triangles.csv`), or of taxels alone | all but the frames of links |
+/// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
+///
+/// Every number of the draft is finite and every corner exists; nothing else has been judged.
+///
+/// ```
+/// use dermatome::io::read_draft;
+///
+/// let path = std::env::temp_dir().join("dermatome-read-draft.obj");
+/// std::fs::write(&path, "o palm\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+/// let draft = read_draft(&path)?;
+/// assert_eq!(draft.sheets[0].name, "palm");
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If the file cannot be read, is longer than 4 GiB or of an unknown kind, or breaks a rule of its format.
+pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
+    let read = match kind(path).as_str() {
+        "glb" | "gltf" => return gltf::read_gltf(path),
+        "json" => robotskin::read,
+        "obj" => obj::read,
+        "ply" => ply::read,
+        "stl" => stl::read,
+        "csv" => skin_csv::read,
+        "txt" => icub::read,
+        _ => return Err(IoError::UnknownKind { path: path.into(), known: READABLE }),
+    };
+    read(&Source::open(path)?)
+}
+
+/// Extensions that [`write_skin`] knows.
+const WRITABLE: &str = "glb, gltf, json, obj, ply, stl, csv";
+
+/// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what each keeps.
+///
+/// OBJ, PLY, STL and CSV know no frames: positions are written in the world, and reading them gives one frame at the
+/// origin. JSON has one frame, which it keeps if all patches share a link. Decimals are the shortest that read back as the
+/// same `f64`; glTF rounds to `f32`.
+///
+/// ```
+/// use dermatome::{io::{read_draft, write_skin}, mesh::shapes, skin::Skin};
+///
+/// let skin = Skin::from_mesh("palm", shapes::cap(100, 0.1, 0.5));
+/// let path = std::env::temp_dir().join("dermatome-write-skin.ply");
+/// write_skin(&path, &skin)?;
+/// assert_eq!(read_draft(&path)?.sheets[0].positions.len(), 100);
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If the skin breaks a promise of its type, a number in it does not fit the format, or the file cannot be written; an
+/// older file stays as it was.
+pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    let write = match kind(path).as_str() {
+        "glb" => gltf::write_skin_glb,
+        "gltf" => gltf::write_skin_gltf,
+        "json" => robotskin::write,
+        "obj" => obj::write,
+        "ply" => ply::write,
+        "stl" => stl::write,
+        "csv" => skin_csv::write,
+        _ => return Err(IoError::UnknownKind { path: path.into(), known: WRITABLE }),
+    };
+    skin.validate().map_err(|e| unfit(path, "skin to write", e.to_string(), "a valid one"))?;
+    write(path, skin)
+}

@@ -1,0 +1,56 @@
+//! What reading observations returns.
+
+use std::fmt;
+
+use crate::calib::Observations;
+
+/// Observations of a file, and what had to be changed to read them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadObservations {
+    /// The observations.
+    pub observations: Observations,
+    /// What was changed, left out or assumed.
+    pub remarks: Vec<ObservationRemark>,
+}
+
+/// Something about a file of observations that a user should know; `Display` is a sentence.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum ObservationRemark {
+    /// Lines of a kind that is not known here.
+    UnknownTag {
+        /// First word of the lines.
+        tag: String,
+        /// How many there are.
+        lines: usize,
+    },
+    /// Quaternions that were not of unit length.
+    Normalised {
+        /// How many.
+        quaternions: usize,
+        /// The length farthest from 1.
+        worst: f64,
+    },
+    /// A table gives no uncertainty.
+    AssumedSigma {
+        /// The standard deviation assumed instead, in m.
+        sigma: f64,
+    },
+}
+
+impl fmt::Display for ObservationRemark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownTag { tag, lines } => {
+                let (s, were) = if *lines == 1 { ("", "was") } else { ("s", "were") };
+                write!(f, "{lines} line{s} of the unknown kind {tag} {were} left out")
+            }
+            Self::Normalised { quaternions, worst } => {
+                write!(f, "{quaternions} quaternions were normalised, the worst had length {worst}")
+            }
+            Self::AssumedSigma { sigma } => {
+                write!(f, "the table gives no uncertainty; {} mm per axis was assumed", sigma * 1e3)
+            }
+        }
+    }
+}
