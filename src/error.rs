@@ -1,37 +1,37 @@
-//! The sum of the rooms' errors.
+//! [`Error`]: the sum of the modules' errors.
 
 /// Any error of the library.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A mesh that is no oriented manifold.
+    /// A mesh that is not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] crate::mesh::MeshError),
-    /// A draft that is no skin.
+    /// A draft that is not a valid skin.
     #[error(transparent)]
     Skin(#[from] crate::skin::SkinError),
-    /// Observations that give no skin.
+    /// Observations that do not determine a skin.
     #[error(transparent)]
     Calib(#[from] crate::calib::CalibError),
-    /// A patch without a pyramid.
+    /// A patch that cannot be coarsened.
     #[error(transparent)]
     Pyramid(#[from] crate::pyramid::PyramidError),
-    /// A mesh without a map.
+    /// A mesh that cannot be flattened.
     #[error(transparent)]
     Flatten(#[from] crate::flatten::FlattenError),
-    /// Data that is no map.
+    /// Data that is not a valid map.
     #[error(transparent)]
     Map(#[from] crate::map::MapError),
-    /// A map that cannot be searched, or a contact without an answer.
+    /// A map that cannot be searched, or a query that cannot be answered.
     #[error(transparent)]
     Contact(#[from] crate::contact::ContactError),
-    /// A level without an image.
+    /// A level that cannot be rasterised.
     #[error(transparent)]
     Atlas(#[from] crate::atlas::AtlasError),
     /// A file that cannot be read or written.
     #[error(transparent)]
     Io(#[from] crate::io::IoError),
-    /// A map without a picture.
+    /// A map that cannot be drawn.
     #[error(transparent)]
     Plot(#[from] crate::plot::PlotError),
     /// Any of them, in one patch of a skin.

@@ -54,7 +54,7 @@ const DOORS: &[(&str, &[&str])] = &[
 const CIRCLES: &[&str] = &["bin", "calib", "io/observations", "mesh", "pyramid"];
 
 /// Modules with files that do not say yet what they are for.
-const WITHOUT_DOCS: &[&str] = &["atlas", "bin", "calib", "io", "map", "mesh", "pyramid", "skin"];
+const WITHOUT_DOCS: &[&str] = &["atlas", "calib", "io", "map", "mesh", "pyramid", "skin"];
 
 /// A source file.
 struct Source {

@@ -34,7 +34,7 @@ use crate::{
 pub(crate) struct Args {
     /// The skin: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
     skin: PathBuf,
-    /// Folder for map.glb, map.exr and report.json; made if it does not exist
+    /// Folder for map.glb, map.exr and report.json; created if it does not exist
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// Side of a pixel of the images, in mm on the map
     #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = length_mm, help_heading = "Images")]
     pixel_mm: f64,
-    /// Print report.json
+    /// Print report.json on standard output
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -96,10 +96,10 @@ impl Args {
     }
 }
 
-/// The file of measures beside [`FILES`].
+/// The file of measures, next to [`FILES`].
 const REPORT: &str = "report.json";
 
-/// Makes the folder, and refuses before any work what would fail after it.
+/// Makes the folder, and refuses before any work an output that could not be written after it.
 fn check_output(folder: &Path) -> Result<(), Error> {
     fs::create_dir_all(folder)
         .map_err(|source| Error::from(IoError::Write { path: folder.to_owned(), source }))?;
@@ -108,7 +108,7 @@ fn check_output(folder: &Path) -> Result<(), Error> {
         return Err(cannot_write(&path, ErrorKind::IsADirectory));
     }
     clean_when_stopped(folder);
-    // A file without a name: nothing of it can be left behind.
+    // A file without a name leaves nothing behind.
     tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, e.kind()))?;
     Ok(())
 }

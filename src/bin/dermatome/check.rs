@@ -1,3 +1,5 @@
+//! `check`: the problems of a skin.
+
 use std::{fmt::Write, path::PathBuf, process::ExitCode};
 
 use dermatome::{

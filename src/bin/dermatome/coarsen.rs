@@ -25,7 +25,7 @@ use crate::{
 pub(crate) struct Args {
     /// The skin: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
     skin: PathBuf,
-    /// Where to write the levels, as in a map file but without maps: .glb
+    /// File for the levels, as in a map file but without maps: .glb
     #[arg(short, long, value_name = "OUT.glb")]
     output: PathBuf,
     #[command(flatten)]

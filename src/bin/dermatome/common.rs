@@ -5,13 +5,13 @@ use clap::ValueEnum;
 /// Options that every subcommand takes.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Common {
-    /// Worker threads; 0: one per processor. The result does not depend on it.
+    /// Number of worker threads; 0: one per processor. The result does not depend on it.
     #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = threads)]
     pub(crate) threads: usize,
-    /// Seed of whatever is drawn at random.
+    /// Seed of the random numbers.
     #[arg(long, global = true, default_value_t = 0, value_name = "S")]
     pub(crate) seed: u64,
-    /// No progress and no remarks, only errors.
+    /// Print errors only: no progress and no notes.
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
     /// When to use colours.

@@ -6,7 +6,7 @@ use dermatome::{Error, io::write_skin};
 
 use crate::{common::Common, input::read_skin, notes::remark_lost, options::BareArgs, outputs};
 
-/// Arguments of `convert`; the extensions name the kinds.
+/// Arguments of `convert`; the extensions determine the formats.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The skin or mesh to read: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt

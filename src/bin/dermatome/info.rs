@@ -1,3 +1,5 @@
+//! `info`: the patches of a skin, their size and shape.
+
 use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::{
@@ -14,7 +16,7 @@ use crate::{
     print::{plain, print_json, print_table},
 };
 
-/// Say what is in a skin: its patches, their size and shape.
+/// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
@@ -26,7 +28,7 @@ pub(crate) struct Args {
     bare: BareArgs,
 }
 
-/// What is said about one patch, in the order in which it is printed.
+/// Columns of the table, one row per patch.
 const COLUMNS: [&str; 8] =
     ["name", "link", "vertices", "faces", "boundary_loops", "euler", "area_m2", "spacing_mm"];
 

@@ -29,20 +29,21 @@ const CHUNK: usize = 1 << 16;
 /// Arguments of `lookup`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The map, as `dermatome build` writes it
+    /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
     map: PathBuf,
-    /// The contacts: a table with columns x,y,z in m, and link if they are in a link's frame; `-`: standard input
+    /// The contacts: a table with columns x,y,z in m, and link if they are in the frame of a link;
+    /// `-`: standard input
     #[arg(value_name = "CONTACTS.csv")]
     contacts: PathBuf,
-    /// Where to write; `-`: standard output
+    /// File for the answers; `-`: standard output
     #[arg(short, long, default_value = "-", value_name = "OUT.csv")]
     output: PathBuf,
-    /// Answer on this level only; may be given more than once. Without: on all
+    /// Answer on this level only; may be given more than once [default: all levels]
     #[arg(long = "level", value_name = "K")]
     levels: Vec<usize>,
-    /// Poses of links in the world: a table with columns link,x,y,z,qx,qy,qz,qw; links not named keep their place
-    /// on the link they hang from
+    /// Poses of links in the world: a table with columns link,x,y,z,qx,qy,qz,qw; other links keep
+    /// their pose relative to their parent
     #[arg(long, value_name = "P.csv")]
     pose: Option<PathBuf>,
 }
@@ -95,7 +96,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses an output that is no table, or one of the inputs.
+/// Refuses an output that is not a table, or that is one of the inputs.
 fn check_output(args: &Args) -> anyhow::Result<()> {
     if is_stream(&args.output) {
         return Ok(());
@@ -131,7 +132,7 @@ const UNUSED: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
 /// What is asked of a map.
 struct Lookup<'a> {
     index: &'a ContactIndex,
-    /// What errors call the table of contacts.
+    /// Name of the table of contacts in errors.
     path: &'a Path,
     levels: Vec<LevelId>,
     /// Which of [`UNUSED`] some contact has.

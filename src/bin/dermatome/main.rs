@@ -22,7 +22,7 @@ mod shell;
 mod simulate;
 #[cfg(unix)]
 mod signals;
-/// Elsewhere a run that is stopped leaves its temporary files.
+/// On other systems a stopped run leaves its temporary files.
 #[cfg(not(unix))]
 mod signals {
     pub(crate) fn clean_when_stopped(_: &std::path::Path) {}
@@ -36,9 +36,10 @@ use crate::common::Common;
 
 /// Somatosensory maps of robot skin.
 ///
-/// The kind of a file follows from its extension. `-` is standard input for the observations of `calibrate` and the
-/// contacts of `lookup`, and standard output for `lookup`, `plot` and `simulate`. Exit code 0: done; 1: `check` found
-/// something; 2: bad usage or bad input; 128 and the number of a signal, 130 after ^C: stopped.
+/// The extension of a file determines its format. `-` is standard input for the observations of
+/// `calibrate` and the contacts of `lookup`, and standard output for `lookup`, `plot` and
+/// `simulate`. Exit codes: 0 success; 1 `check` found problems; 2 bad usage or bad input; 128 plus
+/// the number of the signal that stopped the run, 130 after ^C.
 #[derive(Debug, Parser)]
 #[command(name = "dermatome", version, max_term_width = 100)]
 pub(crate) struct Cli {
@@ -50,25 +51,25 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Skin in; map.glb, map.exr and report.json out.
+    /// Build the maps of a skin: writes map.glb, map.exr and report.json.
     Build(build::Args),
-    /// Observations in, calibrated skin with covariances out.
+    /// Calibrate taxel poses from observations: writes a skin with covariances.
     Calibrate(calibrate::Args),
-    /// What is wrong with a skin: exit code 1 if anything is.
+    /// List the problems of a skin: exit code 1 if there are any.
     Check(check::Args),
-    /// The pyramid of receptive fields alone.
+    /// Build the pyramid of receptive fields, without maps.
     Coarsen(coarsen::Args),
-    /// Any skin or mesh to any other kind of file.
+    /// Convert a skin or mesh to another file format.
     Convert(convert::Args),
-    /// One mesh to the plane, at full precision.
+    /// Map one mesh to the plane, at full precision.
     Flatten(flatten::Args),
-    /// What a file holds.
+    /// List the patches of a skin, their size and shape.
     Info(info::Args),
-    /// The map cells under contacts, on every level.
+    /// Find the map cells under contacts, on every level.
     Lookup(lookup::Args),
-    /// A picture of maps and their receptive fields.
+    /// Draw maps and their receptive fields.
     Plot(plot::Args),
-    /// Observations of a skin whose truth is known.
+    /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
     /// Print a completion script.
     Completions(shell::CompletionsArgs),

@@ -13,8 +13,8 @@ use crate::errors::advise;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Bare taxels")]
 pub(crate) struct BareArgs {
-    /// Longest edge between bare taxels, over the spacing around them; what is longer is a real gap
-    /// and stays open
+    /// Longest edge between taxels without triangles, divided by the local spacing; longer edges
+    /// are real gaps and stay open
     #[arg(long, value_name = "K", default_value_t = AssembleOptions::default().gap, value_parser = gap)]
     gap: f64,
 }
@@ -29,17 +29,17 @@ impl BareArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Pyramid")]
 pub(crate) struct CoarsenArgs {
-    /// Vertices of a level over those of the next coarser one [default: about 4, whatever keeps
-    /// fields even]
+    /// Number of vertices of a level divided by that of the next coarser one [default: about 4, the
+    /// value that keeps the fields even]
     #[arg(long, value_name = "R", value_parser = ratio)]
     ratio: Option<f64>,
-    /// At most so many levels above level 0 [default: as many as --coarsest allows]
+    /// At most this many levels above level 0 [default: as many as --coarsest allows]
     #[arg(long, value_name = "N")]
     levels: Option<usize>,
-    /// Stop at about so many vertices per patch
+    /// Stop at about this many vertices per patch
     #[arg(long, value_name = "N", default_value_t = CoarsenOptions::default().coarsest)]
     coarsest: usize,
-    /// Close holes of at most so many edges before anything else; the outer boundary stays
+    /// Fill holes of at most this many edges first; the outer boundary stays
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = hole)]
     pub fill_holes: usize,
 }
@@ -54,7 +54,7 @@ impl CoarsenArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Map")]
 pub(crate) struct FlattenArgs {
-    /// How the map is computed
+    /// Method that computes the map
     #[arg(long, value_enum, default_value_t = MethodArg::Intrinsic)]
     method: MethodArg,
     /// What the intrinsic method minimises [default: sum]
@@ -69,8 +69,7 @@ pub(crate) struct FlattenArgs {
     /// Weight of the perimeter term [default: 0]
     #[arg(long, value_name = "W", value_parser = weight)]
     perimeter: Option<f64>,
-    /// How much larger dense skin is drawn: 0 as large as it is, 1 equal map area per taxel
-    /// [default: 0]
+    /// Magnification of dense skin: 0 true to the area, 1 equal map area per taxel [default: 0]
     #[arg(long, value_name = "GAMMA", value_parser = finite, allow_negative_numbers = true)]
     magnify: Option<f64>,
     /// Keep the boundary of the map from crossing itself
@@ -98,7 +97,7 @@ enum EnergyArg {
 
 impl FlattenArgs {
     /// # Errors
-    /// An option that would change nothing: whoever gives it expects that it does.
+    /// If an option is given that has no effect with the others.
     pub(crate) fn options(&self) -> anyhow::Result<FlattenOptions> {
         let (angle, area) = (self.angle.unwrap_or(1.0), self.area.unwrap_or(1.0));
         let magnify = self.magnify.unwrap_or(0.0);
@@ -149,7 +148,7 @@ fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, Str
     }
 }
 
-/// Larger holes are boundaries a user means, and closing one costs the cube of its edges.
+/// Larger holes are intended boundaries, and filling one costs the cube of its number of edges.
 const LARGEST_HOLE: usize = 200;
 
 fn hole(text: &str) -> Result<usize, String> {

@@ -27,29 +27,29 @@ use crate::{
 /// space.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The map, as `dermatome build` writes it; or a skin without a map, which is drawn in space.
+    /// The map, written by `dermatome build`; or a skin without a map, which is drawn in space
     #[arg(value_name = "MAP.glb")]
     map: PathBuf,
-    /// Where to write: `.svg` or `.png`; `-`: SVG on standard output. May be given more than once.
+    /// Output file: .svg or .png; `-`: SVG on standard output; may be given more than once
     #[arg(short, long = "output", required = true, value_name = "OUT")]
     outputs: Vec<PathBuf>,
-    /// Draw this patch only; may be given more than once. Without: all, one below the other.
+    /// Draw this patch only; may be given more than once [default: all, one below the other]
     #[arg(long = "patch", value_name = "NAME")]
     patches: Vec<String>,
-    /// Draw this level; may be given more than once. Without: the finest three.
+    /// Draw this level; may be given more than once [default: the finest three]
     #[arg(long = "level", value_name = "K")]
     levels: Vec<u32>,
-    /// What the colours say
+    /// What the colours show
     #[arg(long, value_enum, default_value_t = Show::Fields)]
     show: Show,
-    /// Draw the skin in space, too, with the colours of the first level drawn.
+    /// Also draw the skin in space, with the colours of the first level drawn
     #[arg(long)]
     space: bool,
-    /// Draw the skin in space as seen from here: angle from x towards y and angle above the xy plane, in degrees.
-    /// Without: from outside, tilted so that its shape shows.
+    /// Draw the skin in space from this viewpoint: angle from x towards y and angle above the xy
+    /// plane, in degrees [default: from outside, tilted so that its shape is visible]
     #[arg(long, value_name = "AZIMUTH,ELEVATION", value_parser = viewpoint, allow_hyphen_values = true)]
     from: Option<Viewpoint>,
-    /// Width of the picture, in pixels.
+    /// Width of the picture, in pixels
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
     width: u32,
     #[command(flatten)]
@@ -58,15 +58,15 @@ pub(crate) struct Args {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Show {
-    /// The receptive field that each taxel belongs to most
+    /// The receptive field with the largest weight at each taxel
     Fields,
-    /// How far from conformal each triangle is: the ratio of its stretches
+    /// Angle distortion of each triangle: the ratio of its stretches
     Angle,
-    /// How much larger each triangle is on the map than on the skin
+    /// Area of each triangle on the map divided by that on the skin
     Area,
-    /// The taxels' ids, from the lowest to the highest
+    /// Ids of the taxels, from lowest to highest
     Taxel,
-    /// How uncertain each taxel's position is, if the skin was calibrated
+    /// Standard deviation of each taxel's position, if the skin was calibrated
     Sigma,
 }
 
@@ -133,7 +133,7 @@ fn viewpoint(text: &str) -> Result<Viewpoint, String> {
     }
 }
 
-/// The extension decides; standard output is a text.
+/// The extension determines the format; standard output is SVG.
 fn kind(path: &Path) -> Result<Kind, IoError> {
     if is_stream(path) {
         return Ok(Kind::Svg);

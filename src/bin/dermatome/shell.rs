@@ -1,4 +1,4 @@
-//! `completions` and `man`: what a shell and a pager want to know.
+//! `completions` and `man`: completion scripts and the manual page.
 
 use std::process::ExitCode;
 
@@ -9,7 +9,7 @@ use crate::print::print;
 /// Arguments of `completions`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompletionsArgs {
-    /// The shell to write for.
+    /// The shell that will run the script
     shell: clap_complete::Shell,
 }
 

@@ -1,4 +1,4 @@
-//! What a run that is stopped by ^C, `kill` or a closed terminal leaves behind: none of its temporary files.
+//! Removes the temporary files of a run that is stopped by ^C, `kill` or a closed terminal.
 
 use std::{
     collections::BTreeSet,
@@ -15,7 +15,7 @@ use signal_hook::{
     iterator::Signals,
 };
 
-/// What shells know a stopped run by: this and the number of the signal.
+/// Exit code of a stopped run, less the number of the signal; as shells have it.
 const STOPPED: i32 = 128;
 
 /// New files may appear while others are removed; more often than this only if something is wrong.
@@ -24,12 +24,12 @@ const MOST_SWEEPS: usize = 10;
 /// Where this run has temporary files, or may have.
 static FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Removes the temporary files that this run has in a folder, should it be stopped.
+/// Registers a folder: if this run is stopped, its temporary files there are removed.
 pub(crate) fn clean_when_stopped(folder: &Path) {
     static HANDLER: Once = Once::new();
     FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned());
     HANDLER.call_once(|| {
-        // Without handler a stopped run ends all the same, and leaves its files: no reason not to run.
+        // Without a handler a stopped run only leaves its files, so go on.
         let Ok(mut signals) = Signals::new(signals()) else { return };
         thread::spawn(move || {
             let Some(signal) = signals.forever().next() else { return };
@@ -41,8 +41,7 @@ pub(crate) fn clean_when_stopped(folder: &Path) {
     });
 }
 
-/// The signals that stop a run, but for those that its caller wants ignored, as `nohup` does, or a shell for what runs in the
-/// background.
+/// Terminating signals, except those that the parent process set to ignored (`nohup`, background jobs).
 fn signals() -> Vec<i32> {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -50,7 +49,7 @@ fn signals() -> Vec<i32> {
     [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0).collect()
 }
 
-/// Removes what this run has left in a folder, and counts it.
+/// Removes the temporary files of this run in a folder; returns how many there were.
 fn sweep(folder: &Path) -> io::Result<usize> {
     let mut removed = 0;
     for entry in fs::read_dir(folder)? {
