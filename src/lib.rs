@@ -21,6 +21,7 @@
 //! threads.
 
 pub mod id;
+mod parallel;
 mod numeric;
 pub mod mesh;
 pub mod skin;

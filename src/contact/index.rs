@@ -1,7 +1,6 @@
 //! [`ContactIndex`]: the trees and maps of all patches, the poses of all links, and the answer to one query.
 
 use glam::{DAffine3, DVec3};
-use rayon::prelude::*;
 
 use crate::{
     contact::{
@@ -13,6 +12,7 @@ use crate::{
     id::{FaceId, IdVec},
     map::{PatchMap, SkinMap},
     mesh::SurfacePoint,
+    parallel::par_map,
     pyramid::LevelId,
     skin::{LinkId, PatchId},
 };
@@ -70,9 +70,8 @@ impl ContactIndex {
             };
             world.push(base * link.pose);
         }
-        let patches = map.patches.as_slice().par_iter();
-        let patches = patches.map(|patch| IndexedPatch::new(patch, map.links.len()));
-        let patches: IdVec<PatchId, _> = patches.collect::<Result<Vec<_>, _>>()?.into();
+        let patches = par_map(map.patches.as_slice(), |patch| IndexedPatch::new(patch, map.links.len()));
+        let patches: IdVec<PatchId, _> = patches.into_iter().collect::<Result<Vec<_>, _>>()?.into();
         if patches.is_empty() {
             return Err(ContactError::NoSkin);
         }

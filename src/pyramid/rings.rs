@@ -1,7 +1,6 @@
-use rayon::prelude::*;
-
 use crate::{
     id::{IdVec, VertexId},
+    parallel::par_collect,
     pyramid::surface::Surface,
 };
 
@@ -22,8 +21,10 @@ impl Rings {
             end += degree;
             starts.push(end);
         }
-        let vertices = (0..surface.degree.len()).into_par_iter().map(VertexId::new);
-        Self { starts, neighbours: vertices.flat_map_iter(|v| surface.ring(v)).collect() }
+        let neighbours = par_collect(surface.degree.len(), |range, neighbours| {
+            range.map(VertexId::new).for_each(|v| neighbours.extend(surface.ring(v)));
+        });
+        Self { starts, neighbours }
     }
 
     /// The neighbours of `v`, as [`Surface::ring`] gives them.
@@ -34,7 +35,9 @@ impl Rings {
 
     /// `of` every vertex and its ring, in parallel.
     pub(super) fn map(&self, of: impl Fn(VertexId, &[VertexId]) -> f64 + Sync) -> IdVec<VertexId, f64> {
-        let vertices = (0..self.starts.len() - 1).into_par_iter().map(VertexId::new);
-        vertices.map(|v| of(v, self.of(v))).collect::<Vec<_>>().into()
+        let values = par_collect(self.starts.len() - 1, |range, values| {
+            values.extend(range.map(VertexId::new).map(|v| of(v, self.of(v))));
+        });
+        values.into()
     }
 }

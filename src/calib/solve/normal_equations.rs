@@ -1,5 +1,4 @@
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 
 use crate::{
     calib::{
@@ -10,6 +9,7 @@ use crate::{
     },
     id::{IdVec, VertexId},
     numeric::{Matrix6, Twist, dot},
+    parallel::par_map,
     sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
@@ -124,7 +124,7 @@ impl<'o> Problem<'o> {
         let Observations { edges, contacts, .. } = self.observations;
         let square = |e: &Displacement| self.square(e, state);
         PerObservation {
-            edges: edges.as_slice().par_iter().map(square).collect::<Vec<_>>().into(),
+            edges: par_map(edges.as_slice(), square).into(),
             contacts: contacts.map(|c| self.touch_square(&c.measurement, &state[c.taxel])),
         }
     }
@@ -178,8 +178,7 @@ impl<'o> Problem<'o> {
         for (chunk, edges) in edges.chunks(EDGES_PER_CHUNK).enumerate() {
             let id = |k: usize| DisplacementId::new(chunk * EDGES_PER_CHUNK + k);
             if self.shape == Shape::Pose {
-                let terms: Vec<Option<EdgeTerm>> =
-                    edges.par_iter().map(|e| self.relative_term(e, state)).collect();
+                let terms: Vec<Option<EdgeTerm>> = par_map(edges, |e| self.relative_term(e, state));
                 for (k, term) in terms.iter().enumerate() {
                     if let Some(term) = term {
                         self.add_relative(&mut sums, id(k), term, weights.edges[id(k)]);

@@ -1,8 +1,8 @@
 use glam::DVec2;
-use rayon::prelude::*;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
+    parallel::par_map,
     pyramid::{
         removal::star::Star,
         surface::{NEXT, PREVIOUS, Side, Surface},
@@ -108,10 +108,9 @@ impl TaxelLocations {
         surface: &Surface,
         origins: &IdVec<VertexId, VertexId>,
     ) -> (IdVec<VertexId, [VertexId; 3]>, IdVec<VertexId, [f64; 3]>) {
-        let places = self.places.as_slice().par_iter();
-        let corners = places.clone().map(|place| surface.faces[place.face].corners);
-        let mut indices = IdVec::from(corners.collect::<Vec<_>>());
-        let mut weights = IdVec::from(places.map(|place| place.weights).collect::<Vec<_>>());
+        let places = self.places.as_slice();
+        let mut indices = IdVec::from(par_map(places, |place| surface.faces[place.face].corners));
+        let mut weights = self.places.map(|place| place.weights);
         for (v, &taxel) in origins.enumerate() {
             let side = surface.leaving[v];
             let corners = surface.faces[side.face()].corners;

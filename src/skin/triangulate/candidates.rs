@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::smallest_first,
+    parallel::par_collect,
     skin::triangulate::{
         delaunay_star::DelaunayStar,
         growing_mesh::Front,
@@ -53,12 +54,12 @@ pub(super) fn weave(around: &Surroundings<'_>) -> IdVec<FaceId, [VertexId; 3]> {
 /// The triangles of all stars, the best first.
 fn candidates(around: &Surroundings<'_>) -> Vec<Candidate> {
     let ids: Vec<VertexId> = around.positions.ids().collect();
-    let mut seen: Vec<[VertexId; 3]> = ids
-        .par_iter()
-        .map_init(DelaunayStar::default, |star, &v| tangent_star(star, v, around))
-        .flatten_iter()
-        .map(smallest_first)
-        .collect();
+    let mut seen: Vec<[VertexId; 3]> = par_collect(ids.len(), |range, seen| {
+        let mut star = DelaunayStar::default();
+        for &v in &ids[range] {
+            seen.extend(tangent_star(&mut star, v, around).into_iter().map(smallest_first));
+        }
+    });
     seen.par_sort_unstable();
     let mut candidates: Vec<Candidate> = seen
         .chunk_by(|a, b| a == b)

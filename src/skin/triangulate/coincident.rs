@@ -1,11 +1,11 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
     numeric::DisjointSets,
+    parallel::par_collect,
     skin::triangulate::{
         kd_tree::{KdTree, Near},
         neighbours::distance_around,
@@ -73,7 +73,10 @@ fn close_pairs(positions: &IdVec<VertexId, DVec3>, resolution: f64, most_beside:
         let close = found.iter().take_while(|near| near.0 < reach * reach);
         close.map(|near| [v, near.1]).collect::<Vec<_>>()
     };
-    ids.par_iter().map_init(Vec::new, close).flatten_iter().collect()
+    par_collect(ids.len(), |range, pairs| {
+        let mut found = Vec::new();
+        ids[range].iter().for_each(|v| pairs.extend(close(&mut found, v)));
+    })
 }
 
 /// The median of the distances, by coordinate, from the middle: the median of each coordinate. 1, the longest side of the box, if

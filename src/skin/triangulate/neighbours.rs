@@ -3,6 +3,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
+    parallel::{par_collect, par_map},
     skin::triangulate::kd_tree::{KdTree, Near},
 };
 
@@ -38,30 +39,29 @@ impl Neighbours {
             let most = gap * 0.5 * (spacing[v] + spacing[w]);
             squared <= most * most
         };
-        let (mut lists, last): (Vec<Vec<VertexId>>, Vec<Near>) = ids
-            .par_iter()
-            .map_init(Vec::new, |found, &v| {
-                let reach = gap * spacing[v];
-                tree.nearest(positions[v], v, crowd, reach, found);
-                let last = if found.len() < crowd {
-                    (reach * reach, VertexId::from(u32::MAX))
-                } else {
-                    found[crowd - 1]
-                };
-                (found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect(), last)
-            })
-            .unzip();
+        let near_and_last = |v: VertexId, found: &mut Vec<Near>| {
+            let reach = gap * spacing[v];
+            tree.nearest(positions[v], v, crowd, reach, found);
+            let last = if found.len() < crowd {
+                (reach * reach, VertexId::from(u32::MAX))
+            } else {
+                found[crowd - 1]
+            };
+            (found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect(), last)
+        };
+        let near = par_collect(ids.len(), |range, near| {
+            let mut found = Vec::new();
+            near.extend(ids[range].iter().map(|&v| near_and_last(v, &mut found)));
+        });
+        let (mut lists, last): (Vec<Vec<VertexId>>, Vec<Near>) = near.into_iter().unzip();
         // A taxel of dense skin does not look as far as a neighbour in sparse skin, which may have found it.
-        let mut missed: Vec<(VertexId, Near)> = ids
-            .par_iter()
-            .flat_map_iter(|&v| {
-                let last = &last;
-                let seen = lists[v.index()]
-                    .iter()
-                    .map(move |&w| (w, (positions[v].distance_squared(positions[w]), v)));
-                seen.filter(move |(w, near)| is_before(&last[w.index()], near))
-            })
-            .collect();
+        let mut missed: Vec<(VertexId, Near)> = par_collect(ids.len(), |range, missed| {
+            for &v in &ids[range] {
+                let seen = lists[v.index()].iter();
+                let seen = seen.map(|&w| (w, (positions[v].distance_squared(positions[w]), v)));
+                missed.extend(seen.filter(|(w, near)| is_before(&last[w.index()], near)));
+            }
+        });
         missed.par_sort_unstable_by(|(v, a), (w, b)| v.cmp(w).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
         // Whatever a taxel has missed is farther away than all that it found.
         missed.into_iter().for_each(|(v, (_, w))| lists[v.index()].push(w));
@@ -72,7 +72,7 @@ impl Neighbours {
     pub(super) fn filtered(&self, keep: impl Fn(VertexId, VertexId) -> bool + Sync) -> Self {
         let ids: Vec<VertexId> = self.spacing.ids().collect();
         let kept = |&v: &VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
-        Self { spacing: self.spacing.clone(), lists: ids.par_iter().map(kept).collect() }
+        Self { spacing: self.spacing.clone(), lists: par_map(&ids, kept) }
     }
 
     /// The neighbours of `v`, nearest first.
@@ -100,21 +100,22 @@ pub(super) fn distance_around(nearest: &[Near]) -> f64 {
 /// [`distance_around`] of each taxel, smoothed.
 fn spacing(tree: &KdTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
     let ids: Vec<VertexId> = positions.ids().collect();
-    let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING]>) = ids
-        .par_iter()
-        .map_init(Vec::<Near>::new, |found, &v| {
-            tree.nearest(positions[v], v, SMOOTHING, f64::INFINITY, found);
-            let own = distance_around(found);
-            let mut nearest = [v; SMOOTHING];
-            nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.1);
-            (own, nearest)
-        })
-        .unzip();
+    let own_and_nearest = |v: VertexId, found: &mut Vec<Near>| {
+        tree.nearest(positions[v], v, SMOOTHING, f64::INFINITY, found);
+        let mut nearest = [v; SMOOTHING];
+        nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.1);
+        (distance_around(found), nearest)
+    };
+    let distances = par_collect(ids.len(), |range, distances| {
+        let mut found = Vec::new();
+        distances.extend(ids[range].iter().map(|&v| own_and_nearest(v, &mut found)));
+    });
+    let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING]>) = distances.into_iter().unzip();
     let median = |v: VertexId| {
         let mut around = [own[v.index()]; SMOOTHING + 1];
         around.iter_mut().zip(nearest[v.index()]).for_each(|(s, w)| *s = own[w.index()]);
         around.sort_unstable_by(f64::total_cmp);
         around[SMOOTHING / 2]
     };
-    ids.into_par_iter().map(median).collect::<Vec<f64>>().into()
+    par_map(&ids, |&v| median(v)).into()
 }

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
     numeric::symmetric_eigen,
+    parallel::{par_collect, par_map},
     skin::{
         UnreliableNormals,
         normals::{SAME_DIRECTION, is_unit},
@@ -108,7 +108,8 @@ impl Normals {
             (mean != DVec3::ZERO && mean.dot(normal[v]) < BEST_PLANE).then_some((v, mean))
         };
         let ids: Vec<VertexId> = normal.ids().collect();
-        let better: Vec<(VertexId, DVec3)> = ids.par_iter().filter_map(better).collect();
+        let better: Vec<(VertexId, DVec3)> =
+            par_collect(ids.len(), |range, out| out.extend(ids[range].iter().filter_map(better)));
         for (v, mean) in better {
             self.normal[v] = mean;
         }
@@ -143,7 +144,7 @@ fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId
         let near = neighbours.of(v).iter().take(PLANE_NEIGHBOURS);
         local_plane(near.chain([&v]).map(|&w| points.positions[w]))
     };
-    let planes: Vec<Plane> = ids.par_iter().map(plane).collect();
+    let planes: Vec<Plane> = par_map(&ids, plane);
     let mut thickness: Vec<f64> = planes.iter().map(|p| p.thickness).collect();
     thickness.sort_unstable_by(f64::total_cmp);
     let mut normal: IdVec<VertexId, DVec3> = planes.iter().map(|p| p.normal).collect();

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, Relation},
+    parallel::par_collect,
     skin::triangulate::{neighbours::Neighbours, normals::Normals},
 };
 
@@ -24,11 +25,9 @@ pub(super) fn orient(normals: &mut Normals, positions: &IdVec<VertexId, DVec3>, 
     let Normals { normal, file, .. } = normals;
     let ids: Vec<VertexId> = positions.ids().collect();
     let has_side = |v: VertexId| file[v] != DVec3::ZERO;
-    let mut edges: Vec<(f64, VertexId, VertexId, bool)> = ids
-        .par_iter()
-        .flat_map_iter(|&v| {
-            let normal = &*normal;
-            neighbours.of(v).iter().take(SPREAD).map(move |&w| {
+    let mut edges: Vec<(f64, VertexId, VertexId, bool)> = par_collect(ids.len(), |range, edges| {
+        for &v in &ids[range] {
+            edges.extend(neighbours.of(v).iter().take(SPREAD).map(|&w| {
                 let along = (positions[w] - positions[v]).normalize_or_zero();
                 let carried = normal[w] - 2.0 * normal[w].dot(along) * along;
                 let agreement = normal[v].dot(carried);
@@ -36,9 +35,9 @@ pub(super) fn orient(normals: &mut Normals, positions: &IdVec<VertexId, DVec3>, 
                 let is_denied = agreement < 0.0 && has_side(v) && has_side(w);
                 let doubt = 1.0 - agreement.abs() + f64::from(u8::from(is_steep) + 2 * u8::from(is_denied));
                 (doubt, v, w, agreement < 0.0)
-            })
-        })
-        .collect();
+            }));
+        }
+    });
     edges.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     let mut sets = DisjointSets::<VertexId, Relation>::new(positions.len());
     for (_, v, w, is_reversed) in edges {

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     numeric::morton,
+    parallel::par_map,
     skin::{Presence, Sheet, triangulate::coincident::first_at_place},
 };
 
@@ -56,7 +57,7 @@ impl<'a> UniquePoints<'a> {
         let mut merged: Vec<VertexId> = merged.into_iter().map(|v| VertexId::new(taxels[v])).collect();
         merged.sort_unstable();
         let mut places: Vec<(u64, DVec3, usize)> =
-            stay.into_par_iter().map(|v| (morton(positions[v]), positions[v], taxels[v])).collect();
+            par_map(&stay, |&v| (morton(positions[v]), positions[v], taxels[v]));
         places.par_sort_unstable_by(|a, b| {
             let by = |axis: usize| a.1[axis].total_cmp(&b.1[axis]);
             a.0.cmp(&b.0).then(by(0)).then(by(1)).then(by(2)).then(a.2.cmp(&b.2))

@@ -1,0 +1,67 @@
+//! Parallel maps over items in memory.
+//!
+//! The iterators of rayon are compiled anew for each closure that they call, thousands of lines of
+//! machine code a site. The maps here share one parallel loop, which calls a closure once for each
+//! chunk of the items. Results are in the order of the items whatever the number of threads.
+
+use std::{
+    ops::Range,
+    sync::{Mutex, PoisonError},
+};
+
+use rayon::prelude::*;
+
+/// Chunks for each thread: enough to balance chunks of different cost.
+const CHUNKS_PER_THREAD: usize = 8;
+
+/// Calls `task` with the number and the range of each of the chunks of `0..count`.
+fn for_each_chunk(count: usize, chunks: usize, task: &(dyn Fn(usize, Range<usize>) + Sync)) {
+    let begin = |k: usize| k * (count / chunks) + k.min(count % chunks);
+    (0..chunks).into_par_iter().for_each(|k| task(k, begin(k)..begin(k + 1)));
+}
+
+/// What `extend` appends for consecutive ranges of `0..count`, one after the other.
+///
+/// A range is one task, so `extend` may keep buffers from item to item; what it appends for an item
+/// must not depend on the range.
+pub(crate) fn par_collect<U: Send>(
+    count: usize,
+    extend: impl Fn(Range<usize>, &mut Vec<U>) + Sync,
+) -> Vec<U> {
+    let chunks = count.min(CHUNKS_PER_THREAD * rayon::current_num_threads());
+    let parts: Vec<Mutex<Vec<U>>> = (0..chunks).map(|_| Mutex::default()).collect();
+    for_each_chunk(count, chunks, &|k, range| {
+        let mut part = Vec::with_capacity(range.len());
+        extend(range, &mut part);
+        *parts[k].lock().unwrap_or_else(PoisonError::into_inner) = part;
+    });
+    let parts = parts.into_iter().map(|part| part.into_inner().unwrap_or_else(PoisonError::into_inner));
+    let mut all = Vec::with_capacity(count);
+    parts.for_each(|mut part| all.append(&mut part));
+    all
+}
+
+/// `of` each item.
+pub(crate) fn par_map<T: Sync, U: Send>(items: &[T], of: impl Fn(&T) -> U + Sync) -> Vec<U> {
+    par_collect(items.len(), |range, out| out.extend(items[range].iter().map(&of)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_in_the_order_of_the_items() {
+        for count in [0, 1, 2, 3, 17, 1000] {
+            let items: Vec<usize> = (0..count).collect();
+            let squares: Vec<usize> = items.iter().map(|k| k * k).collect();
+            for threads in [1, 3] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                assert_eq!(pool.install(|| par_map(&items, |k| k * k)), squares, "{count} items");
+            }
+        }
+        let twice = par_collect(100, |range, out| range.for_each(|k| out.extend([k, k])));
+        assert_eq!(twice.len(), 200);
+        assert!(twice.is_sorted());
+    }
+}
