@@ -26,8 +26,8 @@ const AT_ONCE: usize = 3000;
 /// Flattens one mesh: map positions in m, isometric in scale on average, never mirrored.
 ///
 /// The intrinsic method never flips a face. A conformal or linear map may:
-/// [`crate::flatten::distortion`] counts the flips. The map may overlap itself unless
-/// [`FlattenOptions::bijective`] is set.
+/// [`distortion()`](crate::flatten::distortion()) counts the flips. The map may overlap itself
+/// unless [`FlattenOptions::bijective`] is set.
 ///
 /// ```
 /// use dermatome::{flatten::{Energy, FlattenOptions, distortion, flatten}, mesh::shapes};

@@ -56,7 +56,7 @@
 //! # Not guaranteed
 //!
 //! - The minimum is local; nothing proves that it is the global one.
-//! - A map may overlap itself unless `bijective` is set. [`distortion`] counts overlaps.
+//! - A map may overlap itself unless `bijective` is set. [`distortion()`] counts overlaps.
 //! - [`Method::Conformal`] and [`Method::Linear`] may flip faces and overlap.
 //! - Closed surfaces and handles are refused, not cut. Patches that bend round a limb stay rings,
 //!   far from isometric.
