@@ -178,3 +178,26 @@ fn paint(c: Colour, opacity: f64) -> Paint<'static> {
 fn f32_of(x: f64) -> f32 {
     x as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An image with twice the pixels of the picture in each direction is averaged, not sampled.
+    #[test]
+    fn a_finer_image_is_averaged() {
+        let grey = |k: u8| Colour(k, k, k);
+        let colours = (0..16_u8).map(|k| grey(10 * k)).collect();
+        let pixels = Pixels { size: [4, 4], colours };
+        let image = Shape::Image { corner: DVec2::new(1.0, 0.0), size: DVec2::splat(2.0), pixels };
+        let picture = Picture { title: String::new(), size_px: [4, 2], em: 10.0, groups: vec![vec![image]] };
+        let png = picture.to_png().unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let reds: Vec<u8> = bytes.chunks(3).map(|pixel| pixel[0]).collect();
+        for (red, expected) in reds.iter().zip([255, 25, 45, 255, 255, 105, 125, 255]) {
+            assert!(red.abs_diff(expected) <= 1, "{reds:?}");
+        }
+    }
+}
