@@ -100,7 +100,7 @@ fn a_file_that_was_cut_is_told() {
     let (_folder, path) = folder_with("shin.txt", cut.replacen("( 3  ", "( 999  ", 1));
     let remarks: Vec<String> = read_draft(&path).unwrap().remarks.iter().map(ToString::to_string).collect();
     for said in
-        ["22 rows are no whole number of modules", "1 entries of taxel2Repr name slots beyond the 22 rows"]
+        ["22 rows are not a whole number of modules", "1 entries of taxel2Repr name slots beyond the 22 rows"]
     {
         assert!(remarks.iter().any(|r| r.contains(said)), "{said}: {remarks:?}");
     }

@@ -297,7 +297,7 @@ fn displacements_go_into_a_table_and_come_back() {
     let back = read_observations(&path).unwrap();
     assert!(back.remarks.is_empty() && back.observations.edges == observations.edges);
     for (options, told) in [
-        (SimulateOptions { anchors: 3, ..options }, "a contact beside displacements"),
+        (SimulateOptions { anchors: 3, ..options }, "a contact among displacements"),
         (SimulateOptions { model: Model::Poses, ..options }, "a rotation"),
     ] {
         let refused = write_observations(&path, &simulate(&options).unwrap().observations).unwrap_err();

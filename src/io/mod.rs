@@ -12,17 +12,33 @@
 //! | `file` | what all of them need: whole files, lines, replacing | |
 //!
 //! What every reader keeps:
-//! - No count, index, offset or size of a file is trusted before it was checked against the bytes that are there, and
-//!   memory is bounded by the size of the file.
-//! - Every number that comes out is finite, every corner exists; whatever else a file claims is judged by
-//!   [`crate::skin`], [`crate::map`] and [`crate::calib`].
-//! - Bad input is an error that names the element, what was found and what is needed ([`IoError::Invalid`]); nothing
-//!   panics, nothing is repaired in silence.
+//! - No count, index, offset or size of a file is trusted before it was checked against the bytes
+//!   that are there, and memory is bounded by the size of the file.
+//! - Every number that comes out is finite, every corner exists; whatever else a file claims is
+//!   judged by [`crate::skin`], [`crate::map`] and [`crate::calib`].
+//! - Bad input is an error that names the element, what was found and what is needed
+//!   ([`IoError::Invalid`]); nothing panics, nothing is repaired in silence.
 //!
 //! What every writer keeps:
 //! - A file is replaced whole or not at all ([`replace_file`]).
 //! - What a format cannot hold is refused before anything is written ([`IoError::Unfit`]).
 //! - The same input gives the same bytes.
+//!
+//! ```
+//! use dermatome::{
+//!     io::{read_map, write_map},
+//!     mesh::shapes,
+//!     pipeline::{BuildOptions, build},
+//!     skin::Skin,
+//! };
+//!
+//! let map = build(&Skin::from_mesh("palm", shapes::cap(200, 0.1, 0.5)), &BuildOptions::default())?;
+//! let path = std::env::temp_dir().join("dermatome-io-map.glb");
+//! write_map(&path, &map)?;
+//! assert_eq!(read_map(&path)?.patches.len(), map.patches.len());
+//! # std::fs::remove_file(&path)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod error;
 mod file;

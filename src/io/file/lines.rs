@@ -72,9 +72,11 @@ impl Source {
     }
 }
 
-/// A stream of text without the lines that are blank or a comment after `#`, and without a byte order mark.
+/// A stream of text without the lines that are blank or a comment after `#`, and without a byte
+/// order mark.
 ///
-/// As a [`Read`] it hands out one line at a time, so that whoever reads from it knows by [`Lines::line`] where it is.
+/// As a [`Read`] it hands out one line at a time, so that whoever reads from it knows by
+/// [`Lines::line`] where it is.
 pub(crate) struct Lines<'a, R> {
     input: R,
     bytes: Vec<u8>,

@@ -13,8 +13,8 @@ use crate::io::IoError;
 
 /// Writes a file whole or not at all: into a temporary file next to it, then renamed.
 ///
-/// An older file stays as it was until the new one is complete. A link is followed; a device or a pipe is written to as it
-/// is, since it cannot be replaced.
+/// An older file stays as it was until the new one is complete. A link is followed; a device or a
+/// pipe is written to as it is, since it cannot be replaced.
 ///
 /// # Errors
 /// Whatever `write` returns, and what the system says about the folder or the disk.
@@ -44,7 +44,7 @@ fn replace(path: &Path, write: Write<'_>) -> Result<(), IoError> {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    // The name of the temporary file would tell a user nothing, so only the kind of an error is passed on.
+    // Users do not know the name of the temporary file, so only the kind of an error is passed on.
     let temporary = tempfile::Builder::new()
         .prefix(temporary_prefix())
         .tempfile_in(folder)
@@ -88,12 +88,14 @@ fn share_like_a_new_file(_: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes `value` as indented JSON with a newline at its end; the file is replaced whole or not at all.
+/// Writes `value` as indented JSON with a newline at its end; the file is replaced whole or not at
+/// all.
 ///
-/// Numbers are the shortest decimals that read back as the same `f64`. JSON knows no NaN: it becomes `null`.
+/// Numbers are the shortest decimals that read back as the same `f64`. JSON knows no NaN: it
+/// becomes `null`.
 ///
 /// # Errors
-/// If the file cannot be written, or `value` has a map whose keys are no text.
+/// If the file cannot be written, or `value` has a map whose keys are not text.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), IoError> {
     replace_file(path, |file| {
         serde_json::to_writer_pretty(&mut *file, value)

@@ -8,8 +8,8 @@ use std::{
 
 use crate::io::IoError;
 
-/// Largest file that is read whole, in bytes. Every element of a file takes at least one byte, so below this
-/// size no count of elements passes the 32 bits of an id.
+/// Largest file that is read whole, in bytes. Every element of a file takes at least one byte, so
+/// below this size no count of elements passes the 32 bits of an id.
 const MAX_BYTES: u64 = u32::MAX as u64;
 
 /// Longest piece of a file that an error repeats, in characters.

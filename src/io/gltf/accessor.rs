@@ -35,7 +35,8 @@ pub(super) struct Rows<'a> {
     pub(super) stride: usize,
 }
 
-/// Rows that replace others: strictly increasing numbers below the accessor's count, and as many values.
+/// Rows that replace others: strictly increasing numbers below the accessor's count, and as many
+/// values.
 #[derive(Debug, Clone)]
 pub(super) struct Replaced<'a> {
     pub(super) rows: Vec<usize>,
@@ -71,7 +72,8 @@ impl Accessor<'_> {
 }
 
 impl Document {
-    /// Accessor `index`, wanted by `asked_by` in the role `role`, checked against the bytes that are really there.
+    /// Accessor `index`, wanted by `asked_by` in the role `role`, checked against the bytes that
+    /// are really there.
     pub(super) fn accessor(&self, index: usize, role: Role, asked_by: &str) -> Result<Accessor<'_>, IoError> {
         let all = &self.root.accessors;
         let json = all.get(index).ok_or_else(|| {
@@ -174,8 +176,8 @@ impl Document {
         })
     }
 
-    /// Checks stride and target of a view against the role it is used in, and that it has one role only. Returns the
-    /// distance of its rows.
+    /// Checks stride and target of a view against the role it is used in, and that it has one role
+    /// only. Returns the distance of its rows.
     fn check_view_use(
         &self,
         element: &str,

@@ -20,7 +20,8 @@ use crate::io::{
     },
 };
 
-/// Largest deviation of a normal from unit length; the Khronos validator's, made for normals of 8-bit integers.
+/// Largest deviation of a normal from unit length; the Khronos validator's, made for normals of
+/// 8-bit integers.
 const UNIT_NORMAL: f64 = 0.00674;
 
 /// The checked attributes of a primitive, by name; all of one length.
@@ -102,13 +103,14 @@ impl<'a> Attributes<'a> {
                 _ => continue,
             };
             if !has(partner.clone()) {
-                return Err(document.invalid(&self.element, name, format!("{partner} beside it")));
+                return Err(document.invalid(&self.element, name, format!("{partner} next to it")));
             }
         }
         Ok(())
     }
 
-    /// Morph targets move attributes that exist. They are not read, but a broken one is no glTF.
+    /// Morph targets move attributes that exist. They are not read, but a broken one is not valid
+    /// glTF.
     fn check_targets(&self, document: &'a Document, primitive: &Primitive) -> Result<(), IoError> {
         for (t, target) in primitive.targets.iter().flatten().enumerate() {
             let moved =
@@ -131,7 +133,8 @@ impl<'a> Attributes<'a> {
     }
 }
 
-/// Morph targets of one mesh are as many in every primitive, and have no effect: their shapes are not read.
+/// Morph targets of one mesh are as many in every primitive, and have no effect: their shapes are
+/// not read.
 pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<(), IoError> {
     let element = || format!("mesh {index}");
     let count = |p: &Primitive| p.targets.as_ref().map_or(0, Vec::len);
@@ -182,7 +185,8 @@ pub(super) fn check_normals(
     }
 }
 
-/// Whether an attribute has one of the formats that glTF 2.0 (or its quantization extension) gives it; else which.
+/// Whether an attribute has one of the formats that glTF 2.0 (or its quantization extension) gives
+/// it; else which.
 fn check_format(name: &str, accessor: &Accessor<'_>, quantized: bool) -> Result<(), &'static str> {
     use ComponentType::{F32, I8, I16, U8, U16, U32};
     use Type::{Vec2, Vec3, Vec4};

@@ -1,6 +1,7 @@
 //! Buffers: the binary chunk, data URIs, and files next to the document.
 //!
-//! The import of the `gltf` crate is not used: it follows URIs out of the folder, and decodes images.
+//! The import of the `gltf` crate is not used: it follows URIs out of the folder, and decodes
+//! images.
 
 use std::{
     path::{Component, Path, PathBuf},

@@ -1,14 +1,15 @@
 //! The file as it lies on the disk: JSON, or a GLB of a JSON and a binary chunk.
 //!
-//! The reader of the `gltf` crate is not used: it takes a header for granted whose length is too small, passes over bytes
-//! after the end, and does not say which chunk is broken.
+//! The reader of the `gltf` crate is not used: it takes a header for granted whose length is too
+//! small, passes over bytes after the end, and does not say which chunk is broken.
 
 use std::{fs, io, ops::Range, path::Path};
 
 use crate::io::{IoError, file::source::invalid};
 
-/// Most marks of structure (braces, brackets, commas, colons) of a JSON text: some hundred bytes of memory may stand
-/// behind each, so a file of ten megabytes could otherwise ask for gigabytes. A robot has some hundred nodes.
+/// Most marks of structure (braces, brackets, commas, colons) of a JSON text: some hundred bytes of
+/// memory may stand behind each, so a file of ten megabytes could otherwise ask for gigabytes. A
+/// robot has some hundred nodes.
 const MAX_JSON_MARKS: usize = 1 << 21;
 
 /// How a GLB begins.

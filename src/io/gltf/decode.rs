@@ -1,7 +1,8 @@
 //! Decoding: the rows of checked accessors become numbers.
 //!
-//! The readers of the `gltf` crate are not used here: they know no quantized positions and no attributes of other
-//! programs, stop without a word where bytes end, and panic on indices that are floats.
+//! The readers of the `gltf` crate are not used here: they know no quantized positions and no
+//! attributes of other programs, stop without a word where bytes end, and panic on indices that are
+//! floats.
 
 use std::array;
 
@@ -113,7 +114,8 @@ impl Rows<'_> {
 }
 
 impl Document {
-    /// All rows of an accessor, each through `convert`. Normalized integers arrive between -1 and 1.
+    /// All rows of an accessor, each through `convert`. Normalized integers arrive between -1 and
+    /// 1.
     ///
     /// The accessor must have rows of `N` components, and no component may be NaN or infinite.
     pub(super) fn gather<const N: usize, T>(

@@ -1,4 +1,4 @@
-//! A document: its JSON and its bytes, and how much of both may be believed.
+//! A document: its JSON and its bytes, its version and extensions, and the budget of memory.
 
 use std::{
     cell::{Cell, OnceCell, RefCell},
@@ -19,10 +19,11 @@ use crate::io::{
     },
 };
 
-/// Bytes that decoding may take whatever the size of the file: one mesh may honestly be used by many nodes.
+/// Bytes that decoding may take whatever the size of the file: many nodes may use one mesh.
 const FREE_BYTES: u64 = 256 << 20;
 
-/// Decoded bytes over bytes in the file: bytes that become `f64` grow by eight, and nothing grows more.
+/// Decoded bytes over bytes in the file: bytes that become `f64` grow by eight, and nothing grows
+/// more.
 const GROWTH: u64 = 8;
 
 /// What an accessor is read for; a view may serve one role only.
@@ -45,7 +46,7 @@ pub(super) struct ViewUse {
 
 /// An opened file: its JSON, its bytes, and what has been loaded and decoded so far.
 ///
-/// Nothing in it is believed: the functions that hand out objects check what they hand out.
+/// Nothing in it is trusted: the functions that hand out objects check what they hand out.
 pub(super) struct Document {
     path: PathBuf,
     pub(super) root: Root,
@@ -114,7 +115,8 @@ impl Document {
         self.budget.set(self.budget.get().saturating_add(GROWTH * bytes as u64));
     }
 
-    /// Takes memory for `count` rows of `size` bytes from the budget, before any of it is allocated.
+    /// Takes memory for `count` rows of `size` bytes from the budget, before any of it is
+    /// allocated.
     pub(super) fn reserve(&self, element: &str, count: usize, size: usize) -> Result<(), IoError> {
         let wanted = (count as u64).saturating_mul(size as u64);
         match self.budget.get().checked_sub(wanted) {
@@ -239,7 +241,8 @@ fn is_harmless(extension: &str) -> bool {
     extension == QUANTIZATION || LOOKS.iter().any(|prefix| extension.starts_with(prefix))
 }
 
-/// A count, size or offset as a place in memory; one beyond the address space becomes one that no array has.
+/// A count, size or offset as a place in memory; one beyond the address space becomes one that no
+/// array has.
 pub(super) fn position(size: USize64) -> usize {
     usize::try_from(size.0).unwrap_or(usize::MAX)
 }

@@ -1,13 +1,15 @@
 //! What a document must hold before the types of the `gltf` crate read it.
 //!
-//! The types of [`gltf::json`] serve reading and writing. They believe what they read, so every count, index, code and
-//! name is checked in the JSON first, and these things stay ours:
-//! - Indices and codes of 2^32 and more wrap around, unknown codes lose their number, and unknown names of attributes
-//!   fall together: all are refused here, with what was found.
+//! The types of [`gltf::json`] serve reading and writing. They believe what they read, so every
+//! count, index, code and name is checked in the JSON first, and these things stay ours:
+//! - Indices and codes of 2^32 and more wrap around, unknown codes lose their number, and unknown
+//!   names of attributes fall together: all are refused here, with what was found.
 //! - `1.0` is a whole number in JSON, but not to the crate: it is rewritten.
 //! - A scene needs no list of nodes: it gets an empty one.
-//! - Transforms of nodes are `f32` there, which would move links given in decimals: [`Transform`] keeps `f64`.
-//! - A fault in a material or a texture would refuse the file: materials, skins and cameras are only counted.
+//! - Transforms of nodes are `f32` there, which would move links given in decimals: [`Transform`]
+//!   keeps `f64`.
+//! - A fault in a material or a texture would refuse the file: materials, skins and cameras are
+//!   only counted.
 
 use std::path::Path;
 
@@ -164,7 +166,8 @@ impl<'a> Guard<'a> {
         Ok(Self { path, lengths })
     }
 
-    /// The elements of a top-level array, each checked, then read. An array that is there is not empty.
+    /// The elements of a top-level array, each checked, then read. An array that is there is not
+    /// empty.
     fn elements<T: DeserializeOwned>(
         &self,
         document: &mut Map<String, Value>,
@@ -294,7 +297,8 @@ impl<'a> Guard<'a> {
 const UINT: &str = "a whole number that is not negative";
 const NOT_EMPTY: &str = "an element, or no list";
 
-/// A whole number that is not negative, also when written as `1.0` or `10e-1`; it is rewritten as an integer.
+/// A whole number that is not negative, also when written as `1.0` or `10e-1`; it is rewritten as
+/// an integer.
 fn uint(value: &mut Value) -> Option<u64> {
     /// Beyond 2^53 a float cannot tell neighbouring integers apart.
     const EXACT: f64 = 9_007_199_254_740_992.0;

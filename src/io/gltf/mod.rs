@@ -1,13 +1,15 @@
 //! glTF 2.0, binary (`.glb`) and text (`.gltf`): skins in and out, maps out and in.
 //!
-//! The types of [`gltf::json`] serve both directions. Reading never trusts a file: [`guard`] checks every count, index,
-//! code and name in the JSON before the crate's types see it; a [`document::Document`] hands out buffers, views and
-//! accessors only after it has checked them against the bytes that are there, and keeps a budget so that a small file
-//! cannot ask for much memory; node trees, attributes and triangles are checked where they are read.
+//! The types of [`gltf::json`] serve both directions. Reading never trusts a file: [`guard`] checks
+//! every count, index, code and name in the JSON before the crate's types see it; a
+//! [`document::Document`] hands out buffers, views and accessors only after it has checked them
+//! against the bytes that are there, and keeps a budget so that a small file cannot ask for much
+//! memory; node trees, attributes and triangles are checked where they are read.
 //!
-//! To read: `container` (file to JSON and bytes), `guard`, `document` with `buffers` and `accessor`, `decode` (bytes to
-//! numbers), `nodes` with `transform`, `attributes`, `triangles`, then `read_skin` and `read_map`. To write: `writer`, `write_links`,
-//! `write_skin`, `write_map`; `extras` is what a map adds to both.
+//! To read: `container` (file to JSON and bytes), `guard`, `document` with `buffers` and
+//! `accessor`, `decode` (bytes to numbers), `nodes` with `transform`, `attributes`, `triangles`,
+//! then `read_skin` and `read_map`. To write: `writer`, `write_links`, `write_skin`, `write_map`;
+//! `extras` is what a map adds to both.
 
 mod accessor;
 mod attributes;

@@ -23,7 +23,8 @@ pub(super) struct Placement {
     pub(super) link: LinkId,
     /// Name for the patch.
     pub(super) name: String,
-    /// What is left of the node's transform beside the link's rigid frame: scale, or a mirror. `None`: nothing.
+    /// What is left of the node's transform besides the link's rigid frame: scale, or a mirror.
+    /// `None`: nothing.
     pub(super) stretch: Option<DMat3>,
 }
 
@@ -36,13 +37,14 @@ pub(super) struct Tree {
 
 /// Reads the node tree of the scene.
 ///
-/// Every node is a link, except those that only carry a patch: a node with a mesh, without children and without a
-/// transform of its own belongs to the link above it. (Cameras and lights at the ends are left out.) A link's pose is
-/// rigid; scale and mirrors go into the positions. A mesh that is skinned to joints ignores its node's transform, as glTF
-/// has it, and lies in its bind pose on a link at the origin.
+/// Every node is a link, except those that only carry a patch: a node with a mesh, without children
+/// and without a transform of its own belongs to the link above it. (Cameras and lights at the ends
+/// are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
+/// skinned to joints ignores its node's transform, as glTF has it, and lies in its bind pose on a
+/// link at the origin.
 ///
-/// The scene is the default scene, else the first. A file without scenes is a library: its root nodes count as the
-/// scene, and meshes that no node carries lie on a link at the origin.
+/// The scene is the default scene, else the first. A file without scenes is a library: its root
+/// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
 pub(super) fn read_node_tree(document: &Document) -> Result<Tree, IoError> {
     let nodes = Nodes::new(document)?;
     let mut tree = Tree::default();
@@ -87,7 +89,8 @@ impl<'a> Nodes<'a> {
         is_plain && (node.camera.is_some() || is_light)
     }
 
-    /// Adds the links of the scene, parents first, otherwise in the order of the file. Returns the frame of each node.
+    /// Adds the links of the scene, parents first, otherwise in the order of the file. Returns the
+    /// frame of each node.
     fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>, IoError> {
         let nodes = &self.document.root.nodes;
         let mut frames: Vec<Option<NodeFrame>> = vec![None; nodes.len()];
@@ -125,7 +128,8 @@ impl<'a> Nodes<'a> {
         }
     }
 
-    /// The name of the patch that node `i` makes of a mesh: of the node if it only carries the patch, else of the mesh.
+    /// The name of the patch that node `i` makes of a mesh: of the node if it only carries the
+    /// patch, else of the mesh.
     fn patch_name(&self, i: usize, mesh: usize) -> String {
         let (of_node, of_mesh) = (&self.document.root.nodes[i].name, &self.document.root.meshes[mesh].name);
         let names = if self.is_patch(i) { [of_node, of_mesh] } else { [of_mesh, of_node] };
@@ -167,7 +171,8 @@ fn children(node: &Node) -> impl Iterator<Item = usize> + '_ {
     node.children.iter().flatten().map(|child| child.value())
 }
 
-/// The parent of every node: at most one, and no node above itself. The crate would follow a circle for ever.
+/// The parent of every node: at most one, and no node above itself. The crate would follow a circle
+/// for ever.
 fn parents(document: &Document) -> Result<Vec<Option<usize>>, IoError> {
     let nodes = &document.root.nodes;
     let mut parents = vec![None; nodes.len()];

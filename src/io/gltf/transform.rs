@@ -7,7 +7,8 @@ use crate::io::{
     gltf::{document::Document, guard::Transform},
 };
 
-/// A matrix whose columns are orthonormal to this much is taken for a rotation: f32 rounding leaves about 1e-7.
+/// A matrix whose columns are orthonormal to this much is taken for a rotation: f32 rounding leaves
+/// about 1e-7.
 const RIGID: f64 = 1e-6;
 /// How far a quaternion may be from unit length; the Khronos validator allows as much.
 const UNIT_ROTATION: f64 = 5e-5;
@@ -41,7 +42,7 @@ impl Local {
         let refuse = |found: String, needed: &str| Err(document.invalid(format!("node {i}"), found, needed));
         if let Some(m) = &node.matrix {
             if node.translation.is_some() || node.rotation.is_some() || node.scale.is_some() {
-                return refuse("a matrix beside translation, rotation or scale".into(), "one or the other");
+                return refuse("a matrix next to translation, rotation or scale".into(), "one or the other");
             }
             let linear = DMat3::from_cols_array(&[m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]]);
             let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(DVec3::normalize_or_zero);
@@ -68,7 +69,8 @@ impl Local {
         })
     }
 
-    /// Rigid pose and remaining stretch below a link that is stretched itself; `None` if something becomes flat.
+    /// Rigid pose and remaining stretch below a link that is stretched itself; `None` if something
+    /// becomes flat.
     pub(super) fn below(self, above: Option<DMat3>) -> Option<(DAffine3, Option<DMat3>)> {
         if !self.invertible {
             return None;
@@ -84,8 +86,9 @@ impl Local {
 /// The matrix that does nothing, by columns.
 const IDENTITY: [f64; 16] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
-/// Splits a linear map into a rotation and what remains to be done before it (`None`: nothing). A mirror stays in the
-/// remainder. By Gram-Schmidt, so the axes of a scaled frame keep their directions.
+/// Splits a linear map into a rotation and what remains to be done before it (`None`: nothing). A
+/// mirror stays in the remainder. By Gram-Schmidt, so the axes of a scaled frame keep their
+/// directions.
 fn split(linear: DMat3) -> Option<(DMat3, Option<DMat3>)> {
     let x = linear.x_axis.try_normalize()?;
     let y = linear.y_axis.reject_from_normalized(x).try_normalize()?;

@@ -36,8 +36,9 @@ impl Mode {
     }
 }
 
-/// The triangles of a primitive of `vertices` vertices, counter-clockwise. Corners that do not fill a triangle at the
-/// end are left out, as every viewer does; so are triangles of a strip or fan that only turn a corner.
+/// The triangles of a primitive of `vertices` vertices, counter-clockwise. Corners that do not fill
+/// a triangle at the end are left out, as every viewer does; so are triangles of a strip or fan
+/// that only turn a corner.
 pub(super) fn triangles(
     document: &Document,
     element: &str,
@@ -78,7 +79,8 @@ fn is_proper(t: &[u32; 3]) -> bool {
     t[0] != t[1] && t[1] != t[2] && t[2] != t[0]
 }
 
-/// Corners are vertices that exist. The largest number of a type would restart a strip, which glTF forbids.
+/// Corners are vertices that exist. The largest number of a type would restart a strip, which glTF
+/// forbids.
 fn check_corners(
     document: &Document,
     element: &str,

@@ -15,11 +15,12 @@ use crate::{
     skin::{Link, LinkId},
 };
 
-/// Largest deviation of a link's axes from orthonormal: a link's frame is rigid, and a quaternion holds no more.
+/// Largest deviation of a link's axes from orthonormal: a link's frame is rigid, and a quaternion
+/// holds no more.
 const RIGID: f64 = 1e-6;
 
-/// Adds a scene with a node for each link that `wanted` names, and `patches` (links and the nodes of what hangs on
-/// them) under their links.
+/// Adds a scene with a node for each link that `wanted` names, and `patches` (links and the nodes
+/// of what hangs on them) under their links.
 pub(super) fn add_scene(
     path: &Path,
     writer: &mut SceneWriter,

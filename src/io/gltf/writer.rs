@@ -1,3 +1,5 @@
+//! A glTF document that grows object by object, and its file.
+
 use std::{io::Write as _, mem, path::Path};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};

@@ -30,9 +30,9 @@ const LARGE_ENTRY: usize = 1 << 31;
 
 /// Writes a mesh with its map at full precision: `uv` in m, `v` up, one per vertex.
 ///
-/// `.npz` holds `V` (n x 3, `f64`), `F` (m x 3, `i64`) and `UV` (n x 2, `f64`), stored without compression. `.obj` holds
-/// the same as `v`, `f` and `vt`, in the shortest decimals that read back as the same `f64`; its `vt` point up as map
-/// positions do, so nothing is flipped.
+/// `.npz` holds `V` (n x 3, `f64`), `F` (m x 3, `i64`) and `UV` (n x 2, `f64`), stored without
+/// compression. `.obj` holds the same as `v`, `f` and `vt`, in the shortest decimals that read back
+/// as the same `f64`; its `vt` point up as map positions do, so nothing is flipped.
 ///
 /// # Errors
 /// If the mesh is broken, the map does not fit it, or the file cannot be written.
@@ -67,7 +67,8 @@ fn write_obj(file: &mut BufWriter<&File>, mesh: &TriMesh, uv: &IdVec<VertexId, D
 }
 
 fn write_npz(file: &mut BufWriter<&File>, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> io::Result<()> {
-    // In memory first: an archive that cannot be finished complains on standard error when it is dropped.
+    // In memory first: an archive that cannot be finished complains on standard error when it is
+    // dropped.
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     array(&mut archive, "V", mesh.positions.iter().map(|p| p.to_array()))?;
     array(&mut archive, "F", mesh.triangles.iter().map(|t| t.map(|v| i64::from(v.raw()))))?;

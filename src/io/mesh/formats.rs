@@ -41,7 +41,8 @@ const READABLE: &str = "glb, gltf, json, obj, ply, stl, csv, txt";
 /// ```
 ///
 /// # Errors
-/// If the file cannot be read, is longer than 4 GiB or of an unknown kind, or breaks a rule of its format.
+/// If the file cannot be read, is longer than 4 GiB or of an unknown kind, or breaks a rule of its
+/// format.
 pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
     let read = match kind(path).as_str() {
         "glb" | "gltf" => return gltf::read_gltf(path),
@@ -59,26 +60,29 @@ pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
 /// Extensions that [`write_skin`] knows.
 const WRITABLE: &str = "glb, gltf, json, obj, ply, stl, csv";
 
-/// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what each keeps.
+/// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what
+/// each keeps.
 ///
-/// OBJ, PLY, STL and CSV know no frames: positions are written in the world, and reading them gives one frame at the
-/// origin. JSON has one frame, which it keeps if all patches share a link. Decimals are the shortest that read back as the
-/// same `f64`; glTF rounds to `f32`.
+/// OBJ, PLY, STL and CSV know no frames: positions are written in the world, and reading them gives
+/// one frame at the origin. JSON has one frame, which it keeps if all patches share a link.
+/// Decimals are the shortest that read back as the same `f64`; glTF rounds to `f32`.
 ///
 /// ```
 /// use dermatome::{io::{read_draft, write_skin}, mesh::shapes, skin::Skin};
 ///
-/// let skin = Skin::from_mesh("palm", shapes::cap(100, 0.1, 0.5));
+/// let mesh = shapes::lattice(5, 4, 0.01);
+/// let count = mesh.positions.len();
+/// let skin = Skin::from_mesh("palm", mesh);
 /// let path = std::env::temp_dir().join("dermatome-write-skin.ply");
 /// write_skin(&path, &skin)?;
-/// assert_eq!(read_draft(&path)?.sheets[0].positions.len(), 100);
+/// assert_eq!(read_draft(&path)?.sheets[0].positions.len(), count);
 /// # std::fs::remove_file(&path)?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
-/// If the skin breaks a promise of its type, a number in it does not fit the format, or the file cannot be written; an
-/// older file stays as it was.
+/// If the skin breaks a promise of its type, a number in it does not fit the format, or the file
+/// cannot be written; an older file stays as it was.
 pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let write = match kind(path).as_str() {
         "glb" => gltf::write_skin_glb,

@@ -15,7 +15,8 @@ use crate::{
     skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
 };
 
-/// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board or a fingertip of twelve.
+/// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board or a fingertip
+/// of twelve.
 const SLOTS_PER_MODULE: u32 = 12;
 
 /// Numbers of one row.
@@ -29,12 +30,15 @@ const SECTION: &str = "[calibration]";
 
 /// Reads one part of the skin as one sheet without triangles.
 ///
-/// Before the line `[calibration]` stand `name`, `spatial_sampling` and `taxel2Repr ( ... )`, one number a slot: which slot reads
-/// for it, -1 for an absent one, -2 for a thermal pad. After it each slot has a row `x y z nx ny nz`, in m in the frame of the
-/// link; twelve rows are one module. Ids are the numbers of the slots, from 0. A row of zeros is an absent slot, whatever
-/// `taxel2Repr` says; a slot with a place but without a reading is a thermal pad. Normals are taken as they are, placeholders too.
+/// Before the line `[calibration]` stand `name`, `spatial_sampling` and `taxel2Repr ( ... )`, one
+/// number a slot: which slot reads for it, -1 for an absent one, -2 for a thermal pad. After it
+/// each slot has a row `x y z nx ny nz`, in m in the frame of the link; twelve rows are one module.
+/// Ids are the numbers of the slots, from 0. A row of zeros is an absent slot, whatever
+/// `taxel2Repr` says; a slot with a place but without a reading is a thermal pad. Normals are taken
+/// as they are, placeholders too.
 ///
-/// A header line may stand there once. That rows end within a module, or `taxel2Repr` names slots beyond them, is remarked.
+/// A header line may stand there once. That rows end within a module, or `taxel2Repr` names slots
+/// beyond them, is remarked.
 ///
 /// # Errors
 /// The first line that is none of these.
@@ -76,7 +80,7 @@ fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = Stri
     let over = rows % SLOTS_PER_MODULE as usize;
     let cut_module = (over != 0).then(|| {
         format!(
-            "{rows} rows are no whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}, as if the file were cut"
+            "{rows} rows are not a whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}, as if the file were cut"
         )
     });
     let is_beyond = |&&n: &&i64| usize::try_from(n).is_ok_and(|n| n >= rows);
@@ -86,14 +90,14 @@ fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = Stri
             "{beyond} entries of taxel2Repr name slots beyond the {rows} rows, as if the file were cut; they are taxels"
         )
     });
-    let told = representatives.len();
-    let meaning = if told > rows {
+    let declared = representatives.len();
+    let meaning = if declared > rows {
         "the last ones were passed over"
     } else {
         "slots without an entry are taxels unless their rows are zero"
     };
     let other_length =
-        (told != rows).then(|| format!("taxel2Repr has {told} entries for {rows} rows; {meaning}"));
+        (declared != rows).then(|| format!("taxel2Repr has {declared} entries for {rows} rows; {meaning}"));
     [cut_module, cut_rows, other_length].into_iter().flatten()
 }
 

@@ -1,8 +1,8 @@
 //! Wavefront OBJ: read and written here, without a crate.
 //!
-//! The usual reader, tobj, names no line in its errors, forgets vertices that no face uses (which `check` has to report),
-//! and panics on an index like `1//6148914691236517206`, whose product with three wraps around. What is needed of the
-//! format are four statements.
+//! The usual reader, tobj, names no line in its errors, forgets vertices that no face uses (which
+//! `check` has to report), and panics on an index like `1//6148914691236517206`, whose product with
+//! three wraps around. What is needed of the format are four statements.
 
 use std::{
     borrow::Cow,
@@ -41,7 +41,8 @@ struct Group {
     triangles: Vec<[Corner; 3]>,
 }
 
-/// The largest index of one kind, and the line it stands on: statements may refer forward, so it is judged at the end.
+/// The largest index of one kind, and the line it stands on: statements may refer forward, so it is
+/// judged at the end.
 #[derive(Clone, Copy, Default)]
 struct Largest {
     index: u64,
@@ -67,9 +68,10 @@ struct Reader<'a> {
 
 /// Reads an OBJ file: every `o` or `g` becomes a sheet, polygons become fans.
 ///
-/// A normal belongs to a corner in the file and to a vertex in a sheet: where the corners of a vertex disagree it is
-/// their mean, where a vertex has no corner it is zero. A sheet with a corner without a normal has none. Colours, texture
-/// coordinates, materials, lines and points are left out.
+/// A normal belongs to a corner in the file and to a vertex in a sheet: where the corners of a
+/// vertex disagree it is their mean, where a vertex has no corner it is zero. A sheet with a corner
+/// without a normal has none. Colours, texture coordinates, materials, lines and points are left
+/// out.
 ///
 /// # Errors
 /// The first broken statement, by line.
@@ -209,7 +211,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The groups that hold something. A vertex that no face uses stays in the group that declared it.
+    /// The groups that hold something. A vertex that no face uses stays in the group that declared
+    /// it.
     fn sheets(&self) -> Vec<Sheet> {
         let mut used = vec![false; self.positions.len()];
         for corner in self.groups.iter().flat_map(|g| g.triangles.iter().flatten()) {
@@ -285,7 +288,8 @@ fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3, IoError
     Ok(DVec3::new(numbers[0], numbers[1], numbers[2]))
 }
 
-/// Writes an OBJ file: one `o` per patch, positions in the world, normals. Ids, areas and links are lost.
+/// Writes an OBJ file: one `o` per patch, positions in the world, normals. Ids, areas and links are
+/// lost.
 ///
 /// # Errors
 /// If the file cannot be written.

@@ -29,7 +29,8 @@ use crate::{
 const VERTEX_PROPERTIES: [&str; 10] =
     ["x", "y", "z", "nx", "ny", "nz", "taxel_id", "area", "density", "present"];
 
-/// Places of single properties in [`VERTEX_PROPERTIES`]; the position and the normal are its first six.
+/// Places of single properties in [`VERTEX_PROPERTIES`]; the position and the normal are its first
+/// six.
 const ID: usize = 6;
 const AREA: usize = 7;
 const DENSITY: usize = 8;
@@ -87,27 +88,19 @@ impl PropertyAccess for FaceRow {
     }
 }
 
-/// An element that is passed over.
-struct Skipped;
-
-impl PropertyAccess for Skipped {
-    fn new() -> Self {
-        Self
-    }
-}
-
 /// Reads a PLY file as one sheet named after it; polygons become fans.
 ///
-/// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; negative ones become the
-/// placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2 thermal pad).
+/// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; negative
+/// ones become the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
+/// thermal pad).
 ///
 /// # Errors
-/// The first thing that breaks a rule. Counts of the header are compared with the length of the file before anything is
-/// read.
+/// The first thing that breaks a rule. Counts of the header are compared with the length of the
+/// file before anything is read.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let broken = |e: ParseError| parse_error(source, &e);
     let mut reader = Reader::new(source.bytes());
-    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(broken)?;
+    let header = Parser::<FaceRow>::new().read_header(&mut reader).map_err(broken)?;
     let header_len = source.bytes().len() - reader.get_ref().len();
     check_header(source, &header, header_len)?;
     let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
@@ -123,7 +116,8 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
                 corners = rows.map_err(broken)?;
             }
             _ => {
-                Parser::<Skipped>::new()
+                // Passed over as faces, since each further type of row costs all parsers again.
+                Parser::<FaceRow>::new()
                     .read_payload_for_element(&mut reader, element, &header)
                     .map_err(broken)?;
             }
@@ -136,8 +130,8 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
 }
 
 fn parse_error(source: &Source, error: &ParseError) -> IoError {
-    // The crate tells what is wrong in its first line, which may begin with the number of the line, then quotes the text;
-    // what follows are the insides of its parser.
+    // The crate says what is wrong in its first line, which may begin with the number of the line,
+    // then quotes the text; what follows are the insides of its parser.
     let text = error.to_string();
     let (wrong, rest) = text.split_once('\n').unwrap_or((&text, ""));
     let wrong = match wrong.split_once(": ") {
@@ -151,14 +145,14 @@ fn parse_error(source: &Source, error: &ParseError) -> IoError {
     source.invalid(element, found, "PLY as its header describes it")
 }
 
-/// Checks what the crate leaves to its caller: that names differ (it would read the first with the type of the last),
-/// that vertices have positions, and that the counts fit into the file (elements without a byte could be counted for
-/// ever).
+/// Checks what the crate leaves to its caller: that names differ (it would read the first with the
+/// type of the last), that vertices have positions, and that the counts fit into the file (elements
+/// without a byte could be counted for ever).
 fn check_header(source: &Source, header: &Header, header_len: usize) -> Result<(), IoError> {
     let head = String::from_utf8_lossy(&source.bytes()[..header_len]);
-    let told = |word: &str| head.lines().filter(|l| l.split_whitespace().next() == Some(word)).count();
+    let count = |word: &str| head.lines().filter(|l| l.split_whitespace().next() == Some(word)).count();
     let properties: usize = header.elements.values().map(|e| e.properties.len()).sum();
-    if told("element") != header.elements.len() || told("property") != properties {
+    if count("element") != header.elements.len() || count("property") != properties {
         return Err(source.invalid("header", "a name twice", "elements and properties of different names"));
     }
     let vertex = header.elements.get("vertex");
@@ -268,7 +262,8 @@ fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Res
     Ok(())
 }
 
-/// Writes a PLY file, binary little endian, positions in the world, everything else as [`read`] knows it.
+/// Writes a PLY file, binary little endian, positions in the world, everything else as [`read`]
+/// knows it.
 ///
 /// Patch and link names are lost, and densities too unless every patch has them.
 ///

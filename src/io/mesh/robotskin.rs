@@ -18,8 +18,8 @@ use crate::{
     skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
 };
 
-/// How far a frame's matrix may be from a rotation. Real files round the sine of 45 degrees to 0.7071, which leaves 1e-5;
-/// a matrix that scales or shears by more than this is no frame.
+/// How far a frame's matrix may be from a rotation. Real files round the sine of 45 degrees to
+/// 0.7071, which leaves 1e-5; a matrix that scales or shears by more than this is not a frame.
 const FRAME_TOLERANCE: f64 = 1e-3;
 
 #[derive(Serialize, Deserialize)]
@@ -104,8 +104,9 @@ fn presence(kind: &str) -> Presence {
 
 /// Reads a robotskinlib file: one sheet, named as the body is, on the first of its frames.
 ///
-/// Every frame becomes a link; taxels name none, so further frames only keep their place. Negative ids, the placeholder
-/// of some tools, become [`u32::MAX`]. The `tactile_maps` are left out: they are made anew here.
+/// Every frame becomes a link; taxels name none, so further frames only keep their place. Negative
+/// ids, the placeholder of some tools, become [`u32::MAX`]. The `tactile_maps` are left out: they
+/// are made anew here.
 ///
 /// # Errors
 /// The first broken value, by line and column or by its place in the body.
@@ -156,11 +157,11 @@ fn check_version(source: &Source, version: &Value) -> Result<(), IoError> {
 fn check_counts(source: &Source, body: &Body<'_>) -> Result<(), IoError> {
     let counts =
         [("n_taxels", body.n_taxels, body.taxels.len()), ("n_faces", body.n_faces, body.faces.len())];
-    for (name, told, counted) in counts {
-        if let Some(told) = told.filter(|&n| n != counted) {
+    for (name, declared, counted) in counts {
+        if let Some(declared) = declared.filter(|&n| n != counted) {
             return Err(source.invalid(
                 format!("skin.{name}"),
-                told.to_string(),
+                declared.to_string(),
                 format!("{counted}, the true count"),
             ));
         }
@@ -196,8 +197,9 @@ fn read_normals(source: &Source, taxels: &[Taxel<'_>]) -> Result<Option<Vec<DVec
     }
 }
 
-/// The pose of frame `k`. Printed digits make a rotation slightly wrong, which would shrink the skin a little and make
-/// poses that should undo each other not do so: the nearest rotation is taken.
+/// The pose of frame `k`. Printed digits make a rotation slightly wrong, which would shrink the
+/// skin a little and make poses that should undo each other not do so: the nearest rotation is
+/// taken.
 fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3, IoError> {
     let element = || format!("skin.parent_frames[{k}].tf_matrix");
     let [xx, xy, xz, xw, yx, yy, yz, yw, zx, zy, zz, zw, tx, ty, tz, tw] = *columns;
@@ -219,8 +221,8 @@ fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3,
     Ok(DAffine3::from_mat3_translation(rotation, DVec3::new(tx, ty, tz)))
 }
 
-/// The rotation nearest to an almost orthonormal matrix: its polar factor, by Newton's iteration (Higham 1986), which
-/// doubles the right digits each time.
+/// The rotation nearest to an almost orthonormal matrix: its polar factor, by Newton's iteration
+/// (Higham 1986), which doubles the right digits each time.
 fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
     for _ in 0..6 {
         matrix = (matrix + matrix.inverse().transpose()) * 0.5;
@@ -230,7 +232,8 @@ fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
 
 /// Writes a robotskinlib file: one body with all taxels. Areas and densities are lost.
 ///
-/// Patches that share one link keep its frame; otherwise, and if the frame is no rotation, positions are in the world.
+/// Patches that share one link keep its frame; otherwise, and if the frame is not a rotation,
+/// positions are in the world.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -239,8 +242,8 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let mut taxels = Vec::new();
     let mut faces = Vec::new();
     for patch in &patches {
-        // Faces of a validated skin fit into 32 bits patch by patch, so saturation is never reached in practice, and
-        // would be noticed as a face past the end.
+        // Faces of a validated skin fit into 32 bits patch by patch, so saturation is never reached
+        // in practice, and would be noticed as a face past the end.
         let before = u32::try_from(taxels.len()).unwrap_or(u32::MAX);
         faces.extend(patch.mesh.triangles.iter().map(|t| t.map(|v| before.saturating_add(v.raw()))));
         taxels.extend(patch.taxels.ids.enumerate().map(|(v, id)| Taxel {
@@ -279,7 +282,8 @@ fn framed(skin: &Skin) -> (Frame, Vec<Cow<'_, Patch>>) {
     (frame("", DAffine3::IDENTITY), skin.patches.iter().map(|p| skin.in_world(p)).collect())
 }
 
-/// The link that carries every patch, with its pose, if there is one and it neither scales nor mirrors.
+/// The link that carries every patch, with its pose, if there is one and it neither scales nor
+/// mirrors.
 fn only_link(skin: &Skin) -> Option<(LinkId, DAffine3)> {
     let link = skin.patches.iter().next()?.link;
     let pose = world_pose(&skin.links, link);

@@ -1,4 +1,5 @@
-//! A skin as two tables: `skin.csv` with one taxel a row, `skin.triangles.csv` with their triangles.
+//! A skin as two tables: `skin.csv` with one taxel a row, `skin.triangles.csv` with their
+//! triangles.
 
 use std::{
     collections::HashMap,
@@ -28,8 +29,8 @@ const COLUMNS: [&str; 18] = [
     "cxz", "cyy", "cyz", "czz",
 ];
 
-/// The link that a taxel is on, where positions are in the world: in a table of contacts `link` would say that they are in
-/// the frame of that link.
+/// The link that a taxel is on, where positions are in the world: in a table of contacts `link`
+/// would say that they are in the frame of that link.
 const ON_LINK: &str = "on_link";
 
 /// The same in tables from elsewhere.
@@ -60,11 +61,12 @@ struct ColumnIndices {
 
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
-/// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0 absent, 1 present, 2
-/// thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a sheet), `cxx,cxy,cxz,cyy,cyz,czz`
-/// (covariance, m^2), in any order; ids below zero become the placeholder [`u32::MAX`]. Tables of calibrated taxels are read,
-/// too: `qx,qy,qz,qw` is the frame whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the
-/// places of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
+/// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0
+/// absent, 1 present, 2 thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a
+/// sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; ids below zero become the
+/// placeholder [`u32::MAX`]. Tables of calibrated taxels are read, too: `qx,qy,qz,qw` is the frame
+/// whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the places
+/// of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
 ///
 /// # Errors
 /// The first broken cell by line and column.
@@ -121,7 +123,8 @@ fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
     let mut sheets = Sheets::default();
     table.each_row(&mut |row| sheets.add(row, &indices, source))?;
     if indices.normal.is_none() {
-        // Frames that are all the identity are those of a calibration of positions alone: they tell no normals.
+        // Frames that are all the identity are those of a calibration of positions alone: they say
+        // nothing about normals.
         for sheet in &mut sheets.draft.sheets {
             sheet.normals = sheet.normals.take().filter(|n| n.iter().any(|n| *n != DVec3::Z));
         }
@@ -254,7 +257,8 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet])
     })
 }
 
-/// Writes the two tables, positions in the world. The frames of the links are lost, their names kept.
+/// Writes the two tables, positions in the world. The frames of the links are lost, their names
+/// kept.
 ///
 /// # Errors
 /// If one of them cannot be written.

@@ -23,11 +23,12 @@ const FACET: usize = 50;
 
 /// Reads an STL file: every solid becomes a sheet.
 ///
-/// The format shares no corners, so those at exactly the same place are one vertex. Facet normals are left out: the order
-/// of the corners says the same.
+/// The format shares no corners, so those at exactly the same place are one vertex. Facet normals
+/// are left out: the order of the corners says the same.
 ///
 /// # Errors
-/// The first broken facet. The count of a binary file is compared with its length before anything is read.
+/// The first broken facet. The count of a binary file is compared with its length before anything
+/// is read.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let sheets = if is_text(source.bytes()) { read_text(source)? } else { vec![read_binary(source)?] };
     Ok(Draft { sheets, ..Draft::default() })
@@ -169,7 +170,8 @@ impl Solid {
 /// Writes a binary STL file of all patches, positions in the world, rounded to `f32`.
 ///
 /// # Errors
-/// If the file cannot be written, or a coordinate or the number of triangles is too large for the format.
+/// If the file cannot be written, or a coordinate or the number of triangles is too large for the
+/// format.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let count: usize = skin.patches.iter().map(|patch| patch.mesh.triangles.len()).sum();
     let Ok(count) = u32::try_from(count) else {

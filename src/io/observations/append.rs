@@ -11,12 +11,12 @@ use crate::{
 
 /// Appends the observations of another file, as contacts come in a table of their own.
 ///
-/// Taxel data are merged: a pose fixed in `other` is fixed in the result; an initial value from `other` is used if
-/// `into` has none.
+/// Taxel data are merged: a pose fixed in `other` is fixed in the result; an initial value from
+/// `other` is used if `into` has none.
 ///
 /// # Errors
-/// [`IoError::Invalid`] if it observes or fixes a taxel that `into` does not have, fixes one elsewhere than `into`
-/// does, or has another model.
+/// [`IoError::Invalid`] if it observes or fixes a taxel that `into` does not have, fixes one
+/// elsewhere than `into` does, or has another model.
 pub fn append_observations(
     into: &mut ReadObservations,
     other: ReadObservations,

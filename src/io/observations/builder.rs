@@ -23,16 +23,18 @@ use crate::{
     skin::TaxelId,
 };
 
-/// Farthest that anything may be from the origin or from another taxel, in m. Coordinates of the whole Earth stay below
-/// 1e7 m; a number above is damage, and from about 1e150 m on squares overflow.
+/// Farthest that anything may be from the origin or from another taxel, in m. Coordinates of the
+/// whole Earth stay below 1e7 m; a number above is damage, and from about 1e150 m on squares
+/// overflow.
 const FARTHEST: f64 = 1e9;
 
-/// Largest entry of an information matrix, in 1/m^2 or 1/rad^2: a standard deviation of 1 nm. With [`FARTHEST`] a squared
-/// error stays below 1e38, so that sums over any number of observations are finite.
+/// Largest entry of an information matrix, in 1/m^2 or 1/rad^2: a standard deviation of 1 nm. With
+/// [`FARTHEST`] a squared error stays below 1e38, so that sums over any number of observations are
+/// finite.
 const MOST_INFORMATION: f64 = 1e18;
 
-/// Standard deviations in m or rad: the smallest gives [`MOST_INFORMATION`], the largest says nothing of what is within
-/// [`FARTHEST`].
+/// Standard deviations in m or rad: the smallest gives [`MOST_INFORMATION`], the largest says
+/// nothing of what is within [`FARTHEST`].
 pub(super) const SIGMA_RANGE: RangeInclusive<f64> = 1e-9..=1e9;
 
 /// Observations while they are read: taxels may be declared after the lines that name them.
@@ -235,7 +237,7 @@ const SHORTEST_QUATERNION: f64 = 1e-3;
 /// Quaternions written with six digits are off by this much.
 const FILE_ROUNDING: f64 = 3e-6;
 
-/// Tells lines of unknown kinds at the end of an error's sentence: nothing if there are none.
+/// Lists the lines of unknown kinds at the end of an error message; empty if there are none.
 struct LeftOut<'a>(&'a BTreeMap<String, usize>);
 
 impl fmt::Display for LeftOut<'_> {

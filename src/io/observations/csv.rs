@@ -24,7 +24,8 @@ use crate::{
 /// Uncertainty where a table gives none, in m per axis: that of the source paper's experiment.
 const DEFAULT_SIGMA: f64 = 1e-3;
 
-/// Uncertainty of a normal where a table gives none, in rad: two degrees, a fingertip on a 5 mm taxel.
+/// Uncertainty of a normal where a table gives none, in rad: two degrees, a fingertip on a 5 mm
+/// taxel.
 const DEFAULT_NORMAL_SIGMA: f64 = 0.035;
 
 /// Columns of a displacement.
@@ -82,7 +83,7 @@ enum Subject {
     ContactObservation { position: [usize; 3], normal: Option<([usize; 3], Option<usize>)> },
 }
 
-/// How the rows tell how well it was observed.
+/// How the rows give their uncertainty.
 enum Uncertainty {
     Assumed,
     Sigma(usize),
@@ -227,7 +228,7 @@ pub(super) fn write_edges(observations: &Observations, path: &Path) -> Result<()
     if let Some(contact) = observations.contacts.iter().next() {
         return Err(unsupported(
             format!("taxel {}", id(contact.taxel)),
-            "a contact beside displacements",
+            "a contact among displacements",
             "write a .g2o file, or the contacts to a table of their own",
         ));
     }

@@ -182,7 +182,8 @@ impl Line<'_> {
     }
 }
 
-/// Writes the parameters, the taxels, those that are fixed, the edges and the contacts, in this order.
+/// Writes the parameters, the taxels, those that are fixed, the edges and the contacts, in this
+/// order.
 pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<(), IoError> {
     let Observations { model, taxels, edges, contacts } = observations;
     let mut text = Text { out, line: String::new(), path };

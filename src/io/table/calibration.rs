@@ -20,8 +20,9 @@ use crate::{
 
 /// Writes calibrated taxels: `id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz`.
 ///
-/// Metres; `sigma` is the square root of the trace of the position covariance, whose upper triangle follows. These
-/// seven cells are empty if no covariance was computed. Decimals are the shortest that read back as the same `f64`.
+/// Metres; `sigma` is the square root of the trace of the position covariance, whose upper triangle
+/// follows. These seven cells are empty if no covariance was computed. Decimals are the shortest
+/// that read back as the same `f64`.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
@@ -76,10 +77,11 @@ pub fn write_triangles(
     write_table(path, &["i", "j", "k"], &mut rows)
 }
 
-/// Writes how well every observation fits: `i,j,sigmas,weight,inlier`, edges first, then contacts with an empty `j`.
+/// Writes how well every observation fits: `i,j,sigmas,weight,inlier`, edges first, then contacts
+/// with an empty `j`.
 ///
-/// `sigmas` is the length of the whitened error, `weight` what the robust kernel left of it, `inlier` 1 where noise
-/// explains it and 0 where it does not.
+/// `sigmas` is the length of the whitened error, `weight` what the robust kernel left of it,
+/// `inlier` 1 where noise explains it and 0 where it does not.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
@@ -125,11 +127,12 @@ pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec
     Ok(triangles)
 }
 
-/// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left alone.
+/// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left
+/// alone.
 ///
 /// # Errors
-/// If a column is missing, or only a part of `qx,qy,qz,qw` is there; the first broken cell, or id that comes twice, by line
-/// and column.
+/// If a column is missing, or only a part of `qx,qy,qz,qw` is there; the first broken cell, or id
+/// that comes twice, by line and column.
 pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
     let mut truth = Vec::new();
     let mut seen = HashSet::new();

@@ -29,11 +29,12 @@ pub struct ContactRow {
     pub time: Option<f64>,
 }
 
-/// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and optionally `nx,ny,nz`, `force`,
-/// `radius`, `link` and `time`, in any order. Cells of optional columns may be empty.
+/// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and
+/// optionally `nx,ny,nz`, `force`, `radius`, `link` and `time`, in any order. Cells of optional
+/// columns may be empty.
 ///
-/// Memory does not grow with the table. After an error about a line the iterator goes on with the next one; it ends when
-/// the stream fails.
+/// Memory does not grow with the table. After an error about a line the iterator goes on with the
+/// next one; it ends when the stream fails.
 #[derive(Debug)]
 pub struct ContactReader<R> {
     table: Table<Bounded<R>>,
@@ -191,7 +192,8 @@ mod tests {
         assert!(latin.contains("UTF-8"), "{latin}");
     }
 
-    /// A line without end, and a quote that is never closed, end the table instead of filling the memory.
+    /// A line without end, and a quote that is never closed, end the table instead of filling the
+    /// memory.
     #[test]
     fn an_endless_line_is_refused() {
         for start in ["", "\""] {

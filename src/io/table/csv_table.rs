@@ -1,4 +1,5 @@
-//! Tables with a line of column names, the one way to read and write CSV: on the `csv` crate, which splits and quotes.
+//! Tables with a line of column names, the one way to read and write CSV: on the `csv` crate, which
+//! splits and quotes.
 //!
 //! Columns are found by name, in any order. Errors name the line and the column.
 
@@ -47,8 +48,8 @@ impl<R: BufRead> Input for Lines<'_, R> {
     }
 }
 
-/// Longest row of a stream, in bytes. A stream has no length to be checked; without a bound, one that never ends its
-/// line, or never closes a quote, would fill the memory.
+/// Longest row of a stream, in bytes. A stream has no length to be checked; without a bound, one
+/// that never ends its line, or never closes a quote, would fill the memory.
 const MAX_ROW: usize = 1 << 20;
 
 /// A stream of which `left` bytes may still be read before the next row is done.
@@ -114,8 +115,8 @@ impl<R: Input> Table<R> {
         Ok(Self { reader, path: path.into(), columns, cells: StringRecord::new(), line, ended: false })
     }
 
-    /// Reads the next row; false at the end. After an error about a row the next one may be read; a stream that
-    /// failed has ended.
+    /// Reads the next row; false at the end. After an error about a row the next one may be read; a
+    /// stream that failed has ended.
     ///
     /// # Errors
     /// If it cannot be read, or has another number of cells than the header.
@@ -335,8 +336,9 @@ impl<'a> Row<'a> {
 
     /// A rotation from the columns `qx,qy,qz,qw`.
     ///
-    /// Tables print rounded digits, so a length up to [`UNIT_TOLERANCE`] from 1 is scaled to 1; anything else is not meant
-    /// as a rotation. (glTF has a narrower rule of its own, and graphs of g2o are scaled with a remark.)
+    /// Tables print rounded digits, so a length up to [`UNIT_TOLERANCE`] from 1 is scaled to 1;
+    /// anything else is not meant as a rotation. (glTF has a narrower rule of its own, and graphs
+    /// of g2o are scaled with a remark.)
     pub(crate) fn rotation(&self, columns: [usize; 4]) -> Result<DQuat, IoError> {
         let [x, y, z, w] = columns.map(|column| self.number(column));
         let q = DQuat::from_xyzw(x?, y?, z?, w?);
@@ -348,7 +350,8 @@ impl<'a> Row<'a> {
     }
 }
 
-/// How far a quaternion of a table may be from unit length: three decimals are enough to mean a rotation.
+/// How far a quaternion of a table may be from unit length: three decimals are enough to mean a
+/// rotation.
 const UNIT_TOLERANCE: f64 = 1e-3;
 
 /// What the csv crate found, as an error about the table `path`.

@@ -48,7 +48,8 @@ pub struct LookupRow<'a> {
 /// Writes lookups one by one as a table with columns
 /// `contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance`.
 ///
-/// Decimals are the shortest that read back as the same `f64`. Rows are buffered: call [`LookupWriter::finish`].
+/// Decimals are the shortest that read back as the same `f64`. Rows are buffered: call
+/// [`LookupWriter::finish`].
 #[derive(Debug)]
 pub struct LookupWriter<W: Write> {
     table: csv::Writer<W>,

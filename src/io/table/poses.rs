@@ -1,3 +1,5 @@
+//! Tables of link poses.
+
 use std::{collections::HashSet, path::Path};
 
 use glam::DAffine3;
@@ -15,11 +17,12 @@ pub struct LinkPose {
     pub line: u64,
 }
 
-/// Reads a table of link poses: columns `link,x,y,z,qx,qy,qz,qw` in any order, metres and unit quaternions.
+/// Reads a table of link poses: columns `link,x,y,z,qx,qy,qz,qw` in any order, metres and unit
+/// quaternions.
 ///
 /// # Errors
-/// If the file cannot be read, a column is missing, a cell is no finite number, a quaternion is not of unit
-/// length, or a link comes twice.
+/// If the file cannot be read, a column is missing, a cell is not a finite number, a quaternion is
+/// not of unit length, or a link comes twice.
 pub fn read_poses(path: &Path) -> Result<Vec<LinkPose>, IoError> {
     let source = Source::open(path)?;
     let table = Table::open(path, source.text()?.as_bytes())?;
