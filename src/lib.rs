@@ -5,20 +5,23 @@
 //! (g2o, CSV)                  glTF   receptive fields   every level   └─ BVH ─ contact ─▶ map cell, every level
 //! ```
 //!
-//! The rooms of the crate stand in the order of that flow, and each names only those before it:
+//! The modules of the crate follow the order of that flow; each uses only those before it:
 //!
-//! 1. [`io::read_draft`] reads a file as it was written; [`skin::assemble()`] turns it into a sound [`skin::Skin`] and says what
-//!    it changed; taxels without triangles it joins ([`skin::triangulate_taxels()`]). [`skin::check()`] lists what is wrong with it.
+//! 1. [`io::read_draft`] reads a file as it was written; [`skin::assemble()`] turns it into a sound
+//!    [`skin::Skin`] and says what it changed; taxels without triangles it joins
+//!    ([`skin::triangulate_taxels()`]). [`skin::check()`] lists what is wrong with it.
 //!    [`calib::calibrate()`] makes one from noisy observations, with a covariance per taxel.
 //! 2. [`pyramid::coarsen`] makes every patch a [`pyramid::Pyramid`] of receptive fields, joined by
 //!    [`pyramid::Prolongation`]s.
 //! 3. [`flatten::flatten_pyramid`] maps every level to the plane, coarse to fine, without a flip.
-//! 4. [`pipeline::build`] does both for all patches and returns a [`map::SkinMap`], which [`io::write_map`] keeps.
-//! 5. [`atlas::skin_images`] rasterises the maps for [`io::write_images`]; [`plot::plot_map`] draws them.
+//! 4. [`pipeline::build`] does both for all patches and returns a [`map::SkinMap`], which
+//!    [`io::write_map`] keeps.
+//! 5. [`atlas::skin_images`] rasterises the maps for [`io::write_images`]; [`plot::plot_map`] draws
+//!    them.
 //! 6. [`contact::ContactIndex`] finds the cells under a contact on every level.
 //!
-//! Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not depend on the number of
-//! threads.
+//! Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not
+//! depend on the number of threads.
 
 pub mod id;
 mod parallel;

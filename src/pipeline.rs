@@ -1,11 +1,12 @@
 //! The whole flow, from a skin to the files of its map.
 //!
-//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), maps every level of it to
-//!    the plane ([`flatten_pyramid`]) and returns the [`SkinMap`].
+//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), maps
+//!    every level of it to the plane ([`flatten_pyramid`]) and returns the [`SkinMap`].
 //! 2. [`write_files`] rasterises the levels ([`skin_images`]) and writes `map.glb` and `map.exr`.
 //!
-//! Patches are independent: they are built in parallel, and the result does not depend on the number of threads. Before
-//! it, [`read_draft`](crate::io::read_draft) and [`assemble`](crate::skin::assemble()) make the skin; after it,
+//! Patches are independent: they are built in parallel, and the result does not depend on the
+//! number of threads. Before it, [`read_draft`](crate::io::read_draft) and
+//! [`assemble`](crate::skin::assemble()) make the skin; after it,
 //! [`measure`](crate::report::measure) says how faithful the map is.
 //!
 //! ```

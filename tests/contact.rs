@@ -1,4 +1,5 @@
-//! Laws of the contact room: the answer is that of brute force, for any shape, pose, order and number of threads.
+//! Laws of the contact room: the answer is that of brute force, for any shape, pose, order and
+//! number of threads.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::f64::consts::TAU;
@@ -47,8 +48,8 @@ fn map_of(mesh: TriMesh) -> SkinMap {
     SkinMap { links, patches: vec![patch_of("skin", 0, vec![level_of(mesh, None)])].into() }
 }
 
-/// The unit square in two triangles as the coarse level, its midpoint subdivision (nine vertices, eight faces)
-/// as the fine one. Fine vertices 0 to 3 are the coarse ones.
+/// The unit square in two triangles as the coarse level, its midpoint subdivision (nine vertices,
+/// eight faces) as the fine one. Fine vertices 0 to 3 are the coarse ones.
 fn square_and_its_midpoints() -> SkinMap {
     let coarse = shapes::square();
     let mut positions = coarse.positions.clone();
@@ -162,7 +163,8 @@ fn soup() -> impl Strategy<Value = TriMesh> {
     })
 }
 
-/// A contact relative to a mesh: near a face, on it, at a corner, on a side, at the centre of the box, far away.
+/// A contact relative to a mesh: near a face, on it, at a corner, on a side, at the centre of the
+/// box, far away.
 #[derive(Debug, Clone)]
 enum Aim {
     Near([f64; 3], f64, prop::sample::Index),
@@ -337,7 +339,8 @@ proptest! {
 
 // ---- ties, hostile shapes ----
 
-/// A thousand copies of one triangle make a tree as deep as their number; the first of them is the answer.
+/// A thousand copies of one triangle make a tree as deep as their number; the first of them is the
+/// answer.
 #[test]
 fn of_coincident_faces_the_first_is_hit() {
     let one = shapes::triangle();
@@ -444,8 +447,8 @@ fn contacts_far_beyond_single_precision_are_exact() {
 
 // ---- sign ----
 
-/// Outside is positive at faces, sides and corners alike: on a sharp tetrahedron a face normal alone would be
-/// wrong beside most corners.
+/// Outside is positive at faces, sides and corners alike: on a sharp tetrahedron a face normal
+/// alone would be wrong beside most corners.
 #[test]
 fn the_sign_tells_outside_from_inside() {
     let mesh = shapes::tetrahedron();
@@ -492,7 +495,8 @@ fn at_a_vertex_one_field_has_all_the_weight() {
     }
 }
 
-/// The prolongation of the subdivision is linear interpolation, so level 1 puts a contact exactly where level 0 does.
+/// The prolongation of the subdivision is linear interpolation, so level 1 puts a contact exactly
+/// where level 0 does.
 #[test]
 fn on_a_subdivided_square_both_levels_agree() {
     let map = square_and_its_midpoints();

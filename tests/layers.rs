@@ -1,6 +1,6 @@
-//! The shape of the source, read from its text: which module may name which, which may use an outside crate, that no
-//! files import each other in a circle, that only the command speaks of its options, and that every file says what it
-//! is for.
+//! The shape of the source, read from its text: which module may name which, which may use an
+//! outside crate, that no files import each other in a circle, that only the command speaks of its
+//! options, and that every file says what it is for.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::{
@@ -255,7 +255,8 @@ impl<'a> Files<'a> {
         Self { by_module, reexports }
     }
 
-    /// The file that defines what `path` names in `module`: modules are followed down, re-exports to their source.
+    /// The file that defines what `path` names in `module`: modules are followed down, re-exports
+    /// to their source.
     fn resolve(&self, module: &[String], path: &[String], depth: usize) -> Option<&'a Source> {
         assert!(depth < 20, "re-exports of {path:?} go round in a circle");
         let mut at = module.to_vec();

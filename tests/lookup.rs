@@ -128,6 +128,20 @@ fn a_link_or_a_pose_moves_the_question() {
     assert!((distance - 0.51).abs() < 1e-6, "{distance}");
 }
 
+/// A column that changes nothing is named, whether it is known or not; an empty one is not.
+#[test]
+fn columns_without_effect_are_named() {
+    let fixture = Fixture::new();
+    let text = "x,y,z,force,radius,time,colour\n0,0,0.89,2,,0.1,red\n0,0,0.9,3,,0.2,blue\n";
+    let contacts = fixture.file("c.csv", text);
+    let output = fixture.lookup(&contacts).output().unwrap();
+    let notes = String::from_utf8(output.stderr).unwrap();
+    for (column, named) in [("force", true), ("time", true), ("colour", true), ("radius", false)] {
+        let note = format!("column `{column}` is not used");
+        assert_eq!(notes.matches(&note).count(), usize::from(named), "{column} in {notes}");
+    }
+}
+
 /// A table of taxels is in the world, whatever links they are on: each is found where it is.
 #[test]
 fn taxels_of_a_table_are_found_on_the_map() {

@@ -8,14 +8,15 @@ use crate::{
     numeric::morton,
 };
 
-/// Contacts that one task answers, each search starting from the last hit: long enough to forget the first search,
-/// short enough to share among threads.
+/// Contacts that one task answers, each search starting from the last hit: long enough to forget
+/// the first search, short enough to share among threads.
 const RUN: usize = 256;
 
 impl ContactIndex {
     /// Answers many contacts, in parallel; the same hits in the same order as one by one.
     ///
-    /// They are visited along a Morton curve, so that each search finds in the cache what the last one used.
+    /// They are visited along a Morton curve, so that each search finds in the cache what the last
+    /// one used.
     ///
     /// # Errors
     /// The first contact that cannot be answered.

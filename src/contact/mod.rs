@@ -2,43 +2,53 @@
 //!
 //! # Algorithm
 //!
-//! 1. [`ContactIndex::new`] builds one tree per patch over the triangles of level 0, in the frame of the patch's link:
-//!    a binary bounding volume hierarchy (obvhs) collapsed into nodes of eight boxes, whose leaves are packets of up to
-//!    eight triangles. Moving links ([`ContactIndex::move_links`]) only updates the boxes of the patches in the world.
-//! 2. [`ContactIndex::locate`] searches the patches, the one with the nearest box first. In a patch it walks down the
-//!    tree, nearest box first, and skips what is beyond a bound. Boxes and triangles are compared in `f32`, eight at a
-//!    time; whatever is within the bound is measured in `f64` on the vertices of the map.
-//! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal \[baerentzen2005\].
-//! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of a level ([`Cell`]): on level 0 by
-//!    its barycentric coordinates, on a coarser one by the direct prolongation of the face's corners.
+//! 1. [`ContactIndex::new`] builds one tree per patch over the triangles of level 0, in the frame
+//!    of the patch's link: a binary bounding volume hierarchy (obvhs) collapsed into nodes of eight
+//!    boxes, whose leaves are packets of up to eight triangles. Moving links
+//!    ([`ContactIndex::move_links`]) only updates the boxes of the patches in the world.
+//! 2. [`ContactIndex::locate`] searches the patches, the one with the nearest box first. In a patch
+//!    it walks down the tree, nearest box first, and skips what is beyond a bound. Boxes and
+//!    triangles are compared in `f32`, eight at a time; whatever is within the bound is measured in
+//!    `f64` on the vertices of the map.
+//! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal
+//!    \[baerentzen2005\].
+//! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of a level
+//!    ([`Cell`]): on level 0 by its barycentric coordinates, on a coarser one by the direct
+//!    prolongation of the face's corners.
 //!
-//! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an `f32` distance exceeds
-//! the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest face measured so far is `D` away, nothing
-//! with a computed square above `(D + slack)^2` can be nearer. From more than 1000 radii away `slack` is as large as
-//! a face, so boxes are compared in `f64` there.
+//! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an
+//! `f32` distance exceeds the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest face
+//! measured so far is `D` away, nothing with a computed square above `(D + slack)^2` can be nearer.
+//! From more than 1000 radii away `slack` is as large as a face, so boxes are compared in `f64`
+//! there.
 //!
 //! # Guarantees
 //!
-//! - The answer is the nearest point in `f64`, for any set of triangles: slivers, points and non-manifold meshes too.
-//! - Of equally near faces the first face of the first patch is the answer. It depends neither on the order of the
-//!   search nor on what was asked before: alone, along a path ([`ContactIndex::locate_from`]) and in a batch
-//!   ([`ContactIndex::locate_all`]) it is the same, with any number of threads.
+//! - The answer is the nearest point in `f64`, for any set of triangles: slivers, points and
+//!   non-manifold meshes too.
+//! - Of equally near faces the first face of the first patch is the answer. It depends neither on
+//!   the order of the search nor on what was asked before: alone, along a path
+//!   ([`ContactIndex::locate_from`]) and in a batch ([`ContactIndex::locate_all`]) it is the same,
+//!   with any number of threads.
 //! - Asking changes nothing in the index; share it among threads.
 //!
-//! Not guaranteed: the sign of the distance beyond the boundary of an open patch is the side of its continuation.
+//! Not guaranteed: the sign of the distance beyond the boundary of an open patch is the side of its
+//! continuation.
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `index` (patches, links, one query), `search/posed_boxes` (which patches),
-//! `search/patch_bvh`, `search/bvh8`, `search/triangle8` (the tree), `search/rounding` (the bound), `search/nearest`
-//! (the walk), `geometry` (exact measurements), `batch` (many queries), `cell` (from a hit to the map).
+//! `query` (what is asked and answered), `index` (patches, links, one query), `search/posed_boxes`
+//! (which patches), `search/patch_bvh`, `search/bvh8`, `search/triangle8` (the tree),
+//! `search/rounding` (the bound), `search/nearest` (the walk), `geometry` (exact measurements),
+//! `batch` (many queries), `cell` (from a hit to the map).
 //!
 //! The module is the only one that uses obvhs and wide.
 //!
 //! # Example
 //!
 //! ```
-//! use dermatome::{contact::{ContactIndex, Query}, mesh::shapes, pipeline, skin::{LinkId, Skin}};
+//! use dermatome::contact::{ContactIndex, Query};
+//! use dermatome::{mesh::shapes, pipeline, skin::{LinkId, Skin}};
 //! use glam::DVec3;
 //!
 //! // A cap of a sphere around the origin, open at the top.

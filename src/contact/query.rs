@@ -12,8 +12,8 @@ use crate::{
 pub struct Query {
     /// Where, in m, in the frame of `link`.
     pub point: DVec3,
-    /// The link in whose frame `point` is given and whose patches alone are searched; `None`: the world, and all
-    /// patches.
+    /// The link in whose frame `point` is given and whose patches alone are searched; `None`: the
+    /// world, and all patches.
     pub link: Option<LinkId>,
 }
 
@@ -47,8 +47,9 @@ pub struct Hit {
     pub point: SurfacePoint,
     /// How far the contact is outside the skin, in m; negative inside.
     ///
-    /// The side is that of the angle-weighted pseudo-normal (Bærentzen and Aanæs 2005), which is right on edges and
-    /// corners too. Beyond the boundary of an open patch it is the side of the skin's continuation.
+    /// The side is that of the angle-weighted pseudo-normal (Bærentzen and Aanæs 2005), which is
+    /// right on edges and corners too. Beyond the boundary of an open patch it is the side of the
+    /// skin's continuation.
     pub distance: f64,
     /// Where the point lies, in m, in the frame the contact was given in.
     pub position: DVec3,

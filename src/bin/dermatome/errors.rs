@@ -1,4 +1,5 @@
-//! Errors as a user reads them, in three lines: what, why, what to do. Advice that names options is here alone.
+//! Errors as a user reads them, in three lines: what, why, what to do. Advice that names options is
+//! here alone.
 
 use std::{
     fmt,

@@ -27,7 +27,8 @@ use crate::{
 pub(crate) struct Args {
     /// The mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt, with one connected sheet
     mesh: PathBuf,
-    /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; may be given twice
+    /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; may be given
+    /// twice
     #[arg(short, long, value_name = "OUT", required = true)]
     output: Vec<PathBuf>,
     #[command(flatten)]

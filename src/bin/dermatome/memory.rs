@@ -1,6 +1,7 @@
 //! Memory of this process.
 
-/// Largest resident memory of this process so far, in bytes; `None` where the system does not report it.
+/// Largest resident memory of this process so far, in bytes; `None` where the system does not
+/// report it.
 #[must_use]
 pub(crate) fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

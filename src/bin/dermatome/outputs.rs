@@ -125,7 +125,8 @@ impl Outputs {
         })
     }
 
-    /// Lets `write` write files of these names, which do not appear in `folder` before [`Self::publish`].
+    /// Lets `write` write files of these names, which do not appear in `folder` before
+    /// [`Self::publish`].
     pub(crate) fn stage_in<T>(
         &mut self,
         folder: &Path,
@@ -170,7 +171,8 @@ impl Outputs {
     }
 }
 
-/// An error about a place: only the kind is kept, since the system's text may name a temporary file.
+/// An error about a place: only the kind is kept, since the system's text may name a temporary
+/// file.
 pub(crate) fn cannot_write(path: &Path, why: ErrorKind) -> Error {
     IoError::Write { path: path.to_owned(), source: why.into() }.into()
 }

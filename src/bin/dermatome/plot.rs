@@ -1,5 +1,5 @@
-//! `dermatome plot MAP.glb -o OUT.svg|.png`: levels of a map side by side, with their receptive fields, and the skin in
-//! space.
+//! `dermatome plot MAP.glb -o OUT.svg|.png`: levels of a map side by side, with their receptive
+//! fields, and the skin in space.
 
 use std::{
     io::Write,
@@ -23,8 +23,8 @@ use crate::{
     print::print,
 };
 
-/// Draw levels of a map side by side, all at one scale, with their receptive fields or their distortion, and the skin in
-/// space.
+/// Draw levels of a map side by side, all at one scale, with their receptive fields or their
+/// distortion, and the skin in space.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`; or a skin without a map, which is drawn in space

@@ -35,7 +35,8 @@ pub(crate) fn plain(name: &str) -> String {
     harmless(name, LONGEST_NAME)
 }
 
-/// A text as a terminal may see it: control and direction characters escaped, all beyond `longest` characters cut.
+/// A text as a terminal may see it: control and direction characters escaped, all beyond `longest`
+/// characters cut.
 fn harmless(text: &str, longest: usize) -> String {
     let is_plain = |c: char| {
         !c.is_control() && !('\u{200e}'..='\u{202e}').contains(&c) && !('\u{2066}'..='\u{2069}').contains(&c)

@@ -41,7 +41,8 @@ pub(crate) fn clean_when_stopped(folder: &Path) {
     });
 }
 
-/// Terminating signals, except those that the parent process set to ignored (`nohup`, background jobs).
+/// Terminating signals, except those that the parent process set to ignored (`nohup`, background
+/// jobs).
 fn signals() -> Vec<i32> {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -4,13 +4,16 @@ use glam::DVec3;
 
 use crate::id::VertexId;
 
-/// A triangle whose doubled area is less than this part of its longest side squared is measured by its sides alone.
+/// A triangle whose doubled area is less than this part of its longest side squared is measured by
+/// its sides alone.
 ///
-/// The direction of its normal is lost to rounding (2^-52 over this), while the sides err by at most its height;
-/// at the square root of the rounding both errors are equal, a hundred-millionth of the longest side.
+/// The direction of its normal is lost to rounding (2^-52 over this), while the sides err by at
+/// most its height; at the square root of the rounding both errors are equal, a hundred-millionth
+/// of the longest side.
 const FLAT: f64 = 1e-8;
 
-/// Rounding of a barycentric weight, relative to the products it is made of: twice the three-term sums of products.
+/// Rounding of a barycentric weight, relative to the products it is made of: twice the three-term
+/// sums of products.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// Which part of a triangle is nearest.
@@ -33,9 +36,9 @@ pub(in crate::contact) struct Closest {
 
 /// The point of the triangle nearest to `q`, in `f64`, for slivers and triangles without area too.
 ///
-/// Inside the triangle the distance is that to its plane. Otherwise it is that to a side, measured from the
-/// smaller to the larger vertex id: two faces that share a side or corner find exactly the same distance, so
-/// that face ids alone break the tie.
+/// Inside the triangle the distance is that to its plane. Otherwise it is that to a side, measured
+/// from the smaller to the larger vertex id: two faces that share a side or corner find exactly the
+/// same distance, so that face ids alone break the tie.
 pub(in crate::contact) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -> Closest {
     let [a, b, c] = corners;
     let (ab, ac, aq) = (b - a, c - a, q - a);
@@ -139,7 +142,8 @@ mod tests {
         assert_eq!((point.squared, point.barycentric.iter().sum::<f64>()), (1.25, 1.0));
     }
 
-    /// Two faces find bitwise the same distance to a side or a corner that they share, whichever way it is listed.
+    /// Two faces find bitwise the same distance to a side or a corner that they share, whichever
+    /// way it is listed.
     #[test]
     fn a_shared_side_is_equally_far_from_both_faces() {
         let [a, b] = [DVec3::new(0.1, 0.2, 0.3), DVec3::new(1.3, -0.7, 0.9)];
@@ -161,7 +165,8 @@ mod tests {
             ..ProptestConfig::default()
         })]
 
-        /// The point found is in the triangle, as far as is said, and no other point of the triangle is nearer.
+        /// The point found is in the triangle, as far as is said, and no other point of the
+        /// triangle is nearer.
         #[test]
         fn no_point_of_the_triangle_is_nearer(
             corners in prop::array::uniform3(prop::array::uniform3(-1.0_f64..1.0)),

@@ -45,8 +45,9 @@ impl Fans {
 
     /// A vector on the outer side of the surface at a feature of `face`, not of unit length.
     ///
-    /// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right everywhere
-    /// (Bærentzen and Aanæs, Signed distance computation using the angle weighted pseudonormal, 2005).
+    /// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right
+    /// everywhere (Bærentzen and Aanæs, Signed distance computation using the angle weighted
+    /// pseudonormal, 2005).
     pub(in crate::contact) fn pseudo_normal(&self, mesh: &TriMesh, face: FaceId, feature: Feature) -> DVec3 {
         let unit = |f: FaceId| mesh.face_cross(f).normalize_or_zero();
         let ids = mesh.triangles[face];

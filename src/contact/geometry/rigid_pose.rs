@@ -4,8 +4,8 @@ use glam::{DAffine3, DQuat, DVec3};
 
 use crate::mesh::rotation_defect;
 
-/// How far the axes of a pose may be from unit length and right angles: glTF stores poses in `f32`, and a chain of
-/// links multiplies a few of them.
+/// How far the axes of a pose may be from unit length and right angles: glTF stores poses in `f32`,
+/// and a chain of links multiplies a few of them.
 const RIGID_TOLERANCE: f64 = 1e-5;
 
 /// A rigid frame with the way there and back.
@@ -16,8 +16,8 @@ pub(in crate::contact) struct RigidPose {
 }
 
 impl RigidPose {
-    /// The frame of a pose that rotates and translates; its axes are made exactly orthonormal, so distances in
-    /// the frame are those of the world. `None` if the pose does anything else.
+    /// The frame of a pose that rotates and translates; its axes are made exactly orthonormal, so
+    /// distances in the frame are those of the world. `None` if the pose does anything else.
     pub(in crate::contact) fn new(pose: &DAffine3) -> Option<Self> {
         if !pose.is_finite() {
             return None;

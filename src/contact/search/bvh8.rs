@@ -95,7 +95,8 @@ impl Node8 {
         Self { lo: lo.map(f32x8::new), hi: hi.map(f32x8::new), children: slots }
     }
 
-    /// Nodes that hold all of `bounds`, eight by eight; the child in a slot is the number of its box.
+    /// Nodes that hold all of `bounds`, eight by eight; the child in a slot is the number of its
+    /// box.
     pub(super) fn rows(bounds: &[Aabb]) -> Vec<Self> {
         let numbered: Vec<_> = bounds.iter().enumerate().map(|(i, b)| (*b, Child::node(i))).collect();
         numbered.chunks(LANES).map(|row| Self::new(row.iter().copied())).collect()
@@ -128,8 +129,8 @@ impl Node8 {
 pub(super) struct Bvh8 {
     pub(super) nodes: Vec<Node8>,
     pub(super) packets: Vec<Triangle8>,
-    /// Most entries on the stack of an ordered walk. Coincident triangles make deep trees, so this is counted, not
-    /// guessed.
+    /// Most entries on the stack of an ordered walk. Coincident triangles make deep trees, so this
+    /// is counted, not guessed.
     pub(super) max_stack: usize,
     /// Nodes on the longest way from the root to a packet.
     pub(super) depth: usize,
@@ -144,7 +145,8 @@ impl Boundable for Boxed {
 }
 
 impl Bvh8 {
-    /// A tree over at least one and at most [`MAX_FACES`] triangles, whose corners are finite and about 1.
+    /// A tree over at least one and at most [`MAX_FACES`] triangles, whose corners are finite and
+    /// about 1.
     pub(super) fn new(triangles: &IdVec<FaceId, [DVec3; 3]>) -> Self {
         let bounds: Vec<Boxed> = triangles.iter().map(|corners| Boxed(enclose(*corners))).collect();
         // One triangle a leaf: how many go into a packet is decided when the tree is collapsed.
@@ -184,7 +186,8 @@ struct Collapse<'a> {
 impl Collapse<'_> {
     fn run(&self) -> Bvh8 {
         let mut tree = Bvh8 { nodes: Vec::new(), packets: Vec::new(), max_stack: 0, depth: 0 };
-        // Binary node, the wide slot it goes into, the entries on the stack of a walk that comes there, and the depth.
+        // Binary node, the wide slot it goes into, the entries on the stack of a walk that comes
+        // there, and the depth.
         let mut open = vec![(0_usize, None, 0_usize, 1_usize)];
         while let Some((root, slot, stacked, depth)) = open.pop() {
             let parts = self.split(root);

@@ -17,8 +17,8 @@ pub(super) fn splat(p: Vec3) -> Wide3 {
 /// The lane of the least of eight numbers that are not negative.
 #[inline]
 pub(super) fn least_lane(numbers: f32x8) -> usize {
-    // Bits of such numbers sort as they do; the lane takes the place of the last three. Without a branch, since
-    // which lane it is cannot be foreseen.
+    // Bits of such numbers sort as they do; the lane takes the place of the last three. Without a
+    // branch, since which lane it is cannot be foreseen.
     let mut lane = 0;
     let keys = numbers.to_array().map(|x| {
         let key = x.to_bits() & !7 | lane;

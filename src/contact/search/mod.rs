@@ -1,4 +1,5 @@
-//! The search for the nearest face: over the patches' boxes, then down the tree of each patch that may hold it.
+//! The search for the nearest face: over the patches' boxes, then down the tree of each patch that
+//! may hold it.
 
 mod bvh8;
 mod lanes;

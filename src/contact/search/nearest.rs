@@ -20,7 +20,8 @@ const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
 /// Entries of the stack that need no allocation: enough for trees of some ten million triangles.
 const SHALLOW: usize = 80;
 
-/// Most nodes on the first way down; deeper trees, of coincident triangles, are walked from the root.
+/// Most nodes on the first way down; deeper trees, of coincident triangles, are walked from the
+/// root.
 const TRAIL: usize = 12;
 
 /// Triangles that are collected before they are measured in `f64`.
@@ -119,8 +120,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound; then pushes the other
-    /// children of the nodes on the way that are within that bound, the deepest on top.
+    /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound;
+    /// then pushes the other children of the nodes on the way that are within that bound, the
+    /// deepest on top.
     ///
     /// Without a bound the walk from the root would push every child of these nodes.
     fn descend(&mut self, stack: &mut [u64], stack_len: &mut usize, best: &mut Option<Best>) {
@@ -174,7 +176,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The same from so far away that `f32` cannot distinguish the faces: boxes in `f64`, nearest first.
+    /// The same from so far away that `f32` cannot distinguish the faces: boxes in `f64`, nearest
+    /// first.
     fn run_far(&self, best: &mut Option<Best>) {
         let tree = &self.patch.tree;
         let mut stack = vec![(0.0, Child::ROOT)];

@@ -1,4 +1,5 @@
-//! Which patches may be nearest to a point of the world: the boxes of all patches as they are posed.
+//! Which patches may be nearest to a point of the world: the boxes of all patches as they are
+//! posed.
 
 use glam::DVec3;
 use obvhs::aabb::Aabb;
@@ -35,8 +36,8 @@ impl PosedBoxes {
         Self { rows: Node8::rows(&boxes), origin, radius }
     }
 
-    /// Calls `visit(patch, distance)` for every patch that may be nearer to `q` (m, in the world) than the
-    /// distance `visit` returned last, in m; the one with the nearest box first.
+    /// Calls `visit(patch, distance)` for every patch that may be nearer to `q` (m, in the world)
+    /// than the distance `visit` returned last, in m; the one with the nearest box first.
     pub(in crate::contact) fn each_within(
         &self,
         q: DVec3,

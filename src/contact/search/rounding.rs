@@ -1,21 +1,24 @@
 //! How far a distance computed in `f32` may be from the true one, and the bounds that follow.
 //!
-//! `triangle8` holds the test of the promise: no triangle within a distance ever seems to be beyond its bound.
+//! `triangle8` holds the test of the promise: no triangle within a distance ever seems to be beyond
+//! its bound.
 
 /// Coordinates beyond this (in m) are refused: their squares still fit into `f32`.
 pub(in crate::contact) const LARGEST: f64 = 1e12;
 
-/// By how much a distance found in `f32` may be wrong, relative to the patch's radius plus the distance of the
-/// contact from the patch's centre.
+/// By how much a distance found in `f32` may be wrong, relative to the patch's radius plus the
+/// distance of the contact from the patch's centre.
 ///
-/// Rounding the contact, the corner and their difference: 3 units; three coordinates along axes that are rounded
-/// themselves: 7; the side's projection and its squares: 8; the rounded triangle: 6. Doubled, `48 * 2^-24`.
+/// Rounding the contact, the corner and their difference: 3 units; three coordinates along axes
+/// that are rounded themselves: 7; the side's projection and its squares: 8; the rounded triangle:
+/// 6. Doubled, `48 * 2^-24`.
 const SLACK: f64 = 48.0 / 16_777_216.0;
 
 /// Squares found in `f32` are compared with bounds enlarged by this, for the last roundings.
 const ROUND_UP: f64 = 1.0 + 8.0 / 16_777_216.0;
 
-/// Upper bound of the squared `f32` distance computed for any face or box whose true distance is at most `distance`.
+/// Upper bound of the squared `f32` distance computed for any face or box whose true distance is at
+/// most `distance`.
 #[expect(clippy::cast_possible_truncation, reason = "rounding is part of ROUND_UP; clamped to finite")]
 pub(super) fn squared_bound_f32(distance: f64, slack: f64) -> f32 {
     let reach = distance + slack;
@@ -23,8 +26,8 @@ pub(super) fn squared_bound_f32(distance: f64, slack: f64) -> f32 {
     (reach * reach * ROUND_UP).min(f64::from(f32::MAX)) as f32
 }
 
-/// The most by which a distance found in `f32` exceeds the true one, seen from `reach` away from the centre of a scene of
-/// that `radius`, in the unit of both.
+/// The most by which a distance found in `f32` exceeds the true one, seen from `reach` away from
+/// the centre of a scene of that `radius`, in the unit of both.
 pub(super) fn slack(reach: f64, radius: f64) -> f64 {
     SLACK * (reach + radius)
 }

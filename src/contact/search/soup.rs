@@ -5,7 +5,8 @@ use proptest::prelude::*;
 
 use crate::mesh::TriMesh;
 
-/// A triangle with coordinates within 1; its third corner may be near a side, near a corner or on it.
+/// A triangle with coordinates within 1; its third corner may be near a side, near a corner or on
+/// it.
 pub(super) fn triangle() -> impl Strategy<Value = [DVec3; 3]> {
     let corner = || prop::array::uniform3(-1.0_f64..1.0).prop_map(DVec3::from);
     let flat = prop_oneof![3 => Just(1.0), 1 => Just(1e-3), 1 => Just(1e-7), 1 => Just(0.0)];

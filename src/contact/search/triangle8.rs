@@ -6,7 +6,8 @@ use wide::f32x8;
 use super::lanes::{LANES, Wide3};
 use crate::id::FaceId;
 
-/// Sides shorter than this (in units of the patch's radius, squared) count as points; their inverse would overflow.
+/// Sides shorter than this (in units of the patch's radius, squared) count as points; their inverse
+/// would overflow.
 const SHORTEST_SQUARED: f64 = 1e-30;
 
 fn dot(a: &Wide3, b: &Wide3) -> f32x8 {
@@ -15,9 +16,10 @@ fn dot(a: &Wide3, b: &Wide3) -> f32x8 {
 
 /// Up to eight triangles, side by side.
 ///
-/// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the third corner,
-/// `z` normal. In that frame the triangle is `(0, 0), (base, 0), apex`, and the distance to it needs no
-/// division and no product that cancels: whatever its shape, the error is a few roundings of the coordinates.
+/// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the
+/// third corner, `z` normal. In that frame the triangle is `(0, 0), (base, 0), apex`, and the
+/// distance to it needs no division and no product that cancels: whatever its shape, the error is a
+/// few roundings of the coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Triangle8 {
     start: Wide3,
@@ -26,7 +28,8 @@ pub(super) struct Triangle8 {
     z: Wide3,
     base: f32x8,
     apex: [f32x8; 2],
-    /// Inverse squared lengths of the sides from the start and the end of the base to the apex; 0 for a point.
+    /// Inverse squared lengths of the sides from the start and the end of the base to the apex; 0
+    /// for a point.
     inverse: [f32x8; 2],
     faces: [FaceId; LANES],
     /// One bit for each lane in use.
@@ -78,7 +81,8 @@ fn inverse_length_squared(x: f64, y: f64) -> f32 {
 }
 
 impl Triangle8 {
-    /// A packet of the first eight of `triangles`, at least one: corners in units of the patch's radius.
+    /// A packet of the first eight of `triangles`, at least one: corners in units of the patch's
+    /// radius.
     pub(super) fn new(triangles: &[(FaceId, [DVec3; 3])]) -> Self {
         let mut lanes = [[0.0_f32; LANES]; 17];
         let mut faces = [FaceId::default(); LANES];
@@ -121,8 +125,8 @@ impl Triangle8 {
 
     /// Squared distances of `q` to the triangles.
     ///
-    /// Never more than the true distance by more than the search's slack. It may be less: a point beyond the tip
-    /// of a needle can seem to lie inside.
+    /// Never more than the true distance by more than the search's slack. It may be less: a point
+    /// beyond the tip of a needle can seem to lie inside.
     #[inline]
     pub(super) fn distance_squared(&self, q: &Wide3) -> f32x8 {
         let (zero, one) = (f32x8::ZERO, f32x8::ONE);
@@ -202,7 +206,8 @@ mod tests {
             ..ProptestConfig::default()
         })]
 
-        /// The promise of the slack: a triangle nearer than a bound never seems to be farther, whatever its shape.
+        /// The promise of the slack: a triangle nearer than a bound never seems to be farther,
+        /// whatever its shape.
         #[test]
         fn no_distance_is_overestimated_by_more_than_the_slack(
             triangles in prop::collection::vec(soup::triangle(), 1..=LANES),
@@ -219,8 +224,8 @@ mod tests {
             }
         }
 
-        /// Only needles may seem nearer than they are; where the third corner is clear of the longest side the error is
-        /// at most the slack in both directions.
+        /// Only needles may seem nearer than they are; where the third corner is clear of the
+        /// longest side the error is at most the slack in both directions.
         #[test]
         fn distances_to_well_shaped_triangles_are_within_the_slack(
             corners in prop::array::uniform3(prop::array::uniform3(-0.5_f64..0.5)),
