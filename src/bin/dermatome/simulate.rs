@@ -1,4 +1,4 @@
-//! `simulate`: the experiment of a skin that touches a sphere, with known truth.
+//! `simulate`: observations of a simulated skin on a sphere, with known taxel poses.
 
 use std::{
     path::{Path, PathBuf},
@@ -21,20 +21,20 @@ use crate::{
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where to write the observations: .g2o, or displacements of the positions model as a table .csv; - is standard
-    /// output, in g2o
+    /// File for the observations: .g2o, or displacements of the positions model as a table .csv;
+    /// `-`: g2o on standard output
     #[arg(short, long, value_name = "OBS.g2o")]
     output: PathBuf,
-    /// Where to write where the taxels truly are: .csv
+    /// File for the true positions of the taxels: .csv
     #[arg(long, value_name = "T.csv")]
     truth: Option<PathBuf>,
-    /// Where to write the triangles between the taxels: .csv
+    /// File for the triangles between the taxels: .csv
     #[arg(long, value_name = "TRI.csv")]
     triangles: Option<PathBuf>,
-    /// Write absolute contacts into a table of their own; needed for contacts with normals
+    /// File for the absolute contacts: .csv; required for contacts with normals
     #[arg(long, value_name = "C.csv")]
     contacts: Option<PathBuf>,
-    /// What is unknown of every taxel
+    /// What is estimated of every taxel
     #[arg(long, value_enum, default_value_t = ModelArg::Positions)]
     model: ModelArg,
     /// Number of taxels
@@ -75,7 +75,7 @@ pub(crate) struct Args {
     outliers: f64,
 }
 
-/// What is unknown of a taxel.
+/// What is estimated of a taxel.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ModelArg {
     /// Its position
