@@ -45,8 +45,8 @@ fn atlas(c: &mut Criterion) {
 
 /// A cover of 642 taxels at 6 mm with its coarser levels, 1 mm a pixel: what `build` writes for one patch.
 fn cover(c: &mut Criterion) {
-    let levels = [1200, 300, 75].map(|faces| maps::flat_level(shapes::cap(faces, 0.1, 1.0), 0.001));
-    let map = maps::skin(vec![maps::patch("cover", levels.to_vec())]);
+    let patch = |faces: usize| flat_patch(&format!("cover {faces}"), shapes::cap(faces, 0.1, 1.0), 0.001);
+    let map = maps::skin([1200, 300, 75].map(patch).into());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.exr");
     c.bench_function("cover_642/images", |b| {

@@ -6,42 +6,18 @@ use std::{hint::black_box, time::Duration};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     contact::{ContactIndex, Query},
-    flatten::Distortion,
-    id::IdVec,
-    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    map::SkinMap,
     mesh::{TriMesh, shapes},
-    skin::{Link, LinkId, PatchId, TaxelId},
 };
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 const RADIUS: f64 = 0.1;
 const HALF_ANGLE: f64 = 1.92;
 const SIZES: [usize; 5] = [500, 10_000, 20_000, 100_000, 1_000_000];
 
 /// A map of one patch and one level; the map positions do not matter here.
-fn map_of(mesh: TriMesh) -> SkinMap {
-    let uv: IdVec<_, DVec2> = mesh.positions.map(|p| p.truncate());
-    let level = MapLevel {
-        normals: mesh.vertex_normals(),
-        areas: mesh.vertex_areas(),
-        origins: mesh.positions.ids().collect(),
-        frame: MapFrame::around(uv.iter(), 0.001),
-        uv,
-        up: None,
-        direct: None,
-        distortion: Distortion::default(),
-        mesh,
-    };
-    let ids = level.mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
-    let patch = PatchMap {
-        name: "cap".into(),
-        link: LinkId::new(0),
-        ids,
-        covariances: None,
-        levels: vec![level].into(),
-    };
-    let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
-    SkinMap { links: vec![link].into(), patches: IdVec::<PatchId, _>::from(vec![patch]) }
+fn flat(mesh: TriMesh) -> SkinMap {
+    SkinMap::flat(mesh, 0.001)
 }
 
 /// Numbers in [0, 1) that are the same in every run.
@@ -82,7 +58,7 @@ fn path(count: usize) -> Vec<Query> {
 
 fn contacts(c: &mut Criterion) {
     for faces in SIZES {
-        let map = map_of(shapes::cap(faces, RADIUS, HALF_ANGLE));
+        let map = flat(shapes::cap(faces, RADIUS, HALF_ANGLE));
         let index = ContactIndex::new(&map).unwrap();
         let mut group = c.benchmark_group(format!("contact/{faces}"));
         group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));

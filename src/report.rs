@@ -95,7 +95,7 @@ impl LevelReport {
 #[must_use]
 pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
     let levels = |patch: &PatchMap| {
-        patch.levels.enumerate().map(|(k, l)| LevelReport::new(k, &l.mesh, &l.distortion)).collect()
+        patch.levels.enumerate().map(|(k, l)| LevelReport::new(k, &l.level.mesh, &l.distortion)).collect()
     };
     map.patches
         .iter()

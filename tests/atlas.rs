@@ -5,9 +5,9 @@ mod maps;
 
 use dermatome::{
     atlas::{AtlasError, Chart, ImageRows, LevelImage, Samples, face_stretch, level_image},
-    id::{FaceId, VertexId},
-    map::{MapFrame, PatchMap},
-    mesh::{MeshError, TriMesh, shapes},
+    id::{FaceId, IdVec, VertexId},
+    map::{ImageFrame, PatchMap},
+    mesh::{TriMesh, shapes},
     skin::TaxelId,
 };
 use glam::{DVec2, DVec3};
@@ -93,7 +93,7 @@ fn edges_through_pixel_centres_are_owned_once() {
     mesh.triangles = fan.iter().map(|t| t.map(VertexId::from)).collect();
     let mut map = flat_patch("fan", mesh, 1.0);
     map.levels[level_id(0)].frame =
-        MapFrame { origin: DVec2::splat(-1.5), size: DVec2::splat(12.0), size_px: [12; 2] };
+        ImageFrame { origin: DVec2::splat(-1.5), size: DVec2::splat(12.0), size_px: [12; 2] };
     let chart = chart(&map);
     assert_eq!(chart.overlaps(), 0, "no centre in two faces");
     assert_eq!(chart.covered(), 64, "8 x 8: two sides of the square belong to it, two do not");
@@ -166,7 +166,7 @@ fn thin_triangles_leave_no_holes() {
 #[test]
 fn ids_are_those_of_the_largest_weight() {
     let mut map = maps::square_pyramid("palm", &[9, 5], 0.08, 0.001);
-    map.ids[VertexId::new(0)] = TaxelId(u32::MAX - 1);
+    map.taxels.ids[VertexId::new(0)] = TaxelId(u32::MAX - 1);
     for k in 0..2 {
         let image = level_image(&map, level_id(k)).unwrap();
         let chart = Chart::new(&map, level_id(k)).unwrap();
@@ -183,7 +183,7 @@ fn ids_are_those_of_the_largest_weight() {
             let corners = chart.mesh().triangles[at.face];
             let expected: Vec<u32> = (0..3)
                 .filter(|&c| at.barycentric[c] >= largest)
-                .map(|c| if k == 0 { map.ids[corners[c]].0 } else { corners[c].raw() })
+                .map(|c| if k == 0 { map.taxels.ids[corners[c]].0 } else { corners[c].raw() })
                 .collect();
             assert!(expected.contains(&ids(&image, "taxel.id")[i]), "level {k}, pixel {column}, {row}");
             assert_eq!(ids(&image, "face.id")[i], at.face.raw());
@@ -273,7 +273,7 @@ fn an_image_that_is_too_large_is_refused_with_a_pixel_size_that_fits() {
         let AtlasError::TooLarge { image, fits_mm, .. } = error else { panic!("{error}") };
         assert_eq!(image, "palm/L0");
         // A chart of the largest size takes a gigabyte: only its size is tried.
-        let frame = MapFrame::around(&flat_patch("", mesh, pixel).levels[level_id(0)].uv, fits_mm * 1e-3);
+        let frame = ImageFrame::around(&flat_patch("", mesh, pixel).levels[level_id(0)].uv, fits_mm * 1e-3);
         assert!(frame.size_px.iter().all(|&n| n <= 16_384), "{fits_mm} mm fits a side of {side} m");
     }
 }
@@ -288,25 +288,13 @@ fn what_cannot_be_drawn_is_named() {
     };
     let zero = level_id(0);
     assert!(matches!(Chart::new(&map, level_id(3)).unwrap_err(), AtlasError::NoSuchLevel { last: 0, .. }));
-    for at in [DVec2::NAN, DVec2::new(1e300, 0.0), DVec2::new(0.0, f64::NEG_INFINITY)] {
+    for at in [DVec2::new(1e300, 0.0), DVec2::new(0.0, -1e3)] {
         let error = broken(&|m| m.levels[zero].uv[VertexId::new(2)] = at);
         let AtlasError::OutsideFrame { vertex, .. } = error else { panic!("{error}") };
         assert_eq!(vertex, VertexId::new(2), "at {at}");
     }
-    for size in [DVec2::ZERO, DVec2::NAN, DVec2::NEG_ONE] {
-        let error = broken(&|m| m.levels[zero].frame.size = size);
-        assert!(matches!(error, AtlasError::Frame { .. }), "{error}");
-    }
-    assert!(matches!(broken(&|m| m.levels[zero].frame.size_px = [0, 4]), AtlasError::Frame { .. }));
-    let short = |e: AtlasError| matches!(e, AtlasError::Length { found: 3, needed: 4, .. });
-    assert!(short(broken(&|m| m.ids = vec![TaxelId(0); 3].into())), "ids");
-    assert!(short(broken(&|m| m.levels[zero].uv = vec![DVec2::ZERO; 3].into())), "map positions");
-    assert!(short(broken(&|m| m.levels[zero].normals = vec![DVec3::Z; 3].into())), "normals");
-    let corner = broken(&|m| m.levels[zero].mesh.triangles[FaceId::new(0)][1] = VertexId::new(9));
-    assert!(
-        matches!(corner, AtlasError::Mesh { source: MeshError::CornerOutOfRange { .. }, .. }),
-        "{corner}"
-    );
+    let error = broken(&|m| m.taxels.ids = IdVec::new());
+    assert!(matches!(error, AtlasError::Map(_)), "data that is not a map: {error}");
 }
 
 #[test]
@@ -317,7 +305,7 @@ fn degenerate_faces_are_harmless() {
     assert!(floats(&image, "A").iter().all(|&a| a == 0.0), "a line covers no pixel");
     // No area on the skin, some on the map.
     let mut map = flat_patch("point", shapes::triangle(), 0.1);
-    map.levels[level_id(0)].mesh.positions = vec![DVec3::ZERO; 3].into();
+    map.levels[level_id(0)].level.mesh.positions = vec![DVec3::ZERO; 3].into();
     let image = level_image(&map, level_id(0)).unwrap();
     assert!(floats(&image, "A").contains(&1.0));
     for channel in &image.channels {
@@ -332,7 +320,7 @@ proptest! {
     /// Moving a map by whole pixels moves its image: nothing depends on where the origin is.
     #[test]
     fn whole_pixels_shift_the_image(dx in 0_i32..50, dy in 0_i32..50, corners in prop::collection::vec((0.0..20.0, 0.0..20.0), 3..12)) {
-        let frame = |x: i32, y: i32| MapFrame {
+        let frame = |x: i32, y: i32| ImageFrame {
             origin: DVec2::new(f64::from(x), f64::from(y)),
             size: DVec2::splat(80.0),
             size_px: [80; 2],
@@ -369,7 +357,7 @@ proptest! {
         let star = TriMesh::from_arrays(positions.clone(), &[[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]);
         let area: f64 = star.area();
         prop_assume!(area > 0.5);
-        let frame = MapFrame { origin: DVec2::splat(-0.5), size: DVec2::splat(21.0), size_px: [21; 2] };
+        let frame = ImageFrame { origin: DVec2::splat(-0.5), size: DVec2::splat(21.0), size_px: [21; 2] };
         let draw = |mesh: TriMesh| {
             let mut map = flat_patch("quad", mesh, 1.0);
             map.levels[level_id(0)].frame = frame;

@@ -6,36 +6,27 @@ use std::f64::consts::TAU;
 
 use dermatome::{
     contact::{ContactError, ContactIndex, Hit, Query},
-    flatten::Distortion,
     id::{FaceId, IdVec, VertexId},
-    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    map::{MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
     pyramid::{LevelId, Prolongation},
     skin::{Link, LinkId, PatchId, TaxelId, world_pose},
 };
-use glam::{DAffine3, DQuat, DVec2, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};
 
 // ---- maps made by hand ----
 
-fn level_of(mesh: TriMesh, direct: Option<Prolongation>) -> MapLevel {
-    let uv: IdVec<VertexId, DVec2> = mesh.positions.map(|p| p.truncate());
-    MapLevel {
-        normals: mesh.vertex_normals(),
-        areas: mesh.vertex_areas(),
-        origins: mesh.positions.ids().collect(),
-        frame: MapFrame::around(uv.iter(), 0.001),
-        uv,
-        up: None,
-        direct,
-        distortion: Distortion::default(),
-        mesh,
-    }
+fn level_of(mesh: TriMesh) -> MapLevel {
+    let map = SkinMap::flat(mesh, 0.001);
+    map.patches.into_iter().next().unwrap().levels.into_iter().next().unwrap()
 }
 
 fn patch_of(name: &str, link: usize, levels: Vec<MapLevel>) -> PatchMap {
-    let ids = levels[0].mesh.positions.ids().map(|v| TaxelId(1000 + v.raw())).collect();
-    PatchMap { name: name.into(), link: LinkId::new(link), ids, covariances: None, levels: levels.into() }
+    let map = SkinMap::flat(levels[0].level.mesh.clone(), 0.001);
+    let mut taxels = map.patches.into_iter().next().unwrap().taxels;
+    taxels.ids = taxels.ids.ids().map(|v| TaxelId(1000 + v.raw())).collect();
+    PatchMap { name: name.into(), link: LinkId::new(link), taxels, levels: levels.into() }
 }
 
 fn link_of(name: &str, parent: Option<usize>, pose: DAffine3) -> Link {
@@ -45,7 +36,7 @@ fn link_of(name: &str, parent: Option<usize>, pose: DAffine3) -> Link {
 /// One patch with one level on one link at the origin.
 fn map_of(mesh: TriMesh) -> SkinMap {
     let links = vec![link_of("base", None, DAffine3::IDENTITY)].into();
-    SkinMap { links, patches: vec![patch_of("skin", 0, vec![level_of(mesh, None)])].into() }
+    SkinMap { links, patches: vec![patch_of("skin", 0, vec![level_of(mesh)])].into() }
 }
 
 /// The unit square in two triangles as the coarse level, its midpoint subdivision (nine vertices,
@@ -61,12 +52,14 @@ fn square_and_its_midpoints() -> SkinMap {
     }
     let triangles = [[0, 4, 6], [4, 1, 5], [4, 5, 6], [6, 5, 2], [0, 6, 8], [6, 7, 8], [6, 2, 7], [8, 7, 3]];
     let fine = TriMesh::from_arrays(positions.into_vec(), &triangles);
-    let direct = Prolongation {
+    let to_finest = Prolongation {
         indices: rows.iter().map(|(i, _)| i.map(VertexId::from)).collect(),
         weights: rows.iter().map(|(_, w)| *w).collect(),
         coarse_len: 4,
     };
-    let levels = vec![level_of(fine, None), level_of(coarse, Some(direct))];
+    let mut levels = vec![level_of(fine), level_of(coarse)];
+    levels[0].level.from_coarser = Some(to_finest.clone());
+    levels[1].level.to_finest = Some(to_finest);
     SkinMap {
         links: vec![link_of("base", None, DAffine3::IDENTITY)].into(),
         patches: vec![patch_of("square", 0, levels)].into(),
@@ -102,7 +95,7 @@ fn brute(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>, contact: &Query) -> f64
             continue;
         }
         let pose = if contact.link.is_some() { DAffine3::IDENTITY } else { poses[patch.link] };
-        let mesh = &patch.levels[LevelId::new(0)].mesh;
+        let mesh = &patch.levels[LevelId::new(0)].level.mesh;
         for face in mesh.triangles.ids() {
             let corners = mesh.corners(face).map(|p| pose.transform_point3(p));
             best = best.min(distance_to_triangle(contact.point, corners));
@@ -123,7 +116,7 @@ fn assert_exact(map: &SkinMap, index: &ContactIndex, contact: &Query, tolerance:
     assert!((found - expected).abs() <= tolerance, "{contact:?}: found {found}, brute force {expected}");
     let away = contact.point.distance(hit.position);
     assert!((away - found).abs() <= tolerance, "{contact:?}: the hit is {away} away, not {found}");
-    let mesh = &map.patches[hit.patch].levels[LevelId::new(0)].mesh;
+    let mesh = &map.patches[hit.patch].levels[LevelId::new(0)].level.mesh;
     let [a, b, c] = hit.point.barycentric;
     assert!(a >= 0.0 && b >= 0.0 && c >= 0.0 && (a + b + c - 1.0).abs() < 1e-12, "{:?}", hit.point);
     let local = mesh.point(&hit.point);
@@ -226,9 +219,8 @@ fn robot(shapes: [TriMesh; 4], poses: [DAffine3; 3]) -> SkinMap {
     let links = (0..3).map(|k| link_of(names[k], k.checked_sub(1), poses[k])).collect();
     let homes = [1, 2, 1, 2];
     let patches = shapes.into_iter().enumerate();
-    let patches = patches
-        .map(|(k, mesh)| patch_of(&format!("patch {k}"), homes[k], vec![level_of(mesh, None)]))
-        .collect();
+    let patches =
+        patches.map(|(k, mesh)| patch_of(&format!("patch {k}"), homes[k], vec![level_of(mesh)])).collect();
     SkinMap { links, patches }
 }
 
@@ -288,7 +280,7 @@ proptest! {
         for round in 0..2 {
             for (aim, patch) in &aims {
                 let patch = &map.patches[PatchId::new(*patch)];
-                let local = aim.at(&patch.levels[LevelId::new(0)].mesh);
+                let local = aim.at(&patch.levels[LevelId::new(0)].level.mesh);
                 let world = index.poses()[patch.link].transform_point3(local);
                 assert_exact(&map, &index, &Query::world(world), 1e-9);
                 let hit = assert_exact(&map, &index, &Query::on_link(patch.link, local), 1e-9);
@@ -313,7 +305,7 @@ proptest! {
         let index = ContactIndex::new(&map).unwrap();
         let contacts: Vec<Query> = aims.iter().map(|(aim, patch, local)| {
             let patch = &map.patches[PatchId::new(*patch)];
-            let at = aim.at(&patch.levels[LevelId::new(0)].mesh);
+            let at = aim.at(&patch.levels[LevelId::new(0)].level.mesh);
             if *local {
                 Query::on_link(patch.link, at)
             } else {
@@ -381,8 +373,8 @@ fn on_the_medial_axis_the_first_patch_is_hit() {
     let links = vec![link_of("base", None, DAffine3::IDENTITY)];
     for (first, second) in [(1.0, -1.0), (-1.0, 1.0)] {
         let patches = vec![
-            patch_of("a", 0, vec![level_of(sheet(first), None)]),
-            patch_of("b", 0, vec![level_of(sheet(second), None)]),
+            patch_of("a", 0, vec![level_of(sheet(first))]),
+            patch_of("b", 0, vec![level_of(sheet(second))]),
         ];
         let map = SkinMap { links: links.clone().into(), patches: patches.into() };
         let index = ContactIndex::new(&map).unwrap();
@@ -475,7 +467,7 @@ fn at_a_vertex_one_field_has_all_the_weight() {
     let map = square_and_its_midpoints();
     let index = ContactIndex::new(&map).unwrap();
     let fine = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
-    for (v, &p) in fine.mesh.positions.enumerate() {
+    for (v, &p) in fine.level.mesh.positions.enumerate() {
         let hit = index.locate(p + DVec3::Z * 0.1).unwrap();
         assert!((hit.distance - 0.1).abs() < 1e-15);
         let cell = index.cell(&hit, LevelId::new(0)).unwrap();
@@ -486,7 +478,7 @@ fn at_a_vertex_one_field_has_all_the_weight() {
             let cell = index.cell(&hit, LevelId::new(1)).unwrap();
             assert_eq!((cell.field, cell.weights.of(v)), (v, 1.0), "a centre's row is its own field");
             let corners =
-                map.patches[PatchId::new(0)].levels[LevelId::new(1)].mesh.triangles[cell.point.face];
+                map.patches[PatchId::new(0)].levels[LevelId::new(1)].level.mesh.triangles[cell.point.face];
             let at = corners.iter().position(|&c| c == v).unwrap();
             assert_eq!(cell.point.barycentric[at], 1.0, "the face holds the centre");
             let smaller = if v.index() == 3 { 1 } else { 0 };
@@ -518,8 +510,8 @@ fn on_a_subdivided_square_both_levels_agree() {
                 assert_eq!(cell.field, first, "the largest weight, the smallest field of several");
             }
             // The coarse face and its coordinates are those of the nearest fine corner.
-            let place = coarse.mesh.point(&cells[1].point);
-            let fine = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].mesh;
+            let place = coarse.level.mesh.point(&cells[1].point);
+            let fine = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh;
             let corners = fine.corners(hit.point.face);
             let least = corners.iter().map(|c| c.distance(hit.position)).fold(f64::INFINITY, f64::min);
             assert!((place.distance(hit.position) - least).abs() < 1e-12, "{place} for {}", hit.position);
@@ -612,19 +604,19 @@ fn broken_maps_are_refused_by_name() {
     }
     let v = VertexId::new;
     check("no triangle", &|map| *map = SkinMap::default());
-    check("no triangle", &|map| level(map, 0).mesh.triangles = IdVec::new());
-    check("not finite", &|map| level(map, 0).mesh.positions[v(0)] = DVec3::NAN);
-    check("1e12", &|map| level(map, 0).mesh.positions[v(0)] = DVec3::X * 1e20);
-    check("vertex 99", &|map| level(map, 0).mesh.triangles[FaceId::new(0)][0] = v(99));
-    check("L1", &|map| level(map, 1).mesh.triangles[FaceId::new(0)][0] = v(99));
+    check("no triangle", &|map| level(map, 0).level.mesh.triangles = IdVec::new());
+    check("not finite", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::NAN);
+    check("1e12", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::X * 1e20);
+    check("vertex 99", &|map| level(map, 0).level.mesh.triangles[FaceId::new(0)][0] = v(99));
+    check("L1", &|map| level(map, 1).level.mesh.triangles[FaceId::new(0)][0] = v(99));
     check("link 5", &|map| patch(map).link = LinkId::new(5));
-    check("0 levels", &|map| patch(map).levels = IdVec::new());
-    check("ids has 1", &|map| patch(map).ids = vec![TaxelId(0)].into());
+    check("without levels", &|map| patch(map).levels = IdVec::new());
+    check("ids: an array of 1", &|map| patch(map).taxels.ids = vec![TaxelId(0)].into());
     check("uv has 0", &|map| level(map, 1).uv = IdVec::new());
-    check("direct has 0", &|map| level(map, 1).direct = None);
+    check("to_finest has 0", &|map| level(map, 1).level.to_finest = None);
     check("after its parent", &|map| map.links[LinkId::new(0)].parent = Some(LinkId::new(0)));
-    check("centre 99", &|map| level(map, 1).origins[v(2)] = v(99));
-    check("row 5", &|map| level(map, 1).direct.as_mut().unwrap().indices[v(5)][1] = v(40));
-    check("row 5", &|map| level(map, 1).direct.as_mut().unwrap().weights[v(5)][1] = f64::NAN);
-    check("row 4", &|map| level(map, 1).direct.as_mut().unwrap().indices[v(4)] = [v(1), v(3), v(3)]);
+    check("vertex 99 of level 0", &|map| level(map, 1).level.origins[v(2)] = v(99));
+    check("row 5", &|map| level(map, 1).level.to_finest.as_mut().unwrap().indices[v(5)][1] = v(40));
+    check("row 5", &|map| level(map, 1).level.to_finest.as_mut().unwrap().weights[v(5)][1] = f64::NAN);
+    check("row 4", &|map| level(map, 1).level.to_finest.as_mut().unwrap().indices[v(4)] = [v(1), v(3), v(3)]);
 }

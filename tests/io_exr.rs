@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use dermatome::{
     atlas::{Channel, ImageRows, Samples, TactileImage, level_image, skin_images},
     io::{IoError, part_name, write_images},
-    map::MapFrame,
+    map::ImageFrame,
     mesh::shapes,
 };
 use exr::{
@@ -59,8 +59,8 @@ fn assert_holds(path: &Path, images: &[TactileImage]) {
     }
 }
 
-fn frame(width: u32, height: u32) -> MapFrame {
-    MapFrame {
+fn frame(width: u32, height: u32) -> ImageFrame {
+    ImageFrame {
         origin: DVec2::ZERO,
         size: DVec2::new(f64::from(width), f64::from(height)),
         size_px: [width, height],

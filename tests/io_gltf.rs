@@ -181,20 +181,23 @@ fn a_map_reads_back_the_same() {
     assert_eq!(back.links.len(), map.links.len(), "links without a patch stay");
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(1e-2);
     for (got, want) in back.patches.iter().zip(&map.patches) {
-        assert_eq!((&got.name, got.link, &got.ids), (&want.name, want.link, &want.ids));
-        assert_eq!(got.covariances, want.covariances, "of {}", want.name);
+        assert_eq!((&got.name, got.link, &got.taxels.ids), (&want.name, want.link, &want.taxels.ids));
+        assert_eq!(got.taxels.covariances, want.taxels.covariances, "of {}", want.name);
         assert_eq!(got.levels.len(), want.levels.len(), "{}", want.name);
         for (got, want) in got.levels.iter().zip(&want.levels) {
-            assert_eq!(got.mesh.triangles, want.mesh.triangles);
-            assert_eq!(got.origins, want.origins, "centres are found again");
+            assert_eq!(got.level.mesh.triangles, want.level.mesh.triangles);
+            assert_eq!(got.level.origins, want.level.origins, "centres are found again");
             assert_eq!(got.frame, want.frame);
             for (a, b) in got.uv.iter().zip(&want.uv) {
                 assert!(a.distance(*b) < 1e-7, "{a} is {b} but for rounding");
             }
-            assert!(got.areas.iter().zip(&want.areas).all(|(a, b)| close(*a, *b)));
+            assert!(got.level.areas.iter().zip(&want.level.areas).all(|(a, b)| close(*a, *b)));
             assert_eq!(got.distortion.flips, 0);
             assert!(close(got.distortion.qc_mean, want.distortion.qc_mean), "measured anew");
-            for (got, want) in [(&got.up, &want.up), (&got.direct, &want.direct)] {
+            for (got, want) in [
+                (&got.level.from_coarser, &want.level.from_coarser),
+                (&got.level.to_finest, &want.level.to_finest),
+            ] {
                 assert_eq!(got.is_some(), want.is_some());
                 let (Some(got), Some(want)) = (got, want) else { continue };
                 assert_eq!((got.coarse_len, &got.indices), (want.coarse_len, &want.indices));
@@ -777,16 +780,16 @@ fn what_no_file_can_hold_is_refused_before_anything_is_written() {
         &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)]
     }
     write(&|map| palm(map).uv[VertexId::new(0)] += 10.0, &["palm/L1", "vertex 0"]);
-    write(&|map| palm(map).direct = None, &["palm/L1 direct", "no prolongation"]);
+    write(&|map| palm(map).level.to_finest = None, &["palm/L1", "to_finest has 0"]);
     write(
-        &|map| palm(map).direct.as_mut().unwrap().weights[VertexId::new(3)] = [2.0, -1.0, 0.0],
-        &["palm/L1 direct", "row 3"],
+        &|map| palm(map).level.to_finest.as_mut().unwrap().weights[VertexId::new(3)] = [2.0, -1.0, 0.0],
+        &["palm/L1", "to_finest", "row 3"],
     );
     // A triangle so thin on the map that f32 cannot tell two of its corners apart.
     write(
         &|map| {
             let level = palm(map);
-            let [a, b, c] = level.mesh.triangles[dermatome::id::FaceId::new(0)];
+            let [a, b, c] = level.level.mesh.triangles[dermatome::id::FaceId::new(0)];
             level.uv[c] = level.uv[a] + (level.uv[b] - level.uv[a]).perp() * 1e-13;
         },
         &["palm/L1", "face", "map area"],
@@ -825,12 +828,12 @@ fn a_map_that_lies_is_refused_by_name() {
         (extras(next, "level"), json!(0), &["palm", "each level once"]),
         (extras(next, "level"), json!(-1), &["extras.dermatome", "-1"]),
         (extras(next, "patch"), json!("other"), &["other"]),
-        (extras(next, "up"), up.clone(), &["palm/L1 up", "none at this level"]),
-        (extras(next, "direct"), json!(null), &["palm/L1 direct", "no prolongation"]),
+        (extras(next, "up"), up.clone(), &["palm/L1", "from_coarser", "0 are needed"]),
+        (extras(next, "direct"), json!(null), &["palm/L1", "to_finest has 0"]),
         (extras(finest, "up/indices"), json!(count), &["palm/L0 up", "accessor"]),
         (extras(finest, "up/indices"), up["weights"].clone(), &["5126"]),
-        (extras(finest, "up/weights"), up["indices"].clone(), &["palm/L0 up", "weights"]),
-        (extras(finest, "map/size"), json!([0, 1]), &["palm/L0", "rectangle"]),
+        (extras(finest, "up/weights"), up["indices"].clone(), &["palm/L0", "from_coarser", "weights"]),
+        (extras(finest, "map/size"), json!([0, 1]), &["palm/L0", "frame"]),
         (extras(finest, "map/size"), json!([1]), &["extras.dermatome"]),
         (extras(finest, "map/pixels"), json!([0, 1]), &["palm/L0", "pixel"]),
         ("/scenes/0/nodes".into(), json!([0]), &["node"]),

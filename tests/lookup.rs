@@ -192,21 +192,21 @@ fn coarse_weights_are_the_product_with_the_direct_prolongation() {
     let index = ContactIndex::new(&fixture.map).unwrap();
     let patch = &fixture.map.patches[PatchId::new(0)];
     let hit = index.locate(DVec3::new(0.013, -0.021, 0.9)).unwrap();
-    let corners = patch.levels[LevelId::new(0)].mesh.triangles[hit.point.face];
+    let corners = patch.levels[LevelId::new(0)].level.mesh.triangles[hit.point.face];
     for (id, level) in patch.levels.enumerate().skip(1) {
-        let direct = level.direct.as_ref().unwrap();
-        let mut expected = vec![0.0; level.mesh.positions.len()];
+        let direct = level.level.to_finest.as_ref().unwrap();
+        let mut expected = vec![0.0; level.level.mesh.positions.len()];
         for (corner, share) in corners.into_iter().zip(hit.point.barycentric) {
             for (field, weight) in direct.indices[corner].into_iter().zip(direct.weights[corner]) {
                 expected[field.index()] += share * weight;
             }
         }
         let cell = index.cell(&hit, id).unwrap();
-        for (field, &weight) in level.mesh.positions.ids().zip(&expected) {
+        for (field, &weight) in level.level.mesh.positions.ids().zip(&expected) {
             assert!((cell.weights.of(field) - weight).abs() < 1e-15, "{field:?} of {id:?}");
         }
         let strongest = expected.iter().copied().fold(0.0, f64::max);
         assert_eq!(expected[cell.field.index()], strongest);
-        assert_eq!(cell.taxel, patch.ids[level.origins[cell.field]]);
+        assert_eq!(cell.taxel, patch.taxels.ids[level.level.origins[cell.field]]);
     }
 }

@@ -107,17 +107,22 @@ fn data_that_is_no_map_is_an_error() {
     let cases = [
         broken(&|p| p.levels[one].uv[VertexId::new(3)] = DVec2::NAN),
         broken(&|p| p.levels[one].uv = vec![DVec2::ZERO; 3].into()),
-        broken(&|p| p.levels[one].direct.as_mut().unwrap().indices[VertexId::new(0)][2] = VertexId::new(99)),
-        broken(&|p| p.levels[one].direct.as_mut().unwrap().weights = Vec::new().into()),
-        broken(&|p| p.ids = Vec::new().into()),
-        broken(&|p| p.levels[one].mesh.triangles = vec![[VertexId::new(400); 3]].into()),
+        broken(&|p| {
+            p.levels[one].level.to_finest.as_mut().unwrap().indices[VertexId::new(0)][2] = VertexId::new(99)
+        }),
+        broken(&|p| p.levels[one].level.to_finest.as_mut().unwrap().weights = Vec::new().into()),
+        broken(&|p| p.taxels.ids = Vec::new().into()),
+        broken(&|p| p.levels[one].level.mesh.triangles = vec![[VertexId::new(400); 3]].into()),
     ];
     for result in cases.iter().flatten() {
         assert!(
             matches!(
                 result,
                 Err(PlotError::Map(
-                    MapError::Mesh { .. } | MapError::Length { .. } | MapError::OutOfRange { .. }
+                    MapError::Skin(_)
+                        | MapError::Level { .. }
+                        | MapError::Length { .. }
+                        | MapError::NotFinite { .. }
                 ))
             ),
             "{result:?}"

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use dermatome::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Adjacency, Halfedge, MeshError, TriMesh, mean_edge_length, shapes},
-    pyramid::{CoarsenOptions, Level, LevelId, Pyramid, PyramidError, coarsen},
+    pyramid::{CoarsenOptions, Level, LevelId, Pyramid, PyramidError, RemovalLog, coarsen},
     skin::{LinkId, Patch, TaxelId},
 };
 use glam::DVec3;
@@ -26,8 +26,9 @@ fn pyramid(mesh: TriMesh) -> Pyramid {
 }
 
 /// Pairs of a level and the next coarser one.
-fn steps(pyramid: &Pyramid) -> impl Iterator<Item = (&Level, &Level)> {
-    pyramid.levels.iter().zip(pyramid.levels.iter().skip(1))
+fn steps(pyramid: &Pyramid) -> impl Iterator<Item = (&Level, &RemovalLog, &Level)> {
+    let (fine, coarse) = (pyramid.levels.iter(), pyramid.levels.iter().skip(1));
+    fine.zip(&pyramid.removals).zip(coarse).map(|((fine, log), coarse)| (fine, log, coarse))
 }
 
 fn cap(faces: usize) -> TriMesh {
@@ -119,7 +120,7 @@ fn assert_laws(pyramid: &Pyramid) {
         for (v, &taxel) in level.origins.enumerate() {
             assert_eq!(level.mesh.positions[v], ground.mesh.positions[taxel], "a centre is a taxel");
         }
-        let Some(direct) = &level.direct else { continue };
+        let Some(direct) = &level.to_finest else { continue };
         let (a, b) = (total(&direct.restrict(&forces)), total(&forces));
         assert!((a - b).abs() <= 1e-12 * b, "level {id} has the skin's force: {a} and {b}");
         let faces = set(level.mesh.triangles.iter().copied());
@@ -132,27 +133,27 @@ fn assert_laws(pyramid: &Pyramid) {
             assert_eq!((direct.indices[taxel][0], direct.weights[taxel]), (v, [1.0, 0.0, 0.0]), "a centre");
         }
     }
-    for (fine, coarse) in steps(pyramid) {
-        assert_step(fine, coarse);
+    for (fine, log, coarse) in steps(pyramid) {
+        assert_step(fine, log, coarse);
     }
 }
 
 /// The laws between a level and the next coarser one.
-fn assert_step(fine: &Level, coarse: &Level) {
+fn assert_step(fine: &Level, log: &RemovalLog, coarse: &Level) {
     let (before, after) = (fine.mesh.positions.len() as f64, coarse.mesh.positions.len() as f64);
     assert!(before >= 1.5 * after, "a level shrinks by 1.5 at least: {before} to {after}");
-    let up = fine.up.as_ref().unwrap();
-    let direct = coarse.direct.as_ref().unwrap();
+    let up = fine.from_coarser.as_ref().unwrap();
+    let direct = coarse.to_finest.as_ref().unwrap();
     for (v, &taxel) in fine.origins.enumerate() {
         assert_eq!(up.indices[v], direct.indices[taxel], "up is direct's rows of surviving taxels");
         assert_eq!(up.weights[v], direct.weights[taxel], "up is direct's rows of surviving taxels");
     }
-    for (v, &parent) in coarse.parents.enumerate() {
-        assert_eq!(fine.origins[parent], coarse.origins[v], "a parent is the same taxel");
+    let finer = coarse.finer_vertices(fine).unwrap();
+    for (v, &vertex) in finer.enumerate() {
+        assert_eq!(fine.origins[vertex], coarse.origins[v], "a vertex is the same taxel on both levels");
     }
 
-    let mut triangles = set(coarse.mesh.triangles.iter().map(|t| t.map(|v| coarse.parents[v])));
-    let log = &fine.removals;
+    let mut triangles = set(coarse.mesh.triangles.iter().map(|t| t.map(|v| finer[v])));
     assert_eq!(triangles, set(log.triangles_after(&fine.mesh.triangles, log.len())), "all removals");
     for removal in log.iter().rev() {
         assert!(removal.ring.len() >= 3, "a ring is a polygon");
@@ -242,9 +243,9 @@ fn the_same_bytes_for_any_number_of_threads() {
 fn a_linear_field_is_reproduced_to_a_tenth_of_the_spacing_on_the_cap() {
     let pyramid = pyramid(cap(10_000));
     let ground = &pyramid.levels[LevelId::new(0)].mesh;
-    let (fine, coarse) = steps(&pyramid).next().unwrap();
+    let (fine, _, coarse) = steps(&pyramid).next().unwrap();
     let spacing = mean_edge_length(ground, &Adjacency::new(ground).unwrap());
-    let prolonged = fine.up.as_ref().unwrap().apply(&coarse.mesh.positions);
+    let prolonged = fine.from_coarser.as_ref().unwrap().apply(&coarse.mesh.positions);
     let squares: f64 = prolonged.iter().zip(&ground.positions).map(|(a, b)| a.distance_squared(*b)).sum();
     let rms = (squares / ground.positions.len() as f64).sqrt();
     assert!(rms < 0.1 * spacing, "rms error {rms} of {spacing}");
@@ -256,8 +257,8 @@ fn a_linear_field_is_exact_on_a_plane() {
     let mesh = shapes::lattice(40, 40, 0.01);
     let inside = |p: &DVec3| (p - DVec3::new(0.2, 0.17, 0.0)).abs().max_element() < 0.12;
     let pyramid = pyramid(mesh);
-    for (fine, coarse) in steps(&pyramid).take(1) {
-        let prolonged = fine.up.as_ref().unwrap().apply(&coarse.mesh.positions);
+    for (fine, _, coarse) in steps(&pyramid).take(1) {
+        let prolonged = fine.from_coarser.as_ref().unwrap().apply(&coarse.mesh.positions);
         for (p, q) in fine.mesh.positions.iter().zip(&prolonged).filter(|(p, _)| inside(p)) {
             assert!(p.distance(*q) < 1e-12, "{p} became {q}");
         }
@@ -270,7 +271,7 @@ fn a_ratio_is_met_and_the_top_is_about_as_small_as_asked() {
     for ratio in [2.0, 3.0, 4.0, 8.0] {
         let options = CoarsenOptions { ratio: Some(ratio), ..CoarsenOptions::default() };
         let pyramid = coarsen_patch(&patch, &options).unwrap();
-        for (fine, coarse) in steps(&pyramid) {
+        for (fine, _, coarse) in steps(&pyramid) {
             let (before, after) = (fine.mesh.positions.len() as f64, coarse.mesh.positions.len() as f64);
             if after > 500.0 {
                 assert!((before / after / ratio - 1.0).abs() < 0.03, "{before} to {after} for {ratio}");
@@ -382,7 +383,7 @@ fn a_constant_pressure_survives_dead_taxels() {
     let pyramid = pyramid(cap(3_000));
     let ground = &pyramid.levels[LevelId::new(0)];
     let top = pyramid.levels.iter().nth(1).unwrap();
-    let direct = top.direct.as_ref().unwrap();
+    let direct = top.to_finest.as_ref().unwrap();
     let pressures = ground.areas.map(|_| 20.0);
     let half = direct.restrict_pressure(&pressures, &ground.areas, |v| v.raw() % 2 == 0);
     let served = half.iter().flatten().count();
@@ -395,9 +396,9 @@ fn a_constant_pressure_survives_dead_taxels() {
 #[test]
 fn pressure_on_living_taxels_keeps_the_force() {
     let pyramid = pyramid(shapes::saddle(30));
-    let (fine, coarse) = steps(&pyramid).next().unwrap();
+    let (fine, _, coarse) = steps(&pyramid).next().unwrap();
     let pressures = fine.mesh.positions.map(|p| 100.0 + 1e4 * p.x * p.y);
-    let up = fine.up.as_ref().unwrap();
+    let up = fine.from_coarser.as_ref().unwrap();
     let lifted = up.restrict_pressure(&pressures, &fine.areas, |_| true);
     let force = |p: f64, a: f64| p * a;
     let before: f64 = pressures.iter().zip(&fine.areas).map(|(p, a)| force(*p, *a)).sum();
@@ -409,11 +410,11 @@ fn pressure_on_living_taxels_keeps_the_force() {
 #[test]
 fn removals_can_be_undone_in_part() {
     let pyramid = pyramid(sieve(30, 30, 7));
-    let (fine, _) = steps(&pyramid).next().unwrap();
-    for count in [0, 1, fine.removals.len() / 2, fine.removals.len() - 1] {
-        let triangles = fine.removals.triangles_after(&fine.mesh.triangles, count);
+    let (fine, log, _) = steps(&pyramid).next().unwrap();
+    for count in [0, 1, log.len() / 2, log.len() - 1] {
+        let triangles = log.triangles_after(&fine.mesh.triangles, count);
         let mesh = TriMesh { positions: fine.mesh.positions.clone(), triangles };
-        let gone: BTreeSet<_> = fine.removals.iter().take(count).map(|r| r.vertex).collect();
+        let gone: BTreeSet<_> = log.iter().take(count).map(|r| r.vertex).collect();
         let left = punched(&mesh, |v| gone.contains(&v));
         let euler = |mesh: &TriMesh| Adjacency::new(mesh).unwrap().euler_characteristic();
         assert_eq!(euler(&left), euler(&fine.mesh), "after {count} removals");

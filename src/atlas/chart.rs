@@ -7,7 +7,7 @@ use crate::{
         rasterize::{PIXEL, Snapped, UNCOVERED, rasterize},
     },
     id::{FaceId, IdVec, VertexId},
-    map::{MapFrame, PatchMap},
+    map::{ImageFrame, PatchMap},
     mesh::{SurfacePoint, TriMesh},
     pyramid::LevelId,
 };
@@ -27,7 +27,7 @@ const MAX_PIXELS: u64 = 1 << 28;
 pub struct Chart<'a> {
     mesh: &'a TriMesh,
     uv: &'a IdVec<VertexId, DVec2>,
-    frame: MapFrame,
+    frame: ImageFrame,
     faces: Vec<u32>,
     overlaps: usize,
 }
@@ -36,29 +36,33 @@ impl<'a> Chart<'a> {
     /// Rasterises the map of one level. Work grows with the covered pixels and the triangles.
     ///
     /// # Errors
-    /// If there is no such level, if the image would be larger than 16384 pixels a side or `2^28` in all, or if
-    /// the map does not lie in its frame.
+    /// If the patch breaks a rule of [`PatchMap::validate`] or has no such level, if the image would be larger than 16384
+    /// pixels a side or `2^28` in all, or if the map does not lie in its frame.
     pub fn new(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
+        patch.validate()?;
+        Self::of_level(patch, level)
+    }
+
+    /// As [`Chart::new`], of a patch that is known to be valid.
+    pub(super) fn of_level(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
         let Some(at) = patch.levels.get(level) else {
             let last = patch.levels.len().saturating_sub(1);
             return Err(AtlasError::NoSuchLevel { patch: patch.name.clone(), level, last });
         };
-        Self::of(&image_name(patch, level), &at.mesh, &at.uv, at.frame)
+        Self::of(&image_name(patch, level), &at.level.mesh, &at.uv, at.frame)
     }
 
-    /// Rasterises a map `uv` (m) of `mesh` into `frame`; errors name it `image`.
+    /// Rasterises a map `uv` (m) of `mesh` into `frame`, which are known to be valid; errors name it `image`.
     ///
     /// # Errors
     /// As [`Chart::new`].
-    pub fn of(
+    pub(crate) fn of(
         image: &str,
         mesh: &'a TriMesh,
         uv: &'a IdVec<VertexId, DVec2>,
-        frame: MapFrame,
+        frame: ImageFrame,
     ) -> Result<Self, AtlasError> {
         check_size(&frame, image)?;
-        mesh.validate().map_err(|source| AtlasError::Mesh { image: image.into(), source })?;
-        check_length(image, "map positions", uv.len(), mesh.positions.len())?;
         let points = snap(uv, &frame, image)?;
         let (faces, overlaps) = rasterize(&points, &mesh.triangles, frame.size_px.map(|n| n as usize));
         Ok(Self { mesh, uv, frame, faces, overlaps })
@@ -78,7 +82,7 @@ impl<'a> Chart<'a> {
 
     /// The part of the map it shows.
     #[must_use]
-    pub const fn frame(&self) -> &MapFrame {
+    pub const fn frame(&self) -> &ImageFrame {
         &self.frame
     }
 
@@ -200,12 +204,8 @@ pub(super) fn narrow(x: f64) -> f32 {
     x as f32
 }
 
-fn check_size(frame: &MapFrame, image: &str) -> Result<(), AtlasError> {
+fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {
     let (size, size_px) = (frame.size, frame.size_px);
-    let sound = size.is_finite() && size.min_element() > 0.0 && frame.origin.is_finite();
-    if !sound || size_px.contains(&0) {
-        return Err(AtlasError::Frame { image: image.into(), size, size_px });
-    }
     let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
     if size_px.iter().any(|&n| n > MAX_SIDE) || pixels > MAX_PIXELS {
         let by_side = size.max_element() / f64::from(MAX_SIDE - 2);
@@ -225,7 +225,7 @@ fn check_size(frame: &MapFrame, image: &str) -> Result<(), AtlasError> {
 }
 
 /// Whether all images together keep to what one may have.
-pub(super) fn check_total<'a>(frames: impl Iterator<Item = &'a MapFrame>) -> Result<(), AtlasError> {
+pub(super) fn check_total<'a>(frames: impl Iterator<Item = &'a ImageFrame>) -> Result<(), AtlasError> {
     let (mut images, mut pixels, mut area) = (0, 0_u64, 0.0);
     for frame in frames {
         let [width, height] = frame.size_px.map(u64::from);
@@ -248,24 +248,10 @@ fn two_digits_up(x: f64) -> f64 {
     format!("{digits}e{exponent}").parse().unwrap_or(x)
 }
 
-/// Whether an array has one entry per vertex.
-pub(super) fn check_length(
-    image: &str,
-    what: &'static str,
-    found: usize,
-    needed: usize,
-) -> Result<(), AtlasError> {
-    if found == needed {
-        Ok(())
-    } else {
-        Err(AtlasError::Length { image: image.into(), what, found, needed })
-    }
-}
-
 /// Map positions in the rasteriser's integers.
 fn snap(
     uv: &IdVec<VertexId, DVec2>,
-    frame: &MapFrame,
+    frame: &ImageFrame,
     image: &str,
 ) -> Result<IdVec<VertexId, Snapped>, AtlasError> {
     let count = DVec2::new(f64::from(frame.size_px[0]), f64::from(frame.size_px[1]));

@@ -1,11 +1,16 @@
+//! Why a level has no image.
+
 use glam::DVec2;
 
-use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId};
+use crate::{id::VertexId, map::MapError, pyramid::LevelId};
 
 /// Why a level has no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AtlasError {
+    /// The map breaks a rule.
+    #[error(transparent)]
+    Map(#[from] MapError),
     /// More pixels than an image may have.
     #[error(
         "the image of {image} would have {} x {} pixels for a map of {:.3} x {:.3} m; at most {max_side} a side and \
@@ -41,19 +46,6 @@ pub enum AtlasError {
         /// A pixel size that fits, in mm.
         fits_mm: f64,
     },
-    /// A frame without pixels or without a size.
-    #[error(
-        "the frame of {image} is {} x {} m in {} x {} pixels; both must be positive and finite",
-        size.x, size.y, size_px[0], size_px[1]
-    )]
-    Frame {
-        /// Patch and level, as `palm/L0`.
-        image: String,
-        /// Width and height, in m.
-        size: DVec2,
-        /// Width and height, in pixels.
-        size_px: [u32; 2],
-    },
     /// A vertex off the picture.
     #[error("vertex {vertex} of {image} lies at ({}, {}) m on the map, outside of the level's frame", at.x, at.y)]
     OutsideFrame {
@@ -63,26 +55,6 @@ pub enum AtlasError {
         vertex: VertexId,
         /// Its map position, in m.
         at: DVec2,
-    },
-    /// A mesh that cannot be drawn.
-    #[error("{image}: {source}")]
-    Mesh {
-        /// Patch and level, as `palm/L0`.
-        image: String,
-        /// What is wrong with it.
-        source: MeshError,
-    },
-    /// An array that does not fit to the mesh.
-    #[error("{image} has {found} {what} for {needed} vertices")]
-    Length {
-        /// Patch and level, as `palm/L0`.
-        image: String,
-        /// Which array.
-        what: &'static str,
-        /// Entries found.
-        found: usize,
-        /// Entries needed.
-        needed: usize,
     },
     /// A level that the patch does not have.
     #[error("patch {patch:?} has no level {level}; it has levels 0 to {last}")]

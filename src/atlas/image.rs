@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use crate::map::MapFrame;
+use crate::map::ImageFrame;
 
 /// The values of one channel, row by row from the top.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,7 +78,7 @@ pub struct TactileImage {
     /// Patch and level, as `palm/L0`.
     pub name: String,
     /// The part of the map it shows, and its size in pixels.
-    pub frame: MapFrame,
+    pub frame: ImageFrame,
     /// The channels, all of the same size.
     pub channels: Vec<Channel>,
 }
@@ -97,7 +97,7 @@ pub trait ImageRows: Sync {
     fn name(&self) -> &str;
 
     /// The part of the map it shows, and its size in pixels.
-    fn frame(&self) -> &MapFrame;
+    fn frame(&self) -> &ImageFrame;
 
     /// Names and kinds of the channels.
     fn channels(&self) -> Vec<ChannelLayout>;
@@ -112,7 +112,7 @@ impl ImageRows for TactileImage {
         &self.name
     }
 
-    fn frame(&self) -> &MapFrame {
+    fn frame(&self) -> &ImageFrame {
         &self.frame
     }
 

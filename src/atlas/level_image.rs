@@ -6,11 +6,11 @@ use rayon::prelude::*;
 use crate::{
     atlas::{
         AtlasError, Channel, ChannelLayout, Chart, ImageRows, SampleKind, Samples, Stretch, TactileImage,
-        chart::{check_length, check_total, image_name, narrow},
+        chart::{check_total, image_name, narrow},
         face_stretch,
     },
-    id::{FaceId, VertexId},
-    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    id::{FaceId, IdVec, VertexId},
+    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
     pyramid::LevelId,
 };
@@ -51,6 +51,7 @@ pub struct LevelImage<'a> {
     name: String,
     patch: &'a PatchMap,
     level: &'a MapLevel,
+    normals: IdVec<VertexId, DVec3>,
     finest: bool,
     chart: Chart<'a>,
     light: DVec3,
@@ -60,17 +61,19 @@ impl<'a> LevelImage<'a> {
     /// Rasterises a level.
     ///
     /// # Errors
-    /// As [`Chart::new`], or if the patch has not one id per taxel.
+    /// As [`Chart::new`].
     pub fn new(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
-        let chart = Chart::new(patch, level)?;
-        let (name, finest, needed) =
-            (image_name(patch, level), level == LevelId::default(), chart.uv().len());
+        patch.validate()?;
+        Self::of_level(patch, level)
+    }
+
+    /// As [`LevelImage::new`], of a patch that is known to be valid.
+    fn of_level(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
+        let chart = Chart::of_level(patch, level)?;
+        let (name, finest) = (image_name(patch, level), level == LevelId::default());
         let level = &patch.levels[level];
-        check_length(&name, "normals", level.normals.len(), needed)?;
-        if finest {
-            check_length(&name, "taxel ids", patch.ids.len(), needed)?;
-        }
-        Ok(Self { name, patch, level, finest, light: light(chart.mesh()), chart })
+        let normals = patch.normals(&level.level);
+        Ok(Self { name, patch, level, normals, finest, light: light(chart.mesh()), chart })
     }
 
     /// The level's chart.
@@ -107,13 +110,13 @@ impl<'a> LevelImage<'a> {
 
     /// The measures of one pixel, in the order of [`MEASURES`].
     fn measures(&self, face: FaceId, weights: [f64; 3], stretch: Stretch) -> [f64; 12] {
-        let level = self.level;
-        let corners = level.mesh.triangles[face];
+        let mesh = &self.level.level.mesh;
+        let corners = mesh.triangles[face];
         let mix = |of: &dyn Fn(VertexId) -> DVec3| {
             corners.iter().zip(weights).map(|(&v, w)| w * of(v)).sum::<DVec3>()
         };
-        let p = mix(&|v| level.mesh.positions[v]);
-        let n = mix(&|v| level.normals[v]).normalize_or_zero();
+        let p = mix(&|v| mesh.positions[v]);
+        let n = mix(&|v| self.normals[v]).normalize_or_zero();
         // Half-Lambert: what faces away is dim, not black.
         let shade = 0.5 + 0.5 * n.dot(self.light);
         let [_, u, v] = weights;
@@ -123,8 +126,8 @@ impl<'a> LevelImage<'a> {
     /// The ids of one pixel, in the order of [`IDS`].
     fn ids(&self, face: FaceId, weights: [f64; 3]) -> [u32; 2] {
         let corner = (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best });
-        let nearest = self.level.mesh.triangles[face][corner];
-        let id = if self.finest { self.patch.ids[nearest].0 } else { nearest.raw() };
+        let nearest = self.level.level.mesh.triangles[face][corner];
+        let id = if self.finest { self.patch.taxels.ids[nearest].0 } else { nearest.raw() };
         [id, face.raw()]
     }
 }
@@ -134,7 +137,7 @@ impl ImageRows for LevelImage<'_> {
         &self.name
     }
 
-    fn frame(&self) -> &MapFrame {
+    fn frame(&self) -> &ImageFrame {
         self.chart.frame()
     }
 
@@ -199,9 +202,10 @@ pub fn level_image(patch: &PatchMap, level: LevelId) -> Result<TactileImage, Atl
 /// The images of every level of every patch, rasterised but not yet filled: patch by patch, finest level first.
 ///
 /// # Errors
-/// As [`LevelImage::new`], or if the images have more than `2^28` pixels together: they are in memory at once.
+/// As [`Chart::new`], or if the images have more than `2^28` pixels together: they are in memory at once.
 pub fn skin_images(map: &SkinMap) -> Result<Vec<LevelImage<'_>>, AtlasError> {
+    map.validate()?;
     check_total(map.patches.iter().flat_map(|patch| patch.levels.iter().map(|level| &level.frame)))?;
     let all = map.patches.iter().flat_map(|patch| patch.levels.ids().map(move |level| (patch, level)));
-    all.map(|(patch, level)| LevelImage::new(patch, level)).collect()
+    all.map(|(patch, level)| LevelImage::of_level(patch, level)).collect()
 }

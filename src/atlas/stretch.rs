@@ -24,8 +24,8 @@ pub struct Stretch {
 #[must_use]
 pub fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
     const NO_SKIN: Stretch = Stretch { angle: f64::INFINITY, area: f64::INFINITY };
-    let uv = level.mesh.triangles[face].map(|v| level.uv[v]);
-    let flat = FlatTriangle::new(level.mesh.corners(face));
+    let uv = level.level.mesh.triangles[face].map(|v| level.uv[v]);
+    let flat = FlatTriangle::new(level.level.mesh.corners(face));
     if !(flat.area() > 0.0 && flat.area().is_finite()) {
         return NO_SKIN;
     }

@@ -8,8 +8,8 @@ use crate::{
         geometry::{Fans, face_of_all},
     },
     id::{FaceId, IdVec, VertexId},
-    map::{MapFrame, MapLevel, PatchMap},
-    mesh::SurfacePoint,
+    map::{ImageFrame, MapLevel, PatchMap},
+    mesh::{SurfacePoint, TriMesh},
     pyramid::{LevelId, Prolongation},
     skin::TaxelId,
 };
@@ -94,7 +94,7 @@ pub(super) struct PatchCells {
 #[derive(Debug, Clone)]
 struct LevelCells {
     uv: IdVec<VertexId, DVec2>,
-    frame: MapFrame,
+    frame: ImageFrame,
     /// Vendor id of the taxel at the centre of each field.
     taxels: IdVec<VertexId, TaxelId>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
@@ -105,16 +105,15 @@ struct LevelCells {
 /// How level 0 lies on a coarser level.
 #[derive(Debug, Clone)]
 struct Coarse {
-    direct: Prolongation,
-    /// The face of the coarser level that each row of `direct` lies in.
+    to_finest: Prolongation,
+    /// The face of the coarser level that each row of `to_finest` lies in.
     faces: IdVec<VertexId, FaceId>,
 }
 
 impl PatchCells {
+    /// From a patch of a valid map.
     pub(super) fn new(patch: &PatchMap) -> Result<Self, ContactError> {
-        let fine = patch.levels.get(LevelId::new(0)).map_or(0, |level| level.mesh.positions.len());
-        let levels = patch.levels.enumerate();
-        let levels = levels.map(|(id, level)| LevelCells::new(&Checked { patch, id, level, fine }));
+        let levels = patch.levels.enumerate().map(|(id, map)| LevelCells::new(patch, id, map));
         Ok(Self { levels: levels.collect::<Result<Vec<_>, _>>()?.into() })
     }
 
@@ -135,8 +134,10 @@ impl PatchCells {
         for (corner, share) in corners.into_iter().zip(at.barycentric) {
             match &cells.coarse {
                 None => weights.add(corner, share),
-                Some(Coarse { direct, .. }) => {
-                    for (field, weight) in direct.indices[corner].into_iter().zip(direct.weights[corner]) {
+                Some(Coarse { to_finest, .. }) => {
+                    for (field, weight) in
+                        to_finest.indices[corner].into_iter().zip(to_finest.weights[corner])
+                    {
                         weights.add(field, share * weight);
                     }
                 }
@@ -151,83 +152,16 @@ impl PatchCells {
 }
 
 impl Coarse {
-    /// Where the direct prolongation puts a vertex of level 0.
-    fn point(&self, triangles: &IdVec<FaceId, [VertexId; 3]>, vertex: VertexId) -> SurfacePoint {
-        let face = self.faces[vertex];
-        let mut barycentric = [0.0; 3];
-        for (field, weight) in self.direct.indices[vertex].into_iter().zip(self.direct.weights[vertex]) {
-            if let Some(k) = triangles[face].iter().position(|&corner| corner == field) {
-                barycentric[k] += weight;
-            }
-        }
-        SurfacePoint { face, barycentric }
-    }
-}
-
-/// A level on its way into an index.
-struct Checked<'a> {
-    patch: &'a PatchMap,
-    id: LevelId,
-    level: &'a MapLevel,
-    /// Vertices of level 0.
-    fine: usize,
-}
-
-impl LevelCells {
-    fn new(from: &Checked<'_>) -> Result<Self, ContactError> {
-        let Checked { patch, level, .. } = from;
-        level.mesh.validate().map_err(|source| ContactError::Mesh {
-            patch: patch.name.clone(),
-            level: from.id.index(),
-            source,
-        })?;
-        let count = level.mesh.positions.len();
-        from.has("uv", level.uv.len(), count)?;
-        from.has("origins", level.origins.len(), count)?;
-        let coarse = match &level.direct {
-            Some(direct) if from.id.index() > 0 => Some(from.coarse(direct)?),
-            _ if from.id.index() > 0 => return Err(from.length("direct", 0, from.fine)),
-            _ => {
-                from.has("ids", patch.ids.len(), count)?;
-                None
-            }
-        };
-        let taxels = level.origins.enumerate().map(|(field, &origin)| {
-            patch.ids.get(origin).copied().ok_or_else(|| ContactError::NoOrigin {
-                patch: patch.name.clone(),
-                level: from.id.index(),
-                field,
-                origin,
-                count: patch.ids.len(),
-            })
-        });
-        Ok(Self {
-            uv: level.uv.clone(),
-            frame: level.frame,
-            taxels: taxels.collect::<Result<Vec<_>, _>>()?.into(),
-            triangles: level.mesh.triangles.clone(),
-            coarse,
-        })
-    }
-}
-
-impl Checked<'_> {
-    fn length(&self, what: &'static str, found: usize, needed: usize) -> ContactError {
-        ContactError::Length { patch: self.patch.name.clone(), level: self.id.index(), what, found, needed }
-    }
-
-    fn has(&self, what: &'static str, found: usize, needed: usize) -> Result<(), ContactError> {
-        if found == needed { Ok(()) } else { Err(self.length(what, found, needed)) }
-    }
-
-    /// Finds the face of every row of `direct`: the smallest that holds all its vertices of positive weight.
-    fn coarse(&self, direct: &Prolongation) -> Result<Coarse, ContactError> {
-        self.has("direct indices", direct.indices.len(), self.fine)?;
-        self.has("direct weights", direct.weights.len(), self.fine)?;
-        let mesh = &self.level.mesh;
+    /// Finds the face of every row: the smallest that holds all its vertices of positive weight.
+    fn new(
+        patch: &str,
+        level: LevelId,
+        mesh: &TriMesh,
+        to_finest: &Prolongation,
+    ) -> Result<Self, ContactError> {
         let fans = Fans::new(mesh);
         let face_of = |(row, &corners): (VertexId, &[VertexId; 3])| {
-            let weights = direct.weights[row];
+            let weights = to_finest.weights[row];
             let mut present = [VertexId::default(); 3];
             let mut len = 0;
             for (corner, weight) in corners.into_iter().zip(weights) {
@@ -236,18 +170,44 @@ impl Checked<'_> {
                     len += 1;
                 }
             }
-            let sound = corners.iter().all(|v| v.index() < mesh.positions.len())
-                && weights.iter().all(|&w| w.is_finite() && w >= 0.0);
-            let face = if sound { face_of_all(&fans, &mesh.triangles, &present[..len]) } else { None };
+            let face = face_of_all(&fans, &mesh.triangles, &present[..len]);
+            let patch = || patch.to_owned();
             face.ok_or_else(|| ContactError::NoFace {
-                patch: self.patch.name.clone(),
-                level: self.id.index(),
+                patch: patch(),
+                level: level.index(),
                 row,
                 corners,
                 weights,
             })
         };
-        let faces = direct.indices.enumerate().map(face_of).collect::<Result<Vec<_>, _>>()?;
-        Ok(Coarse { direct: direct.clone(), faces: faces.into() })
+        let faces = to_finest.indices.enumerate().map(face_of).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { to_finest: to_finest.clone(), faces: faces.into() })
+    }
+
+    /// Where the direct prolongation puts a vertex of level 0.
+    fn point(&self, triangles: &IdVec<FaceId, [VertexId; 3]>, vertex: VertexId) -> SurfacePoint {
+        let face = self.faces[vertex];
+        let mut barycentric = [0.0; 3];
+        for (field, weight) in self.to_finest.indices[vertex].into_iter().zip(self.to_finest.weights[vertex])
+        {
+            if let Some(k) = triangles[face].iter().position(|&corner| corner == field) {
+                barycentric[k] += weight;
+            }
+        }
+        SurfacePoint { face, barycentric }
+    }
+}
+
+impl LevelCells {
+    fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Result<Self, ContactError> {
+        let level = &map.level;
+        let coarse = level.to_finest.as_ref().map(|rows| Coarse::new(&patch.name, id, &level.mesh, rows));
+        Ok(Self {
+            uv: map.uv.clone(),
+            frame: map.frame,
+            taxels: level.origins.map(|&origin| patch.taxels.ids[origin]),
+            triangles: level.mesh.triangles.clone(),
+            coarse: coarse.transpose()?,
+        })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::{
     id::{FaceId, VertexId},
-    mesh::MeshError,
+    map::MapError,
     skin::LinkId,
 };
 
@@ -10,6 +10,9 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ContactError {
+    /// The map breaks a rule.
+    #[error(transparent)]
+    Map(#[from] MapError),
     /// The map has no triangle at all.
     #[error("the map has no triangle; a contact needs skin to be on")]
     NoSkin,
@@ -41,26 +44,6 @@ pub enum ContactError {
         /// Name of the link.
         name: String,
     },
-    /// A patch hangs on a link that does not exist, or has no level.
-    #[error(
-        "patch {patch:?} has {levels} levels and hangs on link {link} of {links}; it needs a level and a link"
-    )]
-    Homeless {
-        /// Name of the patch.
-        patch: String,
-        /// Its number of levels.
-        levels: usize,
-        /// The link it names.
-        link: LinkId,
-        /// Number of links.
-        links: usize,
-    },
-    /// A link hangs from a later link.
-    #[error("link {name:?} does not come after its parent")]
-    LinkOrder {
-        /// Name of the link.
-        name: String,
-    },
     /// The pose of a link scales, shears, mirrors or is not finite.
     #[error(
         "the pose of link {name:?} is no rotation and translation; distances in its frame would not be metres"
@@ -77,16 +60,6 @@ pub enum ContactError {
         /// Links of the map.
         needed: usize,
     },
-    /// A level's triangles cannot be used.
-    #[error("{patch}/L{level}: {source}")]
-    Mesh {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: usize,
-        /// What is wrong with it.
-        source: MeshError,
-    },
     /// A vertex lies too far from the origin to be measured from.
     #[error("patch {patch:?}: vertex {vertex} is at {position:?}; coordinates within 1e12 m are needed")]
     TooLarge {
@@ -97,23 +70,9 @@ pub enum ContactError {
         /// Its coordinates, in m.
         position: [f64; 3],
     },
-    /// An array of a level has the wrong length.
-    #[error("{patch}/L{level}: {what} has {found} entries, {needed} are needed")]
-    Length {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: usize,
-        /// Which array.
-        what: &'static str,
-        /// Entries found.
-        found: usize,
-        /// Entries needed.
-        needed: usize,
-    },
-    /// A row of a level's direct prolongation names no face of the level.
+    /// A row of a level's prolongation to the finest level names no face of the level.
     #[error(
-        "{patch}/L{level}: row {row} of direct has vertices {corners:?} with weights {weights:?}; the corners of one \
+        "{patch}/L{level}: row {row} of to_finest has vertices {corners:?} with weights {weights:?}; the corners of one \
          face with non-negative weights are needed"
     )]
     NoFace {
@@ -127,20 +86,6 @@ pub enum ContactError {
         corners: [VertexId; 3],
         /// With which weights.
         weights: [f64; 3],
-    },
-    /// A field whose centre is no vertex of level 0.
-    #[error("{patch}/L{level}: field {field} has centre {origin}, but level 0 has {count} vertices")]
-    NoOrigin {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: usize,
-        /// The field.
-        field: VertexId,
-        /// What its centre is said to be.
-        origin: VertexId,
-        /// Vertices of level 0.
-        count: usize,
     },
     /// A patch with more faces than an index can count.
     #[error("patch {patch:?} has {faces} faces, the last being {last}; fewer than 2^28 are needed")]

@@ -44,13 +44,10 @@ struct IndexedPatch {
 }
 
 impl IndexedPatch {
-    fn new(patch: &PatchMap, links: usize) -> Result<Self, ContactError> {
-        let (name, link) = (patch.name.clone(), patch.link);
-        let Some(skin) = patch.levels.get(LevelId::new(0)).filter(|_| link.index() < links) else {
-            return Err(ContactError::Homeless { patch: name, levels: patch.levels.len(), link, links });
-        };
-        let tree = PatchBvh::new(&name, &skin.mesh)?;
-        Ok(Self { name, link, tree, cells: PatchCells::new(patch)? })
+    /// From a patch of a valid map.
+    fn new(patch: &PatchMap) -> Result<Self, ContactError> {
+        let tree = PatchBvh::new(&patch.name, &patch.levels[LevelId::new(0)].level.mesh)?;
+        Ok(Self { name: patch.name.clone(), link: patch.link, tree, cells: PatchCells::new(patch)? })
     }
 }
 
@@ -58,26 +55,21 @@ impl ContactIndex {
     /// An index of all patches and levels of a map, its links posed as the map says.
     ///
     /// # Errors
-    /// If the map has no skin, a broken level, or a link whose pose is not rigid.
+    /// If the map is not valid or has no triangle, if a row of a prolongation lies in no face, if a coordinate is too large,
+    /// or if the pose of a link is not rigid.
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
-        let mut world = IdVec::<LinkId, DAffine3>::new();
-        for link in &map.links {
-            let base = match link.parent {
-                None => DAffine3::IDENTITY,
-                Some(parent) => {
-                    *world.get(parent).ok_or_else(|| ContactError::LinkOrder { name: link.name.clone() })?
-                }
-            };
-            world.push(base * link.pose);
-        }
-        let patches = par_map(map.patches.as_slice(), |patch| IndexedPatch::new(patch, map.links.len()));
+        map.validate()?;
+        let patches = par_map(map.patches.as_slice(), IndexedPatch::new);
         let patches: IdVec<PatchId, _> = patches.into_iter().collect::<Result<Vec<_>, _>>()?.into();
         if patches.is_empty() {
             return Err(ContactError::NoSkin);
         }
         let mut links = IdVec::new();
-        for (link, pose) in map.links.iter().zip(&world) {
-            let (name, parent, pose) = (link.name.clone(), link.parent, rigid(&link.name, pose)?);
+        let mut world = IdVec::<LinkId, DAffine3>::new();
+        for link in &map.links {
+            let pose = link.parent.map_or(link.pose, |parent| world[parent] * link.pose);
+            world.push(pose);
+            let (name, parent, pose) = (link.name.clone(), link.parent, rigid(&link.name, &pose)?);
             links.push(IndexedLink { name, parent, pose, patches: Vec::new() });
         }
         for (id, patch) in patches.enumerate() {

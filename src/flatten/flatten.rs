@@ -8,6 +8,7 @@ use crate::{
         bijective::overlap::overlaps,
         domain::{disk::Disk, flatten_domain::FlattenDomain, magnification::Magnification},
         levels::{
+            insertion::Insertion,
             refine::refine,
             relax::{Goal, solve_from_scratch},
         },
@@ -15,7 +16,7 @@ use crate::{
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
-    pyramid::{CoarsenOptions, Level, LevelId, Pyramid, coarsen},
+    pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen},
     skin::Taxels,
 };
 
@@ -117,22 +118,26 @@ pub fn flatten_pyramid(
     let Some(finest) = pyramid.levels.get(LevelId::new(0)) else {
         return Ok(IdVec::new());
     };
+    let (found, needed) = (pyramid.removals.len(), pyramid.levels.len() - 1);
+    if found != needed {
+        return Err(PyramidError::Length { what: "removals", found, needed }.into());
+    }
     let magnification = Magnification::new(options.method, densities, &finest.areas)?;
     let mut maps: Vec<IdVec<VertexId, DVec2>> = Vec::new();
-    let mut coarser: Option<&Level> = None;
-    for level in pyramid.levels.iter().rev() {
+    for (id, level) in pyramid.levels.enumerate().rev() {
         let magnification = magnification.restricted(level, &finest.areas);
         let domain = FlattenDomain::new(&level.mesh)?.magnified(&magnification.of_faces(&level.mesh));
-        let uv = match (options.method, coarser, maps.last()) {
-            (Method::Intrinsic { energy, .. }, Some(coarse), Some(uv)) => {
+        let coarser = pyramid.levels.get(LevelId::new(id.index() + 1)).zip(maps.last());
+        let uv = match (options.method, coarser) {
+            (Method::Intrinsic { energy, .. }, Some((coarse, uv))) => {
                 let goal = Goal { energy, bijective: options.bijective };
-                refine(&domain, level, coarse, uv, &magnification, goal)?
+                let start = Insertion::new(level, &pyramid.removals[id], coarse, uv)?;
+                refine(&domain, start, &magnification, goal)?
             }
             _ => solve_from_scratch(&domain, options)?,
         };
         // In metres, so that the next level starts at the right size.
         maps.push(domain.to_metres(&uv));
-        coarser = Some(level);
     }
     maps.reverse();
     let placed = align_levels(pyramid, &maps);

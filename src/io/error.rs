@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::map::MapError;
+
 /// What is wrong with a file: which, where in it, what was found, what is needed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -33,6 +35,14 @@ pub enum IoError {
         found: String,
         /// What is needed instead.
         needed: String,
+    },
+    /// The map that is to be written, or that was read, breaks a rule.
+    #[error("{}: {source}", path.display())]
+    Map {
+        /// The file.
+        path: PathBuf,
+        /// The rule.
+        source: MapError,
     },
     /// What is to be written does not fit the format; an older file is left as it was.
     #[error("cannot write {}: {element}: found {found}; needed: {needed}", path.display())]
@@ -80,6 +90,7 @@ impl IoError {
             | Self::Invalid { path, .. }
             | Self::Unsupported { path, .. }
             | Self::UnknownKind { path, .. }
+            | Self::Map { path, .. }
             | Self::Unfit { path, .. } => path,
         }
     }
@@ -93,6 +104,7 @@ impl IoError {
             | Self::Invalid { path, .. }
             | Self::Unsupported { path, .. }
             | Self::UnknownKind { path, .. }
+            | Self::Map { path, .. }
             | Self::Unfit { path, .. } => file.clone_into(path),
         }
         self

@@ -1,59 +1,78 @@
-/// Why data is no map.
+//! Why data is not a map.
+
+use glam::DVec2;
+
+use crate::{
+    id::VertexId,
+    map::ImageFrame,
+    pyramid::{LevelId, PyramidError},
+    skin::SkinError,
+};
+
+/// Why data is not a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MapError {
-    /// An array has the wrong length.
-    #[error("{patch}/{level}: {what} has {found} entries, {needed} are needed")]
+    /// Links or patches that do not fit each other, or arrays that are not the taxels of a patch.
+    #[error(transparent)]
+    Skin(#[from] SkinError),
+    /// A level that breaks a rule, or is not there.
+    #[error("{patch}/{level:?}: {source}")]
+    Level {
+        /// Name of the patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+        /// What is wrong with them.
+        source: PyramidError,
+    },
+    /// A vertex of level 0 whose area is not that of its taxel.
+    #[error("{patch}/L0: vertex {vertex} has an area of {found} m^2, but its taxel one of {taxel} m^2")]
+    Area {
+        /// Name of the patch.
+        patch: String,
+        /// The vertex.
+        vertex: VertexId,
+        /// The area on level 0, in m^2.
+        found: f64,
+        /// That of the taxel, in m^2.
+        taxel: f64,
+    },
+    /// Not one map position per vertex.
+    #[error("{patch}/{level:?}: uv has {found} entries, {needed} are needed")]
     Length {
         /// Name of the patch.
         patch: String,
-        /// Level, as `L0`.
-        level: String,
-        /// Which array.
-        what: &'static str,
-        /// Entries found.
+        /// The level.
+        level: LevelId,
+        /// Map positions found.
         found: usize,
-        /// Entries needed.
+        /// Vertices.
         needed: usize,
     },
-    /// An index out of range.
-    #[error("{patch}/{level}: {what} names element {found}, but there are {count}")]
-    OutOfRange {
+    /// A map position that is not finite.
+    #[error("{patch}/{level:?}: vertex {vertex} lies at {at} m on the map, which is not finite")]
+    NotFinite {
         /// Name of the patch.
         patch: String,
-        /// Level, as `L0`.
-        level: String,
-        /// Which array.
-        what: &'static str,
-        /// The index found.
-        found: usize,
-        /// Number of elements.
-        count: usize,
+        /// The level.
+        level: LevelId,
+        /// The vertex.
+        vertex: VertexId,
+        /// Its map position, in m.
+        at: DVec2,
     },
-    /// A row of weights that is no convex combination.
+    /// An image frame without a size.
     #[error(
-        "{patch}/{level}: row {row} of {what} has weights {weights:?}; they must be non-negative with sum 1"
+        "{patch}/{level:?}: the image frame is {} m at {} in {:?} pixels; it must be finite, with a positive size",
+        frame.size, frame.origin, frame.size_px
     )]
-    Weights {
+    Frame {
         /// Name of the patch.
         patch: String,
-        /// Level, as `L0`.
-        level: String,
-        /// Which array.
-        what: &'static str,
-        /// The row.
-        row: usize,
-        /// The weights.
-        weights: [f64; 3],
-    },
-    /// A triangle index, coordinate or map position that cannot be used.
-    #[error("{patch}/{level}: {source}")]
-    Mesh {
-        /// Name of the patch.
-        patch: String,
-        /// Level, as `L0`.
-        level: String,
-        /// What is wrong with it.
-        source: crate::mesh::MeshError,
+        /// The level.
+        level: LevelId,
+        /// The frame.
+        frame: ImageFrame,
     },
 }

@@ -1,97 +1,35 @@
-use glam::{DVec2, DVec3};
+//! One level of a patch with its map.
+
+use glam::DVec2;
 
 use crate::{
-    flatten::Distortion,
+    flatten::{Distortion, distortion},
     id::{IdVec, VertexId},
-    mesh::TriMesh,
-    pyramid::Prolongation,
+    map::ImageFrame,
+    pyramid::Level,
 };
-
-/// The rectangle of the map plane that the image of a level shows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MapFrame {
-    /// Lower left corner, in m.
-    pub origin: DVec2,
-    /// Width and height, in m: whole pixels.
-    pub size: DVec2,
-    /// Width and height of the image, in pixels.
-    pub size_px: [u32; 2],
-}
-
-impl MapFrame {
-    /// The smallest frame of whole pixels around `positions` with one pixel of margin on each side,
-    /// `pixel` metres per pixel.
-    pub fn around<'a>(positions: impl IntoIterator<Item = &'a DVec2>, pixel: f64) -> Self {
-        let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for &p in positions {
-            (lo, hi) = (lo.min(p), hi.max(p));
-        }
-        if !lo.is_finite() || !hi.is_finite() {
-            (lo, hi) = (DVec2::ZERO, DVec2::ZERO);
-        }
-        let inner = ((hi - lo) / pixel).ceil().max(DVec2::ONE);
-        let count = inner + 2.0;
-        let size = count * pixel;
-        let origin = (lo + hi) / 2.0 - size / 2.0;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "`as` saturates; the rasteriser refuses images that large"
-        )]
-        let size_px = [count.x as u32, count.y as u32];
-        Self { origin, size, size_px }
-    }
-
-    /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
-    #[must_use]
-    pub fn to_texture(&self, at: DVec2) -> DVec2 {
-        let unit = (at - self.origin) / self.size;
-        DVec2::new(unit.x, 1.0 - unit.y)
-    }
-
-    /// The map position (m) of a point of the unit square.
-    #[must_use]
-    pub fn from_texture(&self, texture: DVec2) -> DVec2 {
-        self.origin + DVec2::new(texture.x, 1.0 - texture.y) * self.size
-    }
-
-    /// The pixel (column, row from the top) that holds a map position; the border belongs inside.
-    #[must_use]
-    pub fn pixel(&self, at: DVec2) -> [u32; 2] {
-        let t = self.to_texture(at);
-        let px = |unit: f64, count: u32| {
-            let last = f64::from(count.saturating_sub(1));
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "clamped to the image first"
-            )]
-            let px = (unit * f64::from(count)).floor().clamp(0.0, last) as u32;
-            px
-        };
-        [px(t.x, self.size_px[0]), px(t.y, self.size_px[1])]
-    }
-}
 
 /// One level of a patch with its map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapLevel {
-    /// The mesh in the link's frame, in m.
-    pub mesh: TriMesh,
-    /// Unit normals.
-    pub normals: IdVec<VertexId, DVec3>,
-    /// Receptive areas, in m^2.
-    pub areas: IdVec<VertexId, f64>,
-    /// The level-0 vertex that is the centre of each field.
-    pub origins: IdVec<VertexId, VertexId>,
+    /// The level: its mesh in the link's frame, and how it is joined to the others.
+    pub level: Level,
     /// Map positions, in m.
     pub uv: IdVec<VertexId, DVec2>,
     /// The rectangle its image shows.
-    pub frame: MapFrame,
-    /// This level's vertices in terms of the next coarser level; `None` on the coarsest.
-    pub up: Option<Prolongation>,
-    /// Level 0's vertices in terms of this level; `None` on level 0.
-    pub direct: Option<Prolongation>,
+    pub frame: ImageFrame,
     /// How faithful the map is.
     pub distortion: Distortion,
+}
+
+impl MapLevel {
+    /// A level with its map `uv` (m), which is measured; images have `pixel` metres per pixel.
+    ///
+    /// # Panics
+    /// If the map has not one position per vertex, or a triangle names a vertex that does not exist.
+    #[must_use]
+    pub fn new(level: Level, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
+        let frame = ImageFrame::around(&uv, pixel);
+        Self { distortion: distortion(&level.mesh, &uv), level, uv, frame }
+    }
 }

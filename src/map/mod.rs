@@ -3,11 +3,12 @@
 //! A [`SkinMap`] is what `map.glb` holds and all that lookup and images need; it can be made from
 //! a skin or read back from a file.
 
-mod assemble;
 mod error;
+mod frame;
 mod level;
 mod skin_map;
 
 pub use error::MapError;
-pub use level::{MapFrame, MapLevel};
+pub use frame::ImageFrame;
+pub use level::MapLevel;
 pub use skin_map::{PatchMap, SkinMap};

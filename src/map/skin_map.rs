@@ -1,8 +1,13 @@
+//! The maps of a skin, and the one judge of what is a map.
+
+use glam::{DAffine3, DVec2, DVec3};
+
 use crate::{
     id::{IdVec, VertexId},
-    map::MapLevel,
-    pyramid::LevelId,
-    skin::{Link, LinkId, PatchId, TaxelId},
+    map::{MapError, MapLevel},
+    mesh::TriMesh,
+    pyramid::{Level, LevelId, Pyramid, PyramidError, check_levels},
+    skin::{Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches},
 };
 
 /// One patch with the maps of its levels.
@@ -12,13 +17,75 @@ pub struct PatchMap {
     pub name: String,
     /// The link it is fixed to.
     pub link: LinkId,
-    /// Vendor ids of the taxels of level 0.
-    pub ids: IdVec<VertexId, TaxelId>,
-    /// How uncertain the positions of the taxels are: covariances `xx xy xz yy yz zz` in m^2, in the link's frame; `None`:
-    /// unknown.
-    pub covariances: Option<IdVec<VertexId, [f64; 6]>>,
+    /// What is known of the taxels, the vertices of level 0.
+    pub taxels: Taxels,
     /// The levels, finest first; at least one.
     pub levels: IdVec<LevelId, MapLevel>,
+}
+
+impl PatchMap {
+    /// Joins a patch, its pyramid and the maps of its levels (m); images have `pixel` metres per pixel.
+    #[must_use]
+    pub fn new(
+        patch: &Patch,
+        pyramid: Pyramid,
+        maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
+        pixel: f64,
+    ) -> Self {
+        let levels = pyramid.levels.into_iter().zip(maps);
+        Self {
+            name: patch.name.clone(),
+            link: patch.link,
+            taxels: patch.taxels.clone(),
+            levels: levels.map(|(level, uv)| MapLevel::new(level, uv, pixel)).collect(),
+        }
+    }
+
+    /// The normals of a level of this patch: those of the taxels that its vertices are.
+    ///
+    /// # Panics
+    /// If a vertex of the level is no taxel of this patch.
+    #[must_use]
+    pub fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
+        level.origins.map(|&taxel| self.taxels.normals[taxel])
+    }
+
+    /// Checks every rule that concerns this patch alone; see [`SkinMap::validate`].
+    ///
+    /// # Errors
+    /// The first broken rule.
+    pub fn validate(&self) -> Result<(), MapError> {
+        let levels: Vec<_> = self.levels.iter().map(|map| &map.level).collect();
+        check_levels(&levels).map_err(|broken| {
+            let (level, source) = match broken {
+                PyramidError::AtLevel { level, source } => (level, *source),
+                source => (LevelId::default(), source),
+            };
+            MapError::Level { patch: self.name.clone(), level, source }
+        })?;
+        let finest = levels[0];
+        self.taxels
+            .validate(finest.mesh.positions.len())
+            .map_err(|source| SkinError::Taxels { patch: self.name.clone(), source })?;
+        let mut areas = finest.areas.enumerate().zip(&self.taxels.areas);
+        if let Some(((vertex, &found), &taxel)) = areas.find(|((_, a), b)| a != b) {
+            return Err(MapError::Area { patch: self.name.clone(), vertex, found, taxel });
+        }
+        for (level, MapLevel { level: Level { mesh, .. }, uv, frame, .. }) in self.levels.enumerate() {
+            let patch = || self.name.clone();
+            let (found, needed) = (uv.len(), mesh.positions.len());
+            if found != needed {
+                return Err(MapError::Length { patch: patch(), level, found, needed });
+            }
+            if let Some((vertex, &at)) = uv.enumerate().find(|(_, at)| !at.is_finite()) {
+                return Err(MapError::NotFinite { patch: patch(), level, vertex, at });
+            }
+            if !frame.is_valid() {
+                return Err(MapError::Frame { patch: patch(), level, frame: *frame });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The maps of a whole skin.
@@ -28,4 +95,47 @@ pub struct SkinMap {
     pub links: IdVec<LinkId, Link>,
     /// The patches.
     pub patches: IdVec<PatchId, PatchMap>,
+}
+
+impl SkinMap {
+    /// The map of a mesh seen from above, along z: one patch of one level, on one link at the origin. Images have `pixel`
+    /// metres per pixel.
+    ///
+    /// A vertex whose triangles have no area gets the normal z and an area of 1 square micrometre.
+    ///
+    /// # Panics
+    /// If a triangle names a vertex that does not exist.
+    ///
+    /// ```
+    /// use dermatome::{map::SkinMap, mesh::shapes};
+    ///
+    /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+    /// map.validate()?;
+    /// # Ok::<(), dermatome::map::MapError>(())
+    /// ```
+    #[must_use]
+    pub fn flat(mesh: TriMesh, pixel: f64) -> Self {
+        let mut taxels = Taxels::of_mesh(&mesh);
+        taxels.normals.iter_mut().filter(|n| **n == DVec3::ZERO).for_each(|n| *n = DVec3::Z);
+        taxels.areas.iter_mut().filter(|a| **a == 0.0).for_each(|a| *a = 1e-12);
+        let uv = mesh.positions.map(|p| p.truncate());
+        let level = MapLevel::new(Level::finest(mesh, taxels.areas.clone()), uv, pixel);
+        let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
+        let patch =
+            PatchMap { name: "skin".into(), link: LinkId::new(0), taxels, levels: vec![level].into() };
+        Self { links: vec![link].into(), patches: vec![patch].into() }
+    }
+
+    /// Checks that this is a map: the only place that judges one, in time linear in its size.
+    ///
+    /// Links come after their parents, patches have names of their own and links that exist. Of each patch, the taxels keep
+    /// the rules of [`Taxels::validate`], the levels those of a pyramid but for manifoldness and nesting (lookups accept any
+    /// triangles), map positions are finite, one per vertex, and image frames have a size.
+    ///
+    /// # Errors
+    /// The first broken rule, with patch, level and element.
+    pub fn validate(&self) -> Result<(), MapError> {
+        check_patches(&self.links, self.patches.iter().map(|patch| (patch.name.as_str(), patch.link)))?;
+        self.patches.iter().try_for_each(PatchMap::validate)
+    }
 }

@@ -29,10 +29,10 @@ impl<'a> PatchView<'a> {
     pub(crate) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Option<Self> {
         Some(Self {
             name: &patch.name,
-            mesh: &patch.levels.get(LevelId::default())?.mesh,
+            mesh: &patch.levels.get(LevelId::default())?.level.mesh,
             pose: world_pose(&map.links, patch.link),
-            ids: &patch.ids,
-            covariances: patch.covariances.as_ref(),
+            ids: &patch.taxels.ids,
+            covariances: patch.taxels.covariances.as_ref(),
             levels: Some(&patch.levels),
         })
     }

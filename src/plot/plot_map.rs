@@ -2,8 +2,7 @@
 
 use crate::{
     id::IdVec,
-    map::{MapError, PatchMap, SkinMap},
-    mesh::MeshError,
+    map::{PatchMap, SkinMap},
     plot::{
         PlotError, PlotOptions, Viewpoint,
         colour::ScaleLimits,
@@ -13,7 +12,7 @@ use crate::{
         picture::Picture,
     },
     pyramid::LevelId,
-    skin::{Link, LinkId, PatchId, Skin, SkinError},
+    skin::{PatchId, Skin},
 };
 
 /// The panels of a patch; a level that it lacks leaves its slot empty.
@@ -39,9 +38,8 @@ const LEVELS_SIDE_BY_SIDE: usize = 3;
 pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotError> {
     let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
     let levels = choose_levels(&patches, &options.levels)?;
-    patches.iter().try_for_each(|patch| check(patch, &levels))?;
     options.space.map_or(Ok(()), check_viewpoint)?;
-    check_links(map)?;
+    map.validate()?;
     let views: Option<Vec<_>> = patches.iter().map(|patch| PatchView::of_map(map, patch)).collect();
     let views = views.ok_or(PlotError::Empty)?;
     let first = levels.first().copied().unwrap_or_default();
@@ -126,18 +124,6 @@ fn choose<'a, P>(
     names.iter().map(find).collect()
 }
 
-/// Whether every patch has a place in the world.
-fn check_links(map: &SkinMap) -> Result<(), SkinError> {
-    let is_before_its_parent = |(id, link): &(LinkId, &Link)| link.parent.is_some_and(|parent| parent >= *id);
-    if let Some((link, _)) = map.links.enumerate().find(is_before_its_parent) {
-        return Err(SkinError::LinkOrder { link });
-    }
-    match map.patches.iter().find(|patch| patch.link.index() >= map.links.len()) {
-        None => Ok(()),
-        Some(patch) => Err(SkinError::UnknownLink { patch: patch.name.clone(), link: patch.link }),
-    }
-}
-
 fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), PlotError> {
     let Viewpoint::From { azimuth, elevation } = viewpoint else { return Ok(()) };
     let [azimuth, elevation] = [azimuth, elevation].map(f64::to_degrees);
@@ -155,41 +141,4 @@ fn choose_levels(patches: &[&PatchMap], levels: &[LevelId]) -> Result<Vec<LevelI
         return Ok((0..count.min(LEVELS_SIDE_BY_SIDE)).map(LevelId::new).collect());
     }
     Ok(levels.to_vec())
-}
-
-/// Whether a patch keeps the promises that drawing relies on.
-fn check(patch: &PatchMap, levels: &[LevelId]) -> Result<(), PlotError> {
-    let taxels = patch.levels.iter().next().map_or(0, |l| l.mesh.positions.len());
-    let finest = LevelId::default();
-    for &id in std::iter::once(&finest).chain(levels) {
-        let Some(level) = patch.levels.get(id) else { continue };
-        let (name, label) = (|| patch.name.clone(), || format!("L{id}"));
-        let count = level.mesh.positions.len();
-        let mut lengths = vec![("map positions", level.uv.len(), count)];
-        level.mesh.validate().map_err(|source| MapError::Mesh { patch: name(), level: label(), source })?;
-        if let Some(v) = level.origins.iter().find(|v| v.index() >= taxels) {
-            let (what, found, count) = ("origins", v.index(), taxels);
-            return Err(MapError::OutOfRange { patch: name(), level: label(), what, found, count }.into());
-        }
-        if let Some((vertex, at)) = level.uv.enumerate().find(|(_, at)| !at.is_finite()) {
-            let source = MeshError::NotFinite { vertex, position: [at.x, at.y, 0.0] };
-            return Err(MapError::Mesh { patch: name(), level: label(), source }.into());
-        }
-        if let Some(direct) = &level.direct {
-            lengths.push(("direct indices", direct.indices.len(), taxels));
-            lengths.push(("direct weights", direct.weights.len(), taxels));
-            if let Some(v) = direct.indices.iter().flatten().find(|v| v.index() >= count) {
-                let (what, found) = ("direct", v.index());
-                return Err(MapError::OutOfRange { patch: name(), level: label(), what, found, count }.into());
-            }
-        }
-        if id == finest {
-            lengths.push(("taxel ids", patch.ids.len(), count));
-            lengths.push(("covariances", patch.covariances.as_ref().map_or(count, IdVec::len), count));
-        }
-        if let Some(&(what, found, needed)) = lengths.iter().find(|(_, found, needed)| found != needed) {
-            return Err(MapError::Length { patch: name(), level: label(), what, found, needed }.into());
-        }
-    }
-    Ok(())
 }

@@ -48,7 +48,7 @@ impl Default for CoarsenOptions {
 /// let skin = &pyramid.levels[LevelId::new(0)];
 /// let mut force = skin.areas.map(|_| 0.0);
 /// force.as_mut_slice()[7] = 1.0;
-/// let felt = skin.up.as_ref().map(|up| up.restrict(&force));
+/// let felt = skin.from_coarser.as_ref().map(|p| p.restrict(&force));
 /// assert!(felt.is_some_and(|f| (f.iter().sum::<f64>() - 1.0).abs() < 1e-12));
 /// # Ok::<(), dermatome::pyramid::PyramidError>(())
 /// ```
@@ -60,14 +60,15 @@ pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Res
     check(mesh, taxels, options)?;
     let mut surface = Surface::new(mesh)?;
     let mut places = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
-    let mut levels = IdVec::new();
-    let mut level = ground(mesh, taxels);
+    let (mut levels, mut removals) = (IdVec::new(), IdVec::new());
+    let mut level = Level::finest(mesh.clone(), taxels.areas.clone());
     while levels.len() < options.levels.unwrap_or(usize::MAX) && wants_coarser(&level, options) {
-        let Some(next) = step(taxels, options, &mut level, &mut surface, &mut places) else { break };
+        let Some((next, log)) = step(taxels, options, &mut level, &mut surface, &mut places) else { break };
         levels.push(std::mem::replace(&mut level, next));
+        removals.push(log);
     }
     levels.push(level);
-    Ok(Pyramid { levels })
+    Ok(Pyramid { levels, removals })
 }
 
 fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<(), PyramidError> {
@@ -96,33 +97,21 @@ fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<()
     }
 }
 
-/// Level 0.
-fn ground(mesh: &TriMesh, taxels: &Taxels) -> Level {
-    Level {
-        mesh: mesh.clone(),
-        origins: mesh.positions.ids().collect(),
-        parents: mesh.positions.ids().collect(),
-        areas: taxels.areas.clone(),
-        up: None,
-        direct: None,
-        removals: RemovalLog::default(),
-    }
-}
-
 /// Whether a further level comes nearer to the coarsest count, as a factor, than this one.
 fn wants_coarser(level: &Level, options: &CoarsenOptions) -> bool {
     let ratio = options.ratio.unwrap_or(USUAL_RATIO);
     level.mesh.positions.len() as f64 > options.coarsest as f64 * ratio.sqrt()
 }
 
-/// The next coarser level; writes `up` and `removals` of this one. `None` if it would not shrink enough.
+/// The next coarser level and the removals that lead to it; writes `from_coarser` of this one. `None` if it would not shrink
+/// enough.
 fn step(
     taxels: &Taxels,
     options: &CoarsenOptions,
     level: &mut Level,
     surface: &mut Surface,
     places: &mut TaxelLocations,
-) -> Option<Level> {
+) -> Option<(Level, RemovalLog)> {
     let count = level.mesh.positions.len();
     let positions = &level.mesh.positions;
     let (kept, order) = choose(taxels, options, level, surface);
@@ -145,16 +134,15 @@ fn step(
     let origins = parents.map(|&v| level.origins[v]);
     let (indices, weights) = places.rows(surface, &origins);
     let coarse_len = parents.len();
-    let up = Prolongation {
+    let from_coarser = Prolongation {
         indices: level.origins.map(|&taxel| indices[taxel]),
         weights: level.origins.map(|&taxel| weights[taxel]),
         coarse_len,
     };
-    let areas = up.restrict(&level.areas);
-    level.up = Some(up);
-    level.removals = removals;
-    let direct = Some(Prolongation { indices, weights, coarse_len });
-    Some(Level { mesh, origins, parents, areas, up: None, direct, removals: RemovalLog::default() })
+    let areas = from_coarser.restrict(&level.areas);
+    level.from_coarser = Some(from_coarser);
+    let to_finest = Some(Prolongation { indices, weights, coarse_len });
+    Some((Level { mesh, origins, areas, from_coarser: None, to_finest }, removals))
 }
 
 /// Which vertices stay, and the order in which the others go.

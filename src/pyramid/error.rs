@@ -60,6 +60,24 @@ pub enum PyramidError {
         /// The rule.
         source: Box<PyramidError>,
     },
+    /// A prolongation from another number of coarse vertices than there are.
+    #[error("{what} names {found} coarse vertices, but there are {needed}")]
+    Columns {
+        /// Which one: `from_coarser` or `to_finest`.
+        what: &'static str,
+        /// Coarse vertices it is made for.
+        found: usize,
+        /// Coarse vertices there are.
+        needed: usize,
+    },
+    /// A prolongation with a bad row.
+    #[error("{what}: {source}")]
+    Rows {
+        /// Which one: `from_coarser` or `to_finest`.
+        what: &'static str,
+        /// The rule.
+        source: Box<PyramidError>,
+    },
     /// A centre that is no vertex of the level it should come from.
     #[error("vertex {vertex} is said to be vertex {found} of {what}, which has {count}")]
     NotNested {

@@ -1,3 +1,5 @@
+//! Levels of receptive fields, and the rules that levels of one patch keep among each other.
+
 use crate::{
     id::{IdVec, VertexId, define_id},
     mesh::{Adjacency, TriMesh},
@@ -10,25 +12,21 @@ define_id!(
 );
 
 /// One level of a pyramid: a mesh whose vertices are the centres of receptive fields.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Level {
     /// The mesh; level 0 is the patch itself.
     pub mesh: TriMesh,
     /// The level-0 vertex that each vertex is.
     pub origins: IdVec<VertexId, VertexId>,
-    /// The vertex of the next finer level that each vertex is; on level 0 itself.
-    pub parents: IdVec<VertexId, VertexId>,
-    /// Receptive areas in m^2, pushed down from level 0 by the prolongations: `a_c = P' a`.
+    /// Receptive areas in m^2, restricted from level 0 by the prolongations: `a_c = P' a`.
     pub areas: IdVec<VertexId, f64>,
-    /// This level's vertices in terms of the next coarser level; `None` on the coarsest. The rows of the next level's
-    /// `direct` that belong to this level's vertices.
-    pub up: Option<Prolongation>,
+    /// This level's vertices in terms of the next coarser level; `None` on the coarsest. These are the rows of the next
+    /// level's `to_finest` that belong to this level's vertices.
+    pub from_coarser: Option<Prolongation>,
     /// Level 0's vertices in terms of this level; `None` on level 0. A row names the corners of the face that the
     /// taxel lies in, as they stand in that face up to rotation; a centre's row is itself with weight 1, then two
     /// neighbours with weight 0.
-    pub direct: Option<Prolongation>,
-    /// The removals that turned this level into the next coarser one; empty on the coarsest.
-    pub removals: RemovalLog,
+    pub to_finest: Option<Prolongation>,
 }
 
 /// A patch and its coarser levels, joined by prolongations.
@@ -36,64 +34,129 @@ pub struct Level {
 pub struct Pyramid {
     /// The levels, finest first; at least one.
     pub levels: IdVec<LevelId, Level>,
+    /// The removals that turned each level into the next coarser one; none for the coarsest.
+    pub removals: IdVec<LevelId, RemovalLog>,
 }
 
 impl Pyramid {
-    /// Checks that every level is an oriented manifold, that vertices are nested, that arrays fit each other and
-    /// that prolongations are convex combinations.
+    /// Checks the rules of levels, and that every level is an oriented manifold whose vertices are vertices of the
+    /// next finer one.
     ///
     /// # Errors
     /// The first broken rule, with its level.
     pub fn validate(&self) -> Result<(), PyramidError> {
-        let Some(ground) = self.levels.iter().next() else { return Err(PyramidError::NoLevels) };
+        check_levels(&self.levels.iter().collect::<Vec<_>>())?;
+        let (found, needed) = (self.removals.len(), self.levels.len() - 1);
+        if found != needed {
+            return Err(PyramidError::Length { what: "removals", found, needed });
+        }
+        let mut finer: Option<&Level> = None;
         for (id, level) in self.levels.enumerate() {
-            let finer = (id.index() > 0).then(|| &self.levels[LevelId::new(id.index() - 1)]);
-            let coarser = self.levels.get(LevelId::new(id.index() + 1));
-            level
-                .validate(ground, finer, coarser)
+            self.check_step(id, level, finer)
                 .map_err(|source| PyramidError::AtLevel { level: id, source: Box::new(source) })?;
+            finer = Some(level);
         }
         Ok(())
+    }
+
+    /// Checks what a map need not keep: manifoldness, nesting, and the record of removals.
+    fn check_step(&self, id: LevelId, level: &Level, finer: Option<&Level>) -> Result<(), PyramidError> {
+        Adjacency::new(&level.mesh)?;
+        if let Some(finer) = finer {
+            level.finer_vertices(finer)?;
+        }
+        let Some(log) = self.removals.get(id) else { return Ok(()) };
+        let coarser = &self.levels[LevelId::new(id.index() + 1)];
+        let needed = level.mesh.positions.len().saturating_sub(coarser.mesh.positions.len());
+        match log.len() {
+            found if found == needed => Ok(()),
+            found => Err(PyramidError::Length { what: "removals", found, needed }),
+        }
     }
 }
 
 impl Level {
-    fn validate(
-        &self,
-        ground: &Self,
-        finer: Option<&Self>,
-        coarser: Option<&Self>,
-    ) -> Result<(), PyramidError> {
-        Adjacency::new(&self.mesh)?;
-        let vertices = self.mesh.positions.len();
-        let removed = coarser.map_or(0, |c| vertices.saturating_sub(c.mesh.positions.len()));
-        let of = |p: &Option<Prolongation>, other: Option<&Self>| {
-            let found = p.as_ref().map_or((0, 0), |p| (p.fine_len(), p.coarse_len));
-            (found, other.map_or(0, |l| l.mesh.positions.len()))
-        };
-        let ((up_fine, up_coarse), coarser_len) = of(&self.up, coarser);
-        let ((direct_fine, direct_coarse), ground_len) = of(&self.direct, finer.map(|_| ground));
-        let lengths = [
-            ("origins", self.origins.len(), vertices),
-            ("parents", self.parents.len(), vertices),
-            ("areas", self.areas.len(), vertices),
-            ("removals", self.removals.len(), removed),
-            ("up", up_fine, if coarser.is_some() { vertices } else { 0 }),
-            ("up's coarse side", up_coarse, coarser_len),
-            ("direct", direct_fine, ground_len),
-            ("direct's coarse side", direct_coarse, if finer.is_some() { vertices } else { 0 }),
-        ];
-        if let Some(&(what, found, needed)) = lengths.iter().find(|(_, found, needed)| found != needed) {
-            return Err(PyramidError::Length { what, found, needed });
+    /// Level 0 of a mesh with these receptive areas (m^2).
+    #[must_use]
+    pub fn finest(mesh: TriMesh, areas: IdVec<VertexId, f64>) -> Self {
+        Self { origins: mesh.positions.ids().collect(), mesh, areas, from_coarser: None, to_finest: None }
+    }
+
+    /// The vertex of the next finer level that each vertex of this one is.
+    ///
+    /// # Errors
+    /// If one of them is no vertex of that level.
+    pub fn finer_vertices(&self, finer: &Self) -> Result<IdVec<VertexId, VertexId>, PyramidError> {
+        let count = finer.origins.iter().map(|origin| origin.index() + 1).max().unwrap_or_default();
+        let mut vertex_of = IdVec::<VertexId, Option<VertexId>>::filled(None, count);
+        for (vertex, &origin) in finer.origins.enumerate() {
+            vertex_of[origin] = Some(vertex);
         }
-        for (what, names, count) in [
-            ("level 0", &self.origins, ground.mesh.positions.len()),
-            ("the finer level", &self.parents, finer.unwrap_or(self).mesh.positions.len()),
-        ] {
-            if let Some((vertex, &found)) = names.enumerate().find(|(_, v)| v.index() >= count) {
-                return Err(PyramidError::NotNested { vertex, what, found, count });
+        let find = |(vertex, &found): (VertexId, &VertexId)| {
+            let what = "the finer level";
+            let count = finer.origins.len();
+            let at = vertex_of.get(found).copied().flatten();
+            at.ok_or(PyramidError::NotNested { vertex, what, found, count })
+        };
+        Ok(self.origins.enumerate().map(find).collect::<Result<Vec<_>, _>>()?.into())
+    }
+
+    /// Checks the arrays of one level against its neighbours; `finest` and `finer` are `None` on level 0.
+    fn check(&self, finest: Option<&Self>, coarser: Option<&Self>) -> Result<(), PyramidError> {
+        self.mesh.validate()?;
+        let count = |level: &Self| level.mesh.positions.len();
+        let vertices = count(self);
+        for (what, found) in [("origins", self.origins.len()), ("areas", self.areas.len())] {
+            if found != vertices {
+                return Err(PyramidError::Length { what, found, needed: vertices });
             }
         }
-        self.up.iter().chain(&self.direct).try_for_each(Prolongation::validate)
+        if let Some((vertex, &found)) = self.areas.enumerate().find(|(_, a)| !a.is_finite() || **a < 0.0) {
+            return Err(PyramidError::Area { vertex, found });
+        }
+        let finest_count = finest.map_or(vertices, count);
+        let is_wrong = |vertex, origin: VertexId| match finest {
+            None => origin != vertex,
+            Some(_) => origin.index() >= finest_count,
+        };
+        if let Some((vertex, &found)) = self.origins.enumerate().find(|&(v, &origin)| is_wrong(v, origin)) {
+            return Err(PyramidError::NotNested { vertex, what: "level 0", found, count: finest_count });
+        }
+        check_rows("from_coarser", self.from_coarser.as_ref(), vertices, coarser.map(count))?;
+        check_rows("to_finest", self.to_finest.as_ref(), finest_count, finest.map(|_| vertices))
     }
+}
+
+/// Checks the rules that the levels of one patch keep in a pyramid and in a map, in time linear in their size: meshes of finite
+/// triangles, one entry per vertex, centres on level 0, and prolongations that fit and are convex combinations.
+///
+/// # Errors
+/// The first broken rule, with its level.
+pub(crate) fn check_levels(levels: &[&Level]) -> Result<(), PyramidError> {
+    let Some(finest) = levels.first() else { return Err(PyramidError::NoLevels) };
+    for (k, level) in levels.iter().enumerate() {
+        level
+            .check((k > 0).then_some(finest), levels.get(k + 1).copied())
+            .map_err(|source| PyramidError::AtLevel { level: LevelId::new(k), source: Box::new(source) })?;
+    }
+    Ok(())
+}
+
+/// Checks a prolongation of `rows` rows into `coarse` vertices; `coarse` is `None` where there must be none.
+fn check_rows(
+    what: &'static str,
+    given: Option<&Prolongation>,
+    rows: usize,
+    coarse: Option<usize>,
+) -> Result<(), PyramidError> {
+    let (fine_len, coarse_len) = given.map_or((0, 0), |p| (p.fine_len(), p.coarse_len));
+    let needed = coarse.map_or((0, 0), |coarse| (rows, coarse));
+    if fine_len != needed.0 {
+        return Err(PyramidError::Length { what, found: fine_len, needed: needed.0 });
+    }
+    if coarse_len != needed.1 {
+        return Err(PyramidError::Columns { what, found: coarse_len, needed: needed.1 });
+    }
+    let wrong = |source| PyramidError::Rows { what, source: Box::new(source) };
+    given.map_or(Ok(()), |p| p.validate().map_err(wrong))
 }

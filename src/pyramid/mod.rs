@@ -20,6 +20,7 @@ mod surface;
 
 pub use coarsen::{CoarsenOptions, coarsen};
 pub use error::PyramidError;
+pub(crate) use level::check_levels;
 pub use level::{Level, LevelId, Pyramid};
 pub use prolongation::Prolongation;
 pub use removal_log::{Removal, RemovalLog};

@@ -8,13 +8,16 @@ use crate::{
 /// A row's weights may miss the sum 1 by this much: rounding, also of weights that were stored as `f32`.
 const SUM_TOLERANCE: f64 = 1e-6;
 
+/// Rows of files that miss the sum 1 by at most this much are scaled: other programs may round more coarsely.
+const RESCALED: f64 = 1e-5;
+
 /// Coarse to fine: every fine vertex as a convex combination of at most three coarse ones.
 ///
 /// A sparse matrix `P` (fine x coarse) with exactly three slots a row; unused slots have weight 0. In a pyramid the
 /// three indices of a row are always the corners of one coarse face, so a row is also a place on the coarse mesh.
 ///
 /// Two prolongations have no product of this form (their rows would grow), so a pyramid carries every taxel along
-/// instead: see [`crate::pyramid::Level::direct`].
+/// instead: see [`crate::pyramid::Level::to_finest`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prolongation {
     /// Coarse vertices of each fine vertex.
@@ -39,14 +42,21 @@ impl Prolongation {
             if let Some(&found) = indices.iter().find(|v| v.index() >= self.coarse_len) {
                 return Err(PyramidError::OutOfRange { row, found, count: self.coarse_len });
             }
-            let sum: f64 = weights.iter().sum();
             // Not the negation: a NaN must fail.
-            let convex = weights.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() <= SUM_TOLERANCE;
-            if !convex {
+            if !(weights.iter().all(|w| *w >= 0.0) && sums_to_one(&weights, SUM_TOLERANCE)) {
                 return Err(PyramidError::Weights { row, weights });
             }
         }
         Ok(())
+    }
+
+    /// Scales every row of a file whose sum is 1 but for rounding to the sum 1 in `f64`; leaves others to
+    /// [`Prolongation::validate`].
+    pub(crate) fn rescale(&mut self) {
+        for weights in self.weights.iter_mut().filter(|weights| sums_to_one(weights, RESCALED)) {
+            let sum: f64 = weights.iter().sum();
+            *weights = weights.map(|w| w / sum);
+        }
     }
 
     /// Number of fine vertices.
@@ -119,6 +129,11 @@ impl Prolongation {
     }
 }
 
+/// Whether a row's weights have the sum 1 within `tolerance`.
+fn sums_to_one(weights: &[f64; 3], tolerance: f64) -> bool {
+    (weights.iter().sum::<f64>() - 1.0).abs() <= tolerance
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,6 +165,14 @@ mod tests {
         assert_eq!(all, [Some(25.0), None, Some(40.0)], "(10 1 1 + 40 2 0.5) / 2, no taxel, one taxel");
         let first = p.restrict_pressure(&pressures, &areas, |v| v.index() == 0).into_vec();
         assert_eq!(first, [Some(10.0), None, None], "the other taxel is dead");
+    }
+
+    #[test]
+    fn rounded_rows_of_files_are_scaled_and_others_left() {
+        let mut p = middle();
+        p.weights = vec![[1.0 + 5e-6, 0.0, 0.0], [0.5, 0.5, 0.5]].into();
+        p.rescale();
+        assert_eq!(p.weights.as_slice(), [[1.0, 0.0, 0.0], [0.5, 0.5, 0.5]]);
     }
 
     #[test]

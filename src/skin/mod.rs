@@ -29,6 +29,7 @@ pub use error::SkinError;
 pub use joining_gap::joining_gap;
 pub use link::{Link, LinkId, world_pose};
 pub use patch::{Patch, PatchId, Skin};
+pub(crate) use patch::{check_links, check_patches};
 pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
 pub use taxels::{Presence, TaxelError, TaxelId, Taxels};
 pub use triangulate::triangulate_taxels;

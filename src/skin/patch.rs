@@ -95,21 +95,39 @@ impl Skin {
     /// # Errors
     /// The first broken promise, with the patch's name.
     pub fn validate(&self) -> Result<(), SkinError> {
-        for (link, Link { parent, .. }) in self.links.enumerate() {
-            if parent.is_some_and(|p| p >= link) {
-                return Err(SkinError::LinkOrder { link });
-            }
+        check_patches(&self.links, self.patches.iter().map(|patch| (patch.name.as_str(), patch.link)))?;
+        self.patches.iter().try_for_each(Patch::validate)
+    }
+}
+
+/// Checks that links come after their parents, and that patches have names of their own and links that exist.
+///
+/// # Errors
+/// The first broken rule.
+pub(crate) fn check_patches<'a>(
+    links: &IdVec<LinkId, Link>,
+    patches: impl Iterator<Item = (&'a str, LinkId)>,
+) -> Result<(), SkinError> {
+    check_links(links)?;
+    let mut names = HashSet::new();
+    for (name, link) in patches {
+        if link.index() >= links.len() {
+            return Err(SkinError::UnknownLink { patch: name.to_owned(), link });
         }
-        let mut names = HashSet::new();
-        for patch in &self.patches {
-            if patch.link.index() >= self.links.len() {
-                return Err(SkinError::UnknownLink { patch: patch.name.clone(), link: patch.link });
-            }
-            if !names.insert(&patch.name) {
-                return Err(SkinError::DuplicateName { patch: patch.name.clone() });
-            }
-            patch.validate()?;
+        if !names.insert(name) {
+            return Err(SkinError::DuplicateName { patch: name.to_owned() });
         }
-        Ok(())
+    }
+    Ok(())
+}
+
+/// Checks that links come after their parents.
+///
+/// # Errors
+/// The first link that does not.
+pub(crate) fn check_links(links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
+    match links.enumerate().find(|(link, l)| l.parent.is_some_and(|p| p >= *link)) {
+        Some((link, _)) => Err(SkinError::LinkOrder { link }),
+        None => Ok(()),
     }
 }

@@ -2,12 +2,11 @@
 #![allow(dead_code, clippy::unwrap_used, reason = "each test program uses a part of it, and may stop")]
 
 use dermatome::{
-    flatten::Distortion,
     id::{FaceId, IdVec, VertexId},
-    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    map::{MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
-    pyramid::{LevelId, Prolongation},
-    skin::{Link, LinkId, TaxelId},
+    pyramid::{Level, LevelId, Prolongation},
+    skin::{Link, LinkId, PatchId, TaxelId, Taxels},
 };
 use glam::{DAffine3, DVec2, DVec3};
 
@@ -19,29 +18,20 @@ pub(crate) fn flat_level(mesh: TriMesh, pixel: f64) -> MapLevel {
 
 /// A level with the given map.
 pub(crate) fn mapped_level(mesh: TriMesh, uv: IdVec<VertexId, DVec2>, pixel: f64) -> MapLevel {
-    MapLevel {
-        normals: mesh.vertex_normals(),
-        areas: mesh.vertex_areas(),
-        origins: mesh.positions.ids().collect(),
-        frame: MapFrame::around(&uv, pixel),
-        uv,
-        up: None,
-        direct: None,
-        distortion: Distortion {
-            qc_mean: 1.0,
-            qc_max: 1.0,
-            area_mean: 1.0,
-            area_max: 1.0,
-            ..Distortion::default()
-        },
-        mesh,
-    }
+    MapLevel::new(Level::finest(mesh.clone(), flat_taxels(mesh).areas), uv, pixel)
+}
+
+/// Taxels of a mesh seen from above; ids count from 100.
+fn flat_taxels(mesh: TriMesh) -> Taxels {
+    let mut taxels = SkinMap::flat(mesh, 1.0).patches[PatchId::new(0)].taxels.clone();
+    taxels.ids = taxels.ids.ids().map(|v| TaxelId(100 + v.raw())).collect();
+    taxels
 }
 
 /// A patch of these levels; ids count from 100.
 pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
-    let ids = levels[0].mesh.positions.ids().map(|v| TaxelId(100 + v.raw())).collect();
-    PatchMap { name: name.into(), link: LinkId::default(), ids, covariances: None, levels: levels.into() }
+    let taxels = flat_taxels(levels[0].level.mesh.clone());
+    PatchMap { name: name.into(), link: LinkId::default(), taxels, levels: levels.into() }
 }
 
 /// A patch of one level seen from above.
@@ -60,11 +50,11 @@ pub(crate) fn square_pyramid(name: &str, columns: &[u32], side: f64, pixel: f64)
     let mut levels: Vec<MapLevel> =
         columns.iter().map(|&n| flat_level(square_sheet(n, side), pixel)).collect();
     for k in 1..levels.len() {
-        let direct = prolongation(&levels[0], &levels[k]);
-        let up = prolongation(&levels[k - 1], &levels[k]);
-        levels[k].origins = nearest(&levels[k], &levels[0]);
-        levels[k].direct = Some(direct);
-        levels[k - 1].up = Some(up);
+        let to_finest = prolongation(&levels[0], &levels[k]);
+        let from_coarser = prolongation(&levels[k - 1], &levels[k]);
+        levels[k].level.origins = nearest(&levels[k], &levels[0]);
+        levels[k].level.to_finest = Some(to_finest);
+        levels[k - 1].level.from_coarser = Some(from_coarser);
     }
     patch(name, levels)
 }
@@ -88,11 +78,11 @@ fn prolongation(fine: &MapLevel, coarse: &MapLevel) -> Prolongation {
     let mut out = Prolongation { indices: IdVec::new(), weights: IdVec::new(), coarse_len: coarse.uv.len() };
     for &p in &fine.uv {
         let worst = |f: &FaceId| {
-            barycentric(&coarse.mesh, &coarse.uv, *f, p).into_iter().fold(f64::INFINITY, f64::min)
+            barycentric(&coarse.level.mesh, &coarse.uv, *f, p).into_iter().fold(f64::INFINITY, f64::min)
         };
-        let face = coarse.mesh.triangles.ids().max_by(|a, b| worst(a).total_cmp(&worst(b))).unwrap();
-        out.indices.push(coarse.mesh.triangles[face]);
-        out.weights.push(barycentric(&coarse.mesh, &coarse.uv, face, p).map(|w| w.max(0.0)));
+        let face = coarse.level.mesh.triangles.ids().max_by(|a, b| worst(a).total_cmp(&worst(b))).unwrap();
+        out.indices.push(coarse.level.mesh.triangles[face]);
+        out.weights.push(barycentric(&coarse.level.mesh, &coarse.uv, face, p).map(|w| w.max(0.0)));
     }
     out
 }

@@ -34,8 +34,6 @@ pub(in crate::contact) struct PatchBvh {
 impl PatchBvh {
     pub(in crate::contact) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
         let name = || patch.to_owned();
-        let broken = |source| ContactError::Mesh { patch: name(), level: 0, source };
-        mesh.validate().map_err(broken)?;
         let faces = mesh.triangles.len();
         if faces > MAX_FACES {
             return Err(ContactError::TooManyFaces {

@@ -48,10 +48,10 @@ impl Magnification {
     /// The same on a coarser level: each field has the mean density of its taxels, weighted with
     /// their areas.
     pub(crate) fn restricted(&self, level: &Level, areas: &IdVec<VertexId, f64>) -> Self {
-        match (self, &level.direct) {
-            (Self::Density(rho, gamma), Some(direct)) => {
-                let taxels = direct.restrict(&areas.iter().zip(rho).map(|(a, r)| a * r).collect());
-                let served = direct.restrict(areas);
+        match (self, &level.to_finest) {
+            (Self::Density(rho, gamma), Some(to_finest)) => {
+                let taxels = to_finest.restrict(&areas.iter().zip(rho).map(|(a, r)| a * r).collect());
+                let served = to_finest.restrict(areas);
                 Self::Density(taxels.iter().zip(&served).map(|(t, a)| t / a).collect(), *gamma)
             }
             _ => self.clone(),

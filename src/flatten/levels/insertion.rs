@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3};
 use crate::{
     id::{IdVec, VertexId},
     mesh::{TriMesh, angle},
-    pyramid::{Level, Removal},
+    pyramid::{Level, PyramidError, Removal, RemovalLog},
 };
 
 /// A vertex lies well inside its star if every new face has at least this share of the mean area.
@@ -23,7 +23,8 @@ const WELL_INSIDE: f64 = 0.02;
 /// last to first, and each vertex goes back into its own ring.
 #[derive(Debug, Clone)]
 pub(crate) struct Insertion<'l> {
-    level: &'l Level,
+    mesh: &'l TriMesh,
+    removals: &'l RemovalLog,
     /// Removals not yet undone.
     left: usize,
     /// Which vertices are on the map.
@@ -33,16 +34,24 @@ pub(crate) struct Insertion<'l> {
 }
 
 impl<'l> Insertion<'l> {
-    /// Starts from the map `uv` of the next coarser level.
-    pub(crate) fn new(level: &'l Level, coarse: &Level, uv: &IdVec<VertexId, DVec2>) -> Self {
+    /// Starts from the map `uv` of the next coarser level, which `removals` made of `level`.
+    ///
+    /// # Errors
+    /// If the vertices of the coarser level are not all vertices of this one.
+    pub(crate) fn new(
+        level: &'l Level,
+        removals: &'l RemovalLog,
+        coarse: &Level,
+        uv: &IdVec<VertexId, DVec2>,
+    ) -> Result<Self, PyramidError> {
         let count = level.mesh.positions.len();
         let mut present = IdVec::filled(false, count);
         let mut map = IdVec::filled(DVec2::ZERO, count);
-        for (c, &parent) in coarse.parents.enumerate() {
-            present[parent] = true;
-            map[parent] = uv[c];
+        for (&vertex, &at) in coarse.finer_vertices(level)?.iter().zip(uv) {
+            present[vertex] = true;
+            map[vertex] = at;
         }
-        Self { level, left: level.removals.len(), present, map }
+        Ok(Self { mesh: &level.mesh, removals, left: removals.len(), present, map })
     }
 
     /// Removals not yet undone.
@@ -54,8 +63,8 @@ impl<'l> Insertion<'l> {
     /// without a flip.
     pub(crate) fn undo_until(&mut self, left: usize) -> usize {
         let mut unplaced = 0;
-        for removal in self.level.removals.iter().take(self.left).skip(left).rev() {
-            let ring = RingMap::new(&self.level.mesh, &self.map, &removal);
+        for removal in self.removals.iter().take(self.left).skip(left).rev() {
+            let ring = RingMap::new(self.mesh, &self.map, &removal);
             let wanted = ring.transplanted();
             let at = if ring.fits(wanted) { Some(wanted) } else { ring.kernel_centre(wanted) };
             unplaced += usize::from(at.is_none());
@@ -73,9 +82,9 @@ impl<'l> Insertion<'l> {
         for (k, &v) in vertices.iter().enumerate() {
             number[v] = VertexId::new(k);
         }
-        let triangles = self.level.removals.triangles_after(&self.level.mesh.triangles, self.left);
+        let triangles = self.removals.triangles_after(&self.mesh.triangles, self.left);
         let mesh = TriMesh {
-            positions: vertices.iter().map(|&v| self.level.mesh.positions[v]).collect(),
+            positions: vertices.iter().map(|&v| self.mesh.positions[v]).collect(),
             triangles: triangles.map(|t| t.map(|v| number[v])),
         };
         (mesh, vertices)
@@ -293,7 +302,7 @@ mod tests {
         let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &Default::default()).unwrap();
         let [fine, coarse] = [0, 1].map(|l| &pyramid.levels[LevelId::new(l)]);
         let uv = coarse.mesh.positions.map(|p| p.truncate());
-        let mut insertion = Insertion::new(fine, coarse, &uv);
+        let mut insertion = Insertion::new(fine, &pyramid.removals[LevelId::new(0)], coarse, &uv).unwrap();
         assert_eq!(insertion.undo_until(0), 0, "every vertex finds a place");
         let (mesh, vertices) = insertion.mesh();
         assert_eq!((mesh.positions.len(), insertion.left()), (180, 0));

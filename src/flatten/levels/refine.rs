@@ -34,7 +34,6 @@ use crate::{
         },
     },
     id::{IdVec, VertexId},
-    pyramid::Level,
 };
 
 /// Newton steps between two stages of an insertion: they only have to make room.
@@ -48,18 +47,16 @@ const STAGE_GROWTH: f64 = 1.5;
 /// out.
 const RESTARTED: usize = 3000;
 
-/// The map of least energy of `level`, in units of `domain`, from the map (m) of the next coarser
+/// The map of least energy of a level, in units of `domain`, from `start`, the map (m) of the next coarser
 /// level. `magnification` is the level's, and `domain` has it already: only the stages between two
 /// levels need it.
 pub(crate) fn refine(
     domain: &FlattenDomain<'_>,
-    level: &Level,
-    coarse: &Level,
-    uv: &IdVec<VertexId, DVec2>,
+    start: Insertion<'_>,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
-    let inserted = insert(level, coarse, uv, magnification, goal)?;
+    let inserted = insert(start, magnification, goal)?;
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
     let inherited = relax(domain, start, goal, None)?;
     // With a barrier the rim of a hole may get stuck: one tapered tube ended at an energy of 16.8
@@ -93,16 +90,13 @@ impl Candidate {
     }
 }
 
-/// All vertices of `level` on the map (m) of the next coarser level: at once if every one has a
+/// All vertices of a level on the map (m) of the next coarser level: at once if every one has a
 /// place, else in stages.
 fn insert(
-    level: &Level,
-    coarse: &Level,
-    uv: &IdVec<VertexId, DVec2>,
+    start: Insertion<'_>,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
-    let start = Insertion::new(level, coarse, uv);
     let mut at_once = start.clone();
     if at_once.undo_until(0) == 0 {
         return Ok(at_once.map);

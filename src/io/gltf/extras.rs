@@ -18,9 +18,12 @@ pub(super) struct LevelExtras {
     /// Level 0's vertices in terms of this level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direct: Option<RowsExtras>,
+    /// Number of the accessor of the level-0 vertex that each vertex is; levels 1 and up. Absent in older files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origins: Option<usize>,
 }
 
-/// The rectangle of a [`crate::map::MapFrame`].
+/// The rectangle of a [`crate::map::ImageFrame`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct FrameExtras {
     /// Lower left corner, in m.

@@ -1,9 +1,15 @@
+//! Reads a map from glTF: the levels of each patch, with their maps and how they are joined.
+//!
+//! Only what cannot be turned into arrays is refused here; whether the arrays are a map is for
+//! [`SkinMap::validate`] to say.
+
 use std::{collections::BTreeMap, path::Path};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::{
-    flatten::distortion,
+    flatten::{Distortion, distortion},
     id::{IdVec, VertexId},
     io::{
         IoError,
@@ -13,18 +19,18 @@ use crate::{
             document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
             nodes::read_node_tree,
-            read_skin::{read_covariances, read_ids, read_normals, read_positions},
+            read_skin::{read_covariances, read_ids, read_normals, read_positions, read_presence},
             triangles::{Mode, triangles},
         },
     },
-    map::{MapFrame, MapLevel, PatchMap, SkinMap},
+    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
-    pyramid::{LevelId, Prolongation},
-    skin::{LinkId, TaxelId},
+    pyramid::{Level, LevelId, Prolongation},
+    skin::{LinkId, Presence, Taxels},
 };
 
-/// Largest deviation of a row of weights from sum 1: other programs may have written it.
-const SUM: f64 = 1e-5;
+/// Normals of `f32` are this near to unit length; those of 8-bit integers are not.
+const ROUNDED: f64 = 1e-6;
 /// How far a texture coordinate may lie outside the unit square: rounding, but not a wrapped texture.
 const OUTSIDE: f64 = 1e-6;
 /// Metres per pixel of a map that does not tell its pixels.
@@ -32,11 +38,11 @@ const PIXEL: f64 = 1e-3;
 
 /// Reads a map that [`crate::io::write_map`] wrote, or another program with the same names and extras.
 ///
-/// Rows of weights are scaled to sum 1 in `f64` again; the centre of a field is the taxel whose `direct` weight in it
-/// is 1; the distortion is measured anew.
+/// Rows of weights are scaled to sum 1 in `f64` again; where the file does not name the taxel at the centre of a field, it is the
+/// one whose `direct` weight in it is 1; taxels without `_PRESENT` are present; the distortion is measured anew.
 ///
 /// # Errors
-/// If the file cannot be read, breaks a rule of glTF 2.0, is no map, or is a map with an array that does not fit.
+/// If the file cannot be read, breaks a rule of glTF 2.0, has no map, or has one that [`SkinMap::validate`] refuses.
 pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     read_levels(&Document::open(path)?)
 }
@@ -73,6 +79,12 @@ fn read_levels(document: &Document) -> Result<SkinMap, IoError> {
     let mut map = SkinMap { links: tree.links, ..SkinMap::default() };
     for patch in found {
         map.patches.push(read_patch(document, &links, patch)?);
+    }
+    map.validate().map_err(|source| IoError::Map { path: document.path().into(), source })?;
+    for patch in map.patches.iter_mut() {
+        patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
+            map.distortion = distortion(&map.level.mesh, &map.uv);
+        });
     }
     Ok(map)
 }
@@ -136,44 +148,36 @@ fn read_patch(
     };
     let mut taxels = Taxels::default();
     let mut levels = IdVec::<LevelId, MapLevel>::new();
-    // Prolongations need the sizes of other levels.
-    let mut rows: Vec<[Option<RowsExtras>; 2]> = Vec::new();
     for (mesh, extras) in &patch.levels {
-        let (level, taxels_here) = read_level(document, *mesh, extras)?;
-        if let Some(taxels_here) = taxels_here {
-            taxels = taxels_here;
-        }
-        levels.push(level);
-        rows.push([extras.up, extras.direct]);
+        levels.push(read_level(document, *mesh, extras, &mut taxels)?);
     }
-    let sizes: Vec<_> = levels.iter().map(|level| level.mesh.positions.len()).collect();
-    for (number, [up, direct]) in levels.ids().zip(rows) {
-        let k = number.index();
-        let name = format!("{}/{number:?}", patch.name);
-        let row = |what: &str, rows, coarse, given| {
-            read_rows(document, &format!("{name} {what}"), given, rows, coarse)
+    let sizes: Vec<_> = levels.iter().map(|map| map.level.mesh.positions.len()).collect();
+    for (number, (_, extras)) in levels.ids().zip(&patch.levels) {
+        let name = |what| format!("{}/{number:?} {what}", patch.name);
+        let rows = |what, given: Option<RowsExtras>, coarse: usize| {
+            given.map(|given| read_rows(document, &name(what), given, coarse)).transpose()
         };
-        levels[number].up = row("up", sizes[k], sizes.get(k + 1).copied(), up)?;
-        levels[number].direct = row("direct", sizes[0], (k > 0).then_some(sizes[k]), direct)?;
-        levels[number].origins = origins(document, &name, &levels, number)?;
+        let coarser = sizes.get(number.index() + 1).copied().unwrap_or_default();
+        let from_coarser = rows("up", extras.up, coarser)?;
+        let to_finest = rows("direct", extras.direct, sizes[number.index()])?;
+        let origins = match (extras.origins, &to_finest) {
+            (Some(accessor), _) => read_origins(document, &name("origins"), accessor)?,
+            (None, Some(rows)) => guess_origins(document, &name("direct"), &levels, number, rows)?,
+            (None, None) => levels[number].level.mesh.positions.ids().collect(),
+        };
+        let level = &mut levels[number].level;
+        (level.from_coarser, level.to_finest, level.origins) = (from_coarser, to_finest, origins);
     }
-    let Taxels { ids, covariances } = taxels;
-    Ok(PatchMap { name: patch.name, link, ids, covariances, levels })
+    Ok(PatchMap { name: patch.name, link, taxels, levels })
 }
 
-/// What only the vertices of level 0 have.
-#[derive(Default)]
-struct Taxels {
-    ids: IdVec<VertexId, TaxelId>,
-    covariances: Option<IdVec<VertexId, [f64; 6]>>,
-}
-
-/// The mesh and the map of one level; the prolongations and origins stay empty.
+/// The mesh and the map of one level, not yet measured nor joined to others; level 0 fills in the taxels.
 fn read_level(
     document: &Document,
     index: usize,
     extras: &LevelExtras,
-) -> Result<(MapLevel, Option<Taxels>), IoError> {
+    taxels: &mut Taxels,
+) -> Result<MapLevel, IoError> {
     let name = format!("{}/L{}", extras.patch, extras.level);
     let [primitive] = document.root.meshes[index].primitives.as_slice() else {
         return Err(document.invalid(name, "several primitives or none", "one"));
@@ -187,44 +191,37 @@ fn read_level(
     let positions = read_positions(document, &attributes)?;
     let corners = triangles(document, &name, primitive, mode, positions.len())?;
     let mesh = TriMesh::from_arrays(positions, &corners);
-    mesh.validate().map_err(|e| document.invalid(&name, e.to_string(), "a mesh"))?;
-    let normals = read_normals(document, &attributes)?.ok_or_else(|| missing("NORMAL"))?;
     let areas = attributes.get("_AREA").ok_or_else(|| missing("_AREA"))?;
-    let areas = document.gather(areas, |[x]: [f64; 1]| x)?;
-    if let Some(v) = areas.iter().position(|&a| a <= 0.0) {
-        return Err(document.invalid(
-            name,
-            format!("area {} m^2 of vertex {v}", areas[v]),
-            "a positive area",
-        ));
-    }
+    let areas: IdVec<_, _> = document.gather(areas, |[x]: [f64; 1]| x)?.into();
     let map = extras
         .map
         .as_ref()
         .ok_or_else(|| document.invalid(&name, "a pyramid without a map", "a map, as dermatome writes it"))?;
-    let frame = read_frame(document, &name, map)?;
+    let frame = read_frame(map);
     let uv = read_uv(document, &name, &attributes, &frame)?;
-    let taxels = match (extras.level, attributes.get("_TAXEL_ID")) {
-        (0, None) => return Err(missing("_TAXEL_ID")),
-        (0, Some(ids)) => Some(Taxels {
+    if extras.level == 0 {
+        let ids = attributes.get("_TAXEL_ID").ok_or_else(|| missing("_TAXEL_ID"))?;
+        let density =
+            attributes.get("_DENSITY").map(|a| document.gather(a, |[x]: [f64; 1]| x)).transpose()?;
+        let presence = attributes.get("_PRESENT").map(|a| read_presence(document, a)).transpose()?;
+        let presence = presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from);
+        let normals = read_normals(document, &attributes)?.ok_or_else(|| missing("NORMAL"))?;
+        *taxels = Taxels {
             ids: read_ids(document, ids)?.into(),
+            normals: normals.into_iter().map(unit).collect(),
+            areas: areas.clone(),
+            densities: density.map(IdVec::from),
+            presence,
             covariances: read_covariances(document, &attributes)?.map(IdVec::from),
-        }),
-        _ => None,
-    };
-    let distortion = distortion(&mesh, &uv);
-    let level = MapLevel {
-        mesh,
-        normals: normals.into(),
-        areas: areas.into(),
-        origins: IdVec::new(),
-        uv,
-        frame,
-        up: None,
-        direct: None,
-        distortion,
-    };
-    Ok((level, taxels))
+        };
+    }
+    let level = Level { mesh, areas, ..Level::default() };
+    Ok(MapLevel { level, uv, frame, distortion: Distortion::default() })
+}
+
+/// A normal of unit length: glTF allows normals of 8-bit integers, which are not.
+fn unit(normal: DVec3) -> DVec3 {
+    if (normal.length() - 1.0).abs() > ROUNDED { normal.normalize_or_zero() } else { normal }
 }
 
 /// Map positions, in m.
@@ -232,7 +229,7 @@ fn read_uv(
     document: &Document,
     name: &str,
     attributes: &Attributes<'_>,
-    frame: &MapFrame,
+    frame: &ImageFrame,
 ) -> Result<IdVec<VertexId, DVec2>, IoError> {
     let missing = || document.invalid(name, "no TEXCOORD_0", "TEXCOORD_0");
     let texture = attributes.get("TEXCOORD_0").ok_or_else(missing)?;
@@ -245,12 +242,8 @@ fn read_uv(
     Ok(texture.into_iter().map(|t| frame.from_texture(t)).collect())
 }
 
-fn read_frame(document: &Document, name: &str, extras: &FrameExtras) -> Result<MapFrame, IoError> {
+fn read_frame(extras: &FrameExtras) -> ImageFrame {
     let (origin, size) = (DVec2::from_array(extras.origin), DVec2::from_array(extras.size));
-    if !(origin.is_finite() && size.is_finite() && size.cmpgt(DVec2::ZERO).all()) {
-        let found = format!("a map rectangle of {size} m at {origin}");
-        return Err(document.invalid(name, found, "a finite rectangle with an area"));
-    }
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -258,68 +251,55 @@ fn read_frame(document: &Document, name: &str, extras: &FrameExtras) -> Result<M
     )]
     let pixels = |length: f64| (length / PIXEL).round().max(1.0) as u32;
     let size_px = extras.pixels.unwrap_or([pixels(size.x), pixels(size.y)]);
-    if size_px.contains(&0) {
-        return Err(document.invalid(name, format!("an image of {size_px:?} pixels"), "at least one pixel"));
-    }
-    Ok(MapFrame { origin, size, size_px })
+    ImageFrame { origin, size, size_px }
 }
 
-/// Reads a prolongation of `rows` rows into `coarse` vertices; `coarse` is `None` where there must be none.
+/// Reads a prolongation from `coarse_len` vertices.
 fn read_rows(
     document: &Document,
     name: &str,
-    given: Option<RowsExtras>,
-    rows: usize,
-    coarse: Option<usize>,
-) -> Result<Option<Prolongation>, IoError> {
-    let (given, coarse) = match (given, coarse) {
-        (None, None) => return Ok(None),
-        (Some(given), Some(coarse)) => (given, coarse),
-        (Some(_), None) => return Err(document.invalid(name, "a prolongation", "none at this level")),
-        (None, Some(_)) => return Err(document.invalid(name, "no prolongation", "one at this level")),
-    };
+    given: RowsExtras,
+    coarse_len: usize,
+) -> Result<Prolongation, IoError> {
     let accessor = |number: usize| document.accessor(number, Role::Plain, name);
-    let indices = accessor(given.indices)?;
-    let weights = accessor(given.weights)?;
-    if (indices.count, weights.count) != (rows, rows) {
-        let found = format!("{} rows of indices and {} of weights", indices.count, weights.count);
-        return Err(document.invalid(name, found, format!("{rows} of both")));
-    }
-    let indices = document.gather_uint::<3>(&indices)?;
-    if let Some(row) = indices.iter().position(|row| row.iter().any(|&i| i as usize >= coarse)) {
-        let found = format!("row {row} names the vertices {:?}", indices[row]);
-        return Err(document.invalid(name, found, format!("vertices below {coarse}")));
-    }
-    let weights = document.gather(&weights, |row: [f64; 3]| row)?;
-    let sum = |row: &[f64; 3]| row.iter().sum::<f64>();
-    let odd = |row: &[f64; 3]| row.iter().any(|&w| w < 0.0) || (sum(row) - 1.0).abs() > SUM;
-    if let Some(row) = weights.iter().position(odd) {
-        let found = format!("row {row} with the weights {:?}", weights[row]);
-        return Err(document.invalid(name, found, "no negative weights, sum 1"));
-    }
-    Ok(Some(Prolongation {
+    let indices = document.gather_uint::<3>(&accessor(given.indices)?)?;
+    let weights = document.gather(&accessor(given.weights)?, |row: [f64; 3]| row)?;
+    let mut rows = Prolongation {
         indices: indices.into_iter().map(|row| row.map(VertexId::from)).collect(),
-        weights: weights.into_iter().map(|row| row.map(|w| w / sum(&row))).collect(),
-        coarse_len: coarse,
-    }))
+        weights: weights.into(),
+        coarse_len,
+    };
+    rows.rescale();
+    Ok(rows)
 }
 
-/// The level-0 vertex that each field's centre is: the row of `direct` with weight 1 there. If several have it, because
-/// of rounding or of taxels at one place, the one at the centre's position; if several still, the first.
-fn origins(
+/// The level-0 vertex that each vertex of a level is.
+fn read_origins(
+    document: &Document,
+    name: &str,
+    accessor: usize,
+) -> Result<IdVec<VertexId, VertexId>, IoError> {
+    let origins = document.gather_uint::<1>(&document.accessor(accessor, Role::Plain, name)?)?;
+    Ok(origins.into_iter().map(|[v]| VertexId::from(v)).collect())
+}
+
+/// The same for files that do not say: the row of `to_finest` with weight 1 there. If several have it, because of rounding or of
+/// taxels at one position, the one at the vertex's position; if several still, the first.
+fn guess_origins(
     document: &Document,
     name: &str,
     levels: &IdVec<LevelId, MapLevel>,
     number: LevelId,
+    to_finest: &Prolongation,
 ) -> Result<IdVec<VertexId, VertexId>, IoError> {
-    let level = &levels[number];
-    let finest = &levels[LevelId::new(0)].mesh.positions;
-    let Some(direct) = &level.direct else { return Ok(finest.ids().collect()) };
-    let mut found = IdVec::<VertexId, Option<VertexId>>::filled(None, level.mesh.positions.len());
-    for ((taxel, fields), weights) in direct.indices.enumerate().zip(&direct.weights) {
+    let here = &levels[number].level.mesh.positions;
+    let finest = &levels[LevelId::new(0)].level.mesh.positions;
+    let mut found = IdVec::<VertexId, Option<VertexId>>::filled(None, here.len());
+    for ((taxel, fields), weights) in to_finest.indices.enumerate().zip(&to_finest.weights) {
         for (&field, _) in fields.iter().zip(weights).filter(|(_, w)| **w == 1.0) {
-            let here = |v: VertexId| finest[v] == level.mesh.positions[field];
-            if found[field].is_none_or(|before| here(taxel) && !here(before)) {
+            let Some(&centre) = here.get(field) else { continue };
+            let is_there = |v: VertexId| finest.get(v) == Some(&centre);
+            if found[field].is_none_or(|before| is_there(taxel) && !is_there(before)) {
                 found[field] = Some(taxel);
             }
         }
@@ -327,7 +307,7 @@ fn origins(
     match found.iter().position(Option::is_none) {
         None => Ok(found.into_iter().flatten().collect()),
         Some(field) => {
-            let needed = "a row of direct with weight 1: its centre is a taxel";
+            let needed = "a row with weight 1: its centre is a taxel";
             Err(document.invalid(name, format!("no centre of field {field}"), needed))
         }
     }

@@ -240,7 +240,8 @@ pub(super) fn read_ids(document: &Document, accessor: &Accessor<'_>) -> Result<V
     Ok(ids)
 }
 
-fn read_presence(document: &Document, accessor: &Accessor<'_>) -> Result<Vec<Presence>, IoError> {
+/// What each slot holds.
+pub(super) fn read_presence(document: &Document, accessor: &Accessor<'_>) -> Result<Vec<Presence>, IoError> {
     let raw = document.gather(accessor, |[x]: [f64; 1]| x)?;
     let refuse = |row: usize, x: f64| {
         let found = format!("_PRESENT {x} in row {row}");

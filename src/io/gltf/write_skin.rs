@@ -19,11 +19,8 @@ use crate::{
         },
     },
     mesh::TriMesh,
-    skin::{Patch, Skin, TaxelId},
+    skin::{Patch, Skin, TaxelId, Taxels},
 };
-
-/// Largest deviation of a normal from unit length that is written; rounding to `f32` adds 1e-7.
-const UNIT_NORMAL: f64 = 1e-3;
 
 /// Writes a skin as one binary file: a node for each link, and under it one for each of its patches.
 ///
@@ -69,32 +66,10 @@ pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
 
 fn add_patch(path: &Path, writer: &mut SceneWriter, patch: &Patch) -> Result<Index<Mesh>, IoError> {
     let name = format!("patch {:?}", patch.name);
-    let count = patch.mesh.positions.len();
-    let lengths = [
-        patch.taxels.ids.len(),
-        patch.taxels.presence.len(),
-        patch.taxels.densities.as_ref().map_or(count, IdVec::len),
-    ];
-    if let Some(length) = lengths.into_iter().find(|&n| n != count) {
-        return Err(refuse(
-            path,
-            name,
-            format!("an array of {length} entries"),
-            format!("{count}, one per vertex"),
-        ));
-    }
+    let checked = patch.taxels.validate(patch.mesh.positions.len());
+    checked.map_err(|e| refuse(path, &name, e.to_string(), "one valid entry per vertex"))?;
     let mut sheet = SheetWriter::new(path, name, writer, &patch.mesh)?;
-    sheet.normals(&patch.taxels.normals)?;
-    sheet.ids(&patch.taxels.ids);
-    sheet.positive("_AREA", &patch.taxels.areas)?;
-    if let Some(densities) = &patch.taxels.densities {
-        sheet.positive("_DENSITY", densities)?;
-    }
-    let presence = patch.taxels.presence.iter().map(|&p| [p.code()]);
-    sheet.insert("_PRESENT", |writer| writer.attribute(presence));
-    if let Some(covariances) = &patch.taxels.covariances {
-        sheet.covariances(covariances)?;
-    }
+    sheet.taxels(&patch.taxels)?;
     let primitive = sheet.finish();
     Ok(writer.root.push(mesh(patch.name.clone(), primitive)))
 }
@@ -112,7 +87,6 @@ pub(super) struct SheetWriter<'a> {
     writer: &'a mut SceneWriter,
     attributes: BTreeMap<Checked<Semantic>, Index<Accessor>>,
     corners: Index<Accessor>,
-    count: usize,
 }
 
 impl<'a> SheetWriter<'a> {
@@ -139,7 +113,7 @@ impl<'a> SheetWriter<'a> {
         let position = writer.positions(&positions);
         let corners = writer.corners(mesh.triangles.iter().map(|t| t.map(VertexId::raw)));
         let attributes = BTreeMap::from([(Checked::Valid(Semantic::Positions), position)]);
-        Ok(Self { path, name, writer, attributes, corners, count: positions.len() })
+        Ok(Self { path, name, writer, attributes, corners })
     }
 
     /// Adds an attribute; `name` with its underscore, or one of glTF's own.
@@ -152,23 +126,27 @@ impl<'a> SheetWriter<'a> {
         self.attributes.insert(Checked::Valid(semantic), write(self.writer));
     }
 
-    /// Unit normals.
-    pub(super) fn normals(&mut self, normals: &IdVec<VertexId, DVec3>) -> Result<(), IoError> {
-        self.check_length("normals", normals.len())?;
-        if let Some((v, n)) = normals
-            .enumerate()
-            .find(|(_, n)| (n.length() - 1.0).abs().is_nan() || (n.length() - 1.0).abs() > UNIT_NORMAL)
-        {
-            let found = format!("normal {v} of length {}", n.length());
-            return Err(refuse(self.path, &self.name, found, "unit normals"));
+    /// All that is known of taxels, which are valid.
+    pub(super) fn taxels(&mut self, taxels: &Taxels) -> Result<(), IoError> {
+        self.normals(&taxels.normals);
+        self.ids(&taxels.ids);
+        self.positive("_AREA", &taxels.areas)?;
+        if let Some(densities) = &taxels.densities {
+            self.positive("_DENSITY", densities)?;
         }
+        let presence = taxels.presence.iter().map(|&p| [p.code()]);
+        self.insert("_PRESENT", |writer| writer.attribute(presence));
+        taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
+    }
+
+    /// Unit normals.
+    pub(super) fn normals(&mut self, normals: &IdVec<VertexId, DVec3>) {
         let rows = normals.iter().map(|n| n.to_array().map(narrow));
         self.insert("NORMAL", |writer| writer.attribute(rows));
-        Ok(())
     }
 
     /// Vendor ids, low half first.
-    pub(super) fn ids(&mut self, ids: &IdVec<VertexId, TaxelId>) {
+    fn ids(&mut self, ids: &IdVec<VertexId, TaxelId>) {
         let halves = |id: &TaxelId| {
             let [a, b, c, d] = id.0.to_le_bytes();
             [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
@@ -178,7 +156,6 @@ impl<'a> SheetWriter<'a> {
 
     /// A positive scalar.
     pub(super) fn positive(&mut self, name: &str, values: &IdVec<VertexId, f64>) -> Result<(), IoError> {
-        self.check_length(name, values.len())?;
         if let Some((v, x)) =
             values.enumerate().find(|(_, x)| !(narrow(**x) > 0.0 && narrow(**x).is_finite()))
         {
@@ -189,8 +166,7 @@ impl<'a> SheetWriter<'a> {
     }
 
     /// Covariances of positions, and the standard deviation that stands for each.
-    pub(super) fn covariances(&mut self, covariances: &IdVec<VertexId, [f64; 6]>) -> Result<(), IoError> {
-        self.check_length("covariances", covariances.len())?;
+    fn covariances(&mut self, covariances: &IdVec<VertexId, [f64; 6]>) -> Result<(), IoError> {
         if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !c.iter().all(|x| narrow(*x).is_finite()))
         {
             return Err(refuse(
@@ -207,14 +183,6 @@ impl<'a> SheetWriter<'a> {
             self.insert(name, |writer| writer.attribute(covariances.iter().map(row)));
         }
         Ok(())
-    }
-
-    fn check_length(&self, what: &str, length: usize) -> Result<(), IoError> {
-        if length == self.count {
-            return Ok(());
-        }
-        let needed = format!("{}, one per vertex", self.count);
-        Err(refuse(self.path, &self.name, format!("{what} with {length} entries"), needed))
     }
 
     /// The primitive of everything inserted.

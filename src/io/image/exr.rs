@@ -30,7 +30,7 @@ use crate::{
         IoError,
         file::{replace::replace_file, source::unfit},
     },
-    map::MapFrame,
+    map::ImageFrame,
 };
 
 /// The one custom attribute of each part. There must not be a second: the crate keeps attributes in a hash map, and
@@ -193,7 +193,7 @@ struct Rectangle {
 }
 
 impl<'a> Note<'a> {
-    fn new(name: &'a str, frame: &MapFrame) -> Self {
+    fn new(name: &'a str, frame: &ImageFrame) -> Self {
         let map = Rectangle { origin: frame.origin.to_array(), size: frame.size.to_array() };
         Self { version: env!("CARGO_PKG_VERSION"), name, map }
     }

@@ -73,7 +73,7 @@ impl<'a> ColouredMesh<'a> {
             Paint::Area => Ok(by_stretch(need_map("areas")?, DIVERGING, &|s| {
                 0.5 + 0.5 * s.area.abs().ln() / limits.area.ln()
             })),
-            Paint::Fields => match level.filter(|level| level.direct.is_some()) {
+            Paint::Fields => match level.filter(|level| level.level.to_finest.is_some()) {
                 None => of_taxels(Fill::Faces(patch.mesh.triangles.map(|_| SKIN))),
                 Some(level) => {
                     let groups = dominant_fields(level);
@@ -93,8 +93,8 @@ impl<'a> ColouredMesh<'a> {
 
 fn by_stretch<'a>(level: &'a MapLevel, scale: Scale, value: &dyn Fn(Stretch) -> f64) -> ColouredMesh<'a> {
     let colour = |f: FaceId| step_colour(step(value(face_stretch(level, f))), scale);
-    let fill = Fill::Faces(level.mesh.triangles.ids().map(colour).collect());
-    ColouredMesh { mesh: &level.mesh, owner: MeshOwner::Level, fill, is_scale: true }
+    let fill = Fill::Faces(level.level.mesh.triangles.ids().map(colour).collect());
+    ColouredMesh { mesh: &level.level.mesh, owner: MeshOwner::Level, fill, is_scale: true }
 }
 
 /// Cells coloured by values from 0 to 1.

@@ -25,11 +25,11 @@ pub(crate) const FIELDS: [Colour; 8] = [
 /// The field that each taxel belongs to most, the first of several; on level 0 every taxel is its
 /// own.
 pub(crate) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
-    let Some(direct) = &level.direct else {
-        return level.mesh.positions.ids().map(VertexId::raw).collect();
+    let Some(to_finest) = &level.level.to_finest else {
+        return level.level.mesh.positions.ids().map(VertexId::raw).collect();
     };
-    let row = |(v, t): (VertexId, &[VertexId; 3])| t[largest(direct.weights[v])].raw();
-    direct.indices.enumerate().map(row).collect()
+    let row = |(v, t): (VertexId, &[VertexId; 3])| t[largest(to_finest.weights[v])].raw();
+    to_finest.indices.enumerate().map(row).collect()
 }
 
 /// The largest of three weights, the first of several.

@@ -26,7 +26,8 @@ impl ScaleLimits {
         patches: &[PatchView<'_>],
         paint: Paint,
     ) -> Result<Self, PlotError> {
-        let stretches = || levels.iter().flat_map(|l| l.mesh.triangles.ids().map(|f| face_stretch(l, f)));
+        let stretches =
+            || levels.iter().flat_map(|l| l.level.mesh.triangles.ids().map(|f| face_stretch(l, f)));
         let angle = share(stretches().map(|s| s.angle.abs() - 1.0).collect(), 99);
         let area = share(stretches().map(|s| s.area.abs().ln().abs()).collect(), 99);
         Ok(Self {

@@ -37,12 +37,12 @@ pub(crate) fn draw_map(
     view: &View,
     paint: Paint,
 ) -> Vec<Shape> {
-    let own = lay_out(&level.mesh, &level.uv, view);
+    let own = lay_out(&level.level.mesh, &level.uv, view);
     let mut shapes = match coloured.owner {
         MeshOwner::Level => areas(&own, &coloured.fill, view, false),
         MeshOwner::Taxels => {
             let carried = lay_out(coloured.mesh, &carry(level), view);
-            let is_separated = paint == Paint::Fields && level.direct.is_some();
+            let is_separated = paint == Paint::Fields && level.level.to_finest.is_some();
             areas(&carried, &coloured.fill, view, is_separated)
         }
     };
@@ -69,11 +69,11 @@ fn lay_out<'a>(mesh: &'a TriMesh, uv: &IdVec<VertexId, DVec2>, view: &View) -> C
 
 /// The taxels on the map of a level: each at the mean of its fields, by its weights.
 fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
-    let Some(direct) = &level.direct else { return level.uv.clone() };
+    let Some(to_finest) = &level.level.to_finest else { return level.uv.clone() };
     let at = |(v, t): (VertexId, &[VertexId; 3])| {
-        t.iter().zip(direct.weights[v]).map(|(&k, w)| w * level.uv[k]).sum()
+        t.iter().zip(to_finest.weights[v]).map(|(&k, w)| w * level.uv[k]).sum()
     };
-    direct.indices.enumerate().map(at).collect()
+    to_finest.indices.enumerate().map(at).collect()
 }
 
 /// A path for each colour, or an image if triangles are small. Neighbouring groups of one colour

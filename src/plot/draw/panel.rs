@@ -72,9 +72,9 @@ impl<'a> Panel<'a> {
         match &self.look {
             Look::OnMap(level) => Ok(draw_map(level, &coloured, view, paint)),
             Look::InSpace(camera, level) => {
-                let dots: Vec<VertexId> = match level.filter(|level| level.direct.is_some()) {
+                let dots: Vec<VertexId> = match level.filter(|level| level.level.to_finest.is_some()) {
                     _ if !paint.has_dots() => Vec::new(),
-                    Some(level) if paint == Paint::Fields => level.origins.iter().copied().collect(),
+                    Some(level) if paint == Paint::Fields => level.level.origins.iter().copied().collect(),
                     _ => self.patch.mesh.positions.ids().collect(),
                 };
                 Ok(draw_in_space(&coloured, camera, view, &dots))

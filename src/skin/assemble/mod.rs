@@ -12,6 +12,7 @@ use crate::{
     skin::{
         Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError,
         assemble::{components::Components, patch::patch_of},
+        check_links,
         names::Names,
         triangulate_taxels,
         unit_check::doubtful_unit,
@@ -107,13 +108,6 @@ pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, S
 /// A link at the origin, for sheets without one.
 fn origin_of(links: &mut IdVec<LinkId, Link>) -> LinkId {
     links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY })
-}
-
-fn check_links(links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
-    match links.enumerate().find(|(link, l)| l.parent.is_some_and(|p| p >= *link)) {
-        Some((link, _)) => Err(SkinError::LinkOrder { link }),
-        None => Ok(()),
-    }
 }
 
 /// Whether a sheet fell into several patches, or its name was taken.

@@ -1,0 +1,76 @@
+//! The rectangle of the map plane that an image shows, and how pixels lie in it.
+
+use glam::DVec2;
+
+/// The rectangle of the map plane that the image of a level shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImageFrame {
+    /// Lower left corner, in m.
+    pub origin: DVec2,
+    /// Width and height, in m: whole pixels.
+    pub size: DVec2,
+    /// Width and height of the image, in pixels.
+    pub size_px: [u32; 2],
+}
+
+impl ImageFrame {
+    /// The smallest frame of whole pixels around `positions` with one pixel of margin on each side,
+    /// `pixel` metres per pixel.
+    pub fn around<'a>(positions: impl IntoIterator<Item = &'a DVec2>, pixel: f64) -> Self {
+        let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for &p in positions {
+            (lo, hi) = (lo.min(p), hi.max(p));
+        }
+        if !lo.is_finite() || !hi.is_finite() {
+            (lo, hi) = (DVec2::ZERO, DVec2::ZERO);
+        }
+        let inner = ((hi - lo) / pixel).ceil().max(DVec2::ONE);
+        let count = inner + 2.0;
+        let size = count * pixel;
+        let origin = (lo + hi) / 2.0 - size / 2.0;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "`as` saturates; the rasteriser refuses images that large"
+        )]
+        let size_px = [count.x as u32, count.y as u32];
+        Self { origin, size, size_px }
+    }
+
+    /// Whether it is a finite rectangle with an area and at least one pixel.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let size = self.size.is_finite() && self.size.min_element() > 0.0;
+        size && self.origin.is_finite() && !self.size_px.contains(&0)
+    }
+
+    /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
+    #[must_use]
+    pub fn to_texture(&self, at: DVec2) -> DVec2 {
+        let unit = (at - self.origin) / self.size;
+        DVec2::new(unit.x, 1.0 - unit.y)
+    }
+
+    /// The map position (m) of a point of the unit square.
+    #[must_use]
+    pub fn from_texture(&self, texture: DVec2) -> DVec2 {
+        self.origin + DVec2::new(texture.x, 1.0 - texture.y) * self.size
+    }
+
+    /// The pixel (column, row from the top) that holds a map position; the border belongs inside.
+    #[must_use]
+    pub fn pixel(&self, at: DVec2) -> [u32; 2] {
+        let t = self.to_texture(at);
+        let px = |unit: f64, count: u32| {
+            let last = f64::from(count.saturating_sub(1));
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "clamped to the image first"
+            )]
+            let px = (unit * f64::from(count)).floor().clamp(0.0, last) as u32;
+            px
+        };
+        [px(t.x, self.size_px[0]), px(t.y, self.size_px[1])]
+    }
+}

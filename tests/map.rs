@@ -1,0 +1,119 @@
+//! Laws of maps: every field of a map is judged, in one place, by name.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod maps;
+
+use dermatome::{
+    id::{FaceId, IdVec, VertexId},
+    map::{MapLevel, PatchMap, SkinMap},
+    mesh::shapes,
+    pyramid::Level,
+    skin::{LinkId, PatchId},
+};
+use glam::{DVec2, DVec3};
+use maps::{level_id, skin, square_pyramid};
+
+/// Two patches of two levels on two links.
+fn map() -> SkinMap {
+    let mut map = skin(vec![
+        square_pyramid("palm", &[9, 5], 0.08, 0.001),
+        square_pyramid("back", &[5, 3], 0.08, 0.001),
+    ]);
+    let mut hand = map.links[LinkId::new(0)].clone();
+    hand.parent = Some(LinkId::new(0));
+    map.patches[PatchId::new(1)].link = map.links.push(hand);
+    let palm = patch(&mut map);
+    palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
+    palm.taxels.covariances = Some(palm.taxels.areas.map(|_| [1e-6, 0.0, 0.0, 1e-6, 0.0, 0.0]));
+    map
+}
+
+fn patch(map: &mut SkinMap) -> &mut PatchMap {
+    &mut map.patches[PatchId::new(0)]
+}
+
+fn mapped(map: &mut SkinMap, k: usize) -> &mut MapLevel {
+    &mut patch(map).levels[level_id(k)]
+}
+
+fn level(map: &mut SkinMap, k: usize) -> &mut Level {
+    &mut mapped(map, k).level
+}
+
+fn v(k: usize) -> VertexId {
+    VertexId::new(k)
+}
+
+#[test]
+fn maps_of_named_shapes_are_valid() {
+    assert_eq!(map().validate(), Ok(()));
+    assert_eq!(SkinMap::default().validate(), Ok(()), "no patches, no rules");
+    for mesh in [shapes::square(), shapes::cap(300, 0.1, 1.9), shapes::saddle(9)] {
+        assert_eq!(SkinMap::flat(mesh, 0.001).validate(), Ok(()));
+    }
+}
+
+/// Breaks each field once; what is found says where.
+#[test]
+fn every_broken_field_is_refused_by_name() {
+    let refused = |words: &[&str], spoil: &dyn Fn(&mut SkinMap)| {
+        let mut broken = map();
+        spoil(&mut broken);
+        let error = broken.validate().unwrap_err().to_string();
+        for word in words {
+            assert!(error.contains(word), "{word:?} is missing in {error}");
+        }
+    };
+    // Links and patches.
+    refused(&["link 1", "after its parent"], &|m| m.links[LinkId::new(1)].parent = Some(LinkId::new(1)));
+    refused(&["\"palm\"", "link 5"], &|m| patch(m).link = LinkId::new(5));
+    refused(&["two patches", "\"back\""], &|m| patch(m).name = "back".into());
+    refused(&["palm", "without levels"], &|m| patch(m).levels = IdVec::new());
+    // Taxels.
+    refused(&["\"palm\"", "ids", "80"], &|m| {
+        patch(m).taxels.ids = patch(m).taxels.ids.iter().skip(1).copied().collect()
+    });
+    refused(&["\"palm\"", "normals"], &|m| patch(m).taxels.normals = IdVec::new());
+    refused(&["\"palm\"", "presence"], &|m| patch(m).taxels.presence = IdVec::new());
+    refused(&["\"palm\"", "areas"], &|m| patch(m).taxels.areas = IdVec::new());
+    refused(&["\"palm\"", "densities"], &|m| patch(m).taxels.densities = Some(IdVec::new()));
+    refused(&["\"palm\"", "covariances"], &|m| patch(m).taxels.covariances = Some(IdVec::new()));
+    refused(&["\"palm\"", "normal of vertex 3"], &|m| patch(m).taxels.normals[v(3)] = DVec3::splat(1.0));
+    refused(&["\"palm\"", "vertex 4", "-1 m^2"], &|m| patch(m).taxels.areas[v(4)] = -1.0);
+    refused(&["palm/L0", "vertex 4", "its taxel"], &|m| patch(m).taxels.areas[v(4)] *= 2.0);
+    refused(&["\"palm\"", "vertex 5", "density"], &|m| {
+        patch(m).taxels.densities.as_mut().unwrap()[v(5)] = 0.0
+    });
+    for wrong in [[f64::NAN; 6], [-1e-6, 0.0, 0.0, 0.0, 0.0, 0.0], [1e-6, 2e-6, 0.0, 1e-6, 0.0, 0.0]] {
+        refused(&["\"palm\"", "vertex 6", "covariance"], &|m| {
+            patch(m).taxels.covariances.as_mut().unwrap()[v(6)] = wrong;
+        });
+    }
+    // Levels.
+    refused(&["palm/L1", "vertex 99"], &|m| level(m, 1).mesh.triangles[FaceId::new(0)][0] = v(99));
+    refused(&["palm/L0", "not finite"], &|m| level(m, 0).mesh.positions[v(0)] = DVec3::NAN);
+    refused(&["palm/L1", "origins"], &|m| level(m, 1).origins = IdVec::new());
+    refused(&["palm/L1", "vertex 2", "vertex 99 of level 0"], &|m| level(m, 1).origins[v(2)] = v(99));
+    refused(&["palm/L0", "vertex 2", "vertex 1 of level 0"], &|m| level(m, 0).origins[v(2)] = v(1));
+    refused(&["palm/L1", "areas"], &|m| level(m, 1).areas = IdVec::new());
+    refused(&["palm/L1", "vertex 2", "area"], &|m| level(m, 1).areas[v(2)] = f64::NAN);
+    refused(&["palm/L0", "from_coarser"], &|m| level(m, 0).from_coarser = None);
+    refused(&["palm/L1", "from_coarser"], &|m| level(m, 1).from_coarser = level(m, 0).from_coarser.clone());
+    refused(&["palm/L1", "to_finest"], &|m| level(m, 1).to_finest = None);
+    refused(&["palm/L0", "to_finest"], &|m| level(m, 0).to_finest = level(m, 1).to_finest.clone());
+    let rows = |m: &mut SkinMap, spoil: &dyn Fn(&mut dermatome::pyramid::Prolongation)| {
+        spoil(level(m, 1).to_finest.as_mut().unwrap());
+    };
+    refused(&["palm/L1", "to_finest", "7 coarse"], &|m| rows(m, &|p| p.coarse_len = 7));
+    refused(&["palm/L1", "to_finest", "row 5", "vertex 40"], &|m| rows(m, &|p| p.indices[v(5)][1] = v(40)));
+    refused(&["palm/L1", "to_finest", "row 5", "sum 1"], &|m| rows(m, &|p| p.weights[v(5)] = [0.5; 3]));
+    refused(&["palm/L1", "to_finest", "weights has 0"], &|m| rows(m, &|p| p.weights = IdVec::new()));
+    // Maps.
+    refused(&["palm/L1", "uv has 0"], &|m| mapped(m, 1).uv = IdVec::new());
+    refused(&["palm/L1", "vertex 3", "finite"], &|m| mapped(m, 1).uv[v(3)] = DVec2::NAN);
+    for size in [DVec2::ZERO, DVec2::NAN, DVec2::NEG_ONE] {
+        refused(&["palm/L1", "frame"], &|m| mapped(m, 1).frame.size = size);
+    }
+    refused(&["palm/L1", "frame"], &|m| mapped(m, 1).frame.origin.x = f64::INFINITY);
+    refused(&["palm/L1", "frame"], &|m| mapped(m, 1).frame.size_px = [0, 4]);
+}
