@@ -14,22 +14,22 @@ use std::{
 use criterion::{Criterion, criterion_group, criterion_main};
 use dermatome::{
     calib::{
-        CalibOptions, Model, Observations, ResidualConvention, SimulateOptions, Uncertainty, calibrate,
-        simulate,
+        CalibOptions, Initialization, Model, Observations, ResidualConvention, Robust, SimulateOptions,
+        calibrate, simulate,
     },
     io::read_observations,
 };
 
 const ALONE: CalibOptions = CalibOptions {
     residual: ResidualConvention::Log,
-    uncertainty: Uncertainty::Skip,
-    robust: dermatome::calib::Robust::None,
-    start: dermatome::calib::Initialization::Chordal,
-    method: dermatome::calib::Method::GaussNewton,
-    limits: dermatome::calib::StopCriteria { iterations: 100, relative_decrease: 1e-9 },
+    robust: Robust::LeastSquares,
+    initialization: Initialization::Chordal,
+    max_iterations: 100,
+    relative_decrease: 1e-9,
+    covariances: false,
 };
 
-const WITH_COVARIANCE: CalibOptions = CalibOptions { uncertainty: Uncertainty::Marginals, ..ALONE };
+const WITH_COVARIANCE: CalibOptions = CalibOptions { covariances: true, ..ALONE };
 
 fn run(observations: &Observations, options: &CalibOptions) -> f64 {
     calibrate(black_box(observations), options, &|_, _| {}).unwrap().cost

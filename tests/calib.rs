@@ -10,12 +10,13 @@ use std::path::{Path, PathBuf};
 use dermatome::{
     calib::{
         CalibError, CalibOptions, CalibratedSkin, Calibration, ContactMeasurement, ContactObservation,
-        DisplacementId, DisplacementMeasurement, Information, Initialization, Method, Model, Observations,
-        Outside, Pose, PosePrior, ResidualConvention, Robust, SimulateOptions, Termination, Uncertainty,
-        calibrate, calibrated_skin, compare, simulate,
+        Displacement, DisplacementId, DisplacementMeasurement, Information, Initialization, Loss, Model,
+        Observations, Outside, Pose, PosePrior, ResidualConvention, Robust, SimulateOptions, TaxelVariable,
+        Termination, Verdict, calibrate, calibrated_skin, compare, simulate,
     },
     id::{IdVec, VertexId},
     io::read_observations,
+    skin::TaxelId,
 };
 use glam::{DQuat, DVec3};
 
@@ -53,10 +54,9 @@ fn nees(found: &Calibration, truth: &IdVec<VertexId, Pose>, align: bool) -> f64 
     let motion = if align { compare(&found.poses, truth).unwrap().alignment } else { Pose::IDENTITY };
     let marginals = found.marginals.as_ref().unwrap();
     mean(truth.enumerate().map(|(v, t)| {
-        // The error is turned into the frame of the calibration, where the covariance is told.
+        // The error is turned into the frame of the calibration, where the covariance is given.
         let e = motion.inverse().apply(t.position) - found.poses[v].position;
-        let [xx, xy, xz, yy, yz, zz] = marginals.positions[v];
-        let covariance = glam::DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+        let covariance = marginals.positions[v].to_matrix();
         e.dot(covariance.inverse() * e)
     }))
 }
@@ -69,12 +69,16 @@ fn positions_reach_the_bound() {
             let simulation = simulate(&SimulateOptions { seed, ..SimulateOptions::default() }).unwrap();
             let found = solve(&simulation.observations, &CalibOptions::default());
             let rmse = compare(&found.poses, &simulation.truth).unwrap().rigid * 1e3;
-            assert_eq!(found.fit.degrees, 3 * 1419 - 3 * 499);
+            assert_eq!(found.fit.degrees_of_freedom, 3 * 1419 - 3 * 499);
             // Only translations are free in this model: align by the centroid alone.
             let mut centred = found.clone();
             let shift = mean_position(&simulation.truth) - mean_position(&found.poses);
             centred.poses.iter_mut().for_each(|p| p.position += shift);
-            (rmse, found.fit.chi2 / found.fit.degrees as f64, nees(&centred, &simulation.truth, false))
+            (
+                rmse,
+                found.fit.chi2 / found.fit.degrees_of_freedom as f64,
+                nees(&centred, &simulation.truth, false),
+            )
         })
         .collect();
     let (rmse, chi, nees) =
@@ -97,7 +101,11 @@ fn contacts_of_all_taxels_reach_their_bound() {
             let found = solve(&simulation.observations, &CalibOptions::default());
             assert!(found.free.is_empty(), "contacts hold the skin");
             let rmse = compare(&found.poses, &simulation.truth).unwrap().absolute * 1e3;
-            (rmse, found.fit.chi2 / found.fit.degrees as f64, nees(&found, &simulation.truth, false))
+            (
+                rmse,
+                found.fit.chi2 / found.fit.degrees_of_freedom as f64,
+                nees(&found, &simulation.truth, false),
+            )
         })
         .collect();
     let (rmse, chi, nees) =
@@ -113,8 +121,8 @@ fn poses_fit_as_their_noise_says() {
         .map(|seed| {
             let simulation = simulate(&poses(seed)).unwrap();
             let found = solve(&simulation.observations, &CalibOptions::default());
-            assert_eq!(found.fit.degrees, 6 * 1419 - 6 * 499);
-            (found.fit.chi2 / found.fit.degrees as f64, nees(&found, &simulation.truth, true))
+            assert_eq!(found.fit.degrees_of_freedom, 6 * 1419 - 6 * 499);
+            (found.fit.chi2 / found.fit.degrees_of_freedom as f64, nees(&found, &simulation.truth, true))
         })
         .collect();
     let (chi, nees) = (mean(runs.iter().map(|r| r.0)), mean(runs.iter().map(|r| r.1)));
@@ -130,8 +138,8 @@ fn poses_with_touched_normals_fit_as_their_noise_says() {
                 SimulateOptions { anchors: 50, normal_noise: Some(2_f64.to_radians()), ..poses(seed) };
             let simulation = simulate(&options).unwrap();
             let found = solve(&simulation.observations, &CalibOptions::default());
-            assert_eq!(found.fit.degrees, 6 * 1419 + 5 * 50 - 6 * 500);
-            (found.fit.chi2 / found.fit.degrees as f64, nees(&found, &simulation.truth, false))
+            assert_eq!(found.fit.degrees_of_freedom, 6 * 1419 + 5 * 50 - 6 * 500);
+            (found.fit.chi2 / found.fit.degrees_of_freedom as f64, nees(&found, &simulation.truth, false))
         })
         .collect();
     let (chi, nees) = (mean(runs.iter().map(|r| r.0)), mean(runs.iter().map(|r| r.1)));
@@ -140,10 +148,10 @@ fn poses_with_touched_normals_fit_as_their_noise_says() {
 }
 
 #[test]
-fn wrong_attributions_are_let_go() {
+fn wrong_attributions_are_rejected() {
     // Measured: 1.14 to 1.19, 1.19 to 1.22 and 1.45 to 1.52 mm; with the wrong edges known, about 1.17 and 1.41 mm.
     for (share, bound) in [(0.0, 1.20), (0.05, 1.30), (0.20, 1.80)] {
-        for robust in [Robust::Graduated, Robust::Tukey, Robust::GemanMcClure] {
+        for robust in [Robust::Graduated, Robust::Tukey] {
             let rmse = mean((0..20).map(|seed| {
                 let options = SimulateOptions { outliers: share, seed, ..SimulateOptions::default() };
                 let simulation = simulate(&options).unwrap();
@@ -162,7 +170,7 @@ fn rejected_edges_are_the_wrong_ones() {
     let simulation = simulate(&options).unwrap();
     let options = CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() };
     let found = solve(&simulation.observations, &options);
-    let rejected: Vec<_> = found.weights.rejected_edges().collect();
+    let rejected: Vec<_> = found.rejected_edges().collect();
     let caught = simulation.outliers.iter().filter(|e| rejected.contains(e)).count();
     assert!(caught + 2 >= simulation.outliers.len(), "{caught} of {} outliers", simulation.outliers.len());
     // One good edge in a hundred is beyond the bound by chance.
@@ -174,14 +182,14 @@ fn graduation_leaves_clean_observations_alone() {
     let clean = simulate(&SimulateOptions { noise: 0.0, ..small(Model::Positions) }).unwrap();
     let options = CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() };
     let found = solve(&clean.observations, &options);
-    assert_eq!(found.weights.rejected_edges().count(), 0);
+    assert_eq!(found.rejected_edges().count(), 0);
     assert!(compare(&found.poses, &clean.truth).unwrap().rigid < 1e-12);
 }
 
 /// Minima of public pose graphs in the three conventions.
 ///
 /// The quaternion minimum of parking-garage is lower than the 1.238988 that is often quoted for twice the cost: three
-/// starts and two methods agree on it, the last step being 1e-6 m.
+/// starts agree on it, the last step being 1e-6 m.
 #[test]
 fn public_pose_graphs_reach_their_minima() {
     let minima = [
@@ -205,20 +213,15 @@ fn public_pose_graphs_reach_their_minima() {
 }
 
 #[test]
-fn methods_and_starts_lead_to_the_same_minimum() {
+fn all_starts_lead_to_the_same_minimum() {
     let simulation = simulate(&poses(2)).unwrap();
-    let cost = |method, start| {
-        solve(&simulation.observations, &CalibOptions { method, start, ..CalibOptions::default() }).cost
+    let cost = |initialization| {
+        solve(&simulation.observations, &CalibOptions { initialization, ..CalibOptions::default() }).cost
     };
-    let expected = cost(Method::LevenbergMarquardt, Initialization::Chordal);
-    for method in [Method::GaussNewton, Method::LevenbergMarquardt, Method::Dogleg] {
-        for start in [Initialization::Chordal, Initialization::SpanningTree, Initialization::InitialValues] {
-            let found = cost(method, start);
-            assert!(
-                (found / expected - 1.0).abs() < 1e-9,
-                "{method:?} from {start:?}: {found}, not {expected}"
-            );
-        }
+    let expected = cost(Initialization::Chordal);
+    for start in [Initialization::SpanningTree, Initialization::InitialValues] {
+        let found = cost(start);
+        assert!((found / expected - 1.0).abs() < 1e-9, "{start:?}: {found}, not {expected}");
     }
 }
 
@@ -301,7 +304,7 @@ fn scale_information(observations: &mut Observations, factor: impl Fn(usize) -> 
 fn information_scales_the_cost() {
     for model in [Model::Positions, Model::Poses] {
         let simulation = simulate(&small(model)).unwrap();
-        let plain = &CalibOptions { robust: Robust::None, ..CalibOptions::default() };
+        let plain = &CalibOptions { robust: Robust::LeastSquares, ..CalibOptions::default() };
         let mut scaled = simulation.observations.clone();
         scale_information(&mut scaled, |_| 4.0);
         let a = solve(&simulation.observations, plain);
@@ -324,7 +327,7 @@ fn zero_information_is_no_edge() {
         let a = solve(&silent, &CalibOptions::default());
         let b = solve(&without, &CalibOptions::default());
         assert!((a.cost / b.cost - 1.0).abs() < 1e-9, "{} and {}", a.cost, b.cost);
-        assert_eq!(a.fit.degrees, b.fit.degrees);
+        assert_eq!(a.fit.degrees_of_freedom, b.fit.degrees_of_freedom);
         assert!(compare(&a.poses, &b.poses).unwrap().absolute < 1e-9);
     }
 }
@@ -345,7 +348,7 @@ fn zero_information_joins_no_components() {
         joined.edges.push(silent);
         let (a, b) = (solve(&both, &CalibOptions::default()), solve(&joined, &CalibOptions::default()));
         assert!((a.cost / b.cost - 1.0).abs() < 1e-12, "{} and {}", a.cost, b.cost);
-        assert_eq!((a.fit.degrees, a.free), (b.fit.degrees, b.free));
+        assert_eq!((a.fit.degrees_of_freedom, a.free), (b.fit.degrees_of_freedom, b.free));
     }
 }
 
@@ -354,7 +357,7 @@ fn zero_information_joins_no_components() {
 fn units_do_not_change_the_degrees_of_freedom() {
     let options = SimulateOptions { noise: 1e-6, rotation_noise: 2_f64.to_radians(), ..poses(1) };
     let found = solve(&simulate(&options).unwrap().observations, &CalibOptions::default());
-    assert_eq!(found.fit.degrees, 6 * 1419 - 6 * 499);
+    assert_eq!(found.fit.degrees_of_freedom, 6 * 1419 - 6 * 499);
     assert!(found.fit.p.unwrap() > 1e-3, "{:?}", found.fit);
 }
 
@@ -384,17 +387,12 @@ fn a_single_touched_pose_keeps_its_turn() {
     let touch = ContactMeasurement::Position { position, information: Information::isotropic(1e6) };
     let observations = Observations {
         model: Model::Poses,
-        taxels: vec![dermatome::calib::TaxelVariable {
-            id: dermatome::skin::TaxelId(4),
-            initial: None,
-            fixed: false,
-        }]
-        .into(),
+        taxels: vec![TaxelVariable { id: TaxelId(4), initial: None, fixed: false }].into(),
         edges: IdVec::new(),
         contacts: vec![ContactObservation { taxel: VertexId::new(0), measurement: touch }].into(),
     };
     let found = solve(&observations, &CalibOptions::default());
-    assert_eq!((found.free[0].directions, found.fit.degrees), (3, 0));
+    assert_eq!((found.free[0].free_motions, found.fit.degrees_of_freedom), (3, 0));
     assert!(found.poses[VertexId::new(0)].position.distance(position) < 1e-12);
 }
 
@@ -416,24 +414,25 @@ fn observations_between_fixed_taxels_are_judged() {
     let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
     observations.taxels.iter_mut().for_each(|t| t.fixed = true);
     let edges = observations.edges.len();
-    let found = solve(&observations, &CalibOptions { robust: Robust::None, ..CalibOptions::default() });
-    assert_eq!(found.fit.degrees, 3 * edges);
+    let found =
+        solve(&observations, &CalibOptions { robust: Robust::LeastSquares, ..CalibOptions::default() });
+    assert_eq!(found.fit.degrees_of_freedom, 3 * edges);
 }
 
-/// Letting go is for what stands out, whatever noise is stated: not for noise that is larger than stated.
+/// Rejection is for outliers at any noise scale: not for noise that is larger than stated.
 #[test]
-fn the_default_lets_go_only_of_what_stands_out() {
+fn the_default_rejects_outliers_alone() {
     let robust = |outliers: f64, stated: f64| {
         let simulation =
             simulate(&SimulateOptions { outliers, seed: 4, ..SimulateOptions::default() }).unwrap();
         let mut observations = simulation.observations;
         scale_information(&mut observations, |_| stated.powi(-2));
         let found = solve(&observations, &CalibOptions::default());
-        assert!(found.weights.rejected_edges().count() < 1419 / 2, "{outliers}, {stated}");
-        found.robust
+        assert!(found.rejected_edges().count() < 1419 / 2, "{outliers}, {stated}");
+        found.loss
     };
     for stated in [0.02, 0.5, 0.85, 0.92, 1.0, 2.0] {
-        assert_eq!(robust(0.0, stated), Robust::None, "nothing is wrong but the noise, stated {stated}");
+        assert_eq!(robust(0.0, stated), Loss::Squared, "nothing is wrong but the noise, stated {stated}");
     }
     for seed in 100..106 {
         let simulation =
@@ -441,10 +440,10 @@ fn the_default_lets_go_only_of_what_stands_out() {
         let mut observations = simulation.observations;
         scale_information(&mut observations, |_| 0.35_f64.powi(-2));
         let found = solve(&observations, &CalibOptions::default());
-        assert_eq!(found.robust, Robust::None, "seed {seed}, noise understated by a third");
+        assert_eq!(found.loss, Loss::Squared, "seed {seed}, noise understated by a third");
     }
     for (outliers, stated) in [(0.02, 2.0), (0.05, 0.85), (0.05, 1.0), (0.2, 0.85), (0.2, 1.0)] {
-        assert_eq!(robust(outliers, stated), Robust::Graduated, "{outliers} wrong, stated {stated}");
+        assert_eq!(robust(outliers, stated), Loss::Truncated, "{outliers} wrong, stated {stated}");
     }
 }
 
@@ -458,7 +457,7 @@ fn one_gross_error_is_found() {
         offset.x += 9e-3;
     }
     let found = solve(&observations, &CalibOptions::default());
-    assert!(found.weights.rejected_edges().any(|e| e == wrong), "{:?}", found.fit);
+    assert!(found.rejected_edges().any(|e| e == wrong), "{:?}", found.fit);
 }
 
 /// Two edges that contradict each other, and nothing to tell which is wrong: both count.
@@ -472,13 +471,13 @@ fn contradictions_that_nothing_decides_stay() {
         offset.x += 20e-3;
     }
     let found = solve(&observations, &CalibOptions::default());
-    assert_eq!((found.robust, found.fit.degrees), (Robust::None, 3));
-    assert!(found.fit.verdict().contains("disagree"), "{:?}", found.fit);
+    assert_eq!((found.loss, found.fit.degrees_of_freedom), (Loss::Squared, 3));
+    assert!(found.fit.assessment().contains("disagree"), "{:?}", found.fit);
 }
 
-/// Contacts that were let go anchor nothing: the skin is free, and covariances are those of a free skin.
+/// Rejected contacts anchor nothing: the skin is free, and covariances are those of a free skin.
 #[test]
-fn contacts_that_were_let_go_are_no_anchors() {
+fn rejected_contacts_are_no_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..SimulateOptions::default() };
     let simulation = simulate(&options).unwrap();
     let mut observations = simulation.observations;
@@ -488,15 +487,15 @@ fn contacts_that_were_let_go_are_no_anchors() {
         position.x += 0.03;
     }
     let found = solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
-    assert_eq!(found.weights.rejected_contacts().count(), 2);
+    assert_eq!(found.rejected_contacts().count(), 2);
     let free = &found.free[0];
-    assert_eq!((found.free.len(), free.directions, free.let_go), (1, 3, 2));
-    assert_eq!(found.fit.degrees, 3 * 1419 - 3 * 499 - 3 * found.weights.rejected_edges().count());
+    assert_eq!((found.free.len(), free.free_motions, free.rejected_contacts), (1, 3, 2));
+    assert_eq!(found.fit.degrees_of_freedom, 3 * 1419 - 3 * 499 - 3 * found.rejected_edges().count());
     let most = found.marginals.as_ref().unwrap().position_rms().iter().fold(0.0_f64, |m, s| m.max(*s));
     assert!(most < 5e-3, "{most} m");
 }
 
-/// A skin of precise edges whose two coarse contacts contradict each other: letting go of both must not leave the system
+/// A skin of precise edges whose two coarse contacts contradict each other: rejecting both must not leave the system
 /// singular, nor give up what least squares finds.
 #[test]
 fn weak_contacts_that_contradict_are_no_failure() {
@@ -517,13 +516,13 @@ fn weak_contacts_that_contradict_are_no_failure() {
         solve(&observations, &CalibOptions { robust, ..CalibOptions::default() });
     }
     assert_eq!(
-        solve(&observations, &CalibOptions::default()).robust,
-        Robust::None,
+        solve(&observations, &CalibOptions::default()).loss,
+        Loss::Squared,
         "one of two: who can tell"
     );
 }
 
-/// Huber's kernel never lets go: contacts that contradict each other hold the skin all the same.
+/// Huber's loss rejects nothing completely: contacts that contradict each other hold the skin all the same.
 #[test]
 fn contacts_that_still_pull_are_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..small(Model::Positions) };
@@ -534,7 +533,7 @@ fn contacts_that_still_pull_are_anchors() {
         position.x += 0.03;
     }
     let found = solve(&observations, &CalibOptions { robust: Robust::Huber, ..CalibOptions::default() });
-    assert!(found.weights.rejected_contacts().count() > 0);
+    assert!(found.rejected_contacts().count() > 0);
     assert!(found.free.is_empty(), "{:?}", found.free);
 }
 
@@ -547,11 +546,11 @@ fn most_contacts_of_a_noisy_arm_are_kept() {
         let simulation = simulate(&options).unwrap();
         let error = |robust| {
             let found = solve(&simulation.observations, &CalibOptions { robust, ..CalibOptions::default() });
-            let rejected = found.weights.rejected_contacts().count();
-            assert!(robust == Robust::None || rejected <= 5, "seed {seed}: {rejected}");
+            let rejected = found.rejected_contacts().count();
+            assert!(robust == Robust::LeastSquares || rejected <= 5, "seed {seed}: {rejected}");
             compare(&found.poses, &simulation.truth).unwrap().absolute
         };
-        let (default, plain) = (error(Robust::Automatic), error(Robust::None));
+        let (default, plain) = (error(Robust::Automatic), error(Robust::LeastSquares));
         assert!(default < 1.25 * plain, "seed {seed}: {default} m, least squares {plain} m");
     }
 }
@@ -571,11 +570,11 @@ fn half_of_the_contacts_may_be_wrong() {
         }
         let found = solve(&observations, &CalibOptions::default());
         // Noise alone makes one in three hundred as large.
-        assert!(found.weights.rejected_edges().count() < 4, "{anchors} contacts");
+        assert!(found.rejected_edges().count() < 4, "{anchors} contacts");
         if anchors == 2 {
-            assert_eq!(found.robust, Robust::None);
+            assert_eq!(found.loss, Loss::Squared);
         } else {
-            let rejected: Vec<usize> = found.weights.rejected_contacts().map(|c| c.index()).collect();
+            let rejected: Vec<usize> = found.rejected_contacts().map(|c| c.index()).collect();
             assert_eq!(rejected, (0..anchors / 2).collect::<Vec<_>>());
             assert!(compare(&found.poses, &simulation.truth).unwrap().rigid < 1.5e-3);
         }
@@ -595,25 +594,25 @@ fn bridged(apart: f64) -> Observations {
         let offset = truth[to].position - truth[from].position + away + DVec3::X * more;
         let motion = DisplacementMeasurement::Offset { offset, information: Information::isotropic(1e6) };
         let to = VertexId::new(one.taxels.len() + to.index());
-        both.edges.push(dermatome::calib::Displacement { from, to, measurement: motion });
+        both.edges.push(Displacement { from, to, measurement: motion });
     }
     both
 }
 
 /// Edges unlike all others that hold two sheets together: alone their length speaks against them.
 #[test]
-fn edges_that_join_sheets_are_not_let_go() {
+fn edges_that_join_sheets_are_not_rejected() {
     for (apart, widest) in [(0.0, 5e-3), (0.06, 0.1)] {
         let observations = bridged(apart);
         let found =
             solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
         assert_eq!(found.free.len(), 1, "one piece");
         let bridges = [observations.edges.len() - 2, observations.edges.len() - 1].map(DisplacementId::new);
-        let kept = bridges.map(|e| found.weights.edge_kept[e]);
+        let kept = bridges.map(|e| found.diagnostics.edges[e].verdict);
         if apart == 0.0 {
-            assert_eq!(kept, [true, true]);
+            assert_eq!(kept, [Verdict::Inlier; 2]);
         } else {
-            assert!(bridges.iter().all(|&e| found.weights.edges[e] > 1e-4), "{:?}", found.weights.edges);
+            assert!(bridges.iter().all(|&e| found.diagnostics.edges[e].weight > 1e-4));
         }
         let mut sigmas = found.marginals.as_ref().unwrap().position_rms().as_slice().to_vec();
         sigmas.sort_by(f64::total_cmp);
@@ -622,9 +621,9 @@ fn edges_that_join_sheets_are_not_let_go() {
     }
 }
 
-/// A kernel's cost is that of every edge, whichever way it was decided.
+/// The cost is that of every edge, whichever stage judged it.
 #[test]
-fn let_go_edges_have_a_cost() {
+fn rejected_edges_have_a_cost() {
     for outliers in [0.05, 0.2] {
         let simulation =
             simulate(&SimulateOptions { outliers, seed: 3, ..SimulateOptions::default() }).unwrap();
@@ -632,7 +631,7 @@ fn let_go_edges_have_a_cost() {
             &simulation.observations,
             &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() },
         );
-        let rejected = found.weights.rejected_edges().count() as f64;
+        let rejected = found.rejected_edges().count() as f64;
         let more = 2.0 * found.cost - found.fit.chi2;
         assert!(more > 0.5 * rejected, "{more} for {rejected} edges");
     }
@@ -661,27 +660,29 @@ fn bounds_follow_what_an_observation_says() {
         }
     }
     let found = solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
-    let rejected: Vec<usize> = found.weights.rejected_contacts().map(|c| c.index()).collect();
-    assert_eq!(rejected, [9], "{:?}", found.weights.contact_squares);
+    let rejected: Vec<usize> = found.rejected_contacts().map(|c| c.index()).collect();
+    assert_eq!(rejected, [9], "{:?}", found.diagnostics.contacts);
 }
 
 /// What one method may not finish, another must not either.
 #[test]
 fn the_default_stays_within_its_iterations() {
     let observations = simulate(&SimulateOptions { outliers: 0.1, ..poses(4) }).unwrap().observations;
-    let limits = dermatome::calib::StopCriteria { iterations: 1, ..Default::default() };
+    let max_iterations = 1;
     let found =
-        calibrate(&observations, &CalibOptions { limits, ..CalibOptions::default() }, &|_, _| {}).unwrap();
+        calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }, &|_, _| {})
+            .unwrap();
     assert_eq!(found.termination, Termination::OutOfIterations);
     // Enough for least squares, not for what they leave in doubt: what there is has the weights of its last step.
     let observations = simulate(&SimulateOptions { outliers: 0.05, seed: 3, ..SimulateOptions::default() })
         .unwrap()
         .observations;
-    let limits = dermatome::calib::StopCriteria { iterations: 10, ..Default::default() };
+    let max_iterations = 10;
     let found =
-        calibrate(&observations, &CalibOptions { limits, ..CalibOptions::default() }, &|_, _| {}).unwrap();
-    assert_eq!((found.termination, found.robust), (Termination::OutOfIterations, Robust::Graduated));
-    assert!(found.weights.rejected_edges().count() > 20);
+        calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }, &|_, _| {})
+            .unwrap();
+    assert_eq!((found.termination, found.loss), (Termination::OutOfIterations, Loss::Truncated));
+    assert!(found.rejected_edges().count() > 20);
     assert!(2.0 * found.cost < 1.2 * observations.edges.len() as f64 * 3.0, "{}", found.cost);
 }
 
@@ -690,15 +691,15 @@ fn the_default_stays_within_its_iterations() {
 fn looking_for_outliers_does_not_change_the_verdict() {
     let options = SimulateOptions { taxels: 20_000, spacing: 1e-3, ..SimulateOptions::default() };
     let observations = simulate(&options).unwrap().observations;
-    for robust in [Robust::None, Robust::Graduated] {
-        let options = CalibOptions { robust, uncertainty: Uncertainty::Skip, ..CalibOptions::default() };
+    for robust in [Robust::LeastSquares, Robust::Graduated] {
+        let options = CalibOptions { robust, covariances: false, ..CalibOptions::default() };
         let fit = solve(&observations, &options).fit;
-        assert_eq!(fit.verdict(), "the stated noise is believable", "{robust:?}: {fit:?}");
+        assert_eq!(fit.assessment(), "the stated noise is believable", "{robust:?}: {fit:?}");
     }
 }
 
 /// Pushes every number that was observed by one standard deviation and adds up what that does to the position of every
-/// taxel, after the alignment that the covariance is told in: at a perfect fit that is the covariance.
+/// taxel, after the alignment of the covariance: at a perfect fit that is the covariance.
 #[test]
 fn covariances_of_poses_are_what_noise_does_after_alignment() {
     for anchors in [0, 4] {
@@ -719,7 +720,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
             let moved = [1e-2, -1e-2].map(|sigmas| {
                 let mut changed = simulation.observations.clone();
                 change(&mut changed, sigmas);
-                let options = CalibOptions { uncertainty: Uncertainty::Skip, ..CalibOptions::default() };
+                let options = CalibOptions { covariances: false, ..CalibOptions::default() };
                 let poses = solve(&changed, &options).poses;
                 if found.free.is_empty() { poses } else { aligned(&poses, &found) }
             });
@@ -827,9 +828,9 @@ fn partly_anchored_poses_keep_what_is_held() {
     for (anchors, directions) in [(1, 3), (2, 1), (3, 0)] {
         let simulation = simulate(&SimulateOptions { anchors, ..small(Model::Poses) }).unwrap();
         let found = solve(&simulation.observations, &CalibOptions::default());
-        assert_eq!(found.free.iter().map(|f| f.directions).sum::<usize>(), directions, "{anchors} anchors");
+        assert_eq!(found.free.iter().map(|f| f.free_motions).sum::<usize>(), directions, "{anchors} anchors");
         let observed = 6 * simulation.observations.edges.len() + 3 * anchors;
-        assert_eq!(found.fit.degrees, observed - (6 * 40 - directions));
+        assert_eq!(found.fit.degrees_of_freedom, observed - (6 * 40 - directions));
         if anchors < 3 {
             // One or two points fit exactly or stretch: the cost is that of the edges and the distance between them.
             assert!(compare(&found.poses, &simulation.truth).unwrap().rigid < 3e-3);
@@ -842,11 +843,11 @@ fn side_by_side(one: &Observations, other: &Observations) -> Observations {
     let mut both = one.clone();
     let shift = |v: VertexId| VertexId::new(v.index() + one.taxels.len());
     for taxel in &other.taxels {
-        let id = dermatome::skin::TaxelId(taxel.id.0 + 1000);
-        both.taxels.push(dermatome::calib::TaxelVariable { id, ..*taxel });
+        let id = TaxelId(taxel.id.0 + 1000);
+        both.taxels.push(TaxelVariable { id, ..*taxel });
     }
     for edge in &other.edges {
-        both.edges.push(dermatome::calib::Displacement {
+        both.edges.push(Displacement {
             from: shift(edge.from),
             to: shift(edge.to),
             measurement: edge.measurement.clone(),
@@ -942,7 +943,7 @@ fn edges_that_do_not_count_form_no_triangles() {
             offset: DVec3::X * off,
             information: Information::isotropic(information),
         };
-        observations.edges.push(dermatome::calib::Displacement { from: a, to: b, measurement: motion });
+        observations.edges.push(Displacement { from: a, to: b, measurement: motion });
         let found =
             solve(&observations, &CalibOptions { robust: Robust::Graduated, ..CalibOptions::default() });
         let made = calibrated_skin(&found, &observations, None).unwrap();
@@ -961,11 +962,11 @@ fn a_graph_of_all_edges_is_no_skin() {
     for from in observations.taxels.ids() {
         for to in observations.taxels.ids().skip(from.index() + 1) {
             let motion = DisplacementMeasurement::Offset { offset: DVec3::ZERO, information };
-            observations.edges.push(dermatome::calib::Displacement { from, to, measurement: motion });
+            observations.edges.push(Displacement { from, to, measurement: motion });
         }
     }
     let options =
-        CalibOptions { robust: Robust::None, uncertainty: Uncertainty::Skip, ..CalibOptions::default() };
+        CalibOptions { robust: Robust::LeastSquares, covariances: false, ..CalibOptions::default() };
     let error = calibrated_skin(&solve(&observations, &options), &observations, None).unwrap_err();
     assert!(error.to_string().contains("three triangles meet"), "{error}");
 }
@@ -996,8 +997,7 @@ fn given_triangles_that_are_inside_out_are_turned() {
 #[test]
 fn edges_whose_triangles_close_up_are_no_skin() {
     let places = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(-1.0, -1.0, 0.0)];
-    let unknown =
-        |k| dermatome::calib::TaxelVariable { id: dermatome::skin::TaxelId(k), initial: None, fixed: false };
+    let unknown = |k| TaxelVariable { id: TaxelId(k), initial: None, fixed: false };
     let mut observations =
         Observations { taxels: (10..14).map(unknown).collect(), ..Observations::default() };
     for i in 0..4 {
@@ -1007,7 +1007,7 @@ fn edges_whose_triangles_close_up_are_no_skin() {
                 information: Information::isotropic(1.0),
             };
             let (from, to) = (VertexId::new(i), VertexId::new(j));
-            observations.edges.push(dermatome::calib::Displacement { from, to, measurement: motion });
+            observations.edges.push(Displacement { from, to, measurement: motion });
         }
     }
     let found = solve(&observations, &CalibOptions::default());
@@ -1079,8 +1079,7 @@ fn broken_promises_are_named() {
     assert!(error(&|o| o.edges.as_mut_slice()[7].to = o.edges.as_slice()[7].from).contains("edge 7"));
     assert!(error(&|o| o.model = Model::Poses).contains("poses model"));
     assert!(error(&|o| o.edges = IdVec::new()).contains("0 observations"));
-    let lonely =
-        dermatome::calib::TaxelVariable { id: dermatome::skin::TaxelId(77), initial: None, fixed: false };
+    let lonely = TaxelVariable { id: TaxelId(77), initial: None, fixed: false };
     assert!(error(&|o| _ = o.taxels.push(lonely)).contains("taxel 77"));
     let touched = |taxel: usize, information: f64, normal: DVec3| {
         let (position, information) = (DVec3::ZERO, Information::isotropic(information));
@@ -1097,9 +1096,7 @@ fn broken_promises_are_named() {
         o.contacts.push(touched(40, 0.0, DVec3::Z));
     };
     assert!(error(&silent).contains("taxel 77"), "zero information is no observation");
-    let start = |change: &dyn Fn(&mut dermatome::calib::TaxelVariable)| {
-        error(&|o| change(&mut o.taxels.as_mut_slice()[5]))
-    };
+    let start = |change: &dyn Fn(&mut TaxelVariable)| error(&|o| change(&mut o.taxels.as_mut_slice()[5]));
     assert!(start(&|t| (t.initial, t.fixed) = (None, true)).contains("taxel 5 is fixed"));
     assert!(start(&|t| t.initial = Some(Pose::at(DVec3::NAN))).contains("initial value of taxel 5"));
 }

@@ -1,7 +1,12 @@
+//! Compares taxel poses with the truth, before and after the best rigid motion ([horn1987]).
+
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
-    calib::{CalibError, Pose, geometry::pose::outer, solve::initial::nearest_rotation},
+    calib::{
+        CalibError, Pose,
+        geometry::align::{Correlation, nearest_rotation},
+    },
     id::{IdVec, VertexId},
 };
 
@@ -16,7 +21,7 @@ pub struct Comparison {
     pub alignment: Pose,
 }
 
-/// Compares taxel poses with the truth, before and after the rigid motion that fits positions best (Horn 1987).
+/// Compares taxel poses with the truth, before and after the rigid motion that fits positions best.
 ///
 /// # Errors
 /// [`CalibError::UnequalPoses`] if there is not one pose for every one of the truth, or none.
@@ -27,20 +32,13 @@ pub fn compare(
     if found.len() != truth.len() || truth.is_empty() {
         return Err(CalibError::UnequalPoses { found: found.len(), needed: truth.len() });
     }
-    let count = truth.len() as f64;
-    let centre = |poses: &IdVec<VertexId, Pose>| poses.iter().map(|p| p.position).sum::<DVec3>() / count;
-    let (from, to) = (centre(found), centre(truth));
-    let pairs = || found.iter().zip(truth);
-    let correlation =
-        pairs().map(|(f, t)| outer(t.position - to, f.position - from)).fold(DMat3::ZERO, |sum, m| sum + m);
-    let rotation = if correlation == DMat3::ZERO { DQuat::IDENTITY } else { nearest_rotation(&correlation) };
+    let pairs: Vec<(DVec3, DVec3)> = found.iter().zip(truth).map(|(f, t)| (f.position, t.position)).collect();
+    let Correlation { from, to, matrix } = Correlation::new(&pairs);
+    let rotation = if matrix == DMat3::ZERO { DQuat::IDENTITY } else { nearest_rotation(&matrix) };
     let alignment = Pose { position: to - rotation * from, rotation };
-    let root_mean = |sum: f64| (sum / count).sqrt();
-    Ok(Comparison {
-        absolute: root_mean(pairs().map(|(f, t)| f.position.distance_squared(t.position)).sum()),
-        rigid: root_mean(
-            pairs().map(|(f, t)| alignment.apply(f.position).distance_squared(t.position)).sum(),
-        ),
-        alignment,
-    })
+    let rms = |motion: &Pose| {
+        let sum: f64 = pairs.iter().map(|(f, t)| motion.apply(*f).distance_squared(*t)).sum();
+        (sum / pairs.len() as f64).sqrt()
+    };
+    Ok(Comparison { absolute: rms(&Pose::IDENTITY), rigid: rms(&alignment), alignment })
 }

@@ -1,43 +1,66 @@
-//! Calibration: from noisy touches to taxel poses that know their own uncertainty.
+//! Calibration: from noisy contacts to taxel poses with covariances.
 //!
-//! The first half of the source paper (section III-A): unknown poses `t_i` of the taxels, observed displacements
-//! `delta_ji` with information `Omega_ji`, and the poses that minimise `1/2 sum e_ji' Omega_ji e_ji`.
+//! The method of Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile Information"
+//! ([cannata2010]), section III-A. A robot that touches its skin observes, for pairs of taxels `i` and `j`, the
+//! displacement `delta_ji` with information (inverse covariance) `Omega_ji`. The unknown poses `t_i` are those
+//! that minimise equation 1 of that paper,
 //!
 //! ```text
-//! Observations ─ start ─▶ poses ─ normal equations ─▶ step ─▶ ... ─▶ Calibration ─ triangles ─▶ Skin
-//! edges, contacts  chordal    │    blocks of 1, 3 or 6  GN, LM, dogleg   covariances
-//!                             └── robust kernels, graduated non-convexity
+//! H(t) = 1/2 sum e_ji' Omega_ji e_ji,     e_ji = h_ji(t) - delta_ji
 //! ```
 //!
-//! [`Observations`] are plain data, from a file or from [`simulate`]. [`calibrate`] does the whole job;
-//! [`calibrated_skin`] makes a skin of its result. Two models share the code: positions, which is linear, and poses
-//! in SE(3). Where no contact says where a sheet of taxels is, it stays where its first taxel started, and
-//! covariances are those left after the best alignment ([`Marginals`]).
+//! with `h_ji = t_j - t_i` for positions ([`Model::Positions`]: linear, one solve) or `T_i^-1 T_j` for poses in
+//! SE(3) ([`Model::Poses`]: Gauss-Newton). Contacts with objects at known places add absolute terms of one taxel.
+//!
+//! ```text
+//! Observations -- initial poses --> Gauss-Newton on J' W Omega J x = -J' W Omega e --> Calibration --> Skin
+//!                                        ^ weights W       | residuals             covariances
+//!                                        +---- robust -----+
+//! ```
+//!
+//! 1. [`Observations`] are plain data, from a file or from [`simulate()`].
+//! 2. Initial poses: chordal relaxation, spanning tree, or given.
+//! 3. Levenberg and Marquardt on sparse blocks, undamped while the cost falls.
+//! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed to a wrong
+//!    taxel), but only if least squares does not suffice; its documentation shows what each stage contributes.
+//! 5. Covariances of all taxels by selected inversion. Where no contact says where a component is, its absolute
+//!    pose is arbitrary, and they are those in the centroid gauge ([`Marginals`]).
+//! 6. [`calibrated_skin`] meshes the taxels.
+//!
+//! Guaranteed: the same result on any number of threads, covariances right to first order for the stated noise,
+//! observations that do not determine a taxel are an error that names it. Not guaranteed: the global minimum,
+//! for poses or with outliers.
+//!
+//! Reading order: `observations`, `geometry` (poses, alignment), `options`, `solve` (`residual`,
+//! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `calibrate`,
+//! `skin`; `simulate` and `compare` stand beside them.
 
 mod calibrate;
+mod calibration;
 mod compare;
 mod error;
 mod geometry;
 mod observations;
+mod options;
 mod robust;
 mod simulate;
 mod skin;
 mod solve;
 
-pub use calibrate::{CalibOptions, Calibration, FreeComponent, Uncertainty, Weights, calibrate};
+pub use calibrate::calibrate;
+pub use calibration::{Calibration, FreeComponent, GoodnessOfFit, ObservationDiagnostics, Verdict};
 pub use compare::{Comparison, compare};
 pub use error::CalibError;
 pub use geometry::pose::Pose;
+pub use observations::graph::PerObservation;
 pub use observations::information::Information;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
     DisplacementMeasurement, Model, Observations, PosePrior, RelativePose, TaxelVariable,
 };
-pub use robust::goodness_of_fit::GoodnessOfFit;
+pub use options::{CalibOptions, Initialization, ResidualConvention, Robust};
 pub use simulate::{Probe, SimulateOptions, Simulation, simulate};
 pub use skin::{CalibratedSkin, Outside, calibrated_skin};
-pub use solve::initial::Initialization;
-pub use solve::levenberg_marquardt::{Iteration, Method, StopCriteria, Termination};
-pub use solve::loss::Robust;
+pub use solve::levenberg_marquardt::{Control, Iteration, Termination};
+pub use solve::loss::Loss;
 pub use solve::marginals::Marginals;
-pub use solve::residual::ResidualConvention;

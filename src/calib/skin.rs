@@ -145,7 +145,7 @@ impl Sheet {
             patch.taxels.normals = taxels().map(|&v| calibration.poses[v].rotation * DVec3::Z).collect();
         }
         patch.taxels.covariances =
-            calibration.marginals.as_ref().map(|m| taxels().map(|&v| m.positions[v]).collect());
+            calibration.marginals.as_ref().map(|m| taxels().map(|&v| m.positions[v].to_array()).collect());
         patch
     }
 }
@@ -157,7 +157,7 @@ fn edge_triangles(
 ) -> Result<Vec<[VertexId; 3]>, CalibError> {
     let ids = &calibration.ids;
     let all = lattice_triangles(ids, observations, |_| true).and_then(|faces| oriented(ids, faces));
-    let rejected: HashSet<DisplacementId> = calibration.weights.rejected_edges().collect();
+    let rejected: HashSet<DisplacementId> = calibration.rejected_edges().collect();
     if all.is_ok() || rejected.is_empty() {
         return all;
     }

@@ -9,8 +9,8 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Comparison, FreeComponent, GoodnessOfFit, Initialization, Iteration,
-        Method, Observations, Pose, ResidualConvention, Robust, StopCriteria, Termination, Uncertainty,
+        CalibOptions, Calibration, Comparison, Control, FreeComponent, GoodnessOfFit, Initialization,
+        Iteration, Loss, ObservationDiagnostics, Observations, Pose, ResidualConvention, Robust, Termination,
         calibrate, compare,
     },
     id::{IdVec, VertexId},
@@ -49,11 +49,11 @@ pub(crate) struct Args {
     /// Compare with where the taxels truly are: id,x,y,z[,qx,qy,qz,qw]
     #[arg(long, value_name = "T.csv")]
     truth: Option<PathBuf>,
-    /// Write how well every observation fits, and whether it was kept, that is, whether noise and the lengths of the others
-    /// explain it: i,j,sigmas,weight,inlier
+    /// Write how well every observation fits, how much it counts, and whether it is an inlier:
+    /// i,j,sigmas,weight,inlier
     #[arg(long, value_name = "I.csv")]
     inliers: Option<PathBuf>,
-    /// What to do about observations that do not fit
+    /// How to treat outliers: observations that the stated noise does not explain
     #[arg(long, value_enum, default_value_t = RobustArg::Auto, help_heading = "Solver")]
     robust: RobustArg,
     /// How the error of a relative pose becomes six numbers
@@ -62,11 +62,8 @@ pub(crate) struct Args {
     /// Where to start
     #[arg(long, value_enum, default_value_t = StartArg::Chordal, help_heading = "Solver")]
     initial: StartArg,
-    /// How to step
-    #[arg(long, value_enum, default_value_t = MethodArg::Lm, help_heading = "Solver")]
-    method: MethodArg,
-    /// Most iterations of one solve; robust kernels solve several times
-    #[arg(long, value_name = "N", default_value_t = StopCriteria::default().iterations, help_heading = "Solver")]
+    /// Most iterations of one solve; robust estimation solves several times
+    #[arg(long, value_name = "N", default_value_t = CalibOptions::default().max_iterations, help_heading = "Solver")]
     iterations: usize,
     /// No covariances
     #[arg(long, help_heading = "Solver")]
@@ -74,7 +71,7 @@ pub(crate) struct Args {
     /// Write the result even if the solve did not converge
     #[arg(long)]
     keep: bool,
-    /// Print every iteration, and every observation that noise does not explain
+    /// Print every iteration, and every outlier
     #[arg(long, short)]
     verbose: bool,
     /// Print the result as JSON
@@ -84,19 +81,15 @@ pub(crate) struct Args {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum RobustArg {
-    /// Least squares, or gnc where observations stand out from the others
+    /// Least squares, or gnc if that finds outliers
     Auto,
     /// Least squares
     None,
-    /// The pull stops growing
+    /// Huber's loss: outliers keep a bounded influence
     Huber,
-    /// The pull fades slowly
-    Cauchy,
-    /// Lets go of what is far off
+    /// Tukey's biweight loss: outliers lose their influence
     Tukey,
-    /// Lets go quickly
-    GemanMcclure,
-    /// Truncated least squares by graduated non-convexity, against wrongly attributed contacts
+    /// Truncated least squares by graduated non-convexity: for many outliers
     Gnc,
 }
 
@@ -120,16 +113,6 @@ enum StartArg {
     File,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum MethodArg {
-    /// Gauss-Newton
-    Gn,
-    /// Levenberg-Marquardt, undamped while the cost falls
-    Lm,
-    /// Powell's dogleg
-    Dogleg,
-}
-
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs = results::check(args)?;
     let inputs = Inputs::read(args, common)?;
@@ -141,10 +124,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         bar.set_position(number as u64);
         if args.verbose && !common.quiet {
             bar.suspend(|| {
-                eprintln!(
-                    "note: iteration {number}: cost {:.10e}, step {:.2e}, control {:.1e}",
-                    iteration.cost, iteration.step, iteration.control
-                );
+                let control = match iteration.control {
+                    Control::Undamped => String::new(),
+                    Control::Damping(damping) => format!(", damping {damping:.1e}"),
+                    Control::Graduation(mu) => format!(", graduation {mu:.1e}"),
+                };
+                let Iteration { cost, step, .. } = iteration;
+                eprintln!("note: iteration {number}: cost {cost:.10e}, step {step:.2e}{control}");
             });
         }
     };
@@ -153,11 +139,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
-        let let_go = found.robust == Robust::Graduated && found.weights.rejected() > 0;
-        if matches!(args.robust, RobustArg::Auto) && let_go {
-            eprintln!(
-                "note: some observations stand out from the others and were let go (gnc); --robust none keeps all"
-            );
+        if matches!(args.robust, RobustArg::Auto) && found.loss == Loss::Truncated && found.rejected() > 0 {
+            eprintln!("note: some observations were rejected as outliers (gnc); --robust none uses all");
         }
         remark(&found, observations, args.verbose);
     }
@@ -165,7 +148,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if !found.termination.is_converged() && !args.keep {
         return Err(advise(
             format!("{}: {}; nothing was written", args.observations.display(), found.termination.describe()),
-            "try --robust gnc if some observations may be wrong, --method dogleg, --initial tree, more --iterations, or write what there is with --keep",
+            "try --robust gnc if some observations may be wrong, --initial tree, more --iterations, or write what there is with --keep",
         ));
     }
     results::write(&outputs, &found, &inputs, args, common)?;
@@ -183,11 +166,9 @@ impl Args {
         CalibOptions {
             robust: match self.robust {
                 RobustArg::Auto => Robust::Automatic,
-                RobustArg::None => Robust::None,
+                RobustArg::None => Robust::LeastSquares,
                 RobustArg::Huber => Robust::Huber,
-                RobustArg::Cauchy => Robust::Cauchy,
                 RobustArg::Tukey => Robust::Tukey,
-                RobustArg::GemanMcclure => Robust::GemanMcClure,
                 RobustArg::Gnc => Robust::Graduated,
             },
             residual: match self.residual {
@@ -195,18 +176,14 @@ impl Args {
                 ResidualArg::Log => ResidualConvention::Log,
                 ResidualArg::Quaternion => ResidualConvention::Quaternion,
             },
-            start: match self.initial {
+            initialization: match self.initial {
                 StartArg::Chordal => Initialization::Chordal,
                 StartArg::Tree => Initialization::SpanningTree,
                 StartArg::File => Initialization::InitialValues,
             },
-            method: match self.method {
-                MethodArg::Gn => Method::GaussNewton,
-                MethodArg::Lm => Method::LevenbergMarquardt,
-                MethodArg::Dogleg => Method::Dogleg,
-            },
-            limits: StopCriteria { iterations: self.iterations, ..StopCriteria::default() },
-            uncertainty: if self.no_covariance { Uncertainty::Skip } else { Uncertainty::Marginals },
+            max_iterations: self.iterations,
+            covariances: !self.no_covariance,
+            ..CalibOptions::default()
         }
     }
 }
@@ -218,7 +195,7 @@ struct Inputs {
     truth: Option<Truth>,
 }
 
-/// Where the taxels truly are, and the file that tells it.
+/// Where the taxels truly are, and the file that says so.
 struct Truth {
     path: PathBuf,
     poses: HashMap<TaxelId, Pose>,
@@ -249,42 +226,37 @@ impl Inputs {
     }
 }
 
-/// A skin in more loose pieces than this is hardly meant: the rest is counted.
+/// A skin in more components than this is hardly intended: the rest is counted.
 const MOST_COMPONENTS: usize = 8;
 
-/// Tells what a user should know about the result.
+/// Prints what a user should know about the result.
 fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
-    let told = if verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
-    for free in &found.free[..told] {
-        let FreeComponent { gauge, taxels, directions, let_go } = free;
-        if *directions < found.model.unknowns() {
-            eprintln!(
-                "note: the contacts leave {directions} motions of the {taxels} taxels around taxel {gauge} as a whole open"
-            );
-        } else if *let_go > 0 {
-            eprintln!(
-                "note: nothing but contacts that were let go says where the {taxels} taxels around taxel {gauge} are: their place means nothing"
-            );
+    let shown = if verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
+    for free in &found.free[..shown] {
+        let FreeComponent { gauge, taxels, free_motions, rejected_contacts } = free;
+        let these = format!("the component of {taxels} taxels around taxel {gauge}");
+        if *free_motions < found.model.unknowns() {
+            eprintln!("note: the contacts leave {free_motions} rigid motions of {these} undetermined");
+        } else if *rejected_contacts > 0 {
+            eprintln!("note: all contacts of {these} were rejected: its absolute position is arbitrary");
         } else {
-            eprintln!(
-                "note: nothing says where the {taxels} taxels around taxel {gauge} are: taxel {gauge} keeps its start"
-            );
+            eprintln!("note: no contact determines where {these} is: taxel {gauge} keeps its start");
         }
     }
-    if told < found.free.len() {
-        let (rest, taxels) =
-            (&found.free[told..], found.free[told..].iter().map(|f| f.taxels).sum::<usize>());
+    if shown < found.free.len() {
+        let rest = &found.free[shown..];
+        let taxels = rest.iter().map(|f| f.taxels).sum::<usize>();
         eprintln!(
-            "note: nor where {taxels} taxels in {} more pieces are; --verbose names each piece",
+            "note: nor where {taxels} taxels in {} more components are; --verbose names each component",
             rest.len()
         );
     }
-    let fits = &found.weights;
+    let fits = &found.diagnostics;
     let (edges, contacts): (Vec<_>, Vec<_>) =
-        (fits.rejected_edges().collect(), fits.rejected_contacts().collect());
+        (found.rejected_edges().collect(), found.rejected_contacts().collect());
     if !edges.is_empty() || !contacts.is_empty() {
         eprintln!(
-            "note: noise does not explain {} of {} edges and {} of {} contacts; --inliers lists them",
+            "note: {} of {} edges and {} of {} contacts were rejected as outliers; --inliers lists them",
             edges.len(),
             fits.edges.len(),
             contacts.len(),
@@ -293,18 +265,15 @@ fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
     }
     if verbose {
         let id = |v: VertexId| observations.taxels[v].id;
+        let describe =
+            |fit: &ObservationDiagnostics| format!("{:.1} sigma, weight {:.3}", fit.chi2.sqrt(), fit.weight);
         for e in edges {
-            let (edge, sigmas) = (&observations.edges[e], fits.edge_squares[e].sqrt());
-            let weight = fits.edges[e];
-            eprintln!(
-                "note: edge {} to {}: {sigmas:.1} sigma, weight {weight:.3}",
-                id(edge.from),
-                id(edge.to)
-            );
+            let (edge, fit) = (&observations.edges[e], describe(&fits.edges[e]));
+            eprintln!("note: edge {} to {}: {fit}", id(edge.from), id(edge.to));
         }
         for c in contacts {
-            let (taxel, sigmas) = (id(observations.contacts[c].taxel), fits.contact_squares[c].sqrt());
-            eprintln!("note: contact of taxel {taxel}: {sigmas:.1} sigma, weight {:.3}", fits.contacts[c]);
+            let taxel = id(observations.contacts[c].taxel);
+            eprintln!("note: contact of taxel {taxel}: {}", describe(&fits.contacts[c]));
         }
     }
 }
@@ -355,22 +324,22 @@ struct Summary {
 
 impl Summary {
     fn new(found: &Calibration, truth: Option<Comparison>) -> Self {
-        let GoodnessOfFit { chi2, degrees, p, .. } = found.fit;
+        let GoodnessOfFit { chi2, degrees_of_freedom, p, .. } = found.fit;
         Self {
             model: found.model.name(),
             residual: found.residual.name(),
             cost: found.cost,
             chi2,
-            dof: degrees,
+            dof: degrees_of_freedom,
             p,
-            verdict: found.fit.verdict(),
-            robust: found.robust.name(),
+            verdict: found.fit.assessment(),
+            robust: found.loss.name(),
             iterations: found.iterations.len(),
             converged: found.termination.is_converged(),
             ending: Termination::describe(found.termination),
-            rejected: found.weights.rejected(),
-            seconds: found.seconds.iter().sum(),
-            // Where nothing says where the skin is, the distance as it is means nothing.
+            rejected: found.rejected(),
+            seconds: found.seconds,
+            // Without contacts the absolute position is arbitrary.
             rmse_mm: truth.filter(|_| found.free.is_empty()).map(|t| t.absolute * 1e3),
             rmse_aligned_mm: truth.map(|t| t.rigid * 1e3),
         }
@@ -391,7 +360,7 @@ fn print_summary(summary: &Summary, fit: &GoodnessOfFit) -> anyhow::Result<()> {
         format!("{:.4}", summary.seconds),
     ];
     print_table(titles, 3, &[row])?;
-    print(&format!("fit: {}\n", fit.verdict()))?;
+    print(&format!("fit: {}\n", fit.assessment()))?;
     if let Some(rigid) = summary.rmse_aligned_mm {
         let absolute = summary.rmse_mm.map_or_else(String::new, |mm| format!("{mm:.4} mm, "));
         print(&format!("RMSE {absolute}after rigid alignment {rigid:.4} mm\n"))?;

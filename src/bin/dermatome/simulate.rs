@@ -58,7 +58,7 @@ pub(crate) struct Args {
     /// Noise of absolute contacts, per axis
     #[arg(long, value_name = "MM", default_value_t = 1.0)]
     anchor_noise_mm: f64,
-    /// Absolute contacts tell normals too, with this noise per tangent axis
+    /// Absolute contacts have normals too, with this noise per tangent axis
     #[arg(long, value_name = "DEG", requires = "contacts")]
     normal_noise_deg: Option<f64>,
     /// How deep the elastic skin is pressed in at absolute contacts

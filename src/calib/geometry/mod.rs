@@ -1,3 +1,4 @@
-//! Rigid frames and their alignment.
+//! Rigid frames, their tangent spaces, and their alignment.
 
-pub(crate) mod pose;
+pub(super) mod align;
+pub(super) mod pose;

@@ -1,7 +1,15 @@
+//! Rigid frames, and the exponential and logarithm of rotations with their Jacobians ([barfoot2017],
+//! section 7.1).
+
 use glam::{DMat3, DQuat, DVec3};
+
+use crate::calib::geometry::align::outer;
 
 /// Angles below this use the series of a function of rotations: its closed form loses half of its digits there.
 const SMALL_ANGLE: f64 = 1e-2;
+
+/// How far the squared length of a quaternion may be from 1: files write few digits.
+const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// A rigid frame: where something is and how it is turned.
 ///
@@ -37,19 +45,17 @@ impl Pose {
         self.rotation * point + self.position
     }
 
-    /// The pose moved by `translation` and turned by the rotation vector `turn`, both told in its own frame.
-    #[must_use]
-    pub fn moved(&self, translation: DVec3, turn: DVec3) -> Self {
+    /// The pose moved by `translation` and turned by the rotation vector `turn`, both in its own frame.
+    pub(crate) fn moved(&self, translation: DVec3, turn: DVec3) -> Self {
         Self {
             position: self.position + self.rotation * translation,
             rotation: (self.rotation * exp(turn)).normalize(),
         }
     }
 
-    /// Whether every number is finite and the quaternion has unit length to 1e-6.
-    #[must_use]
-    pub fn is_valid(&self) -> bool {
-        self.position.is_finite() && (self.rotation.length_squared() - 1.0).abs() < 1e-6
+    /// Whether every number is finite and the quaternion has unit length.
+    pub(crate) fn is_valid(&self) -> bool {
+        self.position.is_finite() && (self.rotation.length_squared() - 1.0).abs() < UNIT_TOLERANCE
     }
 }
 
@@ -102,15 +108,10 @@ pub(crate) fn hat(v: DVec3) -> DMat3 {
     DMat3::from_cols_array(&[0.0, v.z, -v.y, -v.z, 0.0, v.x, v.y, -v.x, 0.0])
 }
 
-/// The matrix `a b'`.
-pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
-    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
-}
-
 /// `c` of `J_r^-1 = I + hat/2 + c hat^2`, and `dc/dangle / angle`.
 ///
 /// `c = 1/a^2 - cot(a/2)/(2a)` (Barfoot 2017, 7.1): smooth up to, not including, a full turn.
-fn curvature(angle: f64) -> (f64, f64) {
+fn inverse_jacobian_coefficient(angle: f64) -> (f64, f64) {
     let a2 = angle * angle;
     if angle < 0.1 {
         let c = 1.0 / 12.0 + a2 * (1.0 / 720.0 + a2 * (1.0 / 30_240.0 + a2 / 1_209_600.0));
@@ -128,20 +129,20 @@ fn curvature(angle: f64) -> (f64, f64) {
 #[must_use]
 pub(crate) fn right_jacobian_inverse(turn: DVec3) -> DMat3 {
     let k = hat(turn);
-    DMat3::IDENTITY + 0.5 * k + curvature(turn.length()).0 * (k * k)
+    DMat3::IDENTITY + 0.5 * k + inverse_jacobian_coefficient(turn.length()).0 * (k * k)
 }
 
 /// The translation part of the SE(3) logarithm: `V(turn)^-1 y`, with `V` the left Jacobian.
 #[must_use]
-pub(crate) fn unbend(turn: DVec3, y: DVec3) -> DVec3 {
+pub(crate) fn left_jacobian_inverse_times(turn: DVec3, y: DVec3) -> DVec3 {
     let k = turn.cross(y);
-    y - 0.5 * k + curvature(turn.length()).0 * turn.cross(k)
+    y - 0.5 * k + inverse_jacobian_coefficient(turn.length()).0 * turn.cross(k)
 }
 
-/// Derivatives of [`unbend`] with respect to `turn` and to `y`.
+/// Derivatives of [`left_jacobian_inverse_times`] with respect to `turn` and to `y`.
 #[must_use]
-pub(crate) fn unbend_jacobians(turn: DVec3, y: DVec3) -> (DMat3, DMat3) {
-    let (c, slope) = curvature(turn.length());
+pub(crate) fn left_jacobian_inverse_times_derivatives(turn: DVec3, y: DVec3) -> (DMat3, DMat3) {
+    let (c, slope) = inverse_jacobian_coefficient(turn.length());
     let k = hat(turn);
     let twice = turn.cross(turn.cross(y));
     let by_turn = 0.5 * hat(y)
@@ -186,10 +187,10 @@ mod tests {
         }
 
         #[test]
-        fn unbend_jacobians_are_its_slopes(turn in prop_oneof![vector(1.7), vector(0.05)], y in vector(2.0)) {
-            let (by_turn, by_y) = unbend_jacobians(turn, y);
-            prop_assert!(close(by_turn, differences(|x| unbend(turn + x, y))), "by turn: {by_turn}");
-            prop_assert!(close(by_y, differences(|x| unbend(turn, y + x))), "by y: {by_y}");
+        fn derivatives_of_the_left_jacobian_are_its_slopes(turn in prop_oneof![vector(1.7), vector(0.05)], y in vector(2.0)) {
+            let (by_turn, by_y) = left_jacobian_inverse_times_derivatives(turn, y);
+            prop_assert!(close(by_turn, differences(|x| left_jacobian_inverse_times(turn + x, y))), "by turn: {by_turn}");
+            prop_assert!(close(by_y, differences(|x| left_jacobian_inverse_times(turn, y + x))), "by y: {by_y}");
         }
 
         #[test]

@@ -1,8 +1,34 @@
+//! The graph of taxels and displacements: its components, the edges of a taxel, and what an edge
+//! predicts.
+
 use crate::{
-    calib::{DisplacementId, Observations},
+    calib::{ContactObservationId, DisplacementId, DisplacementMeasurement, Observations, Pose},
     id::{IdVec, VertexId},
     numeric::DisjointSets,
 };
+
+/// A pose for every taxel.
+pub(crate) type Poses = IdVec<VertexId, Pose>;
+
+/// One value for every observation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PerObservation<T = f64> {
+    /// Of every displacement.
+    pub edges: IdVec<DisplacementId, T>,
+    /// Of every contact.
+    pub contacts: IdVec<ContactObservationId, T>,
+}
+
+impl<T: Copy> PerObservation<T> {
+    pub(crate) fn map<U>(&self, f: impl Fn(T) -> U) -> PerObservation<U> {
+        PerObservation { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
+    }
+
+    /// Edges first, then contacts.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = T> {
+        self.edges.iter().chain(&self.contacts).copied()
+    }
+}
 
 /// Taxels that edges join.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,13 +37,13 @@ pub(crate) struct Component {
     pub(crate) taxels: Vec<VertexId>,
     /// Whether one of them is fixed.
     pub(crate) fixed: bool,
-    /// The taxel that keeps its place where nothing else says where the component is: the first with an initial
-    /// value, else the first.
+    /// The taxel that keeps its pose if no contact determines that of the component: the first with an
+    /// initial value, else the first.
     pub(crate) gauge: VertexId,
 }
 
-/// The connected components of the graph of edges that say anything and that `counts` picks, in the order of their first
-/// taxels.
+/// The connected components of the graph of edges that have information and that `counts` picks, in the
+/// order of their first taxels.
 pub(crate) fn components(
     observations: &Observations,
     counts: impl Fn(DisplacementId) -> bool,
@@ -45,11 +71,39 @@ pub(crate) fn components(
     components
 }
 
-/// The place in `components` of every taxel's own.
+/// The index in `components` of the component of every taxel.
 pub(crate) fn component_of_taxels(components: &[Component], taxels: usize) -> IdVec<VertexId, usize> {
     let mut of_taxel = IdVec::filled(0, taxels);
     for (k, component) in components.iter().enumerate() {
         component.taxels.iter().for_each(|&v| of_taxel[v] = k);
     }
     of_taxel
+}
+
+/// The edges of every taxel, ascending.
+pub(crate) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Vec<DisplacementId>> {
+    let mut edges_of: IdVec<VertexId, Vec<DisplacementId>> = observations.taxels.map(|_| Vec::new());
+    for (id, edge) in observations.edges.enumerate() {
+        edges_of[edge.from].push(id);
+        edges_of[edge.to].push(id);
+    }
+    edges_of
+}
+
+/// The pose of `v` that `edge` predicts from its other end.
+pub(crate) fn predicted_pose(
+    observations: &Observations,
+    edge: DisplacementId,
+    v: VertexId,
+    poses: &Poses,
+) -> Pose {
+    let edge = &observations.edges[edge];
+    let is_forward = edge.to == v;
+    let other = &poses[if is_forward { edge.from } else { edge.to }];
+    match &edge.measurement {
+        DisplacementMeasurement::Offset { offset, .. } => {
+            Pose { position: other.position + if is_forward { *offset } else { -*offset }, ..*other }
+        }
+        DisplacementMeasurement::Relative(m) => *other * if is_forward { m.pose } else { m.pose.inverse() },
+    }
 }

@@ -1,7 +1,41 @@
-//! Finds outliers and fits the others.
+//! Robust estimation: which observations are outliers, and the best fit of the others.
+//!
+//! Each stage is one file with one public function that takes a [`Solution`](solution::Solution) on to the
+//! next. In their order:
+//!
+//! 1. `graduated`: truncated least squares by graduated non-convexity ([yang2020]), or another loss from the
+//!    minimum of Huber's. One schedule of the optimiser in `solve`.
+//! 2. `coordinate_descent`: every taxel in turn tries the poses that its rejected edges predict (*heuristic*).
+//! 3. `length_prior`: learns from the first verdicts which lengths outliers have; stages 1 and 2 run again with
+//!    bounds that follow (*heuristic*, empirical Bayes).
+//! 4. `ambiguity`: where nothing decides between the edges of a taxel, none is chosen (*heuristic*).
+//! 5. `automatic`: least squares if it suffices, else stages 1 to 4, with the noise that `scale` estimates where
+//!    the stated noise is too small; `goodness_of_fit` judges both.
+//!
+//! What each stage contributes: RMSE in mm after rigid alignment, mean of seeds 0 to 19, of the simulated skin
+//! of 500 taxels with 1 mm noise, by the share of wrong edges. From
+//! `cargo test --release --lib calib::robust::ablation -- --ignored --nocapture`:
+//!
+//! ```text
+//! ABLATION
+//! ```
+//!
+//! Least squares is best while nothing is wrong; the length prior contributes most, the other two stages some
+//! per cent where a fifth is wrong; and only the estimated scale copes with understated noise. Where 40 % are
+//! wrong *and* the noise is understated, outliers and noise cannot be told apart by the median.
 
-pub(crate) mod ambiguity;
-pub(crate) mod automatic;
-pub(crate) mod coordinate_descent;
-pub(crate) mod goodness_of_fit;
-pub(crate) mod length_prior;
+#[cfg(test)]
+mod ablation;
+mod ambiguity;
+mod automatic;
+mod coordinate_descent;
+pub(super) mod goodness_of_fit;
+mod graduated;
+mod length_prior;
+mod scale;
+pub(super) mod solution;
+mod stages;
+
+pub(super) use automatic::automatic;
+pub(super) use solution::Solution;
+pub(super) use stages::robust_fit;

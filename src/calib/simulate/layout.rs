@@ -1,3 +1,6 @@
+//! The simulated sensor: taxels on the bottom of a sphere, as the end effector of the source paper's experiment
+//! carries them.
+
 use std::{collections::HashMap, ops::RangeInclusive};
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -14,27 +17,27 @@ const CENTRE: DVec2 = DVec2::new(0.13, 0.07);
 /// The part of a sphere that taxels may cover: nearer to the north pole the lattice is torn apart.
 const LARGEST_REACH: f64 = 1.9;
 
-/// Lengths, in m, whose squares and ratios mean something: what is smaller or larger is a slip.
+/// Lengths, in m, that a skin can have: what is smaller or larger is a mistake.
 const LENGTHS: RangeInclusive<f64> = 1e-6..=1e3;
 
-/// Taxels on the bottom of a sphere, as the end effector of the source paper's experiment carries them.
+/// Taxels on the bottom of a sphere.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Cap {
+pub(super) struct SensorLayout {
     /// Taxel frames: z is the outward normal, x the lattice direction.
-    pub(crate) frames: IdVec<VertexId, Pose>,
+    pub(super) frames: IdVec<VertexId, Pose>,
     /// Pairs of lattice neighbours, ascending.
-    pub(crate) edges: Vec<[VertexId; 2]>,
+    pub(super) edges: Vec<[VertexId; 2]>,
     /// The triangles between them, seen from outside.
-    pub(crate) triangles: IdVec<FaceId, [VertexId; 3]>,
+    pub(super) triangles: IdVec<FaceId, [VertexId; 3]>,
 }
 
-impl Cap {
+impl SensorLayout {
     /// The `taxels` points of a triangular lattice nearest to a point off its symmetries, lifted to the sphere by the
     /// Lambert equal-area projection about the south pole, which keeps their density. Lengths in m.
     ///
     /// # Errors
     /// [`CalibError::BadOption`] unless lengths are positive and the taxels fit on the sphere.
-    pub(crate) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
+    pub(super) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
         check(taxels, spacing, radius)?;
         let (cells, plane) = lattice(taxels);
         let reach = plane.iter().map(|p| p.length()).fold(0.0, f64::max) * spacing;
@@ -70,7 +73,7 @@ impl Cap {
     }
 
     /// Positions and triangles.
-    pub(crate) fn mesh(&self) -> TriMesh {
+    pub(super) fn mesh(&self) -> TriMesh {
         TriMesh { positions: self.frames.map(|f| f.position), triangles: self.triangles.clone() }
     }
 }
@@ -136,15 +139,15 @@ mod tests {
     /// The numbers of the experiment: 500 taxels at 5 mm on a sphere of 0.1 m.
     #[test]
     fn the_cap_of_the_experiment_has_its_edges_and_triangles() {
-        let cap = Cap::new(500, 5e-3, 0.1).unwrap();
-        assert_eq!((cap.edges.len(), cap.triangles.len()), (1419, 920));
-        let mesh = cap.mesh();
+        let layout = SensorLayout::new(500, 5e-3, 0.1).unwrap();
+        assert_eq!((layout.edges.len(), layout.triangles.len()), (1419, 920));
+        let mesh = layout.mesh();
         let adjacency = Adjacency::new(&mesh).unwrap();
         assert_eq!(adjacency.euler_characteristic(), 1, "a disk");
-        let boundary = 2 * cap.edges.len() - 3 * cap.triangles.len();
+        let boundary = 2 * layout.edges.len() - 3 * layout.triangles.len();
         assert_eq!(boundary, 78);
         assert_eq!(2 * 500 - 2 - boundary, 920, "triangles of a disk, closed form");
-        for (v, frame) in cap.frames.enumerate() {
+        for (v, frame) in layout.frames.enumerate() {
             assert!((frame.position.length() - 0.1).abs() < 1e-15, "{v:?} is on the sphere");
             let normal = frame.rotation * DVec3::Z;
             assert!(normal.distance(frame.position / 0.1) < 1e-14, "{v:?} looks outwards");
@@ -158,17 +161,17 @@ mod tests {
         assert!((angle - 34.1).abs() < 0.1, "{angle}");
     }
 
-    /// Their squares are no numbers.
+    /// Their squares are not finite.
     #[test]
-    fn lengths_beyond_belief_are_refused() {
+    fn impossible_lengths_are_refused() {
         for (spacing, radius) in [(1e198, 1e200), (1e-172, 1e-170), (5e-3, 0.0), (f64::NAN, 0.1)] {
-            let refused = Cap::new(500, spacing, radius);
+            let refused = SensorLayout::new(500, spacing, radius);
             assert!(matches!(refused, Err(CalibError::BadOption { .. })), "{spacing}, {radius}");
         }
     }
 
     #[test]
     fn a_cap_that_wraps_around_is_refused() {
-        assert!(matches!(Cap::new(6000, 5e-3, 0.1), Err(CalibError::BadOption { .. })));
+        assert!(matches!(SensorLayout::new(6000, 5e-3, 0.1), Err(CalibError::BadOption { .. })));
     }
 }

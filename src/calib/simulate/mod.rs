@@ -1,15 +1,21 @@
+//! The experiment of the source paper's section IV ([cannata2010]): a skin whose truth is known, its
+//! displacements and its contacts with a sphere.
+
+mod attribution_errors;
+mod contact_model;
 mod layout;
 mod random;
 
-use std::collections::HashMap;
+use glam::DVec3;
 
-use glam::{DMat3, DQuat, DVec3, IVec3};
-
+use self::{
+    attribution_errors::Neighbourhoods, contact_model::simulate_contact, layout::SensorLayout, random::Random,
+};
 use crate::{
     calib::{
         CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
         DisplacementMeasurement, Information, Model, Observations, Pose, RelativePose, TaxelVariable,
-        geometry::pose::exp, simulate::layout::Cap, simulate::random::Random, solve::initial::spanning_tree,
+        geometry::pose::exp, solve::initial::spanning_tree,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -105,16 +111,13 @@ pub struct Simulation {
     pub outliers: Vec<DisplacementId>,
 }
 
-/// A wrongly attributed displacement leads to a taxel within this distance, in m.
-const CONFUSION: f64 = 0.03;
-
 /// Noise that observations without noise state, in m and rad: they have to state some.
 const NO_NOISE: f64 = 1e-3;
 
 /// Less noise than this is not stated, in m and rad: files of observations do not take it.
 const LEAST_STATED: f64 = 1e-9;
 
-/// The largest noise and probe that are believed, in m and rad.
+/// The largest noise and probe that are accepted, in m and rad.
 const MOST_NOISE: f64 = 1e3;
 
 /// Streams of random numbers: one for each source.
@@ -125,8 +128,17 @@ mod stream {
     pub(crate) const ARM: u64 = 3;
 }
 
-/// Lets the skin touch itself into view: displacements between lattice neighbours with independent noise, and
-/// absolute contacts of some taxels.
+/// Simulates displacements between lattice neighbours with independent noise, and absolute contacts of some
+/// taxels.
+///
+/// ```
+/// use dermatome::calib::{SimulateOptions, simulate};
+///
+/// let simulation = simulate(&SimulateOptions::default())?;
+/// assert_eq!(simulation.observations.edges.len(), 1419);
+/// assert_eq!(simulation.mesh.triangles.len(), 920);
+/// # Ok::<(), dermatome::calib::CalibError>(())
+/// ```
 ///
 /// The source paper prints `t = s + 2` for `s` triangles and `t` taxels; that holds only without interior vertices. In general a
 /// disk has `s = 2t - 2 - b` triangles with `b` boundary vertices: here 920 = 2 * 500 - 2 - 78.
@@ -136,7 +148,7 @@ mod stream {
 /// to 1.
 pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
     options.validate()?;
-    let cap = Cap::new(options.taxels, options.spacing, options.radius)?;
+    let layout = SensorLayout::new(options.taxels, options.spacing, options.radius)?;
     let indentation = options.probe.indentation;
     if indentation >= options.radius {
         let found = format!("{} mm", indentation * 1e3);
@@ -146,23 +158,23 @@ pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
     let unknown = |v: VertexId| TaxelVariable { id: TaxelId(v.raw()), initial: None, fixed: false };
     let mut observations = Observations {
         model: options.model,
-        taxels: cap.frames.ids().map(unknown).collect(),
+        taxels: layout.frames.ids().map(unknown).collect(),
         ..Observations::default()
     };
-    let outliers = displacements(options, &cap, &mut observations);
-    contacts(options, &cap, &mut observations);
+    let outliers = displacements(options, &layout, &mut observations);
+    contacts(options, &layout, &mut observations);
 
     let first = VertexId::new(0);
     let known = match options.model {
-        Model::Positions => Pose::at(cap.frames[first].position),
-        Model::Poses => cap.frames[first],
+        Model::Positions => Pose::at(layout.frames[first].position),
+        Model::Poses => layout.frames[first],
     };
     observations.taxels[first].initial = Some(known);
     let chained = spanning_tree(&observations);
     for (taxel, pose) in observations.taxels.iter_mut().zip(chained) {
         taxel.initial = Some(pose);
     }
-    Ok(Simulation { observations, mesh: cap.mesh(), truth: cap.frames, outliers })
+    Ok(Simulation { observations, mesh: layout.mesh(), truth: layout.frames, outliers })
 }
 
 impl SimulateOptions {
@@ -197,41 +209,42 @@ impl SimulateOptions {
     }
 }
 
-/// What a source of noise states as its information.
-fn stated(noise: f64) -> f64 {
+/// The information that observations with this noise state.
+fn information_of_noise(noise: f64) -> f64 {
     if noise > 0.0 { noise.max(LEAST_STATED).powi(-2) } else { NO_NOISE.powi(-2) }
 }
 
 /// Adds the displacements; returns those that were attributed to a wrong taxel.
 fn displacements(
     options: &SimulateOptions,
-    cap: &Cap,
+    layout: &SensorLayout,
     observations: &mut Observations,
 ) -> Vec<DisplacementId> {
     let mut noise = Random::new(options.seed, stream::DISPLACEMENTS);
     let mut chance = Random::new(options.seed, stream::OUTLIERS);
-    let translation = stated(options.noise);
-    let rotation = stated(options.rotation_noise);
+    let translation = information_of_noise(options.noise);
+    let rotation = information_of_noise(options.rotation_noise);
     let pose_information =
         Information::diagonal([translation, translation, translation, rotation, rotation, rotation]);
     let mut outliers = Vec::new();
-    let cells = if options.outliers > 0.0 { Cells::new(cap) } else { Cells::default() };
-    for &[from, to] in &cap.edges {
+    let cells = if options.outliers > 0.0 { Neighbourhoods::new(layout) } else { Neighbourhoods::default() };
+    for &[from, to] in &layout.edges {
         let mut seen = to;
         if options.outliers > 0.0
             && chance.uniform() < options.outliers
-            && let Some(wrong) = cells.confused(cap, from, to, &mut chance)
+            && let Some(wrong) = cells.misattributed(layout, from, to, &mut chance)
         {
             seen = wrong;
             outliers.push(DisplacementId::new(observations.edges.len()));
         }
         let motion = match options.model {
             Model::Positions => DisplacementMeasurement::Offset {
-                offset: cap.frames[seen].position - cap.frames[from].position + noise.vector(options.noise),
+                offset: layout.frames[seen].position - layout.frames[from].position
+                    + noise.vector(options.noise),
                 information: Information::isotropic(translation),
             },
             Model::Poses => {
-                let truth = cap.frames[from].inverse() * cap.frames[seen];
+                let truth = layout.frames[from].inverse() * layout.frames[seen];
                 let position = truth.position + noise.vector(options.noise);
                 let rotation = (truth.rotation * exp(noise.vector(options.rotation_noise))).normalize();
                 let pose = Pose { position, rotation };
@@ -246,59 +259,14 @@ fn displacements(
     outliers
 }
 
-/// Taxels by the cube of space that they are in, as wide as [`CONFUSION`].
-#[derive(Debug, Default)]
-struct Cells(HashMap<IVec3, Vec<VertexId>>);
-
-impl Cells {
-    fn new(cap: &Cap) -> Self {
-        let mut cells: HashMap<IVec3, Vec<VertexId>> = HashMap::new();
-        for (v, frame) in cap.frames.enumerate() {
-            cells.entry(Self::of(frame.position)).or_default().push(v);
-        }
-        Self(cells)
-    }
-
-    fn of(position: DVec3) -> IVec3 {
-        (position / CONFUSION).floor().as_ivec3()
-    }
-
-    /// One of the taxels that the end of an edge may be mistaken for, each with the same chance.
-    fn confused(&self, cap: &Cap, from: VertexId, to: VertexId, chance: &mut Random) -> Option<VertexId> {
-        /// A third of the taxels around are near enough, so more than a few draws are hardly ever needed.
-        const DRAWS: usize = 30;
-        let here = cap.frames[from].position;
-        let is_near = |v: VertexId| {
-            v != from && v != to && cap.frames[v].position.distance_squared(here) < CONFUSION * CONFUSION
-        };
-        let steps = (0..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
-        let around: Vec<&[VertexId]> =
-            steps.filter_map(|step| self.0.get(&(Self::of(here) + step))).map(Vec::as_slice).collect();
-        let total = around.iter().map(|cell| cell.len()).sum();
-        for _ in 0..DRAWS {
-            let mut k = chance.below(total);
-            let cell = around.iter().find(|cell| {
-                let inside = k < cell.len();
-                k -= if inside { 0 } else { cell.len() };
-                inside
-            })?;
-            if is_near(cell[k]) {
-                return Some(cell[k]);
-            }
-        }
-        let near: Vec<VertexId> = around.into_iter().flatten().copied().filter(|&v| is_near(v)).collect();
-        (!near.is_empty()).then(|| near[chance.below(near.len())])
-    }
-}
-
 /// Adds an absolute contact for each of the anchors.
-fn contacts(options: &SimulateOptions, cap: &Cap, observations: &mut Observations) {
+fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut Observations) {
     let mut noise = Random::new(options.seed, stream::ANCHORS);
     let mut arm = Random::new(options.seed, stream::ARM);
-    let information = Information::isotropic(stated(options.anchor_noise));
-    for taxel in spread(cap, options.anchors) {
-        let frame = &cap.frames[taxel];
-        let touched = touch(&options.probe, options.radius, frame.rotation * DVec3::Z, &mut arm);
+    let information = Information::isotropic(information_of_noise(options.anchor_noise));
+    for taxel in spread(layout, options.anchors) {
+        let frame = &layout.frames[taxel];
+        let touched = simulate_contact(&options.probe, options.radius, frame.rotation * DVec3::Z, &mut arm);
         let position = touched.position + noise.vector(options.anchor_noise);
         let touch = match options.normal_noise {
             None => ContactMeasurement::Position { position, information },
@@ -310,7 +278,7 @@ fn contacts(options: &SimulateOptions, cap: &Cap, observations: &mut Observation
                     position,
                     information,
                     normal,
-                    normal_information: stated(sigma),
+                    normal_information: information_of_noise(sigma),
                 }
             }
         };
@@ -318,49 +286,19 @@ fn contacts(options: &SimulateOptions, cap: &Cap, observations: &mut Observation
     }
 }
 
-/// A contact in the frame of the end effector, as the arm believes it.
-struct Touched {
-    position: DVec3,
-    normal: DVec3,
-}
-
-/// Touches the probe with the taxel of normal `n` from a random direction: the contact forward model of section IV.
-///
-/// ContactObservation along `u` (from the probe to the end effector) means an end-effector rotation with `Q n = -u` and centre
-/// `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is observed at `Q' (c_b + r_b u - o)`.
-fn touch(probe: &Probe, radius: f64, n: DVec3, arm: &mut Random) -> Touched {
-    let u = arm.direction();
-    let spin = exp(std::f64::consts::TAU * arm.uniform() * DVec3::Z);
-    let rotation = frame_of(-u) * spin * frame_of(n).conjugate();
-    let centre = probe.centre + (radius + probe.radius - probe.indentation) * u;
-    let believed_centre = centre + arm.vector(probe.position_noise);
-    let believed_rotation = exp(arm.vector(probe.rotation_noise)) * rotation;
-    let contact = probe.centre + probe.radius * u;
-    Touched {
-        position: believed_rotation.conjugate() * (contact - believed_centre),
-        normal: (believed_rotation.conjugate() * -u).normalize(),
-    }
-}
-
-/// Some rotation that takes z to `direction`.
-fn frame_of(direction: DVec3) -> DQuat {
-    let x = direction.any_orthonormal_vector();
-    DQuat::from_mat3(&DMat3::from_cols(x, direction.cross(x), direction)).normalize()
-}
-
 /// `count` taxels far from each other: the lowest, then always the one farthest from those chosen.
-fn spread(cap: &Cap, count: usize) -> Vec<VertexId> {
-    if count == cap.frames.len() {
-        return cap.frames.ids().collect();
+fn spread(layout: &SensorLayout, count: usize) -> Vec<VertexId> {
+    if count == layout.frames.len() {
+        return layout.frames.ids().collect();
     }
-    let height = |v: &VertexId| cap.frames[*v].position.z;
-    let mut distances = cap.frames.map(|_| f64::INFINITY);
+    let height = |v: &VertexId| layout.frames[*v].position.z;
+    let mut distances = layout.frames.map(|_| f64::INFINITY);
     let mut chosen = Vec::with_capacity(count);
-    let mut next = cap.frames.ids().min_by(|a, b| height(a).total_cmp(&height(b)));
+    let mut next = layout.frames.ids().min_by(|a, b| height(a).total_cmp(&height(b)));
     while let Some(v) = next.filter(|_| chosen.len() < count) {
         chosen.push(v);
-        let here = cap.frames[v].position;
-        for (d, frame) in distances.iter_mut().zip(&cap.frames) {
+        let here = layout.frames[v].position;
+        for (d, frame) in distances.iter_mut().zip(&layout.frames) {
             *d = d.min(frame.position.distance_squared(here));
         }
         next = distances.enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(v, _)| v);

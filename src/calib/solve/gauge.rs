@@ -1,76 +1,84 @@
+//! Gauge freedom: rigid motions of whole components that the contacts do not determine, and how the solve
+//! holds them ([triggs2000], section 9).
+//!
+//! The gauge taxel of each such component gets stiffness along the free motions, which the cost does not feel.
+//! Covariances are taken to the centroid gauge afterwards (`marginals`).
+
 use std::borrow::Cow;
 
 use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        ContactObservationId, Model, Pose,
-        observations::graph::{Component, component_of_taxels, components},
-        solve::loss::SMALLEST_WEIGHT,
-        solve::normal_equations::{PerObservation, Problem, State},
+        ContactObservationId, FreeComponent, Model, Observations, Pose,
+        observations::graph::{Component, PerObservation, Poses, component_of_taxels, components},
+        solve::{loss::SMALLEST_WEIGHT, normal_equations::Problem},
     },
     id::VertexId,
     numeric::{Matrix6, Twist, symmetric_eigen},
     sparse::{BlockMatrix, BlockSlot},
 };
 
-/// Motions of a whole component that contacts correlate more than this are one motion to them: the difference is not
+/// Rigid motions that contacts correlate more than this are one motion to them: their difference is not
 /// determined.
 const RANK_TOLERANCE: f64 = 1e-9;
 
 /// Information about a motion below this share of the largest is rounding of positions far from the origin, squared.
 const NOTHING: f64 = 1e-20;
 
-/// A rigid motion of a whole component about a pivot: translation over [`Free::length`], and rotation vector.
+/// A column that orthogonalisation shortens by more than this is spanned by the others.
+const DEPENDENT: f64 = 1e-9;
+
+/// A rigid motion of a whole component about a pivot: translation over [`FreeBody::length`], and rotation vector.
 pub(crate) type RigidMotion = [f64; 6];
 
-/// A component that the contacts leave free to move as a whole.
+/// A component that is free to move as a rigid body.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Free {
+pub(crate) struct FreeBody {
     pub(crate) component: Component,
     /// How many independent motions are free: up to 3 for positions, up to 6 for poses.
-    pub(crate) directions: usize,
+    pub(crate) free_motions: usize,
     /// Typical distance from the centroid, in m: makes translations and rotations comparable.
     pub(crate) length: f64,
     contacts: Vec<ContactObservationId>,
     /// How many of its contacts do not count.
-    pub(crate) let_go: usize,
+    pub(crate) rejected_contacts: usize,
 }
 
-/// What the contacts leave free, whichever of them count.
+/// The gauge freedom of all components, for whichever contacts count.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Anchoring {
-    /// What all of them leave free.
-    by_all: Vec<Free>,
+pub(crate) struct GaugeFreedom {
+    /// The components that are free although all contacts count.
+    by_all: Vec<FreeBody>,
 }
 
-impl Anchoring {
-    pub(crate) fn new(problem: &Problem<'_>, state: &State) -> Self {
-        Self { by_all: free_components(problem, state, |_| true) }
+impl GaugeFreedom {
+    pub(crate) fn new(problem: &Problem<'_>, poses: &Poses) -> Self {
+        Self { by_all: free_components(problem, poses, |_| true) }
     }
 
-    /// What the contacts that `count` leave free.
+    /// The components that are free when the contacts that `counts` picks count.
     pub(crate) fn free(
         &self,
         problem: &Problem<'_>,
-        state: &State,
+        poses: &Poses,
         counts: impl Fn(ContactObservationId) -> bool,
-    ) -> Cow<'_, [Free]> {
+    ) -> Cow<'_, [FreeBody]> {
         if problem.observations.contacts.ids().all(&counts) {
             Cow::Borrowed(&self.by_all)
         } else {
-            Cow::Owned(free_components(problem, state, counts))
+            Cow::Owned(free_components(problem, poses, counts))
         }
     }
 
-    /// What contacts of these weights leave free: those that were let go would anchor in rounding errors.
+    /// The components that are free under these weights: rejected contacts would anchor in rounding errors.
     pub(crate) fn free_under(
         &self,
         problem: &Problem<'_>,
-        state: &State,
+        poses: &Poses,
         weights: &PerObservation,
-    ) -> Cow<'_, [Free]> {
-        self.free(problem, state, |contact| weights.contacts[contact] > SMALLEST_WEIGHT)
+    ) -> Cow<'_, [FreeBody]> {
+        self.free(problem, poses, |contact| weights.contacts[contact] > SMALLEST_WEIGHT)
     }
 }
 
@@ -81,17 +89,23 @@ struct Placement {
 }
 
 impl Placement {
-    fn new(taxels: &[VertexId], state: &State) -> Self {
+    fn new(taxels: &[VertexId], poses: &Poses) -> Self {
         let count = taxels.len().max(1) as f64;
-        let centroid = taxels.iter().map(|&v| state[v].position).sum::<DVec3>() / count;
+        let centroid = taxels.iter().map(|&v| poses[v].position).sum::<DVec3>() / count;
         let spread =
-            taxels.iter().map(|&v| state[v].position.distance_squared(centroid)).sum::<f64>() / count;
+            taxels.iter().map(|&v| poses[v].position.distance_squared(centroid)).sum::<f64>() / count;
         Self { centroid, length: if spread > 0.0 { spread.sqrt() } else { 1.0 } }
     }
 }
 
-/// How taxel frames move when their component moves as a whole: `G` with columns for the six motions.
-pub(crate) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion: &RigidMotion) -> Twist {
+/// How a taxel frame moves when its component moves as a whole: a column of `G`.
+pub(crate) fn induced_motion(
+    model: Model,
+    pivot: DVec3,
+    length: f64,
+    at: &Pose,
+    motion: &RigidMotion,
+) -> Twist {
     let translation = length * DVec3::new(motion[0], motion[1], motion[2]);
     match model {
         Model::Positions => [translation, DVec3::ZERO],
@@ -103,58 +117,68 @@ pub(crate) fn carried(model: Model, pivot: DVec3, length: f64, at: &Pose, motion
     }
 }
 
-/// The components that the contacts that `counts` picks do not anchor, as far as they do not.
+/// The components that the contacts that `counts` picks do not determine.
 fn free_components(
     problem: &Problem<'_>,
-    state: &State,
+    poses: &Poses,
     counts: impl Fn(ContactObservationId) -> bool,
-) -> Vec<Free> {
+) -> Vec<FreeBody> {
     let observations = problem.observations;
     let all = components(observations, |_| true);
     let mut contacts = vec![(Vec::new(), 0); all.len()];
     let of_taxel = component_of_taxels(&all, observations.taxels.len());
     for (id, contact) in observations.contacts.enumerate() {
-        let (counting, let_go) = &mut contacts[of_taxel[contact.taxel]];
+        let (counting, rejected_contacts) = &mut contacts[of_taxel[contact.taxel]];
         if counts(id) {
             counting.push(id);
         } else {
-            *let_go += 1;
+            *rejected_contacts += 1;
         }
     }
     let mut free = Vec::new();
-    for (component, (contacts, let_go)) in all.into_iter().zip(contacts) {
+    for (component, (contacts, rejected_contacts)) in all.into_iter().zip(contacts) {
         if component.fixed {
             continue;
         }
-        let length = Placement::new(&component.taxels, state).length;
-        let mut candidate = Free { component, directions: 0, length, contacts, let_go };
-        let (_, values, _) = candidate.anchoring(problem, state);
+        let length = Placement::new(&component.taxels, poses).length;
+        let mut candidate = FreeBody { component, free_motions: 0, length, contacts, rejected_contacts };
+        let (_, values, _) = candidate.anchoring(problem, poses);
         let motions = observations.model.unknowns();
         // In the positions model the three rotations are no motions at all; their eigenvalues are zero.
         let determined = values.iter().filter(|&&x| x > RANK_TOLERANCE).count();
-        candidate.directions = motions.saturating_sub(determined);
-        if candidate.directions > 0 {
+        candidate.free_motions = motions.saturating_sub(determined);
+        if candidate.free_motions > 0 {
             free.push(candidate);
         }
     }
     free
 }
 
-impl Free {
+impl FreeBody {
+    /// For the result.
+    pub(crate) fn describe(&self, observations: &Observations) -> FreeComponent {
+        FreeComponent {
+            gauge: observations.taxels[self.component.gauge].id,
+            taxels: self.component.taxels.len(),
+            free_motions: self.free_motions,
+            rejected_contacts: self.rejected_contacts,
+        }
+    }
+
     /// How firmly the contacts hold each motion of the whole: the pivot of the motions, eigenvalues, ascending, and
     /// motions.
     ///
     /// About the middle of what was touched, translations and rotations hardly mix, and every motion is measured in
     /// its own unit: a position known to a micrometre does not make a rotation known to a degree look unknown.
-    fn anchoring(&self, problem: &Problem<'_>, state: &State) -> (DVec3, [f64; 6], [RigidMotion; 6]) {
+    fn anchoring(&self, problem: &Problem<'_>, poses: &Poses) -> (DVec3, [f64; 6], [RigidMotion; 6]) {
         let model = problem.observations.model;
         let terms: Vec<_> = self
             .contacts
             .iter()
             .map(|&id| {
                 let contact = &problem.observations.contacts[id];
-                let at = &state[contact.taxel];
-                (at, problem.touch_term(&contact.measurement, at).0)
+                let at = &poses[contact.taxel];
+                (at, problem.contact_term(&contact.measurement, at).0)
             })
             .collect();
         let pull = |block: &Matrix6| (0..3).map(|a| block.entry(a, a)).sum::<f64>();
@@ -162,11 +186,12 @@ impl Free {
         let pivot = if total > 0.0 {
             terms.iter().map(|(at, block)| at.position * (pull(block) / total)).sum()
         } else {
-            Placement::new(&self.component.taxels, state).centroid
+            Placement::new(&self.component.taxels, poses).centroid
         };
         let mut sum = [[0.0; 6]; 6];
         for (at, block) in &terms {
-            let moved: [Twist; 6] = std::array::from_fn(|k| carried(model, pivot, self.length, at, &unit(k)));
+            let moved: [Twist; 6] =
+                std::array::from_fn(|k| induced_motion(model, pivot, self.length, at, &unit(k)));
             for (row, a) in sum.iter_mut().zip(&moved) {
                 let pull = *block * *a;
                 for (x, b) in row.iter_mut().zip(&moved) {
@@ -178,17 +203,17 @@ impl Free {
         (pivot, values, motions)
     }
 
-    /// The free motions at `state`, with the pivot that they turn about.
-    pub(crate) fn motions(&self, problem: &Problem<'_>, state: &State) -> (DVec3, Vec<RigidMotion>) {
-        if self.directions == problem.observations.model.unknowns() {
-            let centroid = Placement::new(&self.component.taxels, state).centroid;
-            return (centroid, (0..self.directions).map(unit).collect());
+    /// The free motions at `poses`, with the pivot that they turn about.
+    pub(crate) fn motions(&self, problem: &Problem<'_>, poses: &Poses) -> (DVec3, Vec<RigidMotion>) {
+        if self.free_motions == problem.observations.model.unknowns() {
+            let centroid = Placement::new(&self.component.taxels, poses).centroid;
+            return (centroid, (0..self.free_motions).map(unit).collect());
         }
-        let (pivot, _, motions) = self.anchoring(problem, state);
+        let (pivot, _, motions) = self.anchoring(problem, poses);
         // In the positions model rotations are among the free motions; they move nothing and are left out.
         let moves =
             |m: &RigidMotion| problem.observations.model == Model::Poses || m[..3].iter().any(|&x| x != 0.0);
-        (pivot, motions.into_iter().filter(moves).take(self.directions).collect())
+        (pivot, motions.into_iter().filter(moves).take(self.free_motions).collect())
     }
 
     /// Adds stiffness against the free motions at the gauge taxel.
@@ -196,25 +221,25 @@ impl Free {
     /// The cost does not change along a free motion, so its gradient is orthogonal to all of them, and the step of
     /// the stiffened system is the one step of least squares that does not move the gauge taxel along them: the
     /// stiffness holds without being felt.
-    pub(crate) fn stiffen(&self, problem: &Problem<'_>, state: &State, matrix: &mut BlockMatrix<'_>) {
+    pub(crate) fn fix_gauge(&self, problem: &Problem<'_>, poses: &Poses, matrix: &mut BlockMatrix<'_>) {
         let gauge = self.component.gauge;
         let Some(row) = problem.rows[gauge] else { return };
-        let size = problem.shape.size();
+        let size = problem.layout.size();
         let mut diagonal = matrix.diagonal_of(row);
         // A direction that nothing at the taxel determines is held as firmly as the others.
         let largest = diagonal.iter().fold(0.0_f64, |m, &d| m.max(d));
         let firm = if largest > 0.0 { largest } else { 1.0 };
         diagonal.iter_mut().filter(|d| **d <= 0.0).for_each(|d| *d = firm);
-        if self.directions == problem.observations.model.unknowns() {
+        if self.free_motions == problem.observations.model.unknowns() {
             matrix.add(BlockSlot::diagonal(row), |a, b| if a == b { diagonal[a] } else { 0.0 });
             return;
         }
-        let (pivot, motions) = self.motions(problem, state);
+        let (pivot, motions) = self.motions(problem, poses);
         let model = problem.observations.model;
         let scale: Vec<f64> = diagonal.iter().map(|d| d.sqrt()).collect();
         let mut basis: Vec<Vec<f64>> = Vec::new();
         for motion in &motions {
-            let twist = carried(model, pivot, self.length, &state[gauge], motion);
+            let twist = induced_motion(model, pivot, self.length, &poses[gauge], motion);
             let mut column: Vec<f64> = (0..size).map(|a| scale[a] * twist[a / 3][a % 3]).collect();
             orthogonalise(&mut column, &basis);
             basis.push(column);
@@ -252,7 +277,7 @@ fn orthogonalise(column: &mut [f64], basis: &[Vec<f64>]) {
         column.iter_mut().zip(other).for_each(|(x, y)| *x -= along * y);
     }
     let after = norm(column);
-    let factor = if after > 1e-9 * before { after.recip() } else { 0.0 };
+    let factor = if after > DEPENDENT * before { after.recip() } else { 0.0 };
     column.iter_mut().for_each(|x| *x *= factor);
 }
 

@@ -1,35 +1,46 @@
+//! The one optimiser: Gauss-Newton steps, damped as by Levenberg and Marquardt when one fails to lower the
+//! cost ([nielsen1999]), on weights that are fixed, follow from a loss function, or from the schedule of
+//! graduated non-convexity ([`Weighting`]).
+//!
+//! It knows no outliers. It finds a local minimum; which one depends on the start.
+
+use std::borrow::Cow;
+
 use crate::{
     calib::{
-        CalibError,
-        solve::gauge::{Anchoring, Free},
-        solve::loss::Kernels,
-        solve::normal_equations::{PerObservation, Problem, Shape, State},
+        CalibError, CalibOptions,
+        observations::graph::{PerObservation, Poses},
+        solve::{
+            gauge::{FreeBody, GaugeFreedom},
+            layout::BlockLayout,
+            loss::LossFunctions,
+            normal_equations::Problem,
+        },
     },
     sparse::{BlockMatrix, SparseError},
 };
 
-/// How a step is chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
-    /// Plain Gauss-Newton: ends where the cost stops falling.
-    GaussNewton,
-    /// Levenberg-Marquardt, undamped as long as the cost falls: Gauss-Newton with a safety net.
-    #[default]
-    LevenbergMarquardt,
-    /// Powell's dogleg in a trust region.
-    Dogleg,
-}
-
 /// One step of the optimisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
-    /// Cost after the step: half of the (robust) sum of squares.
+    /// Cost after the step: half of the weighted sum of squares, or of the sum of losses.
     pub cost: f64,
     /// Largest change of an unknown, in m or rad.
     pub step: f64,
-    /// What the step was taken with: damping (Levenberg-Marquardt), radius of the trust region (dogleg) or how close the
-    /// cost is to the truncated one (graduated non-convexity); 0 without.
-    pub control: f64,
+    /// How the step was held back.
+    pub control: Control,
+}
+
+/// How a step was held back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Control {
+    /// Not at all: a Gauss-Newton step.
+    Undamped,
+    /// By this damping, over the diagonal of the system (Levenberg and Marquardt).
+    Damping(f64),
+    /// Not at all, but on the graduated loss at this control, which approaches the truncated loss as it
+    /// grows.
+    Graduation(f64),
 }
 
 /// Why the optimisation ended.
@@ -43,9 +54,7 @@ pub enum Termination {
     OutOfIterations,
     /// No step lowers the cost although the gradient does not vanish.
     Stuck,
-    /// A plain Gauss-Newton step raised the cost.
-    Diverged,
-    /// The cost is no finite number: observations disagree by more than squares can hold.
+    /// The cost is not a finite number: observations disagree by more than squares can hold.
     Overflow,
 }
 
@@ -64,112 +73,113 @@ impl Termination {
             Self::NothingToSolve => "nothing to solve: every taxel is fixed",
             Self::OutOfIterations => "not converged: out of iterations",
             Self::Stuck => "not converged: no step lowers the cost",
-            Self::Diverged => "not converged: a Gauss-Newton step raised the cost",
-            Self::Overflow => "not converged: the cost is no finite number",
+            Self::Overflow => "not converged: the cost is not a finite number",
         }
     }
 }
 
-/// When to end.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StopCriteria {
-    /// Most iterations.
-    pub iterations: usize,
-    /// The cost has converged when a step lowers it by less than this share, or the next one is sure to.
-    pub relative_decrease: f64,
-}
-
-impl Default for StopCriteria {
-    fn default() -> Self {
-        Self { iterations: 100, relative_decrease: 1e-9 }
-    }
-}
-
-/// First damping after an undamped step that failed, over the diagonal: long chains of taxels bend under so little
-/// that more would stop them from moving at all.
+/// First damping after an undamped step that failed, over the diagonal: long chains of taxels bend under so
+/// little that more would stop them from moving at all.
 const FIRST_DAMPING: f64 = 1e-9;
 
-/// Growth of the damping at the first failure; it doubles at every further one (Nielsen 1999).
+/// Growth of the damping at the first failure; it doubles at every further one.
 const FIRST_GROWTH: f64 = 4.0;
 
 /// Damping beyond which a step is too short to matter.
 const LARGEST_DAMPING: f64 = 1e12;
 
-/// A cost this far below what rounding of the sums can resolve is as good as none, over the number of observations.
+/// Rounding of a sum of squares, over the sum: a step that raises the cost by less has not failed.
+const COST_ROUNDING: f64 = 1e-13;
+
+/// A cost this far below what rounding of the sums can resolve counts as zero, over the number of
+/// observations.
 const EXACT_FIT: f64 = 1e-20;
 
-/// Factor from decrease to decrease below which the next one is foretold instead of computed, which would cost a
+/// Ratio of two decreases below which the next one is predicted instead of computed, which would cost a
 /// factorization: a quarter of the time of most graphs.
 const STEADY: f64 = 0.1;
 
-/// No factor is believed to be smaller: near a minimum where errors remain, Gauss-Newton converges linearly.
-const LEAST_FACTOR: f64 = 1e-3;
+/// No ratio is taken to be smaller: near a minimum with residuals, Gauss-Newton converges linearly.
+const SMALLEST_RATIO: f64 = 1e-3;
 
-/// What weights the squares get while the optimisation runs.
+/// Growth of the control of graduated non-convexity from step to step. The 1.4 of [yang2020] takes three
+/// times as many steps to the same accuracy, at 5, 20 and 30 % outliers.
+const GRADUATION: f64 = 2.0;
+
+/// Control at which the graduated loss and the truncated one differ for one observation in thirty.
+const LAST_CONTROL: f64 = 30.0;
+
+/// The weights of squared residuals while the optimisation runs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Weighting<'w> {
-    /// From kernels, at every step anew.
-    Kernels(&'w Kernels),
+    /// From loss functions, at every step anew.
+    Loss(&'w LossFunctions),
     /// Given.
     Fixed(&'w PerObservation),
+    /// Those of the graduated loss at control `mu`, which grows after every step until it reaches the
+    /// truncated loss ([yang2020], algorithm 1).
+    Graduated { losses: &'w LossFunctions, mu: f64 },
 }
 
 impl Weighting<'_> {
-    pub(crate) fn cost(&self, squares: &PerObservation) -> f64 {
-        let sum: f64 = match self {
-            Self::Kernels(kernels) => kernels.costs(squares).iter().sum(),
-            Self::Fixed(weights) => weights.iter().zip(squares.iter()).map(|(w, s)| w * s).sum(),
-        };
-        0.5 * sum
+    fn weights(&self, chi2: &PerObservation) -> Cow<'_, PerObservation> {
+        match self {
+            Self::Loss(losses) => Cow::Owned(losses.weights(chi2)),
+            Self::Fixed(weights) => Cow::Borrowed(weights),
+            Self::Graduated { losses, mu } => Cow::Owned(losses.graduated_weights(*mu, chi2)),
+        }
     }
 
-    pub(crate) fn weights(&self, squares: &PerObservation) -> PerObservation {
+    fn cost(&self, chi2: &PerObservation) -> f64 {
         match self {
-            Self::Kernels(kernels) => kernels.weights(squares),
-            Self::Fixed(weights) => (*weights).clone(),
+            Self::Loss(losses) => losses.cost(chi2),
+            Self::Fixed(_) | Self::Graduated { .. } => {
+                let weights = self.weights(chi2);
+                0.5 * weights.iter().zip(chi2.iter()).map(|(w, s)| w * s).sum::<f64>()
+            }
         }
     }
 }
 
-/// A state with its squares and cost.
+/// Poses with their squared residuals and cost.
 #[derive(Debug, Clone)]
-pub(crate) struct Point {
-    pub(crate) state: State,
-    pub(crate) squares: PerObservation,
+pub(crate) struct Iterate {
+    pub(crate) poses: Poses,
+    pub(crate) chi2: PerObservation,
     pub(crate) cost: f64,
 }
 
-impl Point {
-    pub(crate) fn new(problem: &Problem<'_>, weighting: &Weighting<'_>, state: State) -> Self {
-        let squares = problem.squares(&state);
-        let cost = weighting.cost(&squares);
-        Self { state, squares, cost }
+impl Iterate {
+    fn new(problem: &Problem<'_>, weighting: &Weighting<'_>, poses: Poses) -> Self {
+        let chi2 = problem.chi2(&poses);
+        let cost = weighting.cost(&chi2);
+        Self { poses, chi2, cost }
     }
 }
 
-/// The linear system at a point.
-pub(crate) struct Linear<'p> {
+/// The linear system at some poses.
+pub(crate) struct LinearSystem<'p> {
     pub(crate) matrix: BlockMatrix<'p>,
     pub(crate) gradient: Vec<f64>,
     columns: usize,
 }
 
-impl<'p> Linear<'p> {
+impl<'p> LinearSystem<'p> {
     pub(crate) fn new(
         problem: &'p Problem<'_>,
-        free: &[Free],
-        state: &State,
+        free: &[FreeBody],
+        poses: &Poses,
         weights: &PerObservation,
     ) -> Self {
-        let (mut matrix, gradient) = problem.linearise(state, weights);
-        for component in free {
-            component.stiffen(problem, state, &mut matrix);
+        let (mut matrix, gradient) = problem.linearise(poses, weights);
+        for body in free {
+            body.fix_gauge(problem, poses, &mut matrix);
         }
-        Self { matrix, gradient, columns: problem.shape.columns() }
+        Self { matrix, gradient, columns: problem.layout.columns() }
     }
 
     /// The step to the minimum of the quadratic, with `damping` times the diagonal added.
-    pub(crate) fn newton_step(&self, damping: f64) -> Result<Vec<f64>, SparseError> {
+    fn newton_step(&self, damping: f64) -> Result<Vec<f64>, SparseError> {
         let factor = if damping > 0.0 {
             let mut damped = self.matrix.clone();
             let more: Vec<f64> = self.matrix.diagonal().iter().map(|d| damping * d).collect();
@@ -183,130 +193,168 @@ impl<'p> Linear<'p> {
         Ok(step)
     }
 
-    /// `x' M x`, summed over the right-hand sides.
-    fn curvature(&self, x: &[f64]) -> f64 {
-        let rows = x.len() / self.columns;
-        x.chunks(rows.max(1)).map(|x| dot(x, &self.matrix.multiply(x))).sum()
-    }
-}
-
-/// Minimises from `start`. Returns the best point, all iterations and the reason for the end.
-pub(crate) fn minimise(
-    problem: &Problem<'_>,
-    anchoring: &Anchoring,
-    weighting: Weighting<'_>,
-    start: State,
-    method: Method,
-    limits: StopCriteria,
-    watch: &mut dyn FnMut(Iteration),
-) -> Result<(Point, Termination), CalibError> {
-    let mut point = Point::new(problem, &weighting, start);
-    if problem.moving() == 0 {
-        return Ok((point, Termination::NothingToSolve));
-    }
-    let mut control = Control { method, damping: 0.0, growth: FIRST_GROWTH, radius: None };
-    let mut last_decrease = 0.0;
-    for _ in 0..limits.iterations {
-        let weights = weighting.weights(&point.squares);
-        let free = anchoring.free_under(problem, &point.state, &weights);
-        let linear = Linear::new(problem, &free, &point.state, &weights);
-        let Some((next, iteration)) = control.advance(problem, &weighting, &linear, &point)? else {
-            let ending = if control.method == Method::GaussNewton {
-                Termination::Diverged
-            } else {
-                Termination::Stuck
-            };
-            // At a minimum rounding alone can keep every step from lowering the cost.
-            let at_minimum = linear.predicted_decrease().map_err(|e| problem.explain(e))?
-                <= limits.relative_decrease * point.cost;
-            return Ok((point, if at_minimum { Termination::Converged } else { ending }));
-        };
-        let decrease = point.cost - next.cost;
-        let exact = EXACT_FIT * point.squares.iter().count() as f64;
-        point = next;
-        watch(iteration);
-        if !point.cost.is_finite() {
-            return Ok((point, Termination::Overflow));
-        }
-        // A quadratic has its minimum where one undamped step leads.
-        let exact_model = problem.shape != Shape::Pose
-            && matches!(weighting, Weighting::Fixed(_))
-            && iteration.control == 0.0;
-        // Gauss-Newton steps on fixed weights gain ever less: by the same factor again, if that is not the luck of a
-        // first step.
-        let is_newton = iteration.control == 0.0 && matches!(weighting, Weighting::Fixed(_));
-        let factor = (decrease / last_decrease).max(LEAST_FACTOR);
-        let next_decrease = if is_newton && factor < STEADY { decrease * factor } else { decrease };
-        if exact_model || next_decrease <= limits.relative_decrease * point.cost + exact {
-            return Ok((point, Termination::Converged));
-        }
-        last_decrease = if is_newton { decrease } else { 0.0 };
-    }
-    Ok((point, Termination::OutOfIterations))
-}
-
-impl Linear<'_> {
-    /// How much the quadratic model would fall by its best step.
-    fn predicted_decrease(&self) -> Result<f64, SparseError> {
-        Ok(self.predicted(&self.newton_step(0.0)?, 0.0))
-    }
-
     /// How much the quadratic falls by the minimising `step` under `damping`.
-    fn predicted(&self, step: &[f64], damping: f64) -> f64 {
+    fn predicted_decrease(&self, step: &[f64], damping: f64) -> f64 {
         let diagonal = if damping > 0.0 { self.matrix.diagonal() } else { vec![0.0] };
-        let held: f64 = step.iter().zip(diagonal.iter().cycle()).map(|(x, d)| damping * d * x * x).sum();
-        0.5 * (held - dot(step, &self.gradient))
+        let damped: f64 = step.iter().zip(diagonal.iter().cycle()).map(|(x, d)| damping * d * x * x).sum();
+        let slope: f64 = step.iter().zip(&self.gradient).map(|(x, g)| x * g).sum();
+        0.5 * (damped - slope)
     }
 }
 
-/// What a method remembers from step to step.
-struct Control {
-    method: Method,
+/// The optimiser for one problem, with the log of its iterations.
+pub(crate) struct Solver<'s> {
+    pub(crate) problem: &'s Problem<'s>,
+    pub(crate) gauge: &'s GaugeFreedom,
+    pub(crate) options: &'s CalibOptions,
+    pub(crate) iterations: Vec<Iteration>,
+    pub(crate) watch: &'s dyn Fn(usize, &Iteration),
+}
+
+impl Solver<'_> {
+    /// Minimises from `start`. Returns the best iterate and the reason for the end.
+    pub(crate) fn minimise(
+        &mut self,
+        mut weighting: Weighting<'_>,
+        start: Poses,
+    ) -> Result<(Iterate, Termination), CalibError> {
+        let problem = self.problem;
+        let mut iterate = Iterate::new(problem, &weighting, start);
+        if problem.moving() == 0 {
+            return Ok((iterate, Termination::NothingToSolve));
+        }
+        let mut control = StepControl { damping: 0.0, growth: FIRST_GROWTH };
+        let mut convergence = Convergence::new(problem, self.options.relative_decrease);
+        for _ in 0..self.options.max_iterations {
+            let weights = weighting.weights(&iterate.chi2);
+            let free = self.gauge.free_under(problem, &iterate.poses, &weights);
+            let system = LinearSystem::new(problem, &free, &iterate.poses, &weights);
+            let Some((next, iteration)) = control.advance(problem, &weighting, &system, &iterate)? else {
+                // At a minimum rounding alone can keep every step from lowering the cost.
+                let step = system.newton_step(0.0).map_err(|e| problem.explain(e))?;
+                let is_minimum = convergence.is_small(system.predicted_decrease(&step, 0.0), iterate.cost);
+                let end = if is_minimum { Termination::Converged } else { Termination::Stuck };
+                return Ok((iterate, end));
+            };
+            let decrease = iterate.cost - next.cost;
+            iterate = next;
+            self.log(iteration);
+            match &mut weighting {
+                Weighting::Graduated { mu, .. } => {
+                    *mu *= GRADUATION;
+                    if *mu > LAST_CONTROL {
+                        return Ok((iterate, Termination::Converged));
+                    }
+                }
+                _ if !iterate.cost.is_finite() => return Ok((iterate, Termination::Overflow)),
+                Weighting::Fixed(_) if iteration.control == Control::Undamped => {
+                    if convergence.is_reached_by_newton(decrease, iterate.cost) {
+                        return Ok((iterate, Termination::Converged));
+                    }
+                }
+                Weighting::Fixed(_) | Weighting::Loss(_) => {
+                    if convergence.is_reached(decrease, iterate.cost) {
+                        return Ok((iterate, Termination::Converged));
+                    }
+                }
+            }
+        }
+        Ok((iterate, Termination::OutOfIterations))
+    }
+
+    fn log(&mut self, iteration: Iteration) {
+        self.iterations.push(iteration);
+        (self.watch)(self.iterations.len(), &iteration);
+    }
+}
+
+/// Decides from the decreases of the cost whether it has converged.
+struct Convergence {
+    relative_decrease: f64,
+    /// A decrease that is too small for any cost.
+    negligible: f64,
+    /// Whether the squared residuals are quadratic: their minimum is where one undamped step leads.
+    is_quadratic: bool,
+    /// The decrease by the last step, if that was an undamped step on fixed weights.
+    last: Option<f64>,
+}
+
+impl Convergence {
+    fn new(problem: &Problem<'_>, relative_decrease: f64) -> Self {
+        Self {
+            relative_decrease,
+            negligible: EXACT_FIT * problem.dimensions.iter().count() as f64,
+            is_quadratic: problem.layout != BlockLayout::Pose,
+            last: None,
+        }
+    }
+
+    /// Whether a `decrease` to `cost` is too small to go on.
+    fn is_small(&self, decrease: f64, cost: f64) -> bool {
+        decrease <= self.relative_decrease * cost
+    }
+
+    /// After a step that was damped, or on weights that change.
+    fn is_reached(&mut self, decrease: f64, cost: f64) -> bool {
+        self.last = None;
+        decrease <= self.relative_decrease * cost + self.negligible
+    }
+
+    /// After an undamped step on fixed weights: such steps gain ever less, by the same ratio again if that is
+    /// not the chance of a first step.
+    fn is_reached_by_newton(&mut self, decrease: f64, cost: f64) -> bool {
+        let ratio = self.last.map_or(1.0, |last| (decrease / last).max(SMALLEST_RATIO));
+        let next = if ratio < STEADY { decrease * ratio } else { decrease };
+        let reached = self.is_quadratic || self.is_reached(next, cost);
+        self.last = Some(decrease);
+        reached
+    }
+}
+
+/// What is remembered from step to step.
+struct StepControl {
     damping: f64,
     growth: f64,
-    radius: Option<f64>,
 }
 
-impl Control {
+impl StepControl {
     /// One accepted step; `None` if there is none.
     fn advance(
         &mut self,
         problem: &Problem<'_>,
         weighting: &Weighting<'_>,
-        linear: &Linear<'_>,
-        point: &Point,
-    ) -> Result<Option<(Point, Iteration)>, CalibError> {
-        let attempt = |step: &[f64], control: f64| {
-            let next = Point::new(problem, weighting, problem.advanced(&point.state, step));
+        system: &LinearSystem<'_>,
+        from: &Iterate,
+    ) -> Result<Option<(Iterate, Iteration)>, CalibError> {
+        let attempt = |step: &[f64], control: Control| {
+            let next = Iterate::new(problem, weighting, problem.advanced(&from.poses, step));
             let step = step.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             let iteration = Iteration { cost: next.cost, step, control };
             (next, iteration)
         };
-        // Rounding of a sum of squares: a step that raises the cost by less has not failed.
-        let slack = 1e-13 * point.cost;
-        let falls = |next: &Point| next.cost <= point.cost + slack;
-        if self.method == Method::Dogleg {
-            return self.dogleg(linear, point, attempt, |e| problem.explain(e));
+        if let Weighting::Graduated { mu, .. } = weighting {
+            // The loss changes with every step, so its decrease is not compared.
+            let step = system.newton_step(0.0).map_err(|e| problem.explain(e))?;
+            return Ok(Some(attempt(&step, Control::Graduation(*mu))));
         }
         loop {
-            match linear.newton_step(self.damping) {
+            let control =
+                if self.damping == 0.0 { Control::Undamped } else { Control::Damping(self.damping) };
+            match system.newton_step(self.damping) {
                 Ok(step) => {
-                    let (next, iteration) = attempt(&step, self.damping);
-                    if falls(&next) {
-                        let predicted = linear.predicted(&step, self.damping);
-                        self.relax((point.cost - next.cost) / predicted);
+                    let (next, iteration) = attempt(&step, control);
+                    if next.cost <= from.cost + COST_ROUNDING * from.cost {
+                        let predicted = system.predicted_decrease(&step, self.damping);
+                        self.relax((from.cost - next.cost) / predicted);
                         return Ok(Some(match weighting {
-                            Weighting::Kernels(_) => stride((next, iteration), step, self.damping, attempt),
-                            Weighting::Fixed(_) => (next, iteration),
+                            Weighting::Loss(_) => extrapolate((next, iteration), step, control, attempt),
+                            Weighting::Fixed(_) | Weighting::Graduated { .. } => (next, iteration),
                         }));
                     }
                 }
                 // Damping would hide a taxel that nothing determines.
                 Err(e) if self.damping == 0.0 => return Err(problem.explain(e)),
                 Err(_) => {}
-            }
-            if self.method == Method::GaussNewton {
-                return Ok(None);
             }
             self.damping = (self.growth * self.damping).max(FIRST_DAMPING);
             self.growth *= 2.0;
@@ -316,7 +364,7 @@ impl Control {
         }
     }
 
-    /// Less damping after a good step, the less the better the quadratic predicted it (Nielsen 1999).
+    /// Less damping after a good step, the less the better the quadratic predicted it.
     fn relax(&mut self, quality: f64) {
         self.growth = FIRST_GROWTH;
         let factor = (1.0 - (2.0 * quality - 1.0).powi(3)).clamp(0.1, 2.0);
@@ -325,90 +373,26 @@ impl Control {
             self.damping = 0.0;
         }
     }
-
-    /// Powell 1970: along the steepest descent to its minimum, then towards the Gauss-Newton step, as far as the
-    /// model is trusted.
-    fn dogleg(
-        &mut self,
-        linear: &Linear<'_>,
-        point: &Point,
-        attempt: impl Fn(&[f64], f64) -> (Point, Iteration),
-        explain: impl Fn(SparseError) -> CalibError,
-    ) -> Result<Option<(Point, Iteration)>, CalibError> {
-        let newton = linear.newton_step(0.0).map_err(explain)?;
-        // Rotations and translations are made comparable by the diagonal of the system.
-        let diagonal = linear.matrix.diagonal();
-        let scale = |k: usize| diagonal[k % diagonal.len()].max(f64::MIN_POSITIVE);
-        let length = |x: &[f64]| x.iter().enumerate().map(|(k, x)| scale(k) * x * x).sum::<f64>().sqrt();
-        let steepest: Vec<f64> = linear.gradient.iter().enumerate().map(|(k, g)| -g / scale(k)).collect();
-        let slope = -dot(&steepest, &linear.gradient);
-        let along = slope / linear.curvature(&steepest);
-        let cauchy: Vec<f64> = steepest.iter().map(|x| along * x).collect();
-        let mut radius = self.radius.unwrap_or_else(|| length(&newton));
-        loop {
-            let step = blend(&cauchy, &newton, radius, length);
-            let predicted = -dot(&step, &linear.gradient) - 0.5 * linear.curvature(&step);
-            let (next, iteration) = attempt(&step, radius);
-            let gained = point.cost - next.cost;
-            let quality = gained / predicted;
-            let noise = 1e-13 * point.cost;
-            if quality > 0.25 || gained.abs() <= noise {
-                self.radius = Some(if quality > 0.75 { radius.max(3.0 * length(&step)) } else { radius });
-                return Ok(Some((next, iteration)));
-            }
-            radius *= 0.25;
-            if quality > 0.0 {
-                self.radius = Some(radius);
-                return Ok(Some((next, iteration)));
-            }
-            if radius.is_nan() || radius <= 1e-12 * length(&newton) {
-                return Ok(None);
-            }
-        }
-    }
 }
 
-/// Doubles `step` as long as that lowers the cost.
+/// Doubles `step` as long as that lowers the cost (*heuristic*).
 ///
-/// Reweighting replaces a kernel by a parabola above it, whose minimum falls short of the kernel's own: where the weights
-/// are small, so short that hundreds of steps would be needed.
-fn stride(
-    mut best: (Point, Iteration),
+/// Reweighting replaces a loss by a parabola above it, whose minimum falls short of the loss's own: where the
+/// weights are small, so short that hundreds of steps would be needed.
+fn extrapolate(
+    mut best: (Iterate, Iteration),
     mut step: Vec<f64>,
-    control: f64,
-    attempt: impl Fn(&[f64], f64) -> (Point, Iteration),
-) -> (Point, Iteration) {
+    control: Control,
+    attempt: impl Fn(&[f64], Control) -> (Iterate, Iteration),
+) -> (Iterate, Iteration) {
     loop {
         step.iter_mut().for_each(|x| *x *= 2.0);
         let next = attempt(&step, control);
-        // Written so that a cost that is no number ends it, too.
+        // Written so that a cost that is not a number ends it, too.
         if next.0.cost < best.0.cost {
             best = next;
         } else {
             return best;
         }
     }
-}
-
-/// The point of the dogleg path at distance `radius`.
-fn blend(cauchy: &[f64], newton: &[f64], radius: f64, length: impl Fn(&[f64]) -> f64) -> Vec<f64> {
-    if length(newton) <= radius {
-        return newton.to_vec();
-    }
-    let first = length(cauchy);
-    if first >= radius {
-        return cauchy.iter().map(|x| radius / first * x).collect();
-    }
-    // The path leaves the region once; halving finds where.
-    let at = |t: f64| -> Vec<f64> { cauchy.iter().zip(newton).map(|(c, n)| c + t * (n - c)).collect() };
-    let (mut inside, mut outside) = (0.0, 1.0);
-    for _ in 0..40 {
-        let middle = 0.5 * (inside + outside);
-        if length(&at(middle)) <= radius { inside = middle } else { outside = middle }
-    }
-    at(inside)
-}
-
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
 }

@@ -1,240 +1,204 @@
+//! Loss functions: what a squared residual costs, and the weight that follows from it.
+//!
+//! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted least squares
+//! with the weight `rho'(s)`. Bounds follow from how many numbers an observation measures, so that the same
+//! share of inliers is affected in every model. [huber1964], [beaton1974] (Tukey's biweight), [yang2020]
+//! (the graduated truncated loss).
+
 use crate::{
-    calib::{
-        ContactObservationId, DisplacementId,
-        robust::length_prior::{LogOdds, stretch},
-        solve::normal_equations::PerObservation,
-    },
+    calib::{ContactObservationId, DisplacementId, Verdict, observations::graph::PerObservation},
     id::IdVec,
     numeric::quantile,
 };
 
-/// How much an observation that does not fit may pull.
-///
-/// Kernels act on the whitened length of an error, so their bounds follow from its degrees of freedom: the same
-/// share of good observations is affected in every model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Robust {
-    /// Least squares; truncated least squares ([`Robust::Graduated`]) where those leave more than the stated noise explains
-    /// or an observation stands out from the others, if what they let go stands out from the others of its kind at the scale
-    /// of these, which may be larger than stated, and is less than half of them.
-    #[default]
-    Automatic,
-    /// Least squares: one wrong observation moves everything.
-    None,
-    /// Huber: the pull stops growing. Convex, but never lets go.
+/// A loss function of squared whitened residuals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Loss {
+    /// The square itself: least squares.
+    Squared,
+    /// Huber: grows linearly beyond its bound.
     Huber,
-    /// Cauchy: the pull fades slowly.
-    Cauchy,
-    /// Tukey's biweight, started from Huber's solution: lets go completely.
+    /// Tukey's biweight: constant beyond its bound.
     Tukey,
-    /// Geman and McClure, started from Huber's solution: lets go quickly.
-    GemanMcClure,
-    /// Truncated least squares by graduated non-convexity (Yang, Antonante, Tzoumas and Carlone 2020): needs no good
-    /// start. The one to choose against wrongly attributed contacts.
-    Graduated,
+    /// The square up to its bound, constant beyond it: truncated least squares, by graduated
+    /// non-convexity.
+    Truncated,
 }
 
-impl Robust {
-    /// `none`, `huber`, ...
+impl Loss {
+    /// `none`, `huber`, `tukey` or `gnc`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Automatic => "auto",
-            Self::None => "none",
+            Self::Squared => "none",
             Self::Huber => "huber",
-            Self::Cauchy => "cauchy",
             Self::Tukey => "tukey",
-            Self::GemanMcClure => "geman-mcclure",
-            Self::Graduated => "gnc",
+            Self::Truncated => "gnc",
         }
     }
 }
 
-/// Share of good observations within the bounds of Huber's, Cauchy's and Geman and McClure's kernels. Huber's leaves
-/// them as they are.
+/// Share of inliers below the bound of Huber's loss, which leaves them as they are.
 const UNTOUCHED: f64 = 0.95;
 
-/// Share of good observations that count as good: three standard deviations of a normal variable. Where truncated least
-/// squares keeps 0.99, the good ones that are lost cost 2 % of the accuracy at 5 % outliers.
-pub(crate) const KEPT: f64 = 0.997;
+/// Share of inliers below the outlier bound: three standard deviations of a normal variable. With 0.99 the
+/// inliers that are lost cost 2 % of the accuracy at 5 % outliers.
+pub(crate) const INLIER_SHARE: f64 = 0.997;
 
-/// Tukey's bound over Huber's: with 3 degrees of freedom it lets go at 6 standard deviations.
+/// Tukey's bound over Huber's: with 3 degrees of freedom, weights vanish at 6 standard deviations.
 const TUKEY_OVER_HUBER: f64 = 2.147;
 
-/// No weight falls below this: a taxel whose observations are all rejected keeps its place instead of making the
-/// system singular.
+/// No weight falls below this: a taxel whose observations are all rejected keeps its pose instead of making
+/// the system singular.
 pub(crate) const SMALLEST_WEIGHT: f64 = 1e-8;
 
-/// A kernel for errors of some degrees of freedom, with the squares of its bounds.
+/// A loss for residuals of some dimension, with the squares of its bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Kernel {
-    robust: Robust,
+pub(crate) struct LossFunction {
+    loss: Loss,
+    /// Where the loss leaves the square, or becomes constant.
     bound2: f64,
+    /// Squared residuals above this are outliers.
     outlier2: f64,
 }
 
-impl Kernel {
-    /// The kernel of an observation of `rank` numbers; nothing observed has no error, and any bound does.
-    pub(crate) fn new(robust: Robust, rank: usize) -> Self {
-        let degrees = rank.max(1) as f64;
-        let bound2 = match robust {
-            Robust::Automatic | Robust::None => f64::INFINITY,
-            Robust::Huber | Robust::Cauchy | Robust::GemanMcClure => quantile(UNTOUCHED, degrees),
-            Robust::Tukey => quantile(UNTOUCHED, degrees) * TUKEY_OVER_HUBER * TUKEY_OVER_HUBER,
-            Robust::Graduated => quantile(KEPT, degrees),
+impl LossFunction {
+    /// The loss of an observation of `dimension` numbers; without any there is no residual, and any bound
+    /// does.
+    pub(crate) fn new(loss: Loss, dimension: usize) -> Self {
+        let degrees = dimension.max(1) as f64;
+        let bound2 = match loss {
+            Loss::Squared => f64::INFINITY,
+            Loss::Huber => quantile(UNTOUCHED, degrees),
+            Loss::Tukey => quantile(UNTOUCHED, degrees) * TUKEY_OVER_HUBER * TUKEY_OVER_HUBER,
+            Loss::Truncated => quantile(INLIER_SHARE, degrees),
         };
-        let outlier2 = if bound2.is_finite() { quantile(KEPT, degrees) } else { f64::INFINITY };
-        Self { robust, bound2, outlier2 }
+        let outlier2 = if bound2.is_finite() { quantile(INLIER_SHARE, degrees) } else { f64::INFINITY };
+        Self { loss, bound2, outlier2 }
     }
 
-    /// Whether noise explains a squared error.
-    pub(crate) fn keeps(&self, square: f64) -> bool {
-        square <= self.outlier2
+    /// The squared residual up to which an observation is an inlier.
+    pub(crate) const fn outlier_bound(&self) -> f64 {
+        self.outlier2
     }
 
-    /// The kernel whose bounds are those of this one, squared, times `factor`.
-    fn stretched(self, factor: f64) -> Self {
+    /// Whether noise explains a squared residual.
+    pub(crate) fn is_inlier(&self, chi2: f64) -> bool {
+        chi2 <= self.outlier2
+    }
+
+    /// The loss with squared bounds that are larger by `factor`.
+    fn scaled(self, factor: f64) -> Self {
         Self { bound2: self.bound2 * factor, outlier2: self.outlier2 * factor, ..self }
     }
 
-    /// What a squared error of `square` costs, twice: `square` itself under least squares.
-    pub(crate) fn cost(&self, square: f64) -> f64 {
+    /// `rho(chi2)`.
+    pub(crate) fn cost(&self, chi2: f64) -> f64 {
         let c2 = self.bound2;
-        match self.robust {
-            Robust::Automatic | Robust::None => square,
-            Robust::Huber if square <= c2 => square,
-            Robust::Huber => 2.0 * (c2 * square).sqrt() - c2,
-            Robust::Cauchy => c2 * (square / c2).ln_1p(),
-            Robust::Tukey if square >= c2 => c2 / 3.0,
-            Robust::Tukey => c2 / 3.0 * (1.0 - (1.0 - square / c2).powi(3)),
-            Robust::GemanMcClure => c2 * square / (c2 + square),
-            Robust::Graduated => square.min(c2),
+        match self.loss {
+            Loss::Squared => chi2,
+            Loss::Huber if chi2 <= c2 => chi2,
+            Loss::Huber => 2.0 * (c2 * chi2).sqrt() - c2,
+            Loss::Tukey if chi2 >= c2 => c2 / 3.0,
+            Loss::Tukey => c2 / 3.0 * (1.0 - (1.0 - chi2 / c2).powi(3)),
+            Loss::Truncated => chi2.min(c2),
         }
     }
 
-    /// Derivative of the cost with respect to `square`: the weight of the observation.
-    pub(crate) fn weight(&self, square: f64) -> f64 {
+    /// `rho'(chi2)`: the weight of the observation.
+    pub(crate) fn weight(&self, chi2: f64) -> f64 {
         let c2 = self.bound2;
-        let weight = match self.robust {
-            Robust::Automatic | Robust::None => 1.0,
-            Robust::Huber if square <= c2 => 1.0,
-            Robust::Huber => (c2 / square).sqrt(),
-            Robust::Cauchy => c2 / (c2 + square),
-            Robust::Tukey => (1.0 - square / c2).max(0.0).powi(2),
-            Robust::GemanMcClure => (c2 / (c2 + square)).powi(2),
-            Robust::Graduated => f64::from(u8::from(square <= c2)),
+        let weight = match self.loss {
+            Loss::Squared => 1.0,
+            Loss::Huber if chi2 <= c2 => 1.0,
+            Loss::Huber => (c2 / chi2).sqrt(),
+            Loss::Tukey => (1.0 - chi2 / c2).max(0.0).powi(2),
+            Loss::Truncated => f64::from(u8::from(chi2 <= c2)),
         };
         weight.max(SMALLEST_WEIGHT)
     }
 
-    /// Weight of truncated least squares at control `mu`: nearly convex for small `mu`, the truncation itself as it
-    /// grows (equation 14 of the paper).
-    pub(crate) fn graduated_weight(&self, mu: f64, square: f64) -> f64 {
+    /// Weight of the graduated truncated loss at control `mu`: nearly convex for small `mu`, the truncation
+    /// itself as it grows ([yang2020], equation 14).
+    pub(crate) fn graduated_weight(&self, mu: f64, chi2: f64) -> f64 {
         let c2 = self.bound2;
-        let weight = if square <= mu / (mu + 1.0) * c2 {
+        let weight = if chi2 <= mu / (mu + 1.0) * c2 {
             1.0
-        } else if square >= (mu + 1.0) / mu * c2 {
+        } else if chi2 >= (mu + 1.0) / mu * c2 {
             0.0
         } else {
-            (c2 * mu * (mu + 1.0) / square).sqrt() - mu
+            (c2 * mu * (mu + 1.0) / chi2).sqrt() - mu
         };
         weight.max(SMALLEST_WEIGHT)
     }
 }
 
-/// A scale up to this is no sign of noise that is understated: the median doubles where 40 % are wrong.
-const AS_STATED: f64 = 2.5;
-
-/// How much larger squared errors are than the stated noise lets expect: 1 where it is right.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Scale {
-    pub(crate) edges: f64,
-    pub(crate) contacts: f64,
-}
-
-impl Scale {
-    /// Whether the stated noise is right as far as a median can tell.
-    pub(crate) fn is_as_stated(self) -> bool {
-        self.is_as_stated_of_edges() && self.contacts <= AS_STATED
-    }
-
-    pub(crate) fn is_as_stated_of_edges(self) -> bool {
-        self.edges <= AS_STATED
-    }
-
-    pub(crate) fn most(self, other: Self) -> Self {
-        Self { edges: self.edges.max(other.edges), contacts: self.contacts.max(other.contacts) }
-    }
-}
-
-/// The kernel of every observation.
+/// The loss function of every observation.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Kernels {
-    pub(crate) robust: Robust,
-    pub(crate) edges: IdVec<DisplacementId, Kernel>,
-    pub(crate) contacts: IdVec<ContactObservationId, Kernel>,
+pub(crate) struct LossFunctions {
+    pub(crate) loss: Loss,
+    pub(crate) edges: IdVec<DisplacementId, LossFunction>,
+    pub(crate) contacts: IdVec<ContactObservationId, LossFunction>,
 }
 
-impl Kernels {
-    /// Kernels whose bounds follow from how many numbers each observation observes.
-    pub(crate) fn new(ranks: &PerObservation<usize>, robust: Robust) -> Self {
-        // Quantiles take long, and there are few ranks.
-        let most = ranks.iter().max().unwrap_or(0);
-        let of_rank: Vec<Kernel> = (0..=most).map(|rank| Kernel::new(robust, rank)).collect();
-        let kernel = |&rank: &usize| of_rank[rank];
-        Self { robust, edges: ranks.edges.map(kernel), contacts: ranks.contacts.map(kernel) }
+impl LossFunctions {
+    /// Bounds follow from how many numbers each observation measures.
+    pub(crate) fn new(dimensions: &PerObservation<usize>, loss: Loss) -> Self {
+        // Quantiles take long, and there are few dimensions.
+        let most = dimensions.iter().max().unwrap_or(0);
+        let of_dimension: Vec<LossFunction> = (0..=most).map(|n| LossFunction::new(loss, n)).collect();
+        let function = |&n: &usize| of_dimension[n];
+        Self { loss, edges: dimensions.edges.map(function), contacts: dimensions.contacts.map(function) }
     }
 
-    /// The same for edges that are attributed right with these `odds`.
-    pub(crate) fn with_odds(&self, odds: &LogOdds) -> Self {
-        let mut this = self.clone();
-        for (kernel, &odds) in this.edges.iter_mut().zip(odds) {
-            *kernel = kernel.stretched(stretch(odds, kernel.outlier2));
-        }
-        this
-    }
-
-    /// The same for errors whose squares are larger by `scale`.
-    pub(crate) fn scaled(&self, scale: Scale) -> Self {
+    /// The same with squared bounds larger by a factor of each observation.
+    pub(crate) fn scaled(
+        &self,
+        edge: impl Fn(DisplacementId) -> f64,
+        contact: impl Fn(ContactObservationId) -> f64,
+    ) -> Self {
         Self {
-            edges: self.edges.map(|k| k.stretched(scale.edges)),
-            contacts: self.contacts.map(|k| k.stretched(scale.contacts)),
-            ..*self
+            loss: self.loss,
+            edges: self.edges.enumerate().map(|(e, f)| f.scaled(edge(e))).collect(),
+            contacts: self.contacts.enumerate().map(|(c, f)| f.scaled(contact(c))).collect(),
         }
     }
 
-    pub(crate) fn costs(&self, squares: &PerObservation) -> PerObservation {
-        self.each(squares, Kernel::cost)
+    /// Half of the sum of all losses.
+    pub(crate) fn cost(&self, chi2: &PerObservation) -> f64 {
+        0.5 * self.each(chi2, LossFunction::cost).iter().sum::<f64>()
     }
 
-    pub(crate) fn weights(&self, squares: &PerObservation) -> PerObservation {
-        self.each(squares, Kernel::weight)
+    pub(crate) fn weights(&self, chi2: &PerObservation) -> PerObservation {
+        self.each(chi2, LossFunction::weight)
     }
 
-    /// Which observations noise explains.
-    pub(crate) fn keep(&self, squares: &PerObservation) -> PerObservation<bool> {
-        self.each(squares, Kernel::keeps)
+    pub(crate) fn verdicts(&self, chi2: &PerObservation) -> PerObservation<Verdict> {
+        self.each(chi2, |f, chi2| if f.is_inlier(chi2) { Verdict::Inlier } else { Verdict::Outlier })
     }
 
-    /// The squares up to which it does.
-    pub(crate) fn bounds(&self) -> PerObservation {
-        PerObservation { edges: self.edges.map(|k| k.outlier2), contacts: self.contacts.map(|k| k.outlier2) }
-    }
-
-    /// [`Kernel::graduated_weight`] of every observation.
-    pub(crate) fn graduated_weights(&self, mu: f64, squares: &PerObservation) -> PerObservation {
-        self.each(squares, |kernel, square| kernel.graduated_weight(mu, square))
-    }
-
-    /// The largest square over its bound.
-    pub(crate) fn worst(&self, squares: &PerObservation) -> f64 {
-        self.each(squares, |kernel, square| square / kernel.bound2).iter().fold(0.0, f64::max)
-    }
-
-    fn each<T>(&self, squares: &PerObservation, f: impl Fn(&Kernel, f64) -> T) -> PerObservation<T> {
+    /// The squared residuals up to which observations are inliers.
+    pub(crate) fn outlier_bounds(&self) -> PerObservation {
         PerObservation {
-            edges: self.edges.iter().zip(&squares.edges).map(|(k, &s)| f(k, s)).collect(),
-            contacts: self.contacts.iter().zip(&squares.contacts).map(|(k, &s)| f(k, s)).collect(),
+            edges: self.edges.map(LossFunction::outlier_bound),
+            contacts: self.contacts.map(LossFunction::outlier_bound),
+        }
+    }
+
+    /// [`LossFunction::graduated_weight`] of every observation.
+    pub(crate) fn graduated_weights(&self, mu: f64, chi2: &PerObservation) -> PerObservation {
+        self.each(chi2, |f, chi2| f.graduated_weight(mu, chi2))
+    }
+
+    /// The largest squared residual over its squared bound.
+    pub(crate) fn worst(&self, chi2: &PerObservation) -> f64 {
+        self.each(chi2, |f, chi2| chi2 / f.bound2).iter().fold(0.0, f64::max)
+    }
+
+    fn each<T>(&self, chi2: &PerObservation, of: impl Fn(&LossFunction, f64) -> T) -> PerObservation<T> {
+        PerObservation {
+            edges: self.edges.iter().zip(&chi2.edges).map(|(f, &s)| of(f, s)).collect(),
+            contacts: self.contacts.iter().zip(&chi2.contacts).map(|(f, &s)| of(f, s)).collect(),
         }
     }
 }
@@ -243,34 +207,33 @@ impl Kernels {
 mod tests {
     use super::*;
 
-    const ALL: [Robust; 6] =
-        [Robust::None, Robust::Huber, Robust::Cauchy, Robust::Tukey, Robust::GemanMcClure, Robust::Graduated];
+    const ALL: [Loss; 4] = [Loss::Squared, Loss::Huber, Loss::Tukey, Loss::Truncated];
 
     #[test]
     fn weights_are_the_slopes_of_costs() {
-        for robust in ALL {
-            let kernel = Kernel::new(robust, 3);
+        for loss in ALL {
+            let kernel = LossFunction::new(loss, 3);
             for square in [0.0, 0.1, 3.0, 7.0, 9.0, 20.0, 30.0, 50.0, 1e4] {
                 let h = 1e-4 * (1.0 + square);
                 let slope = (kernel.cost(square + h) - kernel.cost(square)) / h;
                 let weight = kernel.weight(square + 0.5 * h);
-                assert!((slope - weight).abs() < 1e-6, "{robust:?} at {square}: {slope} is not {weight}");
+                assert!((slope - weight).abs() < 1e-6, "{loss:?} at {square}: {slope} is not {weight}");
             }
         }
     }
 
     #[test]
     fn small_errors_count_as_in_least_squares() {
-        for robust in ALL {
-            let kernel = Kernel::new(robust, 6);
-            assert!((kernel.weight(1e-12) - 1.0).abs() < 1e-9, "{robust:?}");
-            assert!((kernel.cost(1e-6) - 1e-6).abs() < 1e-12, "{robust:?}");
+        for loss in ALL {
+            let kernel = LossFunction::new(loss, 6);
+            assert!((kernel.weight(1e-12) - 1.0).abs() < 1e-9, "{loss:?}");
+            assert!((kernel.cost(1e-6) - 1e-6).abs() < 1e-12, "{loss:?}");
         }
     }
 
     #[test]
     fn graduated_weights_end_in_truncation() {
-        let kernel = Kernel::new(Robust::Graduated, 3);
+        let kernel = LossFunction::new(Loss::Truncated, 3);
         for square in [0.5 * kernel.bound2, 2.0 * kernel.bound2] {
             let late = kernel.graduated_weight(1e6, square);
             assert!((late - kernel.weight(square)).abs() < 1e-6, "{late} at {square}");

@@ -1,276 +1,276 @@
+//! Marginal covariances of all taxels: blocks of the inverse by selected inversion ([takahashi1973]), taken to
+//! the centroid gauge where a component is free ([kanatani2001], [triggs2000]).
+//!
+//! First order: the covariance of the linearised problem at the solution, for the weights it was found with.
+//! That noise was rejected as an outlier, or not, is not part of it.
+
 use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
         CalibError, Model, Pose,
-        solve::gauge::{Free, RigidMotion, carried},
-        solve::levenberg_marquardt::Linear,
-        solve::normal_equations::{PerObservation, Problem, Shape, State},
+        observations::graph::{PerObservation, Poses},
+        solve::{
+            gauge::{FreeBody, RigidMotion, induced_motion},
+            layout::BlockLayout,
+            levenberg_marquardt::LinearSystem,
+            normal_equations::Problem,
+        },
     },
     id::{IdVec, VertexId},
-    numeric::{Twist, dot, symmetric_eigen},
+    numeric::{Covariance, Matrix6, Twist, dot, symmetric_eigen},
     sparse::BlockFactor,
 };
 
 /// How uncertain every taxel is: marginal covariances, all at once.
 ///
-/// Where the observations leave a component free to move as a whole, the covariance is that in the centroid gauge: what is
-/// left after the best rigid alignment (of positions) to the truth. In the positions model that alignment is a
+/// Where a component is free to move as a whole, the covariance is that in the centroid gauge: of what is left
+/// after the best rigid alignment (of positions) to the truth. In the positions model that alignment is a
 /// translation only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Marginals {
-    /// Covariance of positions `xx xy xz yy yz zz`, in m^2, in the common frame; zero for fixed taxels.
-    pub positions: IdVec<VertexId, [f64; 6]>,
-    /// Covariance of rotation vectors in the taxel's own frame, in rad^2, ordered alike; poses model only.
-    pub rotations: Option<IdVec<VertexId, [f64; 6]>>,
+    /// Covariance of positions, in m^2, in the common frame; zero for fixed taxels.
+    pub positions: IdVec<VertexId, Covariance>,
+    /// Covariance of rotation vectors, in rad^2, in the taxel's own frame; poses model only.
+    pub rotations: Option<IdVec<VertexId, Covariance>>,
 }
 
 impl Marginals {
     /// Square root of the trace of the position covariance of every taxel, in m.
     #[must_use]
     pub fn position_rms(&self) -> IdVec<VertexId, f64> {
-        self.positions.map(|c| (c[0] + c[3] + c[5]).max(0.0).sqrt())
+        self.positions.map(|c| c.sigma())
     }
 }
 
-/// Symmetric blocks of translation and rotation; `Scalar` and `Vector` use the first alone.
-type Block = [[f64; 6]; 6];
-
-/// Covariances at `state`, for observations of the given weights.
+/// Covariances at `poses`, for observations of the given weights.
 pub(crate) fn marginals(
     problem: &Problem<'_>,
-    free: &[Free],
-    state: &State,
+    free: &[FreeBody],
+    poses: &Poses,
     weights: &PerObservation,
 ) -> Result<Marginals, CalibError> {
-    let zero: IdVec<VertexId, Block> = state.map(|_| [[0.0; 6]; 6]);
+    let mut blocks: IdVec<VertexId, Matrix6> = poses.map(|_| Matrix6::ZERO);
     if problem.moving() == 0 {
-        return Ok(in_common_frame(problem, state, &zero));
+        return Ok(in_common_frame(problem, poses, &blocks));
     }
-    let linear = Linear::new(problem, free, state, weights);
-    let factor = linear.matrix.factor().map_err(|e| problem.explain(e))?;
+    let system = LinearSystem::new(problem, free, poses, weights);
+    let factor = system.matrix.factor().map_err(|e| problem.explain(e))?;
     let inverse = factor.selected_inverse();
-    let mut blocks = zero;
-    for (v, row) in problem.rows.enumerate() {
+    for (block, row) in blocks.iter_mut().zip(&problem.rows) {
         let Some(row) = row.map(|r| r as usize) else { continue };
-        let block = &mut blocks[v];
-        match problem.shape {
-            Shape::Scalar => {
+        *block = match problem.layout {
+            BlockLayout::Scalar => {
                 let variance = inverse.diagonal::<1>(row)[0][0];
-                (0..3).for_each(|k| block[k][k] = variance);
+                of_positions(DMat3::from_diagonal(DVec3::splat(variance)))
             }
-            Shape::Vector => {
-                let found = inverse.diagonal::<3>(row);
-                for (out, found) in block.iter_mut().zip(found) {
-                    out[..3].copy_from_slice(&found);
-                }
+            BlockLayout::Vector => {
+                let [x, y, z] = inverse.diagonal::<3>(row);
+                of_positions(DMat3::from_cols_array_2d(&[x, y, z]).transpose())
             }
-            Shape::Pose => *block = inverse.diagonal::<6>(row),
-        }
+            BlockLayout::Pose => Matrix6::from_rows(&inverse.diagonal::<6>(row)),
+        };
     }
     drop(inverse);
-    project(problem, free, state, &factor, &mut blocks)?;
-    Ok(in_common_frame(problem, state, &blocks))
+    to_centroid_gauge(problem, free, poses, &factor, &mut blocks)?;
+    Ok(in_common_frame(problem, poses, &blocks))
 }
 
-/// The gauge that the covariance of one free component is told in: that of its centroid, after the best alignment.
-struct Alignment<'f> {
-    free: &'f Free,
+fn of_positions(covariance: DMat3) -> Matrix6 {
+    Matrix6([[covariance, DMat3::ZERO], [DMat3::ZERO, DMat3::ZERO]])
+}
+
+/// The centroid gauge of one free component: no motion of its taxels that an alignment would undo.
+///
+/// With the free motions `G` and the conditions `A x = 0`, `A = (W G)'` with `W` picking what the alignment
+/// looks at, the projection is `P = 1 - G (A G)^-1 A`, and the covariance becomes `P C P'`.
+struct CentroidGauge<'f> {
+    body: &'f FreeBody,
     model: Model,
     pivot: DVec3,
     motions: Vec<RigidMotion>,
-    /// What rotations count beside positions.
+    /// What rotations count beside positions in `W`.
     weight: f64,
-    /// The inverse of `A G`.
-    inverse: Block,
+    /// `(A G)^-1`.
+    inverse: [[f64; 6]; 6],
 }
 
-impl<'f> Alignment<'f> {
-    fn new(problem: &Problem<'_>, free: &'f Free, state: &State) -> Self {
-        let (pivot, motions) = free.motions(problem, state);
+impl<'f> CentroidGauge<'f> {
+    fn new(problem: &Problem<'_>, body: &'f FreeBody, poses: &Poses) -> Self {
+        let (pivot, motions) = body.motions(problem, poses);
         let model = problem.observations.model;
-        let mut this = Self { free, model, pivot, motions, weight: 0.0, inverse: [[0.0; 6]; 6] };
-        this.weigh(state);
-        this
+        let at = |weight: f64| Self {
+            body,
+            model,
+            pivot,
+            motions: motions.clone(),
+            weight,
+            inverse: [[0.0; 6]; 6],
+        };
+        // Positions alone align a component, unless they leave a motion open, as on a line: that one follows
+        // rotations.
+        let by_positions = at(0.0);
+        let eigen = by_positions.overlap(poses);
+        if aligned(&eigen.0).count() == motions.len() {
+            return by_positions.with_inverse(&eigen);
+        }
+        let by_both = at(SLIGHT * body.length * body.length);
+        let eigen = by_both.overlap(poses);
+        by_both.with_inverse(&eigen)
     }
 
-    /// `G`: how a taxel moves with each free motion.
-    fn carry(&self, at: &Pose) -> Vec<Twist> {
-        let carried = |m| carried(self.model, self.pivot, self.free.length, at, m);
-        self.motions.iter().map(carried).collect()
+    /// A column of `G` for every free motion: how it moves a taxel.
+    fn motions_of(&self, at: &Pose) -> Vec<Twist> {
+        let induced = |m| induced_motion(self.model, self.pivot, self.body.length, at, m);
+        self.motions.iter().map(induced).collect()
     }
 
     /// `A'`.
     fn conditions(&self, at: &Pose) -> Vec<Twist> {
-        self.carry(at).into_iter().map(|[u, w]| [u, self.weight * w]).collect()
-    }
-
-    /// Takes the component's covariances `C` into this gauge, given the columns `X = C A'`.
-    ///
-    /// With the free motions `G` and the conditions `A x = 0`, `A = (W G)'` with `W` picking what the alignment looks at,
-    /// the projection is `P = 1 - G (A G)^-1 A` and the covariance becomes `P C P'`: for every taxel
-    /// `C - B X' - X B' + B (A X) B'` with `B = G (A G)^-1`.
-    fn project(
-        &self,
-        state: &State,
-        solution: &dyn Fn(VertexId, usize) -> Twist,
-        blocks: &mut IdVec<VertexId, Block>,
-    ) {
-        let count = self.motions.len();
-        let mut conditioned = [[0.0; 6]; 6];
-        for &v in &self.free.component.taxels {
-            let at = self.conditions(&state[v]);
-            for (k, row) in conditioned.iter_mut().enumerate().take(count) {
-                for (l, sum) in row.iter_mut().enumerate().take(count) {
-                    *sum += dot(at[k], solution(v, l));
-                }
-            }
-        }
-        for &v in &self.free.component.taxels {
-            let g = self.carry(&state[v]);
-            let (mut b, mut x) = ([[0.0; 6]; 6], [[0.0; 6]; 6]);
-            for a in 0..6 {
-                for k in 0..count {
-                    b[a][k] = (0..count).map(|l| g[l][a / 3][a % 3] * self.inverse[l][k]).sum();
-                    x[a][k] = solution(v, k)[a / 3][a % 3];
-                }
-            }
-            let (bx, bs) = (times_transposed(&b, &x), times_transposed(&b, &conditioned));
-            let bsb = times_transposed(&bs, &b);
-            for (i, row) in blocks[v].iter_mut().enumerate() {
-                for (j, c) in row.iter_mut().enumerate() {
-                    *c += bsb[i][j] - bx[i][j] - bx[j][i];
-                }
-            }
-        }
-    }
-}
-
-/// Takes the covariances of all free components from the gauges of their gauge taxels to those of their centroids.
-///
-/// Components do not touch each other, so one solve for each of at most six conditions serves all of them.
-fn project(
-    problem: &Problem<'_>,
-    free: &[Free],
-    state: &State,
-    factor: &BlockFactor<'_>,
-    blocks: &mut IdVec<VertexId, Block>,
-) -> Result<(), CalibError> {
-    if free.is_empty() {
-        return Ok(());
-    }
-    let alignments: Vec<Alignment<'_>> = free.iter().map(|f| Alignment::new(problem, f, state)).collect();
-    let unknowns = problem.moving() * problem.shape.size() * problem.shape.columns();
-    let columns = alignments.iter().map(|a| a.motions.len()).max().unwrap_or(0);
-    let mut solved = vec![0.0; columns * unknowns];
-    for alignment in &alignments {
-        for &v in &alignment.free.component.taxels {
-            let Some(row) = problem.rows[v] else { continue };
-            for (k, twist) in alignment.conditions(&state[v]).iter().enumerate() {
-                for (a, at) in places(problem, row).enumerate() {
-                    solved[k * unknowns + at] = twist[a / 3][a % 3];
-                }
-            }
-        }
-    }
-    factor.solve(&mut solved, columns * problem.shape.columns()).map_err(CalibError::Sparse)?;
-    let solution = |v: VertexId, k: usize| {
-        let mut twist = [DVec3::ZERO; 2];
-        if let Some(row) = problem.rows[v] {
-            for (a, at) in places(problem, row).enumerate() {
-                twist[a / 3][a % 3] = solved[k * unknowns + at];
-            }
-        }
-        twist
-    };
-    alignments.iter().for_each(|alignment| alignment.project(state, &solution, blocks));
-    Ok(())
-}
-
-impl Alignment<'_> {
-    /// Positions alone align a component, unless they leave a motion open, as on a line: that one follows rotations.
-    fn weigh(&mut self, state: &State) {
-        let count = self.motions.len();
-        let mut eigen = self.overlap(state, 0.0);
-        let determined = |(values, _): &([f64; 6], Block)| {
-            let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
-            values.iter().filter(|&&x| x > OPEN * largest).count()
-        };
-        if determined(&eigen) < count {
-            self.weight = SLIGHT * self.free.length * self.free.length;
-            eigen = self.overlap(state, self.weight);
-        }
-        let (values, vectors) = eigen;
-        let largest = values.iter().fold(0.0_f64, |m, &x| m.max(x));
-        for (k, &value) in values.iter().enumerate().filter(|(_, v)| **v > OPEN * largest) {
-            for (i, row) in self.inverse.iter_mut().enumerate() {
-                for (j, x) in row.iter_mut().enumerate() {
-                    *x += vectors[i][k] * vectors[j][k] / value;
-                }
-            }
-        }
+        self.motions_of(at).into_iter().map(|[u, w]| [u, self.weight * w]).collect()
     }
 
     /// Eigenvalues and vectors of `A G = sum G' W G`.
-    fn overlap(&self, state: &State, weight: f64) -> ([f64; 6], Block) {
+    fn overlap(&self, poses: &Poses) -> ([f64; 6], [[f64; 6]; 6]) {
         let mut sum = [[0.0; 6]; 6];
-        for &v in &self.free.component.taxels {
-            let g = self.carry(&state[v]);
+        for &v in &self.body.component.taxels {
+            let g = self.motions_of(&poses[v]);
             for (row, x) in sum.iter_mut().zip(&g) {
                 for (s, y) in row.iter_mut().zip(&g) {
-                    *s += x[0].dot(y[0]) + weight * x[1].dot(y[1]);
+                    *s += x[0].dot(y[0]) + self.weight * x[1].dot(y[1]);
                 }
             }
         }
         symmetric_eigen(&sum)
     }
+
+    fn with_inverse(mut self, (values, vectors): &([f64; 6], [[f64; 6]; 6])) -> Self {
+        for k in aligned(values) {
+            for (i, row) in self.inverse.iter_mut().enumerate() {
+                for (j, x) in row.iter_mut().enumerate() {
+                    *x += vectors[i][k] * vectors[j][k] / values[k];
+                }
+            }
+        }
+        self
+    }
+
+    /// Takes the covariances `C` of the component's taxels into this gauge, given the columns `X = C A'`: for
+    /// every taxel `C - B X' - X B' + B (A X) B'` with `B = G (A G)^-1`.
+    fn project(
+        &self,
+        poses: &Poses,
+        solution: impl Fn(VertexId) -> Vec<Twist>,
+        blocks: &mut IdVec<VertexId, Matrix6>,
+    ) {
+        let mut ax = [[0.0; 6]; 6];
+        for &v in &self.body.component.taxels {
+            let x = solution(v);
+            for (row, a) in ax.iter_mut().zip(self.conditions(&poses[v])) {
+                for (sum, &x) in row.iter_mut().zip(&x) {
+                    *sum += dot(a, x);
+                }
+            }
+        }
+        for &v in &self.body.component.taxels {
+            let (g, x) = (self.motions_of(&poses[v]), solution(v));
+            let b = combined(&g, |l, k| self.inverse[l][k]);
+            let bx = product_transposed(&b, &x);
+            let b_ax = combined(&b, |l, k| ax[k][l]);
+            blocks[v] += product_transposed(&b_ax, &b) - bx - bx.transpose();
+        }
+    }
 }
 
-/// Share of the best aligned motion below which a motion counts as not aligned at all.
+/// Motions that an alignment undoes are those with an eigenvalue above this share of the largest.
 const OPEN: f64 = 1e-9;
 
-/// What rotations count where positions leave a motion open: so little that the other motions do not feel it, and enough to
-/// stand out from [`OPEN`].
+/// What rotations count where positions leave a motion open: so little that the other motions are not
+/// affected, and enough to stand out from [`OPEN`].
 const SLIGHT: f64 = 1e-5;
 
-/// Where the unknowns of a block row are in a right-hand side.
-fn places(problem: &Problem<'_>, row: u32) -> impl Iterator<Item = usize> + use<> {
-    let (shape, moving, row) = (problem.shape, problem.moving(), row as usize);
-    let count = if shape == Shape::Pose { 6 } else { 3 };
-    (0..count).map(move |a| if shape == Shape::Scalar { a * moving + row } else { shape.size() * row + a })
+/// The eigenvalues of motions that the alignment undoes.
+fn aligned(values: &[f64; 6]) -> impl Iterator<Item = usize> {
+    let least = OPEN * values.iter().fold(0.0_f64, |m, &x| m.max(x));
+    values.iter().enumerate().filter(move |(_, x)| **x > least).map(|(k, _)| k)
 }
 
-fn times_transposed(x: &Block, y: &Block) -> Block {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..6).map(|k| x[i][k] * y[j][k]).sum()))
-}
-
-fn in_common_frame(problem: &Problem<'_>, state: &State, blocks: &IdVec<VertexId, Block>) -> Marginals {
-    let quarter = |block: &Block, from: usize| {
-        let column = |b: usize| {
-            DVec3::new(block[from][from + b], block[from + 1][from + b], block[from + 2][from + b])
-        };
-        DMat3::from_cols(column(0), column(1), column(2))
+/// The columns of `M F`, for a matrix of the given columns.
+fn combined(columns: &[Twist], factor: impl Fn(usize, usize) -> f64) -> Vec<Twist> {
+    let column = |k: usize| {
+        let term = |(l, m): (usize, &Twist)| m.map(|x| x * factor(l, k));
+        columns.iter().enumerate().map(term).fold([DVec3::ZERO; 2], |sum, x| [sum[0] + x[0], sum[1] + x[1]])
     };
-    let upper = |m: DMat3| [m.x_axis.x, m.y_axis.x, m.z_axis.x, m.y_axis.y, m.z_axis.y, m.z_axis.z];
-    let positions = blocks
-        .iter()
-        .zip(state)
-        .map(|(block, pose)| {
-            let r = DMat3::from_quat(pose.rotation);
-            upper(r * quarter(block, 0) * r.transpose())
-        })
-        .collect();
-    let poses = problem.observations.model == Model::Poses;
-    let rotations = poses.then(|| blocks.map(|block| upper(quarter(block, 3))));
-    Marginals { positions, rotations }
+    (0..columns.len()).map(column).collect()
+}
+
+/// `M N'` for two matrices of the given columns.
+fn product_transposed(m: &[Twist], n: &[Twist]) -> Matrix6 {
+    m.iter().zip(n).fold(Matrix6::ZERO, |sum, (&x, &y)| sum + Matrix6::outer(x, y))
+}
+
+/// Takes the covariances of all free components from the gauges of their gauge taxels to those of their
+/// centroids.
+///
+/// Components do not touch each other, so one solve for each of at most six conditions serves all of them.
+fn to_centroid_gauge(
+    problem: &Problem<'_>,
+    free: &[FreeBody],
+    poses: &Poses,
+    factor: &BlockFactor<'_>,
+    blocks: &mut IdVec<VertexId, Matrix6>,
+) -> Result<(), CalibError> {
+    let gauges: Vec<CentroidGauge<'_>> =
+        free.iter().map(|body| CentroidGauge::new(problem, body, poses)).collect();
+    let Some(columns) = gauges.iter().map(|g| g.motions.len()).max() else { return Ok(()) };
+    let (layout, moving) = (problem.layout, problem.moving());
+    let unknowns = moving * layout.unknowns();
+    let mut solved = vec![0.0; columns * unknowns];
+    for gauge in &gauges {
+        for &v in &gauge.body.component.taxels {
+            let Some(row) = problem.rows[v] else { continue };
+            for (k, twist) in gauge.conditions(&poses[v]).iter().enumerate() {
+                for a in 0..layout.unknowns() {
+                    solved[k * unknowns + layout.index(moving, row, a)] = twist[a / 3][a % 3];
+                }
+            }
+        }
+    }
+    factor.solve(&mut solved, columns * layout.columns()).map_err(CalibError::Sparse)?;
+    for gauge in &gauges {
+        let solution = |v: VertexId| {
+            let mut x = vec![[DVec3::ZERO; 2]; gauge.motions.len()];
+            let Some(row) = problem.rows[v] else { return x };
+            for (k, twist) in x.iter_mut().enumerate() {
+                for a in 0..layout.unknowns() {
+                    twist[a / 3][a % 3] = solved[k * unknowns + layout.index(moving, row, a)];
+                }
+            }
+            x
+        };
+        gauge.project(poses, solution, blocks);
+    }
+    Ok(())
+}
+
+fn in_common_frame(problem: &Problem<'_>, poses: &Poses, blocks: &IdVec<VertexId, Matrix6>) -> Marginals {
+    let position = |(block, pose): (&Matrix6, &Pose)| {
+        let r = DMat3::from_quat(pose.rotation);
+        Covariance::from_matrix(&(r * block.0[0][0] * r.transpose()))
+    };
+    let has_rotations = problem.observations.model == Model::Poses;
+    Marginals {
+        positions: blocks.iter().zip(poses).map(position).collect(),
+        rotations: has_rotations.then(|| blocks.map(|block| Covariance::from_matrix(&block.0[1][1]))),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::calib::{
-        Initialization, ResidualConvention, SimulateOptions, simulate, solve::gauge::Anchoring,
-        solve::initial::start,
+        Initialization, ResidualConvention, SimulateOptions, simulate, solve::gauge::GaugeFreedom,
+        solve::initial::initial_poses,
     };
 
     type Dense = Vec<Vec<f64>>;
@@ -308,17 +308,17 @@ mod tests {
     }
 
     /// `P C P'` with `P = 1 - G (A G)^-1 A`, all matrices written out.
-    fn aligned(c: &Dense, alignment: &Alignment<'_>, state: &State) -> Dense {
+    fn aligned(c: &Dense, gauge: &CentroidGauge<'_>, poses: &Poses) -> Dense {
         let flat = |twists: Vec<Twist>| -> Vec<[f64; 6]> {
             twists.iter().map(|t| std::array::from_fn(|k| t[k / 3][k % 3])).collect()
         };
         let stacked = |of: &dyn Fn(&Pose) -> Vec<Twist>| -> Dense {
-            let blocks: Vec<_> = state.iter().map(|at| flat(of(at))).collect();
-            let count = alignment.motions.len();
+            let blocks: Vec<_> = poses.iter().map(|at| flat(of(at))).collect();
+            let count = gauge.motions.len();
             (0..count).map(|k| blocks.iter().flat_map(|b| b[k]).collect()).collect()
         };
-        let g = transposed(&stacked(&|at| alignment.carry(at)));
-        let a = stacked(&|at| alignment.conditions(at));
+        let g = transposed(&stacked(&|at| gauge.motions_of(at)));
+        let a = stacked(&|at| gauge.conditions(at));
         let away = product(&product(&g, &inverse(&product(&a, &g))), &a);
         let p: Dense = away
             .iter()
@@ -342,13 +342,13 @@ mod tests {
                 // Different in every direction: blocks of three.
                 information.0[0][0] *= 2.0;
             }
-            let state = start(&observations, Initialization::Chordal).unwrap();
+            let poses = initial_poses(&observations, Initialization::Chordal).unwrap();
             let problem = Problem::new(&observations, ResidualConvention::Split).unwrap();
-            let free = Anchoring::new(&problem, &state).free(&problem, &state, |_| true).into_owned();
-            let ones = problem.squares(&state).map(|_| 1.0);
-            let found = marginals(&problem, &free, &state, &ones).unwrap();
+            let free = GaugeFreedom::new(&problem, &poses).free(&problem, &poses, |_| true).into_owned();
+            let ones = problem.chi2(&poses).map(|_| 1.0);
+            let found = marginals(&problem, &free, &poses, &ones).unwrap();
 
-            let linear = Linear::new(&problem, &free, &state, &ones);
+            let linear = LinearSystem::new(&problem, &free, &poses, &ones);
             let n = linear.gradient.len();
             let column = |k: usize| {
                 let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == k))).collect();
@@ -356,7 +356,7 @@ mod tests {
             };
             let mut c = inverse(&(0..n).map(column).collect());
             if model == Model::Poses && !free.is_empty() {
-                c = aligned(&c, &Alignment::new(&problem, &free[0], &state), &state);
+                c = aligned(&c, &CentroidGauge::new(&problem, &free[0], &poses), &poses);
             } else if !free.is_empty() {
                 // Translations alone are free: what is left of every column is its distance from the mean.
                 let mean = |x: &Dense| -> Dense {
@@ -369,15 +369,15 @@ mod tests {
                 };
                 c = mean(&transposed(&mean(&c)));
             }
-            let size = problem.shape.size();
-            for (v, told) in found.positions.enumerate() {
+            let size = problem.layout.size();
+            for (v, found) in found.positions.enumerate() {
                 let block = |i: usize, j: usize| c[size * v.index() + i][size * v.index() + j];
                 let local = DMat3::from_cols_array(&std::array::from_fn(|k| block(k % 3, k / 3)));
-                let r = DMat3::from_quat(state[v].rotation);
+                let r = DMat3::from_quat(poses[v].rotation);
                 let m = r * local * r.transpose();
                 let expected = [m.x_axis.x, m.y_axis.x, m.z_axis.x, m.y_axis.y, m.z_axis.y, m.z_axis.z];
                 let scale = m.x_axis.x + m.y_axis.y + m.z_axis.z;
-                for (a, b) in told.iter().zip(expected) {
+                for (a, b) in found.to_array().into_iter().zip(expected) {
                     assert!(
                         (a - b).abs() < 1e-9 * scale,
                         "{model:?}, {anchors} anchors, {v:?}: {a} is not {b}"

@@ -1,9 +1,10 @@
-//! The optimiser: it knows residuals and weights, and nothing of outliers.
+//! The optimiser: from observations and weights to poses and covariances. It knows no outliers.
 
-pub(crate) mod gauge;
-pub(crate) mod initial;
-pub(crate) mod levenberg_marquardt;
-pub(crate) mod loss;
-pub(crate) mod marginals;
-pub(crate) mod normal_equations;
-pub(crate) mod residual;
+pub(super) mod gauge;
+pub(super) mod initial;
+pub(super) mod layout;
+pub(super) mod levenberg_marquardt;
+pub(super) mod loss;
+pub(super) mod marginals;
+pub(super) mod normal_equations;
+pub(super) mod residual;

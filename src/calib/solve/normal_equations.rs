@@ -1,64 +1,28 @@
+//! The normal equations of equation 1: squared residuals, Gauss-Newton matrix and gradient, at given poses
+//! and weights.
+//!
+//! `J' W Omega J x = -J' W Omega e`, summed over edges and contacts into blocks of 1, 3 or 6 rows
+//! ([`BlockLayout`]). Sums run in the order of the observations, so that the result does not depend on the
+//! number of threads.
+
 use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        CalibError, ContactMeasurement, ContactObservationId, Displacement, DisplacementId,
-        DisplacementMeasurement, Model, Observations, Pose, PosePrior, ResidualConvention,
+        CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement, Observations,
+        Pose, PosePrior, ResidualConvention,
         geometry::pose::hat,
-        solve::residual::{EdgeTerm, error, linearised},
+        observations::graph::{PerObservation, Poses},
+        solve::{
+            layout::{BlockLayout, number_rows, pair_of, row_pairs},
+            residual::{EdgeTerm, error, linearised},
+        },
     },
     id::{IdVec, VertexId},
     numeric::{Matrix6, Twist, dot},
     parallel::par_map,
     sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
 };
-
-/// Where every taxel is thought to be.
-pub(crate) type State = IdVec<VertexId, Pose>;
-
-/// One value for every observation.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct PerObservation<T = f64> {
-    pub(crate) edges: IdVec<DisplacementId, T>,
-    pub(crate) contacts: IdVec<ContactObservationId, T>,
-}
-
-impl<T: Copy> PerObservation<T> {
-    pub(crate) fn map<U>(&self, f: impl Fn(T) -> U) -> PerObservation<U> {
-        PerObservation { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
-    }
-
-    pub(crate) fn iter(&self) -> impl Iterator<Item = T> {
-        self.edges.iter().chain(&self.contacts).copied()
-    }
-}
-
-/// How much of a taxel shares one block of the system.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Shape {
-    /// Positions whose information is the same in every direction: one matrix serves x, y and z.
-    Scalar,
-    /// Positions.
-    Vector,
-    /// Poses.
-    Pose,
-}
-
-impl Shape {
-    /// Rows of a block.
-    pub(crate) const fn size(self) -> usize {
-        match self {
-            Self::Scalar => 1,
-            Self::Vector => 3,
-            Self::Pose => 6,
-        }
-    }
-
-    /// Right-hand sides.
-    pub(crate) const fn columns(self) -> usize {
-        if matches!(self, Self::Scalar) { 3 } else { 1 }
-    }
-}
 
 /// Edges linearised at a time: bounds the memory, and the order of sums does not depend on threads.
 const EDGES_PER_CHUNK: usize = 4096;
@@ -68,9 +32,9 @@ const EDGES_PER_CHUNK: usize = 4096;
 pub(crate) struct Problem<'o> {
     pub(crate) observations: &'o Observations,
     pub(crate) convention: ResidualConvention,
-    pub(crate) shape: Shape,
-    /// How many numbers every observation observes.
-    pub(crate) ranks: PerObservation<usize>,
+    pub(crate) layout: BlockLayout,
+    /// How many numbers every observation measures.
+    pub(crate) dimensions: PerObservation<usize>,
     /// The block row of every taxel that moves.
     pub(crate) rows: IdVec<VertexId, Option<u32>>,
     pub(crate) system: BlockSystem,
@@ -85,17 +49,17 @@ impl<'o> Problem<'o> {
     ) -> Result<Self, CalibError> {
         let (rows, count) = number_rows(observations, |v| !observations.taxels[v].fixed);
         let pairs = row_pairs(observations, &rows);
-        let shape = shape_of(observations);
+        let layout = BlockLayout::of(observations);
         let system =
-            BlockSystem::new(Pattern::new(count, pairs), shape.size()).map_err(CalibError::Sparse)?;
+            BlockSystem::new(Pattern::new(count, pairs), layout.size()).map_err(CalibError::Sparse)?;
         let slots = observations
             .edges
             .map(|e| pair_of(e, &rows).and_then(|(i, j)| Some((system.slot(i.max(j), i.min(j))?, j > i))));
-        let ranks = PerObservation {
+        let dimensions = PerObservation {
             edges: observations.edges.map(Displacement::rank),
             contacts: observations.contacts.map(|c| c.measurement.rank(observations.model)),
         };
-        Ok(Self { observations, convention, shape, ranks, rows, system, slots })
+        Ok(Self { observations, convention, layout, dimensions, rows, system, slots })
     }
 
     /// Number of taxels that move.
@@ -108,7 +72,7 @@ impl<'o> Problem<'o> {
         self.rows.enumerate().find(|(_, r)| r.is_some_and(|r| r as usize == row)).map(|(v, _)| v)
     }
 
-    /// Says which taxel makes the system singular.
+    /// Names the taxel that makes the system singular.
     pub(crate) fn explain(&self, error: SparseError) -> CalibError {
         match error {
             SparseError::NotPositiveDefinite { row } | SparseError::NotFinite { row } => {
@@ -119,43 +83,43 @@ impl<'o> Problem<'o> {
         }
     }
 
-    /// Squared error of every observation, over its variance.
-    pub(crate) fn squares(&self, state: &State) -> PerObservation {
+    /// Squared whitened residual of every observation.
+    pub(crate) fn chi2(&self, poses: &Poses) -> PerObservation {
         let Observations { edges, contacts, .. } = self.observations;
-        let square = |e: &Displacement| self.square(e, state);
+        let edge = |e: &Displacement| self.edge_chi2_of(e, poses);
         PerObservation {
-            edges: par_map(edges.as_slice(), square).into(),
-            contacts: contacts.map(|c| self.touch_square(&c.measurement, &state[c.taxel])),
+            edges: par_map(edges.as_slice(), edge).into(),
+            contacts: contacts.map(|c| self.contact_chi2(&c.measurement, &poses[c.taxel])),
         }
     }
 
-    /// Squared error of one edge, over its variance.
-    pub(crate) fn edge_square(&self, edge: DisplacementId, state: &State) -> f64 {
-        self.square(&self.observations.edges[edge], state)
+    /// Squared whitened residual of one edge.
+    pub(crate) fn edge_chi2(&self, edge: DisplacementId, poses: &Poses) -> f64 {
+        self.edge_chi2_of(&self.observations.edges[edge], poses)
     }
 
-    fn square(&self, e: &Displacement, state: &State) -> f64 {
+    fn edge_chi2_of(&self, e: &Displacement, poses: &Poses) -> f64 {
         match &e.measurement {
             DisplacementMeasurement::Offset { offset, information } => {
-                information.square(&offset_error(e, *offset, state).to_array())
+                information.square(&offset_error(e, *offset, poses).to_array())
             }
             DisplacementMeasurement::Relative(m) => {
-                let e = error(self.convention, &m.pose, &state[e.from], &state[e.to]);
+                let e = error(self.convention, &m.pose, &poses[e.from], &poses[e.to]);
                 dot(e, Matrix6::from_rows(&m.information.0) * e)
             }
         }
     }
 
-    pub(crate) fn touch_square(&self, touch: &ContactMeasurement, at: &Pose) -> f64 {
-        match touch {
+    pub(crate) fn contact_chi2(&self, measurement: &ContactMeasurement, at: &Pose) -> f64 {
+        match measurement {
             ContactMeasurement::Position { position, information } => {
                 information.square(&(at.position - *position).to_array())
             }
             ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
                 let square = information.square(&(at.position - *position).to_array());
-                let turned = match self.shape {
-                    Shape::Pose => (at.rotation * DVec3::Z).distance_squared(*normal),
-                    Shape::Scalar | Shape::Vector => 0.0,
+                let turned = match self.layout {
+                    BlockLayout::Pose => (at.rotation * DVec3::Z).distance_squared(*normal),
+                    BlockLayout::Scalar | BlockLayout::Vector => 0.0,
                 };
                 square + normal_information * turned
             }
@@ -167,18 +131,18 @@ impl<'o> Problem<'o> {
     }
 
     /// The Gauss-Newton matrix and the gradient of half the weighted sum of squares.
-    pub(crate) fn linearise(&self, state: &State, weights: &PerObservation) -> (BlockMatrix<'_>, Vec<f64>) {
+    pub(crate) fn linearise(&self, poses: &Poses, weights: &PerObservation) -> (BlockMatrix<'_>, Vec<f64>) {
         let mut sums = Sums {
             matrix: self.system.zero(),
-            gradient: vec![0.0; self.moving() * self.shape.size() * self.shape.columns()],
-            shape: self.shape,
+            gradient: vec![0.0; self.moving() * self.layout.size() * self.layout.columns()],
+            layout: self.layout,
             rows: self.moving(),
         };
         let edges = self.observations.edges.as_slice();
         for (chunk, edges) in edges.chunks(EDGES_PER_CHUNK).enumerate() {
             let id = |k: usize| DisplacementId::new(chunk * EDGES_PER_CHUNK + k);
-            if self.shape == Shape::Pose {
-                let terms: Vec<Option<EdgeTerm>> = par_map(edges, |e| self.relative_term(e, state));
+            if self.layout == BlockLayout::Pose {
+                let terms: Vec<Option<EdgeTerm>> = par_map(edges, |e| self.relative_term(e, poses));
                 for (k, term) in terms.iter().enumerate() {
                     if let Some(term) = term {
                         self.add_relative(&mut sums, id(k), term, weights.edges[id(k)]);
@@ -186,23 +150,23 @@ impl<'o> Problem<'o> {
                 }
             } else {
                 for (k, edge) in edges.iter().enumerate() {
-                    self.add_offset(&mut sums, id(k), edge, state, weights.edges[id(k)]);
+                    self.add_offset(&mut sums, id(k), edge, poses, weights.edges[id(k)]);
                 }
             }
         }
         for (id, contact) in self.observations.contacts.enumerate() {
             if let Some(row) = self.rows[contact.taxel] {
                 let weight = weights.contacts[id];
-                self.add_touch(&mut sums, row, &contact.measurement, &state[contact.taxel], weight);
+                self.add_contact(&mut sums, row, &contact.measurement, &poses[contact.taxel], weight);
             }
         }
         (sums.matrix, sums.gradient)
     }
 
-    fn relative_term(&self, edge: &Displacement, state: &State) -> Option<EdgeTerm> {
+    fn relative_term(&self, edge: &Displacement, poses: &Poses) -> Option<EdgeTerm> {
         match &edge.measurement {
             DisplacementMeasurement::Relative(m) => {
-                Some(EdgeTerm::new(self.convention, m, &state[edge.from], &state[edge.to]))
+                Some(EdgeTerm::new(self.convention, m, &poses[edge.from], &poses[edge.to]))
             }
             DisplacementMeasurement::Offset { .. } => None,
         }
@@ -228,12 +192,12 @@ impl<'o> Problem<'o> {
         sums: &mut Sums<'_>,
         id: DisplacementId,
         edge: &Displacement,
-        state: &State,
+        poses: &Poses,
         weight: f64,
     ) {
         let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else { return };
         let omega = information.matrix();
-        let gradient = omega * offset_error(edge, *offset, state);
+        let gradient = omega * offset_error(edge, *offset, poses);
         for (row, sign) in [(self.rows[edge.from], -1.0), (self.rows[edge.to], 1.0)] {
             if let Some(row) = row {
                 sums.matrix.add(BlockSlot::diagonal(row), |a, b| weight * omega.col(b)[a]);
@@ -245,28 +209,37 @@ impl<'o> Problem<'o> {
         }
     }
 
-    fn add_touch(&self, sums: &mut Sums<'_>, row: u32, touch: &ContactMeasurement, at: &Pose, weight: f64) {
-        let (block, gradient) = self.touch_term(touch, at);
+    fn add_contact(
+        &self,
+        sums: &mut Sums<'_>,
+        row: u32,
+        measurement: &ContactMeasurement,
+        at: &Pose,
+        weight: f64,
+    ) {
+        let (block, gradient) = self.contact_term(measurement, at);
         sums.add_quarters(BlockSlot::diagonal(row), &block, weight, false);
-        match self.shape {
-            Shape::Pose => sums.add_twist(row, gradient, weight),
-            Shape::Scalar | Shape::Vector => sums.add_vector(row, 0, weight * gradient[0]),
+        match self.layout {
+            BlockLayout::Pose => sums.add_twist(row, gradient, weight),
+            BlockLayout::Scalar | BlockLayout::Vector => sums.add_vector(row, 0, weight * gradient[0]),
         }
     }
 
     /// `J' Omega J` and `J' Omega e` of a contact, in the frame in which its taxel moves.
-    pub(crate) fn touch_term(&self, touch: &ContactMeasurement, at: &Pose) -> (Matrix6, Twist) {
+    pub(crate) fn contact_term(&self, measurement: &ContactMeasurement, at: &Pose) -> (Matrix6, Twist) {
         // The rotation is the identity in the positions model.
         let r = DMat3::from_quat(at.rotation);
-        match touch {
+        match measurement {
             ContactMeasurement::Position { position, information }
             | ContactMeasurement::PositionNormal { position, information, .. } => {
                 let omega = information.matrix();
                 let mut block = Matrix6::ZERO;
                 block.0[0][0] = r.transpose() * omega * r;
                 let mut gradient = [r.transpose() * (omega * (at.position - *position)), DVec3::ZERO];
-                if let (Shape::Pose, ContactMeasurement::PositionNormal { normal, normal_information, .. }) =
-                    (self.shape, touch)
+                if let (
+                    BlockLayout::Pose,
+                    ContactMeasurement::PositionNormal { normal, normal_information, .. },
+                ) = (self.layout, measurement)
                 {
                     // e = R z - n with the derivative -R hat(z): turning about z changes nothing.
                     block.0[1][1] = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0)) * *normal_information;
@@ -290,18 +263,16 @@ impl<'o> Problem<'o> {
         (back * (omega * jacobian), back * (omega * e))
     }
 
-    /// The state after a step: one block per moving taxel, as the gradient is laid out.
-    pub(crate) fn advanced(&self, state: &State, step: &[f64]) -> State {
-        let vector = |row: usize, k: usize| match self.shape {
-            Shape::Scalar => DVec3::from_array(std::array::from_fn(|c| step[c * self.moving() + row])),
-            Shape::Vector => DVec3::from_slice(&step[3 * row..]),
-            Shape::Pose => DVec3::from_slice(&step[6 * row + k..]),
+    /// The poses after a step: one block per moving taxel, laid out as the gradient.
+    pub(crate) fn advanced(&self, poses: &Poses, step: &[f64]) -> Poses {
+        let (layout, moving) = (self.layout, self.moving());
+        let vector = |row: u32, k: usize| {
+            DVec3::from_array(std::array::from_fn(|c| step[layout.index(moving, row, k + c)]))
         };
-        let mut next = state.clone();
+        let mut next = poses.clone();
         for (v, pose) in self.rows.ids().zip(next.iter_mut()) {
             let Some(row) = self.rows[v] else { continue };
-            let row = row as usize;
-            if self.shape == Shape::Pose {
+            if self.layout == BlockLayout::Pose {
                 *pose = pose.moved(vector(row, 0), vector(row, 3));
             } else {
                 pose.position += vector(row, 0);
@@ -312,66 +283,15 @@ impl<'o> Problem<'o> {
 }
 
 /// `t_j - t_i - delta`.
-fn offset_error(edge: &Displacement, offset: DVec3, state: &State) -> DVec3 {
-    state[edge.to].position - state[edge.from].position - offset
-}
-
-/// Numbers the taxels that `moves` in their order.
-pub(crate) fn number_rows(
-    observations: &Observations,
-    moves: impl Fn(VertexId) -> bool,
-) -> (IdVec<VertexId, Option<u32>>, usize) {
-    let mut count = 0_u32;
-    let number = |v| {
-        moves(v).then(|| {
-            count += 1;
-            count - 1
-        })
-    };
-    let rows = observations.taxels.ids().map(number).collect();
-    (rows, count as usize)
-}
-
-/// The rows of an edge between two taxels that move.
-pub(crate) fn pair_of(edge: &Displacement, rows: &IdVec<VertexId, Option<u32>>) -> Option<(usize, usize)> {
-    Some((rows[edge.from]? as usize, rows[edge.to]? as usize))
-}
-
-/// The rows of all edges between two taxels that move.
-pub(crate) fn row_pairs<'a>(
-    observations: &'a Observations,
-    rows: &'a IdVec<VertexId, Option<u32>>,
-) -> impl Iterator<Item = (usize, usize)> + 'a {
-    observations.edges.iter().filter_map(|e| pair_of(e, rows))
-}
-
-fn shape_of(observations: &Observations) -> Shape {
-    let round_edge = |e: &Displacement| match &e.measurement {
-        DisplacementMeasurement::Offset { information, .. } => information.as_isotropic().is_some(),
-        DisplacementMeasurement::Relative(_) => false,
-    };
-    let round_touch = |touch: &ContactMeasurement| match touch {
-        ContactMeasurement::Position { information, .. }
-        | ContactMeasurement::PositionNormal { information, .. } => information.as_isotropic().is_some(),
-        ContactMeasurement::Pose(_) => false,
-    };
-    match observations.model {
-        Model::Poses => Shape::Pose,
-        Model::Positions
-            if observations.edges.iter().all(round_edge)
-                && observations.contacts.iter().all(|c| round_touch(&c.measurement)) =>
-        {
-            Shape::Scalar
-        }
-        Model::Positions => Shape::Vector,
-    }
+fn offset_error(edge: &Displacement, offset: DVec3, poses: &Poses) -> DVec3 {
+    poses[edge.to].position - poses[edge.from].position - offset
 }
 
 /// The system while it is summed up.
 struct Sums<'s> {
     matrix: BlockMatrix<'s>,
     gradient: Vec<f64>,
-    shape: Shape,
+    layout: BlockLayout,
     rows: usize,
 }
 
@@ -390,14 +310,8 @@ impl Sums<'_> {
     }
 
     fn add_vector(&mut self, row: u32, k: usize, x: DVec3) {
-        let row = row as usize;
         for (c, x) in x.to_array().into_iter().enumerate() {
-            let at = match self.shape {
-                Shape::Scalar => c * self.rows + row,
-                Shape::Vector => 3 * row + c,
-                Shape::Pose => 6 * row + k + c,
-            };
-            self.gradient[at] += x;
+            self.gradient[self.layout.index(self.rows, row, k + c)] += x;
         }
     }
 }

@@ -1,38 +1,17 @@
+//! The residual of a relative pose in three conventions, with analytic Jacobians ([barfoot2017]).
+
 use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        Pose, RelativePose,
-        geometry::pose::{hat, log, right_jacobian_inverse, unbend, unbend_jacobians},
+        Pose, RelativePose, ResidualConvention,
+        geometry::pose::{
+            hat, left_jacobian_inverse_times, left_jacobian_inverse_times_derivatives, log,
+            right_jacobian_inverse,
+        },
     },
     numeric::{Matrix6, Twist},
 };
-
-/// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose becomes six numbers.
-///
-/// The same file has a different minimum under each, so every printed cost names its convention.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ResidualConvention {
-    /// `[dt; Log dR]`: translation and rotation apart.
-    #[default]
-    Split,
-    /// The full logarithm of SE(3), as GTSAM does.
-    Log,
-    /// `[dt; vec(quaternion of dR)]`, half the angle: as g2o does.
-    Quaternion,
-}
-
-impl ResidualConvention {
-    /// `split`, `log` or `quaternion`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Split => "split",
-            Self::Log => "log",
-            Self::Quaternion => "quaternion",
-        }
-    }
-}
 
 /// The six numbers of `E = Z^-1 T_i^-1 T_j`.
 pub(crate) fn error(convention: ResidualConvention, observed: &Pose, from: &Pose, to: &Pose) -> Twist {
@@ -43,7 +22,7 @@ pub(crate) fn error(convention: ResidualConvention, observed: &Pose, from: &Pose
         ResidualConvention::Split => [dt, log(dr)],
         ResidualConvention::Log => {
             let turn = log(dr);
-            [unbend(turn, dt), turn]
+            [left_jacobian_inverse_times(turn, dt), turn]
         }
         ResidualConvention::Quaternion => [dt, if dr.w < 0.0 { -dr.xyz() } else { dr.xyz() }],
     }
@@ -78,9 +57,9 @@ pub(crate) fn linearised(
         return ([dt, turn], Matrix6(by_from), Matrix6(by_to));
     }
     // The translation bends with the rotation: chain rule.
-    let (by_turn, by_dt) = unbend_jacobians(turn, dt);
+    let (by_turn, by_dt) = left_jacobian_inverse_times_derivatives(turn, dt);
     let chain = Matrix6([[by_dt, by_turn], [DMat3::ZERO, DMat3::IDENTITY]]);
-    ([unbend(turn, dt), turn], chain * Matrix6(by_from), chain * Matrix6(by_to))
+    ([left_jacobian_inverse_times(turn, dt), turn], chain * Matrix6(by_from), chain * Matrix6(by_to))
 }
 
 /// One relative pose in the normal equations, before any robust weight.

@@ -8,7 +8,7 @@ use std::{
 use glam::{DQuat, DVec3};
 
 use crate::{
-    calib::{Calibration, Observations, Pose},
+    calib::{Calibration, Observations, Pose, Verdict},
     id::{IdVec, VertexId},
     io::{
         IoError,
@@ -36,7 +36,7 @@ pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), I
             [calibration.ids[v].to_string()].into_iter().chain(decimals(numbers)).collect();
         match &sigmas {
             Some((sigmas, covariances)) => {
-                row.extend(decimals([sigmas[v]].into_iter().chain(covariances[v])))
+                row.extend(decimals([sigmas[v]].into_iter().chain(covariances[v].to_array())))
             }
             None => row.resize(HEADER.len(), String::new()),
         }
@@ -80,8 +80,8 @@ pub fn write_triangles(
 /// Writes how well every observation fits: `i,j,sigmas,weight,inlier`, edges first, then contacts
 /// with an empty `j`.
 ///
-/// `sigmas` is the length of the whitened error, `weight` what the robust kernel left of it,
-/// `inlier` 1 where noise explains it and 0 where it does not.
+/// `sigmas` is the length of the whitened residual, `weight` how much the observation counts,
+/// `inlier` 1 for an inlier and 0 for what is rejected or ambiguous.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
@@ -90,17 +90,15 @@ pub fn write_inliers(
     observations: &Observations,
     calibration: &Calibration,
 ) -> Result<(), IoError> {
-    let fits = &calibration.weights;
+    let fits = &calibration.diagnostics;
     let id = |v: VertexId| observations.taxels[v].id.to_string();
-    let edges = observations.edges.enumerate().map(|(e, edge)| {
-        (id(edge.from), id(edge.to), fits.edge_squares[e], fits.edges[e], fits.edge_kept[e])
-    });
-    let contacts = observations.contacts.enumerate().map(|(c, contact)| {
-        let (square, weight) = (fits.contact_squares[c], fits.contacts[c]);
-        (id(contact.taxel), String::new(), square, weight, fits.contact_kept[c])
-    });
-    let mut rows = edges.chain(contacts).map(|(i, j, square, weight, kept)| {
-        Ok(vec![i, j, square.sqrt().to_string(), weight.to_string(), u8::from(kept).to_string()])
+    let edges = observations.edges.iter().zip(&fits.edges);
+    let edges = edges.map(|(edge, fit)| (id(edge.from), id(edge.to), fit));
+    let contacts = observations.contacts.iter().zip(&fits.contacts);
+    let contacts = contacts.map(|(contact, fit)| (id(contact.taxel), String::new(), fit));
+    let mut rows = edges.chain(contacts).map(|(i, j, fit)| {
+        let inlier = u8::from(fit.verdict == Verdict::Inlier).to_string();
+        Ok(vec![i, j, fit.chi2.sqrt().to_string(), fit.weight.to_string(), inlier])
     });
     write_table(path, &["i", "j", "sigmas", "weight", "inlier"], &mut rows)
 }

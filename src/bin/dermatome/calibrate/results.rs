@@ -43,7 +43,7 @@ impl Kind {
     }
 }
 
-/// Refuses whatever the command line alone tells to fail.
+/// Refuses what cannot succeed, by the command line alone.
 pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
     let outputs: Vec<_> =
         args.output.iter().map(|path| Ok((path.as_path(), Kind::of(path)?))).collect::<Result<_, Error>>()?;
@@ -112,20 +112,20 @@ pub(super) fn write(
     Ok(outputs.publish()?)
 }
 
-/// Makes the skin, and tells what was left out or assumed.
+/// Makes the skin, and prints what was left out or assumed.
 fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result<Skin> {
     let made =
         calibrated_skin(found, &inputs.observations, inputs.triangles.as_deref()).map_err(Error::from)?;
-    let untold = made.outside.iter().filter(|&&outside| outside == Outside::Origin).count();
-    if untold > 0 && !common.quiet {
+    let unknown = made.outside.iter().filter(|&&outside| outside == Outside::Origin).count();
+    if unknown > 0 && !common.quiet {
         eprintln!(
-            "note: neither frames nor normals tell the outside of {untold} of {} patches: it is taken to be away from the origin; --triangles decides",
+            "note: neither frames nor normals determine the outside of {unknown} of {} patches: away from the origin is assumed; --triangles decides",
             made.outside.len()
         );
     }
     if made.turned > 0 && !common.quiet {
         eprintln!(
-            "note: {} sheets of triangles were wound against the taxels' frames or normals and were turned over",
+            "note: the triangles of {} patches contradicted the taxels' frames or normals and were reversed",
             made.turned
         );
     }

@@ -1,0 +1,49 @@
+//! The rotation, and the rigid motion, that align two sets of points or directions best ([horn1987],
+//! [wahba1965]).
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::numeric::symmetric_eigen;
+
+/// The matrix `a b'`.
+pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// Two sets of points about their centroids.
+pub(crate) struct Correlation {
+    pub(crate) from: DVec3,
+    pub(crate) to: DVec3,
+    /// `sum (to_k - to) (from_k - from)'`.
+    pub(crate) matrix: DMat3,
+}
+
+impl Correlation {
+    /// Of pairs of points, at least one.
+    pub(crate) fn new(pairs: &[(DVec3, DVec3)]) -> Self {
+        let count = pairs.len() as f64;
+        let from = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
+        let to = pairs.iter().map(|p| p.1).sum::<DVec3>() / count;
+        let matrix = pairs.iter().map(|p| outer(p.1 - to, p.0 - from)).fold(DMat3::ZERO, |sum, m| sum + m);
+        Self { from, to, matrix }
+    }
+}
+
+/// The rotation nearest to a matrix in the sum of squares: the largest eigenvector of Horn's matrix, which
+/// cannot become a reflection.
+pub(crate) fn nearest_rotation(m: &DMat3) -> DQuat {
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
+    let (xx, xy, xz) = (x.x, y.x, z.x);
+    let (yx, yy, yz) = (x.y, y.y, z.y);
+    let (zx, zy, zz) = (x.z, y.z, z.z);
+    let k = [
+        [xx - yy - zz, xy + yx, xz + zx, zy - yz],
+        [xy + yx, yy - xx - zz, yz + zy, xz - zx],
+        [xz + zx, yz + zy, zz - xx - yy, yx - xy],
+        [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+    ];
+    let (values, vectors) = symmetric_eigen(&k);
+    let best = (0..4).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(3);
+    let q = DQuat::from_xyzw(vectors[0][best], vectors[1][best], vectors[2][best], vectors[3][best]);
+    if q.w < 0.0 { -q } else { q }.normalize()
+}

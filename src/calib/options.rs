@@ -1,0 +1,108 @@
+//! The options of [`calibrate`](crate::calib::calibrate()): plain data.
+
+use crate::calib::CalibError;
+
+/// Options of [`calibrate`](crate::calib::calibrate()).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibOptions {
+    /// How the error of a relative pose becomes six numbers; unused in the positions model.
+    pub residual: ResidualConvention,
+    /// How outliers are treated.
+    pub robust: Robust,
+    /// Where the optimisation starts.
+    pub initialization: Initialization,
+    /// Most iterations of one minimisation; robust estimation minimises several times.
+    pub max_iterations: usize,
+    /// The cost has converged when a step lowers it by less than this share, or the next step is
+    /// predicted to.
+    pub relative_decrease: f64,
+    /// Whether to compute the covariance of every taxel.
+    pub covariances: bool,
+}
+
+impl Default for CalibOptions {
+    fn default() -> Self {
+        Self {
+            residual: ResidualConvention::default(),
+            robust: Robust::default(),
+            initialization: Initialization::default(),
+            max_iterations: 100,
+            relative_decrease: 1e-9,
+            covariances: true,
+        }
+    }
+}
+
+impl CalibOptions {
+    pub(super) fn validate(&self) -> Result<(), CalibError> {
+        if self.max_iterations == 0 {
+            let (option, found, needed) = ("the number of iterations", "0".into(), "at least 1");
+            return Err(CalibError::BadOption { option, found, needed });
+        }
+        if !(0.0..1.0).contains(&self.relative_decrease) {
+            let found = self.relative_decrease.to_string();
+            return Err(CalibError::BadOption { option: "the relative decrease", found, needed: "0 to 1" });
+        }
+        Ok(())
+    }
+}
+
+/// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose becomes six numbers.
+///
+/// The same file has a different minimum under each, so every printed cost names its convention.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ResidualConvention {
+    /// `[dt; Log dR]`: translation and rotation apart.
+    #[default]
+    Split,
+    /// The full logarithm of SE(3), as GTSAM does.
+    Log,
+    /// `[dt; vec(quaternion of dR)]`, half the angle: as g2o does.
+    Quaternion,
+}
+
+impl ResidualConvention {
+    /// `split`, `log` or `quaternion`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Split => "split",
+            Self::Log => "log",
+            Self::Quaternion => "quaternion",
+        }
+    }
+}
+
+/// How outliers are treated: observations that their stated noise does not explain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Robust {
+    /// Least squares first. If its chi-square is too large, or one residual is an outlier, refit as
+    /// [`Robust::Graduated`]. The refit is kept only if some rejected observation is an outlier relative
+    /// to the median residual of its kind, and at most half of the edges and of the contacts are rejected.
+    #[default]
+    Automatic,
+    /// Least squares: a single outlier moves the whole result.
+    LeastSquares,
+    /// Huber's loss: convex, and outliers keep a bounded influence.
+    Huber,
+    /// Tukey's biweight loss, started from Huber's solution: outliers lose all influence.
+    Tukey,
+    /// Truncated least squares by graduated non-convexity: needs no good start, and copes with the most
+    /// outliers.
+    Graduated,
+}
+
+/// Where the optimisation starts. Positions are linear, so that all but [`Initialization::InitialValues`]
+/// are the same there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Initialization {
+    /// Rotations as if they were free matrices, projected to rotations, then translations: two linear
+    /// systems (Martinec and Pajdla 2007, Carlone et al. 2015). Along a spanning tree where that has no
+    /// solution.
+    #[default]
+    Chordal,
+    /// Observations chained along a breadth-first spanning tree.
+    SpanningTree,
+    /// The initial values of the taxels.
+    InitialValues,
+}

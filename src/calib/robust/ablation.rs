@@ -1,0 +1,81 @@
+//! The table of what each stage contributes, printed for the documentation of this module.
+#![allow(clippy::print_stdout, reason = "it prints a table")]
+
+use super::{Solution, automatic, robust_fit, stages::descended};
+use crate::calib::{
+    CalibError, CalibOptions, DisplacementMeasurement, Loss, Robust, SimulateOptions, compare,
+    observations::graph::Poses,
+    robust::{graduated::graduated, length_prior},
+    simulate,
+    solve::{
+        gauge::GaugeFreedom, initial::initial_poses, levenberg_marquardt::Solver, loss::LossFunctions,
+        normal_equations::Problem,
+    },
+};
+
+type Stage = fn(&mut Solver<'_>, Poses, &LossFunctions) -> Result<Solution, CalibError>;
+
+fn with_length_prior(
+    solver: &mut Solver<'_>,
+    start: Poses,
+    losses: &LossFunctions,
+) -> Result<Solution, CalibError> {
+    let first = descended(solver, start.clone(), losses, None)?;
+    match length_prior::length_prior(solver.problem.observations, &first.verdicts) {
+        Some(odds) => descended(solver, start, &length_prior::with_odds(losses, &odds), Some(&odds)),
+        None => Ok(first),
+    }
+}
+
+const STAGES: [(&str, Stage); 6] = [
+    ("least squares", |solver, start, _| Solution::least_squares(solver, start)),
+    ("graduated non-convexity alone", |solver, start, losses| {
+        graduated(solver, start, losses, || losses.clone())
+    }),
+    ("+ coordinate descent", |solver, start, losses| descended(solver, start, losses, None)),
+    ("+ length prior", with_length_prior),
+    ("+ ambiguity (--robust gnc)", robust_fit),
+    ("automatic, with noise scale", |solver, start, _| automatic(solver, start)),
+];
+
+fn rmse_mm(stage: Stage, outliers: f64, stated: f64, seed: u64) -> f64 {
+    let simulation = simulate(&SimulateOptions { outliers, seed, ..SimulateOptions::default() }).unwrap();
+    let mut observations = simulation.observations;
+    for edge in observations.edges.iter_mut() {
+        if let DisplacementMeasurement::Offset { information, .. } = &mut edge.measurement {
+            information.0.iter_mut().flatten().for_each(|x| *x *= stated.powi(-2));
+        }
+    }
+    let options = CalibOptions { robust: Robust::Automatic, ..CalibOptions::default() };
+    let problem = Problem::new(&observations, options.residual).unwrap();
+    let start = initial_poses(&observations, options.initialization).unwrap();
+    let gauge = GaugeFreedom::new(&problem, &start);
+    let mut solver = Solver {
+        problem: &problem,
+        gauge: &gauge,
+        options: &options,
+        iterations: Vec::new(),
+        watch: &|_, _| {},
+    };
+    let losses = LossFunctions::new(&problem.dimensions, Loss::Truncated);
+    let found = stage(&mut solver, start, &losses).unwrap();
+    compare(&found.iterate.poses, &simulation.truth).unwrap().rigid * 1e3
+}
+
+#[test]
+#[ignore = "prints the ablation table; takes a minute"]
+fn table() {
+    println!("                                 noise stated right        noise understated twice");
+    println!("wrong edges                    0 %    5 %   20 %   40 %     0 %    5 %   20 %   40 %");
+    for (name, stage) in STAGES {
+        print!("{name:28}");
+        for stated in [1.0, 0.5] {
+            for outliers in [0.0, 0.05, 0.2, 0.4] {
+                let mean = (0..20).map(|seed| rmse_mm(stage, outliers, stated, seed)).sum::<f64>() / 20.0;
+                print!(" {mean:6.2}");
+            }
+            print!("  ");
+        }
+        println!();
+    }
+}

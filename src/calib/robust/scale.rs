@@ -1,0 +1,115 @@
+//! The noise scale: how much larger the residuals of most observations are than their stated noise predicts, by
+//! the median ([rousseeuw1987]); and the outlier test that holds at any scale.
+
+use crate::calib::{
+    Verdict,
+    observations::graph::PerObservation,
+    robust::{goodness_of_fit::goodness_of_fit, solution::Solution},
+    solve::{levenberg_marquardt::Solver, loss::LossFunctions},
+};
+use crate::numeric::quantile;
+
+/// A scale up to this is no sign of understated noise: the median doubles where 40 % of the edges are wrong.
+const AS_STATED: f64 = 2.5;
+
+/// Probability that noise alone makes one of all observations an outlier at any scale.
+const BY_CHANCE: f64 = 1e-3;
+
+/// How much larger squared residuals are than the stated noise predicts: 1 where it is right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Scale {
+    pub(crate) edges: f64,
+    pub(crate) contacts: f64,
+}
+
+impl Scale {
+    /// The scale of most observations under a robust `solution`; at least 1.
+    pub(crate) fn of(solver: &Solver<'_>, solution: &Solution) -> Self {
+        let redundancy = goodness_of_fit(solver, solution).redundancy();
+        let median = median_scale(&solver.problem.dimensions, &solution.iterate.chi2);
+        // Fitting makes squared residuals smaller.
+        let scale = |median: f64| (median * redundancy).max(1.0);
+        Self { edges: scale(median.edges), contacts: scale(median.contacts) }
+    }
+
+    /// Whether the stated noise is right as far as a median can tell.
+    pub(crate) fn is_as_stated(self) -> bool {
+        self.is_as_stated_of_edges() && self.contacts <= AS_STATED
+    }
+
+    pub(crate) fn is_as_stated_of_edges(self) -> bool {
+        self.edges <= AS_STATED
+    }
+
+    pub(crate) fn max(self, other: Self) -> Self {
+        Self { edges: self.edges.max(other.edges), contacts: self.contacts.max(other.contacts) }
+    }
+
+    /// The losses with bounds for this scale.
+    pub(crate) fn of_losses(self, losses: &LossFunctions) -> LossFunctions {
+        losses.scaled(|_| self.edges, |_| self.contacts)
+    }
+}
+
+/// The median of squared residuals over that of a chi-square variable, of edges and of contacts; 0 without any. Of
+/// an even number the lower one, so that half can be wrong; of two the larger, since either can be made to fit.
+fn median_scale(dimensions: &PerObservation<usize>, chi2: &PerObservation) -> Scale {
+    let mut medians = ByDimension::new(|n| quantile(0.5, n));
+    let mut median = |dimensions: &[usize], chi2: &[f64]| {
+        let observed = dimensions.iter().zip(chi2).filter(|(n, _)| **n > 0);
+        let mut relative: Vec<f64> = observed.map(|(&n, chi2)| chi2 / medians.of(n)).collect();
+        let half = (relative.len().saturating_sub(1) / 2).max(usize::from(relative.len() > 1));
+        if relative.is_empty() { 0.0 } else { *relative.select_nth_unstable_by(half, f64::total_cmp).1 }
+    };
+    Scale {
+        edges: median(dimensions.edges.as_slice(), chi2.edges.as_slice()),
+        contacts: median(dimensions.contacts.as_slice(), chi2.contacts.as_slice()),
+    }
+}
+
+/// Whether the squared residual of an observation that `suspects` picks exceeds
+/// `leverage * median scale * chi-square quantile`. Does not depend on the stated noise.
+///
+/// The `leverage` is that by which fitting separates suspects from the others.
+pub(crate) fn has_outlier(
+    dimensions: &PerObservation<usize>,
+    leverage: f64,
+    chi2: &PerObservation,
+    verdicts: &PerObservation<Verdict>,
+    suspects: impl Fn(Verdict) -> bool,
+) -> bool {
+    let count = dimensions.iter().filter(|&n| n > 0).count() as f64;
+    let mut largest = ByDimension::new(|n| quantile(1.0 - BY_CHANCE / count, n));
+    let mut any = |scale: f64, dimensions: &[usize], chi2: &[f64], verdicts: &[Verdict]| {
+        let observed =
+            dimensions.iter().zip(chi2).zip(verdicts).filter(|((n, _), v)| suspects(**v) && **n > 0);
+        observed.into_iter().any(|((&n, &chi2), _)| chi2 > leverage * scale * largest.of(n))
+    };
+    let scale = median_scale(dimensions, chi2);
+    any(scale.edges, dimensions.edges.as_slice(), chi2.edges.as_slice(), verdicts.edges.as_slice())
+        || any(
+            scale.contacts,
+            dimensions.contacts.as_slice(),
+            chi2.contacts.as_slice(),
+            verdicts.contacts.as_slice(),
+        )
+}
+
+/// A number for every dimension, found once.
+struct ByDimension<F> {
+    find: F,
+    known: Vec<Option<f64>>,
+}
+
+impl<F: Fn(f64) -> f64> ByDimension<F> {
+    fn new(find: F) -> Self {
+        Self { find, known: Vec::new() }
+    }
+
+    fn of(&mut self, dimension: usize) -> f64 {
+        if self.known.len() <= dimension {
+            self.known.resize(dimension + 1, None);
+        }
+        *self.known[dimension].get_or_insert_with(|| (self.find)(dimension as f64))
+    }
+}
