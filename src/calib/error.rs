@@ -1,3 +1,5 @@
+//! Why observations cannot be used, or give no skin.
+
 use crate::{
     calib::{ContactObservationId, DisplacementId},
     skin::TaxelId,
@@ -40,7 +42,7 @@ pub enum CalibError {
         /// The taxel.
         id: TaxelId,
     },
-    /// A number of an edge is not finite, or its quaternion is no rotation.
+    /// A number of an edge is not finite, or its quaternion is not a rotation.
     #[error(
         "edge {edge} ({from} to {to}) holds a number that is not finite or a quaternion that is not of unit length"
     )]
@@ -96,7 +98,7 @@ pub enum CalibError {
         /// How many more there are.
         others: usize,
     },
-    /// The observations leave the place of a taxel open.
+    /// The observations do not determine the pose of a taxel.
     #[error(
         "the observations do not determine how taxel {id} lies, or their information differs by more than 13 digits"
     )]
@@ -105,26 +107,26 @@ pub enum CalibError {
         id: TaxelId,
     },
     /// There is not one pose for every true one, or none.
-    #[error("{found} poses are compared with {needed} true ones; needed: as many, and at least one")]
+    #[error("{found} poses are compared with {needed} true ones; needed: the same number, and at least one")]
     UnequalPoses {
         /// Poses given.
         found: usize,
         /// True poses.
         needed: usize,
     },
-    /// A start from initial values without any.
+    /// There are no initial values to start from.
     #[error("taxel {id} has no initial value to start from")]
     NoInitialValue {
         /// The first taxel without.
         id: TaxelId,
     },
-    /// A taxel is fixed nowhere.
+    /// A taxel is fixed, but has no pose.
     #[error("taxel {id} is fixed, but has no initial value to be fixed at")]
     FixedNowhere {
         /// The taxel.
         id: TaxelId,
     },
-    /// An initial value is no pose.
+    /// An initial value is not a pose.
     #[error(
         "the initial value of taxel {id} holds a number that is not finite or a quaternion that is not of unit length"
     )]
@@ -142,8 +144,8 @@ pub enum CalibError {
         /// What is needed.
         needed: &'static str,
     },
-    /// The triangles that were given are no surface.
-    #[error("the triangles are no oriented surface: {what}")]
+    /// The given triangles are not a surface.
+    #[error("the triangles are not an oriented surface: {what}")]
     BadTriangles {
         /// What breaks it.
         what: String,

@@ -1,3 +1,5 @@
+//! From a calibration to a skin: the triangles that the displacements form, or given ones, turned outwards.
+
 use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DVec3};
@@ -16,13 +18,13 @@ pub struct CalibratedSkin {
     pub skin: Skin,
     /// Taxels that no triangle uses: they are left out of the skin.
     pub left_out: Vec<VertexId>,
-    /// What told the outside, patch by patch.
+    /// What determined the outside, patch by patch.
     pub outside: Vec<Outside>,
-    /// Sheets of given triangles that were seen from inside and were turned over.
+    /// Patches whose given triangles were inside out and were reversed.
     pub turned: usize,
 }
 
-/// What told which side of a calibrated skin is outside.
+/// What determined which side of a calibrated skin is outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outside {
     /// The winding of the triangles given.
@@ -31,20 +33,32 @@ pub enum Outside {
     Frames,
     /// The normals of contacts.
     Contacts,
-    /// Nothing: it is taken to be away from the origin.
+    /// Nothing: away from the origin is assumed.
     Origin,
 }
 
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
 ///
 /// Normals are those of the triangles in the positions model, the z axes of the taxel frames in the poses model.
-/// Outside of each sheet is where its taxel frames or touched normals point; where neither is known, as given triangles are
-/// wound, and without these away from the frame's origin. Edges without information form no triangle; edges that
-/// were let go do, unless the surface is none with them.
+/// The outside of each sheet is where its taxel frames or contact normals point; without either, as given
+/// triangles are wound; without these, away from the origin. Edges without information form no triangle.
+/// Rejected edges do, unless the triangles are then not a surface.
+///
+/// ```
+/// use dermatome::calib::{CalibOptions, SimulateOptions, calibrate, calibrated_skin, simulate};
+///
+/// let simulation = simulate(&SimulateOptions { taxels: 50, ..SimulateOptions::default() })?;
+/// let observations = &simulation.observations;
+/// let found = calibrate(observations, &CalibOptions::default(), &|_, _| {})?;
+/// let made = calibrated_skin(&found, observations, None)?;
+/// let patch = made.skin.patches.iter().next().expect("one sheet");
+/// assert_eq!(patch.mesh.triangles.len(), simulation.mesh.triangles.len());
+/// # Ok::<(), dermatome::calib::CalibError>(())
+/// ```
 ///
 /// # Errors
-/// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of the edges, are no
-/// oriented manifold or there are none; triangles of the edges must not close up either.
+/// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of the edges,
+/// are not an oriented manifold or there are none; triangles of the edges must not close up either.
 pub fn calibrated_skin(
     calibration: &Calibration,
     observations: &Observations,
@@ -71,19 +85,19 @@ pub fn calibrated_skin(
     let mut turned = 0;
     for sheet in &mut sheets {
         let known = sheet.taxels.iter().any(|&v| normals[v] != DVec3::ZERO);
-        let told = match calibration.model {
+        let decided_by = match calibration.model {
             _ if !known && given => Outside::Triangles,
             _ if !known => Outside::Origin,
             Model::Positions => Outside::Contacts,
             Model::Poses => Outside::Frames,
         };
-        let was_inside_out = match told {
+        let was_inside_out = match decided_by {
             Outside::Triangles => false,
             Outside::Frames | Outside::Contacts => sheet.turn_to(calibration, |v| normals[v]),
             Outside::Origin => sheet.turn_to(calibration, |v| calibration.poses[v].position),
         };
         turned += usize::from(was_inside_out && given);
-        outside.push(told);
+        outside.push(decided_by);
     }
     let mut skin = Skin::default();
     let link = skin.links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY });
@@ -164,7 +178,7 @@ fn edge_triangles(
     lattice_triangles(ids, observations, |e| !rejected.contains(&e)).and_then(|faces| oriented(ids, faces))
 }
 
-/// All triples of taxels that edges join pairwise that say anything and that `counts` picks, each once, corners ascending.
+/// All triples of taxels that edges join pairwise that have information and that `counts` picks, each once, corners ascending.
 fn lattice_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     observations: &Observations,
@@ -187,7 +201,7 @@ fn lattice_triangles(
                 if some.len() < others.len() { (some, &others[..]) } else { (&others[..], some) };
             let mut closing = few.iter().filter(|c| many.binary_search(c).is_ok());
             triangles.extend(closing.by_ref().take(2).map(|&c| [a, b, c]));
-            // A graph of many triangles is no surface: do not list them all.
+            // A graph of many triangles is not a surface: do not list them all.
             if closing.next().is_some() {
                 return Err(three_meet(ids[a], ids[b]));
             }

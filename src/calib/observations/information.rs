@@ -1,3 +1,5 @@
+//! Information matrices: inverse covariances, which may be singular.
+
 use glam::DMat3;
 
 use crate::numeric::symmetric_eigen;
@@ -9,12 +11,15 @@ const ROUNDING: f64 = 1e-8;
 /// How far below zero an entry on the diagonal may lie, over the largest entry: an inverse of a covariance leaves no more.
 const DIAGONAL_ROUNDING: f64 = 1e-13;
 
+/// Sum of a row with its diagonal over the diagonal, below which no correlation hides a direction.
+const WEAK: f64 = 1.5;
+
 /// A direction counts as observed if its eigenvalue is above this in the matrix with ones on its diagonal.
 const RANK_TOLERANCE: f64 = 1e-9;
 
-/// A symmetric matrix of `N` rows that says how well something was observed: the inverse of a covariance.
+/// The inverse of a covariance: a symmetric matrix of `N` rows.
 ///
-/// Zero information is allowed and means: not observed.
+/// Zero information is allowed: that direction was not observed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Information<const N: usize>(pub [[f64; N]; N]);
 
@@ -62,8 +67,7 @@ impl<const N: usize> Information<N> {
     }
 
     /// `e' Omega e`.
-    #[must_use]
-    pub fn square(&self, e: &[f64; N]) -> f64 {
+    pub(crate) fn quadratic_form(&self, e: &[f64; N]) -> f64 {
         let row = |i: usize| (0..N).map(|j| self.0[i][j] * e[j]).sum::<f64>();
         (0..N).map(|i| e[i] * row(i)).sum()
     }
@@ -113,14 +117,13 @@ impl<const N: usize> Information<N> {
     }
 
     /// Number of directions that are observed at all.
-    #[must_use]
-    pub fn rank(&self) -> usize {
+    pub(crate) fn rank(&self) -> usize {
         if let Some(value) = self.as_isotropic() {
             return if value > 0.0 { N } else { 0 };
         }
         let Some(c) = self.correlations() else { return 0 };
         // Weak correlations leave every direction that is observed (Gershgorin); most files hold nothing else.
-        let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= 1.5 * c[i][i];
+        let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= WEAK * c[i][i];
         if (0..N).all(is_weak) {
             return (0..N).filter(|&i| c[i][i] > 0.0).count();
         }
@@ -130,8 +133,7 @@ impl<const N: usize> Information<N> {
 
 impl Information<3> {
     /// The same as a matrix.
-    #[must_use]
-    pub fn matrix(&self) -> DMat3 {
+    pub(crate) fn matrix(&self) -> DMat3 {
         DMat3::from_cols(self.0[0].into(), self.0[1].into(), self.0[2].into())
     }
 }

@@ -7,10 +7,7 @@ use crate::calib::{
     CalibError, Loss, Termination,
     observations::graph::Poses,
     robust::solution::Solution,
-    solve::{
-        levenberg_marquardt::{Solver, Weighting},
-        loss::LossFunctions,
-    },
+    solve::{levenberg_marquardt::Solver, loss::LossFunctions, weighting::Weighting},
 };
 
 /// Control at which a residual of a million bounds still counts: larger ones may be rejected at once.

@@ -56,9 +56,9 @@ pub(crate) fn length_prior(
         let end = (first + 2 * NEIGHBOURS + 1).min(edges);
         // An edge is no evidence for itself; one more with the odds of all keeps the odds finite.
         let own = usize::from(is_inlier(e));
-        let good = (inliers_before[end] - inliers_before[first] - own) as f64 + share;
+        let near = (inliers_before[end] - inliers_before[first] - own) as f64 + share;
         let all = (end - first) as f64;
-        odds[e] = (good / (all - good)).ln() - (share / (1.0 - share)).ln();
+        odds[e] = (near / (all - near)).ln() - (share / (1.0 - share)).ln();
     }
     Some(odds)
 }

@@ -4,8 +4,9 @@ use crate::calib::{
     CalibError, Loss, Termination, Verdict,
     observations::graph::{PerObservation, Poses},
     solve::{
-        levenberg_marquardt::{Iterate, Solver, Weighting},
+        levenberg_marquardt::{Iterate, Solver},
         loss::{LossFunctions, SMALLEST_WEIGHT},
+        weighting::Weighting,
     },
 };
 

@@ -72,6 +72,28 @@ impl SensorLayout {
         Ok(Self { frames, edges, triangles })
     }
 
+    /// `count` taxels far from each other: the lowest, then always the one farthest from those chosen.
+    pub(super) fn spread(&self, count: usize) -> Vec<VertexId> {
+        if count == self.frames.len() {
+            return self.frames.ids().collect();
+        }
+        let height = |v: &VertexId| self.frames[*v].position.z;
+        let mut distances = self.frames.map(|_| f64::INFINITY);
+        let mut chosen = Vec::with_capacity(count);
+        let mut next = self.frames.ids().min_by(|a, b| height(a).total_cmp(&height(b)));
+        while let Some(v) = next.filter(|_| chosen.len() < count) {
+            chosen.push(v);
+            let here = self.frames[v].position;
+            for (d, frame) in distances.iter_mut().zip(&self.frames) {
+                *d = d.min(frame.position.distance_squared(here));
+            }
+            next =
+                distances.enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(v, _)| v);
+        }
+        chosen.sort_unstable();
+        chosen
+    }
+
     /// Positions and triangles.
     pub(super) fn mesh(&self) -> TriMesh {
         TriMesh { positions: self.frames.map(|f| f.position), triangles: self.triangles.clone() }

@@ -264,7 +264,7 @@ fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut
     let mut noise = Random::new(options.seed, stream::ANCHORS);
     let mut arm = Random::new(options.seed, stream::ARM);
     let information = Information::isotropic(information_of_noise(options.anchor_noise));
-    for taxel in spread(layout, options.anchors) {
+    for taxel in layout.spread(options.anchors) {
         let frame = &layout.frames[taxel];
         let touched = simulate_contact(&options.probe, options.radius, frame.rotation * DVec3::Z, &mut arm);
         let position = touched.position + noise.vector(options.anchor_noise);
@@ -284,25 +284,4 @@ fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut
         };
         observations.contacts.push(ContactObservation { taxel, measurement: touch });
     }
-}
-
-/// `count` taxels far from each other: the lowest, then always the one farthest from those chosen.
-fn spread(layout: &SensorLayout, count: usize) -> Vec<VertexId> {
-    if count == layout.frames.len() {
-        return layout.frames.ids().collect();
-    }
-    let height = |v: &VertexId| layout.frames[*v].position.z;
-    let mut distances = layout.frames.map(|_| f64::INFINITY);
-    let mut chosen = Vec::with_capacity(count);
-    let mut next = layout.frames.ids().min_by(|a, b| height(a).total_cmp(&height(b)));
-    while let Some(v) = next.filter(|_| chosen.len() < count) {
-        chosen.push(v);
-        let here = layout.frames[v].position;
-        for (d, frame) in distances.iter_mut().zip(&layout.frames) {
-            *d = d.min(frame.position.distance_squared(here));
-        }
-        next = distances.enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(v, _)| v);
-    }
-    chosen.sort_unstable();
-    chosen
 }

@@ -210,7 +210,7 @@ impl FreeBody {
             return (centroid, (0..self.free_motions).map(unit).collect());
         }
         let (pivot, _, motions) = self.anchoring(problem, poses);
-        // In the positions model rotations are among the free motions; they move nothing and are left out.
+        // In the positions model rotations are among the free motions; they move no taxel and are left out.
         let moves =
             |m: &RigidMotion| problem.observations.model == Model::Poses || m[..3].iter().any(|&x| x != 0.0);
         (pivot, motions.into_iter().filter(moves).take(self.free_motions).collect())

@@ -17,7 +17,7 @@ use crate::{
     sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
-/// Taxels that keep their place while the start is computed: fixed ones, and the gauge taxel of every component
+/// Taxels that keep their pose while the start is computed: fixed ones, and the gauge taxel of every component
 /// without.
 fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
     let mut anchors = observations.taxels.map(|t| t.fixed);
@@ -29,7 +29,7 @@ fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
     anchors
 }
 
-/// A start of the wanted kind. Positions are linear: they need none.
+/// Initial poses of the wanted kind. Positions are linear: they need none.
 pub(crate) fn initial_poses(observations: &Observations, kind: Initialization) -> Result<Poses, CalibError> {
     let mut poses = match kind {
         Initialization::InitialValues => {
@@ -86,7 +86,7 @@ pub(crate) fn spanning_tree(observations: &Observations) -> Poses {
     poses
 }
 
-/// The two linear systems of a chordal start: both have one block row for every taxel that is no anchor.
+/// The two linear systems of the chordal relaxation: both have a block row for every taxel that is not an anchor.
 fn chordal(observations: &Observations) -> Result<Poses, SparseError> {
     let mut poses = initial_or_origin(observations);
     let anchors = anchors(observations);

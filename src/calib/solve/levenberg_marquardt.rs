@@ -4,20 +4,13 @@
 //!
 //! It knows no outliers. It finds a local minimum; which one depends on the start.
 
-use std::borrow::Cow;
-
-use crate::{
-    calib::{
-        CalibError, CalibOptions,
-        observations::graph::{PerObservation, Poses},
-        solve::{
-            gauge::{FreeBody, GaugeFreedom},
-            layout::BlockLayout,
-            loss::LossFunctions,
-            normal_equations::Problem,
-        },
+use crate::calib::{
+    CalibError, CalibOptions,
+    observations::graph::{PerObservation, Poses},
+    solve::{
+        convergence::Convergence, gauge::GaugeFreedom, linear_system::LinearSystem,
+        normal_equations::Problem, weighting::Weighting,
     },
-    sparse::{BlockMatrix, SparseError},
 };
 
 /// One step of the optimisation.
@@ -91,55 +84,12 @@ const LARGEST_DAMPING: f64 = 1e12;
 /// Rounding of a sum of squares, over the sum: a step that raises the cost by less has not failed.
 const COST_ROUNDING: f64 = 1e-13;
 
-/// A cost this far below what rounding of the sums can resolve counts as zero, over the number of
-/// observations.
-const EXACT_FIT: f64 = 1e-20;
-
-/// Ratio of two decreases below which the next one is predicted instead of computed, which would cost a
-/// factorization: a quarter of the time of most graphs.
-const STEADY: f64 = 0.1;
-
-/// No ratio is taken to be smaller: near a minimum with residuals, Gauss-Newton converges linearly.
-const SMALLEST_RATIO: f64 = 1e-3;
-
 /// Growth of the control of graduated non-convexity from step to step. The 1.4 of [yang2020] takes three
 /// times as many steps to the same accuracy, at 5, 20 and 30 % outliers.
 const GRADUATION: f64 = 2.0;
 
 /// Control at which the graduated loss and the truncated one differ for one observation in thirty.
 const LAST_CONTROL: f64 = 30.0;
-
-/// The weights of squared residuals while the optimisation runs.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Weighting<'w> {
-    /// From loss functions, at every step anew.
-    Loss(&'w LossFunctions),
-    /// Given.
-    Fixed(&'w PerObservation),
-    /// Those of the graduated loss at control `mu`, which grows after every step until it reaches the
-    /// truncated loss ([yang2020], algorithm 1).
-    Graduated { losses: &'w LossFunctions, mu: f64 },
-}
-
-impl Weighting<'_> {
-    fn weights(&self, chi2: &PerObservation) -> Cow<'_, PerObservation> {
-        match self {
-            Self::Loss(losses) => Cow::Owned(losses.weights(chi2)),
-            Self::Fixed(weights) => Cow::Borrowed(weights),
-            Self::Graduated { losses, mu } => Cow::Owned(losses.graduated_weights(*mu, chi2)),
-        }
-    }
-
-    fn cost(&self, chi2: &PerObservation) -> f64 {
-        match self {
-            Self::Loss(losses) => losses.cost(chi2),
-            Self::Fixed(_) | Self::Graduated { .. } => {
-                let weights = self.weights(chi2);
-                0.5 * weights.iter().zip(chi2.iter()).map(|(w, s)| w * s).sum::<f64>()
-            }
-        }
-    }
-}
 
 /// Poses with their squared residuals and cost.
 #[derive(Debug, Clone)]
@@ -154,51 +104,6 @@ impl Iterate {
         let chi2 = problem.chi2(&poses);
         let cost = weighting.cost(&chi2);
         Self { poses, chi2, cost }
-    }
-}
-
-/// The linear system at some poses.
-pub(crate) struct LinearSystem<'p> {
-    pub(crate) matrix: BlockMatrix<'p>,
-    pub(crate) gradient: Vec<f64>,
-    columns: usize,
-}
-
-impl<'p> LinearSystem<'p> {
-    pub(crate) fn new(
-        problem: &'p Problem<'_>,
-        free: &[FreeBody],
-        poses: &Poses,
-        weights: &PerObservation,
-    ) -> Self {
-        let (mut matrix, gradient) = problem.linearise(poses, weights);
-        for body in free {
-            body.fix_gauge(problem, poses, &mut matrix);
-        }
-        Self { matrix, gradient, columns: problem.layout.columns() }
-    }
-
-    /// The step to the minimum of the quadratic, with `damping` times the diagonal added.
-    fn newton_step(&self, damping: f64) -> Result<Vec<f64>, SparseError> {
-        let factor = if damping > 0.0 {
-            let mut damped = self.matrix.clone();
-            let more: Vec<f64> = self.matrix.diagonal().iter().map(|d| damping * d).collect();
-            damped.add_diagonal(&more);
-            damped.factor()?
-        } else {
-            self.matrix.factor()?
-        };
-        let mut step: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
-        factor.solve(&mut step, self.columns)?;
-        Ok(step)
-    }
-
-    /// How much the quadratic falls by the minimising `step` under `damping`.
-    fn predicted_decrease(&self, step: &[f64], damping: f64) -> f64 {
-        let diagonal = if damping > 0.0 { self.matrix.diagonal() } else { vec![0.0] };
-        let damped: f64 = step.iter().zip(diagonal.iter().cycle()).map(|(x, d)| damping * d * x * x).sum();
-        let slope: f64 = step.iter().zip(&self.gradient).map(|(x, g)| x * g).sum();
-        0.5 * (damped - slope)
     }
 }
 
@@ -265,49 +170,6 @@ impl Solver<'_> {
     fn log(&mut self, iteration: Iteration) {
         self.iterations.push(iteration);
         (self.watch)(self.iterations.len(), &iteration);
-    }
-}
-
-/// Decides from the decreases of the cost whether it has converged.
-struct Convergence {
-    relative_decrease: f64,
-    /// A decrease that is too small for any cost.
-    negligible: f64,
-    /// Whether the squared residuals are quadratic: their minimum is where one undamped step leads.
-    is_quadratic: bool,
-    /// The decrease by the last step, if that was an undamped step on fixed weights.
-    last: Option<f64>,
-}
-
-impl Convergence {
-    fn new(problem: &Problem<'_>, relative_decrease: f64) -> Self {
-        Self {
-            relative_decrease,
-            negligible: EXACT_FIT * problem.dimensions.iter().count() as f64,
-            is_quadratic: problem.layout != BlockLayout::Pose,
-            last: None,
-        }
-    }
-
-    /// Whether a `decrease` to `cost` is too small to go on.
-    fn is_small(&self, decrease: f64, cost: f64) -> bool {
-        decrease <= self.relative_decrease * cost
-    }
-
-    /// After a step that was damped, or on weights that change.
-    fn is_reached(&mut self, decrease: f64, cost: f64) -> bool {
-        self.last = None;
-        decrease <= self.relative_decrease * cost + self.negligible
-    }
-
-    /// After an undamped step on fixed weights: such steps gain ever less, by the same ratio again if that is
-    /// not the chance of a first step.
-    fn is_reached_by_newton(&mut self, decrease: f64, cost: f64) -> bool {
-        let ratio = self.last.map_or(1.0, |last| (decrease / last).max(SMALLEST_RATIO));
-        let next = if ratio < STEADY { decrease * ratio } else { decrease };
-        let reached = self.is_quadratic || self.is_reached(next, cost);
-        self.last = Some(decrease);
-        reached
     }
 }
 

@@ -13,7 +13,7 @@ use crate::{
         solve::{
             gauge::{FreeBody, RigidMotion, induced_motion},
             layout::BlockLayout,
-            levenberg_marquardt::LinearSystem,
+            linear_system::LinearSystem,
             normal_equations::Problem,
         },
     },

@@ -1,10 +1,14 @@
 //! The optimiser: from observations and weights to poses and covariances. It knows no outliers.
 
+mod accumulator;
+mod convergence;
 pub(super) mod gauge;
 pub(super) mod initial;
 pub(super) mod layout;
 pub(super) mod levenberg_marquardt;
+pub(super) mod linear_system;
 pub(super) mod loss;
 pub(super) mod marginals;
 pub(super) mod normal_equations;
 pub(super) mod residual;
+pub(super) mod weighting;

@@ -2,7 +2,7 @@
 //! and weights.
 //!
 //! `J' W Omega J x = -J' W Omega e`, summed over edges and contacts into blocks of 1, 3 or 6 rows
-//! ([`BlockLayout`]). Sums run in the order of the observations, so that the result does not depend on the
+//! ([`BlockLayout`]). Accumulator run in the order of the observations, so that the result does not depend on the
 //! number of threads.
 
 use glam::{DMat3, DVec3};
@@ -14,6 +14,7 @@ use crate::{
         geometry::pose::hat,
         observations::graph::{PerObservation, Poses},
         solve::{
+            accumulator::Accumulator,
             layout::{BlockLayout, number_rows, pair_of, row_pairs},
             residual::{EdgeTerm, error, linearised},
         },
@@ -101,7 +102,7 @@ impl<'o> Problem<'o> {
     fn edge_chi2_of(&self, e: &Displacement, poses: &Poses) -> f64 {
         match &e.measurement {
             DisplacementMeasurement::Offset { offset, information } => {
-                information.square(&offset_error(e, *offset, poses).to_array())
+                information.quadratic_form(&offset_error(e, *offset, poses).to_array())
             }
             DisplacementMeasurement::Relative(m) => {
                 let e = error(self.convention, &m.pose, &poses[e.from], &poses[e.to]);
@@ -113,10 +114,10 @@ impl<'o> Problem<'o> {
     pub(crate) fn contact_chi2(&self, measurement: &ContactMeasurement, at: &Pose) -> f64 {
         match measurement {
             ContactMeasurement::Position { position, information } => {
-                information.square(&(at.position - *position).to_array())
+                information.quadratic_form(&(at.position - *position).to_array())
             }
             ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
-                let square = information.square(&(at.position - *position).to_array());
+                let square = information.quadratic_form(&(at.position - *position).to_array());
                 let turned = match self.layout {
                     BlockLayout::Pose => (at.rotation * DVec3::Z).distance_squared(*normal),
                     BlockLayout::Scalar | BlockLayout::Vector => 0.0,
@@ -132,7 +133,7 @@ impl<'o> Problem<'o> {
 
     /// The Gauss-Newton matrix and the gradient of half the weighted sum of squares.
     pub(crate) fn linearise(&self, poses: &Poses, weights: &PerObservation) -> (BlockMatrix<'_>, Vec<f64>) {
-        let mut sums = Sums {
+        let mut sums = Accumulator {
             matrix: self.system.zero(),
             gradient: vec![0.0; self.moving() * self.layout.size() * self.layout.columns()],
             layout: self.layout,
@@ -172,24 +173,24 @@ impl<'o> Problem<'o> {
         }
     }
 
-    fn add_relative(&self, sums: &mut Sums<'_>, id: DisplacementId, term: &EdgeTerm, weight: f64) {
+    fn add_relative(&self, sums: &mut Accumulator<'_>, id: DisplacementId, term: &EdgeTerm, weight: f64) {
         let edge = &self.observations.edges[id];
         if let Some(row) = self.rows[edge.from] {
-            sums.add_quarters(BlockSlot::diagonal(row), &term.from_from, weight, false);
+            sums.add_block(BlockSlot::diagonal(row), &term.from_from, weight, false);
             sums.add_twist(row, term.from_gradient, weight);
         }
         if let Some(row) = self.rows[edge.to] {
-            sums.add_quarters(BlockSlot::diagonal(row), &term.to_to, weight, false);
+            sums.add_block(BlockSlot::diagonal(row), &term.to_to, weight, false);
             sums.add_twist(row, term.to_gradient, weight);
         }
         if let Some((slot, transposed)) = self.slots[id] {
-            sums.add_quarters(slot, &term.from_to, weight, transposed);
+            sums.add_block(slot, &term.from_to, weight, transposed);
         }
     }
 
     fn add_offset(
         &self,
-        sums: &mut Sums<'_>,
+        sums: &mut Accumulator<'_>,
         id: DisplacementId,
         edge: &Displacement,
         poses: &Poses,
@@ -211,14 +212,14 @@ impl<'o> Problem<'o> {
 
     fn add_contact(
         &self,
-        sums: &mut Sums<'_>,
+        sums: &mut Accumulator<'_>,
         row: u32,
         measurement: &ContactMeasurement,
         at: &Pose,
         weight: f64,
     ) {
         let (block, gradient) = self.contact_term(measurement, at);
-        sums.add_quarters(BlockSlot::diagonal(row), &block, weight, false);
+        sums.add_block(BlockSlot::diagonal(row), &block, weight, false);
         match self.layout {
             BlockLayout::Pose => sums.add_twist(row, gradient, weight),
             BlockLayout::Scalar | BlockLayout::Vector => sums.add_vector(row, 0, weight * gradient[0]),
@@ -285,33 +286,4 @@ impl<'o> Problem<'o> {
 /// `t_j - t_i - delta`.
 fn offset_error(edge: &Displacement, offset: DVec3, poses: &Poses) -> DVec3 {
     poses[edge.to].position - poses[edge.from].position - offset
-}
-
-/// The system while it is summed up.
-struct Sums<'s> {
-    matrix: BlockMatrix<'s>,
-    gradient: Vec<f64>,
-    layout: BlockLayout,
-    rows: usize,
-}
-
-impl Sums<'_> {
-    fn add_quarters(&mut self, slot: BlockSlot, block: &Matrix6, weight: f64, transposed: bool) {
-        if transposed {
-            self.matrix.add(slot, |a, b| weight * block.entry(b, a));
-        } else {
-            self.matrix.add(slot, |a, b| weight * block.entry(a, b));
-        }
-    }
-
-    fn add_twist(&mut self, row: u32, gradient: Twist, weight: f64) {
-        self.add_vector(row, 0, weight * gradient[0]);
-        self.add_vector(row, 3, weight * gradient[1]);
-    }
-
-    fn add_vector(&mut self, row: u32, k: usize, x: DVec3) {
-        for (c, x) in x.to_array().into_iter().enumerate() {
-            self.gradient[self.layout.index(self.rows, row, k + c)] += x;
-        }
-    }
 }

@@ -1,0 +1,151 @@
+//! Checks of everything that a solve relies on.
+
+use std::{collections::HashSet, fmt::Display};
+
+use crate::{
+    calib::{
+        CalibError, ContactMeasurement, ContactObservation, ContactObservationId, Displacement,
+        DisplacementId, DisplacementMeasurement, Model, Observations,
+    },
+    id::VertexId,
+    skin::TaxelId,
+};
+
+impl Observations {
+    /// Checks everything that [`crate::calib::calibrate`] relies on.
+    ///
+    /// # Errors
+    /// The first broken promise: which element, what was found, what is needed.
+    pub fn validate(&self) -> Result<(), CalibError> {
+        let observations = self.edges.len() + self.contacts.len();
+        if self.taxels.is_empty() || observations == 0 {
+            return Err(CalibError::Empty { taxels: self.taxels.len(), observations });
+        }
+        self.check_taxels()?;
+        for (edge, displacement) in self.edges.enumerate() {
+            self.check_edge(edge, displacement)?;
+        }
+        for (id, contact) in self.contacts.enumerate() {
+            self.check_contact(id, contact)?;
+        }
+        self.check_observed()
+    }
+
+    fn check_taxels(&self) -> Result<(), CalibError> {
+        let mut seen = HashSet::with_capacity(self.taxels.len());
+        for taxel in &self.taxels {
+            if !seen.insert(taxel.id) {
+                return Err(CalibError::DuplicateTaxel { id: taxel.id });
+            }
+            if taxel.initial.is_none() && taxel.fixed {
+                return Err(CalibError::FixedNowhere { id: taxel.id });
+            }
+            if taxel.initial.is_some_and(|p| !p.is_valid()) {
+                return Err(CalibError::InvalidInitial { id: taxel.id });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_index(&self, element: impl Display, vertex: VertexId) -> Result<TaxelId, CalibError> {
+        let dangling = || CalibError::Dangling {
+            element: element.to_string(),
+            vertex: vertex.index(),
+            taxels: self.taxels.len(),
+        };
+        self.taxels.get(vertex).map(|t| t.id).ok_or_else(dangling)
+    }
+
+    fn check_edge(&self, edge: DisplacementId, displacement: &Displacement) -> Result<(), CalibError> {
+        let from = self.check_index(format_args!("edge {edge}"), displacement.from)?;
+        let to = self.check_index(format_args!("edge {edge}"), displacement.to)?;
+        if from == to {
+            return Err(CalibError::SelfEdge { edge, id: from });
+        }
+        let (fits, finite, definite) = match &displacement.measurement {
+            DisplacementMeasurement::Offset { offset, information } => {
+                (self.model == Model::Positions, offset.is_finite(), information.is_positive_semidefinite())
+            }
+            DisplacementMeasurement::Relative(m) => {
+                (self.model == Model::Poses, m.pose.is_valid(), m.information.is_positive_semidefinite())
+            }
+        };
+        if !fits {
+            let needed = "displacements t_j - t_i for positions, relative poses for poses";
+            let element = format!("edge {edge}");
+            return Err(CalibError::WrongModel { element, id: from, model: self.model.name(), needed });
+        }
+        if !finite {
+            return Err(CalibError::InvalidEdge { edge, from, to });
+        }
+        if !definite {
+            let eigenvalue = match &displacement.measurement {
+                DisplacementMeasurement::Offset { information, .. } => information.eigenvalues()[0],
+                DisplacementMeasurement::Relative(m) => m.information.eigenvalues()[0],
+            };
+            return Err(CalibError::IndefiniteEdge { edge, from, to, eigenvalue });
+        }
+        Ok(())
+    }
+
+    fn check_contact(
+        &self,
+        contact: ContactObservationId,
+        touched: &ContactObservation,
+    ) -> Result<(), CalibError> {
+        let id = self.check_index(format_args!("contact {contact}"), touched.taxel)?;
+        let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
+        const INDEFINITE: &str = "its information matrix is not positive semi-definite";
+        match &touched.measurement {
+            ContactMeasurement::Position { position, information }
+            | ContactMeasurement::PositionNormal { position, information, .. } => {
+                if !position.is_finite() {
+                    return invalid("its position is not finite");
+                }
+                if !information.is_positive_semidefinite() {
+                    return invalid(INDEFINITE);
+                }
+            }
+            ContactMeasurement::Pose(prior) => {
+                if self.model == Model::Positions {
+                    let needed = "positions, with or without normal";
+                    let element = format!("contact {contact}");
+                    return Err(CalibError::WrongModel { element, id, model: self.model.name(), needed });
+                }
+                if !prior.pose.is_valid() || !prior.offset.is_valid() {
+                    return invalid(
+                        "it holds a number that is not finite or a quaternion not of unit length",
+                    );
+                }
+                if !prior.information.is_positive_semidefinite() {
+                    return invalid(INDEFINITE);
+                }
+            }
+        }
+        if let ContactMeasurement::PositionNormal { normal, normal_information, .. } = &touched.measurement {
+            if !normal.is_normalized() {
+                return invalid("its normal is not of unit length");
+            }
+            if !(*normal_information >= 0.0 && normal_information.is_finite()) {
+                return invalid("the information of its normal is negative or not finite");
+            }
+        }
+        Ok(())
+    }
+
+    fn check_observed(&self) -> Result<(), CalibError> {
+        let mut observed = self.taxels.map(|t| t.fixed);
+        for edge in self.edges.iter().filter(|e| e.is_observed()) {
+            observed[edge.from] = true;
+            observed[edge.to] = true;
+        }
+        for contact in self.contacts.iter().filter(|c| c.measurement.rank(self.model) > 0) {
+            observed[contact.taxel] = true;
+        }
+        let mut unobserved = observed.enumerate().filter(|(_, seen)| !**seen).map(|(v, _)| v);
+        match unobserved.next() {
+            Some(v) => Err(CalibError::Unobserved { id: self.taxels[v].id, others: unobserved.count() }),
+            None => Ok(()),
+        }
+    }
+}
