@@ -15,6 +15,7 @@ use crate::{
     errors::advise,
     notes::remark_lost,
     outputs::{self, Outputs},
+    print::line,
 };
 
 /// What an output holds.
@@ -128,6 +129,9 @@ fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result
             "note: the triangles of {} patches contradicted the taxels' frames or normals and were reversed",
             made.turned
         );
+    }
+    for remark in made.remarks.iter().filter(|_| !common.quiet) {
+        eprintln!("note: {}", line(&remark.to_string()));
     }
     if !made.left_out.is_empty() && !common.quiet {
         eprintln!("note: {} taxels are in no triangle and are left out of the skin", made.left_out.len());
