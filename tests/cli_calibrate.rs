@@ -114,7 +114,7 @@ fn every_observation_has_a_line_in_the_report_of_inliers() {
         .args(["--inliers", "i.csv"])
         .assert()
         .success()
-        .stderr(contains("noise does not explain"));
+        .stderr(contains("rejected as outliers"));
     let table = fs::read_to_string(folder.join("i.csv")).unwrap();
     let rows: Vec<Vec<&str>> = table.lines().map(|l| l.split(',').collect()).collect();
     assert_eq!(rows[0], ["i", "j", "sigmas", "weight", "inlier"]);
@@ -284,7 +284,7 @@ fn advice_is_about_what_went_wrong() {
 }
 
 #[test]
-fn many_loose_pieces_are_counted() {
+fn many_components_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let rows: String = (0..30).map(|k| format!("{},{},1,0,0\n", 2 * k, 2 * k + 1)).collect();
@@ -297,6 +297,6 @@ fn many_loose_pieces_are_counted() {
     };
     let (told, notes) = pieces(&[]);
     assert_eq!(told, 8);
-    assert!(notes.contains("44 taxels in 22 more pieces"), "{notes}");
+    assert!(notes.contains("44 taxels in 22 more components"), "{notes}");
     assert_eq!(pieces(&["--verbose"]).0, 30);
 }

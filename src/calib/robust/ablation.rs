@@ -29,9 +29,7 @@ fn with_length_prior(
 
 const STAGES: [(&str, Stage); 6] = [
     ("least squares", |solver, start, _| Solution::least_squares(solver, start)),
-    ("graduated non-convexity alone", |solver, start, losses| {
-        graduated(solver, start, losses, || losses.clone())
-    }),
+    ("graduated non-convexity", |solver, start, losses| graduated(solver, start, losses, || losses.clone())),
     ("+ coordinate descent", |solver, start, losses| descended(solver, start, losses, None)),
     ("+ length prior", with_length_prior),
     ("+ ambiguity (--robust gnc)", robust_fit),
@@ -63,7 +61,7 @@ fn rmse_mm(stage: Stage, outliers: f64, stated: f64, seed: u64) -> f64 {
 }
 
 #[test]
-#[ignore = "prints the ablation table; takes a minute"]
+#[ignore = "prints the ablation table; takes some ten seconds"]
 fn table() {
     println!("                                 noise stated right        noise understated twice");
     println!("wrong edges                    0 %    5 %   20 %   40 %     0 %    5 %   20 %   40 %");
