@@ -16,13 +16,13 @@ use crate::{
     id::IdVec,
 };
 
-/// Finds the taxel poses that explain the observations best: `min 1/2 sum e' Omega e`, equation 1 of the source
-/// paper, with robust estimation and covariances.
+/// Finds the taxel poses that explain the observations best: `min 1/2 sum e' Omega e`, equation 1
+/// of the source paper, with robust estimation and covariances.
 ///
-/// A component that contacts do not fully constrain has gauge freedom: its gauge taxel keeps its initial pose
-/// along the unconstrained motions ([`Calibration::free`]). Cost, shape and covariances do not depend on that
-/// choice. `watch` is called after every iteration, with its number. The result does not depend on the number
-/// of threads.
+/// A component that contacts do not fully constrain has gauge freedom: its gauge taxel keeps its
+/// initial pose along the unconstrained motions ([`Calibration::free`]). Cost, shape and
+/// covariances do not depend on that choice. `watch` is called after every iteration, with its
+/// number. The result does not depend on the number of threads.
 ///
 /// ```
 /// use dermatome::calib::{CalibOptions, SimulateOptions, calibrate, compare, simulate};
@@ -36,8 +36,8 @@ use crate::{
 /// ```
 ///
 /// # Errors
-/// Observations that break a promise ([`Observations::validate`]) or do not determine the pose of a taxel. A
-/// solve that does not converge is not an error: see [`Calibration::termination`].
+/// Observations that break a promise ([`Observations::validate`]) or do not determine the pose of a
+/// taxel. A solve that does not converge is not an error: see [`Calibration::termination`].
 pub fn calibrate(
     observations: &Observations,
     options: &CalibOptions,

@@ -81,14 +81,15 @@ pub struct ObservationDiagnostics {
 }
 
 impl ObservationDiagnostics {
-    /// Whether it counts less than the others because it is no inlier.
+    /// Whether it counts less than the others because it is not an inlier.
     #[must_use]
     pub fn is_rejected(&self) -> bool {
         self.verdict != Verdict::Inlier && self.weight < 1.0
     }
 }
 
-/// A component of the graph whose absolute pose the contacts do not determine, or not in every direction.
+/// A component of the graph whose absolute pose the contacts do not determine, or not in every
+/// direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeComponent {
     /// The taxel that keeps its initial pose along the free motions.
@@ -110,17 +111,17 @@ pub struct GoodnessOfFit {
     pub measurements: usize,
     /// Measurements minus unknown numbers.
     pub degrees_of_freedom: usize,
-    /// Probability of a larger sum if the stated noise is right. Near 0 the noise is understated (or
-    /// there are outliers), near 1 overstated. `None` under a loss that also reduces the weight of
-    /// inliers: the sum is then not chi-square distributed.
+    /// Probability of a larger sum if the stated noise is right. Near 0 the noise is understated
+    /// (or there are outliers), near 1 overstated. `None` under a loss that also reduces the weight
+    /// of inliers: the sum is then not chi-square distributed.
     pub p: Option<f64>,
 }
 
 /// One calibration in a thousand is misjudged, on either side.
 const DOUBTFUL: f64 = 5e-4;
 
-/// A chi-square over degrees of freedom this close to 1 means that the noise is stated to within 1 %:
-/// among a million observations chance excludes even that, but no user minds.
+/// A chi-square over degrees of freedom this close to 1 means that the noise is stated to within 1
+/// %: among a million observations chance excludes even that, but no user minds.
 const NEGLIGIBLE: f64 = 0.02;
 
 impl GoodnessOfFit {

@@ -68,7 +68,8 @@ pub enum CalibError {
         /// The smallest eigenvalue.
         eigenvalue: f64,
     },
-    /// A contact holds a number that is not finite, a normal without direction, or indefinite information.
+    /// A contact holds a number that is not finite, a normal without direction, or indefinite
+    /// information.
     #[error("contact {contact} of taxel {id} is not valid: {reason}")]
     InvalidContact {
         /// The contact.

@@ -1,16 +1,17 @@
 //! Calibration: from noisy contacts to taxel poses with covariances.
 //!
-//! The method of Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile Information"
-//! ([cannata2010]), section III-A. A robot that touches its skin observes, for pairs of taxels `i` and `j`, the
-//! displacement `delta_ji` with information (inverse covariance) `Omega_ji`. The unknown poses `t_i` are those
-//! that minimise equation 1 of that paper,
+//! The method of Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile
+//! Information" ([cannata2010]), section III-A. A robot that touches its skin observes, for pairs
+//! of taxels `i` and `j`, the displacement `delta_ji` with information (inverse covariance)
+//! `Omega_ji`. The unknown poses `t_i` are those that minimise equation 1 of that paper,
 //!
 //! ```text
 //! H(t) = 1/2 sum e_ji' Omega_ji e_ji,     e_ji = h_ji(t) - delta_ji
 //! ```
 //!
-//! with `h_ji = t_j - t_i` for positions ([`Model::Positions`]: linear, one solve) or `T_i^-1 T_j` for poses in
-//! SE(3) ([`Model::Poses`]: Gauss-Newton). Contacts with objects at known places add absolute terms of one taxel.
+//! with `h_ji = t_j - t_i` for positions ([`Model::Positions`]: linear, one solve) or `T_i^-1 T_j`
+//! for poses in SE(3) ([`Model::Poses`]: Gauss-Newton). Contacts with objects at known places add
+//! absolute terms of one taxel.
 //!
 //! ```text
 //! Observations -- initial poses --> Gauss-Newton on J' W Omega J x = -J' W Omega e --> Calibration --> Skin
@@ -21,19 +22,20 @@
 //! 1. [`Observations`] are plain data, from a file or from [`simulate()`].
 //! 2. Initial poses: chordal relaxation, spanning tree, or given.
 //! 3. Levenberg and Marquardt on sparse blocks, undamped while the cost falls.
-//! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed to a wrong
-//!    taxel), but only if least squares does not suffice; its documentation shows what each stage contributes.
-//! 5. Covariances of all taxels by selected inversion. Where no contact says where a component is, its absolute
-//!    pose is arbitrary, and they are those in the centroid gauge ([`Marginals`]).
+//! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed to
+//!    a wrong taxel), but only if least squares does not suffice; its documentation shows what each
+//!    stage contributes.
+//! 5. Covariances of all taxels by selected inversion. The absolute pose of a component without
+//!    contacts is arbitrary; its covariances are those in the centroid gauge ([`Marginals`]).
 //! 6. [`calibrated_skin`] meshes the taxels.
 //!
-//! Guaranteed: the same result on any number of threads, covariances right to first order for the stated noise,
-//! observations that do not determine a taxel are an error that names it. Not guaranteed: the global minimum,
-//! for poses or with outliers.
+//! Guaranteed: the same result on any number of threads, covariances right to first order for the
+//! stated noise, observations that do not determine a taxel are an error that names it. Not
+//! guaranteed: the global minimum, for poses or with outliers.
 //!
 //! Reading order: `observations`, `geometry` (poses, alignment), `options`, `solve` (`residual`,
-//! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `calibrate`,
-//! `skin`; `simulate` and `compare` stand beside them.
+//! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`,
+//! `calibrate`, `skin`; `simulate` and `compare` stand next to them.
 
 mod calibrate;
 mod calibration;

@@ -77,8 +77,9 @@ impl ResidualConvention {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Robust {
     /// Least squares first. If its chi-square is too large, or one residual is an outlier, refit as
-    /// [`Robust::Graduated`]. The refit is kept only if some rejected observation is an outlier relative
-    /// to the median residual of its kind, and at most half of the edges and of the contacts are rejected.
+    /// [`Robust::Graduated`]. The refit is kept only if some rejected observation is an outlier
+    /// relative to the median residual of its kind, and at most half of the edges and of the
+    /// contacts are rejected.
     #[default]
     Automatic,
     /// Least squares: a single outlier moves the whole result.
@@ -87,18 +88,18 @@ pub enum Robust {
     Huber,
     /// Tukey's biweight loss, started from Huber's solution: outliers lose all influence.
     Tukey,
-    /// Truncated least squares by graduated non-convexity: needs no good start, and copes with the most
-    /// outliers.
+    /// Truncated least squares by graduated non-convexity: needs no good start, and copes with the
+    /// most outliers.
     Graduated,
 }
 
-/// Where the optimisation starts. Positions are linear, so that all but [`Initialization::InitialValues`]
-/// are the same there.
+/// Where the optimisation starts. Positions are linear, so that all but
+/// [`Initialization::InitialValues`] are the same there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Initialization {
-    /// Rotations as if they were free matrices, projected to rotations, then translations: two linear
-    /// systems (Martinec and Pajdla 2007, Carlone et al. 2015). Along a spanning tree where that has no
-    /// solution.
+    /// Rotations as if they were free matrices, projected to rotations, then translations: two
+    /// linear systems (Martinec and Pajdla 2007, Carlone et al. 2015). Along a spanning tree where
+    /// that has no solution.
     #[default]
     Chordal,
     /// Observations chained along a breadth-first spanning tree.

@@ -1,5 +1,5 @@
-//! From a calibration to a skin: the triangles that the displacements form, or given ones, assembled by
-//! `skin::assemble` and turned outwards.
+//! From a calibration to a skin: the triangles that the displacements form, or given ones,
+//! assembled by `skin::assemble` and turned outwards.
 
 use std::collections::{HashMap, HashSet};
 
@@ -45,10 +45,10 @@ pub enum Outside {
 
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
 ///
-/// Normals are those of the triangles in the positions model, the z axes of the taxel frames in the poses model.
-/// The outside of each sheet is where its taxel frames or contact normals point; without either, as given
-/// triangles are wound; without these, away from the origin. Edges without information form no triangle.
-/// Rejected edges do, unless the triangles are then not a surface.
+/// Normals are those of the triangles in the positions model, the z axes of the taxel frames in the
+/// poses model. The outside of each sheet is where its taxel frames or contact normals point;
+/// without either, as given triangles are wound; without these, away from the origin. Edges without
+/// information form no triangle. Rejected edges do, unless the triangles are then not a surface.
 ///
 /// ```
 /// use dermatome::calib::{CalibOptions, SimulateOptions, calibrate, calibrated_skin, simulate};
@@ -63,8 +63,9 @@ pub enum Outside {
 /// ```
 ///
 /// # Errors
-/// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of the edges,
-/// are not an orientable manifold or there are none; triangles of the edges must not close up either.
+/// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of
+/// the edges, are not an orientable manifold or there are none; triangles of the edges must not
+/// close up either.
 pub fn calibrated_skin(
     calibration: &Calibration,
     observations: &Observations,
@@ -134,7 +135,8 @@ fn turn_to(patch: &mut Patch, outside: &IdVec<VertexId, DVec3>) -> bool {
     is_inside_out
 }
 
-/// The skin of all taxels with these triangles, or what keeps them from being one, in the ids of the taxels.
+/// The skin of all taxels with these triangles, or what keeps them from being one, in the ids of
+/// the taxels.
 fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assembled, String> {
     let (ids, taxels) = (&calibration.ids, calibration.ids.len());
     if let Some(v) = faces.iter().flatten().find(|v| v.index() >= taxels) {
@@ -169,7 +171,8 @@ fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assem
     })
 }
 
-/// The skin of the triangles that edges form: of all, or without the rejected ones if that is not a surface.
+/// The skin of the triangles that edges form: of all, or without the rejected ones if that is not a
+/// surface.
 fn of_edges(calibration: &Calibration, observations: &Observations) -> Result<Assembled, String> {
     let of = |counts: &dyn Fn(DisplacementId) -> bool| -> Result<Assembled, String> {
         let faces = edge_triangles(&calibration.ids, observations, counts)?;
@@ -193,8 +196,8 @@ fn of_edges(calibration: &Calibration, observations: &Observations) -> Result<As
     if all.is_ok() || rejected.is_empty() { all } else { of(&|e| !rejected.contains(&e)) }
 }
 
-/// All triples of taxels that edges with information that `counts` picks join pairwise, each once, corners
-/// ascending.
+/// All triples of taxels that edges with information that `counts` picks join pairwise, each once,
+/// corners ascending.
 fn edge_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     observations: &Observations,

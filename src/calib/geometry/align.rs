@@ -1,5 +1,5 @@
-//! The rotation, and the rigid motion, that align two sets of points or directions best ([horn1987],
-//! [wahba1965]).
+//! The rotation, and the rigid motion, that align two sets of points or directions best
+//! ([horn1987], [wahba1965]).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -29,8 +29,8 @@ impl Correlation {
     }
 }
 
-/// The rotation nearest to a matrix in the sum of squares: the largest eigenvector of Horn's matrix, which
-/// cannot become a reflection.
+/// The rotation nearest to a matrix in the sum of squares: the largest eigenvector of Horn's
+/// matrix, which cannot become a reflection.
 pub(crate) fn nearest_rotation(m: &DMat3) -> DQuat {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
     let (xx, xy, xz) = (x.x, y.x, z.x);

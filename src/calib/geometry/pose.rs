@@ -1,11 +1,12 @@
-//! Rigid frames, and the exponential and logarithm of rotations with their Jacobians ([barfoot2017],
-//! section 7.1).
+//! Rigid frames, and the exponential and logarithm of rotations with their Jacobians
+//! ([barfoot2017], section 7.1).
 
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::geometry::align::outer;
 
-/// Angles below this use the series of a function of rotations: its closed form loses half of its digits there.
+/// Angles below this use the series of a function of rotations: its closed form loses half of its
+/// digits there.
 const SMALL_ANGLE: f64 = 1e-2;
 
 /// How far the squared length of a quaternion may be from 1: files write few digits.
@@ -13,7 +14,8 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// A rigid frame: where something is and how it is turned.
 ///
-/// A pose takes coordinates of its own frame to the frame it is given in: `x -> rotation x + position`.
+/// A pose takes coordinates of its own frame to the frame it is given in: `x -> rotation x +
+/// position`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Origin of the frame, in m.
@@ -45,7 +47,8 @@ impl Pose {
         self.rotation * point + self.position
     }
 
-    /// The pose moved by `translation` and turned by the rotation vector `turn`, both in its own frame.
+    /// The pose moved by `translation` and turned by the rotation vector `turn`, both in its own
+    /// frame.
     pub(crate) fn moved(&self, translation: DVec3, turn: DVec3) -> Self {
         Self {
             position: self.position + self.rotation * translation,
@@ -125,7 +128,8 @@ fn inverse_jacobian_coefficient(angle: f64) -> (f64, f64) {
     (c, slope / angle)
 }
 
-/// Derivative of `log(R exp(x))` with respect to `x` at 0, where `turn = log(R)`: the inverse right Jacobian.
+/// Derivative of `log(R exp(x))` with respect to `x` at 0, where `turn = log(R)`: the inverse right
+/// Jacobian.
 #[must_use]
 pub(crate) fn right_jacobian_inverse(turn: DVec3) -> DMat3 {
     let k = hat(turn);

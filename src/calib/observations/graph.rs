@@ -37,13 +37,13 @@ pub(crate) struct Component {
     pub(crate) taxels: Vec<VertexId>,
     /// Whether one of them is fixed.
     pub(crate) fixed: bool,
-    /// The taxel that keeps its pose if no contact determines that of the component: the first with an
-    /// initial value, else the first.
+    /// The taxel that keeps its pose if no contact determines that of the component: the first with
+    /// an initial value, else the first.
     pub(crate) gauge: VertexId,
 }
 
-/// The connected components of the graph of edges that have information and that `counts` picks, in the
-/// order of their first taxels.
+/// The connected components of the graph of edges that have information and that `counts` picks, in
+/// the order of their first taxels.
 pub(crate) fn components(
     observations: &Observations,
     counts: impl Fn(DisplacementId) -> bool,

@@ -4,17 +4,19 @@ use glam::DMat3;
 
 use crate::numeric::symmetric_eigen;
 
-/// How far below zero an eigenvalue of a matrix with ones on its diagonal may lie: files round what was exactly
-/// semi-definite.
+/// How far below zero an eigenvalue of a matrix with ones on its diagonal may lie: files round what
+/// was exactly semi-definite.
 const ROUNDING: f64 = 1e-8;
 
-/// How far below zero an entry on the diagonal may lie, over the largest entry: an inverse of a covariance leaves no more.
+/// How far below zero an entry on the diagonal may lie, over the largest entry: an inverse of a
+/// covariance leaves no more.
 const DIAGONAL_ROUNDING: f64 = 1e-13;
 
 /// Sum of a row with its diagonal over the diagonal, below which no correlation hides a direction.
 const WEAK: f64 = 1.5;
 
-/// A direction counts as observed if its eigenvalue is above this in the matrix with ones on its diagonal.
+/// A direction counts as observed if its eigenvalue is above this in the matrix with ones on its
+/// diagonal.
 const RANK_TOLERANCE: f64 = 1e-9;
 
 /// The inverse of a covariance: a symmetric matrix of `N` rows.
@@ -40,7 +42,8 @@ impl<const N: usize> Information<N> {
         Self(rows)
     }
 
-    /// From the upper triangle, row by row, as files write it; `None` unless there are `N (N + 1) / 2` numbers.
+    /// From the upper triangle, row by row, as files write it; `None` unless there are `N (N + 1) /
+    /// 2` numbers.
     #[must_use]
     pub fn from_upper(upper: &[f64]) -> Option<Self> {
         if upper.len() != N * (N + 1) / 2 {
@@ -82,9 +85,9 @@ impl<const N: usize> Information<N> {
         values
     }
 
-    /// The matrix with its diagonal scaled to one, which takes the units out: metres and radians may differ by any
-    /// factor. Rows that observe nothing become zero. `None` where the diagonal alone shows an eigenvalue below zero, or
-    /// an entry is not finite.
+    /// The matrix with its diagonal scaled to one, which takes the units out: metres and radians
+    /// may differ by any factor. Rows that observe nothing become zero. `None` where the diagonal
+    /// alone shows an eigenvalue below zero, or an entry is not finite.
     fn correlations(&self) -> Option<[[f64; N]; N]> {
         let m = &self.0;
         let largest = m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -122,7 +125,8 @@ impl<const N: usize> Information<N> {
             return if value > 0.0 { N } else { 0 };
         }
         let Some(c) = self.correlations() else { return 0 };
-        // Weak correlations leave every direction that is observed (Gershgorin); most files hold nothing else.
+        // Weak correlations leave every direction that is observed (Gershgorin); most files hold
+        // nothing else.
         let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= WEAK * c[i][i];
         if (0..N).all(is_weak) {
             return (0..N).filter(|&i| c[i][i] > 0.0).count();
@@ -158,7 +162,7 @@ mod tests {
         assert_eq!(Information::<6>::isotropic(3.0).rank(), 6);
     }
 
-    /// A micrometre beside two degrees: 1e12/m^2 and 800/rad^2.
+    /// A micrometre next to two degrees: 1e12/m^2 and 800/rad^2.
     #[test]
     fn units_do_not_count() {
         assert_eq!(Information::diagonal([1e12, 1e12, 1e12, 800.0, 800.0, 800.0]).rank(), 6);

@@ -70,7 +70,8 @@ pub enum DisplacementMeasurement {
 pub struct RelativePose {
     /// The pose of `j` in the frame of `i`.
     pub pose: Pose,
-    /// Its information: `x y z` in 1/m^2, then the rotation vector in 1/rad^2, in the frame of `j` (order of g2o).
+    /// Its information: `x y z` in 1/m^2, then the rotation vector in 1/rad^2, in the frame of `j`
+    /// (order of g2o).
     pub information: Information<6>,
 }
 
@@ -124,7 +125,8 @@ pub enum ContactMeasurement {
         /// Its information, in 1/m^2.
         information: Information<3>,
     },
-    /// Its position and outward normal (the z axis of its frame); the positions model does not use the normal.
+    /// Its position and outward normal (the z axis of its frame); the positions model does not use
+    /// the normal.
     PositionNormal {
         /// The position, in m.
         position: DVec3,
@@ -175,7 +177,8 @@ pub struct TaxelVariable {
     pub fixed: bool,
 }
 
-/// All that was observed of the taxels of a skin: the graph of equation 1 of the source paper ([cannata2010]).
+/// All that was observed of the taxels of a skin: the graph of equation 1 of the source paper
+/// ([cannata2010]).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Observations {
     /// What is unknown of every taxel.

@@ -1,10 +1,11 @@
 //! Stage 4, *heuristic*: edges that contradict each other, with nothing to decide between them.
 //!
-//! A taxel with one inlier edge and some rejected ones is ambiguous: any single edge fits exactly. Choosing one
-//! costs more on average than the mean of all, so all its edges get the same small weight
-//! ([`Verdict::Ambiguous`]), unless the length prior favours the inlier. Since that may leave a neighbour with
-//! one inlier, this goes on until nothing changes. Then components that lost all edges to the rest are
-//! reconnected, which no RMSE shows: it keeps their covariance finite (`tests/calib.rs`).
+//! A taxel with one inlier edge and some rejected ones is ambiguous: any single edge fits exactly.
+//! Choosing one costs more on average than the mean of all, so all its edges get the same small
+//! weight ([`Verdict::Ambiguous`]), unless the length prior favours the inlier. Since that may
+//! leave a neighbour with one inlier, this goes on until nothing changes. Then components that lost
+//! all edges to the rest are reconnected, which no RMSE shows: it keeps their covariance finite
+//! (`tests/calib.rs`).
 
 use crate::{
     calib::{
@@ -16,12 +17,12 @@ use crate::{
     id::{IdVec, VertexId},
 };
 
-/// Log odds by which an inlier edge must beat the rejected ones of its taxel to be chosen: 20 to 1. Without the
-/// odds, 20 % wrong edges give an RMSE of 1.65 instead of 1.47 mm.
+/// Log odds by which an inlier edge must beat the rejected ones of its taxel to be chosen: 20 to 1.
+/// Without the odds, 20 % wrong edges give an RMSE of 1.65 instead of 1.47 mm.
 const DECISIVE: f64 = 3.0;
 
-/// Marks what is ambiguous in `solution` and reconnects components, and solves again if there was any;
-/// `losses` are those before the length prior.
+/// Marks what is ambiguous in `solution` and reconnects components, and solves again if there was
+/// any; `losses` are those before the length prior.
 pub(crate) fn ambiguity(
     solver: &mut Solver<'_>,
     solution: Solution,
@@ -73,8 +74,8 @@ fn mark_ambiguous(
     }
 }
 
-/// Takes back the rejection of edges between components that nothing else joins: those within the bounds of
-/// `losses`, whatever their lengths, become inliers, the others ambiguous.
+/// Takes back the rejection of edges between components that nothing else joins: those within the
+/// bounds of `losses`, whatever their lengths, become inliers, the others ambiguous.
 fn reconnect(
     observations: &Observations,
     verdicts: &mut PerObservation<Verdict>,

@@ -1,10 +1,11 @@
 //! Stage 5: whether robust estimation is needed at all, and at which noise scale.
 //!
-//! Least squares first. If its chi-square is too large or one residual is an outlier, refit with truncated least
-//! squares. If the scale of the residuals is then larger than stated, the noise is understated: estimate the
-//! scale again with bounds that are wider by it, and refit with those. *Heuristic*: further rounds of that
-//! estimate change the RMSE by less than 0.2 % up to 20 % wrong edges. The refit is kept only if it found an
-//! outlier that is one at any scale, and left most observations.
+//! Least squares first. If its chi-square is too large or one residual is an outlier, refit with
+//! truncated least squares. If the scale of the residuals is then larger than stated, the noise is
+//! understated: estimate the scale again with bounds that are wider by it, and refit with those.
+//! *Heuristic*: further rounds of that estimate change the RMSE by less than 0.2 % up to 20 % wrong
+//! edges. The refit is kept only if it found an outlier that is one at any scale, and left most
+//! observations.
 
 use crate::calib::{
     CalibError, Loss, Termination, Verdict,
@@ -35,7 +36,8 @@ pub(crate) fn automatic(solver: &mut Solver<'_>, start: Poses) -> Result<Solutio
     }
 }
 
-/// Whether least squares leaves more than the stated noise explains, or one observation is an outlier.
+/// Whether least squares leaves more than the stated noise explains, or one observation is an
+/// outlier.
 fn is_doubtful(solver: &Solver<'_>, plain: &Solution) -> bool {
     if !plain.termination.is_converged() {
         return true;
@@ -77,11 +79,12 @@ fn refit(solver: &mut Solver<'_>, plain: &Solution) -> Result<Option<Solution>, 
     Ok(is_better(solver, &found, plain).then_some(found))
 }
 
-/// Whether the refit rejected an outlier, and left enough to decide. Where nothing is wrong but the stated
-/// noise, what is rejected is not an outlier relative to the others.
+/// Whether the refit rejected an outlier, and left enough to decide. Where nothing is wrong but the
+/// stated noise, what is rejected is not an outlier relative to the others.
 fn is_better(solver: &Solver<'_>, found: &Solution, plain: &Solution) -> bool {
     let fit = goodness_of_fit(solver, found);
-    // Fitting makes the squares of the others smaller, and those of what was rejected as much larger.
+    // Fitting makes the squares of the others smaller, and those of what was rejected as much
+    // larger.
     let leverage = fit.redundancy() * fit.redundancy();
     let is_rejected = |v: Verdict| v != Verdict::Inlier;
     let (dimensions, chi2) = (&solver.problem.dimensions, &found.iterate.chi2);

@@ -1,10 +1,10 @@
-//! Stage 2, *heuristic*: moves one taxel at a time to the pose that one of its rejected edges predicts, if the
-//! truncated cost falls (coordinate descent over discrete candidates).
+//! Stage 2, *heuristic*: moves one taxel at a time to the pose that one of its rejected edges
+//! predicts, if the truncated cost falls (coordinate descent over discrete candidates).
 //!
-//! Truncated least squares has many minima, and graduated non-convexity ends in one of the better ones only
-//! where most of a taxel's edges are right. With its neighbours held, the cost of one taxel has at most one
-//! minimum for each set of inliers, and every better set contains an edge that is rejected here. A second
-//! round gains nothing up to 20 % wrong edges, and 0.3 % at 40 %.
+//! Truncated least squares has many minima, and graduated non-convexity ends in one of the better
+//! ones only where most of a taxel's edges are right. With its neighbours held, the cost of one
+//! taxel has at most one minimum for each set of inliers, and every better set contains an edge
+//! that is rejected here. A second round gains nothing up to 20 % wrong edges, and 0.3 % at 40 %.
 
 use crate::{
     calib::{
@@ -16,11 +16,12 @@ use crate::{
     id::{IdVec, VertexId},
 };
 
-/// Candidates of one taxel: of more rejected edges an even sample is tried. A set of inliers that wins among so
-/// many is so large that it has many of them sampled.
+/// Candidates of one taxel: of more rejected edges an even sample is tried. A set of inliers that
+/// wins among so many is so large that it has many of them sampled.
 const MAX_CANDIDATES: usize = 100;
 
-/// Share of the cost by which a candidate must lower it: rounding must not send a taxel back and forth.
+/// Share of the cost by which a candidate must lower it: rounding must not send a taxel back and
+/// forth.
 const LEAST_GAIN: f64 = 1e-9;
 
 /// Improves a minimum of truncated least squares taxel by taxel, and minimises again if any moved.
@@ -39,7 +40,8 @@ pub(crate) fn coordinate_descent(
     }
 }
 
-/// Moves every taxel, one after the other, to the best of its candidates; returns whether any moved.
+/// Moves every taxel, one after the other, to the best of its candidates; returns whether any
+/// moved.
 fn move_taxels(problem: &Problem<'_>, poses: &mut Poses, losses: &LossFunctions) -> bool {
     let observations = problem.observations;
     let edges_of = edges_of_taxels(observations);

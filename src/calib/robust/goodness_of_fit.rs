@@ -1,8 +1,8 @@
 //! Goodness of fit: the chi-square test of the inliers.
 //!
-//! Inliers are inliers because their squares are below a bound, so they have smaller squares than all: their
-//! sum is compared with its mean under that bound, that of the truncated chi-square density,
-//! `k F_{k+2}(b) / F_k(b)` for `k` numbers and the bound `b`.
+//! Inliers are inliers because their squares are below a bound, so they have smaller squares than
+//! all: their sum is compared with its mean under that bound, that of the truncated chi-square
+//! density, `k F_{k+2}(b) / F_k(b)` for `k` numbers and the bound `b`.
 
 use std::collections::HashMap;
 

@@ -1,5 +1,6 @@
-//! Stage 1: a minimum of a loss that is not convex. Truncated least squares by graduated non-convexity
-//! ([yang2020], algorithm 1); Tukey's loss from the minimum of Huber's, which is the only one it has.
+//! Stage 1: a minimum of a loss that is not convex. Truncated least squares by graduated
+//! non-convexity ([yang2020], algorithm 1); Tukey's loss from the minimum of Huber's, which is the
+//! only one it has.
 //!
 //! Neither guarantees the global minimum.
 
@@ -10,7 +11,8 @@ use crate::calib::{
     solve::{levenberg_marquardt::Solver, loss::LossFunctions, weighting::Weighting},
 };
 
-/// Control at which a residual of a million bounds still counts: larger ones may be rejected at once.
+/// Control at which a residual of a million bounds still counts: larger ones may be rejected at
+/// once.
 const FIRST_CONTROL: f64 = 1e-12;
 
 /// Minimises the sum of `losses`, from least squares or from the minimum of `huber`.

@@ -1,11 +1,11 @@
-//! Stage 3, *heuristic* (empirical Bayes): learns from the first verdicts which lengths outliers have, and
-//! scales the bounds of the edges accordingly.
+//! Stage 3, *heuristic* (empirical Bayes): learns from the first verdicts which lengths outliers
+//! have, and scales the bounds of the edges accordingly.
 //!
-//! Taxels that touch one after the other are neighbours, so correct displacements are alike; a contact that is
-//! attributed to another taxel makes a displacement of any length. On a taxel with three edges of which two are
-//! wrong, nothing else decides. The log odds of an edge are those among the edges next to it in length, minus
-//! those among all: no shape of either distribution is assumed, and where outliers are as long as inliers, the
-//! odds are near zero.
+//! Taxels that touch one after the other are neighbours, so correct displacements are alike; a
+//! contact that is attributed to another taxel makes a displacement of any length. On a taxel with
+//! three edges of which two are wrong, nothing else decides. The log odds of an edge are those
+//! among the edges next to it in length, minus those among all: no shape of either distribution is
+//! assumed, and where outliers are as long as inliers, the odds are near zero.
 
 use crate::{
     calib::{
@@ -16,19 +16,21 @@ use crate::{
     id::IdVec,
 };
 
-/// How much likelier than others each edge is to be an inlier, as the logarithm of the ratio of odds.
+/// How much likelier than others each edge is to be an inlier, as the logarithm of the ratio of
+/// odds.
 pub(crate) type LogOdds = IdVec<DisplacementId, f64>;
 
-/// Edges of about the same length that are counted on either side. From 10 to 25 the accuracy at 20 % wrong
-/// edges is the same to half a percent.
+/// Edges of about the same length that are counted on either side. From 10 to 25 the accuracy at 20
+/// % wrong edges is the same to half a percent.
 const NEIGHBOURS: usize = 20;
 
-/// The squared bound of an edge is scaled by no less and no more than these: lengths may speak for an edge or
-/// against it, but its residual counts, too.
+/// The squared bound of an edge is scaled by no less and no more than these: lengths may speak for
+/// an edge or against it, but its residual counts, too.
 const MIN_FACTOR: f64 = 0.07;
 const MAX_FACTOR: f64 = 2.0;
 
-/// The log odds of every edge after a first solution; `None` if no more were rejected than noise alone makes.
+/// The log odds of every edge after a first solution; `None` if no more were rejected than noise
+/// alone makes.
 pub(crate) fn length_prior(
     observations: &Observations,
     verdicts: &PerObservation<Verdict>,
@@ -54,7 +56,7 @@ pub(crate) fn length_prior(
         // At either end as many, those that are nearest in rank.
         let first = k.saturating_sub(NEIGHBOURS).min(edges.saturating_sub(2 * NEIGHBOURS + 1));
         let end = (first + 2 * NEIGHBOURS + 1).min(edges);
-        // An edge is no evidence for itself; one more with the odds of all keeps the odds finite.
+        // An edge is not evidence for itself; one more with the odds of all keeps the odds finite.
         let own = usize::from(is_inlier(e));
         let near = (inliers_before[end] - inliers_before[first] - own) as f64 + share;
         let all = (end - first) as f64;
@@ -70,8 +72,8 @@ pub(crate) fn with_odds(losses: &LossFunctions, odds: &LogOdds) -> LossFunctions
 
 /// The factor of a squared `bound` that follows from log odds.
 ///
-/// An edge of squared residual `s` is an inlier with odds proportional to `exp(odds - s / 2)`: log odds weigh
-/// as much as twice that of squared residual.
+/// An edge of squared residual `s` is an inlier with odds proportional to `exp(odds - s / 2)`: log
+/// odds weigh as much as twice that of squared residual.
 fn bound_factor(odds: f64, bound: f64) -> f64 {
     (1.0 + 2.0 * odds / bound).clamp(MIN_FACTOR, MAX_FACTOR)
 }

@@ -1,19 +1,20 @@
 //! Robust estimation: which observations are outliers, and the best fit of the others.
 //!
-//! Each stage is one file with one public function that takes a [`Solution`](solution::Solution) on to the
-//! next. In their order:
+//! Each stage is one file with one public function that takes a [`Solution`](solution::Solution) on
+//! to the next. In their order:
 //!
-//! 1. `graduated`: truncated least squares by graduated non-convexity ([yang2020]), or another loss from the
-//!    minimum of Huber's. One schedule of the optimiser in `solve`.
-//! 2. `coordinate_descent`: every taxel in turn tries the poses that its rejected edges predict (*heuristic*).
-//! 3. `length_prior`: learns from the first verdicts which lengths outliers have; stages 1 and 2 run again with
-//!    bounds that follow (*heuristic*, empirical Bayes).
+//! 1. `graduated`: truncated least squares by graduated non-convexity ([yang2020]), a schedule of the
+//!    optimiser in `solve`; or another loss, from the minimum of Huber's.
+//! 2. `coordinate_descent`: every taxel in turn tries the poses that its rejected edges predict
+//!    (*heuristic*).
+//! 3. `length_prior`: learns from the first verdicts which lengths outliers have; stages 1 and 2 run
+//!    again with bounds that follow (*heuristic*, empirical Bayes).
 //! 4. `ambiguity`: where nothing decides between the edges of a taxel, none is chosen (*heuristic*).
-//! 5. `automatic`: least squares if it suffices, else stages 1 to 4, with the noise that `scale` estimates where
-//!    the stated noise is too small; `goodness_of_fit` judges both.
+//! 5. `automatic`: least squares if it suffices, else stages 1 to 4, with the noise that `scale`
+//!    estimates where the stated noise is too small; `goodness_of_fit` judges both.
 //!
-//! What each stage contributes: RMSE in mm after rigid alignment, mean of seeds 0 to 19, of the simulated skin
-//! of 500 taxels with 1 mm noise, by the share of wrong edges. From
+//! What each stage contributes: RMSE in mm after rigid alignment, mean of seeds 0 to 19, of the
+//! simulated skin of 500 taxels with 1 mm noise, by the share of wrong edges. From
 //! `cargo test --release --lib calib::robust::ablation -- --ignored --nocapture`:
 //!
 //! ```text
@@ -27,9 +28,10 @@
 //! automatic, with noise scale 1.14   1.18   1.47   3.35    1.14   1.19   1.60   6.32
 //! ```
 //!
-//! Least squares is best while nothing is wrong; the length prior contributes most, the other two stages some
-//! per cent where a fifth is wrong; and only the estimated scale copes with understated noise. Where 40 % are
-//! wrong *and* the noise is understated, outliers and noise cannot be told apart by the median.
+//! Least squares is best while nothing is wrong; the length prior contributes most, the other two
+//! stages some per cent where a fifth is wrong; and only the estimated scale copes with understated
+//! noise. Where 40 % are wrong *and* the noise is understated, the median cannot separate
+//! them.
 
 #[cfg(test)]
 mod ablation;

@@ -1,5 +1,5 @@
-//! The noise scale: how much larger the residuals of most observations are than their stated noise predicts, by
-//! the median ([rousseeuw1987]); and the outlier test that holds at any scale.
+//! The noise scale: how much larger the residuals of most observations are than their stated noise
+//! predicts, by the median ([rousseeuw1987]); and the outlier test that holds at any scale.
 
 use crate::calib::{
     Verdict,
@@ -9,7 +9,8 @@ use crate::calib::{
 };
 use crate::numeric::quantile;
 
-/// A scale up to this is no sign of understated noise: the median doubles where 40 % of the edges are wrong.
+/// A scale up to this does not show understated noise: the median doubles where 40 % of the edges
+/// are wrong.
 const AS_STATED: f64 = 2.5;
 
 /// Probability that noise alone makes one of all observations an outlier at any scale.
@@ -32,7 +33,7 @@ impl Scale {
         Self { edges: scale(median.edges), contacts: scale(median.contacts) }
     }
 
-    /// Whether the stated noise is right as far as a median can tell.
+    /// Whether the stated noise is right as far as a median can show.
     pub(crate) fn is_as_stated(self) -> bool {
         self.is_as_stated_of_edges() && self.contacts <= AS_STATED
     }
@@ -51,8 +52,9 @@ impl Scale {
     }
 }
 
-/// The median of squared residuals over that of a chi-square variable, of edges and of contacts; 0 without any. Of
-/// an even number the lower one, so that half can be wrong; of two the larger, since either can be made to fit.
+/// The median of squared residuals over that of a chi-square variable, of edges and of contacts; 0
+/// without any. Of an even number the lower one, so that half can be wrong; of two the larger,
+/// since either can be made to fit.
 fn median_scale(dimensions: &PerObservation<usize>, chi2: &PerObservation) -> Scale {
     let mut medians = ByDimension::new(|n| quantile(0.5, n));
     let mut median = |dimensions: &[usize], chi2: &[f64]| {

@@ -21,8 +21,8 @@ pub(crate) struct Solution {
     pub(crate) termination: Termination,
 }
 
-/// Weight of ambiguous observations: too small to bend the surroundings, large enough to leave the system well
-/// conditioned, and a covariance as wide as the contradiction.
+/// Weight of ambiguous observations: too small to bend the surroundings, large enough to leave the
+/// system well conditioned, and a covariance as wide as the contradiction.
 const AMBIGUOUS_WEIGHT: f64 = 1e-3;
 
 impl Solution {
@@ -75,8 +75,8 @@ impl Solution {
     }
 }
 
-/// Truncated least squares counts inliers fully and outliers not at all; other losses weigh by the residual.
-/// No inlier counts less than an ambiguous observation.
+/// Truncated least squares counts inliers fully and outliers not at all; other losses weigh by the
+/// residual. No inlier counts less than an ambiguous observation.
 fn weights_of(
     verdicts: &PerObservation<Verdict>,
     losses: &LossFunctions,

@@ -13,8 +13,8 @@ use crate::calib::{
     solve::{levenberg_marquardt::Solver, loss::LossFunctions},
 };
 
-/// The best fit under `losses`: stages 1 and 2, again with what the length prior learned from them, and the
-/// ambiguities that remain.
+/// The best fit under `losses`: stages 1 and 2, again with what the length prior learned from them,
+/// and the ambiguities that remain.
 pub(crate) fn robust_fit(
     solver: &mut Solver<'_>,
     start: Poses,

@@ -35,7 +35,8 @@ impl Neighbourhoods {
         to: VertexId,
         chance: &mut Random,
     ) -> Option<VertexId> {
-        /// A third of the taxels around are near enough, so more than a few draws are hardly ever needed.
+        /// A third of the taxels around are near enough, so more than a few draws are hardly ever
+        /// needed.
         const DRAWS: usize = 30;
         let here = layout.frames[from].position;
         let is_near = |v: VertexId| {

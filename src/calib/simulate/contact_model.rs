@@ -1,4 +1,5 @@
-//! The forward model of a contact with a fixed sphere (section IV of the source paper, [cannata2010]).
+//! The forward model of a contact with a fixed sphere (section IV of the source paper,
+//! [cannata2010]).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -11,10 +12,12 @@ pub(super) struct SimulatedContact {
     pub(super) normal: DVec3,
 }
 
-/// Touches the probe with the taxel of normal `n` from a random direction: the contact forward model of section IV.
+/// Touches the probe with the taxel of normal `n` from a random direction: the contact forward
+/// model of section IV.
 ///
-/// ContactObservation along `u` (from the probe to the end effector) means an end-effector rotation with `Q n = -u` and centre
-/// `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is observed at `Q' (c_b + r_b u - o)`.
+/// ContactObservation along `u` (from the probe to the end effector) means an end-effector rotation
+/// with `Q n = -u` and centre `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is
+/// observed at `Q' (c_b + r_b u - o)`.
 pub(super) fn simulate_contact(probe: &Probe, radius: f64, n: DVec3, arm: &mut Random) -> SimulatedContact {
     let u = arm.direction();
     let spin = exp(std::f64::consts::TAU * arm.uniform() * DVec3::Z);

@@ -1,5 +1,5 @@
-//! The simulated sensor: taxels on the bottom of a sphere, as the end effector of the source paper's experiment
-//! carries them.
+//! The simulated sensor: taxels on the bottom of a sphere, as the end effector of the source
+//! paper's experiment carries them.
 
 use std::{collections::HashMap, ops::RangeInclusive};
 
@@ -11,7 +11,8 @@ use crate::{
     mesh::TriMesh,
 };
 
-/// The centre of the disc of lattice points, in spacings: off every symmetry, so that no two points are equally far.
+/// The centre of the disc of lattice points, in spacings: off every symmetry, so that no two points
+/// are equally far.
 const CENTRE: DVec2 = DVec2::new(0.13, 0.07);
 
 /// The part of a sphere that taxels may cover: nearer to the north pole the lattice is torn apart.
@@ -32,8 +33,9 @@ pub(super) struct SensorLayout {
 }
 
 impl SensorLayout {
-    /// The `taxels` points of a triangular lattice nearest to a point off its symmetries, lifted to the sphere by the
-    /// Lambert equal-area projection about the south pole, which keeps their density. Lengths in m.
+    /// The `taxels` points of a triangular lattice nearest to a point off its symmetries, lifted to
+    /// the sphere by the Lambert equal-area projection about the south pole, which keeps their
+    /// density. Lengths in m.
     ///
     /// # Errors
     /// [`CalibError::BadOption`] unless lengths are positive and the taxels fit on the sphere.
@@ -72,7 +74,8 @@ impl SensorLayout {
         Ok(Self { frames, edges, triangles })
     }
 
-    /// `count` taxels far from each other: the lowest, then always the one farthest from those chosen.
+    /// `count` taxels far from each other: the lowest, then always the one farthest from those
+    /// chosen.
     pub(super) fn spread(&self, count: usize) -> Vec<VertexId> {
         if count == self.frames.len() {
             return self.frames.ids().collect();
@@ -138,8 +141,8 @@ fn lattice(count: usize) -> (Vec<(i32, i32)>, Vec<DVec2>) {
     (cells, plane)
 }
 
-/// Lambert's projection backwards. With `s = |p| / 2R` the sine of half the polar angle, everything is algebraic: no
-/// system's sines are needed.
+/// Lambert's projection backwards. With `s = |p| / 2R` the sine of half the polar angle, everything
+/// is algebraic: no system's sines are needed.
 fn lift(p: DVec2, radius: f64) -> DVec3 {
     let s2 = p.length_squared() / (4.0 * radius * radius);
     let stretch = (1.0 - s2).sqrt();

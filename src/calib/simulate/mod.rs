@@ -1,5 +1,5 @@
-//! The experiment of the source paper's section IV ([cannata2010]): a skin whose truth is known, its
-//! displacements and its contacts with a sphere.
+//! The experiment of the source paper's section IV ([cannata2010]): a skin whose truth is known,
+//! its displacements and its contacts with a sphere.
 
 mod attribution_errors;
 mod contact_model;
@@ -58,7 +58,8 @@ pub struct Probe {
     pub centre: DVec3,
     /// Its radius, in m.
     pub radius: f64,
-    /// How deep the elastic skin is pressed in, in m: contacts are observed that much below the taxel.
+    /// How deep the elastic skin is pressed in, in m: contacts are observed that much below the
+    /// taxel.
     pub indentation: f64,
     /// Noise of the end effector's position per axis, in m.
     pub position_noise: f64,
@@ -100,8 +101,8 @@ impl Default for SimulateOptions {
 /// Observations whose truth is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulation {
-    /// What was observed; ids count from 0. Initial values are the displacements chained from the first taxel, which is where
-    /// it truly is.
+    /// What was observed; ids count from 0. Initial values are the displacements chained from the
+    /// first taxel, which is where it truly is.
     pub observations: Observations,
     /// Where the taxels truly are.
     pub truth: IdVec<VertexId, Pose>,
@@ -128,8 +129,8 @@ mod stream {
     pub(crate) const ARM: u64 = 3;
 }
 
-/// Simulates displacements between lattice neighbours with independent noise, and absolute contacts of some
-/// taxels.
+/// Simulates displacements between lattice neighbours with independent noise, and absolute contacts
+/// of some taxels.
 ///
 /// ```
 /// use dermatome::calib::{SimulateOptions, simulate};
@@ -140,12 +141,13 @@ mod stream {
 /// # Ok::<(), dermatome::calib::CalibError>(())
 /// ```
 ///
-/// The source paper prints `t = s + 2` for `s` triangles and `t` taxels; that holds only without interior vertices. In general a
-/// disk has `s = 2t - 2 - b` triangles with `b` boundary vertices: here 920 = 2 * 500 - 2 - 78.
+/// The source paper prints `t = s + 2` for `s` triangles and `t` taxels; that holds only without
+/// interior vertices. In general a disk has `s = 2t - 2 - b` triangles with `b` boundary vertices:
+/// here 920 = 2 * 500 - 2 - 78.
 ///
 /// # Errors
-/// [`CalibError::BadOption`] for lengths below 1 um or above 1 km, noise that is negative or above 1 km, a chance outside 0
-/// to 1.
+/// [`CalibError::BadOption`] for lengths below 1 um or above 1 km, noise that is negative or above
+/// 1 km, a chance outside 0 to 1.
 pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
     options.validate()?;
     let layout = SensorLayout::new(options.taxels, options.spacing, options.radius)?;

@@ -6,8 +6,8 @@ use rand_pcg::{
     rand_core::{Rng, SeedableRng},
 };
 
-/// Random numbers with the same bytes on every system: the generator and the logarithm are our own choice, not the
-/// system's.
+/// Random numbers with the same bytes on every system: the generator and the logarithm are our own
+/// choice, not the system's.
 #[derive(Debug, Clone)]
 pub(super) struct Random {
     generator: Pcg64,

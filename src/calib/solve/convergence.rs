@@ -1,4 +1,5 @@
-//! When a sequence of costs has converged: when the last decrease, or the predicted next one, is small.
+//! When a sequence of costs has converged: when the last decrease, or the predicted next one, is
+//! small.
 
 use crate::calib::solve::{layout::BlockLayout, normal_equations::Problem};
 
@@ -6,8 +7,8 @@ use crate::calib::solve::{layout::BlockLayout, normal_equations::Problem};
 /// observations.
 const EXACT_FIT: f64 = 1e-20;
 
-/// Ratio of two decreases below which the next one is predicted instead of computed, which would cost a
-/// factorization: a quarter of the time of most graphs.
+/// Ratio of two decreases below which the next one is predicted instead of computed, which would
+/// cost a factorization: a quarter of the time of most graphs.
 const STEADY: f64 = 0.1;
 
 /// No ratio is taken to be smaller: near a minimum with residuals, Gauss-Newton converges linearly.
@@ -45,8 +46,8 @@ impl Convergence {
         decrease <= self.relative_decrease * cost + self.negligible
     }
 
-    /// After an undamped step on fixed weights: such steps gain ever less, by the same ratio again if that is
-    /// not the chance of a first step.
+    /// After an undamped step on fixed weights: such steps gain ever less, by the same ratio again
+    /// if that is not the chance of a first step.
     pub(super) fn is_reached_by_newton(&mut self, decrease: f64, cost: f64) -> bool {
         let ratio = self.last.map_or(1.0, |last| (decrease / last).max(SMALLEST_RATIO));
         let next = if ratio < STEADY { decrease * ratio } else { decrease };

@@ -1,8 +1,8 @@
-//! Gauge freedom: rigid motions of whole components that the contacts do not determine, and how the solve
-//! holds them ([triggs2000], section 9).
+//! Gauge freedom: rigid motions of whole components that the contacts do not determine, and how the
+//! solve holds them ([triggs2000], section 9).
 //!
-//! The gauge taxel of each such component gets stiffness along the free motions, which the cost does not feel.
-//! Covariances are taken to the centroid gauge afterwards (`marginals`).
+//! The gauge taxel of each such component gets stiffness along the free motions, which the cost
+//! does not feel. Covariances are taken to the centroid gauge afterwards (`marginals`).
 
 use std::borrow::Cow;
 
@@ -19,17 +19,19 @@ use crate::{
     sparse::{BlockMatrix, BlockSlot},
 };
 
-/// Rigid motions that contacts correlate more than this are one motion to them: their difference is not
-/// determined.
+/// Rigid motions that contacts correlate more than this are one motion to them: their difference is
+/// not determined.
 const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Information about a motion below this share of the largest is rounding of positions far from the origin, squared.
+/// Information about a motion below this share of the largest is rounding of positions far from the
+/// origin, squared.
 const NOTHING: f64 = 1e-20;
 
 /// A column that orthogonalisation shortens by more than this is spanned by the others.
 const DEPENDENT: f64 = 1e-9;
 
-/// A rigid motion of a whole component about a pivot: translation over [`FreeBody::length`], and rotation vector.
+/// A rigid motion of a whole component about a pivot: translation over [`FreeBody::length`], and
+/// rotation vector.
 pub(crate) type RigidMotion = [f64; 6];
 
 /// A component that is free to move as a rigid body.
@@ -71,7 +73,8 @@ impl GaugeFreedom {
         }
     }
 
-    /// The components that are free under these weights: rejected contacts would anchor in rounding errors.
+    /// The components that are free under these weights: rejected contacts would anchor in rounding
+    /// errors.
     pub(crate) fn free_under(
         &self,
         problem: &Problem<'_>,
@@ -144,7 +147,8 @@ fn free_components(
         let mut candidate = FreeBody { component, free_motions: 0, length, contacts, rejected_contacts };
         let (_, values, _) = candidate.anchoring(problem, poses);
         let motions = observations.model.unknowns();
-        // In the positions model the three rotations are no motions at all; their eigenvalues are zero.
+        // In the positions model the three rotations are no motions at all; their eigenvalues are
+        // zero.
         let determined = values.iter().filter(|&&x| x > RANK_TOLERANCE).count();
         candidate.free_motions = motions.saturating_sub(determined);
         if candidate.free_motions > 0 {
@@ -165,11 +169,12 @@ impl FreeBody {
         }
     }
 
-    /// How firmly the contacts hold each motion of the whole: the pivot of the motions, eigenvalues, ascending, and
-    /// motions.
+    /// How firmly the contacts hold each motion of the whole: the pivot of the motions,
+    /// eigenvalues, ascending, and motions.
     ///
-    /// About the middle of what was touched, translations and rotations hardly mix, and every motion is measured in
-    /// its own unit: a position known to a micrometre does not make a rotation known to a degree look unknown.
+    /// About the middle of what was touched, translations and rotations hardly mix, and every
+    /// motion is measured in its own unit: a position known to a micrometre does not make a
+    /// rotation known to a degree look unknown.
     fn anchoring(&self, problem: &Problem<'_>, poses: &Poses) -> (DVec3, [f64; 6], [RigidMotion; 6]) {
         let model = problem.observations.model;
         let terms: Vec<_> = self
@@ -210,7 +215,8 @@ impl FreeBody {
             return (centroid, (0..self.free_motions).map(unit).collect());
         }
         let (pivot, _, motions) = self.anchoring(problem, poses);
-        // In the positions model rotations are among the free motions; they move no taxel and are left out.
+        // In the positions model rotations are among the free motions; they move no taxel and are
+        // left out.
         let moves =
             |m: &RigidMotion| problem.observations.model == Model::Poses || m[..3].iter().any(|&x| x != 0.0);
         (pivot, motions.into_iter().filter(moves).take(self.free_motions).collect())
@@ -218,9 +224,9 @@ impl FreeBody {
 
     /// Adds stiffness against the free motions at the gauge taxel.
     ///
-    /// The cost does not change along a free motion, so its gradient is orthogonal to all of them, and the step of
-    /// the stiffened system is the one step of least squares that does not move the gauge taxel along them: the
-    /// stiffness holds without being felt.
+    /// The cost does not change along a free motion, so its gradient is orthogonal to all of them,
+    /// and the step of the stiffened system is the one step of least squares that does not move the
+    /// gauge taxel along them: the stiffness holds without being felt.
     pub(crate) fn fix_gauge(&self, problem: &Problem<'_>, poses: &Poses, matrix: &mut BlockMatrix<'_>) {
         let gauge = self.component.gauge;
         let Some(row) = problem.rows[gauge] else { return };
@@ -250,7 +256,8 @@ impl FreeBody {
     }
 }
 
-/// Eigenvalues, ascending, of a matrix scaled to ones on its diagonal, and its eigenvectors in the unscaled motions.
+/// Eigenvalues, ascending, of a matrix scaled to ones on its diagonal, and its eigenvectors in the
+/// unscaled motions.
 fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [RigidMotion; 6]) {
     let largest = (0..6).fold(0.0_f64, |m, k| m.max(sum[k][k]));
     let holds = |k: usize| sum[k][k] > NOTHING * largest;

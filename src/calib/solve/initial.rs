@@ -1,5 +1,5 @@
-//! Where the optimisation starts: chordal relaxation ([martinec2007], [carlone2015]), a spanning tree, or
-//! initial values; then every component is aligned to its contacts ([wahba1965]).
+//! Where the optimisation starts: chordal relaxation ([martinec2007], [carlone2015]), a spanning
+//! tree, or initial values; then every component is aligned to its contacts ([wahba1965]).
 
 use std::collections::VecDeque;
 
@@ -17,8 +17,8 @@ use crate::{
     sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
-/// Taxels that keep their pose while the start is computed: fixed ones, and the gauge taxel of every component
-/// without.
+/// Taxels that keep their pose while the start is computed: fixed ones, and the gauge taxel of
+/// every component without.
 fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
     let mut anchors = observations.taxels.map(|t| t.fixed);
     for component in components(observations, |_| true) {
@@ -86,7 +86,8 @@ pub(crate) fn spanning_tree(observations: &Observations) -> Poses {
     poses
 }
 
-/// The two linear systems of the chordal relaxation: both have a block row for every taxel that is not an anchor.
+/// The two linear systems of the chordal relaxation: both have a block row for every taxel that is
+/// not an anchor.
 fn chordal(observations: &Observations) -> Result<Poses, SparseError> {
     let mut poses = initial_or_origin(observations);
     let anchors = anchors(observations);
@@ -141,7 +142,8 @@ fn relative_edges(observations: &Observations) -> Vec<Weighted<'_>> {
         .collect()
 }
 
-/// `sum w |R_j - R_i Z|^2`: the three rows of every `R` are unknown, each alike, so they are three right-hand sides.
+/// `sum w |R_j - R_i Z|^2`: the three rows of every `R` are unknown, each alike, so they are three
+/// right-hand sides.
 fn rotations_system<'s>(
     system: &'s BlockSystem,
     edges: &[Weighted<'_>],
@@ -151,7 +153,8 @@ fn rotations_system<'s>(
 ) -> Result<BlockFactor<'s>, SparseError> {
     let mut matrix = system.zero();
     let columns = rhs.len() / 3;
-    // Adds `w M` to the right-hand side of a taxel: row `a` of the matrix belongs to right-hand side `a`.
+    // Adds `w M` to the right-hand side of a taxel: row `a` of the matrix belongs to right-hand
+    // side `a`.
     let mut add = |row: u32, m: DMat3, w: f64| {
         for a in 0..3 {
             for b in 0..3 {
@@ -219,8 +222,9 @@ fn add_pair(
     if from > to { matrix.add(slot, entry) } else { matrix.add(slot, |a, b| entry(b, a)) }
 }
 
-/// Moves every component without a fixed taxel as a whole to where its contacts say it is (Wahba 1965): the
-/// directions between touched points, touched normals and observed orientations vote for the rotation.
+/// Moves every component without a fixed taxel as a whole to where its contacts say it is (Wahba
+/// 1965): the directions between touched points, touched normals and observed orientations vote for
+/// the rotation.
 fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
     let components = components(observations, |_| true);
     let mut touches_of = vec![Vec::new(); components.len()];
@@ -235,7 +239,8 @@ fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
         let pairs: Vec<(DVec3, DVec3)> =
             touches.iter().map(|c| (poses[c.taxel].position, observed_position(&c.measurement))).collect();
         let Correlation { from, to, matrix: mut votes } = Correlation::new(&pairs);
-        // Points vote with their squared distance; directions as if they were as far apart as the points.
+        // Points vote with their squared distance; directions as if they were as far apart as the
+        // points.
         let spread = pairs.iter().map(|p| p.0.distance_squared(from)).sum::<f64>() / pairs.len() as f64;
         let scale = if spread > 0.0 { spread } else { 1.0 };
         for contact in touches {

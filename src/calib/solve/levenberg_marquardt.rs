@@ -1,6 +1,6 @@
-//! The one optimiser: Gauss-Newton steps, damped as by Levenberg and Marquardt when one fails to lower the
-//! cost ([nielsen1999]), on weights that are fixed, follow from a loss function, or from the schedule of
-//! graduated non-convexity ([`Weighting`]).
+//! The one optimiser: Gauss-Newton steps, damped as by Levenberg and Marquardt when one fails to
+//! lower the cost ([nielsen1999]), on weights that are fixed, follow from a loss function, or from
+//! the schedule of graduated non-convexity ([`Weighting`]).
 //!
 //! It knows no outliers. It finds a local minimum; which one depends on the start.
 
@@ -31,8 +31,8 @@ pub enum Control {
     Undamped,
     /// By this damping, over the diagonal of the system (Levenberg and Marquardt).
     Damping(f64),
-    /// Not at all, but on the graduated loss at this control, which approaches the truncated loss as it
-    /// grows.
+    /// Not at all, but on the graduated loss at this control, which approaches the truncated loss
+    /// as it grows.
     Graduation(f64),
 }
 
@@ -71,8 +71,8 @@ impl Termination {
     }
 }
 
-/// First damping after an undamped step that failed, over the diagonal: long chains of taxels bend under so
-/// little that more would stop them from moving at all.
+/// First damping after an undamped step that failed, over the diagonal: long chains of taxels bend
+/// under so little that more would stop them from moving at all.
 const FIRST_DAMPING: f64 = 1e-9;
 
 /// Growth of the damping at the first failure; it doubles at every further one.
@@ -84,8 +84,8 @@ const LARGEST_DAMPING: f64 = 1e12;
 /// Rounding of a sum of squares, over the sum: a step that raises the cost by less has not failed.
 const COST_ROUNDING: f64 = 1e-13;
 
-/// Growth of the control of graduated non-convexity from step to step. The 1.4 of [yang2020] takes three
-/// times as many steps to the same accuracy, at 5, 20 and 30 % outliers.
+/// Growth of the control of graduated non-convexity from step to step. The 1.4 of [yang2020] takes
+/// three times as many steps to the same accuracy, at 5, 20 and 30 % outliers.
 const GRADUATION: f64 = 2.0;
 
 /// Control at which the graduated loss and the truncated one differ for one observation in thirty.
@@ -239,8 +239,8 @@ impl StepControl {
 
 /// Doubles `step` as long as that lowers the cost (*heuristic*).
 ///
-/// Reweighting replaces a loss by a parabola above it, whose minimum falls short of the loss's own: where the
-/// weights are small, so short that hundreds of steps would be needed.
+/// Reweighting replaces a loss by a parabola above it, whose minimum falls short of the loss's own:
+/// where the weights are small, so short that hundreds of steps would be needed.
 fn extrapolate(
     mut best: (Iterate, Iteration),
     mut step: Vec<f64>,

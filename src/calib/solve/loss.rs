@@ -1,9 +1,9 @@
 //! Loss functions: what a squared residual costs, and the weight that follows from it.
 //!
-//! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted least squares
-//! with the weight `rho'(s)`. Bounds follow from how many numbers an observation measures, so that the same
-//! share of inliers is affected in every model. [huber1964], [beaton1974] (Tukey's biweight), [yang2020]
-//! (the graduated truncated loss).
+//! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted
+//! least squares with the weight `rho'(s)`. Bounds follow from how many numbers an observation
+//! measures, so that the same share of inliers is affected in every model. [huber1964],
+//! [beaton1974] (Tukey's biweight), [yang2020] (the graduated truncated loss).
 
 use crate::{
     calib::{ContactObservationId, DisplacementId, Verdict, observations::graph::PerObservation},
@@ -41,15 +41,15 @@ impl Loss {
 /// Share of inliers below the bound of Huber's loss, which leaves them as they are.
 const UNTOUCHED: f64 = 0.95;
 
-/// Share of inliers below the outlier bound: three standard deviations of a normal variable. With 0.99 the
-/// inliers that are lost cost 2 % of the accuracy at 5 % outliers.
+/// Share of inliers below the outlier bound: three standard deviations of a normal variable. With
+/// 0.99 the inliers that are lost cost 2 % of the accuracy at 5 % outliers.
 pub(crate) const INLIER_SHARE: f64 = 0.997;
 
 /// Tukey's bound over Huber's: with 3 degrees of freedom, weights vanish at 6 standard deviations.
 const TUKEY_OVER_HUBER: f64 = 2.147;
 
-/// No weight falls below this: a taxel whose observations are all rejected keeps its pose instead of making
-/// the system singular.
+/// No weight falls below this: a taxel whose observations are all rejected keeps its pose instead
+/// of making the system singular.
 pub(crate) const SMALLEST_WEIGHT: f64 = 1e-8;
 
 /// A loss for residuals of some dimension, with the squares of its bounds.
@@ -63,8 +63,8 @@ pub(crate) struct LossFunction {
 }
 
 impl LossFunction {
-    /// The loss of an observation of `dimension` numbers; without any there is no residual, and any bound
-    /// does.
+    /// The loss of an observation of `dimension` numbers; without any there is no residual, and any
+    /// bound does.
     pub(crate) fn new(loss: Loss, dimension: usize) -> Self {
         let degrees = dimension.max(1) as f64;
         let bound2 = match loss {
@@ -118,8 +118,8 @@ impl LossFunction {
         weight.max(SMALLEST_WEIGHT)
     }
 
-    /// Weight of the graduated truncated loss at control `mu`: nearly convex for small `mu`, the truncation
-    /// itself as it grows ([yang2020], equation 14).
+    /// Weight of the graduated truncated loss at control `mu`: nearly convex for small `mu`, the
+    /// truncation itself as it grows ([yang2020], equation 14).
     pub(crate) fn graduated_weight(&self, mu: f64, chi2: f64) -> f64 {
         let c2 = self.bound2;
         let weight = if chi2 <= mu / (mu + 1.0) * c2 {
@@ -212,11 +212,11 @@ mod tests {
     #[test]
     fn weights_are_the_slopes_of_costs() {
         for loss in ALL {
-            let kernel = LossFunction::new(loss, 3);
+            let function = LossFunction::new(loss, 3);
             for square in [0.0, 0.1, 3.0, 7.0, 9.0, 20.0, 30.0, 50.0, 1e4] {
                 let h = 1e-4 * (1.0 + square);
-                let slope = (kernel.cost(square + h) - kernel.cost(square)) / h;
-                let weight = kernel.weight(square + 0.5 * h);
+                let slope = (function.cost(square + h) - function.cost(square)) / h;
+                let weight = function.weight(square + 0.5 * h);
                 assert!((slope - weight).abs() < 1e-6, "{loss:?} at {square}: {slope} is not {weight}");
             }
         }
@@ -225,18 +225,18 @@ mod tests {
     #[test]
     fn small_errors_count_as_in_least_squares() {
         for loss in ALL {
-            let kernel = LossFunction::new(loss, 6);
-            assert!((kernel.weight(1e-12) - 1.0).abs() < 1e-9, "{loss:?}");
-            assert!((kernel.cost(1e-6) - 1e-6).abs() < 1e-12, "{loss:?}");
+            let function = LossFunction::new(loss, 6);
+            assert!((function.weight(1e-12) - 1.0).abs() < 1e-9, "{loss:?}");
+            assert!((function.cost(1e-6) - 1e-6).abs() < 1e-12, "{loss:?}");
         }
     }
 
     #[test]
     fn graduated_weights_end_in_truncation() {
-        let kernel = LossFunction::new(Loss::Truncated, 3);
-        for square in [0.5 * kernel.bound2, 2.0 * kernel.bound2] {
-            let late = kernel.graduated_weight(1e6, square);
-            assert!((late - kernel.weight(square)).abs() < 1e-6, "{late} at {square}");
+        let function = LossFunction::new(Loss::Truncated, 3);
+        for square in [0.5 * function.bound2, 2.0 * function.bound2] {
+            let late = function.graduated_weight(1e6, square);
+            assert!((late - function.weight(square)).abs() < 1e-6, "{late} at {square}");
         }
     }
 }

@@ -1,8 +1,9 @@
-//! Marginal covariances of all taxels: blocks of the inverse by selected inversion ([takahashi1973]), taken to
-//! the centroid gauge where a component is free ([kanatani2001], [triggs2000]).
+//! Marginal covariances of all taxels: blocks of the inverse by selected inversion
+//! ([takahashi1973]), taken to the centroid gauge where a component is free ([kanatani2001],
+//! [triggs2000]).
 //!
-//! First order: the covariance of the linearised problem at the solution, for the weights it was found with.
-//! That noise was rejected as an outlier, or not, is not part of it.
+//! First order: the covariance of the linearised problem at the solution, for the weights it was
+//! found with. That noise was rejected as an outlier, or not, is not part of it.
 
 use glam::{DMat3, DVec3};
 
@@ -24,9 +25,9 @@ use crate::{
 
 /// How uncertain every taxel is: marginal covariances, all at once.
 ///
-/// Where a component is free to move as a whole, the covariance is that in the centroid gauge: of what is left
-/// after the best rigid alignment (of positions) to the truth. In the positions model that alignment is a
-/// translation only.
+/// Where a component is free to move as a whole, the covariance is that in the centroid gauge: of
+/// what is left after the best rigid alignment (of positions) to the truth. In the positions model
+/// that alignment is a translation only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Marginals {
     /// Covariance of positions, in m^2, in the common frame; zero for fixed taxels.
@@ -82,14 +83,15 @@ fn of_positions(covariance: DMat3) -> Matrix6 {
 
 /// The centroid gauge of one free component: no motion of its taxels that an alignment would undo.
 ///
-/// With the free motions `G` and the conditions `A x = 0`, `A = (W G)'` with `W` picking what the alignment
-/// looks at, the projection is `P = 1 - G (A G)^-1 A`, and the covariance becomes `P C P'`.
+/// With the free motions `G` and the conditions `A x = 0`, `A = (W G)'` with `W` picking what the
+/// alignment looks at, the projection is `P = 1 - G (A G)^-1 A`, and the covariance becomes `P C
+/// P'`.
 struct CentroidGauge<'f> {
     body: &'f FreeBody,
     model: Model,
     pivot: DVec3,
     motions: Vec<RigidMotion>,
-    /// What rotations count beside positions in `W`.
+    /// The weight of rotations in `W`; that of positions is 1.
     weight: f64,
     /// `(A G)^-1`.
     inverse: [[f64; 6]; 6],
@@ -107,8 +109,8 @@ impl<'f> CentroidGauge<'f> {
             weight,
             inverse: [[0.0; 6]; 6],
         };
-        // Positions alone align a component, unless they leave a motion open, as on a line: that one follows
-        // rotations.
+        // Positions alone align a component, unless they leave a motion open, as on a line: that
+        // one follows rotations.
         let by_positions = at(0.0);
         let eigen = by_positions.overlap(poses);
         if aligned(&eigen.0).count() == motions.len() {
@@ -155,8 +157,8 @@ impl<'f> CentroidGauge<'f> {
         self
     }
 
-    /// Takes the covariances `C` of the component's taxels into this gauge, given the columns `X = C A'`: for
-    /// every taxel `C - B X' - X B' + B (A X) B'` with `B = G (A G)^-1`.
+    /// Takes the covariances `C` of the component's taxels into this gauge, given the columns `X =
+    /// C A'`: for every taxel `C - B X' - X B' + B (A X) B'` with `B = G (A G)^-1`.
     fn project(
         &self,
         poses: &Poses,
@@ -185,8 +187,8 @@ impl<'f> CentroidGauge<'f> {
 /// Motions that an alignment undoes are those with an eigenvalue above this share of the largest.
 const OPEN: f64 = 1e-9;
 
-/// What rotations count where positions leave a motion open: so little that the other motions are not
-/// affected, and enough to stand out from [`OPEN`].
+/// What rotations count where positions leave a motion open: so little that the other motions are
+/// not affected, and enough to stand out from [`OPEN`].
 const SLIGHT: f64 = 1e-5;
 
 /// The eigenvalues of motions that the alignment undoes.
@@ -209,10 +211,11 @@ fn product_transposed(m: &[Twist], n: &[Twist]) -> Matrix6 {
     m.iter().zip(n).fold(Matrix6::ZERO, |sum, (&x, &y)| sum + Matrix6::outer(x, y))
 }
 
-/// Takes the covariances of all free components from the gauges of their gauge taxels to those of their
-/// centroids.
+/// Takes the covariances of all free components from the gauges of their gauge taxels to those of
+/// their centroids.
 ///
-/// Components do not touch each other, so one solve for each of at most six conditions serves all of them.
+/// Components do not touch each other, so one solve for each of at most six conditions serves all
+/// of them.
 fn to_centroid_gauge(
     problem: &Problem<'_>,
     free: &[FreeBody],
@@ -358,7 +361,8 @@ mod tests {
             if model == Model::Poses && !free.is_empty() {
                 c = aligned(&c, &CentroidGauge::new(&problem, &free[0], &poses), &poses);
             } else if !free.is_empty() {
-                // Translations alone are free: what is left of every column is its distance from the mean.
+                // Translations alone are free: what is left of every column is its distance from
+                // the mean.
                 let mean = |x: &Dense| -> Dense {
                     let centred = |row: &Vec<f64>| -> Vec<f64> {
                         let mean =

@@ -1,9 +1,9 @@
-//! The normal equations of equation 1: squared residuals, Gauss-Newton matrix and gradient, at given poses
-//! and weights.
+//! The normal equations of equation 1: squared residuals, Gauss-Newton matrix and gradient, at
+//! given poses and weights.
 //!
 //! `J' W Omega J x = -J' W Omega e`, summed over edges and contacts into blocks of 1, 3 or 6 rows
-//! ([`BlockLayout`]). Accumulator run in the order of the observations, so that the result does not depend on the
-//! number of threads.
+//! ([`BlockLayout`]). Accumulator run in the order of the observations, so that the result does not
+//! depend on the number of threads.
 
 use glam::{DMat3, DVec3};
 

@@ -28,7 +28,8 @@ pub(crate) fn error(convention: ResidualConvention, observed: &Pose, from: &Pose
     }
 }
 
-/// The error, and its derivatives when `from` and `to` are moved in their own frames ([`Pose::moved`]).
+/// The error, and its derivatives when `from` and `to` are moved in their own frames
+/// ([`Pose::moved`]).
 pub(crate) fn linearised(
     convention: ResidualConvention,
     observed: &Pose,

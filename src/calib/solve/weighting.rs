@@ -1,5 +1,5 @@
-//! The weights of squared residuals: given, from a loss function (iteratively reweighted least squares), or
-//! from the schedule of graduated non-convexity ([yang2020]).
+//! The weights of squared residuals: given, from a loss function (iteratively reweighted least
+//! squares), or from the schedule of graduated non-convexity ([yang2020]).
 
 use std::borrow::Cow;
 
@@ -12,8 +12,8 @@ pub(crate) enum Weighting<'w> {
     Loss(&'w LossFunctions),
     /// Given.
     Fixed(&'w PerObservation),
-    /// Those of the graduated loss at control `mu`, which grows after every step until it reaches the
-    /// truncated loss ([yang2020], algorithm 1).
+    /// Those of the graduated loss at control `mu`, which grows after every step until it reaches
+    /// the truncated loss ([yang2020], algorithm 1).
     Graduated { losses: &'w LossFunctions, mu: f64 },
 }
 
