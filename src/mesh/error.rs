@@ -1,3 +1,5 @@
+//! Errors of this module.
+
 use crate::id::{FaceId, VertexId};
 
 /// What makes a list of triangles no oriented manifold mesh.

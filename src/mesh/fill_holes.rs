@@ -1,3 +1,5 @@
+//! Closes small holes with triangles of least area.
+
 use glam::DVec3;
 
 use crate::{

@@ -1,3 +1,5 @@
+//! A point of a mesh.
+
 use crate::id::FaceId;
 
 /// A point of a mesh: a face and barycentric coordinates in it.

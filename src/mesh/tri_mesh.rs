@@ -1,3 +1,5 @@
+//! Positions and triangles, with the areas and normals that follow from them.
+
 use glam::DVec3;
 
 use crate::{

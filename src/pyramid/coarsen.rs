@@ -1,3 +1,5 @@
+//! Makes the pyramid of one patch, level by level; see the [module](crate::pyramid) for the steps.
+
 use crate::{
     id::{IdVec, VertexId},
     mesh::TriMesh,

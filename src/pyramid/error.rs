@@ -1,3 +1,5 @@
+//! Errors of this module.
+
 use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId};
 
 /// Why a patch has no pyramid, or data is no pyramid.

@@ -1,3 +1,7 @@
+//! Chooses the centres of receptive fields: a maximal independent set at a distance that follows the local spacing.
+//!
+//! Ties are broken by a hash of the taxel's id, so neither the order in a file nor the number of threads shows.
+
 use std::f64::consts::PI;
 
 use glam::DVec3;

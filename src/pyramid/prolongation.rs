@@ -1,3 +1,5 @@
+//! Carries values coarse to fine, and amounts fine to coarse by its transpose.
+
 use std::ops::{Add, Mul};
 
 use crate::{

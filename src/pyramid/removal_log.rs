@@ -1,3 +1,5 @@
+//! What was removed between two levels, in order, so that flattening can undo it on the map.
+
 use crate::id::{FaceId, IdVec, VertexId};
 
 /// One vertex removed from a level: its ring at that moment and the triangles that filled the hole.

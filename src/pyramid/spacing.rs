@@ -1,3 +1,5 @@
+//! Local distance of a vertex to its neighbours, measured or from stated densities; it sets how far apart centres are.
+
 use glam::DVec3;
 
 use crate::{
