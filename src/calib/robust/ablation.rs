@@ -32,7 +32,7 @@ const STAGES: [(&str, Stage); 6] = [
     ("graduated non-convexity", |solver, start, losses| graduated(solver, start, losses, || losses.clone())),
     ("+ coordinate descent", |solver, start, losses| descended(solver, start, losses, None)),
     ("+ length prior", with_length_prior),
-    ("+ ambiguity (--robust gnc)", robust_fit),
+    ("+ ambiguity", robust_fit),
     ("automatic, with noise scale", |solver, start, _| automatic(solver, start)),
 ];
 
