@@ -2,8 +2,8 @@
 
 use crate::{
     calib::{
-        ContactObservationId, DisplacementId, Iteration, Loss, Marginals, Model, Pose, ResidualConvention,
-        Termination, observations::graph::PerObservation,
+        ContactObservationId, DisplacementId, FreeComponent, Iteration, Loss, Marginals, Model, Pose,
+        ResidualConvention, Termination, Verdict, observations::graph::PerObservation,
     },
     id::{IdVec, VertexId},
     skin::TaxelId,
@@ -58,17 +58,6 @@ impl Calibration {
     }
 }
 
-/// Whether the noise explains an observation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// Its squared residual is below its bound.
-    Inlier,
-    /// It is not.
-    Outlier,
-    /// The edges of a taxel contradict each other, and nothing decides between them.
-    Ambiguous,
-}
-
 /// How well one observation fits, and how much it counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObservationDiagnostics {
@@ -86,20 +75,6 @@ impl ObservationDiagnostics {
     pub fn is_rejected(&self) -> bool {
         self.verdict != Verdict::Inlier && self.weight < 1.0
     }
-}
-
-/// A component of the graph whose absolute pose the contacts do not determine, or not in every
-/// direction.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FreeComponent {
-    /// The taxel that keeps its initial pose along the free motions.
-    pub gauge: TaxelId,
-    /// Number of its taxels.
-    pub taxels: usize,
-    /// Independent rigid motions of the whole that no contact determines.
-    pub free_motions: usize,
-    /// Contacts of its taxels that were rejected and determine nothing.
-    pub rejected_contacts: usize,
 }
 
 /// Whether the stated noise is credible.

@@ -50,7 +50,7 @@ mod skin;
 mod solve;
 
 pub use calibrate::calibrate;
-pub use calibration::{Calibration, FreeComponent, GoodnessOfFit, ObservationDiagnostics, Verdict};
+pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use compare::{Comparison, compare};
 pub use error::CalibError;
 pub use geometry::pose::Pose;
@@ -63,6 +63,7 @@ pub use observations::{
 pub use options::{CalibOptions, Initialization, ResidualConvention, Robust};
 pub use simulate::{Probe, SimulateOptions, Simulation, simulate};
 pub use skin::{CalibratedSkin, Outside, calibrated_skin};
+pub use solve::gauge::FreeComponent;
 pub use solve::levenberg_marquardt::{Control, Iteration, Termination};
-pub use solve::loss::Loss;
+pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;

@@ -3,8 +3,36 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{Probe, random::Random};
+use super::random::Random;
 use crate::calib::geometry::pose::exp;
+
+/// The fixed sphere that the end effector touches, and how well its own pose is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Probe {
+    /// Its centre, in m.
+    pub centre: DVec3,
+    /// Its radius, in m.
+    pub radius: f64,
+    /// How deep the elastic skin is pressed in, in m: contacts are observed that much below the
+    /// taxel.
+    pub indentation: f64,
+    /// Noise of the end effector's position per axis, in m.
+    pub position_noise: f64,
+    /// Noise of the end effector's orientation per axis, in rad.
+    pub rotation_noise: f64,
+}
+
+impl Default for Probe {
+    fn default() -> Self {
+        Self {
+            centre: DVec3::new(0.4, 0.1, 0.3),
+            radius: 0.01,
+            indentation: 0.0,
+            position_noise: 0.0,
+            rotation_noise: 0.0,
+        }
+    }
+}
 
 /// A contact in the frame of the end effector, as the arm believes it.
 pub(super) struct SimulatedContact {

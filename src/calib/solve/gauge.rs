@@ -10,12 +10,13 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        ContactObservationId, FreeComponent, Model, Observations, Pose,
+        ContactObservationId, Model, Observations, Pose,
         observations::graph::{Component, PerObservation, Poses, component_of_taxels, components},
         solve::{loss::SMALLEST_WEIGHT, normal_equations::Problem},
     },
     id::VertexId,
     numeric::{Matrix6, Twist, symmetric_eigen},
+    skin::TaxelId,
     sparse::{BlockMatrix, BlockSlot},
 };
 
@@ -33,6 +34,20 @@ const DEPENDENT: f64 = 1e-9;
 /// A rigid motion of a whole component about a pivot: translation over [`FreeBody::length`], and
 /// rotation vector.
 pub(crate) type RigidMotion = [f64; 6];
+
+/// A component of the graph whose absolute pose the contacts do not determine, or not in every
+/// direction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FreeComponent {
+    /// The taxel that keeps its initial pose along the free motions.
+    pub gauge: TaxelId,
+    /// Number of its taxels.
+    pub taxels: usize,
+    /// Independent rigid motions of the whole that no contact determines.
+    pub free_motions: usize,
+    /// Contacts of its taxels that were rejected and determine nothing.
+    pub rejected_contacts: usize,
+}
 
 /// A component that is free to move as a rigid body.
 #[derive(Debug, Clone, PartialEq)]

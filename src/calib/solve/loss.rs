@@ -6,7 +6,7 @@
 //! [beaton1974] (Tukey's biweight), [yang2020] (the graduated truncated loss).
 
 use crate::{
-    calib::{ContactObservationId, DisplacementId, Verdict, observations::graph::PerObservation},
+    calib::{ContactObservationId, DisplacementId, observations::graph::PerObservation},
     id::IdVec,
     numeric::quantile,
 };
@@ -36,6 +36,17 @@ impl Loss {
             Self::Truncated => "gnc",
         }
     }
+}
+
+/// Whether the noise explains an observation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Its squared residual is below its bound.
+    Inlier,
+    /// It is not.
+    Outlier,
+    /// The edges of a taxel contradict each other, and nothing decides between them.
+    Ambiguous,
 }
 
 /// Share of inliers below the bound of Huber's loss, which leaves them as they are.
