@@ -4,9 +4,9 @@
 mod maps;
 
 use dermatome::{
-    atlas::{AtlasError, Chart, ImageRows, LevelImage, Samples, face_stretch, level_image},
+    atlas::{AtlasError, Chart, ImageRows, LevelImage, Samples, face_stretch},
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, PatchMap},
+    map::{ImageFrame, MapLevel, PatchMap},
     mesh::{TriMesh, shapes},
     skin::TaxelId,
 };
@@ -18,13 +18,19 @@ fn chart(patch: &PatchMap) -> Chart<'_> {
     Chart::new(patch, level_id(0)).unwrap()
 }
 
-fn inside_of(chart: &Chart<'_>, face: FaceId, p: DVec2) -> [f64; 3] {
-    maps::barycentric(chart.mesh(), chart.uv(), face, p)
+fn inside_of(patch: &PatchMap, face: FaceId, p: DVec2) -> [f64; 3] {
+    let finest = &patch.levels[level_id(0)];
+    maps::barycentric(&finest.level.mesh, &finest.uv, face, p)
+}
+
+/// The face that a pixel shows.
+fn face(chart: &Chart<'_>, column: u32, row: u32) -> Option<FaceId> {
+    chart.point(column, row).map(|at| at.face)
 }
 
 /// Columns and rows of every pixel.
 fn pixels(chart: &Chart<'_>) -> impl Iterator<Item = (u32, u32)> + use<> {
-    let [width, height] = chart.size_px();
+    let [width, height] = chart.frame().size_px;
     (0..height).flat_map(move |row| (0..width).map(move |column| (column, row)))
 }
 
@@ -49,10 +55,11 @@ fn a_covered_pixel_has_its_centre_in_its_face() {
     for (column, row) in pixels(&chart) {
         let Some(at) = chart.point(column, row) else { continue };
         let centre = chart.centre(column, row);
-        let inside = inside_of(&chart, at.face, centre);
+        let inside = inside_of(&cap, at.face, centre);
         // Snapping moves an edge by up to 2^-17 pixels, of triangles about six pixels high.
         assert!(inside.iter().all(|&w| w > -1e-5), "pixel {column}, {row} of face {:?}: {inside:?}", at.face);
-        let [a, b, c] = chart.mesh().triangles[at.face].map(|v| chart.uv()[v]);
+        let MapLevel { level, uv, .. } = &cap.levels[level_id(0)];
+        let [a, b, c] = level.mesh.triangles[at.face].map(|v| uv[v]);
         let back = a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2];
         assert!(back.distance(centre) < 1e-5 * 0.0007, "the weights lead back to the centre");
         assert_eq!(chart.frame().pixel(centre), [column, row], "frame and chart agree on the pixel");
@@ -63,10 +70,10 @@ fn a_covered_pixel_has_its_centre_in_its_face() {
 fn an_uncovered_pixel_has_its_centre_in_no_face() {
     let saddle = flat_patch("saddle", shapes::saddle(12), 0.004);
     let chart = chart(&saddle);
-    for (column, row) in pixels(&chart).filter(|&(x, y)| chart.face(x, y).is_none()) {
+    for (column, row) in pixels(&chart).filter(|&(x, y)| face(&chart, x, y).is_none()) {
         let centre = chart.centre(column, row);
-        for face in chart.mesh().triangles.ids() {
-            let inside = inside_of(&chart, face, centre);
+        for face in saddle.levels[level_id(0)].level.mesh.triangles.ids() {
+            let inside = inside_of(&saddle, face, centre);
             assert!(inside.iter().any(|&w| w < 1e-5), "face {face} holds the centre of {column}, {row}");
         }
     }
@@ -100,7 +107,7 @@ fn edges_through_pixel_centres_are_owned_once() {
     for (column, row) in pixels(&chart) {
         // A hair to the right and down of the centre: the left and the upper side belong to the square.
         let inside = (1..9).contains(&column) && (2..10).contains(&row);
-        assert_eq!(chart.face(column, row).is_some(), inside, "pixel {column}, {row}");
+        assert_eq!(face(&chart, column, row).is_some(), inside, "pixel {column}, {row}");
     }
 }
 
@@ -109,9 +116,9 @@ fn a_linear_field_is_drawn_linear() {
     let cap = flat_patch("cap", shapes::cap(300, 0.1, 1.2), 0.001);
     let chart = chart(&cap);
     let field = |p: DVec2| 3.0 * p.x - 2.0 * p.y + 0.5;
-    let drawn = chart.render(&chart.uv().map(|&p| field(p)));
+    let drawn = chart.render(&cap.levels[level_id(0)].uv.map(|&p| field(p)));
     for ((column, row), &value) in pixels(&chart).zip(&drawn) {
-        let expected = chart.face(column, row).map_or(0.0, |_| field(chart.centre(column, row)));
+        let expected = face(&chart, column, row).map_or(0.0, |_| field(chart.centre(column, row)));
         assert!((f64::from(value) - expected).abs() < 1e-6, "pixel {column}, {row}: {value}, not {expected}");
     }
 }
@@ -122,8 +129,8 @@ fn the_first_row_is_the_top() {
     let chart = chart(&map);
     assert!(chart.centre(0, 0).y > chart.centre(0, 1).y, "rows run down the map");
     assert!(chart.centre(1, 0).x > chart.centre(0, 0).x, "columns run to the right");
-    assert_eq!(chart.face(0, 0), None, "a pixel of margin");
-    assert_eq!(chart.face(u32::MAX, 0), None, "there is nothing outside");
+    assert_eq!(face(&chart, 0, 0), None, "a pixel of margin");
+    assert_eq!(face(&chart, u32::MAX, 0), None, "there is nothing outside");
 }
 
 #[test]
@@ -136,7 +143,7 @@ fn where_faces_overlap_the_smaller_id_wins() {
     );
     let map = flat_patch("twice", mesh, 1.0);
     let chart = chart(&map);
-    assert!(pixels(&chart).all(|(x, y)| chart.face(x, y).is_none_or(|f| f == FaceId::new(0))));
+    assert!(pixels(&chart).all(|(x, y)| face(&chart, x, y).is_none_or(|f| f == FaceId::new(0))));
     assert_eq!(chart.overlaps(), chart.covered(), "every pixel is wanted once more, by the mirrored face");
     assert!(chart.covered() > 0);
 }
@@ -158,7 +165,7 @@ fn thin_triangles_leave_no_holes() {
         c.cmpgt(DVec2::splat(1e-6)).all() && c.cmplt(DVec2::splat(1.0 - 1e-6)).all()
     };
     assert!(
-        pixels(&chart).filter(inside).all(|(x, y)| chart.face(x, y).is_some()),
+        pixels(&chart).filter(inside).all(|(x, y)| face(&chart, x, y).is_some()),
         "the unit square is covered"
     );
 }
@@ -168,7 +175,7 @@ fn ids_are_those_of_the_largest_weight() {
     let mut map = maps::square_pyramid("palm", &[9, 5], 0.08, 0.001);
     map.taxels.ids[VertexId::new(0)] = TaxelId(u32::MAX - 1);
     for k in 0..2 {
-        let image = level_image(&map, level_id(k)).unwrap();
+        let image = maps::image(&map, k);
         let chart = Chart::new(&map, level_id(k)).unwrap();
         let mut seen = 0;
         for (i, (column, row)) in pixels(&chart).enumerate() {
@@ -180,7 +187,7 @@ fn ids_are_those_of_the_largest_weight() {
             };
             seen += 1;
             let largest = at.barycentric.iter().copied().fold(0.0, f64::max);
-            let corners = chart.mesh().triangles[at.face];
+            let corners = map.levels[level_id(k)].level.mesh.triangles[at.face];
             let expected: Vec<u32> = (0..3)
                 .filter(|&c| at.barycentric[c] >= largest)
                 .map(|c| if k == 0 { map.taxels.ids[corners[c]].0 } else { corners[c].raw() })
@@ -198,13 +205,13 @@ fn positions_normals_and_weights_are_those_of_the_point() {
     let mesh = shapes::cap(800, 0.1, 1.0);
     let uv = mesh.positions.map(|p| 1.1 * p.truncate());
     let map = patch("cap", vec![mapped_level(mesh, uv, 0.001)]);
-    let (chart, image) = (chart(&map), level_image(&map, level_id(0)).unwrap());
+    let (chart, image) = (chart(&map), maps::image(&map, 0));
     let vector = |base: &str, i| {
         DVec3::from_array(["X", "Y", "Z"].map(|c| f64::from(floats(&image, &format!("{base}.{c}"))[i])))
     };
     for (i, (column, row)) in pixels(&chart).enumerate() {
         let Some(at) = chart.point(column, row) else { continue };
-        let p = chart.mesh().point(&at);
+        let p = map.levels[level_id(0)].level.mesh.point(&at);
         assert!(vector("position", i).distance(p) < 1e-7, "position of pixel {column}, {row}");
         let n = vector("normal", i);
         assert!((n.length() - 1.0).abs() < 1e-6, "unit normal");
@@ -258,7 +265,7 @@ fn any_number_of_threads_draws_the_same() {
     let map = flat_patch("cap", shapes::cap(3000, 0.1, 1.0), 0.0005);
     let draw = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| level_image(&map, level_id(0)).unwrap())
+        pool.install(|| maps::image(&map, 0))
     };
     let one = draw(1);
     assert!([2, 7].into_iter().all(|n| draw(n) == one));
@@ -301,12 +308,12 @@ fn what_cannot_be_drawn_is_named() {
 fn degenerate_faces_are_harmless() {
     let line = TriMesh::from_arrays(vec![DVec3::ZERO, DVec3::X, 2.0 * DVec3::X], &[[0, 1, 2]]);
     let map = flat_patch("line", line, 0.1);
-    let image = level_image(&map, level_id(0)).unwrap();
+    let image = maps::image(&map, 0);
     assert!(floats(&image, "A").iter().all(|&a| a == 0.0), "a line covers no pixel");
     // No area on the skin, some on the map.
     let mut map = flat_patch("point", shapes::triangle(), 0.1);
     map.levels[level_id(0)].level.mesh.positions = vec![DVec3::ZERO; 3].into();
-    let image = level_image(&map, level_id(0)).unwrap();
+    let image = maps::image(&map, 0);
     assert!(floats(&image, "A").contains(&1.0));
     for channel in &image.channels {
         let Samples::F32(values) = &channel.samples else { continue };
@@ -336,9 +343,9 @@ proptest! {
         let (here, there) = (chart(&map), chart(&moved));
         prop_assert_eq!((here.overlaps(), here.covered()), (there.overlaps(), there.covered()));
         for (column, row) in pixels(&here) {
-            if let Some(face) = here.face(column, row) {
+            if let Some(found) = face(&here, column, row) {
                 let [x, y] = [column.checked_add_signed(-dx).unwrap(), row.checked_add_signed(dy).unwrap()];
-                prop_assert_eq!(there.face(x, y), Some(face));
+                prop_assert_eq!(face(&there, x, y), Some(found));
             }
         }
     }
@@ -362,7 +369,7 @@ proptest! {
             let mut map = flat_patch("quad", mesh, 1.0);
             map.levels[level_id(0)].frame = frame;
             let chart = chart(&map);
-            let covered: Vec<bool> = pixels(&chart).map(|(x, y)| chart.face(x, y).is_some()).collect();
+            let covered: Vec<bool> = pixels(&chart).map(|(x, y)| face(&chart, x, y).is_some()).collect();
             (covered, chart.overlaps())
         };
         let (covered, overlaps) = draw(star);

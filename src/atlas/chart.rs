@@ -1,3 +1,7 @@
+//! Which face every pixel of a level's image shows: sizes are checked, positions snapped to exact
+//! coordinates, faces rasterised once. Nothing is guaranteed of the map: where it overlaps itself
+//! the smallest face wins, and how often that happened is counted.
+
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -12,8 +16,8 @@ use crate::{
     pyramid::LevelId,
 };
 
-/// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what the exact
-/// arithmetic of the rasteriser allows.
+/// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what
+/// the exact arithmetic of the rasteriser allows.
 const MAX_SIDE: u32 = 16_384;
 
 /// Largest number of pixels: a chart of 1 GiB.
@@ -21,8 +25,9 @@ const MAX_PIXELS: u64 = 1 << 28;
 
 /// Which face each pixel of a level's image shows, and where in it.
 ///
-/// A pixel is covered if its centre lies in a face. Where the map overlaps itself the smallest face id wins.
-/// Four bytes a pixel: barycentric coordinates are found from the face when they are asked for.
+/// A pixel is covered if its centre lies in a face. Where the map overlaps itself the smallest face
+/// id wins. Four bytes a pixel: barycentric coordinates are found from the face when they are asked
+/// for.
 #[derive(Debug, Clone)]
 pub struct Chart<'a> {
     mesh: &'a TriMesh,
@@ -36,8 +41,9 @@ impl<'a> Chart<'a> {
     /// Rasterises the map of one level. Work grows with the covered pixels and the triangles.
     ///
     /// # Errors
-    /// If the patch breaks a rule of [`PatchMap::validate`] or has no such level, if the image would be larger than 16384
-    /// pixels a side or `2^28` in all, or if the map does not lie in its frame.
+    /// If the patch breaks a rule of [`SkinMap::validate`](crate::map::SkinMap::validate) or has no such level, if the image
+    /// would be larger than 16384 pixels a side or `2^28` in all, or if the map does not lie in its
+    /// frame.
     pub fn new(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
         patch.validate()?;
         Self::of_level(patch, level)
@@ -52,7 +58,8 @@ impl<'a> Chart<'a> {
         Self::of(&image_name(patch, level), &at.level.mesh, &at.uv, at.frame)
     }
 
-    /// Rasterises a map `uv` (m) of `mesh` into `frame`, which are known to be valid; errors name it `image`.
+    /// Rasterises a map `uv` (m) of `mesh` into `frame`, which are known to be valid; errors name
+    /// it `image`.
     ///
     /// # Errors
     /// As [`Chart::new`].
@@ -68,28 +75,10 @@ impl<'a> Chart<'a> {
         Ok(Self { mesh, uv, frame, faces, overlaps })
     }
 
-    /// The mesh it shows.
-    #[must_use]
-    pub const fn mesh(&self) -> &'a TriMesh {
-        self.mesh
-    }
-
-    /// The map positions, in m.
-    #[must_use]
-    pub const fn uv(&self) -> &'a IdVec<VertexId, DVec2> {
-        self.uv
-    }
-
     /// The part of the map it shows.
     #[must_use]
     pub const fn frame(&self) -> &ImageFrame {
         &self.frame
-    }
-
-    /// Width and height, in pixels.
-    #[must_use]
-    pub const fn size_px(&self) -> [u32; 2] {
-        self.frame.size_px
     }
 
     /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
@@ -113,9 +102,8 @@ impl<'a> Chart<'a> {
     }
 
     /// The face that a pixel shows; `None` if it shows none or lies outside of the image.
-    #[must_use]
-    pub fn face(&self, column: u32, row: u32) -> Option<FaceId> {
-        let [width, height] = self.size_px();
+    fn face(&self, column: u32, row: u32) -> Option<FaceId> {
+        let [width, height] = self.frame.size_px;
         if column >= width || row >= height {
             return None;
         }
@@ -123,7 +111,8 @@ impl<'a> Chart<'a> {
         (face != UNCOVERED).then(|| FaceId::from(face))
     }
 
-    /// The point of the mesh that a pixel shows; `None` if it shows none or lies outside of the image.
+    /// The point of the mesh that a pixel shows; `None` if it shows none or lies outside of the
+    /// image.
     #[must_use]
     pub fn point(&self, column: u32, row: u32) -> Option<SurfacePoint> {
         let face = self.face(column, row)?;
@@ -137,9 +126,9 @@ impl<'a> Chart<'a> {
     /// If there are fewer values than vertices.
     #[must_use]
     pub fn render(&self, values: &IdVec<VertexId, f64>) -> Vec<f32> {
-        let width = self.size_px()[0] as usize;
+        let width = self.frame.size_px[0] as usize;
         let mut pixels = vec![0.0_f32; self.faces.len()];
-        pixels.par_chunks_mut(width).zip(0..self.size_px()[1]).for_each(|(pixels, row)| {
+        pixels.par_chunks_mut(width).zip(0..self.frame.size_px[1]).for_each(|(pixels, row)| {
             self.each_in_row(row, |column, face, weights| {
                 let corners = self.mesh.triangles[face];
                 let value = corners.iter().zip(weights).map(|(&v, w)| w * values[v]).sum();
@@ -151,7 +140,7 @@ impl<'a> Chart<'a> {
 
     /// Calls `visit(column, face, barycentric)` for the covered pixels of a row, left to right.
     pub(super) fn each_in_row(&self, row: u32, mut visit: impl FnMut(usize, FaceId, [f64; 3])) {
-        let width = self.size_px()[0] as usize;
+        let width = self.frame.size_px[0] as usize;
         let start = row as usize * width;
         let mut current: Option<Barycentric> = None;
         for ((column, &face), x) in self.faces[start..start + width].iter().enumerate().zip(0_u32..) {
@@ -181,8 +170,8 @@ impl Barycentric {
         Self { face, corners: chart.mesh.triangles[face].map(|v| chart.uv[v]) }
     }
 
-    /// Non-negative weights with sum 1. Snapping may have moved a centre out of its face by `2^-17` pixels:
-    /// that is clamped away.
+    /// Non-negative weights with sum 1. Snapping may have moved a centre out of its face by `2^-17`
+    /// pixels: that is clamped away.
     fn at(&self, p: DVec2) -> [f64; 3] {
         let [a, b, c] = self.corners.map(|x| x - p);
         let cross = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];

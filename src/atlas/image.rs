@@ -1,3 +1,5 @@
+//! Images as rows of named channels, which `io::image` writes: in memory, or a band at a time.
+
 use std::ops::Range;
 
 use crate::map::ImageFrame;
@@ -13,23 +15,15 @@ pub enum Samples {
 
 impl Samples {
     /// Number of samples.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         match self {
             Self::F32(x) => x.len(),
             Self::U32(x) => x.len(),
         }
     }
 
-    /// Whether there are no samples.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// What the samples are.
-    #[must_use]
-    pub const fn kind(&self) -> SampleKind {
+    pub(crate) const fn kind(&self) -> SampleKind {
         match self {
             Self::F32(_) => SampleKind::F32,
             Self::U32(_) => SampleKind::U32,
@@ -52,15 +46,6 @@ pub enum SampleKind {
     F32,
     /// 32-bit unsigned integers.
     U32,
-}
-
-/// Name and kind of one channel.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ChannelLayout {
-    /// Name, as `position.X`.
-    pub name: String,
-    /// What its samples are.
-    pub kind: SampleKind,
 }
 
 /// One channel of an image.
@@ -91,7 +76,8 @@ impl TactileImage {
     }
 }
 
-/// An image that is asked for a band of rows at a time, so that it need not be in memory as a whole.
+/// An image that is asked for a band of rows at a time, so that it need not be in memory as a
+/// whole.
 pub trait ImageRows: Sync {
     /// Patch and level, as `palm/L0`.
     fn name(&self) -> &str;
@@ -99,11 +85,11 @@ pub trait ImageRows: Sync {
     /// The part of the map it shows, and its size in pixels.
     fn frame(&self) -> &ImageFrame;
 
-    /// Names and kinds of the channels.
-    fn channels(&self) -> Vec<ChannelLayout>;
+    /// The names of the channels, as `position.X`, and what their samples are.
+    fn channels(&self) -> Vec<(String, SampleKind)>;
 
-    /// The samples of the channels in that order, for `rows` counted from the top: width times the number of
-    /// rows each. The rows lie inside of the image.
+    /// The samples of the channels in that order, for `rows` counted from the top: width times the
+    /// number of rows each. The rows lie inside of the image.
     fn rows(&self, rows: Range<u32>) -> Vec<Samples>;
 }
 
@@ -116,9 +102,8 @@ impl ImageRows for TactileImage {
         &self.frame
     }
 
-    fn channels(&self) -> Vec<ChannelLayout> {
-        let layout = |c: &Channel| ChannelLayout { name: c.name.clone(), kind: c.samples.kind() };
-        self.channels.iter().map(layout).collect()
+    fn channels(&self) -> Vec<(String, SampleKind)> {
+        self.channels.iter().map(|c| (c.name.clone(), c.samples.kind())).collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {

@@ -1,3 +1,6 @@
+//! The channels of `map.exr`, filled from the chart of each level. The shading channel `Y` is a
+//! *heuristic* for the eye, without a physical light; all others are measures or ids.
+
 use std::ops::Range;
 
 use glam::DVec3;
@@ -5,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::{
     atlas::{
-        AtlasError, Channel, ChannelLayout, Chart, ImageRows, SampleKind, Samples, Stretch, TactileImage,
+        AtlasError, Channel, Chart, ImageRows, SampleKind, Samples, Stretch, TactileImage,
         chart::{check_total, image_name, narrow},
         face_stretch,
     },
@@ -42,7 +45,7 @@ const IDS: [&str; 2] = ["taxel.id", "face.id"];
 /// | `A` | coverage: 1 or 0 | 0 |
 /// | `position.{X,Y,Z}` | point of the level's mesh in the link's frame, in m | 0 |
 /// | `normal.{X,Y,Z}` | unit normal, interpolated | 0 |
-/// | `taxel.id` | of the corner with the largest weight: on level 0 its vendor id, above the field's index | `u32::MAX` |
+/// | `taxel.id` | of the nearest corner: its vendor id, above level 0 its index | `u32::MAX` |
 /// | `face.id` | index of the face in the level's mesh | `u32::MAX` |
 /// | `bary.{U,V}` | weights of the face's second and third corner | 0 |
 /// | `stretch.{angle,area}` | [`Stretch`] of the face | 0 |
@@ -73,13 +76,7 @@ impl<'a> LevelImage<'a> {
         let (name, finest) = (image_name(patch, level), level == LevelId::default());
         let level = &patch.levels[level];
         let normals = patch.normals(&level.level);
-        Ok(Self { name, patch, level, normals, finest, light: light(chart.mesh()), chart })
-    }
-
-    /// The level's chart.
-    #[must_use]
-    pub const fn chart(&self) -> &Chart<'a> {
-        &self.chart
+        Ok(Self { name, patch, level, normals, finest, light: light(&level.level.mesh), chart })
     }
 
     /// The whole image in memory.
@@ -93,7 +90,8 @@ impl<'a> LevelImage<'a> {
             .map(|band| self.rows(band * BAND..height.min((band + 1) * BAND)))
             .collect();
         let layouts = self.channels();
-        let mut channels: Vec<_> = layouts.into_iter().map(|c| empty(c, width, height)).collect();
+        let mut channels: Vec<_> =
+            layouts.into_iter().map(|(name, kind)| empty(name, kind, width, height)).collect();
         for band in bands {
             for (channel, part) in channels.iter_mut().zip(band) {
                 match (&mut channel.samples, part) {
@@ -141,12 +139,9 @@ impl ImageRows for LevelImage<'_> {
         self.chart.frame()
     }
 
-    fn channels(&self) -> Vec<ChannelLayout> {
-        let of = |names: &[&str], kind| {
-            let layout = |name: &&str| ChannelLayout { name: (*name).to_owned(), kind };
-            names.iter().map(layout).collect::<Vec<_>>()
-        };
-        [of(&MEASURES, SampleKind::F32), of(&IDS, SampleKind::U32)].concat()
+    fn channels(&self) -> Vec<(String, SampleKind)> {
+        let measures = MEASURES.map(|name| (name.to_owned(), SampleKind::F32));
+        measures.into_iter().chain(IDS.map(|name| (name.to_owned(), SampleKind::U32))).collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
@@ -176,13 +171,13 @@ impl ImageRows for LevelImage<'_> {
 }
 
 /// A channel with room for all of its samples.
-fn empty(layout: ChannelLayout, width: u32, height: u32) -> Channel {
+fn empty(name: String, kind: SampleKind, width: u32, height: u32) -> Channel {
     let count = width as usize * height as usize;
-    let samples = match layout.kind {
+    let samples = match kind {
         SampleKind::F32 => Samples::F32(Vec::with_capacity(count)),
         SampleKind::U32 => Samples::U32(Vec::with_capacity(count)),
     };
-    Channel { name: layout.name, samples }
+    Channel { name, samples }
 }
 
 /// Direction the light comes from: where the mesh faces on the whole, or up if it faces everywhere.
@@ -191,18 +186,12 @@ fn light(mesh: &TriMesh) -> DVec3 {
     sum.try_normalize().unwrap_or(DVec3::Z)
 }
 
-/// The image of one level with all of its channels, in memory.
+/// The images of every level of every patch, rasterised but not yet filled: patch by patch, finest
+/// level first.
 ///
 /// # Errors
-/// As [`LevelImage::new`].
-pub fn level_image(patch: &PatchMap, level: LevelId) -> Result<TactileImage, AtlasError> {
-    Ok(LevelImage::new(patch, level)?.to_image())
-}
-
-/// The images of every level of every patch, rasterised but not yet filled: patch by patch, finest level first.
-///
-/// # Errors
-/// As [`Chart::new`], or if the images have more than `2^28` pixels together: they are in memory at once.
+/// As [`Chart::new`], or if the images have more than `2^28` pixels together: they are in memory at
+/// once.
 pub fn skin_images(map: &SkinMap) -> Result<Vec<LevelImage<'_>>, AtlasError> {
     map.validate()?;
     check_total(map.patches.iter().flat_map(|patch| patch.levels.iter().map(|level| &level.frame)))?;

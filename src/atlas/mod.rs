@@ -1,8 +1,9 @@
 //! Tactile images: every chart rasterised once, then filled with values.
 //!
-//! A [`Chart`] says for every pixel of a level's image which face and which place in it the pixel shows.
-//! [`LevelImage`] fills the channels of `map.exr` from it, a band of rows at a time, so that an image of a
-//! whole skin need never be in memory at once; [`level_image`] gives the same as one [`TactileImage`].
+//! A [`Chart`] says for every pixel of a level's image which face and which place in it the pixel
+//! shows. [`LevelImage`] fills the channels of `map.exr` from it, a band of rows at a time, so that
+//! an image of a whole skin need never be in memory at once; [`LevelImage::to_image`] gives the same
+//! as one [`TactileImage`].
 
 mod chart;
 mod error;
@@ -13,6 +14,6 @@ mod stretch;
 
 pub use chart::Chart;
 pub use error::AtlasError;
-pub use image::{Channel, ChannelLayout, ImageRows, SampleKind, Samples, TactileImage};
-pub use level_image::{LevelImage, level_image, skin_images};
+pub use image::{Channel, ImageRows, SampleKind, Samples, TactileImage};
+pub use level_image::{LevelImage, skin_images};
 pub use stretch::{Stretch, face_stretch};

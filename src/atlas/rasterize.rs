@@ -1,3 +1,7 @@
+//! The rasteriser: triangles of snapped corners to a face per pixel, with exact integer edge
+//! functions, so that no pixel is missed or covered twice along an edge. Bands of rows in parallel;
+//! the same answer with any number of threads.
+
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -9,24 +13,25 @@ pub(super) const UNCOVERED: u32 = u32::MAX;
 
 /// Bits of a pixel that a snapped coordinate resolves: 15 nm at 1 mm per pixel.
 ///
-/// Edge functions of coordinates below `2^14` pixels then stay below `2^62`: they are exact in an `i64`, so no
-/// pixel falls through a shared edge or a vertex, however thin the triangles are.
+/// Edge functions of coordinates below `2^14` pixels then stay below `2^62`: they are exact in an
+/// `i64`, so no pixel falls through a shared edge or a vertex, however thin the triangles are.
 pub(super) const SUBPIXEL_BITS: u32 = 16;
 
 /// One pixel in snapped units.
 pub(super) const PIXEL: i64 = 1 << SUBPIXEL_BITS;
 
-/// Rows that one task fills. Triangles are a few pixels tall, so few of them lie in two bands, and a small
-/// image still has several bands.
+/// Rows that one task fills. Triangles are a few pixels tall, so few of them lie in two bands, and
+/// a small image still has several bands.
 const BAND_ROWS: usize = 32;
 
 /// A point in units of `1 / PIXEL` pixels: right, and down from the upper edge.
 pub(super) type Snapped = [i64; 2];
 
-/// The face that each pixel centre lies in, row by row from the top, and how often a second face wanted it.
+/// The face that each pixel centre lies in, row by row from the top, and how often a second face
+/// wanted it.
 ///
-/// A centre on a shared edge belongs to the face that it would lie in if it were a hair further right and down.
-/// Where faces overlap the smallest id wins.
+/// A centre on a shared edge belongs to the face that it would lie in if it were a hair further
+/// right and down. Where faces overlap the smallest id wins.
 pub(super) fn rasterize(
     points: &IdVec<VertexId, Snapped>,
     triangles: &IdVec<FaceId, [VertexId; 3]>,

@@ -9,11 +9,12 @@ use crate::{
 /// How one face is stretched on its way from the skin to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stretch {
-    /// `s1/s2`, the ratio of the singular values of the map's Jacobian: 1 at a conformal map, negative if the
-    /// face is mirrored, infinite if it is squeezed to a line.
+    /// `s1/s2`, the ratio of the singular values of the map's Jacobian: 1 at a conformal map,
+    /// negative if the face is mirrored, infinite if it is squeezed to a line.
     pub angle: f64,
-    /// `s1 s2`, the area on the map over the area on the skin: 1 at an equal-area map. Dividing the area of a
-    /// pixel by it gives the skin that the pixel shows. Infinite if the face has no area on the skin.
+    /// `s1 s2`, the area on the map over the area on the skin: 1 at an equal-area map. Dividing the
+    /// area of a pixel by it gives the skin that the pixel shows. Infinite if the face has no area
+    /// on the skin.
     pub area: f64,
 }
 

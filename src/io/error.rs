@@ -1,6 +1,6 @@
 //! What can be wrong with a file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::map::MapError;
 
@@ -81,32 +81,18 @@ pub enum IoError {
 }
 
 impl IoError {
-    /// The file it is about.
+    /// The same error about another file, named from its own: outputs are written to a temporary
+    /// file first.
     #[must_use]
-    pub fn path(&self) -> &std::path::Path {
-        match self {
-            Self::Read { path, .. }
-            | Self::Write { path, .. }
-            | Self::Invalid { path, .. }
-            | Self::Unsupported { path, .. }
-            | Self::UnknownKind { path, .. }
-            | Self::Map { path, .. }
-            | Self::Unfit { path, .. } => path,
-        }
-    }
-
-    /// The same error about another file: outputs are written to a temporary file first.
-    #[must_use]
-    pub fn about(mut self, file: &std::path::Path) -> Self {
-        match &mut self {
-            Self::Read { path, .. }
-            | Self::Write { path, .. }
-            | Self::Invalid { path, .. }
-            | Self::Unsupported { path, .. }
-            | Self::UnknownKind { path, .. }
-            | Self::Map { path, .. }
-            | Self::Unfit { path, .. } => file.clone_into(path),
-        }
+    pub fn about(mut self, name: impl FnOnce(&Path) -> PathBuf) -> Self {
+        let (Self::Read { path, .. }
+        | Self::Write { path, .. }
+        | Self::Invalid { path, .. }
+        | Self::Unsupported { path, .. }
+        | Self::UnknownKind { path, .. }
+        | Self::Map { path, .. }
+        | Self::Unfit { path, .. }) = &mut self;
+        *path = name(path);
         self
     }
 }

@@ -4,10 +4,10 @@
 //!
 //! | folder | reads | writes |
 //! |---|---|---|
-//! | `gltf` | [`read_map`]; skins for [`read_draft`] | [`write_map`], [`write_pyramids`]; skins for [`write_skin`] |
-//! | `mesh` | [`read_draft`]: glTF, JSON, OBJ, PLY, STL, CSV, iCub text | [`write_skin`]; [`write_flat`]: OBJ, NPZ |
-//! | `observations` | [`read_observations`]: g2o, CSV | [`write_observations`], [`write_contacts`] |
-//! | `table` | [`ContactReader`], [`read_poses`], [`read_triangles`], [`read_truth`] | [`LookupWriter`], [`write_calibration`], ... |
+//! | `gltf` | [`read_map`], skins | [`write_map`], [`write_pyramids`], skins |
+//! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
+//! | `observations` | [`read_observations`] | [`write_observations`], [`write_contacts`] |
+//! | `table` | [`ContactReader`], [`read_poses`], ... | [`LookupWriter`], [`write_calibration`], ... |
 //! | `image` | | [`write_images`]: OpenEXR |
 //! | `file` | what all of them need: whole files, lines, replacing | |
 //!
@@ -32,7 +32,8 @@
 //!     skin::Skin,
 //! };
 //!
-//! let map = build(&Skin::from_mesh("palm", shapes::cap(200, 0.1, 0.5)), &BuildOptions::default())?;
+//! let palm = Skin::from_mesh("palm", shapes::cap(200, 0.1, 0.5));
+//! let map = build(&palm, &BuildOptions::default())?;
 //! let path = std::env::temp_dir().join("dermatome-io-map.glb");
 //! write_map(&path, &map)?;
 //! assert_eq!(read_map(&path)?.patches.len(), map.patches.len());

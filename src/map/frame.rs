@@ -39,21 +39,21 @@ impl ImageFrame {
 
     /// Whether it is a finite rectangle with an area and at least one pixel.
     #[must_use]
-    pub fn is_valid(&self) -> bool {
+    pub(crate) fn is_valid(&self) -> bool {
         let size = self.size.is_finite() && self.size.min_element() > 0.0;
         size && self.origin.is_finite() && !self.size_px.contains(&0)
     }
 
     /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
     #[must_use]
-    pub fn to_texture(&self, at: DVec2) -> DVec2 {
+    pub(crate) fn to_texture(&self, at: DVec2) -> DVec2 {
         let unit = (at - self.origin) / self.size;
         DVec2::new(unit.x, 1.0 - unit.y)
     }
 
     /// The map position (m) of a point of the unit square.
     #[must_use]
-    pub fn from_texture(&self, texture: DVec2) -> DVec2 {
+    pub(crate) fn from_texture(&self, texture: DVec2) -> DVec2 {
         self.origin + DVec2::new(texture.x, 1.0 - texture.y) * self.size
     }
 

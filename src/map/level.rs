@@ -26,7 +26,8 @@ impl MapLevel {
     /// A level with its map `uv` (m), which is measured; images have `pixel` metres per pixel.
     ///
     /// # Panics
-    /// If the map has not one position per vertex, or a triangle names a vertex that does not exist.
+    /// If the map has not one position per vertex, or a triangle names a vertex that does not
+    /// exist.
     #[must_use]
     pub fn new(level: Level, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
         let frame = ImageFrame::around(&uv, pixel);

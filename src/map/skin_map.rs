@@ -24,7 +24,8 @@ pub struct PatchMap {
 }
 
 impl PatchMap {
-    /// Joins a patch, its pyramid and the maps of its levels (m); images have `pixel` metres per pixel.
+    /// Joins a patch, its pyramid and the maps of its levels (m); images have `pixel` metres per
+    /// pixel.
     #[must_use]
     pub fn new(
         patch: &Patch,
@@ -46,7 +47,7 @@ impl PatchMap {
     /// # Panics
     /// If a vertex of the level is no taxel of this patch.
     #[must_use]
-    pub fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
+    pub(crate) fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
         level.origins.map(|&taxel| self.taxels.normals[taxel])
     }
 
@@ -54,7 +55,7 @@ impl PatchMap {
     ///
     /// # Errors
     /// The first broken rule.
-    pub fn validate(&self) -> Result<(), MapError> {
+    pub(crate) fn validate(&self) -> Result<(), MapError> {
         let levels: Vec<_> = self.levels.iter().map(|map| &map.level).collect();
         check_levels(&levels).map_err(|broken| {
             let (level, source) = match broken {
@@ -98,8 +99,8 @@ pub struct SkinMap {
 }
 
 impl SkinMap {
-    /// The map of a mesh seen from above, along z: one patch of one level, on one link at the origin. Images have `pixel`
-    /// metres per pixel.
+    /// The map of a mesh seen from above, along z: one patch of one level, on one link at the
+    /// origin. Images have `pixel` metres per pixel.
     ///
     /// A vertex whose triangles have no area gets the normal z and an area of 1 square micrometre.
     ///
@@ -128,9 +129,10 @@ impl SkinMap {
 
     /// Checks that this is a map: the only place that judges one, in time linear in its size.
     ///
-    /// Links come after their parents, patches have names of their own and links that exist. Of each patch, the taxels keep
-    /// the rules of [`Taxels::validate`], the levels those of a pyramid but for manifoldness and nesting (lookups accept any
-    /// triangles), map positions are finite, one per vertex, and image frames have a size.
+    /// Links come after their parents, patches have names of their own and links that exist. Of
+    /// each patch, the taxels keep the rules of [`Taxels::validate`], the levels those of a pyramid
+    /// but for manifoldness and nesting (lookups accept any triangles), map positions are finite,
+    /// one per vertex, and image frames have a size.
     ///
     /// # Errors
     /// The first broken rule, with patch, level and element.

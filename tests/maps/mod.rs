@@ -2,6 +2,7 @@
 #![allow(dead_code, clippy::unwrap_used, reason = "each test program uses a part of it, and may stop")]
 
 use dermatome::{
+    atlas::{LevelImage, TactileImage},
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
@@ -32,6 +33,11 @@ fn flat_taxels(mesh: TriMesh) -> Taxels {
 pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
     let taxels = flat_taxels(levels[0].level.mesh.clone());
     PatchMap { name: name.into(), link: LinkId::default(), taxels, levels: levels.into() }
+}
+
+/// The image of level `k`.
+pub(crate) fn image(patch: &PatchMap, k: usize) -> TactileImage {
+    LevelImage::new(patch, level_id(k)).unwrap().to_image()
 }
 
 /// A patch of one level seen from above.

@@ -156,9 +156,9 @@ impl Lookup<'_> {
             lines.clear();
             while chunk.len() < CHUNK {
                 let Some(row) = contacts.next() else { break };
-                let (row, line) = (row?, contacts.line());
-                chunk.push(self.contact(row, line)?);
-                lines.push(line);
+                let row = row?;
+                lines.push(row.line);
+                chunk.push(self.contact(row)?);
             }
             if chunk.is_empty() {
                 break;
@@ -169,12 +169,12 @@ impl Lookup<'_> {
         writer.finish()?.flush().map_err(|source| IoError::Write { path: path.into(), source })
     }
 
-    fn contact(&mut self, row: ContactRow, line: u64) -> Result<Query, IoError> {
+    fn contact(&mut self, row: ContactRow) -> Result<Query, IoError> {
         let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
         self.unused = std::array::from_fn(|k| self.unused[k] | given[k]);
         let link = row
             .link
-            .map(|name| self.index.link_named(&name).ok_or_else(|| unknown_link(self.path, line, &name)));
+            .map(|name| self.index.link_named(&name).ok_or_else(|| unknown_link(self.path, row.line, &name)));
         Ok(Query { point: row.position, link: link.transpose()? })
     }
 

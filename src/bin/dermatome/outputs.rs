@@ -120,7 +120,7 @@ impl Outputs {
         // Writers choose by extension, so the name stays.
         let name = path.file_name().unwrap_or_default();
         self.stage_in(folder(path), &[name], |folder| Ok(write(&folder.join(name))?)).map_err(|e| match e {
-            Error::Io(e) => e.about(path).into(),
+            Error::Io(e) => e.about(|_| path.to_owned()).into(),
             other => other,
         })
     }
@@ -138,10 +138,7 @@ impl Outputs {
             .tempdir_in(folder)
             .map_err(|e| cannot_write(folder, e.kind()))?;
         let written = write(staging.path()).map_err(|e| match e {
-            Error::Io(e) => {
-                let path = folder.join(e.path().file_name().unwrap_or_default());
-                e.about(&path).into()
-            }
+            Error::Io(e) => e.about(|file| folder.join(file.file_name().unwrap_or_default())).into(),
             other => other,
         })?;
         for name in names {

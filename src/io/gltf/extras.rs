@@ -1,3 +1,5 @@
+//! What a map adds to glTF, `extras.dermatome` of each mesh: one schema for reading and writing.
+
 use gltf::json::Mesh;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -18,7 +20,8 @@ pub(super) struct LevelExtras {
     /// Level 0's vertices in terms of this level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direct: Option<RowsExtras>,
-    /// Number of the accessor of the level-0 vertex that each vertex is; levels 1 and up. Absent in older files.
+    /// Number of the accessor of the level-0 vertex that each vertex is; levels 1 and up. Absent in
+    /// older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origins: Option<usize>,
 }

@@ -31,18 +31,22 @@ use crate::{
 
 /// Normals of `f32` are this near to unit length; those of 8-bit integers are not.
 const ROUNDED: f64 = 1e-6;
-/// How far a texture coordinate may lie outside the unit square: rounding, but not a wrapped texture.
+/// How far a texture coordinate may lie outside the unit square: rounding, but not a wrapped
+/// texture.
 const OUTSIDE: f64 = 1e-6;
 /// Metres per pixel of a map that does not tell its pixels.
 const PIXEL: f64 = 1e-3;
 
-/// Reads a map that [`crate::io::write_map`] wrote, or another program with the same names and extras.
+/// Reads a map that [`crate::io::write_map`] wrote, or another program with the same names and
+/// extras.
 ///
-/// Rows of weights are scaled to sum 1 in `f64` again; where the file does not name the taxel at the centre of a field, it is the
-/// one whose `direct` weight in it is 1; taxels without `_PRESENT` are present; the distortion is measured anew.
+/// Rows of weights are scaled to sum 1 in `f64` again; where the file does not name the taxel at
+/// the centre of a field, it is the one whose `direct` weight in it is 1; taxels without `_PRESENT`
+/// are present; the distortion is measured anew.
 ///
 /// # Errors
-/// If the file cannot be read, breaks a rule of glTF 2.0, has no map, or has one that [`SkinMap::validate`] refuses.
+/// If the file cannot be read, breaks a rule of glTF 2.0, has no map, or has one that
+/// [`SkinMap::validate`] refuses.
 pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     read_levels(&Document::open(path)?)
 }
@@ -171,7 +175,8 @@ fn read_patch(
     Ok(PatchMap { name: patch.name, link, taxels, levels })
 }
 
-/// The mesh and the map of one level, not yet measured nor joined to others; level 0 fills in the taxels.
+/// The mesh and the map of one level, not yet measured nor joined to others; level 0 fills in the
+/// taxels.
 fn read_level(
     document: &Document,
     index: usize,
@@ -283,8 +288,9 @@ fn read_origins(
     Ok(origins.into_iter().map(|[v]| VertexId::from(v)).collect())
 }
 
-/// The same for files that do not say: the row of `to_finest` with weight 1 there. If several have it, because of rounding or of
-/// taxels at one position, the one at the vertex's position; if several still, the first.
+/// The same for files that do not say: the row of `to_finest` with weight 1 there. If several have
+/// it, because of rounding or of taxels at one position, the one at the vertex's position; if
+/// several still, the first.
 fn guess_origins(
     document: &Document,
     name: &str,

@@ -20,15 +20,18 @@ use crate::{
     skin::{Draft, Presence, Sheet, TaxelId},
 };
 
-/// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of triangles.
+/// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of
+/// triangles.
 ///
-/// The primitives of a mesh become one sheet; points and lines are passed over. `_TAXEL_ID` may be u8, u16, whole
-/// floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2) and `_PRESENT` (0 absent, 1
-/// present, 2 thermal pad) are scalars, and belong to every primitive of a mesh or to none. Joints, weights, materials
-/// and morph targets are checked but not kept; a `map.glb` reads as the skin it is a map of.
+/// The primitives of a mesh become one sheet; points and lines are passed over. `_TAXEL_ID` may be
+/// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2)
+/// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
+/// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
+/// `map.glb` reads as the skin it is a map of.
 ///
 /// # Errors
-/// If the file cannot be read, breaks a rule of glTF 2.0 in something that is used, or has no triangles.
+/// If the file cannot be read, breaks a rule of glTF 2.0 in something that is used, or has no
+/// triangles.
 pub(crate) fn read_gltf(path: &Path) -> Result<Draft, IoError> {
     let document = Document::open(path)?;
     let tree = read_node_tree(&document)?;
@@ -56,7 +59,8 @@ fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet
         Some(Ok(extras)) => extras.patch,
         _ => placement.name.clone(),
     };
-    // Where the vertices of each set of accessors start: primitives may differ in their triangles alone.
+    // Where the vertices of each set of accessors start: primitives may differ in their triangles
+    // alone.
     let mut starts = BTreeMap::new();
     for (p, primitive) in mesh.primitives.iter().enumerate() {
         let mode = Mode::of(primitive);
@@ -117,7 +121,8 @@ fn append_vertices(
     join.all_or_none("_DENSITY", &mut sheet.densities, scalar("_DENSITY")?)?;
     join.all_or_none("_COVARIANCE_0", &mut sheet.covariances, read_covariances(document, attributes)?)?;
 
-    // A primitive without normals is flat by the rules of glTF: its triangles know better than a placeholder.
+    // A primitive without normals is flat by the rules of glTF: its triangles know better than a
+    // placeholder.
     let normals = read_normals(document, attributes)?;
     sheet.normals = match (sheet.normals.take(), normals) {
         (None, normals) if first => normals,
@@ -169,7 +174,8 @@ pub(super) fn read_positions(
     let accessor = attributes.get("POSITION").ok_or_else(missing)?;
     let [min, max] = declared_bounds(document, accessor)?.map(DVec3::from_array);
     let positions = document.gather(accessor, DVec3::from_array)?;
-    // The bounds are those of the stored numbers, so normalized integers would have to be undone; zeros have none.
+    // The bounds are those of the stored numbers, so normalized integers would have to be undone;
+    // zeros have none.
     if accessor.json.normalized || accessor.is_blank() {
         return Ok(positions);
     }
@@ -250,8 +256,8 @@ pub(super) fn read_presence(document: &Document, accessor: &Accessor<'_>) -> Res
     raw.into_iter().enumerate().map(|(row, x)| Presence::from_code(x).ok_or_else(|| refuse(row, x))).collect()
 }
 
-/// Applies the part of a node's transform that a link's rigid frame cannot hold. Areas and densities are in metres
-/// already and stay.
+/// Applies the part of a node's transform that a link's rigid frame cannot hold. Areas and
+/// densities are in metres already and stay.
 fn bake(sheet: &mut Sheet, stretch: DMat3) {
     for p in &mut sheet.positions {
         *p = stretch * *p;

@@ -23,18 +23,21 @@ use crate::{
     skin::{Link, LinkId, Skin, Taxels, check_patches},
 };
 
-/// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one scene per level.
+/// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
+/// scene per level.
 ///
-/// A scene shows the links that carry a patch of its level (scene 0, the default, shows all links) and under them the
-/// patches. `TEXCOORD_0` is the map position in the unit square of the level's image, `_AREA` the receptive area
-/// (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16: low, high), `_PRESENT`, and `_DENSITY`, `_SIGMA` and
-/// `_COVARIANCE_0/1` where densities and covariances are known. The mesh's `extras.dermatome` holds the names of patch and
-/// level, the rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the vertices of level 0 that
-/// its vertices are. Everything but the rectangle is rounded to `f32`.
+/// A scene shows the links that carry a patch of its level (scene 0, the default, shows all links)
+/// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
+/// image, `_AREA` the receptive area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16:
+/// low, high), `_PRESENT`, and `_DENSITY`, `_SIGMA` and `_COVARIANCE_0/1` where densities and
+/// covariances are known. The mesh's `extras.dermatome` holds the names of patch and level, the
+/// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
+/// vertices of level 0 that its vertices are. Everything but the rectangle is rounded to `f32`.
 ///
 /// # Errors
-/// If [`SkinMap::validate`] refuses the map or it has no patch, if rounding would turn a triangle of the map over or a texture coordinate
-/// leaves the unit square, or if the file cannot be written. Errors name patch, level and face or vertex.
+/// If [`SkinMap::validate`] refuses the map or it has no patch, if rounding would turn a triangle
+/// of the map over or a texture coordinate leaves the unit square, or if the file cannot be
+/// written. Errors name patch, level and face or vertex.
 pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
     map.validate().map_err(|source| IoError::Map { path: path.into(), source })?;
     let patches: Vec<_> = map
@@ -53,8 +56,8 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
 /// Writes pyramids alone: as [`write_map`], without maps.
 ///
 /// # Errors
-/// If the skin or a pyramid breaks a rule, there is not one pyramid per patch, a pyramid does not fit its patch, or the file
-/// cannot be written.
+/// If the skin or a pyramid breaks a rule, there is not one pyramid per patch, a pyramid does not
+/// fit its patch, or the file cannot be written.
 pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<(), IoError> {
     let unfit = |element: String, found: String, needed: &str| {
         let remedy = "write the pyramids that were made of this skin";

@@ -1,3 +1,6 @@
+//! Writes skins as glTF, and the meshes of maps: positions, normals, triangles and what is known of
+//! the taxels as attributes. All is rounded to `f32`; what that would break is refused.
+
 use std::{collections::BTreeMap, path::Path};
 
 use glam::DVec3;
@@ -22,15 +25,17 @@ use crate::{
     skin::{Patch, Skin, TaxelId, Taxels},
 };
 
-/// Writes a skin as one binary file: a node for each link, and under it one for each of its patches.
+/// Writes a skin as one binary file: a node for each link, and under it one for each of its
+/// patches.
 ///
-/// Ids become `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY` (1/m^2), presence
-/// `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA` (square root of their trace, in m) and
-/// `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy, yz, zz), in m^2. Everything is rounded to `f32`.
+/// Ids become `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
+/// (1/m^2), presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
+/// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
+/// yz, zz), in m^2. Everything is rounded to `f32`.
 ///
 /// # Errors
-/// If there is no patch, a link is not rigid, a patch breaks a promise of [`Patch`] or cannot be told in `f32`, or the
-/// file cannot be written.
+/// If there is no patch, a link is not rigid, a patch breaks a promise of [`Patch`] or cannot be
+/// told in `f32`, or the file cannot be written.
 pub(crate) fn write_skin_glb(path: &Path, skin: &Skin) -> Result<(), IoError> {
     write_skin(path, skin, Form::Glb)
 }

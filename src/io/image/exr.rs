@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    atlas::{ChannelLayout, ImageRows, SampleKind, Samples},
+    atlas::{ImageRows, SampleKind, Samples},
     io::{
         IoError,
         file::{replace::replace_file, source::unfit},
@@ -33,28 +33,31 @@ use crate::{
     map::ImageFrame,
 };
 
-/// The one custom attribute of each part. There must not be a second: the crate keeps attributes in a hash map, and
-/// their order in the file would change from run to run.
+/// The one custom attribute of each part. There must not be a second: the crate keeps attributes in
+/// a hash map, and their order in the file would change from run to run.
 const ATTRIBUTE: &str = "dermatome";
 
-/// Blocks of 16 rows that are compressed before any of them is written, per thread: what bounds the memory, and
-/// enough that no thread waits long for the last one.
+/// Blocks of 16 rows that are compressed before any of them is written, per thread: what bounds the
+/// memory, and enough that no thread waits long for the last one.
 const BLOCKS_PER_THREAD: usize = 8;
 
 /// Largest width or height: far from where the format's 32-bit coordinates end.
 const MAX_SIDE: u32 = 1 << 24;
 
-/// Writes images as one multi-part OpenEXR file: scan lines from the top, ZIP compression in blocks of 16 rows.
+/// Writes images as one multi-part OpenEXR file: scan lines from the top, ZIP compression in blocks
+/// of 16 rows.
 ///
-/// Parts are named as the images ([`part_name`] tells how characters beyond ASCII are written), channels are sorted by
-/// name, every data window starts at (0, 0), and all parts share a display window that holds the largest.
-/// The attribute `dermatome` of each part is a JSON text: `version` of the program, `name` of the image and `map`,
-/// with `origin` and `size` in m as in `map.glb`.
+/// Parts are named as the images ([`part_name`] tells how characters beyond ASCII are written),
+/// channels are sorted by name, every data window starts at (0, 0), and all parts share a display
+/// window that holds the largest. The attribute `dermatome` of each part is a JSON text: `version`
+/// of the program, `name` of the image and `map`, with `origin` and `size` in m as in `map.glb`.
 ///
-/// Rows are asked for and compressed block by block on the current threads; the bytes do not depend on their number.
+/// Rows are asked for and compressed block by block on the current threads; the bytes do not depend
+/// on their number.
 ///
 /// # Errors
-/// If there is no image, an image has no pixels or no channels or fewer samples than pixels, two have the same name, or the file cannot be written.
+/// If there is no image, an image has no pixels or no channels or fewer samples than pixels, two
+/// have the same name, or the file cannot be written.
 pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoError> {
     // Images that do not keep their promises are found before and while they are written.
     let fail = |source: io::Error| match source.kind() {
@@ -93,7 +96,7 @@ pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoErr
 /// An image with its channels in the order of the file.
 struct Part<'a, I> {
     image: &'a I,
-    channels: Vec<ChannelLayout>,
+    channels: Vec<(String, SampleKind)>,
     /// Channels sorted by name, as positions in `channels`.
     order: Vec<usize>,
 }
@@ -110,7 +113,7 @@ impl<'a, I: ImageRows> Part<'a, I> {
         }
         let channels = image.channels();
         let mut order: Vec<_> = (0..channels.len()).collect();
-        order.sort_by(|&a, &b| channels[a].name.cmp(&channels[b].name));
+        order.sort_by(|&a, &b| channels[a].0.cmp(&channels[b].0));
         Ok(Self { image, channels, order })
     }
 
@@ -120,14 +123,14 @@ impl<'a, I: ImageRows> Part<'a, I> {
     }
 
     fn header(&self, display: Vec2<usize>) -> io::Result<Header> {
-        let describe = |&at: &usize| ChannelDescription {
-            name: ascii(&self.channels[at].name),
-            sample_type: match self.channels[at].kind {
+        let describe = |&at: &usize| {
+            let (name, kind) = &self.channels[at];
+            let sample_type = match kind {
                 SampleKind::F32 => SampleType::F32,
                 SampleKind::U32 => SampleType::U32,
-            },
-            quantize_linearly: false,
-            sampling: Vec2(1, 1),
+            };
+            let (name, sampling) = (ascii(name), Vec2(1, 1));
+            ChannelDescription { name, sample_type, quantize_linearly: false, sampling }
         };
         let name = ascii(self.image.name());
         let channels = self.order.iter().map(describe).collect();
@@ -164,10 +167,10 @@ impl<'a, I: ImageRows> Part<'a, I> {
 
     /// Whether an image keeps what its layout promises.
     fn check(&self, bands: &[Samples], needed: usize) -> io::Result<()> {
-        for (k, layout) in self.channels.iter().enumerate() {
+        for (k, (channel, kind)) in self.channels.iter().enumerate() {
             let found = bands.get(k).map(|band| (band.kind(), band.len()));
-            if found != Some((layout.kind, needed)) {
-                let (image, channel, kind) = (self.image.name(), &layout.name, layout.kind);
+            if found != Some((*kind, needed)) {
+                let image = self.image.name();
                 return Err(invalid(format!(
                     "channel {channel:?} of image {image:?} has {found:?} samples where {needed} of {kind:?} are needed"
                 )));
@@ -199,8 +202,9 @@ impl<'a> Note<'a> {
     }
 }
 
-/// A name as it is written in an EXR file, whose names are bytes that every program reads as it likes: printable ASCII
-/// as it is, any other byte of the UTF-8 text, and `%` itself, as `%` and two hexadecimal digits.
+/// A name as it is written in an EXR file, whose names are bytes that every program reads as it
+/// likes: printable ASCII as it is, any other byte of the UTF-8 text, and `%` itself, as `%` and
+/// two hexadecimal digits.
 #[must_use]
 pub fn part_name(name: &str) -> String {
     let mut out = String::with_capacity(name.len());
@@ -233,14 +237,16 @@ fn to_io(error: exr::error::Error) -> io::Error {
     }
 }
 
-/// Effort of the deflate. The samples are mostly noise in their low bytes: level 1 already finds what there is to find.
+/// Effort of the deflate. The samples are mostly noise in their low bytes: level 1 already finds
+/// what there is to find.
 const EFFORT: Effort = Effort::new(1);
 
-/// The ZIP compression of OpenEXR for one block of little-endian samples: even bytes before odd ones, so that exponents
-/// stand beside exponents, then differences of neighbouring bytes, then zlib. A block that does not shrink stays as it
-/// is, as the format wants it.
+/// The ZIP compression of OpenEXR for one block of little-endian samples: even bytes before odd
+/// ones, so that exponents stand beside exponents, then differences of neighbouring bytes, then
+/// zlib. A block that does not shrink stays as it is, as the format wants it.
 ///
-/// Written here because the exr crate's own deflate takes three times as long, and most of the time of an image.
+/// Written here because the exr crate's own deflate takes three times as long, and most of the time
+/// of an image.
 ///
 /// # Errors
 /// Whatever the encoder says; writing to memory it says nothing.

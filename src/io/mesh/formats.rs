@@ -19,12 +19,12 @@ const READABLE: &str = "glb, gltf, json, obj, ply, stl, csv, txt";
 ///
 /// | extension | what | keeps |
 /// |---|---|---|
-/// | `glb`, `gltf` | glTF 2.0: every mesh of the default scene is a sheet | all, rounded to 32 bits |
+/// | `glb`, `gltf` | glTF 2.0: every mesh of the default scene is a sheet | all, as 32 bits |
 /// | `json` | robotskinlib, version 2 | ids, normals, link frame |
 /// | `obj` | Wavefront OBJ: every `o` or `g` is a sheet | normals |
 /// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
 /// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
-/// | `csv` | tables of taxels (`skin.csv`) and triangles (`skin.triangles.csv`), or of taxels alone | all but the frames of links |
+/// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
 /// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
 ///
 /// Every number of the draft is finite and every corner exists; nothing else has been judged.

@@ -27,6 +27,8 @@ pub struct ContactRow {
     pub link: Option<String>,
     /// When it was, in s.
     pub time: Option<f64>,
+    /// Line of the table it stands in, from 1.
+    pub line: u64,
 }
 
 /// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and
@@ -81,12 +83,6 @@ impl<R: Read> ContactReader<R> {
         self.table.columns.unknown(&COLUMNS).map(|(_, name)| name)
     }
 
-    /// Line of the table that the last row came from, counted from 1.
-    #[must_use]
-    pub fn line(&self) -> u64 {
-        self.table.row().line
-    }
-
     fn read_row(&self) -> Result<ContactRow, IoError> {
         let (row, indices) = (self.table.row(), &self.indices);
         let number = |column: Option<usize>| column.map_or(Ok(None), |c| row.number_if_any(c));
@@ -101,6 +97,7 @@ impl<R: Read> ContactReader<R> {
             radius,
             link: indices.link.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned),
             time: number(indices.time)?,
+            line: row.line,
         })
     }
 }
@@ -140,6 +137,7 @@ mod tests {
             radius: None,
             link: Some("left, arm".into()),
             time: Some(0.5),
+            line: 2,
         };
         let bare = ContactRow {
             position: DVec3::ZERO,
@@ -148,6 +146,7 @@ mod tests {
             radius: None,
             link: None,
             time: None,
+            line: 3,
         };
         assert_eq!(rows, [full, bare]);
     }
