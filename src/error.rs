@@ -47,7 +47,7 @@ pub enum Error {
 impl Error {
     /// The same error, saying which patch it is about.
     #[must_use]
-    pub fn in_patch(self, patch: &str) -> Self {
+    pub(crate) fn in_patch(self, patch: &str) -> Self {
         Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
     }
 }

@@ -72,7 +72,7 @@ pub struct ObservationDiagnostics {
 impl ObservationDiagnostics {
     /// Whether it counts less than the others because it is not an inlier.
     #[must_use]
-    pub fn is_rejected(&self) -> bool {
+    pub(crate) fn is_rejected(&self) -> bool {
         self.verdict != Verdict::Inlier && self.weight < 1.0
     }
 }

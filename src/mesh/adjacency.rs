@@ -52,7 +52,7 @@ impl Halfedge {
     /// around that vertex.
     #[inline]
     #[must_use]
-    pub const fn previous(self) -> Self {
+    pub(crate) const fn previous(self) -> Self {
         Self { face: self.face, side: (self.side + 2) % 3 }
     }
 }

@@ -13,7 +13,7 @@ pub fn angle(at: DVec3, b: DVec3, c: DVec3) -> f64 {
 
 /// Cotangent of the angle at `at` in the triangle `at`, `b`, `c`; infinite for a zero angle.
 #[must_use]
-pub fn cotangent(at: DVec3, b: DVec3, c: DVec3) -> f64 {
+pub(crate) fn cotangent(at: DVec3, b: DVec3, c: DVec3) -> f64 {
     let (u, v) = (b - at, c - at);
     u.dot(v) / u.cross(v).length()
 }

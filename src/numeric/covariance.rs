@@ -35,7 +35,7 @@ impl Covariance {
 
     /// From the upper triangle of a matrix that is symmetric up to rounding.
     #[must_use]
-    pub fn from_matrix(m: &DMat3) -> Self {
+    pub(crate) fn from_matrix(m: &DMat3) -> Self {
         let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
         Self { xx: x.x, xy: y.x, xz: z.x, yy: y.y, yz: z.y, zz: z.z }
     }

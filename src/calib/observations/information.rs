@@ -45,7 +45,7 @@ impl<const N: usize> Information<N> {
     /// From the upper triangle, row by row, as files write it; `None` unless there are `N (N + 1) /
     /// 2` numbers.
     #[must_use]
-    pub fn from_upper(upper: &[f64]) -> Option<Self> {
+    pub(crate) fn from_upper(upper: &[f64]) -> Option<Self> {
         if upper.len() != N * (N + 1) / 2 {
             return None;
         }
@@ -79,7 +79,7 @@ impl<const N: usize> Information<N> {
     ///
     /// Cyclic Jacobi rotations, which keep small eigenvalues accurate.
     #[must_use]
-    pub fn eigenvalues(&self) -> [f64; N] {
+    pub(crate) fn eigenvalues(&self) -> [f64; N] {
         let mut values = symmetric_eigen(&self.0).0;
         values.sort_unstable_by(f64::total_cmp);
         values
@@ -109,7 +109,7 @@ impl<const N: usize> Information<N> {
 
     /// Whether all entries are finite and no eigenvalue is negative by more than a file's rounding.
     #[must_use]
-    pub fn is_positive_semidefinite(&self) -> bool {
+    pub(crate) fn is_positive_semidefinite(&self) -> bool {
         // A diagonally dominant matrix needs no eigenvalues; most files hold nothing else.
         let is_dominant = |i: usize| {
             let sum = self.0[i].iter().map(|x| x.abs()).sum::<f64>();
