@@ -45,9 +45,7 @@ pub enum ContactError {
         name: String,
     },
     /// The pose of a link scales, shears, mirrors or is not finite.
-    #[error(
-        "the pose of link {name:?} is no rotation and translation; distances in its frame would not be metres"
-    )]
+    #[error("the pose of link {name:?} is not rigid; a rotation and a translation are needed")]
     NotRigid {
         /// Name of the link.
         name: String,

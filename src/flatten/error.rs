@@ -80,7 +80,7 @@ pub enum FlattenError {
     /// The map overlaps itself although it must not.
     #[error(
         "the map overlaps itself at {crossings} places; only the intrinsic method can prevent that, and only on \
-         a mesh with a map inside a circle that 64-bit numbers can tell apart"
+         a mesh whose map inside a circle can be represented in 64-bit numbers"
     )]
     Overlap {
         /// Pairs of boundary edges that cross or touch, and vertices about which the map winds more

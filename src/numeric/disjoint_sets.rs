@@ -99,7 +99,7 @@ impl<I: Id> DisjointSets<I, Relation> {
         true
     }
 
-    /// The smallest member of the set of `member`, and how `member` lies to it.
+    /// The smallest member of the set of `member`, and the parity between them.
     pub(crate) fn root(&mut self, member: I) -> (I, Relation) {
         self.find(member)
     }

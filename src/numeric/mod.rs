@@ -1,4 +1,4 @@
-//! Small matrices, distributions and sets: numbers that know no mesh and no taxel.
+//! Small matrices, distributions and sets: independent of meshes and taxels.
 
 mod chi_square;
 mod covariance;

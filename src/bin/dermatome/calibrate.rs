@@ -1,117 +1,34 @@
 //! `calibrate`: observations in, skin out.
 
+mod args;
+mod inputs;
 mod results;
 
-use std::{collections::HashMap, path::PathBuf, process::ExitCode};
+use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::ValueEnum;
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Comparison, Control, FreeComponent, GoodnessOfFit, Initialization,
-        Iteration, Loss, ObservationDiagnostics, Observations, Pose, ResidualConvention, Robust, Termination,
-        calibrate, compare,
+        Calibration, Comparison, Control, FreeComponent, GoodnessOfFit, Iteration, Loss,
+        ObservationDiagnostics, Observations, Pose, Termination, calibrate, compare,
     },
     id::{IdVec, VertexId},
-    io::{IoError, append_observations, read_observations, read_triangles, read_truth},
-    skin::TaxelId,
 };
 use serde::Serialize;
 
+pub(crate) use args::Args;
+
 use crate::{
+    calibrate::{
+        args::RobustArg,
+        inputs::{Inputs, Truth},
+    },
     common::Common,
     errors::advise,
-    print::{line, print, print_json, print_table},
+    print::{print, print_json, print_table},
     progress,
 };
-
-/// Arguments of `calibrate`.
-#[derive(Debug, clap::Args)]
-pub(crate) struct Args {
-    /// The observations: .g2o, or a table .csv; - is standard input
-    ///
-    /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may have nx,ny,nz and
-    /// sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2;
-    /// 1 mm if none is given. No other columns and no empty cells.
-    observations: PathBuf,
-    /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf, .json, .obj, .ply,
-    /// .stl; may be given more than once
-    #[arg(short, long, value_name = "SKIN", required = true)]
-    output: Vec<PathBuf>,
-    /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose FIX lines and
-    /// initial values count, too
-    #[arg(long, value_name = "C.csv")]
-    contacts: Vec<PathBuf>,
-    /// Triangles of the skin by taxel ids, i,j,k [default: those that the edges form]
-    #[arg(long, value_name = "TRI.csv")]
-    triangles: Option<PathBuf>,
-    /// Compare with where the taxels truly are: id,x,y,z[,qx,qy,qz,qw]
-    #[arg(long, value_name = "T.csv")]
-    truth: Option<PathBuf>,
-    /// Write how well every observation fits, how much it counts, and whether it is an inlier:
-    /// i,j,sigmas,weight,inlier
-    #[arg(long, value_name = "I.csv")]
-    inliers: Option<PathBuf>,
-    /// How to treat outliers: observations that the stated noise does not explain
-    #[arg(long, value_enum, default_value_t = RobustArg::Auto, help_heading = "Solver")]
-    robust: RobustArg,
-    /// How the error of a relative pose becomes six numbers
-    #[arg(long, visible_alias = "rotation-residual", value_enum, default_value_t = ResidualArg::Split, help_heading = "Solver")]
-    residual: ResidualArg,
-    /// Where to start
-    #[arg(long, value_enum, default_value_t = StartArg::Chordal, help_heading = "Solver")]
-    initial: StartArg,
-    /// Most iterations of one solve; robust estimation solves several times
-    #[arg(long, value_name = "N", default_value_t = CalibOptions::default().max_iterations, help_heading = "Solver")]
-    iterations: usize,
-    /// No covariances
-    #[arg(long, help_heading = "Solver")]
-    no_covariance: bool,
-    /// Write the result even if the solve did not converge
-    #[arg(long)]
-    keep: bool,
-    /// Print every iteration, and every outlier
-    #[arg(long, short)]
-    verbose: bool,
-    /// Print the result as JSON
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum RobustArg {
-    /// Least squares, or gnc if that finds outliers
-    Auto,
-    /// Least squares
-    None,
-    /// Huber's loss: outliers keep a bounded influence
-    Huber,
-    /// Tukey's biweight loss: outliers lose their influence
-    Tukey,
-    /// Truncated least squares by graduated non-convexity: for many outliers
-    Gnc,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ResidualArg {
-    /// Translation and rotation vector apart
-    Split,
-    /// Logarithm of SE(3), as GTSAM
-    Log,
-    /// Translation and half-angle quaternion, as g2o
-    Quaternion,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum StartArg {
-    /// Two linear systems
-    Chordal,
-    /// Chained along a spanning tree
-    Tree,
-    /// The values in the file
-    File,
-}
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs = results::check(args)?;
@@ -159,71 +76,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_summary(&summary, &found.fit)?;
     }
     Ok(if found.termination.is_converged() { ExitCode::SUCCESS } else { ExitCode::from(2) })
-}
-
-impl Args {
-    fn options(&self) -> CalibOptions {
-        CalibOptions {
-            robust: match self.robust {
-                RobustArg::Auto => Robust::Automatic,
-                RobustArg::None => Robust::LeastSquares,
-                RobustArg::Huber => Robust::Huber,
-                RobustArg::Tukey => Robust::Tukey,
-                RobustArg::Gnc => Robust::Graduated,
-            },
-            residual: match self.residual {
-                ResidualArg::Split => ResidualConvention::Split,
-                ResidualArg::Log => ResidualConvention::Log,
-                ResidualArg::Quaternion => ResidualConvention::Quaternion,
-            },
-            initialization: match self.initial {
-                StartArg::Chordal => Initialization::Chordal,
-                StartArg::Tree => Initialization::SpanningTree,
-                StartArg::File => Initialization::InitialValues,
-            },
-            max_iterations: self.iterations,
-            covariances: !self.no_covariance,
-            ..CalibOptions::default()
-        }
-    }
-}
-
-/// What is read before the solve, so that no broken file wastes one.
-struct Inputs {
-    observations: Observations,
-    triangles: Option<Vec<[VertexId; 3]>>,
-    truth: Option<Truth>,
-}
-
-/// Where the taxels truly are, and the file that says so.
-struct Truth {
-    path: PathBuf,
-    poses: HashMap<TaxelId, Pose>,
-}
-
-impl Inputs {
-    fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
-        let mut read = read_observations(&args.observations).map_err(Error::from)?;
-        for path in &args.contacts {
-            let more = read_observations(path).map_err(Error::from)?;
-            append_observations(&mut read, more, path).map_err(Error::from)?;
-        }
-        for remark in read.remarks.iter().filter(|_| !common.quiet) {
-            eprintln!("note: {}", line(&remark.to_string()));
-        }
-        let observations = read.observations;
-        let ids = observations.taxels.map(|t| t.id);
-        let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
-        let truth = args
-            .truth
-            .as_ref()
-            .map(|path| Ok(Truth { path: path.clone(), poses: read_truth(path)?.into_iter().collect() }));
-        Ok(Self {
-            observations,
-            triangles: triangles.transpose().map_err(Error::from)?,
-            truth: truth.transpose().map_err(|e: IoError| Error::from(e))?,
-        })
-    }
 }
 
 /// A skin in more components than this is hardly intended: the rest is counted.

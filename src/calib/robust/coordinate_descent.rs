@@ -16,8 +16,8 @@ use crate::{
     id::{IdVec, VertexId},
 };
 
-/// Candidates of one taxel: of more rejected edges an even sample is tried. A set of inliers that
-/// wins among so many is so large that it has many of them sampled.
+/// Candidates of one taxel: of more rejected edges an even sample is tried. A
+/// better set of inliers is then large enough that several of its edges are in the sample.
 const MAX_CANDIDATES: usize = 100;
 
 /// Share of the cost by which a candidate must lower it: rounding must not send a taxel back and

@@ -95,7 +95,10 @@ impl ColumnIndices {
     fn new(columns: &Columns, path: &Path, line: u64) -> Result<Self, IoError> {
         let mut used = vec!["i"];
         let has = |name: &str| columns.find(name).is_some();
-        let taxel = columns.need("i")?;
+        let Some(taxel) = columns.find("i") else {
+            let found = "a header without the column `i`";
+            return Err(invalid(path, format!("line {line}"), found, TABLES));
+        };
         let subject = if has("j") || OFFSET.iter().any(|name| has(name)) {
             used.extend(["j"].into_iter().chain(OFFSET));
             Subject::Displacement { other: columns.need("j")?, offset: columns.need_vector(OFFSET)? }

@@ -9,8 +9,8 @@ use dermatome::{
     skin::Skin,
 };
 
-use super::{Args, Inputs};
 use crate::{
+    calibrate::{args::Args, inputs::Inputs},
     common::Common,
     errors::advise,
     notes::remark_lost,

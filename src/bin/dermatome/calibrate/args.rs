@@ -1,0 +1,120 @@
+//! The arguments of `calibrate`.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use dermatome::calib::{CalibOptions, Initialization, ResidualConvention, Robust};
+
+/// Arguments of `calibrate`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The observations: .g2o, or a table .csv; - is standard input
+    ///
+    /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may have nx,ny,nz and
+    /// sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2;
+    /// 1 mm if none is given. No other columns and no empty cells.
+    pub(super) observations: PathBuf,
+    /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf, .json, .obj, .ply,
+    /// .stl; may be given more than once
+    #[arg(short, long, value_name = "SKIN", required = true)]
+    pub(super) output: Vec<PathBuf>,
+    /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose FIX lines and
+    /// initial values count, too
+    #[arg(long, value_name = "C.csv")]
+    pub(super) contacts: Vec<PathBuf>,
+    /// Triangles of the skin by taxel ids, i,j,k [default: those that the edges form]
+    #[arg(long, value_name = "TRI.csv")]
+    pub(super) triangles: Option<PathBuf>,
+    /// Compare with where the taxels truly are: id,x,y,z[,qx,qy,qz,qw]
+    #[arg(long, value_name = "T.csv")]
+    pub(super) truth: Option<PathBuf>,
+    /// Write how well every observation fits, how much it counts, and whether it is an inlier:
+    /// i,j,sigmas,weight,inlier
+    #[arg(long, value_name = "I.csv")]
+    pub(super) inliers: Option<PathBuf>,
+    /// How to treat outliers: observations that the stated noise does not explain
+    #[arg(long, value_enum, default_value_t = RobustArg::Auto, help_heading = "Solver")]
+    pub(super) robust: RobustArg,
+    /// How the error of a relative pose becomes six numbers
+    #[arg(long, visible_alias = "rotation-residual", value_enum, default_value_t = ResidualArg::Split, help_heading = "Solver")]
+    pub(super) residual: ResidualArg,
+    /// Where to start
+    #[arg(long, value_enum, default_value_t = StartArg::Chordal, help_heading = "Solver")]
+    pub(super) initial: StartArg,
+    /// Most iterations of one solve; robust estimation solves several times
+    #[arg(long, value_name = "N", default_value_t = CalibOptions::default().max_iterations, help_heading = "Solver")]
+    pub(super) iterations: usize,
+    /// No covariances
+    #[arg(long, help_heading = "Solver")]
+    pub(super) no_covariance: bool,
+    /// Write the result even if the solve did not converge
+    #[arg(long)]
+    pub(super) keep: bool,
+    /// Print every iteration, and every outlier
+    #[arg(long, short)]
+    pub(super) verbose: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(super) enum RobustArg {
+    /// Least squares, or gnc if that finds outliers
+    Auto,
+    /// Least squares
+    None,
+    /// Huber's loss: outliers keep a bounded influence
+    Huber,
+    /// Tukey's biweight loss: outliers lose their influence
+    Tukey,
+    /// Truncated least squares by graduated non-convexity: for many outliers
+    Gnc,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(super) enum ResidualArg {
+    /// Translation and rotation vector apart
+    Split,
+    /// Logarithm of SE(3), as GTSAM
+    Log,
+    /// Translation and half-angle quaternion, as g2o
+    Quaternion,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(super) enum StartArg {
+    /// Two linear systems
+    Chordal,
+    /// Chained along a spanning tree
+    Tree,
+    /// The values in the file
+    File,
+}
+
+impl Args {
+    pub(super) fn options(&self) -> CalibOptions {
+        CalibOptions {
+            robust: match self.robust {
+                RobustArg::Auto => Robust::Automatic,
+                RobustArg::None => Robust::LeastSquares,
+                RobustArg::Huber => Robust::Huber,
+                RobustArg::Tukey => Robust::Tukey,
+                RobustArg::Gnc => Robust::Graduated,
+            },
+            residual: match self.residual {
+                ResidualArg::Split => ResidualConvention::Split,
+                ResidualArg::Log => ResidualConvention::Log,
+                ResidualArg::Quaternion => ResidualConvention::Quaternion,
+            },
+            initialization: match self.initial {
+                StartArg::Chordal => Initialization::Chordal,
+                StartArg::Tree => Initialization::SpanningTree,
+                StartArg::File => Initialization::InitialValues,
+            },
+            max_iterations: self.iterations,
+            covariances: !self.no_covariance,
+            ..CalibOptions::default()
+        }
+    }
+}

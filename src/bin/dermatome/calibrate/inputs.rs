@@ -1,0 +1,51 @@
+//! What `calibrate` reads before the solve.
+
+use std::{collections::HashMap, path::PathBuf};
+
+use dermatome::{
+    Error,
+    calib::{Observations, Pose},
+    id::VertexId,
+    io::{IoError, append_observations, read_observations, read_triangles, read_truth},
+    skin::TaxelId,
+};
+
+use crate::{calibrate::args::Args, common::Common, print::line};
+
+/// What is read before the solve, so that no broken file wastes one.
+pub(super) struct Inputs {
+    pub(super) observations: Observations,
+    pub(super) triangles: Option<Vec<[VertexId; 3]>>,
+    pub(super) truth: Option<Truth>,
+}
+
+/// Where the taxels truly are, and the file that says so.
+pub(super) struct Truth {
+    pub(super) path: PathBuf,
+    pub(super) poses: HashMap<TaxelId, Pose>,
+}
+
+impl Inputs {
+    pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
+        let mut read = read_observations(&args.observations).map_err(Error::from)?;
+        for path in &args.contacts {
+            let more = read_observations(path).map_err(Error::from)?;
+            append_observations(&mut read, more, path).map_err(Error::from)?;
+        }
+        for remark in read.remarks.iter().filter(|_| !common.quiet) {
+            eprintln!("note: {}", line(&remark.to_string()));
+        }
+        let observations = read.observations;
+        let ids = observations.taxels.map(|t| t.id);
+        let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
+        let truth = args
+            .truth
+            .as_ref()
+            .map(|path| Ok(Truth { path: path.clone(), poses: read_truth(path)?.into_iter().collect() }));
+        Ok(Self {
+            observations,
+            triangles: triangles.transpose().map_err(Error::from)?,
+            truth: truth.transpose().map_err(|e: IoError| Error::from(e))?,
+        })
+    }
+}
