@@ -53,7 +53,7 @@ const DOORS: &[(&str, &[&str])] = &[
 const CIRCLES: &[&str] = &["mesh", "pyramid"];
 
 /// Modules with files that do not say yet what they are for.
-const WITHOUT_DOCS: &[&str] = &["mesh", "pyramid", "skin"];
+const WITHOUT_DOCS: &[&str] = &["mesh", "pyramid"];
 
 /// A source file.
 struct Source {

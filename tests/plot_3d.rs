@@ -159,7 +159,7 @@ fn a_patch_without_the_level_has_the_colours_of_its_coarsest() {
     let svg = plot_map(&map, &options).unwrap();
     assert!(svg.contains("tip, in space") && !svg.contains("tip, level"));
     map.links = IdVec::new();
-    assert!(matches!(plot_map(&map, &options), Err(PlotError::Skin(_))), "no link, no place in space");
+    assert!(matches!(plot_map(&map, &options), Err(PlotError::Map(_))), "no link, no place in space");
 }
 
 #[test]

@@ -1,3 +1,5 @@
+//! Why a draft or skin is refused.
+
 use crate::{
     id::VertexId,
     mesh::MeshError,

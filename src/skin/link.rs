@@ -1,3 +1,5 @@
+//! Links: the frames of a robot that patches are fixed to.
+
 use glam::DAffine3;
 
 use crate::id::{IdVec, define_id};
@@ -28,4 +30,9 @@ pub fn world_pose(links: &IdVec<LinkId, Link>, link: LinkId) -> DAffine3 {
         at = links[parent].parent;
     }
     pose
+}
+
+/// The links that do not come after their parent, as every link must.
+pub(super) fn before_parents(links: &IdVec<LinkId, Link>) -> impl Iterator<Item = LinkId> {
+    links.enumerate().filter(|(id, link)| link.parent.is_some_and(|parent| parent >= *id)).map(|(id, _)| id)
 }

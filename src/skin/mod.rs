@@ -1,9 +1,36 @@
 //! Skins: calibrated taxels on patches, posed by the links of a robot.
 //!
-//! What a file holds is a [`Draft`]: sheets of triangles as they were written, with whatever is
-//! wrong with them. [`assemble`] turns a draft into a [`Skin`], whose patches are oriented
-//! manifold disks with holes, and says in [`Remark`]s what it changed; [`check`] lists everything
-//! that is wrong with a draft, without changing it.
+//! A file holds a [`Draft`]: sheets of triangles as they were written, with whatever is wrong with them.
+//! [`assemble`] turns a draft into a [`Skin`], whose patches are oriented manifold disks with holes, and reports in
+//! [`Remark`]s what it changed. [`check`] lists everything that is wrong with a draft, without changing it. Bare
+//! taxels, a draft without any triangle, are joined by [`triangulate_taxels`], which `assemble` calls.
+//!
+//! ```
+//! use dermatome::{
+//!     mesh::shapes,
+//!     skin::{AssembleOptions, Draft, FindingKind, RemarkKind, Sheet, assemble, check},
+//! };
+//!
+//! // The taxels of a lattice, without triangles.
+//! let taxels = shapes::lattice(8, 8, 0.005).positions.as_slice().to_vec();
+//! let sheet = Sheet { name: "palm".into(), positions: taxels, ..Sheet::default() };
+//! let draft = Draft { sheets: vec![sheet], ..Draft::default() };
+//! let options = AssembleOptions { gap: 3.0, ..AssembleOptions::default() };
+//!
+//! let findings = check(&draft, &options);
+//! assert_eq!(findings[0].kind, FindingKind::Bare);
+//!
+//! let assembled = assemble(&draft, &options)?;
+//! assert_eq!(assembled.skin.patches.len(), 1);
+//! assert!(matches!(assembled.remarks[0].kind, RemarkKind::Triangulated { taxels: 64, .. }));
+//! # Ok::<(), dermatome::Error>(())
+//! ```
+//!
+//! In the order to read: `link`, `taxels`, `patch` (the data); `draft`, `error`, `remark`; `welded`, `winding`,
+//! `normals` (what assembling and checking share); `assemble` with `zero_area`; `triangulate`; `check`.
+//!
+//! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit is right (sizes
+//! beyond 10 m are reported), or that the outside is right where neither normals nor shape tell it.
 
 mod assemble;
 mod triangulate;

@@ -7,7 +7,7 @@ use glam::DAffine3;
 use crate::{
     id::{IdVec, define_id},
     mesh::{Adjacency, TriMesh},
-    skin::{Link, LinkId, SkinError, Taxels, world_pose},
+    skin::{Link, LinkId, SkinError, Taxels, link::before_parents, world_pose},
 };
 
 define_id!(
@@ -126,8 +126,8 @@ pub(crate) fn check_patches<'a>(
 /// # Errors
 /// The first link that does not.
 pub(crate) fn check_links(links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
-    match links.enumerate().find(|(link, l)| l.parent.is_some_and(|p| p >= *link)) {
-        Some((link, _)) => Err(SkinError::LinkOrder { link }),
+    match before_parents(links).next() {
+        Some(link) => Err(SkinError::LinkOrder { link }),
         None => Ok(()),
     }
 }

@@ -1,3 +1,8 @@
+//! The triangles of one sheet with split vertices welded: what assembling repairs and checking judges.
+//!
+//! Welding is exact: no tolerance merges vertices that a file keeps apart. It is undone where it would only make
+//! fans of faces touch in a point.
+
 use std::collections::HashMap;
 
 use crate::{
@@ -7,23 +12,22 @@ use crate::{
     skin::{Sheet, TaxelId},
 };
 
-/// The triangles of one sheet with the vertices welded that the file has split: what `assemble` repairs and `check`
-/// judges.
+/// The triangles of one sheet after welding.
 ///
-/// Vertices keep the numbers of the file; of those that are one taxel, faces name the first.
+/// Vertices keep the numbers of the file; of those that are one taxel, faces use the first.
 #[derive(Debug)]
-pub(super) struct Surface {
+pub(super) struct WeldedMesh {
     /// Positions as in the file; corners welded.
     pub mesh: TriMesh,
     /// For every vertex of the file the first vertex that is the same taxel.
     pub taxel: IdVec<VertexId, VertexId>,
-    /// What the file calls each face of `mesh`.
+    /// The number of each face of `mesh` in the file.
     pub file_faces: IdVec<FaceId, FaceId>,
     /// Faces of the file that are left out because they use a taxel twice.
     pub repeated: Vec<FaceId>,
 }
 
-impl Surface {
+impl WeldedMesh {
     /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite.
     pub(super) fn new(sheet: &Sheet, usable: impl Fn(FaceId) -> bool) -> Self {
         let triangles: IdVec<FaceId, [VertexId; 3]> =
@@ -44,41 +48,22 @@ impl Surface {
         Self { mesh, taxel, file_faces, repeated }
     }
 
-    /// Undoes each weld that made fans of faces touch in a point which are apart in the file, and returns the
-    /// vertices where they touch in the file too.
-    pub(super) fn part_fans(&mut self, sheet: &Sheet, edges: &Edges) -> Vec<VertexId> {
-        let mut fans = Fans::new(&self.mesh, edges);
-        let mut count = IdVec::<VertexId, u32>::filled(0, self.mesh.positions.len());
-        for (face, t) in self.mesh.triangles.enumerate() {
-            for (side, &v) in (0..).zip(t) {
-                let corner = Halfedge { face, side };
-                count[v] += u32::from(fans.of(corner) == corner);
-            }
-        }
-        // Welded vertex, vertex of the file, fan: sorted, the fans of one vertex of the file stand side by side.
-        let mut corners: Vec<(VertexId, VertexId, Halfedge)> = Vec::new();
-        for (face, t) in self.mesh.triangles.enumerate() {
-            let in_file = sheet.triangles[self.file_faces[face].index()].map(VertexId::from);
-            for ((side, &v), at) in (0..).zip(t).zip(in_file) {
-                if count[v] > 1 {
-                    corners.push((v, at, fans.of(Halfedge { face, side })));
-                }
-            }
-        }
-        corners.sort_unstable();
-        corners.dedup();
+    /// Undoes every weld that made fans of faces touch in a point which are apart in the file.
+    ///
+    /// Returns the vertices where fans touch in the file too; if there are any, nothing is changed.
+    pub(super) fn split_touching_fans(&mut self, sheet: &Sheet, edges: &Edges) -> Vec<VertexId> {
         let mut touching = Vec::new();
-        for group in corners.chunk_by(|a, b| a.0 == b.0) {
-            if group.windows(2).any(|pair| pair[0].1 == pair[1].1) {
-                touching.push(group[0].0);
-                continue;
-            }
-            let mut first_of_fan = HashMap::new();
-            for &(_, in_file, fan) in group {
-                self.taxel[in_file] = *first_of_fan.entry(fan).or_insert(in_file);
+        let mut splits = Vec::new();
+        for corners in self.corners_of_touching_fans(sheet, edges).chunk_by(|a, b| a.welded == b.welded) {
+            match split(corners) {
+                Some(vertices) => splits.extend(vertices),
+                None => touching.push(corners[0].welded),
             }
         }
-        if touching.is_empty() && !corners.is_empty() {
+        if touching.is_empty() && !splits.is_empty() {
+            for [in_file, first] in splits {
+                self.taxel[in_file] = first;
+            }
             for face in self.mesh.triangles.ids() {
                 let in_file = sheet.triangles[self.file_faces[face].index()];
                 self.mesh.triangles[face] = in_file.map(|v| self.taxel[VertexId::from(v)]);
@@ -86,13 +71,57 @@ impl Surface {
         }
         touching
     }
+
+    /// The corners at vertices with several fans, vertex by vertex, each once for every fan.
+    fn corners_of_touching_fans(&self, sheet: &Sheet, edges: &Edges) -> Vec<FanCorner> {
+        let mut fans = fans(&self.mesh, edges);
+        let mut fans_of_vertex = IdVec::<VertexId, u32>::filled(0, self.mesh.positions.len());
+        let corners_of = |face| [0, 1, 2].map(|side| Halfedge { face, side });
+        for (face, t) in self.mesh.triangles.enumerate() {
+            for (corner, &v) in corners_of(face).into_iter().zip(t) {
+                fans_of_vertex[v] += u32::from(fans.root(corner) == corner);
+            }
+        }
+        let mut corners = Vec::new();
+        for (face, t) in self.mesh.triangles.enumerate() {
+            let in_file = sheet.triangles[self.file_faces[face].index()].map(VertexId::from);
+            for ((corner, &welded), in_file) in corners_of(face).into_iter().zip(t).zip(in_file) {
+                if fans_of_vertex[welded] > 1 {
+                    corners.push(FanCorner { welded, in_file, fan: fans.root(corner) });
+                }
+            }
+        }
+        corners.sort_unstable();
+        corners.dedup();
+        corners
+    }
+}
+
+/// A vertex of the file in a fan of faces around a welded vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct FanCorner {
+    welded: VertexId,
+    in_file: VertexId,
+    /// The first corner of the fan.
+    fan: Halfedge,
+}
+
+/// For every vertex of the file around one welded vertex the first one of its fan; `None` if two fans have a vertex
+/// of the file in common. `corners` are sorted.
+fn split(corners: &[FanCorner]) -> Option<Vec<[VertexId; 2]>> {
+    if corners.windows(2).any(|pair| pair[0].in_file == pair[1].in_file) {
+        return None;
+    }
+    let mut first_of_fan = HashMap::new();
+    let first = |c: &FanCorner| [c.in_file, *first_of_fan.entry(c.fan).or_insert(c.in_file)];
+    Some(corners.iter().map(first).collect())
 }
 
 /// For every vertex the first one that is the same taxel.
 ///
-/// Vertices are one taxel if their positions are exactly equal and so are their ids, or there are none. Ids alone
-/// never weld: vendors repeat placeholders all over a skin. Vertices at one place with different ids are two taxels,
-/// unless a face has both as corners: the edge between them has no length, and only one of them can stay.
+/// Vertices are one taxel if their positions are exactly equal and so are their ids, or there are no ids. Ids
+/// alone never weld: vendors repeat placeholders all over a skin. Vertices at one place with different ids are two
+/// taxels, unless a face has both as corners: the edge between them has no length, and only one of them can stay.
 fn weld<'a>(
     mesh: &TriMesh,
     ids: Option<&[TaxelId]>,
@@ -123,33 +152,66 @@ fn weld<'a>(
     taxel
 }
 
-/// Which corners of faces hang together around their vertex, across edges.
-#[derive(Debug)]
-struct Fans {
-    /// A corner is told by the halfedge that leaves it.
-    corners: DisjointSets<Halfedge>,
+/// The fans of faces: sets of corners that are joined across edges. A corner is named by the halfedge that leaves it.
+fn fans(mesh: &TriMesh, edges: &Edges) -> DisjointSets<Halfedge> {
+    let mut corners = DisjointSets::<Halfedge>::new(3 * mesh.triangles.len());
+    for uses in edges.iter() {
+        let first = uses[0];
+        for &other in &uses[1..] {
+            let [a, b] = [first, first.next()];
+            let [mut c, mut d] = [other, other.next()];
+            if first.start(mesh) != other.start(mesh) {
+                (c, d) = (d, c);
+            }
+            corners.join(a, c);
+            corners.join(b, d);
+        }
+    }
+    corners
 }
 
-impl Fans {
-    fn new(mesh: &TriMesh, edges: &Edges) -> Self {
-        let mut corners = DisjointSets::<Halfedge>::new(3 * mesh.triangles.len());
-        for uses in edges.iter() {
-            let first = uses[0];
-            for &other in &uses[1..] {
-                let [a, b] = [first, first.next()];
-                let [mut c, mut d] = [other, other.next()];
-                if first.start(mesh) != other.start(mesh) {
-                    (c, d) = (d, c);
-                }
-                corners.join(a, c);
-                corners.join(b, d);
-            }
-        }
-        Self { corners }
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// Two pairs of triangles that touch in a point: in the file the first pair shares its vertex, the second
+    /// writes it twice.
+    fn two_bow_ties() -> Sheet {
+        let at = |x: i32, y: i32| DVec3::new(x.into(), y.into(), 0.0);
+        let bow_tie = |x: i32| [at(x, 0), at(x + 1, 0), at(x, 1), at(x - 1, 0), at(x, -1)];
+        let mut positions = bow_tie(0).to_vec();
+        positions.extend(bow_tie(9));
+        positions.push(at(9, 0));
+        Sheet { positions, triangles: vec![[0, 1, 2], [0, 3, 4], [5, 6, 7], [10, 8, 9]], ..Sheet::default() }
     }
 
-    /// The fan of a corner, named by its first corner.
-    fn of(&mut self, corner: Halfedge) -> Halfedge {
-        self.corners.root(corner)
+    fn welded(sheet: &Sheet) -> (WeldedMesh, Vec<VertexId>) {
+        let mut welded = WeldedMesh::new(sheet, |_| true);
+        let edges = Edges::new(&welded.mesh.triangles, welded.mesh.positions.len());
+        let touching = welded.split_touching_fans(sheet, &edges);
+        for (face, t) in welded.mesh.triangles.enumerate() {
+            let in_file = sheet.triangles[welded.file_faces[face].index()];
+            assert_eq!(*t, in_file.map(|v| welded.taxel[v.into()]), "corners and taxels agree at {face:?}");
+        }
+        (welded, touching)
+    }
+
+    /// The weld of the second pair was undone for its taxels, but not for its faces.
+    #[test]
+    fn a_touching_vertex_leaves_every_weld_as_it_is() {
+        let (welded, touching) = welded(&two_bow_ties());
+        assert_eq!(touching, [VertexId::new(0)]);
+        assert_eq!(welded.taxel[VertexId::new(10)], VertexId::new(5));
+    }
+
+    #[test]
+    fn a_weld_that_only_makes_fans_touch_is_undone() {
+        let mut sheet = two_bow_ties();
+        sheet.triangles.remove(0);
+        let (welded, touching) = welded(&sheet);
+        assert_eq!(touching, []);
+        assert_eq!(welded.taxel[VertexId::new(10)], VertexId::new(10));
     }
 }

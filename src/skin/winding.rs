@@ -1,32 +1,34 @@
+//! Consistent winding: the components of a sheet and which of their faces are turned over.
+
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Edges, TriMesh},
     numeric::{DisjointSets, Relation},
 };
 
-/// The pieces of a mesh that hang together across edges, and which faces to turn so that each is wound one way.
+/// The components of a mesh across edges, and which faces to turn so that each is wound one way.
 #[derive(Debug)]
 pub(super) struct Winding {
-    /// The piece of every face, numbered in the order of their first faces.
+    /// The component of every face, numbered in the order of their first faces.
     pub component: IdVec<FaceId, usize>,
-    /// Number of pieces.
+    /// Number of components.
     pub components: usize,
-    /// Whether each face is wound against the first face of its piece.
-    pub against_first: IdVec<FaceId, bool>,
-    /// Edges whose two faces no turning reconciles: a piece with one side only.
-    pub contradictions: Vec<[VertexId; 2]>,
+    /// Whether each face is wound against the first face of its component.
+    pub reversed: IdVec<FaceId, bool>,
+    /// Edges whose two faces cannot be wound consistently: the component has only one side.
+    pub conflicting_edges: Vec<[VertexId; 2]>,
 }
 
 impl Winding {
-    /// Follows the edges of two faces; edges of more faces join pieces too, but say nothing about their sides.
+    /// Follows the edges of two faces; edges of more faces join components too, but say nothing about their winding.
     pub(super) fn new(mesh: &TriMesh, edges: &Edges) -> Self {
         let mut faces = DisjointSets::<FaceId, Relation>::new(mesh.triangles.len());
-        let mut contradictions = Vec::new();
+        let mut conflicting_edges = Vec::new();
         for uses in edges.iter() {
             if let &[a, b] = uses {
                 let relation = Relation::reversed_if(a.start(mesh) == b.start(mesh));
                 if !faces.join(a.face, b.face, relation) {
-                    contradictions.push([a.start(mesh), a.end(mesh)]);
+                    conflicting_edges.push([a.start(mesh), a.end(mesh)]);
                 }
             }
         }
@@ -39,7 +41,7 @@ impl Winding {
         let mut number = IdVec::<FaceId, usize>::filled(usize::MAX, mesh.triangles.len());
         let mut first_relation = Vec::new();
         let mut component = IdVec::new();
-        let mut against_first = IdVec::new();
+        let mut reversed = IdVec::new();
         for face in mesh.triangles.ids() {
             let (root, relation) = faces.root(face);
             if number[root] == usize::MAX {
@@ -47,8 +49,8 @@ impl Winding {
                 first_relation.push(relation);
             }
             component.push(number[root]);
-            against_first.push(relation != first_relation[number[root]]);
+            reversed.push(relation != first_relation[number[root]]);
         }
-        Self { component, components: first_relation.len(), against_first, contradictions }
+        Self { component, components: first_relation.len(), reversed, conflicting_edges }
     }
 }

@@ -9,7 +9,7 @@ use crate::{
         RemarkKind, Sheet, SkinError,
         assemble::zero_area::{Cleared, clear_zero_area},
         normals::taxel_normals,
-        welded::Surface,
+        welded::WeldedMesh,
         winding::Winding,
     },
 };
@@ -40,7 +40,7 @@ impl<'a> Components<'a> {
     /// Welds and winds a valid sheet.
     pub(super) fn new(sheet: &'a Sheet, remarks: &mut Vec<RemarkKind>) -> Result<Self, SkinError> {
         let patch = || sheet.title().to_owned();
-        let mut surface = Surface::new(sheet, |_| true);
+        let mut surface = WeldedMesh::new(sheet, |_| true);
         let edges = Edges::new(&surface.mesh.triangles, surface.mesh.positions.len());
         let crowded: Vec<[VertexId; 2]> = edges
             .iter()
@@ -50,18 +50,18 @@ impl<'a> Components<'a> {
         if !crowded.is_empty() {
             return Err(SkinError::NonManifoldEdges { patch: patch(), edges: crowded });
         }
-        let vertices = surface.part_fans(sheet, &edges);
+        let vertices = surface.split_touching_fans(sheet, &edges);
         if !vertices.is_empty() {
             return Err(SkinError::NonManifoldVertices { patch: patch(), vertices });
         }
         let winding = Winding::new(&surface.mesh, &edges);
-        if let Some(&edge) = winding.contradictions.first() {
+        if let Some(&edge) = winding.conflicting_edges.first() {
             return Err(SkinError::NotOrientable { patch: patch(), edge });
         }
         drop(edges);
-        let Surface { mut mesh, taxel, file_faces, repeated } = surface;
+        let WeldedMesh { mut mesh, taxel, file_faces, repeated } = surface;
         for (face, t) in mesh.triangles.iter_mut().enumerate() {
-            if winding.against_first[FaceId::new(face)] {
+            if winding.reversed[FaceId::new(face)] {
                 t.swap(1, 2);
             }
         }
@@ -72,7 +72,7 @@ impl<'a> Components<'a> {
         }
         report_faces(repeated, &cleared, &file_faces, remarks);
         let normals = sheet.normals.as_deref().map(|n| taxel_normals(n, &taxel));
-        let (turned, count) = (winding.against_first, winding.components);
+        let (turned, count) = (winding.reversed, winding.components);
         let this = Self { sheet, normals, mesh, component, count, turned };
         this.report_taxels(&taxel, remarks);
         Ok(this)

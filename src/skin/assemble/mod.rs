@@ -62,6 +62,21 @@ pub struct Assembled {
 /// - **Normals** that are missing or not reliable, and areas that are missing or not positive, come from the
 ///   faces. Missing ids count from 1 through the skin. Sheets without a link get one at the origin.
 ///
+/// ```
+/// use dermatome::skin::{AssembleOptions, Draft, RemarkKind, Sheet, assemble};
+/// use glam::DVec3;
+///
+/// // Two triangles with six vertices, as an STL file has them: two are welded.
+/// let [a, b, c, d] = [DVec3::ZERO, DVec3::X, DVec3::ONE, DVec3::Y];
+/// let positions = vec![a, b, c, a, c, d];
+/// let sheet = Sheet { positions, triangles: vec![[0, 1, 2], [3, 4, 5]], ..Sheet::default() };
+/// let draft = Draft { sheets: vec![sheet], ..Draft::default() };
+/// let assembled = assemble(&draft, &AssembleOptions::default())?;
+/// assert_eq!(assembled.remarks[0].kind, RemarkKind::Welded { vertices: 6, taxels: 4 });
+/// assert_eq!(assembled.remarks[0].to_string(), "patch: 6 vertices were welded into 4 taxels");
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+///
 /// # Errors
 /// If links or arrays do not fit, a position is not finite, a corner, a density or the gap is out of range, bare
 /// taxels cannot be joined, more than two faces meet at an edge, fans of faces touch in a point, a sheet has only

@@ -1,3 +1,5 @@
+//! Faces without area: caps and needles [botsch2001], dropped at the boundary and flipped away elsewhere.
+
 use std::collections::{HashMap, HashSet, VecDeque};
 
 use glam::DVec3;
@@ -7,19 +9,19 @@ use crate::{
     mesh::TriMesh,
 };
 
-/// A face lower than this share of its longest side has no area. Positions in `f32` put the middle one of three
-/// taxels in line up to 1e-5 of their distance beside it; no real face is that thin.
+/// A face lower than this share of its longest side has no area. Positions in `f32` move the middle one of three
+/// collinear taxels off the line by up to 1e-5 of their distance; no real face is that thin.
 const FLATTEST: f64 = 1e-5;
 
 /// Height of a triangle over its longest side, as a share of that side: `sqrt(3)/2` if equilateral, 0 without area.
 pub(in crate::skin) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     let height = (b - a).cross(c - a).length() / longest;
-    // Sides too short or too long for their squares: 0/0.
+    // DirectedEdges too short or too long for their squares: 0/0.
     if height.is_nan() { 0.0 } else { height }
 }
 
-/// Whether a triangle has no area worth the name.
+/// Whether a triangle has no area, up to rounding.
 pub(in crate::skin) fn has_no_area(corners: [DVec3; 3]) -> bool {
     slenderness(corners) <= FLATTEST
 }
@@ -31,7 +33,7 @@ pub(super) struct Cleared {
     pub dropped: Vec<FaceId>,
     /// Faces whose longest side was flipped.
     pub flipped: Vec<FaceId>,
-    /// Faces that neither could be done to.
+    /// Faces that could neither be dropped nor flipped.
     pub kept: Vec<FaceId>,
 }
 
@@ -39,23 +41,23 @@ pub(super) struct Cleared {
 ///
 /// Where the longest side lies on the boundary the face is dropped, and the boundary then runs through its middle
 /// corner. Elsewhere that would tear a slit, so the longest side is flipped: the face and its neighbour become two
-/// faces with area. Every step leaves one face without area less, so the work is linear in their number. Dropped
-/// faces stay in the list of triangles: whoever goes on must leave them out.
+/// faces with area. Every step removes one face without area, so the work is linear in their number. Dropped
+/// faces stay in the list of triangles: the caller must leave them out.
 pub(super) fn clear_zero_area(mesh: &mut TriMesh) -> Cleared {
     let flat: Vec<FaceId> = mesh.triangles.ids().filter(|&f| has_no_area(mesh.corners(f))).collect();
     let mut cleared = Cleared::default();
     if flat.is_empty() {
         return cleared;
     }
-    let mut sides = Sides::new(mesh);
+    let mut edges = DirectedEdges::new(mesh);
     let mut queue: VecDeque<FaceId> = flat.iter().copied().collect();
     let mut gone = HashSet::new();
     while let Some(face) = queue.pop_front() {
         if gone.contains(&face) || !has_no_area(mesh.corners(face)) {
             continue;
         }
-        let around = sides.neighbours(mesh.triangles[face]);
-        let step = sides.drop_or_flip(mesh, face);
+        let around = edges.neighbours(mesh.triangles[face]);
+        let step = edges.drop_or_flip(mesh, face);
         match step {
             Step::Dropped => {
                 gone.insert(face);
@@ -64,10 +66,10 @@ pub(super) fn clear_zero_area(mesh: &mut TriMesh) -> Cleared {
             Step::Flipped => cleared.flipped.push(face),
             Step::Stuck => continue,
         }
-        // What was stuck beside it may move now. Only steps that succeed get here, so this ends.
+        // Its neighbours may move now. Only steps that succeed get here, so this ends.
         queue.extend(around.into_iter().flatten());
         if matches!(step, Step::Flipped) {
-            queue.extend(sides.neighbours(mesh.triangles[face]).into_iter().flatten());
+            queue.extend(edges.neighbours(mesh.triangles[face]).into_iter().flatten());
         }
     }
     cleared.kept = flat.into_iter().filter(|f| !gone.contains(f) && has_no_area(mesh.corners(*f))).collect();
@@ -80,14 +82,14 @@ enum Step {
     Stuck,
 }
 
-/// The faces by their directed sides, kept while faces are dropped and flipped.
+/// The face at each directed edge, updated while faces are dropped and flipped.
 #[derive(Debug)]
-struct Sides {
+struct DirectedEdges {
     faces: HashMap<(VertexId, VertexId), FaceId>,
     on_boundary: IdVec<VertexId, bool>,
 }
 
-impl Sides {
+impl DirectedEdges {
     fn new(mesh: &TriMesh) -> Self {
         let mut faces = HashMap::with_capacity(3 * mesh.triangles.len());
         for (face, t) in mesh.triangles.enumerate() {

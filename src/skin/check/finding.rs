@@ -1,3 +1,5 @@
+//! Findings: kinds, names and what their numbers count.
+
 use std::fmt;
 
 macro_rules! kinds {

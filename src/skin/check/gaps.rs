@@ -1,3 +1,5 @@
+//! *Heuristic*: boundaries so close that they look like a seam that was not joined.
+
 use std::collections::{BTreeSet, HashMap, HashSet};
 
 use glam::{DVec3, I64Vec3};

@@ -18,11 +18,12 @@ use crate::{
             report::{Report, Subject},
             topology::Topology,
         },
+        link::before_parents,
         normals::taxel_normals,
         remark::Coincident,
         triangulate::UniquePoints,
         unit_check::doubtful_unit,
-        welded::Surface,
+        welded::WeldedMesh,
         winding::Winding,
     },
 };
@@ -36,11 +37,29 @@ use crate::{
 /// is missing there. Takes time near-linear in the size of the draft, and never panics.
 ///
 /// Bare taxels are judged by what assembling them with `options` gives.
+///
+/// ```
+/// use dermatome::{
+///     mesh::shapes,
+///     skin::{AssembleOptions, Draft, FindingKind, Sheet, check},
+/// };
+///
+/// // A lattice without the two triangles at one of its edges.
+/// let mesh = shapes::lattice(5, 5, 0.005);
+/// let triangles = mesh.triangles.iter().filter(|t| !t.contains(&12.into()) || !t.contains(&13.into()));
+/// let sheet = Sheet {
+///     positions: mesh.positions.as_slice().to_vec(),
+///     triangles: triangles.map(|t| t.map(|v| v.raw())).collect(),
+///     ..Sheet::default()
+/// };
+/// let draft = Draft { sheets: vec![sheet], ..Draft::default() };
+/// let findings = check(&draft, &AssembleOptions::default());
+/// assert_eq!((findings.len(), findings[0].kind), (1, FindingKind::PinHole));
+/// ```
 #[must_use]
 pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
     let mut findings = Vec::new();
-    let backward = draft.links.enumerate().filter(|(link, l)| l.parent.is_some_and(|p| p >= *link));
-    let backward: Vec<u64> = backward.map(|(link, _)| u64::from(link.raw())).collect();
+    let backward: Vec<u64> = before_parents(&draft.links).map(|link| u64::from(link.raw())).collect();
     if !backward.is_empty() {
         let message = format!("{} links come before their parents", backward.len());
         let patch = String::new();
@@ -133,9 +152,9 @@ fn check_sheet(sheet: &Sheet, links: usize, findings: &mut Vec<Finding>) {
 
 fn check_surface(sheet: &Sheet, report: &mut Report<'_>) {
     let usable = taxels::usable_faces(sheet, report);
-    let mut surface = Surface::new(sheet, |face: FaceId| usable[face]);
+    let mut surface = WeldedMesh::new(sheet, |face: FaceId| usable[face]);
     let edges = Edges::new(&surface.mesh.triangles, surface.mesh.positions.len());
-    let touching = surface.part_fans(sheet, &edges);
+    let touching = surface.split_touching_fans(sheet, &edges);
     let winding = Winding::new(&surface.mesh, &edges);
     let normals = sheet.normals.as_deref().map(|n| taxel_normals(n, &surface.taxel));
     let subject = Subject { sheet, surface, edges, winding, normals };

@@ -8,7 +8,7 @@ use crate::{
     skin::{
         Sheet,
         check::finding::{Element, Finding, FindingKind},
-        welded::Surface,
+        welded::WeldedMesh,
         winding::Winding,
     },
 };
@@ -16,7 +16,7 @@ use crate::{
 /// One sheet with everything that the parts of the check need to know about it.
 pub(super) struct Subject<'a> {
     pub sheet: &'a Sheet,
-    pub surface: Surface,
+    pub surface: WeldedMesh,
     pub edges: Edges,
     pub winding: Winding,
     /// Unit normals of the taxels, zero where there is none; `None` without normals.

@@ -1,3 +1,5 @@
+//! Faces and normals: slivers, winding, placeholders.
+
 use std::collections::HashMap;
 
 use glam::DVec3;
@@ -70,13 +72,13 @@ pub(super) fn check_winding(subject: &Subject<'_>, report: &mut Report<'_>) {
     let mut against = vec![0_usize; winding.components];
     for (face, &piece) in winding.component.enumerate() {
         faces[piece] += 1;
-        against[piece] += usize::from(winding.against_first[face]);
+        against[piece] += usize::from(winding.reversed[face]);
     }
     let in_file = |f: FaceId| subject.surface.file_faces[f].raw();
     let fewer = mesh.triangles.ids().filter(|&f| {
         let piece = winding.component[f];
         let most_against = 2 * against[piece] > faces[piece];
-        winding.against_first[f] != most_against
+        winding.reversed[f] != most_against
     });
     report.add(FindingKind::InconsistentWinding, numbers(fewer.map(in_file)), |n| {
         format!("{n} of {} faces are wound against most faces of their piece", mesh.triangles.len())
@@ -92,7 +94,7 @@ pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
     let mut wound = mesh.clone();
     let mut consensus = vec![NormalConsensus::default(); winding.components];
     for face in mesh.triangles.ids() {
-        if winding.against_first[face] {
+        if winding.reversed[face] {
             wound.triangles[face].swap(1, 2);
         }
         let at_corners = wound.triangles[face].map(|v| normals[v]);
@@ -105,7 +107,7 @@ pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
         if of_piece == NormalQuality::Inward {
             wound.triangles[face].swap(1, 2);
         }
-        let is_turned = winding.against_first[face] != (of_piece == NormalQuality::Inward);
+        let is_turned = winding.reversed[face] != (of_piece == NormalQuality::Inward);
         if of_piece.is_reliable() && is_turned {
             turned.push(subject.surface.file_faces[face].raw());
         }

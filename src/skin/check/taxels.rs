@@ -1,3 +1,5 @@
+//! Positions, ids and quantities of taxels.
+
 use std::collections::HashMap;
 
 use crate::{

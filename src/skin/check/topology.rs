@@ -1,3 +1,5 @@
+//! Manifoldness, components, boundary loops and handles.
+
 use crate::{
     id::{IdVec, VertexId},
     numeric::DisjointSets,
@@ -30,8 +32,8 @@ pub(super) fn check_manifold(subject: &Subject<'_>, touching: &[VertexId], repor
     report.add(FindingKind::NonManifoldVertex, numbers(touching.iter().map(|v| v.raw())), |n| {
         format!("at {n} vertices several fans of faces touch in a point; the faces around a taxel must form one fan")
     });
-    let contradictions = winding.contradictions.iter().copied().flat_map(ends).collect();
-    report.add(FindingKind::NotOrientable, contradictions, |n| {
+    let conflicting_edges = winding.conflicting_edges.iter().copied().flat_map(ends).collect();
+    report.add(FindingKind::NotOrientable, conflicting_edges, |n| {
         format!("a piece has one side only: at {n} edges (pairs of vertices) its faces cannot be wound the same way")
     });
     is_manifold
@@ -152,7 +154,7 @@ impl Topology {
         report.add(FindingKind::ClosedPatch, numbers(closed), |n| {
             format!("{n} pieces have no boundary and must be cut open to be flattened; listed is the first face of each")
         });
-        if subject.winding.contradictions.is_empty() {
+        if subject.winding.conflicting_edges.is_empty() {
             // Euler's formula for an orientable surface: V - E + F = 2 - 2 handles - loops.
             let handles = |p: usize| (2 - count[p] - self.euler[p]) / 2;
             let with_handles = (0..pieces).filter(|&p| handles(p) > 0);

@@ -1,68 +1,71 @@
+//! A mesh that grows triangle by triangle and stays an oriented manifold.
+
 use glam::DVec2;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    skin::triangulate::point_cloud::Surroundings,
+    skin::triangulate::point_cloud::PointCloud,
 };
 
-/// A face is seen from the outside of all its corners if the cosine with their normals is at least this: it may stand on edge, since
-/// noise sets taxels almost above each other. At 0.1, noise of a fifth of the spacing leaves twice as many holes.
+/// Smallest cosine between a face and the normals of its corners. A face may stand almost on edge, since noise puts
+/// taxels almost above each other: at 0.1, noise of a fifth of the spacing leaves twice as many holes.
 const LEAST_COSINE: f64 = 0.02;
 
-/// Directions whose sine is smaller are one direction.
+/// Directions are equal if the sine between them is smaller.
 const SAME_DIRECTION: f64 = 1e-9;
 
-/// No corner.
+/// Ends a list of corners.
 const END: u32 = u32::MAX;
 
-/// A mesh that grows triangle by triangle and stays an oriented manifold, but that fans may still touch in a point.
+/// A mesh to which triangles are added one by one, if they fit.
 ///
-/// Every taxel keeps its faces as sectors of its tangent plane: a face is taken only if it is seen from outside, no edge is used
-/// twice in one direction and no two sectors of a taxel overlap.
+/// The faces around a taxel are sectors of its tangent plane. A face fits if all corners see its outside, its edges
+/// are within the gap, no edge gets a second face in one direction, and no two sectors of a taxel overlap. So the
+/// mesh is always an oriented manifold, except that fans of faces may touch in a point.
 #[derive(Debug)]
-pub(super) struct Front<'a> {
-    around: &'a Surroundings<'a>,
+pub(super) struct GrowingMesh<'a> {
+    cloud: &'a PointCloud<'a>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
     /// The first corner `3 face + side` of each taxel, and for each corner the next one of the same taxel.
     first: IdVec<VertexId, u32>,
     next: Vec<u32>,
 }
 
-/// The empty part of a taxel's surroundings between two fans of faces, or the ends of one.
+/// A part of a taxel's tangent plane without faces: between two fans, or between the ends of one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Opening {
-    /// Where the boundary comes from: the last neighbour of the fan before, counter-clockwise.
+    /// The last neighbour of the fan before it, counter-clockwise.
     pub from: VertexId,
-    /// The first neighbour of the fan after.
+    /// The first neighbour of the fan after it.
     pub to: VertexId,
 }
 
-impl<'a> Front<'a> {
-    pub(super) fn new(around: &'a Surroundings<'a>) -> Self {
-        let first = IdVec::filled(END, around.positions.len());
-        Self { around, triangles: IdVec::new(), first, next: Vec::new() }
+impl<'a> GrowingMesh<'a> {
+    pub(super) fn new(cloud: &'a PointCloud<'a>) -> Self {
+        let first = IdVec::filled(END, cloud.positions.len());
+        Self { cloud, triangles: IdVec::new(), first, next: Vec::new() }
     }
 
     /// The faces.
     pub(super) fn into_triangles(self) -> IdVec<FaceId, [VertexId; 3]> {
-        // Faces that were taken out have three equal corners.
+        // Removed faces have three equal corners.
         self.triangles.into_iter().filter(|t| t[0] != t[1]).collect()
     }
 
-    /// Takes the face if nothing speaks against it.
-    pub(super) fn take(&mut self, t: [VertexId; 3]) -> bool {
-        let fits = self.is_seen_from_outside(t)
+    /// Adds the face if it fits; returns whether it did.
+    pub(super) fn try_insert(&mut self, t: [VertexId; 3]) -> bool {
+        let fits = self.faces_outward(t)
             && (0..3).all(|side| {
                 let [v, a, b] = [0, 1, 2].map(|k| t[(side + k) % 3]);
-                self.around.is_within_gap(v, a) && self.is_free(v, a, b)
+                self.cloud.is_within_gap(v, a) && self.is_free(v, a, b)
             });
         if fits {
-            self.put(t);
+            self.insert(t);
         }
         fits
     }
 
-    fn put(&mut self, t: [VertexId; 3]) {
+    fn insert(&mut self, t: [VertexId; 3]) {
         let face = self.triangles.push(t);
         for (side, &v) in (0..).zip(&t) {
             self.next.push(self.first[v]);
@@ -70,15 +73,15 @@ impl<'a> Front<'a> {
         }
     }
 
-    /// Puts three faces around `v` in the place of one, if `v` lies under it and all three fit.
+    /// Replaces a face by three around `v`, if all of them fit.
     pub(super) fn split(&mut self, face: FaceId, v: VertexId) -> bool {
         let [a, b, c] = self.triangles[face];
-        self.take_out(face);
+        self.remove(face);
         let first = self.triangles.len();
-        let fits = [[v, a, b], [v, b, c], [v, c, a]].into_iter().all(|t| self.take(t));
+        let fits = [[v, a, b], [v, b, c], [v, c, a]].into_iter().all(|t| self.try_insert(t));
         if !fits {
-            (first..self.triangles.len()).for_each(|part| self.take_out(FaceId::new(part)));
-            self.put([a, b, c]);
+            (first..self.triangles.len()).for_each(|part| self.remove(FaceId::new(part)));
+            self.insert([a, b, c]);
         }
         fits
     }
@@ -97,8 +100,8 @@ impl<'a> Front<'a> {
         fan
     }
 
-    /// Takes a face out again.
-    pub(super) fn take_out(&mut self, face: FaceId) {
+    /// Removes a face.
+    pub(super) fn remove(&mut self, face: FaceId) {
         let t = self.triangles[face];
         for (side, &v) in (0..).zip(&t) {
             let corner = 3 * face.raw() + side;
@@ -135,8 +138,8 @@ impl<'a> Front<'a> {
         self.first[v] != END
     }
 
-    /// How many of the sides of `t` have a face on the other side.
-    pub(super) fn sides_taken(&self, t: [VertexId; 3]) -> usize {
+    /// How many edges of `t` have a face on the other side.
+    pub(super) fn adjacent_faces(&self, t: [VertexId; 3]) -> usize {
         (0..3).filter(|&side| self.has_edge(t[(side + 1) % 3], t[side])).count()
     }
 
@@ -153,67 +156,68 @@ impl<'a> Front<'a> {
         }
         let begins: Vec<VertexId> =
             self.sectors(v).map(|s| s.1).filter(|&a| !self.sectors(v).any(|s| s.2 == a)).collect();
-        let mut openings: Vec<Opening> = ends
-            .iter()
-            .filter_map(|&from| {
-                let turn = |to: VertexId| {
-                    let angle = self.seen(v, from).angle_to(self.seen(v, to));
-                    if angle < 0.0 { angle + std::f64::consts::TAU } else { angle }
-                };
-                let to =
-                    begins.iter().copied().min_by(|&a, &b| turn(a).total_cmp(&turn(b)).then(a.cmp(&b)))?;
-                Some(Opening { from, to })
-            })
-            .collect();
+        let opening = |&from: &VertexId| {
+            let turn = |&to: &VertexId| self.turn(v, from, to);
+            let nearest = |a: &VertexId, b: &VertexId| turn(a).total_cmp(&turn(b)).then(a.cmp(b));
+            Some(Opening { from, to: begins.iter().copied().min_by(nearest)? })
+        };
+        let mut openings: Vec<Opening> = ends.iter().filter_map(opening).collect();
         openings.sort_unstable_by_key(|o| (o.to, o.from));
         openings
     }
 
-    fn is_seen_from_outside(&self, t: [VertexId; 3]) -> bool {
-        let normal = self.around.normal(t);
-        t.iter().all(|&v| normal.dot(self.around.normals[v]) >= LEAST_COSINE)
+    /// The angle counter-clockwise from `from` to `to` as `v` sees them, in 0..2 pi.
+    fn turn(&self, v: VertexId, from: VertexId, to: VertexId) -> f64 {
+        let angle = self.tangent_direction(v, from).angle_to(self.tangent_direction(v, to));
+        if angle < 0.0 { angle + std::f64::consts::TAU } else { angle }
     }
 
-    /// Whether the sector of `v` from `a` to `b` is empty.
+    fn faces_outward(&self, t: [VertexId; 3]) -> bool {
+        let normal = self.cloud.normal(t);
+        t.iter().all(|&v| normal.dot(self.cloud.normals[v]) >= LEAST_COSINE)
+    }
+
+    /// Whether no face of `v` overlaps the sector from `a` to `b`.
     fn is_free(&self, v: VertexId, a: VertexId, b: VertexId) -> bool {
-        let new = Sector::new(self.seen(v, a), self.seen(v, b));
-        self.sectors(v).all(|(_, c, d)| {
-            let old = || Sector::new(self.seen(v, c), self.seen(v, d));
-            a != c && b != d && {
-                let old = old();
-                // A common edge is at the side of both.
-                (a == d || !old.holds(new.from))
-                    && (b == c || !old.holds(new.to))
-                    && (a == d || !new.holds(old.to))
-                    && (b == c || !new.holds(old.from))
-                    && !old.holds(new.middle())
-                    && !new.holds(old.middle())
-            }
-        })
+        let new = self.sector(v, a, b);
+        self.sectors(v).all(|(_, c, d)| a != c && b != d && !new.overlaps(&self.sector(v, c, d)))
     }
 
-    /// The direction in which `v` sees `w` in its tangent plane.
-    fn seen(&self, v: VertexId, w: VertexId) -> DVec2 {
-        let (e, f) = self.around.normals[v].any_orthonormal_pair();
-        let d = self.around.positions[w] - self.around.positions[v];
+    fn sector(&self, v: VertexId, from: VertexId, to: VertexId) -> Sector {
+        let directions = [from, to].map(|w| self.tangent_direction(v, w));
+        Sector { ends: [from, to], from: directions[0], to: directions[1] }
+    }
+
+    /// The unit direction of `w` in the tangent plane of `v`.
+    fn tangent_direction(&self, v: VertexId, w: VertexId) -> DVec2 {
+        let (e, f) = self.cloud.normals[v].any_orthonormal_pair();
+        let d = self.cloud.positions[w] - self.cloud.positions[v];
         DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero()
     }
 }
 
-/// The directions between two, counter-clockwise, less than half a turn.
+/// The directions between two neighbours of a taxel, counter-clockwise, less than half a turn.
 #[derive(Debug, Clone, Copy)]
 struct Sector {
+    ends: [VertexId; 2],
     from: DVec2,
     to: DVec2,
 }
 
 impl Sector {
-    const fn new(from: DVec2, to: DVec2) -> Self {
-        Self { from, to }
+    /// Whether two sectors that begin and end at different neighbours overlap. Where one begins at the neighbour at
+    /// which the other ends, this common side is inside neither.
+    fn overlaps(&self, other: &Self) -> bool {
+        let begins_at_end = self.ends[0] == other.ends[1];
+        let ends_at_begin = self.ends[1] == other.ends[0];
+        (!begins_at_end && (other.contains(self.from) || self.contains(other.to)))
+            || (!ends_at_begin && (other.contains(self.to) || self.contains(other.from)))
+            || other.contains(self.middle())
+            || self.contains(other.middle())
     }
 
     /// Whether a direction lies inside, not on a side.
-    fn holds(&self, x: DVec2) -> bool {
+    fn contains(&self, x: DVec2) -> bool {
         self.from.perp_dot(x) > SAME_DIRECTION && x.perp_dot(self.to) > SAME_DIRECTION
     }
 

@@ -1,27 +1,29 @@
+//! A k-d tree of points for nearest-neighbour searches [bentley1975].
+
 use std::cmp::Ordering;
 
 use glam::DVec3;
 
 use crate::id::{IdVec, VertexId};
 
-/// A leaf is searched through: below this, splitting costs more than looking.
+/// Points in a leaf, which is searched linearly: smaller leaves cost more than they save.
 const LEAF: usize = 12;
 
-/// Parts of more points are built by two threads.
+/// Larger subtrees are built by two threads.
 const PARALLEL: usize = 20_000;
 
-/// A balanced k-d tree (Bentley 1975): the point in the middle of a range of `points` splits it.
+/// A balanced k-d tree: the middle point of a range of `points` splits it.
 ///
-/// Unlike a grid it does not mind taxels of very different spacing.
+/// Unlike a grid it stays fast where the spacing of taxels varies by orders of magnitude.
 #[derive(Debug)]
 pub(super) struct KdTree {
     points: Vec<(DVec3, VertexId)>,
-    /// Along which axis the point in the middle of its range splits.
+    /// The axis along which the middle point of its range splits.
     axes: Vec<u8>,
 }
 
-/// A neighbour: its squared distance, and which it is.
-pub(super) type Near = (f64, VertexId);
+/// Squared distance and id of a point that was found.
+pub(super) type Neighbour = (f64, VertexId);
 
 impl KdTree {
     pub(super) fn new(positions: &IdVec<VertexId, DVec3>) -> Self {
@@ -31,11 +33,18 @@ impl KdTree {
         Self { points, axes }
     }
 
-    /// Writes the `count` points nearest to `at` within `radius` into `found`, nearest first, equally near ones by id; `but` is
-    /// not among them.
-    pub(super) fn nearest(&self, at: DVec3, but: VertexId, count: usize, radius: f64, found: &mut Vec<Near>) {
+    /// Writes the `count` points nearest to `at` within `radius` into `found`, nearest first, ties by id, without
+    /// `excluded`.
+    pub(super) fn nearest(
+        &self,
+        at: DVec3,
+        excluded: VertexId,
+        count: usize,
+        radius: f64,
+        found: &mut Vec<Neighbour>,
+    ) {
         found.clear();
-        let mut search = Search { at, but, count, bound: radius * radius, found };
+        let mut search = Search { at, excluded, count, bound: radius * radius, found };
         if count > 0 {
             self.visit(0, self.points.len(), &mut search);
         }
@@ -69,13 +78,11 @@ fn split(points: &mut [(DVec3, VertexId)], axes: &mut [u8]) {
     let (low, high) = points
         .iter()
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), (p, _)| (low.min(*p), high.max(*p)));
-    let extent = high - low;
-    let axis =
-        if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + u8::from(extent.z > extent.y) };
     let middle = points.len() / 2;
-    let along = |p: &(DVec3, VertexId)| p.0[usize::from(axis)];
+    let axis = (high - low).max_position();
+    let along = |p: &(DVec3, VertexId)| p.0[axis];
     points.select_nth_unstable_by(middle, |p, q| along(p).total_cmp(&along(q)).then(p.1.cmp(&q.1)));
-    axes[middle] = axis;
+    axes[middle] = if axis == 0 { 0 } else { 1 + u8::from(axis == 2) };
     let (low_points, rest) = points.split_at_mut(middle);
     let (low_axes, rest_axes) = axes.split_at_mut(middle);
     let parts = ((low_points, low_axes), (&mut rest[1..], &mut rest_axes[1..]));
@@ -87,23 +94,24 @@ fn split(points: &mut [(DVec3, VertexId)], axes: &mut [u8]) {
     }
 }
 
-/// What is looked for, and the best found so far, sorted.
+/// A running search, and the best points so far, sorted.
 struct Search<'a> {
     at: DVec3,
-    but: VertexId,
+    excluded: VertexId,
     count: usize,
-    /// Squared distance beyond which nothing is wanted.
+    /// Squared distance beyond which points are ignored.
     bound: f64,
-    found: &'a mut Vec<Near>,
+    found: &'a mut Vec<Neighbour>,
 }
 
 impl Search<'_> {
     fn offer(&mut self, &(point, id): &(DVec3, VertexId)) {
         let distance = self.at.distance_squared(point);
-        if distance > self.bound || id == self.but {
+        if distance > self.bound || id == self.excluded {
             return;
         }
-        let is_before = |near: &Near| near.0.total_cmp(&distance).then(near.1.cmp(&id)) == Ordering::Less;
+        let is_before =
+            |near: &Neighbour| near.0.total_cmp(&distance).then(near.1.cmp(&id)) == Ordering::Less;
         let place = self.found.partition_point(is_before);
         if place == self.count {
             return;
@@ -129,7 +137,7 @@ mod tests {
         let tree = KdTree::new(&positions);
         let mut found = Vec::new();
         for (v, &p) in positions.enumerate() {
-            let mut all: Vec<Near> = positions
+            let mut all: Vec<Neighbour> = positions
                 .enumerate()
                 .filter(|(w, _)| *w != v)
                 .map(|(w, q)| (p.distance_squared(*q), w))

@@ -1,4 +1,18 @@
 //! Triangulating: taxels without triangles become a mesh.
+//!
+//! The method is the tangential Delaunay complex [boissonnat2014]: every taxel triangulates its neighbours in its
+//! tangent plane, and the triangles on which corners agree form the mesh. The files in the order of the algorithm:
+//!
+//! 1. `unique_points`, with `coincident` and `kd_tree`: each position once, in an order of its own;
+//! 2. `neighbours`: the local spacing and who may be joined;
+//! 3. `normals`, then `orient_normals`: tangent planes, turned to one side [hoppe1992], [konig2009];
+//! 4. `tangent_star`, with `delaunay_star`, for each point of the `point_cloud`, then `candidates`: triangles by the votes of their corners;
+//! 5. `growing_mesh`: takes candidates that keep an oriented manifold, the best first;
+//! 6. `repair`: small holes, touching fans, isolated taxels;
+//! 7. `orient_outward`: which side is outside.
+//!
+//! Not guaranteed: that the mesh is the surface between the taxels. Where parts lie closer than the spacing and no
+//! normals tell them apart, they are joined.
 
 mod candidates;
 mod coincident;
@@ -20,12 +34,14 @@ use crate::{
     skin::{
         Draft, Remark, RemarkKind, Sheet, SkinError,
         triangulate::{
-            candidates::weave,
+            candidates::candidates,
+            growing_mesh::GrowingMesh,
             neighbours::Neighbours,
-            normals::Normals,
-            orient_normals::orient,
-            orient_outward::{Outside, turn_outward},
-            point_cloud::Surroundings,
+            normals::PointNormals,
+            orient_normals::orient_normals,
+            orient_outward::{Outside, orient_outward},
+            point_cloud::PointCloud,
+            repair::{attach_isolated, fill_small_holes, remove_extra_fans},
         },
     },
 };
@@ -63,6 +79,20 @@ const FEW: usize = 20;
 ///
 /// The result does not depend on the order of the taxels, up to the order of their names, nor on frame and unit,
 /// except for which diagonal a square gets. Time and memory are near-linear.
+///
+/// ```
+/// use dermatome::{
+///     mesh::shapes,
+///     skin::{Draft, Sheet, triangulate_taxels},
+/// };
+///
+/// let positions = shapes::lattice(5, 4, 0.005).positions.as_slice().to_vec();
+/// let sheet = Sheet { positions, ..Sheet::default() };
+/// let draft = triangulate_taxels(&Draft { sheets: vec![sheet], ..Draft::default() }, 2.5)?;
+/// assert_eq!(draft.sheets[0].positions.len(), 20, "every taxel is in a triangle");
+/// assert!(draft.sheets[0].triangles.len() >= 2 * 4 * 3);
+/// # Ok::<(), dermatome::Error>(())
+/// ```
 ///
 /// # Errors
 /// If the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a cloud rather than
@@ -108,18 +138,18 @@ fn triangulate_sheet(sheet: &Sheet, gap: f64, remarks: &mut Vec<RemarkKind>) -> 
         return Err(SkinError::TooFewPlaces { patch: patch(), found: places });
     }
     let mut neighbours = Neighbours::new(positions, gap);
-    let mut normals = Normals::new(&points, &mut neighbours);
+    let mut normals = PointNormals::new(&points, &mut neighbours);
     if normals.thickness > THICKEST && !normals.has_file() {
         return Err(SkinError::NoSurface { patch: patch(), thickness: normals.thickness });
     }
-    orient(&mut normals, positions, &neighbours);
+    orient_normals(&mut normals, positions, &neighbours);
     normals.replace_bad_planes(&neighbours);
-    let mut triangles =
-        weave(&Surroundings { positions, normals: &normals.normal, neighbours: &neighbours, gap });
+    let cloud = PointCloud { positions, normals: &normals.normal, neighbours: &neighbours, gap };
+    let mut triangles = grow(&cloud);
     if triangles.is_empty() {
         return Err(SkinError::NoFace { patch: patch(), places });
     }
-    let outside = turn_outward(&mut triangles, positions, &normals.file);
+    let outside = orient_outward(&mut triangles, positions, &normals.file);
     let (mut result, left_out) = sheet_of(&points, &triangles);
     if normals.refused.is_some() {
         result.normals = None;
@@ -137,6 +167,28 @@ fn triangulate_sheet(sheet: &Sheet, gap: f64, remarks: &mut Vec<RemarkKind>) -> 
     Ok(result)
 }
 
+/// Joins the taxels: first triangles for which two or three of their corners vote, then those of one vote that close
+/// what is left open, and last whatever attaches an isolated taxel.
+fn grow(cloud: &PointCloud<'_>) -> IdVec<FaceId, [VertexId; 3]> {
+    let candidates = candidates(cloud);
+    let (agreed, doubtful) = candidates.split_at(candidates.partition_point(|c| c.votes > 1));
+    let mut mesh = GrowingMesh::new(cloud);
+    for candidate in agreed {
+        mesh.try_insert(candidate.corners);
+    }
+    for adjacent in [2, 1] {
+        for candidate in doubtful {
+            if mesh.adjacent_faces(candidate.corners) >= adjacent {
+                mesh.try_insert(candidate.corners);
+            }
+        }
+    }
+    fill_small_holes(&mut mesh, cloud);
+    remove_extra_fans(&mut mesh, cloud);
+    attach_isolated(&mut mesh, cloud);
+    mesh.into_triangles()
+}
+
 fn median(spacing: &IdVec<VertexId, f64>) -> f64 {
     let mut spacing = spacing.as_slice().to_vec();
     let middle = spacing.len() / 2;
@@ -144,7 +196,12 @@ fn median(spacing: &IdVec<VertexId, f64>) -> f64 {
 }
 
 /// Reports what was assumed about the taxels.
-fn report(points: &UniquePoints<'_>, normals: &Normals, outside: &Outside, remarks: &mut Vec<RemarkKind>) {
+fn report(
+    points: &UniquePoints<'_>,
+    normals: &PointNormals,
+    outside: &Outside,
+    remarks: &mut Vec<RemarkKind>,
+) {
     let UniquePoints { merged, distance, absent, .. } = points;
     if *absent > 0 {
         remarks.push(RemarkKind::EmptySlots { slots: *absent });
@@ -155,15 +212,15 @@ fn report(points: &UniquePoints<'_>, normals: &Normals, outside: &Outside, remar
     if let Some(reason) = normals.refused {
         remarks.push(RemarkKind::NormalsIgnored { reason });
     }
-    let &Outside { centre, undecided, opposed, normals: of } = outside;
+    let &Outside { centre, arbitrary, opposed, normals: of } = outside;
     if opposed > of / FEW {
         remarks.push(RemarkKind::NormalsOpposed { opposed, of });
     }
     if centre > 0 {
         remarks.push(RemarkKind::OutsideFromCentre { components: centre });
     }
-    if undecided > 0 {
-        remarks.push(RemarkKind::OutsideFromAxis { components: undecided });
+    if arbitrary > 0 {
+        remarks.push(RemarkKind::OutsideFromAxis { components: arbitrary });
     }
 }
 

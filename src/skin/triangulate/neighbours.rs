@@ -1,27 +1,31 @@
+//! The spacing of taxels, and which of them may be joined.
+//!
+//! *Heuristic*: the constants are measured on lattices, on iCub and CySkin layouts.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
     parallel::{par_collect, par_map},
-    skin::triangulate::kd_tree::{KdTree, Near},
+    skin::triangulate::kd_tree::{KdTree, Neighbour},
 };
 
 /// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on the boundary and
 /// at most corners, and thermal pads between taxels do not halve it as they do the distance to the nearest.
 const SPACING_RANK: usize = 3;
 
-/// The spacing is the median over a taxel and so many nearest: the ring of a lattice.
+/// The spacing is the median over a taxel and this many nearest: the ring of a lattice.
 const SMOOTHING: usize = 6;
 
-/// A taxel looks at no more neighbours than this, times the square of the gap. A lattice has 3.6, and with thermal pads
-/// between its taxels 5; more come from another side of the part, or from a heap of points without a surface.
-const CROWD: f64 = 10.0;
+/// A taxel has at most this many neighbours, times the square of the gap. A lattice has 3.6, and with thermal
+/// pads between its taxels 5; more come from another side of the part, or from points that lie on no surface.
+const DENSEST: f64 = 10.0;
 
-/// Which taxels are near each other, and how far apart taxels are there.
+/// The taxels within the gap of each taxel, and the local spacing.
 #[derive(Debug)]
 pub(super) struct Neighbours {
-    /// Distance of taxels around each taxel; positive.
+    /// Local distance between taxels; positive.
     pub spacing: IdVec<VertexId, f64>,
     /// Nearest first.
     lists: Vec<Vec<VertexId>>,
@@ -34,41 +38,38 @@ impl Neighbours {
         let tree = KdTree::new(positions);
         let spacing = spacing(&tree, positions);
         let ids: Vec<VertexId> = positions.ids().collect();
-        let crowd = crowd(gap);
-        let is_within = |v: VertexId, &(squared, w): &Near| {
+        let max_neighbours = max_neighbours(gap);
+        let is_within = |v: VertexId, &(squared, w): &Neighbour| {
             let most = gap * 0.5 * (spacing[v] + spacing[w]);
             squared <= most * most
         };
-        let near_and_last = |v: VertexId, found: &mut Vec<Near>| {
+        let near_and_last = |v: VertexId, found: &mut Vec<Neighbour>| {
             let reach = gap * spacing[v];
-            tree.nearest(positions[v], v, crowd, reach, found);
-            let last = if found.len() < crowd {
-                (reach * reach, VertexId::from(u32::MAX))
-            } else {
-                found[crowd - 1]
-            };
+            tree.nearest(positions[v], v, max_neighbours, reach, found);
+            let last = found.get(max_neighbours - 1);
+            let last = last.map_or(SearchEnd::Radius(reach * reach), |&last| SearchEnd::Neighbour(last));
             (found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect(), last)
         };
         let near = par_collect(ids.len(), |range, near| {
             let mut found = Vec::new();
             near.extend(ids[range].iter().map(|&v| near_and_last(v, &mut found)));
         });
-        let (mut lists, last): (Vec<Vec<VertexId>>, Vec<Near>) = near.into_iter().unzip();
-        // A taxel of dense skin does not look as far as a neighbour in sparse skin, which may have found it.
-        let mut missed: Vec<(VertexId, Near)> = par_collect(ids.len(), |range, missed| {
+        let (mut lists, last): (Vec<Vec<VertexId>>, Vec<SearchEnd>) = near.into_iter().unzip();
+        // A taxel in dense skin searches less far than its neighbours in sparse skin, which may have found it.
+        let mut missed: Vec<(VertexId, Neighbour)> = par_collect(ids.len(), |range, missed| {
             for &v in &ids[range] {
                 let seen = lists[v.index()].iter();
                 let seen = seen.map(|&w| (w, (positions[v].distance_squared(positions[w]), v)));
-                missed.extend(seen.filter(|(w, near)| is_before(&last[w.index()], near)));
+                missed.extend(seen.filter(|(w, near)| last[w.index()].is_before(near)));
             }
         });
         missed.par_sort_unstable_by(|(v, a), (w, b)| v.cmp(w).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
-        // Whatever a taxel has missed is farther away than all that it found.
+        // What a taxel has missed is farther away than everything it found.
         missed.into_iter().for_each(|(v, (_, w))| lists[v.index()].push(w));
         Self { spacing, lists }
     }
 
-    /// The same, but only the pairs that `keep` wants; it must not mind the order.
+    /// The pairs for which `keep` holds; it must be symmetric.
     pub(super) fn filtered(&self, keep: impl Fn(VertexId, VertexId) -> bool + Sync) -> Self {
         let ids: Vec<VertexId> = self.spacing.ids().collect();
         let kept = |&v: &VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
@@ -81,26 +82,40 @@ impl Neighbours {
     }
 }
 
-/// Whether `a` is found before `b`.
-fn is_before(a: &Near, b: &Near) -> bool {
-    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).is_lt()
+/// Where the search around a taxel ended.
+#[derive(Debug, Clone, Copy)]
+enum SearchEnd {
+    /// At this squared distance.
+    Radius(f64),
+    /// At this neighbour, the last of as many as a taxel may have.
+    Neighbour(Neighbour),
 }
 
-/// Most neighbours of a taxel.
+impl SearchEnd {
+    /// Whether a search that ended here missed `near`.
+    fn is_before(&self, near: &Neighbour) -> bool {
+        match self {
+            Self::Radius(squared) => squared.total_cmp(&near.0).is_lt(),
+            Self::Neighbour(last) => last.0.total_cmp(&near.0).then(last.1.cmp(&near.1)).is_lt(),
+        }
+    }
+}
+
+/// The largest number of neighbours of a taxel.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "gaps lie between 1 and 20")]
-fn crowd(gap: f64) -> usize {
-    (CROWD * gap * gap).ceil() as usize
+fn max_neighbours(gap: f64) -> usize {
+    (DENSEST * gap * gap).ceil() as usize
 }
 
 /// The distance of a taxel to the third nearest, of those that were found; 1 if it is alone.
-pub(super) fn distance_around(nearest: &[Near]) -> f64 {
+pub(super) fn distance_around(nearest: &[Neighbour]) -> f64 {
     nearest.get(SPACING_RANK - 1).or(nearest.last()).map_or(1.0, |near| near.0.sqrt())
 }
 
 /// [`distance_around`] of each taxel, smoothed.
 fn spacing(tree: &KdTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
     let ids: Vec<VertexId> = positions.ids().collect();
-    let own_and_nearest = |v: VertexId, found: &mut Vec<Near>| {
+    let own_and_nearest = |v: VertexId, found: &mut Vec<Neighbour>| {
         tree.nearest(positions[v], v, SMOOTHING, f64::INFINITY, found);
         let mut nearest = [v; SMOOTHING];
         nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.1);

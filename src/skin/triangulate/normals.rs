@@ -1,4 +1,6 @@
-//! Which way the skin faces at every taxel, before there are triangles.
+//! The normal of every taxel before there are triangles: planes of least squares [hoppe1992], or rigid modules.
+//!
+//! *Heuristic*: which normals of a file are reliable. Signs are chosen in `orient_normals`.
 
 use std::collections::BTreeMap;
 
@@ -15,52 +17,52 @@ use crate::{
     },
 };
 
-/// Neighbours to which a plane is fitted: two rings of a lattice are 18, the nearer of them follow a bend better.
+/// Neighbours to which a plane is fitted: two rings of a lattice are 18, fewer follow a bend better.
 const PLANE_NEIGHBOURS: usize = 12;
 
-/// A module gives its taxels a plane if it has this many places, ...
+/// A module gives its taxels a plane if it has this many of them, ...
 const MODULE_PLACES: usize = 4;
 
-/// ... and they lie on no line: second over largest variance. The row of three of a trimmed module has less.
+/// ... and they do not lie on a line: second over largest variance. The row of three of a trimmed module has less.
 const MODULE_BREADTH: f64 = 0.05;
 
-/// Given normals are believed if, on the mean, their cosine with the fitted planes is this large: taxels of real covers
-/// have 0.95, and directions that have nothing to do with the skin 0.5.
+/// Given normals are reliable if their mean cosine with the fitted planes is this large: taxels of real covers
+/// have 0.95, and random directions 0.5.
 const AGREEMENT: f64 = 0.75;
 
-/// Given normals that are all the same are believed only on a part as flat as this.
+/// The same for normals that are all equal, as they are on a flat part.
 const FLAT_AGREEMENT: f64 = 0.99;
+
+/// Normals of the file turned by more than 135 degrees may belong to two sides of a thin part; across a sharp edge
+/// it is less.
+const OPPOSED: f64 = -0.7;
+
+/// They do if both taxels see each other this far below, or above, their tangent planes, in spacings. With one wrong
+/// normal one of them is above and one below.
+const APART: f64 = 0.25;
+
+/// Taxels that see each other more than 64 degrees (as a sine) above both tangent planes lie on two layers.
+const STACKED: f64 = 0.9;
+
+/// A plane turned by more than 60 degrees from the mean of the file's normals around it was fitted to a sharp edge, a
+/// strip or two layers; the mean replaces it.
+const BEST_PLANE: f64 = 0.5;
 
 /// The plane of a taxel's neighbourhood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Plane {
-    /// Unit normal, either way.
+    /// Unit normal, of either sign.
     pub normal: DVec3,
     /// Smallest over middle variance of the neighbourhood: 0 on a plane, about 0.5 in a cloud.
     pub thickness: f64,
 }
 
-/// Two taxels whose normals in the file are turned by more than 135 degrees may lie on two sides of a thin part; across a sharp
-/// edge it is less.
-const OPPOSED: f64 = -0.7;
-
-/// They do if both see each other so far below, or above, their tangent planes, in spacings. A normal that points to the wrong
-/// side shows one of them above and one below.
-const APART: f64 = 0.25;
-
-/// Taxels that see each other more steeply than 64 degrees over both their tangent planes lie on two layers.
-const STACKED: f64 = 0.9;
-
-/// A plane whose normal is turned by more than 60 degrees from the file's normals around it was fitted to a sharp edge, a strip or
-/// two layers; the mean of these replaces it.
-const BEST_PLANE: f64 = 0.5;
-
-/// What is known of the taxels' normals.
+/// The normals of a point cloud.
 #[derive(Debug)]
-pub(super) struct Normals {
+pub(super) struct PointNormals {
     /// Unit normals.
     pub normal: IdVec<VertexId, DVec3>,
-    /// Believable unit normals of the file; zero where there is none.
+    /// Reliable unit normals of the file; zero where there is none.
     pub file: IdVec<VertexId, DVec3>,
     /// Median of [`Plane::thickness`].
     pub thickness: f64,
@@ -68,19 +70,19 @@ pub(super) struct Normals {
     pub refused: Option<UnreliableNormals>,
 }
 
-impl Normals {
-    /// Those of the rigid modules, else those of the planes of least squares through the nearest neighbours (Hoppe et al. 1992),
-    /// towards the side of the file's where these are believable. Neighbours that these show on different sides of a thin part
-    /// are neighbours no more.
+impl PointNormals {
+    /// Those of the rigid modules, else of the planes of least squares through the nearest neighbours (Hoppe et al.
+    /// 1992), with the sign of the file's normals where these are reliable. Neighbours on two sides of a thin part, as
+    /// reliable normals show, are removed from `neighbours`.
     pub(super) fn new(points: &UniquePoints<'_>, neighbours: &mut Neighbours) -> Self {
-        let file = points.sheet.normals.as_ref().map(|n| points.taxel.map(|&k| believable(n[k])));
+        let file = points.sheet.normals.as_ref().map(|n| points.taxel.map(|&k| unit_or_zero(n[k])));
         let mut refused = None;
         if let Some(file) = file {
-            let beside = neighbours.filtered(|v, w| !is_across(v, w, points, &file, neighbours));
-            let (mut normal, thickness) = planes(points, &beside);
-            refused = refuse(&file, &normal);
+            let same_side = neighbours.filtered(|v, w| !is_across(v, w, points, &file, neighbours));
+            let (mut normal, thickness) = planes(points, &same_side);
+            refused = defect(&file, &normal);
             if refused.is_none() {
-                *neighbours = beside;
+                *neighbours = same_side;
                 for (n, &of_file) in normal.iter_mut().zip(&file) {
                     *n = if n.dot(of_file) < 0.0 { -*n } else { *n };
                 }
@@ -91,13 +93,13 @@ impl Normals {
         Self { file: IdVec::filled(DVec3::ZERO, normal.len()), normal, thickness, refused }
     }
 
-    /// Whether the file has normals that are believed.
+    /// Whether the file has reliable normals.
     pub(super) fn has_file(&self) -> bool {
         self.file.iter().any(|n| *n != DVec3::ZERO)
     }
 
-    /// Puts the mean of the file's normals around a taxel in the place of planes that have nothing to do with it; the normals
-    /// must face one side.
+    /// Replaces planes that contradict the mean of the file's normals around a taxel by that mean. All normals must
+    /// point to the same side of the surface.
     pub(super) fn replace_bad_planes(&mut self, neighbours: &Neighbours) {
         let Self { normal, file, .. } = &*self;
         let turned = |v: VertexId| if file[v].dot(normal[v]) < 0.0 { -file[v] } else { file[v] };
@@ -132,12 +134,12 @@ fn is_across(
     is_behind || least > STACKED * d.length()
 }
 
-/// A unit normal, or zero for one that is none.
-fn believable(n: DVec3) -> DVec3 {
+/// A unit normal as it is, any other vector as zero.
+fn unit_or_zero(n: DVec3) -> DVec3 {
     if is_unit(n) { n.normalize() } else { DVec3::ZERO }
 }
 
-/// The planes of all taxels, those of modules where there are such, and the median of the thickness.
+/// The planes of all taxels, those of modules where there are any, and the median of the thickness.
 fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId, DVec3>, f64) {
     let ids: Vec<VertexId> = points.positions.ids().collect();
     let plane = |&v: &VertexId| {
@@ -154,8 +156,8 @@ fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId
     (normal, thickness[thickness.len() / 2])
 }
 
-/// Why the normals of the file are not to be believed.
-fn refuse(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<UnreliableNormals> {
+/// Why the normals of the file are not reliable.
+fn defect(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<UnreliableNormals> {
     let mut units = 0_usize;
     let (mut agreement, mut differs) = (0.0, false);
     let mut first = None;
@@ -184,7 +186,7 @@ fn local_plane(points: impl Iterator<Item = DVec3> + Clone) -> Plane {
     })
 }
 
-/// The normals of the modules, taxel by taxel, where they have one.
+/// The normal of its module for every taxel whose module has one.
 fn module_planes(points: &UniquePoints<'_>) -> Vec<(VertexId, DVec3)> {
     let Some(modules) = &points.sheet.modules else { return Vec::new() };
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();

@@ -1,3 +1,5 @@
+//! Turns the normals of a point cloud to one side of the surface [hoppe1992], judged as in [konig2009].
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -5,24 +7,28 @@ use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, Relation},
     parallel::par_collect,
-    skin::triangulate::{neighbours::Neighbours, normals::Normals},
+    skin::triangulate::{neighbours::Neighbours, normals::PointNormals},
 };
 
-/// Orientation spreads along the edges to so many nearest neighbours; more only cost time.
+/// Orientation spreads along the edges to this many nearest neighbours; more only cost time.
 const SPREAD: usize = 10;
 
-/// An edge that climbs more than this over the tangent plane, as a sine, is followed only where no other leads: it may join the
-/// sides of a thin part, or two taxels that noise has set above each other. Along a chord of 90 degrees it is 0.7.
+/// An edge steeper than this over a tangent plane, as a sine, comes after all others: it may join the two sides of a
+/// thin part, or two taxels that noise put above each other. Along a chord of 90 degrees it is 0.7.
 const STEEP: f64 = 0.75;
 
-/// Turns normals that are known up to sign so that neighbours face the same way: along a spanning tree of the edges on which
-/// that is clearest (Hoppe et al. 1992).
+/// Turns normals that are known up to sign so that those of neighbours agree: along the spanning tree of the edges
+/// on which this is clearest (Hoppe et al. 1992).
 ///
-/// How clear it is, and which way, is judged as if both taxels lay on one circle (König and Gumhold 2009): a tight bend is
-/// clear then, and a place across a thin part is not. Edges on which the file's normals say otherwise come last: where these are
-/// right they lead, and some that point to the wrong side are passed by.
-pub(super) fn orient(normals: &mut Normals, positions: &IdVec<VertexId, DVec3>, neighbours: &Neighbours) {
-    let Normals { normal, file, .. } = normals;
+/// How clear it is, and which sign agrees, is judged as if both taxels lay on one circle (König and Gumhold 2009):
+/// a tight bend is clear then, and an edge across a thin part is not. Edges that contradict the file's normals come
+/// last, so that correct normals lead and a few wrong ones are avoided.
+pub(super) fn orient_normals(
+    normals: &mut PointNormals,
+    positions: &IdVec<VertexId, DVec3>,
+    neighbours: &Neighbours,
+) {
+    let PointNormals { normal, file, .. } = normals;
     let ids: Vec<VertexId> = positions.ids().collect();
     let has_side = |v: VertexId| file[v] != DVec3::ZERO;
     let mut edges: Vec<(f64, VertexId, VertexId, bool)> = par_collect(ids.len(), |range, edges| {
@@ -41,7 +47,7 @@ pub(super) fn orient(normals: &mut Normals, positions: &IdVec<VertexId, DVec3>, 
     edges.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     let mut sets = DisjointSets::<VertexId, Relation>::new(positions.len());
     for (_, v, w, is_reversed) in edges {
-        // Edges that close a cycle have nothing to say any more, whether they agree or not.
+        // Edges that close a cycle are ignored, whether they agree or not.
         let _ = sets.join(v, w, Relation::reversed_if(is_reversed));
     }
     // The file's normals choose the side of a set.

@@ -1,3 +1,7 @@
+//! Turns the components of a new mesh outward.
+//!
+//! *Heuristic*: normals of the file by majority, else away from the centre of the sheet, as the skin of a limb faces.
+
 use glam::DVec3;
 
 use crate::{
@@ -5,48 +9,48 @@ use crate::{
     numeric::DisjointSets,
 };
 
-/// Below this mean cosine between the faces and the directions away from the centre, a piece bulges neither way: on a flat one
-/// and on a saddle it is 0, on a cap of 20 degrees across 0.06.
-const UNDECIDED: f64 = 0.02;
+/// Smallest mean cosine between the faces and the directions away from a centre that decides: it is 0 on a flat
+/// component and on a saddle, and 0.06 on a cap of 20 degrees across.
+const AMBIGUOUS: f64 = 0.02;
 
-/// The file's normals tell the outside of a piece if so many of them look to one side of its faces.
+/// The file's normals tell the outside of a component if this part of them points to one side of its faces.
 const MAJORITY: f64 = 2.0 / 3.0;
 
-/// How the outside of the pieces was found.
+/// How the outside of the components was found.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Outside {
-    /// Pieces that face away from the centre.
+    /// Components that face away from the centre.
     pub centre: usize,
-    /// Pieces that bulge neither way; the largest component of their vector area is positive now.
-    pub undecided: usize,
-    /// Normals of the file that look to the other side than most of their piece.
+    /// Components that bulge to neither side; the largest coordinate of their vector area is positive now.
+    pub arbitrary: usize,
+    /// Normals of the file that point to the other side than most of their component.
     pub opposed: usize,
     /// Normals of the file.
     pub normals: usize,
 }
 
-/// Sums over the faces of one piece; areas are doubled.
+/// Sums over the faces of one component; areas are doubled.
 #[derive(Debug, Clone, Default)]
-struct Piece {
+struct Component {
     area: f64,
-    /// Area times place.
+    /// Area times centroid.
     moment: DVec3,
     direction: DVec3,
-    /// Normals of the file that look out of its faces, and those that look in.
+    /// Normals of the file that point out of its faces, and into them.
     out: usize,
     inward: usize,
-    /// How far its faces look away from the centre of the sheet.
+    /// Sum of area times cosine with the direction away from the centre of the sheet.
     from_sheet: f64,
-    /// How far its faces look away from its own centre.
+    /// The same, away from its own centre.
     from_own: f64,
 }
 
-impl Piece {
+impl Component {
     fn centre(&self) -> DVec3 {
         self.moment / self.area
     }
 
-    /// Whether its faces look inwards, as far as that can be told; notes how.
+    /// Whether its faces point inwards; counts in `outside` how that was decided.
     fn is_inside_out(&self, outside: &mut Outside) -> bool {
         let normals = self.out + self.inward;
         outside.normals += normals;
@@ -55,28 +59,31 @@ impl Piece {
             return self.inward > self.out;
         }
         let away = [self.from_sheet, self.from_own].map(|away| away / self.area);
-        if let Some(away) = away.into_iter().find(|away| away.abs() >= UNDECIDED) {
+        if let Some(away) = away.into_iter().find(|away| away.abs() >= AMBIGUOUS) {
             outside.centre += 1;
             return away < 0.0;
         }
-        outside.undecided += 1;
+        outside.arbitrary += 1;
         let larger = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
         self.direction.to_array().into_iter().fold(0.0, larger) < 0.0
     }
 }
 
-/// Turns over the pieces whose faces look against most normals of the file, and where there are none, or they disagree, those
-/// whose faces look towards the centre of the sheet, as the skin of a limb does not, or towards their own where that one does
-/// not tell.
-pub(super) fn turn_outward(
+/// Turns over the components that are inside out, by the first rule that decides:
+///
+/// 1. two thirds of the file's normals point outward;
+/// 2. faces point away from the centre of the sheet;
+/// 3. faces point away from the centre of the component;
+/// 4. the vector area points to the positive side of its main axis.
+pub(super) fn orient_outward(
     triangles: &mut IdVec<FaceId, [VertexId; 3]>,
     positions: &IdVec<VertexId, DVec3>,
     file: &IdVec<VertexId, DVec3>,
 ) -> Outside {
-    let (of_face, count) = number_pieces(triangles, positions.len());
-    let mut pieces = vec![Piece::default(); count];
-    let mut sheet = Piece::default();
-    // Twice the vector area, and the middle.
+    let (of_face, count) = number_components(triangles, positions.len());
+    let mut components = vec![Component::default(); count];
+    let mut sheet = Component::default();
+    // Twice the vector area, and the centroid.
     let face = |t: &[VertexId; 3]| {
         let [a, b, c] = t.map(|v| positions[v]);
         ((b - a).cross(c - a), (a + b + c) / 3.0)
@@ -88,36 +95,43 @@ pub(super) fn turn_outward(
         for &v in t {
             taxels[v] = (taxels[v].0 + cross, Some(of_face[f]));
         }
-        for piece in [&mut pieces[of_face[f]], &mut sheet] {
-            piece.area += cross.length();
-            piece.moment += cross.length() * middle;
-            piece.direction += cross;
+        for component in [&mut components[of_face[f]], &mut sheet] {
+            component.area += cross.length();
+            component.moment += cross.length() * middle;
+            component.direction += cross;
         }
     }
     for (f, t) in triangles.enumerate() {
         let (cross, middle) = face(t);
-        let piece = &mut pieces[of_face[f]];
-        piece.from_sheet += cross.dot((middle - sheet.centre()).normalize_or_zero());
-        piece.from_own += cross.dot((middle - piece.centre()).normalize_or_zero());
+        let component = &mut components[of_face[f]];
+        component.from_sheet += cross.dot((middle - sheet.centre()).normalize_or_zero());
+        component.from_own += cross.dot((middle - component.centre()).normalize_or_zero());
     }
-    for (&(cross, piece), n) in taxels.iter().zip(file).filter(|(_, n)| **n != DVec3::ZERO) {
-        if let Some(piece) = piece {
-            let side = if cross.dot(*n) < 0.0 { &mut pieces[piece].inward } else { &mut pieces[piece].out };
+    for (&(cross, component), n) in taxels.iter().zip(file).filter(|(_, n)| **n != DVec3::ZERO) {
+        if let Some(component) = component {
+            let side = if cross.dot(*n) < 0.0 {
+                &mut components[component].inward
+            } else {
+                &mut components[component].out
+            };
             *side += 1;
         }
     }
     let mut outside = Outside::default();
-    let turn: Vec<bool> = pieces.iter().map(|piece| piece.is_inside_out(&mut outside)).collect();
-    for (t, &piece) in triangles.iter_mut().zip(&of_face) {
-        if turn[piece] {
+    let turn: Vec<bool> = components.iter().map(|component| component.is_inside_out(&mut outside)).collect();
+    for (t, &component) in triangles.iter_mut().zip(&of_face) {
+        if turn[component] {
             t.swap(1, 2);
         }
     }
     outside
 }
 
-/// The piece of every face, and how many there are.
-fn number_pieces(triangles: &IdVec<FaceId, [VertexId; 3]>, vertices: usize) -> (IdVec<FaceId, usize>, usize) {
+/// The component of every face, and how many there are.
+fn number_components(
+    triangles: &IdVec<FaceId, [VertexId; 3]>,
+    vertices: usize,
+) -> (IdVec<FaceId, usize>, usize) {
     let mut sets = DisjointSets::<VertexId>::new(vertices);
     for &[a, b, c] in triangles {
         sets.join(a, b);

@@ -1,3 +1,5 @@
+//! The taxels of a sheet before there are triangles: points, normals, neighbours.
+
 use glam::DVec3;
 
 use crate::{
@@ -5,18 +7,18 @@ use crate::{
     skin::triangulate::neighbours::Neighbours,
 };
 
-/// What is known of the taxels before there are triangles.
+/// What is known about the taxels before there are triangles.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Surroundings<'a> {
+pub(super) struct PointCloud<'a> {
     pub positions: &'a IdVec<VertexId, DVec3>,
-    /// Unit normals, those of neighbours to the same side.
+    /// Unit normals; those of neighbours point to the same side.
     pub normals: &'a IdVec<VertexId, DVec3>,
     pub neighbours: &'a Neighbours,
-    /// Longest edge over the spacing.
+    /// Longest edge allowed, over the spacing.
     pub gap: f64,
 }
 
-impl Surroundings<'_> {
+impl PointCloud<'_> {
     /// Whether an edge may join the two.
     pub(super) fn is_within_gap(&self, v: VertexId, w: VertexId) -> bool {
         let spacing = 0.5 * (self.neighbours.spacing[v] + self.neighbours.spacing[w]);
@@ -29,8 +31,8 @@ impl Surroundings<'_> {
         (b - a).cross(c - a).normalize_or_zero()
     }
 
-    /// Radius of the circle through the corners of a triangle.
-    pub(super) fn circle(&self, t: [VertexId; 3]) -> f64 {
+    /// Circumradius of a triangle.
+    pub(super) fn circumradius(&self, t: [VertexId; 3]) -> f64 {
         let [a, b, c] = t.map(|v| self.positions[v]);
         let (x, y, z) = (b - a, c - b, a - c);
         x.length() * y.length() * z.length() / (2.0 * x.cross(y).length())

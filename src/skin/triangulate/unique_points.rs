@@ -1,3 +1,5 @@
+//! The positions of the taxels of a sheet, each once, in a frame and an order of their own.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -8,7 +10,7 @@ use crate::{
     skin::{Presence, Sheet, triangulate::coincident::first_at_place},
 };
 
-/// The places of the taxels of a sheet, each once.
+/// The positions of the taxels of a sheet, each once.
 ///
 /// They are numbered along a Morton curve, equal codes by coordinate, so that no result depends on the order of the
 /// file, and neighbours lie close together in memory.
@@ -16,24 +18,24 @@ use crate::{
 pub(in crate::skin) struct UniquePoints<'a> {
     /// The sheet whose taxels they are.
     pub sheet: &'a Sheet,
-    /// Moved and scaled so that the longest side of their box is 1: the largest coordinates do not overflow when squared.
+    /// Moved and scaled so that the longest side of their box is 1: squares of the largest coordinates do not overflow.
     pub positions: IdVec<VertexId, DVec3>,
     /// The taxel of the sheet that lies there.
     pub taxel: IdVec<VertexId, usize>,
-    /// How long 1 is, in m.
+    /// The length of 1, in m.
     pub unit: f64,
-    /// Taxels of the sheet that lie where another one lies, ascending.
+    /// Taxels of the sheet that were merged with another one, ascending.
     pub merged: Vec<VertexId>,
-    /// The largest distance between those and that one, in m.
+    /// The largest distance between merged taxels, in m.
     pub distance: f64,
-    /// Slots of the sheet that hold nothing and have no place.
+    /// Slots of the sheet without taxel and position.
     pub absent: usize,
 }
 
 impl<'a> UniquePoints<'a> {
     /// Finds them. All positions must be finite.
     ///
-    /// Of several taxels at one place the first stays that has a pressure reading, else the first.
+    /// Of several taxels at one position the first stays that has a pressure reading, else the first.
     pub(in crate::skin) fn new(sheet: &'a Sheet) -> Self {
         let is_empty = |k: usize| {
             let has_normal = sheet.normals.as_ref().is_some_and(|n| n[k] != DVec3::ZERO);
@@ -76,7 +78,7 @@ impl<'a> UniquePoints<'a> {
 
 /// The box of a sheet.
 struct Frame {
-    /// Numbers beyond the square root of the largest are brought down before they are subtracted.
+    /// Coordinates beyond the square root of the largest `f64` are scaled down before they are subtracted.
     down: f64,
     low: DVec3,
     /// Longest side, in m; 1 where there is none.
