@@ -25,7 +25,7 @@ fn named_shapes() -> Vec<(&'static str, TriMesh, i64, usize)> {
 }
 
 fn halfedges(mesh: &TriMesh) -> impl Iterator<Item = Halfedge> {
-    mesh.triangles.ids().flat_map(|face| (0..3).map(move |side| Halfedge { face, side }))
+    mesh.triangles.ids().flat_map(|face| (0..3).map(move |side| Halfedge::new(face, side)))
 }
 
 fn v(i: usize) -> VertexId {
@@ -143,7 +143,7 @@ fn edges_that_are_no_sheet_are_named() {
 fn is_manifold(mesh: &TriMesh) -> bool {
     let mut directed = BTreeMap::new();
     for h in halfedges(mesh) {
-        if directed.insert((h.start(mesh), h.end(mesh)), h.face).is_some() {
+        if directed.insert((h.start(mesh), h.end(mesh)), h.face()).is_some() {
             return false;
         }
     }

@@ -76,11 +76,11 @@ fn jittered(mesh: &TriMesh, share: f64, seed: u64) -> TriMesh {
 /// Pairs of neighbouring faces that turn away from each other by more than a right angle.
 fn folds(mesh: &TriMesh) -> usize {
     let adjacency = Adjacency::new(mesh).unwrap();
-    let sides = mesh.triangles.ids().flat_map(|face| (0..3).map(move |side| Halfedge { face, side }));
+    let sides = mesh.triangles.ids().flat_map(|face| (0..3).map(move |side| Halfedge::new(face, side)));
     sides
         .filter(|&h| {
-            let twin = adjacency.twin(h).filter(|t| t.face > h.face);
-            twin.is_some_and(|t| mesh.face_cross(h.face).dot(mesh.face_cross(t.face)) < 0.0)
+            let twin = adjacency.twin(h).filter(|t| t.face() > h.face());
+            twin.is_some_and(|t| mesh.face_cross(h.face()).dot(mesh.face_cross(t.face())) < 0.0)
         })
         .count()
 }

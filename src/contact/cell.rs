@@ -3,13 +3,10 @@
 use glam::DVec2;
 
 use crate::{
-    contact::{
-        ContactError,
-        geometry::{Fans, face_of_all},
-    },
+    contact::{ContactError, geometry::face_of_all},
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapLevel, PatchMap},
-    mesh::{SurfacePoint, TriMesh},
+    mesh::{SurfacePoint, TriMesh, VertexCorners},
     pyramid::{LevelId, Prolongation},
     skin::TaxelId,
 };
@@ -159,7 +156,7 @@ impl Coarse {
         mesh: &TriMesh,
         to_finest: &Prolongation,
     ) -> Result<Self, ContactError> {
-        let fans = Fans::new(mesh);
+        let around = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
         let face_of = |(row, &corners): (VertexId, &[VertexId; 3])| {
             let weights = to_finest.weights[row];
             let mut present = [VertexId::default(); 3];
@@ -170,7 +167,7 @@ impl Coarse {
                     len += 1;
                 }
             }
-            let face = face_of_all(&fans, &mesh.triangles, &present[..len]);
+            let face = face_of_all(&around, &mesh.triangles, &present[..len]);
             let patch = || patch.to_owned();
             face.ok_or_else(|| ContactError::NoFace {
                 patch: patch(),

@@ -6,7 +6,7 @@ use crate::{
     contact::{
         Cell, ContactError, Hit, Query,
         cell::PatchCells,
-        geometry::RigidPose,
+        geometry::{RigidPose, pseudo_normal},
         search::{Best, LARGEST, PatchBvh, PosedBoxes, Search},
     },
     id::{FaceId, IdVec},
@@ -256,11 +256,11 @@ impl ContactIndex {
     fn hit(&self, contact: &Query, best: &Best) -> Hit {
         let Best { patch: id, face, closest } = *best;
         let patch = &self.patches[id];
-        let PatchBvh { mesh, fans, .. } = &patch.tree;
+        let PatchBvh { mesh, corners, .. } = &patch.tree;
         let q = self.in_link(patch.link, contact);
         let point = SurfacePoint { face, barycentric: closest.barycentric };
         let here = mesh.point(&point);
-        let outward = fans.pseudo_normal(mesh, face, closest.feature);
+        let outward = pseudo_normal(corners, mesh, face, closest.feature);
         let length = closest.squared.sqrt();
         let distance = if (q - here).dot(outward) < 0.0 { -length } else { length };
         let position = if contact.link.is_some() { here } else { self.links[patch.link].pose.to_world(here) };

@@ -4,8 +4,7 @@
 //! every question about neighbours; it exists only for oriented manifold meshes, so code that
 //! holds one need not ask again.
 
-mod adjacency;
-mod edges;
+mod connectivity;
 mod error;
 mod fill_holes;
 mod geometry;
@@ -15,8 +14,14 @@ mod surface_point;
 mod tri_mesh;
 mod triangle_map;
 
-pub use adjacency::{Adjacency, Halfedge};
-pub(crate) use edges::Edges;
+pub use connectivity::{adjacency::Adjacency, halfedge::Halfedge};
+pub(crate) use connectivity::{
+    boundary::{boundary_edges, boundary_loops, edges},
+    edges::Edges,
+    halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals},
+    rings::Rings,
+    vertex_corners::VertexCorners,
+};
 pub use error::MeshError;
 pub use fill_holes::fill_holes;
 pub(crate) use geometry::cotangent;

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{MeshError, SurfacePoint},
+    mesh::{Halfedge, MeshError, SurfacePoint},
 };
 
 /// Positions in metres, and triangles that run counter-clockwise seen from outside.
@@ -32,8 +32,7 @@ impl TriMesh {
     /// The first face or vertex that breaks a rule. Manifoldness is [`crate::mesh::Adjacency`]'s to judge.
     pub fn validate(&self) -> Result<(), MeshError> {
         let (vertices, faces) = (self.positions.len(), self.triangles.len());
-        // The three sides of a face are counted through, and one number means "none".
-        if vertices >= u32::MAX as usize || faces >= (u32::MAX / 3) as usize {
+        if vertices >= u32::MAX as usize || faces > Halfedge::MAX_FACES {
             return Err(MeshError::TooMany { vertices, faces });
         }
         for (vertex, p) in self.positions.enumerate() {

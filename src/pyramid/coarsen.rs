@@ -2,14 +2,12 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{HalfedgeMesh, TriMesh},
     pyramid::{
         Level, Prolongation, Pyramid, PyramidError, RemovalLog,
         independent_set::{ALPHA, Candidates, priorities},
         removal::{Remover, TaxelLocations},
-        rings::Rings,
         spacing::{measured_spacing, spacing_of_densities},
-        surface::Surface,
     },
     skin::Taxels,
 };
@@ -60,7 +58,7 @@ impl Default for CoarsenOptions {
 /// not positive, or the ratio below 1.5.
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
-    let mut surface = Surface::new(mesh)?;
+    let (mut surface, _) = HalfedgeMesh::new(mesh)?;
     let mut places = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
     let (mut levels, mut removals) = (IdVec::new(), IdVec::new());
     let mut level = Level::finest(mesh.clone(), taxels.areas.clone());
@@ -111,7 +109,7 @@ fn step(
     taxels: &Taxels,
     options: &CoarsenOptions,
     level: &mut Level,
-    surface: &mut Surface,
+    surface: &mut HalfedgeMesh,
     places: &mut TaxelLocations,
 ) -> Option<(Level, RemovalLog)> {
     let count = level.mesh.positions.len();
@@ -121,18 +119,16 @@ fn step(
     if !is_small(kept.iter().filter(|k| **k).count()) {
         return None;
     }
-    let removals = Remover { surface, places, positions, origins: &level.origins }.remove(&kept, &order);
+    let removals = Remover { mesh: surface, locations: places, positions, origins: &level.origins }
+        .remove(&kept, &order);
     if !is_small(count - removals.len()) {
         return None;
     }
     let compacted = surface.compact();
-    places.compact(&compacted.faces, compacted.surface.faces.len());
-    *surface = compacted.surface;
-    let parents = compacted.parents;
-    let mesh = TriMesh {
-        positions: parents.map(|&v| positions[v]),
-        triangles: surface.faces.iter().map(|face| face.corners).collect(),
-    };
+    places.compact(&compacted.new_faces, compacted.mesh.face_count());
+    *surface = compacted.mesh;
+    let parents = compacted.old_vertices;
+    let mesh = TriMesh { positions: parents.map(|&v| positions[v]), triangles: surface.triangles() };
     let origins = parents.map(|&v| level.origins[v]);
     let (indices, weights) = places.rows(surface, &origins);
     let coarse_len = parents.len();
@@ -152,16 +148,16 @@ fn choose(
     taxels: &Taxels,
     options: &CoarsenOptions,
     level: &Level,
-    surface: &Surface,
+    surface: &HalfedgeMesh,
 ) -> (IdVec<VertexId, bool>, Vec<VertexId>) {
     let positions = &level.mesh.positions;
-    let rings = Rings::new(surface);
+    let rings = surface.rings();
     let mut spacing = measured_spacing(&rings, positions);
     if let Some(densities) = &taxels.densities {
         spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
     }
-    let order = priorities(surface, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
-    let loops = surface.boundary_loops();
+    let order = priorities(&rings, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
+    let loops = rings.boundary_loops();
     let candidates =
         Candidates { rings: &rings, loops: &loops, positions, spacing: &spacing, priorities: &order };
     let kept = match options.ratio {

@@ -9,8 +9,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::angle,
-    pyramid::{rings::Rings, surface::Surface},
+    mesh::{Rings, angle},
     skin::TaxelId,
 };
 
@@ -34,7 +33,7 @@ const MAX_TRIALS: usize = 12;
 /// inside, each in the order of a hash of the taxel's id, so that neither the order in a file nor that of a vendor's
 /// numbering shows. Equal ids are told apart by the vertex.
 pub(super) fn priorities(
-    surface: &Surface,
+    rings: &Rings,
     positions: &IdVec<VertexId, DVec3>,
     ids: &IdVec<VertexId, TaxelId>,
 ) -> Vec<VertexId> {
@@ -44,8 +43,8 @@ pub(super) fn priorities(
         .enumerate()
         .map(|(i, id)| {
             let v = VertexId::new(i);
-            let class = match surface.on_boundary[v] {
-                true if is_corner(surface, positions, v) => 0_u64,
+            let class = match rings.is_boundary(v) {
+                true if is_corner(rings, positions, v) => 0_u64,
                 true => 1,
                 false => 2,
             };
@@ -56,10 +55,9 @@ pub(super) fn priorities(
     keyed.into_iter().map(|(_, _, v)| v).collect()
 }
 
-fn is_corner(surface: &Surface, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> bool {
-    let next = surface.ring(v).skip(1);
-    let sum: f64 =
-        surface.ring(v).zip(next).map(|(a, b)| angle(positions[v], positions[a], positions[b])).sum();
+fn is_corner(rings: &Rings, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> bool {
+    let pairs = rings.of(v).windows(2);
+    let sum: f64 = pairs.map(|pair| angle(positions[v], positions[pair[0]], positions[pair[1]])).sum();
     (sum - PI).abs() > CORNER_TURN
 }
 
@@ -74,7 +72,7 @@ const fn hash(x: u64) -> u64 {
 /// What the choice of centres sees of a level.
 pub(super) struct Candidates<'a> {
     pub(super) rings: &'a Rings,
-    /// The boundary loops, see [`Surface::boundary_loops`].
+    /// The boundary loops, see [`Rings::boundary_loops`].
     pub(super) loops: &'a [Vec<VertexId>],
     pub(super) positions: &'a IdVec<VertexId, DVec3>,
     /// Local spacing `h`, in m.
@@ -180,17 +178,16 @@ fn keep_loop(walk: &[VertexId], chosen: &mut IdVec<VertexId, bool>) {
 mod tests {
     use super::*;
     use crate::{
-        mesh::{TriMesh, shapes},
+        mesh::{HalfedgeMesh, TriMesh, shapes},
         pyramid::spacing::measured_spacing,
     };
 
     fn with_candidates<T>(mesh: &TriMesh, see: impl FnOnce(&Candidates<'_>) -> T) -> T {
-        let surface = Surface::new(mesh).unwrap();
-        let rings = Rings::new(&surface);
+        let (_, rings) = HalfedgeMesh::new(mesh).unwrap();
         let spacing = measured_spacing(&rings, &mesh.positions);
         let ids = mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
-        let priorities = priorities(&surface, &mesh.positions, &ids);
-        let (loops, positions) = (surface.boundary_loops(), &mesh.positions);
+        let priorities = priorities(&rings, &mesh.positions, &ids);
+        let (loops, positions) = (rings.boundary_loops(), &mesh.positions);
         see(&Candidates {
             rings: &rings,
             loops: &loops,
@@ -221,15 +218,14 @@ mod tests {
     #[test]
     fn corners_come_first_then_the_boundary() {
         let mesh = shapes::lattice(9, 9, 0.01);
-        let surface = Surface::new(&mesh).unwrap();
+        let (_, rings) = HalfedgeMesh::new(&mesh).unwrap();
         let ids = mesh.positions.map(|_| TaxelId(0));
-        let order = priorities(&surface, &mesh.positions, &ids);
-        let boundary = surface.on_boundary.iter().filter(|b| **b).count();
+        let order = priorities(&rings, &mesh.positions, &ids);
+        let boundary = mesh.positions.ids().filter(|&v| rings.is_boundary(v)).count();
         // The rim of odd rows is shifted: the first and last row end in one corner of 60 degrees each.
-        let corners: Vec<_> =
-            order.iter().take_while(|&&v| is_corner(&surface, &mesh.positions, v)).collect();
+        let corners: Vec<_> = order.iter().take_while(|&&v| is_corner(&rings, &mesh.positions, v)).collect();
         assert_eq!(corners.len(), 2, "corners {corners:?}");
-        assert!(order[..boundary].iter().all(|&v| surface.on_boundary[v]), "the boundary before the inside");
+        assert!(order[..boundary].iter().all(|&v| rings.is_boundary(v)), "the boundary before the inside");
     }
 
     /// The two sheets of a fold are near in space but far on the skin.

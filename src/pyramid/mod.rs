@@ -31,12 +31,9 @@ mod error;
 mod independent_set;
 mod level;
 mod prolongation;
-mod refill;
 mod removal;
 mod removal_log;
-mod rings;
 mod spacing;
-mod surface;
 
 pub use coarsen::{CoarsenOptions, coarsen};
 pub use error::PyramidError;

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    pyramid::rings::Rings,
+    mesh::Rings,
 };
 
 /// Rounds in which each spacing is replaced by the mean of itself and its neighbours': one short edge must not make
@@ -49,10 +49,10 @@ pub(super) fn spacing_of_densities(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{mesh::shapes, pyramid::surface::Surface};
+    use crate::mesh::{HalfedgeMesh, shapes};
 
     fn spacing(mesh: &crate::mesh::TriMesh) -> IdVec<VertexId, f64> {
-        measured_spacing(&Rings::new(&Surface::new(mesh).unwrap()), &mesh.positions)
+        measured_spacing(&HalfedgeMesh::new(mesh).unwrap().1, &mesh.positions)
     }
 
     #[test]

@@ -76,7 +76,7 @@ impl WeldedMesh {
     fn corners_of_touching_fans(&self, sheet: &Sheet, edges: &Edges) -> Vec<FanCorner> {
         let mut fans = fans(&self.mesh, edges);
         let mut fans_of_vertex = IdVec::<VertexId, u32>::filled(0, self.mesh.positions.len());
-        let corners_of = |face| [0, 1, 2].map(|side| Halfedge { face, side });
+        let corners_of = |face| [0, 1, 2].map(|side| Halfedge::new(face, side));
         for (face, t) in self.mesh.triangles.enumerate() {
             for (corner, &v) in corners_of(face).into_iter().zip(t) {
                 fans_of_vertex[v] += u32::from(fans.root(corner) == corner);
@@ -154,7 +154,7 @@ fn weld<'a>(
 
 /// The fans of faces: sets of corners that are joined across edges. A corner is named by the halfedge that leaves it.
 fn fans(mesh: &TriMesh, edges: &Edges) -> DisjointSets<Halfedge> {
-    let mut corners = DisjointSets::<Halfedge>::new(3 * mesh.triangles.len());
+    let mut corners = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
     for uses in edges.iter() {
         let first = uses[0];
         for &other in &uses[1..] {

@@ -27,7 +27,7 @@ impl Winding {
         for uses in edges.iter() {
             if let &[a, b] = uses {
                 let relation = Relation::reversed_if(a.start(mesh) == b.start(mesh));
-                if !faces.join(a.face, b.face, relation) {
+                if !faces.join(a.face(), b.face(), relation) {
                     conflicting_edges.push([a.start(mesh), a.end(mesh)]);
                 }
             }
@@ -35,7 +35,7 @@ impl Winding {
         for uses in edges.iter().filter(|uses| uses.len() > 2) {
             for other in &uses[1..] {
                 let relation = Relation::reversed_if(uses[0].start(mesh) == other.start(mesh));
-                let _ = faces.join(uses[0].face, other.face, relation);
+                let _ = faces.join(uses[0].face(), other.face(), relation);
             }
         }
         let mut number = IdVec::<FaceId, usize>::filled(usize::MAX, mesh.triangles.len());

@@ -10,17 +10,17 @@ use super::{
 use crate::{
     contact::{
         ContactError,
-        geometry::{Closest, Fans, closest_point},
+        geometry::{Closest, closest_point},
     },
     id::{FaceId, IdVec},
-    mesh::TriMesh,
+    mesh::{TriMesh, VertexCorners},
 };
 
 /// Level 0 of one patch, ready to be searched in the frame of its link.
 #[derive(Debug, Clone)]
 pub(in crate::contact) struct PatchBvh {
     pub(in crate::contact) mesh: TriMesh,
-    pub(in crate::contact) fans: Fans,
+    pub(in crate::contact) corners: VertexCorners,
     pub(super) tree: Bvh8,
     /// Centre of the patch's box, in m.
     pub(super) origin: DVec3,
@@ -58,7 +58,14 @@ impl PatchBvh {
         let triangles: IdVec<FaceId, _> =
             mesh.triangles.ids().map(|f| mesh.corners(f).map(|p| (p - origin) * scale)).collect();
         let tree = Bvh8::new(&triangles);
-        Ok(Self { fans: Fans::new(mesh), mesh: mesh.clone(), tree, origin, scale, bounds })
+        Ok(Self {
+            corners: VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len()),
+            mesh: mesh.clone(),
+            tree,
+            origin,
+            scale,
+            bounds,
+        })
     }
 
     /// A distance, in m, that no face is nearer to `q` (m, the link's frame): that to the patch's box, less what

@@ -6,7 +6,7 @@
 
 use glam::DVec2;
 
-use crate::id::{FaceId, IdVec, VertexId};
+use crate::id::{IdVec, VertexId};
 
 /// Boxes in a leaf of the tree: below this, comparing all pairs is quicker than splitting.
 const LEAF: usize = 16;
@@ -38,21 +38,6 @@ pub(crate) fn boundary_crossings(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, D
     let mut count = 0;
     each_near_pair(&mut segments, &mut |s, t| count += usize::from(meet(s, t)));
     count
-}
-
-/// Edges of exactly one face, in the direction that face runs.
-pub(crate) fn boundary_edges(triangles: &IdVec<FaceId, [VertexId; 3]>) -> Vec<[VertexId; 2]> {
-    let mut edges: Vec<_> = triangles
-        .iter()
-        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-        .map(|[a, b]| (a.min(b), a.max(b), a < b))
-        .collect();
-    edges.sort_unstable();
-    edges
-        .chunk_by(|x, y| (x.0, x.1) == (y.0, y.1))
-        .filter(|same| same.len() == 1)
-        .map(|same| if same[0].2 { [same[0].0, same[0].1] } else { [same[0].1, same[0].0] })
-        .collect()
 }
 
 /// The box around all `segments`.
@@ -136,10 +121,10 @@ pub(crate) fn meet(s: &Segment, t: &Segment) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{TriMesh, shapes};
+    use crate::mesh::{TriMesh, boundary_edges, shapes};
 
     fn crossings(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
-        boundary_crossings(&boundary_edges(&mesh.triangles), uv)
+        boundary_crossings(&boundary_edges(mesh), uv)
     }
 
     fn flat(mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
@@ -168,7 +153,7 @@ mod tests {
         // A strip rolled up one and a half times around a slightly shrinking circle.
         let uv =
             mesh.positions.map(|p| DVec2::from_angle(p.x * 23.0) * (0.3 + 0.02 * (p.x * 60.0).sin() + p.y));
-        let edges = boundary_edges(&mesh.triangles);
+        let edges = boundary_edges(&mesh);
         let segments: Vec<_> =
             edges.iter().enumerate().map(|(k, &ends)| Segment::new(k, ends, &uv, 0.0)).collect();
         let cross = |s: &Segment, t: &Segment| near(s, t) && meet(s, t);

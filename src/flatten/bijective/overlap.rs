@@ -7,12 +7,9 @@
 use glam::DVec2;
 
 use crate::{
-    flatten::{
-        bijective::crossings::{boundary_crossings, boundary_edges},
-        domain::flatten_domain::FlattenDomain,
-    },
+    flatten::{bijective::crossings::boundary_crossings, domain::flatten_domain::FlattenDomain},
     id::{IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{TriMesh, boundary_edges},
 };
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
@@ -27,7 +24,7 @@ const BEYOND_A_TURN: f64 = 1e-6;
 /// all others inside of it and clockwise. Flips and crossings alone are not enough: a sleeve whose
 /// hole is turned inside out has neither, but two inner vertices with two full turns of faces.
 pub(crate) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
-    let edges = boundary_edges(&mesh.triangles);
+    let edges = boundary_edges(mesh);
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
     let faces = || mesh.triangles.iter().copied();

@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
+    mesh::{Halfedge, VertexCorners},
     sparse::Pattern,
 };
 
@@ -104,10 +105,10 @@ pub(crate) const FIXED: u32 = u32::MAX;
 
 /// One corner of a face at a vertex, and the slots of the vertex's matrix row that its blocks go
 /// to.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Corner {
-    pub(crate) face: FaceId,
-    pub(crate) corner: u8,
+    /// The halfedge that leaves the corner.
+    pub(crate) at: Halfedge,
     /// Slots of the vertex itself, the next and the previous corner.
     pub(crate) slots: [u32; 3],
 }
@@ -116,42 +117,27 @@ pub(crate) struct Corner {
 /// always in the same order.
 #[derive(Debug)]
 pub(crate) struct CornerSlots {
-    starts: Vec<u32>,
-    corners: Vec<Corner>,
+    corners: VertexCorners,
+    /// Slots of each of its corners.
+    slots: Vec<[u32; 3]>,
 }
 
 impl CornerSlots {
     pub(crate) fn new(net: &ElementMesh) -> Self {
-        let free = net.free();
-        let mut starts = vec![0_u32; free + 1];
-        for v in net.faces.iter().flat_map(|e| e.corners).filter(|v| v.index() < free) {
-            starts[v.index() + 1] += 1;
-        }
-        for i in 0..free {
-            starts[i + 1] += starts[i];
-        }
-        let mut cursor = starts.clone();
-        let mut corners = vec![Corner::default(); starts[free] as usize];
-        for (face, e) in net.faces.enumerate() {
-            for corner in [0_u8, 1, 2] {
-                let k = corner as usize;
-                let around = [e.corners[k], e.corners[(k + 1) % 3], e.corners[(k + 2) % 3]];
-                let row = around[0].index();
-                if row >= free {
-                    continue;
-                }
-                let slot = |v: VertexId| {
-                    net.pattern.slot(row, v.index()).and_then(|s| u32::try_from(s).ok()).unwrap_or(FIXED)
-                };
-                corners[cursor[row] as usize] = Corner { face, corner, slots: around.map(slot) };
-                cursor[row] += 1;
-            }
-        }
-        Self { starts, corners }
+        let corners = VertexCorners::new(net.faces.iter().map(|e| e.corners), net.free());
+        let slots_of = |h: &Halfedge| {
+            let around = [*h, h.next(), h.previous()].map(|h| net.faces[h.face()].corners[h.side()].index());
+            let slot = |column| net.pattern.slot(around[0], column).and_then(|s| u32::try_from(s).ok());
+            around.map(|column| slot(column).unwrap_or(FIXED))
+        };
+        let slots = corners.all().iter().map(slots_of).collect();
+        Self { corners, slots }
     }
 
     /// The corners at the vertex of `row`.
-    pub(crate) fn of(&self, row: usize) -> &[Corner] {
-        &self.corners[self.starts[row] as usize..self.starts[row + 1] as usize]
+    pub(crate) fn of(&self, row: usize) -> impl Iterator<Item = Corner> {
+        let v = VertexId::new(row);
+        let slots = &self.slots[self.corners.range(v)];
+        self.corners.of(v).iter().zip(slots).map(|(&at, &slots)| Corner { at, slots })
     }
 }

@@ -109,7 +109,7 @@ impl<'e> Objective<'e> {
         hessian.fill_rows(|row, blocks| {
             let first = pattern.slots(row).start;
             for corner in self.slots.of(row) {
-                let (m, k) = (&models[corner.face.index()], corner.corner as usize);
+                let (m, k) = (&models[corner.at.face().index()], corner.at.side());
                 let of_corner = [m.diagonal[k], m.off_diagonal[k], m.off_diagonal[(k + 2) % 3].transpose()];
                 for (slot, block) in corner.slots.into_iter().zip(of_corner) {
                     if slot != FIXED {
@@ -119,7 +119,7 @@ impl<'e> Objective<'e> {
             }
         });
         let force = |row: usize| -> DVec2 {
-            self.slots.of(row).iter().map(|c| models[c.face.index()].gradient[c.corner as usize]).sum()
+            self.slots.of(row).map(|c| models[c.at.face().index()].gradient[c.at.side()]).sum()
         };
         let mut gradient: Vec<DVec2> =
             (0..self.elements.free()).into_par_iter().with_min_len(FACES_PER_TASK).map(force).collect();

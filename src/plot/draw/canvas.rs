@@ -4,10 +4,10 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{TriMesh, edges},
     plot::{
         colour::{Colour, largest},
-        draw::{depth_buffer::DepthBuffer, outline::edges},
+        draw::depth_buffer::DepthBuffer,
         layout::View,
         picture::{Pixels, Shape},
     },

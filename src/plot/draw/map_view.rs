@@ -7,13 +7,13 @@ use glam::DVec2;
 use crate::{
     id::{IdVec, VertexId},
     map::MapLevel,
-    mesh::TriMesh,
+    mesh::{TriMesh, boundary_loops},
     plot::{
         Paint,
         colour::{Colour, ColouredMesh, Fill, MeshOwner},
         draw::{
             canvas::Canvas,
-            outline::{boundary_loops, outlines},
+            outline::outlines,
             strokes::{boundary_line, dot_radius, triangle_lines},
         },
         layout::View,

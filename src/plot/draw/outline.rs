@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{TriMesh, boundary_edges},
 };
 
 /// A point of the cells' borders: a vertex, the middle of an edge or the centroid of a face.
@@ -97,49 +97,6 @@ fn border_steps(mesh: &TriMesh, groups: &IdVec<VertexId, u32>) -> Vec<(u32, Node
     steps
 }
 
-/// Directed edges that have a face on their left and none on their right, sorted.
-pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
-    let mut edges: Vec<[VertexId; 2]> = directed_edges(mesh).collect();
-    edges.sort_unstable();
-    let open = |&[a, b]: &[VertexId; 2]| edges.binary_search(&[b, a]).is_err();
-    edges.iter().copied().filter(open).collect()
-}
-
-/// Every edge once, sorted.
-pub(crate) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
-    let mut edges: Vec<_> = directed_edges(mesh).map(|[a, b]| [a.min(b), a.max(b)]).collect();
-    edges.sort_unstable();
-    edges.dedup();
-    edges
-}
-
-fn directed_edges(mesh: &TriMesh) -> impl Iterator<Item = [VertexId; 2]> {
-    mesh.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-}
-
-/// The boundary as loops of vertices, as far as it closes.
-pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
-    let edges = boundary_edges(mesh);
-    let mut used = vec![false; edges.len()];
-    let mut loops = Vec::new();
-    for first in 0..edges.len() {
-        let (mut walk, mut at) = (Vec::new(), first);
-        while at < edges.len() && !used[at] {
-            used[at] = true;
-            walk.push(edges[at][0]);
-            let end = edges[at][1];
-            at = edges.partition_point(|e| e[0] < end);
-            if edges.get(at).is_none_or(|e| e[0] != end) {
-                break;
-            }
-        }
-        if !walk.is_empty() {
-            loops.push(walk);
-        }
-    }
-    loops
-}
-
 #[cfg(test)]
 mod tests {
     use crate::mesh::shapes;
@@ -181,6 +138,5 @@ mod tests {
         let outlines = outlines(&mesh, &uv, &groups);
         assert_eq!(outlines.len(), 2, "a tube has two boundary loops");
         assert!(outlines.iter().all(|o| o.corners.len() == 16), "vertices and middles of edges");
-        assert_eq!(boundary_loops(&mesh).len(), 2);
     }
 }

@@ -5,13 +5,13 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
+    mesh::boundary_edges,
     plot::{
         colour::ColouredMesh,
         draw::{
             camera::Camera,
             canvas::Canvas,
             depth_buffer::DepthBuffer,
-            outline::boundary_edges,
             strokes::{boundary_line, dot_radius, triangle_lines},
         },
         layout::View,

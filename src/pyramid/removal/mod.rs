@@ -7,6 +7,4 @@ mod star;
 mod taxel_locations;
 
 pub(super) use remover::Remover;
-pub(super) use retriangulation::diagonals;
-pub(super) use star::MAX_RING;
 pub(super) use taxel_locations::TaxelLocations;

@@ -1,8 +1,10 @@
+//! The vertices whose removal is worth a try, in a fixed order.
+
 use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    pyramid::surface::Surface,
+    mesh::HalfedgeMesh,
 };
 
 /// Where a vertex stands that is to be removed.
@@ -51,10 +53,10 @@ impl<'a> Queue<'a> {
     }
 
     /// Begins a round: waiting vertices of which no two are neighbours, sorted by id; empty when nobody waits.
-    pub(super) fn independent(&mut self, surface: &Surface) -> Vec<VertexId> {
+    pub(super) fn independent(&mut self, surface: &HalfedgeMesh) -> Vec<VertexId> {
         self.waiting.append(&mut self.woken);
         // Small stars first: their fillings are nearly always fans, and rings stay small.
-        let key = |&v: &VertexId| u64::from(surface.degree[v]) << 32 | u64::from(self.ranks[v]);
+        let key = |&v: &VertexId| u64::from(surface.degree(v)) << 32 | u64::from(self.ranks[v]);
         let waits = |v: &&VertexId| self.standing[**v] == Standing::Waiting;
         let mut keys: Vec<u64> = self.waiting.iter().filter(waits).map(key).collect();
         keys.par_sort_unstable();

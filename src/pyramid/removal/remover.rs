@@ -1,17 +1,19 @@
+//! Removes the vertices of a level that are not kept, in rounds of independent stars.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
+    mesh::{Halfedge, HalfedgeMesh, diagonals},
     pyramid::{
         Removal, RemovalLog,
         removal::{
             queue::Queue,
-            retriangulation::{Filler, diagonals},
-            star::{Limits, Star},
+            retriangulation::Filler,
+            star::{Limits, Star, folds_over},
             taxel_locations::{Move, TaxelLocations},
         },
-        surface::{NEXT, Side, Surface},
     },
 };
 
@@ -31,8 +33,8 @@ const LENIENT: Limits = Limits { min_cos_turn: 0.2, max_sagitta: 0.35 };
 
 /// Turns one level into the next coarser one.
 pub(in crate::pyramid) struct Remover<'a> {
-    pub(in crate::pyramid) surface: &'a mut Surface,
-    pub(in crate::pyramid) places: &'a mut TaxelLocations,
+    pub(in crate::pyramid) mesh: &'a mut HalfedgeMesh,
+    pub(in crate::pyramid) locations: &'a mut TaxelLocations,
     pub(in crate::pyramid) positions: &'a IdVec<VertexId, DVec3>,
     /// The taxel that each vertex is.
     pub(in crate::pyramid) origins: &'a IdVec<VertexId, VertexId>,
@@ -51,108 +53,119 @@ impl Remover<'_> {
         let mut log = RemovalLog::default();
         let mut queue = Queue::new(kept, order);
         // The round in which each face became part of a filling.
-        let mut filled = IdVec::filled(0, self.surface.faces.len());
+        let mut filled = IdVec::filled(0, self.mesh.face_count());
         for limits in [STRICT, LENIENT] {
             queue.wake_all();
             loop {
-                let chosen = queue.independent(self.surface);
+                let chosen = queue.independent(self.mesh);
                 if chosen.is_empty() {
                     break;
                 }
                 let stars_per_task = chosen.len().div_ceil(TASKS).min(MAX_STARS_PER_TASK);
                 let plans: Vec<Plans> =
                     chosen.par_chunks(stars_per_task).map(|part| self.plan(part, &limits)).collect();
-                for plan in &plans {
-                    for &v in &plan.refused {
-                        queue.park(v);
+                for plans in &plans {
+                    plans.refused.iter().for_each(|&v| queue.park(v));
+                    for plan in plans.iter() {
+                        if !self.still_fits(&plan, &queue, &filled) {
+                            continue;
+                        }
+                        plan.star.iter().for_each(|h| filled[h.face()] = queue.round());
+                        self.apply(&plan);
+                        queue.removed(plan.removal.vertex, plan.removal.ring);
+                        log.push(&plan.removal);
                     }
-                    self.apply(plan, &mut queue, &mut filled, &mut log);
                 }
             }
         }
         log
     }
 
-    /// Plans the removal of each of `vertices`, on a surface that rests.
+    /// Plans the removal of each of `vertices`, on a mesh that rests.
     fn plan(&self, vertices: &[VertexId], limits: &Limits) -> Plans {
         let (mut star, mut filler, mut plans) = (Star::default(), Filler::default(), Plans::default());
         for &v in vertices {
-            let fits = star.gather(self.surface, self.positions, v, limits)
-                && filler.fill(&star, self.surface, limits);
+            let fits =
+                star.gather(self.mesh, self.positions, v, limits) && filler.fill(&star, self.mesh, limits);
             if !fits {
                 plans.refused.push(v);
                 continue;
             }
             let triangles = &filler.triangles;
             plans.log.push(&Removal { vertex: v, ring: &star.ring, boundary: !star.closed, triangles });
-            plans.sides.extend_from_slice(&star.sides);
-            self.places.plan(&star, self.origins[v], triangles, &mut plans.moves);
-            plans.move_ends.push(plans.moves.len());
+            plans.stars.extend_from_slice(&star.halfedges);
+            self.locations.plan(&star, self.origins[v], triangles, &mut plans.moves);
+            plans.ends.push((plans.stars.len(), plans.moves.len()));
         }
         plans
     }
 
-    /// Carries out what was planned, first come first served: where another star of the same round has taken a
-    /// diagonal or folds over this one now, the vertex waits for the next round.
-    fn apply(
-        &mut self,
-        plans: &Plans,
-        queue: &mut Queue<'_>,
-        filled: &mut IdVec<FaceId, u32>,
-        log: &mut RemovalLog,
-    ) {
-        let (mut sides, mut moves_start) = (plans.sides.as_slice(), 0);
-        for (removal, &moves_end) in plans.log.iter().zip(&plans.move_ends) {
-            let (star, rest) = sides.split_at(removal.ring.len() - usize::from(removal.boundary));
-            sides = rest;
-            let moves = &plans.moves[moves_start..moves_end];
-            moves_start = moves_end;
-            let last = removal.ring.len() - 1;
-            let exists = |[i, j]: [usize; 2]| self.surface.has_edge(removal.ring[i], removal.ring[j]);
-            let taken = diagonals(removal.triangles, removal.ring.len()).any(exists)
-                || removal.boundary && exists([0, last]);
-            let is_new = |face: FaceId| filled[face] == queue.round();
-            if taken || self.folds(&removal, star, is_new) {
-                continue;
-            }
-            self.surface.refill(&removal, star);
-            for side in star {
-                filled[side.face()] = queue.round();
-            }
-            self.places.carry(star, moves);
-            queue.removed(removal.vertex, removal.ring);
-            log.push(&removal);
-        }
+    /// Whether nothing that was applied in this round forbids the plan: that another star has taken one of its edges,
+    /// or folds over it now. If so the vertex waits for the next round.
+    fn still_fits(&self, plan: &Plan<'_>, queue: &Queue<'_>, filled: &IdVec<FaceId, u32>) -> bool {
+        let Removal { ring, boundary, triangles, .. } = plan.removal;
+        let last = ring.len() - 1;
+        let exists = |[i, j]: [usize; 2]| self.mesh.has_edge(ring[i], ring[j]);
+        let is_taken = diagonals(triangles, ring.len()).any(exists) || boundary && exists([0, last]);
+        !is_taken && !self.folds(plan, |face| filled[face] == queue.round())
     }
 
     /// Whether the filling folds over a face beyond the ring that `is_new` since the filling was planned.
-    fn folds(&self, removal: &Removal<'_>, star: &[Side], is_new: impl Fn(FaceId) -> bool) -> bool {
-        let last = removal.ring.len() - 1;
-        star.iter().enumerate().any(|(i, side)| {
-            let twin = self.surface.faces[side.face()].twins[NEXT[side.k()]];
-            if twin == Side::NONE || !is_new(twin.face()) {
+    fn folds(&self, plan: &Plan<'_>, is_new: impl Fn(FaceId) -> bool) -> bool {
+        let Removal { ring, triangles, .. } = plan.removal;
+        let last = ring.len() - 1;
+        plan.star.iter().enumerate().any(|(i, h)| {
+            let twin = self.mesh.twin(h.next());
+            if twin == Halfedge::NONE || !is_new(twin.face()) {
                 return false;
             }
-            let beyond = self.surface.face_cross(twin.face(), self.positions);
+            let beyond = self.mesh.face_cross(twin.face(), self.positions);
             let has_side = |t: &&[u8; 3]| {
                 let [a, b, c] = t.map(usize::from);
                 (a, b) == (i, i + 1) || (b, c) == (i, i + 1) || (c, a) == (i, 0) && i == last
             };
-            removal.triangles.iter().find(has_side).is_some_and(|t| {
-                let [a, b, c] = t.map(|i| self.positions[removal.ring[usize::from(i)]]);
-                (b - a).cross(c - a).dot(beyond) < 0.0
+            triangles.iter().find(has_side).is_some_and(|t| {
+                let [a, b, c] = t.map(|i| self.positions[ring[usize::from(i)]]);
+                folds_over((b - a).cross(c - a), beyond)
             })
         })
     }
+
+    /// Carries out what was planned.
+    fn apply(&mut self, plan: &Plan<'_>) {
+        let Removal { vertex, ring, triangles, .. } = plan.removal;
+        self.mesh.replace_star(vertex, ring, plan.star, triangles);
+        self.locations.carry(plan.star, plan.moves);
+    }
 }
 
-/// The plans of one task.
+/// One planned removal.
+struct Plan<'a> {
+    removal: Removal<'a>,
+    /// The halfedges that leave the vertex.
+    star: &'a [Halfedge],
+    /// The taxels inside the star.
+    moves: &'a [Move],
+}
+
+/// The plans of one task, one after the other in shared arrays.
 #[derive(Debug, Default)]
 struct Plans {
     refused: Vec<VertexId>,
     log: RemovalLog,
-    /// The star's sides that leave each removed vertex, one removal after the other.
-    sides: Vec<Side>,
+    stars: Vec<Halfedge>,
     moves: Vec<Move>,
-    move_ends: Vec<usize>,
+    /// Where each plan ends in `stars` and in `moves`.
+    ends: Vec<(usize, usize)>,
+}
+
+impl Plans {
+    fn iter(&self) -> impl Iterator<Item = Plan<'_>> {
+        let starts = std::iter::once((0, 0)).chain(self.ends.iter().copied());
+        self.log.iter().zip(starts.zip(&self.ends)).map(|(removal, (from, to))| Plan {
+            removal,
+            star: &self.stars[from.0..to.0],
+            moves: &self.moves[from.1..to.1],
+        })
+    }
 }

@@ -1,9 +1,8 @@
+//! Fills the star of a removed vertex with triangles: a fan where it is nearly as good as the best filling.
+
 use crate::{
-    mesh::smallest_first,
-    pyramid::{
-        removal::star::{Limits, MAX_RING, Star},
-        surface::Surface,
-    },
+    mesh::{HalfedgeMesh, MAX_RING, diagonals, smallest_first},
+    pyramid::removal::star::{Limits, Star, folds_over},
 };
 
 /// A filling triangle has at least this double area on the flattened star, in squares of its longest side on the skin:
@@ -32,7 +31,7 @@ pub(super) struct Filler {
 
 impl Filler {
     /// Fills `star`, without edges that exist elsewhere and without folds; `false` if that does not go.
-    pub(super) fn fill(&mut self, star: &Star, surface: &Surface, limits: &Limits) -> bool {
+    pub(super) fn fill(&mut self, star: &Star, surface: &HalfedgeMesh, limits: &Limits) -> bool {
         self.forbidden.clear();
         if !self.optimise(star, limits) {
             return false;
@@ -137,13 +136,13 @@ impl Filler {
     /// Whether two of the filling's triangles that share a diagonal turn away from each other.
     fn folds(&self, star: &Star) -> bool {
         let cross = |t: [u8; 3]| {
-            let [a, b, c] = t.map(|i| star.places[usize::from(i)]);
+            let [a, b, c] = t.map(|i| star.offsets[usize::from(i)]);
             (b - a).cross(c - a)
         };
         self.triangles.iter().any(|&above| {
             let [i, k, j] = above;
             let below = self.triangles.iter().filter(|t| [(i, k), (k, j)].contains(&(t[0], t[2])));
-            below.copied().any(|t| cross(above).dot(cross(t)) < 0.0)
+            below.copied().any(|t| folds_over(cross(above), cross(t)))
         })
     }
 }
@@ -151,7 +150,7 @@ impl Filler {
 /// Squared sine of the smallest angle of a triangle on the skin, or a refusal if it is inverted on the flattened star,
 /// turned away from the star's normal, or folded over a face beyond the ring.
 fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
-    let (a, b, c) = (star.places[i], star.places[k], star.places[j]);
+    let (a, b, c) = (star.offsets[i], star.offsets[k], star.offsets[j]);
     let cross = (b - a).cross(c - a);
     let squared = cross.length_squared();
     let along = cross.dot(star.normal);
@@ -163,18 +162,11 @@ fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
     if turns || flat <= MIN_FLAT_AREA * x.max(y).max(z) {
         return REFUSED;
     }
-    let folds = (k == i + 1 && cross.dot(star.beyond[i]) < 0.0)
-        || (j == k + 1 && cross.dot(star.beyond[k]) < 0.0)
-        || (i == 0 && j + 1 == star.ring.len() && cross.dot(star.beyond[j]) < 0.0);
+    let folds = (k == i + 1 && folds_over(cross, star.beyond[i]))
+        || (j == k + 1 && folds_over(cross, star.beyond[k]))
+        || (i == 0 && j + 1 == star.ring.len() && folds_over(cross, star.beyond[j]));
     // The smallest angle lies between the two longest sides.
     if folds { REFUSED } else { squared / (x * y).max(y * z).max(z * x) }
-}
-
-/// Diagonals of a filling of `count` ring positions: each is the side from the first to the last corner of exactly
-/// one triangle, because corners ascend.
-pub(in crate::pyramid) fn diagonals(triangles: &[[u8; 3]], count: usize) -> impl Iterator<Item = [usize; 2]> {
-    let ends = triangles.iter().map(|&[i, _, j]| [usize::from(i), usize::from(j)]);
-    ends.filter(move |&ends| ends != [0, count - 1])
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "ring positions are below MAX_RING")]
@@ -206,7 +198,7 @@ mod tests {
     }
 
     fn fill(mesh: &TriMesh) -> Option<(Star, Vec<[u8; 3]>)> {
-        let surface = Surface::new(mesh).unwrap();
+        let (surface, _) = HalfedgeMesh::new(mesh).unwrap();
         let (mut star, mut filler) = (Star::default(), Filler::default());
         let fits = star.gather(&surface, &mesh.positions, VertexId::new(0), &LIMITS)
             && filler.fill(&star, &surface, &LIMITS);

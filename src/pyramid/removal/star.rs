@@ -1,15 +1,13 @@
+//! The faces around one vertex, gathered and flattened; decides whether their shape allows the removal.
+
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 
 use crate::{
     id::{IdVec, VertexId},
-    pyramid::surface::{NEXT, Side, Surface},
+    mesh::{Halfedge, HalfedgeMesh, MAX_RING},
 };
-
-/// Vertices with more neighbours stay for now: filling their star costs the cube of this, and their turn comes again
-/// when neighbours are gone.
-pub(in crate::pyramid) const MAX_RING: usize = 32;
 
 /// A corner of a star below this angle, in rad, has no direction that rounding leaves alone; such a star is not flattened.
 const MIN_ANGLE: f64 = 1e-9;
@@ -23,6 +21,12 @@ pub(super) struct Limits {
     pub(super) max_sagitta: f64,
 }
 
+/// Whether a triangle folds over its neighbour across an edge, both told by their cross products: they turn away from
+/// each other by more than a right angle.
+pub(super) fn folds_over(triangle: DVec3, neighbour: DVec3) -> bool {
+    triangle.dot(neighbour) < 0.0
+}
+
 /// The faces around one vertex, flattened around it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Star {
@@ -30,11 +34,11 @@ pub(super) struct Star {
     /// The neighbours, counter-clockwise.
     pub(super) ring: Vec<VertexId>,
     /// The side that leads to each neighbour; a boundary star's last neighbour has none.
-    pub(super) sides: Vec<Side>,
+    pub(super) halfedges: Vec<Halfedge>,
     /// Where the neighbours lie around the vertex on the plane, in m.
     pub(super) flat: Vec<DVec2>,
     /// Where they lie in space, in m from the vertex.
-    pub(super) places: Vec<DVec3>,
+    pub(super) offsets: Vec<DVec3>,
     /// Sum of the faces' cross products: twice the star's area along its normal.
     pub(super) normal: DVec3,
     /// Cross product of the face across each side of the ring; zero where there is none to compare with.
@@ -45,27 +49,28 @@ impl Star {
     /// Gathers the star of `v` into the buffers of `self` and flattens it; `false` if its shape forbids the removal.
     pub(super) fn gather(
         &mut self,
-        surface: &Surface,
+        surface: &HalfedgeMesh,
         positions: &IdVec<VertexId, DVec3>,
         v: VertexId,
         limits: &Limits,
     ) -> bool {
         self.ring.clear();
-        self.sides.clear();
-        self.places.clear();
-        self.closed = !surface.on_boundary[v];
-        // A boundary vertex of one face alone would leave no polygon to fill.
-        if !(3..=MAX_RING).contains(&(surface.degree[v] as usize)) {
+        self.halfedges.clear();
+        self.offsets.clear();
+        self.closed = !surface.is_boundary(v);
+        // A boundary vertex of one face alone would leave no polygon to fill. Vertices with more neighbours than that stay
+        // for now: filling their star costs the cube of it, and their turn comes again when neighbours are gone.
+        if !(3..=MAX_RING).contains(&(surface.degree(v) as usize)) {
             return false;
         }
         let mut ring = surface.ring(v);
         loop {
-            let side = ring.side();
+            let side = ring.halfedge();
             let Some(w) = ring.next() else { break };
             self.ring.push(w);
-            self.places.push(positions[w] - positions[v]);
-            if side != Side::NONE {
-                self.sides.push(side);
+            self.offsets.push(positions[w] - positions[v]);
+            if side != Halfedge::NONE {
+                self.halfedges.push(side);
             }
         }
         let fits = if self.closed { self.has_depth(surface) } else { self.is_straight(surface, limits) };
@@ -82,8 +87,8 @@ impl Star {
         let mut angles = [0.0; MAX_RING];
         let mut total = 0.0;
         self.normal = DVec3::ZERO;
-        for (i, angle) in angles.iter_mut().enumerate().take(self.sides.len()) {
-            let (a, b) = (self.places[i], self.places[(i + 1) % self.ring.len()]);
+        for (i, angle) in angles.iter_mut().enumerate().take(self.halfedges.len()) {
+            let (a, b) = (self.offsets[i], self.offsets[(i + 1) % self.ring.len()]);
             let cross = a.cross(b);
             *angle = cross.length().atan2(a.dot(b));
             if angle.is_nan() || *angle < MIN_ANGLE {
@@ -95,25 +100,25 @@ impl Star {
         let scale = if self.closed { TAU } else { PI } / total;
         let mut turn = 0.0;
         self.flat.clear();
-        for (p, angle) in self.places.iter().zip(angles) {
+        for (p, angle) in self.offsets.iter().zip(angles) {
             self.flat.push(DVec2::from_angle(turn) * p.length());
             turn += angle * scale;
         }
         // A face that took half a turn or more would have no inside on the plane.
-        angles[..self.sides.len()].iter().all(|angle| angle * scale < PI - MIN_ANGLE)
+        angles[..self.halfedges.len()].iter().all(|angle| angle * scale < PI - MIN_ANGLE)
     }
 
     /// Whether there is more than one face behind a closed star of three: filling it would close a pillow.
-    fn has_depth(&self, surface: &Surface) -> bool {
+    fn has_depth(&self, surface: &HalfedgeMesh) -> bool {
         let behind = |i: usize| self.outside(surface, i);
         let [a, b] = [behind(0), behind(1)];
-        self.ring.len() > 3 || a == Side::NONE || b == Side::NONE || a.face() != b.face()
+        self.ring.len() > 3 || a == Halfedge::NONE || b == Halfedge::NONE || a.face() != b.face()
     }
 
     /// Whether the boundary may run straight from the first neighbour to the last.
-    fn is_straight(&self, surface: &Surface, limits: &Limits) -> bool {
+    fn is_straight(&self, surface: &HalfedgeMesh, limits: &Limits) -> bool {
         let last = self.ring.len() - 1;
-        let (a, b) = (self.places[0], self.places[last]);
+        let (a, b) = (self.offsets[0], self.offsets[last]);
         let edge = b - a;
         let along = (-a.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
         let sagitta = (a + edge * along).length();
@@ -122,20 +127,19 @@ impl Star {
     }
 
     /// What lies across side `i` of the ring.
-    fn outside(&self, surface: &Surface, i: usize) -> Side {
-        let side = self.sides[i];
-        surface.faces[side.face()].twins[NEXT[side.k()]]
+    fn outside(&self, surface: &HalfedgeMesh, i: usize) -> Halfedge {
+        surface.twin(self.halfedges[i].next())
     }
 
     /// Measures the faces around the star. One that folds over the star already sets no limit: the vertex would never go.
-    fn look_beyond(&mut self, surface: &Surface, positions: &IdVec<VertexId, DVec3>) {
+    fn look_beyond(&mut self, surface: &HalfedgeMesh, positions: &IdVec<VertexId, DVec3>) {
         self.beyond.clear();
         self.beyond.resize(self.ring.len(), DVec3::ZERO);
-        for i in 0..self.sides.len() {
+        for i in 0..self.halfedges.len() {
             let twin = self.outside(surface, i);
-            if twin != Side::NONE {
+            if twin != Halfedge::NONE {
                 let normal = surface.face_cross(twin.face(), positions);
-                let own = self.places[i].cross(self.places[(i + 1) % self.ring.len()]);
+                let own = self.offsets[i].cross(self.offsets[(i + 1) % self.ring.len()]);
                 if own.dot(normal) > 0.0 {
                     self.beyond[i] = normal;
                 }

@@ -1,12 +1,12 @@
+//! Where the taxels that are not vertices any more lie: which face, and where in it.
+
 use glam::DVec2;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
+    mesh::{Halfedge, HalfedgeMesh},
     parallel::par_map,
-    pyramid::{
-        removal::star::Star,
-        surface::{NEXT, PREVIOUS, Side, Surface},
-    },
+    pyramid::removal::star::Star,
 };
 
 /// End of a list of taxels.
@@ -24,7 +24,7 @@ struct TaxelLocation {
 #[derive(Debug, Clone)]
 pub(in crate::pyramid) struct TaxelLocations {
     /// By level-0 vertex; without meaning for those that are vertices still.
-    places: IdVec<VertexId, TaxelLocation>,
+    locations: IdVec<VertexId, TaxelLocation>,
     /// The next taxel in the same face.
     next: Vec<u32>,
     /// The first taxel of each face.
@@ -44,7 +44,7 @@ impl TaxelLocations {
     pub(in crate::pyramid) fn new(taxels: usize, faces: usize) -> Self {
         let nowhere = TaxelLocation { face: FaceId::default(), weights: [1.0, 0.0, 0.0] };
         Self {
-            places: IdVec::filled(nowhere, taxels),
+            locations: IdVec::filled(nowhere, taxels),
             next: vec![NONE; taxels],
             heads: IdVec::filled(NONE, faces),
         }
@@ -63,31 +63,31 @@ impl TaxelLocations {
     /// New places for everything inside `star`, whose vertex is the taxel `centre`, in the triangles that fill it.
     pub(super) fn plan(&self, star: &Star, centre: VertexId, filling: &[[u8; 3]], moves: &mut Vec<Move>) {
         moves.push(locate(star, filling, centre, DVec2::ZERO));
-        for (i, side) in star.sides.iter().enumerate() {
+        for (i, side) in star.halfedges.iter().enumerate() {
             let (a, b) = (star.flat[i], star.flat[(i + 1) % star.flat.len()]);
             for taxel in self.inside(side.face()) {
                 // The side leaves the star's vertex, which lies at zero.
-                let weights = self.places[taxel].weights;
-                let (p, q) = (weights[NEXT[side.k()]], weights[PREVIOUS[side.k()]]);
+                let weights = self.locations[taxel].weights;
+                let (p, q) = (weights[side.next().side()], weights[side.previous().side()]);
                 moves.push(locate(star, filling, taxel, a * p + b * q));
             }
         }
     }
 
     /// Carries out the moves of one star, whose faces become its filling, in order.
-    pub(super) fn carry(&mut self, star: &[Side], moves: &[Move]) {
+    pub(super) fn carry(&mut self, star: &[Halfedge], moves: &[Move]) {
         for side in star {
             self.heads[side.face()] = NONE;
         }
         for &Move { taxel, triangle, weights } in moves {
             let face = star[usize::from(triangle)].face();
-            self.places[taxel] = TaxelLocation { face, weights };
+            self.locations[taxel] = TaxelLocation { face, weights };
             self.next[taxel.index()] = self.heads[face];
             self.heads[face] = taxel.raw();
         }
     }
 
-    /// Follows [`Surface::compact`].
+    /// Follows [`HalfedgeMesh::compact`].
     pub(in crate::pyramid) fn compact(&mut self, faces: &IdVec<FaceId, FaceId>, count: usize) {
         let mut heads = IdVec::filled(NONE, count);
         for (old, &head) in self.heads.enumerate() {
@@ -95,8 +95,8 @@ impl TaxelLocations {
                 heads[faces[old]] = head;
             }
         }
-        for place in self.places.iter_mut() {
-            place.face = faces[place.face];
+        for at in self.locations.iter_mut() {
+            at.face = faces[at.face];
         }
         self.heads = heads;
     }
@@ -105,16 +105,15 @@ impl TaxelLocations {
     /// of a row are the corners of one face, also where one weight is 1.
     pub(in crate::pyramid) fn rows(
         &self,
-        surface: &Surface,
+        surface: &HalfedgeMesh,
         origins: &IdVec<VertexId, VertexId>,
     ) -> (IdVec<VertexId, [VertexId; 3]>, IdVec<VertexId, [f64; 3]>) {
-        let places = self.places.as_slice();
-        let mut indices = IdVec::from(par_map(places, |place| surface.faces[place.face].corners));
-        let mut weights = self.places.map(|place| place.weights);
+        let mut indices = IdVec::from(par_map(self.locations.as_slice(), |at| surface.corners(at.face)));
+        let mut weights = self.locations.map(|at| at.weights);
         for (v, &taxel) in origins.enumerate() {
-            let side = surface.leaving[v];
-            let corners = surface.faces[side.face()].corners;
-            indices[taxel] = [0, 1, 2].map(|k| corners[(side.k() + k) % 3]);
+            let side = surface.leaving(v);
+            let corners = surface.corners(side.face());
+            indices[taxel] = [0, 1, 2].map(|k| corners[(side.side() + k) % 3]);
             weights[taxel] = [1.0, 0.0, 0.0];
         }
         (indices, weights)

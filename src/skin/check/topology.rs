@@ -100,7 +100,7 @@ impl Topology {
         let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
         let mut boundary = Vec::new();
         for uses in edges.iter() {
-            let piece = winding.component[uses[0].face];
+            let piece = winding.component[uses[0].face()];
             euler[piece] -= 1;
             if let &[h] = uses {
                 let (a, b) = (h.start(mesh), h.end(mesh));

@@ -1,0 +1,76 @@
+//! Edges and boundaries of any set of triangles, manifold or not, whose corners exist.
+
+use crate::{
+    id::VertexId,
+    mesh::{TriMesh, connectivity::edges::each_edge},
+};
+
+/// Every undirected edge once, smaller vertex first, sorted.
+pub(crate) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+    let mut edges = Vec::new();
+    each_edge(&mesh.triangles, mesh.positions.len(), |along| {
+        let h = along[0];
+        let [a, b] = [h.start(mesh), h.end(mesh)];
+        edges.push([a.min(b), a.max(b)]);
+    });
+    edges
+}
+
+/// The edges of exactly one face, in the direction in which that face runs, sorted.
+pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+    let mut edges = Vec::new();
+    each_edge(&mesh.triangles, mesh.positions.len(), |along| {
+        if let [h] = *along {
+            edges.push([h.start(mesh), h.end(mesh)]);
+        }
+    });
+    edges.sort_unstable();
+    edges
+}
+
+/// The boundary as loops of vertices, faces on the left, each from its smallest vertex; of triangles that are not an
+/// oriented manifold as far as it closes.
+pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
+    let edges = boundary_edges(mesh);
+    let mut used = vec![false; edges.len()];
+    let mut loops = Vec::new();
+    for first in 0..edges.len() {
+        let (mut walk, mut at) = (Vec::new(), first);
+        while at < edges.len() && !used[at] {
+            used[at] = true;
+            walk.push(edges[at][0]);
+            let end = edges[at][1];
+            at = edges.partition_point(|e| e[0] < end);
+            if edges.get(at).is_none_or(|e| e[0] != end) {
+                break;
+            }
+        }
+        if !walk.is_empty() {
+            loops.push(walk);
+        }
+    }
+    loops
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Adjacency, shapes};
+
+    #[test]
+    fn loops_are_those_of_the_adjacency() {
+        for mesh in [shapes::fan(5), shapes::lattice(7, 6, 1.0), shapes::tube(5, 4, 1.0, 2.0)] {
+            let adjacency = Adjacency::new(&mesh).unwrap();
+            assert_eq!(boundary_loops(&mesh), adjacency.boundary_loops());
+            assert_eq!(edges(&mesh).len(), adjacency.edge_count());
+        }
+    }
+
+    #[test]
+    fn an_edge_of_three_faces_is_not_on_the_boundary() {
+        let book = TriMesh::from_arrays(vec![glam::DVec3::ZERO; 5], &[[0, 1, 2], [0, 1, 3], [1, 0, 4]]);
+        let found = boundary_edges(&book);
+        assert!(!found.contains(&[0, 1].map(VertexId::new)), "{found:?}");
+        assert_eq!(found.len(), 6);
+    }
+}

@@ -1,0 +1,326 @@
+//! A manifold that changes: stars of vertices are replaced by fewer triangles, in place.
+
+use glam::DVec3;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh, connectivity::rings::Rings},
+    parallel::par_collect,
+};
+
+/// Two vertices with more neighbours than this are taken for neighbours without looking: between two hubs of a
+/// thousand spokes every spoke's removal would ask again.
+const MAX_WALK: u32 = 256;
+
+/// Most neighbours of a vertex whose star can be replaced: the size of buffers.
+pub(crate) const MAX_RING: usize = 32;
+
+/// A face with its neighbours: one cache line fetch answers both questions of a walk.
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    /// Corners, counter-clockwise seen from outside.
+    corners: [VertexId; 3],
+    /// What lies across the side from corner `k` to the next.
+    twins: [Halfedge; 3],
+}
+
+/// An oriented manifold that changes: halfedges on flat arrays.
+///
+/// Removing a vertex reuses the slots of its star, so nothing is allocated and vertex ids stay; slots that are left
+/// over are marked dead and squeezed out by [`HalfedgeMesh::compact`].
+#[derive(Debug, Clone)]
+pub(crate) struct HalfedgeMesh {
+    faces: IdVec<FaceId, Face>,
+    alive: IdVec<FaceId, bool>,
+    /// A halfedge that leaves each vertex: the boundary's where there is one, none for a removed vertex.
+    leaving: IdVec<VertexId, Halfedge>,
+    on_boundary: IdVec<VertexId, bool>,
+    degree: IdVec<VertexId, u32>,
+}
+
+/// New ids of what is left after [`HalfedgeMesh::compact`].
+pub(crate) struct Compacted {
+    pub(crate) mesh: HalfedgeMesh,
+    /// The old id of every vertex.
+    pub(crate) old_vertices: IdVec<VertexId, VertexId>,
+    /// The new id of every old face; meaningless for dead ones.
+    pub(crate) new_faces: IdVec<FaceId, FaceId>,
+}
+
+impl HalfedgeMesh {
+    /// The halfedges of a mesh, and its one-rings as long as it rests.
+    ///
+    /// # Errors
+    /// If the mesh is not an oriented manifold.
+    pub(crate) fn new(mesh: &TriMesh) -> Result<(Self, Rings), MeshError> {
+        let Adjacency { twins, rings } = Adjacency::new(mesh)?;
+        let mut leaving = IdVec::<VertexId, Halfedge>::filled(Halfedge::NONE, rings.vertices());
+        for (face, corners) in mesh.triangles.enumerate() {
+            for (k, &v) in corners.iter().enumerate() {
+                if twins[face][k] == Halfedge::NONE || leaving[v] == Halfedge::NONE {
+                    leaving[v] = Halfedge::new(face, k);
+                }
+            }
+        }
+        let degree = |v: VertexId| u32::try_from(rings.of(v).len()).expect("fewer neighbours than vertices");
+        let faces = mesh.triangles.iter().zip(twins);
+        let this = Self {
+            faces: faces.map(|(&corners, twins)| Face { corners, twins }).collect(),
+            alive: IdVec::filled(true, mesh.triangles.len()),
+            leaving,
+            on_boundary: rings.on_boundary.clone(),
+            degree: mesh.positions.ids().map(degree).collect(),
+        };
+        Ok((this, rings))
+    }
+
+    /// The corners of `face`, counter-clockwise seen from outside.
+    #[inline]
+    pub(crate) fn corners(&self, face: FaceId) -> [VertexId; 3] {
+        self.faces[face].corners
+    }
+
+    /// The corners of all faces, dead ones included.
+    pub(crate) fn triangles(&self) -> IdVec<FaceId, [VertexId; 3]> {
+        self.faces.map(|face| face.corners)
+    }
+
+    /// Number of faces, dead ones included.
+    pub(crate) fn face_count(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// The halfedge on the other side of `h`, or [`Halfedge::NONE`].
+    #[inline]
+    pub(crate) fn twin(&self, h: Halfedge) -> Halfedge {
+        self.faces[h.face()].twins[h.side()]
+    }
+
+    /// A halfedge that leaves `v`, that of the boundary where there is one; none for a removed vertex.
+    #[inline]
+    pub(crate) fn leaving(&self, v: VertexId) -> Halfedge {
+        self.leaving[v]
+    }
+
+    /// Whether `v` lies on a boundary loop.
+    #[inline]
+    pub(crate) fn is_boundary(&self, v: VertexId) -> bool {
+        self.on_boundary[v]
+    }
+
+    /// Number of neighbours of `v`.
+    #[inline]
+    pub(crate) fn degree(&self, v: VertexId) -> u32 {
+        self.degree[v]
+    }
+
+    /// The neighbours of `v`, counter-clockwise; on a boundary from the next to the previous vertex of its loop.
+    #[inline]
+    pub(crate) fn ring(&self, v: VertexId) -> Ring<'_> {
+        let first = self.leaving[v];
+        Ring { faces: &self.faces, first, at: first, tail: None }
+    }
+
+    /// The one-rings of a mesh without removed vertices.
+    pub(crate) fn rings(&self) -> Rings {
+        let mut starts = Vec::with_capacity(self.degree.len() + 1);
+        let mut end = 0;
+        starts.push(end);
+        for degree in &self.degree {
+            end += degree;
+            starts.push(end);
+        }
+        let neighbours = par_collect(self.degree.len(), |range, neighbours| {
+            range.map(VertexId::new).for_each(|v| neighbours.extend(self.ring(v)));
+        });
+        Rings { starts, neighbours, on_boundary: self.on_boundary.clone() }
+    }
+
+    /// Whether `a` and `b` are, or may be, neighbours; walks around the one that has fewer.
+    pub(crate) fn has_edge(&self, a: VertexId, b: VertexId) -> bool {
+        let (few, other) = if self.degree[a] <= self.degree[b] { (a, b) } else { (b, a) };
+        self.degree[few] > MAX_WALK || self.ring(few).any(|w| w == other)
+    }
+
+    /// Vector normal to `face` whose length is twice its area, in m^2.
+    pub(crate) fn face_cross(&self, face: FaceId, positions: &IdVec<VertexId, DVec3>) -> DVec3 {
+        let [a, b, c] = self.faces[face].corners.map(|v| positions[v]);
+        (b - a).cross(c - a)
+    }
+
+    /// Removes `vertex`, whose neighbours are `ring`: the faces of its `star`, each named by the halfedge that leaves
+    /// the vertex, become `triangles` of ring positions, ascending.
+    pub(crate) fn replace_star(
+        &mut self,
+        vertex: VertexId,
+        ring: &[VertexId],
+        star: &[Halfedge],
+        triangles: &[[u8; 3]],
+    ) {
+        let last = ring.len() - 1;
+        // What lies across each side of the ring; nothing beyond the new boundary edge.
+        let mut outside = [Halfedge::NONE; MAX_RING];
+        for (i, h) in star.iter().enumerate() {
+            outside[i] = self.twin(h.next());
+            self.alive[h.face()] = i < triangles.len();
+        }
+        for (h, corners) in star.iter().zip(triangles) {
+            let corners = corners.map(|i| ring[usize::from(i)]);
+            self.faces[h.face()] = Face { corners, twins: [Halfedge::NONE; 3] };
+        }
+        for (h, &[i, k, j]) in star.iter().zip(triangles) {
+            let face = h.face();
+            for (side, from, to) in [(0, i, k), (1, k, j)] {
+                let here = Halfedge::new(face, side);
+                if to == from + 1 {
+                    self.join(ring[usize::from(from)], here, outside[usize::from(from)]);
+                } else if let Some(below) = triangles.iter().position(|t| (t[0], t[2]) == (from, to)) {
+                    self.join(ring[usize::from(from)], here, Halfedge::new(star[below].face(), 2));
+                }
+            }
+            if i == 0 && usize::from(j) == last {
+                self.join(ring[last], Halfedge::new(face, 2), outside[last]);
+            }
+        }
+        self.leaving[vertex] = Halfedge::NONE;
+        for &v in ring {
+            self.degree[v] -= 1;
+        }
+        let closing = self.on_boundary[vertex].then_some([0, last]);
+        for v in diagonals(triangles, ring.len()).chain(closing).flatten() {
+            self.degree[ring[v]] += 1;
+        }
+    }
+
+    /// Makes `here`, which leaves `from`, and `there` twins.
+    fn join(&mut self, from: VertexId, here: Halfedge, there: Halfedge) {
+        self.faces[here.face()].twins[here.side()] = there;
+        if there != Halfedge::NONE {
+            self.faces[there.face()].twins[there.side()] = here;
+        }
+        // A boundary vertex keeps its boundary halfedge, which lies outside the star unless this is it.
+        if there == Halfedge::NONE || !self.on_boundary[from] {
+            self.leaving[from] = here;
+        }
+    }
+
+    /// The same mesh without the slots of removed vertices and dead faces; order is kept.
+    pub(crate) fn compact(&self) -> Compacted {
+        let mut vertices = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.leaving.len());
+        let mut old_vertices = IdVec::new();
+        for v in self.leaving.ids().filter(|&v| self.leaving[v] != Halfedge::NONE) {
+            vertices[v] = old_vertices.push(v);
+        }
+        let mut new_faces = IdVec::<FaceId, FaceId>::filled(FaceId::default(), self.faces.len());
+        let mut kept = IdVec::<FaceId, FaceId>::new();
+        for f in self.faces.ids().filter(|&f| self.alive[f]) {
+            new_faces[f] = kept.push(f);
+        }
+        let rename =
+            |h: Halfedge| if h == Halfedge::NONE { h } else { Halfedge::new(new_faces[h.face()], h.side()) };
+        let mesh = Self {
+            faces: kept.map(|&f| {
+                let Face { corners, twins } = self.faces[f];
+                Face { corners: corners.map(|v| vertices[v]), twins: twins.map(rename) }
+            }),
+            alive: IdVec::filled(true, kept.len()),
+            leaving: old_vertices.map(|&v| rename(self.leaving[v])),
+            on_boundary: old_vertices.map(|&v| self.on_boundary[v]),
+            degree: old_vertices.map(|&v| self.degree[v]),
+        };
+        Compacted { mesh, old_vertices, new_faces }
+    }
+}
+
+/// Diagonals of a triangulation of `count` ring positions: each is the side from the first to the last corner of
+/// exactly one triangle, because corners ascend.
+pub(crate) fn diagonals(triangles: &[[u8; 3]], count: usize) -> impl Iterator<Item = [usize; 2]> {
+    let ends = triangles.iter().map(|&[i, _, j]| [usize::from(i), usize::from(j)]);
+    ends.filter(move |&ends| ends != [0, count - 1])
+}
+
+/// Walks around a vertex; see [`HalfedgeMesh::ring`].
+pub(crate) struct Ring<'a> {
+    faces: &'a IdVec<FaceId, Face>,
+    first: Halfedge,
+    at: Halfedge,
+    /// The last neighbour of a boundary vertex, which no leaving halfedge reaches.
+    tail: Option<VertexId>,
+}
+
+impl Ring<'_> {
+    /// The halfedge that leads to the neighbour which `next` returns; none before the last one of a boundary vertex.
+    pub(crate) fn halfedge(&self) -> Halfedge {
+        self.at
+    }
+}
+
+impl Iterator for Ring<'_> {
+    type Item = VertexId;
+
+    #[inline]
+    fn next(&mut self) -> Option<VertexId> {
+        if self.at == Halfedge::NONE {
+            return self.tail.take();
+        }
+        let (face, back) = (&self.faces[self.at.face()], self.at.previous().side());
+        // The next face counter-clockwise lies across the side that comes back to the vertex.
+        let twin = face.twins[back];
+        let neighbour = face.corners[self.at.next().side()];
+        if twin == Halfedge::NONE {
+            self.tail = Some(face.corners[back]);
+            self.at = Halfedge::NONE;
+        } else {
+            self.at = if twin == self.first { Halfedge::NONE } else { twin };
+        }
+        Some(neighbour)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    /// The editable mesh, walked, has the rings of the mesh at rest.
+    #[test]
+    fn rings_are_those_of_the_adjacency() {
+        for mesh in [
+            shapes::triangle(),
+            shapes::fan(5),
+            shapes::lattice(7, 6, 1.0),
+            shapes::tube(5, 4, 1.0, 2.0),
+            shapes::torus(6, 5, 2.0, 0.5),
+            shapes::tetrahedron(),
+        ] {
+            let (halfedges, rings) = HalfedgeMesh::new(&mesh).unwrap();
+            assert_eq!(halfedges.rings(), rings);
+            assert_eq!(halfedges.triangles(), mesh.triangles);
+        }
+    }
+
+    /// The middle of a fan goes, its star becomes triangles without it, and who borders whom follows.
+    #[test]
+    fn a_replaced_star_leaves_a_manifold() {
+        let mesh = shapes::fan(5);
+        let (mut halfedges, _) = HalfedgeMesh::new(&mesh).unwrap();
+        let mut walk = halfedges.ring(VertexId::new(0));
+        let (mut ring, mut star) = (Vec::new(), Vec::new());
+        loop {
+            let h = walk.halfedge();
+            let Some(w) = walk.next() else { break };
+            ring.push(w);
+            star.push(h);
+        }
+        halfedges.replace_star(VertexId::new(0), &ring, &star, &[[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
+        let Compacted { mesh: left, old_vertices, .. } = halfedges.compact();
+        let after =
+            TriMesh { positions: old_vertices.map(|&v| mesh.positions[v]), triangles: left.triangles() };
+        let expected = Adjacency::new(&after).unwrap();
+        for v in after.positions.ids() {
+            assert_eq!(left.ring(v).collect::<Vec<_>>(), expected.ring(v), "ring of {v}");
+            assert_eq!(left.degree(v) as usize, expected.ring(v).len(), "degree of {v}");
+        }
+        assert!((after.area() - mesh.area()).abs() < 1e-12, "the pentagon is still covered");
+    }
+}

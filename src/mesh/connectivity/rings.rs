@@ -1,0 +1,71 @@
+//! The neighbours of every vertex, one after the other in memory.
+
+use crate::{
+    id::{IdVec, VertexId},
+    parallel::par_collect,
+};
+
+/// The one-rings of an oriented manifold that rests.
+///
+/// Several sweeps read them, and a walk from face to face waits for each. Rings run counter-clockwise seen from
+/// outside. The ring of a boundary vertex is an open chain: its first entry is the next vertex along the boundary
+/// loop, its last the previous one.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Rings {
+    /// Where each ring starts; one more entry than vertices.
+    pub(super) starts: Vec<u32>,
+    pub(super) neighbours: Vec<VertexId>,
+    pub(super) on_boundary: IdVec<VertexId, bool>,
+}
+
+impl Rings {
+    /// The neighbours of `v`.
+    #[inline]
+    pub(crate) fn of(&self, v: VertexId) -> &[VertexId] {
+        &self.neighbours[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
+    }
+
+    /// Whether `v` lies on a boundary loop.
+    #[inline]
+    pub(crate) fn is_boundary(&self, v: VertexId) -> bool {
+        self.on_boundary[v]
+    }
+
+    /// Number of vertices.
+    pub(crate) fn vertices(&self) -> usize {
+        self.on_boundary.len()
+    }
+
+    /// Number of undirected edges.
+    pub(crate) fn edges(&self) -> usize {
+        self.neighbours.len() / 2
+    }
+
+    /// `of` every vertex and its ring, in parallel.
+    pub(crate) fn map(&self, of: impl Fn(VertexId, &[VertexId]) -> f64 + Sync) -> IdVec<VertexId, f64> {
+        let values = par_collect(self.vertices(), |range, values| {
+            values.extend(range.map(VertexId::new).map(|v| of(v, self.of(v))));
+        });
+        values.into()
+    }
+
+    /// The boundary loops, each from its smallest vertex, faces on the left; sorted by that vertex.
+    pub(crate) fn boundary_loops(&self) -> Vec<Vec<VertexId>> {
+        let mut seen = IdVec::<VertexId, bool>::filled(false, self.vertices());
+        let mut loops = Vec::new();
+        for v in self.on_boundary.ids() {
+            if !self.is_boundary(v) || seen[v] {
+                continue;
+            }
+            let mut walk = Vec::new();
+            let mut at = v;
+            while !seen[at] {
+                seen[at] = true;
+                walk.push(at);
+                at = self.of(at)[0];
+            }
+            loops.push(walk);
+        }
+        loops
+    }
+}
