@@ -1,16 +1,16 @@
 //! Errors of this module.
 
-use crate::{
-    id::{FaceId, VertexId},
-    mesh::Halfedge,
-};
+use crate::id::{FaceId, VertexId};
+
+/// Most faces of a mesh: a [`crate::mesh::Halfedge`] packs its face with two bits for the side.
+pub(crate) const MAX_FACES: usize = 1 << 30;
 
 /// What makes a list of triangles no oriented manifold mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {
     /// More vertices or faces than 32-bit numbers count.
-    #[error("{vertices} vertices and {faces} faces are too many: at most {} and {} can be counted", u32::MAX - 1, Halfedge::MAX_FACES)]
+    #[error("{vertices} vertices and {faces} faces are too many: at most {} and {} can be counted", u32::MAX - 1, MAX_FACES)]
     TooMany {
         /// How many vertices there are.
         vertices: usize,

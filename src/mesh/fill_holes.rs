@@ -7,11 +7,12 @@ use crate::{
     mesh::{Adjacency, MeshError, TriMesh},
 };
 
-/// Closes every hole whose boundary loop has at most `max_edges` edges, with triangles between its own vertices.
+/// Closes every hole whose boundary loop has at most `max_edges` edges, with triangles between its
+/// own vertices.
 ///
-/// Each hole gets its triangulation of least area (Barequet and Sharir 1995), without edges that the mesh already has; a
-/// hole that has none stays open. The longest loop is the outer boundary and is never closed. Returns the loops closed.
-/// Time grows with the cube of `max_edges` per hole.
+/// Each hole gets its triangulation of least area (Barequet and Sharir 1995), without edges that
+/// the mesh already has; a hole that has none stays open. The longest loop is the outer boundary
+/// and is never closed. Returns the loops closed. Time grows with the cube of `max_edges` per hole.
 ///
 /// # Errors
 /// If the mesh is no oriented manifold.
@@ -41,7 +42,8 @@ pub fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec<Vertex
     Ok(closed)
 }
 
-/// The triangles of least total area that close a loop; `None` if each needs an edge the mesh already has.
+/// The triangles of least total area that close a loop; `None` if each needs an edge the mesh
+/// already has.
 fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Option<Vec<[VertexId; 3]>> {
     // The mesh lies left of the loop, so the hole is walked the other way round.
     let rim: Vec<VertexId> = walk.iter().rev().copied().collect();

@@ -2,7 +2,8 @@
 
 use glam::DMat3;
 
-/// How far the columns of a matrix may be from an orthonormal frame and still count as one, rounding apart.
+/// How far the columns of a matrix may be from an orthonormal frame and still count as one,
+/// rounding apart.
 const ROTATION_ROUNDING: f64 = 1e-9;
 
 /// Whether a matrix neither scales nor mirrors.

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, MeshError, SurfacePoint},
+    mesh::{MeshError, SurfacePoint, error::MAX_FACES},
 };
 
 /// Positions in metres, and triangles that run counter-clockwise seen from outside.
@@ -26,13 +26,15 @@ impl TriMesh {
         }
     }
 
-    /// Checks that corners exist and differ, that positions are finite, and that all can be counted.
+    /// Checks that corners exist and differ, that positions are finite, and that all can be
+    /// counted.
     ///
     /// # Errors
-    /// The first face or vertex that breaks a rule. Manifoldness is [`crate::mesh::Adjacency`]'s to judge.
+    /// The first face or vertex that breaks a rule. Manifoldness is [`crate::mesh::Adjacency`]'s to
+    /// judge.
     pub fn validate(&self) -> Result<(), MeshError> {
         let (vertices, faces) = (self.positions.len(), self.triangles.len());
-        if vertices >= u32::MAX as usize || faces > Halfedge::MAX_FACES {
+        if vertices >= u32::MAX as usize || faces > MAX_FACES {
             return Err(MeshError::TooMany { vertices, faces });
         }
         for (vertex, p) in self.positions.enumerate() {
@@ -94,7 +96,8 @@ impl TriMesh {
         areas
     }
 
-    /// Unit normals, the area-weighted mean of the faces around each vertex; zero where that has no direction.
+    /// Unit normals, the area-weighted mean of the faces around each vertex; zero where that has no
+    /// direction.
     #[must_use]
     pub fn vertex_normals(&self) -> IdVec<VertexId, DVec3> {
         let mut normals = IdVec::filled(DVec3::ZERO, self.positions.len());

@@ -1,5 +1,5 @@
-//! How a triangle is mapped from space to the plane: its own layout, the Jacobian of the map, and its
-//! signed singular values.
+//! How a triangle is mapped from space to the plane: its own layout, the Jacobian of the map, and
+//! its signed singular values.
 
 use glam::{DMat2, DVec2, DVec3};
 

@@ -2,7 +2,7 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::{HalfedgeMesh, TriMesh},
+    mesh::{HalfedgeMesh, Rings, TriMesh},
     pyramid::{
         Level, Prolongation, Pyramid, PyramidError, RemovalLog,
         independent_set::{ALPHA, Candidates, priorities},
@@ -12,7 +12,7 @@ use crate::{
     skin::Taxels,
 };
 
-/// A level that has not so many times fewer vertices than the one below tells nothing new, and the pyramid ends.
+/// A level must have this many times fewer vertices than the next finer one, or the pyramid ends.
 const LEAST_RATIO: f64 = 1.5;
 
 /// What [`ALPHA`] makes of a level, for judging whether a further level would overshoot.
@@ -21,12 +21,12 @@ const USUAL_RATIO: f64 = 4.0;
 /// How to coarsen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoarsenOptions {
-    /// Vertices of a level over those of the next coarser one, at least 1.5. `None`: a separation `alpha` of 1.35,
-    /// which gives about 4; a number is met by bisecting `alpha`.
+    /// Vertices of a level over those of the next coarser one, at least 1.5. `None`: a separation
+    /// `alpha` of 1.35, which gives about 4; a number is met by bisecting `alpha`.
     pub ratio: Option<f64>,
-    /// At most so many levels above level 0; `None`: as many as `coarsest` allows.
+    /// At most this many levels above level 0; `None`: as many as `coarsest` allows.
     pub levels: Option<usize>,
-    /// Stop at about so many vertices: where a further level would miss them by more.
+    /// Stop at about this many vertices: where a further level would miss them by more.
     pub coarsest: usize,
 }
 
@@ -54,16 +54,21 @@ impl Default for CoarsenOptions {
 /// ```
 ///
 /// # Errors
-/// If the patch is no oriented manifold or an array has another length than its mesh, an area is negative, a density
-/// not positive, or the ratio below 1.5.
+/// If the patch is no oriented manifold or an array has another length than its mesh, an area is
+/// negative, a density not positive, or the ratio below 1.5.
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
-    let (mut surface, _) = HalfedgeMesh::new(mesh)?;
-    let mut places = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
+    let (mut surface, rings) = HalfedgeMesh::new(mesh)?;
+    let mut finest_rings = Some(rings);
+    let mut locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
     let (mut levels, mut removals) = (IdVec::new(), IdVec::new());
     let mut level = Level::finest(mesh.clone(), taxels.areas.clone());
     while levels.len() < options.levels.unwrap_or(usize::MAX) && wants_coarser(&level, options) {
-        let Some((next, log)) = step(taxels, options, &mut level, &mut surface, &mut places) else { break };
+        let (kept, order) = {
+            let rings = finest_rings.take().unwrap_or_else(|| surface.rings());
+            choose(taxels, options, &level, &rings)
+        };
+        let Some((next, log)) = step(&kept, &order, &mut level, &mut surface, &mut locations) else { break };
         levels.push(std::mem::replace(&mut level, next));
         removals.push(log);
     }
@@ -103,34 +108,33 @@ fn wants_coarser(level: &Level, options: &CoarsenOptions) -> bool {
     level.mesh.positions.len() as f64 > options.coarsest as f64 * ratio.sqrt()
 }
 
-/// The next coarser level and the removals that lead to it; writes `from_coarser` of this one. `None` if it would not shrink
-/// enough.
+/// The next coarser level, whose vertices are those `kept`, and the removals that lead to it;
+/// writes `from_coarser` of this one. `None` if it would not shrink enough.
 fn step(
-    taxels: &Taxels,
-    options: &CoarsenOptions,
+    kept: &IdVec<VertexId, bool>,
+    order: &[VertexId],
     level: &mut Level,
     surface: &mut HalfedgeMesh,
-    places: &mut TaxelLocations,
+    locations: &mut TaxelLocations,
 ) -> Option<(Level, RemovalLog)> {
     let count = level.mesh.positions.len();
     let positions = &level.mesh.positions;
-    let (kept, order) = choose(taxels, options, level, surface);
     let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
     if !is_small(kept.iter().filter(|k| **k).count()) {
         return None;
     }
-    let removals = Remover { mesh: surface, locations: places, positions, origins: &level.origins }
-        .remove(&kept, &order);
+    let removals =
+        Remover { mesh: surface, locations, positions, origins: &level.origins }.remove(kept, order);
     if !is_small(count - removals.len()) {
         return None;
     }
     let compacted = surface.compact();
-    places.compact(&compacted.new_faces, compacted.mesh.face_count());
+    locations.compact(&compacted.new_faces, compacted.mesh.face_count());
     *surface = compacted.mesh;
     let parents = compacted.old_vertices;
     let mesh = TriMesh { positions: parents.map(|&v| positions[v]), triangles: surface.triangles() };
     let origins = parents.map(|&v| level.origins[v]);
-    let (indices, weights) = places.rows(surface, &origins);
+    let (indices, weights) = locations.rows(surface, &origins);
     let coarse_len = parents.len();
     let from_coarser = Prolongation {
         indices: level.origins.map(|&taxel| indices[taxel]),
@@ -148,18 +152,16 @@ fn choose(
     taxels: &Taxels,
     options: &CoarsenOptions,
     level: &Level,
-    surface: &HalfedgeMesh,
+    rings: &Rings,
 ) -> (IdVec<VertexId, bool>, Vec<VertexId>) {
     let positions = &level.mesh.positions;
-    let rings = surface.rings();
-    let mut spacing = measured_spacing(&rings, positions);
+    let mut spacing = measured_spacing(rings, positions);
     if let Some(densities) = &taxels.densities {
         spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
     }
-    let order = priorities(&rings, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
+    let order = priorities(rings, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
     let loops = rings.boundary_loops();
-    let candidates =
-        Candidates { rings: &rings, loops: &loops, positions, spacing: &spacing, priorities: &order };
+    let candidates = Candidates { rings, loops: &loops, positions, spacing: &spacing, priorities: &order };
     let kept = match options.ratio {
         Some(ratio) => candidates.choose_about(positions.len() as f64 / ratio),
         None => candidates.choose(ALPHA),

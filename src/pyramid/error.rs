@@ -9,14 +9,6 @@ pub enum PyramidError {
     /// The triangles are no oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// More faces than a side can name.
-    #[error("{found} faces; at most {most} can be coarsened")]
-    TooManyFaces {
-        /// Faces found.
-        found: usize,
-        /// Most faces.
-        most: usize,
-    },
     /// An array that does not fit its mesh.
     #[error("{what} has {found} entries, {needed} are needed")]
     Length {

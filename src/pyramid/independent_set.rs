@@ -1,6 +1,8 @@
-//! Chooses the centres of receptive fields: a maximal independent set at a distance that follows the local spacing.
+//! Chooses the centres of receptive fields: a maximal independent set at a distance that follows
+//! the local spacing.
 //!
-//! Ties are broken by a hash of the taxel's id, so neither the order in a file nor the number of threads shows.
+//! Ties are broken by a hash of the taxel's id, so neither the order in a file nor the number of
+//! threads shows.
 
 use std::f64::consts::PI;
 
@@ -13,8 +15,9 @@ use crate::{
     skin::TaxelId,
 };
 
-/// A boundary vertex is a corner if its interior angle differs from a straight one by more than this, 75 degrees:
-/// the rim of a triangular lattice turns by 60 degrees at each vertex and is straight on the whole.
+/// A boundary vertex is a corner if its interior angle differs from a straight one by more than
+/// this, 75 degrees: the rim of a triangular lattice turns by 60 degrees at each vertex and is
+/// straight on the whole.
 const CORNER_TURN: f64 = 75.0 / 180.0 * PI;
 
 /// So many vertices stay on each boundary loop: fewer make no loop.
@@ -29,9 +32,10 @@ const COUNT_TOLERANCE: f64 = 0.01;
 /// Trials for an asked-for count: three or four meet it where counts do not jump.
 const MAX_TRIALS: usize = 12;
 
-/// The vertices of one level in the order in which they may become centres: corners, then the boundary, then the
-/// inside, each in the order of a hash of the taxel's id, so that neither the order in a file nor that of a vendor's
-/// numbering shows. Equal ids are told apart by the vertex.
+/// The vertices of one level in the order in which they may become centres: corners, then the
+/// boundary, then the inside, each in the order of a hash of the taxel's id, so that neither the
+/// order in a file nor that of a vendor's numbering shows. Vertices of equal ids are ordered by
+/// number.
 pub(super) fn priorities(
     rings: &Rings,
     positions: &IdVec<VertexId, DVec3>,
@@ -82,9 +86,9 @@ pub(super) struct Candidates<'a> {
 }
 
 impl Candidates<'_> {
-    /// The lexicographically first maximal set of vertices without a conflict, at separation `alpha`: `i` and `j`
-    /// conflict if `|x_i - x_j| <= alpha (h_i + h_j) / 2` and a path of such vertices leads from `i` to `j`. (Equality
-    /// counts: where vertices coincide, `h` may be zero.)
+    /// The lexicographically first maximal set of vertices without a conflict, at separation
+    /// `alpha`: `i` and `j` conflict if `|x_i - x_j| <= alpha (h_i + h_j) / 2` and a path of such
+    /// vertices leads from `i` to `j`. (Equality counts: where vertices coincide, `h` may be zero.)
     pub(super) fn choose(&self, alpha: f64) -> IdVec<VertexId, bool> {
         let mut chosen = IdVec::filled(false, self.positions.len());
         self.add(alpha, &mut chosen, usize::MAX);
@@ -96,8 +100,8 @@ impl Candidates<'_> {
 
     /// Adds vertices without a conflict at separation `alpha` in order of priority, `most` at most.
     ///
-    /// Paths keep the two sides of a thin fold apart. One sweep in order of priority beats rounds of parallel
-    /// selection here, because only the quarter that is chosen looks around.
+    /// Paths keep the two sides of a thin fold apart. One sweep in order of priority beats rounds
+    /// of parallel selection here, because only the quarter that is chosen looks around.
     fn add(&self, alpha: f64, chosen: &mut IdVec<VertexId, bool>, mut most: usize) {
         let mut ruled_out = IdVec::<VertexId, bool>::filled(false, self.positions.len());
         let mut seen = IdVec::filled(VertexId::from(u32::MAX), self.positions.len());
@@ -129,10 +133,11 @@ impl Candidates<'_> {
         }
     }
 
-    /// About `count` centres, at the separation `alpha` that gives so many.
+    /// About `count` centres, at the separation `alpha` that gives them.
     ///
-    /// Counts fall like `alpha^-2`, which proposes the next trial; a bracket keeps the proposals honest. On a regular
-    /// lattice counts jump: there the wider separation is made up to `count` at the narrower one.
+    /// Counts fall like `alpha^-2`, which proposes the next trial; a bracket keeps the proposals
+    /// honest. On a regular lattice counts jump: there the wider separation is made up to `count`
+    /// at the narrower one.
     pub(super) fn choose_about(&self, count: f64) -> IdVec<VertexId, bool> {
         let (mut low, mut high) = (0.0, f64::INFINITY);
         let mut alpha = ALPHA;
@@ -154,7 +159,8 @@ impl Candidates<'_> {
             let middle = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * low };
             alpha = if proposal > low && proposal < high { proposal } else { middle };
         }
-        // Boundary loops alone may hold more than `count`: then there is no sparse choice, and few is the best.
+        // Boundary loops alone may hold more than `count`: then there is no sparse choice, and few
+        // is the best.
         let Some((found, mut chosen)) = sparse else { return self.choose(alpha) };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of vertices")]
         let missing = (count.round() as usize).saturating_sub(found);
@@ -163,7 +169,8 @@ impl Candidates<'_> {
     }
 }
 
-/// Makes up for centres that a boundary loop lacks: the vertices at thirds of the loop, from a centre where it has one.
+/// Makes up for centres that a boundary loop lacks: the vertices at thirds of the loop, from a
+/// centre where it has one.
 fn keep_loop(walk: &[VertexId], chosen: &mut IdVec<VertexId, bool>) {
     if walk.iter().filter(|v| chosen[**v]).count() >= LEAST_PER_LOOP {
         return;
@@ -222,7 +229,8 @@ mod tests {
         let ids = mesh.positions.map(|_| TaxelId(0));
         let order = priorities(&rings, &mesh.positions, &ids);
         let boundary = mesh.positions.ids().filter(|&v| rings.is_boundary(v)).count();
-        // The rim of odd rows is shifted: the first and last row end in one corner of 60 degrees each.
+        // The rim of odd rows is shifted: the first and last row end in one corner of 60 degrees
+        // each.
         let corners: Vec<_> = order.iter().take_while(|&&v| is_corner(&rings, &mesh.positions, v)).collect();
         assert_eq!(corners.len(), 2, "corners {corners:?}");
         assert!(order[..boundary].iter().all(|&v| rings.is_boundary(v)), "the boundary before the inside");

@@ -1,15 +1,10 @@
 //! Levels of receptive fields, and the rules that levels of one patch keep among each other.
 
 use crate::{
-    id::{IdVec, VertexId, define_id},
+    id::{IdVec, VertexId},
     mesh::{Adjacency, TriMesh},
-    pyramid::{Prolongation, PyramidError, RemovalLog},
+    pyramid::{LevelId, Prolongation, PyramidError, RemovalLog},
 };
-
-define_id!(
-    /// A level of one pyramid; 0 is the skin itself.
-    LevelId, "L"
-);
 
 /// One level of a pyramid: a mesh whose vertices are the centres of receptive fields.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -20,12 +15,12 @@ pub struct Level {
     pub origins: IdVec<VertexId, VertexId>,
     /// Receptive areas in m^2, restricted from level 0 by the prolongations: `a_c = P' a`.
     pub areas: IdVec<VertexId, f64>,
-    /// This level's vertices in terms of the next coarser level; `None` on the coarsest. These are the rows of the next
-    /// level's `to_finest` that belong to this level's vertices.
+    /// This level's vertices in terms of the next coarser level; `None` on the coarsest. These are
+    /// the rows of the next level's `to_finest` that belong to this level's vertices.
     pub from_coarser: Option<Prolongation>,
-    /// Level 0's vertices in terms of this level; `None` on level 0. A row names the corners of the face that the
-    /// taxel lies in, as they stand in that face up to rotation; a centre's row is itself with weight 1, then two
-    /// neighbours with weight 0.
+    /// Level 0's vertices in terms of this level; `None` on level 0. A row names the corners of the
+    /// face that the taxel lies in, as they stand in that face up to rotation; a centre's row is
+    /// itself with weight 1, then two neighbours with weight 0.
     pub to_finest: Option<Prolongation>,
 }
 
@@ -39,8 +34,8 @@ pub struct Pyramid {
 }
 
 impl Pyramid {
-    /// Checks the rules of levels, and that every level is an oriented manifold whose vertices are vertices of the
-    /// next finer one.
+    /// Checks the rules of levels, and that every level is an oriented manifold whose vertices are
+    /// vertices of the next finer one.
     ///
     /// # Errors
     /// The first broken rule, with its level.
@@ -101,7 +96,8 @@ impl Level {
         Ok(self.origins.enumerate().map(find).collect::<Result<Vec<_>, _>>()?.into())
     }
 
-    /// Checks the arrays of one level against its neighbours; `finest` and `finer` are `None` on level 0.
+    /// Checks the arrays of one level against its neighbours; `finest` and `finer` are `None` on
+    /// level 0.
     fn check(&self, finest: Option<&Self>, coarser: Option<&Self>) -> Result<(), PyramidError> {
         self.mesh.validate()?;
         let count = |level: &Self| level.mesh.positions.len();
@@ -127,8 +123,9 @@ impl Level {
     }
 }
 
-/// Checks the rules that the levels of one patch keep in a pyramid and in a map, in time linear in their size: meshes of finite
-/// triangles, one entry per vertex, centres on level 0, and prolongations that fit and are convex combinations.
+/// Checks the rules that the levels of one patch keep in a pyramid and in a map, in time linear in
+/// their size: meshes of finite triangles, one entry per vertex, centres on level 0, and
+/// prolongations that fit and are convex combinations.
 ///
 /// # Errors
 /// The first broken rule, with its level.
@@ -142,7 +139,8 @@ pub(crate) fn check_levels(levels: &[&Level]) -> Result<(), PyramidError> {
     Ok(())
 }
 
-/// Checks a prolongation of `rows` rows into `coarse` vertices; `coarse` is `None` where there must be none.
+/// Checks a prolongation of `rows` rows into `coarse` vertices; `coarse` is `None` where there must
+/// be none.
 fn check_rows(
     what: &'static str,
     given: Option<&Prolongation>,

@@ -1,35 +1,39 @@
 //! The pyramid of receptive fields: one patch, coarsened level by level.
 //!
-//! Vertices are nested: the centre of every receptive field is a taxel. A level is made from the next finer one in
-//! three steps:
+//! Vertices are nested: the centre of every receptive field is a taxel. A level is made from the
+//! next finer one in three steps:
 //!
-//! 1. **Centres** are chosen: a maximal independent set of the vertices, where `i` and `j` conflict if
-//!    `|x_i - x_j| <= alpha (h_i + h_j) / 2` with the local spacing `h` (1.35 for `alpha` leaves about a quarter), and a
-//!    path of such vertices joins them. Corners come first, then the boundary, then the inside; each boundary loop
-//!    keeps three vertices.
-//! 2. **Every other vertex is removed**, in rounds of stars that share no triangle. A star is flattened by `z^a`
-//!    ([lee1998]) and filled: with a fan if its smallest angle is nearly the best one's, else with the triangulation
-//!    whose smallest angle is largest ([klincsek1980]). Fillings that would fold the surface, or turn it by more than
-//!    60 (then 78) degrees, are refused.
-//! 3. **The taxels inside** a star move into its filling, to the place where they lie in the flattened star. Their
-//!    barycentric weights `w` there are the rows of a [`Prolongation`] `P`.
+//! 1. **Centres** are chosen: a maximal independent set of the vertices, where `i` and `j` conflict
+//!    if `|x_i - x_j| <= alpha (h_i + h_j) / 2` with the local spacing `h` (1.35 for `alpha` leaves
+//!    about a quarter), and a path of such vertices joins them. Corners come first, then the
+//!    boundary, then the inside; each boundary loop keeps three vertices.
+//! 2. **Every other vertex is removed**, in rounds of stars that share no triangle. A star is
+//!    flattened by `z^a` ([lee1998]) and filled: with a fan if its smallest angle is nearly the
+//!    best one's, else with the triangulation whose smallest angle is largest ([klincsek1980]).
+//!    Fillings that would fold the surface, or turn it by more than 60 (then 78) degrees, are
+//!    refused.
+//! 3. **The taxels inside** a star move into its filling, to the place where they lie in the
+//!    flattened star. Their barycentric weights `w` there are the rows of a [`Prolongation`] `P`.
 //!
-//! `P` carries values coarse to fine, `x_fine = P x_coarse`, and its transpose carries amounts (forces, areas) fine to
-//! coarse, `f_coarse = P' f_fine`; rows sum to 1, so the total is kept. Receptive areas are `a_coarse = P' a_fine`. The
-//! [`RemovalLog`] lets flattening undo the removals on the map.
+//! `P` carries values coarse to fine, `x_fine = P x_coarse`, and its transpose carries amounts
+//! (forces, areas) fine to coarse, `f_coarse = P' f_fine`; rows sum to 1, so the total is kept.
+//! Receptive areas are `a_coarse = P' a_fine`. The [`RemovalLog`] lets flattening undo the removals
+//! on the map.
 //!
-//! Guaranteed: every level is an oriented manifold with the Euler characteristic and the boundary loops of the patch; no
-//! level folds where the patch does not; the result does not depend on the number of threads. Not guaranteed: that all
-//! that is not a centre goes; what no rule allows to remove stays.
+//! Guaranteed: every level is an oriented manifold with the Euler characteristic and the boundary
+//! loops of the patch; no level folds where the patch does not; the result does not depend on the
+//! number of threads. Not guaranteed: that all that is not a centre goes; what no rule allows to
+//! remove stays.
 //!
-//! The files in reading order: `level`, `prolongation`, `removal_log` (what comes out), `coarsen` (the steps), `spacing`,
-//! `independent_set` (step 1), and in `removal` `remover`, `queue`, `star`, `retriangulation` (step 2) and
-//! `taxel_locations` (step 3).
+//! The files in reading order: `level`, `prolongation`, `removal_log` (what comes out), `coarsen`
+//! (the steps), `spacing`, `independent_set` (step 1), and in `removal` `remover`, `queue`, `star`,
+//! `retriangulation` (step 2) and `taxel_locations` (step 3).
 
 mod coarsen;
 mod error;
 mod independent_set;
 mod level;
+mod level_id;
 mod prolongation;
 mod removal;
 mod removal_log;
@@ -38,6 +42,7 @@ mod spacing;
 pub use coarsen::{CoarsenOptions, coarsen};
 pub use error::PyramidError;
 pub(crate) use level::check_levels;
-pub use level::{Level, LevelId, Pyramid};
+pub use level::{Level, Pyramid};
+pub use level_id::LevelId;
 pub use prolongation::Prolongation;
 pub use removal_log::{Removal, RemovalLog};

@@ -7,19 +7,22 @@ use crate::{
     pyramid::PyramidError,
 };
 
-/// A row's weights may miss the sum 1 by this much: rounding, also of weights that were stored as `f32`.
+/// A row's weights may miss the sum 1 by this much: rounding, also of weights that were stored as
+/// `f32`.
 const SUM_TOLERANCE: f64 = 1e-6;
 
-/// Rows of files that miss the sum 1 by at most this much are scaled: other programs may round more coarsely.
+/// Rows of files that miss the sum 1 by at most this much are scaled: other programs may round more
+/// coarsely.
 const RESCALED: f64 = 1e-5;
 
 /// Coarse to fine: every fine vertex as a convex combination of at most three coarse ones.
 ///
-/// A sparse matrix `P` (fine x coarse) with exactly three slots a row; unused slots have weight 0. In a pyramid the
-/// three indices of a row are always the corners of one coarse face, so a row is also a place on the coarse mesh.
+/// A sparse matrix `P` (fine x coarse) with exactly three slots a row; unused slots have weight 0.
+/// In a pyramid the three indices of a row are always the corners of one coarse face, so a row is
+/// also a place on the coarse mesh.
 ///
-/// Two prolongations have no product of this form (their rows would grow), so a pyramid carries every taxel along
-/// instead: see [`crate::pyramid::Level::to_finest`].
+/// Two prolongations have no product of this form (their rows would grow), so a pyramid carries
+/// every taxel along instead: see [`crate::pyramid::Level::to_finest`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prolongation {
     /// Coarse vertices of each fine vertex.
@@ -52,8 +55,8 @@ impl Prolongation {
         Ok(())
     }
 
-    /// Scales every row of a file whose sum is 1 but for rounding to the sum 1 in `f64`; leaves others to
-    /// [`Prolongation::validate`].
+    /// Scales every row of a file whose sum is 1 but for rounding to the sum 1 in `f64`; leaves
+    /// others to [`Prolongation::validate`].
     pub(crate) fn rescale(&mut self) {
         for weights in self.weights.iter_mut().filter(|weights| sums_to_one(weights, RESCALED)) {
             let sum: f64 = weights.iter().sum();
@@ -72,7 +75,8 @@ impl Prolongation {
         self.indices[row].into_iter().zip(self.weights[row]).filter(|(_, w)| *w > 0.0)
     }
 
-    /// `P x`: a quantity of places (a position, a pressure) of the coarse vertices on the fine ones.
+    /// `P x`: a quantity of places (a position, a pressure) of the coarse vertices on the fine
+    /// ones.
     ///
     /// # Panics
     /// If `coarse` has not one entry per coarse vertex.
@@ -88,7 +92,8 @@ impl Prolongation {
         self.indices.iter().zip(&self.weights).map(blend).collect()
     }
 
-    /// `P' x`: an amount (a force, an area) of the fine vertices, collected on the coarse ones; the total is kept.
+    /// `P' x`: an amount (a force, an area) of the fine vertices, collected on the coarse ones; the
+    /// total is kept.
     ///
     /// # Panics
     /// If `fine` has not one entry per fine vertex.
@@ -107,8 +112,9 @@ impl Prolongation {
         coarse
     }
 
-    /// `P'(a m p) / P'(a m)`: pressures `p` (Pa) of the fine vertices with areas `a` (m^2), averaged over the fields
-    /// of the coarse ones. `working` says which taxels have a reading (`m`); a field without any has none either.
+    /// `P'(a m p) / P'(a m)`: pressures `p` (Pa) of the fine vertices with areas `a` (m^2),
+    /// averaged over the fields of the coarse ones. `working` says which taxels have a reading
+    /// (`m`); a field without any has none either.
     ///
     /// With all taxels working the denominator is the coarse area, and force `a p` is kept exactly.
     ///

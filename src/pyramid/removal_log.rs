@@ -7,8 +7,8 @@ use crate::id::{FaceId, IdVec, VertexId};
 pub struct Removal<'a> {
     /// The vertex removed.
     pub vertex: VertexId,
-    /// Its neighbours at that moment, counter-clockwise; an open chain if it was on a boundary, from the next
-    /// to the previous vertex of its loop.
+    /// Its neighbours at that moment, counter-clockwise; an open chain if it was on a boundary,
+    /// from the next to the previous vertex of its loop.
     pub ring: &'a [VertexId],
     /// Whether it was on a boundary.
     pub boundary: bool,
@@ -17,8 +17,8 @@ pub struct Removal<'a> {
 }
 
 impl<'a> Removal<'a> {
-    /// The triangles that went with the vertex, counter-clockwise: `(vertex, ring[i], ring[i + 1])`, around the whole
-    /// ring or, on a boundary, along the open chain.
+    /// The triangles that went with the vertex, counter-clockwise: `(vertex, ring[i], ring[i +
+    /// 1])`, around the whole ring or, on a boundary, along the open chain.
     pub fn star(&self) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
         let Self { vertex, ring, boundary, .. } = *self;
         let count = if boundary { ring.len().saturating_sub(1) } else { ring.len() };
@@ -32,7 +32,8 @@ impl<'a> Removal<'a> {
     }
 }
 
-/// The removals that turned a level into the next coarser one, in order; all ids are the finer level's.
+/// The removals that turned a level into the next coarser one, in order; all ids are the finer
+/// level's.
 ///
 /// Undone in reverse it puts each vertex back into its own star, on the skin or on a map.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -66,10 +67,12 @@ impl RemovalLog {
         self.vertices.is_empty()
     }
 
-    /// The triangles of the finer level after its first `count` removals, in finer ids: all of them give the coarser
-    /// level, none the finer one, and what lies between are the steps by which a map is refined.
+    /// The triangles of the finer level after its first `count` removals, in finer ids: all of them
+    /// give the coarser level, none the finer one, and what lies between are the steps by which a
+    /// map is refined.
     ///
-    /// A triangle goes exactly when the first of its corners is removed, so nothing has to be searched for.
+    /// A triangle goes exactly when the first of its corners is removed, so nothing has to be
+    /// searched for.
     #[must_use]
     pub fn triangles_after(
         &self,
@@ -106,7 +109,8 @@ impl RemovalLog {
 mod tests {
     use super::*;
 
-    /// The middle of a square of four triangles goes, then one of its corners, which is on the boundary.
+    /// The middle of a square of four triangles goes, then one of its corners, which is on the
+    /// boundary.
     #[test]
     fn triangles_go_with_the_first_of_their_corners() {
         let v = |ids: [u32; 3]| ids.map(VertexId::from);

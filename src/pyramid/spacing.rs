@@ -1,4 +1,5 @@
-//! Local distance of a vertex to its neighbours, measured or from stated densities; it sets how far apart centres are.
+//! Local distance of a vertex to its neighbours, measured or from stated densities; it sets how far
+//! apart centres are.
 
 use glam::DVec3;
 
@@ -7,8 +8,8 @@ use crate::{
     mesh::Rings,
 };
 
-/// Rounds in which each spacing is replaced by the mean of itself and its neighbours': one short edge must not make
-/// a place look dense.
+/// Rounds in which each spacing is replaced by the mean of itself and its neighbours': one short
+/// edge must not make a place look dense.
 const SMOOTHING_ROUNDS: usize = 2;
 
 /// Smoothed distance of every vertex to its neighbours, in m.
@@ -26,11 +27,12 @@ pub(super) fn measured_spacing(rings: &Rings, positions: &IdVec<VertexId, DVec3>
     spacing
 }
 
-/// Spacing of a triangular lattice of `densities` (1/m^2), `sqrt(2 / (sqrt3 rho))`, times the factor that makes its
-/// geometric mean that of the `measured` one, in m.
+/// Spacing of a triangular lattice of `densities` (1/m^2), `sqrt(2 / (sqrt3 rho))`, times the
+/// factor that makes its geometric mean that of the `measured` one, in m.
 ///
-/// On level 0 of a skin that tells the truth about itself the factor is about 1. It grows with the levels, and it
-/// lets a density that only weighs places against each other (an acuity) coarsen as fast as any other.
+/// On level 0 of a skin that tells the truth about itself the factor is about 1. It grows with the
+/// levels, and it lets a density that only weighs places against each other (an acuity) coarsen as
+/// fast as any other.
 pub(super) fn spacing_of_densities(
     densities: &IdVec<VertexId, f64>,
     measured: &IdVec<VertexId, f64>,
@@ -65,15 +67,15 @@ mod tests {
     fn the_density_of_a_lattice_gives_its_spacing() {
         let measured = IdVec::filled(0.006, 4);
         let density = 2.0 / (3.0_f64.sqrt() * 0.006 * 0.006);
-        let told = spacing_of_densities(&IdVec::filled(density, 4), &measured);
-        assert!(told.iter().all(|h| (h - 0.006).abs() < 1e-12), "{told:?}");
+        let stated = spacing_of_densities(&IdVec::filled(density, 4), &measured);
+        assert!(stated.iter().all(|h| (h - 0.006).abs() < 1e-12), "{stated:?}");
     }
 
     #[test]
     fn densities_weigh_places_against_each_other_in_any_unit() {
         let measured: IdVec<VertexId, f64> = vec![0.01, 0.01, 0.0].into();
-        let told = spacing_of_densities(&vec![1.0, 16.0, 1.0].into(), &measured);
-        let [sparse, dense] = [told[VertexId::new(0)], told[VertexId::new(1)]];
+        let stated = spacing_of_densities(&vec![1.0, 16.0, 1.0].into(), &measured);
+        let [sparse, dense] = [stated[VertexId::new(0)], stated[VertexId::new(1)]];
         assert!((sparse / dense - 4.0).abs() < 1e-12, "16 times as dense, a quarter of the spacing");
         assert!((sparse * dense - 1e-4).abs() < 1e-12, "the geometric mean is the measured one");
     }

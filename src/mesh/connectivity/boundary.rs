@@ -28,8 +28,8 @@ pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
     edges
 }
 
-/// The boundary as loops of vertices, faces on the left, each from its smallest vertex; of triangles that are not an
-/// oriented manifold as far as it closes.
+/// The boundary as loops of vertices, faces on the left, each from its smallest vertex; of
+/// triangles that are not an oriented manifold as far as it closes.
 pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
     let edges = boundary_edges(mesh);
     let mut used = vec![false; edges.len()];

@@ -5,14 +5,15 @@ use crate::{
     mesh::{Halfedge, MeshError},
 };
 
-/// Visits the halfedges along every undirected edge of `triangles`, whose corners must all be below `vertices`.
+/// Visits the halfedges along every undirected edge of `triangles`, whose corners must all be below
+/// `vertices`.
 ///
-/// Takes time linear in their number. Edges come in the order of their smaller, then their larger vertex; the
-/// halfedges of one edge in the order of their faces. Nothing is promised about manifoldness: an edge may have any
-/// number of halfedges, in either direction.
+/// Takes time linear in their number. Edges come in the order of their smaller, then their larger
+/// vertex; the halfedges of one edge in the order of their faces. Nothing is promised about
+/// manifoldness: an edge may have any number of halfedges, in either direction.
 ///
-/// Halfedges are dropped into one bucket per smaller vertex; only within a bucket, which holds the few edges of one
-/// vertex, are they sorted. No hash map, so memory and order are predictable.
+/// Halfedges are dropped into one bucket per smaller vertex; only within a bucket, which holds the
+/// few edges of one vertex, are they sorted. No hash map, so memory and order are predictable.
 pub(crate) fn each_edge(
     triangles: &IdVec<FaceId, [VertexId; 3]>,
     vertices: usize,

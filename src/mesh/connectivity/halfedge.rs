@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::{
     id::{FaceId, Id, VertexId},
-    mesh::TriMesh,
+    mesh::{TriMesh, error::MAX_FACES},
 };
 
 /// One side of a face: halfedge `k` of a face runs from its corner `k` to its corner `k + 1`.
@@ -17,17 +17,15 @@ impl Halfedge {
     /// No face on the other side, or no halfedge at all.
     pub(crate) const NONE: Self = Self(u32::MAX);
 
-    /// The face is packed with two bits for the side, so this many faces can be told apart.
-    pub(crate) const MAX_FACES: usize = 1 << 30;
-
     /// Side `side` of `face`.
     ///
     /// # Panics
-    /// If `side` is not 0, 1 or 2. Meshes with more than 2^30 faces are refused by [`TriMesh::validate`].
+    /// If `side` is not 0, 1 or 2. Meshes with more than 2^30 faces are refused by
+    /// [`TriMesh::validate`].
     #[inline]
     #[must_use]
     pub fn new(face: FaceId, side: usize) -> Self {
-        debug_assert!(face.index() < Self::MAX_FACES, "refused by `TriMesh::validate`");
+        debug_assert!(face.index() < MAX_FACES, "refused by `TriMesh::validate`");
         Self(face.raw() << 2 | [0, 1, 2][side])
     }
 
@@ -52,8 +50,8 @@ impl Halfedge {
         Self(if self.0 & 3 == 2 { self.0 - 2 } else { self.0 + 1 })
     }
 
-    /// The side of the same face that ends where this one starts; across it lies the next face counter-clockwise
-    /// around that vertex.
+    /// The side of the same face that ends where this one starts; across it lies the next face
+    /// counter-clockwise around that vertex.
     #[inline]
     #[must_use]
     pub(crate) const fn previous(self) -> Self {
@@ -109,7 +107,7 @@ mod tests {
 
     #[test]
     fn three_sides_follow_each_other() {
-        let face = FaceId::new(Halfedge::MAX_FACES - 1);
+        let face = FaceId::new(MAX_FACES - 1);
         for side in 0..3 {
             let h = Halfedge::new(face, side);
             assert_eq!((h.face(), h.side(), h.next().side()), (face, side, (side + 1) % 3));

@@ -8,8 +8,8 @@ use crate::{
     parallel::par_collect,
 };
 
-/// Two vertices with more neighbours than this are taken for neighbours without looking: between two hubs of a
-/// thousand spokes every spoke's removal would ask again.
+/// Two vertices with more neighbours than this are taken for neighbours without looking: between
+/// two hubs of a thousand spokes every spoke's removal would ask again.
 const MAX_WALK: u32 = 256;
 
 /// Most neighbours of a vertex whose star can be replaced: the size of buffers.
@@ -26,13 +26,14 @@ struct Face {
 
 /// An oriented manifold that changes: halfedges on flat arrays.
 ///
-/// Removing a vertex reuses the slots of its star, so nothing is allocated and vertex ids stay; slots that are left
-/// over are marked dead and squeezed out by [`HalfedgeMesh::compact`].
+/// Removing a vertex reuses the slots of its star, so nothing is allocated and vertex ids stay;
+/// slots that are left over are marked dead and squeezed out by [`HalfedgeMesh::compact`].
 #[derive(Debug, Clone)]
 pub(crate) struct HalfedgeMesh {
     faces: IdVec<FaceId, Face>,
     alive: IdVec<FaceId, bool>,
-    /// A halfedge that leaves each vertex: the boundary's where there is one, none for a removed vertex.
+    /// A halfedge that leaves each vertex: the boundary's where there is one, none for a removed
+    /// vertex.
     leaving: IdVec<VertexId, Halfedge>,
     on_boundary: IdVec<VertexId, bool>,
     degree: IdVec<VertexId, u32>,
@@ -96,7 +97,8 @@ impl HalfedgeMesh {
         self.faces[h.face()].twins[h.side()]
     }
 
-    /// A halfedge that leaves `v`, that of the boundary where there is one; none for a removed vertex.
+    /// A halfedge that leaves `v`, that of the boundary where there is one; none for a removed
+    /// vertex.
     #[inline]
     pub(crate) fn leaving(&self, v: VertexId) -> Halfedge {
         self.leaving[v]
@@ -114,7 +116,8 @@ impl HalfedgeMesh {
         self.degree[v]
     }
 
-    /// The neighbours of `v`, counter-clockwise; on a boundary from the next to the previous vertex of its loop.
+    /// The neighbours of `v`, counter-clockwise; on a boundary from the next to the previous vertex
+    /// of its loop.
     #[inline]
     pub(crate) fn ring(&self, v: VertexId) -> Ring<'_> {
         let first = self.leaving[v];
@@ -148,8 +151,8 @@ impl HalfedgeMesh {
         (b - a).cross(c - a)
     }
 
-    /// Removes `vertex`, whose neighbours are `ring`: the faces of its `star`, each named by the halfedge that leaves
-    /// the vertex, become `triangles` of ring positions, ascending.
+    /// Removes `vertex`, whose neighbours are `ring`: the faces of its `star`, each named by the
+    /// halfedge that leaves the vertex, become `triangles` of ring positions, ascending.
     pub(crate) fn replace_star(
         &mut self,
         vertex: VertexId,
@@ -198,7 +201,8 @@ impl HalfedgeMesh {
         if there != Halfedge::NONE {
             self.faces[there.face()].twins[there.side()] = here;
         }
-        // A boundary vertex keeps its boundary halfedge, which lies outside the star unless this is it.
+        // A boundary vertex keeps its boundary halfedge, which lies outside the star unless this is
+        // it.
         if there == Halfedge::NONE || !self.on_boundary[from] {
             self.leaving[from] = here;
         }
@@ -232,8 +236,8 @@ impl HalfedgeMesh {
     }
 }
 
-/// Diagonals of a triangulation of `count` ring positions: each is the side from the first to the last corner of
-/// exactly one triangle, because corners ascend.
+/// Diagonals of a triangulation of `count` ring positions: each is the side from the first to the
+/// last corner of exactly one triangle, because corners ascend.
 pub(crate) fn diagonals(triangles: &[[u8; 3]], count: usize) -> impl Iterator<Item = [usize; 2]> {
     let ends = triangles.iter().map(|&[i, _, j]| [usize::from(i), usize::from(j)]);
     ends.filter(move |&ends| ends != [0, count - 1])
@@ -249,7 +253,8 @@ pub(crate) struct Ring<'a> {
 }
 
 impl Ring<'_> {
-    /// The halfedge that leads to the neighbour which `next` returns; none before the last one of a boundary vertex.
+    /// The halfedge that leads to the neighbour which `next` returns; none before the last one of a
+    /// boundary vertex.
     pub(crate) fn halfedge(&self) -> Halfedge {
         self.at
     }
@@ -299,7 +304,8 @@ mod tests {
         }
     }
 
-    /// The middle of a fan goes, its star becomes triangles without it, and who borders whom follows.
+    /// The middle of a fan goes, its star becomes triangles without it, and who borders whom
+    /// follows.
     #[test]
     fn a_replaced_star_leaves_a_manifold() {
         let mesh = shapes::fan(5);

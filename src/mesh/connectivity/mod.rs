@@ -1,4 +1,5 @@
-//! Who borders whom: one pairing of halfedges behind meshes that rest, meshes that change, and lists of corners.
+//! Who borders whom: one pairing of halfedges behind meshes that rest, meshes that change, and
+//! lists of corners.
 
 pub(super) mod adjacency;
 pub(super) mod boundary;

@@ -5,8 +5,8 @@ use crate::{
     mesh::Halfedge,
 };
 
-/// The corners around each vertex, in the order of their faces, for any set of triangles, manifold or not. A corner is
-/// told by the halfedge that leaves it.
+/// The corners around each vertex, in the order of their faces, for any set of triangles, manifold
+/// or not. A corner is named by the halfedge that leaves it.
 #[derive(Debug, Clone)]
 pub(crate) struct VertexCorners {
     /// Where the corners of each vertex start; one more entry than vertices.

@@ -20,7 +20,8 @@ enum Standing {
 
 /// The vertices whose removal is worth a try, in a fixed order.
 ///
-/// A refused vertex comes back only when a neighbour has gone, so the work is proportional to what is removed.
+/// A refused vertex comes back only when a neighbour has gone, so the work is proportional to what
+/// is removed.
 #[derive(Debug, Clone)]
 pub(super) struct Queue<'a> {
     /// All vertices, and the place of each among them.
@@ -52,7 +53,8 @@ impl<'a> Queue<'a> {
         }
     }
 
-    /// Begins a round: waiting vertices of which no two are neighbours, sorted by id; empty when nobody waits.
+    /// Begins a round: waiting vertices of which no two are neighbours, sorted by id; empty when
+    /// none waits.
     pub(super) fn independent(&mut self, surface: &HalfedgeMesh) -> Vec<VertexId> {
         self.waiting.append(&mut self.woken);
         // Small stars first: their fillings are nearly always fans, and rings stay small.

@@ -23,12 +23,13 @@ const MAX_STARS_PER_TASK: usize = 256;
 /// Tasks of a round that has fewer stars: few stars of a coarse level carry many taxels each.
 const TASKS: usize = 32;
 
-/// First a filling may turn by 60 degrees from the star it replaces, and a boundary may lose a vertex where it turns
-/// by less than about 70 degrees (the corner of a hexagonal hole lies 0.29 edges from the edge that cuts it off).
+/// First a filling may turn by 60 degrees from the star it replaces, and a boundary may lose a
+/// vertex where it turns by less than about 70 degrees (the corner of a hexagonal hole lies 0.29
+/// edges from the edge that cuts it off).
 const STRICT: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35 };
 
-/// What is left then (sharp folds, the last rows between kept vertices) may turn by 78 degrees: a level that kept
-/// them as fields would be uneven, and folds begin at 90.
+/// What is left then (sharp folds, the last rows between kept vertices) may turn by 78 degrees: a
+/// level that kept them as fields would be uneven, and folds begin at 90.
 const LENIENT: Limits = Limits { min_cos_turn: 0.2, max_sagitta: 0.35 };
 
 /// Turns one level into the next coarser one.
@@ -41,10 +42,11 @@ pub(in crate::pyramid) struct Remover<'a> {
 }
 
 impl Remover<'_> {
-    /// Removes every vertex that is not `kept`, where the rules allow it; `order` decides between neighbours.
+    /// Removes every vertex that is not `kept`, where the rules allow it; `order` decides between
+    /// neighbours.
     ///
-    /// Works in rounds: vertices of which no two are neighbours, so that their stars share no triangle, are planned in
-    /// parallel and applied in order.
+    /// Works in rounds: vertices of which no two are neighbours, so that their stars share no
+    /// triangle, are planned in parallel and applied in order.
     pub(in crate::pyramid) fn remove(
         &mut self,
         kept: &IdVec<VertexId, bool>,
@@ -100,8 +102,8 @@ impl Remover<'_> {
         plans
     }
 
-    /// Whether nothing that was applied in this round forbids the plan: that another star has taken one of its edges,
-    /// or folds over it now. If so the vertex waits for the next round.
+    /// Whether nothing that was applied in this round forbids the plan: that another star has taken
+    /// one of its edges, or folds over it now. If so the vertex waits for the next round.
     fn still_fits(&self, plan: &Plan<'_>, queue: &Queue<'_>, filled: &IdVec<FaceId, u32>) -> bool {
         let Removal { ring, boundary, triangles, .. } = plan.removal;
         let last = ring.len() - 1;
@@ -110,7 +112,8 @@ impl Remover<'_> {
         !is_taken && !self.folds(plan, |face| filled[face] == queue.round())
     }
 
-    /// Whether the filling folds over a face beyond the ring that `is_new` since the filling was planned.
+    /// Whether the filling folds over a face beyond the ring that `is_new` since the filling was
+    /// planned.
     fn folds(&self, plan: &Plan<'_>, is_new: impl Fn(FaceId) -> bool) -> bool {
         let Removal { ring, triangles, .. } = plan.removal;
         let last = ring.len() - 1;

@@ -1,17 +1,18 @@
-//! Fills the star of a removed vertex with triangles: a fan where it is nearly as good as the best filling.
+//! Fills the star of a removed vertex with triangles: a fan where it is nearly as good as the best
+//! filling.
 
 use crate::{
     mesh::{HalfedgeMesh, MAX_RING, diagonals, smallest_first},
     pyramid::removal::star::{Limits, Star, folds_over},
 };
 
-/// A filling triangle has at least this double area on the flattened star, in squares of its longest side on the skin:
-/// below, the weights of a point in it would be rounding.
+/// A filling triangle has at least this double area on the flattened star, in squares of its
+/// longest side on the skin: below, the weights of a point in it would be rounding.
 const MIN_FLAT_AREA: f64 = 1e-9;
 
-/// A fan is taken if the sine of its smallest angle is at least this share of the best filling's. On a map a fan can
-/// always be undone; 0.6 makes 96 to 99 of 100 fillings fans and costs less than a degree of the mean smallest angle
-/// of a level (0.8: 85 to 95 of 100).
+/// A fan is taken if the sine of its smallest angle is at least this share of the best filling's.
+/// On a map a fan can always be undone; 0.6 makes 96 to 99 of 100 fillings fans and costs less than
+/// a degree of the mean smallest angle of a level (0.8: 85 to 95 of 100).
 const FAN_SHARE: f64 = 0.6;
 
 /// Quality of a triangle that must not be used.
@@ -24,13 +25,15 @@ pub(super) struct Filler {
     pub(super) triangles: Vec<[u8; 3]>,
     /// Diagonals that must not be used.
     forbidden: Vec<[usize; 2]>,
-    /// Quality of the best filling of the ring positions `i..=j`, and the position `k` that makes it, at `i n + j`.
+    /// Quality of the best filling of the ring positions `i..=j`, and the position `k` that makes
+    /// it, at `i n + j`.
     best: Vec<(f64, usize)>,
     stack: Vec<(usize, usize)>,
 }
 
 impl Filler {
-    /// Fills `star`, without edges that exist elsewhere and without folds; `false` if that does not go.
+    /// Fills `star`, without edges that exist elsewhere and without folds; `false` if that does not
+    /// go.
     pub(super) fn fill(&mut self, star: &Star, surface: &HalfedgeMesh, limits: &Limits) -> bool {
         self.forbidden.clear();
         if !self.optimise(star, limits) {
@@ -39,7 +42,8 @@ impl Filler {
         let count = star.ring.len();
         let exists = |&[i, j]: &[usize; 2]| surface.has_edge(star.ring[i], star.ring[j]);
         if diagonals(&self.triangles, count).any(|d| exists(&d)) {
-            // Rare, so only now every diagonal is tried, and the filling found without those that exist.
+            // Rare, so only now every diagonal is tried, and the filling found without those that
+            // exist.
             let all = (0..count).flat_map(|i| (i + 2..count).map(move |j| [i, j]));
             self.forbidden.extend(all.filter(|d| *d != [0, count - 1] && exists(d)));
             if !self.optimise(star, limits) {
@@ -49,12 +53,14 @@ impl Filler {
         !self.folds(star)
     }
 
-    /// Takes the best fan if it is nearly as good as the best filling, else that; `false` if all are refused.
+    /// Takes the best fan if it is nearly as good as the best filling, else that; `false` if all
+    /// are refused.
     fn optimise(&mut self, star: &Star, limits: &Limits) -> bool {
         let n = star.ring.len();
         let (fan, apex, bound) = self.best_fan(star, limits);
         let share = FAN_SHARE * FAN_SHARE;
-        // Up to five neighbours every filling is a fan, and mostly the bound tells that no filling is much better.
+        // Up to five neighbours every filling is a fan, and mostly the bound tells that no filling
+        // is much better.
         let best = if n <= 5 || fan >= share * bound { fan } else { self.best_filling(star, limits) };
         if best <= 0.0 {
             return false;
@@ -77,8 +83,8 @@ impl Filler {
         true
     }
 
-    /// Quality and apex of the fan whose worst triangle is best, and a bound for all fillings: each has a triangle on
-    /// every side of the ring, and only triangles of fans are on sides.
+    /// Quality and apex of the fan whose worst triangle is best, and a bound for all fillings: each
+    /// has a triangle on every side of the ring, and only triangles of fans are on sides.
     fn best_fan(&self, star: &Star, limits: &Limits) -> (f64, usize, f64) {
         let n = star.ring.len();
         let mut best_on_side = [REFUSED; MAX_RING];
@@ -100,8 +106,8 @@ impl Filler {
         (fan.0, fan.1, best_on_side[..n].iter().copied().fold(f64::INFINITY, f64::min))
     }
 
-    /// The filling whose worst triangle is best, by dynamic programming over the polygons that one diagonal cuts off
-    /// (Klincsek 1980); returns its quality.
+    /// The filling whose worst triangle is best, by dynamic programming over the polygons that one
+    /// diagonal cuts off (Klincsek 1980); returns its quality.
     fn best_filling(&mut self, star: &Star, limits: &Limits) -> f64 {
         let n = star.ring.len();
         self.best.clear();
@@ -147,8 +153,8 @@ impl Filler {
     }
 }
 
-/// Squared sine of the smallest angle of a triangle on the skin, or a refusal if it is inverted on the flattened star,
-/// turned away from the star's normal, or folded over a face beyond the ring.
+/// Squared sine of the smallest angle of a triangle on the skin, or a refusal if it is inverted on
+/// the flattened star, turned away from the star's normal, or folded over a face beyond the ring.
 fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
     let (a, b, c) = (star.offsets[i], star.offsets[k], star.offsets[j]);
     let cross = (b - a).cross(c - a);
@@ -261,7 +267,8 @@ mod tests {
         assert!(fill(&flat).is_none(), "a single point");
     }
 
-    /// A spike's neighbours lie on a circle, so its filling faces along the spike, away from all of its star's faces.
+    /// A spike's neighbours lie on a circle, so its filling faces along the spike, away from all of
+    /// its star's faces.
     #[test]
     fn only_what_faces_the_same_way_may_replace_a_star() {
         let mut pleated = wheel(&[1.0; 8]);

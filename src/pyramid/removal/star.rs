@@ -1,4 +1,5 @@
-//! The faces around one vertex, gathered and flattened; decides whether their shape allows the removal.
+//! The faces around one vertex, gathered and flattened; decides whether their shape allows the
+//! removal.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,7 +10,8 @@ use crate::{
     mesh::{Halfedge, HalfedgeMesh, MAX_RING},
 };
 
-/// A corner of a star below this angle, in rad, has no direction that rounding leaves alone; such a star is not flattened.
+/// A corner of a star below this angle, in rad, has no direction that rounding leaves alone; such a
+/// star is not flattened.
 const MIN_ANGLE: f64 = 1e-9;
 
 /// How far a removal may change the surface.
@@ -17,12 +19,13 @@ const MIN_ANGLE: f64 = 1e-9;
 pub(super) struct Limits {
     /// Cosine of the largest angle between a filling triangle and the star it replaces; positive.
     pub(super) min_cos_turn: f64,
-    /// Largest distance of a removed boundary vertex from the new boundary edge, in lengths of that edge.
+    /// Largest distance of a removed boundary vertex from the new boundary edge, in lengths of that
+    /// edge.
     pub(super) max_sagitta: f64,
 }
 
-/// Whether a triangle folds over its neighbour across an edge, both told by their cross products: they turn away from
-/// each other by more than a right angle.
+/// Whether a triangle folds over its neighbour across an edge, both given by their cross products:
+/// they turn away from each other by more than a right angle.
 pub(super) fn folds_over(triangle: DVec3, neighbour: DVec3) -> bool {
     triangle.dot(neighbour) < 0.0
 }
@@ -41,12 +44,14 @@ pub(super) struct Star {
     pub(super) offsets: Vec<DVec3>,
     /// Sum of the faces' cross products: twice the star's area along its normal.
     pub(super) normal: DVec3,
-    /// Cross product of the face across each side of the ring; zero where there is none to compare with.
+    /// Cross product of the face across each side of the ring; zero where there is none to compare
+    /// with.
     pub(super) beyond: Vec<DVec3>,
 }
 
 impl Star {
-    /// Gathers the star of `v` into the buffers of `self` and flattens it; `false` if its shape forbids the removal.
+    /// Gathers the star of `v` into the buffers of `self` and flattens it; `false` if its shape
+    /// forbids the removal.
     pub(super) fn gather(
         &mut self,
         surface: &HalfedgeMesh,
@@ -58,8 +63,9 @@ impl Star {
         self.halfedges.clear();
         self.offsets.clear();
         self.closed = !surface.is_boundary(v);
-        // A boundary vertex of one face alone would leave no polygon to fill. Vertices with more neighbours than that stay
-        // for now: filling their star costs the cube of it, and their turn comes again when neighbours are gone.
+        // A boundary vertex of one face alone would leave no polygon to fill. Vertices with more
+        // than [`MAX_RING`] neighbours stay for now: filling their star costs the cube of that
+        // number, and their turn comes again when neighbours are gone.
         if !(3..=MAX_RING).contains(&(surface.degree(v) as usize)) {
             return false;
         }
@@ -81,8 +87,9 @@ impl Star {
         true
     }
 
-    /// Lays the ring around the vertex with the lengths of its edges and its angles scaled to a full turn, on a
-    /// boundary to half a one (the conformal map `z^a` of Lee et al. 1998, "MAPS", with `a` on the angles alone).
+    /// Lays the ring around the vertex with the lengths of its edges and its angles scaled to a
+    /// full turn, on a boundary to half a one (the conformal map `z^a` of Lee et al. 1998, "MAPS",
+    /// with `a` on the angles alone).
     fn flatten(&mut self) -> bool {
         let mut angles = [0.0; MAX_RING];
         let mut total = 0.0;
@@ -108,7 +115,8 @@ impl Star {
         angles[..self.halfedges.len()].iter().all(|angle| angle * scale < PI - MIN_ANGLE)
     }
 
-    /// Whether there is more than one face behind a closed star of three: filling it would close a pillow.
+    /// Whether there is more than one face behind a closed star of three: filling it would close a
+    /// pillow.
     fn has_depth(&self, surface: &HalfedgeMesh) -> bool {
         let behind = |i: usize| self.outside(surface, i);
         let [a, b] = [behind(0), behind(1)];
@@ -131,7 +139,8 @@ impl Star {
         surface.twin(self.halfedges[i].next())
     }
 
-    /// Measures the faces around the star. One that folds over the star already sets no limit: the vertex would never go.
+    /// Measures the faces around the star. One that folds over the star already sets no limit: the
+    /// vertex would never go.
     fn look_beyond(&mut self, surface: &HalfedgeMesh, positions: &IdVec<VertexId, DVec3>) {
         self.beyond.clear();
         self.beyond.resize(self.ring.len(), DVec3::ZERO);

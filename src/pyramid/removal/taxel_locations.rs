@@ -20,7 +20,8 @@ struct TaxelLocation {
     weights: [f64; 3],
 }
 
-/// Where all taxels of level 0 lie on the level at hand: on a vertex, or inside a face that lists them.
+/// Where all taxels of level 0 lie on the level at hand: on a vertex, or inside a face that lists
+/// them.
 #[derive(Debug, Clone)]
 pub(in crate::pyramid) struct TaxelLocations {
     /// By level-0 vertex; without meaning for those that are vertices still.
@@ -60,7 +61,8 @@ impl TaxelLocations {
         })
     }
 
-    /// New places for everything inside `star`, whose vertex is the taxel `centre`, in the triangles that fill it.
+    /// New places for everything inside `star`, whose vertex is the taxel `centre`, in the
+    /// triangles that fill it.
     pub(super) fn plan(&self, star: &Star, centre: VertexId, filling: &[[u8; 3]], moves: &mut Vec<Move>) {
         moves.push(locate(star, filling, centre, DVec2::ZERO));
         for (i, side) in star.halfedges.iter().enumerate() {
@@ -101,8 +103,9 @@ impl TaxelLocations {
         self.heads = heads;
     }
 
-    /// The corners and weights of every taxel on `surface`, whose vertices are the taxels `origins`. All three indices
-    /// of a row are the corners of one face, also where one weight is 1.
+    /// The corners and weights of every taxel on `surface`, whose vertices are the taxels
+    /// `origins`. All three indices of a row are the corners of one face, also where one weight is
+    /// 1.
     pub(in crate::pyramid) fn rows(
         &self,
         surface: &HalfedgeMesh,
@@ -120,7 +123,8 @@ impl TaxelLocations {
     }
 }
 
-/// The triangle of `filling` that holds `point` (or is nearest to holding it, by rounding) and its weights there.
+/// The triangle of `filling` that holds `point` (or is nearest to holding it, by rounding) and its
+/// weights there.
 fn locate(star: &Star, filling: &[[u8; 3]], taxel: VertexId, point: DVec2) -> Move {
     let mut best = (f64::NEG_INFINITY, 0, [1.0, 0.0, 0.0]);
     for (triangle, corners) in (0_u8..).zip(filling) {
