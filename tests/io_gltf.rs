@@ -7,10 +7,11 @@ use std::{fs, path::Path};
 
 use dermatome::{
     id::VertexId,
-    io::{IoError, read_draft, read_map, write_map, write_skin},
+    io::{IoError, read_draft, read_map, write_map, write_pyramids, write_skin},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
+    pyramid::{CoarsenOptions, coarsen},
     skin::{AssembleOptions, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, assemble},
 };
 use glam::{DAffine3, DQuat, DVec3};
@@ -112,7 +113,11 @@ fn what_is_written_is_read_by_the_gltf_crate() {
     write_skin(&at("skin.glb"), &robot()).unwrap();
     write_skin(&at("skin.gltf"), &robot()).unwrap();
     write_map(&at("map.glb"), &map()).unwrap();
-    for name in ["skin.glb", "skin.gltf", "map.glb"] {
+    let skin = robot();
+    let pyramid = |p: &Patch| coarsen(&p.mesh, &p.taxels, &CoarsenOptions::default()).unwrap();
+    let pyramids: Vec<_> = skin.patches.iter().map(pyramid).collect();
+    write_pyramids(&at("levels.glb"), &skin, &pyramids).unwrap();
+    for name in ["skin.glb", "skin.gltf", "map.glb", "levels.glb"] {
         let gltf = gltf::Gltf::from_slice(&fs::read(at(name)).unwrap()).unwrap();
         let buffer = gltf.buffers().next().unwrap();
         let bytes = match buffer.source() {

@@ -11,8 +11,9 @@ pub(crate) fn is_rotation(matrix: &DMat3) -> bool {
     rotation_defect(matrix) <= ROTATION_ROUNDING && matrix.determinant() > 0.0
 }
 
-/// Largest entry of `M' M - I`: 0 for a rotation.
+/// Largest entry of `M' M - I`: 0 for a rotation, infinite where an entry is not a number.
 pub(crate) fn rotation_defect(matrix: &DMat3) -> f64 {
     let defect = matrix.transpose() * *matrix - DMat3::IDENTITY;
-    defect.to_cols_array().into_iter().fold(0.0, |worst, x| if x.abs() <= worst { worst } else { x.abs() })
+    let size = |x: f64| if x.is_nan() { f64::INFINITY } else { x.abs() };
+    defect.to_cols_array().into_iter().map(size).fold(0.0, f64::max)
 }

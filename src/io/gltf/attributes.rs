@@ -38,6 +38,15 @@ impl<'a> Attributes<'a> {
         self.by_name.get(name)
     }
 
+    /// An attribute through `read`, if [`Self::get`] finds it.
+    pub(super) fn read<T>(
+        &self,
+        name: &str,
+        read: impl FnOnce(&Accessor<'a>) -> Result<T, IoError>,
+    ) -> Result<Option<T>, IoError> {
+        self.get(name).map(read).transpose()
+    }
+
     /// Checks the attributes of primitive `p` of `mesh`.
     pub(super) fn of(
         document: &'a Document,

@@ -127,6 +127,11 @@ impl Document {
         Ok(self.reals(accessor)?.into_iter().map(convert).collect())
     }
 
+    /// All rows of a scalar accessor.
+    pub(super) fn gather_scalars(&self, accessor: &Accessor<'_>) -> Result<Vec<f64>, IoError> {
+        self.gather(accessor, |[x]: [f64; 1]| x)
+    }
+
     fn reals<const N: usize>(&self, accessor: &Accessor<'_>) -> Result<Vec<[f64; N]>, IoError> {
         self.prepare(accessor, N, size_of::<[f64; N]>())?;
         let (component, normalized) = (accessor.component, accessor.json.normalized);

@@ -197,7 +197,7 @@ fn read_level(
     let corners = triangles(document, &name, primitive, mode, positions.len())?;
     let mesh = TriMesh::from_arrays(positions, &corners);
     let areas = attributes.get("_AREA").ok_or_else(|| missing("_AREA"))?;
-    let areas: IdVec<_, _> = document.gather(areas, |[x]: [f64; 1]| x)?.into();
+    let areas: IdVec<_, _> = document.gather_scalars(areas)?.into();
     let map = extras
         .map
         .as_ref()
@@ -206,9 +206,8 @@ fn read_level(
     let uv = read_uv(document, &name, &attributes, &frame)?;
     if extras.level == 0 {
         let ids = attributes.get("_TAXEL_ID").ok_or_else(|| missing("_TAXEL_ID"))?;
-        let density =
-            attributes.get("_DENSITY").map(|a| document.gather(a, |[x]: [f64; 1]| x)).transpose()?;
-        let presence = attributes.get("_PRESENT").map(|a| read_presence(document, a)).transpose()?;
+        let density = attributes.read("_DENSITY", |a| document.gather_scalars(a))?;
+        let presence = attributes.read("_PRESENT", |a| read_presence(document, a))?;
         let presence = presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from);
         let normals = read_normals(document, &attributes)?.ok_or_else(|| missing("NORMAL"))?;
         *taxels = Taxels {

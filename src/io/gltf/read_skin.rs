@@ -17,7 +17,7 @@ use crate::{
             triangles::{Mode, triangles},
         },
     },
-    skin::{Draft, Presence, Sheet, TaxelId},
+    skin::{Covariance, Draft, Presence, Sheet, TaxelId},
 };
 
 /// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of
@@ -112,13 +112,13 @@ fn append_vertices(
     let element = &attributes.element;
     let join = Join { document, element, first };
 
-    let ids = attributes.get("_TAXEL_ID").map(|a| read_ids(document, a)).transpose()?;
+    let ids = attributes.read("_TAXEL_ID", |a| read_ids(document, a))?;
     join.all_or_none("_TAXEL_ID", &mut sheet.ids, ids)?;
-    let presence = attributes.get("_PRESENT").map(|a| read_presence(document, a)).transpose()?;
+    let presence = attributes.read("_PRESENT", |a| read_presence(document, a))?;
     join.all_or_none("_PRESENT", &mut sheet.presence, presence)?;
-    let scalar = |name| attributes.get(name).map(|a| document.gather(a, |[x]: [f64; 1]| x)).transpose();
-    join.all_or_none("_AREA", &mut sheet.areas, scalar("_AREA")?)?;
-    join.all_or_none("_DENSITY", &mut sheet.densities, scalar("_DENSITY")?)?;
+    let scalars = |name| attributes.read(name, |a| document.gather_scalars(a));
+    join.all_or_none("_AREA", &mut sheet.areas, scalars("_AREA")?)?;
+    join.all_or_none("_DENSITY", &mut sheet.densities, scalars("_DENSITY")?)?;
     join.all_or_none("_COVARIANCE_0", &mut sheet.covariances, read_covariances(document, attributes)?)?;
 
     // A primitive without normals is flat by the rules of glTF: its triangles know better than a
@@ -206,7 +206,7 @@ pub(super) fn read_covariances(
     document: &Document,
     attributes: &Attributes<'_>,
 ) -> Result<Option<Vec<[f64; 6]>>, IoError> {
-    let half = |name| attributes.get(name).map(|a| document.gather(a, |row: [f64; 3]| row)).transpose();
+    let half = |name| attributes.read(name, |a| document.gather(a, |row: [f64; 3]| row));
     let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| [xx, xy, xz, yy, yz, zz];
     let halves = half("_COVARIANCE_0")?.zip(half("_COVARIANCE_1")?);
     Ok(halves.map(|(first, second)| first.into_iter().zip(second).map(join).collect()))
@@ -227,7 +227,7 @@ pub(super) fn read_ids(document: &Document, accessor: &Accessor<'_>) -> Result<V
             )),
         };
     }
-    let raw = document.gather(accessor, |[x]: [f64; 1]| x)?;
+    let raw = document.gather_scalars(accessor)?;
     let odd = |&x: &f64| x.fract() != 0.0 || !(0.0..=EXACT).contains(&x) || accessor.json.normalized;
     if let Some(row) = raw.iter().position(odd) {
         let found = format!("taxel id {} in row {row}", raw[row]);
@@ -248,7 +248,7 @@ pub(super) fn read_ids(document: &Document, accessor: &Accessor<'_>) -> Result<V
 
 /// What each slot holds.
 pub(super) fn read_presence(document: &Document, accessor: &Accessor<'_>) -> Result<Vec<Presence>, IoError> {
-    let raw = document.gather(accessor, |[x]: [f64; 1]| x)?;
+    let raw = document.gather_scalars(accessor)?;
     let refuse = |row: usize, x: f64| {
         let found = format!("_PRESENT {x} in row {row}");
         document.invalid(accessor.name(), found, "0 (absent), 1 (present) or 2 (thermal pad)")
@@ -267,10 +267,9 @@ fn bake(sheet: &mut Sheet, stretch: DMat3) {
         *n = (of_normals * *n).normalize_or_zero();
     }
     for c in sheet.covariances.iter_mut().flatten() {
-        let [xx, xy, xz, yy, yz, zz] = *c;
-        let spread = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
-        let [x, y, z] = (stretch * spread * stretch.transpose()).to_cols_array_2d();
-        *c = [x[0], x[1], x[2], y[1], y[2], z[2]];
+        // The lower triangle: rounding makes it differ from the upper one in the last bits.
+        let stretched = stretch * Covariance::from_array(*c).to_matrix() * stretch.transpose();
+        *c = Covariance::from_matrix(&stretched.transpose()).to_array();
     }
     if stretch.determinant() < 0.0 {
         sheet.triangles.iter_mut().for_each(|t| t.swap(1, 2));

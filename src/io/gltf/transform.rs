@@ -8,8 +8,8 @@ use crate::io::{
 };
 
 /// A matrix whose columns are orthonormal to this much is taken for a rotation: f32 rounding leaves
-/// about 1e-7.
-const RIGID: f64 = 1e-6;
+/// about 1e-7, and a quaternion holds no more.
+pub(super) const RIGID: f64 = 1e-6;
 /// How far a quaternion may be from unit length; the Khronos validator allows as much.
 const UNIT_ROTATION: f64 = 5e-5;
 /// Largest cosine between the axes of a node's matrix: more is shear, which glTF forbids.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{DMat3, DQuat};
+use glam::DQuat;
 use gltf::json::{Index, Node, Scene, scene::UnitQuaternion};
 
 use crate::{
@@ -10,14 +10,14 @@ use crate::{
     io::{
         IoError,
         file::source::unfit,
-        gltf::writer::{SceneWriter, narrow},
+        gltf::{
+            transform::RIGID,
+            writer::{SceneWriter, narrow},
+        },
     },
+    mesh::rotation_defect,
     skin::{Link, LinkId},
 };
-
-/// Largest deviation of a link's axes from orthonormal: a link's frame is rigid, and a quaternion
-/// holds no more.
-const RIGID: f64 = 1e-6;
 
 /// Adds a scene with a node for each link that `wanted` names, and `patches` (links and the nodes
 /// of what hangs on them) under their links.
@@ -66,8 +66,7 @@ fn refuse(path: &Path, link: LinkId, found: &str, needed: &str) -> IoError {
 fn node_of(path: &Path, link: LinkId, description: &Link) -> Result<Node, IoError> {
     let Link { name, pose, .. } = description;
     let axes = pose.matrix3;
-    let orthonormal = (axes.transpose() * axes).abs_diff_eq(DMat3::IDENTITY, RIGID);
-    if !pose.is_finite() || !orthonormal || axes.determinant() < 0.0 {
+    if !pose.is_finite() || rotation_defect(&axes) > RIGID || axes.determinant() < 0.0 {
         return Err(refuse(path, link, "a pose that is not rigid", "rotation and translation"));
     }
     let translation = pose.translation.to_array().map(narrow);

@@ -22,7 +22,7 @@ use crate::{
         },
     },
     mesh::TriMesh,
-    skin::{Patch, Skin, TaxelId, Taxels},
+    skin::{Covariance, Patch, Skin, TaxelId, Taxels},
 };
 
 /// Writes a skin as one binary file: a node for each link, and under it one for each of its
@@ -181,7 +181,7 @@ impl<'a> SheetWriter<'a> {
                 "finite f32",
             ));
         }
-        let sigma = |c: &[f64; 6]| [narrow((c[0] + c[3] + c[5]).max(0.0).sqrt())];
+        let sigma = |c: &[f64; 6]| [narrow(Covariance::from_array(*c).sigma())];
         self.insert("_SIGMA", |writer| writer.attribute(covariances.iter().map(sigma)));
         for (name, first) in [("_COVARIANCE_0", 0), ("_COVARIANCE_1", 3)] {
             let row = |c: &[f64; 6]| [narrow(c[first]), narrow(c[first + 1]), narrow(c[first + 2])];

