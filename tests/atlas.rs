@@ -11,7 +11,7 @@ use dermatome::{
     skin::TaxelId,
 };
 use glam::{DVec2, DVec3};
-use maps::{flat_patch, level_id, mapped_level, patch};
+use maps::{flat_patch, images::WholeImage, level_id, mapped_level, patch};
 use proptest::prelude::*;
 
 fn chart(patch: &PatchMap) -> Chart<'_> {
@@ -34,14 +34,14 @@ fn pixels(chart: &Chart<'_>) -> impl Iterator<Item = (u32, u32)> + use<> {
     (0..height).flat_map(move |row| (0..width).map(move |column| (column, row)))
 }
 
-fn floats<'a>(image: &'a dermatome::atlas::TactileImage, name: &str) -> &'a [f32] {
+fn floats<'a>(image: &'a WholeImage, name: &str) -> &'a [f32] {
     match image.channel(name) {
         Some(Samples::F32(x)) => x,
         other => panic!("channel {name}: {other:?}"),
     }
 }
 
-fn ids<'a>(image: &'a dermatome::atlas::TactileImage, name: &str) -> &'a [u32] {
+fn ids<'a>(image: &'a WholeImage, name: &str) -> &'a [u32] {
     match image.channel(name) {
         Some(Samples::U32(x)) => x,
         other => panic!("channel {name}: {other:?}"),
@@ -113,11 +113,12 @@ fn edges_through_pixel_centres_are_owned_once() {
 
 #[test]
 fn a_linear_field_is_drawn_linear() {
-    let cap = flat_patch("cap", shapes::cap(300, 0.1, 1.2), 0.001);
-    let chart = chart(&cap);
     let field = |p: DVec2| 3.0 * p.x - 2.0 * p.y + 0.5;
-    let drawn = chart.render(&cap.levels[level_id(0)].uv.map(|&p| field(p)));
-    for ((column, row), &value) in pixels(&chart).zip(&drawn) {
+    let mut mesh = shapes::cap(300, 0.1, 1.2);
+    mesh.positions.iter_mut().for_each(|p| p.z = field(p.truncate()));
+    let cap = flat_patch("cap", mesh, 0.001);
+    let (chart, image) = (chart(&cap), maps::image(&cap, 0));
+    for ((column, row), &value) in pixels(&chart).zip(floats(&image, "position.Z")) {
         let expected = face(&chart, column, row).map_or(0.0, |_| field(chart.centre(column, row)));
         assert!((f64::from(value) - expected).abs() < 1e-6, "pixel {column}, {row}: {value}, not {expected}");
     }
@@ -250,7 +251,7 @@ fn stretch_of_known_maps() {
 fn bands_of_rows_are_the_image() {
     let map = flat_patch("cap", shapes::cap(500, 0.1, 1.0), 0.001);
     let image = LevelImage::new(&map, level_id(0)).unwrap();
-    let (whole, height) = (image.to_image(), image.frame().size_px[1]);
+    let (whole, height) = (WholeImage::of(&image), image.frame().size_px[1]);
     for rows in [0..1, 3..40, 17..height] {
         assert_eq!(
             image.rows(rows.clone()),

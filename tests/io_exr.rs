@@ -6,7 +6,7 @@ mod maps;
 use std::{collections::BTreeMap, fs, mem::discriminant, path::Path};
 
 use dermatome::{
-    atlas::{Channel, ImageRows, Samples, TactileImage, skin_images},
+    atlas::{ImageRows, Samples, skin_images},
     io::{IoError, part_name, write_images},
     map::ImageFrame,
     mesh::shapes,
@@ -19,7 +19,11 @@ use exr::{
     prelude::{Compression, FlatSamples, Image, ReadChannels, ReadLayers, Vec2, read},
 };
 use glam::DVec2;
-use maps::{flat_patch, skin, square_pyramid};
+use maps::{
+    flat_patch,
+    images::{Channel, WholeImage},
+    skin, square_pyramid,
+};
 
 /// What the file holds: part by part the size and the channels.
 fn read_back(path: &Path) -> Vec<(String, [usize; 2], BTreeMap<String, FlatSamples>)> {
@@ -40,7 +44,7 @@ fn bits(samples: &Samples) -> Vec<u32> {
     }
 }
 
-fn assert_holds(path: &Path, images: &[TactileImage]) {
+fn assert_holds(path: &Path, images: &[WholeImage]) {
     let parts = read_back(path);
     assert_eq!(parts.len(), images.len(), "one part per image");
     for ((name, size, channels), image) in parts.iter().zip(images) {
@@ -67,12 +71,12 @@ fn frame(width: u32, height: u32) -> ImageFrame {
     }
 }
 
-fn tiny(name: &str) -> TactileImage {
+fn tiny(name: &str) -> WholeImage {
     let channels = vec![
         Channel { name: "taxel.id".into(), samples: Samples::U32(vec![u32::MAX - 1]) },
         Channel { name: "A".into(), samples: Samples::F32(vec![-0.0]) },
     ];
-    TactileImage { name: name.into(), frame: frame(1, 1), channels }
+    WholeImage { name: name.into(), frame: frame(1, 1), channels }
 }
 
 #[test]
@@ -85,7 +89,7 @@ fn every_level_is_read_back_bit_by_bit() {
     ]);
     let images = skin_images(&map).unwrap();
     write_images(&path, &images).unwrap();
-    let whole: Vec<_> = images.iter().map(|i| i.to_image()).collect();
+    let whole: Vec<_> = images.iter().map(|i| WholeImage::of(i)).collect();
     assert_eq!(
         whole.iter().map(|i| i.name.as_str()).collect::<Vec<_>>(),
         ["palm/L0", "palm/L1", "palm/L2", "cap/L0"]
@@ -178,9 +182,9 @@ fn what_cannot_be_written_leaves_the_old_file() {
     let path = folder.path().join("map.exr");
     let old = tiny("old");
     write_images(&path, std::slice::from_ref(&old)).unwrap();
-    let empty = TactileImage { frame: frame(0, 3), ..tiny("empty") };
-    let hollow = TactileImage { channels: Vec::new(), ..tiny("hollow") };
-    let torn = TactileImage { frame: frame(7, 50), ..tiny("torn") };
+    let empty = WholeImage { frame: frame(0, 3), ..tiny("empty") };
+    let hollow = WholeImage { channels: Vec::new(), ..tiny("hollow") };
+    let torn = WholeImage { frame: frame(7, 50), ..tiny("torn") };
     for images in [vec![], vec![empty], vec![hollow], vec![torn], vec![tiny("twice"), tiny("twice")]] {
         let result = write_images(&path, &images);
         assert!(matches!(result, Err(IoError::Unfit { .. })), "{images:?}: {result:?}");

@@ -12,7 +12,7 @@ use dermatome::{
     id::{IdVec, VertexId},
     io::{IoError, read_draft, replace_file, write_flat, write_json, write_skin},
     mesh::shapes,
-    skin::{Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, world_pose},
+    skin::{Covariance, Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, world_pose},
 };
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use proptest::prelude::*;
@@ -177,13 +177,14 @@ fn tables_keep_covariances_in_the_world() {
     let mut skin = robot();
     let told = DMat3::from_diagonal(DVec3::new(1e-6, 4e-6, 9e-6));
     for patch in skin.patches.iter_mut() {
-        patch.taxels.covariances = Some(patch.taxels.ids.map(|_| [1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6]));
+        patch.taxels.covariances =
+            Some(patch.taxels.ids.map(|_| Covariance::from_array([1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6])));
     }
     let draft = write_and_read(&folder, "csv", &skin);
     for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
         let matrix = world_pose(&skin.links, patch.link).matrix3;
         let expected = matrix * told * matrix.transpose();
-        let [xx, xy, xz, yy, yz, zz] = sheet.covariances.as_ref().unwrap()[0];
+        let [xx, xy, xz, yy, yz, zz] = sheet.covariances.as_ref().unwrap()[0].to_array();
         let found = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
         assert!(found.abs_diff_eq(expected, 1e-18), "{}: {found} is not {expected}", patch.name);
     }

@@ -12,7 +12,9 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::{CoarsenOptions, coarsen},
-    skin::{AssembleOptions, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, assemble},
+    skin::{
+        AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, assemble,
+    },
 };
 use glam::{DAffine3, DQuat, DVec3};
 use gltf_files::{Glb, f32s, u16s};
@@ -36,7 +38,7 @@ fn robot() -> Skin {
     palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
     // Exact in `f32`.
     let covariance = [4.0, -1.0, 0.5, 2.0, 0.25, 1.0].map(|x: f64| x / f64::from(1 << 20));
-    palm.taxels.covariances = Some(palm.taxels.areas.map(|_| covariance));
+    palm.taxels.covariances = Some(palm.taxels.areas.map(|_| Covariance::from_array(covariance)));
     skin.patches.push(palm);
     skin.patches.push(Patch::from_mesh("back", other, shapes::lattice(5, 4, 0.0078125)));
     skin
@@ -188,6 +190,11 @@ fn a_map_reads_back_the_same() {
     for (got, want) in back.patches.iter().zip(&map.patches) {
         assert_eq!((&got.name, got.link, &got.taxels.ids), (&want.name, want.link, &want.taxels.ids));
         assert_eq!(got.taxels.covariances, want.taxels.covariances, "of {}", want.name);
+        assert_eq!(got.taxels.presence, want.taxels.presence, "of {}", want.name);
+        assert_eq!(got.taxels.densities.is_some(), want.taxels.densities.is_some(), "of {}", want.name);
+        for (a, b) in got.taxels.densities.iter().flatten().zip(want.taxels.densities.iter().flatten()) {
+            assert!((a / b - 1.0).abs() < 1e-6, "density {a} is {b} but for rounding");
+        }
         assert_eq!(got.levels.len(), want.levels.len(), "{}", want.name);
         for (got, want) in got.levels.iter().zip(&want.levels) {
             assert_eq!(got.level.mesh.triangles, want.level.mesh.triangles);
@@ -816,6 +823,26 @@ fn read_map_bytes(bytes: &[u8]) -> Result<SkinMap, IoError> {
     read_map(&path)
 }
 
+/// Files of before told centres by their weights alone, and all of their taxels were present.
+#[test]
+fn an_older_map_reads_the_same_but_for_what_it_does_not_say() {
+    let map = read_map_bytes(&map_file()).unwrap();
+    let mut glb = Glb::parse(&map_file());
+    for k in 0..glb.json["meshes"].as_array().unwrap().len() {
+        glb.json["meshes"][k]["extras"]["dermatome"].as_object_mut().unwrap().remove("origins");
+        let attributes = glb.json["meshes"][k]["primitives"][0]["attributes"].as_object_mut().unwrap();
+        attributes.remove("_PRESENT");
+        attributes.remove("_DENSITY");
+    }
+    let mut older = read_map_bytes(&glb.bytes()).unwrap();
+    for (older, patch) in older.patches.iter_mut().zip(&map.patches) {
+        assert!(older.taxels.presence.iter().all(|&p| p == Presence::Present));
+        older.taxels.presence = patch.taxels.presence.clone();
+        older.taxels.densities = patch.taxels.densities.clone();
+    }
+    assert_eq!(older, map);
+}
+
 #[test]
 fn a_map_that_lies_is_refused_by_name() {
     let glb = Glb::parse(&map_file());
@@ -838,6 +865,8 @@ fn a_map_that_lies_is_refused_by_name() {
         (extras(finest, "up/indices"), json!(count), &["palm/L0 up", "accessor"]),
         (extras(finest, "up/indices"), up["weights"].clone(), &["5126"]),
         (extras(finest, "up/weights"), up["indices"].clone(), &["palm/L0", "from_coarser", "weights"]),
+        (extras(next, "origins"), json!(count), &["palm/L1 origins", "accessor"]),
+        (extras(next, "origins"), up["indices"].clone(), &["VEC3"]),
         (extras(finest, "map/size"), json!([0, 1]), &["palm/L0", "frame"]),
         (extras(finest, "map/size"), json!([1]), &["extras.dermatome"]),
         (extras(finest, "map/pixels"), json!([0, 1]), &["palm/L0", "pixel"]),

@@ -8,7 +8,7 @@ use dermatome::{
     map::{MapLevel, PatchMap, SkinMap},
     mesh::shapes,
     pyramid::Level,
-    skin::{LinkId, PatchId},
+    skin::{Covariance, LinkId, PatchId},
 };
 use glam::{DVec2, DVec3};
 use maps::{level_id, skin, square_pyramid};
@@ -24,7 +24,8 @@ fn map() -> SkinMap {
     map.patches[PatchId::new(1)].link = map.links.push(hand);
     let palm = patch(&mut map);
     palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
-    palm.taxels.covariances = Some(palm.taxels.areas.map(|_| [1e-6, 0.0, 0.0, 1e-6, 0.0, 0.0]));
+    palm.taxels.covariances =
+        Some(palm.taxels.areas.map(|_| Covariance::from_array([1e-6, 0.0, 0.0, 1e-6, 0.0, 0.0])));
     map
 }
 
@@ -86,7 +87,7 @@ fn every_broken_field_is_refused_by_name() {
     });
     for wrong in [[f64::NAN; 6], [-1e-6, 0.0, 0.0, 0.0, 0.0, 0.0], [1e-6, 2e-6, 0.0, 1e-6, 0.0, 0.0]] {
         refused(&["\"palm\"", "vertex 6", "covariance"], &|m| {
-            patch(m).taxels.covariances.as_mut().unwrap()[v(6)] = wrong;
+            patch(m).taxels.covariances.as_mut().unwrap()[v(6)] = Covariance::from_array(wrong);
         });
     }
     // Levels.

@@ -388,7 +388,7 @@ fn calibrated_taxels_go_into_tables_and_skins() {
     let sheet = read_draft(&at("s.glb")).unwrap().sheets.remove(0);
     let covariances = sheet.covariances.unwrap();
     let expected = found.marginals.unwrap().positions[VertexId::new(7)];
-    assert!((covariances[7][0] / expected.xx - 1.0).abs() < 1e-6, "{:?} is not {expected:?}", covariances[7]);
+    assert!((covariances[7].xx / expected.xx - 1.0).abs() < 1e-6, "{:?} is not {expected:?}", covariances[7]);
 }
 
 /// A wrong header is the error, whether rows follow or not; a part of a quaternion is no rotation.

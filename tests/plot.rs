@@ -192,7 +192,7 @@ fn no_text_leaves_the_picture_or_runs_into_another() {
         let mut patch = square_pyramid(name, &[13, 7, 4], 0.06, 0.001);
         let distortion = &mut patch.levels[level_id(1)].distortion;
         (distortion.qc_mean, distortion.qc_max) = (12_345.678, 98_765_432.1);
-        let map = skin(vec![patch, palm()]);
+        let map = skin(vec![patch, PatchMap { name: "hand".into(), ..palm() }]);
         for (width_px, space) in
             [(200, None), (200, Some(Viewpoint::default())), (400, Some(Viewpoint::default())), (1600, None)]
         {

@@ -12,7 +12,7 @@ use dermatome::{
     map::SkinMap,
     mesh::{TriMesh, shapes},
     plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
-    skin::Skin,
+    skin::{Covariance, Skin},
 };
 use glam::DVec3;
 use maps::{level_id, skin, square_pyramid};
@@ -47,7 +47,8 @@ fn calibrated_cap(faces: usize) -> Skin {
     let mut skin = Skin::from_mesh("cap", shapes::cap(faces, 0.1, 1.2));
     for patch in skin.patches.iter_mut() {
         let variance = |p: &DVec3| 1e-6 * (1.0 + 200.0 * p.truncate().length_squared());
-        patch.taxels.covariances = Some(patch.mesh.positions.map(|p| [variance(p) / 3.0; 6]));
+        patch.taxels.covariances =
+            Some(patch.mesh.positions.map(|p| Covariance::from_array([variance(p) / 3.0; 6])));
     }
     skin
 }

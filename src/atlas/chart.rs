@@ -3,7 +3,6 @@
 //! the smallest face wins, and how often that happened is counted.
 
 use glam::DVec2;
-use rayon::prelude::*;
 
 use crate::{
     atlas::{
@@ -120,24 +119,6 @@ impl<'a> Chart<'a> {
         Some(SurfacePoint { face, barycentric })
     }
 
-    /// One value per vertex as an image: linear inside of each face, 0 where there is none.
-    ///
-    /// # Panics
-    /// If there are fewer values than vertices.
-    #[must_use]
-    pub fn render(&self, values: &IdVec<VertexId, f64>) -> Vec<f32> {
-        let width = self.frame.size_px[0] as usize;
-        let mut pixels = vec![0.0_f32; self.faces.len()];
-        pixels.par_chunks_mut(width).zip(0..self.frame.size_px[1]).for_each(|(pixels, row)| {
-            self.each_in_row(row, |column, face, weights| {
-                let corners = self.mesh.triangles[face];
-                let value = corners.iter().zip(weights).map(|(&v, w)| w * values[v]).sum();
-                pixels[column] = narrow(value);
-            });
-        });
-        pixels
-    }
-
     /// Calls `visit(column, face, barycentric)` for the covered pixels of a row, left to right.
     pub(super) fn each_in_row(&self, row: u32, mut visit: impl FnMut(usize, FaceId, [f64; 3])) {
         let width = self.frame.size_px[0] as usize;
@@ -185,12 +166,6 @@ impl Barycentric {
 /// Patch and level as files name them: `palm/L0`.
 pub(super) fn image_name(patch: &PatchMap, level: LevelId) -> String {
     format!("{}/L{level}", patch.name)
-}
-
-/// Images are 32-bit floats.
-#[expect(clippy::cast_possible_truncation, reason = "EXR stores f32")]
-pub(super) fn narrow(x: f64) -> f32 {
-    x as f32
 }
 
 fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {

@@ -4,12 +4,11 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::{
     atlas::{
-        AtlasError, Channel, Chart, ImageRows, SampleKind, Samples, Stretch, TactileImage,
-        chart::{check_total, image_name, narrow},
+        AtlasError, Chart, ImageRows, SampleKind, Samples, Stretch,
+        chart::{check_total, image_name},
         face_stretch,
     },
     id::{FaceId, IdVec, VertexId},
@@ -79,33 +78,6 @@ impl<'a> LevelImage<'a> {
         Ok(Self { name, patch, level, normals, finest, light: light(&level.level.mesh), chart })
     }
 
-    /// The whole image in memory.
-    #[must_use]
-    pub fn to_image(&self) -> TactileImage {
-        /// Rows computed by one task.
-        const BAND: u32 = 16;
-        let [width, height] = self.frame().size_px;
-        let bands: Vec<_> = (0..height.div_ceil(BAND))
-            .into_par_iter()
-            .map(|band| self.rows(band * BAND..height.min((band + 1) * BAND)))
-            .collect();
-        let layouts = self.channels();
-        let mut channels: Vec<_> =
-            layouts.into_iter().map(|(name, kind)| empty(name, kind, width, height)).collect();
-        for band in bands {
-            for (channel, part) in channels.iter_mut().zip(band) {
-                match (&mut channel.samples, part) {
-                    (Samples::F32(all), Samples::F32(part)) => all.extend(part),
-                    (Samples::U32(all), Samples::U32(part)) => all.extend(part),
-                    (Samples::F32(_), Samples::U32(_)) | (Samples::U32(_), Samples::F32(_)) => {
-                        unreachable!("`rows` follows the layout")
-                    }
-                }
-            }
-        }
-        TactileImage { name: self.name.clone(), frame: *self.frame(), channels }
-    }
-
     /// The measures of one pixel, in the order of [`MEASURES`].
     fn measures(&self, face: FaceId, weights: [f64; 3], stretch: Stretch) -> [f64; 12] {
         let mesh = &self.level.level.mesh;
@@ -170,14 +142,10 @@ impl ImageRows for LevelImage<'_> {
     }
 }
 
-/// A channel with room for all of its samples.
-fn empty(name: String, kind: SampleKind, width: u32, height: u32) -> Channel {
-    let count = width as usize * height as usize;
-    let samples = match kind {
-        SampleKind::F32 => Samples::F32(Vec::with_capacity(count)),
-        SampleKind::U32 => Samples::U32(Vec::with_capacity(count)),
-    };
-    Channel { name, samples }
+/// Images are 32-bit floats.
+#[expect(clippy::cast_possible_truncation, reason = "EXR stores f32")]
+fn narrow(x: f64) -> f32 {
+    x as f32
 }
 
 /// Direction the light comes from: where the mesh faces on the whole, or up if it faces everywhere.

@@ -2,8 +2,7 @@
 //!
 //! A [`Chart`] says for every pixel of a level's image which face and which place in it the pixel
 //! shows. [`LevelImage`] fills the channels of `map.exr` from it, a band of rows at a time, so that
-//! an image of a whole skin need never be in memory at once; [`LevelImage::to_image`] gives the same
-//! as one [`TactileImage`].
+//! an image of a whole skin need never be in memory at once.
 
 mod chart;
 mod error;
@@ -14,6 +13,6 @@ mod stretch;
 
 pub use chart::Chart;
 pub use error::AtlasError;
-pub use image::{Channel, ImageRows, SampleKind, Samples, TactileImage};
+pub use image::{ImageRows, SampleKind, Samples};
 pub use level_image::{LevelImage, skin_images};
 pub use stretch::{Stretch, face_stretch};

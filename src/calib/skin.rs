@@ -145,8 +145,7 @@ fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assem
     if faces.is_empty() {
         return Err("there are none".into());
     }
-    let covariances =
-        calibration.marginals.as_ref().map(|m| m.positions.iter().map(|c| c.to_array()).collect());
+    let covariances = calibration.marginals.as_ref().map(|m| m.positions.iter().copied().collect());
     let sheet = Sheet {
         name: "skin".into(),
         positions: calibration.poses.iter().map(|p| p.position).collect(),

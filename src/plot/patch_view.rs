@@ -8,7 +8,7 @@ use crate::{
     mesh::TriMesh,
     plot::PlotError,
     pyramid::LevelId,
-    skin::{Patch, Skin, TaxelId, world_pose},
+    skin::{Covariance, Patch, Skin, TaxelId, world_pose},
 };
 
 /// The parts of a patch that pictures show.
@@ -19,7 +19,7 @@ pub(crate) struct PatchView<'a> {
     /// The link's frame in the world.
     pub(crate) pose: DAffine3,
     pub(crate) ids: &'a IdVec<VertexId, TaxelId>,
-    covariances: Option<&'a IdVec<VertexId, [f64; 6]>>,
+    covariances: Option<&'a IdVec<VertexId, Covariance>>,
     /// The levels with their maps; `None` for a skin that has no map.
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
 }
@@ -66,6 +66,6 @@ impl<'a> PatchView<'a> {
     /// covariance.
     pub(crate) fn sigmas(&self) -> Result<IdVec<VertexId, f64>, PlotError> {
         let unknown = || PlotError::NoCovariances { patch: self.name.to_owned() };
-        Ok(self.covariances.ok_or_else(unknown)?.map(|[xx, _, _, yy, _, zz]| (xx + yy + zz).max(0.0).sqrt()))
+        Ok(self.covariances.ok_or_else(unknown)?.map(|c| c.sigma()))
     }
 }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::MeshError,
-    skin::{Link, LinkId, Presence, Remark, SkinError, TaxelError, TaxelId},
+    skin::{Covariance, Link, LinkId, Presence, Remark, SkinError, TaxelError, TaxelId},
 };
 
 /// A skin as a file holds it, before anything is repaired or refused.
@@ -46,7 +46,7 @@ pub struct Sheet {
     /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
     pub modules: Option<Vec<u32>>,
     /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
-    pub covariances: Option<Vec<[f64; 6]>>,
+    pub covariances: Option<Vec<Covariance>>,
 }
 
 impl Draft {

@@ -10,6 +10,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use crate::{
     id::{IdVec, VertexId},
     mesh::{TriMesh, is_rotation},
+    numeric::Covariance,
 };
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
@@ -71,8 +72,8 @@ pub struct Taxels {
     pub densities: Option<IdVec<VertexId, f64>>,
     /// What each slot holds.
     pub presence: IdVec<VertexId, Presence>,
-    /// How uncertain the positions are: covariances `xx xy xz yy yz zz` in m^2, in the link's frame; `None`: unknown.
-    pub covariances: Option<IdVec<VertexId, [f64; 6]>>,
+    /// How uncertain the positions are, in the link's frame; `None`: unknown.
+    pub covariances: Option<IdVec<VertexId, Covariance>>,
 }
 
 /// Normals go through `f32` in files, which keeps seven digits.
@@ -171,21 +172,13 @@ impl Taxels {
                 }
             }
         }
-        posed.covariances = self.covariances.as_ref().map(|covariances| {
-            covariances.map(|&[xx, xy, xz, yy, yz, zz]| {
-                let turned = matrix
-                    * DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])
-                    * matrix.transpose();
-                let [x, y, z] = [turned.x_axis, turned.y_axis, turned.z_axis];
-                [x.x, y.x, z.x, y.y, z.y, z.z]
-            })
-        });
+        posed.covariances = self.covariances.as_ref().map(|all| all.map(|c| c.conjugate(&matrix)));
         posed
     }
 }
 
 /// Whether all principal minors are non-negative but for rounding: then no direction has a negative variance.
-fn is_covariance(&[xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> bool {
+fn is_covariance(&Covariance { xx, xy, xz, yy, yz, zz }: &Covariance) -> bool {
     let trace = xx + yy + zz;
     let [a, b, c] = [xx * yy - xy * xy, xx * zz - xz * xz, yy * zz - yz * yz];
     let determinant = xx * c - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
@@ -234,13 +227,14 @@ pub enum TaxelError {
     },
     /// A matrix that is not the covariance of a position.
     #[error(
-        "vertex {vertex} has the covariance {found:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \
-         semidefinite"
+        "vertex {vertex} has the covariance {:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \
+         semidefinite",
+        found.to_array()
     )]
     Covariance {
         /// The vertex.
         vertex: VertexId,
         /// The entries found.
-        found: [f64; 6],
+        found: Covariance,
     },
 }

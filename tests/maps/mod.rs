@@ -1,8 +1,10 @@
 //! Maps made by hand from named shapes: what the rooms above `map` are tested on.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test program uses a part of it, and may stop")]
 
+pub(crate) mod images;
+
 use dermatome::{
-    atlas::{LevelImage, TactileImage},
+    atlas::LevelImage,
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
@@ -36,8 +38,8 @@ pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
 }
 
 /// The image of level `k`.
-pub(crate) fn image(patch: &PatchMap, k: usize) -> TactileImage {
-    LevelImage::new(patch, level_id(k)).unwrap().to_image()
+pub(crate) fn image(patch: &PatchMap, k: usize) -> images::WholeImage {
+    images::WholeImage::of(&LevelImage::new(patch, level_id(k)).unwrap())
 }
 
 /// A patch of one level seen from above.

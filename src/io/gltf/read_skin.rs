@@ -205,9 +205,9 @@ pub(super) fn read_normals(
 pub(super) fn read_covariances(
     document: &Document,
     attributes: &Attributes<'_>,
-) -> Result<Option<Vec<[f64; 6]>>, IoError> {
+) -> Result<Option<Vec<Covariance>>, IoError> {
     let half = |name| attributes.read(name, |a| document.gather(a, |row: [f64; 3]| row));
-    let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| [xx, xy, xz, yy, yz, zz];
+    let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| Covariance { xx, xy, xz, yy, yz, zz };
     let halves = half("_COVARIANCE_0")?.zip(half("_COVARIANCE_1")?);
     Ok(halves.map(|(first, second)| first.into_iter().zip(second).map(join).collect()))
 }
@@ -268,8 +268,8 @@ fn bake(sheet: &mut Sheet, stretch: DMat3) {
     }
     for c in sheet.covariances.iter_mut().flatten() {
         // The lower triangle: rounding makes it differ from the upper one in the last bits.
-        let stretched = stretch * Covariance::from_array(*c).to_matrix() * stretch.transpose();
-        *c = Covariance::from_matrix(&stretched.transpose()).to_array();
+        let stretched = stretch * c.to_matrix() * stretch.transpose();
+        *c = Covariance::from_matrix(&stretched.transpose());
     }
     if stretch.determinant() < 0.0 {
         sheet.triangles.iter_mut().for_each(|t| t.swap(1, 2));

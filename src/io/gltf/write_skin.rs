@@ -171,8 +171,9 @@ impl<'a> SheetWriter<'a> {
     }
 
     /// Covariances of positions, and the standard deviation that stands for each.
-    fn covariances(&mut self, covariances: &IdVec<VertexId, [f64; 6]>) -> Result<(), IoError> {
-        if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !c.iter().all(|x| narrow(*x).is_finite()))
+    fn covariances(&mut self, covariances: &IdVec<VertexId, Covariance>) -> Result<(), IoError> {
+        if let Some((v, c)) =
+            covariances.enumerate().find(|(_, c)| !c.to_array().iter().all(|x| narrow(*x).is_finite()))
         {
             return Err(refuse(
                 self.path,
@@ -181,12 +182,12 @@ impl<'a> SheetWriter<'a> {
                 "finite f32",
             ));
         }
-        let sigma = |c: &[f64; 6]| [narrow(Covariance::from_array(*c).sigma())];
+        let sigma = |c: &Covariance| [narrow(c.sigma())];
         self.insert("_SIGMA", |writer| writer.attribute(covariances.iter().map(sigma)));
-        for (name, first) in [("_COVARIANCE_0", 0), ("_COVARIANCE_1", 3)] {
-            let row = |c: &[f64; 6]| [narrow(c[first]), narrow(c[first + 1]), narrow(c[first + 2])];
-            self.insert(name, |writer| writer.attribute(covariances.iter().map(row)));
-        }
+        let first = covariances.iter().map(|c| [c.xx, c.xy, c.xz].map(narrow));
+        self.insert("_COVARIANCE_0", |writer| writer.attribute(first));
+        let second = covariances.iter().map(|c| [c.yy, c.yz, c.zz].map(narrow));
+        self.insert("_COVARIANCE_1", |writer| writer.attribute(second));
         Ok(())
     }
 

@@ -20,7 +20,7 @@ use crate::{
         },
         table::csv_table::{Columns, Row, Table, table_write_error},
     },
-    skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
+    skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
 };
 
 /// Columns of the table of taxels.
@@ -168,7 +168,7 @@ impl Sheets {
             OptionalColumn::of(columns[0], &mut sheet.covariances).push(
                 row,
                 place,
-                row.numbers_if_any(columns)?,
+                row.numbers_if_any(columns)?.map(Covariance::from_array),
             )?;
         }
         if let Some(column) = indices.sigma {
@@ -294,7 +294,7 @@ fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> c
         let n = patch.taxels.normals[v];
         let density = patch.taxels.densities.as_ref().map(|d| d[v]);
         let covariance = match &patch.taxels.covariances {
-            Some(c) => c[v].map(Some),
+            Some(c) => c[v].to_array().map(Some),
             None => [None; 6],
         };
         let numbers = (patch.taxels.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, patch.taxels.areas[v], density);
