@@ -45,7 +45,8 @@ fn atlas(c: &mut Criterion) {
     }
 }
 
-/// A cover of 642 taxels at 6 mm with its coarser levels, 1 mm a pixel: what `build` writes for one patch.
+/// A cover of 642 taxels at 6 mm with its coarser levels, 1 mm a pixel: what `build` writes for one
+/// patch.
 fn cover(c: &mut Criterion) {
     let patch = |faces: usize| flat_patch(&format!("cover {faces}"), shapes::cap(faces, 0.1, 1.0), 0.001);
     let map = maps::skin([1200, 300, 75].map(patch).into());

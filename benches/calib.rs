@@ -1,4 +1,5 @@
-//! Calibration of simulated skins and public pose graphs: start, solve and covariances of every taxel.
+//! Calibration of simulated skins and public pose graphs: start, solve and covariances of every
+//! taxel.
 #![allow(missing_docs, reason = "criterion's macros make undocumented items")]
 #![allow(
     clippy::unwrap_used,

@@ -1,4 +1,5 @@
-//! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, a path, a batch, and making the index.
+//! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, a path, a batch, and making the
+//! index.
 #![allow(missing_docs, clippy::unwrap_used, reason = "benches")]
 
 use std::{hint::black_box, time::Duration};

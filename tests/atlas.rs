@@ -105,7 +105,8 @@ fn edges_through_pixel_centres_are_owned_once() {
     assert_eq!(chart.overlaps(), 0, "no centre in two faces");
     assert_eq!(chart.covered(), 64, "8 x 8: two sides of the square belong to it, two do not");
     for (column, row) in pixels(&chart) {
-        // A hair to the right and down of the centre: the left and the upper side belong to the square.
+        // A hair to the right and down of the centre: the left and the upper side belong to the
+        // square.
         let inside = (1..9).contains(&column) && (2..10).contains(&row);
         assert_eq!(face(&chart, column, row).is_some(), inside, "pixel {column}, {row}");
     }

@@ -49,7 +49,8 @@ fn mean(numbers: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// Normalised squared error of positions after rigid alignment: 3 on average if the covariances are right.
+/// Normalised squared error of positions after rigid alignment: 3 on average if the covariances are
+/// right.
 fn nees(found: &Calibration, truth: &IdVec<VertexId, Pose>, align: bool) -> f64 {
     let motion = if align { compare(&found.poses, truth).unwrap().alignment } else { Pose::IDENTITY };
     let marginals = found.marginals.as_ref().unwrap();
@@ -61,7 +62,8 @@ fn nees(found: &Calibration, truth: &IdVec<VertexId, Pose>, align: bool) -> f64 
     }))
 }
 
-/// The law of the experiment over 20 seeds: RMSE at the Cramér-Rao bound, cost and errors as the noise says.
+/// The law of the experiment over 20 seeds: RMSE at the Cramér-Rao bound, cost and errors as the
+/// noise says.
 #[test]
 fn positions_reach_the_bound() {
     let runs: Vec<_> = (0..20)
@@ -149,7 +151,8 @@ fn poses_with_touched_normals_fit_as_their_noise_says() {
 
 #[test]
 fn wrong_attributions_are_rejected() {
-    // Measured: 1.14 to 1.19, 1.19 to 1.22 and 1.45 to 1.52 mm; with the wrong edges known, about 1.17 and 1.41 mm.
+    // Measured: 1.14 to 1.19, 1.19 to 1.22 and 1.45 to 1.52 mm; with the wrong edges known, about
+    // 1.17 and 1.41 mm.
     for (share, bound) in [(0.0, 1.20), (0.05, 1.30), (0.20, 1.80)] {
         for robust in [Robust::Graduated, Robust::Tukey] {
             let rmse = mean((0..20).map(|seed| {
@@ -188,8 +191,8 @@ fn graduation_leaves_clean_observations_alone() {
 
 /// Minima of public pose graphs in the three conventions.
 ///
-/// The quaternion minimum of parking-garage is lower than the 1.238988 that is often quoted for twice the cost: three
-/// starts agree on it, the last step being 1e-6 m.
+/// The quaternion minimum of parking-garage is lower than the 1.238988 that is often quoted for
+/// twice the cost: three starts agree on it, the last step being 1e-6 m.
 #[test]
 fn public_pose_graphs_reach_their_minima() {
     let minima = [
@@ -240,7 +243,8 @@ fn reversed(observations: &Observations) -> Observations {
     out
 }
 
-/// Permuting taxels also changes which of them holds the gauge: neither cost, shape nor covariance may notice.
+/// Permuting taxels also changes which of them holds the gauge: neither cost, shape nor covariance
+/// may notice.
 #[test]
 fn order_and_gauge_taxel_change_nothing() {
     for model in [Model::Positions, Model::Poses] {
@@ -361,7 +365,8 @@ fn units_do_not_change_the_degrees_of_freedom() {
     assert!(found.fit.p.unwrap() > 1e-3, "{:?}", found.fit);
 }
 
-/// However well its position is known, a prior that tells all six numbers of a pose holds the whole skin.
+/// However well its position is known, a prior that tells all six numbers of a pose holds the whole
+/// skin.
 #[test]
 fn a_full_prior_leaves_nothing_free() {
     let base = simulate(&small(Model::Poses)).unwrap().observations;
@@ -495,8 +500,8 @@ fn rejected_contacts_are_no_anchors() {
     assert!(most < 5e-3, "{most} m");
 }
 
-/// A skin of precise edges whose two coarse contacts contradict each other: rejecting both must not leave the system
-/// singular, nor give up what least squares finds.
+/// A skin of precise edges whose two coarse contacts contradict each other: rejecting both must not
+/// leave the system singular, nor give up what least squares finds.
 #[test]
 fn weak_contacts_that_contradict_are_no_failure() {
     let options = SimulateOptions {
@@ -522,7 +527,8 @@ fn weak_contacts_that_contradict_are_no_failure() {
     );
 }
 
-/// Huber's loss rejects nothing completely: contacts that contradict each other hold the skin all the same.
+/// Huber's loss rejects nothing completely: contacts that contradict each other hold the skin all
+/// the same.
 #[test]
 fn contacts_that_still_pull_are_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..small(Model::Positions) };
@@ -537,7 +543,8 @@ fn contacts_that_still_pull_are_anchors() {
     assert!(found.free.is_empty(), "{:?}", found.free);
 }
 
-/// Contacts five times noisier than stated are no wrong contacts, however many good edges stand beside them.
+/// Contacts five times noisier than stated are no wrong contacts, however many good edges stand
+/// beside them.
 #[test]
 fn most_contacts_of_a_noisy_arm_are_kept() {
     for seed in 0..4 {
@@ -555,7 +562,8 @@ fn most_contacts_of_a_noisy_arm_are_kept() {
     }
 }
 
-/// Two of four contacts agree: these are right. One of two: no telling, and no tearing of the skin either.
+/// Two of four contacts agree: these are right. One of two: no telling, and no tearing of the skin
+/// either.
 #[test]
 fn half_of_the_contacts_may_be_wrong() {
     for (anchors, seed) in [(4, 1), (6, 2), (8, 2), (2, 2)] {
@@ -581,8 +589,8 @@ fn half_of_the_contacts_may_be_wrong() {
     }
 }
 
-/// Two sheets side by side and two long edges between them, which name the distance of the second from the first and the
-/// same plus `apart`.
+/// Two sheets side by side and two long edges between them, which name the distance of the second
+/// from the first and the same plus `apart`.
 fn bridged(apart: f64) -> Observations {
     let one = simulate(&SimulateOptions { outliers: 0.05, ..small(Model::Positions) }).unwrap().observations;
     let other = SimulateOptions { outliers: 0.05, seed: 9, ..small(Model::Positions) };
@@ -673,7 +681,8 @@ fn the_default_stays_within_its_iterations() {
         calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }, &|_, _| {})
             .unwrap();
     assert_eq!(found.termination, Termination::OutOfIterations);
-    // Enough for least squares, not for what they leave in doubt: what there is has the weights of its last step.
+    // Enough for least squares, not for what they leave in doubt: what there is has the weights of
+    // its last step.
     let observations = simulate(&SimulateOptions { outliers: 0.05, seed: 3, ..SimulateOptions::default() })
         .unwrap()
         .observations;
@@ -698,8 +707,9 @@ fn looking_for_outliers_does_not_change_the_verdict() {
     }
 }
 
-/// Pushes every number that was observed by one standard deviation and adds up what that does to the position of every
-/// taxel, after the alignment of the covariance: at a perfect fit that is the covariance.
+/// Pushes every number that was observed by one standard deviation and adds up what that does to
+/// the position of every taxel, after the alignment of the covariance: at a perfect fit that is the
+/// covariance.
 #[test]
 fn covariances_of_poses_are_what_noise_does_after_alignment() {
     for anchors in [0, 4] {
@@ -768,8 +778,8 @@ fn aligned(poses: &IdVec<VertexId, Pose>, found: &Calibration) -> IdVec<VertexId
     poses.iter().map(|p| motion * *p).collect()
 }
 
-/// Covariances against differences: the estimate is linear in the observations, so its covariance is the sum over
-/// observations of what each does to it.
+/// Covariances against differences: the estimate is linear in the observations, so its covariance
+/// is the sum over observations of what each does to it.
 #[test]
 fn covariances_are_what_noise_does_to_the_estimate() {
     let options = SimulateOptions { taxels: 7, anchors: 2, ..SimulateOptions::default() };
@@ -822,7 +832,8 @@ fn anisotropic_information_with_equal_directions_is_isotropic_information() {
     }
 }
 
-/// Two touched points leave the rotation about the line between them open: five motions of six are held.
+/// Two touched points leave the rotation about the line between them open: five motions of six are
+/// held.
 #[test]
 fn partly_anchored_poses_keep_what_is_held() {
     for (anchors, directions) in [(1, 3), (2, 1), (3, 0)] {
@@ -832,7 +843,8 @@ fn partly_anchored_poses_keep_what_is_held() {
         let observed = 6 * simulation.observations.edges.len() + 3 * anchors;
         assert_eq!(found.fit.degrees_of_freedom, observed - (6 * 40 - directions));
         if anchors < 3 {
-            // One or two points fit exactly or stretch: the cost is that of the edges and the distance between them.
+            // One or two points fit exactly or stretch: the cost is that of the edges and the
+            // distance between them.
             assert!(compare(&found.poses, &simulation.truth).unwrap().rigid < 3e-3);
         }
     }
@@ -876,7 +888,8 @@ fn components_are_calibrated_each_in_its_own_gauge() {
     assert!(compare(&part, &alone.poses).unwrap().rigid < 1e-12, "one does not feel the other");
 }
 
-/// Reversing the order of taxels turns the first triangle of a sheet over: sheets must be turned one by one.
+/// Reversing the order of taxels turns the first triangle of a sheet over: sheets must be turned
+/// one by one.
 #[test]
 fn every_sheet_of_a_skin_is_seen_from_outside() {
     let one = simulate(&small(Model::Poses)).unwrap().observations;
@@ -993,7 +1006,8 @@ fn given_triangles_that_are_inside_out_are_turned() {
     );
 }
 
-/// A triangle with a taxel in its middle and all six edges: four triangles, of which one is the boundary.
+/// A triangle with a taxel in its middle and all six edges: four triangles, of which one is the
+/// boundary.
 #[test]
 fn edges_whose_triangles_close_up_are_no_skin() {
     let places = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(-1.0, -1.0, 0.0)];

@@ -23,7 +23,8 @@ fn folder_with(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-/// Two modules of twelve slots side by side, with a thermal pad at slots 6 and 10; the second module has no pads.
+/// Two modules of twelve slots side by side, with a thermal pad at slots 6 and 10; the second
+/// module has no pads.
 fn positions() -> String {
     let mut text = String::from("name\tl_shin\nspatial_sampling taxel\ntaxel2Repr ( ");
     for slot in 0..24 {
@@ -207,8 +208,8 @@ fn the_number_of_threads_changes_no_byte() {
     assert!(one == four);
 }
 
-/// A vendor's table in which a row of taxels stands again, rounded to the digits of an `f32`, a printer or a ruler: what is written
-/// can be read back.
+/// A vendor's table in which a row of taxels stands again, rounded to the digits of an `f32`, a
+/// printer or a ruler: what is written can be read back.
 #[test]
 fn rounded_copies_are_merged_and_the_skin_reads_back() {
     for digits in [4, 5, 9] {
@@ -233,7 +234,8 @@ fn rounded_copies_are_merged_and_the_skin_reads_back() {
     }
 }
 
-/// A table of calibrated taxels is a table of bare taxels: they need no graph that is a triangulation.
+/// A table of calibrated taxels is a table of bare taxels: they need no graph that is a
+/// triangulation.
 #[test]
 fn calibrated_taxels_are_joined_and_keep_what_is_known_of_them() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Where the command writes: never over an input, never twice to one place, and nothing is left of a run that is stopped.
+//! Where the command writes: never over an input, never twice to one place, and nothing is left of
+//! a run that is stopped.
 #![cfg(feature = "cli")]
 #![allow(
     clippy::unwrap_used,

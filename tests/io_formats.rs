@@ -1,5 +1,5 @@
-//! Files of every kind but glTF and EXR: what is written reads back, what is broken is refused by name, and nothing
-//! that a file says makes the readers panic.
+//! Files of every kind but glTF and EXR: what is written reads back, what is broken is refused by
+//! name, and nothing that a file says makes the readers panic.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::{
@@ -224,7 +224,8 @@ fn obj_has_an_object_per_patch() {
     }
 }
 
-/// STL shares no corners and rounds to `f32`, so corners are joined by place and the triangles are what is kept.
+/// STL shares no corners and rounds to `f32`, so corners are joined by place and the triangles are
+/// what is kept.
 #[test]
 fn stl_keeps_triangles_in_single_precision() {
     let folder = TempDir::new().unwrap();
@@ -241,7 +242,8 @@ fn stl_keeps_triangles_in_single_precision() {
     }
 }
 
-/// A link that scales by 2 and mirrors: areas grow by 4, triangles still run counter-clockwise seen along the normals.
+/// A link that scales by 2 and mirrors: areas grow by 4, triangles still run counter-clockwise seen
+/// along the normals.
 #[test]
 fn a_pose_that_scales_and_mirrors_is_carried_into_the_world() {
     let folder = TempDir::new().unwrap();
@@ -354,7 +356,8 @@ fn read_text(kind: &str, text: &str) -> Result<Draft, IoError> {
     read_bytes(kind, text.as_bytes())
 }
 
-/// Counts and indices that no file of this length can mean, and other lies: each is refused, and the place named.
+/// Counts and indices that no file of this length can mean, and other lies: each is refused, and
+/// the place named.
 #[test]
 fn lies_are_refused_by_name() {
     let ply = |rest: &str| format!("ply\nformat ascii 1.0\n{rest}end_header\n");
@@ -485,7 +488,8 @@ fn frames_must_be_rotations() {
     assert_eq!(pose.translation, DVec3::new(0.0, 0.0, 0.024), "the last column");
 }
 
-/// Cut after every 16th byte, a file is refused or read as far as it goes, and every error names the file.
+/// Cut after every 16th byte, a file is refused or read as far as it goes, and every error names
+/// the file.
 #[test]
 fn cut_files_never_panic() {
     let folder = TempDir::new().unwrap();
@@ -591,7 +595,8 @@ fn empty_files_folders_and_other_text_are_refused() {
     assert!(read_bytes("OBJ", b"v 0 0 0\n").is_ok(), "extensions in capitals");
 }
 
-/// A device has no end that a reader could wait for; it is written to as it is, and this one is always full.
+/// A device has no end that a reader could wait for; it is written to as it is, and this one is
+/// always full.
 #[cfg(target_os = "linux")]
 #[test]
 fn devices_are_not_read_and_never_replaced() {
@@ -719,7 +724,8 @@ fn flat_maps_read_back_as_they_were() {
     assert!(write_flat(&path, &mesh, &short).unwrap_err().to_string().contains("2 positions"));
 }
 
-/// The laboratory's own covers, if they are here: `(file, taxels, faces, frame, placeholders among the ids)`.
+/// The laboratory's own covers, if they are here:
+/// `(file, taxels, faces, frame, placeholders among the ids)`.
 #[test]
 fn real_covers_are_read() {
     let folder = std::env::var_os("DERMATOME_DATA")

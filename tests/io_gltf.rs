@@ -1,4 +1,5 @@
-//! Laws of glTF: what is written reads back the same, and nothing that a file says is believed unseen.
+//! Laws of glTF: what is written reads back the same, and nothing that a file says is believed
+//! unseen.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod gltf_files;
@@ -20,7 +21,8 @@ use glam::{DAffine3, DQuat, DVec3};
 use gltf_files::{Glb, f32s, u16s};
 use serde_json::json;
 
-/// Three links in a chain and beside it, one without a patch; two patches with everything a patch can have.
+/// Three links in a chain and beside it, one without a patch; two patches with everything a patch
+/// can have.
 fn robot() -> Skin {
     let pose = |angle: f64, at: DVec3| DAffine3::from_rotation_translation(DQuat::from_rotation_x(angle), at);
     let mut skin = Skin::default();
@@ -106,7 +108,8 @@ fn a_skin_reads_back_the_same_in_both_forms() {
     }
 }
 
-/// Every file that is written here is one that the `gltf` crate reads and finds valid, down to its bytes.
+/// Every file that is written here is one that the `gltf` crate reads and finds valid, down to its
+/// bytes.
 #[test]
 fn what_is_written_is_read_by_the_gltf_crate() {
     use base64::{Engine as _, engine::general_purpose::STANDARD};

@@ -472,3 +472,40 @@ fn every_file_says_what_it_is_for() {
         assert!(left, "all files of {module} open with `//!`, take it from WITHOUT_DOCS");
     }
 }
+
+/// Keys that look like `(desbrun2002)`, or `(cannata, ...` for the source paper, in comments.
+fn keys_cited(text: &str) -> BTreeSet<String> {
+    let comments = text.lines().filter_map(|line| line.trim_start().strip_prefix("//"));
+    let is_key = |word: &str| {
+        let name = word.trim_end_matches(|c: char| c.is_ascii_lowercase());
+        let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
+        word == "cannata"
+            || (name.len() == letters.len() + 4
+                && letters.len() > 1
+                && letters.chars().all(|c| c.is_ascii_lowercase()))
+    };
+    comments
+        .flat_map(|line| line.split('(').skip(1))
+        .flat_map(|rest| rest.split(')').next().unwrap_or_default().split([',', ';', ' ']))
+        .filter(|word| is_key(word))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Every work that the code cites by its key is in REFERENCES.md, and every work there is cited.
+#[test]
+fn references_are_those_that_the_code_cites() {
+    let references = fs::read_to_string("REFERENCES.md").unwrap();
+    let listed: BTreeSet<String> = references
+        .lines()
+        .filter_map(|line| line.strip_prefix("- **"))
+        .filter_map(|line| line.split("**").next())
+        .map(str::to_owned)
+        .collect();
+    let mut cited: BTreeSet<String> = sources().iter().flat_map(|source| keys_cited(&source.text)).collect();
+    for entry in fs::read_dir("crates/sparse/src").unwrap() {
+        cited.extend(keys_cited(&fs::read_to_string(entry.unwrap().path()).unwrap()));
+    }
+    assert!(cited.len() > 20, "{cited:?}");
+    assert_eq!(listed, cited, "left: in REFERENCES.md, right: in the code");
+}

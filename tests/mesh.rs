@@ -54,7 +54,8 @@ fn twins_run_the_other_way_and_are_mutual() {
     }
 }
 
-/// Every two consecutive entries of a ring make a face with its vertex, in this order; all faces occur.
+/// Every two consecutive entries of a ring make a face with its vertex, in this order; all faces
+/// occur.
 #[test]
 fn rings_run_counter_clockwise_through_all_faces() {
     for (name, mesh, ..) in named_shapes() {

@@ -53,7 +53,8 @@ fn calibrated_cap(faces: usize) -> Skin {
     skin
 }
 
-/// A strip that comes back over itself, 10 mm higher. From above and from below the half in front shows its inside.
+/// A strip that comes back over itself, 10 mm higher. From above and from below the half in front
+/// shows its inside.
 fn folded_strip() -> TriMesh {
     shapes::sheet(21, 5, |i, j| {
         let t = f64::from(i) - 10.0;

@@ -1,5 +1,5 @@
-//! Laws of the pyramid: nested centres, convex prolongations that keep force, and levels that stay manifolds
-//! of the same shape and can be undone.
+//! Laws of the pyramid: nested centres, convex prolongations that keep force, and levels that stay
+//! manifolds of the same shape and can be undone.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::collections::BTreeSet;
@@ -210,7 +210,8 @@ proptest! {
         assert_laws(&coarsen_patch(&patch, &options).unwrap());
     }
 
-    /// Slivers, spikes and vertices on top of each other are all manifolds: they may stall a pyramid but not break it.
+    /// Slivers, spikes and vertices on top of each other are all manifolds: they may stall a
+    /// pyramid but not break it.
     #[test]
     fn degenerate_positions_neither_panic_nor_make_nan(
         size in 3_u32..12,
@@ -238,7 +239,8 @@ fn the_same_bytes_for_any_number_of_threads() {
     assert!(one == with(7), "one thread and seven");
 }
 
-/// Positions are a linear field, so they prolong to nearly themselves where the surface is nearly flat.
+/// Positions are a linear field, so they prolong to nearly themselves where the surface is nearly
+/// flat.
 #[test]
 fn a_linear_field_is_reproduced_to_a_tenth_of_the_spacing_on_the_cap() {
     let pyramid = pyramid(cap(10_000));
@@ -306,7 +308,8 @@ fn every_hole_keeps_a_rim_of_three() {
     }
 }
 
-/// A hole shrinks with its rim's polygon (a hexagon's inscribed triangle has half its area) but does not wander.
+/// A hole shrinks with its rim's polygon (a hexagon's inscribed triangle has half its area) but
+/// does not wander.
 #[test]
 fn holes_stay_where_they_are() {
     let radius = 0.005;
@@ -352,7 +355,8 @@ fn dense_skin_keeps_small_fields() {
     }
 }
 
-/// Centres follow from the taxels' ids and places, so another order of the vertices chooses the same taxels.
+/// Centres follow from the taxels' ids and places, so another order of the vertices chooses the
+/// same taxels.
 #[test]
 fn the_order_of_vertices_does_not_matter() {
     let mesh = jittered(&cap(3_000), 0.1, 1);

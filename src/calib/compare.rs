@@ -1,4 +1,4 @@
-//! Compares taxel poses with the truth, before and after the best rigid motion ([horn1987]).
+//! Compares taxel poses with the truth, before and after the best rigid motion (horn1987).
 
 use glam::{DMat3, DQuat, DVec3};
 

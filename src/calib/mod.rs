@@ -1,7 +1,7 @@
 //! Calibration: from noisy contacts to taxel poses with covariances.
 //!
 //! The method of Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile
-//! Information" ([cannata]), section III-A. A robot that touches its skin observes, for pairs
+//! Information" (cannata), section III-A. A robot that touches its skin observes, for pairs
 //! of taxels `i` and `j`, the displacement `delta_ji` with information (inverse covariance)
 //! `Omega_ji`. The unknown poses `t_i` are those that minimise equation 1 of that paper,
 //!
@@ -22,9 +22,9 @@
 //! 1. [`Observations`] are plain data, from a file or from [`simulate()`].
 //! 2. Initial poses: chordal relaxation, spanning tree, or given.
 //! 3. Levenberg and Marquardt on sparse blocks, undamped while the cost falls.
-//! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed to
-//!    a wrong taxel), but only if least squares does not suffice; its documentation shows what each
-//!    stage contributes.
+//! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed
+//!    to a wrong taxel), but only if least squares does not suffice; its documentation shows what
+//!    each stage contributes.
 //! 5. Covariances of all taxels by selected inversion. The absolute pose of a component without
 //!    contacts is arbitrary; its covariances are those in the centroid gauge ([`Marginals`]).
 //! 6. [`calibrated_skin`] meshes the taxels.

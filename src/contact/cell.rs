@@ -19,8 +19,8 @@ const MOST_FIELDS: usize = 9;
 pub struct Cell {
     /// The level.
     pub level: LevelId,
-    /// The level's face and the barycentric coordinates in it: on level 0 those of the hit, on a coarser level
-    /// those that the level's direct prolongation gives the hit's nearest corner.
+    /// The level's face and the barycentric coordinates in it: on level 0 those of the hit, on a
+    /// coarser level those that the level's direct prolongation gives the hit's nearest corner.
     pub point: SurfacePoint,
     /// Map position, in m: the mean of the fields' positions by their weights.
     pub uv: DVec2,
@@ -118,7 +118,8 @@ impl PatchCells {
         self.levels.len()
     }
 
-    /// The cell of a level-0 point whose face has corners `corners`, the nearest of them being `nearest`.
+    /// The cell of a level-0 point whose face has corners `corners`, the nearest of them being
+    /// `nearest`.
     pub(super) fn cell(
         &self,
         level: LevelId,

@@ -19,7 +19,8 @@ use crate::{
 
 /// A map made ready for contacts.
 ///
-/// It owns what it needs of the map, and asking changes nothing in it: share it among threads as you like.
+/// It owns what it needs of the map, and asking changes nothing in it: share it among threads as
+/// you like.
 #[derive(Debug, Clone)]
 pub struct ContactIndex {
     links: IdVec<LinkId, IndexedLink>,
@@ -55,8 +56,8 @@ impl ContactIndex {
     /// An index of all patches and levels of a map, its links posed as the map says.
     ///
     /// # Errors
-    /// If the map is not valid or has no triangle, if a row of a prolongation lies in no face, if a coordinate is too large,
-    /// or if the pose of a link is not rigid.
+    /// If the map is not valid or has no triangle, if a row of a prolongation lies in no face, if a
+    /// coordinate is too large, or if the pose of a link is not rigid.
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
         map.validate()?;
         let patches = par_map(map.patches.as_slice(), IndexedPatch::new);
@@ -97,8 +98,8 @@ impl ContactIndex {
         Ok(())
     }
 
-    /// Moves some links to poses in the world, in m; links that hang from a moved one follow it, as a hand follows
-    /// its arm. Of several poses of one link the last counts.
+    /// Moves some links to poses in the world, in m; links that hang from a moved one follow it, as
+    /// a hand follows its arm. Of several poses of one link the last counts.
     ///
     /// # Errors
     /// If a link does not exist, or a pose is not rigid; then no link has moved.
@@ -168,8 +169,8 @@ impl ContactIndex {
         self.answer(&query, None)
     }
 
-    /// The same as [`Self::locate`], faster where the query is near the one that `last` answers: along a path,
-    /// pass each hit to the next search.
+    /// The same as [`Self::locate`], faster where the query is near the one that `last` answers:
+    /// along a path, pass each hit to the next search.
     ///
     /// # Errors
     /// As [`Self::locate`].
@@ -267,8 +268,8 @@ impl ContactIndex {
         Hit { patch: id, point, distance, position }
     }
 
-    /// Where a hit lies on the map of `level`; `None` if its patch does not reach up to that level, or the hit is
-    /// not one of this index.
+    /// Where a hit lies on the map of `level`; `None` if its patch does not reach up to that level,
+    /// or the hit is not one of this index.
     #[must_use]
     pub fn cell(&self, hit: &Hit, level: LevelId) -> Option<Cell> {
         let patch = self.patches.get(hit.patch)?;

@@ -23,16 +23,17 @@ impl HasPosition for Site {
     }
 }
 
-/// The Delaunay triangulation of `points`: counter-clockwise triangles of indices that cover the convex hull, none
-/// with another point inside its circumcircle.
+/// The Delaunay triangulation of `points`: counter-clockwise triangles of indices that cover the
+/// convex hull, none with another point inside its circumcircle.
 ///
-/// Each triangle starts with its smallest index, and triangles are sorted. Fewer than three points, or points on one
-/// line, have no triangles. Predicates are exact; coordinates below 2e-43 in size count as zero. Of the triangulations
-/// of points on a common circle one is chosen, always the same for the same points in the same order.
+/// Each triangle starts with its smallest index, and triangles are sorted. Fewer than three points,
+/// or points on one line, have no triangles. Predicates are exact; coordinates below 2e-43 in size
+/// count as zero. Of the triangulations of points on a common circle one is chosen, always the same
+/// for the same points in the same order.
 ///
 /// # Errors
-/// If a coordinate is out of range or two points coincide: merging them is left to the caller, who knows what they
-/// are.
+/// If a coordinate is out of range or two points coincide: merging them is left to the caller, who
+/// knows what they are.
 pub(crate) fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayError> {
     let mut first_at = HashMap::with_capacity(points.len());
     let mut sites = Vec::with_capacity(points.len());

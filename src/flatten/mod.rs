@@ -3,14 +3,14 @@
 //! The map of a patch is where its tactile images are drawn, so it should be as close to an
 //! isometry as the skin's curvature allows, everywhere at once, and never fold. This module follows
 //! Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile Information"
-//! (`[cannata]`), whose weighted sum of angle, area and perimeter distortion it minimises as one
+//! (`(cannata)`), whose weighted sum of angle, area and perimeter distortion it minimises as one
 //! nonlinear energy instead of by linear rows.
 //!
 //! # The energy
 //!
 //! Of a face of area `A`, let `J` be the 2 x 2 Jacobian from the skin to the plane and `s1 >= |s2|`
 //! its signed singular values; of a boundary edge of length `L`, let `r` be its stretch; let `h` be
-//! the mean edge. The map minimises (eq. 4 of `[cannata]`)
+//! the mean edge. The map minimises (eq. 4 of `(cannata)`)
 //!
 //! ```text
 //! E = sum over faces of A [ l1 (s1/s2 + s2/s1)/2 + l2 (s1 s2 + 1/(s1 s2))/2 ]
@@ -26,17 +26,17 @@
 //!
 //! 1. **Domain.** Check that the mesh is a disk with holes; lay each face flat, in units of the
 //!    square root of the whole area.
-//! 2. **Start**, on the coarsest level: the spectral natural conformal map (`[mullen2008]`), one
-//!    sparse Hermitian eigenproblem. Flipped faces are repaired locally (`[garanzha2021]`). If that
+//! 2. **Start**, on the coarsest level: the spectral natural conformal map (`(mullen2008)`), one
+//!    sparse Hermitian eigenproblem. Flipped faces are repaired locally (`(garanzha2021)`). If that
 //!    fails, or the map winds twice about a vertex: the outer loop on a circle and holes closed by
-//!    a vertex each (`[tutte1963]`), which cannot flip in exact arithmetic.
+//!    a vertex each (`(tutte1963)`), which cannot flip in exact arithmetic.
 //! 3. **Minimise** by projected Newton: the Hessian of each face, clamped to be positive
-//!    semi-definite along its four known eigenvectors (`[smith2019]`, `[teran2005]`), a step below
-//!    the first collapse of a face (`[smith2015]`), a line search. Up to 10 000 vertices systems
+//!    semi-definite along its four known eigenvectors (`(smith2019)`, `(teran2005)`), a step below
+//!    the first collapse of a face (`(smith2015)`), a line search. Up to 10 000 vertices systems
 //!    are factored, above solved by conjugate gradients.
 //! 4. **Hold apart, if needed.** A map that overlaps itself although it must not, or whose hole is
 //!    inside out, is minimised again with a barrier between close parts of the boundary
-//!    (`[smith2015]`).
+//!    (`(smith2015)`).
 //! 5. **Next finer level**: undo the removals of the pyramid on the map, each vertex into the
 //!    kernel of its ring, and go to 3. Small levels and suspicious ones are also solved from
 //!    scratch, and the better map is kept. The table of all fallbacks is at the top of

@@ -75,7 +75,8 @@ mod tests {
         assert!((turned.xx - SOME.xx).abs() > 0.1, "but the axes change");
     }
 
-    /// Stretching x by 2 doubles what x has in common with the others, and quadruples its own variance.
+    /// Stretching x by 2 doubles what x has in common with the others, and quadruples its own
+    /// variance.
     #[test]
     fn a_stretch_acts_on_both_sides() {
         let stretched = SOME.conjugate(&DMat3::from_diagonal(DVec3::new(2.0, 1.0, 1.0)));

@@ -1,10 +1,12 @@
-//! Disjoint sets (union-find, [tarjan1975]) with path halving, and optionally with parity.
+//! Disjoint sets (union-find, (tarjan1975) with path halving, and optionally with parity.
 
 use crate::id::{Id, IdVec};
 
-/// What a [`DisjointSets`] knows about two members of one set: nothing (`()`), or their [`Relation`].
+/// What a [`DisjointSets`] knows about two members of one set: nothing (`()`), or their
+/// [`Relation`].
 pub(crate) trait Parity: Copy + Default {
-    /// The relation of `a` and `c`, if `self` is that of `a` and `b` and `next` that of `b` and `c`.
+    /// The relation of `a` and `c`, if `self` is that of `a` and `b` and `next` that of `b` and
+    /// `c`.
     #[must_use]
     fn then(self, next: Self) -> Self;
 }
@@ -44,7 +46,8 @@ impl Parity for Relation {
 
 /// Disjoint sets of `I`; each is named by its root, its smallest member.
 ///
-/// The order of joins does not show in the roots. Without parity a member takes as much memory as its id.
+/// The order of joins does not show in the roots. Without parity a member takes as much memory as
+/// its id.
 #[derive(Debug, Clone)]
 pub(crate) struct DisjointSets<I, P = ()> {
     /// A smaller member of the same set, or itself, and the relation to it.
@@ -88,7 +91,8 @@ impl<I: Id> DisjointSets<I> {
 }
 
 impl<I: Id> DisjointSets<I, Relation> {
-    /// Joins the sets of `a` and `b`; `false` if they are one set already, in which the two are related otherwise.
+    /// Joins the sets of `a` and `b`; `false` if they are one set already, in which the two are
+    /// related otherwise.
     pub(crate) fn join(&mut self, a: I, b: I, relation: Relation) -> bool {
         let ((root_a, to_a), (root_b, to_b)) = (self.root(a), self.root(b));
         let roots = to_a.then(relation).then(to_b);

@@ -5,8 +5,8 @@ use glam::DVec3;
 /// Bits of each coordinate: three times as many fit into a word.
 const BITS: u32 = 21;
 
-/// The place along the Morton curve (Morton 1966) of a point whose coordinates lie in `0..=1`: bits interleaved, so that
-/// points near each other on the curve are near each other in space.
+/// The place along the Morton curve (morton1966) of a point whose coordinates lie in `0..=1`: bits
+/// interleaved, so that points near each other on the curve are near each other in space.
 pub(crate) fn morton(unit: DVec3) -> u64 {
     let steps = f64::from((1_u32 << BITS) - 1);
     let spread = |x: f64| {

@@ -1,9 +1,11 @@
 //! Eigenvalues and eigenvectors of small symmetric matrices.
 
-/// Sweeps after which Jacobi rotations have long converged: each squares the off-diagonal size near the end.
+/// Sweeps after which Jacobi rotations have long converged: each squares the off-diagonal size near
+/// the end.
 const SWEEPS: usize = 30;
 
-/// Eigenvalues, in no order, and, in the columns of the second matrix, unit eigenvectors of a symmetric matrix.
+/// Eigenvalues, in no order, and, in the columns of the second matrix, unit eigenvectors of a
+/// symmetric matrix.
 ///
 /// Cyclic Jacobi rotations, which keep small eigenvalues accurate.
 pub(crate) fn symmetric_eigen<const N: usize>(matrix: &[[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {

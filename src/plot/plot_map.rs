@@ -33,8 +33,9 @@ const LEVELS_SIDE_BY_SIDE: usize = 3;
 /// than 3 pixels are drawn pixel by pixel, so that the picture of a large mesh stays small.
 ///
 /// # Errors
-/// If there is no such patch or level, the data are not a valid map or lack the covariances to show, the viewpoint is not a direction, or the
-/// picture is narrower than its panels need or larger than 16384 pixels a side.
+/// If there is no such patch or level, the data are not a valid map or lack the covariances to
+/// show, the viewpoint is not a direction, or the picture is narrower than its panels need or
+/// larger than 16384 pixels a side.
 pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotError> {
     let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
     let levels = choose_levels(&patches, &options.levels)?;
@@ -59,8 +60,9 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotErr
 /// which are the taxels, are left out where they would be smaller than in [`plot_map`].
 ///
 /// # Errors
-/// If there is no such patch, the data are not a valid skin, the colours need a map or covariances that are missing, the
-/// viewpoint is not a direction, or the picture is narrower than 200 or larger than 16384 pixels a side.
+/// If there is no such patch, the data are not a valid skin, the colours need a map or covariances
+/// that are missing, the viewpoint is not a direction, or the picture is narrower than 200 or
+/// larger than 16384 pixels a side.
 pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<Picture, PlotError> {
     let patches = choose(&skin.patches, |patch| &patch.name, &options.patches)?;
     skin.validate()?;

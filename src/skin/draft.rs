@@ -21,8 +21,8 @@ pub struct Draft {
 
 /// One sheet of triangles with their taxels, as written.
 ///
-/// The optional arrays are either absent or as long as `positions`. Nothing else is guaranteed: corners may be
-/// out of range, positions not finite, vertices unused or duplicated, winding mixed.
+/// The optional arrays are either absent or as long as `positions`. Nothing else is guaranteed:
+/// corners may be out of range, positions not finite, vertices unused or duplicated, winding mixed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
     /// Name of the patch.
@@ -64,7 +64,8 @@ impl Sheet {
         if self.name.is_empty() { "patch" } else { &self.name }
     }
 
-    /// Refuses what would make every further step guess: links, lengths, positions and corners out of range.
+    /// Refuses what would make every further step guess: links, lengths, positions and corners out
+    /// of range.
     pub(super) fn validate(&self, links: usize) -> Result<(), SkinError> {
         let patch = || self.title().to_owned();
         if let Some(link) = self.link.filter(|l| l.index() >= links) {

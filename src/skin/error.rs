@@ -6,7 +6,8 @@ use crate::{
     skin::{LinkId, TaxelError},
 };
 
-/// Why a draft is no skin. Vertices and faces are numbered as the sheet of the draft, or the patch of the skin, numbers them.
+/// Why a draft is not a valid skin. Vertices and faces are numbered as the sheet of the draft, or the patch
+/// of the skin, numbers them.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkinError {
@@ -65,8 +66,8 @@ pub enum SkinError {
         /// The name.
         patch: String,
     },
-    /// A patch that falls into several pieces.
-    #[error("patch {patch:?} falls into {found} pieces; a patch is one sheet")]
+    /// A patch with several components.
+    #[error("patch {patch:?} has {found} components; a patch must have one")]
     Components {
         /// Name of the patch.
         patch: String,
@@ -74,7 +75,7 @@ pub enum SkinError {
         found: usize,
     },
     /// A patch hangs on a link that does not exist.
-    #[error("patch {patch:?} hangs on link {link}, which does not exist")]
+    #[error("patch {patch:?} is attached to link {link}, which does not exist")]
     UnknownLink {
         /// Name of the patch.
         patch: String,

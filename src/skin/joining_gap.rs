@@ -8,10 +8,12 @@ const MOST_TAXELS: usize = 20_000;
 /// Gaps that are tried.
 const WIDER: [f64; 6] = [3.0, 3.5, 4.0, 5.0, 6.0, 8.0];
 
-/// The smallest of some gaps wider than [`AssembleOptions::gap`] that leaves fewer patches, and how many.
+/// The smallest of some gaps wider than [`AssembleOptions::gap`] that leaves fewer patches, and how
+/// many.
 ///
-/// `assembled` is what `options` made of `draft`. `None` if no wider gap helps, and without trial for drafts with
-/// triangles, for bare sheets that are one patch each, and for more than 20 000 taxels. Only a trial can tell.
+/// `assembled` is what `options` made of `draft`. `None` if no wider gap helps, and without trial
+/// for drafts with triangles, for bare sheets that are one patch each, and for more than 20 000
+/// taxels. Only a trial can tell.
 #[must_use]
 pub fn joining_gap(draft: &Draft, assembled: &Assembled, options: &AssembleOptions) -> Option<(f64, usize)> {
     let is_split = |r: &Remark| matches!(r.kind, RemarkKind::Components { .. });

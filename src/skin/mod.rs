@@ -1,9 +1,10 @@
 //! Skins: calibrated taxels on patches, posed by the links of a robot.
 //!
-//! A file holds a [`Draft`]: sheets of triangles as they were written, with whatever is wrong with them.
-//! [`assemble`] turns a draft into a [`Skin`], whose patches are oriented manifold disks with holes, and reports in
-//! [`Remark`]s what it changed. [`check`] lists everything that is wrong with a draft, without changing it. Bare
-//! taxels, a draft without any triangle, are joined by [`triangulate_taxels`], which `assemble` calls.
+//! A file holds a [`Draft`]: sheets of triangles as they were written, with whatever is wrong with
+//! them. [`assemble`] turns a draft into a [`Skin`], whose patches are oriented manifold disks with
+//! holes, and reports in [`Remark`]s what it changed. [`check`] lists everything that is wrong with
+//! a draft, without changing it. Bare taxels, a draft without any triangle, are joined by
+//! [`triangulate_taxels`], which `assemble` calls.
 //!
 //! ```
 //! use dermatome::{
@@ -26,11 +27,13 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In the order to read: `link`, `taxels`, `patch` (the data); `draft`, `error`, `remark`; `welded`, `winding`,
-//! `normals` (what assembling and checking share); `assemble` with `zero_area`; `triangulate`; `check`.
+//! In the order to read: `link`, `taxels`, `patch` (the data); `draft`, `error`, `remark`;
+//! `welded`, `winding`, `normals` (what assembling and checking share); `assemble` with
+//! `zero_area`; `triangulate`; `check`.
 //!
-//! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit is right (sizes
-//! beyond 10 m are reported), or that the outside is right where neither normals nor shape tell it.
+//! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
+//! is right (sizes beyond 10 m are reported), or that the outside is right where neither normals
+//! nor shape tell it.
 
 mod assemble;
 mod triangulate;

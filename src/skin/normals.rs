@@ -1,7 +1,7 @@
 //! Normals of taxels: which of the file's are reliable, and those of the faces.
 //!
-//! *Heuristic*: thresholds were chosen on real covers and on placeholders that vendors write. Shared by
-//! assembling, checking and triangulating.
+//! *Heuristic*: thresholds were chosen on real covers and on placeholders that vendors write.
+//! Shared by assembling, checking and triangulating.
 
 use glam::DVec3;
 
@@ -17,12 +17,12 @@ const UNIT_TOLERANCE: f64 = 0.01;
 /// Normals within about 0.1 degrees of each other are the same.
 pub(super) const SAME_DIRECTION: f64 = 1.0 - 1e-6;
 
-/// A part is flat if the area-weighted mean of its unit face normals is this long; on a spherical cap of 23 degrees
-/// across it is 0.99.
+/// A part is flat if the area-weighted mean of its unit face normals is this long; on a spherical
+/// cap of 23 degrees across it is 0.99.
 const FLAT: f64 = 0.99;
 
-/// Normals tell the outside if, weighted by area, their mean cosine with the faces is this large, one way or the
-/// other. Real covers reach 0.97 and placeholders on closed parts 0.
+/// Normals tell the outside if, weighted by area, their mean cosine with the faces is this large,
+/// one way or the other. Real covers reach 0.97 and placeholders on closed parts 0.
 const AGREEMENT: f64 = 0.5;
 
 /// Whether a taxel's normal is a unit vector.
@@ -75,7 +75,8 @@ impl NormalConsensus {
         this
     }
 
-    /// Adds a face with vector `cross` (twice its area) and the normals of its corners; zero where there is none.
+    /// Adds a face with vector `cross` (twice its area) and the normals of its corners; zero where
+    /// there is none.
     pub(super) fn add(&mut self, cross: DVec3, normals: [DVec3; 3]) {
         let area = cross.length();
         self.area += area;
@@ -109,8 +110,8 @@ impl NormalConsensus {
     }
 }
 
-/// Unit normals of the taxels: the mean of the unit normals of all file vertices that are this taxel, zero
-/// where there is none.
+/// Unit normals of the taxels: the mean of the unit normals of all file vertices that are this
+/// taxel, zero where there is none.
 pub(super) fn taxel_normals(normals: &[DVec3], taxel: &IdVec<VertexId, VertexId>) -> IdVec<VertexId, DVec3> {
     let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, taxel.len());
     for ((_, &v), &n) in taxel.enumerate().zip(normals) {

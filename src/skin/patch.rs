@@ -22,8 +22,8 @@ pub struct Patch {
     pub name: String,
     /// The link it is fixed to.
     pub link: LinkId,
-    /// Taxel positions in the link's frame and triangles seen from outside: manifold, one component, no
-    /// vertex without a face.
+    /// Taxel positions in the link's frame and triangles seen from outside: manifold, one
+    /// component, no vertex without a face.
     pub mesh: TriMesh,
     /// What is known of each vertex of the mesh.
     pub taxels: Taxels,
@@ -53,8 +53,8 @@ impl Patch {
             .map_err(|source| SkinError::Taxels { patch: patch(), source })
     }
 
-    /// The patch in another frame. A pose that mirrors turns the triangles round, so that they still run
-    /// counter-clockwise seen from outside.
+    /// The patch in another frame. A pose that mirrors turns the triangles round, so that they
+    /// still run counter-clockwise seen from outside.
     pub(crate) fn posed(&self, pose: &DAffine3) -> Self {
         let mut mesh = self.mesh.clone();
         mesh.positions.iter_mut().for_each(|x| *x = pose.transform_point3(*x));
@@ -100,7 +100,8 @@ impl Skin {
     }
 }
 
-/// Checks that links come after their parents, and that patches have names of their own and links that exist.
+/// Checks that links come after their parents, and that patches have names of their own and links
+/// that exist.
 ///
 /// # Errors
 /// The first broken rule.

@@ -18,8 +18,8 @@ pub struct Remark {
 
 /// What a [`Remark`] says.
 ///
-/// Vertices and faces are numbered as in the sheet of the draft; after bare taxels were triangulated, faces
-/// are those of the new triangles.
+/// Vertices and faces are numbered as in the sheet of the draft; after bare taxels were
+/// triangulated, faces are those of the new triangles.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum RemarkKind {
@@ -138,7 +138,8 @@ pub enum RemarkKind {
         /// What was ignored.
         what: String,
     },
-    /// Warning: no normals tell the outside; it was assumed to be away from the centre of the sheet.
+    /// Warning: no normals tell the outside; it was assumed to be away from the centre of the
+    /// sheet.
     OutsideFromCentre {
         /// For how many components.
         components: usize,
@@ -171,7 +172,8 @@ pub enum OutsideFrom {
 pub enum UnreliableNormals {
     /// Most are not unit vectors.
     NotUnit,
-    /// All are the same although the surface is not flat, or not perpendicular to them: a placeholder.
+    /// All are the same although the surface is not flat, or not perpendicular to them: a
+    /// placeholder.
     Constant,
     /// They do not fit the surface.
     Unrelated,

@@ -1,4 +1,5 @@
-//! What is known of the taxels of a patch: one array per property, one entry per vertex of its mesh.
+//! What is known of the taxels of a patch: one array per property, one entry per vertex of its
+//! mesh.
 //!
 //! Every step that drops, reorders or moves taxels goes through [`Taxels::select`] and
 //! [`Taxels::posed`], so that a property cannot be forgotten on the way.
@@ -79,11 +80,13 @@ pub struct Taxels {
 /// Normals go through `f32` in files, which keeps seven digits.
 const UNIT_TOLERANCE: f64 = 1e-5;
 
-/// Principal minors of a covariance may be this much below 0, in units of its trace: files store `f32`.
+/// Principal minors of a covariance may be this much below 0, in units of its trace: files store
+/// `f32`.
 const COVARIANCE_TOLERANCE: f64 = 1e-5;
 
 impl Taxels {
-    /// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas come from the triangles.
+    /// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas
+    /// come from the triangles.
     #[must_use]
     pub fn of_mesh(mesh: &TriMesh) -> Self {
         Self {
@@ -99,7 +102,8 @@ impl Taxels {
     /// Checks the length of every array and the values in it.
     ///
     /// # Errors
-    /// The first array that has not one entry for each of `vertices` vertices, or the first value out of range.
+    /// The first array that has not one entry for each of `vertices` vertices, or the first value
+    /// out of range.
     pub fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
         let lengths = [
             ("ids", self.ids.len()),

@@ -1,11 +1,12 @@
 //! *Heuristic*: recognises files in millimetres by the size of the skin.
 //!
-//! The extent without outliers is robust against sentinel coordinates such as -999; the bounding box is not.
+//! The extent without outliers is robust against sentinel coordinates such as -999; the bounding
+//! box is not.
 
 use crate::skin::{Remark, RemarkKind, Sheet};
 
-/// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times larger, so that
-/// its unit shows down to a fingertip of 10 mm.
+/// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times
+/// larger, so that its unit shows down to a fingertip of 10 mm.
 const LARGEST_PART: f64 = 10.0;
 
 /// A warning about the largest sheet, if its size makes no sense in metres.
@@ -15,7 +16,8 @@ pub(super) fn doubtful_unit(sheets: &[Sheet]) -> Option<Remark> {
     Some(Remark { patch: sheet.title().to_owned(), kind: RemarkKind::DoubtfulUnit { extent } })
 }
 
-/// Longest side, in m, of the box around a sheet without the outermost hundredth of its vertices on each side.
+/// Longest side, in m, of the box around a sheet without the outermost hundredth of its vertices on
+/// each side.
 fn extent(sheet: &Sheet) -> f64 {
     let count = sheet.positions.len();
     let out = count.div_ceil(100).min(count.saturating_sub(1) / 2);

@@ -1,7 +1,8 @@
-//! The triangles of one sheet with split vertices welded: what assembling repairs and checking judges.
+//! The triangles of one sheet with split vertices welded: what assembling repairs and checking
+//! judges.
 //!
-//! Welding is exact: no tolerance merges vertices that a file keeps apart. It is undone where it would only make
-//! fans of faces touch in a point.
+//! Welding is exact: no tolerance merges vertices that a file keeps apart. It is undone where it
+//! would only make fans of faces touch in a point.
 
 use std::collections::HashMap;
 
@@ -106,8 +107,8 @@ struct FanCorner {
     fan: Halfedge,
 }
 
-/// For every vertex of the file around one welded vertex the first one of its fan; `None` if two fans have a vertex
-/// of the file in common. `corners` are sorted.
+/// For every vertex of the file around one welded vertex the first one of its fan; `None` if two
+/// fans have a vertex of the file in common. `corners` are sorted.
 fn split(corners: &[FanCorner]) -> Option<Vec<[VertexId; 2]>> {
     if corners.windows(2).any(|pair| pair[0].in_file == pair[1].in_file) {
         return None;
@@ -119,9 +120,10 @@ fn split(corners: &[FanCorner]) -> Option<Vec<[VertexId; 2]>> {
 
 /// For every vertex the first one that is the same taxel.
 ///
-/// Vertices are one taxel if their positions are exactly equal and so are their ids, or there are no ids. Ids
-/// alone never weld: vendors repeat placeholders all over a skin. Vertices at one place with different ids are two
-/// taxels, unless a face has both as corners: the edge between them has no length, and only one of them can stay.
+/// Vertices are one taxel if their positions are exactly equal and so are their ids, or there are
+/// no ids. Ids alone never weld: vendors repeat placeholders all over a skin. Vertices at one place
+/// with different ids are two taxels, unless a face has both as corners: the edge between them has
+/// no length, and only one of them can stay.
 fn weld<'a>(
     mesh: &TriMesh,
     ids: Option<&[TaxelId]>,
@@ -152,7 +154,8 @@ fn weld<'a>(
     taxel
 }
 
-/// The fans of faces: sets of corners that are joined across edges. A corner is named by the halfedge that leaves it.
+/// The fans of faces: sets of corners that are joined across edges. A corner is named by the
+/// halfedge that leaves it.
 fn fans(mesh: &TriMesh, edges: &Edges) -> DisjointSets<Halfedge> {
     let mut corners = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
     for uses in edges.iter() {
@@ -176,8 +179,8 @@ mod tests {
 
     use super::*;
 
-    /// Two pairs of triangles that touch in a point: in the file the first pair shares its vertex, the second
-    /// writes it twice.
+    /// Two pairs of triangles that touch in a point: in the file the first pair shares its vertex,
+    /// the second writes it twice.
     fn two_bow_ties() -> Sheet {
         let at = |x: i32, y: i32| DVec3::new(x.into(), y.into(), 0.0);
         let bow_tie = |x: i32| [at(x, 0), at(x + 1, 0), at(x, 1), at(x - 1, 0), at(x, -1)];

@@ -20,7 +20,8 @@ pub(super) struct Winding {
 }
 
 impl Winding {
-    /// Follows the edges of two faces; edges of more faces join components too, but say nothing about their winding.
+    /// Follows the edges of two faces; edges of more faces join components too, but say nothing
+    /// about their winding.
     pub(super) fn new(mesh: &TriMesh, edges: &Edges) -> Self {
         let mut faces = DisjointSets::<FaceId, Relation>::new(mesh.triangles.len());
         let mut conflicting_edges = Vec::new();

@@ -25,7 +25,8 @@ pub(crate) fn u16s(values: &[u16]) -> Vec<u8> {
 }
 
 impl Glb {
-    /// A unit square of two triangles on node 0: POSITION is accessor 0 (view 0), indices accessor 1 (view 1).
+    /// A unit square of two triangles on node 0: POSITION is accessor 0 (view 0), indices accessor
+    /// 1 (view 1).
     pub(crate) fn square() -> Self {
         let mut glb = Self {
             json: json!({

@@ -76,7 +76,8 @@ fn ids_alone_never_weld_and_different_ids_stay_apart() {
     let assembled = assemble(&draft_of(sheet)).unwrap();
     assert_eq!(only(&assembled).mesh.positions.len(), 9, "placeholders name nine taxels");
 
-    // Two squares whose shared side is written twice, with ids of their own: two patches with a seam.
+    // Two squares whose shared side is written twice, with ids of their own: two patches with a
+    // seam.
     let mut sheet = soup("s", &shapes::square());
     sheet.ids = Some((1..=6).map(TaxelId).collect());
     let draft = draft_of(sheet);
@@ -102,7 +103,8 @@ fn an_edge_without_length_is_welded_whatever_the_ids() {
     assert_eq!(kinds(&assembled), ["Welded", "RepeatedCorner"].map(String::from).into());
 }
 
-/// Two fans that touch in a point are two sheets if the file writes the point twice, and refused if once.
+/// Two fans that touch in a point are two sheets if the file writes the point twice, and refused if
+/// once.
 #[test]
 fn a_weld_that_would_only_make_sheets_touch_is_undone() {
     let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
@@ -157,7 +159,8 @@ fn a_moebius_strip_is_refused() {
     assert!(found_in(&draft).contains(&FindingKind::NotOrientable));
 }
 
-/// A middle taxel in line with two of the boundary: the face between them goes, and the boundary runs through it.
+/// A middle taxel in line with two of the boundary: the face between them goes, and the boundary
+/// runs through it.
 #[test]
 fn a_face_without_area_at_the_boundary_is_dropped() {
     let mut mesh = shapes::sheet(5, 4, |i, j| DVec3::new(f64::from(i), f64::from(j), 0.0));
@@ -171,7 +174,8 @@ fn a_face_without_area_at_the_boundary_is_dropped() {
     assert_eq!(found_in(&draft), [FindingKind::ZeroAreaFace]);
 }
 
-/// The same in the middle of a sheet: dropping the face would tear a slit, so its longest side is flipped.
+/// The same in the middle of a sheet: dropping the face would tear a slit, so its longest side is
+/// flipped.
 #[test]
 fn a_face_without_area_inside_is_flipped_away() {
     // 3 lies in the middle of 0-1; the lower half sees 0-1 as one edge, the upper half as two.
@@ -459,7 +463,8 @@ fn the_hexagon_is_turned_over_and_rid_of_two_faces() {
     assert_eq!(found, [FindingKind::ZeroAreaFace, FindingKind::WindingAgainstNormals]);
 }
 
-/// Coordinates of few values, so that vertices coincide and lie in line, and now and then what is no number.
+/// Coordinates of few values, so that vertices coincide and lie in line, and now and then what is
+/// no number.
 fn coordinate() -> impl Strategy<Value = f64> {
     let odd = prop::sample::select(vec![f64::NAN, f64::INFINITY, 1e300, -1e300, 1e-300, 1e18, -0.0]);
     prop_oneof![40 => (-2_i32..3).prop_map(f64::from), 1 => odd]
@@ -548,7 +553,8 @@ proptest! {
         });
         let again = assemble(&Draft { links: first.skin.links.clone(), sheets: sheets.collect(), ..Draft::default() }).unwrap();
         let told = kinds(&again);
-        // Damage may fold a sheet: flat normals on it look like a placeholder, and some faces stay without area.
+        // Damage may fold a sheet: flat normals on it look like a placeholder, and some faces stay
+        // without area.
         let tolerated = ["ZeroAreaDropped", "ZeroAreaFlipped", "ZeroAreaKept", "NormalsReplaced", "NormalsIgnored"].map(String::from).into();
         prop_assert!(told.is_subset(&tolerated), "{:?}", again.remarks);
         if told.is_empty() {
@@ -560,7 +566,8 @@ proptest! {
         }
     }
 
-    /// Faces without area are cleared without tearing the sheet: its Euler characteristic per piece stays.
+    /// Faces without area are cleared without tearing the sheet: its Euler characteristic per piece
+    /// stays.
     #[test]
     fn clearing_faces_without_area_opens_no_hole(places in prop::collection::vec((0_usize..16, 0_u8..3), 1..6)) {
         // Vertices of a lattice slid along its lines make faces without area, all in one plane.

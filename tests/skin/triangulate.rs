@@ -1,4 +1,5 @@
-//! Laws of triangulating bare taxels: shapes without their triangles, and taxels that lie on no surface.
+//! Laws of triangulating bare taxels: shapes without their triangles, and taxels that lie on no
+//! surface.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -74,7 +75,8 @@ fn faces(assembled: &Assembled) -> BTreeSet<[u32; 3]> {
     assembled.skin.patches.iter().flat_map(of_patch).collect()
 }
 
-/// A lattice bent round a cylinder of `radius` about the z axis, `turn` rad wide: seen from outside.
+/// A lattice bent round a cylinder of `radius` about the z axis, `turn` rad wide: seen from
+/// outside.
 fn bent(columns: u32, rows: u32, spacing: f64, radius: f64) -> TriMesh {
     let mut mesh = shapes::lattice(columns, rows, spacing);
     for p in mesh.positions.iter_mut() {
@@ -134,7 +136,8 @@ fn shapes_without_their_triangles_are_themselves_again() {
     }
 }
 
-/// Distance of each taxel to the third nearest, and the median of these over it and the six nearest.
+/// Distance of each taxel to the third nearest, and the median of these over it and the six
+/// nearest.
 fn spacing(positions: &[DVec3]) -> Vec<f64> {
     let nearest = |p: &DVec3| {
         let mut order: Vec<usize> = (0..positions.len()).collect();
@@ -153,7 +156,8 @@ fn spacing(positions: &[DVec3]) -> Vec<f64> {
     around.iter().map(median).collect()
 }
 
-/// Islands at every distance from below to beyond the gap: each edge is held against the spacing at its own ends.
+/// Islands at every distance from below to beyond the gap: each edge is held against the spacing at
+/// its own ends.
 #[test]
 fn no_edge_is_longer_than_the_gap() {
     for gap in [1.5, 2.5, 4.0] {
@@ -253,7 +257,8 @@ fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
     assert_eq!(merged(&assembled).len(), 3);
 }
 
-/// Dead taxels that a calibration left where it began, up to its rounding: more than the spacing looks at.
+/// Dead taxels that a calibration left where it began, up to its rounding: more than the spacing
+/// looks at.
 #[test]
 fn a_heap_of_almost_equal_places_is_one_place() {
     let mut positions = shapes::lattice(6, 6, 0.005).positions.into_vec();
@@ -264,7 +269,8 @@ fn a_heap_of_almost_equal_places_is_one_place() {
     assert_eq!(only(&assembled).mesh.positions.len(), 36);
 }
 
-/// A module seventy times finer than the skin around it: its taxels are as close as copies of those of the skin might be.
+/// A module seventy times finer than the skin around it: its taxels are as close as copies of those
+/// of the skin might be.
 #[test]
 fn dense_taxels_beside_sparse_ones_are_not_merged() {
     let coarse = shapes::lattice(12, 12, 0.01);
@@ -344,8 +350,8 @@ fn some_wrong_normals_do_no_harm() {
     assert_eq!(topology(&patch.mesh), (1, 1));
 }
 
-/// What a file without normals becomes, one with normals of either side becomes too: they were believed taxel by taxel once, and
-/// the skin fell into shreds.
+/// What a file without normals becomes, one with normals of either side becomes too: they were
+/// believed taxel by taxel once, and the skin fell into shreds.
 #[test]
 fn normals_that_point_to_either_side_tear_nothing() {
     for mesh in [shapes::cap(500, 0.1, 0.595), bent(40, 12, 0.0065, 40.0 * 0.0065 / (TAU * 300.0 / 360.0))] {
@@ -369,7 +375,8 @@ fn normals_that_point_to_either_side_tear_nothing() {
     }
 }
 
-/// Two square lattices that meet in an edge, with the exact normals of their sides; the edge has those of the first.
+/// Two square lattices that meet in an edge, with the exact normals of their sides; the edge has
+/// those of the first.
 fn fold(degrees: f64) -> Sheet {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let side = |i: u32, j: u32| (0.005 * f64::from(i), 0.005 * f64::from(j));
@@ -401,7 +408,8 @@ fn normals_tell_a_thin_tube_from_a_cloud() {
     assert_eq!(topology(&only(&tube).mesh), (0, 2));
 }
 
-/// Such a pair looks like the two sides of a thin part, and once turned a whole corner of a noisy skin over.
+/// Such a pair looks like the two sides of a thin part, and once turned a whole corner of a noisy
+/// skin over.
 #[test]
 fn a_taxel_almost_above_another_turns_nobody_over() {
     let mesh = shaken(&shapes::lattice(10, 10, 0.005), 0.0004);
@@ -429,8 +437,8 @@ fn normals_keep_the_two_sides_of_a_thin_part_apart() {
     }
 }
 
-/// Modules of ten taxels and two pads, triangles that point up and down by turns, rigid and flat on a cylinder of `radius`: rows
-/// of 12 slots, as the iCub has them.
+/// Modules of ten taxels and two pads, triangles that point up and down by turns, rigid and flat on
+/// a cylinder of `radius`: rows of 12 slots, as the iCub has them.
 fn modules(around: u32, along: u32, radius: f64, degrees: f64) -> Sheet {
     const SPACING: f64 = 0.0065;
     // Rows of 4, 3, 2 and 1 taxels.
@@ -749,7 +757,8 @@ proptest! {
     }
 }
 
-/// Taxels on both sides of a foil, and three close together on pads far apart: none was rounded to another's place.
+/// Taxels on both sides of a foil, and three close together on pads far apart: none was rounded to
+/// another's place.
 #[test]
 fn close_taxels_that_are_no_copies_stay() {
     let grid =

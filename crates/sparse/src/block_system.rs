@@ -7,13 +7,16 @@ use crate::{
     selected_inverse::{SelectedInverse, invert},
 };
 
-/// A pivot this far below its diagonal entry is rounding, not information: the matrix is singular there.
+/// A pivot this far below its diagonal entry is rounding, not information: the matrix is singular
+/// there.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
-/// Symmetric matrices of small square blocks, all on one [`Pattern`]: order, symbolic factor and layout.
+/// Symmetric matrices of small square blocks, all on one [`Pattern`]: order, symbolic factor and
+/// layout.
 ///
-/// The order is found on the pattern of blocks, which is much smaller than that of the entries, and the symbolic
-/// factor is computed once. Entries are assembled in place: there is no list of triplets.
+/// The order is found on the pattern of blocks, which is much smaller than that of the entries, and
+/// the symbolic factor is computed once. Entries are assembled in place: there is no list of
+/// triplets.
 #[derive(Debug)]
 pub struct BlockSystem {
     cholesky: Cholesky,
@@ -73,8 +76,8 @@ impl BlockSystem {
         BlockMatrix { system: self, values: vec![0.0; self.cholesky.lower().indices.len()] }
     }
 
-    /// Where column `b` of a block below the diagonal starts; above it in the column are `rank` blocks, of which
-    /// the one on the diagonal lacks its first `b` rows.
+    /// Where column `b` of a block below the diagonal starts; above it in the column are `rank`
+    /// blocks, of which the one on the diagonal lacks its first `b` rows.
     fn offset(&self, slot: BlockSlot, b: usize) -> usize {
         let start = self.cholesky.lower().starts[self.size * slot.column as usize + b] as usize;
         start + self.size * slot.rank as usize - b
@@ -94,8 +97,8 @@ impl<'s> BlockMatrix<'s> {
         self.values.fill(0.0);
     }
 
-    /// Adds `entry(a, b)` to row `a` and column `b` of a block. Of a block on the diagonal, rows above the
-    /// diagonal are not asked for.
+    /// Adds `entry(a, b)` to row `a` and column `b` of a block. Of a block on the diagonal, rows
+    /// above the diagonal are not asked for.
     #[inline]
     pub fn add(&mut self, slot: BlockSlot, entry: impl Fn(usize, usize) -> f64) {
         let size = self.system.size;
@@ -261,7 +264,8 @@ mod tests {
         m.into_iter().map(|row| row[n..].to_vec()).collect()
     }
 
-    /// A graph Laplacian of blocks, made definite: `pairs` of `blocks` rows, couplings drawn from `values`.
+    /// A graph Laplacian of blocks, made definite: `pairs` of `blocks` rows, couplings drawn from
+    /// `values`.
     fn random(blocks: usize, size: usize, pairs: &[(usize, usize)], values: &[f64]) -> Vec<Vec<f64>> {
         let n = blocks * size;
         let mut dense = vec![vec![0.0; n]; n];

@@ -26,10 +26,11 @@ use crate::{
     scalar::{Complex, Finite, complex},
 };
 
-/// The order and the symbolic factor of a [`Pattern`], good for every positive definite [`Matrix`] on it.
+/// The order and the symbolic factor of a [`Pattern`], good for every positive definite [`Matrix`]
+/// on it.
 ///
-/// `L L*` without pivoting, supernodal. It runs on the calling thread: faer's own threads cost more than they
-/// gain on the small supernodes of meshes.
+/// `L L*` without pivoting, supernodal. It runs on the calling thread: faer's own threads cost more
+/// than they gain on the small supernodes of meshes.
 #[derive(Debug)]
 pub struct Cholesky {
     symbolic: SymbolicCholesky<u32>,
@@ -84,7 +85,8 @@ impl Cholesky {
         Ok(Self { symbolic, lower, block })
     }
 
-    /// Factors a real symmetric matrix on the pattern that was analysed; only its lower triangle is read.
+    /// Factors a real symmetric matrix on the pattern that was analysed; only its lower triangle is
+    /// read.
     ///
     /// # Errors
     /// [`SparseError::NotPositiveDefinite`], [`SparseError::NotFinite`] or [`SparseError::TooLarge`].
@@ -123,7 +125,8 @@ impl Cholesky {
             .map(|values| HermitianFactor { of: self, values })
     }
 
-    /// The values of the factor; `entry(slot, a, b)` is row `a` and column `b` of the block in `slot`.
+    /// The values of the factor; `entry(slot, a, b)` is row `a` and column `b` of the block in
+    /// `slot`.
     fn numeric<T: ComplexField + Copy + Finite>(
         &self,
         entry: impl Fn(usize, usize, usize) -> T,
@@ -133,7 +136,8 @@ impl Cholesky {
         self.factor_values(&self.lower.gather(pattern, self.block, entry)?)
     }
 
-    /// The values of the factor of a matrix whose lower triangle is `values`, in the order of [`Lower`].
+    /// The values of the factor of a matrix whose lower triangle is `values`, in the order of
+    /// [`Lower`].
     pub(super) fn factor_values<T: ComplexField>(&self, values: &[T]) -> Result<Vec<T>, SparseError> {
         let rows = self.lower.rows;
         let matrix = SparseColMatRef::new(self.lower.symbolic(), values);
@@ -204,7 +208,8 @@ pub struct Factor<'c> {
 }
 
 impl Factor<'_> {
-    /// Solves for one right-hand side, in place: one entry per row, or two where the matrix has blocks.
+    /// Solves for one right-hand side, in place: one entry per row, or two where the matrix has
+    /// blocks.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`] without memory for a copy of `rhs`.
@@ -245,7 +250,8 @@ impl HermitianFactor<'_> {
 mod tests {
     use super::*;
 
-    /// The path of `n` rows with 2 on the diagonal and -1 beside it, the one matrix everyone can invert.
+    /// The path of `n` rows with 2 on the diagonal and -1 beside it, the one matrix everyone can
+    /// invert.
     fn path(n: usize) -> Pattern {
         Pattern::new(n, (1..n).map(|i| (i - 1, i)))
     }

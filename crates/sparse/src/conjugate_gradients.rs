@@ -13,7 +13,8 @@ const ENTRIES_PER_TASK: usize = 4096;
 pub struct BlockJacobi(Vec<DMat2>);
 
 impl BlockJacobi {
-    /// Inverts the diagonal blocks; a block that cannot be inverted becomes the identity over its largest entry.
+    /// Inverts the diagonal blocks; a block that cannot be inverted becomes the identity over its
+    /// largest entry.
     #[must_use]
     pub fn new(matrix: &Matrix<'_, DMat2>) -> Self {
         let invert = |row| {
@@ -80,8 +81,9 @@ fn add_scaled(y: &mut [DVec2], factor: f64, x: &[DVec2]) {
 
 /// Preconditioned conjugate gradients for a positive semi-definite matrix of blocks, from zero.
 ///
-/// Returns the solution so far; every iterate lowers the quadratic `x' M x / 2 - b' x`, so stopping early still
-/// gives a direction of descent. Ends at once when the matrix turns out not to be positive along a direction.
+/// Returns the solution so far; every iterate lowers the quadratic `x' M x / 2 - b' x`, so stopping
+/// early still gives a direction of descent. Ends at once when the matrix turns out not to be
+/// positive along a direction.
 #[must_use]
 pub fn conjugate_gradients(
     matrix: &Matrix<'_, DMat2>,

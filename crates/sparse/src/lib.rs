@@ -1,13 +1,14 @@
-//! Sparse symmetric systems: assemble, factor once, solve many. The only crate of dermatome that uses faer.
+//! Sparse symmetric systems: assemble, factor once, solve many. The only crate of dermatome that
+//! uses faer.
 //!
-//! A [`Pattern`] says which entries a matrix has; it is made once per mesh. A [`Matrix`] puts numbers, complex
-//! numbers or 2 x 2 blocks on it. [`Cholesky`] orders and analyses a pattern once and factors any matrix on it;
-//! [`conjugate_gradients()`] does without a factor. A [`BlockSystem`] does the same for blocks of any size, and gives
-//! the entries of the inverse that covariances need ([`SelectedInverse`]). [`solve_unsymmetric`] is for complex
-//! matrices that are not Hermitian.
+//! A [`Pattern`] says which entries a matrix has; it is made once per mesh. A [`Matrix`] puts
+//! numbers, complex numbers or 2 x 2 blocks on it. [`Cholesky`] orders and analyses a pattern once
+//! and factors any matrix on it; [`conjugate_gradients()`] does without a factor. A [`BlockSystem`]
+//! does the same for blocks of any size, and gives the entries of the inverse that covariances need
+//! ([`SelectedInverse`]). [`solve_unsymmetric`] is for complex matrices that are not Hermitian.
 //!
-//! A crate of its own, so that an edit elsewhere does not compile it and faer's generic code again. Results do not
-//! depend on the number of threads.
+//! A crate of its own, so that an edit elsewhere does not compile it and faer's generic code again.
+//! Results do not depend on the number of threads.
 
 mod block_system;
 mod cholesky;

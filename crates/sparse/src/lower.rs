@@ -44,7 +44,8 @@ impl Lower {
         let mut values = Vec::with_capacity(self.indices.len());
         for j in 0..pattern.rows() {
             for b in 0..block {
-                // Entry (i, j) below the diagonal: found from row i, so that only the lower triangle is read.
+                // Entry (i, j) below the diagonal: found from row i, so that only the lower
+                // triangle is read.
                 for &i in pattern.columns(j).iter().filter(|&&i| i as usize >= j) {
                     let slot = pattern.slot(i as usize, j).expect("patterns are symmetric");
                     for a in 0..block {

@@ -18,7 +18,8 @@ use crate::{
     scalar::{Complex, Finite, complex},
 };
 
-/// Solves one system with any complex matrix on a symmetric pattern by LU with partial pivoting, in place.
+/// Solves one system with any complex matrix on a symmetric pattern by LU with partial pivoting, in
+/// place.
 ///
 /// # Errors
 /// [`SparseError::Singular`], [`SparseError::NotFinite`] or [`SparseError::TooLarge`].
@@ -87,7 +88,8 @@ mod tests {
     use super::*;
     use crate::Pattern;
 
-    /// The path of `n` rows with 2 on the diagonal and -1 beside it, the one matrix everyone can invert.
+    /// The path of `n` rows with 2 on the diagonal and -1 beside it, the one matrix everyone can
+    /// invert.
     fn path(n: usize) -> Pattern {
         Pattern::new(n, (1..n).map(|i| (i - 1, i)))
     }

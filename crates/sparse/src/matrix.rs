@@ -28,7 +28,8 @@ impl Entry for DMat2 {
     const ZERO: Self = Self::ZERO;
 }
 
-/// Entries on a [`Pattern`]: `f64`, complex numbers as `DVec2` (real, imaginary), or real 2 x 2 blocks as `DMat2`.
+/// Entries on a [`Pattern`]: `f64`, complex numbers as `DVec2` (real, imaginary), or real 2 x 2
+/// blocks as `DMat2`.
 #[derive(Debug, Clone)]
 pub struct Matrix<'p, T> {
     pattern: &'p Pattern,
@@ -77,8 +78,8 @@ impl<'p, T: Entry> Matrix<'p, T> {
 }
 
 impl<T: Entry> Matrix<'_, T> {
-    /// Sets the matrix row by row: `fill(row, entries)` gets the entries of one row, all zero, in the order of
-    /// [`Pattern::columns`]. Rows are filled side by side.
+    /// Sets the matrix row by row: `fill(row, entries)` gets the entries of one row, all zero, in
+    /// the order of [`Pattern::columns`]. Rows are filled side by side.
     pub fn fill_rows(&mut self, fill: impl Fn(usize, &mut [T]) + Sync) {
         let rows = self.pattern.rows();
         let mut tasks = Vec::with_capacity(rows / ROWS_PER_TASK + 1);
@@ -123,7 +124,8 @@ impl Matrix<'_, DMat2> {
 mod tests {
     use super::*;
 
-    /// `DMat2::default()` is the identity; a matrix that starts from it is far too stiff and nothing else shows it.
+    /// `DMat2::default()` is the identity; a matrix that starts from it is far too stiff and
+    /// nothing else shows it.
     #[test]
     fn the_zero_matrix_is_zero() {
         let pattern = Pattern::new(2, [(0, 1)]);

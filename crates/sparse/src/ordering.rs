@@ -8,8 +8,9 @@ use glam::DVec3;
 
 use crate::{Pattern, lower::Lower};
 
-/// From this many rows on the order comes from coordinates: the minimum degree order of faer takes longer than the
-/// factorization there (measured on cotangent Laplacians, 0.18 s against 0.06 s at 100 000 rows).
+/// From this many rows on the order comes from coordinates: the minimum degree order of faer takes
+/// longer than the factorization there (measured on cotangent Laplacians, 0.18 s against 0.06 s at
+/// 100 000 rows).
 const DISSECTION_ROWS: usize = 20_000;
 
 /// Parts of this size are not split further: below it a separator costs more fill than it saves.
@@ -20,7 +21,8 @@ const SEPARATOR: u32 = u32::MAX;
 
 /// A fill-reducing order: `order[k]` is the row eliminated in step `k`.
 ///
-/// Nested dissection where there are many rows and `coordinates` for all of them, else approximate minimum degree.
+/// Nested dissection where there are many rows and `coordinates` for all of them, else approximate
+/// minimum degree.
 pub(crate) fn order_rows(pattern: &Pattern, coordinates: &[DVec3]) -> Result<Vec<u32>, FaerError> {
     if pattern.rows() >= DISSECTION_ROWS && coordinates.len() == pattern.rows() {
         Ok(dissect(pattern, coordinates))
@@ -29,9 +31,9 @@ pub(crate) fn order_rows(pattern: &Pattern, coordinates: &[DVec3]) -> Result<Vec
     }
 }
 
-/// Fill-reducing order by geometric nested dissection (George 1973): the rows are halved at the median of their
-/// longest coordinate, rows of the lower half that touch the upper one become the separator and come last, and both
-/// halves are treated alike.
+/// Fill-reducing order by geometric nested dissection (george1973): the rows are halved at the
+/// median of their longest coordinate, rows of the lower half that touch the upper one become the
+/// separator and come last, and both halves are treated alike.
 ///
 /// On surfaces it is as good as a graph partitioner at a fraction of the cost.
 fn dissect(pattern: &Pattern, coordinates: &[DVec3]) -> Vec<u32> {
@@ -86,7 +88,7 @@ fn longest_axis(rows: &[u32], coordinates: &[DVec3]) -> usize {
     if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) }
 }
 
-/// Approximate minimum degree order of the rows ([amestoy1996]).
+/// Approximate minimum degree order of the rows (amestoy1996).
 fn minimum_degree(pattern: &Pattern) -> Result<Vec<u32>, FaerError> {
     let rows = pattern.rows();
     let (mut order, mut inverse) = (vec![0_u32; rows], vec![0_u32; rows]);

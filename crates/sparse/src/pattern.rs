@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-/// Which entries a matrix with a symmetric pattern has: row by row, columns ascending, the diagonal always.
+/// Which entries a matrix with a symmetric pattern has: row by row, columns ascending, the diagonal
+/// always.
 ///
 /// Both triangles are kept: rows can then be assembled and multiplied side by side.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -12,8 +13,8 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// The pattern of `rows` rows whose off-diagonal entries are `pairs` and their mirror images; repeated pairs
-    /// count once.
+    /// The pattern of `rows` rows whose off-diagonal entries are `pairs` and their mirror images;
+    /// repeated pairs count once.
     ///
     /// # Panics
     /// If a pair names a row that does not exist, or there are more than 2^32 entries.

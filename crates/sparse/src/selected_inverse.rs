@@ -9,9 +9,9 @@ use rayon::prelude::*;
 
 /// Entries of the inverse of a factored matrix, on the pattern of its factor.
 ///
-/// [takahashi1973]: from the last column to the first, every column of the inverse follows from
-/// entries already known, since the rows of a column of `L` lie in columns that come later. Here in supernodes: with
-/// `W = L_uj L_jj^-1`, `Z_uj = -Z_uu W` and `Z_jj = L_jj^-T L_jj^-1 - W' Z_uj`.
+/// (takahashi1973): from the last column to the first, every column of the inverse follows from
+/// entries already known, since the rows of a column of `L` lie in columns that come later. Here in
+/// supernodes: with `W = L_uj L_jj^-1`, `Z_uj = -Z_uu W` and `Z_jj = L_jj^-T L_jj^-1 - W' Z_uj`.
 #[derive(Debug, Clone)]
 pub struct SelectedInverse {
     /// Position of every row in the order of elimination.
@@ -48,7 +48,8 @@ impl Panel {
 }
 
 impl SelectedInverse {
-    /// Entry (`a`, `b`) of block (`row`, `column`) of the inverse; `None` outside the pattern of the factor.
+    /// Entry (`a`, `b`) of block (`row`, `column`) of the inverse; `None` outside the pattern of
+    /// the factor.
     #[must_use]
     pub fn entry(&self, row: usize, column: usize, a: usize, b: usize) -> Option<f64> {
         let i = *self.positions.get(self.size * row + a)? as usize;
@@ -72,8 +73,9 @@ impl SelectedInverse {
     }
 }
 
-/// Computes the inverse on the pattern of `factor`. Supernodes of equal depth in the elimination tree depend only on
-/// their ancestors, so they are done side by side; each is computed in one way only.
+/// Computes the inverse on the pattern of `factor`. Supernodes of equal depth in the elimination
+/// tree depend only on their ancestors, so they are done side by side; each is computed in one way
+/// only.
 pub(super) fn invert(
     factor: SupernodalLltRef<'_, u32, f64>,
     positions: Vec<u32>,
@@ -140,7 +142,8 @@ fn invert_supernode(
     panel
 }
 
-/// The square of the inverse whose rows and columns are `rows`: all of it lies in panels of ancestors.
+/// The square of the inverse whose rows and columns are `rows`: all of it lies in panels of
+/// ancestors.
 fn gather(rows: &[u32], panels: &[Panel], supernodes: &[u32]) -> Vec<f64> {
     let n = rows.len();
     let mut square = vec![0.0; n * n];

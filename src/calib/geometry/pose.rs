@@ -1,5 +1,5 @@
 //! Rigid frames, and the exponential and logarithm of rotations with their Jacobians
-//! ([barfoot2017], section 7.1).
+//! (barfoot2017), section 7.1).
 
 use glam::{DMat3, DQuat, DVec3};
 

@@ -1,5 +1,5 @@
 //! Stage 1: a minimum of a loss that is not convex. Truncated least squares by graduated
-//! non-convexity ([yang2020], algorithm 1); Tukey's loss from the minimum of Huber's, which is the
+//! non-convexity (yang2020), algorithm 1); Tukey's loss from the minimum of Huber's, which is the
 //! only one it has.
 //!
 //! Neither guarantees the global minimum.

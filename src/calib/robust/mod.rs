@@ -3,13 +3,14 @@
 //! Each stage is one file with one public function that takes a [`Solution`](solution::Solution) on
 //! to the next. In their order:
 //!
-//! 1. `graduated`: truncated least squares by graduated non-convexity ([yang2020]), a schedule of the
-//!    optimiser in `solve`; or another loss, from the minimum of Huber's.
+//! 1. `graduated`: truncated least squares by graduated non-convexity (yang2020), a schedule of
+//!    the optimiser in `solve`; or another loss, from the minimum of Huber's.
 //! 2. `coordinate_descent`: every taxel in turn tries the poses that its rejected edges predict
 //!    (*heuristic*).
-//! 3. `length_prior`: learns from the first verdicts which lengths outliers have; stages 1 and 2 run
-//!    again with bounds that follow (*heuristic*, empirical Bayes).
-//! 4. `ambiguity`: where nothing decides between the edges of a taxel, none is chosen (*heuristic*).
+//! 3. `length_prior`: learns from the first verdicts which lengths outliers have; stages 1 and 2
+//!    run again with bounds that follow (*heuristic*, empirical Bayes).
+//! 4. `ambiguity`: where nothing decides between the edges of a taxel, none is chosen
+//!    (*heuristic*).
 //! 5. `automatic`: least squares if it suffices, else stages 1 to 4, with the noise that `scale`
 //!    estimates where the stated noise is too small; `goodness_of_fit` judges both.
 //!

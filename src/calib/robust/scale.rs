@@ -1,5 +1,5 @@
 //! The noise scale: how much larger the residuals of most observations are than their stated noise
-//! predicts, by the median ([rousseeuw1987]); and the outlier test that holds at any scale.
+//! predicts, by the median (rousseeuw1987); and the outlier test that holds at any scale.
 
 use crate::calib::{
     Verdict,

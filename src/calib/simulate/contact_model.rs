@@ -1,5 +1,5 @@
 //! The forward model of a contact with a fixed sphere (section IV of the source paper,
-//! [cannata]).
+//! (cannata).
 
 use glam::{DMat3, DQuat, DVec3};
 

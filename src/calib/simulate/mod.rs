@@ -1,4 +1,4 @@
-//! The experiment of the source paper's section IV ([cannata]): a skin whose truth is known,
+//! The experiment of the source paper's section IV (cannata): a skin whose truth is known,
 //! its displacements and its contacts with a sphere.
 
 mod attribution_errors;

@@ -1,5 +1,5 @@
-//! Where the optimisation starts: chordal relaxation ([martinec2007], [carlone2015]), a spanning
-//! tree, or initial values; then every component is aligned to its contacts ([wahba1965]).
+//! Where the optimisation starts: chordal relaxation (martinec2007), (carlone2015), a spanning
+//! tree, or initial values; then every component is aligned to its contacts (wahba1965).
 
 use std::collections::VecDeque;
 

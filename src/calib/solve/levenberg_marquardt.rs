@@ -1,5 +1,5 @@
 //! The one optimiser: Gauss-Newton steps, damped as by Levenberg and Marquardt when one fails to
-//! lower the cost ([nielsen1999]), on weights that are fixed, follow from a loss function, or from
+//! lower the cost (nielsen1999), on weights that are fixed, follow from a loss function, or from
 //! the schedule of graduated non-convexity ([`Weighting`]).
 //!
 //! It knows no outliers. It finds a local minimum; which one depends on the start.
@@ -84,7 +84,7 @@ const LARGEST_DAMPING: f64 = 1e12;
 /// Rounding of a sum of squares, over the sum: a step that raises the cost by less has not failed.
 const COST_ROUNDING: f64 = 1e-13;
 
-/// Growth of the control of graduated non-convexity from step to step. The 1.4 of [yang2020] takes
+/// Growth of the control of graduated non-convexity from step to step. The 1.4 of (yang2020) takes
 /// three times as many steps to the same accuracy, at 5, 20 and 30 % outliers.
 const GRADUATION: f64 = 2.0;
 

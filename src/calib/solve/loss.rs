@@ -2,8 +2,8 @@
 //!
 //! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted
 //! least squares with the weight `rho'(s)`. Bounds follow from how many numbers an observation
-//! measures, so that the same share of inliers is affected in every model. [huber1964],
-//! [beaton1974] (Tukey's biweight), [yang2020] (the graduated truncated loss).
+//! measures, so that the same share of inliers is affected in every model. (huber1964),
+//! (beaton1974) (Tukey's biweight), (yang2020) (the graduated truncated loss).
 
 use crate::{
     calib::{ContactObservationId, DisplacementId, observations::graph::PerObservation},
@@ -130,7 +130,7 @@ impl LossFunction {
     }
 
     /// Weight of the graduated truncated loss at control `mu`: nearly convex for small `mu`, the
-    /// truncation itself as it grows ([yang2020], equation 14).
+    /// truncation itself as it grows (yang2020), equation 14).
     pub(crate) fn graduated_weight(&self, mu: f64, chi2: f64) -> f64 {
         let c2 = self.bound2;
         let weight = if chi2 <= mu / (mu + 1.0) * c2 {

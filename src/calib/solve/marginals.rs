@@ -1,6 +1,6 @@
 //! Marginal covariances of all taxels: blocks of the inverse by selected inversion
-//! ([takahashi1973]), taken to the centroid gauge where a component is free ([kanatani2001],
-//! [triggs2000]).
+//! (takahashi1973), taken to the centroid gauge where a component is free (kanatani2001),
+//! (triggs2000).
 //!
 //! First order: the covariance of the linearised problem at the solution, for the weights it was
 //! found with. That noise was rejected as an outlier, or not, is not part of it.

@@ -1,5 +1,5 @@
 //! The weights of squared residuals: given, from a loss function (iteratively reweighted least
-//! squares), or from the schedule of graduated non-convexity ([yang2020]).
+//! squares), or from the schedule of graduated non-convexity (yang2020).
 
 use std::borrow::Cow;
 
@@ -13,7 +13,7 @@ pub(crate) enum Weighting<'w> {
     /// Given.
     Fixed(&'w PerObservation),
     /// Those of the graduated loss at control `mu`, which grows after every step until it reaches
-    /// the truncated loss ([yang2020], algorithm 1).
+    /// the truncated loss (yang2020), algorithm 1).
     Graduated { losses: &'w LossFunctions, mu: f64 },
 }
 

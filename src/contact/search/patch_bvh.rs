@@ -24,8 +24,8 @@ pub(in crate::contact) struct PatchBvh {
     pub(super) tree: Bvh8,
     /// Centre of the patch's box, in m.
     pub(super) origin: DVec3,
-    /// What makes metres into the units of the tree, in which the patch's radius is between 1/2 and 1: a power of
-    /// two, so that it rounds nothing.
+    /// What makes metres into the units of the tree, in which the patch's radius is between 1/2 and
+    /// 1: a power of two, so that it rounds nothing.
     pub(super) scale: f64,
     /// The patch's box in the link's frame, `(min, max)` in m.
     pub(super) bounds: (DVec3, DVec3),
@@ -68,8 +68,8 @@ impl PatchBvh {
         })
     }
 
-    /// A distance, in m, that no face is nearer to `q` (m, the link's frame): that to the patch's box, less what
-    /// rounding may have added to it.
+    /// A distance, in m, that no face is nearer to `q` (m, the link's frame): that to the patch's
+    /// box, less what rounding may have added to it.
     pub(in crate::contact) fn least_distance(&self, q: DVec3) -> f64 {
         let (lo, hi) = self.bounds;
         let radius = 1.0 / self.scale;

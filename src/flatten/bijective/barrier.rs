@@ -1,4 +1,4 @@
-//! A barrier that keeps the boundary of a map from crossing itself (`[smith2015]`).
+//! A barrier that keeps the boundary of a map from crossing itself (`(smith2015)`).
 //!
 //! Every pair of a boundary vertex and a boundary edge closer than a reach pays `w (r/d - 1)^2`; a
 //! boundary that crosses itself, or a hole inside out, costs infinitely much, so that the line
@@ -75,8 +75,8 @@ impl ProximityPair {
         self.weight * (self.ratio - 1.0).powi(2)
     }
 
-    /// First and second derivative of the energy by the distance `d`, with `q = r/d`, which changes by
-    /// `-q^2/r`: `2 w (q - 1) (-q^2/r)`, and `-2 w/r (3 q^2 - 2 q) (-q^2/r)`.
+    /// First and second derivative of the energy by the distance `d`, with `q = r/d`, which changes
+    /// by `-q^2/r`: `2 w (q - 1) (-q^2/r)`, and `-2 w/r (3 q^2 - 2 q) (-q^2/r)`.
     fn derivatives(&self) -> (f64, f64) {
         let (q, r) = (self.ratio, self.reach);
         let first = -2.0 * self.weight * (q - 1.0) * q * q / r;

@@ -1,8 +1,8 @@
 //! Which boundary edges of a map cross or touch: every pair once, found by splitting the boxes at
 //! medians.
 //!
-//! The tests are signs of areas computed in 64 bits, not exact predicates. Signs are compared instead
-//! of products of areas, so that no underflow hides a crossing.
+//! The tests are signs of areas computed in 64 bits, not exact predicates. Signs are compared
+//! instead of products of areas, so that no underflow hides a crossing.
 
 use glam::DVec2;
 

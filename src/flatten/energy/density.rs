@@ -11,9 +11,9 @@
 //!
 //! | energy | `p` | `q` |
 //! |---|---|---|
-//! | sum of angle and area (eq. 4 of `[cannata]`) | `angle/(2 d)` | `area (d + 1/d)/2` |
-//! | symmetric Dirichlet (`[smith2015]`) | `1 + 1/d^2` | 0 |
-//! | untangling (`[garanzha2021]`) | `1/chi(d)` | 0 |
+//! | sum of angle and area (eq. 4 of `(cannata)`) | `angle/(2 d)` | `area (d + 1/d)/2` |
+//! | symmetric Dirichlet (`(smith2015)`) | `1 + 1/d^2` | 0 |
+//! | untangling (`(garanzha2021)`) | `1/chi(d)` | 0 |
 //!
 //! since `s1/s2 + s2/s1 = S/d` and `1/s1^2 + 1/s2^2 = S/d^2`. So a new energy needs `p` and `q`
 //! with two derivatives each, in `DistortionEnergy::coefficients`, and no more.
@@ -29,8 +29,8 @@
 //! h12 = 2 p' S + A + B d
 //! ```
 //!
-//! and `g2`, `h22` with `s1` and `s2` exchanged. On paper: `A` changes with `s1` by `B s2 + 2 p' s1`
-//! and with `s2` by `B s1 + 2 p' s2`, so that
+//! and `g2`, `h22` with `s1` and `s2` exchanged. On paper: `A` changes with `s1` by
+//! `B s2 + 2 p' s1` and with `s2` by `B s1 + 2 p' s2`, so that
 //!
 //! ```text
 //! h11 = 2 p + 2 s1 p' s2 + s2 (B s2 + 2 p' s1)
@@ -38,7 +38,7 @@
 //! ```
 //!
 //! These are the derivatives along the two *stretches*. Any energy of the singular values alone has
-//! two more eigenvectors (`[smith2019]`): the *twist* turns the face, the *flip* shears it, and
+//! two more eigenvectors (`(smith2019)`): the *twist* turns the face, the *flip* shears it, and
 //! their curvatures are
 //!
 //! ```text
@@ -54,7 +54,7 @@
 //! # Convex model
 //!
 //! Newton needs a positive semi-definite Hessian: the four curvatures (the two of the stretches
-//! after a rotation that makes `h12` vanish) are clamped to at least 0 (`[teran2005]`).
+//! after a rotation that makes `h12` vanish) are clamped to at least 0 (`(teran2005)`).
 
 use glam::{DMat2, DVec2};
 

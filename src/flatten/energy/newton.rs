@@ -1,8 +1,8 @@
-//! Projected Newton with a line search that cannot flip a face (`[teran2005]`, `[smith2015]`).
+//! Projected Newton with a line search that cannot flip a face (`(teran2005)`, `(smith2015)`).
 //!
 //! Each step solves the Newton system of the convex model, directly or by truncated conjugate
 //! gradients with block Jacobi. It starts at 0.9 of the first step that collapses a face, and is
-//! halved until the energy falls (`[armijo1966]`). It reaches a local minimum, which need not be
+//! halved until the energy falls (`(armijo1966)`). It reaches a local minimum, which need not be
 //! the global one.
 
 use glam::{DMat2, DVec2};

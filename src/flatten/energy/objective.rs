@@ -6,7 +6,7 @@
 //! ```
 //!
 //! with `A` the share of the area, `L` the length of an edge and `r` its stretch, `h` the mean edge
-//! (so that the perimeter term does not grow as a mesh is refined); eq. (4) of `[cannata]`. Sums
+//! (so that the perimeter term does not grow as a mesh is refined); eq. (4) of `(cannata)`. Sums
 //! run in fixed parts, so results do not depend on the number of threads.
 
 use glam::{DMat2, DVec2};

@@ -2,7 +2,7 @@
 //! undone on the map.
 //!
 //! Every vertex goes where its ring on the skin says, by mean value coordinates
-//! (`[floater2003mvc]`), if no face around it flips there; else into the kernel of its ring, the
+//! (`(floater2003mvc)`), if no face around it flips there; else into the kernel of its ring, the
 //! set of points that see all of it. A kernel may be empty: then the vertex is counted as unplaced,
 //! and the caller repairs the flips. *Heuristic*: the share of area that counts as well inside.
 

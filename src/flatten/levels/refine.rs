@@ -47,9 +47,9 @@ const STAGE_GROWTH: f64 = 1.5;
 /// out.
 const RESTARTED: usize = 3000;
 
-/// The map of least energy of a level, in units of `domain`, from `start`, the map (m) of the next coarser
-/// level. `magnification` is the level's, and `domain` has it already: only the stages between two
-/// levels need it.
+/// The map of least energy of a level, in units of `domain`, from `start`, the map (m) of the next
+/// coarser level. `magnification` is the level's, and `domain` has it already: only the stages
+/// between two levels need it.
 pub(crate) fn refine(
     domain: &FlattenDomain<'_>,
     start: Insertion<'_>,

@@ -1,5 +1,5 @@
 //! The spectral natural conformal map: least angle distortion, free boundary, no pinned vertex
-//! (`[mullen2008]`, `[desbrun2002]`).
+//! (`(mullen2008)`, `(desbrun2002)`).
 //!
 //! A map by itself, and the start of the intrinsic method. It may flip faces and wind twice about a
 //! vertex.

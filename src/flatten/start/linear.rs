@@ -1,5 +1,5 @@
 //! The linear map: conformal and authalic rows mixed, two vertices pinned, one sparse solve
-//! (`[desbrun2002]`).
+//! (`(desbrun2002)`).
 //!
 //! Nothing guarantees a map without flips or overlaps: see
 //! [`Method::Linear`](crate::flatten::Method::Linear).

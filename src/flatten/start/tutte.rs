@@ -1,5 +1,5 @@
-//! A start without flips for every disk with holes: the outer loop on a circle (`[tutte1963]`,
-//! `[floater2003]`).
+//! A start without flips for every disk with holes: the outer loop on a circle (`(tutte1963)`,
+//! `(floater2003)`).
 //!
 //! In exact arithmetic no face flips and no vertex has more than one turn of faces. In 64 bits
 //! faces of a long thin part may end without area.

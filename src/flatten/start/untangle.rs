@@ -1,4 +1,4 @@
-//! Removes flipped faces by moving only the vertices around them (`[garanzha2021]`; *heuristic*:
+//! Removes flipped faces by moving only the vertices around them (`(garanzha2021)`; *heuristic*:
 //! the sizes of the parts).
 //!
 //! Success is not guaranteed, and a repaired map may wind twice about a vertex: the caller checks
@@ -39,8 +39,7 @@ const ROUND: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 4 };
 /// Turns flipped faces back by moving only the vertices around them, and says whether none is left.
 ///
 /// Each part minimises a shape energy that stays finite for flipped faces, `(s1^2 + s2^2)/chi(s1
-/// s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks (Escobar et al. 2003, Garanzha
-/// et al. 2021). There is no proof that this always succeeds.
+/// s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks (escobar2003, garanzha2021). There is no proof that this always succeeds.
 pub(crate) fn untangle(
     domain: &FlattenDomain<'_>,
     uv: &mut IdVec<VertexId, DVec2>,

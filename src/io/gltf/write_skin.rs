@@ -35,7 +35,7 @@ use crate::{
 ///
 /// # Errors
 /// If there is no patch, a link is not rigid, a patch breaks a promise of [`Patch`] or cannot be
-/// told in `f32`, or the file cannot be written.
+/// represented in `f32`, or the file cannot be written.
 pub(crate) fn write_skin_glb(path: &Path, skin: &Skin) -> Result<(), IoError> {
     write_skin(path, skin, Form::Glb)
 }

@@ -222,7 +222,7 @@ fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3,
 }
 
 /// The rotation nearest to an almost orthonormal matrix: its polar factor, by Newton's iteration
-/// (Higham 1986), which doubles the right digits each time.
+/// (higham1986), which doubles the right digits each time.
 fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
     for _ in 0..6 {
         matrix = (matrix + matrix.inverse().transpose()) * 0.5;

@@ -1,4 +1,4 @@
-//! g2o text (Kuemmerle et al. 2011): one vertex, edge or parameter a line.
+//! g2o text (kummerle2011): one vertex, edge or parameter a line.
 
 use std::{
     collections::HashMap,

@@ -53,7 +53,7 @@ pub(crate) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count
 /// One of [`FIELDS`] for each of `count` fields so that neighbours differ.
 ///
 /// Fields are coloured in the reverse of the order in which the one with the fewest neighbours left
-/// is taken away [matula1983]: six colours then suffice for a planar map. Among the colours that no
+/// is taken away (matula1983): six colours then suffice for a planar map. Among the colours that no
 /// neighbour has, the one is taken that is rarest two steps away, then rarest so far. Should every
 /// colour be taken, neighbours may agree.
 fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usize> {

@@ -1,4 +1,4 @@
-//! Hidden surfaces: which face is in front, pixel by pixel: a depth buffer [catmull1974].
+//! Hidden surfaces: which face is in front, pixel by pixel: a depth buffer (catmull1974).
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,5 @@
-//! One sheet, welded, wound consistently and cleared of faces without area, split into its components.
+//! One sheet, welded, wound consistently and cleared of faces without area, split into its
+//! components.
 
 use glam::DVec3;
 

@@ -22,11 +22,11 @@ use crate::{
 /// How a draft is assembled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AssembleOptions {
-    /// Longest edge between bare taxels over the spacing of the taxels at its ends, from 1 to 20. What is longer
-    /// spans a real gap, and a boundary stays there.
+    /// Longest edge between bare taxels over the spacing of the taxels at its ends, from 1 to 20.
+    /// What is longer spans a real gap, and a boundary stays there.
     pub gap: f64,
-    /// Holes whose boundary loop has at most this many edges are filled; the longest loop of a patch is its outer
-    /// boundary and stays. 0 fills none.
+    /// Holes whose boundary loop has at most this many edges are filled; the longest loop of a
+    /// patch is its outer boundary and stays. 0 fills none.
     pub fill_holes: usize,
 }
 
@@ -45,22 +45,24 @@ pub struct Assembled {
     pub remarks: Vec<Remark>,
 }
 
-/// Welds, splits into patches and orients: whatever can be repaired without guessing is, and every change is
-/// reported.
+/// Welds, splits into patches and orients: whatever can be repaired without guessing is, and every
+/// change is reported.
 ///
 /// - **Bare taxels**, a draft without any triangle, are joined first, by [`triangulate_taxels`].
-/// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or there are no
-///   ids; with different ids they stay two taxels, unless one face has both. A weld that would only make sheets
-///   touch in a point is undone.
-/// - **Faces** that use a taxel twice are left out; faces without area are dropped at the boundary and flipped
-///   away elsewhere, so that no slit opens. Taxels without a face are left out.
-/// - **Patches** are the components joined across edges, in the order of their first faces: `name`, `name.1`, ...
-/// - **Winding** is made consistent; the outside is where the taxels' normals point if these are reliable (unit
-///   vectors, not constant on a curved part, on the whole along the faces), else the outside of a closed surface,
-///   else where most faces of the file have it.
+/// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or
+///   there are no ids; with different ids they stay two taxels, unless one face has both. A weld
+///   that would only make sheets touch in a point is undone.
+/// - **Faces** that use a taxel twice are left out; faces without area are dropped at the boundary
+///   and flipped away elsewhere, so that no slit opens. Taxels without a face are left out.
+/// - **Patches** are the components joined across edges, in the order of their first faces: `name`,
+///   `name.1`, ...
+/// - **Winding** is made consistent; the outside is where the taxels' normals point if these are
+///   reliable (unit vectors, not constant on a curved part, on the whole along the faces), else the
+///   outside of a closed surface, else where most faces of the file have it.
 /// - **Holes** are filled, if asked for.
-/// - **Normals** that are missing or not reliable, and areas that are missing or not positive, come from the
-///   faces. Missing ids count from 1 through the skin. Sheets without a link get one at the origin.
+/// - **Normals** that are missing or not reliable, and areas that are missing or not positive, come
+///   from the faces. Missing ids count from 1 through the skin. Sheets without a link get one at
+///   the origin.
 ///
 /// ```
 /// use dermatome::skin::{AssembleOptions, Draft, RemarkKind, Sheet, assemble};
@@ -78,9 +80,9 @@ pub struct Assembled {
 /// ```
 ///
 /// # Errors
-/// If links or arrays do not fit, a position is not finite, a corner, a density or the gap is out of range, bare
-/// taxels cannot be joined, more than two faces meet at an edge, fans of faces touch in a point, a sheet has only
-/// one side, or there is no face at all.
+/// If links or arrays do not fit, a position is not finite, a corner, a density or the gap is out
+/// of range, bare taxels cannot be joined, more than two faces meet at an edge, fans of faces touch
+/// in a point, a sheet has only one side, or there is no face at all.
 pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
     let triangulated = if draft.is_bare() { Some(triangulate_taxels(draft, options.gap)?) } else { None };
     let draft = triangulated.as_ref().unwrap_or(draft);

@@ -11,10 +11,11 @@ use crate::{
     },
 };
 
-/// Turns all faces over if the component is inside out, and reports how many faces then differ from the file.
+/// Turns all faces over if the component is inside out, and reports how many faces then differ from
+/// the file.
 ///
-/// The outside is where reliable normals point, else the outside of a closed surface, else where most faces of
-/// the file have it.
+/// The outside is where reliable normals point, else the outside of a closed surface, else where
+/// most faces of the file have it.
 pub(super) fn turn_outward(
     component: &mut Component,
     quality: Option<NormalQuality>,
@@ -64,7 +65,8 @@ pub(super) fn choose_normals(
     normals
 }
 
-/// Volume inside a closed component, in m^3, negative if it is inside out; `None` for one with a boundary.
+/// Volume inside a closed component, in m^3, negative if it is inside out; `None` for one with a
+/// boundary.
 fn enclosed_volume(mesh: &TriMesh) -> Option<f64> {
     if Edges::new(&mesh.triangles, mesh.positions.len()).iter().any(|uses| uses.len() == 1) {
         return None;

@@ -1,4 +1,5 @@
-//! A component becomes a patch: outward, filled, and with everything the file says about its taxels.
+//! A component becomes a patch: outward, filled, and with everything the file says about its
+//! taxels.
 
 use glam::DVec3;
 
@@ -15,7 +16,8 @@ use crate::{
     },
 };
 
-/// Turns `component` outward, fills its holes of at most `max_hole_edges` edges and gives its taxels what the file says about them.
+/// Turns `component` outward, fills its holes of at most `max_hole_edges` edges and gives its
+/// taxels what the file says about them.
 ///
 /// Holes are filled before normals and areas are computed, since these come from the faces.
 pub(super) fn patch_of(

@@ -1,4 +1,5 @@
-//! Faces without area: caps and needles [botsch2001], dropped at the boundary and flipped away elsewhere.
+//! Faces without area: caps and needles (botsch2001), dropped at the boundary and flipped away
+//! elsewhere.
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
@@ -9,11 +10,13 @@ use crate::{
     mesh::TriMesh,
 };
 
-/// A face lower than this share of its longest side has no area. Positions in `f32` move the middle one of three
-/// collinear taxels off the line by up to 1e-5 of their distance; no real face is that thin.
+/// A face lower than this share of its longest side has no area. Positions in `f32` move the middle
+/// one of three collinear taxels off the line by up to 1e-5 of their distance; no real face is that
+/// thin.
 const FLATTEST: f64 = 1e-5;
 
-/// Height of a triangle over its longest side, as a share of that side: `sqrt(3)/2` if equilateral, 0 without area.
+/// Height of a triangle over its longest side, as a share of that side: `sqrt(3)/2` if equilateral,
+/// 0 without area.
 pub(in crate::skin) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     let height = (b - a).cross(c - a).length() / longest;
@@ -39,10 +42,11 @@ pub(super) struct Cleared {
 
 /// Removes the faces without area from a manifold mesh of consistent winding.
 ///
-/// Where the longest side lies on the boundary the face is dropped, and the boundary then runs through its middle
-/// corner. Elsewhere that would tear a slit, so the longest side is flipped: the face and its neighbour become two
-/// faces with area. Every step removes one face without area, so the work is linear in their number. Dropped
-/// faces stay in the list of triangles: the caller must leave them out.
+/// Where the longest side lies on the boundary the face is dropped, and the boundary then runs
+/// through its middle corner. Elsewhere that would tear a slit, so the longest side is flipped: the
+/// face and its neighbour become two faces with area. Every step removes one face without area, so
+/// the work is linear in their number. Dropped faces stay in the list of triangles: the caller must
+/// leave them out.
 pub(super) fn clear_zero_area(mesh: &mut TriMesh) -> Cleared {
     let flat: Vec<FaceId> = mesh.triangles.ids().filter(|&f| has_no_area(mesh.corners(f))).collect();
     let mut cleared = Cleared::default();

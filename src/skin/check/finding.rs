@@ -4,7 +4,7 @@ use std::fmt;
 
 macro_rules! kinds {
     ($($(#[$doc:meta])* $variant:ident $name:literal $element:ident,)*) => {
-        /// Kinds of findings, in the order in which they are told.
+        /// Kinds of findings, in the order of the report.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[non_exhaustive]
         pub enum FindingKind {
@@ -77,7 +77,7 @@ kinds! {
     InconsistentWinding "inconsistent-winding" Face,
     /// Faces are wound against the taxels' normals.
     WindingAgainstNormals "winding-against-normals" Face,
-    /// A sheet falls into pieces that share no edge.
+    /// A sheet has several components, which share no edge.
     SeveralComponents "several-components" Face,
     /// A piece without boundary: it must be cut before it can be flattened.
     ClosedPatch "closed-patch" Face,
@@ -93,7 +93,7 @@ kinds! {
     DuplicatePosition "duplicate-position" Vertex,
     /// Several taxels with one id.
     DuplicateId "duplicate-id" Vertex,
-    /// Several taxels with an id that stands for none.
+    /// Several taxels with a placeholder id.
     PlaceholderId "placeholder-id" Vertex,
     /// A normal that is no unit vector.
     NormalNotUnit "normal-not-unit" Vertex,
@@ -137,7 +137,8 @@ pub struct Finding {
     pub kind: FindingKind,
     /// Name of the sheet; empty if it concerns the whole draft.
     pub patch: String,
-    /// The elements concerned, as the file numbers them from 0; [`FindingKind::element`] says what they count.
+    /// The elements concerned, as the file numbers them from 0; [`FindingKind::element`] says what
+    /// they count.
     pub elements: Vec<u64>,
     /// A sentence that says what was found.
     pub message: String,

@@ -12,21 +12,22 @@ use crate::{
     },
 };
 
-/// Two boundaries closer than this share of the local spacing look like a seam that was not joined. Modules that
-/// are meant to stay apart keep at least one spacing.
+/// Two boundaries closer than this share of the local spacing look like a seam that was not joined.
+/// Modules that are meant to stay apart keep at least one spacing.
 const SEAM: f64 = 0.5;
 
 /// Edges this much longer than a vertex's spacing (as a power of two) are not looked for around it.
 const LEVELS_UP: i32 = 8;
 
-/// Where more cells and edges than this crowd around one vertex the rest is not looked at: a heap of coincident
-/// faces would take quadratic time. A seam has some ten edges around each vertex.
+/// Where more cells and edges than this crowd around one vertex the rest is not looked at: a heap
+/// of coincident faces would take quadratic time. A seam has some ten edges around each vertex.
 const MOST_CANDIDATES: usize = 2048;
 
 /// A boundary edge.
 type Ends = [VertexId; 2];
 
-/// Notes vertices of the boundary that lie close to an edge of the boundary they are not joined with.
+/// Notes vertices of the boundary that lie close to an edge of the boundary they are not joined
+/// with.
 pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
     let mesh = &subject.surface.mesh;
     let mut boundary: Vec<Ends> = Vec::new();
@@ -38,7 +39,8 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
             boundary.push(ends);
         }
     }
-    // Mean length of the edges at each vertex of the boundary, and which of these vertices are neighbours.
+    // Mean length of the edges at each vertex of the boundary, and which of these vertices are
+    // neighbours.
     let mut lengths = IdVec::<VertexId, (f64, u32)>::filled((0.0, 0), mesh.positions.len());
     let mut joined: HashSet<Ends> = HashSet::new();
     for uses in subject.edges.iter() {
@@ -73,7 +75,8 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
     });
 }
 
-/// Boundary edges by size and place: edges between `2^level` and twice that lie in cells of twice that.
+/// Boundary edges by size and place: edges between `2^level` and twice that lie in cells of twice
+/// that.
 #[derive(Debug)]
 struct Grid {
     cells: HashMap<(i32, I64Vec3), Vec<Ends>>,
@@ -105,7 +108,8 @@ impl Grid {
         let own = level_of(reach)?;
         let mut nearest = None;
         let mut candidates = 0;
-        // Edges shorter than the reach belong to much denser skin, whose vertices find this place from their side.
+        // Edges shorter than the reach belong to much denser skin, whose vertices find this place
+        // from their side.
         for &level in self.levels.range(own..=own + LEVELS_UP) {
             let size = cell_size(level);
             let radius = reach + 0.5 * size;
@@ -141,7 +145,8 @@ fn cell_size(level: i32) -> f64 {
 }
 
 fn cell_of(point: DVec3, level: i32) -> I64Vec3 {
-    // Saturates where the part is more than 2^63 cells wide: far cells then fall together, and are still searched.
+    // Saturates where the part is more than 2^63 cells wide: far cells then fall together, and are
+    // still searched.
     (point / cell_size(level)).floor().as_i64vec3()
 }
 

@@ -30,11 +30,12 @@ use crate::{
 
 /// Everything that is wrong with a draft, by sheet and kind; empty for a healthy one.
 ///
-/// Healthy is what [`crate::skin::assemble`] takes as it is, and a user means: sheets of one piece, each with an
-/// outer boundary and any number of holes of five edges or more, wound outward, of taxels that can be told
-/// apart. Vertices that a file splits along seams of its normals or textures are healthy too, and so are slots marked as
-/// absent that have no face. Holes of three or four edges are findings: a taxel leaves a larger one, so a face
-/// is missing there. Takes time near-linear in the size of the draft, and never panics.
+/// Healthy is what [`crate::skin::assemble`] takes as it is, and a user means: sheets of one piece,
+/// each with an outer boundary and any number of holes of five edges or more, wound outward, of
+/// taxels that can be distinguished. Vertices that a file splits along seams of its normals or
+/// textures are healthy too, and so are slots marked as absent that have no face. Holes of three or
+/// four edges are findings: a taxel leaves a larger one, so a face is missing there. Takes time
+/// near-linear in the size of the draft, and never panics.
 ///
 /// Bare taxels are judged by what assembling them with `options` gives.
 ///
@@ -97,8 +98,8 @@ fn only_name(draft: &Draft) -> &str {
     }
 }
 
-/// Notes what becomes of bare taxels: why they cannot be joined, which are merged, into what components they fall, and
-/// which are left out.
+/// Notes what becomes of bare taxels: why they cannot be joined, which are merged, into what
+/// components they fall, and which are left out.
 fn check_bare(draft: &Draft, options: &AssembleOptions, findings: &mut Vec<Finding>) {
     let assembled = match assemble(draft, options) {
         Ok(assembled) => assembled,
@@ -131,7 +132,7 @@ fn check_bare(draft: &Draft, options: &AssembleOptions, findings: &mut Vec<Findi
 fn check_sheet(sheet: &Sheet, links: usize, findings: &mut Vec<Finding>) {
     let mut report = Report { patch: sheet.title(), findings: Vec::new() };
     if let Some(link) = sheet.link.filter(|l| l.index() >= links) {
-        let message = format!("it hangs on link {link}, but there are {links} links");
+        let message = format!("it is attached to link {link}, but there are {links} links");
         report.add_whole(FindingKind::UnknownLink, message);
     }
     if let Some((_, found)) = sheet.wrong_length() {

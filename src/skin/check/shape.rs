@@ -18,7 +18,8 @@ use crate::{
     },
 };
 
-/// A sliver is lower than this share of its longest side. Sound calibrated covers have faces down to 0.04.
+/// A sliver is lower than this share of its longest side. Sound calibrated covers have faces down
+/// to 0.04.
 const SLIVER: f64 = 0.02;
 
 /// Notes faces that repeat corners or other faces, and those that are too thin.

@@ -51,7 +51,8 @@ pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
         format!("{n} of {vertices} taxels belong to no face")
     });
 
-    // Copies that are one taxel of a split seam are healthy; a second taxel at the same place is not.
+    // Copies that are one taxel of a split seam are healthy; a second taxel at the same place is
+    // not.
     let mut first: HashMap<[u64; 3], VertexId> = HashMap::with_capacity(vertices);
     let mut again = Vec::new();
     for (v, p) in surface.mesh.positions.enumerate() {
@@ -90,7 +91,7 @@ pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
     let (placeholders, repeated): (Vec<_>, Vec<_>) =
         taxels.iter().filter(|(_, id)| shared(*id)).partition(|(_, id)| PLACEHOLDERS.contains(id));
     report.add(FindingKind::PlaceholderId, numbers(placeholders.iter().map(|(v, _)| v.raw())), |n| {
-        format!("{n} taxels have an id that stands for none: 0 or {}", u32::MAX)
+        format!("{n} taxels have a placeholder id: 0 or {}", u32::MAX)
     });
     let different = repeated.iter().map(|(_, id)| id).collect::<std::collections::BTreeSet<_>>().len();
     report.add(FindingKind::DuplicateId, numbers(repeated.iter().map(|(v, _)| v.raw())), |n| {

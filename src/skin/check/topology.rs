@@ -12,7 +12,8 @@ use crate::{
 /// A hole of so few edges is no missing taxel: that leaves at least five.
 const PIN_HOLE_EDGES: usize = 4;
 
-/// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether loops can be counted.
+/// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether loops
+/// can be counted.
 pub(super) fn check_manifold(subject: &Subject<'_>, touching: &[VertexId], report: &mut Report<'_>) -> bool {
     let Subject { surface, edges, winding, .. } = subject;
     let mesh = &surface.mesh;

@@ -1,6 +1,7 @@
 //! Candidate triangles: those of the stars of all taxels, ranked by the votes of their corners.
 //!
-//! *Heuristic*: the vote replaces star splaying [shewchuk2005], which repeats until all stars agree.
+//! *Heuristic*: the vote replaces star splaying (shewchuk2005), which repeats until all stars
+//! agree.
 
 use rayon::prelude::*;
 
@@ -11,7 +12,8 @@ use crate::{
     skin::triangulate::{delaunay_star::DelaunayStar, point_cloud::PointCloud, tangent_star::tangent_star},
 };
 
-/// Circumradii that differ by less than this part are equal, as those of the triangles of a square are.
+/// Circumradii that differ by less than this part are equal, as those of the triangles of a square
+/// are.
 const SAME_SIZE: f64 = 1e-6;
 
 /// A triangle that is in the stars of some of its corners.

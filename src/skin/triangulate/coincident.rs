@@ -1,6 +1,7 @@
 //! Which taxels are at one position, up to rounding.
 //!
-//! *Heuristic*: `SAME_PLACE` and `MOST_APART` separate rounded copies from neighbouring taxels on measured layouts.
+//! *Heuristic*: `SAME_PLACE` and `MOST_APART` separate rounded copies from neighbouring taxels on
+//! measured layouts.
 
 use std::collections::HashMap;
 
@@ -16,25 +17,27 @@ use crate::{
     },
 };
 
-/// Two taxels coincide if they are closer than this part of the median distance from the centre of the sheet: the
-/// rounding of an `f32`, far below the accuracy of any mounting. The median is robust against sentinel coordinates
-/// such as -999; the bounding box is not.
+/// Two taxels coincide if they are closer than this part of the median distance from the centre of
+/// the sheet: the rounding of an `f32`, far below the accuracy of any mounting. The median is
+/// robust against sentinel coordinates such as -999; the bounding box is not.
 const RESOLUTION: f64 = 1.0 / (1_u64 << 24) as f64;
 
-/// They also do if they are closer than this share of the distance to the third nearest, and than [`MOST_APART`],
-/// unless the file's normals point to different sides: one of them was rounded to the digits of a text. A face with
-/// both would be a sliver, fifty times longer than high. The taxels of an iCub keep 0.41 of it, those of a lattice with
-/// a noise of 0.3 spacings 0.1; of random points one in 1250 is that close to another.
+/// They also do if they are closer than this share of the distance to the third nearest, and than
+/// [`MOST_APART`], unless the file's normals point to different sides: one of them was rounded to
+/// the digits of a text. A face with both would be a sliver, fifty times longer than high. The
+/// taxels of an iCub keep 0.41 of it, those of a lattice with a noise of 0.3 spacings 0.1; of
+/// random points one in 1250 is that close to another.
 const SAME_PLACE: f64 = 0.02;
 
-/// Rounding to the digits of a text moves a taxel by at most this, in m: what is farther away is another pad, or
-/// the other side of a foil.
+/// Rounding to the digits of a text moves a taxel by at most this, in m: what is farther away is
+/// another pad, or the other side of a foil.
 const MOST_APART: f64 = 1e-4;
 
 /// Taxels within the resolution of each other fill at most this many cells.
 const CELLS: usize = 8;
 
-/// For every taxel the first that coincides with it. `normals` may be zero, and `unit` is the length of 1, in m.
+/// For every taxel the first that coincides with it. `normals` may be zero, and `unit` is the
+/// length of 1, in m.
 ///
 /// The relation does not depend on the order of the taxels, and is transitive.
 pub(super) fn first_at_place(
@@ -66,7 +69,8 @@ pub(super) fn first_at_place(
     positions.ids().map(|v| sets.root(v)).collect()
 }
 
-/// Pairs closer than the resolution, or than `SAME_PLACE` times the local spacing but at most `merge_distance`.
+/// Pairs closer than the resolution, or than `SAME_PLACE` times the local spacing but at most
+/// `merge_distance`.
 fn close_pairs(
     positions: &IdVec<VertexId, DVec3>,
     resolution: f64,
@@ -87,8 +91,8 @@ fn close_pairs(
     })
 }
 
-/// The median distance (maximum norm) from the centre, the median of each coordinate; 1, the longest side of the box,
-/// if that is 0.
+/// The median distance (maximum norm) from the centre, the median of each coordinate; 1, the
+/// longest side of the box, if that is 0.
 fn median_distance(mut places: Vec<DVec3>) -> f64 {
     if places.is_empty() {
         return 1.0;

@@ -1,20 +1,23 @@
 //! The triangles of a Delaunay triangulation around one point, without the rest of it.
 //!
-//! The Voronoi cell of the point is cut out of a square by bisectors. Neighbours may see different triangles where
-//! their tangent planes differ, so the stars of all taxels are candidates, not yet a mesh.
+//! The Voronoi cell of the point is cut out of a square by bisectors. Neighbours may see different
+//! triangles where their tangent planes differ, so the stars of all taxels are candidates, not yet
+//! a mesh.
 
 use glam::DVec2;
 
-/// A point is on a circle if it is this close to it, over the square of its distance: the corners of a square are on one circle in
-/// any frame.
+/// A point is on a circle if it is this close to it, over the square of its distance: the corners
+/// of a square are on one circle in any frame.
 const ON_CIRCLE: f64 = 1e-7;
 
-/// The triangles of a Delaunay triangulation around one of its points, found without the rest of it.
+/// The triangles of a Delaunay triangulation around one of its points, found without the rest of
+/// it.
 ///
-/// They join the neighbours whose Voronoi cells border on that of the point. Its cell is cut out of a square by the bisectors with
-/// the other points, the nearest first, until the next is too far away to cut. Of four or more points on a common circle each sees
-/// all triangles that it can have with them in order around it, so that the corners of a square see both of its diagonals:
-/// which one is drawn is left to the caller. Keeps its memory from point to point.
+/// They join the neighbours whose Voronoi cells border on that of the point. Its cell is cut out of
+/// a square by the bisectors with the other points, the nearest first, until the next is too far
+/// away to cut. Of four or more points on a common circle each sees all triangles that it can have
+/// with them in order around it, so that the corners of a square see both of its diagonals: which
+/// one is drawn is left to the caller. Keeps its memory from point to point.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DelaunayStar {
     cell: Vec<Corner>,
@@ -31,7 +34,8 @@ struct Corner {
 impl DelaunayStar {
     /// The triangles around the origin, as pairs of places in `points`, counter-clockwise.
     ///
-    /// The points must come nearest first; triangles whose circles have a radius above `reach` are not among them.
+    /// The points must come nearest first; triangles whose circles have a radius above `reach` are
+    /// not among them.
     pub(super) fn around(
         &mut self,
         points: impl IntoIterator<Item = DVec2>,
@@ -121,7 +125,7 @@ mod tests {
                 let mut order: Vec<usize> = (0..points.len()).filter(|&w| w != v).collect();
                 order.sort_by(|&a, &b| points[v].distance(points[a]).total_cmp(&points[v].distance(points[b])));
                 let around = order.iter().map(|&w| points[w] - points[v]);
-                // Circles as wide as the reach may be told either way.
+                // Circles as wide as the reach may be judged either way.
                 let near = |t: &[usize; 3]| radius(*t) < 0.99 * REACH;
                 let found: BTreeSet<[usize; 3]> =
                     star.around(around, REACH).map(|[a, b]| [v, order[a], order[b]]).filter(near).collect();

@@ -7,8 +7,9 @@ use crate::{
     skin::triangulate::point_cloud::PointCloud,
 };
 
-/// Smallest cosine between a face and the normals of its corners. A face may stand almost on edge, since noise puts
-/// taxels almost above each other: at 0.1, noise of a fifth of the spacing leaves twice as many holes.
+/// Smallest cosine between a face and the normals of its corners. A face may stand almost on edge,
+/// since noise puts taxels almost above each other: at 0.1, noise of a fifth of the spacing leaves
+/// twice as many holes.
 const LEAST_COSINE: f64 = 0.02;
 
 /// Directions are equal if the sine between them is smaller.
@@ -19,14 +20,16 @@ const END: u32 = u32::MAX;
 
 /// A mesh to which triangles are added one by one, if they fit.
 ///
-/// The faces around a taxel are sectors of its tangent plane. A face fits if all corners see its outside, its edges
-/// are within the gap, no edge gets a second face in one direction, and no two sectors of a taxel overlap. So the
-/// mesh is always an oriented manifold, except that fans of faces may touch in a point.
+/// The faces around a taxel are sectors of its tangent plane. A face fits if all corners see its
+/// outside, its edges are within the gap, no edge gets a second face in one direction, and no two
+/// sectors of a taxel overlap. So the mesh is always an oriented manifold, except that fans of
+/// faces may touch in a point.
 #[derive(Debug)]
 pub(super) struct GrowingMesh<'a> {
     cloud: &'a PointCloud<'a>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
-    /// The first corner `3 face + side` of each taxel, and for each corner the next one of the same taxel.
+    /// The first corner `3 face + side` of each taxel, and for each corner the next one of the same
+    /// taxel.
     first: IdVec<VertexId, u32>,
     next: Vec<u32>,
 }
@@ -119,7 +122,8 @@ impl<'a> GrowingMesh<'a> {
         self.triangles[face] = [t[0]; 3];
     }
 
-    /// Faces around `v`, each with the neighbour where its sector begins and the one where it ends, counter-clockwise.
+    /// Faces around `v`, each with the neighbour where its sector begins and the one where it ends,
+    /// counter-clockwise.
     pub(super) fn sectors(&self, v: VertexId) -> impl Iterator<Item = (FaceId, VertexId, VertexId)> {
         let mut corner = self.first[v];
         std::iter::from_fn(move || {
@@ -205,8 +209,8 @@ struct Sector {
 }
 
 impl Sector {
-    /// Whether two sectors that begin and end at different neighbours overlap. Where one begins at the neighbour at
-    /// which the other ends, this common side is inside neither.
+    /// Whether two sectors that begin and end at different neighbours overlap. Where one begins at
+    /// the neighbour at which the other ends, this common side is inside neither.
     fn overlaps(&self, other: &Self) -> bool {
         let begins_at_end = self.ends[0] == other.ends[1];
         let ends_at_begin = self.ends[1] == other.ends[0];

@@ -1,4 +1,4 @@
-//! A k-d tree of points for nearest-neighbour searches [bentley1975].
+//! A k-d tree of points for nearest-neighbour searches (bentley1975).
 
 use std::cmp::Ordering;
 
@@ -33,8 +33,8 @@ impl KdTree {
         Self { points, axes }
     }
 
-    /// Writes the `count` points nearest to `at` within `radius` into `found`, nearest first, ties by id, without
-    /// `excluded`.
+    /// Writes the `count` points nearest to `at` within `radius` into `found`, nearest first, ties
+    /// by id, without `excluded`.
     pub(super) fn nearest(
         &self,
         at: DVec3,

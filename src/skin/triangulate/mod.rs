@@ -1,18 +1,21 @@
 //! Triangulating: taxels without triangles become a mesh.
 //!
-//! The method is the tangential Delaunay complex [boissonnat2014]: every taxel triangulates its neighbours in its
-//! tangent plane, and the triangles on which corners agree form the mesh. The files in the order of the algorithm:
+//! The method is the tangential Delaunay complex (boissonnat2014): every taxel triangulates its
+//! neighbours in its tangent plane, and the triangles on which corners agree form the mesh. The
+//! files in the order of the algorithm:
 //!
 //! 1. `unique_points`, with `coincident` and `kd_tree`: each position once, in an order of its own;
 //! 2. `neighbours`: the local spacing and who may be joined;
-//! 3. `normals`, then `orient_normals`: tangent planes, turned to one side [hoppe1992], [konig2009];
-//! 4. `tangent_star`, with `delaunay_star`, for each point of the `point_cloud`, then `candidates`: triangles by the votes of their corners;
+//! 3. `normals`, then `orient_normals`: tangent planes, turned to one side (hoppe1992),
+//!    (konig2009);
+//! 4. `tangent_star`, with `delaunay_star`, for each point of the `point_cloud`, then `candidates`:
+//!    triangles by the votes of their corners;
 //! 5. `growing_mesh`: takes candidates that keep an oriented manifold, the best first;
 //! 6. `repair`: small holes, touching fans, isolated taxels;
 //! 7. `orient_outward`: which side is outside.
 //!
-//! Not guaranteed: that the mesh is the surface between the taxels. Where parts lie closer than the spacing and no
-//! normals tell them apart, they are joined.
+//! Not guaranteed: that the mesh is the surface between the taxels. Where parts lie closer than the
+//! spacing and no normals tell them apart, they are joined.
 
 mod candidates;
 mod coincident;
@@ -51,34 +54,36 @@ pub(super) use unique_points::UniquePoints;
 /// Gaps that make sense: below 1 nothing is joined, and work grows with the square.
 const GAPS: std::ops::RangeInclusive<f64> = 1.0..=20.0;
 
-/// A sheet whose median neighbourhood is at least this thick is a cloud: a noise of a third of the spacing reaches
-/// 0.1, random points in a ball 0.5.
+/// A sheet whose median neighbourhood is at least this thick is a cloud: a noise of a third of the
+/// spacing reaches 0.1, random points in a ball 0.5.
 const THICKEST: f64 = 0.25;
 
 /// Fewer than one in this many opposing normals is not reported.
 const FEW: usize = 20;
 
-/// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was done;
-/// [`crate::skin::assemble`] calls it. `gap` is [`crate::skin::AssembleOptions::gap`].
+/// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was
+/// done; [`crate::skin::assemble`] calls it. `gap` is [`crate::skin::AssembleOptions::gap`].
 ///
-/// - **Taxels** at one place become one (the first that reads pressure), and so do taxels closer than a fiftieth of
-///   the spacing: the same place, rounded otherwise. Slots that hold nothing are left out. Thermal pads and dead
-///   taxels have a place, and stay. Taxels keep the order of the file; arrays move with them.
+/// - **Taxels** at one place become one (the first that reads pressure), and so do taxels closer
+///   than a fiftieth of the spacing: the same place, rounded otherwise. Slots that hold nothing are
+///   left out. Thermal pads and dead taxels have a place, and stay. Taxels keep the order of the
+///   file; arrays move with them.
 /// - The **spacing** is the distance to the third nearest taxel, smoothed.
-/// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to one side
-///   along a spanning tree (Hoppe et al. 1992, judged as by König and Gumhold 2009). Those of the file, where these
-///   are reliable (unit vectors along the planes of the neighbourhoods, not all the same on a curved part), keep the
-///   sides of a thin part apart, lead the tree, stand in where a sharp edge or a strip has no plane, and tell the
-///   outside.
-/// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least two corners
-///   agree, then those of one corner that fit between them; a square is cut along one diagonal by the place of its
-///   corners. Edges are no longer than `gap` times the spacing at their ends. The mesh is an oriented manifold: a
-///   face that would give an edge a third face, or overlap in the tangent plane of a corner, is not taken.
-/// - The **outside** of components whose normals do not tell it, two thirds of them, is away from the centre of the
-///   sheet.
+/// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares,
+///   turned to one side along a spanning tree (Hoppe et al. 1992, judged as by König and Gumhold
+///   2009). Those of the file, where these are reliable (unit vectors along the planes of the
+///   neighbourhoods, not all the same on a curved part), keep the sides of a thin part apart, lead
+///   the tree, stand in where a sharp edge or a strip has no plane, and tell the outside.
+/// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least
+///   two corners agree, then those of one corner that fit between them; a square is cut along one
+///   diagonal by the place of its corners. Edges are no longer than `gap` times the spacing at
+///   their ends. The mesh is an oriented manifold: a face that would give an edge a third face, or
+///   overlap in the tangent plane of a corner, is not taken.
+/// - The **outside** of components whose normals do not tell it, two thirds of them, is away from
+///   the centre of the sheet.
 ///
-/// The result does not depend on the order of the taxels, up to the order of their names, nor on frame and unit,
-/// except for which diagonal a square gets. Time and memory are near-linear.
+/// The result does not depend on the order of the taxels, up to the order of their names, nor on
+/// frame and unit, except for which diagonal a square gets. Time and memory are near-linear.
 ///
 /// ```
 /// use dermatome::{
@@ -95,8 +100,9 @@ const FEW: usize = 20;
 /// ```
 ///
 /// # Errors
-/// If the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a cloud rather than
-/// on a surface, or have no triangle within the gap. Such a sheet among others is left out, with a remark.
+/// If the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a
+/// cloud rather than on a surface, or have no triangle within the gap. Such a sheet among others is
+/// left out, with a remark.
 pub fn triangulate_taxels(draft: &Draft, gap: f64) -> Result<Draft, SkinError> {
     for sheet in &draft.sheets {
         sheet.validate(draft.links.len())?;
@@ -167,8 +173,8 @@ fn triangulate_sheet(sheet: &Sheet, gap: f64, remarks: &mut Vec<RemarkKind>) -> 
     Ok(result)
 }
 
-/// Joins the taxels: first triangles for which two or three of their corners vote, then those of one vote that close
-/// what is left open, and last whatever attaches an isolated taxel.
+/// Joins the taxels: first triangles for which two or three of their corners vote, then those of
+/// one vote that close what is left open, and last whatever attaches an isolated taxel.
 fn grow(cloud: &PointCloud<'_>) -> IdVec<FaceId, [VertexId; 3]> {
     let candidates = candidates(cloud);
     let (agreed, doubtful) = candidates.split_at(candidates.partition_point(|c| c.votes > 1));
@@ -224,7 +230,8 @@ fn report(
     }
 }
 
-/// The taxels that have a face, in the order of the file, with their faces; and the taxels left out.
+/// The taxels that have a face, in the order of the file, with their faces; and the taxels left
+/// out.
 fn sheet_of(points: &UniquePoints<'_>, triangles: &IdVec<FaceId, [VertexId; 3]>) -> (Sheet, Vec<VertexId>) {
     let mut used = vec![false; points.sheet.positions.len()];
     for &v in triangles.iter().flatten() {

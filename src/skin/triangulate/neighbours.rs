@@ -11,15 +11,17 @@ use crate::{
     skin::triangulate::kd_tree::{KdTree, Neighbour},
 };
 
-/// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on the boundary and
-/// at most corners, and thermal pads between taxels do not halve it as they do the distance to the nearest.
+/// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on
+/// the boundary and at most corners, and thermal pads between taxels do not halve it as they do the
+/// distance to the nearest.
 const SPACING_RANK: usize = 3;
 
 /// The spacing is the median over a taxel and this many nearest: the ring of a lattice.
 const SMOOTHING: usize = 6;
 
-/// A taxel has at most this many neighbours, times the square of the gap. A lattice has 3.6, and with thermal
-/// pads between its taxels 5; more come from another side of the part, or from points that lie on no surface.
+/// A taxel has at most this many neighbours, times the square of the gap. A lattice has 3.6, and
+/// with thermal pads between its taxels 5; more come from another side of the part, or from points
+/// that lie on no surface.
 const DENSEST: f64 = 10.0;
 
 /// The taxels within the gap of each taxel, and the local spacing.
@@ -32,8 +34,8 @@ pub(super) struct Neighbours {
 }
 
 impl Neighbours {
-    /// Joins taxels that are at most `gap` times the mean of their spacings apart. There must be at least two taxels, all at
-    /// different places.
+    /// Joins taxels that are at most `gap` times the mean of their spacings apart. There must be at
+    /// least two taxels, all at different places.
     pub(super) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
         let tree = KdTree::new(positions);
         let spacing = spacing(&tree, positions);
@@ -55,7 +57,8 @@ impl Neighbours {
             near.extend(ids[range].iter().map(|&v| near_and_last(v, &mut found)));
         });
         let (mut lists, last): (Vec<Vec<VertexId>>, Vec<SearchEnd>) = near.into_iter().unzip();
-        // A taxel in dense skin searches less far than its neighbours in sparse skin, which may have found it.
+        // A taxel in dense skin searches less far than its neighbours in sparse skin, which may
+        // have found it.
         let mut missed: Vec<(VertexId, Neighbour)> = par_collect(ids.len(), |range, missed| {
             for &v in &ids[range] {
                 let seen = lists[v.index()].iter();

@@ -1,4 +1,5 @@
-//! The normal of every taxel before there are triangles: planes of least squares [hoppe1992], or rigid modules.
+//! The normal of every taxel before there are triangles: planes of least squares (hoppe1992), or
+//! rigid modules.
 //!
 //! *Heuristic*: which normals of a file are reliable. Signs are chosen in `orient_normals`.
 
@@ -17,35 +18,38 @@ use crate::{
     },
 };
 
-/// Neighbours to which a plane is fitted: two rings of a lattice are 18, fewer follow a bend better.
+/// Neighbours to which a plane is fitted: two rings of a lattice are 18, fewer follow a bend
+/// better.
 const PLANE_NEIGHBOURS: usize = 12;
 
 /// A module gives its taxels a plane if it has this many of them, ...
 const MODULE_PLACES: usize = 4;
 
-/// ... and they do not lie on a line: second over largest variance. The row of three of a trimmed module has less.
+/// ... and they do not lie on a line: second over largest variance. The row of three of a trimmed
+/// module has less.
 const MODULE_BREADTH: f64 = 0.05;
 
-/// Given normals are reliable if their mean cosine with the fitted planes is this large: taxels of real covers
-/// have 0.95, and random directions 0.5.
+/// Given normals are reliable if their mean cosine with the fitted planes is this large: taxels of
+/// real covers have 0.95, and random directions 0.5.
 const AGREEMENT: f64 = 0.75;
 
 /// The same for normals that are all equal, as they are on a flat part.
 const FLAT_AGREEMENT: f64 = 0.99;
 
-/// Normals of the file turned by more than 135 degrees may belong to two sides of a thin part; across a sharp edge
-/// it is less.
+/// Normals of the file turned by more than 135 degrees may belong to two sides of a thin part;
+/// across a sharp edge it is less.
 const OPPOSED: f64 = -0.7;
 
-/// They do if both taxels see each other this far below, or above, their tangent planes, in spacings. With one wrong
-/// normal one of them is above and one below.
+/// They do if both taxels see each other this far below, or above, their tangent planes, in
+/// spacings. With one wrong normal one of them is above and one below.
 const APART: f64 = 0.25;
 
-/// Taxels that see each other more than 64 degrees (as a sine) above both tangent planes lie on two layers.
+/// Taxels that see each other more than 64 degrees (as a sine) above both tangent planes lie on two
+/// layers.
 const STACKED: f64 = 0.9;
 
-/// A plane turned by more than 60 degrees from the mean of the file's normals around it was fitted to a sharp edge, a
-/// strip or two layers; the mean replaces it.
+/// A plane turned by more than 60 degrees from the mean of the file's normals around it was fitted
+/// to a sharp edge, a strip or two layers; the mean replaces it.
 const BEST_PLANE: f64 = 0.5;
 
 /// The plane of a taxel's neighbourhood.
@@ -71,9 +75,10 @@ pub(super) struct PointNormals {
 }
 
 impl PointNormals {
-    /// Those of the rigid modules, else of the planes of least squares through the nearest neighbours (Hoppe et al.
-    /// 1992), with the sign of the file's normals where these are reliable. Neighbours on two sides of a thin part, as
-    /// reliable normals show, are removed from `neighbours`.
+    /// Those of the rigid modules, else of the planes of least squares through the nearest
+    /// neighbours (Hoppe et al. 1992), with the sign of the file's normals where these are
+    /// reliable. Neighbours on two sides of a thin part, as reliable normals show, are removed from
+    /// `neighbours`.
     pub(super) fn new(points: &UniquePoints<'_>, neighbours: &mut Neighbours) -> Self {
         let file = points.sheet.normals.as_ref().map(|n| points.taxel.map(|&k| unit_or_zero(n[k])));
         let mut refused = None;
@@ -98,8 +103,8 @@ impl PointNormals {
         self.file.iter().any(|n| *n != DVec3::ZERO)
     }
 
-    /// Replaces planes that contradict the mean of the file's normals around a taxel by that mean. All normals must
-    /// point to the same side of the surface.
+    /// Replaces planes that contradict the mean of the file's normals around a taxel by that mean.
+    /// All normals must point to the same side of the surface.
     pub(super) fn replace_bad_planes(&mut self, neighbours: &Neighbours) {
         let Self { normal, file, .. } = &*self;
         let turned = |v: VertexId| if file[v].dot(normal[v]) < 0.0 { -file[v] } else { file[v] };
@@ -178,7 +183,8 @@ fn defect(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Opt
     }
 }
 
-/// Plane of least squares through a taxel and its nearest neighbours; any plane if there are too few.
+/// Plane of least squares through a taxel and its nearest neighbours; any plane if there are too
+/// few.
 fn local_plane(points: impl Iterator<Item = DVec3> + Clone) -> Plane {
     fit(points).map_or(Plane { normal: DVec3::Z, thickness: 0.0 }, |fit| Plane {
         normal: fit.0,
@@ -204,7 +210,8 @@ fn module_planes(points: &UniquePoints<'_>) -> Vec<(VertexId, DVec3)> {
     planes
 }
 
-/// Normal of the plane of least squares, and the variances along the principal axes, the smallest first.
+/// Normal of the plane of least squares, and the variances along the principal axes, the smallest
+/// first.
 fn fit(points: impl Iterator<Item = DVec3> + Clone) -> Option<(DVec3, [f64; 3])> {
     let count = points.clone().count();
     if count < 3 {

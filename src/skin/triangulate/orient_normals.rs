@@ -1,4 +1,5 @@
-//! Turns the normals of a point cloud to one side of the surface [hoppe1992], judged as in [konig2009].
+//! Turns the normals of a point cloud to one side of the surface (hoppe1992), judged as in
+//! (konig2009).
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,16 +14,18 @@ use crate::{
 /// Orientation spreads along the edges to this many nearest neighbours; more only cost time.
 const SPREAD: usize = 10;
 
-/// An edge steeper than this over a tangent plane, as a sine, comes after all others: it may join the two sides of a
-/// thin part, or two taxels that noise put above each other. Along a chord of 90 degrees it is 0.7.
+/// An edge steeper than this over a tangent plane, as a sine, comes after all others: it may join
+/// the two sides of a thin part, or two taxels that noise put above each other. Along a chord of 90
+/// degrees it is 0.7.
 const STEEP: f64 = 0.75;
 
-/// Turns normals that are known up to sign so that those of neighbours agree: along the spanning tree of the edges
-/// on which this is clearest (Hoppe et al. 1992).
+/// Turns normals that are known up to sign so that those of neighbours agree: along the spanning
+/// tree of the edges on which this is clearest (Hoppe et al. 1992).
 ///
-/// How clear it is, and which sign agrees, is judged as if both taxels lay on one circle (König and Gumhold 2009):
-/// a tight bend is clear then, and an edge across a thin part is not. Edges that contradict the file's normals come
-/// last, so that correct normals lead and a few wrong ones are avoided.
+/// How clear it is, and which sign agrees, is judged as if both taxels lay on one circle (König and
+/// Gumhold 2009): a tight bend is clear then, and an edge across a thin part is not. Edges that
+/// contradict the file's normals come last, so that correct normals lead and a few wrong ones are
+/// avoided.
 pub(super) fn orient_normals(
     normals: &mut PointNormals,
     positions: &IdVec<VertexId, DVec3>,

@@ -1,6 +1,7 @@
 //! Turns the components of a new mesh outward.
 //!
-//! *Heuristic*: normals of the file by majority, else away from the centre of the sheet, as the skin of a limb faces.
+//! *Heuristic*: normals of the file by majority, else away from the centre of the sheet, as the
+//! skin of a limb faces.
 
 use glam::DVec3;
 
@@ -9,11 +10,12 @@ use crate::{
     numeric::DisjointSets,
 };
 
-/// Smallest mean cosine between the faces and the directions away from a centre that decides: it is 0 on a flat
-/// component and on a saddle, and 0.06 on a cap of 20 degrees across.
+/// Smallest mean cosine between the faces and the directions away from a centre that decides: it is
+/// 0 on a flat component and on a saddle, and 0.06 on a cap of 20 degrees across.
 const AMBIGUOUS: f64 = 0.02;
 
-/// The file's normals tell the outside of a component if this part of them points to one side of its faces.
+/// The file's normals tell the outside of a component if this part of them points to one side of
+/// its faces.
 const MAJORITY: f64 = 2.0 / 3.0;
 
 /// How the outside of the components was found.
@@ -21,7 +23,8 @@ const MAJORITY: f64 = 2.0 / 3.0;
 pub(super) struct Outside {
     /// Components that face away from the centre.
     pub centre: usize,
-    /// Components that bulge to neither side; the largest coordinate of their vector area is positive now.
+    /// Components that bulge to neither side; the largest coordinate of their vector area is
+    /// positive now.
     pub arbitrary: usize,
     /// Normals of the file that point to the other side than most of their component.
     pub opposed: usize,

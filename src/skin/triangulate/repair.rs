@@ -10,12 +10,12 @@ use crate::{
     },
 };
 
-/// Smallest cosine between a face that fills a hole and the normals of its corners (73 degrees): faces across the
-/// mouth of a sleeve stand on edge.
+/// Smallest cosine between a face that fills a hole and the normals of its corners (73 degrees):
+/// faces across the mouth of a sleeve stand on edge.
 const LEAST_COSINE: f64 = 0.3;
 
-/// Fills the holes that remain where corners disagreed, if all taxels of the hole lie within the gap of each other.
-/// Wider ones are openings of the skin.
+/// Fills the holes that remain where corners disagreed, if all taxels of the hole lie within the
+/// gap of each other. Wider ones are openings of the skin.
 pub(super) fn fill_small_holes(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     for rim in boundary_loops(mesh, cloud) {
         let is_small = rim.iter().all(|&v| rim.iter().all(|&w| cloud.is_within_gap(v, w)));
@@ -65,7 +65,8 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
         let ear = |k: usize| [rim[k], rim[(k + 1) % count], rim[(k + count - 1) % count]];
         let mut ears: Vec<(f64, usize)> = (0..count).map(|k| (cloud.circumradius(ear(k)), k)).collect();
         ears.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        // One pass cuts ears that do not touch each other; the next one works on the hole that is left.
+        // One pass cuts ears that do not touch each other; the next one works on the hole that is
+        // left.
         let mut keep = vec![true; count];
         let mut touched = vec![false; count];
         for (_, k) in ears {
@@ -91,8 +92,8 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
     }
 }
 
-/// Leaves one fan of faces around every taxel: openings between two fans are filled where an ear fits; of the fans
-/// that still touch in a point the one with most faces stays.
+/// Leaves one fan of faces around every taxel: openings between two fans are filled where an ear
+/// fits; of the fans that still touch in a point the one with most faces stays.
 pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     let mut non_manifold: Vec<VertexId> =
         cloud.positions.ids().filter(|&v| mesh.openings(v).len() > 1).collect();
@@ -119,8 +120,8 @@ pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'
     }
 }
 
-/// Gives faces to taxels that have none: the face of smallest circumcircle with a boundary edge nearby, else three
-/// in the place of a face that the taxel lies under.
+/// Gives faces to taxels that have none: the face of smallest circumcircle with a boundary edge
+/// nearby, else three in the place of a face that the taxel lies under.
 pub(super) fn attach_isolated(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     let mut isolated: Vec<VertexId> = cloud.positions.ids().filter(|&v| !mesh.is_used(v)).collect();
     loop {

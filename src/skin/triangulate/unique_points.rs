@@ -12,13 +12,14 @@ use crate::{
 
 /// The positions of the taxels of a sheet, each once.
 ///
-/// They are numbered along a Morton curve, equal codes by coordinate, so that no result depends on the order of the
-/// file, and neighbours lie close together in memory.
+/// They are numbered along a Morton curve, equal codes by coordinate, so that no result depends on
+/// the order of the file, and neighbours lie close together in memory.
 #[derive(Debug)]
 pub(in crate::skin) struct UniquePoints<'a> {
     /// The sheet whose taxels they are.
     pub sheet: &'a Sheet,
-    /// Moved and scaled so that the longest side of their box is 1: squares of the largest coordinates do not overflow.
+    /// Moved and scaled so that the longest side of their box is 1: squares of the largest
+    /// coordinates do not overflow.
     pub positions: IdVec<VertexId, DVec3>,
     /// The taxel of the sheet that lies there.
     pub taxel: IdVec<VertexId, usize>,
@@ -35,7 +36,8 @@ pub(in crate::skin) struct UniquePoints<'a> {
 impl<'a> UniquePoints<'a> {
     /// Finds them. All positions must be finite.
     ///
-    /// Of several taxels at one position the first stays that has a pressure reading, else the first.
+    /// Of several taxels at one position the first stays that has a pressure reading, else the
+    /// first.
     pub(in crate::skin) fn new(sheet: &'a Sheet) -> Self {
         let is_empty = |k: usize| {
             let has_normal = sheet.normals.as_ref().is_some_and(|n| n[k] != DVec3::ZERO);
@@ -78,7 +80,8 @@ impl<'a> UniquePoints<'a> {
 
 /// The box of a sheet.
 struct Frame {
-    /// Coordinates beyond the square root of the largest `f64` are scaled down before they are subtracted.
+    /// Coordinates beyond the square root of the largest `f64` are scaled down before they are
+    /// subtracted.
     down: f64,
     low: DVec3,
     /// Longest side, in m; 1 where there is none.

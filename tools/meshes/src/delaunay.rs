@@ -16,8 +16,8 @@ impl HasPosition for Site {
     }
 }
 
-/// The Delaunay triangulation of points that differ: counter-clockwise triangles of indices, each from its smallest on,
-/// sorted.
+/// The Delaunay triangulation of points that differ: counter-clockwise triangles of indices, each
+/// from its smallest on, sorted.
 ///
 /// # Panics
 /// If a coordinate is not finite.

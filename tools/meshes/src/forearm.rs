@@ -1,4 +1,5 @@
-//! A forearm covered with rigid modules of ten taxels, as CySkin and the skin of the iCub are made of.
+//! A forearm covered with rigid modules of ten taxels, as CySkin and the skin of the iCub are made
+//! of.
 
 use std::collections::HashMap;
 
@@ -65,8 +66,8 @@ fn unrolled((a, b): Corner) -> DVec2 {
     side() * DVec2::new(a + 0.5 * b, 0.75_f64.sqrt() * b)
 }
 
-/// About 1000 taxels on about 100 flat modules around 300 degrees of a bent, tapered forearm. Holes are left by two
-/// groups of missing modules and by bolts.
+/// About 1000 taxels on about 100 flat modules around 300 degrees of a bent, tapered forearm. Holes
+/// are left by two groups of missing modules and by bolts.
 #[must_use]
 pub fn forearm() -> Skin {
     let tiles = (0..ROWS).flat_map(|row| (0..MODULES).map(move |column| (row, column)));
@@ -152,7 +153,8 @@ impl Module {
     }
 }
 
-/// Directions around and along the arm and outwards, and the point of the arm, at a place on the unrolled arm.
+/// Directions around and along the arm and outwards, and the point of the arm, at a place on the
+/// unrolled arm.
 fn frame(at: DVec2) -> [DVec3; 4] {
     let length = f64::from(ROWS) * side() * 0.75_f64.sqrt();
     let share = at.y / length;

@@ -3,8 +3,8 @@
 use dermatome::mesh::TriMesh;
 use glam::DVec3;
 
-/// Positions are multiples of this, in m, as near as `f32` comes: far above what sines and cosines differ by between
-/// machines, far below the spacing of taxels.
+/// Positions are multiples of this, in m, as near as `f32` comes: far above what sines and cosines
+/// differ by between machines, far below the spacing of taxels.
 pub const STEP: f64 = 1e-7;
 
 /// The multiple of [`STEP`] nearest to `p`, as a file in `f32` keeps it.

@@ -64,7 +64,8 @@ fn along(finger: &Finger, p: DVec2) -> (f64, f64) {
     (share, p.distance(finger.root + share * axis))
 }
 
-/// Signed distance to the outline of the hand, in m, negative inside; rounded in the corners between the fingers.
+/// Signed distance to the outline of the hand, in m, negative inside; rounded in the corners
+/// between the fingers.
 fn outline(p: DVec2) -> f64 {
     let (middle, half) = PALM;
     let beyond = (p - middle).abs() - half;
@@ -72,7 +73,8 @@ fn outline(p: DVec2) -> f64 {
     FINGERS.iter().map(|f| along(f, p).1 - f.radius).fold(palm, rounded_union)
 }
 
-/// Distance to the union of two shapes with the corner between them rounded (polynomial smooth minimum, Quilez 2013).
+/// Distance to the union of two shapes with the corner between them rounded (polynomial smooth
+/// minimum, Quilez 2013).
 fn rounded_union(a: f64, b: f64) -> f64 {
     /// About the width of the rounding, in m.
     const WIDTH: f64 = 0.004;
@@ -106,8 +108,8 @@ impl Dice {
     }
 }
 
-/// Points within the outline at the wanted spacing and their triangles (Persson and Strang 2004): edges that are
-/// shorter than wanted push, and what is pushed out comes back to the outline.
+/// Points within the outline at the wanted spacing and their triangles (Persson and Strang 2004):
+/// edges that are shorter than wanted push, and what is pushed out comes back to the outline.
 fn relaxed_disk() -> (Vec<DVec2>, Vec<[usize; 3]>) {
     /// Edges push up to this much over their wanted length, so that points fill the outline.
     const PRESSURE: f64 = 1.2;

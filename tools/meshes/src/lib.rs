@@ -1,7 +1,8 @@
 //! The inputs of `meshes/`, one function each: skins that stand for what robots wear.
 //!
-//! The same bytes come out every time and everywhere: where a shape needs more than `+ - * /` and square roots, which
-//! are the same on all machines, its positions are rounded to [`grid::STEP`] before anything else is computed from them.
+//! The same bytes come out every time and everywhere: where a shape needs more than `+ - * /` and
+//! square roots, which are the same on all machines, its positions are rounded to [`grid::STEP`]
+//! before anything else is computed from them.
 
 mod delaunay;
 pub mod forearm;

@@ -9,7 +9,8 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use crate::grid::snapped;
 
-/// Shoulder, upper arm and forearm, each turned against the one before; two patches on each of the arms.
+/// Shoulder, upper arm and forearm, each turned against the one before; two patches on each of the
+/// arms.
 #[must_use]
 pub fn robot() -> Skin {
     let mut skin = Skin::default();
@@ -26,7 +27,8 @@ pub fn robot() -> Skin {
         ("forearm_cuff", forearm, shapes::tube(40, 12, 0.042, 0.07)),
         ("forearm_pad", forearm, pad(18, 14, 0.005)),
     ];
-    // Ids count through the whole robot, with room for each patch to grow, as they do where hubs number their taxels.
+    // Ids count through the whole robot, with room for each patch to grow, as they do where hubs
+    // number their taxels.
     for ((name, link, mesh), hub) in patches.into_iter().zip(1..) {
         let mut patch = Patch::from_mesh(name, link, snapped(mesh));
         patch.taxels.ids = patch.taxels.ids.map(|id| TaxelId(1000 * hub + id.0));
@@ -35,14 +37,15 @@ pub fn robot() -> Skin {
     skin
 }
 
-/// Turned about the y axis by the angle of the triangle 3-4-5, whose sine and cosine are exact decimals.
+/// Turned about the y axis by the angle of the triangle 3-4-5, whose sine and cosine are exact
+/// decimals.
 fn hinge(place: DVec3) -> DAffine3 {
     let turn = DMat3::from_cols(DVec3::new(0.8, 0.0, -0.6), DVec3::Y, DVec3::new(0.6, 0.0, 0.8));
     DAffine3::from_mat3_translation(turn, place)
 }
 
-/// Part of a tube around the z axis that hangs down from the origin; `turns` are the shares of a full turn where it
-/// starts and ends.
+/// Part of a tube around the z axis that hangs down from the origin; `turns` are the shares of a
+/// full turn where it starts and ends.
 fn sector(columns: u32, rows: u32, radius: f64, turns: [f64; 2]) -> TriMesh {
     let width = std::f64::consts::TAU * radius * (turns[1] - turns[0]);
     let step = width / f64::from(columns);

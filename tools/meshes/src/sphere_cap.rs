@@ -13,7 +13,8 @@ const TAXELS: usize = 500;
 const SPACING: f64 = 0.005;
 /// Radius of the sphere, in m.
 const RADIUS: f64 = 0.1;
-/// Centre of the disk of lattice points that are taken, in spacings: off every symmetry, so that no two are equally far.
+/// Centre of the disk of lattice points that are taken, in spacings: off every symmetry, so that no
+/// two are equally far.
 const CENTRE: DVec2 = DVec2::new(0.13, 0.07);
 
 /// 500 taxels, 5 mm apart, around the south pole of a sphere of 0.1 m radius.
@@ -22,7 +23,8 @@ pub fn sphere_cap() -> Skin {
     Skin::from_mesh("sphere_cap", snapped(lifted_lattice()))
 }
 
-/// The points of the triangular lattice nearest to [`CENTRE`], lifted to the sphere by Lambert's equal-area projection.
+/// The points of the triangular lattice nearest to [`CENTRE`], lifted to the sphere by Lambert's
+/// equal-area projection.
 fn lifted_lattice() -> TriMesh {
     let place = |(a, b): (i32, i32)| {
         let (a, b) = (f64::from(a), f64::from(b));

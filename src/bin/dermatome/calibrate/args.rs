@@ -10,16 +10,17 @@ use dermatome::calib::{CalibOptions, Initialization, ResidualConvention, Robust}
 pub(crate) struct Args {
     /// The observations: .g2o, or a table .csv; - is standard input
     ///
-    /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may have nx,ny,nz and
-    /// sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2;
-    /// 1 mm if none is given. No other columns and no empty cells.
+    /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may
+    /// have nx,ny,nz and sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the
+    /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. No other columns and no
+    /// empty cells.
     pub(super) observations: PathBuf,
-    /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf, .json, .obj, .ply,
-    /// .stl; may be given more than once
+    /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
+    /// .json, .obj, .ply, .stl; may be given more than once
     #[arg(short, long, value_name = "SKIN", required = true)]
     pub(super) output: Vec<PathBuf>,
-    /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose FIX lines and
-    /// initial values count, too
+    /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose
+    /// FIX lines and initial values count, too
     #[arg(long, value_name = "C.csv")]
     pub(super) contacts: Vec<PathBuf>,
     /// Triangles of the skin by taxel ids, i,j,k [default: those that the edges form]

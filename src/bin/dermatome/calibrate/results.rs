@@ -1,4 +1,5 @@
-//! What `calibrate` writes: its paths are checked before the solve, and all of it is written or nothing.
+//! What `calibrate` writes: its paths are checked before the solve, and all of it is written or
+//! nothing.
 
 use std::path::Path;
 
@@ -59,7 +60,8 @@ pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
             ));
         }
     }
-    // A graph holds the observations it was made of; any other result in place of an input would lose that.
+    // A graph holds the observations it was made of; any other result in place of an input would
+    // lose that.
     let tables = || args.triangles.iter().chain(&args.truth);
     let loses = |path: &Path, is_graph: bool| {
         tables().any(|input| outputs::is_same(input, path))
