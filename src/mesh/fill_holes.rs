@@ -10,7 +10,7 @@ use crate::{
 /// Closes every hole whose boundary loop has at most `max_edges` edges, with triangles between its
 /// own vertices.
 ///
-/// Each hole gets its triangulation of least area (Barequet and Sharir 1995), without edges that
+/// Each hole gets its triangulation of least area (barequet1995), without edges that
 /// the mesh already has; a hole that has none stays open. The longest loop is the outer boundary
 /// and is never closed. Returns the loops closed. Time grows with the cube of `max_edges` per hole.
 ///

@@ -20,7 +20,7 @@ use crate::{
 /// straight on the whole.
 const CORNER_TURN: f64 = 75.0 / 180.0 * PI;
 
-/// So many vertices stay on each boundary loop: fewer make no loop.
+/// At least this many vertices stay on each boundary loop: fewer do not form a loop.
 const LEAST_PER_LOOP: usize = 3;
 
 /// Separation of centres, in local spacings, that leaves about a quarter of the vertices.
@@ -65,7 +65,7 @@ fn is_corner(rings: &Rings, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> 
     (sum - PI).abs() > CORNER_TURN
 }
 
-/// SplitMix64 (Steele, Lea and Flood 2014): a bijection that looks like noise.
+/// SplitMix64 (steele2014): a bijection that looks like noise.
 const fn hash(x: u64) -> u64 {
     let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -8,8 +8,8 @@
 //!    about a quarter), and a path of such vertices joins them. Corners come first, then the
 //!    boundary, then the inside; each boundary loop keeps three vertices.
 //! 2. **Every other vertex is removed**, in rounds of stars that share no triangle. A star is
-//!    flattened by `z^a` ([lee1998]) and filled: with a fan if its smallest angle is nearly the
-//!    best one's, else with the triangulation whose smallest angle is largest ([klincsek1980]).
+//!    flattened by `z^a` (lee1998) and filled: with a fan if its smallest angle is nearly the
+//!    best one's, else with the triangulation whose smallest angle is largest (klincsek1980).
 //!    Fillings that would fold the surface, or turn it by more than 60 (then 78) degrees, are
 //!    refused.
 //! 3. **The taxels inside** a star move into its filling, to the place where they lie in the
@@ -22,8 +22,8 @@
 //!
 //! Guaranteed: every level is an oriented manifold with the Euler characteristic and the boundary
 //! loops of the patch; no level folds where the patch does not; the result does not depend on the
-//! number of threads. Not guaranteed: that all that is not a centre goes; what no rule allows to
-//! remove stays.
+//! number of threads. Not guaranteed: a vertex that no rule
+//! allows to remove stays, even if it is not a centre.
 //!
 //! The files in reading order: `level`, `prolongation`, `removal_log` (what comes out), `coarsen`
 //! (the steps), `spacing`, `independent_set` (step 1), and in `removal` `remover`, `queue`, `star`,
