@@ -40,9 +40,9 @@ impl<'a> Chart<'a> {
     /// Rasterises the map of one level. Work grows with the covered pixels and the triangles.
     ///
     /// # Errors
-    /// If the patch breaks a rule of [`SkinMap::validate`](crate::map::SkinMap::validate) or has no such level, if the image
-    /// would be larger than 16384 pixels a side or `2^28` in all, or if the map does not lie in its
-    /// frame.
+    /// If the patch breaks a rule of [`SkinMap::validate`](crate::map::SkinMap::validate) or has no
+    /// such level, if the image would be larger than 16384 pixels a side or `2^28` in all, or if
+    /// the map does not lie in its frame.
     pub fn new(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
         patch.validate()?;
         Self::of_level(patch, level)

@@ -6,8 +6,8 @@ use crate::{
     skin::{LinkId, TaxelError},
 };
 
-/// Why a draft is not a valid skin. Vertices and faces are numbered as the sheet of the draft, or the patch
-/// of the skin, numbers them.
+/// Why a draft is not a valid skin. Vertices and faces are numbered as the sheet of the draft, or
+/// the patch of the skin, numbers them.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkinError {

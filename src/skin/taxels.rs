@@ -181,7 +181,8 @@ impl Taxels {
     }
 }
 
-/// Whether all principal minors are non-negative but for rounding: then no direction has a negative variance.
+/// Whether all principal minors are non-negative but for rounding: then no direction has a negative
+/// variance.
 fn is_covariance(&Covariance { xx, xy, xz, yy, yz, zz }: &Covariance) -> bool {
     let trace = xx + yy + zz;
     let [a, b, c] = [xx * yy - xy * xy, xx * zz - xz * xz, yy * zz - yz * yz];

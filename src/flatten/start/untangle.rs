@@ -38,8 +38,9 @@ const ROUND: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 4 };
 
 /// Turns flipped faces back by moving only the vertices around them, and says whether none is left.
 ///
-/// Each part minimises a shape energy that stays finite for flipped faces, `(s1^2 + s2^2)/chi(s1
-/// s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks (escobar2003, garanzha2021). There is no proof that this always succeeds.
+/// Each part minimises a shape energy that stays finite for flipped faces,
+/// `(s1^2 + s2^2)/chi(s1 s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks
+/// (escobar2003, garanzha2021). There is no proof that this always succeeds.
 pub(crate) fn untangle(
     domain: &FlattenDomain<'_>,
     uv: &mut IdVec<VertexId, DVec2>,
