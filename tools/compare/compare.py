@@ -1,0 +1,237 @@
+#!/usr/bin/env python3
+"""Measures dermatome beside its peers, in turn in one run, and prints the tables of BENCHMARKS.md.
+
+    cargo build --release
+    python3 -m venv .checks/peers
+    .checks/peers/bin/pip install numpy scipy libigl fast-simplification gtsam
+    .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [graphs] [skins] [build]
+
+Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
+without file access. `nearest` needs Debian's libembree-dev and g++. `graphs` reads the pose graphs sphere2500.g2o,
+parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it.
+"""
+import json, os, statistics, subprocess, sys, tempfile, time
+from pathlib import Path
+
+import numpy as np
+
+from shapes import SHAPES, write_obj
+
+ROOT = Path(__file__).resolve().parents[2]
+DERMATOME = os.environ.get("DERMATOME", str(ROOT / "target/release/dermatome"))
+DATA = Path(os.environ.get("DERMATOME_DATA", ROOT.parent / "shared/data"))
+FOLDER = Path(tempfile.mkdtemp())
+RUNS = 5
+
+
+# Runs a command from a small process: a child's peak memory counts what it was forked from.
+LAUNCHER = """
+import os, sys, time
+start = time.perf_counter()
+pid = os.posix_spawnp(sys.argv[1], sys.argv[1:], os.environ)
+_, status, usage = os.wait4(pid, 0)
+wall = time.perf_counter() - start
+print(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, file=sys.stderr)
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+
+
+def ours(*args):
+    """One run of the command: (wall seconds, processor seconds, peak memory in MB, what it printed as JSON)."""
+    command = [sys.executable, "-S", "-c", LAUNCHER, DERMATOME, *map(str, args)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{args} failed: {done.stderr}")
+    wall, processor, memory = map(float, done.stderr.splitlines()[-1].split())
+    return wall, processor, memory, json.loads(done.stdout) if "--json" in args else None
+
+
+def timed(call):
+    start = time.perf_counter()
+    result = call()
+    return time.perf_counter() - start, result
+
+
+def median(numbers):
+    return statistics.median(numbers)
+
+
+def row(*cells):
+    print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def symmetric_dirichlet(vertices, faces, uv):
+    """Mean over the area of s1^2 + s2^2 + 1/s1^2 + 1/s2^2 after the best scale; 4 is an isometry."""
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    ab, ac = b - a, c - a
+    x = np.linalg.norm(ab, axis=1)
+    p = np.einsum("ij,ij->i", ab, ac) / x
+    q = np.linalg.norm(np.cross(ab, ac), axis=1) / x
+    d1, d2 = uv[faces[:, 1]] - uv[faces[:, 0]], uv[faces[:, 2]] - uv[faces[:, 0]]
+    column1 = d1 / x[:, None]
+    column2 = (d2 - d1 * (p / x)[:, None]) / q[:, None]
+    squares = (column1**2).sum(1) + (column2**2).sum(1)
+    det = column1[:, 0] * column2[:, 1] - column1[:, 1] * column2[:, 0]
+    area = x * q / 2
+    grow, shrink = (area * squares).sum(), (area * squares / det**2).sum()
+    flips = min((det < 0).sum(), (det > 0).sum())
+    return 2 * np.sqrt(grow * shrink) / area.sum(), flips
+
+
+def slim(vertices, faces):
+    import igl
+    boundary = igl.boundary_loop(faces)
+    start = igl.harmonic(vertices, faces, boundary, igl.map_vertices_to_circle(vertices, boundary), 1)
+    energy = getattr(igl, "SYMMETRIC_DIRICHLET", None)
+    energy = energy if energy is not None else igl.pyigl_core.MappingEnergyType.SYMMETRIC_DIRICHLET
+    data = igl.slim_precompute(np.asfortranarray(vertices), np.asfortranarray(faces.astype(np.int32)),
+                               np.asfortranarray(start[:, :2]), energy, np.zeros(0, np.int32), np.zeros((0, 2), order="F"), 0.0)
+    return np.array(igl.slim_solve(data, 20))[:, :2]
+
+
+def lscm(vertices, faces):
+    import igl
+    boundary = igl.boundary_loop(faces)
+    i = boundary[np.argmax(((vertices[boundary] - vertices[boundary].mean(0)) ** 2).sum(1))]
+    j = boundary[np.argmax(((vertices[boundary] - vertices[i]) ** 2).sum(1))]
+    return igl.lscm(vertices, faces, np.array([i, j], np.int64), np.array([[0.0, 0], [1, 0]]))[0]
+
+
+def flatten():
+    print("\n`dermatome flatten SHAPE.obj -o OUT.npz --energy symmetric-dirichlet | --method conformal`, whole process;"
+          " libigl SLIM with 20 iterations and LSCM, solve alone\n")
+    row("shape, triangles", "method", "dermatome s", "memory MB", "symmetric Dirichlet", "peer s", "its energy (flips)")
+    row(*["---"] * 7)
+    for name, size in [(name, 10_000) for name in SHAPES] + [("cap", 100_000)]:
+        vertices, faces = SHAPES[name](size)
+        file = FOLDER / f"{name}{size}.obj"
+        write_obj(file, vertices, faces)
+        for method, peer, call, options in [
+            ("symmetric Dirichlet", "SLIM", slim, ["--energy", "symmetric-dirichlet"]),
+            ("conformal", "LSCM", lscm, ["--method", "conformal"]),
+        ]:
+            slow = size > 10_000 and call is slim
+            own, other, energy = [], [], "not run"
+            for _ in range(RUNS):
+                own.append(ours("flatten", file, "-o", FOLDER / "flat.npz", "--json", *options))
+                if not slow and len(other) < (2 if call is slim else RUNS):
+                    seconds, uv = timed(lambda: call(vertices, faces))
+                    other.append(seconds)
+                    value, flips = symmetric_dirichlet(vertices, faces, uv)
+                    energy = f"{value:.5f} ({flips})"
+            row(f"{name}, {len(faces)}", method, f"{median([o[0] for o in own]):.3f}", f"{own[0][2]:.0f}",
+                f"{own[0][3]['symmetric_dirichlet']:.5f} ({own[0][3]['flips']})",
+                f"{peer} {median(other):.3f}" if other else f"{peer} not run", energy)
+
+
+def coarsen():
+    import fast_simplification
+    print("\n`dermatome build cap.obj --levels 1 --json`, stage `coarsen`; fast-simplification to 25 %\n")
+    row("triangles", "dermatome s", "left", "fast-simplification s")
+    row(*["---"] * 4)
+    vertices, faces = SHAPES["cap"](100_000)
+    write_obj(FOLDER / "cap.obj", vertices, faces)
+    own, other = [], []
+    for _ in range(RUNS):
+        printed = ours("build", FOLDER / "cap.obj", "-o", FOLDER / "cap", "--levels", "1", "--json")[3]
+        own.append(printed["seconds"]["coarsen"])
+        other.append(timed(lambda: fast_simplification.simplify(vertices.astype(np.float32), faces.astype(np.int32), 0.75))[0])
+    left = printed["patches"][0]["levels"][1]["faces"] / len(faces)
+    row(str(len(faces)), f"{median(own):.3f}", f"{left:.0%}", f"{median(other):.3f}")
+
+
+def nearest():
+    print("\n`cargo bench --bench contact -- contact/SIZE/`, one thread; `tools/compare/embree_nearest.cpp`, g++ -O3, Embree of Debian\n")
+    row("triangles", "single ns", "path ns", "Embree single ns")
+    row(*["---"] * 4)
+    program = FOLDER / "embree_nearest"
+    subprocess.run(["g++", "-O3", ROOT / "tools/compare/embree_nearest.cpp", "-lembree3", "-o", program], check=True)
+    for size in [20_000, 100_000, 1_000_000]:
+        write_obj(FOLDER / "cap.obj", *SHAPES["cap"](size))
+        own, other = {"single": [], "path": []}, []
+        for _ in range(3):
+            other.append(float(subprocess.run([program, FOLDER / "cap.obj"], check=True, capture_output=True).stdout))
+            subprocess.run(["cargo", "bench", "--bench", "contact", "--", f"contact/{size}/(single|path)"], cwd=ROOT, check=True,
+                           capture_output=True)
+            for kind, times in own.items():
+                estimates = ROOT / f"target/criterion/contact_{size}/{kind}/new/estimates.json"
+                times.append(json.loads(estimates.read_text())["median"]["point_estimate"])
+        row(str(size), f"{median(own['single']):.0f}", f"{median(own['path']):.0f}", f"{median(other):.0f}")
+
+
+def gtsam_seconds(path):
+    import gtsam
+    graph, initial = gtsam.readG2o(str(path), True)
+    graph.add(gtsam.PriorFactorPose3(min(initial.keys()), gtsam.Pose3(), gtsam.noiseModel.Diagonal.Variances(np.full(6, 1e-6))))
+
+    def solve():
+        start = gtsam.InitializePose3.initialize(graph)
+        return gtsam.GaussNewtonOptimizer(graph, start).optimize()
+
+    seconds, poses = timed(solve)
+    return seconds, graph.error(poses)
+
+
+def graphs():
+    print("\n`dermatome calibrate X.g2o -o OUT.csv --residual log --json` with and without `--no-covariance`, seconds of start and solve"
+          " (and covariance) that it prints; GTSAM, chordal start and Gauss-Newton, no marginals\n")
+    row("pose graph", "dermatome s", "with all covariances s", "cost", "GTSAM s", "its cost")
+    row(*["---"] * 6)
+    for name in ["sphere2500", "parking-garage", "smallGrid3D"]:
+        file = DATA / "g2o" / f"{name}.g2o"
+        if not file.exists():
+            row(name, *["skipped: no file"] * 5)
+            continue
+        own, whole, other = [], [], []
+        for _ in range(2 * RUNS + 1):
+            printed = ours("calibrate", file, "-o", FOLDER / "skin.csv", "--residual", "log", "--no-covariance", "--json")[3]
+            own.append(printed["seconds"])
+            whole.append(ours("calibrate", file, "-o", FOLDER / "skin.csv", "--residual", "log", "--json")[3]["seconds"])
+            other.append(gtsam_seconds(file))
+        row(name, f"{median(own):.3f}", f"{median(whole):.3f}", f"{printed['cost']:.7f}",
+            f"{median([o[0] for o in other]):.3f}", f"{other[0][1]:.7f}")
+
+
+def skins():
+    print("\n`dermatome simulate --taxels N --model M --spacing-mm S --noise-mm S/5 -o X.g2o`, `dermatome calibrate X.g2o -o OUT.csv --json`: start, solve and all covariances\n")
+    row("simulated skin", "seconds")
+    row("---", "---")
+    for model, taxels in [("positions", 500), ("poses", 500), ("positions", 20_000), ("positions", 200_000)]:
+        file = FOLDER / "skin.g2o"
+        spacing = 5 * (500 / taxels) ** 0.5
+        ours("simulate", "-o", file, "--model", model, "--taxels", taxels, "--spacing-mm", spacing, "--noise-mm", spacing / 5)
+        seconds = [ours("calibrate", file, "-o", FOLDER / "skin.csv", "--json")[3]["seconds"] for _ in range(RUNS)]
+        row(f"{taxels} {model}", f"{median(seconds):.4f}")
+
+
+def build():
+    print("\n`dermatome build SKIN -o OUT`, whole process with images of all levels\n")
+    row("skin", "wall s", "processor s", "memory MB")
+    row(*["---"] * 4)
+    inputs = [("cover of 642 taxels", DATA / "cyskin/ur10e_link1_patch1_isomap.json", 5)]
+    for size in [100_000, 1_000_000]:
+        file = FOLDER / f"cap{size}.glb"
+        write_obj(FOLDER / "cap.obj", *SHAPES["cap"](size))
+        ours("convert", FOLDER / "cap.obj", file)
+        inputs.append((f"cap of {size} triangles", file, 5 if size < 1_000_000 else 3))
+    for name, file, runs in inputs:
+        if not file.exists():
+            row(name, *["skipped: no file"] * 3)
+            continue
+        measured = [ours("build", file, "-o", FOLDER / "out") for _ in range(runs)]
+        row(name, *[f"{median([m[k] for m in measured]):.3f}" for k in range(2)], f"{median([m[2] for m in measured]):.0f}")
+    print("\n`dermatome convert TAXELS.csv OUT.glb`, bare taxels to a mesh, whole process\n")
+    row("taxels", "wall s", "memory MB")
+    row(*["---"] * 3)
+    for size in [100_000, 1_000_000]:
+        vertices, _ = SHAPES["cap"](2 * size)
+        np.savetxt(FOLDER / "bare.csv", vertices, delimiter=",", header="x,y,z", comments="", fmt="%.9g")
+        wall, _, memory, _ = ours("convert", FOLDER / "bare.csv", FOLDER / "bare.glb")
+        row(str(len(vertices)), f"{wall:.2f}", f"{memory:.0f}")
+
+
+if __name__ == "__main__":
+    processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "unknown")
+    print(f"{processor}, {os.cpu_count()} threads")
+    for part in sys.argv[1:] or ["flatten", "coarsen", "nearest", "graphs", "skins", "build"]:
+        globals()[part]()
