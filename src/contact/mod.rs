@@ -11,7 +11,7 @@
 //!    triangles are compared in `f32`, eight at a time; whatever is within the bound is measured in
 //!    `f64` on the vertices of the map.
 //! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal
-//!    \[baerentzen2005\].
+//!    (baerentzen2005).
 //! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of a level
 //!    ([`Cell`]): on level 0 by its barycentric coordinates, on a coarser one by the direct
 //!    prolongation of the face's corners.
