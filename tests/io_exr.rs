@@ -89,7 +89,7 @@ fn every_level_is_read_back_bit_by_bit() {
     ]);
     let images = skin_images(&map).unwrap();
     write_images(&path, &images).unwrap();
-    let whole: Vec<_> = images.iter().map(|i| WholeImage::of(i)).collect();
+    let whole: Vec<_> = images.iter().map(WholeImage::of).collect();
     assert_eq!(
         whole.iter().map(|i| i.name.as_str()).collect::<Vec<_>>(),
         ["palm/L0", "palm/L1", "palm/L2", "cap/L0"]

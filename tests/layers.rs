@@ -260,8 +260,8 @@ impl<'a> Files<'a> {
     fn resolve(&self, module: &[String], path: &[String], depth: usize) -> Option<&'a Source> {
         assert!(depth < 20, "re-exports of {path:?} go round in a circle");
         let mut at = module.to_vec();
-        let mut path = path.iter().peekable();
-        while let Some(part) = path.next() {
+        let path = path.iter();
+        for part in path {
             match part.as_str() {
                 "crate" => at.truncate(usize::from(at.first().is_some_and(|first| first == "bin"))),
                 "super" => drop(at.pop()),

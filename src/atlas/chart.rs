@@ -97,7 +97,7 @@ impl<'a> Chart<'a> {
     pub fn centre(&self, column: u32, row: u32) -> DVec2 {
         let [width, height] = self.frame.size_px.map(f64::from);
         let unit = DVec2::new((f64::from(column) + 0.5) / width, (f64::from(row) + 0.5) / height);
-        self.frame.from_texture(unit)
+        self.frame.map_position(unit)
     }
 
     /// The face that a pixel shows; `None` if it shows none or lies outside of the image.

@@ -78,6 +78,7 @@ mod distortion;
 mod domain;
 mod energy;
 mod error;
+#[expect(clippy::module_inception, reason = "the file is named after what it does")]
 mod flatten;
 mod levels;
 mod options;

@@ -46,14 +46,14 @@ impl ImageFrame {
 
     /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
     #[must_use]
-    pub(crate) fn to_texture(&self, at: DVec2) -> DVec2 {
+    pub(crate) fn to_texture(self, at: DVec2) -> DVec2 {
         let unit = (at - self.origin) / self.size;
         DVec2::new(unit.x, 1.0 - unit.y)
     }
 
     /// The map position (m) of a point of the unit square.
     #[must_use]
-    pub(crate) fn from_texture(&self, texture: DVec2) -> DVec2 {
+    pub(crate) fn map_position(self, texture: DVec2) -> DVec2 {
         self.origin + DVec2::new(texture.x, 1.0 - texture.y) * self.size
     }
 

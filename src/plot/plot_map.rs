@@ -24,10 +24,10 @@ const LEVELS_SIDE_BY_SIDE: usize = 3;
 /// Draws levels of patches side by side, all at one scale.
 ///
 /// Each panel shows the triangles and the boundary of one level on its own map. With
-/// [`Paint::Fields`] level 0 is carried to each coarser level's map: the cell of each taxel has the
-/// colour of the field that it belongs to most, and dots are the fields' centres; on level 0 itself
-/// dots are the taxels. With [`PlotOptions::space`] the first panel of a row is the skin in space,
-/// as [`plot_skin`] draws it, with the colours of the first level drawn.
+/// [`crate::plot::Paint::Fields`] level 0 is carried to each coarser level's map: the cell of each
+/// taxel has the colour of the field that it belongs to most, and dots are the fields' centres; on
+/// level 0 itself dots are the taxels. With [`PlotOptions::space`] the first panel of a row is the
+/// skin in space, as [`plot_skin`] draws it, with the colours of the first level drawn.
 ///
 /// Triangles shorter than 6 pixels are left out, dots closer than 7; colours of triangles shorter
 /// than 3 pixels are drawn pixel by pixel, so that the picture of a large mesh stays small.

@@ -36,11 +36,11 @@ impl RigidPose {
         self.to_world
     }
 
-    pub(in crate::contact) fn to_world(&self, point: DVec3) -> DVec3 {
+    pub(in crate::contact) fn to_world(self, point: DVec3) -> DVec3 {
         self.to_world.transform_point3(point)
     }
 
-    pub(in crate::contact) fn to_local(&self, point: DVec3) -> DVec3 {
+    pub(in crate::contact) fn to_local(self, point: DVec3) -> DVec3 {
         self.from_world.transform_point3(point)
     }
 }

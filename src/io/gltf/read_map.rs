@@ -243,7 +243,7 @@ fn read_uv(
         let found = format!("TEXCOORD_0 {} of vertex {v}", texture[v]);
         return Err(document.invalid(name, found, "a place in the unit square"));
     }
-    Ok(texture.into_iter().map(|t| frame.from_texture(t)).collect())
+    Ok(texture.into_iter().map(|t| frame.map_position(t)).collect())
 }
 
 fn read_frame(extras: &FrameExtras) -> ImageFrame {

@@ -204,7 +204,7 @@ fn check_faces(path: &Path, name: &str, map: &MapLevel, texture: &[[f32; 2]]) ->
     let MapLevel { level: Level { mesh, .. }, uv, frame, .. } = map;
     for (face, corners) in mesh.triangles.enumerate() {
         let [a, b, c] =
-            corners.map(|v| frame.from_texture(DVec2::from_array(texture[v.index()].map(f64::from))));
+            corners.map(|v| frame.map_position(DVec2::from_array(texture[v.index()].map(f64::from))));
         let exact = corners.map(|v| uv[v]);
         let flat = FlatTriangle::new(corners.map(|v| mesh.positions[v].as_vec3().as_dvec3()));
         let unfit = |found: String, needed: &str, remedy| {

@@ -149,6 +149,8 @@ mod tests {
             line: rows[1].line,
         };
         assert_eq!(rows, [full, bare]);
+        let lines = read(&text.replace("\r\n", "\n")).into_iter().map(|row| row.unwrap().line);
+        assert_eq!(lines.collect::<Vec<_>>(), [2, 3]);
     }
 
     #[test]
