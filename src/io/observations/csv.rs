@@ -96,8 +96,7 @@ impl ColumnIndices {
         let mut used = vec!["i"];
         let has = |name: &str| columns.find(name).is_some();
         let Some(taxel) = columns.find("i") else {
-            let found = "a header without the column `i`";
-            return Err(invalid(path, format!("line {line}"), found, TABLES));
+            return Err(invalid(path, format!("line {line}"), columns.describe(), TABLES));
         };
         let subject = if has("j") || OFFSET.iter().any(|name| has(name)) {
             used.extend(["j"].into_iter().chain(OFFSET));

@@ -239,9 +239,13 @@ impl Columns {
     /// If there is no such column.
     pub(crate) fn need(&self, name: &str) -> Result<usize, IoError> {
         self.find(name).ok_or_else(|| {
-            let found = format!("columns {}", excerpt(&self.names.join(",")));
-            invalid(&self.path, format!("line {}", self.line), found, format!("a column `{name}`"))
+            invalid(&self.path, format!("line {}", self.line), self.describe(), format!("a column `{name}`"))
         })
+    }
+
+    /// The names found, for messages.
+    pub(crate) fn describe(&self) -> String {
+        format!("columns {}", excerpt(&self.names.join(",")))
     }
 
     /// Columns that come together or not at all.
