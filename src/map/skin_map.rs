@@ -45,7 +45,7 @@ impl PatchMap {
     /// The normals of a level of this patch: those of the taxels that its vertices are.
     ///
     /// # Panics
-    /// If a vertex of the level is no taxel of this patch.
+    /// If a vertex of the level is not a taxel of this patch.
     #[must_use]
     pub(crate) fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
         level.origins.map(|&taxel| self.taxels.normals[taxel])

@@ -15,7 +15,7 @@ use crate::{
 /// and is never closed. Returns the loops closed. Time grows with the cube of `max_edges` per hole.
 ///
 /// # Errors
-/// If the mesh is no oriented manifold.
+/// If the mesh is not an oriented manifold.
 pub fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec<VertexId>>, MeshError> {
     let adjacency = Adjacency::new(mesh)?;
     let mut loops = adjacency.boundary_loops();

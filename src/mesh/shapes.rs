@@ -199,7 +199,7 @@ pub fn saddle(columns: u32) -> TriMesh {
 /// The same surface with the vertices in another order: vertex `v` becomes `order[v]`.
 ///
 /// # Panics
-/// If `order` is no permutation of the vertices.
+/// If `order` is not a permutation of the vertices.
 #[must_use]
 pub fn renumbered(mesh: &TriMesh, order: &[usize]) -> TriMesh {
     let mut out = mesh.clone();

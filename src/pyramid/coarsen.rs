@@ -54,8 +54,8 @@ impl Default for CoarsenOptions {
 /// ```
 ///
 /// # Errors
-/// If the patch is no oriented manifold or an array has another length than its mesh, an area is
-/// negative, a density not positive, or the ratio below 1.5.
+/// If the patch is not an oriented manifold or an array has another length than its mesh, an area
+/// is negative, a density not positive, or the ratio below 1.5.
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
     let (mut surface, rings) = HalfedgeMesh::new(mesh)?;

@@ -2,7 +2,7 @@
 
 use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId};
 
-/// Why a patch has no pyramid, or data is no pyramid.
+/// Why a patch has no pyramid, or data is not a valid pyramid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PyramidError {
@@ -72,7 +72,7 @@ pub enum PyramidError {
         /// The rule.
         source: Box<PyramidError>,
     },
-    /// A centre that is no vertex of the level it should come from.
+    /// A centre that is not a vertex of the level it should come from.
     #[error("vertex {vertex} is said to be vertex {found} of {what}, which has {count}")]
     NotNested {
         /// The coarse vertex.
@@ -94,7 +94,7 @@ pub enum PyramidError {
         /// Number of coarse vertices.
         count: usize,
     },
-    /// A row of a prolongation that is no convex combination.
+    /// A row of a prolongation that is not a convex combination.
     #[error("row {row} has weights {weights:?}; they must be non-negative with sum 1")]
     Weights {
         /// The fine vertex.

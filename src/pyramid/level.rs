@@ -80,7 +80,7 @@ impl Level {
     /// The vertex of the next finer level that each vertex of this one is.
     ///
     /// # Errors
-    /// If one of them is no vertex of that level.
+    /// If one of them is not a vertex of that level.
     pub fn finer_vertices(&self, finer: &Self) -> Result<IdVec<VertexId, VertexId>, PyramidError> {
         let count = finer.origins.iter().map(|origin| origin.index() + 1).max().unwrap_or_default();
         let mut vertex_of = IdVec::<VertexId, Option<VertexId>>::filled(None, count);

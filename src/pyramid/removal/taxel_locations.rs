@@ -12,7 +12,7 @@ use crate::{
 /// End of a list of taxels.
 const NONE: u32 = u32::MAX;
 
-/// Where a taxel lies that is no vertex any more.
+/// Where a taxel lies that is not a vertex any more.
 #[derive(Debug, Clone, Copy)]
 struct TaxelLocation {
     face: FaceId,

@@ -95,7 +95,7 @@ kinds! {
     DuplicateId "duplicate-id" Vertex,
     /// Several taxels with a placeholder id.
     PlaceholderId "placeholder-id" Vertex,
-    /// A normal that is no unit vector.
+    /// A normal that is not a unit vector.
     NormalNotUnit "normal-not-unit" Vertex,
     /// Normals that are all the same on a curved piece.
     ConstantNormals "constant-normals" Vertex,

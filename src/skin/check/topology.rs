@@ -9,7 +9,7 @@ use crate::{
     },
 };
 
-/// A hole of so few edges is no missing taxel: that leaves at least five.
+/// A hole with fewer edges is not a missing taxel: a missing taxel leaves at least five.
 const PIN_HOLE_EDGES: usize = 4;
 
 /// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether loops
