@@ -9,7 +9,7 @@ use crate::{
     },
 };
 
-/// A hole with fewer edges is not a missing taxel: a missing taxel leaves at least five.
+/// A hole of at most this many edges is not a missing taxel: that would leave at least five.
 const PIN_HOLE_EDGES: usize = 4;
 
 /// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether loops
