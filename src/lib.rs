@@ -33,6 +33,7 @@ pub mod pyramid;
 pub mod flatten;
 pub mod map;
 pub mod atlas;
+pub mod signal;
 pub mod contact;
 pub mod io;
 pub mod plot;

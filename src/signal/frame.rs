@@ -1,0 +1,48 @@
+//! One moment of readings: on the taxels, and on every level.
+
+use crate::{
+    id::{IdVec, VertexId},
+    map::SkinMap,
+    pyramid::LevelId,
+    skin::PatchId,
+};
+
+/// One frame of readings: `values[patch][channel][taxel]`, NaN where there is no reading.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frame {
+    /// When it was taken, in s.
+    pub time: f64,
+    /// The readings, in the unit of their channel.
+    pub values: IdVec<PatchId, Vec<IdVec<VertexId, f64>>>,
+}
+
+impl Frame {
+    /// A frame of the taxels of `map` without any reading.
+    #[must_use]
+    pub fn new(map: &SkinMap, channels: usize) -> Self {
+        let patch = |taxels: usize| vec![IdVec::filled(f64::NAN, taxels); channels];
+        Self { time: 0.0, values: map.patches.map(|p| patch(p.taxels.ids.len())) }
+    }
+}
+
+/// A frame on every level: `values[patch][channel][level][vertex of that level]`, NaN where there is
+/// no value. Level 0 is the frame itself.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LevelFrame {
+    /// When it was taken, in s.
+    pub time: f64,
+    /// The values, in the unit of their channel.
+    pub values: IdVec<PatchId, Vec<IdVec<LevelId, IdVec<VertexId, f64>>>>,
+}
+
+impl LevelFrame {
+    /// A frame of all levels of `map` without any value.
+    #[must_use]
+    pub fn new(map: &SkinMap, channels: usize) -> Self {
+        let values = map.patches.map(|patch| {
+            let levels = patch.levels.map(|l| IdVec::filled(f64::NAN, l.level.mesh.positions.len()));
+            vec![levels; channels]
+        });
+        Self { time: 0.0, values }
+    }
+}

@@ -1,0 +1,18 @@
+//! Values on taxels and receptive fields: frames of readings, and what follows from them on every
+//! level. Nothing here knows of pixels or files.
+//!
+//! In reading order: `channel` says what is measured, `frame` holds one moment of it on the taxels
+//! ([`Frame`]) or on every level ([`LevelFrame`]), `restrict` carries it to all levels
+//! ([`Restrictor`]).
+//!
+//! A reading that is not there is NaN, in every type of this module: a taxel that is absent, dead or
+//! masked, and a receptive field all of whose taxels are. Zero is a reading.
+
+mod channel;
+mod frame;
+mod gather;
+mod restrict;
+
+pub use channel::{Channel, Quantity};
+pub use frame::{Frame, LevelFrame};
+pub use restrict::Restrictor;
