@@ -9,6 +9,8 @@ use std::{
     time::UNIX_EPOCH,
 };
 
+use tempfile::NamedTempFile;
+
 use crate::io::IoError;
 
 /// Writes a file whole or not at all: into a temporary file next to it, then renamed.
@@ -31,32 +33,89 @@ type Write<'a> = &'a mut dyn FnMut(&mut BufWriter<&File>) -> Result<(), IoError>
 
 /// [`replace_file`], compiled once for all writers.
 fn replace(path: &Path, write: Write<'_>) -> Result<(), IoError> {
-    let fail = |source: io::Error| IoError::Write { path: PathBuf::from(path), source };
+    let replacement = Replacement::open(path)?;
+    let mut buffered = BufWriter::with_capacity(1 << 18, replacement.file());
+    write(&mut buffered)?;
+    buffered.flush().map_err(|e| replacement.cannot_write(e))?;
+    drop(buffered);
+    replacement.publish()
+}
+
+/// A file on its way to its place: what is written to it appears there when it is published, and
+/// nowhere before.
+pub(crate) struct Replacement {
+    path: PathBuf,
+    target: PathBuf,
+    file: Unpublished,
+}
+
+enum Unpublished {
+    /// Next to its place, under another name.
+    Temporary(NamedTempFile),
+    /// A device or a pipe, which cannot be replaced.
+    Device(File),
+}
+
+impl Replacement {
+    /// Creates the temporary file, or opens the device that is there.
+    pub(crate) fn open(path: &Path) -> Result<Self, IoError> {
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let fail = |source: io::Error| IoError::Write { path: path.into(), source };
+        if target.is_dir() {
+            return Err(fail(io::Error::from(io::ErrorKind::IsADirectory)));
+        }
+        let file = if target.exists() && !target.is_file() {
+            Unpublished::Device(OpenOptions::new().write(true).open(&target).map_err(fail)?)
+        } else {
+            // Users do not know the name of the temporary file, so only the kind of an error is
+            // passed on.
+            let temporary =
+                tempfile::Builder::new().prefix(temporary_prefix()).tempfile_in(folder_of(&target));
+            Unpublished::Temporary(temporary.map_err(|e| fail(e.kind().into()))?)
+        };
+        Ok(Self { path: path.into(), target, file })
+    }
+
+    /// The file to write to.
+    pub(crate) fn file(&self) -> &File {
+        match &self.file {
+            Unpublished::Temporary(file) => file.as_file(),
+            Unpublished::Device(file) => file,
+        }
+    }
+
+    /// Puts the file in its place.
+    pub(crate) fn publish(self) -> Result<(), IoError> {
+        let Self { path, target, file } = self;
+        let fail = |source: io::Error| IoError::Write { path: path.clone(), source };
+        let Unpublished::Temporary(temporary) = file else { return Ok(()) };
+        match fs::metadata(&target) {
+            Ok(older) => temporary.as_file().set_permissions(older.permissions()),
+            Err(_) => share_like_a_new_file(temporary.as_file()),
+        }
+        .map_err(fail)?;
+        temporary.persist(&target).map_err(|e| fail(e.error))?;
+        Ok(())
+    }
+
+    fn cannot_write(&self, source: io::Error) -> IoError {
+        IoError::Write { path: self.path.clone(), source }
+    }
+}
+
+/// A file without a name on the disk of `path`, which vanishes when it is closed or the run is
+/// stopped.
+pub(crate) fn spool_for(path: &Path) -> io::Result<File> {
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    if target.is_dir() {
-        return Err(fail(io::Error::from(io::ErrorKind::IsADirectory)));
-    }
+    // The folder of a device is no place for files.
     if target.exists() && !target.is_file() {
-        let device = OpenOptions::new().write(true).open(&target).map_err(fail)?;
-        return write_through(&device, write, fail);
+        return tempfile::tempfile();
     }
-    let folder = match target.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    // Users do not know the name of the temporary file, so only the kind of an error is passed on.
-    let temporary = tempfile::Builder::new()
-        .prefix(temporary_prefix())
-        .tempfile_in(folder)
-        .map_err(|e| fail(e.kind().into()))?;
-    write_through(temporary.as_file(), write, fail)?;
-    match fs::metadata(&target) {
-        Ok(older) => temporary.as_file().set_permissions(older.permissions()),
-        Err(_) => share_like_a_new_file(temporary.as_file()),
-    }
-    .map_err(fail)?;
-    temporary.persist(&target).map_err(|e| fail(e.error))?;
-    Ok(())
+    tempfile::tempfile_in(folder_of(&target))
+}
+
+fn folder_of(target: &Path) -> &Path {
+    target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Prefix of the names of this run's temporary files, so that cleaning up removes only these.
@@ -68,12 +127,6 @@ pub fn temporary_prefix() -> &'static str {
         format!(".dermatome-{}-{start:x}-", process::id())
     });
     &PREFIX
-}
-
-fn write_through(file: &File, write: Write<'_>, fail: impl Fn(io::Error) -> IoError) -> Result<(), IoError> {
-    let mut buffered = BufWriter::with_capacity(1 << 18, file);
-    write(&mut buffered)?;
-    buffered.flush().map_err(fail)
 }
 
 /// Temporary files are private; an output is as readable as any file the user makes.

@@ -2,18 +2,17 @@
 
 use std::{
     fs::File,
-    io::{self, BufWriter, Cursor, Write},
+    io::{self, BufWriter, Write},
     path::Path,
 };
 
 use glam::DVec2;
-use npyz::WriterBuilder;
-use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
+        arrays::{npy::Elements, writer::ArrayWriter},
         file::{
             replace::replace_file,
             source::{kind, unfit},
@@ -25,9 +24,6 @@ use crate::{
 /// Extensions that [`write_flat`] knows.
 const KNOWN: &str = "obj, npz";
 
-/// Arrays of more bytes than this need the long form of a zip entry.
-const LARGE_ENTRY: usize = 1 << 31;
-
 /// Writes a mesh with its map at full precision: `uv` in m, `v` up, one per vertex.
 ///
 /// `.npz` holds `V` (n x 3, `f64`), `F` (m x 3, `i64`) and `UV` (n x 2, `f64`), stored without
@@ -37,18 +33,20 @@ const LARGE_ENTRY: usize = 1 << 31;
 /// # Errors
 /// If the mesh is broken, the map does not fit it, or the file cannot be written.
 pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
-    let write = match kind(path).as_str() {
-        "obj" => write_obj,
-        "npz" => write_npz,
-        _ => return Err(IoError::UnknownKind { path: path.into(), known: KNOWN }),
-    };
+    let kind = kind(path);
+    if !["obj", "npz"].contains(&kind.as_str()) {
+        return Err(IoError::UnknownKind { path: path.into(), known: KNOWN });
+    }
     mesh.validate().map_err(|e| unfit(path, "mesh to write", e.to_string(), "a valid one"))?;
     if uv.len() != mesh.positions.len() {
         let needed = format!("{}, one per vertex", mesh.positions.len());
         return Err(unfit(path, "map to write", format!("{} positions", uv.len()), needed));
     }
+    if kind == "npz" {
+        return write_npz(path, mesh, uv);
+    }
     replace_file(path, |file| {
-        write(file, mesh, uv).map_err(|source| IoError::Write { path: path.into(), source })
+        write_obj(file, mesh, uv).map_err(|source| IoError::Write { path: path.into(), source })
     })
 }
 
@@ -66,30 +64,13 @@ fn write_obj(file: &mut BufWriter<&File>, mesh: &TriMesh, uv: &IdVec<VertexId, D
     Ok(())
 }
 
-fn write_npz(file: &mut BufWriter<&File>, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> io::Result<()> {
-    // In memory first: an archive that cannot be finished complains on standard error when it is
-    // dropped.
-    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-    array(&mut archive, "V", mesh.positions.iter().map(|p| p.to_array()))?;
-    array(&mut archive, "F", mesh.triangles.iter().map(|t| t.map(|v| i64::from(v.raw()))))?;
-    array(&mut archive, "UV", uv.iter().map(|p| p.to_array()))?;
-    file.write_all(archive.finish()?.get_ref())
-}
-
-/// Adds an array with one row for each of `rows`.
-fn array<T: npyz::AutoSerialize, const N: usize>(
-    archive: &mut ZipWriter<Cursor<Vec<u8>>>,
-    name: &str,
-    rows: impl ExactSizeIterator<Item = [T; N]>,
-) -> io::Result<()> {
-    // Without a time of day, so that the same map gives the same bytes.
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .last_modified_time(zip::DateTime::default())
-        .large_file(rows.len() * size_of::<[T; N]>() >= LARGE_ENTRY);
-    archive.start_file(npyz::npz::file_name_from_array_name(name), options)?;
-    let shape = [rows.len() as u64, N as u64];
-    let mut array = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(archive).begin_nd()?;
-    array.extend(rows.flatten())?;
-    array.finish()
+fn write_npz(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+    let positions: Vec<f64> = mesh.positions.iter().flat_map(|p| p.to_array()).collect();
+    let corners: Vec<i64> = mesh.triangles.iter().flatten().map(|v| i64::from(v.raw())).collect();
+    let map: Vec<f64> = uv.iter().flat_map(|p| p.to_array()).collect();
+    let mut file = ArrayWriter::create(path)?;
+    file.constant("V", &[mesh.positions.len(), 3], Elements::F64(&positions))?;
+    file.constant("F", &[mesh.triangles.len(), 3], Elements::I64(&corners))?;
+    file.constant("UV", &[uv.len(), 2], Elements::F64(&map))?;
+    file.finish()
 }
