@@ -12,34 +12,34 @@ use std::{hint::black_box, time::Duration};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    atlas::{Chart, LevelImage},
+    atlas::{Atlas, AtlasOptions, skin_images},
     io::write_images,
     mesh::shapes,
 };
-use maps::{flat_patch, images::WholeImage, level_id};
+use maps::{flat_patch, images::WholeImage};
 
 fn atlas(c: &mut Criterion) {
     for faces in [500, 10_000, 100_000, 1_000_000_u32] {
         let mesh = shapes::cap(faces as usize, 0.1, 1.0);
         // Twice the pixels that there are triangles.
         let pixel = (mesh.area() / f64::from(2 * faces)).sqrt();
-        let patch = flat_patch("cap", mesh, pixel);
+        let map = maps::skin(vec![flat_patch("cap", mesh, pixel)]);
         let mut group = c.benchmark_group("atlas");
         group
             .throughput(Throughput::Elements(u64::from(faces)))
             .sample_size(10)
             .measurement_time(Duration::from_secs(3));
         group.bench_function(BenchmarkId::new("chart", faces), |b| {
-            b.iter(|| black_box(Chart::new(&patch, level_id(0)).unwrap().covered()));
+            b.iter(|| black_box(Atlas::new(&map, &AtlasOptions::default()).unwrap()));
         });
-        let image = LevelImage::new(&patch, level_id(0)).unwrap();
+        let images = skin_images(&map).unwrap();
         group.bench_function(BenchmarkId::new("fill", faces), |b| {
-            b.iter(|| black_box(WholeImage::of(&image)))
+            b.iter(|| black_box(WholeImage::of(&images[0])))
         });
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cap.exr");
         group.bench_function(BenchmarkId::new("exr", faces), |b| {
-            b.iter(|| write_images(&path, std::slice::from_ref(&image)).unwrap());
+            b.iter(|| write_images(&path, &images).unwrap());
         });
         group.finish();
     }
@@ -53,7 +53,7 @@ fn cover(c: &mut Criterion) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.exr");
     c.bench_function("cover_642/images", |b| {
-        b.iter(|| write_images(&path, &dermatome::atlas::skin_images(&map).unwrap()).unwrap());
+        b.iter(|| write_images(&path, &skin_images(&map).unwrap()).unwrap());
     });
 }
 

@@ -16,8 +16,8 @@
 //! 3. [`flatten::flatten_pyramid`] maps every level to the plane, coarse to fine, without a flip.
 //! 4. [`pipeline::build`] does both for all patches and returns a [`map::SkinMap`], which
 //!    [`io::write_map`] keeps.
-//! 5. [`atlas::skin_images`] rasterises the maps for [`io::write_images`]; [`plot::plot_map`] draws
-//!    them.
+//! 5. [`atlas::skin_images`] rasterises the maps for [`io::write_images`], an [`atlas::Atlas`] for
+//!    images of readings; [`plot::plot_map`] draws them.
 //! 6. [`contact::ContactIndex`] finds the cells under a contact on every level.
 //!
 //! Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not

@@ -4,18 +4,43 @@
 mod maps;
 
 use dermatome::{
-    atlas::{AtlasError, Chart, ImageRows, LevelImage, Samples, face_stretch},
+    atlas::{Atlas, AtlasError, AtlasOptions, AtlasPart, Chart, ImageRows, Resolution, Samples, skin_images},
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapLevel, PatchMap},
-    mesh::{TriMesh, shapes},
-    skin::TaxelId,
+    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
+    mesh::{SurfacePoint, TriMesh, shapes},
+    skin::{Link, LinkId, TaxelId},
 };
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use maps::{flat_patch, images::WholeImage, level_id, mapped_level, patch};
 use proptest::prelude::*;
 
-fn chart(patch: &PatchMap) -> Chart<'_> {
-    Chart::new(patch, level_id(0)).unwrap()
+/// The chart of level 0, with the map that it is of.
+struct Drawn {
+    map: SkinMap,
+    chart: Chart,
+}
+
+fn chart(patch: &PatchMap) -> Drawn {
+    level_chart(patch, 0)
+}
+
+fn level_chart(patch: &PatchMap, k: usize) -> Drawn {
+    let map = maps::skin(vec![patch.clone()]);
+    let chart = maps::charts(&map).swap_remove(k);
+    Drawn { map, chart }
+}
+
+impl Drawn {
+    fn point(&self, column: u32, row: u32) -> Option<SurfacePoint> {
+        self.chart.point(&self.map, column, row)
+    }
+}
+
+impl std::ops::Deref for Drawn {
+    type Target = Chart;
+    fn deref(&self) -> &Chart {
+        &self.chart
+    }
 }
 
 fn inside_of(patch: &PatchMap, face: FaceId, p: DVec2) -> [f64; 3] {
@@ -24,13 +49,13 @@ fn inside_of(patch: &PatchMap, face: FaceId, p: DVec2) -> [f64; 3] {
 }
 
 /// The face that a pixel shows.
-fn face(chart: &Chart<'_>, column: u32, row: u32) -> Option<FaceId> {
+fn face(chart: &Drawn, column: u32, row: u32) -> Option<FaceId> {
     chart.point(column, row).map(|at| at.face)
 }
 
 /// Columns and rows of every pixel.
-fn pixels(chart: &Chart<'_>) -> impl Iterator<Item = (u32, u32)> + use<> {
-    let [width, height] = chart.frame().size_px;
+fn pixels(chart: &Chart) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let [width, height] = chart.frame.size_px;
     (0..height).flat_map(move |row| (0..width).map(move |column| (column, row)))
 }
 
@@ -62,7 +87,7 @@ fn a_covered_pixel_has_its_centre_in_its_face() {
         let [a, b, c] = level.mesh.triangles[at.face].map(|v| uv[v]);
         let back = a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2];
         assert!(back.distance(centre) < 1e-5 * 0.0007, "the weights lead back to the centre");
-        assert_eq!(chart.frame().pixel(centre), [column, row], "frame and chart agree on the pixel");
+        assert_eq!(chart.frame.pixel(centre), [column, row], "frame and chart agree on the pixel");
     }
 }
 
@@ -178,7 +203,7 @@ fn ids_are_those_of_the_largest_weight() {
     map.taxels.ids[VertexId::new(0)] = TaxelId(u32::MAX - 1);
     for k in 0..2 {
         let image = maps::image(&map, k);
-        let chart = Chart::new(&map, level_id(k)).unwrap();
+        let chart = level_chart(&map, k);
         let mut seen = 0;
         for (i, (column, row)) in pixels(&chart).enumerate() {
             let Some(at) = chart.point(column, row) else {
@@ -221,38 +246,15 @@ fn positions_normals_and_weights_are_those_of_the_point() {
         let [_, u, v] = at.barycentric;
         assert!((f64::from(floats(&image, "bary.U")[i]) - u).abs() < 1e-7);
         assert!((f64::from(floats(&image, "bary.V")[i]) - v).abs() < 1e-7);
-        let stretch = face_stretch(&map.levels[level_id(0)], at.face);
-        assert!((f64::from(floats(&image, "stretch.angle")[i]) / stretch.angle - 1.0).abs() < 1e-6);
-        assert!((f64::from(floats(&image, "stretch.area")[i]) / stretch.area - 1.0).abs() < 1e-6);
     }
-}
-
-#[test]
-fn stretch_of_known_maps() {
-    let stretch = |map: &dyn Fn(DVec2) -> DVec2| {
-        let mesh = shapes::square();
-        let uv = mesh.positions.map(|p| map(p.truncate()));
-        face_stretch(&mapped_level(mesh, uv, 0.1), FaceId::new(1))
-    };
-    let turned = stretch(&|p| 2.0 * DVec2::from_angle(0.7).rotate(p));
-    assert!(
-        (turned.angle - 1.0).abs() < 1e-12 && (turned.area - 4.0).abs() < 1e-12,
-        "similarity: {turned:?}"
-    );
-    let sheared = stretch(&|p| DVec2::new(p.x + p.y, p.y));
-    let golden = (3.0 + 5.0_f64.sqrt()) / 2.0;
-    assert!((sheared.angle - golden).abs() < 1e-12, "the unit shear's ratio is the golden section squared");
-    let mirrored = stretch(&|p| DVec2::new(-3.0 * p.x, p.y));
-    assert!((mirrored.angle + 3.0).abs() < 1e-12 && (mirrored.area + 3.0).abs() < 1e-12, "{mirrored:?}");
-    let squeezed = stretch(&|p| DVec2::new(p.x, 0.0));
-    assert!(squeezed.angle == f64::INFINITY && squeezed.area == 0.0, "{squeezed:?}");
 }
 
 #[test]
 fn bands_of_rows_are_the_image() {
     let map = flat_patch("cap", shapes::cap(500, 0.1, 1.0), 0.001);
-    let image = LevelImage::new(&map, level_id(0)).unwrap();
-    let (whole, height) = (WholeImage::of(&image), image.frame().size_px[1]);
+    let map = maps::skin(vec![map]);
+    let image = &skin_images(&map).unwrap()[0];
+    let (whole, height) = (WholeImage::of(image), image.frame().size_px[1]);
     for rows in [0..1, 3..40, 17..height] {
         assert_eq!(
             image.rows(rows.clone()),
@@ -278,7 +280,8 @@ fn an_image_that_is_too_large_is_refused_with_a_pixel_size_that_fits() {
     for (side, pixel) in [(2.0, 1e-4), (1e9, 1e-3), (1.0, 5e-5)] {
         let mut mesh = shapes::square();
         mesh.positions = mesh.positions.map(|&p| side * p);
-        let error = Chart::new(&flat_patch("palm", mesh.clone(), pixel), level_id(0)).unwrap_err();
+        let map = maps::skin(vec![flat_patch("palm", mesh.clone(), pixel)]);
+        let error = Atlas::new(&map, &AtlasOptions::default()).unwrap_err();
         let AtlasError::TooLarge { image, fits_mm, .. } = error else { panic!("{error}") };
         assert_eq!(image, "palm/L0");
         // A chart of the largest size takes a gigabyte: only its size is tried.
@@ -293,10 +296,12 @@ fn what_cannot_be_drawn_is_named() {
     let broken = |change: &dyn Fn(&mut PatchMap)| {
         let mut map = map.clone();
         change(&mut map);
-        LevelImage::new(&map, level_id(0)).unwrap_err()
+        let map = maps::skin(vec![map]);
+        let error = skin_images(&map).unwrap_err();
+        assert_eq!(Atlas::new(&map, &AtlasOptions::default()).unwrap_err(), error);
+        error
     };
     let zero = level_id(0);
-    assert!(matches!(Chart::new(&map, level_id(3)).unwrap_err(), AtlasError::NoSuchLevel { last: 0, .. }));
     for at in [DVec2::new(1e300, 0.0), DVec2::new(0.0, -1e3)] {
         let error = broken(&|m| m.levels[zero].uv[VertexId::new(2)] = at);
         let AtlasError::OutsideFrame { vertex, .. } = error else { panic!("{error}") };
@@ -384,4 +389,187 @@ proptest! {
             }
         }
     }
+}
+
+/// A torso with two arms of two links each; every patch has two levels.
+fn body() -> SkinMap {
+    let square = |name: &str, side: f64| maps::square_pyramid(name, &[9, 5], side, 0.001);
+    let mut map = maps::skin(vec![
+        square("torso", 0.08),
+        square("left hand", 0.03),
+        square("left arm", 0.05),
+        square("right hand", 0.03),
+        square("right arm", 0.05),
+    ]);
+    let root = LinkId::new(0);
+    let mut link = |parent, at: DVec3| {
+        map.links.push(Link {
+            name: "link".into(),
+            parent: Some(parent),
+            pose: DAffine3::from_translation(at),
+        })
+    };
+    // Children of the torso above it, hands beside the arms: along x of the arm's frame.
+    let (left, right) = (link(root, DVec3::new(-0.2, 0.3, 0.0)), link(root, DVec3::new(0.2, 0.3, 0.0)));
+    let hands = [link(left, 0.2 * DVec3::X), link(right, -0.2 * DVec3::X)];
+    for (patch, link) in map.patches.iter_mut().zip([root, hands[0], left, hands[1], right]) {
+        patch.link = link;
+    }
+    map
+}
+
+fn atlas(map: &SkinMap, resolution: Resolution, packed: bool) -> Atlas {
+    Atlas::new(map, &AtlasOptions { resolution, packed, ..AtlasOptions::default() }).unwrap()
+}
+
+/// Column and row of every covered pixel of an image, with the chart that it shows.
+fn shown<'a>(map: &'a SkinMap, part: &'a AtlasPart) -> Vec<(u32, u32, &'a Chart)> {
+    let [width, height] = part.frame.size_px;
+    let of =
+        |(x, y)| part.charts.iter().filter(move |c| c.point(map, x, y).is_some()).map(move |c| (x, y, c));
+    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(of).collect()
+}
+
+#[test]
+fn a_canvas_holds_the_whole_patch_at_the_largest_scale() {
+    let map = maps::skin(vec![
+        flat_patch("cap", shapes::cap(300, 0.1, 1.0), 0.001),
+        flat_patch("strip", shapes::lattice(20, 3, 0.005), 0.001),
+    ]);
+    for canvas in [[40, 64], [16, 16], [3, 3]] {
+        let parts = atlas(&map, Resolution::Canvas(canvas), false).parts;
+        for (part, patch) in parts.iter().zip(&map.patches) {
+            assert_eq!(part.frame.size_px, [canvas[1], canvas[0]]);
+            let pixel = part.frame.size / DVec2::new(f64::from(canvas[1]), f64::from(canvas[0]));
+            assert!((pixel.x / pixel.y - 1.0).abs() < 1e-12, "square pixels");
+            let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+            for uv in &patch.levels[level_id(0)].uv {
+                let px = (*uv - part.frame.origin) / pixel;
+                (lo, hi) = (lo.min(px), hi.max(px));
+            }
+            let inside = DVec2::new(f64::from(canvas[1]), f64::from(canvas[0])) - 1.0;
+            assert!(lo.cmpge(DVec2::splat(1.0 - 1e-9)).all() && hi.cmple(inside + 1e-9).all(), "{lo} {hi}");
+            let filled = (hi - lo) / (inside - 1.0);
+            assert!((filled.max_element() - 1.0).abs() < 1e-9, "one side is filled: {filled}");
+        }
+    }
+}
+
+#[test]
+fn packed_charts_do_not_touch_and_show_no_pixel_twice() {
+    let map = body();
+    for (margin_px, gutter, gap) in [(0, false, 1), (0, true, 2), (1, true, 2), (3, false, 6)] {
+        for resolution in [Resolution::Map, Resolution::Pixel(0.0017), Resolution::Canvas([150, 90])] {
+            let options = AtlasOptions { resolution, packed: true, margin_px, gutter };
+            let atlas = Atlas::new(&map, &options).unwrap();
+            assert_eq!(atlas.parts.len(), 2, "one image per level");
+            assert_eq!(atlas, Atlas::new(&map, &options).unwrap(), "the same again");
+            for part in &atlas.parts {
+                let pixels = shown(&map, part);
+                let mut owner = std::collections::BTreeMap::new();
+                for &(x, y, chart) in &pixels {
+                    assert!(owner.insert((x, y), chart.patch).is_none(), "pixel {x}, {y} is shown twice");
+                }
+                let coverage = part.coverage();
+                assert_eq!(coverage.iter().filter(|c| **c == 1).count(), owner.len());
+                assert_eq!(pixels.len(), part.charts.iter().map(Chart::covered).sum::<usize>());
+                let [width, height] = part.frame.size_px;
+                for (&(x, y), patch) in &owner {
+                    let free = |at: u32, side: u32| at >= margin_px && at + margin_px < side;
+                    assert!(free(x, width) && free(y, height), "pixel {x}, {y} lies in the margin");
+                    let around = (y.saturating_sub(gap)..=y + gap)
+                        .flat_map(|row| (x.saturating_sub(gap)..=x + gap).map(move |column| (column, row)));
+                    let other = around.filter_map(|at| owner.get(&at)).find(|other| *other != patch);
+                    assert_eq!(other, None, "charts are {gap} pixels apart");
+                }
+            }
+        }
+    }
+}
+
+/// A packed chart is the patch's own chart, turned and moved, not mirrored.
+#[test]
+fn packed_charts_agree_with_those_of_the_patches() {
+    let map = body();
+    let (packed, single) =
+        (atlas(&map, Resolution::Pixel(0.001), true), atlas(&map, Resolution::Pixel(0.001), false));
+    let mut seen = std::collections::BTreeSet::new();
+    for part in &packed.parts {
+        for chart in &part.charts {
+            seen.insert(chart.turns);
+            let alone = single.parts.iter().flat_map(|part| &part.charts);
+            let alone = alone.clone().find(|c| c.patch == chart.patch && c.level == chart.level).unwrap();
+            let (many, few) = (chart.covered() as f64, alone.covered() as f64);
+            assert!((many / few - 1.0).abs() < 0.1, "{many} and {few} pixels of 1 mm");
+            let level = &map.patches[chart.patch].levels[chart.level];
+            let [left, top] = chart.corner_px;
+            let step = |x, y| chart.centre(left + x, top + y) - chart.centre(left, top);
+            assert!(step(1, 0).perp_dot(step(0, 1)) < 0.0, "rows run down where columns run right");
+            for &(x, y, _) in shown(&map, part).iter().filter(|(_, _, c)| c.patch == chart.patch) {
+                let at = chart.point(&map, x, y).unwrap();
+                let [a, b, c] = level.level.mesh.triangles[at.face].map(|v| level.uv[v]);
+                let back = a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2];
+                assert!(back.distance(chart.centre(x, y)) < 1e-7, "the pixel shows its place of the map");
+            }
+        }
+    }
+    assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 3], "torso and arms are turned as they need");
+}
+
+#[test]
+fn neighbours_on_the_body_are_neighbours_in_the_image() {
+    let map = body();
+    for resolution in [Resolution::Map, Resolution::Canvas([200, 200])] {
+        let part = &atlas(&map, resolution, true).parts[0];
+        let corner = |name: &str| {
+            let chart = part.charts.iter().find(|c| map.patches[c.patch].name == name).unwrap();
+            chart.corner_px
+        };
+        let above = |a: &str, b: &str| assert!(corner(a)[1] < corner(b)[1], "{a} lies above {b}");
+        above("left arm", "torso");
+        above("right arm", "torso");
+        above("left hand", "left arm");
+        above("right hand", "right arm");
+        assert!(corner("left arm")[0] < corner("right arm")[0], "links in their order from the left");
+        assert!(corner("left hand")[0] < corner("right hand")[0], "hands in the order of the arms");
+        // The arm of the left hand has its hand along x: there the map, seen as it is drawn, is up.
+        let arm = part.charts.iter().find(|c| map.patches[c.patch].name == "left arm").unwrap();
+        let [left, top] = arm.corner_px;
+        let up = arm.centre(left, top) - arm.centre(left, top + 1);
+        assert!(up.x > 0.0 && up.y.abs() < 1e-12, "{up} is up");
+    }
+}
+
+#[test]
+fn a_pixel_has_a_taxel_where_it_is_covered() {
+    let map = body();
+    let part = &atlas(&map, Resolution::Pixel(0.002), true).parts[0];
+    let (coverage, ids) = (part.coverage(), part.taxel_ids(&map));
+    for (covered, id) in coverage.iter().zip(&ids) {
+        assert_eq!(*covered == 1, *id != u32::MAX, "a pixel has a taxel if it is covered");
+    }
+}
+
+#[test]
+fn what_makes_no_layout_is_refused() {
+    let map = body();
+    let refused = |resolution, margin_px| {
+        let options = AtlasOptions { resolution, packed: true, margin_px, ..AtlasOptions::default() };
+        let packed = Atlas::new(&map, &options).unwrap_err();
+        let single = Atlas::new(&map, &AtlasOptions { packed: false, ..options }).unwrap_err();
+        (packed, single)
+    };
+    for pixel in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(matches!(refused(Resolution::Pixel(pixel), 1).0, AtlasError::PixelSize { .. }));
+    }
+    assert!(matches!(refused(Resolution::Map, u32::MAX).0, AtlasError::Margin { .. }));
+    for canvas in [[0, 0], [2, 2], [100_000, 10], [u32::MAX; 2]] {
+        let (packed, single) = refused(Resolution::Canvas(canvas), 1);
+        assert!(matches!(packed, AtlasError::Canvas { .. }), "{packed}");
+        assert!(matches!(single, AtlasError::Canvas { .. }), "{single}");
+    }
+    let (packed, single) = refused(Resolution::Pixel(1e-7), 1);
+    assert!(matches!(packed, AtlasError::TooLarge { .. }), "{packed}");
+    assert!(matches!(single, AtlasError::TooLarge { .. }), "{single}");
+    assert_eq!(atlas(&SkinMap::default(), Resolution::Canvas([8, 8]), true).parts, [], "no patch, no image");
 }

@@ -1,4 +1,4 @@
-//! Which face every pixel of a level's image shows: sizes are checked, positions snapped to exact
+//! Which face every pixel of a chart shows: sizes are checked, positions snapped to exact
 //! coordinates, faces rasterised once. Nothing is guaranteed of the map: where it overlaps itself
 //! the smallest face wins, and how often that happened is counted.
 
@@ -7,148 +7,133 @@ use glam::DVec2;
 use crate::{
     atlas::{
         AtlasError,
-        rasterize::{PIXEL, Snapped, UNCOVERED, rasterize},
+        layout::{Place, turned},
+        rasterize::{MAX_SIDE, PIXEL, Snapped, Span, Spans, rasterize},
     },
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, PatchMap},
-    mesh::{SurfacePoint, TriMesh},
+    map::{ImageFrame, MapLevel, SkinMap},
+    mesh::SurfacePoint,
     pyramid::LevelId,
+    skin::PatchId,
 };
-
-/// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what
-/// the exact arithmetic of the rasteriser allows.
-const MAX_SIDE: u32 = 16_384;
 
 /// Largest number of pixels: a chart of 1 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
 
-/// Which face each pixel of a level's image shows, and where in it.
+/// One level of a patch as it lies in an image: which face each pixel shows, and where in it.
 ///
 /// A pixel is covered if its centre lies in a face. Where the map overlaps itself the smallest face
-/// id wins. Four bytes a pixel: barycentric coordinates are found from the face when they are asked
-/// for.
-#[derive(Debug, Clone)]
-pub struct Chart<'a> {
-    mesh: &'a TriMesh,
-    uv: &'a IdVec<VertexId, DVec2>,
-    frame: ImageFrame,
-    faces: Vec<u32>,
-    overlaps: usize,
+/// id wins. Neighbouring pixels of a row that show one face take eight bytes together: barycentric
+/// coordinates are found from the face when they are asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// The patch it shows.
+    pub patch: PatchId,
+    /// Which of its levels.
+    pub level: LevelId,
+    /// By how many quarter turns, counter-clockwise, the map is turned in the image.
+    pub turns: u8,
+    /// The rectangle of the turned map that it shows; its size in pixels is that of the chart.
+    pub frame: ImageFrame,
+    /// Column and row of its upper left pixel in the image.
+    pub corner_px: [u32; 2],
+    spans: Spans,
 }
 
-impl<'a> Chart<'a> {
-    /// Rasterises the map of one level. Work grows with the covered pixels and the triangles.
+impl Chart {
+    /// Rasterises a level that is known to be valid; errors name it `image`. Work grows with the
+    /// covered pixels and the triangles.
     ///
     /// # Errors
-    /// If the patch breaks a rule of [`SkinMap::validate`](crate::map::SkinMap::validate) or has no
-    /// such level, if the image would be larger than 16384 pixels a side or `2^28` in all, or if
-    /// the map does not lie in its frame.
-    pub fn new(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
-        patch.validate()?;
-        Self::of_level(patch, level)
-    }
-
-    /// As [`Chart::new`], of a patch that is known to be valid.
-    pub(super) fn of_level(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
-        let Some(at) = patch.levels.get(level) else {
-            let last = patch.levels.len().saturating_sub(1);
-            return Err(AtlasError::NoSuchLevel { patch: patch.name.clone(), level, last });
-        };
-        Self::of(&image_name(patch, level), &at.level.mesh, &at.uv, at.frame)
-    }
-
-    /// Rasterises a map `uv` (m) of `mesh` into `frame`, which are known to be valid; errors name
-    /// it `image`.
-    ///
-    /// # Errors
-    /// As [`Chart::new`].
-    pub(crate) fn of(
-        image: &str,
-        mesh: &'a TriMesh,
-        uv: &'a IdVec<VertexId, DVec2>,
-        frame: ImageFrame,
-    ) -> Result<Self, AtlasError> {
+    /// If the image would be larger than 16384 pixels a side or `2^28` in all, or if the map does
+    /// not lie in its frame.
+    pub(super) fn new(image: &str, at: &MapLevel, level: LevelId, place: &Place) -> Result<Self, AtlasError> {
+        let Place { patch, turns, frame, corner_px } = *place;
         check_size(&frame, image)?;
-        let points = snap(uv, &frame, image)?;
-        let (faces, overlaps) = rasterize(&points, &mesh.triangles, frame.size_px.map(|n| n as usize));
-        Ok(Self { mesh, uv, frame, faces, overlaps })
-    }
-
-    /// The part of the map it shows.
-    #[must_use]
-    pub const fn frame(&self) -> &ImageFrame {
-        &self.frame
+        let points = snap(&at.uv, turns, &frame, image)?;
+        let spans = rasterize(&points, &at.level.mesh.triangles, frame.size_px.map(|n| n as usize));
+        Ok(Self { patch, level, turns, frame, corner_px, spans })
     }
 
     /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
     #[must_use]
     pub const fn overlaps(&self) -> usize {
-        self.overlaps
+        self.spans.overlaps
     }
 
     /// Number of pixels that show a face.
     #[must_use]
     pub fn covered(&self) -> usize {
-        self.faces.iter().filter(|&&face| face != UNCOVERED).count()
+        self.spans.pixels()
     }
 
-    /// The map position of a pixel's centre, in m; `row` counts from the top.
+    /// The map position of a pixel's centre, in m; `column` and `row` are those of the image.
     #[must_use]
     pub fn centre(&self, column: u32, row: u32) -> DVec2 {
-        let [width, height] = self.frame.size_px.map(f64::from);
-        let unit = DVec2::new((f64::from(column) + 0.5) / width, (f64::from(row) + 0.5) / height);
-        self.frame.map_position(unit)
+        let [left, top] = self.corner_px.map(f64::from);
+        turned(self.centre_at(f64::from(column) - left, f64::from(row) - top), (4 - self.turns) % 4)
     }
 
-    /// The face that a pixel shows; `None` if it shows none or lies outside of the image.
-    fn face(&self, column: u32, row: u32) -> Option<FaceId> {
-        let [width, height] = self.frame.size_px;
-        if column >= width || row >= height {
-            return None;
-        }
-        let face = self.faces[row as usize * width as usize + column as usize];
-        (face != UNCOVERED).then(|| FaceId::from(face))
-    }
-
-    /// The point of the mesh that a pixel shows; `None` if it shows none or lies outside of the
-    /// image.
+    /// The point of the mesh that a pixel of the image shows; `None` if it does not show this
+    /// chart.
+    ///
+    /// # Panics
+    /// If `map` is not the one that was rasterised.
     #[must_use]
-    pub fn point(&self, column: u32, row: u32) -> Option<SurfacePoint> {
+    pub fn point(&self, map: &SkinMap, column: u32, row: u32) -> Option<SurfacePoint> {
+        let [left, top] = self.corner_px;
+        let (column, row) = (column.checked_sub(left)?, row.checked_sub(top)?);
         let face = self.face(column, row)?;
-        let barycentric = Barycentric::new(self, face).at(self.centre(column, row));
+        let level = &map.patches[self.patch].levels[self.level];
+        let barycentric = Barycentric::new(self, level, face).at(self.centre_at(column.into(), row.into()));
         Some(SurfacePoint { face, barycentric })
     }
 
+    /// The face that a pixel of the chart shows.
+    pub(crate) fn face(&self, column: u32, row: u32) -> Option<FaceId> {
+        let spans = self.spans.row(row);
+        let after = spans.partition_point(|span| u32::from(span.column) <= column);
+        let span = spans[..after].last()?;
+        (column - u32::from(span.column) < u32::from(span.length)).then_some(span.face)
+    }
+
+    /// The spans of a row of the chart, from the left.
+    pub(crate) fn row(&self, row: u32) -> &[Span] {
+        self.spans.row(row)
+    }
+
+    /// The place of a pixel's centre on the turned map; `column` and `row` are those of the chart.
+    fn centre_at(&self, column: f64, row: f64) -> DVec2 {
+        let [width, height] = self.frame.size_px.map(f64::from);
+        self.frame.map_position(DVec2::new((column + 0.5) / width, (row + 0.5) / height))
+    }
+
     /// Calls `visit(column, face, barycentric)` for the covered pixels of a row, left to right.
-    pub(super) fn each_in_row(&self, row: u32, mut visit: impl FnMut(usize, FaceId, [f64; 3])) {
-        let width = self.frame.size_px[0] as usize;
-        let start = row as usize * width;
-        let mut current: Option<Barycentric> = None;
-        for ((column, &face), x) in self.faces[start..start + width].iter().enumerate().zip(0_u32..) {
-            if face == UNCOVERED {
-                continue;
+    pub(super) fn each_in_row(
+        &self,
+        level: &MapLevel,
+        row: u32,
+        mut visit: impl FnMut(usize, FaceId, [f64; 3]),
+    ) {
+        for span in self.spans.row(row) {
+            let inside = Barycentric::new(self, level, span.face);
+            for column in span.column..span.column + span.length {
+                let centre = self.centre_at(column.into(), row.into());
+                visit(column.into(), span.face, inside.at(centre));
             }
-            let face = FaceId::from(face);
-            let inside = match current {
-                Some(inside) if inside.face == face => inside,
-                _ => Barycentric::new(self, face),
-            };
-            current = Some(inside);
-            visit(column, face, inside.at(self.centre(x, row)));
         }
     }
 }
 
-/// From the plane to barycentric coordinates of one face.
+/// From the turned map to barycentric coordinates of one face.
 #[derive(Clone, Copy)]
 struct Barycentric {
-    face: FaceId,
     corners: [DVec2; 3],
 }
 
 impl Barycentric {
-    fn new(chart: &Chart<'_>, face: FaceId) -> Self {
-        Self { face, corners: chart.mesh.triangles[face].map(|v| chart.uv[v]) }
+    fn new(chart: &Chart, level: &MapLevel, face: FaceId) -> Self {
+        Self { corners: level.level.mesh.triangles[face].map(|v| turned(level.uv[v], chart.turns)) }
     }
 
     /// Non-negative weights with sum 1. Snapping may have moved a centre out of its face by `2^-17`
@@ -163,12 +148,16 @@ impl Barycentric {
     }
 }
 
-/// Patch and level as files name them: `palm/L0`.
-pub(super) fn image_name(patch: &PatchMap, level: LevelId) -> String {
-    format!("{}/L{level}", patch.name)
+/// The corner with the largest weight; the first of equal ones.
+pub(super) fn largest(weights: [f64; 3]) -> usize {
+    (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }
 
-fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {
+/// Whether an image keeps to the largest size.
+///
+/// # Errors
+/// If not, with a pixel size that would.
+pub(super) fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {
     let (size, size_px) = (frame.size, frame.size_px);
     let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
     if size_px.iter().any(|&n| n > MAX_SIDE) || pixels > MAX_PIXELS {
@@ -189,6 +178,9 @@ fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {
 }
 
 /// Whether all images together keep to what one may have.
+///
+/// # Errors
+/// If not, with a pixel size that would.
 pub(super) fn check_total<'a>(frames: impl Iterator<Item = &'a ImageFrame>) -> Result<(), AtlasError> {
     let (mut images, mut pixels, mut area) = (0, 0_u64, 0.0);
     for frame in frames {
@@ -215,13 +207,14 @@ fn two_digits_up(x: f64) -> f64 {
 /// Map positions in the rasteriser's integers.
 fn snap(
     uv: &IdVec<VertexId, DVec2>,
+    turns: u8,
     frame: &ImageFrame,
     image: &str,
 ) -> Result<IdVec<VertexId, Snapped>, AtlasError> {
     let count = DVec2::new(f64::from(frame.size_px[0]), f64::from(frame.size_px[1]));
     let mut points = IdVec::new();
     for (vertex, &at) in uv.enumerate() {
-        let px = (at - frame.origin) / frame.size * count;
+        let px = (turned(at, turns) - frame.origin) / frame.size * count;
         // Texture coordinates read from a file are rounded: a pixel beyond the border does no harm.
         let inside = px.cmpge(DVec2::NEG_ONE).all() && px.cmple(count + 1.0).all();
         if !inside {

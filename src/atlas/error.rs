@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::{id::VertexId, map::MapError, pyramid::LevelId};
+use crate::{id::VertexId, map::MapError};
 
 /// Why a level has no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -56,14 +56,32 @@ pub enum AtlasError {
         /// Its map position, in m.
         at: DVec2,
     },
-    /// A level that the patch does not have.
-    #[error("patch {patch:?} has no level {level}; it has levels 0 to {last}")]
-    NoSuchLevel {
-        /// Name of the patch.
-        patch: String,
-        /// The level asked for.
-        level: LevelId,
-        /// The coarsest level there is.
-        last: usize,
+    /// A pixel size that is not a length.
+    #[error("a pixel of {found} m cannot be drawn; its side must be a positive number of metres")]
+    PixelSize {
+        /// The size asked for, in m.
+        found: f64,
+    },
+    /// A margin that is larger than any image.
+    #[error("a margin of {found} pixels is wider than any image; at most {max} are drawn")]
+    Margin {
+        /// The margin asked for.
+        found: u32,
+        /// Largest margin.
+        max: u32,
+    },
+    /// A canvas that is too small for the charts, even at one pixel each, or too large to draw.
+    #[error(
+        "the charts with their margins do not fit into a canvas of {} x {} pixels (height x width); at least {} x {} \
+         are needed, and at most {max_side} a side are drawn",
+        canvas[0], canvas[1], least[0], least[1]
+    )]
+    Canvas {
+        /// Height and width asked for.
+        canvas: [u32; 2],
+        /// Height and width that hold one pixel of each chart.
+        least: [u64; 2],
+        /// Largest height or width.
+        max_side: u32,
     },
 }

@@ -8,13 +8,15 @@ use glam::DVec3;
 use crate::{
     atlas::{
         AtlasError, Chart, ImageRows, SampleKind, Samples, Stretch,
-        chart::{check_total, image_name},
+        chart::{check_total, largest},
         face_stretch,
+        layout::{Place, image_name},
     },
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
     pyramid::LevelId,
+    skin::PatchId,
 };
 
 /// Channels of measures; 0 where no face is.
@@ -47,7 +49,8 @@ const IDS: [&str; 2] = ["taxel.id", "face.id"];
 /// | `taxel.id` | of the nearest corner: its vendor id, above level 0 its index | `u32::MAX` |
 /// | `face.id` | index of the face in the level's mesh | `u32::MAX` |
 /// | `bary.{U,V}` | weights of the face's second and third corner | 0 |
-/// | `stretch.{angle,area}` | [`Stretch`] of the face | 0 |
+/// | `stretch.angle` | `s1/s2`, the ratio of the singular values of the map's Jacobian: 1 at a conformal map, negative if the face is mirrored, infinite if it is squeezed to a line | 0 |
+/// | `stretch.area` | `s1 s2`, the area on the map over the area on the skin; infinite if the face has no area on the skin | 0 |
 #[derive(Debug, Clone)]
 pub struct LevelImage<'a> {
     name: String,
@@ -55,27 +58,19 @@ pub struct LevelImage<'a> {
     level: &'a MapLevel,
     normals: IdVec<VertexId, DVec3>,
     finest: bool,
-    chart: Chart<'a>,
+    chart: Chart,
     light: DVec3,
 }
 
 impl<'a> LevelImage<'a> {
-    /// Rasterises a level.
-    ///
-    /// # Errors
-    /// As [`Chart::new`].
-    pub fn new(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
-        patch.validate()?;
-        Self::of_level(patch, level)
-    }
-
-    /// As [`LevelImage::new`], of a patch that is known to be valid.
-    fn of_level(patch: &'a PatchMap, level: LevelId) -> Result<Self, AtlasError> {
-        let chart = Chart::of_level(patch, level)?;
-        let (name, finest) = (image_name(patch, level), level == LevelId::default());
-        let level = &patch.levels[level];
-        let normals = patch.normals(&level.level);
-        Ok(Self { name, patch, level, normals, finest, light: light(&level.level.mesh), chart })
+    /// Rasterises a level of a map that is known to be valid.
+    fn new(patch: (PatchId, &'a PatchMap), level: LevelId) -> Result<Self, AtlasError> {
+        let ((id, patch), at) = (patch, &patch.1.levels[level]);
+        let name = image_name(patch, level);
+        let place = Place { patch: id, turns: 0, frame: at.frame, corner_px: [0, 0] };
+        let chart = Chart::new(&name, at, level, &place)?;
+        let (normals, light) = (patch.normals(&at.level), light(&at.level.mesh));
+        Ok(Self { name, patch, level: at, normals, finest: level == LevelId::default(), light, chart })
     }
 
     /// The measures of one pixel, in the order of [`MEASURES`].
@@ -95,8 +90,7 @@ impl<'a> LevelImage<'a> {
 
     /// The ids of one pixel, in the order of [`IDS`].
     fn ids(&self, face: FaceId, weights: [f64; 3]) -> [u32; 2] {
-        let corner = (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best });
-        let nearest = self.level.level.mesh.triangles[face][corner];
+        let nearest = self.level.level.mesh.triangles[face][largest(weights)];
         let id = if self.finest { self.patch.taxels.ids[nearest].0 } else { nearest.raw() };
         [id, face.raw()]
     }
@@ -108,7 +102,7 @@ impl ImageRows for LevelImage<'_> {
     }
 
     fn frame(&self) -> &ImageFrame {
-        self.chart.frame()
+        &self.chart.frame
     }
 
     fn channels(&self) -> Vec<(String, SampleKind)> {
@@ -123,7 +117,7 @@ impl ImageRows for LevelImage<'_> {
         let mut ids = IDS.map(|_| vec![u32::MAX; count]);
         let mut current: Option<(FaceId, Stretch)> = None;
         for (start, row) in (0..).step_by(width).zip(rows) {
-            self.chart.each_in_row(row, |column, face, weights| {
+            self.chart.each_in_row(self.level, row, |column, face, weights| {
                 let stretch = match current {
                     Some((of, stretch)) if of == face => stretch,
                     _ => face_stretch(self.level, face),
@@ -158,11 +152,11 @@ fn light(mesh: &TriMesh) -> DVec3 {
 /// level first.
 ///
 /// # Errors
-/// As [`Chart::new`], or if the images have more than `2^28` pixels together: they are in memory at
-/// once.
+/// If the map breaks a rule of [`SkinMap::validate`], if an image would be larger than 16384 pixels
+/// a side or all together than `2^28` pixels, or if a map does not lie in its frame.
 pub fn skin_images(map: &SkinMap) -> Result<Vec<LevelImage<'_>>, AtlasError> {
     map.validate()?;
     check_total(map.patches.iter().flat_map(|patch| patch.levels.iter().map(|level| &level.frame)))?;
-    let all = map.patches.iter().flat_map(|patch| patch.levels.ids().map(move |level| (patch, level)));
-    all.map(|(patch, level)| LevelImage::of_level(patch, level)).collect()
+    let all = map.patches.enumerate().flat_map(|patch| patch.1.levels.ids().map(move |level| (patch, level)));
+    all.map(|(patch, level)| LevelImage::new(patch, level)).collect()
 }

@@ -1,18 +1,27 @@
-//! Tactile images: every chart rasterised once, then filled with values.
+//! Which pixel is which place of the skin: every chart rasterised once, then filled with values.
 //!
 //! A [`Chart`] says for every pixel of a level's image which face and which place in it the pixel
-//! shows. [`LevelImage`] fills the channels of `map.exr` from it, a band of rows at a time, so that
-//! an image of a whole skin need never be in memory at once.
+//! shows. An [`Atlas`] holds the charts of all levels and patches, one image each or packed into
+//! one image per level; [`crate::image`] draws values through it. [`LevelImage`] fills the channels
+//! of `map.exr`, a band of rows at a time, so that an image of a whole skin need never be in memory
+//! at once.
+//!
+//! In the order to read: `rasterize`, `layout`, `chart`, `parts`; `image`, `stretch`,
+//! `level_image`.
 
 mod chart;
 mod error;
 mod image;
+mod layout;
 mod level_image;
+mod parts;
 mod rasterize;
 mod stretch;
 
 pub use chart::Chart;
 pub use error::AtlasError;
 pub use image::{ImageRows, SampleKind, Samples};
+pub use layout::{AtlasOptions, Resolution};
 pub use level_image::{LevelImage, skin_images};
-pub use stretch::{Stretch, face_stretch};
+pub use parts::{Atlas, AtlasPart};
+pub(crate) use stretch::{Stretch, face_stretch};

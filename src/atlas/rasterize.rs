@@ -1,4 +1,4 @@
-//! The rasteriser: triangles of snapped corners to a face per pixel, with exact integer edge
+//! The rasteriser: triangles of snapped corners to runs of pixels, with exact integer edge
 //! functions, so that no pixel is missed or covered twice along an edge. Bands of rows in parallel;
 //! the same answer with any number of threads.
 
@@ -8,8 +8,12 @@ use rayon::prelude::*;
 
 use crate::id::{FaceId, IdVec, VertexId};
 
+/// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what
+/// the exact arithmetic allows.
+pub(super) const MAX_SIDE: u32 = 16_384;
+
 /// A pixel that no face covers.
-pub(super) const UNCOVERED: u32 = u32::MAX;
+const UNCOVERED: u32 = u32::MAX;
 
 /// Bits of a pixel that a snapped coordinate resolves: 15 nm at 1 mm per pixel.
 ///
@@ -27,8 +31,43 @@ const BAND_ROWS: usize = 32;
 /// A point in units of `1 / PIXEL` pixels: right, and down from the upper edge.
 pub(super) type Snapped = [i64; 2];
 
-/// The face that each pixel centre lies in, row by row from the top, and how often a second face
-/// wanted it.
+/// Neighbouring pixels of one row that show one face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Span {
+    /// The face.
+    pub(crate) face: FaceId,
+    /// Column of the first pixel.
+    pub(crate) column: u16,
+    /// Number of pixels.
+    pub(crate) length: u16,
+}
+
+/// The spans of an image, row by row from the top, each row from the left.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Spans {
+    /// Where each row begins in `all`, and where the last one ends.
+    starts: Vec<usize>,
+    all: Vec<Span>,
+    /// How often a pixel centre lay in a further face.
+    pub(super) overlaps: usize,
+}
+
+impl Spans {
+    /// The spans of a row; none if it lies outside of the image.
+    pub(super) fn row(&self, row: u32) -> &[Span] {
+        match self.starts.get(row as usize..) {
+            Some([start, end, ..]) => &self.all[*start..*end],
+            _ => &[],
+        }
+    }
+
+    /// Number of pixels that show a face.
+    pub(super) fn pixels(&self) -> usize {
+        self.all.iter().map(|span| usize::from(span.length)).sum()
+    }
+}
+
+/// The face that each pixel centre lies in; sides are at most [`MAX_SIDE`].
 ///
 /// A centre on a shared edge belongs to the face that it would lie in if it were a hair further
 /// right and down. Where faces overlap the smallest id wins.
@@ -36,23 +75,48 @@ pub(super) fn rasterize(
     points: &IdVec<VertexId, Snapped>,
     triangles: &IdVec<FaceId, [VertexId; 3]>,
     [width, height]: [usize; 2],
-) -> (Vec<u32>, usize) {
+) -> Spans {
     let bands = Bands::new(points, triangles, height);
-    let mut faces = vec![UNCOVERED; width * height];
-    let overlaps = faces
-        .par_chunks_mut(BAND_ROWS * width)
-        .enumerate()
-        .map(|(band, pixels)| {
-            let first = band * BAND_ROWS;
-            let rows = first..first + pixels.len() / width;
+    let parts: Vec<Spans> = (0..height.div_ceil(BAND_ROWS))
+        .into_par_iter()
+        .map(|band| {
+            let rows = band * BAND_ROWS..height.min((band + 1) * BAND_ROWS);
+            let mut pixels = vec![UNCOVERED; rows.len() * width];
             let fill = |&face: &FaceId| {
                 let triangle = Triangle::new(triangles[face].map(|v| points[v]));
-                triangle.map_or(0, |t| t.fill(face, pixels, rows.clone(), width))
+                triangle.map_or(0, |t| t.fill(face, &mut pixels, rows.clone(), width))
             };
-            bands.faces(band).iter().map(fill).sum::<usize>()
+            let overlaps = bands.faces(band).iter().map(fill).sum();
+            runs(&pixels, width, overlaps)
         })
-        .sum();
-    (faces, overlaps)
+        .collect();
+    let count = parts.iter().map(|part| part.all.len()).sum();
+    let mut spans =
+        Spans { starts: Vec::with_capacity(height + 1), all: Vec::with_capacity(count), overlaps: 0 };
+    for part in parts {
+        spans.starts.extend(part.starts.iter().map(|start| spans.all.len() + start));
+        spans.all.extend(part.all);
+        spans.overlaps += part.overlaps;
+    }
+    spans.starts.push(count);
+    spans
+}
+
+/// The spans of whole rows of pixels; `starts` without the end of the last row.
+fn runs(pixels: &[u32], width: usize, overlaps: usize) -> Spans {
+    let mut spans = Spans { overlaps, ..Spans::default() };
+    for row in pixels.chunks(width) {
+        spans.starts.push(spans.all.len());
+        let mut column = 0_u16;
+        for run in row.chunk_by(|a, b| a == b) {
+            let length = u16::try_from(run.len()).unwrap_or(u16::MAX);
+            if run[0] != UNCOVERED {
+                spans.all.push(Span { face: run[0].into(), column, length });
+            }
+            column = column.saturating_add(length);
+        }
+    }
+    spans
 }
 
 /// The faces that may touch each band of rows, in the order of their ids.

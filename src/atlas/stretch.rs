@@ -8,14 +8,14 @@ use crate::{
 
 /// How one face is stretched on its way from the skin to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stretch {
+pub(crate) struct Stretch {
     /// `s1/s2`, the ratio of the singular values of the map's Jacobian: 1 at a conformal map,
     /// negative if the face is mirrored, infinite if it is squeezed to a line.
-    pub angle: f64,
+    pub(crate) angle: f64,
     /// `s1 s2`, the area on the map over the area on the skin: 1 at an equal-area map. Dividing the
     /// area of a pixel by it gives the skin that the pixel shows. Infinite if the face has no area
     /// on the skin.
-    pub area: f64,
+    pub(crate) area: f64,
 }
 
 /// The stretch of `face`, constant over it.
@@ -23,7 +23,7 @@ pub struct Stretch {
 /// # Panics
 /// If the face does not exist.
 #[must_use]
-pub fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
+pub(crate) fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
     const NO_SKIN: Stretch = Stretch { angle: f64::INFINITY, area: f64::INFINITY };
     let uv = level.level.mesh.triangles[face].map(|v| level.uv[v]);
     let flat = FlatTriangle::new(level.level.mesh.corners(face));
@@ -35,4 +35,37 @@ pub fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
         return NO_SKIN;
     }
     Stretch { angle: if s2 == 0.0 { f64::INFINITY } else { s1 / s2 }, area: s1 * s2 }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+    use crate::{mesh::shapes, pyramid::Level};
+
+    #[test]
+    fn stretch_of_known_maps() {
+        let stretch = |map: &dyn Fn(DVec2) -> DVec2| {
+            let mesh = shapes::square();
+            let uv = mesh.positions.map(|p| map(p.truncate()));
+            let areas = mesh.vertex_areas();
+            face_stretch(&MapLevel::new(Level::finest(mesh, areas), uv, 0.1), FaceId::new(1))
+        };
+        let turned = stretch(&|p| 2.0 * DVec2::from_angle(0.7).rotate(p));
+        assert!(
+            (turned.angle - 1.0).abs() < 1e-12 && (turned.area - 4.0).abs() < 1e-12,
+            "similarity: {turned:?}"
+        );
+        let sheared = stretch(&|p| DVec2::new(p.x + p.y, p.y));
+        let golden = (3.0 + 5.0_f64.sqrt()) / 2.0;
+        assert!(
+            (sheared.angle - golden).abs() < 1e-12,
+            "the unit shear's ratio is the golden section squared"
+        );
+        let mirrored = stretch(&|p| DVec2::new(-3.0 * p.x, p.y));
+        assert!((mirrored.angle + 3.0).abs() < 1e-12 && (mirrored.area + 3.0).abs() < 1e-12, "{mirrored:?}");
+        let squeezed = stretch(&|p| DVec2::new(p.x, 0.0));
+        assert!(squeezed.angle == f64::INFINITY && squeezed.area == 0.0, "{squeezed:?}");
+    }
 }

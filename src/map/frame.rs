@@ -21,11 +21,16 @@ impl ImageFrame {
         for &p in positions {
             (lo, hi) = (lo.min(p), hi.max(p));
         }
+        Self::around_box(lo, hi, pixel, 1)
+    }
+
+    /// The smallest frame of whole pixels around a box, with `margin` pixels on each side.
+    pub(crate) fn around_box(mut lo: DVec2, mut hi: DVec2, pixel: f64, margin: u32) -> Self {
         if !lo.is_finite() || !hi.is_finite() {
             (lo, hi) = (DVec2::ZERO, DVec2::ZERO);
         }
         let inner = ((hi - lo) / pixel).ceil().max(DVec2::ONE);
-        let count = inner + 2.0;
+        let count = inner + 2.0 * f64::from(margin);
         let size = count * pixel;
         let origin = (lo + hi) / 2.0 - size / 2.0;
         #[expect(

@@ -4,7 +4,7 @@
 pub(crate) mod images;
 
 use dermatome::{
-    atlas::LevelImage,
+    atlas::{Atlas, AtlasOptions, Chart, skin_images},
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
@@ -39,7 +39,13 @@ pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
 
 /// The image of level `k`.
 pub(crate) fn image(patch: &PatchMap, k: usize) -> images::WholeImage {
-    images::WholeImage::of(&LevelImage::new(patch, level_id(k)).unwrap())
+    images::WholeImage::of(&skin_images(&skin(vec![patch.clone()])).unwrap()[k])
+}
+
+/// The charts of all levels, each as its image.
+pub(crate) fn charts(map: &SkinMap) -> Vec<Chart> {
+    let parts = Atlas::new(map, &AtlasOptions::default()).unwrap().parts;
+    parts.into_iter().flat_map(|part| part.charts).collect()
 }
 
 /// A patch of one level seen from above.

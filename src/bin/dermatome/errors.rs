@@ -173,7 +173,9 @@ fn atlas_help(error: &AtlasError) -> String {
         AtlasError::TooLarge { fits_mm, .. } | AtlasError::TooManyPixels { fits_mm, .. } => {
             format!("use larger pixels: --pixel-mm {fits_mm} or more")
         }
-        AtlasError::NoSuchLevel { last, .. } => format!("give a level from 0 to {last}"),
+        AtlasError::PixelSize { .. } | AtlasError::Margin { .. } | AtlasError::Canvas { .. } => {
+            "choose another size of the images".into()
+        }
         _ => BUILD_AGAIN.into(),
     }
 }
