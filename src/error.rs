@@ -22,6 +22,9 @@ pub enum Error {
     /// Data that is not a valid map.
     #[error(transparent)]
     Map(#[from] crate::map::MapError),
+    /// A recording that cannot be simulated.
+    #[error(transparent)]
+    Touch(#[from] crate::signal::TouchError),
     /// A map that cannot be searched, or a query that cannot be answered.
     #[error(transparent)]
     Contact(#[from] crate::contact::ContactError),

@@ -21,7 +21,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("rayon", &[""]),
     ("thiserror", &[""]),
     ("libm", &["calib", "numeric"]),
-    ("rand_pcg", &["calib/simulate"]),
+    ("rand_pcg", &["numeric"]),
     ("spade", &["delaunay"]),
     ("dermatome_sparse", &["lib.rs"]),
     ("obvhs", &["contact/search"]),

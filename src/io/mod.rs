@@ -73,4 +73,5 @@ pub use table::{
     contacts::{ContactReader, ContactRow},
     lookups::{LookupRow, LookupWriter},
     poses::{LinkPose, read_poses},
+    touches::{ReadingsWriter, write_touches},
 };

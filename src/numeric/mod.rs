@@ -5,6 +5,7 @@ mod covariance;
 mod disjoint_sets;
 mod matrix6;
 mod morton;
+mod random;
 mod symmetric_eigen;
 
 pub(crate) use chi_square::{chi_square_tail, quantile};
@@ -12,4 +13,5 @@ pub use covariance::Covariance;
 pub(crate) use disjoint_sets::{DisjointSets, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use morton::morton;
+pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;

@@ -12,7 +12,9 @@ mod channel;
 mod frame;
 mod gather;
 mod restrict;
+mod touch;
 
 pub use channel::{Channel, Quantity};
 pub use frame::{Frame, LevelFrame};
 pub use restrict::Restrictor;
+pub use touch::{Touch, TouchError, TouchOptions, TouchSimulation};

@@ -9,7 +9,7 @@ use std::{
 
 use dermatome::{
     Error, atlas::AtlasError, calib::CalibError, contact::ContactError, flatten::FlattenError, io::IoError,
-    plot::PlotError, skin::SkinError,
+    plot::PlotError, signal::TouchError, skin::SkinError,
 };
 
 use crate::{common::ColorChoice, print::line};
@@ -101,6 +101,11 @@ fn library_help(error: &Error) -> String {
         Error::Flatten(e) => flatten_help(e).into(),
         Error::Calib(e) => calib_help(e).into(),
         Error::Contact(e) => contact_help(e).into(),
+        Error::Touch(TouchError::Skin(e)) => skin_help(e).into(),
+        Error::Touch(TouchError::NoTaxels) => {
+            "mark the taxels that work as present in the file of the skin".into()
+        }
+        Error::Touch(_) => "change the option: `dermatome help simulate` lists what each takes".into(),
         Error::Atlas(e) => atlas_help(e),
         Error::Io(e) => io_help(e),
         Error::Plot(e) => plot_help(e),

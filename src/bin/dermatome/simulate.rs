@@ -1,4 +1,7 @@
-//! `simulate`: observations of a simulated skin on a sphere, with known taxel poses.
+//! `simulate`: observations of a simulated skin on a sphere, with known taxel poses; or, in `touch`, a
+//! recording of touches.
+
+mod touch;
 
 use std::{
     path::{Path, PathBuf},
@@ -13,6 +16,7 @@ use dermatome::{
     io::{write_contacts, write_observations, write_triangles, write_truth},
 };
 
+use self::touch::TouchArgs;
 use crate::{
     common::Common,
     outputs::{self, Outputs},
@@ -25,7 +29,7 @@ pub(crate) struct Args {
     /// `-`: g2o on standard output
     #[arg(short, long, value_name = "OBS.g2o")]
     output: PathBuf,
-    /// File for the true positions of the taxels: .csv
+    /// File for the true positions of the taxels, or the true touches: .csv
     #[arg(long, value_name = "T.csv")]
     truth: Option<PathBuf>,
     /// File for the triangles between the taxels: .csv
@@ -73,6 +77,8 @@ pub(crate) struct Args {
     /// Share of displacements that are attributed to a wrong taxel within 30 mm
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     outliers: f64,
+    #[command(flatten)]
+    touch: TouchArgs,
 }
 
 /// What is estimated of a taxel.
@@ -88,6 +94,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let tables =
         || [&args.truth, &args.triangles, &args.contacts].into_iter().flatten().map(PathBuf::as_path);
     tables().try_for_each(outputs::check_table)?;
+    if let Some(skin) = &args.touch.touch {
+        return touch::run(&args.touch, skin, &args.output, args.truth.as_deref(), common);
+    }
     outputs::check(tables().chain([args.output.as_path()]))?;
     let simulation = simulate(&args.options(common.seed)).map_err(Error::from)?;
     let ids = simulation.observations.taxels.map(|t| t.id);

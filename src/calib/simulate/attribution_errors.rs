@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
 
-use super::{layout::SensorLayout, random::Random};
+use super::layout::SensorLayout;
 use crate::id::VertexId;
+use crate::numeric::Random;
 
 /// A wrongly attributed displacement leads to a taxel within this distance, in m.
 const MISATTRIBUTION_DISTANCE: f64 = 0.03;

@@ -3,8 +3,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::random::Random;
-use crate::calib::geometry::pose::exp;
+use crate::{calib::geometry::pose::exp, numeric::Random};
 
 /// The fixed sphere that the end effector touches, and how well its own pose is known.
 #[derive(Debug, Clone, Copy, PartialEq)]

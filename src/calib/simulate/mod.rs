@@ -4,15 +4,12 @@
 mod attribution_errors;
 mod contact_model;
 mod layout;
-mod random;
 
 pub use contact_model::Probe;
 
 use glam::DVec3;
 
-use self::{
-    attribution_errors::Neighbourhoods, contact_model::simulate_contact, layout::SensorLayout, random::Random,
-};
+use self::{attribution_errors::Neighbourhoods, contact_model::simulate_contact, layout::SensorLayout};
 use crate::{
     calib::{
         CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
@@ -21,6 +18,7 @@ use crate::{
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
+    numeric::Random,
     skin::TaxelId,
 };
 

@@ -5,3 +5,4 @@ pub(super) mod contacts;
 pub(super) mod csv_table;
 pub(super) mod lookups;
 pub(super) mod poses;
+pub(super) mod touches;

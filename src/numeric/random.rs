@@ -9,21 +9,21 @@ use rand_pcg::{
 /// Random numbers with the same bytes on every system: the generator and the logarithm are our own
 /// choice, not the system's.
 #[derive(Debug, Clone)]
-pub(super) struct Random {
+pub(crate) struct Random {
     generator: Pcg64,
     spare: Option<f64>,
 }
 
 impl Random {
     /// Streams of one seed are independent, so that adding outliers leaves the noise as it was.
-    pub(super) fn new(seed: u64, stream: u64) -> Self {
+    pub(crate) fn new(seed: u64, stream: u64) -> Self {
         // Seeds are small numbers: no two of them share a stream.
         let generator = Pcg64::seed_from_u64(seed.wrapping_mul(16).wrapping_add(stream));
         Self { generator, spare: None }
     }
 
     /// Uniform in [0, 1).
-    pub(super) fn uniform(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         const STEP: f64 = 1.0 / (1_u64 << 53) as f64;
         (self.generator.next_u64() >> 11) as f64 * STEP
     }
@@ -34,12 +34,12 @@ impl Random {
         clippy::cast_sign_loss,
         reason = "below `count`, not negative"
     )]
-    pub(super) fn below(&mut self, count: usize) -> usize {
+    pub(crate) fn below(&mut self, count: usize) -> usize {
         ((self.uniform() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
     /// Standard normal, by the polar method (marsaglia1964).
-    pub(super) fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
@@ -55,12 +55,12 @@ impl Random {
     }
 
     /// Three independent normal numbers of standard deviation `sigma`.
-    pub(super) fn vector(&mut self, sigma: f64) -> DVec3 {
+    pub(crate) fn vector(&mut self, sigma: f64) -> DVec3 {
         sigma * DVec3::new(self.normal(), self.normal(), self.normal())
     }
 
     /// Uniform on the unit sphere.
-    pub(super) fn direction(&mut self) -> DVec3 {
+    pub(crate) fn direction(&mut self) -> DVec3 {
         loop {
             if let Some(unit) = self.vector(1.0).try_normalize() {
                 return unit;

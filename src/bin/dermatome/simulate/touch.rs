@@ -1,0 +1,175 @@
+//! `simulate --touch`: a recording of a sphere that presses and rolls on a skin.
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::ValueEnum;
+use dermatome::{
+    Error,
+    io::{ReadingsWriter, read_map_if_any, write_touches},
+    map::SkinMap,
+    signal::{Quantity, TouchOptions, TouchSimulation},
+    skin::{AssembleOptions, Patch, Skin},
+};
+
+use crate::{
+    common::Common,
+    input::read_skin,
+    notes::note,
+    outputs::{self, Outputs},
+};
+
+/// Options of the simulated calibration alone.
+const OTHERS: [&str; 15] = [
+    "triangles",
+    "contacts",
+    "model",
+    "taxels",
+    "spacing_mm",
+    "radius_mm",
+    "noise_mm",
+    "rotation_noise_deg",
+    "anchors",
+    "anchor_noise_mm",
+    "normal_noise_deg",
+    "indentation_mm",
+    "arm_noise_mm",
+    "arm_noise_deg",
+    "outliers",
+];
+
+/// Options of `simulate --touch`.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Touch")]
+pub(super) struct TouchArgs {
+    /// Record a sphere that presses and rolls on this skin or map instead; the output is a .csv
+    /// with a column for each taxel, or .npz
+    #[arg(long, value_name = "SKIN", conflicts_with_all = OTHERS)]
+    pub(super) touch: Option<PathBuf>,
+    /// Number of presses, each at a random place
+    #[arg(long, value_name = "N", default_value_t = 5, requires = "touch")]
+    presses: usize,
+    /// Radius of the sphere
+    #[arg(long, value_name = "MM", default_value_t = 15.0, requires = "touch")]
+    sphere_mm: f64,
+    /// How deep the sphere is pressed in
+    #[arg(long, value_name = "MM", default_value_t = 2.0, requires = "touch")]
+    depth_mm: f64,
+    /// Stiffness of the skin: pressure for each millimetre of depth
+    #[arg(long, value_name = "KPA", default_value_t = 20.0, requires = "touch")]
+    stiffness_kpa: f64,
+    /// How far the sphere rolls during a press
+    #[arg(long, value_name = "MM", default_value_t = 20.0, requires = "touch")]
+    roll_mm: f64,
+    /// How long a press takes
+    #[arg(long, value_name = "S", default_value_t = 1.0, requires = "touch")]
+    press_s: f64,
+    /// How long nothing is touched before each press and after the last
+    #[arg(long, value_name = "S", default_value_t = 0.25, requires = "touch")]
+    pause_s: f64,
+    /// Frames per second
+    #[arg(long, value_name = "HZ", default_value_t = 100.0, requires = "touch")]
+    rate_hz: f64,
+    /// Radius of the disc on which a taxel feels
+    #[arg(long, value_name = "MM", default_value_t = 2.0, requires = "touch")]
+    taxel_mm: f64,
+    /// What a taxel reads
+    #[arg(long, value_enum, default_value_t = ReadsArg::Force, requires = "touch")]
+    reads: ReadsArg,
+    /// Noise of the mean pressure on a taxel, standard deviation
+    #[arg(long, value_name = "KPA", default_value_t = 0.0, requires = "touch")]
+    noise_kpa: f64,
+    /// Drift: the pressure of every taxel grows at a rate of its own, with this standard deviation
+    /// per second
+    #[arg(long, value_name = "KPA", default_value_t = 0.0, requires = "touch")]
+    drift_kpa: f64,
+    /// Share of the taxels that are dead and read NaN
+    #[arg(long, value_name = "F", default_value_t = 0.0, requires = "touch")]
+    dead: f64,
+}
+
+/// What a taxel reads.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ReadsArg {
+    /// The force on its disc, in N
+    Force,
+    /// The mean pressure on its disc, in Pa
+    Pressure,
+}
+
+/// Writes the readings to `output`, and what truly happens to `truth`.
+pub(super) fn run(
+    args: &TouchArgs,
+    skin: &Path,
+    output: &Path,
+    truth: Option<&Path>,
+    common: &Common,
+) -> anyhow::Result<ExitCode> {
+    outputs::check([output].into_iter().chain(truth))?;
+    [output].into_iter().chain(truth).try_for_each(|path| outputs::check_inputs(path, [skin]))?;
+    let skin = match read_map_if_any(skin).map_err(Error::from)? {
+        Some(map) => finest(&map),
+        None => read_skin(skin, &AssembleOptions::default(), common)?,
+    };
+    let mut simulation = TouchSimulation::new(&skin, &args.options(common.seed)).map_err(Error::from)?;
+    let mut touches = Vec::new();
+    let mut outputs = Outputs::default();
+    outputs.stage(output, |path| {
+        let mut writer = ReadingsWriter::create(path, &skin, &simulation.channel())?;
+        while let Some((frame, touch)) = simulation.next_frame() {
+            writer.write(frame)?;
+            touches.extend(touch);
+        }
+        writer.finish()
+    })?;
+    if let Some(path) = truth {
+        outputs.stage(path, |path| write_touches(path, &skin, &touches))?;
+    }
+    outputs.publish()?;
+    let most = touches.iter().map(|touch| touch.force).fold(0.0, f64::max);
+    note(
+        common,
+        format_args!(
+            "{} frames, {} of them with a touch; {} presses of up to {most:.3} N",
+            simulation.frames(),
+            touches.len(),
+            args.presses
+        ),
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The skin of a map: its level 0.
+fn finest(map: &SkinMap) -> Skin {
+    let patches = map.patches.iter().filter_map(|patch| {
+        let mesh = patch.levels.iter().next()?.level.mesh.clone();
+        Some(Patch { name: patch.name.clone(), link: patch.link, mesh, taxels: patch.taxels.clone() })
+    });
+    Skin { links: map.links.clone(), patches: patches.collect() }
+}
+
+impl TouchArgs {
+    fn options(&self, seed: u64) -> TouchOptions {
+        TouchOptions {
+            radius: self.sphere_mm * 1e-3,
+            depth: self.depth_mm * 1e-3,
+            stiffness: self.stiffness_kpa * 1e6,
+            presses: self.presses,
+            roll: self.roll_mm * 1e-3,
+            duration: self.press_s,
+            pause: self.pause_s,
+            rate: self.rate_hz,
+            taxel_radius: self.taxel_mm * 1e-3,
+            quantity: match self.reads {
+                ReadsArg::Force => Quantity::Extensive,
+                ReadsArg::Pressure => Quantity::Intensive,
+            },
+            noise: self.noise_kpa * 1e3,
+            drift: self.drift_kpa * 1e3,
+            dead: self.dead,
+            seed,
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! Simulated recordings: the readings, frame by frame, and the truth.
+
+use std::{
+    collections::HashSet,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    id::VertexId,
+    io::{
+        IoError,
+        arrays::{
+            npy::{ElementType, Elements},
+            writer::{ArrayId, ArrayWriter},
+        },
+        file::{
+            replace::Replacement,
+            source::{kind, unfit},
+        },
+        table::csv_table::{decimals, write_table},
+    },
+    signal::{Channel, Frame, Touch},
+    skin::{PatchId, Presence, Skin},
+};
+
+/// Writes readings of one channel frame by frame: a table `.csv` or arrays `.npz`.
+///
+/// The table has the columns `time` in s and `ID.CHANNEL` for each taxel that is present, as
+/// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, `timestamps`
+/// `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Nothing appears in the file's place
+/// before [`ReadingsWriter::finish`]; memory does not depend on the number of frames.
+pub struct ReadingsWriter {
+    taxels: Vec<(PatchId, VertexId)>,
+    output: Output,
+    row: Vec<f64>,
+}
+
+enum Output {
+    Table { path: PathBuf, file: Replacement, text: Vec<u8> },
+    Arrays { writer: ArrayWriter, times: ArrayId, values: ArrayId },
+}
+
+/// Bytes of a table that are kept before they are written.
+const TEXT_BYTES: usize = 1 << 18;
+
+impl ReadingsWriter {
+    /// Starts a file of readings of the taxels of `skin` that are present, patch by patch.
+    ///
+    /// # Errors
+    /// If the file is of another kind or cannot be created, no taxel is present, or two have the same
+    /// id: readings are found by their ids.
+    pub fn create(path: &Path, skin: &Skin, channel: &Channel) -> Result<Self, IoError> {
+        let present = skin.patches.enumerate().flat_map(|(id, patch)| {
+            let present = patch.taxels.presence.enumerate().filter(|(_, p)| **p == Presence::Present);
+            present.map(move |(taxel, _)| (id, taxel))
+        });
+        let taxels: Vec<_> = present.collect();
+        let ids: Vec<u32> = taxels.iter().map(|&(p, v)| skin.patches[p].taxels.ids[v].0).collect();
+        let mut seen = HashSet::new();
+        if let Some(id) = ids.iter().find(|id| !seen.insert(**id)) {
+            return Err(unfit(
+                path,
+                format!("taxel {id}"),
+                "the same id twice",
+                "an id of its own for each taxel",
+            ));
+        }
+        if ids.is_empty() {
+            return Err(unfit(path, "the skin", "no taxel that is present", "at least one"));
+        }
+        let output = match kind(path).as_str() {
+            "csv" => {
+                let names = ids.iter().map(|id| format!("{id}.{}", channel.name));
+                let header: Vec<String> = std::iter::once("time".to_owned()).chain(names).collect();
+                let file = Replacement::open(path)?;
+                Output::Table { path: path.into(), file, text: (header.join(",") + "\n").into_bytes() }
+            }
+            "npz" => {
+                let mut writer = ArrayWriter::create(path)?;
+                let times = writer.growing("timestamps", ElementType::F64, &[])?;
+                let values = writer.growing("values", ElementType::F64, &[ids.len()])?;
+                writer.constant("ids", &[ids.len()], Elements::U32(&ids))?;
+                writer.constant("channels", &[1], Elements::Text(std::slice::from_ref(&channel.name)))?;
+                writer.constant("units", &[1], Elements::Text(std::slice::from_ref(&channel.unit)))?;
+                Output::Arrays { writer, times, values }
+            }
+            _ => return Err(IoError::UnknownKind { path: path.into(), known: ".csv, .npz" }),
+        };
+        Ok(Self { taxels, output, row: Vec::new() })
+    }
+
+    /// Writes a frame.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    ///
+    /// # Panics
+    /// If the frame is not one of this skin.
+    pub fn write(&mut self, frame: &Frame) -> Result<(), IoError> {
+        self.row.clear();
+        self.row.extend(self.taxels.iter().map(|&(patch, taxel)| frame.values[patch][0][taxel]));
+        match &mut self.output {
+            Output::Arrays { writer, times, values } => {
+                writer.push(*times, Elements::F64(&[frame.time]))?;
+                writer.push(*values, Elements::F64(&self.row))?;
+                writer.end_frame()
+            }
+            Output::Table { path, file, text } => {
+                let fail = |source| IoError::Write { path: path.clone(), source };
+                // Decimals are the shortest that read back as the same number.
+                write!(text, "{:?}", frame.time).map_err(fail)?;
+                for x in &self.row {
+                    write!(text, ",{x:?}").map_err(fail)?;
+                }
+                text.push(b'\n');
+                if text.len() >= TEXT_BYTES {
+                    file.file().write_all(text).map_err(fail)?;
+                    text.clear();
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn finish(self) -> Result<(), IoError> {
+        match self.output {
+            Output::Arrays { writer, .. } => writer.finish(),
+            Output::Table { path, file, text } => {
+                file.file().write_all(&text).map_err(|source| IoError::Write { path, source })?;
+                file.publish()
+            }
+        }
+    }
+}
+
+/// Writes what truly happens in a simulated recording: a row for each frame in which something is
+/// touched.
+///
+/// `frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z`: `x,y,z` the centre of
+/// pressure and `sphere_*` the centre of the sphere in the frame of the link, in m; `force` of the
+/// whole contact, in N; `taxels` the number of working taxels that feel it.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+///
+/// # Panics
+/// If a touch names a patch that `skin` does not have.
+pub fn write_touches(path: &Path, skin: &Skin, touches: &[Touch]) -> Result<(), IoError> {
+    const HEADER: [&str; 13] = [
+        "frame", "time", "press", "patch", "link", "x", "y", "z", "force", "taxels", "sphere_x", "sphere_y",
+        "sphere_z",
+    ];
+    let mut rows = touches.iter().map(|touch| {
+        let patch = &skin.patches[touch.patch];
+        let link = skin.links[patch.link].name.clone();
+        let mut row = vec![touch.frame.to_string()];
+        row.extend(decimals([touch.time]));
+        row.extend([touch.press.to_string(), patch.name.clone(), link]);
+        row.extend(decimals(touch.centre.to_array().into_iter().chain([touch.force])));
+        row.push(touch.taxels.to_string());
+        row.extend(decimals(touch.sphere.to_array()));
+        Ok(row)
+    });
+    write_table(path, &HEADER, &mut rows)
+}

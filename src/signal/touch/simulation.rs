@@ -1,0 +1,306 @@
+//! A recording of presses, frame by frame, with the truth of each.
+
+use glam::DVec3;
+
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::{Adjacency, MeshError},
+    numeric::Random,
+    signal::{
+        Channel, Frame, Quantity,
+        touch::{TouchError, TouchOptions, path::Walker, sphere::Sphere},
+    },
+    skin::{Patch, PatchId, Presence, Skin},
+};
+
+/// What truly happens in a frame in which something is touched; in m, in the frame of the patch's link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// Number of the frame, from 0 on.
+    pub frame: usize,
+    /// When, in s.
+    pub time: f64,
+    /// Number of the press, from 0 on.
+    pub press: usize,
+    /// The patch that is touched.
+    pub patch: PatchId,
+    /// Centre of the sphere.
+    pub sphere: DVec3,
+    /// Centre of pressure: the mean of the skin's points, weighted by their pressure.
+    pub centre: DVec3,
+    /// Force of the whole contact, between the taxels too, in N: the pressure integrated over the
+    /// skin.
+    pub force: f64,
+    /// Number of working taxels whose disc is touched.
+    pub taxels: usize,
+}
+
+/// A recording of a sphere that presses and rolls on a skin, frame by frame.
+///
+/// ```
+/// use dermatome::{
+///     mesh::shapes,
+///     signal::{TouchOptions, TouchSimulation},
+///     skin::Skin,
+/// };
+///
+/// let skin = Skin::from_mesh("palm", shapes::lattice(30, 30, 0.004));
+/// let mut recording = TouchSimulation::new(&skin, &TouchOptions::default())?;
+/// let (mut frames, mut touched) = (0, 0);
+/// while let Some((frame, touch)) = recording.next_frame() {
+///     frames += 1;
+///     touched += usize::from(touch.is_some());
+///     let forces = frame.values.iter().flatten().flatten();
+///     assert_eq!(forces.sum::<f64>() > 0.0, touch.is_some_and(|touch| touch.taxels > 0));
+/// }
+/// assert_eq!(frames, recording.frames());
+/// assert!(touched > 400, "five presses of a second at 100 Hz");
+/// # Ok::<(), dermatome::signal::TouchError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct TouchSimulation<'a> {
+    skin: &'a Skin,
+    options: TouchOptions,
+    places: Random,
+    noise: Random,
+    /// The taxels that work, and how fast their pressure drifts, in Pa/s.
+    live: IdVec<PatchId, Vec<(VertexId, f64)>>,
+    frame: Frame,
+    next: usize,
+    press: Option<Press>,
+}
+
+/// A press that has begun.
+#[derive(Debug, Clone)]
+struct Press {
+    number: usize,
+    patch: PatchId,
+    adjacency: Adjacency,
+    walker: Walker,
+    /// How far the sphere has rolled, in m.
+    rolled: f64,
+}
+
+/// Streams of random numbers: one for each source, so that noise leaves the places as they were.
+mod stream {
+    pub(crate) const PLACES: u64 = 0;
+    pub(crate) const DEAD: u64 = 1;
+    pub(crate) const DRIFT: u64 = 2;
+    pub(crate) const NOISE: u64 = 3;
+}
+
+/// Share of a press in which the sphere goes down, and in which it goes up.
+const RAMP: f64 = 0.2;
+
+/// Triangles are divided until their edges are shorter than this share of the contact's radius; the
+/// force of a press on a plane is then exact to 0.2 %.
+const FINENESS: f64 = 1.0 / 16.0;
+
+/// Parts of an edge at most: a triangle much larger than the contact.
+const MOST_PARTS: f64 = 256.0;
+
+impl<'a> TouchSimulation<'a> {
+    /// Prepares a recording on the taxels of a skin that are present.
+    ///
+    /// # Errors
+    /// If a number makes no recording, the skin is not valid or has no working taxel.
+    pub fn new(skin: &'a Skin, options: &TouchOptions) -> Result<Self, TouchError> {
+        options.validate()?;
+        skin.validate()?;
+        let mut dead = Random::new(options.seed, stream::DEAD);
+        let mut drift = Random::new(options.seed, stream::DRIFT);
+        let mut live_of = |patch: &Patch| {
+            let present = patch.taxels.presence.enumerate().filter(|(_, p)| **p == Presence::Present);
+            let drifting = present.map(|(taxel, _)| (taxel, options.drift * drift.normal(), dead.uniform()));
+            drifting.filter(|(.., chance)| *chance >= options.dead).map(|(v, rate, _)| (v, rate)).collect()
+        };
+        let live: IdVec<PatchId, Vec<_>> = skin.patches.iter().map(&mut live_of).collect();
+        if live.iter().all(Vec::is_empty) {
+            return Err(TouchError::NoTaxels);
+        }
+        let values = skin.patches.map(|patch| vec![IdVec::filled(f64::NAN, patch.mesh.positions.len())]);
+        Ok(Self {
+            skin,
+            options: *options,
+            places: Random::new(options.seed, stream::PLACES),
+            noise: Random::new(options.seed, stream::NOISE),
+            live,
+            frame: Frame { time: 0.0, values },
+            next: 0,
+            press: None,
+        })
+    }
+
+    /// What the readings are: `force` in N, or `pressure` in Pa.
+    #[must_use]
+    pub fn channel(&self) -> Channel {
+        let quantity = self.options.quantity;
+        let (name, unit) = match quantity {
+            Quantity::Extensive => ("force", "N"),
+            Quantity::Intensive => ("pressure", "Pa"),
+        };
+        Channel { name: name.into(), unit: unit.into(), quantity }
+    }
+
+    /// Number of frames.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
+        let frames = (self.options.seconds() * self.options.rate + 1e-9).floor() as usize;
+        frames
+    }
+
+    /// The next frame, NaN for taxels that are absent or dead, and what truly happens in it; `None`
+    /// after the last.
+    pub fn next_frame(&mut self) -> Option<(&Frame, Option<Touch>)> {
+        if self.next >= self.frames() {
+            return None;
+        }
+        let frame = self.next;
+        let time = frame as f64 / self.options.rate;
+        self.next += 1;
+        self.frame.time = time;
+        let contact = self.sphere(time).and_then(|(patch, sphere)| {
+            let (force, centre) = contact(&sphere, &self.skin.patches[patch], &self.options)?;
+            Some((patch, sphere, force, centre))
+        });
+        let mut taxels = 0;
+        let reading =
+            if self.options.quantity == Quantity::Extensive { self.options.taxel_area() } else { 1.0 };
+        for (id, live) in self.live.enumerate() {
+            let patch = &self.skin.patches[id];
+            let sphere = contact.filter(|(touched, ..)| *touched == id).map(|(_, sphere, ..)| sphere);
+            for &(taxel, drift) in live {
+                let felt = sphere.map_or(0.0, |sphere| pressure(&sphere, patch, taxel, &self.options));
+                taxels += usize::from(felt > 0.0);
+                let noise =
+                    if self.options.noise > 0.0 { self.options.noise * self.noise.normal() } else { 0.0 };
+                self.frame.values[id][0][taxel] = reading * (felt + drift * time + noise);
+            }
+        }
+        let press = self.press.as_ref().map_or(0, |press| press.number);
+        let touch = contact.map(|(patch, sphere, force, centre)| Touch {
+            frame,
+            time,
+            press,
+            patch,
+            sphere: sphere.centre,
+            centre,
+            force,
+            taxels,
+        });
+        Some((&self.frame, touch))
+    }
+
+    /// The sphere at this time, and the patch that it touches.
+    fn sphere(&mut self, time: f64) -> Option<(PatchId, Sphere)> {
+        let TouchOptions { duration, pause, presses, depth, radius, roll, .. } = self.options;
+        let turn = (time - pause) / (duration + pause);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
+        let number = (turn + 1e-9).floor().max(0.0) as usize;
+        let share = (time - pause - number as f64 * (duration + pause)) / duration;
+        if number >= presses || !(0.0..=1.0).contains(&share) {
+            return None;
+        }
+        while self.press.as_ref().is_none_or(|press| press.number < number) {
+            let number = self.press.as_ref().map_or(0, |press| press.number + 1);
+            self.press = Some(self.begin(number)?);
+        }
+        let press = self.press.as_mut()?;
+        let patch = &self.skin.patches[press.patch];
+        let rolled = roll * ((share - RAMP) / (1.0 - 2.0 * RAMP)).clamp(0.0, 1.0);
+        press.walker.advance(&patch.mesh, &press.adjacency, rolled - press.rolled);
+        press.rolled = rolled;
+        let corners = patch.mesh.triangles[press.walker.face].into_iter();
+        let normals =
+            corners.zip(press.walker.barycentric(&patch.mesh)).map(|(v, w)| w * patch.taxels.normals[v]);
+        let normal = normals.sum::<DVec3>().try_normalize()?;
+        // Speed is zero at both ends of the way down.
+        let way = (share.min(1.0 - share) / RAMP).clamp(0.0, 1.0);
+        let depth = depth * way * way * (3.0 - 2.0 * way);
+        Some((press.patch, Sphere { centre: press.walker.point + (radius - depth) * normal, radius }))
+    }
+
+    /// Chooses the patch and the place of a press.
+    fn begin(&mut self, number: usize) -> Option<Press> {
+        let areas: Vec<f64> = self.skin.patches.iter().map(|patch| patch.mesh.area()).collect();
+        let mut left = self.places.uniform() * areas.iter().sum::<f64>();
+        let patch = areas.iter().position(|area| {
+            left -= area;
+            left < 0.0
+        });
+        let patch = PatchId::new(patch.unwrap_or(areas.len() - 1));
+        let mesh = &self.skin.patches[patch].mesh;
+        let adjacency: Result<Adjacency, MeshError> = Adjacency::new(mesh);
+        let walker = Walker::random(mesh, &mut self.places)?;
+        Some(Press { number, patch, adjacency: adjacency.ok()?, walker, rolled: 0.0 })
+    }
+}
+
+/// Mean pressure on the disc of a taxel, in Pa.
+fn pressure(sphere: &Sphere, patch: &Patch, taxel: VertexId, options: &TouchOptions) -> f64 {
+    let (at, normal) = (patch.mesh.positions[taxel], patch.taxels.normals[taxel]);
+    let reach = sphere.radius + options.taxel_radius;
+    if at.distance_squared(sphere.centre) >= reach * reach {
+        return 0.0;
+    }
+    options.stiffness * sphere.volume_under_disc(at, normal, options.taxel_radius) / options.taxel_area()
+}
+
+/// Force and centre of pressure of the whole contact; `None` if nothing is touched.
+fn contact(sphere: &Sphere, patch: &Patch, options: &TouchOptions) -> Option<(f64, DVec3)> {
+    let (mesh, normals) = (&patch.mesh, &patch.taxels.normals);
+    let radius = (options.depth * (2.0 * options.radius - options.depth)).sqrt();
+    let (mut volume, mut moment) = (0.0, DVec3::ZERO);
+    for face in mesh.triangles.ids() {
+        let corners = mesh.corners(face);
+        let longest =
+            (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max).sqrt();
+        if corners[0].distance_squared(sphere.centre) > (sphere.radius + longest).powi(2) {
+            continue;
+        }
+        let normals = mesh.triangles[face].map(|v| normals[v]);
+        let parts = (longest / (FINENESS * radius)).ceil().clamp(1.0, MOST_PARTS);
+        let area = mesh.face_area(face) / (parts * parts);
+        for weights in parts_of_a_triangle(parts) {
+            let mix = |of: &[DVec3; 3]| of.iter().zip(weights).map(|(x, w)| w * *x).sum::<DVec3>();
+            let point = mix(&corners);
+            let depth = sphere.depth(point, mix(&normals).normalize_or_zero());
+            volume += area * depth;
+            moment += area * depth * point;
+        }
+    }
+    (volume > 0.0).then(|| (options.stiffness * volume, moment / volume))
+}
+
+/// Barycentric coordinates of the centres of `parts` squared equal triangles that make up one.
+fn parts_of_a_triangle(parts: f64) -> impl Iterator<Item = [f64; 3]> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 256")]
+    let n = parts as u32;
+    (0..n).flat_map(move |i| (0..n - i).map(move |j| (i, j))).flat_map(move |(i, j)| {
+        let weights = move |shift: f64| {
+            let (u, v) = ((f64::from(i) + shift) / parts, (f64::from(j) + shift) / parts);
+            [1.0 - u - v, u, v]
+        };
+        // The part that points as the whole does, and its neighbour that points the other way.
+        let other = (i + j + 1 < n).then(|| weights(2.0 / 3.0));
+        std::iter::once(weights(1.0 / 3.0)).chain(other)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_have_the_centre_of_the_whole() {
+        for n in 1..6 {
+            let parts: Vec<_> = parts_of_a_triangle(f64::from(n)).collect();
+            assert_eq!(parts.len(), (n * n) as usize);
+            for k in 0..3 {
+                let mean = parts.iter().map(|w| w[k]).sum::<f64>() / f64::from(n * n);
+                assert!((mean - 1.0 / 3.0).abs() < 1e-12, "{n} {k} {mean}");
+            }
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Laws of simulated touch: what the taxels feel is what the sphere does.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::f64::consts::PI;
+
+use dermatome::{
+    mesh::shapes,
+    signal::{Frame, Quantity, Touch, TouchError, TouchOptions, TouchSimulation},
+    skin::{PatchId, Presence, Skin},
+};
+use glam::DVec3;
+
+fn record(skin: &Skin, options: &TouchOptions) -> Vec<(Frame, Option<Touch>)> {
+    let mut simulation = TouchSimulation::new(skin, options).unwrap();
+    let mut frames = Vec::new();
+    while let Some((frame, touch)) = simulation.next_frame() {
+        frames.push((frame.clone(), touch));
+    }
+    assert_eq!(frames.len(), simulation.frames());
+    frames
+}
+
+/// Readings of the first patch's taxels, with their places.
+fn readings<'a>(skin: &'a Skin, frame: &'a Frame) -> impl Iterator<Item = (f64, DVec3, f64)> + 'a {
+    let patch = &skin.patches[PatchId::new(0)];
+    let places = patch.mesh.positions.iter().zip(&patch.taxels.areas);
+    let values = frame.values[PatchId::new(0)][0].iter();
+    values.zip(places).map(|(&x, (&p, &area))| (x, p, area))
+}
+
+/// On a plane the force is the stiffness times the volume of the cap below it.
+#[test]
+fn a_press_on_a_plane_has_the_force_of_its_cap() {
+    let skin = Skin::from_mesh("plane", shapes::lattice(60, 60, 0.004));
+    let options = TouchOptions { seed: 4, ..TouchOptions::default() };
+    let cap = PI * options.depth.powi(2) * (options.radius - options.depth / 3.0);
+    let mut inside = 0;
+    for (_, touch) in record(&skin, &options) {
+        let Some(touch) = touch else { continue };
+        let depth = options.radius - touch.sphere.z;
+        let near_border = touch.sphere.min_element().min(touch.sphere.y) < 0.0
+            || [touch.sphere.x, 0.236 - touch.sphere.x, touch.sphere.y, 0.204 - touch.sphere.y]
+                .iter()
+                .any(|d| *d < 0.012);
+        // Shallow contacts are small against the parts that triangles are divided into.
+        if near_border || depth < 0.5 * options.depth {
+            continue;
+        }
+        inside += 1;
+        let volume = PI * depth * depth * (options.radius - depth / 3.0);
+        assert!((touch.force / (options.stiffness * volume) - 1.0).abs() < 4e-3, "{touch:?}");
+        assert!(touch.centre.distance(touch.sphere.with_z(0.0)) < 2e-5, "{touch:?}");
+        assert!(touch.force <= options.stiffness * cap * 1.004);
+    }
+    assert!(inside > 100, "{inside}");
+}
+
+/// Pressure times the taxels' areas adds up to the force, forces to the discs' share of it, and their
+/// mean place is that of the pressure.
+#[test]
+fn what_taxels_feel_adds_up_to_the_touch() {
+    for mesh in [shapes::lattice(60, 60, 0.003), shapes::cap(6000, 0.1, 1.2)] {
+        let skin = Skin::from_mesh("skin", mesh);
+        for quantity in [Quantity::Intensive, Quantity::Extensive] {
+            let options = TouchOptions { quantity, rate: 25.0, seed: 2, ..TouchOptions::default() };
+            let disc = PI * options.taxel_radius.powi(2);
+            let mut checked = 0;
+            for (frame, touch) in record(&skin, &options) {
+                let total: f64 = readings(&skin, &frame).map(|(x, _, _)| x).sum();
+                let Some(touch) = touch else {
+                    assert_eq!(total, 0.0, "nothing is touched");
+                    continue;
+                };
+                let felt: Vec<_> = readings(&skin, &frame).filter(|(x, _, _)| *x > 0.0).collect();
+                assert_eq!(felt.len(), touch.taxels);
+                let force = |(x, _, area): (f64, DVec3, f64)| match quantity {
+                    Quantity::Intensive => x * area,
+                    Quantity::Extensive => x * area / disc,
+                };
+                let sum: f64 = felt.iter().copied().map(force).sum();
+                let centre = felt.iter().map(|&r| force(r) * r.1).sum::<DVec3>() / sum;
+                // Where the skin ends, a disc feels what is not skin.
+                if touch.taxels < 15
+                    || touch.centre.distance(touch.sphere) > options.radius - 0.5 * options.depth
+                {
+                    continue;
+                }
+                checked += 1;
+                assert!((sum / touch.force - 1.0).abs() < 0.05, "{sum} N of {} N", touch.force);
+                assert!(centre.distance(touch.centre) < 4e-4, "{centre} for {}", touch.centre);
+            }
+            assert!(checked > 20, "{checked}");
+        }
+    }
+}
+
+/// The same seed gives the same recording; noise, drift and dead taxels leave the places as they are.
+#[test]
+fn what_is_added_leaves_the_rest_as_it_was() {
+    let mut skin = Skin::from_mesh("skin", shapes::cap(800, 0.1, 1.0));
+    let absent = 7.into();
+    skin.patches[PatchId::new(0)].taxels.presence[absent] = Presence::Absent;
+    let plain = TouchOptions { rate: 20.0, presses: 2, ..TouchOptions::default() };
+    let disturbed = TouchOptions { noise: 100.0, drift: 50.0, dead: 0.1, ..plain };
+    let (a, b) = (record(&skin, &plain), record(&skin, &disturbed));
+    assert_eq!(format!("{a:?}"), format!("{:?}", record(&skin, &plain)));
+    assert_ne!(format!("{a:?}"), format!("{:?}", record(&skin, &TouchOptions { seed: 1, ..plain })));
+    let area = PI * plain.taxel_radius.powi(2);
+    let (mut squares, mut count, mut dead) = (0.0, 0.0, 0);
+    for ((clean, one), (noisy, other)) in a.iter().zip(&b) {
+        let place = |touch: &Option<Touch>| touch.map(|t| (t.press, t.sphere, t.centre, t.force));
+        assert_eq!(place(one), place(other));
+        let pairs = clean.values[PatchId::new(0)][0].enumerate().zip(&noisy.values[PatchId::new(0)][0]);
+        for ((taxel, x), y) in pairs {
+            assert_eq!(x.is_nan(), taxel == absent, "{taxel}");
+            dead += usize::from(y.is_nan() && !x.is_nan());
+            if clean.time == 0.0 && !y.is_nan() {
+                squares += ((y - x) / area).powi(2);
+                count += 1.0;
+            }
+        }
+    }
+    let sigma = (squares / count).sqrt();
+    assert!((80.0..120.0).contains(&sigma), "noise of {sigma} Pa in the first frame");
+    let share = dead as f64 / (a.len() * 800 / 2) as f64;
+    assert!((0.02..0.25).contains(&share), "{share}");
+}
+
+#[test]
+fn numbers_that_make_no_recording_are_refused() {
+    let skin = Skin::from_mesh("skin", shapes::square());
+    let d = TouchOptions::default();
+    for options in [
+        TouchOptions { radius: -1.0, ..d },
+        TouchOptions { depth: 0.015, ..d },
+        TouchOptions { rate: 0.0, ..d },
+        TouchOptions { duration: f64::NAN, ..d },
+        TouchOptions { noise: -1.0, ..d },
+        TouchOptions { dead: 1.0, ..d },
+        TouchOptions { presses: usize::MAX, ..d },
+    ] {
+        let refused = TouchSimulation::new(&skin, &options);
+        assert!(matches!(refused, Err(TouchError::BadOption { .. })), "{options:?}");
+    }
+    let mut none = skin;
+    for presence in none.patches[PatchId::new(0)].taxels.presence.iter_mut() {
+        *presence = Presence::Absent;
+    }
+    assert!(matches!(TouchSimulation::new(&none, &d), Err(TouchError::NoTaxels)));
+}
