@@ -712,7 +712,7 @@ fn looking_for_outliers_does_not_change_the_verdict() {
 /// covariance.
 #[test]
 fn covariances_of_poses_are_what_noise_does_after_alignment() {
-    for anchors in [0, 4] {
+    for anchors in [0, 1, 4] {
         let options = SimulateOptions {
             model: Model::Poses,
             taxels: 7,
@@ -724,6 +724,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
         };
         let simulation = simulate(&options).unwrap();
         let found = solve(&simulation.observations, &CalibOptions::default());
+        let touched = simulation.observations.contacts.iter().next().map(|c| found.poses[c.taxel].position);
         let mut sums = vec![glam::DMat3::ZERO; 7];
         let mut push = |change: &dyn Fn(&mut Observations, f64)| {
             // The estimate bends: the mean of both directions leaves an error of third order.
@@ -732,7 +733,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
                 change(&mut changed, sigmas);
                 let options = CalibOptions { covariances: false, ..CalibOptions::default() };
                 let poses = solve(&changed, &options).poses;
-                if found.free.is_empty() { poses } else { aligned(&poses, &found) }
+                if found.free.is_empty() { poses } else { aligned(&poses, &found, touched) }
             });
             for (k, sum) in sums.iter_mut().enumerate() {
                 let v = VertexId::new(k);
@@ -772,44 +773,81 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
     }
 }
 
-/// `poses` after the free motion that brings their positions closest to those found.
-fn aligned(poses: &IdVec<VertexId, Pose>, found: &Calibration) -> IdVec<VertexId, Pose> {
-    let motion = compare(poses, &found.poses).unwrap().alignment;
+/// `poses` after the free motion that brings their positions closest to those found: about a touched
+/// point only a rotation is free.
+fn aligned(
+    poses: &IdVec<VertexId, Pose>,
+    found: &Calibration,
+    touched: Option<DVec3>,
+) -> IdVec<VertexId, Pose> {
+    // With every point mirrored at the touched one that one is the centroid of either set.
+    let doubled = |poses: &IdVec<VertexId, Pose>| -> IdVec<VertexId, Pose> {
+        let mirrored = touched.iter().flat_map(|t| poses.iter().map(|p| Pose::at(2.0 * *t - p.position)));
+        poses.iter().copied().chain(mirrored).collect()
+    };
+    let motion = compare(&doubled(poses), &doubled(&found.poses)).unwrap().alignment;
     poses.iter().map(|p| motion * *p).collect()
 }
 
 /// Covariances against differences: the estimate is linear in the observations, so its covariance
-/// is the sum over observations of what each does to it.
+/// is the sum over observations of what each does to it; where no contact holds the skin, to its
+/// distance from the centroid.
 #[test]
 fn covariances_are_what_noise_does_to_the_estimate() {
-    let options = SimulateOptions { taxels: 7, anchors: 2, ..SimulateOptions::default() };
-    let simulation = simulate(&options).unwrap();
-    let found = solve(&simulation.observations, &CalibOptions::default());
-    let base = &found.poses;
-    let mut variances = vec![0.0; 7];
-    let mut add = |changed: &Observations| {
-        let poses = solve(changed, &CalibOptions::default()).poses;
-        for (sum, (a, b)) in variances.iter_mut().zip(poses.iter().zip(base)) {
-            // A push of one standard deviation.
-            *sum += (a.position.x - b.position.x).powi(2);
+    for (anchors, stretch) in [(0, 1.0), (2, 1.0), (0, 4.0), (2, 4.0)] {
+        let options = SimulateOptions { taxels: 7, anchors, ..SimulateOptions::default() };
+        let mut observations = simulate(&options).unwrap().observations;
+        if let DisplacementMeasurement::Offset { information, .. } =
+            &mut observations.edges.as_mut_slice()[0].measurement
+        {
+            information.0[0][0] *= stretch;
         }
-    };
-    for edge in simulation.observations.edges.ids() {
-        let mut changed = simulation.observations.clone();
-        if let DisplacementMeasurement::Offset { offset, .. } = &mut changed.edges[edge].measurement {
-            offset.x += 1e-3;
+        let centred = |observations: &Observations| {
+            let options = CalibOptions { robust: Robust::LeastSquares, ..CalibOptions::default() };
+            let found = solve(observations, &options);
+            let origin = if anchors == 0 { mean_position(&found.poses) } else { DVec3::ZERO };
+            (found.poses.map(|p| p.position - origin), found.marginals.unwrap().positions)
+        };
+        let (base, covariances) = centred(&observations);
+        let mut sums = vec![[0.0; 6]; 7];
+        let mut push = |change: &dyn Fn(&mut Observations, usize)| {
+            for axis in 0..3 {
+                let mut changed = observations.clone();
+                change(&mut changed, axis);
+                for (sum, (a, b)) in sums.iter_mut().zip(centred(&changed).0.iter().zip(&base)) {
+                    let [x, y, z] = (*a - *b).to_array();
+                    let product = [x * x, x * y, x * z, y * y, y * z, z * z];
+                    sum.iter_mut().zip(product).for_each(|(sum, p)| *sum += p);
+                }
+            }
+        };
+        // A push of one standard deviation.
+        for edge in observations.edges.ids() {
+            push(&|o, axis| {
+                if let DisplacementMeasurement::Offset { offset, information } =
+                    &mut o.edges[edge].measurement
+                {
+                    offset[axis] += information.0[axis][axis].powf(-0.5);
+                }
+            });
         }
-        add(&changed);
-    }
-    for contact in simulation.observations.contacts.ids() {
-        let mut changed = simulation.observations.clone();
-        if let ContactMeasurement::Position { position, .. } = &mut changed.contacts[contact].measurement {
-            position.x += 1e-3;
+        for contact in observations.contacts.ids() {
+            push(&|o, axis| {
+                if let ContactMeasurement::Position { position, information } =
+                    &mut o.contacts[contact].measurement
+                {
+                    position[axis] += information.0[axis][axis].powf(-0.5);
+                }
+            });
         }
-        add(&changed);
-    }
-    for (covariance, variance) in found.marginals.unwrap().positions.iter().zip(&variances) {
-        assert!((covariance.xx / variance - 1.0).abs() < 1e-9, "{} is not {variance}", covariance.xx);
+        for (c, sum) in covariances.iter().zip(&sums) {
+            for (found, expected) in c.to_array().iter().zip(sum) {
+                assert!(
+                    (found - expected).abs() < 1e-9 * c.sigma().powi(2),
+                    "{anchors} anchors: {found} is not {expected}"
+                );
+            }
+        }
     }
 }
 

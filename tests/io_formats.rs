@@ -242,22 +242,19 @@ fn stl_keeps_triangles_in_single_precision() {
     }
 }
 
-/// A link that scales by 2 and mirrors: areas grow by 4, triangles still run counter-clockwise seen
-/// along the normals.
+/// Links are frames: no format writes a skin whose links change lengths.
 #[test]
-fn a_pose_that_scales_and_mirrors_is_carried_into_the_world() {
+fn a_pose_that_scales_or_mirrors_is_refused() {
     let folder = TempDir::new().unwrap();
-    let mut skin = plain_skin();
-    skin.links[LinkId::new(0)].pose = DAffine3::from_scale(DVec3::new(-2.0, 2.0, 2.0));
-    let sheet = &write_and_read(&folder, "ply", &skin).sheets[0];
-    let patch = &skin.patches[PatchId::new(0)];
-    assert_eq!(sheet.areas.as_ref().unwrap()[5], 4.0 * patch.taxels.areas[VertexId::new(5)]);
-    let [a, b, c] = sheet.triangles[0].map(|v| sheet.positions[v as usize]);
-    let normal = sheet.normals.as_ref().unwrap()[sheet.triangles[0][0] as usize];
-    assert_eq!(normal, DVec3::Z, "outward stays outward");
-    assert!((b - a).cross(c - a).dot(normal) > 0.0, "counter-clockwise seen from outside");
-    let frames = write_and_read(&folder, "json", &skin).links;
-    assert_eq!(frames[LinkId::new(0)].pose, DAffine3::IDENTITY, "a mirror is no frame");
+    for scale in [2.0, -1.0] {
+        let mut skin = plain_skin();
+        skin.links[LinkId::new(0)].pose = DAffine3::from_scale(DVec3::new(scale, 1.0, 1.0));
+        for kind in KINDS {
+            let path = folder.path().join(format!("skin.{kind}"));
+            let error = write_skin(&path, &skin).unwrap_err().to_string();
+            assert!(error.contains("link 0") && error.contains("rigid"), "{kind}: {error}");
+        }
+    }
 }
 
 #[test]

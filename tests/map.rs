@@ -10,7 +10,7 @@ use dermatome::{
     pyramid::Level,
     skin::{Covariance, LinkId, PatchId},
 };
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use maps::{level_id, skin, square_pyramid};
 
 /// Two patches of two levels on two links.
@@ -67,6 +67,9 @@ fn every_broken_field_is_refused_by_name() {
     };
     // Links and patches.
     refused(&["link 1", "after its parent"], &|m| m.links[LinkId::new(1)].parent = Some(LinkId::new(1)));
+    for pose in [DAffine3::from_scale(DVec3::splat(1.001)), DAffine3::from_translation(DVec3::NAN)] {
+        refused(&["link 0", "rigid"], &|m| m.links[LinkId::new(0)].pose = pose);
+    }
     refused(&["\"palm\"", "link 5"], &|m| patch(m).link = LinkId::new(5));
     refused(&["two patches", "\"back\""], &|m| patch(m).name = "back".into());
     refused(&["palm", "without levels"], &|m| patch(m).levels = IdVec::new());
@@ -117,4 +120,7 @@ fn every_broken_field_is_refused_by_name() {
     }
     refused(&["palm/L1", "frame"], &|m| mapped(m, 1).frame.origin.x = f64::INFINITY);
     refused(&["palm/L1", "frame"], &|m| mapped(m, 1).frame.size_px = [0, 4]);
+    refused(&["palm/L1", "distortion"], &|m| mapped(m, 1).distortion.flips = 1000);
+    refused(&["palm/L1", "distortion"], &|m| mapped(m, 1).distortion.qc_mean = 1e9);
+    refused(&["palm/L1", "distortion"], &|m| mapped(m, 1).distortion.area_max = 0.5);
 }

@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use crate::{
+    flatten::Distortion,
     id::VertexId,
     map::ImageFrame,
     pyramid::{LevelId, PyramidError},
@@ -74,5 +75,18 @@ pub enum MapError {
         level: LevelId,
         /// The frame.
         frame: ImageFrame,
+    },
+    /// Measures of a map that no map has.
+    #[error(
+        "{patch}/{level:?}: the distortion is {distortion:?}; means must be at most maxima, and flips at most the \
+         number of faces"
+    )]
+    Distortion {
+        /// Name of the patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+        /// The measures.
+        distortion: Distortion,
     },
 }

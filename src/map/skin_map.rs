@@ -3,6 +3,7 @@
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::{
+    flatten::Distortion,
     id::{IdVec, VertexId},
     map::{MapError, MapLevel},
     mesh::TriMesh,
@@ -72,7 +73,8 @@ impl PatchMap {
         if let Some(((vertex, &found), &taxel)) = areas.find(|((_, a), b)| a != b) {
             return Err(MapError::Area { patch: self.name.clone(), vertex, found, taxel });
         }
-        for (level, MapLevel { level: Level { mesh, .. }, uv, frame, .. }) in self.levels.enumerate() {
+        for (level, MapLevel { level: Level { mesh, .. }, uv, frame, distortion }) in self.levels.enumerate()
+        {
             let patch = || self.name.clone();
             let (found, needed) = (uv.len(), mesh.positions.len());
             if found != needed {
@@ -84,9 +86,21 @@ impl PatchMap {
             if !frame.is_valid() {
                 return Err(MapError::Frame { patch: patch(), level, frame: *frame });
             }
+            if !is_possible(distortion, mesh.triangles.len()) {
+                return Err(MapError::Distortion { patch: patch(), level, distortion: *distortion });
+            }
         }
         Ok(())
     }
+}
+
+/// Whether a map of `faces` faces can have these measures. Whether it has them only measuring again
+/// would tell, which takes longer than all other checks. Measures are no numbers where no face has
+/// an area, which lookups accept.
+fn is_possible(distortion: &Distortion, faces: usize) -> bool {
+    let &Distortion { flips, qc_mean, qc_max, area_mean, area_max, .. } = distortion;
+    let exceeds = |mean: f64, most: f64| mean > most * (1.0 + 1e-9);
+    flips <= faces && !exceeds(qc_mean, qc_max) && !exceeds(area_mean, area_max)
 }
 
 /// The maps of a whole skin.
@@ -129,8 +143,8 @@ impl SkinMap {
 
     /// Checks that this is a map: the only place that judges one, in time linear in its size.
     ///
-    /// Links come after their parents, patches have names of their own and links that exist. Of
-    /// each patch, the taxels keep the rules of [`Taxels::validate`], the levels those of a pyramid
+    /// Links come after their parents and have rigid poses, patches have names of their own and links
+    /// that exist. Of each patch, the taxels keep the rules of [`Taxels::validate`], the levels those of a pyramid
     /// but for manifoldness and nesting (lookups accept any triangles), map positions are finite,
     /// one per vertex, and image frames have a size.
     ///

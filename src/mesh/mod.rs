@@ -26,7 +26,7 @@ pub use error::MeshError;
 pub use fill_holes::fill_holes;
 pub(crate) use geometry::cotangent;
 pub use geometry::{angle, mean_edge_length};
-pub(crate) use rigid::{is_rotation, rotation_defect};
+pub(crate) use rigid::{is_rigid, is_rotation, rotation_defect};
 pub use surface_point::SurfacePoint;
 pub use tri_mesh::TriMesh;
 pub(crate) use tri_mesh::smallest_first;

@@ -1,10 +1,20 @@
-//! Which matrices are rotations.
+//! Which matrices are rotations, and which poses are rigid.
 
-use glam::DMat3;
+use glam::{DAffine3, DMat3};
 
 /// How far the columns of a matrix may be from an orthonormal frame and still count as one,
 /// rounding apart.
 const ROTATION_ROUNDING: f64 = 1e-9;
+
+/// How far the axes of a pose may be from unit length and right angles: files store poses in `f32`,
+/// and a chain of links multiplies a few of them.
+const RIGID_TOLERANCE: f64 = 1e-5;
+
+/// Whether a pose is finite and only rotates and translates.
+pub(crate) fn is_rigid(pose: &DAffine3) -> bool {
+    let axes = &pose.matrix3;
+    pose.is_finite() && rotation_defect(axes) <= RIGID_TOLERANCE && axes.determinant() > 0.0
+}
 
 /// Whether a matrix neither scales nor mirrors.
 pub(crate) fn is_rotation(matrix: &DMat3) -> bool {

@@ -1,6 +1,6 @@
 //! Matrices of 6 x 6 for rigid motions: three numbers of translation, three of rotation.
 
-use std::ops::{Add, AddAssign, Mul, Sub};
+use std::ops::Mul;
 
 use glam::{DMat3, DVec3};
 
@@ -28,11 +28,6 @@ impl Matrix6 {
         Self([[block(0, 0), block(0, 3)], [block(3, 0), block(3, 3)]])
     }
 
-    /// `x y'`.
-    pub(crate) fn outer(x: Twist, y: Twist) -> Self {
-        Self(x.map(|x| y.map(|y| DMat3::from_cols(x * y.x, x * y.y, x * y.z))))
-    }
-
     pub(crate) fn transpose(&self) -> Self {
         let [[a, b], [c, d]] = self.0;
         Self([[a.transpose(), c.transpose()], [b.transpose(), d.transpose()]])
@@ -42,28 +37,6 @@ impl Matrix6 {
     #[inline]
     pub(crate) fn entry(&self, row: usize, column: usize) -> f64 {
         self.0[row / 3][column / 3].col(column % 3)[row % 3]
-    }
-}
-
-impl Add for Matrix6 {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self(std::array::from_fn(|r| std::array::from_fn(|c| self.0[r][c] + other.0[r][c])))
-    }
-}
-
-impl Sub for Matrix6 {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        Self(std::array::from_fn(|r| std::array::from_fn(|c| self.0[r][c] - other.0[r][c])))
-    }
-}
-
-impl AddAssign for Matrix6 {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
     }
 }
 
@@ -120,6 +93,5 @@ mod tests {
             assert_eq!(y[i / 3][i % 3], expected);
         }
         assert_eq!(dot(x, x), 91.0);
-        assert_eq!((Matrix6::outer(y, x) - Matrix6::outer(x, y).transpose()) + m, m, "(x y')' = y x'");
     }
 }

@@ -88,6 +88,12 @@ pub enum SkinError {
         /// The link.
         link: LinkId,
     },
+    /// A link whose pose is not finite, or does more than rotate and translate.
+    #[error("the pose of link {link} is not rigid; a finite rotation and translation are needed")]
+    LinkPose {
+        /// The link.
+        link: LinkId,
+    },
     /// Bare taxels at too few places.
     #[error("patch {patch:?} has no triangles, and taxels at {found} places; 3 are needed to join them")]
     TooFewPlaces {

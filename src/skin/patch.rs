@@ -6,7 +6,7 @@ use glam::DAffine3;
 
 use crate::{
     id::{IdVec, define_id},
-    mesh::{Adjacency, TriMesh},
+    mesh::{Adjacency, TriMesh, is_rigid},
     skin::{Link, LinkId, SkinError, Taxels, link::before_parents, world_pose},
 };
 
@@ -53,14 +53,10 @@ impl Patch {
             .map_err(|source| SkinError::Taxels { patch: patch(), source })
     }
 
-    /// The patch in another frame. A pose that mirrors turns the triangles round, so that they
-    /// still run counter-clockwise seen from outside.
-    pub(crate) fn posed(&self, pose: &DAffine3) -> Self {
-        let mut mesh = self.mesh.clone();
-        mesh.positions.iter_mut().for_each(|x| *x = pose.transform_point3(*x));
-        if pose.matrix3.determinant() < 0.0 {
-            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-        }
+    /// The patch in another frame, by a rigid pose.
+    fn posed(&self, pose: &DAffine3) -> Self {
+        let positions = self.mesh.positions.map(|x| pose.transform_point3(*x));
+        let mesh = TriMesh { positions, triangles: self.mesh.triangles.clone() };
         Self { name: self.name.clone(), link: self.link, mesh, taxels: self.taxels.posed(pose) }
     }
 }
@@ -100,8 +96,7 @@ impl Skin {
     }
 }
 
-/// Checks that links come after their parents, and that patches have names of their own and links
-/// that exist.
+/// Checks the links, and that patches have names of their own and links that exist.
 ///
 /// # Errors
 /// The first broken rule.
@@ -122,13 +117,17 @@ pub(crate) fn check_patches<'a>(
     Ok(())
 }
 
-/// Checks that links come after their parents.
+/// Checks that links come after their parents and have rigid poses. Names may be empty or repeat: a
+/// link is known by its id.
 ///
 /// # Errors
-/// The first link that does not.
+/// The first link of which that is not so.
 pub(crate) fn check_links(links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
-    match before_parents(links).next() {
-        Some(link) => Err(SkinError::LinkOrder { link }),
+    if let Some(link) = before_parents(links).next() {
+        return Err(SkinError::LinkOrder { link });
+    }
+    match links.enumerate().find(|(_, link)| !is_rigid(&link.pose)) {
+        Some((link, _)) => Err(SkinError::LinkPose { link }),
         None => Ok(()),
     }
 }

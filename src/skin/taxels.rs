@@ -6,11 +6,11 @@
 
 use std::fmt;
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::{TriMesh, is_rotation},
+    mesh::TriMesh,
     numeric::Covariance,
 };
 
@@ -153,31 +153,14 @@ impl Taxels {
         }
     }
 
-    /// The taxels in another frame.
-    ///
-    /// A pose that scales also scales areas and densities. One that mirrors keeps normals outward.
-    pub(crate) fn posed(&self, pose: &DAffine3) -> Self {
-        let matrix = pose.matrix3;
-        let mut posed = self.clone();
-        if is_rotation(&matrix) {
-            posed.normals = self.normals.map(|&n| matrix * n);
-        } else {
-            // Normals, and areas along them, go by the cofactors of the matrix.
-            let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
-            let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
-            let side = if matrix.determinant() < 0.0 { -1.0 } else { 1.0 };
-            for (v, n) in self.normals.enumerate() {
-                let across = cofactors * *n;
-                let stretch = across.length();
-                posed.normals[v] = across.normalize_or_zero() * side;
-                posed.areas[v] *= stretch;
-                if let Some(densities) = &mut posed.densities {
-                    densities[v] /= stretch;
-                }
-            }
+    /// The taxels in another frame, by a rigid pose.
+    pub(super) fn posed(&self, pose: &DAffine3) -> Self {
+        let turn = pose.matrix3;
+        Self {
+            normals: self.normals.map(|&n| turn * n),
+            covariances: self.covariances.as_ref().map(|all| all.map(|c| c.conjugate(&turn))),
+            ..self.clone()
         }
-        posed.covariances = self.covariances.as_ref().map(|all| all.map(|c| c.conjugate(&matrix)));
-        posed
     }
 }
 

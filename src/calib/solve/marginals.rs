@@ -10,6 +10,7 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         CalibError, Model, Pose,
+        geometry::align::outer,
         observations::graph::{PerObservation, Poses},
         solve::{
             gauge::{FreeBody, RigidMotion, induced_motion},
@@ -19,7 +20,7 @@ use crate::{
         },
     },
     id::{IdVec, VertexId},
-    numeric::{Covariance, Matrix6, Twist, dot, symmetric_eigen},
+    numeric::{Covariance, Twist, dot, symmetric_eigen},
     sparse::BlockFactor,
 };
 
@@ -44,6 +45,12 @@ impl Marginals {
     }
 }
 
+/// The covariance of the position of a taxel, and of its rotation, in its own frame.
+type Block = [DMat3; 2];
+
+/// Columns of six numbers, one for each free motion.
+type Columns = [Twist; 6];
+
 /// Covariances at `poses`, for observations of the given weights.
 pub(crate) fn marginals(
     problem: &Problem<'_>,
@@ -51,34 +58,40 @@ pub(crate) fn marginals(
     poses: &Poses,
     weights: &PerObservation,
 ) -> Result<Marginals, CalibError> {
-    let mut blocks: IdVec<VertexId, Matrix6> = poses.map(|_| Matrix6::ZERO);
-    if problem.moving() == 0 {
-        return Ok(in_common_frame(problem, poses, &blocks));
-    }
-    let system = LinearSystem::new(problem, free, poses, weights);
-    let factor = system.matrix.factor().map_err(|e| problem.explain(e))?;
-    let inverse = factor.selected_inverse();
-    for (block, row) in blocks.iter_mut().zip(&problem.rows) {
-        let Some(row) = row.map(|r| r as usize) else { continue };
-        *block = match problem.layout {
-            BlockLayout::Scalar => {
-                let variance = inverse.diagonal::<1>(row)[0][0];
-                of_positions(DMat3::from_diagonal(DVec3::splat(variance)))
+    let mut blocks: IdVec<VertexId, Block> = poses.map(|_| [DMat3::ZERO; 2]);
+    if problem.moving() > 0 {
+        let system = LinearSystem::new(problem, free, poses, weights);
+        let factor = system.matrix.factor().map_err(|e| problem.explain(e))?;
+        let inverse = factor.selected_inverse();
+        for (block, row) in blocks.iter_mut().zip(&problem.rows) {
+            let Some(row) = row.map(|r| r as usize) else { continue };
+            match problem.layout {
+                BlockLayout::Scalar => block[0] = DMat3::IDENTITY * inverse.diagonal::<1>(row)[0][0],
+                BlockLayout::Vector => {
+                    block[0] = DMat3::from_cols_array_2d(&inverse.diagonal::<3>(row)).transpose();
+                }
+                BlockLayout::Pose => {
+                    let rows = inverse.diagonal::<6>(row);
+                    let part = |k: usize| {
+                        let rows = std::array::from_fn(|a| std::array::from_fn(|b| rows[k + a][k + b]));
+                        DMat3::from_cols_array_2d(&rows).transpose()
+                    };
+                    *block = [part(0), part(3)];
+                }
             }
-            BlockLayout::Vector => {
-                let [x, y, z] = inverse.diagonal::<3>(row);
-                of_positions(DMat3::from_cols_array_2d(&[x, y, z]).transpose())
-            }
-            BlockLayout::Pose => Matrix6::from_rows(&inverse.diagonal::<6>(row)),
-        };
+        }
+        drop(inverse);
+        to_centroid_gauge(problem, free, poses, &factor, &mut blocks)?;
     }
-    drop(inverse);
-    to_centroid_gauge(problem, free, poses, &factor, &mut blocks)?;
-    Ok(in_common_frame(problem, poses, &blocks))
-}
-
-fn of_positions(covariance: DMat3) -> Matrix6 {
-    Matrix6([[covariance, DMat3::ZERO], [DMat3::ZERO, DMat3::ZERO]])
+    let position = |(block, pose): (&Block, &Pose)| {
+        let r = DMat3::from_quat(pose.rotation);
+        Covariance::from_matrix(&(r * block[0] * r.transpose()))
+    };
+    let has_rotations = problem.observations.model == Model::Poses;
+    Ok(Marginals {
+        positions: blocks.iter().zip(poses).map(position).collect(),
+        rotations: has_rotations.then(|| blocks.map(|block| Covariance::from_matrix(&block[1]))),
+    })
 }
 
 /// The centroid gauge of one free component: no motion of its taxels that an alignment would undo.
@@ -122,14 +135,17 @@ impl<'f> CentroidGauge<'f> {
     }
 
     /// A column of `G` for every free motion: how it moves a taxel.
-    fn motions_of(&self, at: &Pose) -> Vec<Twist> {
-        let induced = |m| induced_motion(self.model, self.pivot, self.body.length, at, m);
-        self.motions.iter().map(induced).collect()
+    fn motions_of(&self, at: &Pose) -> Columns {
+        let mut columns = [[DVec3::ZERO; 2]; 6];
+        for (column, motion) in columns.iter_mut().zip(&self.motions) {
+            *column = induced_motion(self.model, self.pivot, self.body.length, at, motion);
+        }
+        columns
     }
 
     /// `A'`.
-    fn conditions(&self, at: &Pose) -> Vec<Twist> {
-        self.motions_of(at).into_iter().map(|[u, w]| [u, self.weight * w]).collect()
+    fn conditions(&self, at: &Pose) -> Columns {
+        self.motions_of(at).map(|[u, w]| [u, self.weight * w])
     }
 
     /// Eigenvalues and vectors of `A G = sum G' W G`.
@@ -137,8 +153,9 @@ impl<'f> CentroidGauge<'f> {
         let mut sum = [[0.0; 6]; 6];
         for &v in &self.body.component.taxels {
             let g = self.motions_of(&poses[v]);
-            for (row, x) in sum.iter_mut().zip(&g) {
-                for (s, y) in row.iter_mut().zip(&g) {
+            let g = &g[..self.motions.len()];
+            for (row, x) in sum.iter_mut().zip(g) {
+                for (s, y) in row.iter_mut().zip(g) {
                     *s += x[0].dot(y[0]) + self.weight * x[1].dot(y[1]);
                 }
             }
@@ -162,24 +179,31 @@ impl<'f> CentroidGauge<'f> {
     fn project(
         &self,
         poses: &Poses,
-        solution: impl Fn(VertexId) -> Vec<Twist>,
-        blocks: &mut IdVec<VertexId, Matrix6>,
+        solution: impl Fn(VertexId) -> Columns,
+        blocks: &mut IdVec<VertexId, Block>,
     ) {
+        let count = self.motions.len();
         let mut ax = [[0.0; 6]; 6];
         for &v in &self.body.component.taxels {
-            let x = solution(v);
-            for (row, a) in ax.iter_mut().zip(self.conditions(&poses[v])) {
-                for (sum, &x) in row.iter_mut().zip(&x) {
-                    *sum += dot(a, x);
+            let (a, x) = (self.conditions(&poses[v]), solution(v));
+            for (row, a) in ax.iter_mut().zip(&a[..count]) {
+                for (sum, x) in row.iter_mut().zip(&x[..count]) {
+                    *sum += dot(*a, *x);
                 }
             }
         }
+        let parts = self.model.unknowns() / 3;
         for &v in &self.body.component.taxels {
             let (g, x) = (self.motions_of(&poses[v]), solution(v));
-            let b = combined(&g, |l, k| self.inverse[l][k]);
-            let bx = product_transposed(&b, &x);
-            let b_ax = combined(&b, |l, k| ax[k][l]);
-            blocks[v] += product_transposed(&b_ax, &b) - bx - bx.transpose();
+            let b = combined(count, &g, |l, k| self.inverse[l][k]);
+            let b_ax = combined(count, &b, |l, k| ax[k][l]);
+            for (part, block) in blocks[v][..parts].iter_mut().enumerate() {
+                let product = |m: &Columns, n: &Columns| {
+                    m[..count].iter().zip(n).fold(DMat3::ZERO, |sum, (m, n)| sum + outer(m[part], n[part]))
+                };
+                let bx = product(&b, &x);
+                *block += product(&b_ax, &b) - bx - bx.transpose();
+            }
         }
     }
 }
@@ -197,18 +221,16 @@ fn aligned(values: &[f64; 6]) -> impl Iterator<Item = usize> {
     values.iter().enumerate().filter(move |(_, x)| **x > least).map(|(k, _)| k)
 }
 
-/// The columns of `M F`, for a matrix of the given columns.
-fn combined(columns: &[Twist], factor: impl Fn(usize, usize) -> f64) -> Vec<Twist> {
-    let column = |k: usize| {
-        let term = |(l, m): (usize, &Twist)| m.map(|x| x * factor(l, k));
-        columns.iter().enumerate().map(term).fold([DVec3::ZERO; 2], |sum, x| [sum[0] + x[0], sum[1] + x[1]])
-    };
-    (0..columns.len()).map(column).collect()
-}
-
-/// `M N'` for two matrices of the given columns.
-fn product_transposed(m: &[Twist], n: &[Twist]) -> Matrix6 {
-    m.iter().zip(n).fold(Matrix6::ZERO, |sum, (&x, &y)| sum + Matrix6::outer(x, y))
+/// The first `count` columns of `M F`, for a matrix of as many columns.
+fn combined(count: usize, m: &Columns, factor: impl Fn(usize, usize) -> f64) -> Columns {
+    let mut product = [[DVec3::ZERO; 2]; 6];
+    for (k, column) in product[..count].iter_mut().enumerate() {
+        for (l, m) in m[..count].iter().enumerate() {
+            column[0] += m[0] * factor(l, k);
+            column[1] += m[1] * factor(l, k);
+        }
+    }
+    product
 }
 
 /// Takes the covariances of all free components from the gauges of their gauge taxels to those of
@@ -221,7 +243,7 @@ fn to_centroid_gauge(
     free: &[FreeBody],
     poses: &Poses,
     factor: &BlockFactor<'_>,
-    blocks: &mut IdVec<VertexId, Matrix6>,
+    blocks: &mut IdVec<VertexId, Block>,
 ) -> Result<(), CalibError> {
     let gauges: Vec<CentroidGauge<'_>> =
         free.iter().map(|body| CentroidGauge::new(problem, body, poses)).collect();
@@ -232,7 +254,7 @@ fn to_centroid_gauge(
     for gauge in &gauges {
         for &v in &gauge.body.component.taxels {
             let Some(row) = problem.rows[v] else { continue };
-            for (k, twist) in gauge.conditions(&poses[v]).iter().enumerate() {
+            for (k, twist) in gauge.conditions(&poses[v]).iter().take(gauge.motions.len()).enumerate() {
                 for a in 0..layout.unknowns() {
                     solved[k * unknowns + layout.index(moving, row, a)] = twist[a / 3][a % 3];
                 }
@@ -242,9 +264,9 @@ fn to_centroid_gauge(
     factor.solve(&mut solved, columns * layout.columns()).map_err(CalibError::Sparse)?;
     for gauge in &gauges {
         let solution = |v: VertexId| {
-            let mut x = vec![[DVec3::ZERO; 2]; gauge.motions.len()];
+            let mut x = [[DVec3::ZERO; 2]; 6];
             let Some(row) = problem.rows[v] else { return x };
-            for (k, twist) in x.iter_mut().enumerate() {
+            for (k, twist) in x[..gauge.motions.len()].iter_mut().enumerate() {
                 for a in 0..layout.unknowns() {
                     twist[a / 3][a % 3] = solved[k * unknowns + layout.index(moving, row, a)];
                 }
@@ -254,140 +276,4 @@ fn to_centroid_gauge(
         gauge.project(poses, solution, blocks);
     }
     Ok(())
-}
-
-fn in_common_frame(problem: &Problem<'_>, poses: &Poses, blocks: &IdVec<VertexId, Matrix6>) -> Marginals {
-    let position = |(block, pose): (&Matrix6, &Pose)| {
-        let r = DMat3::from_quat(pose.rotation);
-        Covariance::from_matrix(&(r * block.0[0][0] * r.transpose()))
-    };
-    let has_rotations = problem.observations.model == Model::Poses;
-    Marginals {
-        positions: blocks.iter().zip(poses).map(position).collect(),
-        rotations: has_rotations.then(|| blocks.map(|block| Covariance::from_matrix(&block.0[1][1]))),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::calib::{
-        Initialization, ResidualConvention, SimulateOptions, simulate, solve::gauge::GaugeFreedom,
-        solve::initial::initial_poses,
-    };
-
-    type Dense = Vec<Vec<f64>>;
-
-    fn product(x: &Dense, y: &Dense) -> Dense {
-        let columns = y[0].len();
-        x.iter()
-            .map(|row| (0..columns).map(|j| row.iter().zip(y).map(|(a, b)| a * b[j]).sum()).collect())
-            .collect()
-    }
-
-    fn transposed(x: &Dense) -> Dense {
-        (0..x[0].len()).map(|j| x.iter().map(|row| row[j]).collect()).collect()
-    }
-
-    /// Gauss-Jordan with pivots.
-    fn inverse(x: &Dense) -> Dense {
-        let n = x.len();
-        let unit = |i: usize| (0..n).map(move |j| f64::from(u8::from(i == j)));
-        let mut m: Dense =
-            x.iter().enumerate().map(|(i, row)| row.iter().copied().chain(unit(i)).collect()).collect();
-        for k in 0..n {
-            let best = (k..n).max_by(|&a, &b| m[a][k].abs().total_cmp(&m[b][k].abs())).unwrap();
-            m.swap(k, best);
-            let pivot: Vec<f64> = m[k].iter().map(|x| x / m[k][k]).collect();
-            for (i, row) in m.iter_mut().enumerate() {
-                let factor = row[k];
-                let target = if i == k { 0.0 } else { 1.0 };
-                row.iter_mut()
-                    .zip(&pivot)
-                    .for_each(|(x, p)| *x = target * (*x - factor * p) + (1.0 - target) * p);
-            }
-        }
-        m.into_iter().map(|row| row[n..].to_vec()).collect()
-    }
-
-    /// `P C P'` with `P = 1 - G (A G)^-1 A`, all matrices written out.
-    fn aligned(c: &Dense, gauge: &CentroidGauge<'_>, poses: &Poses) -> Dense {
-        let flat = |twists: Vec<Twist>| -> Vec<[f64; 6]> {
-            twists.iter().map(|t| std::array::from_fn(|k| t[k / 3][k % 3])).collect()
-        };
-        let stacked = |of: &dyn Fn(&Pose) -> Vec<Twist>| -> Dense {
-            let blocks: Vec<_> = poses.iter().map(|at| flat(of(at))).collect();
-            let count = gauge.motions.len();
-            (0..count).map(|k| blocks.iter().flat_map(|b| b[k]).collect()).collect()
-        };
-        let g = transposed(&stacked(&|at| gauge.motions_of(at)));
-        let a = stacked(&|at| gauge.conditions(at));
-        let away = product(&product(&g, &inverse(&product(&a, &g))), &a);
-        let p: Dense = away
-            .iter()
-            .enumerate()
-            .map(|(i, row)| row.iter().enumerate().map(|(j, x)| f64::from(u8::from(i == j)) - x).collect())
-            .collect();
-        product(&product(&p, c), &transposed(&p))
-    }
-
-    /// Selected inversion and projection taxel by taxel, against dense matrices.
-    #[test]
-    fn covariances_are_those_of_the_dense_inverse() {
-        for (model, anchors) in
-            [Model::Positions, Model::Poses].into_iter().flat_map(|m| [(m, 0), (m, 1), (m, 4)])
-        {
-            let options = SimulateOptions { model, taxels: 12, anchors, ..SimulateOptions::default() };
-            let mut observations = simulate(&options).unwrap().observations;
-            if let Some(crate::calib::DisplacementMeasurement::Offset { information, .. }) =
-                observations.edges.as_mut_slice().first_mut().map(|e| &mut e.measurement)
-            {
-                // Different in every direction: blocks of three.
-                information.0[0][0] *= 2.0;
-            }
-            let poses = initial_poses(&observations, Initialization::Chordal).unwrap();
-            let problem = Problem::new(&observations, ResidualConvention::Split).unwrap();
-            let free = GaugeFreedom::new(&problem, &poses).free(&problem, &poses, |_| true).into_owned();
-            let ones = problem.chi2(&poses).map(|_| 1.0);
-            let found = marginals(&problem, &free, &poses, &ones).unwrap();
-
-            let linear = LinearSystem::new(&problem, &free, &poses, &ones);
-            let n = linear.gradient.len();
-            let column = |k: usize| {
-                let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == k))).collect();
-                linear.matrix.multiply(&unit)
-            };
-            let mut c = inverse(&(0..n).map(column).collect());
-            if model == Model::Poses && !free.is_empty() {
-                c = aligned(&c, &CentroidGauge::new(&problem, &free[0], &poses), &poses);
-            } else if !free.is_empty() {
-                // Translations alone are free: what is left of every column is its distance from
-                // the mean.
-                let mean = |x: &Dense| -> Dense {
-                    let centred = |row: &Vec<f64>| -> Vec<f64> {
-                        let mean =
-                            |axis: usize| row.iter().skip(axis).step_by(3).sum::<f64>() * 3.0 / n as f64;
-                        row.iter().enumerate().map(|(i, x)| x - mean(i % 3)).collect()
-                    };
-                    x.iter().map(centred).collect()
-                };
-                c = mean(&transposed(&mean(&c)));
-            }
-            let size = problem.layout.size();
-            for (v, found) in found.positions.enumerate() {
-                let block = |i: usize, j: usize| c[size * v.index() + i][size * v.index() + j];
-                let local = DMat3::from_cols_array(&std::array::from_fn(|k| block(k % 3, k / 3)));
-                let r = DMat3::from_quat(poses[v].rotation);
-                let m = r * local * r.transpose();
-                let expected = [m.x_axis.x, m.y_axis.x, m.z_axis.x, m.y_axis.y, m.z_axis.y, m.z_axis.z];
-                let scale = m.x_axis.x + m.y_axis.y + m.z_axis.z;
-                for (a, b) in found.to_array().into_iter().zip(expected) {
-                    assert!(
-                        (a - b).abs() < 1e-9 * scale,
-                        "{model:?}, {anchors} anchors, {v:?}: {a} is not {b}"
-                    );
-                }
-            }
-        }
-    }
 }

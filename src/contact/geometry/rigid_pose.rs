@@ -2,11 +2,7 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use crate::mesh::rotation_defect;
-
-/// How far the axes of a pose may be from unit length and right angles: glTF stores poses in `f32`,
-/// and a chain of links multiplies a few of them.
-const RIGID_TOLERANCE: f64 = 1e-5;
+use crate::mesh::is_rigid;
 
 /// A rigid frame with the way there and back.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,14 +15,10 @@ impl RigidPose {
     /// The frame of a pose that rotates and translates; its axes are made exactly orthonormal, so
     /// distances in the frame are those of the world. `None` if the pose does anything else.
     pub(in crate::contact) fn new(pose: &DAffine3) -> Option<Self> {
-        if !pose.is_finite() {
+        if !is_rigid(pose) {
             return None;
         }
-        let axes = pose.matrix3;
-        if rotation_defect(&axes) > RIGID_TOLERANCE || axes.determinant() < 0.0 {
-            return None;
-        }
-        let rotation = DQuat::from_mat3(&axes).normalize();
+        let rotation = DQuat::from_mat3(&pose.matrix3).normalize();
         let to_world = DAffine3::from_rotation_translation(rotation, pose.translation);
         Some(Self { to_world, from_world: to_world.inverse() })
     }
