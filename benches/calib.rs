@@ -15,15 +15,15 @@ use std::{
 use criterion::{Criterion, criterion_group, criterion_main};
 use dermatome::{
     calib::{
-        CalibOptions, Initialization, Model, Observations, ResidualConvention, Robust, SimulateOptions,
-        calibrate, simulate,
+        CalibOptions, Initialization, Model, Observations, ResidualConvention, SimulateOptions, calibrate,
+        simulate,
     },
     io::read_observations,
 };
 
 const ALONE: CalibOptions = CalibOptions {
     residual: ResidualConvention::Log,
-    robust: Robust::LeastSquares,
+    robust: Some(Loss::Squared),
     initialization: Initialization::Chordal,
     max_iterations: 100,
     relative_decrease: 1e-9,
@@ -48,7 +48,7 @@ fn simulated(c: &mut Criterion) {
         let observations = simulate(&options).unwrap().observations;
         group.sample_size(if taxels > 10_000 { 10 } else { 50 });
         for (name, options) in [("solve", ALONE), ("with covariance", WITH_COVARIANCE)] {
-            group.bench_function(format!("{} {taxels} {name}", model.name()), |b| {
+            group.bench_function(format!("{} {taxels} {name}", model), |b| {
                 b.iter(|| run(&observations, &options));
             });
         }

@@ -2,18 +2,14 @@
 
 use std::time::Instant;
 
-use crate::{
-    calib::{
-        CalibError, CalibOptions, Calibration, Iteration, Loss, ObservationDiagnostics, Observations, Robust,
-        Verdict,
-        observations::graph::{PerObservation, Poses},
-        robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit},
-        solve::{
-            gauge::GaugeFreedom, initial::initial_poses, levenberg_marquardt::Solver, loss::LossFunctions,
-            marginals::marginals, normal_equations::Problem,
-        },
+use crate::calib::{
+    CalibError, CalibOptions, Calibration, Iteration, Loss, ObservationDiagnostics, Observations,
+    observations::graph::{PerObservation, Poses},
+    robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit},
+    solve::{
+        gauge::GaugeFreedom, initial::initial_poses, levenberg_marquardt::Solver, loss::LossFunctions,
+        marginals::marginals, normal_equations::Problem,
     },
-    id::IdVec,
 };
 
 /// Finds the taxel poses that explain the observations best: `min 1/2 sum e' Omega e`, equation 1
@@ -75,22 +71,12 @@ pub fn calibrate(
 }
 
 fn estimate(solver: &mut Solver<'_>, start: Poses) -> Result<Solution, CalibError> {
-    let losses = |loss| LossFunctions::new(&solver.problem.dimensions, loss);
-    match solver.options.robust {
-        Robust::Automatic => automatic(solver, start),
-        Robust::LeastSquares => Solution::least_squares(solver, start),
-        Robust::Huber => {
-            let losses = losses(Loss::Huber);
-            Solution::of_losses(solver, start, &losses)
-        }
-        Robust::Tukey => {
-            let losses = losses(Loss::Tukey);
-            robust_fit(solver, start, &losses)
-        }
-        Robust::Graduated => {
-            let losses = losses(Loss::Truncated);
-            robust_fit(solver, start, &losses)
-        }
+    let Some(loss) = solver.options.robust else { return automatic(solver, start) };
+    let losses = LossFunctions::new(&solver.problem.dimensions, loss);
+    match loss {
+        Loss::Squared => Solution::least_squares(solver, start),
+        Loss::Huber => Solution::of_losses(solver, start, &losses),
+        Loss::Tukey | Loss::Truncated => robust_fit(solver, start, &losses),
     }
 }
 
@@ -99,17 +85,10 @@ fn diagnostics(problem: &Problem<'_>, solution: &Solution) -> PerObservation<Obs
     // Least squares rejects nothing; what it would have to reject is reported all the same.
     let beyond = (losses.loss == Loss::Squared)
         .then(|| LossFunctions::new(&problem.dimensions, Loss::Truncated).verdicts(&iterate.chi2));
-    let verdicts = beyond.as_ref().unwrap_or(verdicts);
-    fn each<I: crate::id::Id>(
-        chi2: &IdVec<I, f64>,
-        weights: &IdVec<I, f64>,
-        verdicts: &IdVec<I, Verdict>,
-    ) -> IdVec<I, ObservationDiagnostics> {
-        let one = |((&chi2, &weight), &verdict)| ObservationDiagnostics { chi2, weight, verdict };
-        chi2.iter().zip(weights).zip(verdicts).map(one).collect()
-    }
-    PerObservation {
-        edges: each(&iterate.chi2.edges, &weights.edges, &verdicts.edges),
-        contacts: each(&iterate.chi2.contacts, &weights.contacts, &verdicts.contacts),
-    }
+    let weighed = iterate.chi2.zip(weights, |chi2, weight| (chi2, weight));
+    weighed.zip(beyond.as_ref().unwrap_or(verdicts), |(chi2, weight), verdict| ObservationDiagnostics {
+        chi2,
+        weight,
+        verdict,
+    })
 }

@@ -1,11 +1,13 @@
 //! What [`calibrate`](crate::calib::calibrate()) finds: plain data.
 
+use std::fmt;
+
 use crate::{
     calib::{
         ContactObservationId, DisplacementId, FreeComponent, Iteration, Loss, Marginals, Model, Pose,
         ResidualConvention, Termination, Verdict, observations::graph::PerObservation,
     },
-    id::{IdVec, VertexId},
+    id::{Id, IdVec, VertexId},
     skin::TaxelId,
 };
 
@@ -41,20 +43,15 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The edges that were rejected, or are ambiguous, and count less than the others.
-    pub fn rejected_edges(&self) -> impl Iterator<Item = DisplacementId> {
-        self.diagnostics.edges.enumerate().filter(|(_, d)| d.is_rejected()).map(|(e, _)| e)
-    }
-
-    /// The contacts that were rejected.
-    pub fn rejected_contacts(&self) -> impl Iterator<Item = ContactObservationId> {
-        self.diagnostics.contacts.enumerate().filter(|(_, d)| d.is_rejected()).map(|(c, _)| c)
-    }
-
-    /// Number of rejected edges and contacts.
+    /// The edges and the contacts that were rejected, or are ambiguous: they are not inliers and
+    /// count less than the others.
     #[must_use]
-    pub fn rejected(&self) -> usize {
-        self.rejected_edges().count() + self.rejected_contacts().count()
+    pub fn rejected(&self) -> (Vec<DisplacementId>, Vec<ContactObservationId>) {
+        fn of<I: Id>(diagnostics: &IdVec<I, ObservationDiagnostics>) -> Vec<I> {
+            let is_rejected = |d: &ObservationDiagnostics| d.verdict != Verdict::Inlier && d.weight < 1.0;
+            diagnostics.enumerate().filter(|(_, d)| is_rejected(d)).map(|(id, _)| id).collect()
+        }
+        (of(&self.diagnostics.edges), of(&self.diagnostics.contacts))
     }
 }
 
@@ -67,14 +64,6 @@ pub struct ObservationDiagnostics {
     pub weight: f64,
     /// Whether the noise explains it.
     pub verdict: Verdict,
-}
-
-impl ObservationDiagnostics {
-    /// Whether it counts less than the others because it is not an inlier.
-    #[must_use]
-    pub(crate) fn is_rejected(&self) -> bool {
-        self.verdict != Verdict::Inlier && self.weight < 1.0
-    }
 }
 
 /// Whether the stated noise is credible.
@@ -99,26 +88,22 @@ const DOUBTFUL: f64 = 5e-4;
 /// %: among a million observations chance excludes even that, but no user minds.
 const NEGLIGIBLE: f64 = 0.02;
 
-impl GoodnessOfFit {
-    /// What it means for the stated noise, as a sentence.
-    #[must_use]
-    pub fn assessment(&self) -> &'static str {
-        let Some(p) = self.p else {
-            return "this loss function also reduces the weight of inliers, so the noise cannot be judged; none and gnc can judge it";
-        };
-        if self.degrees_of_freedom == 0 {
-            "there are no more measurements than unknowns, so the noise cannot be judged"
-        } else if (self.chi2 / self.degrees_of_freedom as f64 - 1.0).abs() < NEGLIGIBLE {
-            "the stated noise is believable"
-        } else if self.is_too_large() {
-            "the observations disagree by more than the stated noise: it is understated, or some are wrong"
-        } else if p > 1.0 - DOUBTFUL {
-            "the observations agree better than the stated noise predicts: it is overstated, or they are not independent"
-        } else {
-            "the stated noise is believable"
-        }
+/// What it means for the stated noise, as a sentence.
+impl fmt::Display for GoodnessOfFit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ratio = self.chi2 / self.degrees_of_freedom as f64;
+        f.write_str(match self.p {
+            None => "this loss function also reduces the weight of inliers, so the noise cannot be judged; none and gnc can judge it",
+            _ if self.degrees_of_freedom == 0 => "there are no more measurements than unknowns, so the noise cannot be judged",
+            _ if (ratio - 1.0).abs() < NEGLIGIBLE => "the stated noise is believable",
+            _ if self.is_too_large() => "the observations disagree by more than the stated noise: it is understated, or some are wrong",
+            Some(p) if p > 1.0 - DOUBTFUL => "the observations agree better than the stated noise predicts: it is overstated, or they are not independent",
+            _ => "the stated noise is believable",
+        })
     }
+}
 
+impl GoodnessOfFit {
     /// Measurements over degrees of freedom: the factor by which fitting shrinks squared residuals.
     pub(super) fn redundancy(&self) -> f64 {
         self.measurements as f64 / self.degrees_of_freedom.max(1) as f64

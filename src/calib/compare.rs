@@ -40,5 +40,5 @@ pub fn compare(
         let sum: f64 = pairs.iter().map(|(f, t)| motion.apply(*f).distance_squared(*t)).sum();
         (sum / pairs.len() as f64).sqrt()
     };
-    Ok(Comparison { absolute: rms(&Pose::IDENTITY), rigid: rms(&alignment), alignment })
+    Ok(Comparison { absolute: rms(&Pose::default()), rigid: rms(&alignment), alignment })
 }

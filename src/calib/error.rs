@@ -1,7 +1,7 @@
 //! Why observations cannot be used, or give no skin.
 
 use crate::{
-    calib::{ContactObservationId, DisplacementId},
+    calib::{ContactObservationId, DisplacementId, Model},
     skin::TaxelId,
     sparse::SparseError,
 };
@@ -87,7 +87,7 @@ pub enum CalibError {
         /// The taxel.
         id: TaxelId,
         /// The model of the observations.
-        model: &'static str,
+        model: Model,
         /// What is needed instead.
         needed: &'static str,
     },

@@ -58,12 +58,12 @@ pub use observations::graph::PerObservation;
 pub use observations::information::Information;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
-    DisplacementMeasurement, Model, Observations, PosePrior, RelativePose, TaxelVariable,
+    DisplacementMeasurement, Model, Observations, PoseMeasurement, TaxelVariable,
 };
-pub use options::{CalibOptions, Initialization, ResidualConvention, Robust};
-pub use simulate::{Probe, SimulateOptions, Simulation, simulate};
-pub use skin::{CalibratedSkin, Outside, calibrated_skin};
+pub use options::{CalibOptions, Initialization, ResidualConvention};
+pub use simulate::{SimulateOptions, Simulation, simulate};
+pub use skin::{CalibratedSkin, calibrated_skin};
 pub use solve::gauge::FreeComponent;
-pub use solve::levenberg_marquardt::{Control, Iteration, Termination};
+pub use solve::levenberg_marquardt::{Iteration, Termination};
 pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;

@@ -1,14 +1,22 @@
 //! The options of [`calibrate`](crate::calib::calibrate()): plain data.
 
-use crate::calib::CalibError;
+use std::fmt;
+
+use crate::calib::{CalibError, Loss};
 
 /// Options of [`calibrate`](crate::calib::calibrate()).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CalibOptions {
     /// How the error of a relative pose becomes six numbers; unused in the positions model.
     pub residual: ResidualConvention,
-    /// How outliers are treated.
-    pub robust: Robust,
+    /// The loss function that is minimised, which decides what outliers count: observations that
+    /// their stated noise does not explain.
+    ///
+    /// `None`: least squares first. If its chi-square is too large, or one residual is an outlier,
+    /// refit with [`Loss::Truncated`]. The refit is kept only if some rejected observation is an
+    /// outlier relative to the median residual of its kind, and at most half of the edges and of the
+    /// contacts are rejected.
+    pub robust: Option<Loss>,
     /// Where the optimisation starts.
     pub initialization: Initialization,
     /// Most iterations of one minimisation; robust estimation minimises several times.
@@ -24,7 +32,7 @@ impl Default for CalibOptions {
     fn default() -> Self {
         Self {
             residual: ResidualConvention::default(),
-            robust: Robust::default(),
+            robust: None,
             initialization: Initialization::default(),
             max_iterations: 100,
             relative_decrease: 1e-9,
@@ -61,36 +69,14 @@ pub enum ResidualConvention {
     Quaternion,
 }
 
-impl ResidualConvention {
-    /// `split`, `log` or `quaternion`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
+impl fmt::Display for ResidualConvention {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::Split => "split",
             Self::Log => "log",
             Self::Quaternion => "quaternion",
-        }
+        })
     }
-}
-
-/// How outliers are treated: observations that their stated noise does not explain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Robust {
-    /// Least squares first. If its chi-square is too large, or one residual is an outlier, refit as
-    /// [`Robust::Graduated`]. The refit is kept only if some rejected observation is an outlier
-    /// relative to the median residual of its kind, and at most half of the edges and of the
-    /// contacts are rejected.
-    #[default]
-    Automatic,
-    /// Least squares: a single outlier moves the whole result.
-    LeastSquares,
-    /// Huber's loss: convex, and outliers keep a bounded influence.
-    Huber,
-    /// Tukey's biweight loss, started from Huber's solution: outliers lose all influence.
-    Tukey,
-    /// Truncated least squares by graduated non-convexity: needs no good start, and copes with the
-    /// most outliers.
-    Graduated,
 }
 
 /// Where the optimisation starts. Positions are linear, so that all but

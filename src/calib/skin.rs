@@ -24,23 +24,10 @@ pub struct CalibratedSkin {
     pub left_out: Vec<VertexId>,
     /// What else [`assemble`] changed; vertices are those of the observations.
     pub remarks: Vec<Remark>,
-    /// What determined the outside, patch by patch.
-    pub outside: Vec<Outside>,
+    /// Patches of which nothing determined the outside: away from the origin is assumed.
+    pub assumed: usize,
     /// Patches whose given triangles were inside out and were reversed.
     pub turned: usize,
-}
-
-/// What determined which side of a calibrated skin is outside.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outside {
-    /// The winding of the triangles given.
-    Triangles,
-    /// The z axes of the taxels' frames.
-    Frames,
-    /// The normals of contacts.
-    Contacts,
-    /// Nothing: away from the origin is assumed.
-    Origin,
 }
 
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
@@ -77,27 +64,21 @@ pub fn calibrated_skin(
     };
     let places: HashMap<TaxelId, VertexId> = calibration.ids.enumerate().map(|(v, &id)| (id, v)).collect();
     let normals = known_normals(calibration, observations);
-    let (mut outside, mut turned) = (Vec::with_capacity(skin.patches.len()), 0);
+    let (mut assumed, mut turned) = (0, 0);
     let is_single = skin.patches.len() == 1;
     for (k, patch) in skin.patches.iter_mut().enumerate() {
         let taxels: IdVec<VertexId, VertexId> = patch.taxels.ids.map(|id| places[id]);
         let is_known = taxels.iter().any(|&v| normals[v] != DVec3::ZERO);
-        let decided_by = match calibration.model {
-            _ if !is_known && triangles.is_some() => Outside::Triangles,
-            _ if !is_known => Outside::Origin,
-            Model::Positions => Outside::Contacts,
-            Model::Poses => Outside::Frames,
-        };
-        let was_turned = match decided_by {
-            Outside::Triangles => false,
-            Outside::Frames | Outside::Contacts => turn_to(patch, &taxels.map(|&v| normals[v])),
-            Outside::Origin => {
-                let away_from_origin = patch.mesh.positions.clone();
-                turn_to(patch, &away_from_origin)
-            }
+        let was_turned = if is_known {
+            turn_to(patch, &taxels.map(|&v| normals[v]))
+        } else if triangles.is_some() {
+            false
+        } else {
+            assumed += 1;
+            let away_from_origin = patch.mesh.positions.clone();
+            turn_to(patch, &away_from_origin)
         };
         turned += usize::from(was_turned && triangles.is_some());
-        outside.push(decided_by);
         if calibration.model == Model::Poses {
             patch.taxels.normals = taxels.map(|&v| normals[v]);
         }
@@ -105,7 +86,7 @@ pub fn calibrated_skin(
             patch.name = format!("skin{}", k + 1);
         }
     }
-    let mut made = CalibratedSkin { skin, left_out: Vec::new(), remarks: Vec::new(), outside, turned };
+    let mut made = CalibratedSkin { skin, left_out: Vec::new(), remarks: Vec::new(), assumed, turned };
     for remark in remarks {
         match remark.kind {
             RemarkKind::LeftOut { vertices } => made.left_out.extend(vertices),
@@ -191,7 +172,7 @@ fn of_edges(calibration: &Calibration, observations: &Observations) -> Result<As
         }
     };
     let all = of(&|_| true);
-    let rejected: HashSet<DisplacementId> = calibration.rejected_edges().collect();
+    let rejected: HashSet<DisplacementId> = calibration.rejected().0.into_iter().collect();
     if all.is_ok() || rejected.is_empty() { all } else { of(&|e| !rejected.contains(&e)) }
 }
 

@@ -51,8 +51,7 @@ pub struct Sheet {
 
 impl Draft {
     /// Whether it holds taxels, but no triangle.
-    #[must_use]
-    pub fn is_bare(&self) -> bool {
+    pub(super) fn is_bare(&self) -> bool {
         self.sheets.iter().all(|s| s.triangles.is_empty())
             && self.sheets.iter().any(|s| !s.positions.is_empty())
     }

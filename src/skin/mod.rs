@@ -53,7 +53,7 @@ mod winding;
 
 pub use crate::numeric::Covariance;
 pub use assemble::{AssembleOptions, Assembled, assemble};
-pub use check::{Element, Finding, FindingKind, check};
+pub use check::{Finding, FindingKind, check};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;
 pub use joining_gap::joining_gap;

@@ -37,10 +37,7 @@ impl Patch {
     }
 
     /// Checks every promise that concerns this patch alone.
-    ///
-    /// # Errors
-    /// The first broken promise.
-    pub fn validate(&self) -> Result<(), SkinError> {
+    fn validate(&self) -> Result<(), SkinError> {
         let patch = || self.name.clone();
         let adjacency =
             Adjacency::new(&self.mesh).map_err(|source| SkinError::Mesh { patch: patch(), source })?;

@@ -116,7 +116,6 @@ impl Taxels {
         if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != vertices) {
             return Err(TaxelError::Length { what, found, needed: vertices });
         }
-        let is_positive = |x: f64| x.is_finite() && x > 0.0;
         if let Some((vertex, &found)) = self.areas.enumerate().find(|&(_, &a)| !is_positive(a)) {
             return Err(TaxelError::Area { vertex, found });
         }
@@ -162,6 +161,11 @@ impl Taxels {
             ..self.clone()
         }
     }
+}
+
+/// Whether a number can be an area or a density.
+pub(super) fn is_positive(x: f64) -> bool {
+    x.is_finite() && x > 0.0
 }
 
 /// Whether all principal minors are non-negative but for rounding: then no direction has a negative

@@ -10,8 +10,8 @@ use anyhow::Context;
 use dermatome::{
     Error,
     calib::{
-        Calibration, Comparison, Control, FreeComponent, GoodnessOfFit, Iteration, Loss,
-        ObservationDiagnostics, Observations, Pose, Termination, calibrate, compare,
+        Calibration, Comparison, FreeComponent, GoodnessOfFit, Iteration, Loss, Model,
+        ObservationDiagnostics, Observations, Pose, calibrate, compare,
     },
     id::{IdVec, VertexId},
 };
@@ -41,12 +41,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         bar.set_position(number as u64);
         if args.verbose && !common.quiet {
             bar.suspend(|| {
-                let control = match iteration.control {
-                    Control::Undamped => String::new(),
-                    Control::Damping(damping) => format!(", damping {damping:.1e}"),
-                    Control::Graduation(mu) => format!(", graduation {mu:.1e}"),
+                let Iteration { cost, step, damping, graduation } = iteration;
+                let control = match graduation {
+                    Some(mu) => format!(", graduation {mu:.1e}"),
+                    None if *damping > 0.0 => format!(", damping {damping:.1e}"),
+                    None => String::new(),
                 };
-                let Iteration { cost, step, .. } = iteration;
                 eprintln!("note: iteration {number}: cost {cost:.10e}, step {step:.2e}{control}");
             });
         }
@@ -56,7 +56,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
-        if matches!(args.robust, RobustArg::Auto) && found.loss == Loss::Truncated && found.rejected() > 0 {
+        if matches!(args.robust, RobustArg::Auto)
+            && found.loss == Loss::Truncated
+            && found.rejected() != (Vec::new(), Vec::new())
+        {
             eprintln!("note: some observations were rejected as outliers (gnc); --robust none uses all");
         }
         remark(&found, observations, args.verbose);
@@ -64,7 +67,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
     if !found.termination.is_converged() && !args.keep {
         return Err(advise(
-            format!("{}: {}; nothing was written", args.observations.display(), found.termination.describe()),
+            format!("{}: {}; nothing was written", args.observations.display(), found.termination),
             "try --robust gnc if some observations may be wrong, --initial tree, more --iterations, or write what there is with --keep",
         ));
     }
@@ -73,7 +76,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if args.json {
         print_json(&summary)?;
     } else if !common.quiet {
-        print_summary(&summary, &found.fit)?;
+        print_summary(&summary)?;
     }
     Ok(if found.termination.is_converged() { ExitCode::SUCCESS } else { ExitCode::from(2) })
 }
@@ -87,7 +90,11 @@ fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
     for free in &found.free[..shown] {
         let FreeComponent { gauge, taxels, free_motions, rejected_contacts } = free;
         let these = format!("the component of {taxels} taxels around taxel {gauge}");
-        if *free_motions < found.model.unknowns() {
+        let all = match found.model {
+            Model::Positions => 3,
+            Model::Poses => 6,
+        };
+        if *free_motions < all {
             eprintln!("note: the contacts leave {free_motions} rigid motions of {these} undetermined");
         } else if *rejected_contacts > 0 {
             eprintln!("note: all contacts of {these} were rejected: its absolute position is arbitrary");
@@ -104,8 +111,7 @@ fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
         );
     }
     let fits = &found.diagnostics;
-    let (edges, contacts): (Vec<_>, Vec<_>) =
-        (found.rejected_edges().collect(), found.rejected_contacts().collect());
+    let (edges, contacts) = found.rejected();
     if !edges.is_empty() || !contacts.is_empty() {
         eprintln!(
             "note: {} of {} edges and {} of {} contacts were rejected as outliers; --inliers lists them",
@@ -155,17 +161,17 @@ fn against_truth(truth: &Truth, found: &Calibration, common: &Common) -> anyhow:
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct Summary {
-    model: &'static str,
-    residual: &'static str,
+    model: String,
+    residual: String,
     cost: f64,
     chi2: f64,
     dof: usize,
     p: Option<f64>,
-    verdict: &'static str,
-    robust: &'static str,
+    verdict: String,
+    robust: String,
     iterations: usize,
     converged: bool,
-    ending: &'static str,
+    ending: String,
     rejected: usize,
     seconds: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -177,19 +183,20 @@ struct Summary {
 impl Summary {
     fn new(found: &Calibration, truth: Option<Comparison>) -> Self {
         let GoodnessOfFit { chi2, degrees_of_freedom, p, .. } = found.fit;
+        let (edges, contacts) = found.rejected();
         Self {
-            model: found.model.name(),
-            residual: found.residual.name(),
+            model: found.model.to_string(),
+            residual: found.residual.to_string(),
             cost: found.cost,
             chi2,
             dof: degrees_of_freedom,
             p,
-            verdict: found.fit.assessment(),
-            robust: found.loss.name(),
+            verdict: found.fit.to_string(),
+            robust: found.loss.to_string(),
             iterations: found.iterations.len(),
             converged: found.termination.is_converged(),
-            ending: Termination::describe(found.termination),
-            rejected: found.rejected(),
+            ending: found.termination.to_string(),
+            rejected: edges.len() + contacts.len(),
             seconds: found.seconds,
             // Without contacts the absolute position is arbitrary.
             rmse_mm: truth.filter(|_| found.free.is_empty()).map(|t| t.absolute * 1e3),
@@ -198,12 +205,12 @@ impl Summary {
     }
 }
 
-fn print_summary(summary: &Summary, fit: &GoodnessOfFit) -> anyhow::Result<()> {
+fn print_summary(summary: &Summary) -> anyhow::Result<()> {
     let titles = ["model", "residual", "ending", "iterations", "cost", "chi2", "dof", "p", "seconds"];
     let row = [
-        summary.model.to_owned(),
-        summary.residual.to_owned(),
-        summary.ending.to_owned(),
+        summary.model.clone(),
+        summary.residual.clone(),
+        summary.ending.clone(),
         summary.iterations.to_string(),
         format!("{:.10}", summary.cost),
         format!("{:.6}", summary.chi2),
@@ -212,7 +219,7 @@ fn print_summary(summary: &Summary, fit: &GoodnessOfFit) -> anyhow::Result<()> {
         format!("{:.4}", summary.seconds),
     ];
     print_table(titles, 3, &[row])?;
-    print(&format!("fit: {}\n", fit.assessment()))?;
+    print(&format!("fit: {}\n", summary.verdict))?;
     if let Some(rigid) = summary.rmse_aligned_mm {
         let absolute = summary.rmse_mm.map_or_else(String::new, |mm| format!("{mm:.4} mm, "));
         print(&format!("RMSE {absolute}after rigid alignment {rigid:.4} mm\n"))?;

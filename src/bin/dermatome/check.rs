@@ -5,7 +5,7 @@ use std::{fmt::Write, path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     io::read_draft,
-    skin::{Element, Finding, check},
+    skin::{Finding, FindingKind, check},
 };
 
 use crate::{
@@ -34,7 +34,7 @@ const SHOWN: usize = 8;
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let draft = read_draft(&args.file).map_err(Error::from)?;
     let findings = check(&draft, &args.bare.options());
-    let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind.is_informational());
+    let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     for note in notes.iter().filter(|_| !common.quiet) {
         eprintln!("note: {}", line(&note.to_string()));
     }
@@ -53,7 +53,7 @@ fn as_json(findings: &[Finding]) -> serde_json::Value {
         .iter()
         .map(|f| {
             serde_json::json!({
-                "kind": f.kind.name(),
+                "kind": f.kind.to_string(),
                 "patch": f.patch,
                 "elements": f.elements,
                 "message": f.message,
@@ -65,13 +65,11 @@ fn as_json(findings: &[Finding]) -> serde_json::Value {
 
 /// ` [faces 3, 5, 8 and 4 more]`, or nothing for a finding about a whole sheet.
 fn elements(finding: &Finding) -> String {
-    let (noun, size) = match finding.kind.element() {
-        Element::Link => ("links", 1),
-        Element::Vertex => ("vertices", 1),
-        Element::Face => ("faces", 1),
-        Element::Edge => ("edges", 2),
-        _ => return String::new(),
-    };
+    let noun = finding.kind.elements();
+    if noun.is_empty() {
+        return String::new();
+    }
+    let size = if noun == "edges" { 2 } else { 1 };
     let count = finding.elements.len() / size;
     let shown: Vec<String> = finding
         .elements

@@ -11,7 +11,7 @@ use std::{
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    calib::{Model, Probe, SimulateOptions, simulate},
+    calib::{Model, SimulateOptions, simulate},
     id::IdVec,
     io::{write_contacts, write_observations, write_triangles, write_truth},
 };
@@ -146,14 +146,12 @@ impl Args {
             anchors: self.anchors,
             anchor_noise: self.anchor_noise_mm * 1e-3,
             normal_noise: self.normal_noise_deg.map(f64::to_radians),
-            probe: Probe {
-                indentation: self.indentation_mm * 1e-3,
-                position_noise: self.arm_noise_mm * 1e-3,
-                rotation_noise: self.arm_noise_deg.to_radians(),
-                ..Probe::default()
-            },
+            indentation: self.indentation_mm * 1e-3,
+            arm_noise: self.arm_noise_mm * 1e-3,
+            arm_rotation_noise: self.arm_noise_deg.to_radians(),
             outliers: self.outliers,
             seed,
+            ..SimulateOptions::default()
         }
     }
 }

@@ -15,8 +15,8 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 /// A rigid frame: where something is and how it is turned.
 ///
 /// A pose takes coordinates of its own frame to the frame it is given in: `x -> rotation x +
-/// position`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// position`. The default is the identity.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pose {
     /// Origin of the frame, in m.
     pub position: DVec3,
@@ -25,25 +25,19 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The frame everything else is given in.
-    pub const IDENTITY: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
-
     /// A frame at `position`, not turned.
-    #[must_use]
-    pub const fn at(position: DVec3) -> Self {
+    pub(crate) const fn at(position: DVec3) -> Self {
         Self { position, rotation: DQuat::IDENTITY }
     }
 
     /// The frame whose coordinates this one takes back: `inverse() * self` is the identity.
-    #[must_use]
-    pub fn inverse(&self) -> Self {
+    pub(crate) fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self { position: -(rotation * self.position), rotation }
     }
 
     /// Where a point of this frame lies.
-    #[must_use]
-    pub fn apply(&self, point: DVec3) -> DVec3 {
+    pub(crate) fn apply(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.position
     }
 

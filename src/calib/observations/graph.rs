@@ -24,6 +24,17 @@ impl<T: Copy> PerObservation<T> {
         PerObservation { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
     }
 
+    pub(crate) fn zip<S: Copy, U>(
+        &self,
+        other: &PerObservation<S>,
+        of: impl Fn(T, S) -> U,
+    ) -> PerObservation<U> {
+        PerObservation {
+            edges: self.edges.iter().zip(&other.edges).map(|(&x, &y)| of(x, y)).collect(),
+            contacts: self.contacts.iter().zip(&other.contacts).map(|(&x, &y)| of(x, y)).collect(),
+        }
+    }
+
     /// Edges first, then contacts.
     pub(crate) fn iter(&self) -> impl Iterator<Item = T> {
         self.edges.iter().chain(&self.contacts).copied()

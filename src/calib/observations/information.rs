@@ -26,12 +26,6 @@ const RANK_TOLERANCE: f64 = 1e-9;
 pub struct Information<const N: usize>(pub [[f64; N]; N]);
 
 impl<const N: usize> Information<N> {
-    /// `value` in every direction.
-    #[must_use]
-    pub fn isotropic(value: f64) -> Self {
-        Self::diagonal([value; N])
-    }
-
     /// Independent directions.
     #[must_use]
     pub fn diagonal(values: [f64; N]) -> Self {
@@ -58,15 +52,14 @@ impl<const N: usize> Information<N> {
     }
 
     /// The upper triangle, row by row.
-    pub fn upper(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn upper(&self) -> impl Iterator<Item = f64> {
         (0..N).flat_map(move |i| (i..N).map(move |j| self.0[i][j]))
     }
 
     /// The value it has in every direction, if it is the same in all and nothing is correlated.
-    #[must_use]
-    pub fn as_isotropic(&self) -> Option<f64> {
+    pub(crate) fn as_isotropic(&self) -> Option<f64> {
         let value = self.0[0][0];
-        (*self == Self::isotropic(value)).then_some(value)
+        (*self == Self::diagonal([value; N])).then_some(value)
     }
 
     /// `e' Omega e`.
@@ -139,55 +132,5 @@ impl Information<3> {
     /// The same as a matrix.
     pub(crate) fn matrix(&self) -> DMat3 {
         DMat3::from_cols(self.0[0].into(), self.0[1].into(), self.0[2].into())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn eigenvalues_of_a_reflection_are_plus_and_minus_one() {
-        let swap = Information([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
-        let values = swap.eigenvalues();
-        assert!((values[0] + 1.0).abs() < 1e-15 && (values[2] - 1.0).abs() < 1e-15, "{values:?}");
-        assert!(!swap.is_positive_semidefinite());
-    }
-
-    #[test]
-    fn rank_counts_what_is_observed() {
-        assert_eq!(Information::<3>::isotropic(0.0).rank(), 0);
-        assert_eq!(Information::diagonal([1e6, 1e6, 0.0]).rank(), 2);
-        assert!(Information::diagonal([1e6, 1e6, 0.0]).is_positive_semidefinite(), "zero is allowed");
-        assert_eq!(Information::<6>::isotropic(3.0).rank(), 6);
-    }
-
-    /// A micrometre next to two degrees: 1e12/m^2 and 800/rad^2.
-    #[test]
-    fn units_do_not_count() {
-        assert_eq!(Information::diagonal([1e12, 1e12, 1e12, 800.0, 800.0, 800.0]).rank(), 6);
-        let mut coupled = Information::diagonal([1e12, 1e12, 1e12, 800.0, 800.0, 0.0]);
-        (coupled.0[0][3], coupled.0[3][0]) = (1e7, 1e7);
-        assert_eq!((coupled.rank(), coupled.is_positive_semidefinite()), (5, true));
-        (coupled.0[0][3], coupled.0[3][0]) = (1e8, 1e8);
-        assert!(!coupled.is_positive_semidefinite(), "more correlated than one");
-    }
-
-    #[test]
-    fn a_negative_diagonal_is_no_rounding() {
-        for tiny in [-0.009, -0.9] {
-            assert!(!Information::diagonal([1e8, 1e6, tiny]).is_positive_semidefinite(), "{tiny}");
-        }
-        let overflow = Information([[1e308, 1.5e308, 0.0], [1.5e308, 1e308, 0.0], [0.0, 0.0, 1.0]]);
-        assert!(!overflow.is_positive_semidefinite());
-    }
-
-    #[test]
-    fn upper_triangle_goes_there_and_back() {
-        let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        let info = Information::<3>::from_upper(&numbers).unwrap();
-        assert_eq!(info.0, [[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [3.0, 5.0, 6.0]]);
-        assert!(info.upper().eq(numbers));
-        assert_eq!(Information::<3>::from_upper(&numbers[..5]), None);
     }
 }

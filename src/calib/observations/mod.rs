@@ -4,6 +4,8 @@ pub(super) mod graph;
 pub(super) mod information;
 mod validate;
 
+use std::fmt;
+
 use glam::DVec3;
 
 use crate::{
@@ -31,19 +33,18 @@ pub enum Model {
     Poses,
 }
 
-impl Model {
-    /// `positions` or `poses`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
+impl fmt::Display for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::Positions => "positions",
             Self::Poses => "poses",
-        }
+        })
     }
+}
 
+impl Model {
     /// Unknown numbers of one taxel.
-    #[must_use]
-    pub const fn unknowns(self) -> usize {
+    pub(crate) const fn unknowns(self) -> usize {
         match self {
             Self::Positions => 3,
             Self::Poses => 6,
@@ -62,15 +63,15 @@ pub enum DisplacementMeasurement {
         information: Information<3>,
     },
     /// `T_i^-1 T_j`: the poses model. Boxed, since it is four times as large as an offset.
-    Relative(Box<RelativePose>),
+    Relative(Box<PoseMeasurement>),
 }
 
-/// The pose of taxel `j` in the frame of taxel `i`, as it was observed.
+/// A pose as it was observed: of taxel `j` in the frame of taxel `i`, or of a fixed frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RelativePose {
-    /// The pose of `j` in the frame of `i`.
+pub struct PoseMeasurement {
+    /// The pose.
     pub pose: Pose,
-    /// Its information: `x y z` in 1/m^2, then the rotation vector in 1/rad^2, in the frame of `j`
+    /// Its information: `x y z` in 1/m^2, then the rotation vector in 1/rad^2, in the observed frame
     /// (order of g2o).
     pub information: Information<6>,
 }
@@ -137,8 +138,13 @@ pub enum ContactMeasurement {
         /// Information of the normal, in 1/rad^2.
         normal_information: f64,
     },
-    /// The pose of a frame that is fixed to the taxel; poses model only.
-    Pose(Box<PosePrior>),
+    /// The pose of a frame that is fixed to the taxel (g2o's `EDGE_SE3_PRIOR`); poses model only.
+    Pose {
+        /// The fixed frame in that of the taxel.
+        offset: Pose,
+        /// Where the fixed frame was observed.
+        seen: Box<PoseMeasurement>,
+    },
 }
 
 impl ContactMeasurement {
@@ -150,20 +156,9 @@ impl ContactMeasurement {
                 let has_normal = model == Model::Poses && *normal_information > 0.0;
                 information.rank() + if has_normal { 2 } else { 0 }
             }
-            Self::Pose(prior) => prior.information.rank(),
+            Self::Pose { seen, .. } => seen.information.rank(),
         }
     }
-}
-
-/// A known pose of a frame fixed to a taxel (g2o's `EDGE_SE3_PRIOR`).
-#[derive(Debug, Clone, PartialEq)]
-pub struct PosePrior {
-    /// The observed pose of the fixed frame.
-    pub pose: Pose,
-    /// The fixed frame in that of the taxel.
-    pub offset: Pose,
-    /// Information as in [`RelativePose::information`], in the observed frame.
-    pub information: Information<6>,
 }
 
 /// One unknown taxel.

@@ -73,7 +73,7 @@ impl Observations {
         if !fits {
             let needed = "displacements t_j - t_i for positions, relative poses for poses";
             let element = format!("edge {edge}");
-            return Err(CalibError::WrongModel { element, id: from, model: self.model.name(), needed });
+            return Err(CalibError::WrongModel { element, id: from, model: self.model, needed });
         }
         if !finite {
             return Err(CalibError::InvalidEdge { edge, from, to });
@@ -106,18 +106,18 @@ impl Observations {
                     return invalid(INDEFINITE);
                 }
             }
-            ContactMeasurement::Pose(prior) => {
+            ContactMeasurement::Pose { offset, seen } => {
                 if self.model == Model::Positions {
                     let needed = "positions, with or without normal";
                     let element = format!("contact {contact}");
-                    return Err(CalibError::WrongModel { element, id, model: self.model.name(), needed });
+                    return Err(CalibError::WrongModel { element, id, model: self.model, needed });
                 }
-                if !prior.pose.is_valid() || !prior.offset.is_valid() {
+                if !seen.pose.is_valid() || !offset.is_valid() {
                     return invalid(
                         "it holds a number that is not finite or a quaternion not of unit length",
                     );
                 }
-                if !prior.information.is_positive_semidefinite() {
+                if !seen.information.is_positive_semidefinite() {
                     return invalid(INDEFINITE);
                 }
             }

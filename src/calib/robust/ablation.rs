@@ -3,7 +3,7 @@
 
 use super::{Solution, automatic, robust_fit, stages::descended};
 use crate::calib::{
-    CalibError, CalibOptions, DisplacementMeasurement, Loss, Robust, SimulateOptions, compare,
+    CalibError, CalibOptions, DisplacementMeasurement, Loss, SimulateOptions, compare,
     observations::graph::Poses,
     robust::{graduated::graduated, length_prior},
     simulate,
@@ -44,7 +44,7 @@ fn rmse_mm(stage: Stage, outliers: f64, stated: f64, seed: u64) -> f64 {
             information.0.iter_mut().flatten().for_each(|x| *x *= stated.powi(-2));
         }
     }
-    let options = CalibOptions { robust: Robust::Automatic, ..CalibOptions::default() };
+    let options = CalibOptions::default();
     let problem = Problem::new(&observations, options.residual).unwrap();
     let start = initial_poses(&observations, options.initialization).unwrap();
     let gauge = GaugeFreedom::new(&problem, &start);

@@ -91,7 +91,7 @@ fn reconnect(
         if from == to || held[from] && held[to] || !edge.is_observed() {
             continue;
         }
-        let agrees = losses.edges[e].is_inlier(chi2.edges[e]);
+        let agrees = losses.of.edges[e].is_inlier(chi2.edges[e]);
         verdicts.edges[e] = if agrees { Verdict::Inlier } else { Verdict::Ambiguous };
     }
 }

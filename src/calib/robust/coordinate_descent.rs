@@ -46,7 +46,7 @@ fn move_taxels(problem: &Problem<'_>, poses: &mut Poses, losses: &LossFunctions)
     let observations = problem.observations;
     let edges_of = edges_of_taxels(observations);
     let mut contacts_of: IdVec<VertexId, Vec<_>> = observations.taxels.map(|_| Vec::new());
-    for (contact, loss) in observations.contacts.iter().zip(&losses.contacts) {
+    for (contact, loss) in observations.contacts.iter().zip(&losses.of.contacts) {
         contacts_of[contact.taxel].push((contact, loss));
     }
     let mut moved = false;
@@ -56,7 +56,7 @@ fn move_taxels(problem: &Problem<'_>, poses: &mut Poses, losses: &LossFunctions)
             let contacts = contacts_of[v]
                 .iter()
                 .map(|(c, loss)| loss.cost(problem.contact_chi2(&c.measurement, &poses[v])));
-            let edges = edges_of[v].iter().map(|&e| losses.edges[e].cost(problem.edge_chi2(e, poses)));
+            let edges = edges_of[v].iter().map(|&e| losses.of.edges[e].cost(problem.edge_chi2(e, poses)));
             let mut sum = 0.0;
             for cost in contacts.chain(edges) {
                 sum += cost;
@@ -66,7 +66,7 @@ fn move_taxels(problem: &Problem<'_>, poses: &mut Poses, losses: &LossFunctions)
             }
             sum
         };
-        let is_outlier = |e: &DisplacementId| !losses.edges[*e].is_inlier(problem.edge_chi2(*e, poses));
+        let is_outlier = |e: &DisplacementId| !losses.of.edges[*e].is_inlier(problem.edge_chi2(*e, poses));
         let outliers: Vec<DisplacementId> = edges_of[v].iter().copied().filter(is_outlier).collect();
         if outliers.is_empty() {
             continue;

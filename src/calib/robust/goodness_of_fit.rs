@@ -15,18 +15,18 @@ use crate::{
 pub(crate) fn goodness_of_fit(solver: &Solver<'_>, solution: &Solution) -> GoodnessOfFit {
     let (problem, verdicts) = (solver.problem, &solution.verdicts);
     let observations = problem.observations;
-    let (chi2, bounds) = (&solution.iterate.chi2, solution.losses.outlier_bounds());
+    let (chi2, bounds) = (&solution.iterate.chi2, &solution.losses.of);
     let mut sums = Sums::default();
     // A taxel all of whose observations were rejected is neither observed nor unknown.
     let mut seen = observations.taxels.map(|_| false);
     let is_inlier = |v: Verdict| v == Verdict::Inlier;
     for (id, edge) in observations.edges.enumerate().filter(|(id, _)| is_inlier(verdicts.edges[*id])) {
-        sums.add(chi2.edges[id], problem.dimensions.edges[id], bounds.edges[id]);
+        sums.add(chi2.edges[id], problem.dimensions.edges[id], bounds.edges[id].outlier2);
         (seen[edge.from], seen[edge.to]) = (true, true);
     }
     for (id, contact) in observations.contacts.enumerate().filter(|(id, _)| is_inlier(verdicts.contacts[*id]))
     {
-        sums.add(chi2.contacts[id], problem.dimensions.contacts[id], bounds.contacts[id]);
+        sums.add(chi2.contacts[id], problem.dimensions.contacts[id], bounds.contacts[id].outlier2);
         seen[contact.taxel] = true;
     }
     let moving = seen.enumerate().filter(|(v, seen)| **seen && problem.rows[*v].is_some()).count();

@@ -67,7 +67,7 @@ pub(crate) fn length_prior(
 
 /// The losses with the bounds of edges scaled by what `odds` make of them.
 pub(crate) fn with_odds(losses: &LossFunctions, odds: &LogOdds) -> LossFunctions {
-    losses.scaled(|e| bound_factor(odds[e], losses.edges[e].outlier_bound()), |_| 1.0)
+    losses.scaled(|e| bound_factor(odds[e], losses.of.edges[e].outlier2), 1.0)
 }
 
 /// The factor of a squared `bound` that follows from log odds.

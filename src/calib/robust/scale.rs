@@ -48,7 +48,7 @@ impl Scale {
 
     /// The losses with bounds for this scale.
     pub(crate) fn of_losses(self, losses: &LossFunctions) -> LossFunctions {
-        losses.scaled(|_| self.edges, |_| self.contacts)
+        losses.scaled(|_| self.edges, self.contacts)
     }
 }
 

@@ -82,16 +82,11 @@ fn weights_of(
     losses: &LossFunctions,
     chi2: &PerObservation,
 ) -> PerObservation {
-    let by_loss = losses.weights(chi2);
-    let weight = |verdict: Verdict, by_loss: f64| match verdict {
+    verdicts.zip(&losses.weights(chi2), |verdict, by_loss| match verdict {
         Verdict::Ambiguous => AMBIGUOUS_WEIGHT,
         Verdict::Inlier if losses.loss == Loss::Truncated => 1.0,
         Verdict::Outlier if losses.loss == Loss::Truncated => SMALLEST_WEIGHT,
         Verdict::Inlier => by_loss.max(AMBIGUOUS_WEIGHT),
         Verdict::Outlier => by_loss,
-    };
-    PerObservation {
-        edges: verdicts.edges.iter().zip(&by_loss.edges).map(|(&v, &w)| weight(v, w)).collect(),
-        contacts: verdicts.contacts.iter().zip(&by_loss.contacts).map(|(&v, &w)| weight(v, w)).collect(),
-    }
+    })
 }

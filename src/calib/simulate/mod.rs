@@ -2,18 +2,15 @@
 //! its displacements and its contacts with a sphere.
 
 mod attribution_errors;
-mod contact_model;
 mod layout;
 
-pub use contact_model::Probe;
+use glam::{DMat3, DQuat, DVec3};
 
-use glam::DVec3;
-
-use self::{attribution_errors::Neighbourhoods, contact_model::simulate_contact, layout::SensorLayout};
+use self::{attribution_errors::Neighbourhoods, layout::SensorLayout};
 use crate::{
     calib::{
         CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
-        DisplacementMeasurement, Information, Model, Observations, Pose, RelativePose, TaxelVariable,
+        DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement, TaxelVariable,
         geometry::pose::exp, solve::initial::spanning_tree,
     },
     id::{IdVec, VertexId},
@@ -43,8 +40,17 @@ pub struct SimulateOptions {
     pub anchor_noise: f64,
     /// Noise of the normals of absolute contacts per tangent axis, in rad; `None`: positions alone.
     pub normal_noise: Option<f64>,
-    /// The touched sphere and the arm that holds the skin against it.
-    pub probe: Probe,
+    /// Centre of the fixed sphere that the taxels touch, in m.
+    pub probe_centre: DVec3,
+    /// Its radius, in m.
+    pub probe_radius: f64,
+    /// How deep the elastic skin is pressed in, in m: contacts are observed that much below the
+    /// taxel.
+    pub indentation: f64,
+    /// Noise of the position of the arm that holds the skin, per axis, in m.
+    pub arm_noise: f64,
+    /// Noise of the orientation of the arm, per axis, in rad.
+    pub arm_rotation_noise: f64,
     /// Chance that a displacement is attributed to a wrong taxel nearby.
     pub outliers: f64,
     /// Seed of everything that is drawn at random.
@@ -63,7 +69,11 @@ impl Default for SimulateOptions {
             anchors: 0,
             anchor_noise: 1e-3,
             normal_noise: None,
-            probe: Probe::default(),
+            probe_centre: DVec3::new(0.4, 0.1, 0.3),
+            probe_radius: 0.01,
+            indentation: 0.0,
+            arm_noise: 0.0,
+            arm_rotation_noise: 0.0,
             outliers: 0.0,
             seed: 0,
         }
@@ -123,7 +133,7 @@ mod stream {
 pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
     options.validate()?;
     let layout = SensorLayout::new(options.taxels, options.spacing, options.radius)?;
-    let indentation = options.probe.indentation;
+    let indentation = options.indentation;
     if indentation >= options.radius {
         let found = format!("{} mm", indentation * 1e3);
         let needed = "less than the radius of the sphere";
@@ -153,16 +163,15 @@ pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
 
 impl SimulateOptions {
     fn validate(&self) -> Result<(), CalibError> {
-        let Probe { radius, indentation, position_noise, rotation_noise, .. } = self.probe;
         let sizes = [
             ("the noise", self.noise),
             ("the rotation noise", self.rotation_noise),
             ("the anchor noise", self.anchor_noise),
             ("the noise of normals", self.normal_noise.unwrap_or(0.0)),
-            ("the radius of the probe", radius),
-            ("the indentation", indentation),
-            ("the position noise of the end effector", position_noise),
-            ("the rotation noise of the end effector", rotation_noise),
+            ("the radius of the probe", self.probe_radius),
+            ("the indentation", self.indentation),
+            ("the position noise of the end effector", self.arm_noise),
+            ("the rotation noise of the end effector", self.arm_rotation_noise),
         ];
         for (option, x) in sizes {
             if !(0.0..=MOST_NOISE).contains(&x) {
@@ -215,14 +224,14 @@ fn displacements(
             Model::Positions => DisplacementMeasurement::Offset {
                 offset: layout.frames[seen].position - layout.frames[from].position
                     + noise.vector(options.noise),
-                information: Information::isotropic(translation),
+                information: Information::diagonal([translation; 3]),
             },
             Model::Poses => {
                 let truth = layout.frames[from].inverse() * layout.frames[seen];
                 let position = truth.position + noise.vector(options.noise);
                 let rotation = (truth.rotation * exp(noise.vector(options.rotation_noise))).normalize();
                 let pose = Pose { position, rotation };
-                DisplacementMeasurement::Relative(Box::new(RelativePose {
+                DisplacementMeasurement::Relative(Box::new(PoseMeasurement {
                     pose,
                     information: pose_information,
                 }))
@@ -237,10 +246,10 @@ fn displacements(
 fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut Observations) {
     let mut noise = Random::new(options.seed, stream::ANCHORS);
     let mut arm = Random::new(options.seed, stream::ARM);
-    let information = Information::isotropic(information_of_noise(options.anchor_noise));
+    let information = Information::diagonal([information_of_noise(options.anchor_noise); 3]);
     for taxel in layout.spread(options.anchors) {
         let frame = &layout.frames[taxel];
-        let touched = simulate_contact(&options.probe, options.radius, frame.rotation * DVec3::Z, &mut arm);
+        let touched = simulate_contact(options, frame.rotation * DVec3::Z, &mut arm);
         let position = touched.position + noise.vector(options.anchor_noise);
         let touch = match options.normal_noise {
             None => ContactMeasurement::Position { position, information },
@@ -258,4 +267,37 @@ fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut
         };
         observations.contacts.push(ContactObservation { taxel, measurement: touch });
     }
+}
+
+/// A contact in the frame of the end effector, as the arm believes it.
+struct SimulatedContact {
+    position: DVec3,
+    normal: DVec3,
+}
+
+/// Touches the probe with the taxel of normal `n` from a random direction: the contact forward
+/// model of section IV.
+///
+/// A contact along `u` (from the probe to the end effector) means an end-effector rotation
+/// with `Q n = -u` and centre `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is
+/// observed at `Q' (c_b + r_b u - o)`.
+fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> SimulatedContact {
+    let (probe, depth) = (options.probe_centre, options.indentation);
+    let u = arm.direction();
+    let spin = exp(std::f64::consts::TAU * arm.uniform() * DVec3::Z);
+    let rotation = frame_of(-u) * spin * frame_of(n).conjugate();
+    let centre = probe + (options.radius + options.probe_radius - depth) * u;
+    let believed_centre = centre + arm.vector(options.arm_noise);
+    let believed_rotation = exp(arm.vector(options.arm_rotation_noise)) * rotation;
+    let contact = probe + options.probe_radius * u;
+    SimulatedContact {
+        position: believed_rotation.conjugate() * (contact - believed_centre),
+        normal: (believed_rotation.conjugate() * -u).normalize(),
+    }
+}
+
+/// Some rotation that takes z to `direction`.
+fn frame_of(direction: DVec3) -> DQuat {
+    let x = direction.any_orthonormal_vector();
+    DQuat::from_mat3(&DMat3::from_cols(x, direction.cross(x), direction)).normalize()
 }

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::{
     calib::{
         CalibError, ContactMeasurement, Displacement, DisplacementMeasurement, Information, Initialization,
-        Model, Observations, Pose, RelativePose,
+        Model, Observations, Pose, PoseMeasurement,
         geometry::align::{Correlation, nearest_rotation, outer},
         observations::graph::{Poses, component_of_taxels, components, edges_of_taxels, predicted_pose},
         solve::layout::{number_rows, pair_of, row_pairs},
@@ -58,7 +58,7 @@ pub(crate) fn initial_poses(observations: &Observations, kind: Initialization) -
 /// A start in which every taxel without initial value is at the origin.
 fn initial_or_origin(observations: &Observations) -> Poses {
     observations.taxels.map(|t| {
-        let pose = t.initial.unwrap_or(Pose::IDENTITY);
+        let pose = t.initial.unwrap_or(Pose::default());
         match observations.model {
             Model::Positions => Pose { rotation: DQuat::IDENTITY, ..pose },
             Model::Poses => pose,
@@ -129,7 +129,7 @@ struct Weighted<'o> {
 
 fn relative_edges(observations: &Observations) -> Vec<Weighted<'_>> {
     let mean = |info: &Information<6>, from: usize| (from..from + 3).map(|k| info.0[k][k]).sum::<f64>() / 3.0;
-    let weigh = |m: &RelativePose| [mean(&m.information, 3), mean(&m.information, 0)];
+    let weigh = |m: &PoseMeasurement| [mean(&m.information, 3), mean(&m.information, 0)];
     let relative = observations.edges.iter().filter_map(|edge| match &edge.measurement {
         DisplacementMeasurement::Relative(m) => Some((edge, m)),
         DisplacementMeasurement::Offset { .. } => None,
@@ -229,7 +229,7 @@ fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
     let components = components(observations, |_| true);
     let mut touches_of = vec![Vec::new(); components.len()];
     let of_taxel = component_of_taxels(&components, observations.taxels.len());
-    for contact in observations.contacts.iter().filter(|c| is_informative(&c.measurement)) {
+    for contact in observations.contacts.iter().filter(|c| c.measurement.rank(Model::Positions) > 0) {
         touches_of[of_taxel[contact.taxel]].push(contact);
     }
     for (component, touches) in components.iter().zip(&touches_of) {
@@ -249,8 +249,8 @@ fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
                 ContactMeasurement::PositionNormal { normal, .. } => {
                     votes += outer(*normal, at * DVec3::Z) * scale
                 }
-                ContactMeasurement::Pose(prior) => {
-                    let seen = prior.pose.rotation * prior.offset.rotation.conjugate();
+                ContactMeasurement::Pose { offset, seen } => {
+                    let seen = seen.pose.rotation * offset.rotation.conjugate();
                     votes += DMat3::from_quat(seen * at.conjugate()) * scale;
                 }
                 ContactMeasurement::Position { .. } => {}
@@ -268,19 +268,11 @@ fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
     }
 }
 
-fn is_informative(touch: &ContactMeasurement) -> bool {
-    match touch {
-        ContactMeasurement::Position { information, .. }
-        | ContactMeasurement::PositionNormal { information, .. } => information.rank() > 0,
-        ContactMeasurement::Pose(prior) => prior.information.rank() > 0,
-    }
-}
-
 /// Where a contact puts its taxel.
 fn observed_position(touch: &ContactMeasurement) -> DVec3 {
     match touch {
         ContactMeasurement::Position { position, .. }
         | ContactMeasurement::PositionNormal { position, .. } => *position,
-        ContactMeasurement::Pose(prior) => (prior.pose * prior.offset.inverse()).position,
+        ContactMeasurement::Pose { offset, seen } => (seen.pose * offset.inverse()).position,
     }
 }

@@ -26,7 +26,7 @@ impl BlockLayout {
         let round_contact = |measurement: &ContactMeasurement| match measurement {
             ContactMeasurement::Position { information, .. }
             | ContactMeasurement::PositionNormal { information, .. } => information.as_isotropic().is_some(),
-            ContactMeasurement::Pose(_) => false,
+            ContactMeasurement::Pose { .. } => false,
         };
         match observations.model {
             Model::Poses => Self::Pose,

@@ -4,6 +4,8 @@
 //!
 //! It knows no outliers. It finds a local minimum; which one depends on the start.
 
+use std::fmt;
+
 use crate::calib::{
     CalibError, CalibOptions,
     observations::graph::{PerObservation, Poses},
@@ -20,20 +22,12 @@ pub struct Iteration {
     pub cost: f64,
     /// Largest change of an unknown, in m or rad.
     pub step: f64,
-    /// How the step was held back.
-    pub control: Control,
-}
-
-/// How a step was held back.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Control {
-    /// Not at all: a Gauss-Newton step.
-    Undamped,
-    /// By this damping, over the diagonal of the system (Levenberg and Marquardt).
-    Damping(f64),
-    /// Not at all, but on the graduated loss at this control, which approaches the truncated loss
-    /// as it grows.
-    Graduation(f64),
+    /// The damping that held the step back, over the diagonal of the system (Levenberg and
+    /// Marquardt); 0 for a Gauss-Newton step.
+    pub damping: f64,
+    /// The control of the graduated loss, which approaches the truncated loss as it grows; `None`
+    /// for other losses.
+    pub graduation: Option<f64>,
 }
 
 /// Why the optimisation ended.
@@ -57,17 +51,17 @@ impl Termination {
     pub const fn is_converged(self) -> bool {
         matches!(self, Self::Converged | Self::NothingToSolve)
     }
+}
 
-    /// In words.
-    #[must_use]
-    pub const fn describe(self) -> &'static str {
-        match self {
+impl fmt::Display for Termination {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::Converged => "converged",
             Self::NothingToSolve => "nothing to solve: every taxel is fixed",
             Self::OutOfIterations => "not converged: out of iterations",
             Self::Stuck => "not converged: no step lowers the cost",
             Self::Overflow => "not converged: the cost is not a finite number",
-        }
+        })
     }
 }
 
@@ -152,7 +146,7 @@ impl Solver<'_> {
                     }
                 }
                 _ if !iterate.cost.is_finite() => return Ok((iterate, Termination::Overflow)),
-                Weighting::Fixed(_) if iteration.control == Control::Undamped => {
+                Weighting::Fixed(_) if iteration.damping == 0.0 => {
                     if convergence.is_reached_by_newton(decrease, iterate.cost) {
                         return Ok((iterate, Termination::Converged));
                     }
@@ -188,28 +182,31 @@ impl StepControl {
         system: &LinearSystem<'_>,
         from: &Iterate,
     ) -> Result<Option<(Iterate, Iteration)>, CalibError> {
-        let attempt = |step: &[f64], control: Control| {
+        let graduation = match weighting {
+            Weighting::Graduated { mu, .. } => Some(*mu),
+            Weighting::Fixed(_) | Weighting::Loss(_) => None,
+        };
+        let attempt = |step: &[f64], damping: f64| {
             let next = Iterate::new(problem, weighting, problem.advanced(&from.poses, step));
             let step = step.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-            let iteration = Iteration { cost: next.cost, step, control };
+            let iteration = Iteration { cost: next.cost, step, damping, graduation };
             (next, iteration)
         };
-        if let Weighting::Graduated { mu, .. } = weighting {
+        if graduation.is_some() {
             // The loss changes with every step, so its decrease is not compared.
             let step = system.newton_step(0.0).map_err(|e| problem.explain(e))?;
-            return Ok(Some(attempt(&step, Control::Graduation(*mu))));
+            return Ok(Some(attempt(&step, 0.0)));
         }
         loop {
-            let control =
-                if self.damping == 0.0 { Control::Undamped } else { Control::Damping(self.damping) };
-            match system.newton_step(self.damping) {
+            let damping = self.damping;
+            match system.newton_step(damping) {
                 Ok(step) => {
-                    let (next, iteration) = attempt(&step, control);
+                    let (next, iteration) = attempt(&step, damping);
                     if next.cost <= from.cost + COST_ROUNDING * from.cost {
                         let predicted = system.predicted_decrease(&step, self.damping);
                         self.relax((from.cost - next.cost) / predicted);
                         return Ok(Some(match weighting {
-                            Weighting::Loss(_) => extrapolate((next, iteration), step, control, attempt),
+                            Weighting::Loss(_) => extrapolate((next, iteration), step, attempt),
                             Weighting::Fixed(_) | Weighting::Graduated { .. } => (next, iteration),
                         }));
                     }
@@ -244,12 +241,11 @@ impl StepControl {
 fn extrapolate(
     mut best: (Iterate, Iteration),
     mut step: Vec<f64>,
-    control: Control,
-    attempt: impl Fn(&[f64], Control) -> (Iterate, Iteration),
+    attempt: impl Fn(&[f64], f64) -> (Iterate, Iteration),
 ) -> (Iterate, Iteration) {
     loop {
         step.iter_mut().for_each(|x| *x *= 2.0);
-        let next = attempt(&step, control);
+        let next = attempt(&step, best.1.damping);
         // Written so that a cost that is not a number ends it, too.
         if next.0.cost < best.0.cost {
             best = next;

@@ -5,36 +5,36 @@
 //! measures, so that the same share of inliers is affected in every model. (huber1964),
 //! (beaton1974) (Tukey's biweight), (yang2020) (the graduated truncated loss).
 
+use std::fmt;
+
 use crate::{
-    calib::{ContactObservationId, DisplacementId, observations::graph::PerObservation},
-    id::IdVec,
+    calib::{DisplacementId, observations::graph::PerObservation},
     numeric::quantile,
 };
 
 /// A loss function of squared whitened residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Loss {
-    /// The square itself: least squares.
+    /// The square itself: least squares. A single outlier moves the whole result.
     Squared,
-    /// Huber: grows linearly beyond its bound.
+    /// Huber: convex, grows linearly beyond its bound. Outliers keep a bounded influence.
     Huber,
-    /// Tukey's biweight: constant beyond its bound.
+    /// Tukey's biweight: constant beyond its bound. Started from Huber's solution; outliers lose
+    /// all influence.
     Tukey,
     /// The square up to its bound, constant beyond it: truncated least squares, by graduated
-    /// non-convexity.
+    /// non-convexity. Needs no good start, and copes with the most outliers.
     Truncated,
 }
 
-impl Loss {
-    /// `none`, `huber`, `tukey` or `gnc`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
+impl fmt::Display for Loss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::Squared => "none",
             Self::Huber => "huber",
             Self::Tukey => "tukey",
             Self::Truncated => "gnc",
-        }
+        })
     }
 }
 
@@ -70,7 +70,7 @@ pub(crate) struct LossFunction {
     /// Where the loss leaves the square, or becomes constant.
     bound2: f64,
     /// Squared residuals above this are outliers.
-    outlier2: f64,
+    pub(crate) outlier2: f64,
 }
 
 impl LossFunction {
@@ -86,11 +86,6 @@ impl LossFunction {
         };
         let outlier2 = if bound2.is_finite() { quantile(INLIER_SHARE, degrees) } else { f64::INFINITY };
         Self { loss, bound2, outlier2 }
-    }
-
-    /// The squared residual up to which an observation is an inlier.
-    pub(crate) const fn outlier_bound(&self) -> f64 {
-        self.outlier2
     }
 
     /// Whether noise explains a squared residual.
@@ -148,8 +143,7 @@ impl LossFunction {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LossFunctions {
     pub(crate) loss: Loss,
-    pub(crate) edges: IdVec<DisplacementId, LossFunction>,
-    pub(crate) contacts: IdVec<ContactObservationId, LossFunction>,
+    pub(crate) of: PerObservation<LossFunction>,
 }
 
 impl LossFunctions {
@@ -158,59 +152,37 @@ impl LossFunctions {
         // Quantiles take long, and there are few dimensions.
         let most = dimensions.iter().max().unwrap_or(0);
         let of_dimension: Vec<LossFunction> = (0..=most).map(|n| LossFunction::new(loss, n)).collect();
-        let function = |&n: &usize| of_dimension[n];
-        Self { loss, edges: dimensions.edges.map(function), contacts: dimensions.contacts.map(function) }
+        Self { loss, of: dimensions.map(|n| of_dimension[n]) }
     }
 
-    /// The same with squared bounds larger by a factor of each observation.
-    pub(crate) fn scaled(
-        &self,
-        edge: impl Fn(DisplacementId) -> f64,
-        contact: impl Fn(ContactObservationId) -> f64,
-    ) -> Self {
-        Self {
-            loss: self.loss,
-            edges: self.edges.enumerate().map(|(e, f)| f.scaled(edge(e))).collect(),
-            contacts: self.contacts.enumerate().map(|(c, f)| f.scaled(contact(c))).collect(),
-        }
+    /// The same with squared bounds larger by a factor of each edge, and by one of all contacts.
+    pub(crate) fn scaled(&self, edge: impl Fn(DisplacementId) -> f64, contact: f64) -> Self {
+        let edges = self.of.edges.enumerate().map(|(e, f)| f.scaled(edge(e))).collect();
+        let contacts = self.of.contacts.map(|f| f.scaled(contact));
+        Self { loss: self.loss, of: PerObservation { edges, contacts } }
     }
 
     /// Half of the sum of all losses.
     pub(crate) fn cost(&self, chi2: &PerObservation) -> f64 {
-        0.5 * self.each(chi2, LossFunction::cost).iter().sum::<f64>()
+        0.5 * self.of.zip(chi2, |f, chi2| f.cost(chi2)).iter().sum::<f64>()
     }
 
     pub(crate) fn weights(&self, chi2: &PerObservation) -> PerObservation {
-        self.each(chi2, LossFunction::weight)
+        self.of.zip(chi2, |f, chi2| f.weight(chi2))
     }
 
     pub(crate) fn verdicts(&self, chi2: &PerObservation) -> PerObservation<Verdict> {
-        self.each(chi2, |f, chi2| if f.is_inlier(chi2) { Verdict::Inlier } else { Verdict::Outlier })
-    }
-
-    /// The squared residuals up to which observations are inliers.
-    pub(crate) fn outlier_bounds(&self) -> PerObservation {
-        PerObservation {
-            edges: self.edges.map(LossFunction::outlier_bound),
-            contacts: self.contacts.map(LossFunction::outlier_bound),
-        }
+        self.of.zip(chi2, |f, chi2| if f.is_inlier(chi2) { Verdict::Inlier } else { Verdict::Outlier })
     }
 
     /// [`LossFunction::graduated_weight`] of every observation.
     pub(crate) fn graduated_weights(&self, mu: f64, chi2: &PerObservation) -> PerObservation {
-        self.each(chi2, |f, chi2| f.graduated_weight(mu, chi2))
+        self.of.zip(chi2, |f, chi2| f.graduated_weight(mu, chi2))
     }
 
     /// The largest squared residual over its squared bound.
     pub(crate) fn worst(&self, chi2: &PerObservation) -> f64 {
-        self.each(chi2, |f, chi2| chi2 / f.bound2).iter().fold(0.0, f64::max)
-    }
-
-    fn each<T>(&self, chi2: &PerObservation, of: impl Fn(&LossFunction, f64) -> T) -> PerObservation<T> {
-        PerObservation {
-            edges: self.edges.iter().zip(&chi2.edges).map(|(f, &s)| of(f, s)).collect(),
-            contacts: self.contacts.iter().zip(&chi2.contacts).map(|(f, &s)| of(f, s)).collect(),
-        }
+        self.of.zip(chi2, |f, chi2| chi2 / f.bound2).iter().fold(0.0, f64::max)
     }
 }
 

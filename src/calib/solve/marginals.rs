@@ -37,14 +37,6 @@ pub struct Marginals {
     pub rotations: Option<IdVec<VertexId, Covariance>>,
 }
 
-impl Marginals {
-    /// Square root of the trace of the position covariance of every taxel, in m.
-    #[must_use]
-    pub fn position_rms(&self) -> IdVec<VertexId, f64> {
-        self.positions.map(|c| c.sigma())
-    }
-}
-
 /// The covariance of the position of a taxel, and of its rotation, in its own frame.
 type Block = [DMat3; 2];
 

@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement, Observations,
-        Pose, PosePrior, ResidualConvention,
+        Pose, PoseMeasurement, ResidualConvention,
         geometry::pose::hat,
         observations::graph::{PerObservation, Poses},
         solve::{
@@ -124,9 +124,9 @@ impl<'o> Problem<'o> {
                 };
                 square + normal_information * turned
             }
-            ContactMeasurement::Pose(prior) => {
-                let e = error(self.convention, &prior.pose, &Pose::IDENTITY, &(*at * prior.offset));
-                dot(e, Matrix6::from_rows(&prior.information.0) * e)
+            ContactMeasurement::Pose { offset, seen } => {
+                let e = error(self.convention, &seen.pose, &Pose::default(), &(*at * *offset));
+                dot(e, Matrix6::from_rows(&seen.information.0) * e)
             }
         }
     }
@@ -248,18 +248,17 @@ impl<'o> Problem<'o> {
                 }
                 (block, gradient)
             }
-            ContactMeasurement::Pose(prior) => self.prior_term(prior, at),
+            ContactMeasurement::Pose { offset, seen } => self.prior_term(offset, seen, at),
         }
     }
 
-    fn prior_term(&self, prior: &PosePrior, at: &Pose) -> (Matrix6, Twist) {
-        let (e, _, by_frame) =
-            linearised(self.convention, &prior.pose, &Pose::IDENTITY, &(*at * prior.offset));
+    fn prior_term(&self, offset: &Pose, seen: &PoseMeasurement, at: &Pose) -> (Matrix6, Twist) {
+        let (e, _, by_frame) = linearised(self.convention, &seen.pose, &Pose::default(), &(*at * *offset));
         // Moving the taxel by (u, w) moves the fixed frame by (R' (u + w x p), R' w).
-        let turned = DMat3::from_quat(prior.offset.rotation).transpose();
-        let carried = Matrix6([[turned, -(turned * hat(prior.offset.position))], [DMat3::ZERO, turned]]);
+        let turned = DMat3::from_quat(offset.rotation).transpose();
+        let carried = Matrix6([[turned, -(turned * hat(offset.position))], [DMat3::ZERO, turned]]);
         let jacobian = by_frame * carried;
-        let omega = Matrix6::from_rows(&prior.information.0);
+        let omega = Matrix6::from_rows(&seen.information.0);
         let back = jacobian.transpose();
         (back * (omega * jacobian), back * (omega * e))
     }

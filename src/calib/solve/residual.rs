@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        Pose, RelativePose, ResidualConvention,
+        Pose, PoseMeasurement, ResidualConvention,
         geometry::pose::{
             hat, left_jacobian_inverse_times, left_jacobian_inverse_times_derivatives, log,
             right_jacobian_inverse,
@@ -81,7 +81,7 @@ pub(crate) struct EdgeTerm {
 impl EdgeTerm {
     pub(crate) fn new(
         convention: ResidualConvention,
-        observed: &RelativePose,
+        observed: &PoseMeasurement,
         from: &Pose,
         to: &Pose,
     ) -> Self {

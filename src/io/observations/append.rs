@@ -74,10 +74,10 @@ pub fn append_observations(
 fn check_model(into: &Observations, other: &Observations, path: &Path) -> Result<(), IoError> {
     let has_model = !other.edges.is_empty()
         || other.taxels.iter().any(|t| t.initial.is_some())
-        || other.contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose(_)));
+        || other.contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. }));
     if has_model && other.model != into.model {
-        let found = format!("observations of the {} model", other.model.name());
-        let needed = format!("{}, as in the other file", into.model.name());
+        let found = format!("observations of the {} model", other.model);
+        let needed = format!("{}, as in the other file", into.model);
         return Err(invalid(path, "the file", found, needed));
     }
     Ok(())

@@ -72,9 +72,8 @@ impl<'a> ObservationsBuilder<'a> {
     /// One file has one model.
     pub(super) fn set_model(&mut self, model: Model, at: &LineLocation<'_>) -> Result<(), IoError> {
         if self.model_known && self.observations.model != model {
-            let needed =
-                format!("{}, as the lines before: one model in a file", self.observations.model.name());
-            return Err(at.invalid(format!("a line of the {} model", model.name()), needed));
+            let needed = format!("{}, as the lines before: one model in a file", self.observations.model);
+            return Err(at.invalid(format!("a line of the {} model", model), needed));
         }
         (self.observations.model, self.model_known) = (model, true);
         Ok(())
@@ -124,7 +123,7 @@ impl<'a> ObservationsBuilder<'a> {
                 check_length(*position, at)?;
                 check_information(information, name, at)?;
             }
-            ContactMeasurement::Pose(prior) => check_information(&prior.information, name, at)?,
+            ContactMeasurement::Pose { seen, .. } => check_information(&seen.information, name, at)?,
         }
         self.contacts.push((id, at.line, touch));
         Ok(())

@@ -193,8 +193,8 @@ impl Observation<'_> {
 
     fn information(&self, uncertainty: &Uncertainty) -> Result<Information<3>, IoError> {
         Ok(match uncertainty {
-            Uncertainty::Assumed => Information::isotropic(DEFAULT_SIGMA.powi(-2)),
-            Uncertainty::Sigma(k) => Information::isotropic(self.sigma(*k)?),
+            Uncertainty::Assumed => Information::diagonal([DEFAULT_SIGMA.powi(-2); 3]),
+            Uncertainty::Sigma(k) => Information::diagonal([self.sigma(*k)?; 3]),
             Uncertainty::Sigmas([x, y, z]) => {
                 Information::diagonal([self.sigma(*x)?, self.sigma(*y)?, self.sigma(*z)?])
             }
@@ -273,7 +273,7 @@ pub(super) fn write_contacts(observations: &Observations, path: &Path) -> Result
             ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
                 (position, information, Some((normal, normal_information)))
             }
-            ContactMeasurement::Pose(_) => return Err(unsupported("a full pose", "write a .g2o file")),
+            ContactMeasurement::Pose { .. } => return Err(unsupported("a full pose", "write a .g2o file")),
         };
         let normal = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
         let numbers =

@@ -12,8 +12,7 @@ use glam::DVec3;
 
 use crate::{
     calib::{
-        ContactMeasurement, DisplacementMeasurement, Information, Model, Observations, Pose, PosePrior,
-        RelativePose,
+        ContactMeasurement, DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement,
     },
     io::{
         IoError,
@@ -78,7 +77,7 @@ fn read_edge(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Resul
     } else {
         builder.set_model(Model::Poses, &at)?;
         let (pose, information) = line.pose(builder)?;
-        DisplacementMeasurement::Relative(Box::new(RelativePose { pose, information }))
+        DisplacementMeasurement::Relative(Box::new(PoseMeasurement { pose, information }))
     };
     builder.edge(ids, motion, &at)
 }
@@ -101,7 +100,7 @@ fn read_prior(
         offsets.get(&parameter).ok_or_else(|| at.invalid(format!("parameter {parameter}"), needed))?;
     builder.contact(
         id,
-        ContactMeasurement::Pose(Box::new(PosePrior { pose, offset: *offset, information })),
+        ContactMeasurement::Pose { offset: *offset, seen: Box::new(PoseMeasurement { pose, information }) },
         &at,
     )
 }
@@ -188,7 +187,7 @@ pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Pa
     let Observations { model, taxels, edges, contacts } = observations;
     let mut text = Text { out, line: String::new(), path };
     let offsets = offsets(observations);
-    if contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose(_))) {
+    if contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. })) {
         for (k, offset) in (IDENTITY_OFFSET..).zip(&offsets) {
             text.begin(format_args!("PARAMS_SE3OFFSET {k}"));
             text.pose(offset);
@@ -196,7 +195,7 @@ pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Pa
         }
     }
     for taxel in taxels {
-        let initial = taxel.initial.unwrap_or(Pose::IDENTITY);
+        let initial = taxel.initial.unwrap_or(Pose::default());
         match model {
             Model::Positions => {
                 text.begin(format_args!("VERTEX_TRACKXYZ {}", taxel.id));
@@ -224,12 +223,12 @@ pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Pa
 
 /// Where sensors are in the frames of taxels: each place once, the taxel's own first.
 fn offsets(observations: &Observations) -> Vec<Pose> {
-    let mut offsets = vec![Pose::IDENTITY];
+    let mut offsets = vec![Pose::default()];
     for contact in &observations.contacts {
-        if let ContactMeasurement::Pose(prior) = &contact.measurement
-            && !offsets.contains(&prior.offset)
+        if let ContactMeasurement::Pose { offset, .. } = &contact.measurement
+            && !offsets.contains(offset)
         {
-            offsets.push(prior.offset);
+            offsets.push(*offset);
         }
     }
     offsets
@@ -295,11 +294,11 @@ impl<W: Write> Text<'_, W> {
                 self.numbers(position.to_array());
                 self.numbers(information.upper());
             }
-            ContactMeasurement::Pose(prior) => {
-                let k = offsets.iter().position(|o| *o == prior.offset).unwrap_or_default();
+            ContactMeasurement::Pose { offset, seen } => {
+                let k = offsets.iter().position(|o| o == offset).unwrap_or_default();
                 self.begin(format_args!("EDGE_SE3_PRIOR {id} {k}"));
-                self.pose(&prior.pose);
-                self.numbers(prior.information.upper());
+                self.pose(&seen.pose);
+                self.numbers(seen.information.upper());
             }
             ContactMeasurement::PositionNormal { .. } => {
                 return Err(IoError::Unsupported {

@@ -29,14 +29,15 @@ use crate::{
 pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), IoError> {
     const HEADER: [&str; 15] =
         ["id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"];
-    let sigmas = calibration.marginals.as_ref().map(|m| (m.position_rms(), &m.positions));
+    let covariances = calibration.marginals.as_ref().map(|m| &m.positions);
     let mut rows = calibration.poses.enumerate().map(|(v, pose)| {
         let numbers = pose.position.to_array().into_iter().chain(pose.rotation.to_array());
         let mut row: Vec<String> =
             [calibration.ids[v].to_string()].into_iter().chain(decimals(numbers)).collect();
-        match &sigmas {
-            Some((sigmas, covariances)) => {
-                row.extend(decimals([sigmas[v]].into_iter().chain(covariances[v].to_array())))
+        match covariances {
+            Some(covariances) => {
+                let c = covariances[v];
+                row.extend(decimals([c.sigma()].into_iter().chain(c.to_array())));
             }
             None => row.resize(HEADER.len(), String::new()),
         }

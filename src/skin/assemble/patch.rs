@@ -13,6 +13,7 @@ use crate::{
             outward::{choose_normals, turn_outward},
         },
         normals::NormalConsensus,
+        taxels::is_positive,
     },
 };
 
@@ -86,10 +87,6 @@ fn areas(
         remarks.push(RemarkKind::AreasReplaced { vertices: replaced });
     }
     areas
-}
-
-fn is_positive(x: f64) -> bool {
-    x.is_finite() && x > 0.0
 }
 
 /// The next id for a taxel that has none; starts again after the last 32-bit number.

@@ -2,132 +2,126 @@
 
 use std::fmt;
 
-macro_rules! kinds {
-    ($($(#[$doc:meta])* $variant:ident $name:literal $element:ident,)*) => {
-        /// Kinds of findings, in the order of the report.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[non_exhaustive]
-        pub enum FindingKind {
-            $($(#[$doc])* $variant,)*
-        }
-
-        impl FindingKind {
-            /// Every kind.
-            pub const ALL: &[Self] = &[$(Self::$variant),*];
-
-            /// Its name in words and in JSON, like `non-manifold-edge`.
-            #[must_use]
-            pub const fn name(self) -> &'static str {
-                match self { $(Self::$variant => $name,)* }
-            }
-
-            /// Whether it only tells something, and nothing is wrong.
-            #[must_use]
-            pub const fn is_informational(self) -> bool {
-                matches!(self, Self::Bare)
-            }
-
-            /// What [`Finding::elements`] counts.
-            #[must_use]
-            pub const fn element(self) -> Element {
-                match self { $(Self::$variant => Element::$element,)* }
-            }
-        }
-    };
-}
-
-kinds! {
+/// Kinds of findings, in the order of the report. `Display` gives the name in words and in JSON, like
+/// `non-manifold-edge`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum FindingKind {
     /// Neither triangles nor taxels.
-    NoTriangles "no-triangles" Sheet,
+    NoTriangles,
     /// Taxels without triangles, which are meshed when they are read; nothing wrong.
-    Bare "bare" Sheet,
+    Bare,
     /// Taxels without triangles that cannot be meshed.
-    NoSkin "no-skin" Sheet,
+    NoSkin,
     /// Taxels without triangles that fall into pieces, or are left out, when they are meshed.
-    BarePieces "bare-pieces" Sheet,
+    BarePieces,
     /// A link comes before its parent.
-    LinkOrder "link-order" Link,
+    LinkOrder,
     /// A sheet hangs on a link that does not exist.
-    UnknownLink "unknown-link" Sheet,
+    UnknownLink,
     /// More than 32-bit numbers count.
-    TooLarge "too-large" Sheet,
+    TooLarge,
     /// A sheet so large that the file is hardly in metres.
-    DoubtfulUnit "doubtful-unit" Sheet,
+    DoubtfulUnit,
     /// An array has not one entry per vertex.
-    ArrayLength "array-length" Sheet,
+    ArrayLength,
     /// A position is NaN or infinite.
-    NotFinite "not-finite" Vertex,
+    NotFinite,
     /// A face names a vertex that does not exist.
-    CornerOutOfRange "corner-out-of-range" Face,
+    CornerOutOfRange,
     /// A face uses one taxel twice.
-    RepeatedCorner "repeated-corner" Face,
+    RepeatedCorner,
     /// Several faces have the same three corners.
-    DuplicateFace "duplicate-face" Face,
+    DuplicateFace,
     /// A face whose corners lie on a line.
-    ZeroAreaFace "zero-area-face" Face,
+    ZeroAreaFace,
     /// A face more than fifty times longer than high.
-    SliverFace "sliver-face" Face,
+    SliverFace,
     /// More than two faces meet at an edge.
-    NonManifoldEdge "non-manifold-edge" Edge,
+    NonManifoldEdge,
     /// Several fans of faces touch in a vertex.
-    NonManifoldVertex "non-manifold-vertex" Vertex,
+    NonManifoldVertex,
     /// A piece has one side only.
-    NotOrientable "not-orientable" Edge,
+    NotOrientable,
     /// Faces are wound against their neighbours.
-    InconsistentWinding "inconsistent-winding" Face,
+    InconsistentWinding,
     /// Faces are wound against the taxels' normals.
-    WindingAgainstNormals "winding-against-normals" Face,
+    WindingAgainstNormals,
     /// A sheet has several components, which share no edge.
-    SeveralComponents "several-components" Face,
+    SeveralComponents,
     /// A piece without boundary: it must be cut before it can be flattened.
-    ClosedPatch "closed-patch" Face,
+    ClosedPatch,
     /// A piece with handles: it must be cut before it can be flattened.
-    Handle "handle" Face,
+    Handle,
     /// A hole of three or four edges.
-    PinHole "pin-hole" Vertex,
+    PinHole,
     /// Two boundaries so close that they look like an unjoined seam.
-    Gap "gap" Vertex,
+    Gap,
     /// A taxel without a face.
-    IsolatedTaxel "isolated-taxel" Vertex,
+    IsolatedTaxel,
     /// Several taxels at one place.
-    DuplicatePosition "duplicate-position" Vertex,
+    DuplicatePosition,
     /// Several taxels with one id.
-    DuplicateId "duplicate-id" Vertex,
+    DuplicateId,
     /// Several taxels with a placeholder id.
-    PlaceholderId "placeholder-id" Vertex,
+    PlaceholderId,
     /// A normal that is not a unit vector.
-    NormalNotUnit "normal-not-unit" Vertex,
+    NormalNotUnit,
     /// Normals that are all the same on a curved piece.
-    ConstantNormals "constant-normals" Vertex,
+    ConstantNormals,
     /// Normals that have nothing to do with the faces.
-    UnrelatedNormals "unrelated-normals" Vertex,
+    UnrelatedNormals,
     /// A normal that points to the inside.
-    InwardNormal "inward-normal" Vertex,
+    InwardNormal,
     /// A receptive area that is not positive.
-    AreaNotPositive "area-not-positive" Vertex,
+    AreaNotPositive,
     /// A density that is not positive.
-    DensityNotPositive "density-not-positive" Vertex,
+    DensityNotPositive,
 }
 
-impl fmt::Display for FindingKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+impl FindingKind {
+    /// What [`Finding::elements`] counts: `vertices`, `faces`, `edges` (two numbers each, their
+    /// vertices) or `links`; empty if the finding is about the whole sheet.
+    #[must_use]
+    pub const fn elements(self) -> &'static str {
+        match self {
+            Self::NoTriangles
+            | Self::Bare
+            | Self::NoSkin
+            | Self::BarePieces
+            | Self::UnknownLink
+            | Self::TooLarge
+            | Self::DoubtfulUnit
+            | Self::ArrayLength => "",
+            Self::LinkOrder => "links",
+            Self::NonManifoldEdge | Self::NotOrientable => "edges",
+            Self::CornerOutOfRange
+            | Self::RepeatedCorner
+            | Self::DuplicateFace
+            | Self::ZeroAreaFace
+            | Self::SliverFace
+            | Self::InconsistentWinding
+            | Self::WindingAgainstNormals
+            | Self::SeveralComponents
+            | Self::ClosedPatch
+            | Self::Handle => "faces",
+            _ => "vertices",
+        }
     }
 }
 
-/// What the numbers of a [`Finding`] count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Element {
-    /// Nothing: the finding is about the whole sheet.
-    Sheet,
-    /// Links.
-    Link,
-    /// Vertices.
-    Vertex,
-    /// Faces.
-    Face,
-    /// Edges; two numbers each, their vertices.
-    Edge,
+/// The name of the variant with hyphens between its words.
+impl fmt::Display for FindingKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut name = String::new();
+        for c in format!("{self:?}").chars() {
+            if c.is_ascii_uppercase() && !name.is_empty() {
+                name.push('-');
+            }
+            name.push(c.to_ascii_lowercase());
+        }
+        f.write_str(&name)
+    }
 }
 
 /// One thing that is wrong with a draft.
@@ -137,7 +131,7 @@ pub struct Finding {
     pub kind: FindingKind,
     /// Name of the sheet; empty if it concerns the whole draft.
     pub patch: String,
-    /// The elements concerned, as the file numbers them from 0; [`FindingKind::element`] says what
+    /// The elements concerned, as the file numbers them from 0; [`FindingKind::elements`] says what
     /// they count.
     pub elements: Vec<u64>,
     /// A sentence that says what was found.

@@ -7,7 +7,7 @@ mod shape;
 mod taxels;
 mod topology;
 
-pub use finding::{Element, Finding, FindingKind};
+pub use finding::{Finding, FindingKind};
 
 use crate::{
     id::FaceId,
@@ -20,7 +20,7 @@ use crate::{
         },
         link::before_parents,
         normals::taxel_normals,
-        remark::Coincident,
+        remark::coincident,
         triangulate::UniquePoints,
         unit_check::doubtful_unit,
         welded::WeldedMesh,
@@ -113,7 +113,7 @@ fn check_bare(draft: &Draft, options: &AssembleOptions, findings: &mut Vec<Findi
         let points = UniquePoints::new(sheet);
         if !points.merged.is_empty() {
             let elements = points.merged.iter().map(|v| u64::from(v.raw())).collect();
-            let message = Coincident { taxels: points.merged.len(), distance: points.distance }.to_string();
+            let message = coincident(points.merged.len(), points.distance);
             let finding = Finding::of_sheet(FindingKind::DuplicatePosition, sheet.title(), message);
             findings.push(Finding { elements, ..finding });
         }

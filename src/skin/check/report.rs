@@ -7,7 +7,7 @@ use crate::{
     mesh::Edges,
     skin::{
         Sheet,
-        check::finding::{Element, Finding, FindingKind},
+        check::finding::{Finding, FindingKind},
         welded::WeldedMesh,
         winding::Winding,
     },
@@ -37,7 +37,7 @@ impl Report<'_> {
         elements: Vec<u64>,
         message: impl FnOnce(usize) -> String,
     ) {
-        let per_item = if kind.element() == Element::Edge { 2 } else { 1 };
+        let per_item = if kind.elements() == "edges" { 2 } else { 1 };
         if !elements.is_empty() {
             let message = message(elements.len() / per_item);
             self.findings.push(Finding { kind, patch: self.patch.to_owned(), elements, message });

@@ -11,6 +11,7 @@ use crate::{
             report::{Report, Subject, numbers},
         },
         normals::is_unit,
+        taxels::is_positive,
     },
 };
 
@@ -113,7 +114,6 @@ pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
         let is_wrong = |v: usize| !is_unit(normals[v]);
         note(FindingKind::NormalNotUnit, &is_wrong, "vertices have a normal that is no unit vector");
     }
-    let is_positive = |x: f64| x.is_finite() && x > 0.0;
     if let Some(areas) = &sheet.areas {
         let is_wrong = |v: usize| !is_positive(areas[v]);
         note(FindingKind::AreaNotPositive, &is_wrong, "vertices have a receptive area that is not positive");

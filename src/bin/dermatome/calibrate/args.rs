@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use dermatome::calib::{CalibOptions, Initialization, ResidualConvention, Robust};
+use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
@@ -97,11 +97,11 @@ impl Args {
     pub(super) fn options(&self) -> CalibOptions {
         CalibOptions {
             robust: match self.robust {
-                RobustArg::Auto => Robust::Automatic,
-                RobustArg::None => Robust::LeastSquares,
-                RobustArg::Huber => Robust::Huber,
-                RobustArg::Tukey => Robust::Tukey,
-                RobustArg::Gnc => Robust::Graduated,
+                RobustArg::Auto => None,
+                RobustArg::None => Some(Loss::Squared),
+                RobustArg::Huber => Some(Loss::Huber),
+                RobustArg::Tukey => Some(Loss::Tukey),
+                RobustArg::Gnc => Some(Loss::Truncated),
             },
             residual: match self.residual {
                 ResidualArg::Split => ResidualConvention::Split,

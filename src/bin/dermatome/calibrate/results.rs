@@ -5,7 +5,7 @@ use std::path::Path;
 
 use dermatome::{
     Error,
-    calib::{Calibration, Outside, calibrated_skin},
+    calib::{Calibration, calibrated_skin},
     io::{IoError, kind, write_calibration, write_inliers, write_observations, write_skin},
     skin::Skin,
 };
@@ -119,11 +119,11 @@ pub(super) fn write(
 fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result<Skin> {
     let made =
         calibrated_skin(found, &inputs.observations, inputs.triangles.as_deref()).map_err(Error::from)?;
-    let unknown = made.outside.iter().filter(|&&outside| outside == Outside::Origin).count();
-    if unknown > 0 && !common.quiet {
+    if made.assumed > 0 && !common.quiet {
         eprintln!(
-            "note: neither frames nor normals determine the outside of {unknown} of {} patches: away from the origin is assumed; --triangles decides",
-            made.outside.len()
+            "note: neither frames nor normals determine the outside of {} of {} patches: away from the origin is assumed; --triangles decides",
+            made.assumed,
+            made.skin.patches.len()
         );
     }
     if made.turned > 0 && !common.quiet {
