@@ -15,8 +15,8 @@ use std::{
 use criterion::{Criterion, criterion_group, criterion_main};
 use dermatome::{
     calib::{
-        CalibOptions, Initialization, Model, Observations, ResidualConvention, SimulateOptions, calibrate,
-        simulate,
+        CalibOptions, Initialization, Loss, Model, Observations, ResidualConvention, SimulateOptions,
+        calibrate, simulate,
     },
     io::read_observations,
 };
