@@ -42,7 +42,7 @@ fn scattered(count: usize) -> Vec<Query> {
     let mut number = numbers();
     let place = |_| {
         let polar = (1.0 - number() * (1.0 - HALF_ANGLE.cos())).acos();
-        Query::world(at(polar, std::f64::consts::TAU * number(), 0.003 * number()))
+        Query::from(at(polar, std::f64::consts::TAU * number(), 0.003 * number()))
     };
     (0..count).map(place).collect()
 }
@@ -52,7 +52,7 @@ fn path(count: usize) -> Vec<Query> {
     let mut number = numbers();
     let place = |k: usize| {
         let along = k as f64 / count as f64;
-        Query::world(at(0.3 + 1.2 * along, 0.007 * k as f64, 0.001 + 0.0001 * number()))
+        Query::from(at(0.3 + 1.2 * along, 0.007 * k as f64, 0.001 + 0.0001 * number()))
     };
     (0..count).map(place).collect()
 }

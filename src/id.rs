@@ -242,17 +242,3 @@ impl<I, T: fmt::Debug> fmt::Debug for IdVec<I, T> {
         self.raw.fmt(f)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_element_is_found_under_the_id_its_push_returned() {
-        let mut names = IdVec::<VertexId, &str>::new();
-        let (a, b) = (names.push("a"), names.push("b"));
-        assert_eq!((names[a], names[b]), ("a", "b"));
-        assert_eq!(names.ids().collect::<Vec<_>>(), [a, b]);
-        assert_eq!(format!("{a:?} {b}"), "v0 1", "debug names the kind, display the number");
-    }
-}

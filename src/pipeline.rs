@@ -32,7 +32,7 @@ use crate::{
     flatten::{FlattenOptions, flatten_pyramid},
     io::{write_images, write_map},
     map::{PatchMap, SkinMap},
-    pyramid::{CoarsenOptions, Pyramid, coarsen},
+    pyramid::{CoarsenOptions, coarsen},
     report::Seconds,
     skin::{Patch, Skin},
 };
@@ -78,9 +78,6 @@ pub struct Progress {
     pub total: usize,
 }
 
-/// Called from any thread at the start of a stage and after each patch.
-pub type OnProgress<'a> = dyn Fn(Progress) + Sync + 'a;
-
 /// Coarsens and flattens every patch of a skin.
 ///
 /// # Errors
@@ -89,17 +86,22 @@ pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
     build_with_progress(skin, options, &|_| ()).map(|(map, _)| map)
 }
 
-/// The same as [`build`], with its progress and the time that its stages took.
+/// The same as [`build`], with the time that its stages took; `progress` is called from any thread
+/// at the start of a stage and after each patch.
 ///
 /// # Errors
 /// As [`build`].
 pub fn build_with_progress(
     skin: &Skin,
     options: &BuildOptions,
-    progress: &OnProgress<'_>,
+    progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<(SkinMap, Seconds), Error> {
     let start = Instant::now();
-    let pyramids = coarsen_patches(skin, &options.coarsen, progress)?;
+    let patches: Vec<&Patch> = skin.patches.iter().collect();
+    let pyramids = each_patch(Stage::Coarsen, patches, progress, |patch| {
+        coarsen(&patch.mesh, &patch.taxels, &options.coarsen)
+            .map_err(|e| Error::from(e).in_patch(&patch.name))
+    })?;
     let coarsened = start.elapsed();
     // Every pyramid is taken once, by the thread that maps it.
     let jobs: Vec<_> = skin.patches.iter().zip(pyramids).collect();
@@ -114,21 +116,6 @@ pub fn build_with_progress(
     Ok((SkinMap { links: skin.links.clone(), patches: maps.into() }, seconds))
 }
 
-/// Coarsens every patch of a skin.
-///
-/// # Errors
-/// The first patch, in their order, that is not an oriented manifold.
-pub fn coarsen_patches(
-    skin: &Skin,
-    options: &CoarsenOptions,
-    progress: &OnProgress<'_>,
-) -> Result<Vec<Pyramid>, Error> {
-    let patches: Vec<&Patch> = skin.patches.iter().collect();
-    each_patch(Stage::Coarsen, patches, progress, |patch| {
-        coarsen(&patch.mesh, &patch.taxels, options).map_err(|e| Error::from(e).in_patch(&patch.name))
-    })
-}
-
 /// The files that [`write_files`] writes.
 pub const FILES: [&str; 2] = ["map.glb", "map.exr"];
 
@@ -136,7 +123,11 @@ pub const FILES: [&str; 2] = ["map.glb", "map.exr"];
 ///
 /// # Errors
 /// If the images have too many pixels, the map is not valid or a file cannot be written.
-pub fn write_files(map: &SkinMap, folder: &Path, progress: &OnProgress<'_>) -> Result<Seconds, Error> {
+pub fn write_files(
+    map: &SkinMap,
+    folder: &Path,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Seconds, Error> {
     let total = map.patches.len();
     let start = Instant::now();
     progress(Progress { stage: Stage::Rasterise, done: 0, total });
@@ -154,7 +145,7 @@ pub fn write_files(map: &SkinMap, folder: &Path, progress: &OnProgress<'_>) -> R
 fn each_patch<P: Send, T: Send>(
     stage: Stage,
     patches: Vec<P>,
-    progress: &OnProgress<'_>,
+    progress: &(dyn Fn(Progress) + Sync),
     job: impl Fn(P) -> Result<T, Error> + Sync,
 ) -> Result<Vec<T>, Error> {
     let (total, done) = (patches.len(), AtomicUsize::new(0));

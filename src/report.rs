@@ -15,8 +15,8 @@ use serde::Serialize;
 
 use crate::{
     flatten::Distortion,
-    map::{PatchMap, SkinMap},
-    mesh::{Adjacency, TriMesh},
+    map::{MapLevel, PatchMap, SkinMap},
+    mesh::Adjacency,
     pyramid::LevelId,
 };
 
@@ -77,32 +77,20 @@ pub struct LevelReport {
     pub distortion: Distortion,
 }
 
-impl LevelReport {
-    /// The counts and measures of one level.
-    #[must_use]
-    pub fn new(level: LevelId, mesh: &TriMesh, distortion: &Distortion) -> Self {
-        Self {
-            level: level.index(),
-            vertices: mesh.positions.len(),
-            faces: mesh.triangles.len(),
-            boundary_loops: Adjacency::new(mesh).map_or(0, |a| a.boundary_loops().len()),
-            distortion: *distortion,
-        }
-    }
-}
-
 /// The patches of a map, as a [`Report`] lists them.
 #[must_use]
 pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
-    let levels = |patch: &PatchMap| {
-        patch.levels.enumerate().map(|(k, l)| LevelReport::new(k, &l.level.mesh, &l.distortion)).collect()
+    let level = |(id, map): (LevelId, &MapLevel)| LevelReport {
+        level: id.index(),
+        vertices: map.level.mesh.positions.len(),
+        faces: map.level.mesh.triangles.len(),
+        boundary_loops: Adjacency::new(&map.level.mesh).map_or(0, |a| a.boundary_loops().len()),
+        distortion: map.distortion,
     };
-    map.patches
-        .iter()
-        .map(|patch| PatchReport {
-            name: patch.name.clone(),
-            link: map.links[patch.link].name.clone(),
-            levels: levels(patch),
-        })
-        .collect()
+    let patch = |patch: &PatchMap| PatchReport {
+        name: patch.name.clone(),
+        link: map.links[patch.link].name.clone(),
+        levels: patch.levels.enumerate().map(level).collect(),
+    };
+    map.patches.iter().map(patch).collect()
 }

@@ -285,7 +285,7 @@ fn an_image_that_is_too_large_is_refused_with_a_pixel_size_that_fits() {
         let AtlasError::TooLarge { image, fits_mm, .. } = error else { panic!("{error}") };
         assert_eq!(image, "palm/L0");
         // A chart of the largest size takes a gigabyte: only its size is tried.
-        let frame = ImageFrame::around(&flat_patch("", mesh, pixel).levels[level_id(0)].uv, fits_mm * 1e-3);
+        let frame = flat_patch("", mesh, fits_mm * 1e-3).levels[level_id(0)].frame;
         assert!(frame.size_px.iter().all(|&n| n <= 16_384), "{fits_mm} mm fits a side of {side} m");
     }
 }

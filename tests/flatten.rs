@@ -51,7 +51,7 @@ fn pyramid_of(mesh: &TriMesh) -> Pyramid {
 /// A sheet with a bump and a dent, of heights `a` and `b`.
 fn bumpy(columns: u32, rows: u32, a: f64, b: f64) -> TriMesh {
     let mut mesh = shapes::lattice(columns, rows, 0.01);
-    let (_, size) = mesh.bounds().unwrap();
+    let size = mesh.positions.iter().copied().fold(DVec3::ZERO, DVec3::max);
     for p in mesh.positions.iter_mut() {
         let q = p.truncate() / size.truncate();
         let bump = |at: DVec2, width: f64| (-(q - at).length_squared() / (width * width)).exp();
@@ -369,6 +369,107 @@ fn what_is_not_a_disk_is_refused_with_its_numbers() {
     };
     assert_eq!(refused(&shapes::tetrahedron()), (2, 0, 1));
     assert_eq!(refused(&shapes::torus(80, 60, 0.1, 0.03)), (0, 0, 1), "large meshes are refused alike");
+    let mut torus = shapes::torus(8, 6, 0.1, 0.03);
+    assert_eq!(refused(&torus), (0, 0, 1));
+    torus.triangles = torus.triangles.into_iter().skip(1).collect();
+    assert_eq!(refused(&torus), (-1, 1, 1), "one hole gives it a loop, but leaves the handle");
+    let mut two = shapes::triangle();
+    two.positions = two.positions.iter().flat_map(|&p| [p, p + 1.0]).collect();
+    two.triangles = vec![[0, 2, 4].map(VertexId::new), [1, 3, 5].map(VertexId::new)].into();
+    assert_eq!(refused(&two), (2, 2, 2));
+    assert_eq!(refused(&TriMesh::default()), (0, 0, 0));
+}
+
+#[test]
+fn weights_that_mean_nothing_are_refused_by_name() {
+    let refused = |options: FlattenOptions| match options.validate() {
+        Err(FlattenError::Option { name, .. }) => Some(name),
+        _ => None,
+    };
+    assert_eq!(refused(FlattenOptions::default()), None);
+    assert_eq!(refused(sum(1.0, -1.0, 0.0)), Some("area"));
+    assert_eq!(refused(sum(1.0, 1.0, f64::NAN)), Some("perimeter"));
+    assert_eq!(refused(magnified(Energy::default(), f64::INFINITY)), Some("magnify"));
+    assert_eq!(refused(sum(0.0, 0.0, 1.0)), Some("angle"));
+    assert_eq!(refused(Method::Linear { angle: 0.0, area: 0.0 }.into()), Some("angle"));
+}
+
+/// The distortion of a map of the unit square.
+fn measured(map: impl Fn(DVec2) -> DVec2) -> Distortion {
+    let mesh = shapes::square();
+    let uv = mesh.positions.map(|p| map(p.truncate()));
+    distortion(&mesh, &uv)
+}
+
+#[test]
+fn an_isometry_has_no_distortion() {
+    let d = measured(|p| DVec2::from_angle(0.7).rotate(p) + DVec2::splat(3.0));
+    assert_eq!((d.flips, d.crossings), (0, 0));
+    for x in [d.qc_mean, d.qc_max, d.area_mean, d.area_max, d.symmetric_dirichlet / 4.0] {
+        assert!((x - 1.0).abs() < 1e-14, "{d:?}");
+    }
+}
+
+#[test]
+fn a_stretch_by_two_has_ratio_two_and_energy_five() {
+    let d = measured(|p| p * DVec2::new(2.0, 1.0));
+    assert!((d.qc_mean - 2.0).abs() < 1e-14 && (d.area_max - 1.0).abs() < 1e-14, "{d:?}");
+    assert!((d.symmetric_dirichlet - 5.0).abs() < 1e-14, "{d:?}");
+}
+
+#[test]
+fn a_mirrored_or_collapsed_map_is_all_flips() {
+    assert_eq!(measured(|p| p * DVec2::new(-1.0, 1.0)).flips, 2);
+    let d = measured(|_| DVec2::ZERO);
+    assert_eq!(d.flips, 2);
+    assert_eq!(d.symmetric_dirichlet, f64::INFINITY);
+    assert!(d.qc_max.is_finite() && d.area_max.is_finite(), "{d:?}");
+}
+
+#[test]
+fn a_fan_wound_twice_overlaps_itself_however_it_is_turned() {
+    let mesh = shapes::fan(9);
+    let wound = |turns: f64, by: f64| {
+        let place = |v: VertexId| match v.index() {
+            0 => DVec2::new(0.2, -0.1),
+            k => DVec2::from_angle(2.0 * PI * turns * (k - 1) as f64 / 9.0 + 0.3),
+        };
+        let uv = mesh.positions.ids().map(|v| DVec2::from_angle(by).rotate(place(v))).collect();
+        let Distortion { flips, crossings, .. } = distortion(&mesh, &uv);
+        assert_eq!(flips, 0, "nothing is flipped, wound {turns} times and turned by {by}");
+        crossings
+    };
+    for k in 0..40 {
+        let by = f64::from(k) * PI / 20.0;
+        assert_eq!(wound(1.0, by), 0);
+        assert!(wound(2.0, by) > 0, "turned by {by}");
+    }
+}
+
+/// Where the faces at a boundary vertex take more than a turn, a rim crosses a side of the fan, and
+/// the vertex itself is a second place.
+#[test]
+fn more_than_a_full_turn_at_a_boundary_vertex_is_an_overlap() {
+    // Vertex 0 with five faces along an open chain.
+    let mesh = TriMesh::from_arrays(
+        (0..7).map(|k| DVec3::new(f64::from(k), f64::from(k * k), 0.0)).collect(),
+        &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 6]],
+    );
+    let with = |turns: f64| {
+        let place = |v: VertexId| match v.index() {
+            0 => DVec2::ZERO,
+            k => DVec2::from_angle(2.0 * PI * turns * (k - 1) as f64 / 5.0) * (1.0 + 0.2 * k as f64),
+        };
+        distortion(&mesh, &mesh.positions.ids().map(place).collect()).crossings
+    };
+    assert_eq!((with(0.9), with(1.1)), (0, 2));
+}
+
+#[test]
+fn a_symmetric_shape_turns_to_its_first_vertex_off_the_centre() {
+    let uv = flatten(&shapes::fan(6), &FlattenOptions::default()).unwrap();
+    let first = uv[VertexId::new(1)];
+    assert!((first - DVec2::X).length() < 1e-9, "vertex 0 is the centre, vertex 1 at {first}");
 }
 
 #[test]

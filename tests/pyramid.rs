@@ -2,12 +2,14 @@
 //! manifolds of the same shape and can be undone.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use dermatome::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh, mean_edge_length, shapes},
-    pyramid::{CoarsenOptions, Level, LevelId, Pyramid, PyramidError, RemovalLog, coarsen},
+    mesh::{Adjacency, MeshError, TriMesh, mean_edge_length, shapes},
+    pyramid::{
+        CoarsenOptions, Level, LevelId, Prolongation, Pyramid, PyramidError, Removal, RemovalLog, coarsen,
+    },
     skin::{LinkId, Patch, TaxelId},
 };
 use glam::DVec3;
@@ -76,13 +78,9 @@ fn jittered(mesh: &TriMesh, share: f64, seed: u64) -> TriMesh {
 /// Pairs of neighbouring faces that turn away from each other by more than a right angle.
 fn folds(mesh: &TriMesh) -> usize {
     let adjacency = Adjacency::new(mesh).unwrap();
-    let sides = mesh.triangles.ids().flat_map(|face| (0..3).map(move |side| Halfedge::new(face, side)));
-    sides
-        .filter(|&h| {
-            let twin = adjacency.twin(h).filter(|t| t.face() > h.face());
-            twin.is_some_and(|t| mesh.face_cross(h.face()).dot(mesh.face_cross(t.face())) < 0.0)
-        })
-        .count()
+    let across = |f| adjacency.neighbours(f).into_iter().flatten().filter(move |other| *other > f);
+    let pairs = mesh.triangles.ids().flat_map(|f| across(f).map(move |other| [f, other]));
+    pairs.map(|pair| pair.map(|f| mesh.face_cross(f))).filter(|[a, b]| a.dot(*b) < 0.0).count()
 }
 
 /// A triangle from its smallest corner, so that equal triangles are equal.
@@ -100,13 +98,59 @@ fn set(triangles: impl IntoIterator<Item = [VertexId; 3]>) -> BTreeSet<[VertexId
     triangles.into_iter().map(rotated).collect()
 }
 
+fn components(mesh: &TriMesh, adjacency: &Adjacency) -> usize {
+    let (mut seen, mut count) = (mesh.positions.map(|_| false), 0);
+    for seed in mesh.positions.ids() {
+        count += usize::from(!seen[seed]);
+        let mut stack = vec![seed];
+        while let Some(v) = stack.pop() {
+            if !std::mem::replace(&mut seen[v], true) {
+                stack.extend(adjacency.ring(v));
+            }
+        }
+    }
+    count
+}
+
+/// The triangles that go with a removed vertex, around its whole ring or along an open chain.
+fn star(removal: &Removal<'_>) -> Vec<[VertexId; 3]> {
+    let Removal { vertex, ring, boundary, .. } = *removal;
+    let count = ring.len() - usize::from(boundary);
+    (0..count).map(|i| [vertex, ring[i], ring[(i + 1) % ring.len()]]).collect()
+}
+
+/// The triangles that take their place.
+fn filling<'a>(removal: &Removal<'a>) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
+    let ring = removal.ring;
+    removal.triangles.iter().map(move |t| t.map(|i| ring[usize::from(i)]))
+}
+
+/// The triangles of `fine` after the first `count` removals, each of which must be there to go.
+fn triangles_after(fine: &TriMesh, log: &RemovalLog, count: usize) -> BTreeSet<[VertexId; 3]> {
+    let mut triangles = set(fine.triangles.iter().copied());
+    for removal in log.iter().take(count) {
+        assert!(removal.ring.len() >= 3, "a ring is a polygon");
+        for t in star(&removal) {
+            assert!(triangles.remove(&rotated(t)), "star {t:?} is there when it goes");
+        }
+        for t in filling(&removal) {
+            assert!(triangles.insert(rotated(t)), "filling {t:?} is new");
+        }
+    }
+    triangles
+}
+
 /// Every law that holds for the pyramid of any patch.
 fn assert_laws(pyramid: &Pyramid) {
     pyramid.validate().unwrap();
     let ground = &pyramid.levels[LevelId::new(0)];
     let shape = |level: &Level| {
         let adjacency = Adjacency::new(&level.mesh).unwrap();
-        (adjacency.euler_characteristic(), adjacency.boundary_loops().len(), adjacency.components().1)
+        (
+            adjacency.euler_characteristic(),
+            adjacency.boundary_loops().len(),
+            components(&level.mesh, &adjacency),
+        )
     };
     let total = |x: &IdVec<VertexId, f64>| x.iter().sum::<f64>();
     let forces: IdVec<VertexId, f64> =
@@ -148,23 +192,14 @@ fn assert_step(fine: &Level, log: &RemovalLog, coarse: &Level) {
         assert_eq!(up.indices[v], direct.indices[taxel], "up is direct's rows of surviving taxels");
         assert_eq!(up.weights[v], direct.weights[taxel], "up is direct's rows of surviving taxels");
     }
-    let finer = coarse.finer_vertices(fine).unwrap();
-    for (v, &vertex) in finer.enumerate() {
-        assert_eq!(fine.origins[vertex], coarse.origins[v], "a vertex is the same taxel on both levels");
-    }
-
-    let mut triangles = set(coarse.mesh.triangles.iter().map(|t| t.map(|v| finer[v])));
-    assert_eq!(triangles, set(log.triangles_after(&fine.mesh.triangles, log.len())), "all removals");
-    for removal in log.iter().rev() {
-        assert!(removal.ring.len() >= 3, "a ring is a polygon");
-        for t in removal.filling() {
-            assert!(triangles.remove(&rotated(t)), "filling {t:?} is there when it is undone");
-        }
-        for t in removal.star() {
-            assert!(triangles.insert(rotated(t)), "star {t:?} is new when it is put back");
-        }
-    }
-    assert_eq!(triangles, set(fine.mesh.triangles.iter().copied()), "undone, the log gives the fine mesh");
+    let vertex_of: BTreeMap<_, _> = fine.origins.enumerate().map(|(v, &taxel)| (taxel, v)).collect();
+    let finer = coarse.origins.map(|taxel| vertex_of[taxel]);
+    let coarse_triangles = set(coarse.mesh.triangles.iter().map(|t| t.map(|v| finer[v])));
+    assert_eq!(
+        triangles_after(&fine.mesh, log, usize::MAX),
+        coarse_triangles,
+        "all removals give the coarse mesh"
+    );
 }
 
 #[test]
@@ -415,8 +450,9 @@ fn pressure_on_living_taxels_keeps_the_force() {
 fn removals_can_be_undone_in_part() {
     let pyramid = pyramid(sieve(30, 30, 7));
     let (fine, log, _) = steps(&pyramid).next().unwrap();
-    for count in [0, 1, log.len() / 2, log.len() - 1] {
-        let triangles = log.triangles_after(&fine.mesh.triangles, count);
+    let removals = log.iter().len();
+    for count in [0, 1, removals / 2, removals - 1] {
+        let triangles = triangles_after(&fine.mesh, log, count).into_iter().collect();
         let mesh = TriMesh { positions: fine.mesh.positions.clone(), triangles };
         let gone: BTreeSet<_> = log.iter().take(count).map(|r| r.vertex).collect();
         let left = punched(&mesh, |v| gone.contains(&v));
@@ -469,4 +505,46 @@ fn a_ratio_that_makes_no_levels_is_refused() {
         let error = coarsen_patch(&patch(shapes::square()), &options).unwrap_err();
         assert_eq!(error, PyramidError::Ratio { found, least: 1.5 });
     }
+}
+
+/// Two fine vertices: one is coarse vertex 0, the other the middle of 0 and 2.
+fn middle() -> Prolongation {
+    Prolongation {
+        indices: IdVec::filled([0, 1, 2].map(VertexId::new), 2),
+        weights: vec![[1.0, 0.0, 0.0], [0.5, 0.0, 0.5]].into(),
+        coarse_len: 3,
+    }
+}
+
+#[test]
+fn values_are_blended_and_amounts_are_shared() {
+    let p = middle();
+    p.validate().unwrap();
+    assert_eq!(p.apply(&vec![2.0, 7.0, 4.0].into()).as_slice(), [2.0, 3.0]);
+    assert_eq!(p.restrict(&vec![1.0, 8.0].into()).as_slice(), [5.0, 0.0, 4.0]);
+    let row: Vec<_> = p.row(VertexId::new(1)).collect();
+    assert_eq!(row, [(VertexId::new(0), 0.5), (VertexId::new(2), 0.5)], "unused slots are left out");
+}
+
+#[test]
+fn pressure_is_a_mean_over_the_taxels_that_work() {
+    let (p, pressures, areas) = (middle(), vec![10.0, 40.0].into(), vec![1.0, 2.0].into());
+    let all = p.restrict_pressure(&pressures, &areas, |_| true);
+    assert_eq!(all.as_slice(), [Some(25.0), None, Some(40.0)], "(10 1 1 + 40 2 0.5) / 2, no taxel, one");
+    let first = p.restrict_pressure(&pressures, &areas, |v| v.index() == 0);
+    assert_eq!(first.as_slice(), [Some(10.0), None, None], "the other taxel is dead");
+}
+
+#[test]
+fn rows_that_are_not_a_convex_combination_are_named() {
+    let row = VertexId::new(1);
+    for weights in [[0.5, 0.5, 0.5], [1.5, -0.5, 0.0], [f64::NAN, 0.5, 0.5]] {
+        let mut p = middle();
+        p.weights[row] = weights;
+        assert!(matches!(p.validate(), Err(PyramidError::Weights { row: found, .. }) if found == row));
+    }
+    let found = VertexId::new(3);
+    let mut p = middle();
+    p.indices[row][1] = found;
+    assert_eq!(p.validate(), Err(PyramidError::OutOfRange { row, found, count: 3 }));
 }

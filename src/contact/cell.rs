@@ -3,10 +3,9 @@
 use glam::DVec2;
 
 use crate::{
-    contact::{ContactError, geometry::face_of_all},
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapLevel, PatchMap},
-    mesh::{SurfacePoint, TriMesh, VertexCorners},
+    map::{ImageFrame, MapError, MapLevel, PatchMap},
+    mesh::SurfacePoint,
     pyramid::{LevelId, Prolongation},
     skin::TaxelId,
 };
@@ -52,12 +51,6 @@ impl FieldWeights {
         self.fields[..self.len].iter().copied().zip(self.weights[..self.len].iter().copied())
     }
 
-    /// Weight of `field`; 0 if the contact does not lie in it.
-    #[must_use]
-    pub fn of(&self, field: VertexId) -> f64 {
-        self.fields[..self.len].binary_search(&field).map_or(0.0, |at| self.weights[at])
-    }
-
     /// The field of the largest weight, the smallest of several.
     fn strongest(&self) -> VertexId {
         let best = self.iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
@@ -87,7 +80,6 @@ pub(super) struct PatchCells {
     levels: IdVec<LevelId, LevelCells>,
 }
 
-/// What a lookup needs of one level.
 #[derive(Debug, Clone)]
 struct LevelCells {
     uv: IdVec<VertexId, DVec2>,
@@ -103,13 +95,13 @@ struct LevelCells {
 #[derive(Debug, Clone)]
 struct Coarse {
     to_finest: Prolongation,
-    /// The face of the coarser level that each row of `to_finest` lies in.
+    /// See [`MapLevel::row_faces`].
     faces: IdVec<VertexId, FaceId>,
 }
 
 impl PatchCells {
     /// From a patch of a valid map.
-    pub(super) fn new(patch: &PatchMap) -> Result<Self, ContactError> {
+    pub(super) fn new(patch: &PatchMap) -> Result<Self, MapError> {
         let levels = patch.levels.enumerate().map(|(id, map)| LevelCells::new(patch, id, map));
         Ok(Self { levels: levels.collect::<Result<Vec<_>, _>>()?.into() })
     }
@@ -150,38 +142,6 @@ impl PatchCells {
 }
 
 impl Coarse {
-    /// Finds the face of every row: the smallest that holds all its vertices of positive weight.
-    fn new(
-        patch: &str,
-        level: LevelId,
-        mesh: &TriMesh,
-        to_finest: &Prolongation,
-    ) -> Result<Self, ContactError> {
-        let around = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
-        let face_of = |(row, &corners): (VertexId, &[VertexId; 3])| {
-            let weights = to_finest.weights[row];
-            let mut present = [VertexId::default(); 3];
-            let mut len = 0;
-            for (corner, weight) in corners.into_iter().zip(weights) {
-                if weight != 0.0 {
-                    present[len] = corner;
-                    len += 1;
-                }
-            }
-            let face = face_of_all(&around, &mesh.triangles, &present[..len]);
-            let patch = || patch.to_owned();
-            face.ok_or_else(|| ContactError::NoFace {
-                patch: patch(),
-                level: level.index(),
-                row,
-                corners,
-                weights,
-            })
-        };
-        let faces = to_finest.indices.enumerate().map(face_of).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { to_finest: to_finest.clone(), faces: faces.into() })
-    }
-
     /// Where the direct prolongation puts a vertex of level 0.
     fn point(&self, triangles: &IdVec<FaceId, [VertexId; 3]>, vertex: VertexId) -> SurfacePoint {
         let face = self.faces[vertex];
@@ -197,15 +157,18 @@ impl Coarse {
 }
 
 impl LevelCells {
-    fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Result<Self, ContactError> {
+    fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Result<Self, MapError> {
         let level = &map.level;
-        let coarse = level.to_finest.as_ref().map(|rows| Coarse::new(&patch.name, id, &level.mesh, rows));
+        let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
+        let coarse = |to_finest: Prolongation| {
+            map.row_faces(&to_finest).map(|faces| Coarse { to_finest, faces }).map_err(wrong)
+        };
         Ok(Self {
             uv: map.uv.clone(),
             frame: map.frame,
             taxels: level.origins.map(|&origin| patch.taxels.ids[origin]),
             triangles: level.mesh.triangles.clone(),
-            coarse: coarse.transpose()?,
+            coarse: level.to_finest.clone().map(coarse).transpose()?,
         })
     }
 }

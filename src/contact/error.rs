@@ -68,23 +68,6 @@ pub enum ContactError {
         /// Its coordinates, in m.
         position: [f64; 3],
     },
-    /// A row of a level's prolongation to the finest level names no face of the level.
-    #[error(
-        "{patch}/L{level}: row {row} of to_finest has vertices {corners:?} with weights {weights:?}; the corners of one \
-         face with non-negative weights are needed"
-    )]
-    NoFace {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: usize,
-        /// The row: a vertex of level 0.
-        row: VertexId,
-        /// What it names.
-        corners: [VertexId; 3],
-        /// With which weights.
-        weights: [f64; 3],
-    },
     /// A patch with more faces than an index can count.
     #[error("patch {patch:?} has {faces} faces, the last being {last}; fewer than 2^28 are needed")]
     TooManyFaces {

@@ -38,7 +38,6 @@ struct IndexedLink {
 
 #[derive(Debug, Clone)]
 struct IndexedPatch {
-    name: String,
     link: LinkId,
     tree: PatchBvh,
     cells: PatchCells,
@@ -48,7 +47,7 @@ impl IndexedPatch {
     /// From a patch of a valid map.
     fn new(patch: &PatchMap) -> Result<Self, ContactError> {
         let tree = PatchBvh::new(&patch.name, &patch.levels[LevelId::new(0)].level.mesh)?;
-        Ok(Self { name: patch.name.clone(), link: patch.link, tree, cells: PatchCells::new(patch)? })
+        Ok(Self { link: patch.link, tree, cells: PatchCells::new(patch)? })
     }
 }
 
@@ -126,30 +125,6 @@ impl ContactIndex {
         self.links.map(|link| link.pose.pose())
     }
 
-    /// The first link of that name.
-    #[must_use]
-    pub fn link_named(&self, name: &str) -> Option<LinkId> {
-        self.links.enumerate().find(|(_, link)| link.name == name).map(|(id, _)| id)
-    }
-
-    /// Name of a patch; `None` if the map has no such patch.
-    #[must_use]
-    pub fn patch_name(&self, patch: PatchId) -> Option<&str> {
-        self.patches.get(patch).map(|p| p.name.as_str())
-    }
-
-    /// Number of levels of a patch; 0 if the map has no such patch.
-    #[must_use]
-    pub fn level_count(&self, patch: PatchId) -> usize {
-        self.patches.get(patch).map_or(0, |p| p.cells.len())
-    }
-
-    /// Number of patches.
-    #[must_use]
-    pub fn patch_count(&self) -> usize {
-        self.patches.len()
-    }
-
     fn update_posed_boxes(&mut self) {
         let posed = |patch: PatchId, origin: DVec3| {
             let patch = &self.patches[patch];
@@ -202,27 +177,23 @@ impl ContactIndex {
         contact.link.map_or(contact.point, |link| self.links[link].pose.to_world(contact.point))
     }
 
-    /// The answer to a contact that has been checked; `near` is measured first.
-    pub(super) fn answer(
-        &self,
-        contact: &Query,
-        near: Option<(PatchId, FaceId)>,
-    ) -> Result<Hit, ContactError> {
-        let mut best = near.and_then(|(patch, face)| self.seed(contact, patch, face));
+    /// The answer to a query that has been checked; `near` is measured first.
+    pub(super) fn answer(&self, query: &Query, near: Option<(PatchId, FaceId)>) -> Result<Hit, ContactError> {
+        let mut best = near.and_then(|(patch, face)| self.seed(query, patch, face));
         let reached = |best: &Option<Best>| Best::squared(best.as_ref()).sqrt();
-        match contact.link {
+        match query.link {
             None => {
                 let distance = reached(&best);
-                self.boxes.each_within(contact.point, distance, |id| {
+                self.boxes.each_within(query.point, distance, |id| {
                     let patch = &self.patches[id];
-                    let q = self.links[patch.link].pose.to_local(contact.point);
+                    let q = self.links[patch.link].pose.to_local(query.point);
                     Search::new(&patch.tree, id, q).run(&mut best);
                     reached(&best)
                 });
             }
-            Some(link) => self.search_link(link, contact.point, &mut best),
+            Some(link) => self.search_link(link, query.point, &mut best),
         }
-        best.map(|best| self.hit(contact, &best)).ok_or(ContactError::NoSkin)
+        best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
     }
 
     /// Searches the patches of one link, the one with the nearest box first.
@@ -290,7 +261,8 @@ impl ContactIndex {
     /// Where a hit lies on the maps of all levels of its patch, finest first.
     pub fn cells(&self, hit: &Hit) -> impl Iterator<Item = Cell> + '_ {
         let hit = *hit;
-        (0..self.level_count(hit.patch)).filter_map(move |level| self.cell(&hit, LevelId::new(level)))
+        let levels = self.patches.get(hit.patch).map_or(0, |patch| patch.cells.len());
+        (0..levels).filter_map(move |level| self.cell(&hit, LevelId::new(level)))
     }
 }
 

@@ -76,6 +76,8 @@ mod geometry;
 mod index;
 mod query;
 mod search;
+#[cfg(test)]
+mod soup;
 
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;

@@ -18,12 +18,6 @@ pub struct Query {
 }
 
 impl Query {
-    /// A contact in world coordinates, in m.
-    #[must_use]
-    pub const fn world(point: DVec3) -> Self {
-        Self { point, link: None }
-    }
-
     /// A contact in the frame of a link, in m.
     #[must_use]
     pub const fn on_link(link: LinkId, point: DVec3) -> Self {
@@ -34,7 +28,7 @@ impl Query {
 impl From<DVec3> for Query {
     /// A point in world coordinates, in m.
     fn from(point: DVec3) -> Self {
-        Self::world(point)
+        Self { point, link: None }
     }
 }
 

@@ -6,7 +6,7 @@ use crate::{
     flatten::{
         FlattenError, FlattenOptions, Method,
         bijective::overlap::overlaps,
-        domain::{disk::Disk, flatten_domain::FlattenDomain, magnification::Magnification},
+        domain::{disk::Disk, elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification},
         levels::{
             insertion::Insertion,
             refine::refine,
@@ -75,11 +75,7 @@ fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
 
 /// Refuses a map that overlaps itself although it must not: the promise is checked on the final
 /// numbers.
-fn check_overlap(
-    mesh: &TriMesh,
-    uv: &IdVec<VertexId, DVec2>,
-    options: &FlattenOptions,
-) -> Result<(), FlattenError> {
+fn check_overlap(mesh: &TriMesh, uv: &Uv, options: &FlattenOptions) -> Result<(), FlattenError> {
     let crossings = if options.bijective { overlaps(mesh, uv) } else { 0 };
     if crossings > 0 { Err(FlattenError::Overlap { crossings }) } else { Ok(()) }
 }
@@ -123,7 +119,7 @@ pub fn flatten_pyramid(
         return Err(PyramidError::Length { what: "removals", found, needed }.into());
     }
     let magnification = Magnification::new(options.method, densities, &finest.areas)?;
-    let mut maps: Vec<IdVec<VertexId, DVec2>> = Vec::new();
+    let mut maps: Vec<Uv> = Vec::new();
     for (id, level) in pyramid.levels.enumerate().rev() {
         let magnification = magnification.restricted(level, &finest.areas);
         let domain = FlattenDomain::new(&level.mesh)?.magnified(&magnification.of_faces(&level.mesh));
@@ -149,11 +145,8 @@ pub fn flatten_pyramid(
 
 /// Normalises level 0 and turns the coarser maps so that their vertices lie near the same taxels of
 /// level 0.
-fn align_levels(
-    pyramid: &Pyramid,
-    maps: &[IdVec<VertexId, DVec2>],
-) -> IdVec<LevelId, IdVec<VertexId, DVec2>> {
-    let mut placed: IdVec<LevelId, IdVec<VertexId, DVec2>> = IdVec::new();
+fn align_levels(pyramid: &Pyramid, maps: &[Uv]) -> IdVec<LevelId, Uv> {
+    let mut placed: IdVec<LevelId, Uv> = IdVec::new();
     for (level, uv) in pyramid.levels.iter().zip(maps) {
         let direction = match placed.get(LevelId::new(0)) {
             None => main_direction(&level.mesh, uv),

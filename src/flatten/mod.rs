@@ -65,10 +65,10 @@
 //!
 //! - `options`, `error`: what is asked for, and why it may fail; `flatten`: the two entry points
 //! - `domain/` (`disk`, `elements`, `flatten_domain`, `magnification`): what is known of the skin
-//! - `energy/` (`density`, `objective`, `newton`): one face, all faces, the minimiser; a new energy
-//!   goes into `density`
+//! - `energy/` (`face_energy`, `objective`, `newton`): one face, all faces, the minimiser; a new energy
+//!   goes into `face_energy`
 //! - `start/` (`conformal`, `linear`, `tutte`, `untangle`): maps without another one to start from
-//! - `bijective/` (`crossings`, `overlap`, `barrier`, `minimise`): whether a map overlaps itself,
+//! - `bijective/` (`crossings`, `overlap`, `barrier`): whether a map overlaps itself,
 //!   and how that is prevented
 //! - `levels/` (`relax`, `insertion`, `refine`): least energy on one level; from one to the next
 //! - `placement`: where the finished map lies; `distortion`: how faithful any map is

@@ -129,30 +129,3 @@ fn check_weights(angle: f64, area: f64, perimeter: f64) -> Result<(), FlattenErr
     }
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn refused(method: Method) -> Option<&'static str> {
-        match FlattenOptions::from(method).validate() {
-            Err(FlattenError::Option { name, .. }) => Some(name),
-            _ => None,
-        }
-    }
-
-    #[test]
-    fn weights_that_mean_nothing_are_refused_by_name() {
-        let sum = |angle, area, perimeter| Method::Intrinsic {
-            energy: Energy::Sum { angle, area, perimeter },
-            magnify: 0.0,
-        };
-        assert_eq!(refused(Method::default()), None);
-        assert_eq!(refused(sum(1.0, -1.0, 0.0)), Some("area"));
-        assert_eq!(refused(sum(1.0, 1.0, f64::NAN)), Some("perimeter"));
-        let magnified = Method::Intrinsic { energy: Energy::default(), magnify: f64::INFINITY };
-        assert_eq!(refused(magnified), Some("magnify"));
-        assert_eq!(refused(sum(0.0, 0.0, 1.0)), Some("angle"));
-        assert_eq!(refused(Method::Linear { angle: 0.0, area: 0.0 }), Some("angle"));
-    }
-}

@@ -6,8 +6,8 @@
 use glam::DVec2;
 
 use crate::{
-    id::{IdVec, VertexId},
-    mesh::TriMesh,
+    flatten::domain::elements::Uv,
+    mesh::{TriMesh, signed_area},
 };
 
 /// Moments closer than this, relatively, are equal: such a shape has no direction of its own.
@@ -23,7 +23,7 @@ struct Moments {
 
 /// Calls `visit(mass, position)` for points that carry the area: the middles of the faces' sides, a
 /// third of the face each, which integrates second moments exactly.
-fn each_mass(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, mut visit: impl FnMut(f64, DVec2)) {
+fn each_mass(mesh: &TriMesh, uv: &Uv, mut visit: impl FnMut(f64, DVec2)) {
     let total = mesh.area();
     for (face, corners) in mesh.triangles.enumerate() {
         let [a, b, c] = corners.map(|v| uv[v]);
@@ -33,7 +33,7 @@ fn each_mass(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, mut visit: impl FnMut(
     }
 }
 
-fn moments(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Moments {
+fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
     let mut centre = DVec2::ZERO;
     each_mass(mesh, uv, |m, p| centre += m * p);
     let mut second = [0.0; 3];
@@ -51,7 +51,7 @@ fn moments(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Moments {
 /// That is the longer principal axis, towards the side where the map reaches farther (third
 /// moment). A shape without such an axis or side, like a disk, turns so that its first vertex off
 /// the centre lies on the positive x axis or side.
-pub(super) fn main_direction(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> DVec2 {
+pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv) -> DVec2 {
     let Moments { centre, second: [xx, yy, xy] } = moments(mesh, uv);
     let spread = xx + yy;
     let radius = spread.max(0.0).sqrt();
@@ -76,19 +76,8 @@ pub(super) fn main_direction(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> DVe
 
 /// Moves, turns and scales a map, in m: its centre at the origin, `direction` along x, as large as
 /// the skin.
-pub(super) fn normalise_map(
-    mesh: &TriMesh,
-    uv: &IdVec<VertexId, DVec2>,
-    direction: DVec2,
-) -> IdVec<VertexId, DVec2> {
-    let map_area: f64 = mesh
-        .triangles
-        .iter()
-        .map(|t| {
-            let [a, b, c] = t.map(|v| uv[v]);
-            0.5 * (b - a).perp_dot(c - a).abs()
-        })
-        .sum();
+pub(super) fn normalise_map(mesh: &TriMesh, uv: &Uv, direction: DVec2) -> Uv {
+    let map_area: f64 = mesh.triangles.iter().map(|t| signed_area(t.map(|v| uv[v])).abs()).sum();
     let scale = if map_area > 0.0 { (mesh.area() / map_area).sqrt() } else { 1.0 };
     let centre = moments(mesh, uv).centre;
     let back = DVec2::new(direction.x, -direction.y);
@@ -108,37 +97,4 @@ pub(super) fn direction_like<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVe
         })
         .sum();
     turn.try_normalize().unwrap_or(DVec2::X)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::mesh::shapes;
-
-    #[test]
-    fn a_map_is_normalised_alike_however_it_lay() {
-        let mut mesh = shapes::lattice(9, 4, 0.01);
-        for p in mesh.positions.iter_mut() {
-            // Wider on one side, so that the third moment knows left from right.
-            p.y *= 1.0 + 5.0 * p.x;
-        }
-        let flat = mesh.positions.map(|p| p.truncate());
-        let settled = |uv: &IdVec<VertexId, DVec2>| normalise_map(&mesh, uv, main_direction(&mesh, uv));
-        let lying = settled(&flat);
-        let turned = settled(&flat.map(|&p| DVec2::from_angle(2.2).rotate(p) * 7.0 + DVec2::X));
-        assert!(lying.iter().zip(&turned).all(|(a, b)| a.distance(*b) < 1e-14), "{lying:?}\n{turned:?}");
-        assert!(
-            (TriMesh { positions: lying.map(|p| p.extend(0.0)), ..mesh.clone() }.area() - mesh.area()).abs()
-                < 1e-15
-        );
-    }
-
-    #[test]
-    fn a_symmetric_shape_turns_to_its_first_vertex_off_the_centre() {
-        let mesh = shapes::fan(6);
-        let uv = mesh.positions.map(|p| DVec2::from_angle(1.0).rotate(p.truncate()));
-        let placed = normalise_map(&mesh, &uv, main_direction(&mesh, &uv));
-        let first = placed[VertexId::new(1)];
-        assert!((first - DVec2::X).length() < 1e-12, "vertex 0 is the centre, vertex 1 at {first}");
-    }
 }

@@ -2,6 +2,8 @@
 
 use glam::DVec2;
 
+use crate::mesh::rectangle_around;
+
 /// The rectangle of the map plane that the image of a level shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageFrame {
@@ -16,11 +18,8 @@ pub struct ImageFrame {
 impl ImageFrame {
     /// The smallest frame of whole pixels around `positions` with one pixel of margin on each side,
     /// `pixel` metres per pixel.
-    pub fn around<'a>(positions: impl IntoIterator<Item = &'a DVec2>, pixel: f64) -> Self {
-        let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for &p in positions {
-            (lo, hi) = (lo.min(p), hi.max(p));
-        }
+    pub(crate) fn around<'a>(positions: impl IntoIterator<Item = &'a DVec2>, pixel: f64) -> Self {
+        let (lo, hi) = rectangle_around(positions.into_iter().copied());
         Self::around_box(lo, hi, pixel, 1)
     }
 

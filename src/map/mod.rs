@@ -5,10 +5,8 @@
 
 mod error;
 mod frame;
-mod level;
 mod skin_map;
 
 pub use error::MapError;
 pub use frame::ImageFrame;
-pub use level::MapLevel;
-pub use skin_map::{PatchMap, SkinMap};
+pub use skin_map::{MapLevel, PatchMap, SkinMap};

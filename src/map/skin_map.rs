@@ -3,13 +3,57 @@
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::{
-    flatten::Distortion,
-    id::{IdVec, VertexId},
-    map::{MapError, MapLevel},
-    mesh::TriMesh,
-    pyramid::{Level, LevelId, Pyramid, PyramidError, check_levels},
+    flatten::{Distortion, distortion},
+    id::{FaceId, IdVec, VertexId},
+    map::{ImageFrame, MapError},
+    mesh::{TriMesh, VertexCorners},
+    pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
     skin::{Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches},
 };
+
+/// One level of a patch with its map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapLevel {
+    /// The level: its mesh in the link's frame, and how it is joined to the others.
+    pub level: Level,
+    /// Map positions, in m.
+    pub uv: IdVec<VertexId, DVec2>,
+    /// The rectangle its image shows.
+    pub frame: ImageFrame,
+    /// How faithful the map is.
+    pub distortion: Distortion,
+}
+
+impl MapLevel {
+    /// A level with its map `uv` (m), which is measured; images have `pixel` metres per pixel.
+    ///
+    /// # Panics
+    /// If the map has not one position per vertex, or a triangle names a vertex that does not
+    /// exist.
+    pub(crate) fn new(level: Level, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
+        let frame = ImageFrame::around(&uv, pixel);
+        Self { distortion: distortion(&level.mesh, &uv), level, uv, frame }
+    }
+
+    /// The face of the level that each row of its `to_finest` lies in: the smallest that holds all
+    /// vertices of positive weight.
+    ///
+    /// # Errors
+    /// The first row whose vertices belong to no common face.
+    pub(crate) fn row_faces(&self, rows: &Prolongation) -> Result<IdVec<VertexId, FaceId>, PyramidError> {
+        let mesh = &self.level.mesh;
+        let around = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
+        let face_of = |(row, &weights): (VertexId, &[f64; 3])| {
+            let corners = rows.indices[row];
+            let is_corner = |t: &[VertexId; 3]| (0..3).all(|k| weights[k] == 0.0 || t.contains(&corners[k]));
+            let mut faces =
+                weights.iter().position(|w| *w != 0.0).into_iter().flat_map(|k| around.faces(corners[k]));
+            let face = faces.find(|&f| is_corner(&mesh.triangles[f]));
+            face.ok_or(PyramidError::NoFace { row, corners, weights })
+        };
+        Ok(rows.weights.enumerate().map(face_of).collect::<Result<Vec<_>, _>>()?.into())
+    }
+}
 
 /// One patch with the maps of its levels.
 #[derive(Debug, Clone, PartialEq)]

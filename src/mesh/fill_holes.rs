@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::VertexId,
-    mesh::{Adjacency, MeshError, TriMesh},
+    mesh::{Adjacency, MeshError, TriMesh, loop_length},
 };
 
 /// Closes every hole whose boundary loop has at most `max_edges` edges, with triangles between its
@@ -16,15 +16,11 @@ use crate::{
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold.
-pub fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec<VertexId>>, MeshError> {
+pub(crate) fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec<VertexId>>, MeshError> {
     let adjacency = Adjacency::new(mesh)?;
     let mut loops = adjacency.boundary_loops();
-    let length = |walk: &[VertexId]| -> f64 {
-        let next = walk.iter().cycle().skip(1);
-        walk.iter().zip(next).map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum()
-    };
-    let outer =
-        (0..loops.len()).max_by(|&i, &j| length(&loops[i]).total_cmp(&length(&loops[j])).then(j.cmp(&i)));
+    let length = |i: usize| loop_length(mesh, &loops[i]);
+    let outer = (0..loops.len()).max_by(|&i, &j| length(i).total_cmp(&length(j)).then(j.cmp(&i)));
     if let Some(outer) = outer {
         loops.remove(outer);
     }
@@ -85,41 +81,4 @@ fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Optio
         }
     }
     Some(triangles)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::mesh::shapes;
-
-    /// A lattice with the star of one inner vertex cut out: a hole of six edges.
-    fn lattice_with_a_hole() -> TriMesh {
-        let mut mesh = shapes::lattice(7, 7, 0.01);
-        let gone = VertexId::new(24);
-        mesh.triangles = mesh.triangles.into_iter().filter(|t| !t.contains(&gone)).collect();
-        let keep = |v: VertexId| if v > gone { VertexId::new(v.index() - 1) } else { v };
-        mesh.triangles = mesh.triangles.map(|t| t.map(keep));
-        mesh.positions = mesh.positions.enumerate().filter(|(v, _)| *v != gone).map(|(_, &p)| p).collect();
-        mesh
-    }
-
-    #[test]
-    fn a_filled_hole_makes_the_flat_sheet_whole() {
-        let mut mesh = lattice_with_a_hole();
-        let area = shapes::lattice(7, 7, 0.01).area();
-        let closed = fill_holes(&mut mesh, 6).unwrap();
-        assert_eq!(closed.len(), 1, "one hole");
-        assert_eq!(Adjacency::new(&mesh).unwrap().boundary_loops().len(), 1, "the outer boundary stays");
-        assert!((mesh.area() - area).abs() < 1e-12, "a flat hole has one least area: its own");
-        let up = mesh.triangles.ids().all(|f| mesh.face_cross(f).z > 0.0);
-        assert!(up, "the filling faces outward like the rest");
-    }
-
-    #[test]
-    fn a_hole_with_more_edges_stays_open() {
-        let mut mesh = lattice_with_a_hole();
-        let before = mesh.clone();
-        assert!(fill_holes(&mut mesh, 5).unwrap().is_empty());
-        assert_eq!(mesh, before);
-    }
 }

@@ -1,21 +1,43 @@
-//! Angles, cotangents and lengths of triangles.
+//! Angles, cotangents and lengths of triangles, and which poses are rigid.
 
-use glam::DVec3;
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-use crate::mesh::{Adjacency, TriMesh};
+use crate::{
+    id::VertexId,
+    mesh::{Adjacency, TriMesh},
+};
+
+/// How far the columns of a matrix may be from an orthonormal frame and still count as one,
+/// rounding apart.
+const ROTATION_ROUNDING: f64 = 1e-9;
+
+/// How far the axes of a pose may be from unit length and right angles: files store poses in `f32`,
+/// and a chain of links multiplies a few of them.
+const RIGID_TOLERANCE: f64 = 1e-5;
 
 /// Angle at `at` in the triangle `at`, `b`, `c`, in rad; accurate for slivers too.
-#[must_use]
-pub fn angle(at: DVec3, b: DVec3, c: DVec3) -> f64 {
+pub(crate) fn angle(at: DVec3, b: DVec3, c: DVec3) -> f64 {
     let (u, v) = (b - at, c - at);
     u.cross(v).length().atan2(u.dot(v))
 }
 
 /// Cotangent of the angle at `at` in the triangle `at`, `b`, `c`; infinite for a zero angle.
-#[must_use]
 pub(crate) fn cotangent(at: DVec3, b: DVec3, c: DVec3) -> f64 {
     let (u, v) = (b - at, c - at);
     u.dot(v) / u.cross(v).length()
+}
+
+/// Length of a closed walk along vertices, in m.
+pub(crate) fn loop_length(mesh: &TriMesh, walk: &[VertexId]) -> f64 {
+    let next = walk.iter().cycle().skip(1);
+    walk.iter().zip(next).map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum()
+}
+
+/// The smallest rectangle around places, `(min, max)`; the origin without a finite one.
+pub(crate) fn rectangle_around(places: impl Iterator<Item = DVec2>) -> (DVec2, DVec2) {
+    let grow = |(lo, hi): (DVec2, DVec2), p: DVec2| (lo.min(p), hi.max(p));
+    let (lo, hi) = places.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), grow);
+    if lo.is_finite() && hi.is_finite() { (lo, hi) } else { (DVec2::ZERO, DVec2::ZERO) }
 }
 
 /// Mean length of all edges, in m; zero without edges.
@@ -31,4 +53,22 @@ pub fn mean_edge_length(mesh: &TriMesh, adjacency: &Adjacency) -> f64 {
         }
     }
     if count == 0 { 0.0 } else { sum / count as f64 }
+}
+
+/// Whether a pose is finite and only rotates and translates.
+pub(crate) fn is_rigid(pose: &DAffine3) -> bool {
+    let axes = &pose.matrix3;
+    pose.is_finite() && rotation_defect(axes) <= RIGID_TOLERANCE && axes.determinant() > 0.0
+}
+
+/// Whether a matrix neither scales nor mirrors.
+pub(crate) fn is_rotation(matrix: &DMat3) -> bool {
+    rotation_defect(matrix) <= ROTATION_ROUNDING && matrix.determinant() > 0.0
+}
+
+/// Largest entry of `M' M - I`: 0 for a rotation, infinite where an entry is not a number.
+pub(crate) fn rotation_defect(matrix: &DMat3) -> f64 {
+    let defect = matrix.transpose() * *matrix - DMat3::IDENTITY;
+    let size = |x: f64| if x.is_nan() { f64::INFINITY } else { x.abs() };
+    defect.to_cols_array().into_iter().map(size).fold(0.0, f64::max)
 }

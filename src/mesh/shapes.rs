@@ -59,19 +59,23 @@ pub fn lattice(columns: u32, rows: u32, spacing: f64) -> TriMesh {
 /// A lattice of `columns x rows` vertices placed by `position(column, row)`, as one disk.
 pub fn sheet(columns: u32, rows: u32, position: impl Fn(u32, u32) -> DVec3) -> TriMesh {
     let positions = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
+    let triangles = between_rows(columns, rows, columns.saturating_sub(1));
+    TriMesh::from_arrays(positions.map(|(i, j)| position(i, j)).collect(), &triangles)
+}
+
+/// The triangles between rows of vertices, odd ones shifted by half a spacing, `cells` pairs
+/// between two rows; with as many as `columns` the rows are closed.
+fn between_rows(columns: u32, rows: u32, cells: u32) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     for j in 0..rows.saturating_sub(1) {
-        for i in 0..columns.saturating_sub(1) {
-            let [a, b] = [j * columns + i, j * columns + i + 1];
+        for i in 0..cells {
+            let [a, b] = [j * columns + i, j * columns + (i + 1) % columns];
             let [c, d] = [a + columns, b + columns];
-            if j % 2 == 0 {
-                triangles.extend([[a, b, c], [b, d, c]]);
-            } else {
-                triangles.extend([[a, b, d], [a, d, c]]);
-            }
+            let pair = if j % 2 == 0 { [[a, b, c], [b, d, c]] } else { [[a, b, d], [a, d, c]] };
+            triangles.extend(pair);
         }
     }
-    TriMesh::from_arrays(positions.map(|(i, j)| position(i, j)).collect(), &triangles)
+    triangles
 }
 
 /// A tube open at both ends around the z axis: two boundary loops, Euler characteristic 0.
@@ -85,19 +89,7 @@ pub fn tube(around: u32, along: u32, radius: f64, height: f64) -> TriMesh {
             DVec3::new(radius * cos, radius * sin, z)
         })
     });
-    let mut triangles = Vec::new();
-    for j in 0..along - 1 {
-        for i in 0..around {
-            let at = |i: u32, j: u32| j * around + i % around;
-            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
-            if j % 2 == 0 {
-                triangles.extend([[a, b, c], [b, d, c]]);
-            } else {
-                triangles.extend([[a, b, d], [a, d, c]]);
-            }
-        }
-    }
-    TriMesh::from_arrays(positions.collect(), &triangles)
+    TriMesh::from_arrays(positions.collect(), &between_rows(around, along, around))
 }
 
 /// A torus: closed, one handle, Euler characteristic 0.

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{MeshError, SurfacePoint, error::MAX_FACES},
+    mesh::{MeshError, error::MAX_FACES},
 };
 
 /// Positions in metres, and triangles that run counter-clockwise seen from outside.
@@ -84,8 +84,7 @@ impl TriMesh {
     }
 
     /// A third of the area of the faces around each vertex, in m^2: together the area of the mesh.
-    #[must_use]
-    pub fn vertex_areas(&self) -> IdVec<VertexId, f64> {
+    pub(crate) fn vertex_areas(&self) -> IdVec<VertexId, f64> {
         let mut areas = IdVec::filled(0.0, self.positions.len());
         for (face, corners) in self.triangles.enumerate() {
             let third = self.face_area(face) / 3.0;
@@ -116,14 +115,15 @@ impl TriMesh {
         let [a, b, c] = self.corners(at.face);
         a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2]
     }
+}
 
-    /// The smallest box around the positions, `(min, max)` in m; `None` without vertices.
-    #[must_use]
-    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        self.positions
-            .iter()
-            .fold(None, |b, &p| Some(b.map_or((p, p), |(lo, hi): (DVec3, DVec3)| (lo.min(p), hi.max(p)))))
-    }
+/// A point of a mesh: a face and barycentric coordinates in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfacePoint {
+    /// The face it lies on.
+    pub face: FaceId,
+    /// Weights of the face's corners, non-negative, sum 1.
+    pub barycentric: [f64; 3],
 }
 
 /// The same triangle, the same way round, from its smallest corner on.

@@ -3,6 +3,11 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
+/// Signed area of a triangle of the plane, positive if it runs counter-clockwise.
+pub(crate) fn signed_area([a, b, c]: [DVec2; 3]) -> f64 {
+    0.5 * (b - a).perp_dot(c - a)
+}
+
 /// A triangle laid flat: corner 0 at the origin, corner 1 at `(base, 0)`, corner 2 at `apex`
 /// with `apex.y >= 0`, in m.
 #[derive(Debug, Clone, Copy, PartialEq)]

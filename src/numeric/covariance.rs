@@ -59,32 +59,3 @@ impl Covariance {
         (self.xx + self.yy + self.zz).max(0.0).sqrt()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use glam::DVec3;
-
-    use super::*;
-
-    const SOME: Covariance = Covariance::from_array([4.0, 1.0, 0.5, 3.0, 0.25, 2.0]);
-
-    #[test]
-    fn a_rotation_keeps_the_size() {
-        let turned = SOME.conjugate(&DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1));
-        assert!((turned.sigma() - 3.0).abs() < 1e-14, "sigma {}", turned.sigma());
-        assert!((turned.xx - SOME.xx).abs() > 0.1, "but the axes change");
-    }
-
-    /// Stretching x by 2 doubles what x has in common with the others, and quadruples its own
-    /// variance.
-    #[test]
-    fn a_stretch_acts_on_both_sides() {
-        let stretched = SOME.conjugate(&DMat3::from_diagonal(DVec3::new(2.0, 1.0, 1.0)));
-        assert_eq!(stretched.to_array(), [16.0, 2.0, 1.0, 3.0, 0.25, 2.0]);
-    }
-
-    #[test]
-    fn rounding_below_zero_has_no_size() {
-        assert_eq!(Covariance::from_array([-1e-30, 0.0, 0.0, 0.0, 0.0, 0.0]).sigma(), 0.0);
-    }
-}

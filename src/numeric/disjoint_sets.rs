@@ -78,7 +78,6 @@ impl<I: Id, P: Parity> DisjointSets<I, P> {
 }
 
 impl<I: Id> DisjointSets<I> {
-    /// Joins the sets of `a` and `b`.
     pub(crate) fn join(&mut self, a: I, b: I) {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b)] = (a.min(b), ());

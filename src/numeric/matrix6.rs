@@ -19,7 +19,6 @@ pub(crate) struct Matrix6(pub(crate) [[DMat3; 2]; 2]);
 impl Matrix6 {
     pub(crate) const ZERO: Self = Self([[DMat3::ZERO; 2]; 2]);
 
-    /// From its six rows.
     pub(crate) fn from_rows(m: &[[f64; 6]; 6]) -> Self {
         let block = |r: usize, c: usize| {
             let column = |b: usize| DVec3::new(m[r][c + b], m[r + 1][c + b], m[r + 2][c + b]);

@@ -11,12 +11,10 @@ use crate::{
     skin::{Covariance, Patch, Skin, TaxelId, world_pose},
 };
 
-/// The parts of a patch that pictures show.
 pub(crate) struct PatchView<'a> {
     pub(crate) name: &'a str,
     /// The taxels and the triangles between them, in the link's frame.
     pub(crate) mesh: &'a TriMesh,
-    /// The link's frame in the world.
     pub(crate) pose: DAffine3,
     pub(crate) ids: &'a IdVec<VertexId, TaxelId>,
     covariances: Option<&'a IdVec<VertexId, Covariance>>,

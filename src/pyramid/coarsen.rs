@@ -39,7 +39,7 @@ impl Default for CoarsenOptions {
 /// The pyramid of one patch: its mesh, and what is known of each of its vertices.
 ///
 /// ```
-/// use dermatome::{mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::Taxels};
+/// use dermatome::{id::VertexId, mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::Taxels};
 ///
 /// let mesh = shapes::cap(2000, 0.1, 1.9);
 /// let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &CoarsenOptions::default())?;
@@ -47,7 +47,7 @@ impl Default for CoarsenOptions {
 /// // Push on one taxel: the force arrives whole at the receptive fields of level 1.
 /// let skin = &pyramid.levels[LevelId::new(0)];
 /// let mut force = skin.areas.map(|_| 0.0);
-/// force.as_mut_slice()[7] = 1.0;
+/// force[VertexId::new(7)] = 1.0;
 /// let felt = skin.from_coarser.as_ref().map(|p| p.restrict(&force));
 /// assert!(felt.is_some_and(|f| (f.iter().sum::<f64>() - 1.0).abs() < 1e-12));
 /// # Ok::<(), dermatome::pyramid::PyramidError>(())
@@ -58,21 +58,19 @@ impl Default for CoarsenOptions {
 /// is negative, a density not positive, or the ratio below 1.5.
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
-    let (mut surface, rings) = HalfedgeMesh::new(mesh)?;
-    let mut finest_rings = Some(rings);
-    let mut locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
+    let (surface, rings) = HalfedgeMesh::new(mesh)?;
+    let locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
+    let level = Level::finest(mesh.clone(), taxels.areas.clone());
+    let mut coarsener = Coarsener { taxels, options, level, surface, locations };
     let (mut levels, mut removals) = (IdVec::new(), IdVec::new());
-    let mut level = Level::finest(mesh.clone(), taxels.areas.clone());
-    while levels.len() < options.levels.unwrap_or(usize::MAX) && wants_coarser(&level, options) {
-        let (kept, order) = {
-            let rings = finest_rings.take().unwrap_or_else(|| surface.rings());
-            choose(taxels, options, &level, &rings)
-        };
-        let Some((next, log)) = step(&kept, &order, &mut level, &mut surface, &mut locations) else { break };
-        levels.push(std::mem::replace(&mut level, next));
+    let mut finest_rings = Some(rings);
+    while levels.len() < options.levels.unwrap_or(usize::MAX) && coarsener.wants_coarser() {
+        let rings = finest_rings.take().unwrap_or_else(|| coarsener.surface.rings());
+        let Some((level, log)) = coarsener.step(rings) else { break };
+        levels.push(level);
         removals.push(log);
     }
-    levels.push(level);
+    levels.push(coarsener.level);
     Ok(Pyramid { levels, removals })
 }
 
@@ -102,69 +100,77 @@ fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<()
     }
 }
 
-/// Whether a further level comes nearer to the coarsest count, as a factor, than this one.
-fn wants_coarser(level: &Level, options: &CoarsenOptions) -> bool {
-    let ratio = options.ratio.unwrap_or(USUAL_RATIO);
-    level.mesh.positions.len() as f64 > options.coarsest as f64 * ratio.sqrt()
+/// The coarsest level so far, on its way to the next one.
+struct Coarsener<'a> {
+    taxels: &'a Taxels,
+    options: &'a CoarsenOptions,
+    level: Level,
+    /// The level's mesh, from which vertices are removed.
+    surface: HalfedgeMesh,
+    /// Where the taxels of level 0 lie on it.
+    locations: TaxelLocations,
 }
 
-/// The next coarser level, whose vertices are those `kept`, and the removals that lead to it;
-/// writes `from_coarser` of this one. `None` if it would not shrink enough.
-fn step(
-    kept: &IdVec<VertexId, bool>,
-    order: &[VertexId],
-    level: &mut Level,
-    surface: &mut HalfedgeMesh,
-    locations: &mut TaxelLocations,
-) -> Option<(Level, RemovalLog)> {
-    let count = level.mesh.positions.len();
-    let positions = &level.mesh.positions;
-    let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
-    if !is_small(kept.iter().filter(|k| **k).count()) {
-        return None;
+impl Coarsener<'_> {
+    /// Whether a further level comes nearer to the coarsest count, as a factor, than this one.
+    fn wants_coarser(&self) -> bool {
+        let ratio = self.options.ratio.unwrap_or(USUAL_RATIO);
+        self.level.mesh.positions.len() as f64 > self.options.coarsest as f64 * ratio.sqrt()
     }
-    let removals =
-        Remover { mesh: surface, locations, positions, origins: &level.origins }.remove(kept, order);
-    if !is_small(count - removals.len()) {
-        return None;
-    }
-    let compacted = surface.compact();
-    locations.compact(&compacted.new_faces, compacted.mesh.face_count());
-    *surface = compacted.mesh;
-    let parents = compacted.old_vertices;
-    let mesh = TriMesh { positions: parents.map(|&v| positions[v]), triangles: surface.triangles() };
-    let origins = parents.map(|&v| level.origins[v]);
-    let (indices, weights) = locations.rows(surface, &origins);
-    let coarse_len = parents.len();
-    let from_coarser = Prolongation {
-        indices: level.origins.map(|&taxel| indices[taxel]),
-        weights: level.origins.map(|&taxel| weights[taxel]),
-        coarse_len,
-    };
-    let areas = from_coarser.restrict(&level.areas);
-    level.from_coarser = Some(from_coarser);
-    let to_finest = Some(Prolongation { indices, weights, coarse_len });
-    Some((Level { mesh, origins, areas, from_coarser: None, to_finest }, removals))
-}
 
-/// Which vertices stay, and the order in which the others go.
-fn choose(
-    taxels: &Taxels,
-    options: &CoarsenOptions,
-    level: &Level,
-    rings: &Rings,
-) -> (IdVec<VertexId, bool>, Vec<VertexId>) {
-    let positions = &level.mesh.positions;
-    let mut spacing = measured_spacing(rings, positions);
-    if let Some(densities) = &taxels.densities {
-        spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
+    /// Goes on to the next coarser level; returns the one before, with its `from_coarser`, and the
+    /// removals between them. `None` if the level would not shrink enough.
+    fn step(&mut self, rings: Rings) -> Option<(Level, RemovalLog)> {
+        let (kept, order) = self.choose(&rings);
+        drop(rings);
+        let Self { level, surface, locations, .. } = self;
+        let positions = &level.mesh.positions;
+        let count = positions.len();
+        let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
+        if !is_small(kept.iter().filter(|k| **k).count()) {
+            return None;
+        }
+        let removals =
+            Remover { mesh: surface, locations, positions, origins: &level.origins }.remove(&kept, &order);
+        if !is_small(count - removals.len()) {
+            return None;
+        }
+        let compacted = surface.compact();
+        locations.compact(&compacted.new_faces, compacted.mesh.face_count());
+        *surface = compacted.mesh;
+        let parents = compacted.old_vertices;
+        let mesh = TriMesh { positions: parents.map(|&v| positions[v]), triangles: surface.triangles() };
+        let origins = parents.map(|&v| level.origins[v]);
+        let (indices, weights) = locations.rows(surface, &origins);
+        let coarse_len = parents.len();
+        let from_coarser = Prolongation {
+            indices: level.origins.map(|&taxel| indices[taxel]),
+            weights: level.origins.map(|&taxel| weights[taxel]),
+            coarse_len,
+        };
+        let areas = from_coarser.restrict(&level.areas);
+        level.from_coarser = Some(from_coarser);
+        let to_finest = Some(Prolongation { indices, weights, coarse_len });
+        let next = Level { mesh, origins, areas, from_coarser: None, to_finest };
+        Some((std::mem::replace(level, next), removals))
     }
-    let order = priorities(rings, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
-    let loops = rings.boundary_loops();
-    let candidates = Candidates { rings, loops: &loops, positions, spacing: &spacing, priorities: &order };
-    let kept = match options.ratio {
-        Some(ratio) => candidates.choose_about(positions.len() as f64 / ratio),
-        None => candidates.choose(ALPHA),
-    };
-    (kept, order)
+
+    /// Which vertices stay, and the order in which the others go.
+    fn choose(&self, rings: &Rings) -> (IdVec<VertexId, bool>, Vec<VertexId>) {
+        let Self { level, taxels, .. } = self;
+        let positions = &level.mesh.positions;
+        let mut spacing = measured_spacing(rings, positions);
+        if let Some(densities) = &taxels.densities {
+            spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
+        }
+        let order = priorities(rings, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
+        let loops = rings.boundary_loops();
+        let candidates =
+            Candidates { rings, loops: &loops, positions, spacing: &spacing, priorities: &order };
+        let kept = match self.options.ratio {
+            Some(ratio) => candidates.choose_about(positions.len() as f64 / ratio),
+            None => candidates.choose(ALPHA),
+        };
+        (kept, order)
+    }
 }

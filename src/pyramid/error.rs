@@ -6,7 +6,7 @@ use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PyramidError {
-    /// The triangles are no oriented manifold.
+    /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// An array that does not fit its mesh.
@@ -19,7 +19,7 @@ pub enum PyramidError {
         /// Entries needed.
         needed: usize,
     },
-    /// A receptive area that is negative or no number.
+    /// A receptive area that is negative or not a number.
     #[error("vertex {vertex} has an area of {found} m^2; zero or more is needed")]
     Area {
         /// The vertex.
@@ -27,7 +27,7 @@ pub enum PyramidError {
         /// Its area, in m^2.
         found: f64,
     },
-    /// A density that is not positive or no number.
+    /// A density that is not positive or not a number.
     #[error("vertex {vertex} has a density of {found} per m^2; a positive number is needed")]
     Density {
         /// The vertex.
@@ -100,6 +100,19 @@ pub enum PyramidError {
         /// The fine vertex.
         row: VertexId,
         /// Its weights.
+        weights: [f64; 3],
+    },
+    /// A row of a prolongation that names no face of its level.
+    #[error(
+        "row {row} of to_finest has vertices {corners:?} with weights {weights:?}; the corners of one face with \
+         non-negative weights are needed"
+    )]
+    NoFace {
+        /// The row: a vertex of level 0.
+        row: VertexId,
+        /// What it names.
+        corners: [VertexId; 3],
+        /// With which weights.
         weights: [f64; 3],
     },
 }

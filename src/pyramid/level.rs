@@ -72,8 +72,7 @@ impl Pyramid {
 
 impl Level {
     /// Level 0 of a mesh with these receptive areas (m^2).
-    #[must_use]
-    pub fn finest(mesh: TriMesh, areas: IdVec<VertexId, f64>) -> Self {
+    pub(crate) fn finest(mesh: TriMesh, areas: IdVec<VertexId, f64>) -> Self {
         Self { origins: mesh.positions.ids().collect(), mesh, areas, from_coarser: None, to_finest: None }
     }
 
@@ -81,7 +80,7 @@ impl Level {
     ///
     /// # Errors
     /// If one of them is not a vertex of that level.
-    pub fn finer_vertices(&self, finer: &Self) -> Result<IdVec<VertexId, VertexId>, PyramidError> {
+    pub(crate) fn finer_vertices(&self, finer: &Self) -> Result<IdVec<VertexId, VertexId>, PyramidError> {
         let count = finer.origins.iter().map(|origin| origin.index() + 1).max().unwrap_or_default();
         let mut vertex_of = IdVec::<VertexId, Option<VertexId>>::filled(None, count);
         for (vertex, &origin) in finer.origins.enumerate() {
@@ -147,7 +146,7 @@ fn check_rows(
     rows: usize,
     coarse: Option<usize>,
 ) -> Result<(), PyramidError> {
-    let (fine_len, coarse_len) = given.map_or((0, 0), |p| (p.fine_len(), p.coarse_len));
+    let (fine_len, coarse_len) = given.map_or((0, 0), |p| (p.indices.len(), p.coarse_len));
     let needed = coarse.map_or((0, 0), |coarse| (rows, coarse));
     if fine_len != needed.0 {
         return Err(PyramidError::Length { what, found: fine_len, needed: needed.0 });

@@ -64,12 +64,6 @@ impl Prolongation {
         }
     }
 
-    /// Number of fine vertices.
-    #[must_use]
-    pub fn fine_len(&self) -> usize {
-        self.indices.len()
-    }
-
     /// Coarse vertices and weights of the fine vertex `row`, without the unused slots.
     pub fn row(&self, row: VertexId) -> impl Iterator<Item = (VertexId, f64)> {
         self.indices[row].into_iter().zip(self.weights[row]).filter(|(_, w)| *w > 0.0)
@@ -102,7 +96,7 @@ impl Prolongation {
     where
         T: Copy + Default + Add<Output = T> + Mul<f64, Output = T>,
     {
-        assert_eq!(fine.len(), self.fine_len(), "one value per fine vertex");
+        assert_eq!(fine.len(), self.indices.len(), "one value per fine vertex");
         let mut coarse = IdVec::filled(T::default(), self.coarse_len);
         for ((indices, weights), &x) in self.indices.iter().zip(&self.weights).zip(fine) {
             for (&v, &w) in indices.iter().zip(weights) {
@@ -146,54 +140,12 @@ fn sums_to_one(weights: &[f64; 3], tolerance: f64) -> bool {
 mod tests {
     use super::*;
 
-    /// Two fine vertices: one is coarse vertex 0, the other the middle of 0 and 2.
-    fn middle() -> Prolongation {
-        let rows = |rows: [[usize; 3]; 2]| rows.into_iter().map(|r| r.map(VertexId::new)).collect();
-        Prolongation {
-            indices: rows([[0, 1, 2], [0, 1, 2]]),
-            weights: vec![[1.0, 0.0, 0.0], [0.5, 0.0, 0.5]].into(),
-            coarse_len: 3,
-        }
-    }
-
-    #[test]
-    fn values_are_blended_and_amounts_are_shared() {
-        let p = middle();
-        p.validate().unwrap();
-        assert_eq!(p.apply(&vec![2.0, 7.0, 4.0].into()).into_vec(), [2.0, 3.0]);
-        assert_eq!(p.restrict(&vec![1.0, 8.0].into()).into_vec(), [5.0, 0.0, 4.0]);
-        let row: Vec<_> = p.row(VertexId::new(1)).collect();
-        assert_eq!(row, [(VertexId::new(0), 0.5), (VertexId::new(2), 0.5)], "unused slots are left out");
-    }
-
-    #[test]
-    fn pressure_is_a_mean_over_the_taxels_that_work() {
-        let (p, pressures, areas) = (middle(), vec![10.0, 40.0].into(), vec![1.0, 2.0].into());
-        let all = p.restrict_pressure(&pressures, &areas, |_| true).into_vec();
-        assert_eq!(all, [Some(25.0), None, Some(40.0)], "(10 1 1 + 40 2 0.5) / 2, no taxel, one taxel");
-        let first = p.restrict_pressure(&pressures, &areas, |v| v.index() == 0).into_vec();
-        assert_eq!(first, [Some(10.0), None, None], "the other taxel is dead");
-    }
-
     #[test]
     fn rounded_rows_of_files_are_scaled_and_others_left() {
-        let mut p = middle();
-        p.weights = vec![[1.0 + 5e-6, 0.0, 0.0], [0.5, 0.5, 0.5]].into();
+        let weights = vec![[1.0 + 5e-6, 0.0, 0.0], [0.5, 0.5, 0.5]].into();
+        let mut p =
+            Prolongation { indices: IdVec::filled([0, 1, 2].map(VertexId::new), 2), weights, coarse_len: 3 };
         p.rescale();
         assert_eq!(p.weights.as_slice(), [[1.0, 0.0, 0.0], [0.5, 0.5, 0.5]]);
-    }
-
-    #[test]
-    fn rows_that_are_no_convex_combination_are_named() {
-        let row = VertexId::new(1);
-        for weights in [[0.5, 0.5, 0.5], [1.5, -0.5, 0.0], [f64::NAN, 0.5, 0.5]] {
-            let mut p = middle();
-            p.weights[row] = weights;
-            assert!(matches!(p.validate(), Err(PyramidError::Weights { row: found, .. }) if found == row));
-        }
-        let found = VertexId::new(3);
-        let mut p = middle();
-        p.indices[row][1] = found;
-        assert_eq!(p.validate(), Err(PyramidError::OutOfRange { row, found, count: 3 }));
     }
 }

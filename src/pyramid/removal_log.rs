@@ -17,16 +17,8 @@ pub struct Removal<'a> {
 }
 
 impl<'a> Removal<'a> {
-    /// The triangles that went with the vertex, counter-clockwise: `(vertex, ring[i], ring[i +
-    /// 1])`, around the whole ring or, on a boundary, along the open chain.
-    pub fn star(&self) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
-        let Self { vertex, ring, boundary, .. } = *self;
-        let count = if boundary { ring.len().saturating_sub(1) } else { ring.len() };
-        (0..count).map(move |i| [vertex, ring[i], ring[(i + 1) % ring.len()]])
-    }
-
     /// The triangles that took their place.
-    pub fn filling(&self) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
+    pub(crate) fn filling(&self) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
         let ring = self.ring;
         self.triangles.iter().map(move |t| t.map(|i| ring[usize::from(i)]))
     }
@@ -46,8 +38,7 @@ pub struct RemovalLog {
 }
 
 impl RemovalLog {
-    /// Appends one removal.
-    pub fn push(&mut self, removal: &Removal<'_>) {
+    pub(crate) fn push(&mut self, removal: &Removal<'_>) {
         self.vertices.push((removal.vertex, removal.boundary));
         self.rings.extend_from_slice(removal.ring);
         self.ring_ends.push(VertexId::new(self.rings.len()).raw());
@@ -55,16 +46,8 @@ impl RemovalLog {
         self.triangle_ends.push(VertexId::new(self.triangles.len()).raw());
     }
 
-    /// Number of removals.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.vertices.len()
-    }
-
-    /// Whether nothing was removed.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.vertices.is_empty()
     }
 
     /// The triangles of the finer level after its first `count` removals, in finer ids: all of them
@@ -73,8 +56,7 @@ impl RemovalLog {
     ///
     /// A triangle goes exactly when the first of its corners is removed, so nothing has to be
     /// searched for.
-    #[must_use]
-    pub fn triangles_after(
+    pub(crate) fn triangles_after(
         &self,
         finer: &IdVec<FaceId, [VertexId; 3]>,
         count: usize,
@@ -137,8 +119,6 @@ mod tests {
         assert_eq!(after(9), after(2), "no more than all");
 
         let removals: Vec<_> = log.iter().collect();
-        assert_eq!(removals[0].star().collect::<Vec<_>>(), fine.as_slice(), "a whole ring");
-        assert_eq!(removals[1].star().collect::<Vec<_>>(), [v([1, 2, 3]), v([1, 3, 4])], "an open chain");
         assert_eq!(removals[1].filling().collect::<Vec<_>>(), [v([2, 3, 4])]);
     }
 }

@@ -41,7 +41,7 @@ impl Patch {
         let patch = || self.name.clone();
         let adjacency =
             Adjacency::new(&self.mesh).map_err(|source| SkinError::Mesh { patch: patch(), source })?;
-        let (_, found) = adjacency.components();
+        let found = adjacency.component_count();
         if found != 1 {
             return Err(SkinError::Components { patch: patch(), found });
         }

@@ -8,8 +8,8 @@ use dermatome::{
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
-    pyramid::{Level, LevelId, Prolongation},
-    skin::{Link, LinkId, PatchId, TaxelId, Taxels},
+    pyramid::{Level, LevelId, Prolongation, Pyramid},
+    skin::{Link, LinkId, Patch, PatchId, TaxelId, Taxels},
 };
 use glam::{DAffine3, DVec2, DVec3};
 
@@ -21,7 +21,11 @@ pub(crate) fn flat_level(mesh: TriMesh, pixel: f64) -> MapLevel {
 
 /// A level with the given map.
 pub(crate) fn mapped_level(mesh: TriMesh, uv: IdVec<VertexId, DVec2>, pixel: f64) -> MapLevel {
-    MapLevel::new(Level::finest(mesh.clone(), flat_taxels(mesh).areas), uv, pixel)
+    let skin = Patch::from_mesh("", LinkId::default(), mesh.clone());
+    let (origins, areas) = (mesh.positions.ids().collect(), flat_taxels(mesh.clone()).areas);
+    let level = Level { mesh, origins, areas, ..Level::default() };
+    let pyramid = Pyramid { levels: vec![level].into(), removals: IdVec::default() };
+    PatchMap::new(&skin, pyramid, vec![uv].into(), pixel).levels[level_id(0)].clone()
 }
 
 /// Taxels of a mesh seen from above; ids count from 100.

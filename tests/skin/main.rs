@@ -9,10 +9,13 @@ use std::collections::BTreeSet;
 use dermatome::{
     id::{FaceId, VertexId},
     mesh::{TriMesh, shapes},
-    skin::{self, AssembleOptions, Draft, Finding, FindingKind, Presence, Sheet, SkinError, TaxelId},
+    skin::{
+        self, AssembleOptions, Covariance, Draft, Finding, FindingKind, Presence, Sheet, SkinError, TaxelId,
+        Taxels,
+    },
 };
 use drafts::{assemble, cover, draft_of, kinds, only, sheet_of, soup, topology};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 
 fn found_in(draft: &Draft) -> Vec<FindingKind> {
@@ -370,8 +373,25 @@ fn holes_are_filled_before_areas_and_normals_are_computed() {
     assert_eq!((kinds(&open).len(), topology(&only(&open).mesh)), (0, (0, 2)));
     assert_eq!(kinds(&closed), ["HolesFilled".to_owned()].into());
     assert_eq!(topology(&only(&closed).mesh), (1, 1));
-    for (v, &area) in whole.vertex_areas().enumerate() {
+    for (v, &area) in Taxels::of_mesh(&whole).areas.enumerate() {
         assert!((only(&closed).taxels.areas[v] - area).abs() < 1e-15, "area of {v:?}: as without the hole");
+    }
+}
+
+/// Of the triangles between its own vertices a hole gets those of least area, which on a plane is its
+/// own; one with more edges than asked for stays open.
+#[test]
+fn the_hole_of_a_missing_taxel_is_filled_flat() {
+    let whole = shapes::lattice(7, 7, 0.01);
+    let mut sheet = sheet_of("s", &whole);
+    sheet.triangles.retain(|t| !t.contains(&24));
+    for (fill_holes, loops) in [(5, 2), (6, 1)] {
+        let options = AssembleOptions { fill_holes, ..AssembleOptions::default() };
+        let mesh = only(&skin::assemble(&draft_of(sheet.clone()), &options).unwrap()).mesh.clone();
+        assert_eq!(topology(&mesh).1, loops, "at most {fill_holes} edges; the outer boundary stays");
+        assert_eq!((mesh.area() - whole.area()).abs() < 1e-12, loops == 1, "{}", mesh.area());
+        let up = mesh.triangles.ids().all(|f| mesh.face_cross(f).z > 0.0);
+        assert!(up, "the filling faces outward like the rest");
     }
 }
 
@@ -606,4 +626,22 @@ proptest! {
             }
         }
     }
+}
+
+const COVARIANCE: Covariance = Covariance::from_array([4.0, 1.0, 0.5, 3.0, 0.25, 2.0]);
+
+#[test]
+fn a_rotation_keeps_the_size_of_a_covariance() {
+    let turned = COVARIANCE.conjugate(&DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1));
+    assert!((turned.sigma() - 3.0).abs() < 1e-14, "sigma {}", turned.sigma());
+    assert!((turned.xx - COVARIANCE.xx).abs() > 0.1, "but the axes change");
+    let rounded = Covariance::from_array([-1e-30, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(rounded.sigma(), 0.0, "rounding below zero has no size");
+}
+
+/// Stretching x by 2 doubles what x has in common with the others, and quadruples its own variance.
+#[test]
+fn a_stretch_acts_on_both_sides_of_a_covariance() {
+    let stretched = COVARIANCE.conjugate(&DMat3::from_diagonal(DVec3::new(2.0, 1.0, 1.0)));
+    assert_eq!(stretched.to_array(), [16.0, 2.0, 1.0, 3.0, 0.25, 2.0]);
 }

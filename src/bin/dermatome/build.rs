@@ -20,7 +20,6 @@ use dermatome::{
 use crate::{
     common::Common,
     input::read_skin,
-    memory::peak_memory_bytes,
     notes::note_overlaps,
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
     outputs::{Outputs, cannot_write},
@@ -111,4 +110,13 @@ fn check_output(folder: &Path) -> Result<(), Error> {
     // A file without a name leaves nothing behind.
     tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, e.kind()))?;
     Ok(())
+}
+
+/// Largest resident memory of this process so far, in bytes; `None` where the system does not
+/// report it.
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(kibibytes * 1024)
 }

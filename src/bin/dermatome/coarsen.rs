@@ -6,11 +6,11 @@ use dermatome::{
     Error,
     io::{IoError, kind, write_pyramids},
     mesh::Adjacency,
-    pipeline::coarsen_patches,
-    pyramid::{Level, LevelId, Pyramid},
+    pyramid::{Level, Pyramid, coarsen},
     skin::{AssembleOptions, Patch, Skin},
 };
-use serde::Serialize;
+use rayon::prelude::*;
+use serde_json::{Value, json};
 
 use crate::{
     common::Common,
@@ -45,68 +45,44 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check([args.output.as_path()])?;
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
     let skin = read_skin(&args.skin, &assemble, common)?;
-    let pyramids = coarsen_patches(&skin, &args.coarsen.options(), &|_| ())?;
+    let options = args.coarsen.options();
+    let coarsen = |patch: &Patch| {
+        let coarsened = coarsen(&patch.mesh, &patch.taxels, &options).map_err(Error::from);
+        coarsened.map_err(|source| Error::Patch { patch: patch.name.clone(), source: source.into() })
+    };
+    let made: Vec<_> = skin.patches.as_slice().par_iter().map(coarsen).collect();
+    let pyramids: Vec<Pyramid> = made.into_iter().collect::<Result<_, _>>()?;
     write_pyramids(&args.output, &skin, &pyramids).map_err(Error::from)?;
-    let summary = Summary::new(&skin, &pyramids)?;
+    let (summary, rows) = summarise(&skin, &pyramids)?;
     if args.json {
         print_json(&summary)?;
     } else if !common.quiet {
-        summary.print()?;
+        print_table(["level", "vertices", "faces", "loops"], 1, &rows)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// The patches as `report.json` lists them, with what is known without a map.
-#[derive(Serialize)]
-struct Summary<'a> {
-    patches: Vec<PatchSummary<'a>>,
-}
-
-#[derive(Serialize)]
-struct PatchSummary<'a> {
-    levels: Vec<LevelSummary>,
-    link: &'a str,
-    name: &'a str,
-}
-
-#[derive(Serialize)]
-struct LevelSummary {
-    boundary_loops: usize,
-    faces: usize,
-    level: usize,
-    vertices: usize,
-}
-
-impl<'a> Summary<'a> {
-    fn new(skin: &'a Skin, pyramids: &[Pyramid]) -> Result<Self, Error> {
-        let level = |(id, level): (LevelId, &Level)| {
-            Ok(LevelSummary {
-                level: id.index(),
-                vertices: level.mesh.positions.len(),
-                faces: level.mesh.triangles.len(),
-                boundary_loops: Adjacency::new(&level.mesh)?.boundary_loops().len(),
-            })
-        };
-        let patch = |(patch, pyramid): (&'a Patch, &Pyramid)| {
-            let levels = pyramid.levels.enumerate().map(level).collect::<Result<_, Error>>()?;
-            Ok(PatchSummary { name: &patch.name, link: &skin.links[patch.link].name, levels })
-        };
-        Ok(Self { patches: skin.patches.iter().zip(pyramids).map(patch).collect::<Result<_, Error>>()? })
+/// The patches as `report.json` lists them, with what is known without a map, and the levels as
+/// rows of a table.
+fn summarise(skin: &Skin, pyramids: &[Pyramid]) -> Result<(Value, Vec<[String; 4]>), Error> {
+    let (mut patches, mut rows) = (Vec::new(), Vec::new());
+    for (Patch { name, link, .. }, pyramid) in skin.patches.iter().zip(pyramids) {
+        let mut levels = Vec::new();
+        for (id, Level { mesh, .. }) in pyramid.levels.enumerate() {
+            let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
+            let loops = Adjacency::new(mesh)?.boundary_loops().len();
+            let row = [
+                format!("{}/{id:?}", plain(name)),
+                vertices.to_string(),
+                faces.to_string(),
+                loops.to_string(),
+            ];
+            rows.push(row);
+            levels.push(json!({
+                "level": id.index(), "vertices": vertices, "faces": faces, "boundary_loops": loops,
+            }));
+        }
+        patches.push(json!({ "name": name, "link": skin.links[*link].name, "levels": levels }));
     }
-
-    fn print(&self) -> anyhow::Result<()> {
-        let levels =
-            self.patches.iter().flat_map(|patch| patch.levels.iter().map(move |level| (patch, level)));
-        let rows: Vec<_> = levels
-            .map(|(patch, level)| {
-                [
-                    format!("{}/L{}", plain(patch.name), level.level),
-                    level.vertices.to_string(),
-                    level.faces.to_string(),
-                    level.boundary_loops.to_string(),
-                ]
-            })
-            .collect();
-        print_table(["level", "vertices", "faces", "loops"], 1, &rows)
-    }
+    Ok((json!({ "patches": patches }), rows))
 }

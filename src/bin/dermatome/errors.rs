@@ -88,10 +88,8 @@ fn help(error: &anyhow::Error) -> Option<String> {
     })
 }
 
-/// Advice for data that `check` explains.
 const CHECK: &str = "run `dermatome check` on the file: it lists every such element";
 
-/// Advice for a map that is not valid.
 const BUILD_AGAIN: &str = "make the map again with `dermatome build`";
 
 fn library_help(error: &Error) -> String {

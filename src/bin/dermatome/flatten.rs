@@ -7,7 +7,7 @@ use dermatome::{
     Error,
     flatten::{distortion, flatten},
     io::write_flat,
-    pyramid::LevelId,
+    mesh::Adjacency,
     report::{LevelReport, PatchReport},
     skin::PatchId,
 };
@@ -65,7 +65,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs.stage(path, |path| write_flat(path, &patch.mesh, &uv))?;
     }
     outputs.publish()?;
-    let level = LevelReport::new(LevelId::new(0), &patch.mesh, &distortion(&patch.mesh, &uv));
+    let level = LevelReport {
+        level: 0,
+        vertices: patch.mesh.positions.len(),
+        faces: patch.mesh.triangles.len(),
+        boundary_loops: Adjacency::new(&patch.mesh).map_err(Error::from)?.boundary_loops().len(),
+        distortion: distortion(&patch.mesh, &uv),
+    };
     let link = skin.links[patch.link].name.clone();
     let report = [PatchReport { name: patch.name.clone(), link, levels: vec![level] }];
     note_overlaps(&report, &options, common);

@@ -10,9 +10,11 @@ use std::{
 use dermatome::{
     Error,
     contact::{ContactError, ContactIndex, Query},
+    id::IdVec,
     io::{ContactReader, ContactRow, IoError, LookupRow, LookupWriter, read_map, read_poses, replace_file},
+    map::SkinMap,
     pyramid::LevelId,
-    skin::PatchId,
+    skin::{Link, LinkId, PatchId},
 };
 
 use crate::{
@@ -52,24 +54,20 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     check_output(args)?;
     let map = read_map(&args.map).map_err(Error::from)?;
     let mut index = ContactIndex::new(&map).map_err(Error::from)?;
-    drop(map);
+    let SkinMap { links, patches } = map;
+    let patches: IdVec<PatchId, (String, usize)> =
+        patches.into_iter().map(|patch| (patch.name, patch.levels.len())).collect();
     if let Some(poses) = &args.pose {
-        pose(&mut index, poses)?;
+        pose(&mut index, &links, poses)?;
     }
-    let most = (0..index.patch_count()).map(|p| index.level_count(PatchId::new(p))).max().unwrap_or(0);
+    let most = patches.iter().map(|(_, count)| *count).max().unwrap_or(0);
     if let Some(level) = args.levels.iter().find(|&&level| level >= most) {
         let what = format!("the map has no level {level}; its levels are 0 to {}", most.saturating_sub(1));
         return Err(advise(what, "leave out --level to get all of them"));
     }
-    for patch in (0..index.patch_count()).map(PatchId::new) {
-        let count = index.level_count(patch);
-        if args.levels.iter().any(|&level| level >= count) {
-            let name = plain(index.patch_name(patch).unwrap_or_default());
-            note(
-                common,
-                format_args!("{name} has {count} levels; contacts on it get no row for levels above"),
-            );
-        }
+    for (name, count) in patches.iter().filter(|(_, count)| args.levels.iter().any(|level| level >= count)) {
+        let what = format!("{} has {count} levels", plain(name));
+        note(common, format_args!("{what}; contacts on it get no row for levels above"));
     }
     let levels = (0..most).filter(|k| args.levels.is_empty() || args.levels.contains(k)).map(LevelId::new);
 
@@ -83,7 +81,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     for column in contacts.unknown_columns() {
         note(common, format_args!("{}: column `{column}` is not used", path.display()));
     }
-    let mut lookup = Lookup { index: &index, path, levels: levels.collect(), unused: [false; 4] };
+    let mut lookup =
+        Lookup { index: &index, links, patches, path, levels: levels.collect(), unused: [false; 4] };
     if is_stream(&args.output) {
         lookup.answer(contacts, Path::new("standard output"), stdout().lock()).map_err(Error::from)?;
     } else {
@@ -108,30 +107,33 @@ fn check_output(args: &Args) -> anyhow::Result<()> {
 }
 
 /// Moves the links named in a table of poses.
-fn pose(index: &mut ContactIndex, path: &Path) -> Result<(), Error> {
+fn pose(index: &mut ContactIndex, links: &IdVec<LinkId, Link>, path: &Path) -> Result<(), Error> {
     let mut moved = Vec::new();
     for row in read_poses(path)? {
-        let link = index.link_named(&row.link).ok_or_else(|| unknown_link(path, row.line, &row.link))?;
-        moved.push((link, row.pose));
+        moved.push((find_link(links, path, row.line, &row.link)?, row.pose));
     }
     Ok(index.move_links(&moved)?)
 }
 
-fn unknown_link(path: &Path, line: u64, link: &str) -> IoError {
-    IoError::Invalid {
+/// The first link of the name that stands in a line of a table.
+fn find_link(links: &IdVec<LinkId, Link>, path: &Path, line: u64, name: &str) -> Result<LinkId, IoError> {
+    let found = links.enumerate().find(|(_, link)| link.name == name);
+    found.map(|(id, _)| id).ok_or_else(|| IoError::Invalid {
         path: path.into(),
         element: format!("line {line}, column `link`"),
-        found: format!("{link:?}"),
+        found: format!("{name:?}"),
         needed: "the name of a link of the map".into(),
-    }
+    })
 }
 
 /// Columns that are read and checked, but change nothing in the answer.
 const UNUSED: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
 
-/// What is asked of a map.
 struct Lookup<'a> {
     index: &'a ContactIndex,
+    links: IdVec<LinkId, Link>,
+    /// Name and number of levels of each patch.
+    patches: IdVec<PatchId, (String, usize)>,
     /// Name of the table of contacts in errors.
     path: &'a Path,
     levels: Vec<LevelId>,
@@ -172,9 +174,7 @@ impl Lookup<'_> {
     fn contact(&mut self, row: ContactRow) -> Result<Query, IoError> {
         let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
         self.unused = std::array::from_fn(|k| self.unused[k] | given[k]);
-        let link = row
-            .link
-            .map(|name| self.index.link_named(&name).ok_or_else(|| unknown_link(self.path, row.line, &name)));
+        let link = row.link.map(|name| find_link(&self.links, self.path, row.line, &name));
         Ok(Query { point: row.position, link: link.transpose()? })
     }
 
@@ -192,7 +192,7 @@ impl Lookup<'_> {
                 writer.write(&LookupRow {
                     contact,
                     level: cell.level,
-                    patch: self.index.patch_name(hit.patch).unwrap_or_default(),
+                    patch: &self.patches[hit.patch].0,
                     face: cell.point.face,
                     barycentric: cell.point.barycentric,
                     map: cell.uv,

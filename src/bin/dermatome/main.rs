@@ -11,7 +11,6 @@ mod flatten;
 mod info;
 mod input;
 mod lookup;
-mod memory;
 mod notes;
 mod options;
 mod outputs;

@@ -49,11 +49,8 @@ pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Re
 }
 
 /// Refuses an output that would take the place of an input.
-pub(crate) fn check_inputs<'a>(
-    output: &Path,
-    inputs: impl IntoIterator<Item = &'a Path>,
-) -> anyhow::Result<()> {
-    match inputs.into_iter().find(|input| !is_stream(input) && is_same(input, output)) {
+pub(crate) fn check_inputs<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
+    match inputs.into_iter().find(|input| !is_stream(input) && is_same(input, out)) {
         None => Ok(()),
         Some(input) => Err(advise(
             format!("the result would replace an input, {}", input.display()),
@@ -62,7 +59,6 @@ pub(crate) fn check_inputs<'a>(
     }
 }
 
-/// Whether two names lead to one file.
 pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
     place(a) == place(b)
 }
@@ -75,12 +71,10 @@ pub(crate) fn check_table(path: &Path) -> anyhow::Result<()> {
     Err(Error::from(IoError::UnknownKind { path: path.to_owned(), known: ".csv" }).into())
 }
 
-/// What an output is called.
 fn name(path: &Path) -> &Path {
     if is_stream(path) { Path::new("standard output") } else { path }
 }
 
-/// The folder that a file is in.
 fn folder(path: &Path) -> &Path {
     path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -148,7 +142,6 @@ impl Outputs {
         Ok(written)
     }
 
-    /// Puts every file in its place.
     pub(crate) fn publish(self) -> Result<(), Error> {
         for Staged { file, path } in &self.staged {
             let fail = |source| IoError::Write { path: path.clone(), source };

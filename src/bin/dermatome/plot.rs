@@ -82,7 +82,6 @@ impl From<Show> for Paint {
     }
 }
 
-/// Kinds of pictures.
 #[derive(Clone, Copy)]
 enum Kind {
     Svg,

@@ -22,7 +22,6 @@ pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Prints pretty JSON and a newline.
 pub(crate) fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }
@@ -71,7 +70,6 @@ pub(crate) fn print_table<const N: usize>(
     print(&text)
 }
 
-/// Prints one line per patch and level.
 pub(crate) fn print_levels(patches: &[PatchReport]) -> anyhow::Result<()> {
     let levels = patches.iter().flat_map(|patch| patch.levels.iter().map(move |level| (patch, level)));
     let rows: Vec<_> = levels

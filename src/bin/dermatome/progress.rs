@@ -20,7 +20,6 @@ pub(crate) fn bar(common: &Common) -> ProgressBar {
     bar
 }
 
-/// Shows how far a build is.
 pub(crate) fn show(bar: &ProgressBar, progress: Progress) {
     bar.set_message(match progress.stage {
         Stage::Coarsen => "coarsening",

@@ -16,22 +16,20 @@ const FLAT: f64 = 1e-8;
 /// sums of products.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// Which part of a triangle is nearest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::contact) enum Feature {
+pub(crate) enum Feature {
     Inside,
     /// The side from this corner to the next.
     Side(usize),
     Corner(usize),
 }
 
-/// The point of a triangle nearest to another point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::contact) struct Closest {
+pub(crate) struct Closest {
     /// Squared distance, in m^2.
-    pub(in crate::contact) squared: f64,
-    pub(in crate::contact) barycentric: [f64; 3],
-    pub(in crate::contact) feature: Feature,
+    pub(crate) squared: f64,
+    pub(crate) barycentric: [f64; 3],
+    pub(crate) feature: Feature,
 }
 
 /// The point of the triangle nearest to `q`, in `f64`, for slivers and triangles without area too.
@@ -39,7 +37,7 @@ pub(in crate::contact) struct Closest {
 /// Inside the triangle the distance is that to its plane. Otherwise it is that to a side, measured
 /// from the smaller to the larger vertex id: two faces that share a side or corner find exactly the
 /// same distance, so that face ids alone break the tie.
-pub(in crate::contact) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -> Closest {
+pub(crate) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -> Closest {
     let [a, b, c] = corners;
     let (ab, ac, aq) = (b - a, c - a, q - a);
     let normal = ab.cross(ac);
@@ -104,7 +102,7 @@ fn at_corner(corner: usize, squared: f64) -> Closest {
 
 #[cfg(test)]
 mod tests {
-    use proptest::{prelude::*, test_runner::RngSeed};
+    use proptest::prelude::*;
 
     use super::*;
 
@@ -158,12 +156,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 500,
-            rng_seed: RngSeed::Fixed(10),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::contact::soup::fixed(500, 10))]
 
         /// The point found is in the triangle, as far as is said, and no other point of the
         /// triangle is nearer.

@@ -5,5 +5,5 @@ mod pseudo_normal;
 mod rigid_pose;
 
 pub(super) use closest_point::{Closest, closest_point};
-pub(super) use pseudo_normal::{face_of_all, pseudo_normal};
+pub(super) use pseudo_normal::pseudo_normal;
 pub(super) use rigid_pose::RigidPose;

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     contact::geometry::closest_point::Feature,
-    id::{FaceId, IdVec, VertexId},
+    id::{FaceId, VertexId},
     mesh::{TriMesh, VertexCorners, angle},
 };
 
@@ -13,24 +13,19 @@ use crate::{
 /// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right
 /// everywhere (Bærentzen and Aanæs, Signed distance computation using the angle weighted
 /// pseudonormal, 2005).
-pub(in crate::contact) fn pseudo_normal(
-    corners: &VertexCorners,
-    mesh: &TriMesh,
-    face: FaceId,
-    feature: Feature,
-) -> DVec3 {
+pub(crate) fn pseudo_normal(around: &VertexCorners, mesh: &TriMesh, face: FaceId, feature: Feature) -> DVec3 {
     let unit = |f: FaceId| mesh.face_cross(f).normalize_or_zero();
     let ids = mesh.triangles[face];
     match feature {
         Feature::Inside => mesh.face_cross(face),
         Feature::Side(side) => {
             let [from, to] = [ids[side], ids[(side + 1) % 3]];
-            let beside = corners.faces(from).filter(|&f| mesh.triangles[f].contains(&to));
+            let beside = around.faces(from).filter(|&f| mesh.triangles[f].contains(&to));
             beside.map(unit).sum()
         }
         Feature::Corner(corner) => {
             let v = ids[corner];
-            corners.faces(v).map(|f| unit(f) * angle_at(mesh, f, v)).sum()
+            around.faces(v).map(|f| unit(f) * angle_at(mesh, f, v)).sum()
         }
     }
 }
@@ -41,13 +36,4 @@ fn angle_at(mesh: &TriMesh, face: FaceId, v: VertexId) -> f64 {
     let k = ids.iter().position(|&w| w == v).unwrap_or(0);
     let at = |k: usize| mesh.positions[ids[k % 3]];
     angle(at(k), at(k + 1), at(k + 2))
-}
-
-/// The smallest face around each vertex that holds all `named` ones, at least one.
-pub(in crate::contact) fn face_of_all(
-    corners: &VertexCorners,
-    triangles: &IdVec<FaceId, [VertexId; 3]>,
-    named: &[VertexId],
-) -> Option<FaceId> {
-    corners.faces(*named.first()?).find(|&f| named.iter().all(|v| triangles[f].contains(v)))
 }

@@ -6,7 +6,7 @@ use crate::mesh::is_rigid;
 
 /// A rigid frame with the way there and back.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::contact) struct RigidPose {
+pub(crate) struct RigidPose {
     to_world: DAffine3,
     from_world: DAffine3,
 }
@@ -14,7 +14,7 @@ pub(in crate::contact) struct RigidPose {
 impl RigidPose {
     /// The frame of a pose that rotates and translates; its axes are made exactly orthonormal, so
     /// distances in the frame are those of the world. `None` if the pose does anything else.
-    pub(in crate::contact) fn new(pose: &DAffine3) -> Option<Self> {
+    pub(crate) fn new(pose: &DAffine3) -> Option<Self> {
         if !is_rigid(pose) {
             return None;
         }
@@ -24,15 +24,15 @@ impl RigidPose {
     }
 
     /// The pose that was given, made exactly rigid.
-    pub(in crate::contact) fn pose(&self) -> DAffine3 {
+    pub(crate) fn pose(&self) -> DAffine3 {
         self.to_world
     }
 
-    pub(in crate::contact) fn to_world(self, point: DVec3) -> DVec3 {
+    pub(crate) fn to_world(self, point: DVec3) -> DVec3 {
         self.to_world.transform_point3(point)
     }
 
-    pub(in crate::contact) fn to_local(self, point: DVec3) -> DVec3 {
+    pub(crate) fn to_local(self, point: DVec3) -> DVec3 {
         self.from_world.transform_point3(point)
     }
 }

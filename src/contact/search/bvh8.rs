@@ -42,7 +42,6 @@ impl Child {
         Self(PACKET | index as u32)
     }
 
-    /// What it leads to.
     #[inline]
     pub(super) fn target(self) -> Target {
         if self.0 & PACKET == 0 {
@@ -58,7 +57,7 @@ impl Child {
 pub(super) struct Node8 {
     lo: Wide3,
     hi: Wide3,
-    children: [Child; LANES],
+    pub(super) children: [Child; LANES],
 }
 
 /// Largest `f32` that is not above `x`: box minima round down, so a box only grows.
@@ -100,11 +99,6 @@ impl Node8 {
     pub(super) fn rows(bounds: &[Aabb]) -> Vec<Self> {
         let numbered: Vec<_> = bounds.iter().enumerate().map(|(i, b)| (*b, Child::node(i))).collect();
         numbered.chunks(LANES).map(|row| Self::new(row.iter().copied())).collect()
-    }
-
-    #[inline]
-    pub(super) fn child(&self, lane: usize) -> Child {
-        self.children[lane]
     }
 
     /// The box of a slot, `(min, max)`; at infinity for an empty slot.
@@ -176,7 +170,6 @@ fn count_triangles(binary: &Bvh2) -> Vec<u32> {
     counts
 }
 
-/// A binary tree on its way to a wide one.
 struct Collapse<'a> {
     binary: Bvh2,
     counts: Vec<u32>,
@@ -274,8 +267,8 @@ mod tests {
             Target::Packet(packet) => {
                 let packet = &tree.packets[packet];
                 let faces: Vec<_> = (0..LANES)
-                    .filter(|lane| packet.used() >> lane & 1 == 1)
-                    .map(|lane| packet.face(lane))
+                    .filter(|lane| packet.used >> lane & 1 == 1)
+                    .map(|lane| packet.faces[lane])
                     .collect();
                 for p in faces.iter().flat_map(|&face| triangles[face]) {
                     assert!(p.cmpge(lo).all() && p.cmple(hi).all(), "{p} lies in its box {lo} to {hi}");
@@ -284,9 +277,9 @@ mod tests {
             }
             Target::Node(node) => {
                 let node = &tree.nodes[node];
-                let slots = (0..LANES).filter(|&lane| node.child(lane) != Child::NONE);
+                let slots = (0..LANES).filter(|&lane| node.children[lane] != Child::NONE);
                 slots
-                    .flat_map(|lane| faces_below(tree, node.child(lane), node.bounds(lane), triangles))
+                    .flat_map(|lane| faces_below(tree, node.children[lane], node.bounds(lane), triangles))
                     .collect()
             }
         }

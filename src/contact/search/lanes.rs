@@ -9,7 +9,6 @@ pub(super) const LANES: usize = 8;
 /// A point, the same in every lane.
 pub(super) type Wide3 = [f32x8; 3];
 
-/// The same point in every lane.
 pub(super) fn splat(p: Vec3) -> Wide3 {
     p.to_array().map(f32x8::splat)
 }

@@ -7,8 +7,6 @@ mod nearest;
 mod patch_bvh;
 mod posed_boxes;
 mod rounding;
-#[cfg(test)]
-mod soup;
 mod triangle8;
 
 pub(super) use nearest::{Best, Search};

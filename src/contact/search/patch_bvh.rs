@@ -16,11 +16,10 @@ use crate::{
     mesh::{TriMesh, VertexCorners},
 };
 
-/// Level 0 of one patch, ready to be searched in the frame of its link.
 #[derive(Debug, Clone)]
-pub(in crate::contact) struct PatchBvh {
-    pub(in crate::contact) mesh: TriMesh,
-    pub(in crate::contact) corners: VertexCorners,
+pub(crate) struct PatchBvh {
+    pub(crate) mesh: TriMesh,
+    pub(crate) corners: VertexCorners,
     pub(super) tree: Bvh8,
     /// Centre of the patch's box, in m.
     pub(super) origin: DVec3,
@@ -32,7 +31,7 @@ pub(in crate::contact) struct PatchBvh {
 }
 
 impl PatchBvh {
-    pub(in crate::contact) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
+    pub(crate) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
         let name = || patch.to_owned();
         let faces = mesh.triangles.len();
         if faces > MAX_FACES {
@@ -70,7 +69,7 @@ impl PatchBvh {
 
     /// A distance, in m, that no face is nearer to `q` (m, the link's frame): that to the patch's
     /// box, less what rounding may have added to it.
-    pub(in crate::contact) fn least_distance(&self, q: DVec3) -> f64 {
+    pub(crate) fn least_distance(&self, q: DVec3) -> f64 {
         let (lo, hi) = self.bounds;
         let radius = 1.0 / self.scale;
         q.distance(q.clamp(lo, hi)) - slack(q.distance(self.origin), radius)
@@ -78,12 +77,12 @@ impl PatchBvh {
 
     /// The nearest point of one face, measured on the vertices of the map.
     #[inline]
-    pub(in crate::contact) fn measure(&self, q: DVec3, face: FaceId) -> Closest {
+    pub(crate) fn measure(&self, q: DVec3, face: FaceId) -> Closest {
         closest_point(q, self.mesh.corners(face), self.mesh.triangles[face])
     }
 
     /// The corners of the patch's box moved by `place`, as a box.
-    pub(in crate::contact) fn posed_box(&self, place: impl Fn(DVec3) -> DVec3) -> Aabb {
+    pub(crate) fn posed_box(&self, place: impl Fn(DVec3) -> DVec3) -> Aabb {
         let (lo, hi) = self.bounds;
         enclose((0..8).map(|k| {
             let pick = |bit: usize, lo: f64, hi: f64| if k >> bit & 1 == 0 { lo } else { hi };

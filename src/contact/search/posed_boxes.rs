@@ -16,7 +16,7 @@ use crate::skin::PatchId;
 ///
 /// Robots have tens of patches: eight boxes at a time are compared faster than a tree is walked.
 #[derive(Debug, Clone, Default)]
-pub(in crate::contact) struct PosedBoxes {
+pub(crate) struct PosedBoxes {
     rows: Vec<Node8>,
     /// What the boxes are relative to, in m.
     origin: DVec3,
@@ -26,7 +26,7 @@ pub(in crate::contact) struct PosedBoxes {
 
 impl PosedBoxes {
     /// `posed(patch, origin)`: the box of a patch relative to `origin`.
-    pub(in crate::contact) fn new(patches: usize, posed: impl Fn(PatchId, DVec3) -> Aabb) -> Self {
+    pub(crate) fn new(patches: usize, posed: impl Fn(PatchId, DVec3) -> Aabb) -> Self {
         let around = |origin| (0..patches).map(move |p| (PatchId::new(p), origin));
         let all = around(DVec3::ZERO).map(|(p, o)| posed(p, o)).reduce(|a, b| a.union(&b));
         let origin = all.map_or(DVec3::ZERO, |b| b.center().as_dvec3());
@@ -38,12 +38,7 @@ impl PosedBoxes {
 
     /// Calls `visit(patch, distance)` for every patch that may be nearer to `q` (m, in the world)
     /// than the distance `visit` returned last, in m; the one with the nearest box first.
-    pub(in crate::contact) fn each_within(
-        &self,
-        q: DVec3,
-        distance: f64,
-        mut visit: impl FnMut(PatchId) -> f64,
-    ) {
+    pub(crate) fn each_within(&self, q: DVec3, distance: f64, mut visit: impl FnMut(PatchId) -> f64) {
         let local = q - self.origin;
         let slack = slack(local.length(), self.radius);
         let wide = splat(local.as_vec3());

@@ -4,7 +4,7 @@
 //! its bound.
 
 /// Coordinates beyond this (in m) are refused: their squares still fit into `f32`.
-pub(in crate::contact) const LARGEST: f64 = 1e12;
+pub(crate) const LARGEST: f64 = 1e12;
 
 /// By how much a distance found in `f32` may be wrong, relative to the patch's radius plus the
 /// distance of the contact from the patch's centre.

@@ -31,12 +31,11 @@ pub(super) struct Triangle8 {
     /// Inverse squared lengths of the sides from the start and the end of the base to the apex; 0
     /// for a point.
     inverse: [f32x8; 2],
-    faces: [FaceId; LANES],
+    pub(super) faces: [FaceId; LANES],
     /// One bit for each lane in use.
-    used: u32,
+    pub(super) used: u32,
 }
 
-/// One triangle in its own frame, as [`Triangle8`] stores it.
 struct Framed {
     start: DVec3,
     axes: [DVec3; 3],
@@ -114,15 +113,6 @@ impl Triangle8 {
         }
     }
 
-    /// One bit for each lane that holds a triangle.
-    pub(super) fn used(&self) -> u32 {
-        self.used
-    }
-
-    pub(super) fn face(&self, lane: usize) -> FaceId {
-        self.faces[lane]
-    }
-
     /// Squared distances of `q` to the triangles.
     ///
     /// Never more than the true distance by more than the search's slack. It may be less: a point
@@ -155,7 +145,7 @@ impl Triangle8 {
 
 #[cfg(test)]
 mod tests {
-    use proptest::{prelude::*, test_runner::RngSeed};
+    use proptest::prelude::*;
 
     use super::*;
     use crate::{
@@ -164,8 +154,8 @@ mod tests {
             search::{
                 lanes::splat,
                 rounding::{slack, squared_bound_f32},
-                soup,
             },
+            soup,
         },
         id::VertexId,
     };
@@ -184,7 +174,7 @@ mod tests {
     fn distances_to_a_right_triangle_are_exact() {
         let triangle = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 3.0, 0.0)];
         let packet = packet(&[triangle]);
-        assert_eq!((packet.used(), packet.face(0)), (1, FaceId::from(0)));
+        assert_eq!((packet.used, packet.faces[0]), (1, FaceId::from(0)));
         for (q, expected) in [
             (DVec3::new(1.0, 1.0, 2.0), 4.0),
             (DVec3::new(2.0, -1.0, 0.0), 1.0),
@@ -199,12 +189,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 2000,
-            rng_seed: RngSeed::Fixed(9),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(soup::fixed(2000, 9))]
 
         /// The promise of the slack: a triangle nearer than a bound never seems to be farther,
         /// whatever its shape.

@@ -1,4 +1,5 @@
-//! A barrier that keeps the boundary of a map from crossing itself (`(smith2015)`).
+//! A barrier that keeps the boundary of a map from crossing itself (`(smith2015)`), and Newton
+//! with it: a map that does not overlap stays so.
 //!
 //! Every pair of a boundary vertex and a boundary edge closer than a reach pays `w (r/d - 1)^2`; a
 //! boundary that crosses itself, or a hole inside out, costs infinitely much, so that the line
@@ -8,13 +9,18 @@ use glam::{DMat2, DVec2};
 
 use crate::{
     flatten::{
+        Energy,
         bijective::crossings::{Segment, each_near_pair, meet},
         bijective::overlap::counter_clockwise_loops,
-        domain::elements::{BoundaryEdge, ElementMesh},
-        energy::{density::outer, objective::BoundaryTerm},
+        domain::elements::{BoundaryEdge, ElementMesh, Uv},
+        energy::{
+            face_energy::outer,
+            newton::{NewtonLimits, Solver},
+            objective::{BoundaryTerm, Objective},
+        },
     },
     id::{IdVec, VertexId},
-    sparse::Matrix,
+    sparse::{Matrix, SparseError},
 };
 
 /// Parts of the boundary repel each other below this distance over the shortest edge there, on the
@@ -31,10 +37,18 @@ const STIFFNESS: f64 = 1.0;
 /// where a hole starts out tiny, and all of its edges repel each other.
 const MOST_COUPLINGS: usize = 8;
 
-/// Repulsion of boundary vertices from boundary edges: `w (r/d - 1)^2` for every distance `d` below
-/// the reach `r`, and infinite where the boundary crosses itself or a hole is turned inside out
-/// (Smith and Schaefer 2015).
-///
+/// Newton steps between updates of the active set of close vertex-edge pairs; the set is stable for
+/// about this many steps.
+const ROUND: usize = 6;
+
+/// Vertices are coupled in the Hessian up to this multiple of the distance at which they repel each
+/// other, for those that come closer within a round.
+const AHEAD: f64 = 2.0;
+
+/// Relative decrease of the energy in a round at which the minimisation ends. With a changing
+/// active set Newton does not converge quadratically; a smaller decrease is not visible.
+const ENOUGH: f64 = 1e-7;
+
 /// A map without flips whose boundary does not cross itself is one to one if just one loop runs
 /// counter-clockwise, so it is enough to look at each map by itself; nothing follows the boundary
 /// on its way from one to the next.
@@ -113,12 +127,7 @@ impl Barrier {
 
     /// Calls `f` with everything within `factor` times its reach, and says whether the boundary
     /// does not cross itself and has no hole inside out.
-    fn each_proximity(
-        &self,
-        uv: &IdVec<VertexId, DVec2>,
-        factor: f64,
-        f: &mut dyn FnMut(ProximityPair),
-    ) -> bool {
+    fn each_proximity(&self, uv: &Uv, factor: f64, f: &mut dyn FnMut(ProximityPair)) -> bool {
         let mut segments: Vec<Segment> = self
             .repellers
             .iter()
@@ -158,7 +167,7 @@ impl Barrier {
 
     /// Vertices that repel each other, or would at `factor` times their reach; none if they are too
     /// many.
-    pub(crate) fn couplings(&self, uv: &IdVec<VertexId, DVec2>, factor: f64) -> Vec<[VertexId; 2]> {
+    pub(crate) fn couplings(&self, uv: &Uv, factor: f64) -> Vec<[VertexId; 2]> {
         let most = MOST_COUPLINGS * self.repellers.len();
         let (mut pairs, mut count) = (Vec::new(), 0);
         self.each_proximity(uv, factor, &mut |c| {
@@ -173,7 +182,7 @@ impl Barrier {
 
 impl BoundaryTerm for Barrier {
     /// The energy; infinite if the boundary crosses itself or a hole is turned inside out.
-    fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
+    fn energy(&self, uv: &Uv) -> f64 {
         let mut sum = 0.0;
         if self.each_proximity(uv, 1.0, &mut |c| sum += c.energy()) { sum } else { f64::INFINITY }
     }
@@ -183,7 +192,7 @@ impl BoundaryTerm for Barrier {
     ///
     /// Where the pattern has no room for a vertex and an edge to be coupled, each of them is held
     /// by twice the curvature instead, which is never less: `(x - y)^2 <= 2 x^2 + 2 y^2`.
-    fn add(&self, uv: &IdVec<VertexId, DVec2>, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
+    fn add(&self, uv: &Uv, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
         let pattern = hessian.pattern();
         self.each_proximity(uv, 1.0, &mut |c| {
             let (slope, curvature) = c.derivatives();
@@ -203,13 +212,39 @@ impl BoundaryTerm for Barrier {
     }
 }
 
+/// Minimises the energy as [`Objective::minimise`] does, with a boundary that never crosses itself.
+///
+/// The map to start from must have no flips and a boundary that does not cross itself. The
+/// resulting map has neither, even where `limits` end before the optimum.
+pub(crate) fn minimise_bijective(
+    elements: &ElementMesh,
+    energy: Energy,
+    uv: &mut Uv,
+    solver: Solver,
+    limits: NewtonLimits,
+) -> Result<(), SparseError> {
+    let barrier = Barrier::new(elements);
+    let mut last = f64::INFINITY;
+    for _ in 0..limits.steps.div_ceil(ROUND) {
+        let coupled = elements.coupled(&barrier.couplings(uv, AHEAD));
+        let objective = Objective::new(&coupled, energy).with_boundary_term(&barrier);
+        objective.minimise(uv, solver, NewtonLimits { steps: ROUND, ..limits })?;
+        let reached = objective.energy(uv);
+        if !reached.is_finite() || last - reached <= ENOUGH.max(limits.decrement) * reached {
+            break;
+        }
+        last = reached;
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{flatten::domain::flatten_domain::FlattenDomain, mesh::shapes};
 
     /// A strip bent until its ends nearly meet, and a barrier around it.
-    fn nearly_closed(gap: f64) -> (ElementMesh, IdVec<VertexId, DVec2>) {
+    fn nearly_closed(gap: f64) -> (ElementMesh, Uv) {
         let mesh = shapes::sheet(24, 3, |i, j| glam::DVec3::new(f64::from(i), f64::from(j), 0.0));
         let uv = mesh
             .positions

@@ -2,5 +2,4 @@
 
 pub(super) mod barrier;
 pub(super) mod crossings;
-pub(super) mod minimise;
 pub(super) mod overlap;

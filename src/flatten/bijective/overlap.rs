@@ -7,7 +7,9 @@
 use glam::DVec2;
 
 use crate::{
-    flatten::{bijective::crossings::boundary_crossings, domain::flatten_domain::FlattenDomain},
+    flatten::{
+        bijective::crossings::boundary_crossings, domain::elements::Uv, domain::flatten_domain::FlattenDomain,
+    },
     id::{IdVec, VertexId},
     mesh::{TriMesh, boundary_edges},
 };
@@ -23,7 +25,7 @@ const BEYOND_A_TURN: f64 = 1e-6;
 /// it no choice (Gauss and Bonnet) but to have one boundary loop that runs counter-clockwise, with
 /// all others inside of it and clockwise. Flips and crossings alone are not enough: a sleeve whose
 /// hole is turned inside out has neither, but two inner vertices with two full turns of faces.
-pub(crate) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
+pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     let edges = boundary_edges(mesh);
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
@@ -35,7 +37,7 @@ pub(crate) fn overlaps(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> usize {
 
 /// Whether the map winds once about every inner vertex. No step of a solver that flips no face
 /// changes that.
-pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     let mut on_boundary = IdVec::filled(false, uv.len());
     domain.disk.loops.iter().flatten().for_each(|&v| on_boundary[v] = true);
     count_branch_points(domain.elements.faces.iter().map(|e| e.corners), &on_boundary, uv) == 0
@@ -43,7 +45,7 @@ pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &IdVec<Vertex
 
 /// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise
 /// and not across itself.
-pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &IdVec<VertexId, DVec2>) -> bool {
+pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     let edges: Vec<[VertexId; 2]> = domain.disk.boundary_edges().collect();
     let mut outer = 0;
     loops(&edges).all(|walk| {
@@ -54,7 +56,7 @@ pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &IdVec<VertexId, DVec2
 }
 
 /// Number of loops that run counter-clockwise, among boundary edges listed loop by loop.
-pub(crate) fn counter_clockwise_loops(edges: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> usize {
+pub(crate) fn counter_clockwise_loops(edges: &[[VertexId; 2]], uv: &Uv) -> usize {
     loops(edges).filter(|walk| is_counter_clockwise(walk, uv)).count()
 }
 
@@ -64,7 +66,7 @@ fn loops(edges: &[[VertexId; 2]]) -> impl Iterator<Item = &[[VertexId; 2]]> {
 }
 
 /// Whether the edges of a loop enclose a positive area.
-fn is_counter_clockwise(walk: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> bool {
+fn is_counter_clockwise(walk: &[[VertexId; 2]], uv: &Uv) -> bool {
     // Seen from a place on the loop, so that a small one is not lost in rounding.
     let origin = walk.first().map_or(DVec2::ZERO, |&[from, _]| uv[from]);
     walk.iter().map(|&[from, to]| (uv[from] - origin).perp_dot(uv[to] - origin)).sum::<f64>() > 0.0
@@ -77,7 +79,7 @@ fn is_counter_clockwise(walk: &[[VertexId; 2]], uv: &IdVec<VertexId, DVec2>) -> 
 fn count_branch_points(
     faces: impl Iterator<Item = [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
-    uv: &IdVec<VertexId, DVec2>,
+    uv: &Uv,
 ) -> usize {
     let mut winding = IdVec::<VertexId, i32>::filled(0, uv.len());
     let below = |a: VertexId, b: VertexId| (uv[a].y, uv[a].x) < (uv[b].y, uv[b].x);
@@ -98,7 +100,7 @@ fn count_branch_points(
 fn count_angle_excess(
     faces: impl Iterator<Item = [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
-    uv: &IdVec<VertexId, DVec2>,
+    uv: &Uv,
 ) -> usize {
     let mut turn = IdVec::<VertexId, f64>::filled(0.0, uv.len());
     for [a, b, c] in faces {
@@ -109,63 +111,4 @@ fn count_angle_excess(
         }
     }
     turn.iter().filter(|&&t| t > std::f64::consts::TAU + BEYOND_A_TURN).count()
-}
-
-#[cfg(test)]
-mod tests {
-    use std::f64::consts::{PI, TAU};
-
-    use super::*;
-    use crate::mesh::shapes;
-
-    /// A fan around vertex 0 that winds `turns` times about it.
-    fn wound(corners: u32, turns: f64) -> (TriMesh, IdVec<VertexId, DVec2>) {
-        let mesh = shapes::fan(corners);
-        let place = |v: VertexId| match v.index() {
-            0 => DVec2::new(0.2, -0.1),
-            k => DVec2::from_angle(TAU * turns * (k - 1) as f64 / f64::from(corners) + 0.3),
-        };
-        let uv = mesh.positions.ids().map(place).collect();
-        (mesh, uv)
-    }
-
-    #[test]
-    fn a_fan_wound_once_does_not_overlap_itself() {
-        let (mesh, uv) = wound(9, 1.0);
-        assert_eq!(overlaps(&mesh, &uv), 0);
-    }
-
-    #[test]
-    fn a_fan_wound_twice_has_a_branch_however_it_is_turned() {
-        let (mesh, uv) = wound(9, 2.0);
-        let domain = FlattenDomain::new(&mesh).unwrap();
-        for k in 0..40 {
-            let uv = uv.map(|&p| DVec2::from_angle(f64::from(k) * PI / 20.0).rotate(p));
-            assert!(domain.elements.is_flip_free(&uv), "nothing is flipped at turn {k}");
-            assert!(!has_no_branch_points(&domain, &uv), "turn {k}");
-        }
-    }
-
-    /// A strip that begins inside itself: no two edges without a common vertex meet.
-    #[test]
-    fn more_than_a_full_turn_at_a_boundary_vertex_is_an_overlap() {
-        // Vertex 0 with five faces along an open chain.
-        let mesh = TriMesh::from_arrays(
-            (0..7).map(|k| glam::DVec3::new(f64::from(k), f64::from(k * k), 0.0)).collect(),
-            &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 6]],
-        );
-        let with = |turn: f64| -> usize {
-            let place = |v: VertexId| match v.index() {
-                0 => DVec2::ZERO,
-                k => DVec2::from_angle(turn * (k - 1) as f64 / 5.0) * (1.0 + 0.2 * k as f64),
-            };
-            let on_boundary = IdVec::filled(true, 7);
-            count_angle_excess(
-                mesh.triangles.iter().copied(),
-                &on_boundary,
-                &mesh.positions.ids().map(place).collect(),
-            )
-        };
-        assert_eq!((with(0.9 * TAU), with(1.1 * TAU)), (0, 1));
-    }
 }

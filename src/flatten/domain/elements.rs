@@ -5,9 +5,12 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, VertexCorners},
+    mesh::{Halfedge, VertexCorners, signed_area},
     sparse::Pattern,
 };
+
+/// Map positions of the vertices.
+pub(crate) type Uv = IdVec<VertexId, DVec2>;
 
 /// One face as the energies see it, in units of the square root of the whole area.
 #[derive(Debug, Clone, Copy)]
@@ -15,7 +18,6 @@ pub(crate) struct Element {
     pub(crate) corners: [VertexId; 3],
     /// Gradients of the three hat functions in the plane of the face.
     pub(crate) gradients: [DVec2; 3],
-    /// Share of the whole area.
     pub(crate) weight: f64,
 }
 
@@ -87,15 +89,11 @@ impl ElementMesh {
     }
 
     /// Signed area of the map of each face.
-    pub(crate) fn map_areas<'a>(&'a self, uv: &'a IdVec<VertexId, DVec2>) -> impl Iterator<Item = f64> + 'a {
-        self.faces.iter().map(|e| {
-            let [a, b, c] = e.corners.map(|v| uv[v]);
-            0.5 * (b - a).perp_dot(c - a)
-        })
+    pub(crate) fn map_areas<'a>(&'a self, uv: &'a Uv) -> impl Iterator<Item = f64> + 'a {
+        self.faces.iter().map(|e| signed_area(e.corners.map(|v| uv[v])))
     }
 
-    /// Whether every face keeps its orientation on the map.
-    pub(crate) fn is_flip_free(&self, uv: &IdVec<VertexId, DVec2>) -> bool {
+    pub(crate) fn is_flip_free(&self, uv: &Uv) -> bool {
         self.map_areas(uv).all(keeps_orientation)
     }
 }
@@ -130,11 +128,10 @@ impl CornerSlots {
             let slot = |column| net.pattern.slot(around[0], column).and_then(|s| u32::try_from(s).ok());
             around.map(|column| slot(column).unwrap_or(FIXED))
         };
-        let slots = corners.all().iter().map(slots_of).collect();
+        let slots = corners.corners.iter().map(slots_of).collect();
         Self { corners, slots }
     }
 
-    /// The corners at the vertex of `row`.
     pub(crate) fn of(&self, row: usize) -> impl Iterator<Item = Corner> {
         let v = VertexId::new(row);
         let slots = &self.slots[self.corners.range(v)];

@@ -1,12 +1,12 @@
 //! What is to be flattened: a disk with holes, laid out face by face, in units of its own size.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use crate::{
     flatten::{
         FlattenError,
         domain::disk::Disk,
-        domain::elements::{BoundaryEdge, Element, ElementMesh},
+        domain::elements::{BoundaryEdge, Element, ElementMesh, Uv},
     },
     id::{FaceId, IdVec, VertexId},
     mesh::{FlatTriangle, TriMesh, mean_edge_length},
@@ -74,7 +74,6 @@ impl<'m> FlattenDomain<'m> {
         self
     }
 
-    /// Number of vertices.
     pub(crate) fn vertices(&self) -> usize {
         self.mesh.positions.len()
     }
@@ -85,12 +84,12 @@ impl<'m> FlattenDomain<'m> {
     }
 
     /// A map in m as one in units.
-    pub(crate) fn to_units(&self, metres: &IdVec<VertexId, DVec2>) -> IdVec<VertexId, DVec2> {
+    pub(crate) fn to_units(&self, metres: &Uv) -> Uv {
         metres.map(|&p| p / self.unit)
     }
 
     /// A map in units as one in m.
-    pub(crate) fn to_metres(&self, units: &IdVec<VertexId, DVec2>) -> IdVec<VertexId, DVec2> {
+    pub(crate) fn to_metres(&self, units: &Uv) -> Uv {
         units.map(|&p| p * self.unit)
     }
 }

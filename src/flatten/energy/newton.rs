@@ -8,8 +8,7 @@
 use glam::{DMat2, DVec2};
 
 use crate::{
-    flatten::energy::objective::Objective,
-    id::{IdVec, VertexId},
+    flatten::{domain::elements::Uv, energy::objective::Objective},
     sparse::{BlockJacobi, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
 };
 
@@ -44,7 +43,6 @@ const MOST_ITERATIONS: usize = 640;
 /// solved too coarsely: the iterations are doubled.
 const SLOW: f64 = 0.3;
 
-/// How the Newton system is solved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Solver {
     /// By a Cholesky factorisation: few exact steps.
@@ -53,12 +51,10 @@ pub(crate) enum Solver {
     Iterative,
 }
 
-/// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct NewtonLimits {
     /// Decrease promised by a step, over the energy.
     pub(crate) decrement: f64,
-    /// Newton steps.
     pub(crate) steps: usize,
 }
 
@@ -67,7 +63,7 @@ impl Objective<'_> {
     /// to start from, and no step flips a face.
     pub(crate) fn minimise(
         &self,
-        uv: &mut IdVec<VertexId, DVec2>,
+        uv: &mut Uv,
         solver: Solver,
         limits: NewtonLimits,
     ) -> Result<(), SparseError> {
@@ -105,13 +101,7 @@ impl Objective<'_> {
 
     /// Moves `uv` along `d` as far as the energy falls, and returns the new energy; `None` if it
     /// falls nowhere.
-    fn line_search(
-        &self,
-        uv: &mut IdVec<VertexId, DVec2>,
-        d: &[DVec2],
-        energy: f64,
-        decrement: f64,
-    ) -> Option<f64> {
+    fn line_search(&self, uv: &mut Uv, d: &[DVec2], energy: f64, decrement: f64) -> Option<f64> {
         let mut step = self.largest_step(uv, d);
         let mut trial = uv.clone();
         for _ in 0..HALVINGS {

@@ -15,10 +15,9 @@ use rayon::prelude::*;
 use crate::{
     flatten::{
         Energy,
-        domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED},
-        energy::density::{DistortionEnergy, LocalModel, outer},
+        domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED, Uv},
+        energy::face_energy::{DistortionEnergy, LocalModel, outer},
     },
-    id::{IdVec, VertexId},
     mesh::SingularValues,
     sparse::Matrix,
 };
@@ -32,10 +31,10 @@ const STEP_TO_COLLAPSE: f64 = 0.9;
 /// A term of the energy that depends on the shape of the boundary on the map.
 pub(crate) trait BoundaryTerm: std::fmt::Debug + Sync {
     /// Its value; infinite for a map that must not be.
-    fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64;
+    fn energy(&self, uv: &Uv) -> f64;
 
     /// Adds its gradient, and a positive semi-definite model of its Hessian.
-    fn add(&self, uv: &IdVec<VertexId, DVec2>, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>);
+    fn add(&self, uv: &Uv, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>);
 }
 
 /// The energy of a map, with its gradient and a convex model of its Hessian.
@@ -59,12 +58,10 @@ impl<'e> Objective<'e> {
         Self { perimeter, ..Self::of_faces(elements, energy.into()) }
     }
 
-    /// An energy of the faces alone.
     pub(crate) fn of_faces(elements: &'e ElementMesh, energy: DistortionEnergy) -> Self {
         Self { elements, energy, perimeter: 0.0, boundary_term: None, slots: CornerSlots::new(elements) }
     }
 
-    /// The same with another term.
     pub(crate) fn with_boundary_term(self, term: &'e dyn BoundaryTerm) -> Self {
         Self { boundary_term: Some(term), ..self }
     }
@@ -76,7 +73,7 @@ impl<'e> Objective<'e> {
 
     /// The energy; infinite if a face is flipped and the energy has a barrier, or if the boundary
     /// term is infinite.
-    pub(crate) fn energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
+    pub(crate) fn energy(&self, uv: &Uv) -> f64 {
         let face = |e: &Element| e.weight * self.energy.value(&singular(e, uv));
         let parts = self.each_part(|part| part.iter().map(face).sum::<f64>());
         let of_boundary = self.boundary_term.map_or(0.0, |term| term.energy(uv));
@@ -84,7 +81,7 @@ impl<'e> Objective<'e> {
     }
 
     /// `l3 h sum_b L_b (r_b + 1/r_b)/2`.
-    fn perimeter_energy(&self, uv: &IdVec<VertexId, DVec2>) -> f64 {
+    fn perimeter_energy(&self, uv: &Uv) -> f64 {
         if self.perimeter == 0.0 {
             return 0.0;
         }
@@ -97,11 +94,7 @@ impl<'e> Objective<'e> {
     }
 
     /// Gradient by the movable vertices, and projected Hessian, at `uv`.
-    pub(crate) fn assemble(
-        &self,
-        uv: &IdVec<VertexId, DVec2>,
-        hessian: &mut Matrix<'_, DMat2>,
-    ) -> Vec<DVec2> {
+    pub(crate) fn assemble(&self, uv: &Uv, hessian: &mut Matrix<'_, DMat2>) -> Vec<DVec2> {
         let model = |e: &Element| LocalModel::new(&self.energy, &singular(e, uv), &e.gradients, e.weight);
         let models: Vec<LocalModel> =
             self.elements.faces.as_slice().par_iter().with_min_len(FACES_PER_TASK).map(model).collect();
@@ -130,12 +123,7 @@ impl<'e> Objective<'e> {
         gradient
     }
 
-    fn add_perimeter(
-        &self,
-        uv: &IdVec<VertexId, DVec2>,
-        gradient: &mut [DVec2],
-        hessian: &mut Matrix<'_, DMat2>,
-    ) {
+    fn add_perimeter(&self, uv: &Uv, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
         if self.perimeter == 0.0 {
             return;
         }
@@ -160,7 +148,7 @@ impl<'e> Objective<'e> {
     }
 
     /// The largest share of the step `d` of the movable vertices that collapses no face, at most 1.
-    pub(crate) fn largest_step(&self, uv: &IdVec<VertexId, DVec2>, d: &[DVec2]) -> f64 {
+    pub(crate) fn largest_step(&self, uv: &Uv, d: &[DVec2]) -> f64 {
         if !self.energy.has_barrier() {
             return 1.0;
         }
@@ -170,7 +158,7 @@ impl<'e> Objective<'e> {
     }
 }
 
-fn singular(e: &Element, uv: &IdVec<VertexId, DVec2>) -> SingularValues {
+fn singular(e: &Element, uv: &Uv) -> SingularValues {
     let [a, b, c] = e.corners.map(|v| uv[v]);
     let [g0, g1, g2] = e.gradients;
     SingularValues::of(&(outer(a, g0) + outer(b, g1) + outer(c, g2)))
@@ -178,7 +166,7 @@ fn singular(e: &Element, uv: &IdVec<VertexId, DVec2>) -> SingularValues {
 
 /// The smallest positive step along `d` at which the face's area is zero; infinite if there is
 /// none.
-fn collapse(e: &Element, uv: &IdVec<VertexId, DVec2>, d: &[DVec2]) -> f64 {
+fn collapse(e: &Element, uv: &Uv, d: &[DVec2]) -> f64 {
     let [a, b, c] = e.corners.map(|v| uv[v]);
     let [da, db, dc] = e.corners.map(|v| d.get(v.index()).copied().unwrap_or(DVec2::ZERO));
     let (p, q, dp, dq) = (b - a, c - a, db - da, dc - da);

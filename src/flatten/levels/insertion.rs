@@ -11,6 +11,7 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use crate::{
+    flatten::domain::elements::Uv,
     id::{IdVec, VertexId},
     mesh::{TriMesh, angle},
     pyramid::{Level, PyramidError, Removal, RemovalLog},
@@ -26,11 +27,10 @@ pub(crate) struct Insertion<'l> {
     mesh: &'l TriMesh,
     removals: &'l RemovalLog,
     /// Removals not yet undone.
-    left: usize,
-    /// Which vertices are on the map.
+    pub(crate) left: usize,
     present: IdVec<VertexId, bool>,
     /// Map positions of those, in m.
-    pub(crate) map: IdVec<VertexId, DVec2>,
+    pub(crate) map: Uv,
 }
 
 impl<'l> Insertion<'l> {
@@ -42,7 +42,7 @@ impl<'l> Insertion<'l> {
         level: &'l Level,
         removals: &'l RemovalLog,
         coarse: &Level,
-        uv: &IdVec<VertexId, DVec2>,
+        uv: &Uv,
     ) -> Result<Self, PyramidError> {
         let count = level.mesh.positions.len();
         let mut present = IdVec::filled(false, count);
@@ -52,11 +52,6 @@ impl<'l> Insertion<'l> {
             map[vertex] = at;
         }
         Ok(Self { mesh: &level.mesh, removals, left: removals.len(), present, map })
-    }
-
-    /// Removals not yet undone.
-    pub(crate) fn left(&self) -> usize {
-        self.left
     }
 
     /// Undoes removals until this many are left, and returns how many vertices found no place
@@ -100,7 +95,7 @@ struct RingMap {
 }
 
 impl RingMap {
-    fn new(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>, removal: &Removal<'_>) -> Self {
+    fn new(mesh: &TriMesh, uv: &Uv, removal: &Removal<'_>) -> Self {
         Self {
             skin: lay_flat(mesh, removal),
             map: removal.ring.iter().map(|&v| uv[v]).collect(),
@@ -288,27 +283,5 @@ mod tests {
         let u =
             [[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [2.0, 3.0], [2.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
         assert_eq!(star(&u, false).kernel_centre(DVec2::new(0.5, 2.0)), None);
-    }
-
-    /// Undoing every removal gives the level's own mesh, and on a flat skin its own places.
-    #[test]
-    fn a_flat_level_comes_back_from_its_coarser_map() {
-        use crate::{
-            mesh::shapes,
-            pyramid::{LevelId, coarsen},
-            skin::Taxels,
-        };
-        let mesh = shapes::lattice(15, 12, 0.01);
-        let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &Default::default()).unwrap();
-        let [fine, coarse] = [0, 1].map(|l| &pyramid.levels[LevelId::new(l)]);
-        let uv = coarse.mesh.positions.map(|p| p.truncate());
-        let mut insertion = Insertion::new(fine, &pyramid.removals[LevelId::new(0)], coarse, &uv).unwrap();
-        assert_eq!(insertion.undo_until(0), 0, "every vertex finds a place");
-        let (mesh, vertices) = insertion.mesh();
-        assert_eq!((mesh.positions.len(), insertion.left()), (180, 0));
-        assert!(vertices.iter().enumerate().all(|(k, v)| k == v.index()));
-        for (p, q) in fine.mesh.positions.iter().zip(&insertion.map) {
-            assert!(p.truncate().distance(*q) < 1e-12, "{p} at {q}");
-        }
     }
 }

@@ -20,20 +20,15 @@
 //! third row a map has no flips, and no overlaps if it must not have any; the fourth never makes it
 //! worse. The sizes are *heuristic*, measured on the skins of `meshes/` and on tubes.
 
-use glam::DVec2;
-
-use crate::{
-    flatten::{
-        FlattenError,
-        bijective::overlap::overlaps,
-        domain::{flatten_domain::FlattenDomain, magnification::Magnification},
-        energy::{newton::NewtonLimits, objective::Objective},
-        levels::{
-            insertion::Insertion,
-            relax::{Goal, make_locally_injective, minimise_from_scratch, relax},
-        },
+use crate::flatten::{
+    FlattenError,
+    bijective::overlap::overlaps,
+    domain::{elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification},
+    energy::{newton::NewtonLimits, objective::Objective},
+    levels::{
+        insertion::Insertion,
+        relax::{Goal, make_locally_injective, minimise_from_scratch, relax},
     },
-    id::{IdVec, VertexId},
 };
 
 /// Newton steps between two stages of an insertion: they only have to make room.
@@ -55,7 +50,7 @@ pub(crate) fn refine(
     start: Insertion<'_>,
     magnification: &Magnification,
     goal: Goal,
-) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+) -> Result<Uv, FlattenError> {
     let inserted = insert(start, magnification, goal)?;
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
     let inherited = relax(domain, start, goal, None)?;
@@ -71,16 +66,15 @@ pub(crate) fn refine(
     Ok(if fresh.is_better_than(&inherited) { fresh.uv } else { inherited.uv })
 }
 
-/// A map and what it is judged by.
 struct Candidate {
-    uv: IdVec<VertexId, DVec2>,
+    uv: Uv,
     overlaps: usize,
     /// Without any barrier.
     energy: f64,
 }
 
 impl Candidate {
-    fn new(domain: &FlattenDomain<'_>, objective: &Objective<'_>, uv: IdVec<VertexId, DVec2>) -> Self {
+    fn new(domain: &FlattenDomain<'_>, objective: &Objective<'_>, uv: Uv) -> Self {
         Self { overlaps: overlaps(domain.mesh, &uv), energy: objective.energy(&uv), uv }
     }
 
@@ -92,17 +86,13 @@ impl Candidate {
 
 /// All vertices of a level on the map (m) of the next coarser level: at once if every one has a
 /// place, else in stages.
-fn insert(
-    start: Insertion<'_>,
-    magnification: &Magnification,
-    goal: Goal,
-) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+fn insert(start: Insertion<'_>, magnification: &Magnification, goal: Goal) -> Result<Uv, FlattenError> {
     let mut at_once = start.clone();
     if at_once.undo_until(0) == 0 {
         return Ok(at_once.map);
     }
     let mut insertion = start;
-    while insertion.left() > 0 {
+    while insertion.left > 0 {
         insert_stage(&mut insertion, magnification, goal)?;
     }
     Ok(insertion.map)
@@ -115,15 +105,15 @@ fn insert_stage(
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<(), FlattenError> {
-    let present = insertion.map.len() - insertion.left();
+    let present = insertion.map.len() - insertion.left;
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a fraction of a vertex count"
     )]
     let more = ((STAGE_GROWTH - 1.0) * present as f64).ceil() as usize;
-    insertion.undo_until(insertion.left().saturating_sub(more.max(1)));
-    if insertion.left() == 0 {
+    insertion.undo_until(insertion.left.saturating_sub(more.max(1)));
+    if insertion.left == 0 {
         return Ok(());
     }
     let (mesh, vertices) = insertion.mesh();

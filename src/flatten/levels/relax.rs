@@ -1,14 +1,13 @@
 //! Least energy on one level: from a map without flips, or from scratch.
 
-use glam::DVec2;
-
 use crate::{
     flatten::{
         Energy, FlattenError, FlattenOptions, Method,
         bijective::{
-            minimise::minimise_bijective,
+            barrier::minimise_bijective,
             overlap::{has_no_branch_points, keeps_holes, overlaps},
         },
+        domain::elements::Uv,
         domain::flatten_domain::FlattenDomain,
         energy::{
             newton::{NewtonLimits, Solver},
@@ -16,7 +15,6 @@ use crate::{
         },
         start::{conformal::spectral_conformal, linear::linear, tutte::tutte, untangle::untangle},
     },
-    id::{IdVec, VertexId},
     sparse::SparseError,
 };
 
@@ -42,7 +40,7 @@ pub(crate) struct Goal {
 /// A map without flips after Newton steps, in units of its domain.
 #[derive(Debug)]
 pub(crate) struct Relaxed {
-    pub(crate) uv: IdVec<VertexId, DVec2>,
+    pub(crate) uv: Uv,
     /// Whether parts of the boundary had to repel each other.
     pub(crate) used_barrier: bool,
 }
@@ -52,7 +50,7 @@ pub(crate) struct Relaxed {
 pub(crate) fn solve_from_scratch(
     domain: &FlattenDomain<'_>,
     options: &FlattenOptions,
-) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+) -> Result<Uv, FlattenError> {
     match options.method {
         Method::Conformal => spectral_conformal(domain),
         Method::Linear { angle, area } => linear(domain, angle, area),
@@ -63,10 +61,7 @@ pub(crate) fn solve_from_scratch(
 }
 
 /// The map of least energy from the conformal start.
-pub(crate) fn minimise_from_scratch(
-    domain: &FlattenDomain<'_>,
-    goal: Goal,
-) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> Result<Uv, FlattenError> {
     let start = make_locally_injective(domain, spectral_conformal(domain)?)?;
     Ok(relax(domain, start, goal, None)?.uv)
 }
@@ -76,10 +71,7 @@ pub(crate) fn minimise_from_scratch(
 /// Flipped faces can be turned back so that the map winds twice about some vertices (branch
 /// points), and so does the conformal map of a coarse tube. Newton steps, which flip nothing, would
 /// keep it so: that is not a start either.
-pub(crate) fn make_locally_injective(
-    domain: &FlattenDomain<'_>,
-    mut uv: IdVec<VertexId, DVec2>,
-) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn make_locally_injective(domain: &FlattenDomain<'_>, mut uv: Uv) -> Result<Uv, FlattenError> {
     let is_flip_free = untangle(domain, &mut uv).map_err(failed)?;
     if is_flip_free && has_no_branch_points(domain, &uv) { Ok(uv) } else { tutte(domain) }
 }
@@ -92,14 +84,14 @@ pub(crate) fn make_locally_injective(
 /// pressed together, and gains by sliding through itself until the map around it overlaps the rest.
 pub(crate) fn relax(
     domain: &FlattenDomain<'_>,
-    start: IdVec<VertexId, DVec2>,
+    start: Uv,
     goal: Goal,
     limits: Option<NewtonLimits>,
 ) -> Result<Relaxed, FlattenError> {
     let (solver, usual) =
         if domain.vertices() <= FACTORED { (Solver::Direct, EXACT) } else { (Solver::Iterative, TRUNCATED) };
     let limits = limits.unwrap_or(usual);
-    let overlaps_itself = |uv: &IdVec<VertexId, DVec2>| overlaps(domain.mesh, uv) > 0;
+    let overlaps_itself = |uv: &Uv| overlaps(domain.mesh, uv) > 0;
 
     let mut uv = start.clone();
     Objective::new(&domain.elements, goal.energy).minimise(&mut uv, solver, limits).map_err(failed)?;

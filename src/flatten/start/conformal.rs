@@ -11,7 +11,10 @@ use glam::DVec2;
 use crate::{
     flatten::{
         FlattenError,
-        domain::{elements::BoundaryEdge, flatten_domain::FlattenDomain},
+        domain::{
+            elements::{BoundaryEdge, Uv},
+            flatten_domain::FlattenDomain,
+        },
     },
     id::{IdVec, VertexId},
     sparse::{Cholesky, Matrix, SparseError},
@@ -61,7 +64,7 @@ pub(crate) fn conformal_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, 
 ///
 /// Departure from the paper: boundary vertices weigh their share of the boundary's length instead
 /// of 1, so that the map does not depend on how densely the boundary is sampled.
-pub(crate) fn spectral_conformal(domain: &FlattenDomain<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn spectral_conformal(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     let failed = |source| FlattenError::System { method: "conformal", source };
     let cholesky =
         Cholesky::new(&domain.elements.pattern, domain.mesh.positions.as_slice()).map_err(failed)?;
@@ -98,7 +101,7 @@ fn boundary_mass(domain: &FlattenDomain<'_>) -> IdVec<VertexId, f64> {
 
 /// The outer loop on a circle by arc length: counter-clockwise, so never orthogonal to the
 /// eigenvector that is wanted.
-fn outer_circle(domain: &FlattenDomain<'_>) -> IdVec<VertexId, DVec2> {
+fn outer_circle(domain: &FlattenDomain<'_>) -> Uv {
     let mut z = IdVec::filled(DVec2::ZERO, domain.vertices());
     for (&v, at) in domain.disk.loops[0].iter().zip(circle(domain)) {
         z[v] = at;
@@ -126,14 +129,12 @@ pub(crate) fn circle(domain: &FlattenDomain<'_>) -> Vec<DVec2> {
 /// The eigenvector of `M z = mu B z` with the least `mu` among those with mean zero on the
 /// boundary.
 fn inverse_iteration(
-    mut z: IdVec<VertexId, DVec2>,
+    mut z: Uv,
     mass: &IdVec<VertexId, f64>,
     solve: impl Fn(&mut [DVec2]) -> Result<(), SparseError>,
-) -> Result<IdVec<VertexId, DVec2>, SparseError> {
-    let weighted = |z: &IdVec<VertexId, DVec2>| -> IdVec<VertexId, DVec2> {
-        z.iter().zip(mass).map(|(&z, &m)| z * m).collect()
-    };
-    let normalise = |z: &mut IdVec<VertexId, DVec2>| {
+) -> Result<Uv, SparseError> {
+    let weighted = |z: &Uv| -> Uv { z.iter().zip(mass).map(|(&z, &m)| z * m).collect() };
+    let normalise = |z: &mut Uv| {
         let mean: DVec2 = weighted(z).into_iter().sum();
         z.iter_mut().for_each(|z| *z -= mean);
         let norm = z.iter().zip(mass).map(|(z, m)| z.length_squared() * m).sum::<f64>().sqrt();

@@ -7,8 +7,11 @@
 use glam::{DVec2, DVec3};
 
 use crate::{
-    flatten::{FlattenError, domain::flatten_domain::FlattenDomain, start::conformal::conformal_matrix},
-    id::{IdVec, VertexId},
+    flatten::{
+        FlattenError, domain::elements::Uv, domain::flatten_domain::FlattenDomain,
+        start::conformal::conformal_matrix,
+    },
+    id::VertexId,
     mesh::cotangent,
     sparse::{Matrix, solve_unsymmetric},
 };
@@ -53,11 +56,7 @@ fn authalic_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, DVec2> {
 /// Both kinds of rows are scaled to the same mean diagonal before they are mixed `angle : area`.
 /// Conformal rows are real except on the boundary, so one complex unknown a vertex holds both
 /// coordinates.
-pub(crate) fn linear(
-    domain: &FlattenDomain<'_>,
-    angle: f64,
-    area: f64,
-) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn linear(domain: &FlattenDomain<'_>, angle: f64, area: f64) -> Result<Uv, FlattenError> {
     let mut matrix = conformal_matrix(domain);
     let authalic = authalic_matrix(domain);
     let inner: Vec<usize> = domain

@@ -8,10 +8,12 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        FlattenError, domain::elements::keeps_orientation, domain::flatten_domain::FlattenDomain,
+        FlattenError,
+        domain::elements::{Uv, keeps_orientation},
+        domain::flatten_domain::FlattenDomain,
         start::conformal::circle,
     },
-    id::{FaceId, IdVec, VertexId},
+    id::{FaceId, VertexId},
     sparse::{Cholesky, Matrix, Pattern, SparseError},
 };
 
@@ -28,15 +30,14 @@ enum Weights {
     Uniform,
 }
 
-/// The outer boundary on a circle, every other vertex at the weighted mean of its neighbours: no
-/// face can flip (Tutte 1963, Floater 2003). Holes are closed by a virtual vertex in the middle of
-/// each.
+/// Every vertex off the circle lies at the weighted mean of its neighbours; holes are closed by a
+/// virtual vertex in the middle of each.
 ///
 /// Faces can still become too small for 64-bit numbers; then equal weights are tried.
 ///
 /// # Errors
 /// [`FlattenError::NoStart`] when both fail.
-pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     let failed = |source| FlattenError::System { method: "convex", source };
     let mut worst = None;
     for weights in [Weights::Cotangent, Weights::Uniform] {
@@ -84,7 +85,7 @@ fn springs(domain: &FlattenDomain<'_>, weights: Weights) -> Vec<(usize, usize, f
     springs
 }
 
-fn solve(domain: &FlattenDomain<'_>, weights: Weights) -> Result<IdVec<VertexId, DVec2>, SparseError> {
+fn solve(domain: &FlattenDomain<'_>, weights: Weights) -> Result<Uv, SparseError> {
     let springs = springs(domain, weights);
     let vertices = domain.vertices();
     let all = vertices + domain.disk.loops.len() - 1;

@@ -6,17 +6,16 @@
 
 use std::collections::HashMap;
 
-use glam::DVec2;
-
 use crate::{
     flatten::{
-        domain::elements::{Element, ElementMesh, keeps_orientation},
+        domain::elements::{Element, ElementMesh, Uv, keeps_orientation},
         domain::flatten_domain::FlattenDomain,
-        energy::density::DistortionEnergy,
+        energy::face_energy::DistortionEnergy,
         energy::newton::{NewtonLimits, Solver},
         energy::objective::Objective,
     },
     id::{FaceId, IdVec, VertexId},
+    mesh::signed_area,
     sparse::SparseError,
 };
 
@@ -38,13 +37,9 @@ const ROUND: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 4 };
 
 /// Turns flipped faces back by moving only the vertices around them, and says whether none is left.
 ///
-/// Each part minimises a shape energy that stays finite for flipped faces,
-/// `(s1^2 + s2^2)/chi(s1 s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`, while `e` shrinks
+/// Each part minimises the untangling energy while its `e` shrinks
 /// (escobar2003, garanzha2021). There is no proof that this always succeeds.
-pub(crate) fn untangle(
-    domain: &FlattenDomain<'_>,
-    uv: &mut IdVec<VertexId, DVec2>,
-) -> Result<bool, SparseError> {
+pub(crate) fn untangle(domain: &FlattenDomain<'_>, uv: &mut Uv) -> Result<bool, SparseError> {
     for rings in RINGS {
         let flipped: Vec<bool> = domain.elements.map_areas(uv).map(|area| !keeps_orientation(area)).collect();
         if !flipped.iter().any(|f| *f) {
@@ -123,13 +118,9 @@ fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Par
 
 /// Moves the vertices of `part` until no face around them is flipped; leaves them where they were
 /// if that fails.
-fn repair(
-    domain: &FlattenDomain<'_>,
-    part: &Part,
-    uv: &mut IdVec<VertexId, DVec2>,
-) -> Result<(), SparseError> {
+fn repair(domain: &FlattenDomain<'_>, part: &Part, uv: &mut Uv) -> Result<(), SparseError> {
     let (elements, ids) = elements_of(domain, part, uv);
-    let mut local: IdVec<VertexId, DVec2> = ids.iter().map(|&v| uv[v]).collect();
+    let mut local: Uv = ids.iter().map(|&v| uv[v]).collect();
     let worst = elements
         .faces
         .iter()
@@ -157,11 +148,7 @@ fn repair(
 ///
 /// Faces are scaled so that their areas on the map are 1 on average: the part may be magnified or
 /// shrunk.
-fn elements_of(
-    domain: &FlattenDomain<'_>,
-    part: &Part,
-    uv: &IdVec<VertexId, DVec2>,
-) -> (ElementMesh, Vec<VertexId>) {
+fn elements_of(domain: &FlattenDomain<'_>, part: &Part, uv: &Uv) -> (ElementMesh, Vec<VertexId>) {
     let mut ids = part.vertices.clone();
     let mut number: HashMap<VertexId, VertexId> =
         ids.iter().enumerate().map(|(k, &v)| (v, VertexId::new(k))).collect();
@@ -180,13 +167,7 @@ fn elements_of(
         })
         .collect();
     let skin: f64 = faces.iter().map(|e| e.weight).sum();
-    let map: f64 = faces
-        .iter()
-        .map(|e| {
-            let [a, b, c] = e.corners.map(|v| uv[ids[v.index()]]);
-            0.5 * (b - a).perp_dot(c - a).abs()
-        })
-        .sum();
+    let map: f64 = faces.iter().map(|e| signed_area(e.corners.map(|v| uv[ids[v.index()]])).abs()).sum();
     let scale = if map > 0.0 { (skin / map).sqrt() } else { 1.0 };
     for e in &mut faces {
         e.gradients = e.gradients.map(|g| g * scale);
@@ -198,6 +179,8 @@ fn elements_of(
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use super::*;
     use crate::mesh::shapes;
 
@@ -205,8 +188,7 @@ mod tests {
     fn scattered_vertices_find_back_into_their_stars() {
         let mesh = shapes::lattice(12, 10, 0.01);
         let domain = FlattenDomain::new(&mesh).unwrap();
-        let mut uv: IdVec<VertexId, DVec2> =
-            mesh.positions.ids().map(|v| domain.position(v).truncate()).collect();
+        let mut uv: Uv = mesh.positions.ids().map(|v| domain.position(v).truncate()).collect();
         // Two vertices inside and one on the boundary, thrown across their rings.
         for (v, by) in [(42, DVec2::new(0.3, 0.1)), (67, DVec2::new(-0.2, 0.25)), (5, DVec2::new(0.0, 0.4))] {
             uv[VertexId::new(v)] += by;

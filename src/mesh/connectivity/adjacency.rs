@@ -6,6 +6,7 @@ use crate::{
         Halfedge, MeshError, TriMesh,
         connectivity::{edges::pair_halfedges, rings::Rings},
     },
+    numeric::DisjointSets,
 };
 
 /// Who borders whom in an oriented manifold mesh with boundary.
@@ -96,29 +97,14 @@ impl Adjacency {
 
     /// Number of fans around `v`; looks through the whole mesh, for an error message alone.
     fn count_fans(&self, mesh: &TriMesh, v: VertexId) -> usize {
-        let halfedges = mesh.triangles.ids().flat_map(|face| [0, 1, 2].map(|k| Halfedge::new(face, k)));
-        // Ascending, so that a binary search finds the place of a halfedge.
-        let leaving: Vec<Halfedge> = halfedges.filter(|h| h.start(mesh) == v).collect();
-        let mut seen = vec![false; leaving.len()];
-        let mut fans = 0;
-        // Open fans first, each from its one open end; what is left then are closed fans.
-        for open in [true, false] {
-            for at in 0..leaving.len() {
-                if seen[at] || (open && self.twin(leaving[at]).is_some()) {
-                    continue;
-                }
-                fans += 1;
-                let mut at = at;
-                while !seen[at] {
-                    seen[at] = true;
-                    let next = self.twin(leaving[at].previous());
-                    if let Some(place) = next.and_then(|next| leaving.binary_search(&next).ok()) {
-                        at = place;
-                    }
-                }
+        let star: Vec<FaceId> = mesh.triangles.ids().filter(|&f| mesh.triangles[f].contains(&v)).collect();
+        let mut fans = DisjointSets::<FaceId>::new(self.twins.len());
+        for h in star.iter().flat_map(|&face| [0, 1, 2].map(|side| Halfedge::new(face, side))) {
+            if let Some(twin) = self.twin(h).filter(|_| h.start(mesh) == v || h.end(mesh) == v) {
+                fans.join(h.face(), twin.face());
             }
         }
-        fans
+        star.into_iter().filter(|&face| fans.root(face) == face).count()
     }
 
     /// The neighbours of `v`, counter-clockwise; for a boundary vertex from the next to the
@@ -133,28 +119,27 @@ impl Adjacency {
     #[inline]
     #[must_use]
     pub fn is_boundary(&self, v: VertexId) -> bool {
-        self.rings.is_boundary(v)
+        self.rings.on_boundary[v]
+    }
+
+    /// The face across each side, from corner `k` to the next; `None` on the boundary.
+    #[inline]
+    #[must_use]
+    pub fn neighbours(&self, face: FaceId) -> [Option<FaceId>; 3] {
+        [0, 1, 2].map(|side| self.twin(Halfedge::new(face, side)).map(Halfedge::face))
     }
 
     /// The halfedge on the other side, or `None` on the boundary.
-    #[inline]
-    #[must_use]
-    pub fn twin(&self, h: Halfedge) -> Option<Halfedge> {
+    pub(crate) fn twin(&self, h: Halfedge) -> Option<Halfedge> {
         let twin = self.twins[h.face()][h.side()];
         (twin != Halfedge::NONE).then_some(twin)
-    }
-
-    /// Number of undirected edges.
-    #[must_use]
-    pub fn edge_count(&self) -> usize {
-        self.rings.edges()
     }
 
     /// Vertices minus edges plus faces: 1 for a disk, 2 for a sphere, one less for each hole.
     #[must_use]
     pub fn euler_characteristic(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).expect("counts fit into 63 bits");
-        count(self.rings.vertices()) - count(self.edge_count()) + count(self.twins.len())
+        count(self.rings.vertices()) - count(self.rings.edges()) + count(self.twins.len())
     }
 
     /// The boundary loops, each from its smallest vertex, faces on the left; sorted by that vertex.
@@ -163,29 +148,14 @@ impl Adjacency {
         self.rings.boundary_loops()
     }
 
-    /// The component of every face, numbered in the order of their first faces, and their number.
-    #[must_use]
-    pub fn components(&self) -> (IdVec<FaceId, u32>, usize) {
-        const NONE: u32 = u32::MAX;
-        let mut of_face = IdVec::<FaceId, u32>::filled(NONE, self.twins.len());
-        let mut count = 0_u32;
-        let mut stack = Vec::new();
-        for seed in of_face.ids() {
-            if of_face[seed] != NONE {
-                continue;
-            }
-            of_face[seed] = count;
-            stack.push(seed);
-            while let Some(face) = stack.pop() {
-                for twin in self.twins[face].into_iter().filter(|&twin| twin != Halfedge::NONE) {
-                    if of_face[twin.face()] == NONE {
-                        of_face[twin.face()] = count;
-                        stack.push(twin.face());
-                    }
-                }
-            }
-            count += 1;
+    pub(crate) fn component_count(&self) -> usize {
+        let mut sets = DisjointSets::<FaceId>::new(self.twins.len());
+        for (face, twins) in self.twins.enumerate() {
+            twins
+                .iter()
+                .filter(|&&twin| twin != Halfedge::NONE)
+                .for_each(|twin| sets.join(face, twin.face()));
         }
-        (of_face, count as usize)
+        self.twins.ids().filter(|&face| sets.root(face) == face).count()
     }
 }

@@ -59,7 +59,6 @@ pub(crate) fn each_edge(
 #[derive(Debug, Clone)]
 pub(crate) struct Edges {
     halfedges: Vec<Halfedge>,
-    /// Where each edge starts in `halfedges`; one more entry than edges.
     starts: Vec<usize>,
 }
 
@@ -74,7 +73,6 @@ impl Edges {
         edges
     }
 
-    /// The halfedges along each edge.
     pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &[Halfedge]> {
         self.starts.windows(2).map(|range| &self.halfedges[range[0]..range[1]])
     }

@@ -11,7 +11,7 @@ use crate::{
 ///
 /// It also stands for the corner that it leaves.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Halfedge(u32);
+pub(crate) struct Halfedge(u32);
 
 impl Halfedge {
     /// No face on the other side, or no halfedge at all.
@@ -23,52 +23,42 @@ impl Halfedge {
     /// If `side` is not 0, 1 or 2. Meshes with more than 2^30 faces are refused by
     /// [`TriMesh::validate`].
     #[inline]
-    #[must_use]
-    pub fn new(face: FaceId, side: usize) -> Self {
+    pub(crate) fn new(face: FaceId, side: usize) -> Self {
         debug_assert!(face.index() < MAX_FACES, "refused by `TriMesh::validate`");
         Self(face.raw() << 2 | [0, 1, 2][side])
     }
 
-    /// The face on its left.
     #[inline]
-    #[must_use]
-    pub fn face(self) -> FaceId {
+    pub(crate) fn face(self) -> FaceId {
         FaceId::from(self.0 >> 2)
     }
 
     /// Which side of the face it is: 0, 1 or 2.
     #[inline]
-    #[must_use]
-    pub const fn side(self) -> usize {
+    pub(crate) const fn side(self) -> usize {
         (self.0 & 3) as usize
     }
 
     /// The side of the same face that starts where this one ends.
     #[inline]
-    #[must_use]
-    pub const fn next(self) -> Self {
+    pub(crate) const fn next(self) -> Self {
         Self(if self.0 & 3 == 2 { self.0 - 2 } else { self.0 + 1 })
     }
 
     /// The side of the same face that ends where this one starts; across it lies the next face
     /// counter-clockwise around that vertex.
     #[inline]
-    #[must_use]
     pub(crate) const fn previous(self) -> Self {
         Self(if self.0 & 3 == 0 { self.0 + 2 } else { self.0 - 1 })
     }
 
-    /// The vertex it leaves.
     #[inline]
-    #[must_use]
-    pub fn start(self, mesh: &TriMesh) -> VertexId {
+    pub(crate) fn start(self, mesh: &TriMesh) -> VertexId {
         mesh.triangles[self.face()][self.side()]
     }
 
-    /// The vertex it reaches.
     #[inline]
-    #[must_use]
-    pub fn end(self, mesh: &TriMesh) -> VertexId {
+    pub(crate) fn end(self, mesh: &TriMesh) -> VertexId {
         mesh.triangles[self.face()][self.next().side()]
     }
 

@@ -34,15 +34,15 @@ pub(crate) struct HalfedgeMesh {
     alive: IdVec<FaceId, bool>,
     /// A halfedge that leaves each vertex: the boundary's where there is one, none for a removed
     /// vertex.
-    leaving: IdVec<VertexId, Halfedge>,
-    on_boundary: IdVec<VertexId, bool>,
-    degree: IdVec<VertexId, u32>,
+    pub(crate) leaving: IdVec<VertexId, Halfedge>,
+    pub(crate) on_boundary: IdVec<VertexId, bool>,
+    /// Number of neighbours of each vertex.
+    pub(crate) degree: IdVec<VertexId, u32>,
 }
 
 /// New ids of what is left after [`HalfedgeMesh::compact`].
 pub(crate) struct Compacted {
     pub(crate) mesh: HalfedgeMesh,
-    /// The old id of every vertex.
     pub(crate) old_vertices: IdVec<VertexId, VertexId>,
     /// The new id of every old face; meaningless for dead ones.
     pub(crate) new_faces: IdVec<FaceId, FaceId>,
@@ -95,25 +95,6 @@ impl HalfedgeMesh {
     #[inline]
     pub(crate) fn twin(&self, h: Halfedge) -> Halfedge {
         self.faces[h.face()].twins[h.side()]
-    }
-
-    /// A halfedge that leaves `v`, that of the boundary where there is one; none for a removed
-    /// vertex.
-    #[inline]
-    pub(crate) fn leaving(&self, v: VertexId) -> Halfedge {
-        self.leaving[v]
-    }
-
-    /// Whether `v` lies on a boundary loop.
-    #[inline]
-    pub(crate) fn is_boundary(&self, v: VertexId) -> bool {
-        self.on_boundary[v]
-    }
-
-    /// Number of neighbours of `v`.
-    #[inline]
-    pub(crate) fn degree(&self, v: VertexId) -> u32 {
-        self.degree[v]
     }
 
     /// The neighbours of `v`, counter-clockwise; on a boundary from the next to the previous vertex
@@ -243,7 +224,6 @@ pub(crate) fn diagonals(triangles: &[[u8; 3]], count: usize) -> impl Iterator<It
     ends.filter(move |&ends| ends != [0, count - 1])
 }
 
-/// Walks around a vertex; see [`HalfedgeMesh::ring`].
 pub(crate) struct Ring<'a> {
     faces: &'a IdVec<FaceId, Face>,
     first: Halfedge,
@@ -325,7 +305,7 @@ mod tests {
         let expected = Adjacency::new(&after).unwrap();
         for v in after.positions.ids() {
             assert_eq!(left.ring(v).collect::<Vec<_>>(), expected.ring(v), "ring of {v}");
-            assert_eq!(left.degree(v) as usize, expected.ring(v).len(), "degree of {v}");
+            assert_eq!(left.degree[v] as usize, expected.ring(v).len(), "degree of {v}");
         }
         assert!((after.area() - mesh.area()).abs() < 1e-12, "the pentagon is still covered");
     }

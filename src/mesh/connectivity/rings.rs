@@ -15,28 +15,19 @@ pub(crate) struct Rings {
     /// Where each ring starts; one more entry than vertices.
     pub(super) starts: Vec<u32>,
     pub(super) neighbours: Vec<VertexId>,
-    pub(super) on_boundary: IdVec<VertexId, bool>,
+    pub(crate) on_boundary: IdVec<VertexId, bool>,
 }
 
 impl Rings {
-    /// The neighbours of `v`.
     #[inline]
     pub(crate) fn of(&self, v: VertexId) -> &[VertexId] {
         &self.neighbours[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
     }
 
-    /// Whether `v` lies on a boundary loop.
-    #[inline]
-    pub(crate) fn is_boundary(&self, v: VertexId) -> bool {
-        self.on_boundary[v]
-    }
-
-    /// Number of vertices.
     pub(crate) fn vertices(&self) -> usize {
         self.on_boundary.len()
     }
 
-    /// Number of undirected edges.
     pub(crate) fn edges(&self) -> usize {
         self.neighbours.len() / 2
     }
@@ -54,7 +45,7 @@ impl Rings {
         let mut seen = IdVec::<VertexId, bool>::filled(false, self.vertices());
         let mut loops = Vec::new();
         for v in self.on_boundary.ids() {
-            if !self.is_boundary(v) || seen[v] {
+            if !self.on_boundary[v] || seen[v] {
                 continue;
             }
             let mut walk = Vec::new();

@@ -11,7 +11,8 @@ use crate::{
 pub(crate) struct VertexCorners {
     /// Where the corners of each vertex start; one more entry than vertices.
     starts: Vec<u32>,
-    corners: Vec<Halfedge>,
+    /// The corners of all vertices, one vertex after the other.
+    pub(crate) corners: Vec<Halfedge>,
 }
 
 impl VertexCorners {
@@ -36,7 +37,6 @@ impl VertexCorners {
         Self { starts, corners }
     }
 
-    /// The corners at `v`.
     #[inline]
     pub(crate) fn of(&self, v: VertexId) -> &[Halfedge] {
         &self.corners[self.range(v)]
@@ -48,15 +48,10 @@ impl VertexCorners {
         self.of(v).iter().map(|h| h.face())
     }
 
-    /// Where the corners of `v` are in [`Self::all`].
+    /// Where the corners of `v` are in `corners`.
     #[inline]
     pub(crate) fn range(&self, v: VertexId) -> std::ops::Range<usize> {
         self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize
-    }
-
-    /// The corners of all vertices, one vertex after the other.
-    pub(crate) fn all(&self) -> &[Halfedge] {
-        &self.corners
     }
 }
 
@@ -74,6 +69,6 @@ mod tests {
             assert!(corners.faces(v).is_sorted(), "faces of {v}");
             assert_eq!(corners.of(v).len(), if v.index() == 0 { 5 } else { 2 });
         }
-        assert_eq!(corners.all().len(), 9, "corners of other vertices are left out");
+        assert_eq!(corners.corners.len(), 9, "corners of other vertices are left out");
     }
 }

@@ -28,23 +28,18 @@ pub(crate) struct ColouredMesh<'a> {
     pub(crate) is_scale: bool,
 }
 
-/// Whose triangles are coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum MeshOwner {
     Taxels,
     Level,
 }
 
-/// What a mesh is filled with.
 pub(crate) enum Fill {
-    /// One colour for each group of cells.
     Cells { groups: IdVec<VertexId, u32>, colours: Vec<Colour> },
-    /// One colour for each face.
     Faces(IdVec<FaceId, Colour>),
 }
 
 impl Fill {
-    /// The colour of a corner of a face.
     pub(crate) fn colour(&self, face: FaceId, corner: VertexId) -> Colour {
         match self {
             Self::Faces(colours) => colours[face],

@@ -6,7 +6,6 @@ use crate::{
     plot::{Paint, PlotError, patch_view::PatchView},
 };
 
-/// Ends of the scales, common to all panels of a picture.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScaleLimits {
     /// Largest `s1/s2` shown.

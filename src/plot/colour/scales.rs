@@ -3,14 +3,12 @@
 /// The skin itself, whose taxels are not fields yet.
 pub(crate) const SKIN: Colour = Colour(0xe3, 0xea, 0xf2);
 
-/// An sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Colour(pub(crate) u8, pub(crate) u8, pub(crate) u8);
 
 impl Colour {
     pub(crate) const WHITE: Self = Self(0xff, 0xff, 0xff);
 
-    /// As SVG writes it.
     pub(crate) fn hex(self) -> String {
         format!("#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
     }

@@ -1,4 +1,5 @@
-//! A mesh laid out on the picture, and what is drawn of it pixel by pixel.
+//! A mesh laid out on the picture: what is drawn of it pixel by pixel, and from which size on
+//! lines and dots are.
 
 use glam::{DVec2, DVec3};
 
@@ -9,7 +10,7 @@ use crate::{
         colour::{Colour, largest},
         draw::depth_buffer::DepthBuffer,
         layout::View,
-        picture::{Pixels, Shape},
+        picture::{INK, Path, Pixels, Shape, Stroke},
     },
 };
 
@@ -21,12 +22,17 @@ const FINENESS: usize = 2;
 /// this size fill a gigabyte.
 const LARGE_PX: usize = 4096;
 
-/// A mesh laid out on the picture.
+/// Triangles are drawn if their edges are at least this long on the picture, in pixels; shorter
+/// lines would only grey it.
+const LEAST_LINE_PX: f64 = 6.0;
+
+/// Dots are drawn if their distance on the picture is at least this, in pixels.
+const LEAST_DOT_PX: f64 = 7.0;
+
 pub(crate) struct Canvas<'a> {
     pub(crate) mesh: &'a TriMesh,
     /// Pixels to the right, down and towards the viewer.
     pub(crate) places: IdVec<VertexId, DVec3>,
-    /// Every edge once.
     pub(crate) edges: Vec<[VertexId; 2]>,
     /// Mean length of the edges, in pixels.
     pub(crate) edge_px: f64,
@@ -40,7 +46,6 @@ impl<'a> Canvas<'a> {
         Self { mesh, places, edges, edge_px }
     }
 
-    /// Where a vertex is on the picture.
     pub(crate) fn at(&self, v: VertexId) -> DVec2 {
         self.places[v].truncate()
     }
@@ -75,7 +80,7 @@ impl<'a> Canvas<'a> {
             let Some(face) = face else { return Colour::WHITE };
             colour(face, self.mesh.triangles[face][self.nearest_corner(face, at)])
         };
-        let pixels = Pixels { size: buffer.size(), colours: buffer.pixels().map(pixel).collect() };
+        let pixels = Pixels { size: buffer.size, colours: buffer.pixels().map(pixel).collect() };
         Shape::Image { corner: view.corner, size: view.size, pixels }
     }
 
@@ -87,4 +92,20 @@ impl<'a> Canvas<'a> {
         let sign = weights.iter().sum::<f64>().signum();
         largest(weights.map(|w| sign * w))
     }
+}
+
+/// Lines between triangles whose edges are this long on the picture, in pixels, if they are drawn.
+pub(crate) fn triangle_lines(path: Path, edge_px: f64) -> Option<Shape> {
+    let stroke = Stroke { colour: Colour(0, 0, 0), width: 0.7, opacity: 0.28 };
+    (edge_px >= LEAST_LINE_PX).then_some(Shape::Path { path, fill: None, stroke: Some(stroke) })
+}
+
+pub(crate) fn boundary_line(path: Path) -> Shape {
+    let stroke = Stroke { colour: INK, width: 2.0, opacity: 1.0 };
+    Shape::Path { path, fill: None, stroke: Some(stroke) }
+}
+
+/// Radius of dots between edges this long, in pixels; `None` where they would touch.
+pub(crate) fn dot_radius(edge_px: f64) -> Option<f64> {
+    (edge_px >= LEAST_DOT_PX).then_some((0.13 * edge_px).min(4.0))
 }

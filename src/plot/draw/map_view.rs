@@ -12,9 +12,8 @@ use crate::{
         Paint,
         colour::{Colour, ColouredMesh, Fill, MeshOwner},
         draw::{
-            canvas::Canvas,
+            canvas::{Canvas, boundary_line, dot_radius, triangle_lines},
             outline::outlines,
-            strokes::{boundary_line, dot_radius, triangle_lines},
         },
         layout::View,
         picture::{Path, Shape, Stroke},
@@ -30,7 +29,6 @@ const LEAST_EDGE_PX: f64 = 3.0;
 const SEPARATION_PX: f64 = 1.5;
 const SEAM_PX: f64 = 0.6;
 
-/// Draws the map of a level.
 pub(crate) fn draw_map(
     level: &MapLevel,
     coloured: &ColouredMesh<'_>,

@@ -6,7 +6,6 @@ mod depth_buffer;
 mod map_view;
 mod outline;
 mod panel;
-mod strokes;
 mod view_3d;
 
 pub(crate) use panel::Panel;

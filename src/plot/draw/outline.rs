@@ -32,7 +32,6 @@ impl Node {
 /// One loop around cells of a group.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Outline {
-    /// The group inside of it.
     pub(crate) group: u32,
     /// Its corners on the map, in m; the group lies on the left.
     pub(crate) corners: Vec<DVec2>,

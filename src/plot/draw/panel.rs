@@ -1,10 +1,9 @@
 //! A panel: one picture of one patch, with its caption.
 
-use glam::DVec2;
-
 use crate::{
     id::VertexId,
     map::MapLevel,
+    mesh::rectangle_around,
     plot::{
         Paint, PlotError, Viewpoint,
         colour::{ColouredMesh, ScaleLimits},
@@ -16,28 +15,23 @@ use crate::{
     pyramid::LevelId,
 };
 
-/// One picture of one patch.
 pub(crate) struct Panel<'a> {
     patch: &'a PatchView<'a>,
     look: Look<'a>,
-    /// Its extent and its caption.
     pub(crate) slot: Slot,
 }
 
-/// How a patch is looked at.
 enum Look<'a> {
-    /// The map of a level.
     OnMap(&'a MapLevel),
     /// The skin itself, coloured by a level if it has a map.
     InSpace(Camera, Option<&'a MapLevel>),
 }
 
 impl<'a> Panel<'a> {
-    /// The map of a level, if there is one.
     pub(crate) fn on_map(patch: &'a PatchView<'a>, number: LevelId) -> Option<Self> {
         let level = patch.level(number)?;
         let slot = Slot {
-            bounds: bounds(level.uv.iter().copied()),
+            bounds: rectangle_around(level.uv.iter().copied()),
             caption: caption_of_map(patch.name, number, level),
         };
         Some(Self { patch, look: Look::OnMap(level), slot })
@@ -47,13 +41,12 @@ impl<'a> Panel<'a> {
     pub(crate) fn in_space(patch: &'a PatchView<'a>, number: LevelId, viewpoint: Viewpoint) -> Self {
         let camera = Camera::new(viewpoint, patch.mesh, patch.pose);
         let slot = Slot {
-            bounds: bounds(patch.mesh.positions.iter().map(|&p| camera.project(p))),
+            bounds: rectangle_around(patch.mesh.positions.iter().map(|&p| camera.project(p))),
             caption: caption_in_space(patch, &camera),
         };
         Self { patch, look: Look::InSpace(camera, patch.level_at_most(number)), slot }
     }
 
-    /// The level whose colours it has.
     pub(crate) fn level(&self) -> Option<&'a MapLevel> {
         match self.look {
             Look::OnMap(level) => Some(level),
@@ -61,7 +54,6 @@ impl<'a> Panel<'a> {
         }
     }
 
-    /// The map or the skin, coloured.
     pub(crate) fn draw(
         &self,
         view: &View,
@@ -106,13 +98,6 @@ fn caption_in_space(patch: &PatchView<'_>, camera: &Camera) -> Caption {
             format!("seen from azimuth {azimuth}, elevation {elevation}"),
         ],
     }
-}
-
-/// Corners of the smallest rectangle around places, in m; the origin without a finite one.
-fn bounds(places: impl Iterator<Item = DVec2>) -> (DVec2, DVec2) {
-    let grow = |(lo, hi): (DVec2, DVec2), p: DVec2| (lo.min(p), hi.max(p));
-    let (lo, hi) = places.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), grow);
-    if lo.is_finite() && hi.is_finite() { (lo, hi) } else { (DVec2::ZERO, DVec2::ZERO) }
 }
 
 /// An angle in degrees with at most a tenth, and a minus as wide as a figure.

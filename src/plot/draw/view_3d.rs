@@ -10,9 +10,8 @@ use crate::{
         colour::ColouredMesh,
         draw::{
             camera::Camera,
-            canvas::Canvas,
+            canvas::{Canvas, boundary_line, dot_radius, triangle_lines},
             depth_buffer::DepthBuffer,
-            strokes::{boundary_line, dot_radius, triangle_lines},
         },
         layout::View,
         picture::{Path, Shape},

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::plot::{
     PlotError,
-    layout::{Caption, View},
+    layout::Caption,
     picture::{Anchor, MAX_SIDE, Shape},
 };
 
@@ -33,7 +33,26 @@ const LARGEST_LETTERS: f64 = 0.016;
 /// A panel is at most this much higher than the picture is wide: a finger is longer than a screen.
 const TALLEST: f64 = 0.8;
 
-/// What a panel takes of the picture.
+/// Position of a panel on the picture, and its scale.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct View {
+    /// Pixels per metre.
+    pub(crate) scale: f64,
+    /// Upper left corner of the panel on the picture, in whole pixels.
+    pub(crate) corner: DVec2,
+    /// The same corner on the plane, in m.
+    pub(crate) origin: DVec2,
+    /// Width and height of the panel, in whole pixels.
+    pub(crate) size: DVec2,
+}
+
+impl View {
+    /// A point of the plane on the picture, in pixels.
+    pub(crate) fn to_pixels(self, at: DVec2) -> DVec2 {
+        self.corner + DVec2::new(at.x - self.origin.x, self.origin.y - at.y) * self.scale
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct Slot {
     /// Corners of the smallest rectangle around what it shows, in m.
@@ -48,10 +67,8 @@ type Row<'a> = Vec<Option<&'a Slot>>;
 pub(crate) struct Layout {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// Height of the letters.
     pub(crate) em: f64,
     pub(crate) margin: f64,
-    /// Width of a column.
     pub(crate) column: f64,
     /// Pixels per metre.
     pub(crate) scale: f64,

@@ -4,9 +4,7 @@ mod caption;
 mod grid;
 mod legend;
 mod text;
-mod view;
 
 pub(crate) use caption::Caption;
-pub(crate) use grid::{Layout, Slot};
+pub(crate) use grid::{Layout, Slot, View};
 pub(crate) use text::{number, printable};
-pub(crate) use view::View;

@@ -20,7 +20,6 @@ struct Piece {
 }
 
 impl Path {
-    /// Starts a line.
     pub(crate) fn move_to(&mut self, p: DVec2) {
         self.pieces.push(Piece { points: vec![tenths(p)], is_closed: false });
     }
@@ -34,7 +33,6 @@ impl Path {
         }
     }
 
-    /// Adds a closed polygon.
     pub(crate) fn polygon(&mut self, points: impl IntoIterator<Item = DVec2>) {
         let mut points = points.into_iter();
         let Some(first) = points.next() else { return };
@@ -43,7 +41,6 @@ impl Path {
         self.pieces.last_mut().into_iter().for_each(|piece| piece.is_closed = true);
     }
 
-    /// A rectangle.
     pub(crate) fn rectangle(corner: DVec2, size: DVec2) -> Self {
         let [right, down] = [size.with_y(0.0), size.with_x(0.0)];
         let mut path = Self::default();

@@ -53,7 +53,6 @@ pub(crate) fn encode(size: [usize; 2], colours: &[Colour]) -> Vec<u8> {
     bytes
 }
 
-/// What the shapes are drawn on.
 struct Canvas {
     pixels: Pixmap,
     fonts: Fonts,

@@ -114,7 +114,6 @@ fn write_shape(svg: &mut String, shape: &Shape, em: f64) {
     }
 }
 
-/// XML text.
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -12,14 +12,11 @@ use crate::{
 enum Standing {
     /// Kept, or removed already.
     Settled,
-    /// In the queue.
     Waiting,
     /// Refused; to be tried again when its star has changed.
     Parked,
 }
 
-/// The vertices whose removal is worth a try, in a fixed order.
-///
 /// A refused vertex comes back only when a neighbour has gone, so the work is proportional to what
 /// is removed.
 #[derive(Debug, Clone)]
@@ -32,7 +29,8 @@ pub(super) struct Queue<'a> {
     woken: Vec<VertexId>,
     /// The last round in which a vertex was chosen or next to a chosen one.
     blocked: IdVec<VertexId, u32>,
-    round: u32,
+    /// The round at hand, from 1.
+    pub(super) round: u32,
 }
 
 impl<'a> Queue<'a> {
@@ -58,7 +56,7 @@ impl<'a> Queue<'a> {
     pub(super) fn independent(&mut self, surface: &HalfedgeMesh) -> Vec<VertexId> {
         self.waiting.append(&mut self.woken);
         // Small stars first: their fillings are nearly always fans, and rings stay small.
-        let key = |&v: &VertexId| u64::from(surface.degree(v)) << 32 | u64::from(self.ranks[v]);
+        let key = |&v: &VertexId| u64::from(surface.degree[v]) << 32 | u64::from(self.ranks[v]);
         let waits = |v: &&VertexId| self.standing[**v] == Standing::Waiting;
         let mut keys: Vec<u64> = self.waiting.iter().filter(waits).map(key).collect();
         keys.par_sort_unstable();
@@ -81,11 +79,6 @@ impl<'a> Queue<'a> {
         // Neighbours in memory are planned together.
         chosen.sort_unstable();
         chosen
-    }
-
-    /// The round at hand, from 1.
-    pub(super) fn round(&self) -> u32 {
-        self.round
     }
 
     /// `v` may not be removed as things are.

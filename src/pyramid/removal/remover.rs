@@ -33,12 +33,12 @@ const STRICT: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35 };
 const LENIENT: Limits = Limits { min_cos_turn: 0.2, max_sagitta: 0.35 };
 
 /// Turns one level into the next coarser one.
-pub(in crate::pyramid) struct Remover<'a> {
-    pub(in crate::pyramid) mesh: &'a mut HalfedgeMesh,
-    pub(in crate::pyramid) locations: &'a mut TaxelLocations,
-    pub(in crate::pyramid) positions: &'a IdVec<VertexId, DVec3>,
+pub(crate) struct Remover<'a> {
+    pub(crate) mesh: &'a mut HalfedgeMesh,
+    pub(crate) locations: &'a mut TaxelLocations,
+    pub(crate) positions: &'a IdVec<VertexId, DVec3>,
     /// The taxel that each vertex is.
-    pub(in crate::pyramid) origins: &'a IdVec<VertexId, VertexId>,
+    pub(crate) origins: &'a IdVec<VertexId, VertexId>,
 }
 
 impl Remover<'_> {
@@ -47,11 +47,7 @@ impl Remover<'_> {
     ///
     /// Works in rounds: vertices of which no two are neighbours, so that their stars share no
     /// triangle, are planned in parallel and applied in order.
-    pub(in crate::pyramid) fn remove(
-        &mut self,
-        kept: &IdVec<VertexId, bool>,
-        order: &[VertexId],
-    ) -> RemovalLog {
+    pub(crate) fn remove(&mut self, kept: &IdVec<VertexId, bool>, order: &[VertexId]) -> RemovalLog {
         let mut log = RemovalLog::default();
         let mut queue = Queue::new(kept, order);
         // The round in which each face became part of a filling.
@@ -72,7 +68,7 @@ impl Remover<'_> {
                         if !self.still_fits(&plan, &queue, &filled) {
                             continue;
                         }
-                        plan.star.iter().for_each(|h| filled[h.face()] = queue.round());
+                        plan.star.iter().for_each(|h| filled[h.face()] = queue.round);
                         self.apply(&plan);
                         queue.removed(plan.removal.vertex, plan.removal.ring);
                         log.push(&plan.removal);
@@ -109,7 +105,7 @@ impl Remover<'_> {
         let last = ring.len() - 1;
         let exists = |[i, j]: [usize; 2]| self.mesh.has_edge(ring[i], ring[j]);
         let is_taken = diagonals(triangles, ring.len()).any(exists) || boundary && exists([0, last]);
-        !is_taken && !self.folds(plan, |face| filled[face] == queue.round())
+        !is_taken && !self.folds(plan, |face| filled[face] == queue.round)
     }
 
     /// Whether the filling folds over a face beyond the ring that `is_new` since the filling was
@@ -134,7 +130,6 @@ impl Remover<'_> {
         })
     }
 
-    /// Carries out what was planned.
     fn apply(&mut self, plan: &Plan<'_>) {
         let Removal { vertex, ring, triangles, .. } = plan.removal;
         self.mesh.replace_star(vertex, ring, plan.star, triangles);
@@ -142,12 +137,9 @@ impl Remover<'_> {
     }
 }
 
-/// One planned removal.
 struct Plan<'a> {
     removal: Removal<'a>,
-    /// The halfedges that leave the vertex.
     star: &'a [Halfedge],
-    /// The taxels inside the star.
     moves: &'a [Move],
 }
 

@@ -30,7 +30,6 @@ pub(super) fn folds_over(triangle: DVec3, neighbour: DVec3) -> bool {
     triangle.dot(neighbour) < 0.0
 }
 
-/// The faces around one vertex, flattened around it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Star {
     pub(super) closed: bool,
@@ -62,11 +61,11 @@ impl Star {
         self.ring.clear();
         self.halfedges.clear();
         self.offsets.clear();
-        self.closed = !surface.is_boundary(v);
+        self.closed = !surface.on_boundary[v];
         // A boundary vertex of one face alone would leave no polygon to fill. Vertices with more
         // than [`MAX_RING`] neighbours stay for now: filling their star costs the cube of that
         // number, and their turn comes again when neighbours are gone.
-        if !(3..=MAX_RING).contains(&(surface.degree(v) as usize)) {
+        if !(3..=MAX_RING).contains(&(surface.degree[v] as usize)) {
             return false;
         }
         let mut ring = surface.ring(v);
@@ -134,7 +133,6 @@ impl Star {
         sagitta <= limits.max_sagitta * edge.length() && !surface.has_edge(self.ring[0], self.ring[last])
     }
 
-    /// What lies across side `i` of the ring.
     fn outside(&self, surface: &HalfedgeMesh, i: usize) -> Halfedge {
         surface.twin(self.halfedges[i].next())
     }

@@ -23,12 +23,10 @@ struct TaxelLocation {
 /// Where all taxels of level 0 lie on the level at hand: on a vertex, or inside a face that lists
 /// them.
 #[derive(Debug, Clone)]
-pub(in crate::pyramid) struct TaxelLocations {
+pub(crate) struct TaxelLocations {
     /// By level-0 vertex; without meaning for those that are vertices still.
     locations: IdVec<VertexId, TaxelLocation>,
-    /// The next taxel in the same face.
     next: Vec<u32>,
-    /// The first taxel of each face.
     heads: IdVec<FaceId, u32>,
 }
 
@@ -42,7 +40,7 @@ pub(super) struct Move {
 
 impl TaxelLocations {
     /// All taxels on vertices.
-    pub(in crate::pyramid) fn new(taxels: usize, faces: usize) -> Self {
+    pub(crate) fn new(taxels: usize, faces: usize) -> Self {
         let nowhere = TaxelLocation { face: FaceId::default(), weights: [1.0, 0.0, 0.0] };
         Self {
             locations: IdVec::filled(nowhere, taxels),
@@ -51,7 +49,6 @@ impl TaxelLocations {
         }
     }
 
-    /// The taxels listed by `face`.
     fn inside(&self, face: FaceId) -> impl Iterator<Item = VertexId> {
         let mut at = self.heads[face];
         std::iter::from_fn(move || {
@@ -90,7 +87,7 @@ impl TaxelLocations {
     }
 
     /// Follows [`HalfedgeMesh::compact`].
-    pub(in crate::pyramid) fn compact(&mut self, faces: &IdVec<FaceId, FaceId>, count: usize) {
+    pub(crate) fn compact(&mut self, faces: &IdVec<FaceId, FaceId>, count: usize) {
         let mut heads = IdVec::filled(NONE, count);
         for (old, &head) in self.heads.enumerate() {
             if head != NONE {
@@ -106,7 +103,7 @@ impl TaxelLocations {
     /// The corners and weights of every taxel on `surface`, whose vertices are the taxels
     /// `origins`. All three indices of a row are the corners of one face, also where one weight is
     /// 1.
-    pub(in crate::pyramid) fn rows(
+    pub(crate) fn rows(
         &self,
         surface: &HalfedgeMesh,
         origins: &IdVec<VertexId, VertexId>,
@@ -114,7 +111,7 @@ impl TaxelLocations {
         let mut indices = IdVec::from(par_map(self.locations.as_slice(), |at| surface.corners(at.face)));
         let mut weights = self.locations.map(|at| at.weights);
         for (v, &taxel) in origins.enumerate() {
-            let side = surface.leaving(v);
+            let side = surface.leaving[v];
             let corners = surface.corners(side.face());
             indices[taxel] = [0, 1, 2].map(|k| corners[(side.side() + k) % 3]);
             weights[taxel] = [1.0, 0.0, 0.0];

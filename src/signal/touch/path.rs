@@ -144,7 +144,8 @@ mod tests {
         let adjacency = Adjacency::new(&mesh).unwrap();
         let mut walker = Walker::random(&mesh, &mut Random::new(1, 0)).unwrap();
         let slope = walker.direction.z;
-        let middle = 0.5 * (mesh.bounds().unwrap().0 + mesh.bounds().unwrap().1);
+        let places = || mesh.positions.iter().copied();
+        let middle = 0.5 * (places().reduce(DVec3::min).unwrap() + places().reduce(DVec3::max).unwrap());
         walker.direction *= if (walker.point.z > middle.z) == (slope > 0.0) { -1.0 } else { 1.0 };
         let rate = walker.direction.z;
         let mut last = walker.point.z;

@@ -64,7 +64,8 @@ mod tests {
     fn the_cap_is_that_of_the_simulated_experiment() {
         let mesh = lifted_lattice();
         let adjacency = Adjacency::new(&mesh).unwrap();
-        assert_eq!((mesh.positions.len(), adjacency.edge_count(), mesh.triangles.len()), (500, 1419, 920));
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (500, 920));
+        assert_eq!(adjacency.euler_characteristic(), 1, "so there are 1419 edges");
         assert_eq!(adjacency.boundary_loops().iter().map(Vec::len).collect::<Vec<_>>(), [78]);
         let edge = mesh.positions.iter().map(|p| (-p.z / RADIUS).acos().to_degrees()).fold(0.0, f64::max);
         assert!(

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 
 use dermatome::{
     id::VertexId,
-    mesh::{Adjacency, TriMesh, angle},
-    skin::{AssembleOptions, Draft, Sheet, Skin, check},
+    mesh::{Adjacency, TriMesh},
+    skin::{AssembleOptions, Draft, Sheet, Skin, Taxels, check},
 };
 use glam::DVec3;
 
@@ -37,7 +37,7 @@ fn every_patch_is_a_disk_with_holes_in_the_size_asked_for() {
 fn smallest_angle(mesh: &TriMesh) -> f64 {
     let angles = mesh.triangles.ids().flat_map(|f| {
         let [a, b, c] = mesh.corners(f);
-        [angle(a, b, c), angle(b, c, a), angle(c, a, b)]
+        [[a, b, c], [b, c, a], [c, a, b]].map(|[at, p, q]| (p - at).angle_between(q - at))
     });
     angles.fold(f64::INFINITY, f64::min).to_degrees()
 }
@@ -88,7 +88,7 @@ fn fingertips_are_ten_times_denser_than_the_palm() {
     let mesh = mesh_of(skin);
     let density = |is_there: &dyn Fn(DVec3) -> bool| {
         let (mut count, mut area) = (0.0, 0.0);
-        for (v, a) in mesh.vertex_areas().enumerate() {
+        for (v, a) in Taxels::of_mesh(&mesh).areas.enumerate() {
             if is_there(mesh.positions[v]) {
                 count += 1.0;
                 area += a;
