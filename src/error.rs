@@ -31,6 +31,9 @@ pub enum Error {
     /// A level that cannot be rasterised.
     #[error(transparent)]
     Atlas(#[from] crate::atlas::AtlasError),
+    /// Values and pixels that do not fit.
+    #[error(transparent)]
+    Image(#[from] crate::image::ImageError),
     /// A file that cannot be read or written.
     #[error(transparent)]
     Io(#[from] crate::io::IoError),

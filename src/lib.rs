@@ -27,6 +27,7 @@ pub mod id;
 mod parallel;
 mod numeric;
 pub mod mesh;
+mod delaunay;
 pub mod skin;
 pub mod calib;
 pub mod pyramid;
@@ -34,15 +35,13 @@ pub mod flatten;
 pub mod map;
 pub mod atlas;
 pub mod signal;
+pub mod image;
 pub mod contact;
 pub mod io;
 pub mod plot;
 pub mod report;
 pub mod error;
 pub mod pipeline;
-
-#[cfg(test)]
-mod delaunay;
 
 use dermatome_sparse as sparse;
 pub use error::Error;

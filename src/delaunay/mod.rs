@@ -1,9 +1,7 @@
 //! Planar triangulations of point sets: the only module that uses spade.
 //!
-//! The library triangulates points on the skin around each taxel by itself (`skin::triangulate`),
-//! and this module is what its tests compare with; it is compiled for them alone. A first caller in
-//! the library makes it a plain `pub(crate) mod`, and spade a dependency instead of a
-//! dev-dependency.
+//! Natural neighbours on a map are found in it (`image`). The points on the skin around each taxel
+//! are triangulated by `skin::triangulate` itself, whose tests compare with this module.
 
 mod error;
 mod triangulate;

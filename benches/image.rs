@@ -1,0 +1,111 @@
+//! Frames drawn on caps of 642, 4336 (in 13 patches) and 100 000 taxels of 6 mm at 1 mm a pixel, on
+//! all levels. `frame` restricts and draws a frame in which all taxels change, `one_percent` one in
+//! which a hundredth does, `draw` only draws; `natural` and `field` draw in these ways. `rasterise`
+//! is an atlas of a million triangles in 2048 x 2048 pixels.
+#![allow(
+    clippy::unwrap_used,
+    missing_docs,
+    reason = "a bench may stop, and criterion's macros have no comments"
+)]
+
+use std::{f64::consts::TAU, hint::black_box, time::Duration};
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use dermatome::{
+    atlas::{Atlas, AtlasOptions, Resolution},
+    image::{Interpolation, RenderOptions, Renderer},
+    map::SkinMap,
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    signal::{Channel, Frame, Restrictor},
+    skin::{LinkId, Patch, Skin},
+};
+
+/// Patches of caps with this many taxels in all.
+fn caps(patches: u32, taxels: u32) -> SkinMap {
+    let area = f64::from(taxels / patches) * 6e-3_f64.powi(2) * 0.75_f64.sqrt();
+    let radius = (area / TAU / (1.0 - 0.8_f64.cos())).sqrt();
+    let mesh = shapes::cap(2 * (taxels / patches) as usize - 60, radius, 0.8);
+    let mut skin = Skin::from_mesh("p0", mesh.clone());
+    for k in 1..patches {
+        skin.patches.push(Patch::from_mesh(format!("p{k}"), LinkId::new(0), mesh.clone()));
+    }
+    build(&skin, &BuildOptions::default()).unwrap()
+}
+
+/// Two frames that differ in the first `share` of the taxels of each patch, neighbours of each
+/// other.
+fn frames(map: &SkinMap, share: f64) -> [Frame; 2] {
+    let mut one = Frame::new(map, 1);
+    for (x, k) in one.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).zip(0..) {
+        *x = (f64::from(k) * 0.37).sin();
+    }
+    let mut other = one.clone();
+    for patch in other.values.iter_mut() {
+        let count = (share * patch[0].len() as f64).ceil() as usize;
+        patch[0].iter_mut().take(count).for_each(|x| *x += 1.0);
+    }
+    [one, other]
+}
+
+fn draw(c: &mut Criterion) {
+    for (patches, taxels) in [(1, 642), (13, 4336), (1, 100_000)] {
+        let map = caps(patches, taxels);
+        let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+        let channels = [Channel::default()];
+        let mut group = c.benchmark_group("image");
+        group.throughput(Throughput::Elements(u64::from(taxels))).measurement_time(Duration::from_secs(2));
+        let renderer = |interpolation| {
+            let options = RenderOptions { interpolation, level: None };
+            Renderer::new(&map, &atlas, &channels, &options).unwrap()
+        };
+        for (name, share) in [("frame", 1.0), ("one_percent", 0.01)] {
+            let (mut restrictor, mut renderer) =
+                (Restrictor::new(&map, &channels), renderer(Interpolation::Linear));
+            let frames = frames(&map, share);
+            let mut k = 0;
+            group.bench_function(BenchmarkId::new(name, taxels), |b| {
+                b.iter(|| {
+                    k += 1;
+                    black_box(renderer.render(restrictor.restrict(&frames[k % 2])));
+                });
+            });
+        }
+        let levels = frames(&map, 1.0).map(|f| Restrictor::new(&map, &channels).restrict(&f).clone());
+        for (name, interpolation) in [
+            ("draw", Interpolation::Linear),
+            ("field", Interpolation::Field),
+            ("natural", Interpolation::Natural),
+        ] {
+            if interpolation == Interpolation::Natural && taxels > 10_000 {
+                continue;
+            }
+            let mut renderer = renderer(interpolation);
+            let mut k = 0;
+            group.bench_function(BenchmarkId::new(name, taxels), |b| {
+                b.iter(|| {
+                    k += 1;
+                    black_box(renderer.render(&levels[k % 2]));
+                });
+            });
+        }
+        group.finish();
+    }
+}
+
+fn rasterise(c: &mut Criterion) {
+    let map = SkinMap::flat(shapes::cap(1_000_000, 0.1, 1.0), 1e-3);
+    let options = AtlasOptions { resolution: Resolution::Canvas([2048, 2048]), ..AtlasOptions::default() };
+    let mut group = c.benchmark_group("image");
+    group.sample_size(10).measurement_time(Duration::from_secs(5));
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        group.bench_function(BenchmarkId::new("rasterise_1M", threads), |b| {
+            b.iter(|| pool.install(|| black_box(Atlas::new(&map, &options).unwrap())));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, draw, rasterise);
+criterion_main!(benches);

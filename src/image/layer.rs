@@ -1,0 +1,433 @@
+//! One channel of one chart: what was drawn last, and what has to be drawn anew.
+
+use crate::{
+    id::{IdVec, VertexId},
+    image::{
+        Interpolation,
+        runs::Plane,
+        weights::{Pattern, Surface},
+    },
+    pyramid::{Level, Prolongation},
+    signal::Quantity,
+};
+
+/// The whole chart is drawn if more than one in this many of its sources (faces, vertices or
+/// pixels) changed: a run alone costs about this many times what it costs in a pass over all of
+/// them (`benches/image.rs`).
+const FEW: usize = 4;
+
+/// One chart in an image, and the patch whose values it shows.
+#[derive(Debug, Clone)]
+pub(super) struct Tile<'a> {
+    pub(super) interpolation: Interpolation,
+    pub(super) surface: Surface<'a>,
+    /// Number of values; from them to the vertices of the chart, where these are not the same.
+    pub(super) values: usize,
+    pub(super) lift: Option<Lift<'a>>,
+    /// The faces around each vertex of the chart.
+    around: Lists,
+    /// Area of a pixel, in m^2.
+    pub(super) pixel_area: f64,
+}
+
+/// From the values of a level to the vertices of level 0.
+#[derive(Debug, Clone)]
+pub(super) struct Lift<'a> {
+    prolongation: &'a Prolongation,
+    /// The vertex that each value belongs to.
+    origins: &'a IdVec<VertexId, VertexId>,
+    /// The vertices that each value reaches.
+    reached: Lists,
+}
+
+/// One list of numbers for each of some things.
+#[derive(Debug, Clone, Default)]
+struct Lists {
+    starts: Vec<u32>,
+    items: Vec<u32>,
+}
+
+impl Lists {
+    /// From pairs of thing and item.
+    fn new(count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
+        let mut starts = vec![0_u32; count + 1];
+        pairs.clone().for_each(|(of, _)| starts[of as usize + 1] += 1);
+        for k in 1..starts.len() {
+            starts[k] += starts[k - 1];
+        }
+        let (mut next, mut items) = (starts.clone(), vec![0; starts.last().map_or(0, |&n| n as usize)]);
+        for (of, item) in pairs {
+            let slot = &mut next[of as usize];
+            items[*slot as usize] = item;
+            *slot += 1;
+        }
+        Self { starts, items }
+    }
+
+    #[inline]
+    fn of(&self, thing: usize) -> &[u32] {
+        &self.items[self.starts[thing] as usize..self.starts[thing + 1] as usize]
+    }
+}
+
+impl<'a> Tile<'a> {
+    pub(super) fn new(
+        surface: Surface<'a>,
+        interpolation: Interpolation,
+        lift: Option<(&'a Level, &'a Prolongation)>,
+        pixel_area: f64,
+    ) -> Self {
+        let vertices = surface.level.uv.len();
+        let corners = surface.faces.iter().zip(0_u32..);
+        let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.raw(), k)));
+        let around = Lists::new(vertices, corners);
+        let values = lift.map_or(vertices, |(_, p)| p.coarse_len);
+        let lift = lift.map(|(level, prolongation)| {
+            let rows = prolongation.indices.ids();
+            let rows: Vec<_> =
+                rows.flat_map(|v| prolongation.row(v).map(move |(c, _)| (c.raw(), v.raw()))).collect();
+            Lift { origins: &level.origins, prolongation, reached: Lists::new(values, rows.iter().copied()) }
+        });
+        Self { interpolation, surface, values, lift, around, pixel_area }
+    }
+
+    /// Which vertices of the chart have a value.
+    pub(super) fn live_vertices(&self, live: &[bool]) -> Vec<bool> {
+        match &self.lift {
+            None => live.to_vec(),
+            Some(lift) => {
+                let rows = lift.prolongation.indices.ids();
+                rows.map(|v| lift.prolongation.row(v).any(|(c, _)| live[c.index()])).collect()
+            }
+        }
+    }
+}
+
+impl Lift<'_> {
+    /// The weights of the live values at a vertex of level 0, with sum 1 if there is one.
+    pub(super) fn row(&self, vertex: usize, is_live: impl Fn(usize) -> bool) -> [(usize, f64); 3] {
+        let v = VertexId::new(vertex);
+        let (indices, weights) = (self.prolongation.indices[v], self.prolongation.weights[v]);
+        let live = [0, 1, 2].map(|k| if is_live(indices[k].index()) { weights[k] } else { 0.0 });
+        let sum = live[0] + live[1] + live[2];
+        [0, 1, 2].map(|k| (indices[k].index(), live[k] / sum))
+    }
+
+    /// The value at a vertex of level 0; NaN without a live one.
+    #[inline]
+    fn value(&self, vertex: usize, values: &[f64]) -> f64 {
+        let row = self.row(vertex, |c| !values[c].is_nan());
+        row.into_iter().map(|(c, w)| if w == 0.0 { 0.0 } else { w * values[c] }).sum()
+    }
+}
+
+/// The state of one channel of a tile.
+#[derive(Debug, Clone)]
+pub(super) struct Layer {
+    quantity: Quantity,
+    /// The values that are drawn, and which of them are there.
+    last: Vec<f64>,
+    live: Vec<bool>,
+    /// What a value is multiplied by: 1, or for amounts what makes pixels keep the total.
+    scale: Vec<f64>,
+    /// Values that no pixel shows, and the pixel that gets each.
+    unseen: Vec<(u32, usize)>,
+    /// The scaled values, and those of the chart's vertices.
+    scaled: Vec<f64>,
+    x: Vec<f64>,
+    pattern: Pattern,
+    /// Of a pattern of rows: those that each vertex takes part in.
+    rows_of: Lists,
+    planes: Vec<Plane>,
+    /// Faces with two live corners, whose pixels follow no plane.
+    mixed: Vec<u32>,
+    changed: Vec<u32>,
+    sources: Marked,
+    vertices: Marked,
+}
+
+/// A set of small numbers.
+#[derive(Debug, Clone, Default)]
+struct Marked {
+    is_in: Vec<bool>,
+    all: Vec<u32>,
+}
+
+impl Marked {
+    fn new(count: usize) -> Self {
+        Self { is_in: vec![false; count], all: Vec::with_capacity(count) }
+    }
+
+    fn insert(&mut self, item: u32) {
+        if !std::mem::replace(&mut self.is_in[item as usize], true) {
+            self.all.push(item);
+        }
+    }
+
+    fn clear(&mut self) {
+        self.all.drain(..).for_each(|item| self.is_in[item as usize] = false);
+    }
+}
+
+impl Layer {
+    /// A layer that shows nothing.
+    pub(super) fn new(tile: &Tile<'_>, quantity: Quantity) -> Self {
+        let vertices = tile.surface.level.uv.len();
+        let mut layer = Self {
+            quantity,
+            last: vec![f64::NAN; tile.values],
+            live: vec![false; tile.values],
+            scale: vec![1.0; tile.values],
+            unseen: Vec::new(),
+            scaled: vec![f64::NAN; tile.values],
+            x: vec![f64::NAN; vertices],
+            pattern: Pattern::default(),
+            rows_of: Lists::default(),
+            planes: Vec::new(),
+            mixed: Vec::new(),
+            changed: Vec::with_capacity(tile.values),
+            sources: Marked::default(),
+            vertices: Marked::new(vertices),
+        };
+        layer.count_sources(tile);
+        layer
+    }
+
+    /// Draws values into the pixels of its channel, which hold what it drew last. Says whether
+    /// anything changed.
+    pub(super) fn draw(
+        &mut self,
+        tile: &Tile<'_>,
+        values: &IdVec<VertexId, f64>,
+        pixels: &mut [f32],
+    ) -> bool {
+        let masks_changed = self.take(values.as_slice());
+        if self.changed.is_empty() {
+            return false;
+        }
+        if masks_changed {
+            // What is not drawn again has nothing.
+            tile.surface.runs.all.iter().for_each(|run| Plane::constant(f64::NAN).fill_alone(run, pixels));
+            self.remask(tile);
+        }
+        for &v in &self.changed {
+            self.scaled[v as usize] = self.last[v as usize] * self.scale[v as usize];
+        }
+        let few = !masks_changed && self.unseen.is_empty() && self.changed.len() * FEW < self.last.len();
+        if !(few && self.draw_changed(tile, pixels)) {
+            self.draw_all(tile, pixels);
+        }
+        true
+    }
+
+    /// Takes values in, lists those that changed, and says whether any came or went.
+    fn take(&mut self, values: &[f64]) -> bool {
+        const BLOCK: usize = 16;
+        assert_eq!(values.len(), self.last.len(), "one value per vertex");
+        self.changed.clear();
+        let mut masks_changed = false;
+        for begin in (0..values.len()).step_by(BLOCK) {
+            let end = (begin + BLOCK).min(values.len());
+            let pairs = values[begin..end].iter().zip(&self.last[begin..end]);
+            if pairs.fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0 {
+                continue;
+            }
+            for at in begin..end {
+                // What is not finite is not there.
+                let value = if values[at].is_finite() { values[at] } else { f64::NAN };
+                if value.to_bits() == self.last[at].to_bits() {
+                    continue;
+                }
+                masks_changed |= value.is_nan() == self.live[at];
+                (self.last[at], self.live[at]) = (value, !value.is_nan());
+                self.changed.push(u32::try_from(at).unwrap_or(u32::MAX));
+            }
+        }
+        masks_changed
+    }
+
+    /// Which pixels follow from which values, and what values are multiplied by, where only `live`
+    /// ones are there.
+    pub(super) fn with_mask(mut self, tile: &Tile<'_>, live: Vec<bool>) -> (Pattern, Vec<bool>, Vec<f64>) {
+        self.live = live;
+        self.remask(tile);
+        (self.pattern, self.live, self.scale)
+    }
+
+    /// What follows from the mask alone.
+    fn remask(&mut self, tile: &Tile<'_>) {
+        let live = tile.live_vertices(&self.live);
+        self.pattern = tile.surface.pattern(tile.interpolation, &live);
+        if let Pattern::Rows(rows) = &self.pattern {
+            let entries = (0..rows.pixels.len()).zip(0_u32..);
+            let entries = entries.flat_map(|(k, row)| rows.row(k).iter().map(move |&(v, _)| (v, row)));
+            self.rows_of = Lists::new(live.len(), entries);
+        }
+        self.count_sources(tile);
+        if matches!(self.pattern, Pattern::Faces) {
+            let two = |face: &[VertexId; 3]| face.iter().filter(|v| live[v.index()]).count() == 2;
+            let faces = tile.surface.faces.iter().zip(0..);
+            self.mixed.clear();
+            self.mixed.extend(faces.filter(|(face, _)| two(&face.corners)).map(|(_, k)| k));
+        }
+        if self.quantity == Quantity::Extensive {
+            self.balance(tile, &live);
+        }
+        // Scales may have changed everywhere.
+        self.changed.clear();
+        self.changed.extend((0_u32..).take(self.last.len()));
+    }
+
+    /// Makes room for the sources of the pattern.
+    fn count_sources(&mut self, tile: &Tile<'_>) {
+        let (planes, sources) = match &self.pattern {
+            Pattern::Faces => (tile.surface.faces.len(), tile.surface.faces.len()),
+            Pattern::Cells(cells) => (cells.sources(), cells.sources()),
+            Pattern::Rows(rows) => (0, rows.pixels.len()),
+        };
+        if self.planes.len() != planes {
+            self.planes = vec![Plane::default(); planes];
+        }
+        if self.sources.is_in.len() != sources {
+            self.sources = Marked::new(sources);
+        }
+    }
+
+    /// Scales amounts so that the pixels keep their total: each value by what its pixels add up to.
+    fn balance(&mut self, tile: &Tile<'_>, live: &[bool]) {
+        /// A value whose weights add up to less, in pixels, is not seen.
+        const UNSEEN: f64 = 1e-3;
+        let mut seen = vec![0.0; live.len()];
+        tile.surface.each_row(&self.pattern, live, |_, row| {
+            row.iter().for_each(|&(v, w)| seen[v as usize] += w);
+        });
+        if let Some(lift) = &tile.lift {
+            let mut lifted = vec![0.0; self.last.len()];
+            for (v, sum) in seen.iter().enumerate().filter(|(v, _)| live[*v]) {
+                lift.row(v, |c| self.live[c]).into_iter().for_each(|(c, w)| lifted[c] += w * sum);
+            }
+            seen = lifted;
+        }
+        self.unseen.clear();
+        for (v, &sum) in seen.iter().enumerate() {
+            self.scale[v] = if sum > UNSEEN { 1.0 / (tile.pixel_area * sum) } else { 0.0 };
+            if self.live[v] && sum <= UNSEEN {
+                let value = VertexId::new(v);
+                let vertex = tile.lift.as_ref().map_or(value, |lift| lift.origins[value]);
+                if let Some(pixel) = tile.surface.nearest_pixel(vertex) {
+                    self.unseen.push((pixel, v));
+                }
+            }
+        }
+    }
+
+    /// Draws the whole chart.
+    fn draw_all(&mut self, tile: &Tile<'_>, pixels: &mut [f32]) {
+        match &tile.lift {
+            None => self.x.copy_from_slice(&self.scaled),
+            Some(lift) => {
+                self.x.iter_mut().enumerate().for_each(|(v, x)| *x = lift.value(v, &self.scaled));
+            }
+        }
+        let surface = &tile.surface;
+        match &self.pattern {
+            Pattern::Faces => {
+                let planes = self.planes.iter_mut().zip(&surface.faces);
+                planes.for_each(|(plane, face)| *plane = face.plane(&self.x));
+                surface.runs.fill(&self.planes, pixels);
+                self.mixed.iter().for_each(|&face| draw_mixed(surface, face, &self.x, pixels));
+            }
+            Pattern::Cells(cells) => {
+                self.planes.iter_mut().zip(&self.x).for_each(|(plane, &x)| *plane = Plane::constant(x));
+                cells.fill(&self.planes, pixels);
+            }
+            Pattern::Rows(rows) => {
+                for (k, &pixel) in rows.pixels.iter().enumerate() {
+                    pixels[pixel as usize] = narrow(rows.value(k, &self.x));
+                }
+            }
+        }
+        for &(pixel, value) in &self.unseen {
+            let pixel = &mut pixels[pixel as usize];
+            let amount = self.last[value] / tile.pixel_area;
+            *pixel = narrow(if pixel.is_nan() { amount } else { f64::from(*pixel) + amount });
+        }
+    }
+
+    /// Draws what the changed values reach, unless that is much of the chart.
+    fn draw_changed(&mut self, tile: &Tile<'_>, pixels: &mut [f32]) -> bool {
+        self.vertices.clear();
+        for &value in &self.changed {
+            match &tile.lift {
+                None => self.vertices.insert(value),
+                Some(lift) => {
+                    lift.reached.of(value as usize).iter().for_each(|&v| self.vertices.insert(v));
+                }
+            }
+        }
+        self.sources.clear();
+        for &v in &self.vertices.all {
+            match &self.pattern {
+                Pattern::Faces => {
+                    tile.around.of(v as usize).iter().for_each(|&face| self.sources.insert(face));
+                }
+                Pattern::Cells(_) => self.sources.insert(v),
+                Pattern::Rows(_) => {
+                    self.rows_of.of(v as usize).iter().for_each(|&row| self.sources.insert(row));
+                }
+            }
+        }
+        if self.sources.all.len() * FEW >= self.sources.is_in.len() {
+            return false;
+        }
+        for &v in &self.vertices.all {
+            let v = v as usize;
+            self.x[v] = tile.lift.as_ref().map_or(self.scaled[v], |lift| lift.value(v, &self.scaled));
+        }
+        for &source in &self.sources.all {
+            self.draw_source(&tile.surface, source, pixels);
+        }
+        true
+    }
+
+    /// Draws one face, one vertex or one row.
+    fn draw_source(&self, surface: &Surface<'_>, source: u32, pixels: &mut [f32]) {
+        let k = source as usize;
+        match &self.pattern {
+            Pattern::Faces => {
+                let plane = surface.faces[k].plane(&self.x);
+                if plane.base.is_nan() {
+                    draw_mixed(surface, source, &self.x, pixels);
+                } else {
+                    surface.runs.of_source(k).for_each(|run| plane.fill_alone(run, pixels));
+                }
+            }
+            Pattern::Cells(cells) => {
+                let plane = Plane::constant(self.x[k]);
+                cells.of_source(k).for_each(|run| plane.fill_alone(run, pixels));
+            }
+            Pattern::Rows(rows) => pixels[rows.pixels[k] as usize] = narrow(rows.value(k, &self.x)),
+        }
+    }
+}
+
+/// Draws a face with dead corners pixel by pixel.
+fn draw_mixed(surface: &Surface<'_>, face: u32, x: &[f64], pixels: &mut [f32]) {
+    let weights = &surface.faces[face as usize];
+    let values = weights.corners.map(|v| x[v.index()]);
+    let live = values.map(|x| !x.is_nan());
+    for run in surface.runs.of_source(face as usize) {
+        for k in 0..run.length {
+            let row = weights.live_at(run.column + k, run.row, live);
+            let value =
+                row.map_or(f64::NAN, |row| (0..3).filter(|&k| live[k]).map(|k| row[k] * values[k]).sum());
+            pixels[run.at as usize + usize::from(k)] = narrow(value);
+        }
+    }
+}
+
+/// Images are 32-bit floats.
+#[expect(clippy::cast_possible_truncation, reason = "images are 32-bit floats")]
+pub(super) fn narrow(x: f64) -> f32 {
+    x as f32
+}

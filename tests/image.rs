@@ -1,0 +1,511 @@
+//! Laws of tactile images: what a pixel shows, what the sum of pixels is, and the way back.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod maps;
+
+use dermatome::{
+    atlas::{Atlas, AtlasOptions, Resolution},
+    id::{IdVec, VertexId},
+    image::{ImageError, Interpolation, RenderOptions, Renderer, TactileImage, sample},
+    map::SkinMap,
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor},
+    skin::{PatchId, Presence, Skin},
+};
+use glam::DVec2;
+use maps::level_id;
+use proptest::prelude::*;
+
+const ALL: [Interpolation; 4] =
+    [Interpolation::Linear, Interpolation::Nearest, Interpolation::Natural, Interpolation::Field];
+
+/// A curved cover of a few hundred taxels on several levels, and a small one.
+fn cover() -> SkinMap {
+    let mut skin = Skin::from_mesh("cover", shapes::cap(500, 0.06, 0.9));
+    let mut finger = skin.patches[PatchId::new(0)].clone();
+    finger = dermatome::skin::Patch::from_mesh("finger", finger.link, shapes::cap(120, 0.02, 1.1));
+    skin.patches.push(finger);
+    build(&skin, &BuildOptions::default()).unwrap()
+}
+
+fn channel(quantity: Quantity) -> Channel {
+    Channel { quantity, ..Channel::default() }
+}
+
+/// A number in -1..1 that looks random.
+fn hash(k: u32) -> f64 {
+    let x = k.wrapping_mul(0x9E37_79B9) ^ 0x85EB_CA6B;
+    let x = (x ^ (x >> 15)).wrapping_mul(0x2C1B_3C6D);
+    f64::from((x ^ (x >> 12)).wrapping_mul(0x297A_2D39) >> 8) / f64::from(1 << 23) - 1.0
+}
+
+/// A frame of values on every vertex of every level, one channel.
+fn on_levels(map: &SkinMap, value: impl Fn(DVec2, u32) -> f64) -> LevelFrame {
+    let mut frame = LevelFrame::new(map, 1);
+    for (patch, channels) in frame.values.iter_mut().enumerate() {
+        for (level, values) in channels[0].iter_mut().enumerate() {
+            let uv = &map.patches[PatchId::new(patch)].levels[level_id(level)].uv;
+            for ((x, at), k) in values.iter_mut().zip(uv).zip(0..) {
+                *x = value(*at, k);
+            }
+        }
+    }
+    frame
+}
+
+/// One in `n` taxels is dead.
+fn kill(frame: &mut LevelFrame, n: u32) {
+    for values in frame.values.iter_mut().flatten().flat_map(|levels| levels.iter_mut()) {
+        values
+            .iter_mut()
+            .zip(0_u32..)
+            .filter(|(_, k)| k.wrapping_mul(7) % n == 3)
+            .for_each(|(x, _)| *x = f64::NAN);
+    }
+}
+
+fn atlas(map: &SkinMap, resolution: Resolution, packed: bool) -> Atlas {
+    Atlas::new(map, &AtlasOptions { resolution, packed, ..AtlasOptions::default() }).unwrap()
+}
+
+fn renderer<'a>(map: &'a SkinMap, atlas: &'a Atlas, quantity: Quantity, how: Interpolation) -> Renderer<'a> {
+    let options = RenderOptions { interpolation: how, level: None };
+    Renderer::new(map, atlas, &[channel(quantity)], &options).unwrap()
+}
+
+/// The values of covered pixels.
+fn covered(image: &TactileImage) -> impl Iterator<Item = f32> {
+    image.values.iter().zip(&image.coverage).filter(|(_, c)| **c == 1).map(|(x, _)| *x)
+}
+
+fn pixel_area(image: &TactileImage) -> f64 {
+    image.frame.size.x * image.frame.size.y / f64::from(image.size_px[0]) / f64::from(image.size_px[1])
+}
+
+/// Bits of all pixels; every NaN is the same.
+fn bits(images: &[TactileImage]) -> Vec<u32> {
+    let bits = |x: &f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
+    images.iter().flat_map(|image| &image.values).map(bits).collect()
+}
+
+#[test]
+fn a_constant_pressure_is_a_constant_image() {
+    let map = cover();
+    for (how, packed) in ALL.into_iter().flat_map(|how| [(how, false), (how, true)]) {
+        let atlas = atlas(&map, Resolution::Map, packed);
+        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, how);
+        let images = renderer.render(&on_levels(&map, |_, _| 2.5));
+        assert_eq!(images.len(), atlas.parts.len());
+        for (image, part) in images.iter().zip(&atlas.parts) {
+            assert_eq!(image.name, part.name);
+            assert!(covered(image).all(|x| (x - 2.5).abs() < 1e-6), "{how:?} {}", image.name);
+            let known = image.values.iter().filter(|x| !x.is_nan()).count();
+            let shown = covered(image).count();
+            assert!(shown > 0 && known > shown, "the gutter has values, but does not count");
+        }
+    }
+}
+
+/// What the definition says, computed pixel by pixel from the chart alone.
+fn by_definition(map: &SkinMap, atlas: &Atlas, frame: &LevelFrame, part: usize, at: [u32; 2]) -> Option<f64> {
+    let chart = atlas.parts[part].charts.iter().find(|c| c.point(map, at[0], at[1]).is_some())?;
+    let point = chart.point(map, at[0], at[1])?;
+    let corners = map.patches[chart.patch].levels[chart.level].level.mesh.triangles[point.face];
+    let values = &frame.values[chart.patch][0][chart.level];
+    let live = || (0..3).filter(|&k| !values[corners[k]].is_nan());
+    let sum: f64 = live().map(|k| point.barycentric[k]).sum();
+    Some(live().map(|k| point.barycentric[k] / sum * values[corners[k]]).sum::<f64>())
+        .filter(|_| live().next().is_some())
+}
+
+#[test]
+fn linear_images_are_what_barycentric_weights_say() {
+    let map = cover();
+    for (resolution, packed, dead) in [
+        (Resolution::Map, false, 0),
+        (Resolution::Map, false, 4),
+        (Resolution::Pixel(0.0023), true, 5),
+        (Resolution::Canvas([200, 150]), true, 0),
+    ] {
+        let atlas = atlas(&map, resolution, packed);
+        let mut frame = on_levels(&map, |_, k| hash(k));
+        if dead > 0 {
+            kill(&mut frame, dead);
+        }
+        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Linear);
+        for (part, image) in renderer.render(&frame).iter().enumerate() {
+            let width = image.size_px[0];
+            for (k, &value) in (0_u32..).zip(&image.values).filter(|(k, _)| image.coverage[*k as usize] == 1)
+            {
+                match by_definition(&map, &atlas, &frame, part, [k % width, k / width]) {
+                    None => assert!(value.is_nan(), "pixel {k} of {} shows dead taxels alone", image.name),
+                    // Centres on edges may lie 2^-17 pixels outside: of faces some pixels high.
+                    Some(x) => assert!(
+                        (f64::from(value) - x).abs() < 2e-5,
+                        "pixel {k} of {}: {value}, not {x}",
+                        image.name
+                    ),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn nearest_images_have_the_values_of_taxel_ids() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, false);
+    let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Nearest);
+    let images = renderer.render(&on_levels(&map, |_, k| f64::from(k)));
+    for (image, part) in images.iter().zip(&atlas.parts).filter(|(image, _)| image.level > level_id(0)) {
+        let ids = part.taxel_ids(&map);
+        let same = image.values.iter().zip(&ids).zip(&image.coverage).filter(|(_, c)| **c == 1);
+        let (all, wrong) = same.fold((0, 0), |(n, wrong), ((x, id), _)| {
+            (n + 1, wrong + usize::from(f64::from(*x) != f64::from(*id)))
+        });
+        assert!(wrong * 1000 <= all, "{wrong} of {all} pixels of {} differ, but for ties", image.name);
+    }
+}
+
+/// The total is kept by every interpolation, at any size of the pixels, with dead taxels.
+#[test]
+fn amounts_keep_their_total() {
+    let map = cover();
+    let sizes =
+        [Resolution::Map, Resolution::Pixel(0.004), Resolution::Pixel(0.011), Resolution::Canvas([40, 30])];
+    for (how, resolution) in ALL.into_iter().flat_map(|how| sizes.map(|size| (how, size))) {
+        for (dead, packed) in [(0, false), (4, false), (10, true)] {
+            let atlas = atlas(&map, resolution, packed);
+            let mut frame = on_levels(&map, |_, k| 1.5 + hash(k));
+            if dead > 0 {
+                kill(&mut frame, dead);
+            }
+            let mut renderer = renderer(&map, &atlas, Quantity::Extensive, how);
+            for image in renderer.render(&frame) {
+                let drawn: f64 =
+                    covered(image).filter(|x| !x.is_nan()).map(f64::from).sum::<f64>() * pixel_area(image);
+                let patches = map
+                    .patches
+                    .enumerate()
+                    .filter(|(_, patch)| packed || image.name.starts_with(&patch.name));
+                let values = patches.filter_map(|(id, _)| frame.values[id][0].get(image.level)).flatten();
+                let total: f64 = values.filter(|x| !x.is_nan()).sum();
+                assert!(
+                    (drawn / total - 1.0).abs() < 1e-6,
+                    "{how:?} {resolution:?} {}, one in {dead} dead: {drawn} of {total}",
+                    image.name
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_field_of_a_level_is_drawn_on_level_0() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, false);
+    let frame = on_levels(&map, |_, k| hash(k));
+    let mut fields = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Field);
+    let images = fields.render(&frame).to_vec();
+    let one = LevelId::new(1);
+    // Level 1 carried to the taxels, as a frame of level 0.
+    let mut carried = on_levels(&map, |_, _| 0.0);
+    for (id, patch) in map.patches.enumerate() {
+        let rows = patch.levels[one].level.to_finest.as_ref().unwrap();
+        carried.values[id][0][LevelId::new(0)] = rows.apply(&frame.values[id][0][one]);
+    }
+    let mut linear = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Linear);
+    let drawn = linear.render(&carried);
+    for patch in ["cover", "finger"] {
+        let find = |images: &[TactileImage], level: &str| {
+            images.iter().find(|image| image.name == format!("{patch}/{level}")).unwrap().clone()
+        };
+        let (field, plain) = (find(&images, "L1"), find(drawn, "L0"));
+        assert_eq!((field.size_px, &field.coverage), (plain.size_px, &plain.coverage), "one canvas");
+        assert!(covered(&field).zip(covered(&plain)).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+}
+
+#[test]
+fn natural_neighbours_reproduce_linear_fields_between_dead_taxels() {
+    let map = SkinMap::flat(shapes::lattice(20, 16, 0.006), 1e-3);
+    let field = |p: DVec2| 30.0 * p.x - 20.0 * p.y + 0.5;
+    let atlas = atlas(&map, Resolution::Map, false);
+    let mut frame = on_levels(&map, |p, _| field(p));
+    let patch = PatchId::new(0);
+    let uv = &map.patches[patch].levels[level_id(0)].uv;
+    let hull = |p: &DVec2| p.x < 0.004 || p.x > 0.11 || p.y < 0.002 || p.y > 0.075;
+    for (v, x) in frame.values[patch][0][level_id(0)].iter_mut().enumerate() {
+        if hash(v as u32) > 0.4 && !hull(&uv[VertexId::new(v)]) {
+            *x = f64::NAN;
+        }
+    }
+    let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Natural);
+    let image = &renderer.render(&frame)[0];
+    let (chart, width) = (&atlas.parts[0].charts[0], image.size_px[0]);
+    for (k, &value) in (0_u32..).zip(&image.values).filter(|(k, _)| image.coverage[*k as usize] == 1) {
+        let expected = field(chart.centre(k % width, k / width));
+        assert!((f64::from(value) - expected).abs() < 1e-6 * 5.0, "pixel {k}: {value}, not {expected}");
+    }
+}
+
+/// A press that is wider than a taxel, a tenth of the taxels dead: natural neighbours miss the
+/// image of all taxels by less than half of what zeros in their place do.
+#[test]
+fn natural_neighbours_bridge_dead_taxels() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, false);
+    let press = on_levels(&map, |p, _| (-p.length_squared() / 0.02_f64.powi(2)).exp());
+    let (mut holes, mut zeros) = (press.clone(), press.clone());
+    kill(&mut holes, 10);
+    for (x, hole) in zeros
+        .values
+        .iter_mut()
+        .flatten()
+        .flat_map(|l| l.iter_mut())
+        .flat_map(|l| l.iter_mut())
+        .zip(holes.values.iter().flatten().flatten().flatten())
+    {
+        *x = if hole.is_nan() { 0.0 } else { *x };
+    }
+    let draw = |frame, how| renderer(&map, &atlas, Quantity::Intensive, how).render(frame)[0].clone();
+    let truth = draw(&press, Interpolation::Linear);
+    let miss = |image: &TactileImage| {
+        let square = covered(image).zip(covered(&truth)).map(|(a, b)| f64::from(a - b).powi(2));
+        square.sum::<f64>().sqrt()
+    };
+    let (natural, filled) =
+        (miss(&draw(&holes, Interpolation::Natural)), miss(&draw(&zeros, Interpolation::Linear)));
+    assert!(natural < 0.5 * filled, "{natural} and {filled}");
+}
+
+#[test]
+fn gutters_repeat_their_neighbours() {
+    let map = cover();
+    for gutter in [true, false] {
+        let options = AtlasOptions { packed: true, gutter, ..AtlasOptions::default() };
+        let atlas = Atlas::new(&map, &options).unwrap();
+        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Linear);
+        let image = &renderer.render(&on_levels(&map, |_, k| hash(k)))[0];
+        let [width, height] = image.size_px.map(|n| n as usize);
+        let at = |x: usize, y: usize| image.coverage[y * width + x] == 1;
+        for (x, y) in
+            (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (x, y))).filter(|&(x, y)| !at(x, y))
+        {
+            let around = (y - 1..=y + 1).flat_map(|row| (x - 1..=x + 1).map(move |column| (column, row)));
+            let mut beside =
+                around.filter(|&(x, y)| at(x, y)).map(|(x, y)| image.values[y * width + x]).peekable();
+            let value = image.values[y * width + x];
+            if gutter && beside.peek().is_some() {
+                assert!(beside.any(|other| other == value), "pixel {x}, {y} repeats a neighbour");
+            } else {
+                assert!(value.is_nan(), "pixel {x}, {y} shows nothing");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_steady_state_keeps_its_buffers() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, false);
+    for how in ALL {
+        let mut renderer = renderer(&map, &atlas, Quantity::Extensive, how);
+        let place = |images: &[TactileImage]| -> Vec<_> {
+            images.iter().map(|image| (image.values.as_ptr(), image.values.capacity())).collect()
+        };
+        let before = place(renderer.images());
+        for k in 0..5 {
+            assert_eq!(place(renderer.render(&on_levels(&map, |p, v| p.x * f64::from(k) + hash(v)))), before);
+        }
+    }
+}
+
+#[test]
+fn any_number_of_threads_draws_the_same() {
+    let map = cover();
+    let frame = on_levels(&map, |_, k| hash(k));
+    let draw = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let atlas = atlas(&map, Resolution::Map, true);
+            ALL.map(|how| bits(renderer(&map, &atlas, Quantity::Extensive, how).render(&frame)))
+        })
+    };
+    assert_eq!(draw(1), draw(3));
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let map = cover();
+    let other = SkinMap::flat(shapes::square(), 0.1);
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    let channels = [Channel::default()];
+    let error = Renderer::new(&other, &atlas, &channels, &RenderOptions::default()).unwrap_err();
+    assert!(matches!(error, ImageError::Atlas { .. }), "{error}");
+    let deep = RenderOptions { level: Some(level_id(40)), ..RenderOptions::default() };
+    assert!(matches!(Renderer::new(&map, &atlas, &channels, &deep).unwrap_err(), ImageError::Level { .. }));
+    let one = RenderOptions { level: Some(level_id(1)), ..RenderOptions::default() };
+    let renderer = Renderer::new(&map, &atlas, &channels, &one).unwrap();
+    assert!(renderer.images().iter().all(|image| image.level == level_id(1)));
+    // A triangle between the centres of four pixels.
+    let mut point = shapes::triangle();
+    point.positions.iter_mut().for_each(|p| *p *= 1e-9);
+    let point = SkinMap::flat(point, 1.0);
+    let options = AtlasOptions { resolution: Resolution::Pixel(2e-9), ..AtlasOptions::default() };
+    let atlas = Atlas::new(&point, &options).unwrap();
+    if atlas.parts[0].charts[0].covered() == 0 {
+        let force = [channel(Quantity::Extensive)];
+        let error = Renderer::new(&point, &atlas, &force, &RenderOptions::default()).unwrap_err();
+        assert!(matches!(error, ImageError::NoPixel { .. }), "{error}");
+    }
+}
+
+#[test]
+fn images_of_a_wrong_size_or_name_are_refused() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, false);
+    let renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Linear);
+    let image = renderer.images()[0].clone();
+    let refused = |change: &dyn Fn(&mut TactileImage)| {
+        let mut image = image.clone();
+        change(&mut image);
+        sample(&renderer, &[image]).unwrap_err()
+    };
+    let [width, height] = image.size_px;
+    let error = refused(&|image| image.size_px = [7, 9]).to_string();
+    for size in ["7 x 9".to_owned(), format!("{width} x {height}")] {
+        assert!(error.contains(&size), "{error} says {size}");
+    }
+    for change in [
+        &(|image: &mut TactileImage| drop(image.values.pop())) as &dyn Fn(&mut TactileImage),
+        &|image| image.channels = 2,
+        &|image| image.coverage.clear(),
+    ] {
+        assert!(matches!(refused(change), ImageError::Size { .. }));
+    }
+    assert!(matches!(refused(&|image| image.name = "palm".into()), ImageError::UnknownImage { .. }));
+}
+
+/// Largest difference of what is there, in units of the range of `a`; both must have the same holes.
+fn difference(a: &LevelFrame, b: &LevelFrame) -> f64 {
+    let all = |frame: &LevelFrame| -> Vec<f64> {
+        frame.values.iter().flatten().flatten().flatten().copied().collect()
+    };
+    let (a, b) = (all(a), all(b));
+    assert!(a.iter().zip(&b).all(|(a, b)| a.is_nan() == b.is_nan()), "the same values are there");
+    let live = || a.iter().filter(|x| !x.is_nan());
+    let range =
+        live().fold(f64::NEG_INFINITY, |m, x| m.max(*x)) - live().fold(f64::INFINITY, |m, x| m.min(*x));
+    a.iter().zip(&b).filter(|(a, _)| !a.is_nan()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / range
+}
+
+#[test]
+fn images_give_back_the_values_that_they_show() {
+    let mut map = cover();
+    // Absent taxels have no readings.
+    for k in [5, 40, 41, 90] {
+        map.patches[PatchId::new(0)].taxels.presence[VertexId::new(k)] = Presence::Absent;
+    }
+    let atlas = atlas(&map, Resolution::Map, false);
+    for (how, quantity) in
+        ALL.into_iter().flat_map(|how| [(how, Quantity::Intensive), (how, Quantity::Extensive)])
+    {
+        let channels = [channel(quantity)];
+        let mut restrictor = Restrictor::new(&map, &channels);
+        for smooth in [true, false] {
+            let mut frame = Frame::new(&map, 1);
+            for (id, patch) in map.patches.enumerate() {
+                for (v, at) in patch.levels[level_id(0)].uv.enumerate() {
+                    if patch.taxels.presence[v] == Presence::Present {
+                        let press = (-at.length_squared() / 0.02_f64.powi(2)).exp();
+                        frame.values[id][0][v] = if smooth { press } else { hash(v.raw()) };
+                    }
+                }
+            }
+            let levels = restrictor.restrict(&frame).clone();
+            let mut renderer = renderer(&map, &atlas, quantity, how);
+            let images = renderer.render(&levels).to_vec();
+            let sampled = sample(&renderer, &images).unwrap();
+            let error = difference(&levels, &sampled.values);
+            assert!(error < 1e-5, "{how:?} {quantity:?}, smooth: {smooth}: {error}");
+            assert!(sampled.residuals[0].is_finite());
+        }
+    }
+}
+
+/// Taking the pixels at each taxel loses more than least squares do.
+#[test]
+fn bilinear_sampling_blurs() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, false);
+    let blur = |value: &dyn Fn(DVec2, u32) -> f64| {
+        let frame = on_levels(&map, value);
+        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Linear);
+        let image = &renderer.render(&frame)[0];
+        let [width, height] = image.size_px;
+        let uv = &map.patches[PatchId::new(0)].levels[level_id(0)].uv;
+        let (mut square, mut count) = (0.0, 0.0);
+        for (v, at) in uv.enumerate() {
+            let px = (*at - image.frame.origin) / image.frame.size * DVec2::new(width.into(), height.into());
+            let px = DVec2::new(px.x, f64::from(height) - px.y) - 0.5;
+            let (corner, part) = (px.floor(), px - px.floor());
+            let pixel = |dx: f64, dy: f64| {
+                let (x, y) = (corner.x + dx, corner.y + dy);
+                f64::from(image.values[y as usize * width as usize + x as usize])
+            };
+            let row = |dy| (1.0 - part.x) * pixel(0.0, dy) + part.x * pixel(1.0, dy);
+            let value = (1.0 - part.y) * row(0.0) + part.y * row(1.0);
+            if value.is_finite() {
+                square += (value - frame.values[PatchId::new(0)][0][level_id(0)][v]).powi(2);
+                count += 1.0;
+            }
+        }
+        f64::sqrt(square / count)
+    };
+    let (smooth, random) =
+        (blur(&|p, _| (-p.length_squared() / 0.02_f64.powi(2)).exp()), blur(&|_, k| hash(k)));
+    println!("RMS of bilinear sampling: {smooth} smooth, {random} random");
+    assert!(smooth > 1e-4 && random > 1e-2, "{smooth} {random}");
+}
+
+/// What happens to a taxel between two frames.
+fn change() -> impl Strategy<Value = Vec<(usize, Option<f64>)>> {
+    let value =
+        prop_oneof![3 => (-2.0..2.0_f64).prop_map(Some), 1 => Just(None), 1 => Just(Some(f64::INFINITY))];
+    prop::collection::vec((0..1000_usize, value), 0..12)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// What is drawn does not depend on the frames before, bit by bit.
+    #[test]
+    fn changes_alone_draw_what_a_whole_frame_draws(
+        changes in prop::collection::vec(change(), 1..6), how in prop::sample::select(&ALL[..]),
+        extensive in any::<bool>(), packed in any::<bool>(), coarse in any::<bool>(),
+    ) {
+        let map = maps::skin(vec![
+            maps::square_pyramid("palm", &[13, 7, 4], 0.05, 0.0013),
+            maps::square_pyramid("back", &[7, 4], 0.03, 0.0013),
+        ]);
+        let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
+        let atlas = atlas(&map, Resolution::Pixel(if coarse { 0.006 } else { 0.0011 }), packed);
+        let mut frame = on_levels(&map, |_, k| hash(k));
+        let mut stream = renderer(&map, &atlas, quantity, how);
+        stream.render(&frame);
+        for step in changes {
+            for values in frame.values.iter_mut().flatten().flat_map(|levels| levels.iter_mut()) {
+                let values: &mut IdVec<VertexId, f64> = values;
+                let count = values.len();
+                for &(k, value) in step.iter().filter(|(k, _)| *k < count) {
+                    values[VertexId::new(k)] = value.unwrap_or(f64::NAN);
+                }
+            }
+            let whole = bits(renderer(&map, &atlas, quantity, how).render(&frame));
+            prop_assert!(bits(stream.render(&frame)) == whole, "{how:?}");
+        }
+    }
+}
