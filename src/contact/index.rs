@@ -10,7 +10,7 @@ use crate::{
         search::{Best, LARGEST, PatchBvh, PosedBoxes, Search},
     },
     id::{FaceId, IdVec},
-    map::{PatchMap, SkinMap},
+    map::SkinMap,
     mesh::SurfacePoint,
     parallel::par_map,
     pyramid::LevelId,
@@ -43,14 +43,6 @@ struct IndexedPatch {
     cells: PatchCells,
 }
 
-impl IndexedPatch {
-    /// From a patch of a valid map.
-    fn new(patch: &PatchMap) -> Result<Self, ContactError> {
-        let tree = PatchBvh::new(&patch.name, &patch.levels[LevelId::new(0)].level.mesh)?;
-        Ok(Self { link: patch.link, tree, cells: PatchCells::new(patch)? })
-    }
-}
-
 impl ContactIndex {
     /// An index of all patches and levels of a map, its links posed as the map says.
     ///
@@ -59,8 +51,12 @@ impl ContactIndex {
     /// coordinate is too large, or if the pose of a link is not rigid.
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
         map.validate()?;
-        let patches = par_map(map.patches.as_slice(), IndexedPatch::new);
-        let patches: IdVec<PatchId, _> = patches.into_iter().collect::<Result<Vec<_>, _>>()?.into();
+        let patches = par_map(map.patches.as_slice(), |patch| {
+            let tree = PatchBvh::new(&patch.name, &patch.levels[LevelId::new(0)].level.mesh)?;
+            Ok(IndexedPatch { link: patch.link, tree, cells: PatchCells::new(patch)? })
+        });
+        let patches: IdVec<PatchId, _> =
+            patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into();
         if patches.is_empty() {
             return Err(ContactError::NoSkin);
         }

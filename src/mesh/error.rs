@@ -5,7 +5,7 @@ use crate::id::{FaceId, VertexId};
 /// Most faces of a mesh: a [`crate::mesh::Halfedge`] packs its face with two bits for the side.
 pub(crate) const MAX_FACES: usize = 1 << 30;
 
-/// What makes a list of triangles no oriented manifold mesh.
+/// Why a list of triangles is not an oriented manifold mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {

@@ -139,7 +139,7 @@ impl Adjacency {
     #[must_use]
     pub fn euler_characteristic(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).expect("counts fit into 63 bits");
-        count(self.rings.vertices()) - count(self.rings.edges()) + count(self.twins.len())
+        count(self.rings.vertices()) - count(self.rings.neighbours.len() / 2) + count(self.twins.len())
     }
 
     /// The boundary loops, each from its smallest vertex, faces on the left; sorted by that vertex.

@@ -28,10 +28,6 @@ impl Rings {
         self.on_boundary.len()
     }
 
-    pub(crate) fn edges(&self) -> usize {
-        self.neighbours.len() / 2
-    }
-
     /// `of` every vertex and its ring, in parallel.
     pub(crate) fn map(&self, of: impl Fn(VertexId, &[VertexId]) -> f64 + Sync) -> IdVec<VertexId, f64> {
         let values = par_collect(self.vertices(), |range, values| {
