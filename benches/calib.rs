@@ -63,12 +63,12 @@ fn public_graphs(c: &mut Criterion) {
     group.sample_size(10);
     for name in ["sphere2500", "parking-garage", "smallGrid3D"] {
         let path = folder.join(format!("g2o/{name}.g2o"));
-        let Ok(read) = read_observations(&path) else {
+        let Ok((observations, _)) = read_observations(&path, &[]) else {
             println!("skipped: {name}");
             continue;
         };
         for (what, options) in [("solve", ALONE), ("with covariance", WITH_COVARIANCE)] {
-            group.bench_function(format!("{name} {what}"), |b| b.iter(|| run(&read.observations, &options)));
+            group.bench_function(format!("{name} {what}"), |b| b.iter(|| run(&observations, &options)));
         }
     }
     group.finish();

@@ -12,7 +12,7 @@ use std::{
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     id::{FaceId, VertexId},
-    io::{ContactReader, LookupRow, LookupWriter, read_draft, write_flat, write_skin},
+    io::{LookupRow, read_contacts, read_draft, write_flat, write_lookups, write_skin},
     mesh::shapes,
     pyramid::LevelId,
     skin::{Skin, TaxelId},
@@ -56,30 +56,29 @@ fn tables(c: &mut Criterion) {
     }
     group.bench_function("contacts_in", |b| {
         b.iter(|| {
-            let rows = ContactReader::new(Path::new("-"), contacts.as_bytes()).unwrap();
+            let (_, rows) = read_contacts(Path::new("-"), contacts.as_bytes()).unwrap();
             rows.map(|row| black_box(row.unwrap()).position.x).sum::<f64>()
         });
     });
     group.bench_function("lookups_out", |b| {
         b.iter(|| {
-            let mut table = LookupWriter::new(Path::new("-"), io::sink()).unwrap();
-            for k in 0..ROWS {
-                let x = f64::from(k).sin();
-                let row = LookupRow {
-                    contact: k.into(),
-                    level: LevelId::new(0),
-                    patch: "upper_arm/left",
-                    face: FaceId::from(k),
-                    barycentric: [x, x / 3.0, 1.0 - x / 3.0 - x],
-                    map: DVec2::new(x / 5.0, x / 7.0),
-                    pixel: [k % 512, k % 256],
-                    field: VertexId::from(k / 2),
-                    taxel: TaxelId(k),
-                    distance: x * 1e-3,
-                };
-                table.write(&row).unwrap();
-            }
-            table.finish().unwrap()
+            write_lookups(Path::new("-"), io::sink(), |write| {
+                (0..ROWS).try_for_each(|k| {
+                    let x = f64::from(k).sin();
+                    write(&LookupRow {
+                        contact: k.into(),
+                        level: LevelId::new(0),
+                        patch: "upper_arm/left",
+                        face: FaceId::from(k),
+                        barycentric: [x, x / 3.0, 1.0 - x / 3.0 - x],
+                        map: DVec2::new(x / 5.0, x / 7.0),
+                        pixel: [k % 512, k % 256],
+                        field: VertexId::from(k / 2),
+                        taxel: TaxelId(k),
+                        distance: x * 1e-3,
+                    })
+                })
+            })
         });
     });
     group.finish();

@@ -208,7 +208,7 @@ fn public_pose_graphs_reach_their_minima() {
     ];
     for (name, log, split, quaternion) in minima {
         let Some(path) = data(&format!("g2o/{name}.g2o")) else { continue };
-        let observations = read_observations(&path).unwrap().observations;
+        let observations = read_observations(&path, &[]).unwrap().0;
         for (residual, expected) in [
             (ResidualConvention::Log, log),
             (ResidualConvention::Split, split),

@@ -10,7 +10,7 @@ use std::{
 
 use dermatome::{
     id::{IdVec, VertexId},
-    io::{IoError, read_draft, replace_file, write_flat, write_json, write_skin},
+    io::{IoError, read_draft, replace_file, write_flat, write_skin},
     mesh::shapes,
     skin::{Covariance, Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, world_pose},
 };
@@ -485,6 +485,13 @@ fn frames_must_be_rotations() {
     assert_eq!(pose.translation, DVec3::new(0.0, 0.0, 0.024), "the last column");
 }
 
+#[test]
+fn taxels_of_an_unknown_type_count_as_none() {
+    let taxels = r#"[{"id": 0, "x": [0, 0, 0], "type": "proximity"}, {"id": 1, "x": [1, 0, 0]}]"#;
+    let draft = read_text("json", &format!(r#"{{"skin": {{"taxels": {taxels}, "faces": []}}}}"#)).unwrap();
+    assert_eq!(draft.sheets[0].presence.as_deref(), Some(&[Presence::Absent, Presence::Present][..]));
+}
+
 /// Cut after every 16th byte, a file is refused or read as far as it goes, and every error names
 /// the file.
 #[test]
@@ -673,9 +680,9 @@ fn a_link_to_a_file_stays_a_link() {
     let (real, link) = (folder.path().join("real.json"), folder.path().join("link.json"));
     fs::write(&real, "older").unwrap();
     std::os::unix::fs::symlink(&real, &link).unwrap();
-    write_json(&link, &[1.0, 0.1]).unwrap();
+    write_skin(&link, &plain_skin()).unwrap();
     assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
-    assert_eq!(fs::read_to_string(&real).unwrap(), "[\n  1.0,\n  0.1\n]\n");
+    assert!(fs::read_to_string(&real).unwrap().starts_with("{\n  \"info\""), "the target is replaced");
 }
 
 #[test]

@@ -10,8 +10,8 @@ use dermatome::{
     },
     id::VertexId,
     io::{
-        ObservationRemark, append_observations, read_draft, read_observations, read_triangles, read_truth,
-        write_calibration, write_contacts, write_observations, write_skin, write_triangles, write_truth,
+        ObservationRemark, read_draft, read_observations, read_triangles, read_truth, write_calibration,
+        write_observations, write_skin, write_triangles, write_truth,
     },
     skin::TaxelId,
 };
@@ -28,7 +28,7 @@ fn file(name: &str, text: &str) -> (TempDir, PathBuf) {
 
 fn refusal(name: &str, text: &str) -> String {
     let (_folder, path) = file(name, text);
-    read_observations(&path).unwrap_err().to_string()
+    read_observations(&path, &[]).unwrap_err().to_string()
 }
 
 const UNIT: &str = "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1";
@@ -51,9 +51,9 @@ fn simulated_graphs_come_back_bit_by_bit() {
             });
         }
         write_observations(&path, &observations).unwrap();
-        let back = read_observations(&path).unwrap();
-        assert!(back.remarks.is_empty(), "{:?}", back.remarks);
-        assert!(back.observations == observations, "{model:?}");
+        let (back, remarks) = read_observations(&path, &[]).unwrap();
+        assert!(remarks.is_empty(), "{remarks:?}");
+        assert!(back == observations, "{model:?}");
     }
 }
 
@@ -64,15 +64,15 @@ fn unknown_lines_are_counted_and_named() {
          EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {UNIT}\nVERTEX_CAM 3\nVERTEX_CAM 4\n"
     );
     let (_folder, path) = file("a.g2o", &text);
-    let read = read_observations(&path).unwrap();
+    let (_, remarks) = read_observations(&path, &[]).unwrap();
     assert_eq!(
-        read.remarks,
+        remarks,
         [
             ObservationRemark::UnknownTag { tag: "VERTEX_CAM".into(), lines: 2 },
             ObservationRemark::Normalised { quaternions: 1, worst: 2.0 },
         ]
     );
-    assert_eq!(read.remarks[0].to_string(), "2 lines of the unknown kind VERTEX_CAM were left out");
+    assert_eq!(remarks[0].to_string(), "2 lines of the unknown kind VERTEX_CAM were left out");
 }
 
 #[test]
@@ -128,39 +128,37 @@ fn bytes_that_are_no_text_and_endless_lines_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.g2o");
     fs::write(&path, b"VERTEX_TRACKXYZ 0 0 0 0\n\xff\xfe\n").unwrap();
-    assert!(read_observations(&path).unwrap_err().to_string().contains("line 2"));
+    assert!(read_observations(&path, &[]).unwrap_err().to_string().contains("line 2"));
     fs::write(&path, vec![b'V'; 1 << 20]).unwrap();
-    assert!(read_observations(&path).unwrap_err().to_string().contains("65536 bytes"));
-    assert!(read_observations(&folder.path().join("a.txt")).unwrap_err().to_string().contains(".g2o"));
+    assert!(read_observations(&path, &[]).unwrap_err().to_string().contains("65536 bytes"));
+    assert!(read_observations(&folder.path().join("a.txt"), &[]).unwrap_err().to_string().contains(".g2o"));
 }
 
 #[test]
 fn tables_of_displacements_and_contacts_belong_together() {
     let (_folder, edges) = file("e.csv", "i,j,dx,dy,dz,sigma\n10,20,1,0,0,0.001\n20,30,0,1,0,0.002\n");
-    let mut read = read_observations(&edges).unwrap();
-    assert_eq!(read.observations.taxels.iter().map(|t| t.id.0).collect::<Vec<_>>(), [10, 20, 30]);
-    let DisplacementMeasurement::Offset { information, .. } =
-        &read.observations.edges.as_slice()[1].measurement
-    else {
+    let (read, _) = read_observations(&edges, &[]).unwrap();
+    assert_eq!(read.taxels.iter().map(|t| t.id.0).collect::<Vec<_>>(), [10, 20, 30]);
+    let DisplacementMeasurement::Offset { information, .. } = &read.edges.as_slice()[1].measurement else {
         panic!()
     };
     assert!((information.0[0][0] - 250_000.0).abs() < 1e-6);
 
     let (_folder, contacts) =
         file("c.csv", "i,x,y,z,nx,ny,nz,ixx,ixy,ixz,iyy,iyz,izz\n30,1,2,3,0,0,2,4,0,0,4,0,4\n");
-    append_observations(&mut read, read_observations(&contacts).unwrap(), &contacts).unwrap();
-    let contact = &read.observations.contacts.as_slice()[0];
+    let (read, _) = read_observations(&edges, &[contacts]).unwrap();
+    let contact = &read.contacts.as_slice()[0];
     assert_eq!(contact.taxel, VertexId::new(2));
     assert!(
         matches!(contact.measurement, ContactMeasurement::PositionNormal { normal, .. } if normal == DVec3::Z)
     );
-    let found = calibrate(&read.observations, &Default::default(), &|_, _| {}).unwrap();
+    let found = calibrate(&read, &Default::default(), &|_, _| {}).unwrap();
     assert!(found.poses[VertexId::new(0)].position.distance(DVec3::new(0.0, 1.0, 3.0)) < 1e-9);
 
     let (_folder, stranger) = file("s.csv", "i,x,y,z\n77,0,0,0\n");
-    let other = read_observations(&stranger).unwrap();
-    assert_eq!(other.remarks.len(), 1, "an assumed sigma is told");
-    let refused = append_observations(&mut read, other, &stranger).unwrap_err().to_string();
+    let (_, remarks) = read_observations(&stranger, &[]).unwrap();
+    assert_eq!(remarks.len(), 1, "an assumed sigma is remarked");
+    let refused = read_observations(&edges, &[stranger]).unwrap_err().to_string();
     assert!(refused.contains("taxel 77"), "{refused}");
 }
 
@@ -219,12 +217,12 @@ fn sigma_may_differ_by_axis_in_every_table() {
             .all(|(a, b)| (a - b).abs() <= 1e-12 * b)
     };
     let (_folder, path) = file("e.csv", "i,j,dx,dy,dz,sx,sy,sz\n1,2,0,0,0,0.001,0.002,0.01\n");
-    let edges = read_observations(&path).unwrap().observations.edges;
+    let edges = read_observations(&path, &[]).unwrap().0.edges;
     assert!(
         matches!(&edges.as_slice()[0].measurement, DisplacementMeasurement::Offset { information, .. } if near(information))
     );
     let (_folder, path) = file("c.csv", "i,sz,sy,sx,x,y,z\n1,0.01,0.002,0.001,0,0,0\n");
-    let contacts = read_observations(&path).unwrap().observations.contacts;
+    let contacts = read_observations(&path, &[]).unwrap().0.contacts;
     assert!(
         matches!(&contacts.as_slice()[0].measurement, ContactMeasurement::Position { information, .. } if near(information))
     );
@@ -235,7 +233,7 @@ fn sigma_may_differ_by_axis_in_every_table() {
 fn headers_come_in_every_dress() {
     let read = |text: &str| {
         let (_folder, path) = file("a.csv", text);
-        read_observations(&path).unwrap()
+        read_observations(&path, &[]).unwrap()
     };
     let plain = read("i,j,dx,dy,dz\n1,2,0.005,0,0\n");
     for text in [
@@ -248,8 +246,8 @@ fn headers_come_in_every_dress() {
     }
     let graph = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\nEDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1\n";
     let (_folder, path) = file("a.g2o", &format!("\u{feff}{graph}"));
-    let read = read_observations(&path).unwrap();
-    assert_eq!((read.remarks.len(), read.observations.taxels.len()), (0, 2));
+    let (read, remarks) = read_observations(&path, &[]).unwrap();
+    assert_eq!((remarks.len(), read.taxels.len()), (0, 2));
 }
 
 #[test]
@@ -267,24 +265,14 @@ fn lines_that_were_left_out_are_told_where_something_is_missing() {
 #[test]
 fn what_another_file_knows_of_taxels_is_taken_over() {
     let (_folder, edges) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,0,1,0\n");
-    let read = || read_observations(&edges).unwrap();
-    let graph = |lines: &str| {
-        let (folder, path) = file("c.g2o", &format!("{lines}\nEDGE_POINTXYZ_PRIOR 2 1 0 0 1 0 0 1 0 1\n"));
-        let other = read_observations(&path).unwrap();
-        (folder, path, other)
-    };
-    let (_folder, path, other) = graph("VERTEX_TRACKXYZ 1 7 0 0\nVERTEX_TRACKXYZ 2 8 0 0\nFIX 1");
-    let mut both = read();
-    append_observations(&mut both, other.clone(), &path).unwrap();
-    let taxel = |k: usize| both.observations.taxels[VertexId::new(k)];
-    assert_eq!(
-        (taxel(0).fixed, taxel(0).initial),
-        (true, Some(Pose { position: DVec3::X * 7.0, ..Pose::default() }))
-    );
-    assert_eq!(
-        (taxel(1).fixed, taxel(1).initial),
-        (false, Some(Pose { position: DVec3::X * 8.0, ..Pose::default() }))
-    );
+    let graph = |lines: &str| file("c.g2o", &format!("{lines}\nEDGE_POINTXYZ_PRIOR 2 1 0 0 1 0 0 1 0 1\n"));
+    let first = "VERTEX_TRACKXYZ 1 7 0 0\nVERTEX_TRACKXYZ 2 8 0 0\nFIX 1";
+    let (_folder, other) = graph(first);
+    let (both, _) = read_observations(&edges, std::slice::from_ref(&other)).unwrap();
+    let taxel = |k: usize| both.taxels[VertexId::new(k)];
+    let at = |x: f64| Some(Pose { position: DVec3::X * x, ..Pose::default() });
+    assert_eq!((taxel(0).fixed, taxel(0).initial), (true, at(7.0)));
+    assert_eq!((taxel(1).fixed, taxel(1).initial), (false, at(8.0)));
     assert_eq!(taxel(2).initial, None);
 
     for (lines, needed) in [
@@ -292,8 +280,8 @@ fn what_another_file_knows_of_taxels_is_taken_over() {
         ("VERTEX_TRACKXYZ 2 8 0 0\nVERTEX_TRACKXYZ 4 0 0 0\nFIX 4", "taxel 4"),
         ("VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1", "poses model; needed: positions"),
     ] {
-        let (_folder, path, other) = graph(lines);
-        let found = append_observations(&mut both.clone(), other, &path).unwrap_err().to_string();
+        let (_folder, path) = graph(lines);
+        let found = read_observations(&edges, &[other.clone(), path]).unwrap_err().to_string();
         assert!(found.contains(needed), "{lines:?}: {found}");
     }
 }
@@ -305,8 +293,8 @@ fn displacements_go_into_a_table_and_come_back() {
     let options = SimulateOptions { taxels: 30, ..SimulateOptions::default() };
     let observations = simulate(&options).unwrap().observations;
     write_observations(&path, &observations).unwrap();
-    let back = read_observations(&path).unwrap();
-    assert!(back.remarks.is_empty() && back.observations.edges == observations.edges);
+    let (back, remarks) = read_observations(&path, &[]).unwrap();
+    assert!(remarks.is_empty() && back.edges == observations.edges);
     for (options, told) in [
         (SimulateOptions { anchors: 3, ..options }, "a contact among displacements"),
         (SimulateOptions { model: Model::Poses, ..options }, "a rotation"),
@@ -335,12 +323,13 @@ fn contacts_with_normals_have_a_table_of_their_own() {
         normal_noise: Some(0.03),
         ..SimulateOptions::default()
     };
-    let observations = simulate(&options).unwrap().observations;
+    let mut observations = simulate(&options).unwrap().observations;
     let refused = write_observations(&folder.path().join("a.g2o"), &observations).unwrap_err();
     assert!(refused.to_string().contains("a normal"), "{refused}");
     let path = folder.path().join("c.csv");
-    write_contacts(&path, &observations).unwrap();
-    let back = read_observations(&path).unwrap().observations;
+    observations.edges = Default::default();
+    write_observations(&path, &observations).unwrap();
+    let back = read_observations(&path, &[]).unwrap().0;
     assert_eq!(back.contacts.len(), 5);
     for (a, b) in observations.contacts.iter().zip(&back.contacts) {
         let (
@@ -427,7 +416,7 @@ fn headers_of_truth_and_triangles_are_checked() {
 #[test]
 fn edges_that_are_no_triangulation_make_no_skin() {
     let (_folder, path) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,1,0,0\n");
-    let observations = read_observations(&path).unwrap().observations;
+    let observations = read_observations(&path, &[]).unwrap().0;
     let found = calibrate(&observations, &Default::default(), &|_, _| {}).unwrap();
     let refused = calibrated_skin(&found, &observations, None).unwrap_err().to_string();
     assert!(refused.contains("no three taxels"), "{refused}");
@@ -451,9 +440,9 @@ proptest! {
         table in any::<bool>(),
     ) {
         let (_folder, path) = file(if table { "a.csv" } else { "a.g2o" }, &lines.join("\n"));
-        if let Ok(read) = read_observations(&path) {
+        if let Ok((read, _)) = read_observations(&path, &[]) {
             // And what was read calibrates, or says why not.
-            let _ = calibrate(&read.observations, &Default::default(), &|_, _| {});
+            let _ = calibrate(&read, &Default::default(), &|_, _| {});
         }
     }
 }

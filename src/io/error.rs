@@ -1,6 +1,6 @@
 //! What can be wrong with a file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::map::MapError;
 
@@ -55,10 +55,8 @@ pub enum IoError {
         found: String,
         /// What is needed instead.
         needed: String,
-        /// What a user can do, as a sentence.
-        remedy: &'static str,
     },
-    /// The content uses something that is valid but not read here.
+    /// The file uses something that is valid but not read, or not written, here.
     #[error("{}: {element} uses {feature}, which is not supported", path.display())]
     Unsupported {
         /// The file.
@@ -67,8 +65,14 @@ pub enum IoError {
         element: String,
         /// What it uses.
         feature: String,
-        /// What a user can do, as a sentence.
-        remedy: String,
+        /// How to do without it in the program that made the file, as a sentence.
+        remedy: &'static str,
+    },
+    /// The file is not a map; it may be a skin.
+    #[error("{}: found no mesh with extras.dermatome; needed: a map, as dermatome writes it", path.display())]
+    NoMap {
+        /// The file.
+        path: PathBuf,
     },
     /// The extension is not one of a file that can be used here.
     #[error("{}: unknown kind of file; known here: {known}", path.display())]
@@ -78,21 +82,4 @@ pub enum IoError {
         /// Extensions that are known.
         known: &'static str,
     },
-}
-
-impl IoError {
-    /// The same error about another file, named from its own: outputs are written to a temporary
-    /// file first.
-    #[must_use]
-    pub fn about(mut self, name: impl FnOnce(&Path) -> PathBuf) -> Self {
-        let (Self::Read { path, .. }
-        | Self::Write { path, .. }
-        | Self::Invalid { path, .. }
-        | Self::Unsupported { path, .. }
-        | Self::UnknownKind { path, .. }
-        | Self::Map { path, .. }
-        | Self::Unfit { path, .. }) = &mut self;
-        *path = name(path);
-        self
-    }
 }

@@ -6,8 +6,8 @@
 //! |---|---|---|
 //! | `gltf` | [`read_map`], skins | [`write_map`], [`write_pyramids`], skins |
 //! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
-//! | `observations` | [`read_observations`] | [`write_observations`], [`write_contacts`] |
-//! | `table` | [`ContactReader`], [`read_poses`], ... | [`LookupWriter`], [`write_calibration`], ... |
+//! | `observations` | [`read_observations`] | [`write_observations`] |
+//! | `table` | [`read_contacts`], [`read_poses`], ... | [`write_lookups`], [`write_calibration`], ... |
 //! | `image` | | [`write_images`]: OpenEXR |
 //! | `file` | what all of them need: whole files, lines, replacing | |
 //!
@@ -50,28 +50,24 @@ mod mesh;
 mod observations;
 mod table;
 
-pub use self::gltf::{read_map, read_map_if_any, write_map, write_pyramids};
+pub use self::gltf::{read_map, write_map, write_pyramids};
 pub use error::IoError;
-pub use file::{
-    replace::{replace_file, temporary_prefix, write_json},
-    source::kind,
-};
-pub use image::exr::{part_name, write_images};
+pub use file::replace::{replace_file, temporary_prefix};
+pub use image::exr::write_images;
 pub use mesh::{
     flat::write_flat,
     formats::{read_draft, write_skin},
 };
 pub use observations::{
-    append::append_observations,
-    read_write::{read_observations, write_contacts, write_observations},
-    types::{ObservationRemark, ReadObservations},
+    read_write::{read_observations, write_observations},
+    types::ObservationRemark,
 };
 pub use table::{
     calibration::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
     },
-    contacts::{ContactReader, ContactRow},
-    lookups::{LookupRow, LookupWriter},
-    poses::{LinkPose, read_poses},
+    contacts::{ContactRow, read_contacts},
+    lookups::{LookupRow, write_lookups},
+    poses::read_poses,
     touches::{ReadingsWriter, write_touches},
 };

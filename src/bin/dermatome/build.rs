@@ -2,7 +2,7 @@
 
 use std::{
     fs,
-    io::ErrorKind,
+    io::{ErrorKind, Write as _},
     path::{Path, PathBuf},
     process::ExitCode,
     time::Instant,
@@ -11,7 +11,7 @@ use std::{
 use anyhow::Context;
 use dermatome::{
     Error,
-    io::{IoError, write_json},
+    io::{IoError, replace_file},
     pipeline::{BuildOptions, FILES, build_with_progress, write_files},
     report::{Report, Seconds, measure},
     skin::AssembleOptions,
@@ -23,7 +23,7 @@ use crate::{
     notes::note_overlaps,
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
     outputs::{Outputs, cannot_write},
-    print::{print_json, print_levels},
+    print::{json, print_json, print_levels},
     progress,
     signals::clean_when_stopped,
 };
@@ -74,7 +74,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         peak_memory_bytes: peak_memory_bytes(),
         patches: measure(&map),
     };
-    outputs.stage(&args.output.join(REPORT), |path| write_json(path, &report))?;
+    let text = json(&report)?;
+    let path = args.output.join(REPORT);
+    let fail = |source| IoError::Write { path: path.clone(), source };
+    outputs
+        .stage(&path, |staged| replace_file(staged, |file| file.write_all(text.as_bytes()).map_err(fail)))?;
     outputs.publish()?;
     note_overlaps(&report.patches, &options.flatten, common);
     if args.json {

@@ -4,7 +4,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::{
     Error,
-    io::{IoError, kind, write_pyramids},
+    io::{IoError, write_pyramids},
     mesh::Adjacency,
     pyramid::{Level, Pyramid, coarsen},
     skin::{AssembleOptions, Patch, Skin},
@@ -38,7 +38,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    if kind(&args.output) != "glb" {
+    if outputs::kind(&args.output) != "glb" {
         let (path, known) = (args.output.clone(), "glb");
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }

@@ -205,8 +205,9 @@ fn io_help(error: &IoError) -> String {
     match error {
         IoError::Read { .. } => "check that the file exists and may be read".into(),
         IoError::Write { .. } => "check that the folder exists, may be written to and has space".into(),
-        IoError::Unsupported { remedy, .. } => remedy.clone(),
-        IoError::Unfit { remedy, .. } => (*remedy).into(),
+        IoError::Unsupported { remedy, .. } => (*remedy).into(),
+        IoError::Unfit { .. } => "correct what is to be written, or choose a format that can hold it".into(),
+        IoError::NoMap { .. } => BUILD_AGAIN.into(),
         IoError::UnknownKind { known, .. } => format!("name a file that ends in one of: {known}"),
         _ => "correct the file, or export it again from the program that wrote it".into(),
     }

@@ -5,11 +5,12 @@ use std::path::Path;
 use anyhow::Context;
 use dermatome::{
     Error,
-    io::read_draft,
+    io::{IoError, read_draft, read_map},
+    map::SkinMap,
     skin::{AssembleOptions, Skin, assemble, joining_gap},
 };
 
-use crate::{common::Common, print::line};
+use crate::{common::Common, outputs, print::line};
 
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.
 pub(crate) fn read_skin(path: &Path, options: &AssembleOptions, common: &Common) -> anyhow::Result<Skin> {
@@ -27,4 +28,16 @@ pub(crate) fn read_skin(path: &Path, options: &AssembleOptions, common: &Common)
         }
     }
     Ok(assembled.skin)
+}
+
+/// The map of a file, if it has one; otherwise it may be a skin.
+pub(crate) fn read_map_if_any(path: &Path) -> Result<Option<SkinMap>, Error> {
+    if !matches!(outputs::kind(path).as_str(), "glb" | "gltf") {
+        return Ok(None);
+    }
+    match read_map(path) {
+        Ok(map) => Ok(Some(map)),
+        Err(IoError::NoMap { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
 }

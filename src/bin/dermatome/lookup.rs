@@ -11,7 +11,7 @@ use dermatome::{
     Error,
     contact::{ContactError, ContactIndex, Query},
     id::IdVec,
-    io::{ContactReader, ContactRow, IoError, LookupRow, LookupWriter, read_map, read_poses, replace_file},
+    io::{ContactRow, IoError, LookupRow, read_contacts, read_map, read_poses, replace_file, write_lookups},
     map::SkinMap,
     pyramid::LevelId,
     skin::{Link, LinkId, PatchId},
@@ -57,8 +57,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let SkinMap { links, patches } = map;
     let patches: IdVec<PatchId, (String, usize)> =
         patches.into_iter().map(|patch| (patch.name, patch.levels.len())).collect();
-    if let Some(poses) = &args.pose {
-        pose(&mut index, &links, poses)?;
+    if let Some(path) = &args.pose {
+        let poses = read_poses(path, &|name| find_link(&links, name)).map_err(Error::from)?;
+        index.move_links(&poses).map_err(Error::from)?;
     }
     let most = patches.iter().map(|(_, count)| *count).max().unwrap_or(0);
     if let Some(level) = args.levels.iter().find(|&&level| level >= most) {
@@ -77,8 +78,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let fail = |source| Error::from(IoError::Read { path: args.contacts.clone(), source });
         (&args.contacts, Box::new(File::open(&args.contacts).map_err(fail)?))
     };
-    let contacts = ContactReader::new(path, input).map_err(Error::from)?;
-    for column in contacts.unknown_columns() {
+    let (unknown, contacts) = read_contacts(path, input).map_err(Error::from)?;
+    for column in unknown {
         note(common, format_args!("{}: column `{column}` is not used", path.display()));
     }
     let mut lookup =
@@ -106,24 +107,9 @@ fn check_output(args: &Args) -> anyhow::Result<()> {
     outputs::check_inputs(&args.output, inputs.map(PathBuf::as_path))
 }
 
-/// Moves the links named in a table of poses.
-fn pose(index: &mut ContactIndex, links: &IdVec<LinkId, Link>, path: &Path) -> Result<(), Error> {
-    let mut moved = Vec::new();
-    for row in read_poses(path)? {
-        moved.push((find_link(links, path, row.line, &row.link)?, row.pose));
-    }
-    Ok(index.move_links(&moved)?)
-}
-
-/// The first link of the name that stands in a line of a table.
-fn find_link(links: &IdVec<LinkId, Link>, path: &Path, line: u64, name: &str) -> Result<LinkId, IoError> {
-    let found = links.enumerate().find(|(_, link)| link.name == name);
-    found.map(|(id, _)| id).ok_or_else(|| IoError::Invalid {
-        path: path.into(),
-        element: format!("line {line}, column `link`"),
-        found: format!("{name:?}"),
-        needed: "the name of a link of the map".into(),
-    })
+/// The first link of this name.
+fn find_link(links: &IdVec<LinkId, Link>, name: &str) -> Option<LinkId> {
+    links.enumerate().find(|(_, link)| link.name == name).map(|(id, _)| id)
 }
 
 /// Columns that are read and checked, but change nothing in the answer.
@@ -143,38 +129,42 @@ struct Lookup<'a> {
 
 impl Lookup<'_> {
     /// Answers all contacts, some at a time, so that memory does not grow with their number.
-    fn answer<R: Read>(
+    fn answer(
         &mut self,
-        mut contacts: ContactReader<R>,
+        mut contacts: impl Iterator<Item = Result<ContactRow, IoError>>,
         path: &Path,
         output: impl Write,
     ) -> Result<(), IoError> {
-        let mut writer = LookupWriter::new(path, output)?;
-        let mut chunk = Vec::new();
-        let mut lines = Vec::new();
-        let mut first = 0;
-        loop {
-            chunk.clear();
-            lines.clear();
-            while chunk.len() < CHUNK {
-                let Some(row) = contacts.next() else { break };
-                let row = row?;
-                lines.push(row.line);
-                chunk.push(self.contact(row)?);
+        write_lookups(path, output, |write| {
+            let (mut chunk, mut lines, mut first) = (Vec::new(), Vec::new(), 0);
+            loop {
+                chunk.clear();
+                lines.clear();
+                for row in contacts.by_ref().take(CHUNK) {
+                    let row = row?;
+                    lines.push(row.line);
+                    chunk.push(self.contact(row)?);
+                }
+                if chunk.is_empty() {
+                    return Ok(());
+                }
+                self.answer_chunk(first, &chunk, &lines, write)?;
+                first += chunk.len() as u64;
             }
-            if chunk.is_empty() {
-                break;
-            }
-            self.answer_chunk(first, &chunk, &lines, &mut writer)?;
-            first += chunk.len() as u64;
-        }
-        writer.finish()?.flush().map_err(|source| IoError::Write { path: path.into(), source })
+        })
     }
 
     fn contact(&mut self, row: ContactRow) -> Result<Query, IoError> {
         let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
         self.unused = std::array::from_fn(|k| self.unused[k] | given[k]);
-        let link = row.link.map(|name| find_link(&self.links, self.path, row.line, &name));
+        let link = row.link.map(|name| {
+            find_link(&self.links, &name).ok_or_else(|| IoError::Invalid {
+                path: self.path.into(),
+                element: format!("line {}, column `link`", row.line),
+                found: format!("{name:?}"),
+                needed: "the name of a link of the map".into(),
+            })
+        });
         Ok(Query { point: row.position, link: link.transpose()? })
     }
 
@@ -184,12 +174,12 @@ impl Lookup<'_> {
         first: u64,
         chunk: &[Query],
         lines: &[u64],
-        writer: &mut LookupWriter<impl Write>,
+        write: &mut dyn FnMut(&LookupRow<'_>) -> Result<(), IoError>,
     ) -> Result<(), IoError> {
         let hits = self.index.locate_all(chunk).map_err(|error| self.refused(&error, lines))?;
         for (contact, hit) in (first..).zip(&hits) {
             for cell in self.levels.iter().filter_map(|&level| self.index.cell(hit, level)) {
-                writer.write(&LookupRow {
+                write(&LookupRow {
                     contact,
                     level: cell.level,
                     patch: &self.patches[hit.patch].0,

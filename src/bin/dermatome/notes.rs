@@ -4,13 +4,13 @@ use std::{fmt, path::Path};
 
 use dermatome::{
     flatten::{FlattenOptions, Method},
-    io::kind,
     report::PatchReport,
     skin::Skin,
 };
 
 use crate::{
     common::Common,
+    outputs,
     print::{line, plain},
 };
 
@@ -30,7 +30,7 @@ pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
 
 /// What a skin loses there: its frames and names, and its covariances.
 fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
-    let kind = kind(path);
+    let kind = outputs::kind(path);
     let covariances = matches!(kind.as_str(), "json" | "obj" | "ply" | "stl")
         && skin.patches.iter().any(|patch| patch.taxels.covariances.is_some());
     let covariances = covariances.then_some("the covariances of the taxels are lost");

@@ -8,7 +8,7 @@ use std::{
 
 use dermatome::{
     Error,
-    io::{IoError, kind, replace_file, temporary_prefix},
+    io::{IoError, replace_file, temporary_prefix},
 };
 use tempfile::TempDir;
 
@@ -63,6 +63,11 @@ pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
     place(a) == place(b)
 }
 
+/// The kind of a file: its extension in lower case, empty without one.
+pub(crate) fn kind(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
 /// A table is written to a .csv: under any other name it would be read as something else.
 pub(crate) fn check_table(path: &Path) -> anyhow::Result<()> {
     if kind(path) == "csv" {
@@ -114,7 +119,7 @@ impl Outputs {
         // Writers choose by extension, so the name stays.
         let name = path.file_name().unwrap_or_default();
         self.stage_in(folder(path), &[name], |folder| Ok(write(&folder.join(name))?)).map_err(|e| match e {
-            Error::Io(e) => e.about(|_| path.to_owned()).into(),
+            Error::Io(e) => about(e, |_| path.to_owned()).into(),
             other => other,
         })
     }
@@ -132,7 +137,7 @@ impl Outputs {
             .tempdir_in(folder)
             .map_err(|e| cannot_write(folder, e.kind()))?;
         let written = write(staging.path()).map_err(|e| match e {
-            Error::Io(e) => e.about(|file| folder.join(file.file_name().unwrap_or_default())).into(),
+            Error::Io(e) => about(e, |file| folder.join(file.file_name().unwrap_or_default())).into(),
             other => other,
         })?;
         for name in names {
@@ -159,6 +164,23 @@ impl Outputs {
         }
         Ok(())
     }
+}
+
+/// The same error about another file, named from its own: outputs are written to a temporary file
+/// first.
+fn about(mut error: IoError, name: impl FnOnce(&Path) -> PathBuf) -> IoError {
+    if let IoError::Read { path, .. }
+    | IoError::Write { path, .. }
+    | IoError::Invalid { path, .. }
+    | IoError::Unsupported { path, .. }
+    | IoError::UnknownKind { path, .. }
+    | IoError::NoMap { path }
+    | IoError::Map { path, .. }
+    | IoError::Unfit { path, .. } = &mut error
+    {
+        *path = name(path);
+    }
+    error
 }
 
 /// An error about a place: only the kind is kept, since the system's text may name a temporary

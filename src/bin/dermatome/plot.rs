@@ -10,14 +10,14 @@ use std::{
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    io::{self, IoError, read_map_if_any, replace_file},
+    io::{IoError, replace_file},
     plot::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin},
     pyramid::LevelId,
 };
 
 use crate::{
     common::Common,
-    input::read_skin,
+    input::{read_map_if_any, read_skin},
     options::BareArgs,
     outputs::{self, Outputs, is_stream},
     print::print,
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         space: args.from.or(args.space.then(Viewpoint::default)),
         width_px: args.width,
     };
-    let picture = match read_map_if_any(&args.map).map_err(Error::from)? {
+    let picture = match read_map_if_any(&args.map)? {
         Some(map) => plot_map(&map, &options),
         None => plot_skin(&read_skin(&args.map, &args.bare.options(), common)?, &options),
     }
@@ -137,7 +137,7 @@ fn kind(path: &Path) -> Result<Kind, IoError> {
     if is_stream(path) {
         return Ok(Kind::Svg);
     }
-    match io::kind(path).as_str() {
+    match outputs::kind(path).as_str() {
         "svg" => Ok(Kind::Svg),
         "png" => Ok(Kind::Png),
         _ => Err(IoError::UnknownKind { path: path.to_owned(), known: ".svg, .png" }),

@@ -13,7 +13,7 @@ use dermatome::{
     Error,
     calib::{Model, SimulateOptions, simulate},
     id::IdVec,
-    io::{write_contacts, write_observations, write_triangles, write_truth},
+    io::{write_observations, write_triangles, write_truth},
 };
 
 use self::touch::TouchArgs;
@@ -103,8 +103,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut outputs = Outputs::default();
     let mut observations = simulation.observations.clone();
     if let Some(path) = &args.contacts {
-        outputs.stage(path, |path| write_contacts(path, &observations))?;
-        observations.contacts = IdVec::new();
+        let edges = std::mem::take(&mut observations.edges);
+        outputs.stage(path, |path| write_observations(path, &observations))?;
+        (observations.edges, observations.contacts) = (edges, IdVec::new());
     }
     if let Some(path) = &args.truth {
         outputs.stage(path, |path| write_truth(path, &ids, &simulation.truth))?;

@@ -3,7 +3,7 @@
 use std::{
     fmt::Display,
     io::{self, BufRead, Read},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use crate::{
@@ -14,8 +14,9 @@ use crate::{
     skin::TaxelId,
 };
 
-/// Longest line of a stream: a line of an edge has 31 numbers of at most 25 characters.
-const LONGEST_LINE: u64 = 1 << 16;
+/// Longest row of a table, which may have several lines. Without a bound, a stream that never ends
+/// its line, or never closes a quote, would fill the memory.
+pub(crate) const LONGEST: usize = 1 << 20;
 
 /// What some editors put at the start of a text.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
@@ -63,106 +64,108 @@ pub(crate) fn finite(word: &str) -> Option<f64> {
 
 impl Source {
     /// The lines of a text, each with where it is.
-    ///
-    /// # Errors
-    /// As [`Source::text`].
     pub(crate) fn lines(&self) -> Result<impl Iterator<Item = (LineLocation<'_>, &str)>, IoError> {
         let at = |line| LineLocation { path: self.path(), line };
         Ok(self.text()?.lines().zip(1..).map(move |(text, line)| (at(line), text)))
     }
 }
 
-/// A stream of text without the lines that are blank or a comment after `#`, and without a byte
-/// order mark.
+/// A stream of text, line by line, without blank lines and without a byte order mark.
 ///
 /// As a [`Read`] it hands out one line at a time, so that whoever reads from it knows by
-/// [`Lines::line`] where it is.
-pub(crate) struct Lines<'a, R> {
+/// [`Lines::at`] where it is: the csv crate counts a line too late after blank lines and where
+/// lines end with a carriage return.
+#[derive(Debug)]
+pub(crate) struct Lines<R> {
     input: R,
+    path: PathBuf,
+    /// What begins a line that is passed over.
+    pub(crate) comment: Option<u8>,
     bytes: Vec<u8>,
-    at: LineLocation<'a>,
+    line: usize,
     ended: bool,
     /// Bytes of the line that were handed out.
     given: usize,
+    /// Bytes that may still be handed out.
+    pub(crate) left: usize,
 }
 
-impl<'a, R: BufRead> Lines<'a, R> {
-    /// Stands on the first line.
-    pub(crate) fn new(input: R, path: &'a Path) -> Result<Self, IoError> {
-        let at = LineLocation { path, line: 0 };
-        let mut lines = Self { input, bytes: Vec::new(), at, ended: false, given: 0 };
-        lines.advance()?;
-        Ok(lines)
+impl<R: BufRead> Lines<R> {
+    /// Stands before the first line.
+    pub(crate) fn new(input: R, path: &Path, comment: Option<u8>) -> Self {
+        let (path, bytes) = (path.to_owned(), Vec::new());
+        Self { input, path, comment, bytes, line: 0, ended: false, given: 0, left: LONGEST }
     }
 
     /// The line without blanks around it, and where it is; `None` after the last one.
-    ///
-    /// # Errors
-    /// If it is not UTF-8.
-    pub(crate) fn current(&self) -> Result<Option<(&str, LineLocation<'a>)>, IoError> {
+    pub(crate) fn current(&self) -> Result<Option<(&str, LineLocation<'_>)>, IoError> {
         if self.ended {
             return Ok(None);
         }
-        let text = std::str::from_utf8(&self.bytes);
-        let text = text.map_err(|_| self.at.invalid("bytes that are not text", "text in UTF-8"))?;
-        Ok(Some((text.trim(), self.at)))
+        let (text, at) = (std::str::from_utf8(&self.bytes), self.at());
+        let text = text.map_err(|_| at.invalid("bytes that are not text", "text in UTF-8"))?;
+        Ok(Some((text.trim(), at)))
     }
 
     /// Goes on to the next line.
-    ///
-    /// # Errors
-    /// If it cannot be read, or is too long.
     pub(crate) fn advance(&mut self) -> Result<(), IoError> {
         self.step().map_err(|source| match source.kind() {
-            io::ErrorKind::InvalidData => self.at.invalid(source.to_string(), "a line of text"),
-            _ => IoError::Read { path: self.at.path.to_owned(), source },
+            io::ErrorKind::InvalidData => self.at().invalid(source.to_string(), "a line of text"),
+            _ => IoError::Read { path: self.path.clone(), source },
         })
     }
 
     fn step(&mut self) -> io::Result<()> {
+        // Numbers of an edge fill 775 bytes; a cell of a table may hold a text.
+        let longest = if self.comment.is_some() { 1 << 16 } else { LONGEST };
         loop {
             self.bytes.clear();
             self.given = 0;
-            let read = (&mut self.input).take(LONGEST_LINE).read_until(b'\n', &mut self.bytes)?;
+            let read = (&mut self.input).take(longest as u64).read_until(b'\n', &mut self.bytes)?;
             if read == 0 {
                 self.ended = true;
                 return Ok(());
             }
-            self.at.line += 1;
-            if read as u64 == LONGEST_LINE {
-                let found = format!("a line of more than {LONGEST_LINE} bytes");
-                return Err(io::Error::new(io::ErrorKind::InvalidData, found));
+            self.line += 1;
+            if read == longest {
+                return Err(too_long(longest));
             }
-            if self.at.line == 1 && self.bytes.starts_with(BYTE_ORDER_MARK) {
+            if self.line == 1 && self.bytes.starts_with(BYTE_ORDER_MARK) {
                 self.bytes.drain(..BYTE_ORDER_MARK.len());
             }
-            let text = self.bytes.trim_ascii_start();
-            if !(text.is_empty() || text.starts_with(b"#")) {
+            let first = self.bytes.trim_ascii_start().first();
+            if first.is_some() && first != self.comment.as_ref() {
                 return Ok(());
             }
         }
     }
 }
 
-impl<R> Lines<'_, R> {
-    /// Number of the line that was read last, from 1.
-    pub(crate) fn line(&self) -> usize {
-        self.at.line
+impl<R> Lines<R> {
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The line that was read last.
+    pub(crate) fn at(&self) -> LineLocation<'_> {
+        LineLocation { path: &self.path, line: self.line }
     }
 }
 
-impl<R: BufRead> Read for Lines<'_, R> {
+impl<R: BufRead> Read for Lines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.given == self.bytes.len() && !self.ended {
             self.step()?;
         }
-        if self.ended {
-            return Ok(0);
-        }
         let rest = &self.bytes[self.given..];
         let count = rest.len().min(buffer.len());
+        self.left = self.left.checked_sub(count).ok_or_else(|| too_long(LONGEST))?;
         buffer[..count].copy_from_slice(&rest[..count]);
         self.given += count;
         Ok(count)
     }
+}
+
+fn too_long(longest: usize) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, format!("more than {longest} bytes"))
 }

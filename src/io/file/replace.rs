@@ -140,20 +140,3 @@ fn share_like_a_new_file(file: &File) -> io::Result<()> {
 fn share_like_a_new_file(_: &File) -> io::Result<()> {
     Ok(())
 }
-
-/// Writes `value` as indented JSON with a newline at its end; the file is replaced whole or not at
-/// all.
-///
-/// Numbers are the shortest decimals that read back as the same `f64`. JSON knows no NaN: it
-/// becomes `null`.
-///
-/// # Errors
-/// If the file cannot be written, or `value` has a map whose keys are not text.
-pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), IoError> {
-    replace_file(path, |file| {
-        serde_json::to_writer_pretty(&mut *file, value)
-            .map_err(std::io::Error::from)
-            .and_then(|()| file.write_all(b"\n"))
-            .map_err(|source| IoError::Write { path: path.into(), source })
-    })
-}

@@ -23,9 +23,6 @@ pub(crate) struct Source {
 
 impl Source {
     /// Reads a regular file whole, after a look at its length.
-    ///
-    /// # Errors
-    /// If it is a folder or a device, empty, longer than 4 GiB, or cannot be read.
     pub(crate) fn open(path: &Path) -> Result<Self, IoError> {
         let fail = |source: io::Error| IoError::Read { path: path.into(), source };
         let about = fs::metadata(path).map_err(fail)?;
@@ -57,10 +54,11 @@ impl Source {
         &self.bytes
     }
 
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
     /// The content as text, without a byte order mark.
-    ///
-    /// # Errors
-    /// If it is not UTF-8; line and byte are named.
     pub(crate) fn text(&self) -> Result<&str, IoError> {
         let text = std::str::from_utf8(&self.bytes).map_err(|e| {
             let at = e.valid_up_to();
@@ -85,11 +83,20 @@ impl Source {
     ) -> IoError {
         invalid(&self.path, element, found, needed)
     }
+
+    /// An error about an element that is valid but not read here.
+    pub(crate) fn unsupported(
+        &self,
+        element: impl Into<String>,
+        feature: impl Into<String>,
+        remedy: &'static str,
+    ) -> IoError {
+        unsupported(&self.path, element, feature, remedy)
+    }
 }
 
 /// The kind of a file: its extension in lower case, empty without one.
-#[must_use]
-pub fn kind(path: &Path) -> String {
+pub(crate) fn kind(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
@@ -120,13 +127,17 @@ pub(crate) fn unfit(
     found: impl Into<String>,
     needed: impl Into<String>,
 ) -> IoError {
-    IoError::Unfit {
-        path: path.into(),
-        element: element.into(),
-        found: found.into(),
-        needed: needed.into(),
-        remedy: "correct what is to be written, or choose a format that can hold it",
-    }
+    IoError::Unfit { path: path.into(), element: element.into(), found: found.into(), needed: needed.into() }
+}
+
+/// An error about something valid that is not read, or not written, in this format.
+pub(crate) fn unsupported(
+    path: &Path,
+    element: impl Into<String>,
+    feature: impl Into<String>,
+    remedy: &'static str,
+) -> IoError {
+    IoError::Unsupported { path: path.into(), element: element.into(), feature: feature.into(), remedy }
 }
 
 /// A piece of a file as an error repeats it: on one line, and not too long.

@@ -1,178 +1,123 @@
-//! Accessors: typed rows in a view of a buffer, checked against the bytes that are really there.
+//! Accessors: typed rows in a view of a buffer, checked against the bytes that are really there,
+//! then decoded by the reader of the crate.
+//!
+//! That reader stops without a word where bytes end, and panics on sparse rows that are out of
+//! order or too few: [`Document::accessor`] refuses these before. Its readers of attributes are not
+//! used: they know no quantized positions and no attributes of other programs.
 
-use gltf::json::{
-    self,
-    accessor::{ComponentType, GenericComponentType, IndexComponentType, Type, sparse::Sparse},
-    buffer::{MAX_BYTE_STRIDE, MIN_BYTE_STRIDE, Target, View},
-    validation::{Checked, USize64},
+use std::array;
+
+use gltf::{
+    accessor::{
+        DataType, Dimensions, Item, Iter,
+        sparse::{IndexType, Sparse},
+        util::{ItemIter, SparseIndicesIter},
+    },
+    buffer::View,
+    json::buffer::{MAX_BYTE_STRIDE, MIN_BYTE_STRIDE, Target},
 };
 
 use crate::io::{
     IoError,
-    gltf::document::{Document, QUANTIZATION, Role, ViewUse, position},
+    gltf::document::{Document, QUANTIZATION, Role},
 };
 
-/// The name of a type in a file.
-pub(super) fn kind_name(kind: Type) -> String {
-    format!("{kind:?}").to_uppercase()
-}
-
-/// Columns of a row, and components of each; matrices are stored by columns.
-fn shape(kind: Type) -> (usize, usize) {
-    let columns = match kind {
-        Type::Scalar | Type::Vec2 | Type::Vec3 | Type::Vec4 => 1,
-        Type::Mat2 => 2,
-        Type::Mat3 => 3,
-        Type::Mat4 => 4,
-    };
-    (columns, kind.multiplicity() / columns)
-}
-
-/// Rows `stride` bytes apart; the last one is known to end inside `bytes`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Rows<'a> {
-    pub(super) bytes: &'a [u8],
-    pub(super) stride: usize,
-}
-
-/// Rows that replace others: strictly increasing numbers below the accessor's count, and as many
-/// values.
-#[derive(Debug, Clone)]
-pub(super) struct Replaced<'a> {
-    pub(super) rows: Vec<usize>,
-    pub(super) values: Rows<'a>,
-}
-
 /// An accessor that keeps every rule of glTF 2.0 about types, counts, offsets, strides and lengths.
-///
-/// Its rows are read in `decode.rs`.
-#[derive(Debug, Clone)]
 pub(super) struct Accessor<'a> {
-    /// Its number in the document.
-    pub(super) index: usize,
-    pub(super) json: &'a json::Accessor,
-    pub(super) kind: Type,
-    pub(super) component: ComponentType,
-    pub(super) count: usize,
-    /// `None`: zeros.
-    pub(super) base: Option<Rows<'a>>,
-    pub(super) replaced: Option<Replaced<'a>>,
-}
-
-impl Accessor<'_> {
-    /// What it is called in errors.
-    pub(super) fn name(&self) -> String {
-        format!("accessor {}", self.index)
-    }
-
-    /// Whether it stands for zeros alone, which the validator does not look at either.
-    pub(super) fn is_blank(&self) -> bool {
-        self.base.is_none() && self.replaced.is_none()
-    }
+    document: &'a Document,
+    pub(super) gltf: gltf::Accessor<'a>,
 }
 
 impl Document {
     /// Accessor `index`, wanted by `asked_by` in the role `role`, checked against the bytes that
     /// are really there.
     pub(super) fn accessor(&self, index: usize, role: Role, asked_by: &str) -> Result<Accessor<'_>, IoError> {
-        let all = &self.root.accessors;
-        let json = all.get(index).ok_or_else(|| {
-            self.invalid(asked_by, format!("accessor {index}"), format!("one of the file's {}", all.len()))
+        let gltf = self.gltf.accessors().nth(index).ok_or_else(|| {
+            let needed = format!("one of the file's {}", self.gltf.accessors().len());
+            self.invalid(asked_by, format!("accessor {index}"), needed)
         })?;
-        let element = format!("accessor {index}");
-        let (Checked::Valid(GenericComponentType(component)), Checked::Valid(kind)) =
-            (json.component_type, json.type_)
-        else {
-            return Err(self.invalid(element, "an unknown type", "a type of glTF 2.0"));
-        };
-        let (columns, rows) = shape(kind);
-        if json.normalized && matches!(component, ComponentType::F32 | ComponentType::U32) {
-            return Err(self.invalid(element, "normalized floats or 32-bit integers", "8 or 16 bits"));
-        }
-        let count = position(json.count);
-        if count == 0 {
-            return Err(self.invalid(element, "count 0", "at least 1"));
-        }
-        if json.extensions.as_ref().is_some_and(|e| e.others.contains_key(QUANTIZATION)) {
-            let found = "a KHR_mesh_quantization object";
-            return Err(self.invalid(element, found, "none: it is declared at the top only"));
-        }
-        // Columns of a matrix start at multiples of four bytes.
-        let column = rows * component.size();
-        let size = if columns == 1 { column } else { columns * column.next_multiple_of(4) };
-        let base = match (json.buffer_view, json.byte_offset) {
-            (Some(view), offset) => {
-                let view = ViewAsked {
-                    view: view.value(),
-                    offset: offset.unwrap_or_default().0,
-                    role,
-                    accessor: index,
-                };
-                Some(self.rows(&element, view, component, size, count)?)
-            }
-            (None, None) => None,
-            (None, Some(_)) => {
-                return Err(self.invalid(element, "byteOffset without bufferView", "both or neither"));
-            }
-        };
-        let mut accessor = Accessor { index, json, kind, component, count, base, replaced: None };
-        if let Some(sparse) = &json.sparse {
-            accessor.replaced = Some(self.replaced(&accessor, sparse, size)?);
-        }
+        let accessor = Accessor { document: self, gltf };
+        accessor.check(role)?;
         Ok(accessor)
     }
+}
 
-    /// The rows of a view, from an offset on.
-    fn rows(
-        &self,
-        element: &str,
-        asked: ViewAsked,
-        component: ComponentType,
-        size: usize,
-        count: usize,
-    ) -> Result<Rows<'_>, IoError> {
-        let bytes = self.view_bytes(asked.view)?;
-        let view = &self.root.buffer_views[asked.view];
-        let stride = self.check_view_use(element, &asked, view, size)?;
-        let offset = usize::try_from(asked.offset).unwrap_or(usize::MAX);
-        let align = if asked.role == Role::Vertex { 4 } else { component.size() };
-        if !offset.is_multiple_of(align) || !stride.is_multiple_of(align) {
-            let found = format!("byteOffset {offset} and rows {stride} bytes apart");
-            return Err(self.invalid(element, found, format!("multiples of {align}")));
-        }
-        let before = view.byte_offset.unwrap_or_default().0;
-        if !(before % 4).wrapping_add(asked.offset % 4).is_multiple_of(component.size() as u64) {
-            let found = format!("offset {before} of its view plus its own {offset}");
-            return Err(self.invalid(element, found, format!("a multiple of {}", component.size())));
-        }
-        let end = (count - 1)
-            .checked_mul(stride)
-            .and_then(|last| last.checked_add(size))
-            .and_then(|length| length.checked_add(offset));
-        if end.is_none_or(|end| end > bytes.len()) {
-            let found = format!("{count} rows, {stride} bytes apart, from byte {offset} on");
-            let needed = format!("rows inside the {} bytes of bufferView {}", bytes.len(), asked.view);
-            return Err(self.invalid(element, found, needed));
-        }
-        Ok(Rows { bytes: &bytes[offset..], stride })
+/// Rows of components in a view, from an offset on.
+struct Rows<'a> {
+    /// What they are called in errors.
+    element: String,
+    view: View<'a>,
+    offset: usize,
+    component: usize,
+    /// Bytes of a row.
+    size: usize,
+    count: usize,
+}
+
+impl<'a> Accessor<'a> {
+    /// What it is called in errors.
+    pub(super) fn name(&self) -> String {
+        format!("accessor {}", self.gltf.index())
     }
 
-    /// The bytes of a view.
-    fn view_bytes(&self, index: usize) -> Result<&[u8], IoError> {
-        let view = &self.root.buffer_views[index];
-        let name = format!("bufferView {index}");
-        let bytes = self.buffer(view.buffer.value())?;
-        let (start, length) = (position(view.byte_offset.unwrap_or_default()), position(view.byte_length));
-        if length == 0 {
-            return Err(self.invalid(name, "byteLength 0", "at least 1"));
+    pub(super) fn invalid(&self, found: impl Into<String>, needed: impl Into<String>) -> IoError {
+        self.document.invalid(self.name(), found, needed)
+    }
+
+    /// Whether it stands for zeros alone, which the validator does not look at either.
+    pub(super) fn is_blank(&self) -> bool {
+        self.gltf.view().is_none() && self.gltf.sparse().is_none()
+    }
+
+    fn check(&self, role: Role) -> Result<(), IoError> {
+        let gltf = &self.gltf;
+        let component = gltf.data_type();
+        if gltf.normalized() && matches!(component, DataType::F32 | DataType::U32) {
+            return Err(self.invalid("normalized floats or 32-bit integers", "8 or 16 bits"));
         }
-        start.checked_add(length).and_then(|end| bytes.get(start..end)).ok_or_else(|| {
+        if gltf.count() == 0 {
+            return Err(self.invalid("count 0", "at least 1"));
+        }
+        if gltf.extension_value(QUANTIZATION).is_some() {
+            let found = "a KHR_mesh_quantization object";
+            return Err(self.invalid(found, "none: it is declared at the top only"));
+        }
+        let (component, size) = (component.size(), row_size(gltf));
+        if let Some(view) = gltf.view() {
+            let (element, offset, count) = (self.name(), gltf.offset(), gltf.count());
+            self.check_rows(role, &Rows { element, view, offset, component, size, count })?;
+        }
+        gltf.sparse().map_or(Ok(()), |sparse| self.check_sparse(&sparse, component, size))
+    }
+
+    /// Checks that rows are aligned and lie within the bytes that are there. Returns their bytes.
+    fn check_rows(&self, role: Role, rows: &Rows<'a>) -> Result<&'a [u8], IoError> {
+        let Rows { element, view, offset, component, size, count } = rows;
+        let (document, offset) = (self.document, *offset);
+        let buffer = document.buffer(view.buffer().index())?;
+        let (start, length) = (view.offset(), view.length());
+        let end = start.checked_add(length).filter(|&end| end <= buffer.len());
+        let bytes = end.map(|end| &buffer[start..end]).ok_or_else(|| {
+            let needed = format!("a range of buffer {}, byteLength {}", view.buffer().index(), buffer.len());
             let found = format!("{length} bytes from byte {start} on");
-            self.invalid(
-                name,
-                found,
-                format!("a range of the {} bytes of buffer {}", bytes.len(), view.buffer),
-            )
+            document.invalid(format!("bufferView {}", view.index()), found, needed)
+        })?;
+        let stride = self.check_view_use(role, rows)?;
+        let align = if role == Role::Vertex { 4 } else { *component };
+        if !offset.is_multiple_of(align) || !stride.is_multiple_of(align) {
+            let found = format!("byteOffset {offset} and rows {stride} bytes apart");
+            return Err(document.invalid(element, found, format!("multiples of {align}")));
+        }
+        if !(start % 4 + offset % 4).is_multiple_of(*component) {
+            let found = format!("offset {start} of its view plus its own {offset}");
+            return Err(document.invalid(element, found, format!("a multiple of {component}")));
+        }
+        let last = (count - 1).checked_mul(stride).and_then(|last| last.checked_add(*size));
+        let end = last.and_then(|last| last.checked_add(offset)).filter(|&end| end <= bytes.len());
+        end.map(|end| &bytes[offset..end]).ok_or_else(|| {
+            let found = format!("{count} rows, {stride} bytes apart, from byte {offset} on");
+            let needed = format!("rows inside bufferView {}, byteLength {length}", view.index());
+            document.invalid(element, found, needed)
         })
     }
 
@@ -180,99 +125,157 @@ impl Document {
     /// only. Returns the distance of its rows.
     fn check_view_use(
         &self,
-        element: &str,
-        asked: &ViewAsked,
-        view: &View,
-        size: usize,
+        role: Role,
+        Rows { element, view, size, .. }: &Rows<'_>,
     ) -> Result<usize, IoError> {
-        let name = || format!("bufferView {}", asked.view);
-        let target = match view.target {
-            Some(Checked::Valid(target)) => Some(target),
-            _ => None,
+        let refuse = |found: String, needed: &str| {
+            Err(self.document.invalid(format!("bufferView {}", view.index()), found, needed))
         };
-        let wanted = match asked.role {
+        let wanted = match role {
             Role::Vertex => Some(Target::ArrayBuffer),
             Role::Index => Some(Target::ElementArrayBuffer),
             Role::Plain => None,
         };
-        if let (Some(target), Some(wanted)) = (target, wanted)
-            && target != wanted
-        {
+        if let Some(target) = view.target().filter(|target| wanted.is_some_and(|wanted| wanted != *target)) {
             let code = if target == Target::ArrayBuffer { 34962 } else { 34963 };
-            let needed = "34962 for attributes, 34963 for indices";
-            return Err(self.invalid(name(), format!("target {code}, used by {element}"), needed));
+            let found = format!("target {code}, used by {element}");
+            return refuse(found, "34962 for attributes, 34963 for indices");
         }
-        let stride = view.byte_stride.map(|stride| stride.0);
+        // The crate takes a stride of 0 for none.
+        let stride = self.document.root().buffer_views[view.index()].byte_stride.map(|stride| stride.0);
         if let Some(stride) = stride {
-            if asked.role != Role::Vertex || target == Some(Target::ElementArrayBuffer) {
-                return Err(self.invalid(name(), "byteStride", "no byteStride but for vertex attributes"));
+            if role != Role::Vertex {
+                return refuse("byteStride".into(), "no byteStride but for vertex attributes");
             }
-            if !(MIN_BYTE_STRIDE..=MAX_BYTE_STRIDE).contains(&stride) || stride % 4 != 0 || stride < size {
-                let needed = format!(
-                    "a multiple of 4, at most 252 and at least the {size} bytes of a row of {element}"
-                );
-                return Err(self.invalid(name(), format!("byteStride {stride}"), needed));
+            if !(MIN_BYTE_STRIDE..=MAX_BYTE_STRIDE).contains(&stride) || stride % 4 != 0 || stride < *size {
+                let row = format!("a multiple of 4, at most 252 and at least the {size} bytes of a row");
+                return refuse(format!("byteStride {stride}, used by {element}"), &row);
             }
         }
-        let mut views = self.views.borrow_mut();
-        let used = ViewUse { role: asked.role, accessor: asked.accessor };
-        let first = *views.entry(asked.view).or_insert(used);
-        if first.role != asked.role {
-            let found = format!("used by accessor {} and {element} for different purposes", first.accessor);
-            return Err(self.invalid(name(), found, "either vertex attributes or indices or other data"));
+        let used = (role, self.gltf.index());
+        let first = *self.document.views.borrow_mut().entry(view.index()).or_insert(used);
+        if first.0 != role {
+            let found = format!("used by accessor {} and {element} for different purposes", first.1);
+            return refuse(found, "either vertex attributes or indices or other data");
         }
-        if asked.role == Role::Vertex && first.accessor != asked.accessor && stride.is_none() {
-            let found = format!("no byteStride, used by accessor {} and {element}", first.accessor);
-            return Err(self.invalid(name(), found, "a byteStride where several attributes share a view"));
+        if role == Role::Vertex && first != used && stride.is_none() {
+            let found = format!("no byteStride, used by accessor {} and {element}", first.1);
+            return refuse(found, "a byteStride where several attributes share a view");
         }
-        Ok(stride.unwrap_or(size))
+        Ok(stride.unwrap_or(*size))
     }
 
-    /// The rows that a sparse accessor replaces.
-    fn replaced<'a>(
-        &'a self,
-        accessor: &Accessor<'_>,
-        sparse: &Sparse,
-        size: usize,
-    ) -> Result<Replaced<'a>, IoError> {
-        let element = format!("{} sparse", accessor.name());
-        let count = position(sparse.count);
-        if count == 0 || count > accessor.count {
-            let needed = format!("1 to {}", accessor.count);
-            return Err(self.invalid(element, format!("count {count}"), needed));
+    /// Checks the rows that are replaced: strictly increasing numbers, and as many values.
+    fn check_sparse(&self, sparse: &Sparse<'a>, component: usize, size: usize) -> Result<(), IoError> {
+        let (count, total) = (sparse.count(), self.gltf.count());
+        let element = format!("{} sparse", self.name());
+        if count == 0 || count > total {
+            return Err(self.document.invalid(element, format!("count {count}"), format!("1 to {total}")));
         }
-        let (indices, values) = (&sparse.indices, &sparse.values);
-        let Checked::Valid(IndexComponentType(component)) = indices.component_type else {
-            return Err(self.invalid(element, "indices of an unknown type", "5121, 5123 or 5125"));
+        let (indices, values) = (sparse.indices(), sparse.values());
+        let (view, offset) = (values.view(), values.offset());
+        let values = Rows { element: element.clone(), view, offset, component, size, count };
+        self.check_rows(Role::Plain, &values)?;
+        let kind = indices.index_type();
+        let (view, offset, size) = (indices.view(), indices.offset(), kind.size());
+        let rows = Rows { element: element.clone(), view, offset, component: size, size, count };
+        let bytes = self.check_rows(Role::Plain, &rows)?;
+        let indices = match kind {
+            IndexType::U8 => SparseIndicesIter::U8(ItemIter::new(bytes, size)),
+            IndexType::U16 => SparseIndicesIter::U16(ItemIter::new(bytes, size)),
+            IndexType::U32 => SparseIndicesIter::U32(ItemIter::new(bytes, size)),
         };
-        let asked = |view: json::Index<View>, offset: USize64| ViewAsked {
-            view: view.value(),
-            offset: offset.0,
-            role: Role::Plain,
-            accessor: accessor.index,
-        };
-        let numbers = asked(indices.buffer_view, indices.byte_offset);
-        let numbers = self.rows(&element, numbers, component, component.size(), count)?;
-        let values = asked(values.buffer_view, values.byte_offset);
-        let values = self.rows(&element, values, accessor.component, size, count)?;
-        self.reserve(&element, count, size_of::<usize>())?;
-        let rows = numbers.uints::<1>(component, count).unwrap_or_default();
-        let rows: Vec<usize> = rows.into_iter().map(|[row]| row as usize).collect();
-        if let Some(at) = (0..count).find(|&i| rows[i] >= accessor.count || (i > 0 && rows[i] <= rows[i - 1]))
-        {
-            let found = format!("index {} at place {at}", rows[at]);
-            let needed = format!("strictly increasing indices below {}", accessor.count);
-            return Err(self.invalid(element, found, needed));
+        let mut least = 0;
+        for (at, index) in indices.enumerate() {
+            if (index as usize) < least || index as usize >= total {
+                let needed = format!("strictly increasing indices below {total}");
+                return Err(self.document.invalid(element, format!("index {index} at place {at}"), needed));
+            }
+            least = index as usize + 1;
         }
-        Ok(Replaced { rows, values })
+        Ok(())
+    }
+
+    /// All rows as finite numbers, each through `build`. Normalized integers arrive between -1 and
+    /// 1.
+    pub(super) fn reals<const N: usize, T>(&self, build: impl Fn([f64; N]) -> T) -> Result<Vec<T>, IoError> {
+        let is_normalized = self.gltf.normalized();
+        // The smallest signed integer would come out below -1.
+        let scaled = |x: f64, one: f64| if is_normalized { (x / one).max(-1.0) } else { x };
+        let rows: Vec<[f64; N]> = match self.gltf.data_type() {
+            DataType::I8 => self.rows(|row: [i8; N]| row.map(|x| scaled(x.into(), 127.0))),
+            DataType::U8 => self.rows(|row: [u8; N]| row.map(|x| scaled(x.into(), 255.0))),
+            DataType::I16 => self.rows(|row: [i16; N]| row.map(|x| scaled(x.into(), 32767.0))),
+            DataType::U16 => self.rows(|row: [u16; N]| row.map(|x| scaled(x.into(), 65535.0))),
+            DataType::U32 => self.rows(|row: [u32; N]| row.map(f64::from)),
+            DataType::F32 => self.rows(|row: [f32; N]| row.map(f64::from)),
+        }?;
+        match rows.iter().position(|row| !row.iter().all(|x| x.is_finite())) {
+            // In place: a row has the size of what it becomes.
+            None => Ok(rows.into_iter().map(build).collect()),
+            Some(row) => Err(self.invalid(format!("NaN or infinity in row {row}"), "finite numbers")),
+        }
+    }
+
+    /// All rows as unsigned integers of at most 32 bits.
+    pub(super) fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>, IoError> {
+        match self.gltf.data_type() {
+            _ if self.gltf.normalized() => Err(self.invalid("normalized integers", "integers as they are")),
+            DataType::U8 => self.rows(|row: [u8; N]| row.map(u32::from)),
+            DataType::U16 => self.rows(|row: [u16; N]| row.map(u32::from)),
+            DataType::U32 => self.rows(|row: [u32; N]| row),
+            other => {
+                let found = format!("componentType {}, signed or float", other.as_gl_enum());
+                Err(self.invalid(found, "5121, 5123 or 5125"))
+            }
+        }
+    }
+
+    /// All rows through `convert`, after a look at their length and the budget of memory.
+    fn rows<C: Item + Copy, const N: usize, T: Clone>(
+        &self,
+        convert: impl Fn([C; N]) -> T,
+    ) -> Result<Vec<T>, IoError> {
+        let kind = self.gltf.dimensions();
+        let wanted = [Dimensions::Scalar, Dimensions::Vec2, Dimensions::Vec3, Dimensions::Vec4][N - 1];
+        if kind != wanted {
+            return Err(self.invalid(format!("type {}", kind_name(kind)), kind_name(wanted)));
+        }
+        self.document.reserve(&self.name(), self.gltf.count(), size_of::<T>())?;
+        let buffer = |buffer: gltf::Buffer<'a>| self.document.buffer(buffer.index()).ok();
+        Ok(match Iter::<Row<C, N>>::new(self.gltf.clone(), buffer) {
+            Some(rows) => rows.map(|Row(row)| convert(row)).collect(),
+            None => vec![convert([C::zero(); N]); self.gltf.count()],
+        })
     }
 }
 
-/// A view, from where on in it, what for, and for which accessor.
-#[derive(Debug, Clone, Copy)]
-struct ViewAsked {
-    view: usize,
-    offset: u64,
-    role: Role,
-    accessor: usize,
+/// A row for the reader of the crate, which knows none of one component.
+struct Row<C, const N: usize>([C; N]);
+
+impl<C: Item + Copy, const N: usize> Item for Row<C, N> {
+    #[inline]
+    fn from_slice(slice: &[u8]) -> Self {
+        Self(array::from_fn(|k| C::from_slice(&slice[k * size_of::<C>()..])))
+    }
+
+    fn zero() -> Self {
+        Self([C::zero(); N])
+    }
+}
+
+/// The name of a type in a file.
+pub(super) fn kind_name(kind: Dimensions) -> String {
+    format!("{kind:?}").to_uppercase()
+}
+
+/// Bytes of a row; columns of a matrix start at multiples of four bytes.
+fn row_size(accessor: &gltf::Accessor<'_>) -> usize {
+    let columns = match accessor.dimensions() {
+        Dimensions::Mat2 => 2,
+        Dimensions::Mat3 => 3,
+        Dimensions::Mat4 => 4,
+        _ => return accessor.size(),
+    };
+    columns * (columns * accessor.data_type().size()).next_multiple_of(4)
 }

@@ -1,15 +1,20 @@
 //! The rules of glTF 2.0 for the vertex attributes of a primitive.
+//!
+//! A new attribute needs a line in [`check_format`], one where skins or maps are read, and one in
+//! `SheetWriter`.
 
 use std::collections::BTreeMap;
 
-use gltf::json::{
-    Mesh,
-    accessor::{ComponentType, Type},
-    mesh::{Primitive, Semantic},
-    validation::Checked,
+use glam::DVec3;
+use gltf::{
+    accessor::{DataType, Dimensions},
+    json::{
+        Mesh, Value,
+        mesh::{Primitive, Semantic},
+        validation::Checked,
+    },
 };
 use serde::Deserialize;
-use serde_json::Value;
 
 use crate::io::{
     IoError,
@@ -26,6 +31,7 @@ const UNIT_NORMAL: f64 = 0.00674;
 
 /// The checked attributes of a primitive, by name; all of one length.
 pub(super) struct Attributes<'a> {
+    pub(super) document: &'a Document,
     /// What the primitive is called in errors.
     pub(super) element: String,
     pub(super) count: usize,
@@ -33,26 +39,12 @@ pub(super) struct Attributes<'a> {
 }
 
 impl<'a> Attributes<'a> {
-    /// The accessor of an attribute, if the primitive has it and it is not all zeros by omission.
-    pub(super) fn get(&self, name: &str) -> Option<&Accessor<'a>> {
-        self.by_name.get(name)
-    }
-
-    /// An attribute through `read`, if [`Self::get`] finds it.
-    pub(super) fn read<T>(
-        &self,
-        name: &str,
-        read: impl FnOnce(&Accessor<'a>) -> Result<T, IoError>,
-    ) -> Result<Option<T>, IoError> {
-        self.get(name).map(read).transpose()
-    }
-
     /// Checks the attributes of primitive `p` of `mesh`.
     pub(super) fn of(
         document: &'a Document,
         mesh: usize,
         p: usize,
-        primitive: &'a Primitive,
+        primitive: &Primitive,
     ) -> Result<Self, IoError> {
         let element = format!("mesh {mesh} primitive {p}");
         if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
@@ -66,53 +58,104 @@ impl<'a> Attributes<'a> {
             let name = semantic.to_string();
             let asked_by = format!("{element} {name}");
             let accessor = document.accessor(index.value(), Role::Vertex, &asked_by)?;
-            if let Err(needed) = check_format(&name, &accessor, document.is_quantized()) {
-                let normalized = if accessor.json.normalized { ", normalized" } else { "" };
-                let (kind, code) = (kind_name(accessor.kind), accessor.component.as_gl_enum());
-                return Err(document.invalid(
-                    asked_by,
-                    format!("{kind} of componentType {code}{normalized}"),
-                    needed,
-                ));
+            let gltf = &accessor.gltf;
+            if let Err(needed) = check_format(&name, gltf, document.is_quantized) {
+                let normalized = if gltf.normalized() { ", normalized" } else { "" };
+                let (kind, code) = (kind_name(gltf.dimensions()), gltf.data_type().as_gl_enum());
+                let found = format!("{kind} of componentType {code}{normalized}");
+                return Err(document.invalid(asked_by, found, needed));
             }
-            let (other, count) = first.get_or_insert((name.clone(), accessor.count));
-            if accessor.count != *count {
+            let (other, count) = first.get_or_insert((name.clone(), gltf.count()));
+            if gltf.count() != *count {
                 let needed = format!("as many as {other}, {count}");
-                return Err(document.invalid(asked_by, format!("{} rows", accessor.count), needed));
+                return Err(document.invalid(asked_by, format!("{} rows", gltf.count()), needed));
             }
             by_name.insert(name, accessor);
         }
         let count = first.map_or(0, |(_, count)| count);
-        let attributes = Self { element, count, by_name };
-        attributes.check_sets(document)?;
+        let attributes = Self { document, element, count, by_name };
+        attributes.check_sets()?;
         let is_compressed = primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO));
-        if is_compressed && attributes.by_name["POSITION"].base.is_none() {
-            return Err(document.unsupported(
-                attributes.element,
-                DRACO,
-                compression_remedy(DRACO).unwrap_or_default(),
-            ));
+        if is_compressed && attributes.by_name["POSITION"].gltf.view().is_none() {
+            let remedy = compression_remedy(DRACO).unwrap_or_default();
+            return Err(document.unsupported(attributes.element, DRACO, remedy));
         }
-        attributes.check_targets(document, primitive)?;
+        attributes.check_targets(primitive)?;
         Ok(attributes)
     }
 
+    /// The accessor of an attribute, if the primitive has it.
+    pub(super) fn get(&self, name: &str) -> Option<&Accessor<'a>> {
+        self.by_name.get(name)
+    }
+
+    /// The accessor of an attribute that the primitive must have.
+    pub(super) fn need(&self, name: &str) -> Result<&Accessor<'a>, IoError> {
+        let missing = || self.document.invalid(&self.element, format!("no {name}"), name);
+        self.get(name).ok_or_else(missing)
+    }
+
+    /// An attribute through `read`, if the primitive has it.
+    pub(super) fn read<T>(
+        &self,
+        name: &str,
+        read: impl FnOnce(&Accessor<'a>) -> Result<T, IoError>,
+    ) -> Result<Option<T>, IoError> {
+        self.get(name).map(read).transpose()
+    }
+
+    /// One number per vertex, if the primitive has such an attribute.
+    pub(super) fn scalars(&self, name: &str) -> Result<Option<Vec<f64>>, IoError> {
+        self.read(name, |accessor| accessor.reals(|[x]| x))
+    }
+
+    /// Positions in metres, checked against the declared bounds.
+    pub(super) fn positions(&self) -> Result<Vec<DVec3>, IoError> {
+        let accessor = self.need("POSITION")?;
+        let [min, max] = declared_bounds(accessor)?;
+        let positions = accessor.reals(DVec3::from_array)?;
+        // The bounds are those of the stored numbers, so normalized integers would have to be
+        // undone; zeros have none.
+        if accessor.gltf.normalized() || accessor.is_blank() {
+            return Ok(positions);
+        }
+        let bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (lo, hi) = positions.iter().fold(bounds, |(lo, hi), &p| (lo.min(p), hi.max(p)));
+        // Both are f32 by nature: a decimal of few digits stands for the nearest one.
+        if (min.as_vec3(), max.as_vec3()) != (lo.as_vec3(), hi.as_vec3()) {
+            let needed = format!("the bounds of the positions, {lo} and {hi}");
+            return Err(accessor.invalid(format!("min {min} and max {max}"), needed));
+        }
+        Ok(positions)
+    }
+
+    /// Unit normals; `None` without them, or where they are zeros by omission.
+    pub(super) fn normals(&self) -> Result<Option<Vec<DVec3>>, IoError> {
+        let Some(accessor) = self.get("NORMAL").filter(|a| !a.is_blank()) else { return Ok(None) };
+        let normals = accessor.reals(DVec3::from_array)?;
+        match normals.iter().position(|n| (n.length() - 1.0).abs() > UNIT_NORMAL) {
+            None => Ok(Some(normals)),
+            Some(row) => {
+                let found = format!("normal {row} of length {}", normals[row].length());
+                Err(accessor.invalid(found, "unit normals, or no NORMAL at all"))
+            }
+        }
+    }
+
     /// Numbered attributes count from 0 without gaps, and every set of joints has its weights.
-    fn check_sets(&self, document: &Document) -> Result<(), IoError> {
-        let has = |name: String| self.by_name.contains_key(&name);
+    fn check_sets(&self) -> Result<(), IoError> {
         for name in self.by_name.keys() {
             let Some((base, set)) = numbered(name) else { continue };
-            if set > 0 && !has(format!("{base}_{}", set - 1)) {
-                let needed = format!("{base}_{} before it", set - 1);
-                return Err(document.invalid(&self.element, name, needed));
-            }
+            let before = set.checked_sub(1).map(|before| format!("{base}_{before}"));
             let partner = match base {
-                "JOINTS" => format!("WEIGHTS_{set}"),
-                "WEIGHTS" => format!("JOINTS_{set}"),
-                _ => continue,
+                "JOINTS" => Some(format!("WEIGHTS_{set}")),
+                "WEIGHTS" => Some(format!("JOINTS_{set}")),
+                _ => None,
             };
-            if !has(partner.clone()) {
-                return Err(document.invalid(&self.element, name, format!("{partner} next to it")));
+            for other in before.into_iter().chain(partner) {
+                if !self.by_name.contains_key(&other) {
+                    return Err(self.document.invalid(&self.element, name, format!("{other} next to it")));
+                }
             }
         }
         Ok(())
@@ -120,21 +163,21 @@ impl<'a> Attributes<'a> {
 
     /// Morph targets move attributes that exist. They are not read, but a broken one is not valid
     /// glTF.
-    fn check_targets(&self, document: &'a Document, primitive: &Primitive) -> Result<(), IoError> {
+    fn check_targets(&self, primitive: &Primitive) -> Result<(), IoError> {
         for (t, target) in primitive.targets.iter().flatten().enumerate() {
             let moved =
                 [("POSITION", target.positions), ("NORMAL", target.normals), ("TANGENT", target.tangents)];
             for (name, index) in moved {
                 let Some(index) = index else { continue };
                 let asked_by = format!("{} target {t} {name}", self.element);
-                let accessor = document.accessor(index.value(), Role::Vertex, &asked_by)?;
-                if self.by_name.get(name).is_none_or(|base| base.count != accessor.count) {
-                    let found = format!("{} rows", accessor.count);
+                let accessor = self.document.accessor(index.value(), Role::Vertex, &asked_by)?;
+                if self.get(name).is_none_or(|base| base.gltf.count() != accessor.gltf.count()) {
+                    let found = format!("{} rows", accessor.gltf.count());
                     let needed = format!("a base attribute of as many, {}", self.count);
-                    return Err(document.invalid(asked_by, found, needed));
+                    return Err(self.document.invalid(asked_by, found, needed));
                 }
                 if name == "POSITION" {
-                    declared_bounds(document, &accessor)?;
+                    declared_bounds(&accessor)?;
                 }
             }
         }
@@ -145,86 +188,60 @@ impl<'a> Attributes<'a> {
 /// Morph targets of one mesh are as many in every primitive, and have no effect: their shapes are
 /// not read.
 pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<(), IoError> {
-    let element = || format!("mesh {index}");
+    let refuse = |found: String, needed: &str| Err(document.invalid(format!("mesh {index}"), found, needed));
     let count = |p: &Primitive| p.targets.as_ref().map_or(0, Vec::len);
     let targets = mesh.primitives.first().map_or(0, count);
     if let Some(other) = mesh.primitives.iter().map(count).find(|&n| n != targets) {
         let found = format!("primitives of {targets} and of {other} morph targets");
-        return Err(document.invalid(element(), found, "one number of targets"));
+        return refuse(found, "one number of targets");
     }
     let Some(weights) = &mesh.weights else { return Ok(()) };
     if weights.len() != targets {
         let found = format!("{} weights for {targets} morph targets", weights.len());
-        return Err(document.invalid(element(), found, "one weight per target"));
+        return refuse(found, "one weight per target");
     }
     if weights.iter().any(|&w| w != 0.0) {
-        return Err(document.unsupported(
-            element(),
-            "morph weights",
-            "apply the morph targets, then export the file again",
-        ));
+        let remedy = "apply the morph targets, then export the file again";
+        return Err(document.unsupported(format!("mesh {index}"), "morph weights", remedy));
     }
     Ok(())
 }
 
 /// The bounds a POSITION accessor must declare.
-pub(super) fn declared_bounds(
-    document: &Document,
-    accessor: &Accessor<'_>,
-) -> Result<[[f64; 3]; 2], IoError> {
-    let bound = |values: &Option<Value>| values.as_ref().and_then(|v| <[f64; 3]>::deserialize(v).ok());
-    match (bound(&accessor.json.min), bound(&accessor.json.max)) {
+fn declared_bounds(accessor: &Accessor<'_>) -> Result<[DVec3; 2], IoError> {
+    let bound = |values: Option<Value>| <[f64; 3]>::deserialize(values?).ok().map(DVec3::from_array);
+    match (bound(accessor.gltf.min()), bound(accessor.gltf.max())) {
         (Some(min), Some(max)) => Ok([min, max]),
-        _ => Err(document.invalid(accessor.name(), "POSITION without min and max", "both, of three numbers")),
-    }
-}
-
-/// Checks unit length.
-pub(super) fn check_normals(
-    document: &Document,
-    accessor: &Accessor<'_>,
-    normals: &[glam::DVec3],
-) -> Result<(), IoError> {
-    match normals.iter().position(|n| (n.length() - 1.0).abs() > UNIT_NORMAL) {
-        None => Ok(()),
-        Some(row) => {
-            let found = format!("normal {row} of length {}", normals[row].length());
-            Err(document.invalid(accessor.name(), found, "unit normals, or no NORMAL at all"))
-        }
+        _ => Err(accessor.invalid("POSITION without min and max", "both, of three numbers")),
     }
 }
 
 /// Whether an attribute has one of the formats that glTF 2.0 (or its quantization extension) gives
 /// it; else which.
-fn check_format(name: &str, accessor: &Accessor<'_>, quantized: bool) -> Result<(), &'static str> {
-    use ComponentType::{F32, I8, I16, U8, U16, U32};
-    use Type::{Vec2, Vec3, Vec4};
-    let (kind, component, normalized) = (accessor.kind, accessor.component, accessor.json.normalized);
+fn check_format(name: &str, accessor: &gltf::Accessor<'_>, quantized: bool) -> Result<(), &'static str> {
+    use DataType::{F32, I8, I16, U8, U16, U32};
+    use Dimensions::{Vec2, Vec3, Vec4};
+    let (kind, component, normalized) = (accessor.dimensions(), accessor.data_type(), accessor.normalized());
     let is_float = component == F32;
-    let is_small = matches!(component, I8 | I16 | U8 | U16);
-    let is_signed = matches!(component, I8 | I16) && normalized;
+    let is_small = quantized && component != U32;
+    let is_signed = quantized && matches!(component, I8 | I16) && normalized;
     let is_unsigned = matches!(component, U8 | U16);
-    let is_fraction = is_unsigned && normalized;
-    let base = numbered(name).map_or(name, |(base, _)| base);
-    let (fits, needed) = match base {
-        "POSITION" => (
-            kind == Vec3 && (is_float || (quantized && is_small)),
-            "VEC3 of floats (integers with KHR_mesh_quantization)",
-        ),
-        "NORMAL" => (kind == Vec3 && (is_float || (quantized && is_signed)), "VEC3 of floats"),
-        "TANGENT" => (kind == Vec4 && (is_float || (quantized && is_signed)), "VEC4 of floats"),
-        "TEXCOORD" => (
-            kind == Vec2 && (is_float || is_fraction || (quantized && is_small)),
-            "VEC2 of floats or normalized unsigned integers",
-        ),
+    let is_fraction = is_float || is_unsigned && normalized;
+    let (fits, needed) = match numbered(name).map_or(name, |(base, _)| base) {
+        "POSITION" => {
+            (kind == Vec3 && (is_float || is_small), "VEC3 of floats (integers with KHR_mesh_quantization)")
+        }
+        "NORMAL" => (kind == Vec3 && (is_float || is_signed), "VEC3 of floats"),
+        "TANGENT" => (kind == Vec4 && (is_float || is_signed), "VEC4 of floats"),
+        "TEXCOORD" => {
+            (kind == Vec2 && (is_fraction || is_small), "VEC2 of floats or normalized unsigned integers")
+        }
         "COLOR" => (
-            matches!(kind, Vec3 | Vec4) && (is_float || is_fraction),
+            matches!(kind, Vec3 | Vec4) && is_fraction,
             "VEC3 or VEC4 of floats or normalized unsigned integers",
         ),
         "JOINTS" => (kind == Vec4 && is_unsigned && !normalized, "VEC4 of unsigned integers"),
-        "WEIGHTS" => {
-            (kind == Vec4 && (is_float || is_fraction), "VEC4 of floats or normalized unsigned integers")
-        }
+        "WEIGHTS" => (kind == Vec4 && is_fraction, "VEC4 of floats or normalized unsigned integers"),
         _ => (
             component != U32,
             "no 32-bit integers in vertex attributes: u8, u16, floats, or VEC2 of u16 (low, high)",

@@ -10,23 +10,14 @@ use std::{
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 
-use crate::io::{
-    IoError,
-    gltf::{
-        container::read_file,
-        document::{Document, position},
-    },
-};
+use crate::io::{IoError, file::source::Source, gltf::document::Document};
 
 impl Document {
     /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
     pub(super) fn buffer(&self, index: usize) -> Result<&[u8], IoError> {
-        let buffer = &self.root.buffers[index];
+        let buffer = &self.root().buffers[index];
         let element = format!("buffer {index}");
-        let length = position(buffer.byte_length);
-        if length == 0 {
-            return Err(self.invalid(element, "byteLength 0", "at least 1"));
-        }
+        let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
         let bytes: &[u8] = match (&buffer.uri, self.chunk()) {
             (None, Some(chunk)) if index == 0 => chunk,
             (None, None) if index == 0 && self.is_binary() => {
@@ -38,14 +29,11 @@ impl Document {
             }
             (Some(uri), _) => {
                 let slot = &self.loaded[index];
-                let bytes = match slot.get() {
-                    Some(bytes) => bytes,
-                    None => {
-                        let bytes = self.load(&element, uri, length)?;
-                        slot.get_or_init(|| bytes)
-                    }
-                };
-                bytes.as_slice()
+                if slot.get().is_none() {
+                    let bytes = self.load(&element, uri, length)?;
+                    slot.get_or_init(|| bytes);
+                }
+                slot.get().map_or(&[], |bytes| bytes.as_slice())
             }
         };
         bytes.get(..length).ok_or_else(|| {
@@ -63,7 +51,7 @@ impl Document {
                 if let Some(bytes) = self.files.borrow().get(&path) {
                     return Ok(Rc::clone(bytes));
                 }
-                let bytes = Rc::new(read_file(&path)?);
+                let bytes = Rc::new(Source::open(&path)?.into_bytes());
                 self.files.borrow_mut().insert(path, Rc::clone(&bytes));
                 bytes
             }
@@ -138,16 +126,4 @@ fn percent_decode(uri: &str) -> Option<Vec<u8>> {
         out.push(digit()? << 4 | digit()?);
     }
     Some(out)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn escapes_become_bytes() {
-        assert_eq!(percent_decode("a%20b%2Fc").as_deref(), Some(b"a b/c".as_slice()));
-        assert_eq!(percent_decode("%4"), None, "one digit");
-        assert_eq!(percent_decode("%zz"), None, "no digits");
-    }
 }

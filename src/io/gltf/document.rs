@@ -3,18 +3,18 @@
 use std::{
     cell::{Cell, OnceCell, RefCell},
     collections::{BTreeMap, BTreeSet},
-    ops::Range,
-    path::{Path, PathBuf},
+    ops::{Deref, Range},
+    path::PathBuf,
     rc::Rc,
 };
 
-use gltf::json::{Root, validation::USize64};
+use gltf::json::Root;
 
 use crate::io::{
     IoError,
-    file::source::invalid,
+    file::source::Source,
     gltf::{
-        container::{MAGIC, check_marks, read_file, split_chunks},
+        container::{MAGIC, check_marks, split_chunks},
         guard::{self, Transform},
     },
 };
@@ -37,77 +37,70 @@ pub(super) enum Role {
     Plain,
 }
 
-/// What a view has been used for so far.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ViewUse {
-    pub(super) role: Role,
-    pub(super) accessor: usize,
-}
-
 /// An opened file: its JSON, its bytes, and what has been loaded and decoded so far.
 ///
 /// Nothing in it is trusted: the functions that hand out objects check what they hand out.
 pub(super) struct Document {
-    path: PathBuf,
-    pub(super) root: Root,
+    source: Source,
+    pub(super) gltf: gltf::Document,
     /// The transform of each node.
     pub(super) transforms: Vec<Transform>,
-    /// Whether it is a GLB.
-    is_binary: bool,
-    /// The file, if it has a binary chunk.
-    bytes: Vec<u8>,
-    /// Its binary chunk.
+    /// The binary chunk of a GLB.
     chunk: Option<Range<usize>>,
     /// Buffers from elsewhere, by number, and the files they come from.
     pub(super) loaded: Vec<OnceCell<Rc<Vec<u8>>>>,
     pub(super) files: RefCell<BTreeMap<PathBuf, Rc<Vec<u8>>>>,
-    /// What each view has been used for.
-    pub(super) views: RefCell<BTreeMap<usize, ViewUse>>,
-    /// Whether it declares [`QUANTIZATION`].
-    is_quantized: bool,
+    /// What each view has been used for first, and by which accessor.
+    pub(super) views: RefCell<BTreeMap<usize, (Role, usize)>>,
+    /// Whether positions and normals may be integers.
+    pub(super) is_quantized: bool,
     /// Bytes that may still be decoded.
     budget: Cell<u64>,
 }
 
+/// For the errors about its elements.
+impl Deref for Document {
+    type Target = Source;
+
+    fn deref(&self) -> &Source {
+        &self.source
+    }
+}
+
 impl Document {
-    /// Reads the file and its JSON; buffers follow when they are asked for.
-    pub(super) fn open(path: &Path) -> Result<Self, IoError> {
-        let bytes = read_file(path)?;
-        let budget = Cell::new(FREE_BYTES + GROWTH * bytes.len() as u64);
-        let (text, chunk) = split_chunks(path, &bytes)?;
-        check_marks(path, &bytes[text.clone()])?;
-        let (root, transforms) = guard::parse(path, &bytes[text])?;
-        let mut document = Self {
-            path: path.into(),
+    /// Reads the JSON of a file; buffers follow when they are asked for.
+    pub(super) fn new(source: Source) -> Result<Self, IoError> {
+        let (text, chunk) = split_chunks(&source)?;
+        let text = &source.bytes()[text];
+        check_marks(&source, text)?;
+        let (root, transforms) = guard::parse(&source, text)?;
+        check_version(&source, &root)?;
+        Ok(Self {
+            is_quantized: check_extensions(&source, &root)?,
             loaded: root.buffers.iter().map(|_| OnceCell::new()).collect(),
-            root,
+            gltf: gltf::Document::from_json_without_validation(root),
             transforms,
-            is_binary: bytes.starts_with(MAGIC),
-            bytes: if chunk.is_some() { bytes } else { Vec::new() },
             chunk,
             files: RefCell::default(),
             views: RefCell::default(),
-            is_quantized: false,
-            budget,
-        };
-        document.check_version()?;
-        document.check_extensions()?;
-        Ok(document)
+            budget: Cell::new(FREE_BYTES + GROWTH * source.bytes().len() as u64),
+            source,
+        })
     }
 
-    /// The file.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
+    /// The JSON, whose types say more than those of the crate.
+    pub(super) fn root(&self) -> &Root {
+        self.gltf.as_json()
     }
 
     /// Whether the file is a GLB.
     pub(super) fn is_binary(&self) -> bool {
-        self.is_binary
+        self.bytes().starts_with(MAGIC)
     }
 
     /// The binary chunk of a GLB.
     pub(super) fn chunk(&self) -> Option<&[u8]> {
-        self.chunk.clone().map(|range| &self.bytes[range])
+        self.chunk.clone().map(|range| &self.bytes()[range])
     }
 
     /// Adds the size of a buffer that is really there to what may be decoded.
@@ -119,103 +112,64 @@ impl Document {
     /// allocated.
     pub(super) fn reserve(&self, element: &str, count: usize, size: usize) -> Result<(), IoError> {
         let wanted = (count as u64).saturating_mul(size as u64);
-        match self.budget.get().checked_sub(wanted) {
-            Some(left) => {
-                self.budget.set(left);
-                Ok(())
-            }
-            None => Err(self.invalid(
-                element,
-                format!("{count} rows"),
-                "no more than the bytes of the file explain",
-            )),
-        }
-    }
-
-    /// The error for an element that breaks a rule.
-    pub(super) fn invalid(
-        &self,
-        element: impl Into<String>,
-        found: impl Into<String>,
-        needed: impl Into<String>,
-    ) -> IoError {
-        invalid(&self.path, element, found, needed)
-    }
-
-    /// The error for an element that is valid but not read here.
-    pub(super) fn unsupported(
-        &self,
-        element: impl Into<String>,
-        feature: impl Into<String>,
-        remedy: impl Into<String>,
-    ) -> IoError {
-        IoError::Unsupported {
-            path: self.path.clone(),
-            element: element.into(),
-            feature: feature.into(),
-            remedy: remedy.into(),
-        }
-    }
-
-    /// Whether positions and normals may be integers.
-    pub(super) fn is_quantized(&self) -> bool {
-        self.is_quantized
-    }
-
-    fn check_version(&self) -> Result<(), IoError> {
-        let asset = &self.root.asset;
-        let parse = |text: &String| {
-            let (major, minor) = text.split_once('.')?;
-            let digits =
-                |s: &str| s.bytes().all(|b| b.is_ascii_digit()).then(|| s.parse::<u32>().ok()).flatten();
-            Some((digits(major)?, digits(minor)?))
-        };
-        let bad = |what: &str, text: &str, needed: &str| Err(self.invalid(what, format!("{text:?}"), needed));
-        let version = match parse(&asset.version) {
-            Some(version) if version.0 == 2 => version,
-            _ => return bad("asset.version", &asset.version, "2.0"),
-        };
-        let Some(text) = &asset.min_version else { return Ok(()) };
-        match parse(text) {
-            Some((2, 0)) => Ok(()),
-            Some(least) if least <= version => {
-                Err(self.unsupported("asset.minVersion", format!("glTF {text}"), "export it as glTF 2.0"))
-            }
-            _ => bad("asset.minVersion", text, "no more than asset.version"),
-        }
-    }
-
-    fn check_extensions(&mut self) -> Result<(), IoError> {
-        let used = self.names("extensionsUsed", &self.root.extensions_used)?;
-        let required = self.names("extensionsRequired", &self.root.extensions_required)?;
-        for name in &required {
-            let element = "extensionsRequired";
-            if !used.contains(name) {
-                return Err(self.invalid(element, format!("{name:?}"), "the same name in extensionsUsed"));
-            }
-            if let Some(remedy) = compression_remedy(name) {
-                return Err(self.unsupported(element, *name, remedy));
-            }
-            if !is_harmless(name) {
-                return Err(self.unsupported(element, *name, "export the file without this extension"));
-            }
-        }
-        let is_quantized = used.contains(QUANTIZATION);
-        if is_quantized && !required.contains(QUANTIZATION) {
-            let needed = "the same name in extensionsRequired";
-            return Err(self.invalid("extensionsUsed", format!("{QUANTIZATION:?}"), needed));
-        }
-        self.is_quantized = is_quantized;
+        let left = self.budget.get().checked_sub(wanted).ok_or_else(|| {
+            self.invalid(element, format!("{count} rows"), "no more than the bytes of the file explain")
+        })?;
+        self.budget.set(left);
         Ok(())
     }
+}
 
-    /// The names of a list, each once.
-    fn names<'a>(&self, element: &str, list: &'a [String]) -> Result<BTreeSet<&'a str>, IoError> {
-        let mut names = BTreeSet::new();
-        match list.iter().find(|name| !names.insert(name.as_str())) {
-            None => Ok(names),
-            Some(name) => Err(self.invalid(element, format!("{name:?} twice"), "each name once")),
+fn check_version(source: &Source, root: &Root) -> Result<(), IoError> {
+    let parse = |text: &String| {
+        let (major, minor) = text.split_once('.')?;
+        let digits = |s: &str| if s.starts_with('+') { None } else { s.parse::<u32>().ok() };
+        Some((digits(major)?, digits(minor)?))
+    };
+    let bad = |what: &str, text: &str, needed: &str| Err(source.invalid(what, format!("{text:?}"), needed));
+    let version = match parse(&root.asset.version) {
+        Some(version) if version.0 == 2 => version,
+        _ => return bad("asset.version", &root.asset.version, "2.0"),
+    };
+    let Some(text) = &root.asset.min_version else { return Ok(()) };
+    match parse(text) {
+        Some((2, 0)) => Ok(()),
+        Some(least) if least <= version => {
+            Err(source.unsupported("asset.minVersion", format!("glTF {text}"), "export it as glTF 2.0"))
         }
+        _ => bad("asset.minVersion", text, "no more than asset.version"),
+    }
+}
+
+/// Whether the document is quantized.
+fn check_extensions(source: &Source, root: &Root) -> Result<bool, IoError> {
+    let used = names(source, "extensionsUsed", &root.extensions_used)?;
+    let required = names(source, "extensionsRequired", &root.extensions_required)?;
+    for name in &required {
+        let element = "extensionsRequired";
+        if !used.contains(name) {
+            return Err(source.invalid(element, format!("{name:?}"), "the same name in extensionsUsed"));
+        }
+        if let Some(remedy) = compression_remedy(name) {
+            return Err(source.unsupported(element, *name, remedy));
+        }
+        if !is_harmless(name) {
+            return Err(source.unsupported(element, *name, "export the file without this extension"));
+        }
+    }
+    if used.contains(QUANTIZATION) && !required.contains(QUANTIZATION) {
+        let needed = "the same name in extensionsRequired";
+        return Err(source.invalid("extensionsUsed", format!("{QUANTIZATION:?}"), needed));
+    }
+    Ok(used.contains(QUANTIZATION))
+}
+
+/// The names of a list, each once.
+fn names<'a>(source: &Source, element: &str, list: &'a [String]) -> Result<BTreeSet<&'a str>, IoError> {
+    let mut names = BTreeSet::new();
+    match list.iter().find(|name| !names.insert(name.as_str())) {
+        None => Ok(names),
+        Some(name) => Err(source.invalid(element, format!("{name:?} twice"), "each name once")),
     }
 }
 
@@ -239,10 +193,4 @@ pub(super) fn compression_remedy(extension: &str) -> Option<&'static str> {
 fn is_harmless(extension: &str) -> bool {
     const LOOKS: &[&str] = &["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp"];
     extension == QUANTIZATION || LOOKS.iter().any(|prefix| extension.starts_with(prefix))
-}
-
-/// A count, size or offset as a place in memory; one beyond the address space becomes one that no
-/// array has.
-pub(super) fn position(size: USize64) -> usize {
-    usize::try_from(size.0).unwrap_or(usize::MAX)
 }

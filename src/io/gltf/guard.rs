@@ -1,7 +1,7 @@
 //! What a document must hold before the types of the `gltf` crate read it.
 //!
-//! The types of [`gltf::json`] serve reading and writing. They believe what they read, so every
-//! count, index, code and name is checked in the JSON first, and these things stay ours:
+//! They serve reading and writing, and believe what they read, so every index, code and name is
+//! checked in the JSON first, and these things stay ours:
 //! - Indices and codes of 2^32 and more wrap around, unknown codes lose their number, and unknown
 //!   names of attributes fall together: all are refused here, with what was found.
 //! - `1.0` is a whole number in JSON, but not to the crate: it is rewritten.
@@ -11,7 +11,7 @@
 //! - A fault in a material or a texture would refuse the file: materials, skins and cameras are
 //!   only counted.
 
-use std::path::Path;
+use std::collections::BTreeMap;
 
 use gltf::json::{Asset, Index, Root};
 use serde::{Deserialize, de::DeserializeOwned};
@@ -19,7 +19,7 @@ use serde_json::{Map, Value};
 
 use crate::io::{
     IoError,
-    file::source::{excerpt, invalid},
+    file::source::{Source, excerpt},
 };
 
 /// The transform of a node as the file states it.
@@ -44,10 +44,8 @@ const MATERIALS: Array = ("materials", "material");
 const SKINS: Array = ("skins", "skin");
 const CAMERAS: Array = ("cameras", "camera");
 
-/// What a property must be, where it is there.
+/// What a property must be, where it is there; counts, sizes and offsets are checked by their type.
 enum Rule {
-    /// A count, size or offset.
-    Uint,
     /// The place of an element.
     Index(Array),
     /// Places of elements, at least one.
@@ -62,28 +60,15 @@ enum Rule {
 type Rules = &'static [(&'static str, Rule)];
 
 const OF_DOCUMENT: Rules = &[("scene", Rule::Index(SCENES))];
-const OF_BUFFER: Rules = &[("byteLength", Rule::Uint)];
-const OF_VIEW: Rules = &[
-    ("buffer", Rule::Index(BUFFERS)),
-    ("byteOffset", Rule::Uint),
-    ("byteLength", Rule::Uint),
-    ("byteStride", Rule::Uint),
-    ("target", Rule::Code(&[34962, 34963])),
-];
+const OF_VIEW: Rules = &[("buffer", Rule::Index(BUFFERS)), ("target", Rule::Code(&[34962, 34963]))];
 const OF_ACCESSOR: Rules = &[
     ("bufferView", Rule::Index(VIEWS)),
-    ("byteOffset", Rule::Uint),
     ("componentType", Rule::Code(&[5120, 5121, 5122, 5123, 5125, 5126])),
-    ("count", Rule::Uint),
     ("type", Rule::Word(&["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"])),
 ];
-const OF_SPARSE: Rules = &[("count", Rule::Uint)];
-const OF_SPARSE_INDICES: Rules = &[
-    ("bufferView", Rule::Index(VIEWS)),
-    ("byteOffset", Rule::Uint),
-    ("componentType", Rule::Code(&[5121, 5123, 5125])),
-];
-const OF_SPARSE_VALUES: Rules = &[("bufferView", Rule::Index(VIEWS)), ("byteOffset", Rule::Uint)];
+const OF_SPARSE_INDICES: Rules =
+    &[("bufferView", Rule::Index(VIEWS)), ("componentType", Rule::Code(&[5121, 5123, 5125]))];
+const OF_SPARSE_VALUES: Rules = &[("bufferView", Rule::Index(VIEWS))];
 const OF_PRIMITIVE: Rules = &[
     ("indices", Rule::Index(ACCESSORS)),
     ("mode", Rule::Code(&[0, 1, 2, 3, 4, 5, 6])),
@@ -97,24 +82,22 @@ const OF_NODE: Rules = &[
 ];
 const OF_SCENE: Rules = &[("nodes", Rule::Indices(NODES))];
 
+const NEEDED: &str = "an object as glTF 2.0 describes it";
+
 /// Checks a document and hands it to the types of the crate; with the transform of each node.
-///
-/// # Errors
-/// The first element that breaks the schema of glTF 2.0.
-pub(super) fn parse(path: &Path, text: &[u8]) -> Result<(Root, Vec<Transform>), IoError> {
+pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform>), IoError> {
     let mut document: Value =
-        serde_json::from_slice(text).map_err(|e| invalid(path, "JSON", e.to_string(), NEEDED))?;
-    let guard = Guard::new(path, &document)?;
-    guard.check("the file", &mut document, OF_DOCUMENT)?;
+        serde_json::from_slice(text).map_err(|e| source.invalid("JSON", e.to_string(), NEEDED))?;
+    rewrite_whole_numbers(&mut document);
+    let guard = Guard::new(source, &document)?;
+    guard.check("the file", &document, OF_DOCUMENT)?;
     let Value::Object(mut document) = document else {
-        return Err(invalid(path, "JSON", "no object", NEEDED));
+        return Err(source.invalid("JSON", "no object", NEEDED));
     };
     let asset: Asset = guard.typed("asset", document.remove("asset").unwrap_or_default())?;
     let scene: Option<Index<_>> = guard.typed("scene", document.remove("scene").unwrap_or_default())?;
-    let mut names = |key: &str| match document.remove(key) {
-        None => Ok(Vec::new()),
-        Some(list) => guard.typed(key, list),
-    };
+    let mut names =
+        |key: &str| document.remove(key).map_or_else(|| Ok(Vec::new()), |list| guard.typed(key, list));
     let (extensions_used, extensions_required) = (names("extensionsUsed")?, names("extensionsRequired")?);
     let mut transforms = Vec::new();
     let root = Root {
@@ -122,14 +105,14 @@ pub(super) fn parse(path: &Path, text: &[u8]) -> Result<(Root, Vec<Transform>), 
         scene,
         extensions_used,
         extensions_required,
-        buffers: guard.elements(&mut document, BUFFERS, |name, json| guard.check(name, json, OF_BUFFER))?,
+        buffers: guard.elements(&mut document, BUFFERS, |_, _| Ok(()))?,
         buffer_views: guard.elements(&mut document, VIEWS, |name, json| guard.check(name, json, OF_VIEW))?,
         accessors: guard.elements(&mut document, ACCESSORS, |name, json| guard.check_accessor(name, json))?,
         meshes: guard.elements(&mut document, MESHES, |name, json| guard.check_mesh(name, json))?,
         nodes: guard.elements(&mut document, NODES, |name, json| {
             guard.check(name, json, OF_NODE)?;
             let transform = Transform::deserialize(&*json);
-            transforms.push(transform.map_err(|e| invalid(path, name, e.to_string(), NEEDED))?);
+            transforms.push(transform.map_err(|e| source.invalid(name, e.to_string(), NEEDED))?);
             Ok(())
         })?,
         scenes: guard.elements(&mut document, SCENES, |name, json| {
@@ -144,26 +127,47 @@ pub(super) fn parse(path: &Path, text: &[u8]) -> Result<(Root, Vec<Transform>), 
     Ok((root, transforms))
 }
 
-const NEEDED: &str = "an object as glTF 2.0 describes it";
+/// Rewrites whole numbers that are not negative as integers, also those written `1.0` or `10e-1`.
+fn rewrite_whole_numbers(value: &mut Value) {
+    /// Beyond 2^53 a float cannot tell neighbouring integers apart.
+    const EXACT: f64 = 9_007_199_254_740_992.0;
+    match value {
+        Value::Array(all) => all.iter_mut().for_each(rewrite_whole_numbers),
+        Value::Object(all) => all.values_mut().for_each(rewrite_whole_numbers),
+        Value::Number(number) if number.is_f64() => {
+            let whole = number.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=EXACT).contains(x));
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "whole and in range, as just checked"
+            )]
+            if let Some(whole) = whole.filter(|x| x.is_sign_positive()) {
+                *value = (whole as u64).into();
+            }
+        }
+        _ => {}
+    }
+}
 
 /// The lengths of the arrays that indices point into.
 struct Guard<'a> {
-    path: &'a Path,
-    lengths: Vec<(&'static str, usize)>,
+    source: &'a Source,
+    lengths: BTreeMap<&'static str, usize>,
 }
 
 impl<'a> Guard<'a> {
-    fn new(path: &'a Path, document: &Value) -> Result<Self, IoError> {
-        let mut lengths = Vec::new();
+    fn new(source: &'a Source, document: &Value) -> Result<Self, IoError> {
+        let mut lengths = BTreeMap::new();
         for (key, name) in [BUFFERS, VIEWS, ACCESSORS, MESHES, NODES, SCENES, MATERIALS, SKINS, CAMERAS] {
-            let length = match document.get(key) {
-                None => 0,
-                Some(Value::Array(elements)) => elements.len(),
-                Some(_) => return Err(invalid(path, key, "no array", format!("an array of {name} objects"))),
-            };
-            lengths.push((key, length));
+            match document.get(key) {
+                None => {}
+                Some(Value::Array(elements)) => drop(lengths.insert(key, elements.len())),
+                Some(_) => {
+                    return Err(source.invalid(key, "no array", format!("an array of {name} objects")));
+                }
+            }
         }
-        Ok(Self { path, lengths })
+        Ok(Self { source, lengths })
     }
 
     /// The elements of a top-level array, each checked, then read. An array that is there is not
@@ -176,101 +180,81 @@ impl<'a> Guard<'a> {
     ) -> Result<Vec<T>, IoError> {
         let Some(Value::Array(elements)) = document.remove(key) else { return Ok(Vec::new()) };
         if elements.is_empty() {
-            return Err(invalid(self.path, key, "an empty list", format!("a {name}, or no list")));
+            return Err(self.source.invalid(key, "an empty list", format!("a {name}, or no list")));
         }
-        let mut read = Vec::with_capacity(elements.len());
-        for (i, mut json) in elements.into_iter().enumerate() {
+        let read = |(i, mut json)| {
             let name = format!("{name} {i}");
             check(&name, &mut json)?;
-            read.push(self.typed(&name, json)?);
-        }
-        Ok(read)
+            self.typed(&name, json)
+        };
+        elements.into_iter().enumerate().map(read).collect()
     }
 
     /// A checked object as a type of the crate.
     fn typed<T: DeserializeOwned>(&self, element: &str, json: Value) -> Result<T, IoError> {
-        serde_json::from_value(json).map_err(|e| invalid(self.path, element, e.to_string(), NEEDED))
+        serde_json::from_value(json).map_err(|e| self.source.invalid(element, e.to_string(), NEEDED))
     }
 
-    /// Checks the properties of one object, and rewrites whole numbers as integers.
-    fn check(&self, element: &str, object: &mut Value, rules: Rules) -> Result<(), IoError> {
+    /// Checks the properties of one object.
+    fn check(&self, element: &str, object: &Value, rules: Rules) -> Result<(), IoError> {
         for (key, rule) in rules {
-            let Some(value) = object.get_mut(key).filter(|value| !value.is_null()) else { continue };
-            let refuse = |value: &Value, needed: String| {
-                let found = format!("{key} {}", excerpt(&value.to_string()).trim_matches('"'));
-                Err(invalid(self.path, element, found, needed))
-            };
-            match rule {
-                Rule::Uint if uint(value).is_none() => return refuse(value, UINT.into()),
-                Rule::Uint => {}
-                Rule::Index(array) => self.check_index(&format!("{element} {key}"), value, *array)?,
-                Rule::Indices(array) => match value {
-                    Value::Array(all) if all.is_empty() => {
-                        return Err(invalid(
-                            self.path,
-                            format!("{element} {key}"),
-                            "an empty list",
-                            NOT_EMPTY,
-                        ));
-                    }
-                    Value::Array(all) => {
+            let Some(value) = object.get(key).filter(|value| !value.is_null()) else { continue };
+            let needed = match rule {
+                Rule::Index(array) => {
+                    self.check_index(&format!("{element} {key}"), value, *array)?;
+                    continue;
+                }
+                Rule::Indices(array) => match value.as_array() {
+                    Some(all) if !all.is_empty() => {
                         let element = format!("{element} {key}");
-                        all.iter_mut().try_for_each(|value| self.check_index(&element, value, *array))?;
+                        all.iter().try_for_each(|value| self.check_index(&element, value, *array))?;
+                        continue;
                     }
-                    _ => return refuse(value, format!("a list of {}", array.0)),
+                    Some(_) => "an element: an empty list must be left out".into(),
+                    None => format!("a list of {}", array.0),
                 },
-                Rule::Code(codes) if !uint(value).is_some_and(|code| codes.contains(&code)) => {
-                    return refuse(value, format!("one of {codes:?}"));
-                }
-                Rule::Word(words) if !value.as_str().is_some_and(|word| words.contains(&word)) => {
-                    return refuse(value, format!("one of {}", words.join(", ")));
-                }
-                Rule::Code(_) | Rule::Word(_) => {}
-            }
+                Rule::Code(codes) if value.as_u64().is_some_and(|code| codes.contains(&code)) => continue,
+                Rule::Code(codes) => format!("one of {codes:?}"),
+                Rule::Word(words) if value.as_str().is_some_and(|word| words.contains(&word)) => continue,
+                Rule::Word(words) => format!("one of {}", words.join(", ")),
+            };
+            let found = format!("{key} {}", excerpt(&value.to_string()).trim_matches('"'));
+            return Err(self.source.invalid(element, found, needed));
         }
         Ok(())
     }
 
     /// Checks that an index names an element that is there.
-    fn check_index(&self, element: &str, value: &mut Value, (key, name): Array) -> Result<(), IoError> {
-        let length = self.lengths.iter().find(|(k, _)| *k == key).map_or(0, |(_, length)| *length);
-        match uint(value) {
-            None => Err(invalid(self.path, element, excerpt(&value.to_string()), UINT)),
-            Some(index) if usize::try_from(index).is_ok_and(|index| index < length) => Ok(()),
-            Some(index) => Err(invalid(
-                self.path,
-                element,
-                format!("{name} {index}"),
-                format!("one of the file's {length}"),
-            )),
+    fn check_index(&self, element: &str, value: &Value, (key, name): Array) -> Result<(), IoError> {
+        let length = self.lengths.get(key).copied().unwrap_or_default();
+        if value.as_u64().is_some_and(|index| index < length as u64) {
+            return Ok(());
         }
+        let found = format!("{name} {}", excerpt(&value.to_string()).trim_matches('"'));
+        Err(self.source.invalid(element, found, format!("one of the file's {length}, counted from 0")))
     }
 
-    fn check_accessor(&self, element: &str, json: &mut Value) -> Result<(), IoError> {
+    fn check_accessor(&self, element: &str, json: &Value) -> Result<(), IoError> {
         self.check(element, json, OF_ACCESSOR)?;
-        let Some(sparse) = json.get_mut("sparse") else { return Ok(()) };
-        self.check(&format!("{element} sparse"), sparse, OF_SPARSE)?;
-        for (key, rules) in [("indices", OF_SPARSE_INDICES), ("values", OF_SPARSE_VALUES)] {
-            if let Some(part) = sparse.get_mut(key) {
-                self.check(&format!("{element} sparse {key}"), part, rules)?;
-            }
+        if json.get("byteOffset").is_some() && json.get("bufferView").is_none() {
+            return Err(self.source.invalid(element, "byteOffset without bufferView", "both or neither"));
         }
-        Ok(())
+        let sparse = |key| json.get("sparse").and_then(|sparse| sparse.get(key)).unwrap_or(&Value::Null);
+        self.check(&format!("{element} sparse indices"), sparse("indices"), OF_SPARSE_INDICES)?;
+        self.check(&format!("{element} sparse values"), sparse("values"), OF_SPARSE_VALUES)
     }
 
-    fn check_mesh(&self, element: &str, json: &mut Value) -> Result<(), IoError> {
-        let Some(Value::Array(primitives)) = json.get_mut("primitives") else { return Ok(()) };
-        if primitives.is_empty() {
-            return Err(invalid(self.path, element, "no primitives", "at least one"));
+    fn check_mesh(&self, element: &str, json: &Value) -> Result<(), IoError> {
+        if list(json, "primitives").is_empty() {
+            return Err(self.source.invalid(element, "no primitives", "at least one"));
         }
-        for (p, primitive) in primitives.iter_mut().enumerate() {
+        for (p, primitive) in list(json, "primitives").iter().enumerate() {
             let element = format!("{element} primitive {p}");
             self.check(&element, primitive, OF_PRIMITIVE)?;
-            if let Some(attributes) = primitive.get_mut("attributes") {
+            if let Some(attributes) = primitive.get("attributes") {
                 self.check_attributes(&element, attributes)?;
             }
-            let Some(Value::Array(targets)) = primitive.get_mut("targets") else { continue };
-            for (t, target) in targets.iter_mut().enumerate() {
+            for (t, target) in list(primitive, "targets").iter().enumerate() {
                 self.check_attributes(&format!("{element} target {t}"), target)?;
             }
         }
@@ -278,15 +262,16 @@ impl<'a> Guard<'a> {
     }
 
     /// Names and accessors of attributes.
-    fn check_attributes(&self, element: &str, attributes: &mut Value) -> Result<(), IoError> {
+    fn check_attributes(&self, element: &str, attributes: &Value) -> Result<(), IoError> {
         let Value::Object(attributes) = attributes else {
-            return Err(invalid(self.path, element, "attributes that are not an object", NEEDED));
+            return Err(self.source.invalid(element, "attributes that are not an object", NEEDED));
         };
         for (name, accessor) in attributes {
             let element = format!("{element} {}", excerpt(name).trim_matches('"'));
-            if !is_attribute(name) {
+            let own = matches!(name.as_str(), "POSITION" | "NORMAL" | "TANGENT") || name.starts_with('_');
+            if !own && numbered(name).is_none() {
                 let needed = "a name of glTF 2.0, or one that starts with _";
-                return Err(invalid(self.path, element, "an unknown attribute", needed));
+                return Err(self.source.invalid(element, "an unknown attribute", needed));
             }
             self.check_index(&element, accessor, ACCESSORS)?;
         }
@@ -294,26 +279,9 @@ impl<'a> Guard<'a> {
     }
 }
 
-const UINT: &str = "a whole number that is not negative";
-const NOT_EMPTY: &str = "an element, or no list";
-
-/// A whole number that is not negative, also when written as `1.0` or `10e-1`; it is rewritten as
-/// an integer.
-fn uint(value: &mut Value) -> Option<u64> {
-    /// Beyond 2^53 a float cannot tell neighbouring integers apart.
-    const EXACT: f64 = 9_007_199_254_740_992.0;
-    if let Some(whole) = value.as_u64() {
-        return Some(whole);
-    }
-    let float = value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=EXACT).contains(x))?;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "whole and in range, as just checked"
-    )]
-    let whole = float as u64;
-    *value = whole.into();
-    Some(whole)
+/// The elements of a list, none without one.
+fn list<'a>(json: &'a Value, key: &str) -> &'a [Value] {
+    json.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
 /// Splits `JOINTS_0`; the number is written without leading zeros.
@@ -322,8 +290,4 @@ pub(super) fn numbered(name: &str) -> Option<(&str, u32)> {
     let known = ["TEXCOORD", "COLOR", "JOINTS", "WEIGHTS"].contains(&base);
     let set = digits.parse::<u32>().ok().filter(|n| n.to_string() == digits)?;
     known.then_some((base, set))
-}
-
-fn is_attribute(name: &str) -> bool {
-    matches!(name, "POSITION" | "NORMAL" | "TANGENT") || name.starts_with('_') || numbered(name).is_some()
 }

@@ -1,21 +1,20 @@
 //! glTF 2.0, binary (`.glb`) and text (`.gltf`): skins in and out, maps out and in.
 //!
-//! The types of [`gltf::json`] serve both directions. Reading never trusts a file: [`guard`] checks
-//! every count, index, code and name in the JSON before the crate's types see it; a
-//! [`document::Document`] hands out buffers, views and accessors only after it has checked them
-//! against the bytes that are there, and keeps a budget so that a small file cannot ask for much
-//! memory; node trees, attributes and triangles are checked where they are read.
+//! The types of the `gltf` crate serve both directions. Reading never trusts a file: [`guard`] checks
+//! every index, code and name in the JSON before the crate's types see it; a
+//! [`document::Document`] hands out buffers and accessors only after it has checked them against
+//! the bytes that are there, and keeps a budget so that a small file cannot ask for much memory;
+//! node trees, attributes and triangles are checked where they are read.
 //!
 //! To read: `container` (file to JSON and bytes), `guard`, `document` with `buffers` and
-//! `accessor`, `decode` (bytes to numbers), `nodes` with `transform`, `attributes`, `triangles`,
-//! then `read_skin` and `read_map`. To write: `writer`, `write_links`, `write_skin`, `write_map`;
+//! `accessor` (bytes to numbers), `nodes` with `transform`, `attributes`, `triangles`, then
+//! `read_skin` and `read_map`. To write: `writer`, `write_links`, `write_skin`, `write_map`;
 //! `extras` is what a map adds to both.
 
 mod accessor;
 mod attributes;
 mod buffers;
 mod container;
-mod decode;
 mod document;
 mod extras;
 mod guard;
@@ -29,7 +28,7 @@ mod write_map;
 mod write_skin;
 mod writer;
 
-pub use read_map::{read_map, read_map_if_any};
+pub use read_map::read_map;
 pub(super) use read_skin::read_gltf;
 pub use write_map::{write_map, write_pyramids};
-pub(super) use write_skin::{write_skin_glb, write_skin_gltf};
+pub(super) use write_skin::write_skin;

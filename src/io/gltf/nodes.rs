@@ -1,6 +1,9 @@
 //! The node tree: links, and the meshes on them.
 
-use std::{cmp::Reverse, collections::BinaryHeap};
+use std::{
+    cmp::Reverse,
+    collections::{BTreeSet, BinaryHeap},
+};
 
 use glam::{DAffine3, DMat3};
 use gltf::json::{Node, mesh::Semantic, validation::Checked};
@@ -46,11 +49,13 @@ pub(super) struct Tree {
 /// The scene is the default scene, else the first. A file without scenes is a library: its root
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
 pub(super) fn read_node_tree(document: &Document) -> Result<Tree, IoError> {
-    let nodes = Nodes::new(document)?;
+    let parents = parents(document)?;
+    check_meshes(document)?;
+    let nodes = Nodes { document, shown: shown(document, &parents)?, parents };
     let mut tree = Tree::default();
     let frames = nodes.read_links(&mut tree)?;
     nodes.read_placements(&frames, &mut tree);
-    if document.root.scenes.is_empty() {
+    if document.root().scenes.is_empty() {
         place_library(document, &mut tree);
     }
     Ok(tree)
@@ -64,17 +69,10 @@ struct Nodes<'a> {
     shown: Vec<bool>,
 }
 
-impl<'a> Nodes<'a> {
-    fn new(document: &'a Document) -> Result<Self, IoError> {
-        let parents = parents(document)?;
-        check_meshes(document)?;
-        let shown = shown(document, &parents)?;
-        Ok(Self { document, parents, shown })
-    }
-
+impl Nodes<'_> {
     /// Whether a node only carries a patch.
     fn is_patch(&self, i: usize) -> bool {
-        let node = &self.document.root.nodes[i];
+        let node = &self.document.root().nodes[i];
         let is_bare = node.children.is_none() && node.skin.is_none();
         let is_plain = is_bare && Local::is_identity(&self.document.transforms[i]);
         node.mesh.is_some() && self.parents[i].is_some() && is_plain
@@ -83,7 +81,7 @@ impl<'a> Nodes<'a> {
     /// Whether a node is a camera or a light at an end of the tree.
     fn is_ornament(&self, i: usize) -> bool {
         const LIGHTS: &str = "KHR_lights_punctual";
-        let node = &self.document.root.nodes[i];
+        let node = &self.document.root().nodes[i];
         let is_plain = node.children.is_none() && node.mesh.is_none();
         let is_light = node.extensions.as_ref().is_some_and(|e| e.others.contains_key(LIGHTS));
         is_plain && (node.camera.is_some() || is_light)
@@ -92,7 +90,7 @@ impl<'a> Nodes<'a> {
     /// Adds the links of the scene, parents first, otherwise in the order of the file. Returns the
     /// frame of each node.
     fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>, IoError> {
-        let nodes = &self.document.root.nodes;
+        let nodes = &self.document.root().nodes;
         let mut frames: Vec<Option<NodeFrame>> = vec![None; nodes.len()];
         let roots = (0..nodes.len()).filter(|&i| self.shown[i] && self.parents[i].is_none());
         let mut ready: BinaryHeap<_> = roots.map(Reverse).collect();
@@ -116,14 +114,14 @@ impl<'a> Nodes<'a> {
 
     /// Adds the uses of meshes, in the order of the file.
     fn read_placements(&self, frames: &[Option<NodeFrame>], tree: &mut Tree) {
-        let root = &self.document.root;
+        let root = self.document.root();
         for (i, node) in root.nodes.iter().enumerate().filter(|(i, _)| self.shown[*i]) {
             let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
             let carrier = if self.is_patch(i) { self.parents[i] } else { Some(i) };
             let Some(frame) = carrier.and_then(|i| frames[i]) else { continue };
-            let frame =
-                if node.skin.is_none() { frame } else { NodeFrame::at_origin(tree, node.name.clone()) };
-            let name = self.patch_name(i, mesh);
+            // A skinned mesh ignores the transform of its node.
+            let skinned = node.skin.as_ref().map(|_| NodeFrame::at_origin(tree, node.name.clone()));
+            let (frame, name) = (skinned.unwrap_or(frame), self.patch_name(i, mesh));
             tree.placements.push(Placement { mesh, link: frame.link, name, stretch: frame.stretch });
         }
     }
@@ -131,7 +129,8 @@ impl<'a> Nodes<'a> {
     /// The name of the patch that node `i` makes of a mesh: of the node if it only carries the
     /// patch, else of the mesh.
     fn patch_name(&self, i: usize, mesh: usize) -> String {
-        let (of_node, of_mesh) = (&self.document.root.nodes[i].name, &self.document.root.meshes[mesh].name);
+        let (of_node, of_mesh) =
+            (&self.document.root().nodes[i].name, &self.document.root().meshes[mesh].name);
         let names = if self.is_patch(i) { [of_node, of_mesh] } else { [of_mesh, of_node] };
         let name = names.into_iter().flatten().find(|name| !name.is_empty());
         name.cloned().unwrap_or_else(|| format!("mesh {mesh}"))
@@ -140,12 +139,10 @@ impl<'a> Nodes<'a> {
 
 /// Puts the meshes that no node carries onto one link at the origin.
 fn place_library(document: &Document, tree: &mut Tree) {
-    let mut carried = vec![false; document.root.meshes.len()];
-    for mesh in document.root.nodes.iter().filter_map(|node| node.mesh) {
-        carried[mesh.value()] = true;
-    }
+    let root = document.root();
+    let carried: BTreeSet<_> = root.nodes.iter().filter_map(|node| node.mesh).map(|m| m.value()).collect();
     let mut origin = None;
-    for (mesh, json) in document.root.meshes.iter().enumerate().filter(|(i, _)| !carried[*i]) {
+    for (mesh, json) in root.meshes.iter().enumerate().filter(|(i, _)| !carried.contains(i)) {
         let frame = *origin.get_or_insert_with(|| NodeFrame::at_origin(tree, None));
         let name = json.name.clone().unwrap_or_else(|| format!("mesh {mesh}"));
         tree.placements.push(Placement { mesh, link: frame.link, name, stretch: None });
@@ -174,7 +171,7 @@ fn children(node: &Node) -> impl Iterator<Item = usize> + '_ {
 /// The parent of every node: at most one, and no node above itself. The crate would follow a circle
 /// for ever.
 fn parents(document: &Document) -> Result<Vec<Option<usize>>, IoError> {
-    let nodes = &document.root.nodes;
+    let nodes = &document.root().nodes;
     let mut parents = vec![None; nodes.len()];
     for (i, node) in nodes.iter().enumerate() {
         for child in children(node) {
@@ -205,9 +202,9 @@ fn reach(nodes: &[Node], roots: Vec<usize>) -> Vec<bool> {
 
 /// Checks what a node says of its mesh.
 fn check_meshes(document: &Document) -> Result<(), IoError> {
-    for (i, node) in document.root.nodes.iter().enumerate() {
+    for (i, node) in document.root().nodes.iter().enumerate() {
         let refuse = |found: String, needed: &str| Err(document.invalid(format!("node {i}"), found, needed));
-        let Some(mesh) = node.mesh.map(|mesh| &document.root.meshes[mesh.value()]) else {
+        let Some(mesh) = node.mesh.map(|mesh| &document.root().meshes[mesh.value()]) else {
             if node.skin.is_some() || node.weights.is_some() {
                 return refuse("a skin or weights without a mesh".into(), "a mesh");
             }
@@ -230,7 +227,7 @@ fn check_meshes(document: &Document) -> Result<(), IoError> {
 
 /// Which nodes belong to the scene.
 fn shown(document: &Document, parents: &[Option<usize>]) -> Result<Vec<bool>, IoError> {
-    let root = &document.root;
+    let root = document.root();
     let mut listed_by = vec![None; root.nodes.len()];
     for (s, scene) in root.scenes.iter().enumerate() {
         for node in scene.nodes.iter().map(|node| node.value()) {

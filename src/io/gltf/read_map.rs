@@ -13,14 +13,14 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::kind,
+        file::source::Source,
         gltf::{
             attributes::Attributes,
             document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
             nodes::read_node_tree,
-            read_skin::{read_covariances, read_ids, read_normals, read_positions, read_presence},
-            triangles::{Mode, triangles},
+            read_skin::{read_covariances, read_ids, read_presence},
+            triangles::is_thin,
         },
     },
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
@@ -45,37 +45,23 @@ const PIXEL: f64 = 1e-3;
 /// are present; the distortion is measured anew.
 ///
 /// # Errors
-/// If the file cannot be read, breaks a rule of glTF 2.0, has no map, or has one that
-/// [`SkinMap::validate`] refuses.
+/// [`IoError::NoMap`] for a glTF file without a map; if the file cannot be read, breaks a rule of
+/// glTF 2.0, or has a map that [`SkinMap::validate`] refuses.
 pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
-    read_levels(&Document::open(path)?)
-}
-
-/// As [`read_map`]; `None` for a file of another kind, and for a glTF file without a map.
-///
-/// # Errors
-/// As [`read_map`], for a file that says it is a map.
-pub fn read_map_if_any(path: &Path) -> Result<Option<SkinMap>, IoError> {
-    if !matches!(kind(path).as_str(), "glb" | "gltf") {
-        return Ok(None);
-    }
-    let document = Document::open(path)?;
-    let is_map = |extras: Result<LevelExtras, _>| extras.is_ok_and(|extras| extras.map.is_some());
-    let has_map = document.root.meshes.iter().filter_map(LevelExtras::of).any(is_map);
-    if has_map { read_levels(&document).map(Some) } else { Ok(None) }
-}
-
-fn read_levels(document: &Document) -> Result<SkinMap, IoError> {
+    let document = &Document::new(Source::open(path)?)?;
     let found = levels_by_patch(document)?;
+    if !found.iter().flat_map(|patch| &patch.levels).any(|(_, extras)| extras.map.is_some()) {
+        return Err(IoError::NoMap { path: path.into() });
+    }
     let tree = read_node_tree(document)?;
     let mut links = BTreeMap::new();
     for placement in &tree.placements {
         if placement.stretch.is_some() {
-            let element = format!("mesh {}", placement.mesh);
+            let needed = "rigid nodes: map and skin are in metres";
             return Err(document.invalid(
-                element,
+                format!("mesh {}", placement.mesh),
                 "a scaled or mirrored node",
-                "rigid nodes: map and skin are in metres",
+                needed,
             ));
         }
         links.insert(placement.mesh, placement.link);
@@ -84,7 +70,7 @@ fn read_levels(document: &Document) -> Result<SkinMap, IoError> {
     for patch in found {
         map.patches.push(read_patch(document, &links, patch)?);
     }
-    map.validate().map_err(|source| IoError::Map { path: document.path().into(), source })?;
+    map.validate().map_err(|source| IoError::Map { path: path.into(), source })?;
     for patch in map.patches.iter_mut() {
         patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
             map.distortion = distortion(&map.level.mesh, &map.uv);
@@ -103,7 +89,7 @@ struct PatchFound {
 fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>, IoError> {
     let mut patches: Vec<PatchFound> = Vec::new();
     let mut by_name: BTreeMap<String, usize> = BTreeMap::new();
-    for (mesh, json) in document.root.meshes.iter().enumerate() {
+    for (mesh, json) in document.root().meshes.iter().enumerate() {
         let extras = match LevelExtras::of(json) {
             None => continue,
             Some(Ok(extras)) => extras,
@@ -118,20 +104,12 @@ fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>, IoError> {
         });
         patches[at].levels.push((mesh, extras));
     }
-    if patches.is_empty() {
-        let needed = "a map, as dermatome writes it";
-        return Err(document.invalid("the file", "no mesh with extras.dermatome", needed));
-    }
     for patch in &mut patches {
         patch.levels.sort_by_key(|(_, extras)| extras.level);
-        if let Some(level) = (0..patch.levels.len()).find(|&k| patch.levels[k].1.level != k) {
-            let numbers: Vec<_> = patch.levels.iter().map(|(_, extras)| extras.level).collect();
-            let needed = format!("each level once, from 0 on: {level} is not");
-            return Err(document.invalid(
-                format!("patch {:?}", patch.name),
-                format!("the levels {numbers:?}"),
-                needed,
-            ));
+        let numbers: Vec<_> = patch.levels.iter().map(|(_, extras)| extras.level).collect();
+        if numbers.iter().enumerate().any(|(k, &number)| number != k) {
+            let (element, found) = (format!("patch {:?}", patch.name), format!("the levels {numbers:?}"));
+            return Err(document.invalid(element, found, "each level once, from 0 on"));
         }
     }
     Ok(patches)
@@ -143,12 +121,8 @@ fn read_patch(
     patch: PatchFound,
 ) -> Result<PatchMap, IoError> {
     let Some(&link) = patch.levels.first().and_then(|(mesh, _)| links.get(mesh)) else {
-        let needed = "a node that carries its level 0";
-        return Err(document.invalid(
-            format!("patch {:?}", patch.name),
-            "no node in the default scene",
-            needed,
-        ));
+        let (found, needed) = ("no node in the default scene", "a node that carries its level 0");
+        return Err(document.invalid(format!("patch {:?}", patch.name), found, needed));
     };
     let mut taxels = Taxels::default();
     let mut levels = IdVec::<LevelId, MapLevel>::new();
@@ -165,7 +139,10 @@ fn read_patch(
         let from_coarser = rows("up", extras.up, coarser)?;
         let to_finest = rows("direct", extras.direct, sizes[number.index()])?;
         let origins = match (extras.origins, &to_finest) {
-            (Some(accessor), _) => read_origins(document, &name("origins"), accessor)?,
+            (Some(accessor), _) => {
+                let origins = document.accessor(accessor, Role::Plain, &name("origins"))?.integers::<1>()?;
+                origins.into_iter().map(|[v]| VertexId::from(v)).collect()
+            }
             (None, Some(rows)) => guess_origins(document, &name("direct"), &levels, number, rows)?,
             (None, None) => levels[number].level.mesh.positions.ids().collect(),
         };
@@ -184,39 +161,32 @@ fn read_level(
     taxels: &mut Taxels,
 ) -> Result<MapLevel, IoError> {
     let name = format!("{}/L{}", extras.patch, extras.level);
-    let [primitive] = document.root.meshes[index].primitives.as_slice() else {
+    let [primitive] = document.root().meshes[index].primitives.as_slice() else {
         return Err(document.invalid(name, "several primitives or none", "one"));
     };
-    let mode = Mode::of(primitive);
-    if mode == Mode::Thin {
+    if is_thin(primitive) {
         return Err(document.invalid(name, "points or lines", "triangles"));
     }
     let attributes = Attributes::of(document, index, 0, primitive)?;
-    let missing = |what: &str| document.invalid(&name, format!("no {what}"), what);
-    let positions = read_positions(document, &attributes)?;
-    let corners = triangles(document, &name, primitive, mode, positions.len())?;
-    let mesh = TriMesh::from_arrays(positions, &corners);
-    let areas = attributes.get("_AREA").ok_or_else(|| missing("_AREA"))?;
-    let areas: IdVec<_, _> = document.gather_scalars(areas)?.into();
+    let mesh = TriMesh::from_arrays(attributes.positions()?, &attributes.triangles(primitive)?);
+    let areas: IdVec<_, _> = attributes.need("_AREA")?.reals(|[area]| area)?.into();
     let map = extras
         .map
         .as_ref()
-        .ok_or_else(|| document.invalid(&name, "a pyramid without a map", "a map, as dermatome writes it"))?;
+        .ok_or_else(|| document.invalid(&name, "a level without a map", "a map, as on other levels"))?;
     let frame = read_frame(map);
-    let uv = read_uv(document, &name, &attributes, &frame)?;
+    let uv = read_uv(&attributes, &frame)?;
     if extras.level == 0 {
-        let ids = attributes.get("_TAXEL_ID").ok_or_else(|| missing("_TAXEL_ID"))?;
-        let density = attributes.read("_DENSITY", |a| document.gather_scalars(a))?;
-        let presence = attributes.read("_PRESENT", |a| read_presence(document, a))?;
-        let presence = presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from);
-        let normals = read_normals(document, &attributes)?.ok_or_else(|| missing("NORMAL"))?;
+        let normals = attributes.normals()?;
+        let missing = || document.invalid(&name, "no NORMAL", "NORMAL");
+        let presence = attributes.read("_PRESENT", read_presence)?;
         *taxels = Taxels {
-            ids: read_ids(document, ids)?.into(),
-            normals: normals.into_iter().map(unit).collect(),
+            ids: read_ids(attributes.need("_TAXEL_ID")?)?.into(),
+            normals: normals.ok_or_else(missing)?.into_iter().map(unit).collect(),
             areas: areas.clone(),
-            densities: density.map(IdVec::from),
-            presence,
-            covariances: read_covariances(document, &attributes)?.map(IdVec::from),
+            densities: attributes.scalars("_DENSITY")?.map(IdVec::from),
+            presence: presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from),
+            covariances: read_covariances(&attributes)?.map(IdVec::from),
         };
     }
     let level = Level { mesh, areas, ..Level::default() };
@@ -229,19 +199,13 @@ fn unit(normal: DVec3) -> DVec3 {
 }
 
 /// Map positions, in m.
-fn read_uv(
-    document: &Document,
-    name: &str,
-    attributes: &Attributes<'_>,
-    frame: &ImageFrame,
-) -> Result<IdVec<VertexId, DVec2>, IoError> {
-    let missing = || document.invalid(name, "no TEXCOORD_0", "TEXCOORD_0");
-    let texture = attributes.get("TEXCOORD_0").ok_or_else(missing)?;
-    let texture = document.gather(texture, DVec2::from_array)?;
+fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<VertexId, DVec2>, IoError> {
+    let accessor = attributes.need("TEXCOORD_0")?;
+    let texture = accessor.reals(DVec2::from_array)?;
     let outside = |t: &DVec2| t.min_element() < -OUTSIDE || t.max_element() > 1.0 + OUTSIDE;
     if let Some(v) = texture.iter().position(outside) {
         let found = format!("TEXCOORD_0 {} of vertex {v}", texture[v]);
-        return Err(document.invalid(name, found, "a place in the unit square"));
+        return Err(accessor.invalid(found, "a place in the unit square"));
     }
     Ok(texture.into_iter().map(|t| frame.map_position(t)).collect())
 }
@@ -266,8 +230,8 @@ fn read_rows(
     coarse_len: usize,
 ) -> Result<Prolongation, IoError> {
     let accessor = |number: usize| document.accessor(number, Role::Plain, name);
-    let indices = document.gather_uint::<3>(&accessor(given.indices)?)?;
-    let weights = document.gather(&accessor(given.weights)?, |row: [f64; 3]| row)?;
+    let indices = accessor(given.indices)?.integers::<3>()?;
+    let weights = accessor(given.weights)?.reals(|row: [f64; 3]| row)?;
     let mut rows = Prolongation {
         indices: indices.into_iter().map(|row| row.map(VertexId::from)).collect(),
         weights: weights.into(),
@@ -277,17 +241,7 @@ fn read_rows(
     Ok(rows)
 }
 
-/// The level-0 vertex that each vertex of a level is.
-fn read_origins(
-    document: &Document,
-    name: &str,
-    accessor: usize,
-) -> Result<IdVec<VertexId, VertexId>, IoError> {
-    let origins = document.gather_uint::<1>(&document.accessor(accessor, Role::Plain, name)?)?;
-    Ok(origins.into_iter().map(|[v]| VertexId::from(v)).collect())
-}
-
-/// The same for files that do not say: the row of `to_finest` with weight 1 there. If several have
+/// The level-0 vertex that each vertex of a level is, for files that do not say: the row of `to_finest` with weight 1 there. If several have
 /// it, because of rounding or of taxels at one position, the one at the vertex's position; if
 /// several still, the first.
 fn guess_origins(

@@ -1,20 +1,21 @@
 //! Skins from glTF: one sheet for each node that carries a mesh of triangles.
 
-use std::{collections::BTreeMap, path::Path};
+use std::collections::BTreeMap;
 
-use glam::{DMat3, DVec3};
-use gltf::json::accessor::Type;
+use glam::DMat3;
+use gltf::accessor::Dimensions;
 
 use crate::{
     io::{
         IoError,
+        file::source::Source,
         gltf::{
             accessor::Accessor,
-            attributes::{Attributes, check_morphs, check_normals, declared_bounds},
+            attributes::{Attributes, check_morphs},
             document::Document,
             extras::LevelExtras,
             nodes::{Placement, read_node_tree},
-            triangles::{Mode, triangles},
+            triangles::is_thin,
         },
     },
     skin::{Covariance, Draft, Presence, Sheet, TaxelId},
@@ -28,19 +29,15 @@ use crate::{
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
 /// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
 /// `map.glb` reads as the skin it is a map of.
-///
-/// # Errors
-/// If the file cannot be read, breaks a rule of glTF 2.0 in something that is used, or has no
-/// triangles.
-pub(crate) fn read_gltf(path: &Path) -> Result<Draft, IoError> {
-    let document = Document::open(path)?;
+pub(crate) fn read_gltf(source: Source) -> Result<Draft, IoError> {
+    let document = Document::new(source)?;
     let tree = read_node_tree(&document)?;
     let mut draft = Draft { links: tree.links, ..Draft::default() };
     for placement in &tree.placements {
         draft.sheets.extend(read_sheet(&document, placement)?);
     }
     if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
-        let found = match (document.root.meshes.len(), tree.placements.len()) {
+        let found = match (document.root().meshes.len(), tree.placements.len()) {
             (0, _) => "no mesh".into(),
             (meshes, 0) => format!("no node that carries one of the {meshes} meshes"),
             (_, carried) => format!("{carried} meshes without a triangle"),
@@ -52,7 +49,7 @@ pub(crate) fn read_gltf(path: &Path) -> Result<Draft, IoError> {
 
 /// The sheet of one use of a mesh; `None` if it has no triangles but points and lines.
 fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet>, IoError> {
-    let mesh = &document.root.meshes[placement.mesh];
+    let mesh = &document.root().meshes[placement.mesh];
     check_morphs(document, placement.mesh, mesh)?;
     let mut sheet = Sheet { link: Some(placement.link), ..Sheet::default() };
     sheet.name = match LevelExtras::of(mesh) {
@@ -62,25 +59,20 @@ fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet
     // Where the vertices of each set of accessors start: primitives may differ in their triangles
     // alone.
     let mut starts = BTreeMap::new();
-    for (p, primitive) in mesh.primitives.iter().enumerate() {
-        let mode = Mode::of(primitive);
-        if mode == Mode::Thin {
-            continue;
-        }
+    for (p, primitive) in mesh.primitives.iter().enumerate().filter(|(_, primitive)| !is_thin(primitive)) {
         let attributes = Attributes::of(document, placement.mesh, p, primitive)?;
         let start = match starts.get(&primitive.attributes) {
             Some(&start) => start,
             None => {
                 let start = sheet.positions.len();
-                append_vertices(document, &attributes, &mut sheet, starts.is_empty())?;
+                append_vertices(&attributes, &mut sheet, starts.is_empty())?;
                 starts.insert(&primitive.attributes, start);
                 start
             }
         };
-        let mut triangles = triangles(document, &attributes.element, primitive, mode, attributes.count)?;
+        let mut triangles = attributes.triangles(primitive)?;
         let Ok(shift) = u32::try_from(start) else {
-            let found = "more than 2^32 vertices";
-            return Err(document.invalid(&attributes.element, found, "fewer"));
+            return Err(document.invalid(&attributes.element, "more than 2^32 vertices", "fewer"));
         };
         if shift > 0 {
             triangles.iter_mut().flatten().for_each(|corner| *corner = corner.saturating_add(shift));
@@ -102,29 +94,18 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) {
 }
 
 /// Appends the vertices of a primitive.
-fn append_vertices(
-    document: &Document,
-    attributes: &Attributes<'_>,
-    sheet: &mut Sheet,
-    first: bool,
-) -> Result<(), IoError> {
-    append(&mut sheet.positions, read_positions(document, attributes)?);
-    let element = &attributes.element;
-    let join = Join { document, element, first };
-
-    let ids = attributes.read("_TAXEL_ID", |a| read_ids(document, a))?;
-    join.all_or_none("_TAXEL_ID", &mut sheet.ids, ids)?;
-    let presence = attributes.read("_PRESENT", |a| read_presence(document, a))?;
-    join.all_or_none("_PRESENT", &mut sheet.presence, presence)?;
-    let scalars = |name| attributes.read(name, |a| document.gather_scalars(a));
-    join.all_or_none("_AREA", &mut sheet.areas, scalars("_AREA")?)?;
-    join.all_or_none("_DENSITY", &mut sheet.densities, scalars("_DENSITY")?)?;
-    join.all_or_none("_COVARIANCE_0", &mut sheet.covariances, read_covariances(document, attributes)?)?;
+fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) -> Result<(), IoError> {
+    append(&mut sheet.positions, attributes.positions()?);
+    let join = Join { attributes, first };
+    join.all_or_none("_TAXEL_ID", &mut sheet.ids, attributes.read("_TAXEL_ID", read_ids)?)?;
+    join.all_or_none("_PRESENT", &mut sheet.presence, attributes.read("_PRESENT", read_presence)?)?;
+    join.all_or_none("_AREA", &mut sheet.areas, attributes.scalars("_AREA")?)?;
+    join.all_or_none("_DENSITY", &mut sheet.densities, attributes.scalars("_DENSITY")?)?;
+    join.all_or_none("_COVARIANCE_0", &mut sheet.covariances, read_covariances(attributes)?)?;
 
     // A primitive without normals is flat by the rules of glTF: its triangles know better than a
     // placeholder.
-    let normals = read_normals(document, attributes)?;
-    sheet.normals = match (sheet.normals.take(), normals) {
+    sheet.normals = match (sheet.normals.take(), attributes.normals()?) {
         (None, normals) if first => normals,
         (Some(mut all), Some(normals)) => {
             append(&mut all, normals);
@@ -137,8 +118,7 @@ fn append_vertices(
 
 /// How the vertices of one primitive join those before it.
 struct Join<'a> {
-    document: &'a Document,
-    element: &'a str,
+    attributes: &'a Attributes<'a>,
     first: bool,
 }
 
@@ -150,92 +130,47 @@ impl Join<'_> {
         all: &mut Option<Vec<T>>,
         part: Option<Vec<T>>,
     ) -> Result<(), IoError> {
-        match (all.as_mut(), part) {
-            (Some(all), Some(part)) => append(all, part),
-            (None, part) if self.first => *all = part,
-            (None, None) => {}
-            (before, _) => {
-                let found =
-                    if before.is_some() { "missing here" } else { "missing in the primitives before" };
-                let needed = "the attribute in every primitive of the mesh, or in none";
-                return Err(self.document.invalid(format!("{} {name}", self.element), found, needed));
+        let found = match (all.as_mut(), part) {
+            (Some(all), Some(part)) => {
+                append(all, part);
+                return Ok(());
             }
-        }
-        Ok(())
+            (None, part) if self.first || part.is_none() => {
+                *all = part;
+                return Ok(());
+            }
+            (Some(_), None) => "missing here",
+            (None, _) => "missing in the primitives before",
+        };
+        let needed = "the attribute in every primitive of the mesh, or in none";
+        Err(self.attributes.document.invalid(format!("{} {name}", self.attributes.element), found, needed))
     }
-}
-
-/// Positions in metres, checked against the declared bounds.
-pub(super) fn read_positions(
-    document: &Document,
-    attributes: &Attributes<'_>,
-) -> Result<Vec<DVec3>, IoError> {
-    let missing = || document.invalid(&attributes.element, "no POSITION", "POSITION");
-    let accessor = attributes.get("POSITION").ok_or_else(missing)?;
-    let [min, max] = declared_bounds(document, accessor)?.map(DVec3::from_array);
-    let positions = document.gather(accessor, DVec3::from_array)?;
-    // The bounds are those of the stored numbers, so normalized integers would have to be undone;
-    // zeros have none.
-    if accessor.json.normalized || accessor.is_blank() {
-        return Ok(positions);
-    }
-    let (lo, hi) =
-        positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
-    // Both are f32 by nature: a decimal of few digits stands for the nearest one.
-    if (min.as_vec3(), max.as_vec3()) != (lo.as_vec3(), hi.as_vec3()) {
-        let found = format!("min {min} and max {max}");
-        let needed = format!("the bounds of the positions, {lo} and {hi}");
-        return Err(document.invalid(accessor.name(), found, needed));
-    }
-    Ok(positions)
-}
-
-/// Unit normals; `None` without them, or where they are zeros by omission.
-pub(super) fn read_normals(
-    document: &Document,
-    attributes: &Attributes<'_>,
-) -> Result<Option<Vec<DVec3>>, IoError> {
-    let Some(accessor) = attributes.get("NORMAL").filter(|a| !a.is_blank()) else { return Ok(None) };
-    let normals = document.gather(accessor, DVec3::from_array)?;
-    check_normals(document, accessor, &normals)?;
-    Ok(Some(normals))
 }
 
 /// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there.
-pub(super) fn read_covariances(
-    document: &Document,
-    attributes: &Attributes<'_>,
-) -> Result<Option<Vec<Covariance>>, IoError> {
-    let half = |name| attributes.read(name, |a| document.gather(a, |row: [f64; 3]| row));
+pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec<Covariance>>, IoError> {
+    let half = |name| attributes.read(name, |accessor| accessor.reals(|row: [f64; 3]| row));
     let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| Covariance { xx, xy, xz, yy, yz, zz };
     let halves = half("_COVARIANCE_0")?.zip(half("_COVARIANCE_1")?);
     Ok(halves.map(|(first, second)| first.into_iter().zip(second).map(join).collect()))
 }
 
 /// Vendor ids: whole scalars, or low and high halves.
-pub(super) fn read_ids(document: &Document, accessor: &Accessor<'_>) -> Result<Vec<TaxelId>, IoError> {
+pub(super) fn read_ids(accessor: &Accessor<'_>) -> Result<Vec<TaxelId>, IoError> {
     /// The first whole number that `f32` cannot tell from its successor.
     const EXACT: f64 = 16_777_216.0;
-    if accessor.kind == Type::Vec2 {
-        let halves = document.gather_uint::<2>(accessor)?;
+    if accessor.gltf.dimensions() == Dimensions::Vec2 {
+        let halves = accessor.integers::<2>()?;
         return match halves.iter().position(|half| half.iter().any(|&h| h > 0xFFFF)) {
             None => Ok(halves.into_iter().map(|[low, high]| TaxelId(low | high << 16)).collect()),
-            Some(row) => Err(document.invalid(
-                accessor.name(),
-                format!("{:?} in row {row}", halves[row]),
-                "16 bits each",
-            )),
+            Some(row) => Err(accessor.invalid(format!("{:?} in row {row}", halves[row]), "16 bits each")),
         };
     }
-    let raw = document.gather_scalars(accessor)?;
-    let odd = |&x: &f64| x.fract() != 0.0 || !(0.0..=EXACT).contains(&x) || accessor.json.normalized;
+    let raw = accessor.reals(|[x]| x)?;
+    let odd = |&x: &f64| x.fract() != 0.0 || !(0.0..=EXACT).contains(&x) || accessor.gltf.normalized();
     if let Some(row) = raw.iter().position(odd) {
-        let found = format!("taxel id {} in row {row}", raw[row]);
-        return Err(document.invalid(
-            accessor.name(),
-            found,
-            "whole numbers from 0 to 2^24, or VEC2 of u16 (low, high)",
-        ));
+        let needed = "whole numbers from 0 to 2^24, or VEC2 of u16 (low, high)";
+        return Err(accessor.invalid(format!("taxel id {} in row {row}", raw[row]), needed));
     }
     #[expect(
         clippy::cast_possible_truncation,
@@ -247,13 +182,13 @@ pub(super) fn read_ids(document: &Document, accessor: &Accessor<'_>) -> Result<V
 }
 
 /// What each slot holds.
-pub(super) fn read_presence(document: &Document, accessor: &Accessor<'_>) -> Result<Vec<Presence>, IoError> {
-    let raw = document.gather_scalars(accessor)?;
+pub(super) fn read_presence(accessor: &Accessor<'_>) -> Result<Vec<Presence>, IoError> {
     let refuse = |row: usize, x: f64| {
         let found = format!("_PRESENT {x} in row {row}");
-        document.invalid(accessor.name(), found, "0 (absent), 1 (present) or 2 (thermal pad)")
+        accessor.invalid(found, "0 (absent), 1 (present) or 2 (thermal pad)")
     };
-    raw.into_iter().enumerate().map(|(row, x)| Presence::from_code(x).ok_or_else(|| refuse(row, x))).collect()
+    let presence = |(row, x): (usize, f64)| Presence::from_code(x).ok_or_else(|| refuse(row, x));
+    accessor.reals(|[x]| x)?.into_iter().enumerate().map(presence).collect()
 }
 
 /// Applies the part of a node's transform that a link's rigid frame cannot hold. Areas and

@@ -37,19 +37,14 @@ pub(super) fn add_scene(
         match description.parent.and_then(|p| nodes.get(p).copied().flatten()) {
             Some(parent) => writer.root.nodes[parent.value()].children.get_or_insert_default().push(node),
             None if description.parent.is_some() => {
-                return Err(refuse(
-                    path,
-                    link,
-                    "a parent that comes after it",
-                    "a parent that comes before it",
-                ));
+                return refuse(path, link, "a parent after it", "a parent before it");
             }
             None => roots.push(node),
         }
     }
     for (link, patch) in patches {
         let Some(parent) = nodes.get(link).copied().flatten() else {
-            return Err(refuse(path, link, "a patch, but no link of this number", "one of the skin's links"));
+            return refuse(path, link, "a patch, but no link of this number", "one of the skin's links");
         };
         let node = writer.root.push(patch);
         writer.root.nodes[parent.value()].children.get_or_insert_default().push(node);
@@ -58,8 +53,8 @@ pub(super) fn add_scene(
     Ok(())
 }
 
-fn refuse(path: &Path, link: LinkId, found: &str, needed: &str) -> IoError {
-    unfit(path, format!("link {link}"), found, needed)
+fn refuse<T>(path: &Path, link: LinkId, found: &str, needed: &str) -> Result<T, IoError> {
+    Err(unfit(path, format!("link {link}"), found, needed))
 }
 
 /// The node of a link: name, translation and rotation, each left out where it says nothing.
@@ -67,7 +62,7 @@ fn node_of(path: &Path, link: LinkId, description: &Link) -> Result<Node, IoErro
     let Link { name, pose, .. } = description;
     let axes = pose.matrix3;
     if !pose.is_finite() || rotation_defect(&axes) > RIGID || axes.determinant() < 0.0 {
-        return Err(refuse(path, link, "a pose that is not rigid", "rotation and translation"));
+        return refuse(path, link, "a pose that is not rigid", "rotation and translation");
     }
     let translation = pose.translation.to_array().map(narrow);
     let rotation = DQuat::from_mat3(&axes).normalize().to_array().map(narrow);

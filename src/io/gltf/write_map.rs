@@ -9,7 +9,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::unfit as refuse,
+        file::source::unfit,
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
             write_links::add_scene,
@@ -43,11 +43,9 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
     let patches: Vec<_> = map
         .patches
         .iter()
-        .map(|patch| PatchLevels {
-            name: &patch.name,
-            link: patch.link,
-            taxels: &patch.taxels,
-            levels: patch.levels.iter().map(|map| (&map.level, Some(map))).collect(),
+        .map(|patch| {
+            let levels = patch.levels.iter().map(|map| (&map.level, Some(map))).collect();
+            PatchLevels { name: &patch.name, link: patch.link, taxels: &patch.taxels, levels }
         })
         .collect();
     write_levels(path, &map.links, &patches)
@@ -59,37 +57,23 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
 /// If the skin or a pyramid breaks a rule, there is not one pyramid per patch, a pyramid does not
 /// fit its patch, or the file cannot be written.
 pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<(), IoError> {
-    let unfit = |element: String, found: String, needed: &str| {
-        let remedy = "write the pyramids that were made of this skin";
-        IoError::Unfit { path: path.into(), element, found, needed: needed.into(), remedy }
-    };
+    let unfit = |element: String, found: String, needed: &str| unfit(path, element, found, needed);
     if pyramids.len() != skin.patches.len() {
         let found = format!("{} pyramids", pyramids.len());
         return Err(unfit(format!("{} patches", skin.patches.len()), found, "one per patch"));
     }
     check_patches(&skin.links, skin.patches.iter().map(|patch| (patch.name.as_str(), patch.link)))
         .map_err(|e| unfit("the skin".into(), e.to_string(), "a valid skin"))?;
+    let mut patches = Vec::new();
     for (patch, pyramid) in skin.patches.iter().zip(pyramids) {
         let element = || format!("patch {:?}", patch.name);
-        check_levels(&pyramid.levels.iter().collect::<Vec<_>>())
-            .map_err(|e| unfit(element(), e.to_string(), "a valid pyramid"))?;
-        let taxels = pyramid.levels[LevelId::new(0)].mesh.positions.len();
-        patch
-            .taxels
-            .validate(taxels)
-            .map_err(|e| unfit(element(), e.to_string(), "one valid taxel per vertex"))?;
+        let levels: Vec<_> = pyramid.levels.iter().collect();
+        check_levels(&levels).map_err(|e| unfit(element(), e.to_string(), "a valid pyramid of this skin"))?;
+        let checked = patch.taxels.validate(levels[0].mesh.positions.len());
+        checked.map_err(|e| unfit(element(), e.to_string(), "one valid taxel per vertex"))?;
+        let levels = levels.into_iter().map(|level| (level, None)).collect();
+        patches.push(PatchLevels { name: &patch.name, link: patch.link, taxels: &patch.taxels, levels });
     }
-    let patches: Vec<_> = skin
-        .patches
-        .iter()
-        .zip(pyramids)
-        .map(|(patch, pyramid)| PatchLevels {
-            name: &patch.name,
-            link: patch.link,
-            taxels: &patch.taxels,
-            levels: pyramid.levels.iter().map(|level| (level, None)).collect(),
-        })
-        .collect();
     write_levels(path, &skin.links, &patches)
 }
 
@@ -107,7 +91,7 @@ fn write_levels(
     patches: &[PatchLevels<'_>],
 ) -> Result<(), IoError> {
     if patches.is_empty() {
-        return Err(refuse(path, "the map", "no patch", "at least one"));
+        return Err(unfit(path, "the map", "no patch", "at least one"));
     }
     let mut writer = SceneWriter::new();
     let deepest = patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
@@ -154,7 +138,7 @@ fn add_level(
     if let Some(map) = map {
         let texture = texture_coordinates(path, &name, map)?;
         check_faces(path, &name, map, &texture)?;
-        sheet.insert("TEXCOORD_0", |writer| writer.attribute(texture.into_iter()));
+        sheet.insert("TEXCOORD_0", texture.into_iter());
     }
     let primitive = sheet.finish();
 
@@ -192,7 +176,7 @@ fn texture_coordinates(path: &Path, name: &str, map: &MapLevel) -> Result<Vec<[f
         Some(v) => {
             let found = format!("vertex {v} at {} on the map", uv[VertexId::new(v)]);
             let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
-            Err(refuse(path, name, found, needed))
+            Err(unfit(path, name, found, needed))
         }
     }
 }
@@ -207,24 +191,21 @@ fn check_faces(path: &Path, name: &str, map: &MapLevel, texture: &[[f32; 2]]) ->
             corners.map(|v| frame.map_position(DVec2::from_array(texture[v.index()].map(f64::from))));
         let exact = corners.map(|v| uv[v]);
         let flat = FlatTriangle::new(corners.map(|v| mesh.positions[v].as_vec3().as_dvec3()));
-        let unfit = |found: String, needed: &str, remedy| {
-            let (path, element, needed) = (path.to_owned(), name.to_owned(), needed.to_owned());
-            Err(IoError::Unfit { path, element, found, needed, remedy })
-        };
+        let refuse = |found: String, needed: &str| Err(unfit(path, name, found, needed));
         // As readers will compute it; a triangle without area on the skin has none.
         let shape = (flat.area() > 0.0).then(|| flat.jacobian([a, b, c]).determinant());
         if shape.is_none() && mesh.face_area(face) > 0.0 {
             let found = format!("face {face} without area after rounding its positions to f32");
-            let remedy = "move the link's frame near the patch: f32 keeps seven digits";
-            return unfit(found, "an area above 0", remedy);
+            return refuse(
+                found,
+                "an area above 0: f32 keeps seven digits, so the link's frame must be near",
+            );
         }
         let area = (b - a).perp_dot(c - a) / 2.0;
         let is_upright = (exact[1] - exact[0]).perp_dot(exact[2] - exact[0]) > 0.0;
         if is_upright && !(area > 0.0 && shape.is_none_or(|d| d > 0.0)) {
             let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
-            let remedy =
-                "choose a pixel size with which the image is not much larger than the map, or remesh slivers";
-            return unfit(found, "a positive area", remedy);
+            return refuse(found, "a positive area: no sliver, and an image not much larger than the map");
         }
     }
     Ok(())

@@ -15,42 +15,26 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::unfit as refuse,
+        file::source::{kind, unfit},
         gltf::{
             write_links::add_scene,
-            writer::{Form, SceneWriter, narrow},
+            writer::{Form, SceneWriter, Stored, narrow},
         },
     },
     mesh::TriMesh,
     skin::{Covariance, Patch, Skin, TaxelId, Taxels},
 };
 
-/// Writes a skin as one binary file: a node for each link, and under it one for each of its
-/// patches.
+/// Writes a skin as one file, binary or, if it ends in `gltf`, text with the arrays in a data URI: a
+/// node for each link, and under it one for each of its patches.
 ///
 /// Ids become `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
 /// (1/m^2), presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
 /// yz, zz), in m^2. Everything is rounded to `f32`.
-///
-/// # Errors
-/// If there is no patch, a link is not rigid, a patch breaks a promise of [`Patch`] or cannot be
-/// represented in `f32`, or the file cannot be written.
-pub(crate) fn write_skin_glb(path: &Path, skin: &Skin) -> Result<(), IoError> {
-    write_skin(path, skin, Form::Glb)
-}
-
-/// Writes a skin as one text file with the arrays in a data URI; otherwise as [`write_skin_glb`].
-///
-/// # Errors
-/// As [`write_skin_glb`].
-pub(crate) fn write_skin_gltf(path: &Path, skin: &Skin) -> Result<(), IoError> {
-    write_skin(path, skin, Form::Text)
-}
-
-fn write_skin(path: &Path, skin: &Skin, form: Form) -> Result<(), IoError> {
+pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
     if skin.patches.is_empty() {
-        return Err(refuse(path, "the skin", "no patch", "at least one"));
+        return Err(unfit(path, "the skin", "no patch", "at least one"));
     }
     let mut writer = SceneWriter::new();
     let mut nodes = Vec::new();
@@ -61,7 +45,7 @@ fn write_skin(path: &Path, skin: &Skin, form: Form) -> Result<(), IoError> {
     let all = skin.links.map(|_| true);
     add_scene(path, &mut writer, None, &skin.links, &all, nodes)?;
     writer.root.scene = Some(Index::new(0));
-    writer.finish(path, form)
+    writer.finish(path, if kind(path) == "gltf" { Form::Text } else { Form::Glb })
 }
 
 /// A node that only carries a mesh.
@@ -72,7 +56,7 @@ pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
 fn add_patch(path: &Path, writer: &mut SceneWriter, patch: &Patch) -> Result<Index<Mesh>, IoError> {
     let name = format!("patch {:?}", patch.name);
     let checked = patch.taxels.validate(patch.mesh.positions.len());
-    checked.map_err(|e| refuse(path, &name, e.to_string(), "one valid entry per vertex"))?;
+    checked.map_err(|e| unfit(path, &name, e.to_string(), "one valid entry per vertex"))?;
     let mut sheet = SheetWriter::new(path, name, writer, &patch.mesh)?;
     sheet.taxels(&patch.taxels)?;
     let primitive = sheet.finish();
@@ -102,18 +86,14 @@ impl<'a> SheetWriter<'a> {
         writer: &'a mut SceneWriter,
         mesh: &TriMesh,
     ) -> Result<Self, IoError> {
-        mesh.validate().map_err(|e| refuse(path, &name, e.to_string(), "a mesh of finite triangles"))?;
+        mesh.validate().map_err(|e| unfit(path, &name, e.to_string(), "a mesh of finite triangles"))?;
         if mesh.triangles.is_empty() {
-            return Err(refuse(path, name, "no triangles", "at least one"));
+            return Err(unfit(path, name, "no triangles", "at least one"));
         }
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array().map(narrow)).collect();
         if let Some(v) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(refuse(
-                path,
-                name,
-                format!("vertex {v} at {}", mesh.positions[VertexId::new(v)]),
-                "a place that f32 can hold",
-            ));
+            let found = format!("vertex {v} at {}", mesh.positions[VertexId::new(v)]);
+            return Err(unfit(path, name, found, "a place that f32 can hold"));
         }
         let position = writer.positions(&positions);
         let corners = writer.corners(mesh.triangles.iter().map(|t| t.map(VertexId::raw)));
@@ -122,13 +102,17 @@ impl<'a> SheetWriter<'a> {
     }
 
     /// Adds an attribute; `name` with its underscore, or one of glTF's own.
-    pub(super) fn insert(&mut self, name: &str, write: impl FnOnce(&mut SceneWriter) -> Index<Accessor>) {
+    pub(super) fn insert<S: Stored, const N: usize>(
+        &mut self,
+        name: &str,
+        rows: impl ExactSizeIterator<Item = [S; N]>,
+    ) {
         let semantic = match name {
             "NORMAL" => Semantic::Normals,
             "TEXCOORD_0" => Semantic::TexCoords(0),
             _ => Semantic::Extras(name.trim_start_matches('_').into()),
         };
-        self.attributes.insert(Checked::Valid(semantic), write(self.writer));
+        self.attributes.insert(Checked::Valid(semantic), self.writer.attribute(rows));
     }
 
     /// All that is known of taxels, which are valid.
@@ -139,15 +123,13 @@ impl<'a> SheetWriter<'a> {
         if let Some(densities) = &taxels.densities {
             self.positive("_DENSITY", densities)?;
         }
-        let presence = taxels.presence.iter().map(|&p| [p.code()]);
-        self.insert("_PRESENT", |writer| writer.attribute(presence));
+        self.insert("_PRESENT", taxels.presence.iter().map(|&p| [p.code()]));
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
     }
 
     /// Unit normals.
     pub(super) fn normals(&mut self, normals: &IdVec<VertexId, DVec3>) {
-        let rows = normals.iter().map(|n| n.to_array().map(narrow));
-        self.insert("NORMAL", |writer| writer.attribute(rows));
+        self.insert("NORMAL", normals.iter().map(|n| n.to_array().map(narrow)));
     }
 
     /// Vendor ids, low half first.
@@ -156,39 +138,33 @@ impl<'a> SheetWriter<'a> {
             let [a, b, c, d] = id.0.to_le_bytes();
             [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
         };
-        self.insert("_TAXEL_ID", |writer| writer.attribute(ids.iter().map(halves)));
+        self.insert("_TAXEL_ID", ids.iter().map(halves));
     }
 
     /// A positive scalar.
     pub(super) fn positive(&mut self, name: &str, values: &IdVec<VertexId, f64>) -> Result<(), IoError> {
-        if let Some((v, x)) =
-            values.enumerate().find(|(_, x)| !(narrow(**x) > 0.0 && narrow(**x).is_finite()))
-        {
-            return Err(refuse(self.path, &self.name, format!("{name} {x} of vertex {v}"), "a positive f32"));
+        let fits = |x: f64| narrow(x) > 0.0 && narrow(x).is_finite();
+        if let Some((v, x)) = values.enumerate().find(|(_, x)| !fits(**x)) {
+            return Err(self.unfit(format!("{name} {x} of vertex {v}"), "a positive f32"));
         }
-        self.insert(name, |writer| writer.attribute(values.iter().map(|&x| [narrow(x)])));
+        self.insert(name, values.iter().map(|&x| [narrow(x)]));
         Ok(())
     }
 
     /// Covariances of positions, and the standard deviation that stands for each.
     fn covariances(&mut self, covariances: &IdVec<VertexId, Covariance>) -> Result<(), IoError> {
-        if let Some((v, c)) =
-            covariances.enumerate().find(|(_, c)| !c.to_array().iter().all(|x| narrow(*x).is_finite()))
-        {
-            return Err(refuse(
-                self.path,
-                &self.name,
-                format!("covariance {c:?} of vertex {v}"),
-                "finite f32",
-            ));
+        let fits = |c: &Covariance| c.to_array().iter().all(|x| narrow(*x).is_finite());
+        if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !fits(c)) {
+            return Err(self.unfit(format!("covariance {c:?} of vertex {v}"), "finite f32"));
         }
-        let sigma = |c: &Covariance| [narrow(c.sigma())];
-        self.insert("_SIGMA", |writer| writer.attribute(covariances.iter().map(sigma)));
-        let first = covariances.iter().map(|c| [c.xx, c.xy, c.xz].map(narrow));
-        self.insert("_COVARIANCE_0", |writer| writer.attribute(first));
-        let second = covariances.iter().map(|c| [c.yy, c.yz, c.zz].map(narrow));
-        self.insert("_COVARIANCE_1", |writer| writer.attribute(second));
+        self.insert("_SIGMA", covariances.iter().map(|c| [narrow(c.sigma())]));
+        self.insert("_COVARIANCE_0", covariances.iter().map(|c| [c.xx, c.xy, c.xz].map(narrow)));
+        self.insert("_COVARIANCE_1", covariances.iter().map(|c| [c.yy, c.yz, c.zz].map(narrow)));
         Ok(())
+    }
+
+    fn unfit(&self, found: String, needed: &str) -> IoError {
+        unfit(self.path, &self.name, found, needed)
     }
 
     /// The primitive of everything inserted.

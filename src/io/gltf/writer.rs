@@ -1,17 +1,27 @@
 //! A glTF document that grows object by object, and its file.
 
-use std::{io::Write as _, mem, path::Path};
-
-use base64::{Engine as _, engine::general_purpose::STANDARD};
-use gltf::json::{
-    self, Index, Root, Value,
-    accessor::{Accessor, ComponentType, GenericComponentType, Type},
-    buffer::{self, Buffer, Stride, View},
-    extras::{Extras, RawValue},
-    validation::{Checked, USize64},
+use std::{
+    io::{self, Write as _},
+    mem,
+    path::Path,
 };
 
-use crate::io::{IoError, file::replace::replace_file};
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use gltf::{
+    binary::{Glb, Header},
+    json::{
+        self, Index, Root, Value,
+        accessor::{Accessor, ComponentType, GenericComponentType, Type},
+        buffer::{self, Buffer, Stride, View},
+        extras::{Extras, RawValue},
+        validation::{Checked, USize64},
+    },
+};
+
+use crate::io::{
+    IoError,
+    file::{replace::replace_file, source::unfit},
+};
 
 /// Which of the two forms of glTF a file has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -164,28 +174,18 @@ impl SceneWriter {
             text.push(b'\n');
             return replace_file(path, |file| file.write_all(&text).map_err(fail));
         }
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let size = |n: usize| {
-            u32::try_from(n).map_err(|_| IoError::Unsupported {
-                path: path.into(),
-                element: format!("a document of {n} bytes"),
-                feature: "more than the 4 GiB of a GLB".into(),
-                remedy: "write the patches to several files".into(),
-            })
-        };
-        let total = size(12 + 8 + text.len() + 8 + bytes.len())?;
-        let (text_size, bytes_size) = (size(text.len())?, size(bytes.len())?);
+        // The crate lets the length of a larger file wrap around.
+        let length = 12 + 8 + text.len() + 8 + bytes.len();
+        if u32::try_from(length + 4).is_err() {
+            return Err(unfit(path, "the document", format!("{length} bytes"), "less than 4 GiB in a GLB"));
+        }
+        let header = Header { magic: *b"glTF", version: 2, length: 0 };
+        let glb = Glb { header, json: text.into(), bin: Some(bytes.into()) };
         replace_file(path, |file| {
-            let mut put = |bytes: &[u8]| file.write_all(bytes).map_err(fail);
-            put(b"glTF")?;
-            put(&2_u32.to_le_bytes())?;
-            put(&total.to_le_bytes())?;
-            put(&text_size.to_le_bytes())?;
-            put(b"JSON")?;
-            put(&text)?;
-            put(&bytes_size.to_le_bytes())?;
-            put(b"BIN\0")?;
-            put(&bytes)
+            glb.to_writer(file).map_err(|e| match e {
+                gltf::Error::Io(source) => fail(source),
+                other => fail(io::Error::other(other)),
+            })
         })
     }
 }

@@ -47,8 +47,8 @@ const MAX_SIDE: u32 = 1 << 24;
 /// Writes images as one multi-part OpenEXR file: scan lines from the top, ZIP compression in blocks
 /// of 16 rows.
 ///
-/// Parts are named as the images ([`part_name`] tells how characters beyond ASCII are written),
-/// channels are sorted by name, every data window starts at (0, 0), and all parts share a display
+/// Parts are named as the images (bytes beyond printable ASCII, and `%`, as `%` and two hexadecimal
+/// digits), channels are sorted by name, every data window starts at (0, 0), and all parts share a display
 /// window that holds the largest. The attribute `dermatome` of each part is a JSON text: `version`
 /// of the program, `name` of the image and `map`, with `origin` and `size` in m as in `map.glb`.
 ///
@@ -205,25 +205,15 @@ impl<'a> Note<'a> {
 /// A name as it is written in an EXR file, whose names are bytes that every program reads as it
 /// likes: printable ASCII as it is, any other byte of the UTF-8 text, and `%` itself, as `%` and
 /// two hexadecimal digits.
-#[must_use]
-pub fn part_name(name: &str) -> String {
-    let mut out = String::with_capacity(name.len());
+fn ascii(name: &str) -> Text {
+    let mut bytes = Vec::with_capacity(name.len());
     for byte in name.bytes() {
         match byte {
-            b' '..=b'~' if byte != b'%' => out.push(char::from(byte)),
-            _ => {
-                out.push('%');
-                out.extend(
-                    [byte >> 4, byte & 15].map(|digit| char::from(b"0123456789ABCDEF"[usize::from(digit)])),
-                );
-            }
+            b' '..=b'~' if byte != b'%' => bytes.push(byte),
+            _ => bytes.extend(format!("%{byte:02X}").into_bytes()),
         }
     }
-    out
-}
-
-fn ascii(name: &str) -> Text {
-    Text::from_slice_unchecked(part_name(name).as_bytes())
+    Text::from_slice_unchecked(&bytes)
 }
 
 fn invalid(message: String) -> io::Error {
@@ -247,9 +237,6 @@ const EFFORT: Effort = Effort::new(1);
 ///
 /// Written here because the exr crate's own deflate takes three times as long, and most of the time
 /// of an image.
-///
-/// # Errors
-/// Whatever the encoder says; writing to memory it says nothing.
 fn compress(block: Vec<u8>) -> io::Result<Vec<u8>> {
     let mut bytes: Vec<u8> =
         block.iter().step_by(2).chain(block.iter().skip(1).step_by(2)).copied().collect();

@@ -45,7 +45,7 @@ const READABLE: &str = "glb, gltf, json, obj, ply, stl, csv, txt";
 /// format.
 pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
     let read = match kind(path).as_str() {
-        "glb" | "gltf" => return gltf::read_gltf(path),
+        "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?),
         "json" => robotskin::read,
         "obj" => obj::read,
         "ply" => ply::read,
@@ -85,8 +85,7 @@ const WRITABLE: &str = "glb, gltf, json, obj, ply, stl, csv";
 /// cannot be written; an older file stays as it was.
 pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let write = match kind(path).as_str() {
-        "glb" => gltf::write_skin_glb,
-        "gltf" => gltf::write_skin_gltf,
+        "glb" | "gltf" => gltf::write_skin,
         "json" => robotskin::write,
         "obj" => obj::write,
         "ply" => ply::write,

@@ -39,9 +39,6 @@ const SECTION: &str = "[calibration]";
 ///
 /// A header line may stand there once. That rows end within a module, or `taxel2Repr` names slots
 /// beyond them, is remarked.
-///
-/// # Errors
-/// The first line that is none of these.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let last = LineLocation { path: source.path(), line: source.text()?.lines().count() };
     let mut lines = source.lines()?.map(|(at, line)| (at, line.trim())).filter(|(_, line)| !line.is_empty());
@@ -155,14 +152,7 @@ fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>, IoError
 /// The six numbers of a slot.
 fn row(at: LineLocation<'_>, line: &str) -> Result<[f64; ROW], IoError> {
     const NEEDED: &str = "x y z nx ny nz, six finite numbers";
-    let mut row = [0.0; ROW];
-    let mut words = line.split_whitespace();
-    for x in &mut row {
-        let word = words.next().ok_or_else(|| at.invalid(excerpt(line), NEEDED))?;
-        *x = finite(word).ok_or_else(|| at.invalid(excerpt(word), NEEDED))?;
-    }
-    match words.next() {
-        None => Ok(row),
-        Some(_) => Err(at.invalid(excerpt(line), NEEDED)),
-    }
+    let number = |word: &str| finite(word).ok_or_else(|| at.invalid(excerpt(word), NEEDED));
+    let numbers: Vec<f64> = line.split_whitespace().map(number).collect::<Result<_, _>>()?;
+    numbers.try_into().map_err(|_| at.invalid(excerpt(line), NEEDED))
 }

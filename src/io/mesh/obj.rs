@@ -72,9 +72,6 @@ struct Reader<'a> {
 /// vertex disagree it is their mean, where a vertex has no corner it is zero. A sheet with a corner
 /// without a normal has none. Colours, texture coordinates, materials, lines and points are left
 /// out.
-///
-/// # Errors
-/// The first broken statement, by line.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let mut reader = Reader {
         source,
@@ -109,14 +106,10 @@ impl<'a> Reader<'a> {
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         match word {
             "v" => {
-                let position = vector(at, word, rest)?;
-                self.positions.push(position);
+                self.positions.push(vector(at, word, rest)?);
                 self.declared_in.push(self.group);
             }
-            "vn" => {
-                let normal = vector(at, word, rest)?;
-                self.normals.push(normal);
-            }
+            "vn" => self.normals.push(vector(at, word, rest)?),
             "vt" => self.texture_points += 1,
             "f" => self.face(at, rest)?,
             "o" => {
@@ -125,12 +118,8 @@ impl<'a> Reader<'a> {
             }
             "g" => self.enter(rest.trim()),
             "curv" | "curv2" | "surf" => {
-                return Err(IoError::Unsupported {
-                    path: self.source.path().into(),
-                    element: format!("line {}", at.line),
-                    feature: "a free-form curve or surface".into(),
-                    remedy: "export the skin as triangles".into(),
-                });
+                let (feature, remedy) = ("a free-form curve or surface", "export the skin as triangles");
+                return Err(self.source.unsupported(format!("line {}", at.line), feature, remedy));
             }
             // The format asks readers to pass over statements they do not know.
             _ => {}
@@ -290,9 +279,6 @@ fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3, IoError
 
 /// Writes an OBJ file: one `o` per patch, positions in the world, normals. Ids, areas and links are
 /// lost.
-///
-/// # Errors
-/// If the file cannot be written.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     replace_file(path, |file| {
         let mut before = 0;

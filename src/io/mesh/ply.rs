@@ -93,10 +93,6 @@ impl PropertyAccess for FaceRow {
 /// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; negative
 /// ones become the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
 /// thermal pad).
-///
-/// # Errors
-/// The first thing that breaks a rule. Counts of the header are compared with the length of the
-/// file before anything is read.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let broken = |e: ParseError| parse_error(source, &e);
     let mut reader = Reader::new(source.bytes());
@@ -266,9 +262,6 @@ fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Res
 /// knows it.
 ///
 /// Patch and link names are lost, and densities too unless every patch has them.
-///
-/// # Errors
-/// If the file cannot be written, or the skin has more vertices than the format can name.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let vertices: usize = skin.patches.iter().map(|p| p.mesh.positions.len()).sum();
     let faces: usize = skin.patches.iter().map(|p| p.mesh.triangles.len()).sum();
@@ -303,15 +296,14 @@ struct Extra {
 
 fn write_header(file: &mut impl Write, vertices: usize, faces: usize, extra: Extra) -> io::Result<()> {
     writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
-    for name in ["x", "y", "z", "nx", "ny", "nz"] {
-        writeln!(file, "property double {name}")?;
-    }
-    writeln!(file, "property uint taxel_id\nproperty double area")?;
-    if extra.density {
-        writeln!(file, "property double density")?;
-    }
-    if extra.presence {
-        writeln!(file, "property uchar present")?;
+    for name in VERTEX_PROPERTIES {
+        match name {
+            "density" if !extra.density => {}
+            "present" if !extra.presence => {}
+            "present" => writeln!(file, "property uchar {name}")?,
+            "taxel_id" => writeln!(file, "property uint {name}")?,
+            _ => writeln!(file, "property double {name}")?,
+        }
     }
     writeln!(file, "element face {faces}\nproperty list uchar uint vertex_indices\nend_header")
 }

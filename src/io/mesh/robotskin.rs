@@ -1,6 +1,10 @@
 //! JSON of robotskinlib, version 2: one rigid body of skin with its taxels, faces and frame.
 
-use std::{borrow::Cow, path::Path};
+use std::{
+    borrow::Cow,
+    io::{self, Write as _},
+    path::Path,
+};
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -10,7 +14,7 @@ use crate::{
     io::{
         IoError,
         file::{
-            replace::write_json,
+            replace::replace_file,
             source::{Source, excerpt, stem},
         },
     },
@@ -107,9 +111,6 @@ fn presence(kind: &str) -> Presence {
 /// Every frame becomes a link; taxels name none, so further frames only keep their place. Negative
 /// ids, the placeholder of some tools, become [`u32::MAX`]. The `tactile_maps` are left out: they
 /// are made anew here.
-///
-/// # Errors
-/// The first broken value, by line and column or by its place in the body.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let file: File<'_> = serde_json::from_slice(source.bytes()).map_err(|e| {
         let found = e.to_string();
@@ -234,9 +235,6 @@ fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
 ///
 /// Patches that share one link keep its frame; otherwise, and if the frame is not a rotation,
 /// positions are in the world.
-///
-/// # Errors
-/// If the file cannot be written.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let (frame, patches) = framed(skin);
     let mut taxels = Vec::new();
@@ -266,7 +264,11 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
         taxels,
         faces,
     };
-    write_json(path, &File { info, skin: body })
+    replace_file(path, |out| {
+        let written = serde_json::to_writer_pretty(&mut *out, &File { info, skin: body });
+        let written = written.map_err(io::Error::from).and_then(|()| out.write_all(b"\n"));
+        written.map_err(|source| IoError::Write { path: path.into(), source })
+    })
 }
 
 /// The frame of the whole skin, and the patches in it.
@@ -288,28 +290,4 @@ fn only_link(skin: &Skin) -> Option<(LinkId, DAffine3)> {
     let link = skin.patches.iter().next()?.link;
     let pose = world_pose(&skin.links, link);
     (skin.patches.iter().all(|p| p.link == link) && is_rotation(&pose.matrix3)).then_some((link, pose))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Four printed digits of a turn by 45 degrees are enough to find it again.
-    #[test]
-    fn rounded_rotation_becomes_the_nearest_one() {
-        #[expect(clippy::approx_constant, reason = "the files print four digits")]
-        let [s, c] = [0.7071, 0.7071];
-        let rounded = DMat3::from_cols_array(&[c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0]);
-        let found = nearest_rotation(rounded);
-        let turn = DMat3::from_rotation_z(std::f64::consts::FRAC_PI_4);
-        assert!(found.abs_diff_eq(turn, 1e-15), "{found}");
-    }
-
-    #[test]
-    fn unknown_types_count_as_no_taxel() {
-        assert_eq!(presence("proximity"), Presence::Absent);
-        for p in [Presence::Present, Presence::Absent, Presence::ThermalPad] {
-            assert_eq!(presence(presence_name(p)), p, "the name of each kind reads back");
-        }
-    }
 }

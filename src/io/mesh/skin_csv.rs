@@ -14,10 +14,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{
-            replace::replace_file,
-            source::{Source, invalid},
-        },
+        file::{replace::replace_file, source::Source},
         table::csv_table::{Columns, Row, Table, table_write_error},
     },
     skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
@@ -67,9 +64,6 @@ struct ColumnIndices {
 /// placeholder [`u32::MAX`]. Tables of calibrated taxels are read, too: `qx,qy,qz,qw` is the frame
 /// whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the places
 /// of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
-///
-/// # Errors
-/// The first broken cell by line and column.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let (mut draft, homes) = read_taxels(source)?;
     let triangles_path = companion(source.path());
@@ -80,11 +74,11 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
 }
 
 impl ColumnIndices {
-    fn new(path: &Path, columns: &Columns) -> Result<Self, IoError> {
+    fn new(columns: &Columns) -> Result<Self, IoError> {
         let link = match (columns.find(ON_LINK), columns.find(LINK)) {
             (Some(_), Some(_)) => {
                 let found = format!("columns `{ON_LINK}` and `{LINK}`");
-                return Err(invalid(path, "line 1", found, "one of them"));
+                return Err(columns.at().invalid(found, "one of them"));
             }
             (on_link, link) => on_link.or(link),
         };
@@ -117,9 +111,9 @@ struct Sheets {
 /// Reads the taxels; with the sheet, and the place in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
     let known: Vec<&str> = COLUMNS.into_iter().chain([LINK]).chain(CALIBRATED).collect();
-    let table = Table::open(source.path(), source.bytes())?;
+    let table = Table::of(source)?;
     table.refuse_unknown(&known)?;
-    let indices = ColumnIndices::new(source.path(), &table.columns)?;
+    let indices = ColumnIndices::new(&table.columns)?;
     let mut sheets = Sheets::default();
     table.each_row(&mut |row| sheets.add(row, &indices, source))?;
     if indices.normal.is_none() {
@@ -156,27 +150,21 @@ impl Sheets {
             sheet.ids.get_or_insert_default().push(taxel_id(row, column)?);
         }
         if let Some(columns) = indices.normal {
-            OptionalColumn::of(columns[0], &mut sheet.normals).push(
-                row,
-                place,
-                row.vector_if_any(columns)?,
-            )?;
+            let normal = row.numbers_if_any(columns)?.map(DVec3::from_array);
+            push((row, columns[0], place), &mut sheet.normals, normal)?;
         } else if let Some(columns) = indices.rotation {
             sheet.normals.get_or_insert_default().push(row.rotation(columns)? * DVec3::Z);
         }
         if let Some(columns) = indices.covariance {
-            OptionalColumn::of(columns[0], &mut sheet.covariances).push(
-                row,
-                place,
-                row.numbers_if_any(columns)?.map(Covariance::from_array),
-            )?;
+            let covariance = row.numbers_if_any(columns)?.map(Covariance::from_array);
+            push((row, columns[0], place), &mut sheet.covariances, covariance)?;
         }
         if let Some(column) = indices.sigma {
             row.number_if_any(column)?;
         }
         for (column, numbers) in [(indices.area, &mut sheet.areas), (indices.density, &mut sheet.densities)] {
             let Some(column) = column else { continue };
-            OptionalColumn::of(column, numbers).push(row, place, row.number_if_any(column)?)?;
+            push((row, column, place), numbers, row.number_if_any(column)?)?;
         }
         if let Some(column) = indices.present {
             let presence = Presence::from_code(row.number(column)?);
@@ -203,28 +191,19 @@ impl Sheets {
     }
 }
 
-/// A column whose cells are filled for all taxels of a sheet or for none.
-struct OptionalColumn<'a, T> {
-    column: usize,
-    values: &'a mut Option<Vec<T>>,
-}
-
-impl<'a, T> OptionalColumn<'a, T> {
-    fn of(column: usize, values: &'a mut Option<Vec<T>>) -> Self {
-        Self { column, values }
+/// Appends a cell of a column whose cells are filled for all taxels of a sheet or for none; `before`
+/// are those of the sheet so far.
+fn push<T>(
+    (row, column, before): (Row<'_>, usize, usize),
+    values: &mut Option<Vec<T>>,
+    value: Option<T>,
+) -> Result<(), IoError> {
+    match value {
+        Some(value) if values.is_some() || before == 0 => values.get_or_insert_default().push(value),
+        None if values.is_none() => {}
+        _ => return Err(row.invalid(column, "a value for every taxel of a patch, or for none")),
     }
-
-    /// Appends the cell of a row after `before` others of its sheet.
-    fn push(self, row: Row<'_>, before: usize, value: Option<T>) -> Result<(), IoError> {
-        match value {
-            Some(value) if self.values.is_some() || before == 0 => {
-                self.values.get_or_insert_default().push(value);
-                Ok(())
-            }
-            None if self.values.is_none() => Ok(()),
-            _ => Err(row.invalid(self.column, "a value for every taxel of a patch, or for none")),
-        }
-    }
+    Ok(())
 }
 
 fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId, IoError> {
@@ -235,7 +214,7 @@ fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId, IoError> {
 
 fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet]) -> Result<(), IoError> {
     const CORNERS: [&str; 3] = ["a", "b", "c"];
-    let table = Table::open(source.path(), source.bytes())?;
+    let table = Table::of(source)?;
     table.refuse_unknown(&CORNERS)?;
     let columns = table.columns.need_vector(CORNERS)?;
     table.each_row(&mut |row| {
@@ -259,9 +238,6 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet])
 
 /// Writes the two tables, positions in the world. The frames of the links are lost, their names
 /// kept.
-///
-/// # Errors
-/// If one of them cannot be written.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let triangles_path = companion(path);
     replace_file(path, |taxels| {

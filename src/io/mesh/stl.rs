@@ -25,44 +25,33 @@ const FACET: usize = 50;
 ///
 /// The format shares no corners, so those at exactly the same place are one vertex. Facet normals
 /// are left out: the order of the corners says the same.
-///
-/// # Errors
-/// The first broken facet. The count of a binary file is compared with its length before anything
-/// is read.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let sheets = if is_text(source.bytes()) { read_text(source)? } else { vec![read_binary(source)?] };
     Ok(Draft { sheets, ..Draft::default() })
 }
 
-/// Number of triangles in the header of a binary file.
-fn declared_count(bytes: &[u8]) -> Option<u32> {
-    let count = bytes.get(HEADER - 4..HEADER)?;
-    Some(u32::from_le_bytes(count.try_into().ok()?))
-}
-
-fn binary_len(count: u32) -> u64 {
-    HEADER as u64 + FACET as u64 * u64::from(count)
+/// Number of triangles in the header of a binary file, and the length of a file of as many.
+fn declared(bytes: &[u8]) -> Option<(u32, u64)> {
+    let count = u32::from_le_bytes(bytes.get(HEADER - 4..HEADER)?.try_into().ok()?);
+    Some((count, HEADER as u64 + FACET as u64 * u64::from(count)))
 }
 
 /// Text starts with `solid`; so does the comment of many a binary file, whose length gives it away.
 fn is_text(bytes: &[u8]) -> bool {
     let solid = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    solid && declared_count(bytes).is_none_or(|n| binary_len(n) != bytes.len() as u64)
+    solid && declared(bytes).is_none_or(|(_, length)| length != bytes.len() as u64)
 }
 
 fn read_binary(source: &Source) -> Result<Sheet, IoError> {
     let bytes = source.bytes();
-    let Some(count) = declared_count(bytes) else {
-        let found = format!("{} bytes", bytes.len());
-        return Err(source.invalid(
-            "header",
-            found,
-            format!("at least {HEADER}, or text that starts with `solid`"),
-        ));
+    let refuse = |found: String, needed: String| Err(source.invalid("header", found, needed));
+    let Some((count, length)) = declared(bytes) else {
+        let needed = format!("at least {HEADER}, or text that starts with `solid`");
+        return refuse(format!("{} bytes", bytes.len()), needed);
     };
-    if binary_len(count) != bytes.len() as u64 {
+    if length != bytes.len() as u64 {
         let found = format!("{count} triangles in {} bytes", bytes.len());
-        return Err(source.invalid("header", found, format!("{HEADER} bytes and {FACET} for each triangle")));
+        return refuse(found, format!("{HEADER} bytes and {FACET} for each triangle"));
     }
     let mut solid = Solid::new(source.stem());
     for (k, facet) in bytes[HEADER..].chunks_exact(FACET).enumerate() {
@@ -168,10 +157,6 @@ impl Solid {
 }
 
 /// Writes a binary STL file of all patches, positions in the world, rounded to `f32`.
-///
-/// # Errors
-/// If the file cannot be written, or a coordinate or the number of triangles is too large for the
-/// format.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let count: usize = skin.patches.iter().map(|patch| patch.mesh.triangles.len()).sum();
     let Ok(count) = u32::try_from(count) else {

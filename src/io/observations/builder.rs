@@ -4,7 +4,7 @@ use std::{
     collections::{BTreeMap, HashMap},
     fmt,
     ops::RangeInclusive,
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use glam::{DQuat, DVec3};
@@ -38,8 +38,9 @@ const MOST_INFORMATION: f64 = 1e18;
 pub(super) const SIGMA_RANGE: RangeInclusive<f64> = 1e-9..=1e9;
 
 /// Observations while they are read: taxels may be declared after the lines that name them.
-pub(super) struct ObservationsBuilder<'a> {
-    path: &'a Path,
+#[derive(Default)]
+pub(super) struct ObservationsBuilder {
+    path: PathBuf,
     observations: Observations,
     model_known: bool,
     index: HashMap<TaxelId, VertexId>,
@@ -52,21 +53,9 @@ pub(super) struct ObservationsBuilder<'a> {
     pub(super) assumed_sigma: Option<f64>,
 }
 
-impl<'a> ObservationsBuilder<'a> {
-    pub(super) fn new(path: &'a Path) -> Self {
-        Self {
-            path,
-            observations: Observations::default(),
-            model_known: false,
-            index: HashMap::new(),
-            edges: Vec::new(),
-            contacts: Vec::new(),
-            fixed: Vec::new(),
-            unknown_tags: BTreeMap::new(),
-            normalised: 0,
-            worst: 1.0,
-            assumed_sigma: None,
-        }
+impl ObservationsBuilder {
+    pub(super) fn new(path: &Path) -> Self {
+        Self { path: path.into(), worst: 1.0, ..Self::default() }
     }
 
     /// One file has one model.
@@ -181,15 +170,14 @@ impl<'a> ObservationsBuilder<'a> {
         let find = |id: TaxelId, line: usize| {
             index.get(&id).copied().ok_or_else(|| {
                 let needed = "a taxel that a VERTEX line declares";
-                LineLocation { path, line }.invalid(format!("taxel {id}{left_out}"), needed)
+                LineLocation { path: &path, line }.invalid(format!("taxel {id}{left_out}"), needed)
             })
         };
         for (id, line) in self.fixed {
             if !declared {
                 let found = format!("FIX {id}{left_out}");
-                return Err(
-                    LineLocation { path, line }.invalid(found, "a VERTEX line that says where it is fixed")
-                );
+                return Err(LineLocation { path: &path, line }
+                    .invalid(found, "a VERTEX line that says where it is fixed"));
             }
             observations.taxels[find(id, line)?].fixed = true;
         }
@@ -203,18 +191,15 @@ impl<'a> ObservationsBuilder<'a> {
         }
         if observations.edges.is_empty() && observations.contacts.is_empty() {
             let found = format!("{} taxels and no observation{left_out}", observations.taxels.len());
-            return Err(invalid(path, "the file", found, "edges between taxels, or contacts"));
+            return Err(invalid(&path, "the file", found, "edges between taxels, or contacts"));
         }
-        let mut remarks: Vec<_> = self
-            .unknown_tags
-            .into_iter()
-            .map(|(tag, lines)| ObservationRemark::UnknownTag { tag, lines })
-            .collect();
+        let unknown = |(tag, lines)| ObservationRemark::UnknownTag { tag, lines };
+        let mut remarks: Vec<_> = self.unknown_tags.into_iter().map(unknown).collect();
         if self.normalised > 0 {
             remarks.push(ObservationRemark::Normalised { quaternions: self.normalised, worst: self.worst });
         }
         remarks.extend(self.assumed_sigma.map(|sigma| ObservationRemark::AssumedSigma { sigma }));
-        Ok(ReadObservations { observations, remarks })
+        Ok((observations, remarks))
     }
 
     /// Without declarations the taxels are those that are named, in ascending order.
@@ -246,12 +231,8 @@ impl fmt::Display for LeftOut<'_> {
         let Some(lines) = self.0.values().copied().reduce(|a, b| a + b) else { return Ok(()) };
         let named: Vec<String> =
             self.0.iter().take(MOST_NAMED).map(|(tag, lines)| format!("{tag} ({lines})")).collect();
-        write!(
-            f,
-            "; {lines} line{} of unknown tags: {}",
-            if lines == 1 { "" } else { "s" },
-            named.join(", ")
-        )?;
+        let (s, named) = (if lines == 1 { "" } else { "s" }, named.join(", "));
+        write!(f, "; {lines} line{s} of unknown tags: {named}")?;
         match self.0.len().saturating_sub(MOST_NAMED) {
             0 => Ok(()),
             more => write!(f, " and {more} more"),
@@ -278,11 +259,8 @@ fn check_information<const N: usize>(
         return Err(at.invalid(found, needed));
     }
     if !information.is_positive_semidefinite() {
-        let found = format!(
-            "an information matrix of {} with the negative eigenvalue {:e}",
-            name(),
-            information.eigenvalues()[0]
-        );
+        let (name, least) = (name(), information.eigenvalues()[0]);
+        let found = format!("an information matrix of {name} with the negative eigenvalue {least:e}");
         return Err(at.invalid(found, "a positive semi-definite matrix, upper triangle row by row"));
     }
     Ok(())

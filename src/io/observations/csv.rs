@@ -2,22 +2,21 @@
 
 use std::{io::BufRead, path::Path};
 
-use glam::DVec3;
-
 use crate::{
-    calib::{ContactMeasurement, DisplacementMeasurement, Information, Model, Observations},
-    id::VertexId,
+    calib::{
+        ContactMeasurement, ContactObservation, DisplacementMeasurement, Information, Model, Observations,
+    },
     io::{
         IoError,
         file::{
-            lines::{LineLocation, Lines},
-            source::{excerpt, invalid},
+            lines::Lines,
+            source::{excerpt, invalid, unsupported},
         },
         observations::{
             builder::{ObservationsBuilder, SIGMA_RANGE, information_of},
             types::ReadObservations,
         },
-        table::csv_table::{Columns, Row, Table, decimals, write_table},
+        table::csv_table::{Columns, Row, Table, labelled, write_table},
     },
 };
 
@@ -92,11 +91,11 @@ enum Uncertainty {
 }
 
 impl ColumnIndices {
-    fn new(columns: &Columns, path: &Path, line: u64) -> Result<Self, IoError> {
+    fn new(columns: &Columns) -> Result<Self, IoError> {
         let mut used = vec!["i"];
         let has = |name: &str| columns.find(name).is_some();
         let Some(taxel) = columns.find("i") else {
-            return Err(invalid(path, format!("line {line}"), columns.describe(), TABLES));
+            return Err(columns.at().invalid(columns.describe(), TABLES));
         };
         let subject = if has("j") || OFFSET.iter().any(|name| has(name)) {
             used.extend(["j"].into_iter().chain(OFFSET));
@@ -129,156 +128,127 @@ impl ColumnIndices {
         used.retain(|name| columns.find(name).is_some());
         if let Some((_, name)) = columns.unknown(&used).next() {
             let found = format!("a column {}, which says nothing next to {}", excerpt(name), used.join(","));
-            return Err(invalid(path, format!("line {line}"), found, TABLES));
+            return Err(columns.at().invalid(found, TABLES));
         }
         Ok(Self { taxel, subject, uncertainty })
     }
 }
 
-pub(super) fn read(lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
-    let mut builder = ObservationsBuilder::new(path);
+/// Reads from the line on which `lines` stands.
+pub(super) fn read(lines: Lines<impl BufRead>) -> Result<ReadObservations, IoError> {
+    let mut builder = ObservationsBuilder::new(lines.path());
     if lines.current()?.is_none() {
-        return Err(invalid(path, "the file", "an empty file, or comments alone", TABLES));
+        let found = "an empty file, or comments alone";
+        return Err(invalid(lines.path(), "the file", found, TABLES));
     }
-    let table = Table::open(path, lines)?;
-    let columns = ColumnIndices::new(&table.columns, path, table.row().line)?;
+    let table = Table::open(lines)?;
+    let columns = ColumnIndices::new(&table.columns)?;
     if matches!(columns.uncertainty, Uncertainty::Assumed) {
         builder.assumed_sigma = Some(DEFAULT_SIGMA);
     }
-    table.each_row(&mut |row| {
-        let line = usize::try_from(row.line).unwrap_or(usize::MAX);
-        Observation { row, at: LineLocation { path, line } }.read(&columns, &mut builder)
-    })?;
+    table.each_row(&mut |row| read_row(row, &columns, &mut builder))?;
     builder.finish()
 }
 
-/// One row of a table.
-struct Observation<'a> {
-    row: Row<'a>,
-    at: LineLocation<'a>,
-}
-
-impl Observation<'_> {
-    fn read(&self, columns: &ColumnIndices, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
-        let (row, at) = (&self.row, &self.at);
-        let id = row.taxel(columns.taxel)?;
-        let information = self.information(&columns.uncertainty)?;
-        match columns.subject {
-            Subject::Displacement { other, offset } => {
-                let ids = [id, row.taxel(other)?];
-                let offset = row.vector(offset)?;
-                builder.set_model(Model::Positions, at)?;
-                builder.edge(ids, DisplacementMeasurement::Offset { offset, information }, at)
-            }
-            Subject::ContactObservation { position, normal } => {
-                let position = row.vector(position)?;
-                let touch = match normal {
-                    None => ContactMeasurement::Position { position, information },
-                    Some((columns, sigma)) => {
-                        let normal = self.normal(columns)?;
-                        let assumed = || Ok(DEFAULT_NORMAL_SIGMA.powi(-2));
-                        let normal_information = sigma.map_or_else(assumed, |k| self.sigma(k))?;
-                        ContactMeasurement::PositionNormal {
-                            position,
-                            information,
-                            normal,
-                            normal_information,
-                        }
-                    }
-                };
-                builder.contact(id, touch, at)
-            }
+fn read_row(row: Row<'_>, columns: &ColumnIndices, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
+    let (id, at) = (row.taxel(columns.taxel)?, &row.at);
+    let information = information(row, &columns.uncertainty)?;
+    match columns.subject {
+        Subject::Displacement { other, offset } => {
+            let ids = [id, row.taxel(other)?];
+            let offset = row.vector(offset)?;
+            builder.set_model(Model::Positions, at)?;
+            builder.edge(ids, DisplacementMeasurement::Offset { offset, information }, at)
+        }
+        Subject::ContactObservation { position, normal: None } => {
+            let position = row.vector(position)?;
+            builder.contact(id, ContactMeasurement::Position { position, information }, at)
+        }
+        Subject::ContactObservation { position, normal: Some((columns, sigma)) } => {
+            let (position, given) = (row.vector(position)?, row.vector(columns)?);
+            let odd = || at.invalid(format!("the normal {given}"), "a normal with a direction");
+            let normal = given.try_normalize().ok_or_else(odd)?;
+            let assumed = || Ok(DEFAULT_NORMAL_SIGMA.powi(-2));
+            let normal_information = sigma.map_or_else(assumed, |column| of_sigma(row, column))?;
+            let touch =
+                ContactMeasurement::PositionNormal { position, information, normal, normal_information };
+            builder.contact(id, touch, at)
         }
     }
-
-    fn information(&self, uncertainty: &Uncertainty) -> Result<Information<3>, IoError> {
-        Ok(match uncertainty {
-            Uncertainty::Assumed => Information::diagonal([DEFAULT_SIGMA.powi(-2); 3]),
-            Uncertainty::Sigma(k) => Information::diagonal([self.sigma(*k)?; 3]),
-            Uncertainty::Sigmas([x, y, z]) => {
-                Information::diagonal([self.sigma(*x)?, self.sigma(*y)?, self.sigma(*z)?])
-            }
-            Uncertainty::Information([xx, xy, xz, yy, yz, zz]) => {
-                let row = |columns| self.row.vector(columns).map(|v| v.to_array());
-                Information([row([*xx, *xy, *xz])?, row([*xy, *yy, *yz])?, row([*xz, *yz, *zz])?])
-            }
-        })
-    }
-
-    /// The information of a standard deviation.
-    fn sigma(&self, column: usize) -> Result<f64, IoError> {
-        let needed = || format!("a sigma of {:e} to {:e}", SIGMA_RANGE.start(), SIGMA_RANGE.end());
-        information_of(self.row.number(column)?).ok_or_else(|| self.row.invalid(column, needed()))
-    }
-
-    fn normal(&self, columns: [usize; 3]) -> Result<DVec3, IoError> {
-        let found = self.row.vector(columns)?;
-        let needed = "a normal with a direction";
-        found.try_normalize().ok_or_else(|| self.at.invalid(format!("the normal {found}"), needed))
-    }
 }
 
-/// Writes displacements; the table has no place for anything else.
-pub(super) fn write_edges(observations: &Observations, path: &Path) -> Result<(), IoError> {
-    let unsupported = |element: String, feature: &str, remedy: &str| IoError::Unsupported {
-        path: path.to_owned(),
-        element,
-        feature: feature.into(),
-        remedy: remedy.into(),
-    };
-    let id = |v: VertexId| observations.taxels[v].id;
-    if let Some(contact) = observations.contacts.iter().next() {
-        return Err(unsupported(
-            format!("taxel {}", id(contact.taxel)),
-            "a contact among displacements",
-            "write a .g2o file, or the contacts to a table of their own",
-        ));
+fn information(row: Row<'_>, uncertainty: &Uncertainty) -> Result<Information<3>, IoError> {
+    Ok(match *uncertainty {
+        Uncertainty::Assumed => Information::diagonal([DEFAULT_SIGMA.powi(-2); 3]),
+        Uncertainty::Sigma(column) => Information::diagonal([of_sigma(row, column)?; 3]),
+        Uncertainty::Sigmas([x, y, z]) => {
+            Information::diagonal([of_sigma(row, x)?, of_sigma(row, y)?, of_sigma(row, z)?])
+        }
+        Uncertainty::Information(columns) => {
+            let [xx, xy, xz, yy, yz, zz] = row.numbers(columns)?;
+            Information([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        }
+    })
+}
+
+/// The information of a standard deviation.
+fn of_sigma(row: Row<'_>, column: usize) -> Result<f64, IoError> {
+    let needed = || format!("a sigma of {:e} to {:e}", SIGMA_RANGE.start(), SIGMA_RANGE.end());
+    information_of(row.number(column)?).ok_or_else(|| row.invalid(column, needed()))
+}
+
+/// Writes displacements, or contacts if there are no displacements.
+pub(super) fn write(observations: &Observations, path: &Path) -> Result<(), IoError> {
+    let Observations { taxels, edges, contacts, .. } = observations;
+    if edges.is_empty() && !contacts.is_empty() {
+        return write_contacts(observations, path);
     }
-    if let Some(fixed) = observations.taxels.iter().find(|t| t.fixed) {
-        return Err(unsupported(format!("taxel {}", fixed.id), "a fixed place", "write a .g2o file"));
+    let unfit = |element: String, feature: &str, remedy| unsupported(path, element, feature, remedy);
+    if let Some(contact) = contacts.iter().next() {
+        let element = format!("taxel {}", taxels[contact.taxel].id);
+        let remedy = "write a .g2o file, or the contacts to a table of their own";
+        return Err(unfit(element, "a contact among displacements", remedy));
+    }
+    if let Some(fixed) = taxels.iter().find(|t| t.fixed) {
+        return Err(unfit(format!("taxel {}", fixed.id), "a fixed place", "write a .g2o file"));
     }
     let header: Vec<&str> = ["i", "j"].into_iter().chain(OFFSET).chain(INFORMATION).collect();
-    let mut rows = observations.edges.iter().map(|edge| {
-        let (from, to) = (id(edge.from), id(edge.to));
+    let mut rows = edges.iter().map(|edge| {
+        let ids = [edge.from, edge.to].map(|v| taxels[v].id);
         let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else {
-            return Err(unsupported(format!("edge {from} to {to}"), "a rotation", "write a .g2o file"));
+            let element = format!("edge {} to {}", ids[0], ids[1]);
+            return Err(unfit(element, "a rotation", "write a .g2o file"));
         };
-        let numbers = offset.to_array().into_iter().chain(information.upper());
-        Ok([from, to].map(|id| id.to_string()).into_iter().chain(decimals(numbers)).collect())
+        Ok(labelled(ids, offset.to_array().into_iter().chain(information.upper())))
     });
     write_table(path, &header, &mut rows)
 }
 
 /// Writes contacts, with their normals if they have any.
-pub(super) fn write_contacts(observations: &Observations, path: &Path) -> Result<(), IoError> {
-    let with_normals = observations
-        .contacts
-        .iter()
-        .any(|c| matches!(c.measurement, ContactMeasurement::PositionNormal { .. }));
+fn write_contacts(observations: &Observations, path: &Path) -> Result<(), IoError> {
+    let has_normal =
+        |c: &ContactObservation| matches!(c.measurement, ContactMeasurement::PositionNormal { .. });
+    let with_normals = observations.contacts.iter().any(has_normal);
     let normals: &[&str] = if with_normals { &["nx", "ny", "nz", NORMAL_SIGMA] } else { &[] };
     let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied()).chain(INFORMATION);
     let mut rows = observations.contacts.iter().map(|contact| {
         let id = observations.taxels[contact.taxel].id;
-        let unsupported = |feature: &str, remedy: &str| IoError::Unsupported {
-            path: path.to_owned(),
-            element: format!("the contact of taxel {id}"),
-            feature: feature.into(),
-            remedy: remedy.into(),
+        let unfit = |feature: &str, remedy| {
+            Err(unsupported(path, format!("the contact of taxel {id}"), feature, remedy))
         };
         let (position, information, normal) = match &contact.measurement {
             ContactMeasurement::Position { .. } if with_normals => {
-                return Err(unsupported("no normal, as others do", "give all contacts a normal, or none"));
+                return unfit("no normal, as others do", "give all contacts a normal, or none");
             }
             ContactMeasurement::Position { position, information } => (position, information, None),
             ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
                 (position, information, Some((normal, normal_information)))
             }
-            ContactMeasurement::Pose { .. } => return Err(unsupported("a full pose", "write a .g2o file")),
+            ContactMeasurement::Pose { .. } => return unfit("a full pose", "write a .g2o file"),
         };
         let normal = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
-        let numbers =
-            position.to_array().into_iter().chain(normal.into_iter().flatten()).chain(information.upper());
-        Ok([id.to_string()].into_iter().chain(decimals(numbers)).collect())
+        let normal = normal.into_iter().flatten();
+        Ok(labelled([id], position.to_array().into_iter().chain(normal).chain(information.upper())))
     });
     write_table(path, &header.collect::<Vec<_>>(), &mut rows)
 }

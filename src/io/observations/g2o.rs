@@ -2,7 +2,7 @@
 
 use std::{
     collections::HashMap,
-    fmt::{self, Write as _},
+    fmt,
     io::{BufRead, Write},
     path::Path,
     str::SplitAsciiWhitespace,
@@ -16,7 +16,10 @@ use crate::{
     },
     io::{
         IoError,
-        file::lines::{LineLocation, Lines},
+        file::{
+            lines::{LineLocation, Lines},
+            source::unsupported,
+        },
         observations::{builder::ObservationsBuilder, types::ReadObservations},
     },
     skin::TaxelId,
@@ -25,8 +28,9 @@ use crate::{
 /// The number g2o files give to the one offset that is written here.
 const IDENTITY_OFFSET: u32 = 0;
 
-pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<ReadObservations, IoError> {
-    let mut builder = ObservationsBuilder::new(path);
+/// Reads from the line on which `lines` stands.
+pub(super) fn read(mut lines: Lines<impl BufRead>) -> Result<ReadObservations, IoError> {
+    let mut builder = ObservationsBuilder::new(lines.path());
     let mut offsets = HashMap::new();
     while let Some((text, at)) = lines.current()? {
         let mut words = text.split_ascii_whitespace();
@@ -41,7 +45,7 @@ pub(super) fn read(mut lines: Lines<'_, impl BufRead>, path: &Path) -> Result<Re
 fn read_line(
     line: Line<'_>,
     offsets: &mut HashMap<u32, Pose>,
-    builder: &mut ObservationsBuilder<'_>,
+    builder: &mut ObservationsBuilder,
 ) -> Result<(), IoError> {
     match line.tag {
         "VERTEX_SE3:QUAT" | "VERTEX_TRACKXYZ" => read_vertex(line, builder),
@@ -56,7 +60,7 @@ fn read_line(
     }
 }
 
-fn read_vertex(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
+fn read_vertex(mut line: Line<'_>, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
     let (id, at) = (line.id()?, line.at);
     let pose = if line.tag == "VERTEX_TRACKXYZ" {
         builder.set_model(Model::Positions, &at)?;
@@ -68,7 +72,7 @@ fn read_vertex(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Res
     builder.taxel(id, pose, &at)
 }
 
-fn read_edge(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
+fn read_edge(mut line: Line<'_>, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
     let (ids, at) = ([line.id()?, line.id()?], line.at);
     let motion = if line.tag == "EDGE_POINTXYZ" {
         builder.set_model(Model::Positions, &at)?;
@@ -85,7 +89,7 @@ fn read_edge(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Resul
 fn read_prior(
     mut line: Line<'_>,
     offsets: &HashMap<u32, Pose>,
-    builder: &mut ObservationsBuilder<'_>,
+    builder: &mut ObservationsBuilder,
 ) -> Result<(), IoError> {
     let (id, at) = (line.id()?, line.at);
     if line.tag == "EDGE_POINTXYZ_PRIOR" {
@@ -108,7 +112,7 @@ fn read_prior(
 fn read_offset(
     mut line: Line<'_>,
     offsets: &mut HashMap<u32, Pose>,
-    builder: &mut ObservationsBuilder<'_>,
+    builder: &mut ObservationsBuilder,
 ) -> Result<(), IoError> {
     let (parameter, at) = (line.id()?.0, line.at);
     let pose = builder.pose(&line.numbers::<7>()?, &at)?;
@@ -120,7 +124,7 @@ fn read_offset(
     }
 }
 
-fn read_fix(mut line: Line<'_>, builder: &mut ObservationsBuilder<'_>) -> Result<(), IoError> {
+fn read_fix(mut line: Line<'_>, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
     builder.fix(line.id()?, &line.at);
     for word in line.words {
         builder.fix(line.at.taxel(word)?, &line.at);
@@ -171,7 +175,7 @@ impl Line<'_> {
     }
 
     /// A pose and its information.
-    fn pose(&mut self, builder: &mut ObservationsBuilder<'_>) -> Result<(Pose, Information<6>), IoError> {
+    fn pose(&mut self, builder: &mut ObservationsBuilder) -> Result<(Pose, Information<6>), IoError> {
         let numbers: [f64; 28] = self.numbers()?;
         Ok((builder.pose(&numbers[..7], &self.at)?, self.information(&numbers[7..])?))
     }
@@ -185,38 +189,56 @@ impl Line<'_> {
 /// order.
 pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<(), IoError> {
     let Observations { model, taxels, edges, contacts } = observations;
-    let mut text = Text { out, line: String::new(), path };
+    let mut line = |words: fmt::Arguments<'_>, numbers: &[f64]| {
+        let done = writeln!(out, "{words}{}", Numbers(numbers));
+        done.map_err(|source| IoError::Write { path: path.to_owned(), source })
+    };
     let offsets = offsets(observations);
     if contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. })) {
         for (k, offset) in (IDENTITY_OFFSET..).zip(&offsets) {
-            text.begin(format_args!("PARAMS_SE3OFFSET {k}"));
-            text.pose(offset);
-            text.end()?;
+            line(format_args!("PARAMS_SE3OFFSET {k}"), &pose(offset))?;
         }
     }
     for taxel in taxels {
         let initial = taxel.initial.unwrap_or(Pose::default());
         match model {
             Model::Positions => {
-                text.begin(format_args!("VERTEX_TRACKXYZ {}", taxel.id));
-                text.numbers(initial.position.to_array());
+                line(format_args!("VERTEX_TRACKXYZ {}", taxel.id), &initial.position.to_array())?
             }
-            Model::Poses => {
-                text.begin(format_args!("VERTEX_SE3:QUAT {}", taxel.id));
-                text.pose(&initial);
-            }
+            Model::Poses => line(format_args!("VERTEX_SE3:QUAT {}", taxel.id), &pose(&initial))?,
         }
-        text.end()?;
     }
     for taxel in taxels.iter().filter(|t| t.fixed) {
-        text.begin(format_args!("FIX {}", taxel.id));
-        text.end()?;
+        line(format_args!("FIX {}", taxel.id), &[])?;
     }
     for edge in edges {
-        text.edge([taxels[edge.from].id, taxels[edge.to].id], &edge.measurement)?;
+        let (from, to) = (taxels[edge.from].id, taxels[edge.to].id);
+        match &edge.measurement {
+            DisplacementMeasurement::Offset { offset, information } => {
+                line(format_args!("EDGE_POINTXYZ {from} {to}"), &informed(offset.to_array(), information))?
+            }
+            DisplacementMeasurement::Relative(m) => {
+                line(format_args!("EDGE_SE3:QUAT {from} {to}"), &informed(pose(&m.pose), &m.information))?
+            }
+        }
     }
     for contact in contacts {
-        text.contact(taxels[contact.taxel].id, &contact.measurement, &offsets)?;
+        let id = taxels[contact.taxel].id;
+        match &contact.measurement {
+            ContactMeasurement::Position { position, information } => {
+                let numbers = informed(position.to_array(), information);
+                line(format_args!("EDGE_POINTXYZ_PRIOR {id}"), &numbers)?;
+            }
+            ContactMeasurement::Pose { offset, seen } => {
+                let k = offsets.iter().position(|o| o == offset).unwrap_or_default();
+                let numbers = informed(pose(&seen.pose), &seen.information);
+                line(format_args!("EDGE_SE3_PRIOR {id} {k}"), &numbers)?;
+            }
+            ContactMeasurement::PositionNormal { .. } => {
+                let remedy = "write the contacts to a table of their own";
+                return Err(unsupported(path, format!("the contact of taxel {id}"), "a normal", remedy));
+            }
+        }
     }
     Ok(())
 }
@@ -234,85 +256,25 @@ fn offsets(observations: &Observations) -> Vec<Pose> {
     offsets
 }
 
-/// A file that is being written, line by line.
-struct Text<'a, W> {
-    out: &'a mut W,
-    line: String,
-    path: &'a Path,
+fn pose(pose: &Pose) -> [f64; 7] {
+    let ([x, y, z], [qx, qy, qz, qw]) = (pose.position.to_array(), pose.rotation.to_array());
+    [x, y, z, qx, qy, qz, qw]
 }
 
-impl<W: Write> Text<'_, W> {
-    fn begin(&mut self, text: fmt::Arguments<'_>) {
-        push(&mut self.line, text);
-    }
+/// A measurement and its information.
+fn informed<const N: usize>(of: impl IntoIterator<Item = f64>, information: &Information<N>) -> Vec<f64> {
+    of.into_iter().chain(information.upper()).collect()
+}
 
-    /// The shortest digits that read back to the same bits: at most 17.
-    fn numbers(&mut self, numbers: impl IntoIterator<Item = f64>) {
-        for x in numbers {
+/// Numbers in the shortest digits that read back to the same bits: at most 17.
+struct Numbers<'a>(&'a [f64]);
+
+impl fmt::Display for Numbers<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|x| {
             // Without an exponent 1e-300 would be 300 zeros.
-            let plain = x == 0.0 || (1e-5..1e17).contains(&x.abs());
-            if plain {
-                push(&mut self.line, format_args!(" {x}"));
-            } else {
-                push(&mut self.line, format_args!(" {x:e}"));
-            }
-        }
+            let is_plain = *x == 0.0 || (1e-5..1e17).contains(&x.abs());
+            if is_plain { write!(f, " {x}") } else { write!(f, " {x:e}") }
+        })
     }
-
-    fn pose(&mut self, pose: &Pose) {
-        self.numbers(pose.position.to_array());
-        self.numbers(pose.rotation.to_array());
-    }
-
-    fn end(&mut self) -> Result<(), IoError> {
-        self.line.push('\n');
-        let done = self.out.write_all(self.line.as_bytes());
-        self.line.clear();
-        done.map_err(|source| IoError::Write { path: self.path.to_owned(), source })
-    }
-
-    fn edge(&mut self, [from, to]: [TaxelId; 2], motion: &DisplacementMeasurement) -> Result<(), IoError> {
-        match motion {
-            DisplacementMeasurement::Offset { offset, information } => {
-                self.begin(format_args!("EDGE_POINTXYZ {from} {to}"));
-                self.numbers(offset.to_array());
-                self.numbers(information.upper());
-            }
-            DisplacementMeasurement::Relative(m) => {
-                self.begin(format_args!("EDGE_SE3:QUAT {from} {to}"));
-                self.pose(&m.pose);
-                self.numbers(m.information.upper());
-            }
-        }
-        self.end()
-    }
-
-    fn contact(&mut self, id: TaxelId, touch: &ContactMeasurement, offsets: &[Pose]) -> Result<(), IoError> {
-        match touch {
-            ContactMeasurement::Position { position, information } => {
-                self.begin(format_args!("EDGE_POINTXYZ_PRIOR {id}"));
-                self.numbers(position.to_array());
-                self.numbers(information.upper());
-            }
-            ContactMeasurement::Pose { offset, seen } => {
-                let k = offsets.iter().position(|o| o == offset).unwrap_or_default();
-                self.begin(format_args!("EDGE_SE3_PRIOR {id} {k}"));
-                self.pose(&seen.pose);
-                self.numbers(seen.information.upper());
-            }
-            ContactMeasurement::PositionNormal { .. } => {
-                return Err(IoError::Unsupported {
-                    path: self.path.to_owned(),
-                    element: format!("the contact of taxel {id}"),
-                    feature: "a normal".into(),
-                    remedy: "write the contacts to a table of their own".into(),
-                });
-            }
-        }
-        self.end()
-    }
-}
-
-fn push(line: &mut String, text: fmt::Arguments<'_>) {
-    line.write_fmt(text).expect("writing into a string cannot fail");
 }

@@ -1,6 +1,5 @@
 //! Observations for the calibration: g2o text and CSV tables.
 
-pub(super) mod append;
 mod builder;
 mod csv;
 mod g2o;

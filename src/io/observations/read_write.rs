@@ -1,18 +1,28 @@
 //! Observations for the calibration: g2o text and CSV tables.
 
 use std::{
+    collections::HashMap,
     fs::File,
     io::{BufReader, BufWriter, Write},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use crate::{
-    calib::Observations,
+    calib::{ContactMeasurement, ContactObservation, Displacement, Observations},
+    id::VertexId,
     io::{
         IoError,
-        file::{lines::Lines, replace::replace_file, source::kind},
-        observations::{csv, g2o, types::ReadObservations},
+        file::{
+            lines::Lines,
+            replace::replace_file,
+            source::{invalid, kind},
+        },
+        observations::{
+            csv, g2o,
+            types::{ObservationRemark, ReadObservations},
+        },
     },
+    skin::TaxelId,
 };
 
 /// What files of observations may end in.
@@ -28,16 +38,36 @@ const KINDS: &str = ".g2o, .csv";
 /// and remarked. No cell may be empty, and no other column is allowed: a misspelt name is not
 /// silently ignored. Lines after `#` are comments.
 ///
+/// The observations of `more` files are appended, as contacts come in a table of their own. A pose
+/// that one of them fixes is fixed; its initial value is used where there is none yet.
+///
+/// Returns the observations, and what was changed, left out or assumed.
+///
 /// # Errors
-/// The first line that breaks a rule of its format, with its number. Lengths above 1e9 m,
+/// The first line that breaks a rule of its format, with its number; a further file that observes
+/// or fixes a taxel the first one does not have, or has another model. Lengths above 1e9 m,
 /// information above 1e18 and standard deviations outside 1e-9 to 1e9 are refused: their squares
 /// say nothing any more.
-pub fn read_observations(path: &Path) -> Result<ReadObservations, IoError> {
+pub fn read_observations(
+    path: &Path,
+    more: &[PathBuf],
+) -> Result<(Observations, Vec<ObservationRemark>), IoError> {
+    let (mut observations, mut remarks) = read(path)?;
+    for path in more {
+        let (other, others_remarks) = read(path)?;
+        append(&mut observations, other, path)?;
+        remarks.extend(others_remarks);
+    }
+    Ok((observations, remarks))
+}
+
+fn read(path: &Path) -> Result<ReadObservations, IoError> {
     if path == Path::new("-") {
         let path = Path::new("standard input");
-        let lines = Lines::new(std::io::stdin().lock(), path)?;
+        let mut lines = Lines::new(std::io::stdin().lock(), path, Some(b'#'));
+        lines.advance()?;
         let is_table = lines.current()?.is_some_and(|(line, _)| csv::is_header(line));
-        return if is_table { csv::read(lines, path) } else { g2o::read(lines, path) };
+        return if is_table { csv::read(lines) } else { g2o::read(lines) };
     }
     let read = match kind(path).as_str() {
         "g2o" => g2o::read,
@@ -45,17 +75,21 @@ pub fn read_observations(path: &Path) -> Result<ReadObservations, IoError> {
         _ => return Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),
     };
     let file = File::open(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
-    read(Lines::new(BufReader::new(file), path)?, path)
+    let mut lines = Lines::new(BufReader::new(file), path, Some(b'#'));
+    lines.advance()?;
+    read(lines)
 }
 
-/// Writes observations, in numbers that read back to the same bits: `.g2o`, or displacements alone
-/// as a table `.csv`, `i,j,dx,dy,dz` with their information; `-` is standard output, in g2o.
+/// Writes observations, in numbers that read back to the same bits: `.g2o`, or as a table `.csv`
+/// displacements alone, `i,j,dx,dy,dz`, or contacts alone, `i,x,y,z[,nx,ny,nz,sigma_n]`, with their
+/// information; `-` is standard output, in g2o.
 ///
-/// A table has no initial values and no taxels but those of its displacements.
+/// A table has no initial values and no taxels but those of its rows.
 ///
 /// # Errors
 /// [`IoError::Write`]; [`IoError::Unsupported`] for contacts with normals, which g2o has no line
-/// for, and in a table for contacts, fixed taxels and rotations; [`IoError::UnknownKind`].
+/// for, and in a table for contacts next to displacements, fixed taxels and rotations;
+/// [`IoError::UnknownKind`].
 pub fn write_observations(path: &Path, observations: &Observations) -> Result<(), IoError> {
     if path == Path::new("-") {
         let path = Path::new("standard output");
@@ -65,15 +99,60 @@ pub fn write_observations(path: &Path, observations: &Observations) -> Result<()
     }
     match kind(path).as_str() {
         "g2o" => replace_file(path, |out| g2o::write(out, observations, path)),
-        "csv" => csv::write_edges(observations, path),
+        "csv" => csv::write(observations, path),
         _ => Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),
     }
 }
 
-/// Writes the contacts alone as a table `i,x,y,z[,nx,ny,nz],...`.
+/// Appends the observations of the file `path`, as contacts come in a table of their own.
 ///
-/// # Errors
-/// [`IoError::Write`]; [`IoError::Unsupported`] for full poses, which the table has no columns for.
-pub fn write_contacts(path: &Path, observations: &Observations) -> Result<(), IoError> {
-    csv::write_contacts(observations, path)
+/// Taxel data are merged: a pose fixed in `other` is fixed in the result; an initial value from
+/// `other` is used if `into` has none.
+fn append(into: &mut Observations, other: Observations, path: &Path) -> Result<(), IoError> {
+    check_model(into, &other, path)?;
+    let known: HashMap<TaxelId, VertexId> = into.taxels.enumerate().map(|(v, t)| (t.id, v)).collect();
+    let taxels = &other.taxels;
+    let place = |v: VertexId| {
+        let id = taxels[v].id;
+        let refuse =
+            || invalid(path, format!("taxel {id}"), "an observation of it", "a taxel of the other file");
+        known.get(&id).copied().ok_or_else(refuse)
+    };
+    for (v, taxel) in taxels.enumerate().filter(|(_, t)| t.initial.is_some()) {
+        let Some(here) = known.get(&taxel.id).map(|&v| &mut into.taxels[v]) else {
+            if taxel.fixed {
+                place(v)?;
+            }
+            continue;
+        };
+        if taxel.fixed && here.fixed && here.initial != taxel.initial {
+            let (found, needed) = ("another place where it is fixed", "that of the other file");
+            return Err(invalid(path, format!("taxel {}", taxel.id), found, needed));
+        }
+        // Where a taxel is fixed it is known; any other value is a guess, and the first one counts.
+        if taxel.fixed || here.initial.is_none() {
+            here.initial = taxel.initial;
+        }
+        here.fixed |= taxel.fixed;
+    }
+    for ContactObservation { taxel, measurement } in other.contacts {
+        into.contacts.push(ContactObservation { taxel: place(taxel)?, measurement });
+    }
+    for Displacement { from, to, measurement } in other.edges {
+        into.edges.push(Displacement { from: place(from)?, to: place(to)?, measurement });
+    }
+    Ok(())
+}
+
+/// Contacts with positions fit every model; all else has one.
+fn check_model(into: &Observations, other: &Observations, path: &Path) -> Result<(), IoError> {
+    let has_model = !other.edges.is_empty()
+        || other.taxels.iter().any(|t| t.initial.is_some())
+        || other.contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. }));
+    if has_model && other.model != into.model {
+        let found = format!("observations of the {} model", other.model);
+        let needed = format!("{}, as in the other file", into.model);
+        return Err(invalid(path, "the file", found, needed));
+    }
+    Ok(())
 }

@@ -4,14 +4,8 @@ use std::fmt;
 
 use crate::calib::Observations;
 
-/// Observations of a file, and what had to be changed to read them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReadObservations {
-    /// The observations.
-    pub observations: Observations,
-    /// What was changed, left out or assumed.
-    pub remarks: Vec<ObservationRemark>,
-}
+/// Observations of a file, and what was changed, left out or assumed to read them.
+pub(super) type ReadObservations = (Observations, Vec<ObservationRemark>);
 
 /// Something about a file of observations that a user should know; `Display` is a sentence.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,7 +13,7 @@ use crate::{
     io::{
         IoError,
         file::source::Source,
-        table::csv_table::{Table, decimals, write_table},
+        table::csv_table::{Table, decimals, labelled, write_table},
     },
     skin::TaxelId,
 };
@@ -32,15 +32,11 @@ pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), I
     let covariances = calibration.marginals.as_ref().map(|m| &m.positions);
     let mut rows = calibration.poses.enumerate().map(|(v, pose)| {
         let numbers = pose.position.to_array().into_iter().chain(pose.rotation.to_array());
-        let mut row: Vec<String> =
-            [calibration.ids[v].to_string()].into_iter().chain(decimals(numbers)).collect();
-        match covariances {
-            Some(covariances) => {
-                let c = covariances[v];
-                row.extend(decimals([c.sigma()].into_iter().chain(c.to_array())));
-            }
-            None => row.resize(HEADER.len(), String::new()),
+        let mut row = labelled([calibration.ids[v]], numbers);
+        if let Some(c) = covariances.map(|covariances| covariances[v]) {
+            row.extend(decimals([c.sigma()].into_iter().chain(c.to_array())));
         }
+        row.resize(HEADER.len(), String::new());
         Ok(row)
     });
     write_table(path, &HEADER, &mut rows)
@@ -59,7 +55,7 @@ pub fn write_truth(
     let mut rows = ids.iter().zip(truth).map(|(id, pose)| {
         let normal = (pose.rotation * DVec3::Z).to_array();
         let numbers = pose.position.to_array().into_iter().chain(normal).chain(pose.rotation.to_array());
-        Ok([id.to_string()].into_iter().chain(decimals(numbers)).collect())
+        Ok(labelled([*id], numbers))
     });
     write_table(path, &HEADER, &mut rows)
 }
@@ -112,15 +108,15 @@ pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec
     let known: HashMap<TaxelId, VertexId> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
     let mut triangles = Vec::new();
     let source = Source::open(path)?;
-    let table = Table::open(path, source.bytes())?;
+    let table = Table::of(&source)?;
     let columns = table.columns.need_vector(["i", "j", "k"])?;
     table.each_row(&mut |row| {
-        let mut corners = [VertexId::default(); 3];
-        for (corner, column) in corners.iter_mut().zip(columns) {
-            let vertex = row.text(column).parse().ok().and_then(|id| known.get(&TaxelId(id)));
-            *corner = *vertex.ok_or_else(|| row.invalid(column, "the id of a taxel that was observed"))?;
-        }
-        triangles.push(corners);
+        let vertex = |column| {
+            let vertex = row.text(column).parse().ok().and_then(|id| known.get(&TaxelId(id)).copied());
+            vertex.ok_or_else(|| row.invalid(column, "the id of a taxel that was observed"))
+        };
+        let [i, j, k] = columns.map(vertex);
+        triangles.push([i?, j?, k?]);
         Ok(())
     })?;
     Ok(triangles)
@@ -136,7 +132,7 @@ pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
     let mut truth = Vec::new();
     let mut seen = HashSet::new();
     let source = Source::open(path)?;
-    let table = Table::open(path, source.bytes())?;
+    let table = Table::of(&source)?;
     let id_column = table.columns.need("id")?;
     let position_columns = table.columns.need_vector(["x", "y", "z"])?;
     let rotation_columns = table.columns.find_vector(["qx", "qy", "qz", "qw"])?;

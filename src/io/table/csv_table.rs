@@ -5,7 +5,7 @@
 
 use std::{
     collections::HashSet,
-    io::{self, BufRead, Read},
+    io::{self, BufRead},
     path::{Path, PathBuf},
 };
 
@@ -16,139 +16,62 @@ use crate::{
     io::{
         IoError,
         file::{
-            lines::{Lines, finite},
+            lines::{LONGEST, LineLocation, Lines, finite},
             replace::replace_file,
-            source::{excerpt, invalid},
+            source::{Source, excerpt},
         },
     },
     skin::TaxelId,
 };
 
-/// Where a table comes from.
-pub(crate) trait Input: Read {
-    /// Whether the names of columns may be in capitals.
-    const IGNORES_CASE: bool = false;
-
-    /// Called before each row.
-    fn begin_row(&mut self) {}
-
-    /// The line of the row that was just read, if the input counts lines itself.
-    fn line(&self) -> Option<u64> {
-        None
-    }
-}
-
-impl Input for &[u8] {}
-
-impl<R: BufRead> Input for Lines<'_, R> {
-    const IGNORES_CASE: bool = true;
-
-    fn line(&self) -> Option<u64> {
-        Some(Lines::line(self) as u64)
-    }
-}
-
-/// Longest row of a stream, in bytes. A stream has no length to be checked; without a bound, one
-/// that never ends its line, or never closes a quote, would fill the memory.
-const MAX_ROW: usize = 1 << 20;
-
-/// A stream of which `left` bytes may still be read before the next row is done.
-#[derive(Debug)]
-pub(crate) struct Bounded<R> {
-    input: R,
-    left: usize,
-}
-
-impl<R> Bounded<R> {
-    pub(crate) fn new(input: R) -> Self {
-        Self { input, left: MAX_ROW }
-    }
-}
-
-impl<R: Read> Read for Bounded<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.left == 0 {
-            let found = format!("more than {MAX_ROW} bytes");
-            return Err(io::Error::new(io::ErrorKind::InvalidData, found));
-        }
-        let wanted = buffer.len().min(self.left);
-        let count = self.input.read(&mut buffer[..wanted])?;
-        self.left -= count;
-        Ok(count)
-    }
-}
-
-impl<R: Read> Input for Bounded<R> {
-    fn begin_row(&mut self) {
-        self.left = MAX_ROW;
-    }
-}
-
 /// A table that is read row by row.
 #[derive(Debug)]
 pub(crate) struct Table<R> {
-    reader: csv::Reader<R>,
-    path: PathBuf,
+    reader: csv::Reader<Lines<R>>,
     pub(crate) columns: Columns,
     cells: StringRecord,
-    line: u64,
     ended: bool,
 }
 
-impl<R: Input> Table<R> {
-    /// Reads the names of the columns; errors call the table `path`.
-    ///
-    /// # Errors
-    /// If there are none, or one comes twice.
-    pub(crate) fn open(path: &Path, input: R) -> Result<Self, IoError> {
+impl<'a> Table<&'a [u8]> {
+    /// The table in a file.
+    pub(crate) fn of(source: &'a Source) -> Result<Self, IoError> {
+        Self::open(Lines::new(source.bytes(), source.path(), None))
+    }
+}
+
+impl<R: BufRead> Table<R> {
+    /// Reads the names of the columns; where lines may be comments, names may be in capitals.
+    pub(crate) fn open(input: Lines<R>) -> Result<Self, IoError> {
+        let ignores_case = input.comment.is_some();
         let mut reader = csv::Reader::from_reader(input);
-        let names = |name: &str| match R::IGNORES_CASE {
-            true => name.trim().to_ascii_lowercase(),
-            false => name.trim().to_owned(),
+        let name = |name: &str| {
+            if ignores_case { name.trim().to_ascii_lowercase() } else { name.trim().to_owned() }
         };
-        let names: Vec<String> = match reader.headers() {
-            Ok(header) => header.iter().map(names).collect(),
-            Err(error) => return Err(table_error(path, reader.get_ref().line(), error)),
-        };
-        let line = reader.get_ref().line().unwrap_or(1);
-        let columns = Columns::new(path, line, names)?;
-        Ok(Self { reader, path: path.into(), columns, cells: StringRecord::new(), line, ended: false })
+        let names = reader.headers().map(|header| header.iter().map(name).collect());
+        let at = reader.get_ref().at();
+        let columns = Columns::new(at.path, at.line.max(1), names.map_err(|e| table_error(at, e))?)?;
+        Ok(Self { reader, columns, cells: StringRecord::new(), ended: false })
     }
 
     /// Reads the next row; false at the end. After an error about a row the next one may be read; a
     /// stream that failed has ended.
-    ///
-    /// # Errors
-    /// If it cannot be read, or has another number of cells than the header.
     pub(crate) fn advance(&mut self) -> Result<bool, IoError> {
         if self.ended {
             return Ok(false);
         }
-        self.reader.get_mut().begin_row();
+        self.reader.get_mut().left = LONGEST;
         let read = self.reader.read_record(&mut self.cells);
-        let line = self.reader.get_ref().line();
-        match read {
-            Ok(more) => {
-                self.ended = !more;
-                self.line = line.or(self.cells.position().map(csv::Position::line)).unwrap_or(self.line);
-                Ok(more)
-            }
-            Err(error) => {
-                self.ended = error.is_io_error();
-                Err(table_error(&self.path, line, error))
-            }
-        }
+        self.ended = !read.as_ref().map_or_else(|error| !error.is_io_error(), |more| *more);
+        read.map_err(|error| table_error(self.reader.get_ref().at(), error))
     }
 
     /// The row that was read last.
     pub(crate) fn row(&self) -> Row<'_> {
-        Row { path: &self.path, columns: &self.columns, cells: &self.cells, line: self.line }
+        Row { at: self.reader.get_ref().at(), columns: &self.columns, cells: &self.cells }
     }
 
     /// Calls `visit` for every row.
-    ///
-    /// # Errors
-    /// The first one.
     pub(crate) fn each_row(
         mut self,
         visit: &mut dyn FnMut(Row<'_>) -> Result<(), IoError>,
@@ -160,24 +83,18 @@ impl<R: Input> Table<R> {
     }
 
     /// Refuses columns that are not `known`, so that a misspelt name is not silently ignored.
-    ///
-    /// # Errors
-    /// The first such column.
     pub(crate) fn refuse_unknown(&self, known: &[&str]) -> Result<(), IoError> {
         match self.columns.unknown(known).next() {
             None => Ok(()),
             Some((k, name)) => {
-                let element = format!("line 1, column {}", k + 1);
-                Err(invalid(&self.path, element, excerpt(name), format!("one of {}", known.join(","))))
+                let (part, needed) = (format!("column {}", k + 1), format!("one of {}", known.join(",")));
+                Err(self.columns.at().invalid_part(part, excerpt(name), needed))
             }
         }
     }
 }
 
 /// Writes a table.
-///
-/// # Errors
-/// The first row that is one; if the file cannot be written, an older one stays as it was.
 pub(crate) fn write_table(
     path: &Path,
     header: &[&str],
@@ -199,28 +116,40 @@ pub(crate) fn decimals(numbers: impl IntoIterator<Item = f64>) -> impl Iterator<
     numbers.into_iter().map(|x| x.to_string())
 }
 
+/// The cells of a row of ids and numbers.
+pub(crate) fn labelled<const N: usize>(
+    ids: [TaxelId; N],
+    numbers: impl IntoIterator<Item = f64>,
+) -> Vec<String> {
+    ids.iter().map(ToString::to_string).chain(decimals(numbers)).collect()
+}
+
 /// The columns of a table, found by the names in its first line.
 #[derive(Debug)]
 pub(crate) struct Columns {
     path: PathBuf,
     /// The line of the names.
-    line: u64,
+    line: usize,
     names: Vec<String>,
 }
 
 impl Columns {
-    fn new(path: &Path, line: u64, names: Vec<String>) -> Result<Self, IoError> {
+    fn new(path: &Path, line: usize, names: Vec<String>) -> Result<Self, IoError> {
+        let at = LineLocation { path, line };
         if names.iter().all(String::is_empty) {
-            return Err(invalid(path, format!("line {line}"), "nothing", "the names of the columns"));
+            return Err(at.invalid("nothing", "the names of the columns"));
         }
         let mut seen = HashSet::new();
-        for (k, name) in names.iter().enumerate() {
-            if !seen.insert(name) {
-                let element = format!("line {line}, column {}", k + 1);
-                return Err(invalid(path, element, format!("{} again", excerpt(name)), "a name of its own"));
-            }
+        if let Some(k) = names.iter().position(|name| !seen.insert(name)) {
+            let found = format!("{} again", excerpt(&names[k]));
+            return Err(at.invalid_part(format!("column {}", k + 1), found, "a name of its own"));
         }
         Ok(Self { path: path.into(), line, names })
+    }
+
+    /// The line of the names.
+    pub(crate) fn at(&self) -> LineLocation<'_> {
+        LineLocation { path: &self.path, line: self.line }
     }
 
     /// Names that are not `known`.
@@ -234,13 +163,8 @@ impl Columns {
     }
 
     /// Which column is called `name`, if the table must have it.
-    ///
-    /// # Errors
-    /// If there is no such column.
     pub(crate) fn need(&self, name: &str) -> Result<usize, IoError> {
-        self.find(name).ok_or_else(|| {
-            invalid(&self.path, format!("line {}", self.line), self.describe(), format!("a column `{name}`"))
-        })
+        self.find(name).ok_or_else(|| self.at().invalid(self.describe(), format!("a column `{name}`")))
     }
 
     /// The names found, for messages.
@@ -249,9 +173,6 @@ impl Columns {
     }
 
     /// Columns that come together or not at all.
-    ///
-    /// # Errors
-    /// If some of them are there and some are not.
     pub(crate) fn find_vector<const N: usize>(
         &self,
         names: [&str; N],
@@ -263,9 +184,6 @@ impl Columns {
     }
 
     /// Columns that the table must have.
-    ///
-    /// # Errors
-    /// If one is not there.
     pub(crate) fn need_vector<const N: usize>(&self, names: [&str; N]) -> Result<[usize; N], IoError> {
         let mut places = [0; N];
         for (place, name) in places.iter_mut().zip(names) {
@@ -278,18 +196,16 @@ impl Columns {
 /// One line of a table, and where it is.
 #[derive(Clone, Copy)]
 pub(crate) struct Row<'a> {
-    path: &'a Path,
+    pub(crate) at: LineLocation<'a>,
     columns: &'a Columns,
     cells: &'a StringRecord,
-    /// Its line, from 1.
-    pub(crate) line: u64,
 }
 
 impl<'a> Row<'a> {
     /// An error about the cell in `column`.
     pub(crate) fn invalid(&self, column: usize, needed: impl Into<String>) -> IoError {
-        let element = format!("line {}, column `{}`", self.line, self.columns.names[column]);
-        invalid(self.path, element, excerpt(self.text(column)), needed)
+        let part = format!("column `{}`", self.columns.names[column]);
+        self.at.invalid_part(part, excerpt(self.text(column)), needed)
     }
 
     /// The cell without blanks around it.
@@ -304,12 +220,21 @@ impl<'a> Row<'a> {
 
     /// A finite number, or an empty cell.
     pub(crate) fn number_if_any(&self, column: usize) -> Result<Option<f64>, IoError> {
-        if self.text(column).is_empty() { Ok(None) } else { self.number(column).map(Some) }
+        Ok(self.numbers_if_any([column])?.map(|[x]| x))
+    }
+
+    /// Finite numbers.
+    pub(crate) fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N], IoError> {
+        let mut numbers = [0.0; N];
+        for (number, column) in numbers.iter_mut().zip(columns) {
+            *number = self.number(column)?;
+        }
+        Ok(numbers)
     }
 
     /// A vector of finite numbers.
-    pub(crate) fn vector(&self, [x, y, z]: [usize; 3]) -> Result<DVec3, IoError> {
-        Ok(DVec3::new(self.number(x)?, self.number(y)?, self.number(z)?))
+    pub(crate) fn vector(&self, columns: [usize; 3]) -> Result<DVec3, IoError> {
+        self.numbers(columns).map(DVec3::from_array)
     }
 
     /// Finite numbers, or empty cells throughout.
@@ -317,19 +242,8 @@ impl<'a> Row<'a> {
         &self,
         columns: [usize; N],
     ) -> Result<Option<[f64; N]>, IoError> {
-        if columns.iter().all(|&c| self.text(c).is_empty()) {
-            return Ok(None);
-        }
-        let mut numbers = [0.0; N];
-        for (number, column) in numbers.iter_mut().zip(columns) {
-            *number = self.number(column)?;
-        }
-        Ok(Some(numbers))
-    }
-
-    /// A vector of finite numbers, or three empty cells.
-    pub(crate) fn vector_if_any(&self, columns: [usize; 3]) -> Result<Option<DVec3>, IoError> {
-        Ok(self.numbers_if_any(columns)?.map(DVec3::from_array))
+        let is_empty = columns.iter().all(|&c| self.text(c).is_empty());
+        if is_empty { Ok(None) } else { self.numbers(columns).map(Some) }
     }
 
     /// The number of a taxel.
@@ -344,8 +258,7 @@ impl<'a> Row<'a> {
     /// anything else is not meant as a rotation. (glTF has a narrower rule of its own, and graphs
     /// of g2o are scaled with a remark.)
     pub(crate) fn rotation(&self, columns: [usize; 4]) -> Result<DQuat, IoError> {
-        let [x, y, z, w] = columns.map(|column| self.number(column));
-        let q = DQuat::from_xyzw(x?, y?, z?, w?);
+        let q = DQuat::from_array(self.numbers(columns)?);
         let off = (q.length() - 1.0).abs();
         if off.is_nan() || off > UNIT_TOLERANCE {
             return Err(self.invalid(columns[3], format!("a unit quaternion: length 1, not {}", q.length())));
@@ -358,22 +271,20 @@ impl<'a> Row<'a> {
 /// rotation.
 const UNIT_TOLERANCE: f64 = 1e-3;
 
-/// What the csv crate found, as an error about the table `path`.
-fn table_error(path: &Path, line: Option<u64>, error: csv::Error) -> IoError {
-    let line = line.or(error.position().map(csv::Position::line));
-    let line = line.map_or_else(|| "table".into(), |line| format!("line {line}"));
+/// What the csv crate found, as an error about a line.
+fn table_error(at: LineLocation<'_>, error: csv::Error) -> IoError {
     match error.into_kind() {
         csv::ErrorKind::Io(source) if source.kind() == io::ErrorKind::InvalidData => {
-            invalid(path, line, source.to_string(), "a table of short lines")
+            at.invalid(source.to_string(), "a table of short lines")
         }
-        csv::ErrorKind::Io(source) => IoError::Read { path: path.into(), source },
+        csv::ErrorKind::Io(source) => IoError::Read { path: at.path.into(), source },
         csv::ErrorKind::Utf8 { err, .. } => {
-            invalid(path, format!("{line}, column {}", err.field() + 1), "not UTF-8", "text in UTF-8")
+            at.invalid_part(format!("column {}", err.field() + 1), "not UTF-8", "text in UTF-8")
         }
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            invalid(path, line, format!("{len} cells"), format!("{expected_len}, as the first line has"))
+            at.invalid(format!("{len} cells"), format!("{expected_len}, as the first line has"))
         }
-        other => invalid(path, line, format!("{other:?}"), "a table of comma-separated values"),
+        other => at.invalid(format!("{other:?}"), "a table of comma-separated values"),
     }
 }
 

@@ -6,7 +6,7 @@ use dermatome::{
     Error,
     calib::{Observations, Pose},
     id::VertexId,
-    io::{IoError, append_observations, read_observations, read_triangles, read_truth},
+    io::{IoError, read_observations, read_triangles, read_truth},
     skin::TaxelId,
 };
 
@@ -27,15 +27,11 @@ pub(super) struct Truth {
 
 impl Inputs {
     pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
-        let mut read = read_observations(&args.observations).map_err(Error::from)?;
-        for path in &args.contacts {
-            let more = read_observations(path).map_err(Error::from)?;
-            append_observations(&mut read, more, path).map_err(Error::from)?;
-        }
-        for remark in read.remarks.iter().filter(|_| !common.quiet) {
+        let read = read_observations(&args.observations, &args.contacts);
+        let (observations, remarks) = read.map_err(Error::from)?;
+        for remark in remarks.iter().filter(|_| !common.quiet) {
             eprintln!("note: {}", line(&remark.to_string()));
         }
-        let observations = read.observations;
         let ids = observations.taxels.map(|t| t.id);
         let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
         let truth = args

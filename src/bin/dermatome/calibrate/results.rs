@@ -6,7 +6,7 @@ use std::path::Path;
 use dermatome::{
     Error,
     calib::{Calibration, calibrated_skin},
-    io::{IoError, kind, write_calibration, write_inliers, write_observations, write_skin},
+    io::{IoError, write_calibration, write_inliers, write_observations, write_skin},
     skin::Skin,
 };
 
@@ -33,7 +33,7 @@ pub(super) enum Kind {
 impl Kind {
     /// The extension decides.
     fn of(path: &Path) -> Result<Self, IoError> {
-        match kind(path).as_str() {
+        match outputs::kind(path).as_str() {
             "csv" => Ok(Self::Table),
             "g2o" => Ok(Self::Graph),
             "glb" | "gltf" | "json" | "obj" | "ply" | "stl" => Ok(Self::Skin),

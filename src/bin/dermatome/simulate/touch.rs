@@ -8,7 +8,7 @@ use std::{
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    io::{ReadingsWriter, read_map_if_any, write_touches},
+    io::{ReadingsWriter, write_touches},
     map::SkinMap,
     signal::{Quantity, TouchOptions, TouchSimulation},
     skin::{AssembleOptions, Patch, Skin},
@@ -16,7 +16,7 @@ use dermatome::{
 
 use crate::{
     common::Common,
-    input::read_skin,
+    input::{read_map_if_any, read_skin},
     notes::note,
     outputs::{self, Outputs},
 };
@@ -109,7 +109,7 @@ pub(super) fn run(
 ) -> anyhow::Result<ExitCode> {
     outputs::check([output].into_iter().chain(truth))?;
     [output].into_iter().chain(truth).try_for_each(|path| outputs::check_inputs(path, [skin]))?;
-    let skin = match read_map_if_any(skin).map_err(Error::from)? {
+    let skin = match read_map_if_any(skin)? {
         Some(map) => finest(&map),
         None => read_skin(skin, &AssembleOptions::default(), common)?,
     };

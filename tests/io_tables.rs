@@ -1,0 +1,193 @@
+//! Tables of contacts, lookups and poses: what is read, what is written, what is refused and how it
+//! is named.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{fs, io::Read, path::Path};
+
+use dermatome::{
+    id::{FaceId, VertexId},
+    io::{ContactRow, IoError, LookupRow, read_contacts, read_draft, read_poses, write_lookups},
+    pyramid::LevelId,
+    skin::{LinkId, TaxelId},
+};
+use glam::{DAffine3, DVec2, DVec3};
+
+fn read(text: &str) -> Vec<Result<ContactRow, IoError>> {
+    read_contacts(Path::new("-"), text.as_bytes()).unwrap().1.collect()
+}
+
+fn message<T>(result: Result<T, IoError>) -> String {
+    result.err().unwrap().to_string()
+}
+
+#[test]
+fn columns_come_in_any_order_and_cells_may_be_empty() {
+    let text = "\u{feff}time, z ,link,y,x,radius,force,nz,ny,nx\r\n0.5,3,\"left, arm\",2,1e0,,-2,1,0,0\r\n,0,,0,0,,,,,\r\n";
+    let rows: Vec<ContactRow> = read(text).into_iter().map(Result::unwrap).collect();
+    let full = ContactRow {
+        position: DVec3::new(1.0, 2.0, 3.0),
+        normal: Some(DVec3::Z),
+        force: Some(-2.0),
+        radius: None,
+        link: Some("left, arm".into()),
+        time: Some(0.5),
+        line: 2,
+    };
+    let bare = ContactRow {
+        position: DVec3::ZERO,
+        normal: None,
+        force: None,
+        radius: None,
+        link: None,
+        time: None,
+        line: 3,
+    };
+    assert_eq!(rows, [full, bare]);
+}
+
+#[test]
+fn unknown_columns_are_listed() {
+    let (unknown, _) = read_contacts(Path::new("-"), &b"x,y,z,colour\n"[..]).unwrap();
+    assert_eq!(unknown, ["colour"]);
+}
+
+#[test]
+fn a_broken_line_is_named_and_the_next_one_read() {
+    let rows = read("x,y,z,nx,ny,nz,radius\n0,0,NaN,,,,\n0,0,0,1,,0,\n0,0,0,,,,-1\n0,0\n1,2,3,,,,\n");
+    let places = [
+        "line 2, column `z`: found \"NaN\"",
+        "line 3, column `ny`",
+        "line 4, column `radius`",
+        "line 5: found 2 cells",
+    ];
+    let mut rows = rows.into_iter();
+    for place in places {
+        let found = message(rows.next().unwrap());
+        assert!(found.contains(place), "{place:?} is named in {found:?}");
+    }
+    let last = rows.next().unwrap().unwrap();
+    assert_eq!((last.position, last.line), (DVec3::new(1.0, 2.0, 3.0), 6));
+    assert!(rows.next().is_none());
+}
+
+#[test]
+fn headers_without_a_position_or_with_a_name_twice_are_refused() {
+    for (header, place) in [
+        ("", "the names of the columns"),
+        ("x,y\n", "a column `z`"),
+        ("x,y,z,x\n", "line 1, column 4"),
+        ("x,y,z,nx,nz\n", "a column `ny`"),
+        ("x,y,\u{fffd}\n", "a column `z`"),
+    ] {
+        let found = message(read_contacts(Path::new("-"), header.as_bytes()));
+        assert!(found.contains(place), "{place:?} is named in {found:?}");
+    }
+    let latin = message(read_contacts(Path::new("-"), &b"x,y,z,\xfc\n"[..]));
+    assert!(latin.contains("UTF-8"), "{latin}");
+}
+
+/// A line without end, and a quote that is never closed, end the table instead of filling the
+/// memory.
+#[test]
+fn an_endless_line_is_refused() {
+    for start in ["", "\""] {
+        let endless = format!("x,y,z\n{start}").into_bytes();
+        let input = endless.as_slice().chain(std::io::repeat(b'1'));
+        let (_, mut rows) = read_contacts(Path::new("-"), input).unwrap();
+        let found = message(rows.next().unwrap());
+        assert!(found.contains("more than 1048576 bytes"), "{found}");
+        assert!(rows.next().is_none(), "the stream is given up");
+    }
+}
+
+#[test]
+fn a_long_table_passes_though_its_lines_together_are_long() {
+    let line = format!("0,0,0,{}\n", "l".repeat(1000));
+    let text = "x,y,z,link\n".to_owned() + &line.repeat(3000);
+    assert_eq!(read(&text).into_iter().filter(Result::is_ok).count(), 3000);
+}
+
+/// However lines end, and whatever stands between them, an error names the line that an editor
+/// shows.
+#[test]
+fn lines_are_counted_as_an_editor_counts_them() {
+    let text = "x,y,z,link\n\n0,0,0,\n\n\n0,0,oops,\n0,0,0,\"two\nlines\"\n0,oops,0,\n";
+    let folder = tempfile::tempdir().unwrap();
+    for text in [text.to_owned(), text.replace('\n', "\r\n")] {
+        let rows = read(&text);
+        let lines: Vec<_> = rows.iter().flatten().map(|row| row.line).collect();
+        assert_eq!(lines, [3, 8], "a row ends on its line: {text:?}");
+        let errors: Vec<_> = rows.into_iter().filter_map(Result::err).map(|e| e.to_string()).collect();
+        assert!(errors[0].contains("line 6, column `z`"), "{text:?}: {}", errors[0]);
+        assert!(errors[1].contains("line 9, column `y`"), "{text:?}: {}", errors[1]);
+        let path = folder.path().join("skin.csv");
+        fs::write(&path, text.replace("link", "patch")).unwrap();
+        let found = message(read_draft(&path));
+        assert!(found.contains("line 6, column `z`"), "{text:?}: {found}");
+    }
+}
+
+#[test]
+fn a_row_has_a_cell_per_column_and_quotes_names() {
+    let mut table = Vec::new();
+    write_lookups(Path::new("-"), &mut table, |write| {
+        write(&LookupRow {
+            contact: 7,
+            level: LevelId::new(1),
+            patch: "arm, \"left\"",
+            face: FaceId::new(3),
+            barycentric: [0.25, 0.75, 0.0],
+            map: DVec2::new(0.1, 1e-9),
+            pixel: [12, 0],
+            field: VertexId::new(5),
+            taxel: TaxelId(u32::MAX),
+            distance: -0.001,
+        })
+    })
+    .unwrap();
+    let text = String::from_utf8(table).unwrap();
+    let wanted = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance\n\
+                  7,1,\"arm, \"\"left\"\"\",3,0.25,0.75,0.0,0.1,1e-9,12,0,5,4294967295,-0.001\n";
+    assert_eq!(text, wanted);
+}
+
+#[test]
+fn a_full_disk_is_an_error() {
+    let mut nothing = [0; 10];
+    let error = message(write_lookups(Path::new("out.csv"), &mut nothing[..], |_| Ok(())));
+    assert!(error.contains("cannot write out.csv"), "{error}");
+}
+
+fn read_links(text: &str) -> Result<Vec<(LinkId, DAffine3)>, IoError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("poses.csv");
+    fs::write(&path, text).unwrap();
+    read_poses(&path, &|name| (name.len() == 1 || name == "arm").then_some(LinkId::new(7)))
+}
+
+#[test]
+fn a_quarter_turn_about_z_takes_x_to_y() {
+    let poses = read_links("qw, qx, qy, qz, link, x, y, z\n0.70711, 0, 0, 0.70711, arm, 1, 2, 3\n").unwrap();
+    let [(link, pose)] = poses.as_slice() else { panic!("one pose") };
+    assert_eq!(*link, LinkId::new(7));
+    let moved = pose.transform_point3(DVec3::X);
+    assert!(moved.distance(DVec3::new(1.0, 3.0, 3.0)) < 1e-12, "{moved}");
+}
+
+#[test]
+fn what_is_no_pose_is_refused_with_its_line() {
+    let header = "link,x,y,z,qx,qy,qz,qw\n";
+    for (rows, expected) in [
+        ("a,0,0,0,0,0,0,1\na,0,0,0,0,0,0,1\n", "line 3"),
+        ("a,0,0,0,0,0,0,0.5\n", "length 1"),
+        ("a,0,0,0,0,0,0,NaN\n", "column `qw`"),
+        ("a,0,,0,0,0,0,1\n", "column `y`"),
+        ("a,0\n", "line 2"),
+        ("stranger,0,0,0,0,0,0,1\n", "line 2, column `link`: found \"stranger\""),
+    ] {
+        let error = read_links(&format!("{header}{rows}")).unwrap_err().to_string();
+        assert!(error.contains(expected), "{rows:?}: {error}");
+    }
+    assert!(read_links("link,x,y,z\na,0,0,0\n").unwrap_err().to_string().contains("qx"));
+    assert!(read_links("").is_err());
+}
