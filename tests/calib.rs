@@ -1265,3 +1265,46 @@ fn information_is_judged_without_its_units() {
         }
     }
 }
+
+/// How long an edge says two taxels are apart.
+fn length(edge: &Displacement) -> f64 {
+    match &edge.measurement {
+        DisplacementMeasurement::Offset { offset, .. } => offset.length(),
+        DisplacementMeasurement::Relative(m) => m.pose.position.length(),
+    }
+}
+
+/// Wrong edges are long: what is long is rejected whatever its residual, what is short is kept.
+#[test]
+fn long_edges_are_suspect_where_rejected_ones_are_long() {
+    let simulation = simulate(&SimulateOptions { outliers: 0.1, ..SimulateOptions::default() }).unwrap();
+    let found = solve(&simulation.observations, &CalibOptions::default());
+    let rejected = found.rejected().0;
+    let lengths = simulation.observations.edges.map(length);
+    let [mut kept_long, mut lost_short, mut short] = [0; 3];
+    for (e, &length) in lengths.enumerate() {
+        kept_long += usize::from(length > 15e-3 && !rejected.contains(&e));
+        if length < 7e-3 && !simulation.outliers.contains(&e) {
+            short += 1;
+            lost_short += usize::from(rejected.contains(&e));
+        }
+    }
+    assert_eq!(kept_long, 0);
+    assert!(lost_short < short / 50, "{lost_short} of {short} short edges are lost");
+}
+
+/// Every fifth edge points the other way, as long as it was: length says nothing, and no right edge
+/// is lost for it.
+#[test]
+fn lengths_that_say_nothing_change_little() {
+    let mut observations = simulate(&SimulateOptions::default()).unwrap().observations;
+    for edge in observations.edges.iter_mut().step_by(5) {
+        if let DisplacementMeasurement::Offset { offset, .. } = &mut edge.measurement {
+            *offset = -*offset;
+        }
+    }
+    let found = solve(&observations, &CalibOptions::default());
+    let (wrong, right): (Vec<_>, Vec<_>) = found.rejected().0.into_iter().partition(|e| e.index() % 5 == 0);
+    assert!(wrong.len() > 1419 / 5 - 5, "{} of 284", wrong.len());
+    assert!(right.len() < 1419 / 25, "{} right edges are lost", right.len());
+}

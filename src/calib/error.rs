@@ -161,3 +161,9 @@ pub enum CalibError {
     #[error(transparent)]
     Sparse(SparseError),
 }
+
+impl CalibError {
+    pub(super) fn option(option: &'static str, found: impl ToString, needed: &'static str) -> Self {
+        Self::BadOption { option, found: found.to_string(), needed }
+    }
+}

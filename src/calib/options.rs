@@ -44,12 +44,10 @@ impl Default for CalibOptions {
 impl CalibOptions {
     pub(super) fn validate(&self) -> Result<(), CalibError> {
         if self.max_iterations == 0 {
-            let (option, found, needed) = ("the number of iterations", "0".into(), "at least 1");
-            return Err(CalibError::BadOption { option, found, needed });
+            return Err(CalibError::option("the number of iterations", 0, "at least 1"));
         }
         if !(0.0..1.0).contains(&self.relative_decrease) {
-            let found = self.relative_decrease.to_string();
-            return Err(CalibError::BadOption { option: "the relative decrease", found, needed: "0 to 1" });
+            return Err(CalibError::option("the relative decrease", self.relative_decrease, "0 to 1"));
         }
         Ok(())
     }

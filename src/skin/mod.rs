@@ -43,7 +43,6 @@ mod error;
 mod unit_check;
 mod joining_gap;
 mod link;
-mod names;
 mod normals;
 mod patch;
 mod remark;

@@ -8,7 +8,10 @@ use crate::calib::{
     CalibError, Loss, Termination,
     observations::graph::Poses,
     robust::solution::Solution,
-    solve::{levenberg_marquardt::Solver, loss::LossFunctions, weighting::Weighting},
+    solve::{
+        levenberg_marquardt::Solver,
+        loss::{LossFunctions, Weighting},
+    },
 };
 
 /// Control at which a residual of a million bounds still counts: larger ones may be rejected at

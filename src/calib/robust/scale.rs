@@ -56,10 +56,10 @@ impl Scale {
 /// without any. Of an even number the lower one, so that half can be wrong; of two the larger,
 /// since either can be made to fit.
 fn median_scale(dimensions: &PerObservation<usize>, chi2: &PerObservation) -> Scale {
-    let mut medians = ByDimension::new(|n| quantile(0.5, n));
-    let mut median = |dimensions: &[usize], chi2: &[f64]| {
+    let medians = quantiles(dimensions, 0.5);
+    let median = |dimensions: &[usize], chi2: &[f64]| {
         let observed = dimensions.iter().zip(chi2).filter(|(n, _)| **n > 0);
-        let mut relative: Vec<f64> = observed.map(|(&n, chi2)| chi2 / medians.of(n)).collect();
+        let mut relative: Vec<f64> = observed.map(|(&n, chi2)| chi2 / medians[n]).collect();
         let half = (relative.len().saturating_sub(1) / 2).max(usize::from(relative.len() > 1));
         if relative.is_empty() { 0.0 } else { *relative.select_nth_unstable_by(half, f64::total_cmp).1 }
     };
@@ -81,11 +81,11 @@ pub(crate) fn has_outlier(
     suspects: impl Fn(Verdict) -> bool,
 ) -> bool {
     let count = dimensions.iter().filter(|&n| n > 0).count() as f64;
-    let mut largest = ByDimension::new(|n| quantile(1.0 - BY_CHANCE / count, n));
-    let mut any = |scale: f64, dimensions: &[usize], chi2: &[f64], verdicts: &[Verdict]| {
+    let largest = quantiles(dimensions, 1.0 - BY_CHANCE / count);
+    let any = |scale: f64, dimensions: &[usize], chi2: &[f64], verdicts: &[Verdict]| {
         let observed =
             dimensions.iter().zip(chi2).zip(verdicts).filter(|((n, _), v)| suspects(**v) && **n > 0);
-        observed.into_iter().any(|((&n, &chi2), _)| chi2 > leverage * scale * largest.of(n))
+        observed.into_iter().any(|((&n, &chi2), _)| chi2 > leverage * scale * largest[n])
     };
     let scale = median_scale(dimensions, chi2);
     any(scale.edges, dimensions.edges.as_slice(), chi2.edges.as_slice(), verdicts.edges.as_slice())
@@ -97,21 +97,8 @@ pub(crate) fn has_outlier(
         )
 }
 
-/// A number for every dimension, found once.
-struct ByDimension<F> {
-    find: F,
-    known: Vec<Option<f64>>,
-}
-
-impl<F: Fn(f64) -> f64> ByDimension<F> {
-    fn new(find: F) -> Self {
-        Self { find, known: Vec::new() }
-    }
-
-    fn of(&mut self, dimension: usize) -> f64 {
-        if self.known.len() <= dimension {
-            self.known.resize(dimension + 1, None);
-        }
-        *self.known[dimension].get_or_insert_with(|| (self.find)(dimension as f64))
-    }
+/// The quantile of chi-square at `probability` for every dimension that occurs.
+fn quantiles(dimensions: &PerObservation<usize>, probability: f64) -> Vec<f64> {
+    let most = dimensions.iter().max().unwrap_or(0);
+    (0..=most).map(|n| quantile(probability, n.max(1) as f64)).collect()
 }

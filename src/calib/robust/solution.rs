@@ -5,8 +5,7 @@ use crate::calib::{
     observations::graph::{PerObservation, Poses},
     solve::{
         levenberg_marquardt::{Iterate, Solver},
-        loss::{LossFunctions, SMALLEST_WEIGHT},
-        weighting::Weighting,
+        loss::{LossFunctions, SMALLEST_WEIGHT, Weighting},
     },
 };
 

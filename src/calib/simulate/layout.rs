@@ -44,11 +44,9 @@ impl SensorLayout {
         let (cells, plane) = lattice(taxels);
         let reach = plane.iter().map(|p| p.length()).fold(0.0, f64::max) * spacing;
         if reach > LARGEST_REACH * radius {
-            return Err(CalibError::BadOption {
-                option: "the number of taxels",
-                found: format!("{taxels}, {} mm apart on a sphere of {} mm", spacing * 1e3, radius * 1e3),
-                needed: "fewer taxels, a smaller spacing or a larger sphere",
-            });
+            let found = format!("{taxels}, {} mm apart on a sphere of {} mm", spacing * 1e3, radius * 1e3);
+            let needed = "fewer taxels, a smaller spacing or a larger sphere";
+            return Err(CalibError::option("the number of taxels", found, needed));
         }
         let frames: IdVec<VertexId, Pose> =
             plane.iter().map(|&p| frame(lift(p * spacing, radius), radius)).collect();
@@ -106,17 +104,12 @@ impl SensorLayout {
 fn check(taxels: usize, spacing: f64, radius: f64) -> Result<(), CalibError> {
     const MOST_TAXELS: usize = 10_000_000;
     if !(3..=MOST_TAXELS).contains(&taxels) {
-        let found = taxels.to_string();
-        return Err(CalibError::BadOption {
-            option: "the number of taxels",
-            found,
-            needed: "3 to 10 million",
-        });
+        return Err(CalibError::option("the number of taxels", taxels, "3 to 10 million"));
     }
     for (option, length) in [("the spacing", spacing), ("the radius", radius)] {
         if !LENGTHS.contains(&length) {
             let found = format!("{:?} mm", length * 1e3);
-            return Err(CalibError::BadOption { option, found, needed: "0.001 mm to 1 km" });
+            return Err(CalibError::option(option, found, "0.001 mm to 1 km"));
         }
     }
     Ok(())

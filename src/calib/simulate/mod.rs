@@ -136,8 +136,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
     let indentation = options.indentation;
     if indentation >= options.radius {
         let found = format!("{} mm", indentation * 1e3);
-        let needed = "less than the radius of the sphere";
-        return Err(CalibError::BadOption { option: "the indentation", found, needed });
+        return Err(CalibError::option("the indentation", found, "less than the radius of the sphere"));
     }
     let unknown = |v: VertexId| TaxelVariable { id: TaxelId(v.raw()), initial: None, fixed: false };
     let mut observations = Observations {
@@ -176,17 +175,15 @@ impl SimulateOptions {
         for (option, x) in sizes {
             if !(0.0..=MOST_NOISE).contains(&x) {
                 let found = format!("{x:?} m or rad");
-                return Err(CalibError::BadOption { option, found, needed: "0 to 1000 m or rad" });
+                return Err(CalibError::option(option, found, "0 to 1000 m or rad"));
             }
         }
         if !(0.0..=1.0).contains(&self.outliers) {
-            let found = self.outliers.to_string();
-            return Err(CalibError::BadOption { option: "the share of outliers", found, needed: "0 to 1" });
+            return Err(CalibError::option("the share of outliers", self.outliers, "0 to 1"));
         }
         if self.anchors > self.taxels {
-            let found = self.anchors.to_string();
             let needed = "at most the number of taxels";
-            return Err(CalibError::BadOption { option: "the number of anchors", found, needed });
+            return Err(CalibError::option("the number of anchors", self.anchors, needed));
         }
         Ok(())
     }

@@ -100,20 +100,12 @@ impl GaugeFreedom {
     }
 }
 
-/// What a component looks like as a whole.
-struct Placement {
-    centroid: DVec3,
-    length: f64,
-}
-
-impl Placement {
-    fn new(taxels: &[VertexId], poses: &Poses) -> Self {
-        let count = taxels.len().max(1) as f64;
-        let centroid = taxels.iter().map(|&v| poses[v].position).sum::<DVec3>() / count;
-        let spread =
-            taxels.iter().map(|&v| poses[v].position.distance_squared(centroid)).sum::<f64>() / count;
-        Self { centroid, length: if spread > 0.0 { spread.sqrt() } else { 1.0 } }
-    }
+/// The centroid of a component, and the typical distance from it, in m.
+fn placement(taxels: &[VertexId], poses: &Poses) -> (DVec3, f64) {
+    let count = taxels.len().max(1) as f64;
+    let centroid = taxels.iter().map(|&v| poses[v].position).sum::<DVec3>() / count;
+    let spread = taxels.iter().map(|&v| poses[v].position.distance_squared(centroid)).sum::<f64>() / count;
+    (centroid, if spread > 0.0 { spread.sqrt() } else { 1.0 })
 }
 
 /// How a taxel frame moves when its component moves as a whole: a column of `G`.
@@ -158,7 +150,7 @@ fn free_components(
         if component.fixed {
             continue;
         }
-        let length = Placement::new(&component.taxels, poses).length;
+        let length = placement(&component.taxels, poses).1;
         let mut candidate = FreeBody { component, free_motions: 0, length, contacts, rejected_contacts };
         let (_, values, _) = candidate.anchoring(problem, poses);
         let motions = observations.model.unknowns();
@@ -206,7 +198,7 @@ impl FreeBody {
         let pivot = if total > 0.0 {
             terms.iter().map(|(at, block)| at.position * (pull(block) / total)).sum()
         } else {
-            Placement::new(&self.component.taxels, poses).centroid
+            placement(&self.component.taxels, poses).0
         };
         let mut sum = [[0.0; 6]; 6];
         for (at, block) in &terms {
@@ -226,7 +218,7 @@ impl FreeBody {
     /// The free motions at `poses`, with the pivot that they turn about.
     pub(crate) fn motions(&self, problem: &Problem<'_>, poses: &Poses) -> (DVec3, Vec<RigidMotion>) {
         if self.free_motions == problem.observations.model.unknowns() {
-            let centroid = Placement::new(&self.component.taxels, poses).centroid;
+            let centroid = placement(&self.component.taxels, poses).0;
             return (centroid, (0..self.free_motions).map(unit).collect());
         }
         let (pivot, _, motions) = self.anchoring(problem, poses);

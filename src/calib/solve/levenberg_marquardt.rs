@@ -10,8 +10,8 @@ use crate::calib::{
     CalibError, CalibOptions,
     observations::graph::{PerObservation, Poses},
     solve::{
-        convergence::Convergence, gauge::GaugeFreedom, linear_system::LinearSystem,
-        normal_equations::Problem, weighting::Weighting,
+        convergence::Convergence, gauge::GaugeFreedom, linear_system::LinearSystem, loss::Weighting,
+        normal_equations::Problem,
     },
 };
 

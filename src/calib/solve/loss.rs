@@ -5,7 +5,7 @@
 //! measures, so that the same share of inliers is affected in every model. (huber1964),
 //! (beaton1974) (Tukey's biweight), (yang2020) (the graduated truncated loss).
 
-use std::fmt;
+use std::{borrow::Cow, fmt};
 
 use crate::{
     calib::{DisplacementId, observations::graph::PerObservation},
@@ -183,6 +183,38 @@ impl LossFunctions {
     /// The largest squared residual over its squared bound.
     pub(crate) fn worst(&self, chi2: &PerObservation) -> f64 {
         self.of.zip(chi2, |f, chi2| chi2 / f.bound2).iter().fold(0.0, f64::max)
+    }
+}
+
+/// The weights of squared residuals while the optimisation runs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Weighting<'w> {
+    /// From loss functions, at every step anew.
+    Loss(&'w LossFunctions),
+    /// Given.
+    Fixed(&'w PerObservation),
+    /// Those of the graduated loss at control `mu`, which grows after every step until it reaches
+    /// the truncated loss (yang2020), algorithm 1).
+    Graduated { losses: &'w LossFunctions, mu: f64 },
+}
+
+impl Weighting<'_> {
+    pub(super) fn weights(&self, chi2: &PerObservation) -> Cow<'_, PerObservation> {
+        match self {
+            Self::Loss(losses) => Cow::Owned(losses.weights(chi2)),
+            Self::Fixed(weights) => Cow::Borrowed(weights),
+            Self::Graduated { losses, mu } => Cow::Owned(losses.graduated_weights(*mu, chi2)),
+        }
+    }
+
+    pub(super) fn cost(&self, chi2: &PerObservation) -> f64 {
+        match self {
+            Self::Loss(losses) => losses.cost(chi2),
+            Self::Fixed(_) | Self::Graduated { .. } => {
+                let weights = self.weights(chi2);
+                0.5 * weights.iter().zip(chi2.iter()).map(|(w, s)| w * s).sum::<f64>()
+            }
+        }
     }
 }
 

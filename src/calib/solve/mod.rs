@@ -1,6 +1,5 @@
 //! The optimiser: from observations and weights to poses and covariances. It knows no outliers.
 
-mod accumulator;
 mod convergence;
 pub(super) mod gauge;
 pub(super) mod initial;
@@ -11,4 +10,3 @@ pub(super) mod loss;
 pub(super) mod marginals;
 pub(super) mod normal_equations;
 pub(super) mod residual;
-pub(super) mod weighting;

@@ -2,7 +2,7 @@
 //! given poses and weights.
 //!
 //! `J' W Omega J x = -J' W Omega e`, summed over edges and contacts into blocks of 1, 3 or 6 rows
-//! ([`BlockLayout`]). Accumulator run in the order of the observations, so that the result does not
+//! ([`BlockLayout`]). The sums run in the order of the observations, so that the result does not
 //! depend on the number of threads.
 
 use glam::{DMat3, DVec3};
@@ -14,7 +14,6 @@ use crate::{
         geometry::pose::hat,
         observations::graph::{PerObservation, Poses},
         solve::{
-            accumulator::Accumulator,
             layout::{BlockLayout, number_rows, pair_of, row_pairs},
             residual::{EdgeTerm, error, linearised},
         },
@@ -285,4 +284,33 @@ impl<'o> Problem<'o> {
 /// `t_j - t_i - delta`.
 fn offset_error(edge: &Displacement, offset: DVec3, poses: &Poses) -> DVec3 {
     poses[edge.to].position - poses[edge.from].position - offset
+}
+
+/// The system while it is summed up.
+struct Accumulator<'s> {
+    matrix: BlockMatrix<'s>,
+    gradient: Vec<f64>,
+    layout: BlockLayout,
+    rows: usize,
+}
+
+impl Accumulator<'_> {
+    fn add_block(&mut self, slot: BlockSlot, block: &Matrix6, weight: f64, transposed: bool) {
+        if transposed {
+            self.matrix.add(slot, |a, b| weight * block.entry(b, a));
+        } else {
+            self.matrix.add(slot, |a, b| weight * block.entry(a, b));
+        }
+    }
+
+    fn add_twist(&mut self, row: u32, gradient: Twist, weight: f64) {
+        self.add_vector(row, 0, weight * gradient[0]);
+        self.add_vector(row, 3, weight * gradient[1]);
+    }
+
+    fn add_vector(&mut self, row: u32, k: usize, x: DVec3) {
+        for (c, x) in x.to_array().into_iter().enumerate() {
+            self.gradient[self.layout.index(self.rows, row, k + c)] += x;
+        }
+    }
 }

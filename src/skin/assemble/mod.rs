@@ -5,6 +5,8 @@ mod outward;
 mod patch;
 pub(in crate::skin) mod zero_area;
 
+use std::collections::{HashMap, HashSet};
+
 use glam::DAffine3;
 
 use crate::{
@@ -12,9 +14,7 @@ use crate::{
     skin::{
         Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError,
         assemble::{components::Components, patch::patch_of},
-        check_links,
-        names::Names,
-        triangulate_taxels,
+        check_links, triangulate_taxels,
         unit_check::doubtful_unit,
     },
 };
@@ -134,5 +134,37 @@ fn renamed(sheet: &Sheet, patches: &[Patch]) -> Option<RemarkKind> {
         [patch] => Some(RemarkKind::Renamed { name: patch.name.clone() }),
         [] => None,
         _ => Some(RemarkKind::Components { patches: patches.iter().map(|p| p.name.clone()).collect() }),
+    }
+}
+
+/// Gives every patch a unique name.
+#[derive(Debug)]
+struct Names {
+    /// Names of sheets: a component of another sheet must not take them.
+    of_sheets: HashSet<String>,
+    taken: HashSet<String>,
+    /// The last number given to a component, by the name of its sheet.
+    last: HashMap<String, usize>,
+}
+
+impl Names {
+    fn new(sheets: &[Sheet]) -> Self {
+        let of_sheets = sheets.iter().map(|s| s.title().to_owned()).collect();
+        Self { of_sheets, taken: HashSet::new(), last: HashMap::new() }
+    }
+
+    /// The next free one of `name`, `name.1`, `name.2`, ...
+    fn next(&mut self, name: &str) -> String {
+        if self.taken.insert(name.to_owned()) {
+            return name.to_owned();
+        }
+        let last = self.last.entry(name.to_owned()).or_insert(0);
+        loop {
+            *last += 1;
+            let numbered = format!("{name}.{last}");
+            if !self.of_sheets.contains(&numbered) && self.taken.insert(numbered.clone()) {
+                return numbered;
+            }
+        }
     }
 }

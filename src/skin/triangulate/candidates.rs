@@ -1,20 +1,35 @@
 //! Candidate triangles: those of the stars of all taxels, ranked by the votes of their corners.
 //!
+//! The star of a taxel is that of the Delaunay triangulation of its neighbours in its tangent plane.
+//! Stars of neighbours need not agree: the tangential Delaunay complex (boissonnat2014).
 //! *Heuristic*: the vote replaces star splaying (shewchuk2005), which repeats until all stars
 //! agree.
 
+use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::{
     id::VertexId,
     mesh::smallest_first,
     parallel::par_collect,
-    skin::triangulate::{delaunay_star::DelaunayStar, point_cloud::PointCloud, tangent_star::tangent_star},
+    skin::triangulate::{delaunay_star::DelaunayStar, point_cloud::PointCloud},
 };
 
 /// Circumradii that differ by less than this part are equal, as those of the triangles of a square
 /// are.
 const SAME_SIZE: f64 = 1e-6;
+
+/// A neighbour whose normal is turned by a right angle or more lies on another side of the part.
+const SAME_SIDE: f64 = 0.0;
+
+/// A neighbour more than 64 degrees (as a sine) above the tangent plane lies across the part, not
+/// along it.
+const STEEPEST: f64 = 0.9;
+
+/// Circumcircles may be wider than the gap by this factor. At 1 the result is an alpha shape, and
+/// gaps between rows of taxels that are a little narrower than the limit stay open; at much more,
+/// slivers fill the notches of every boundary.
+const WIDEST: f64 = 1.2;
 
 /// A triangle that is in the stars of some of its corners.
 #[derive(Debug, Clone, Copy)]
@@ -49,4 +64,25 @@ pub(super) fn candidates(cloud: &PointCloud<'_>) -> Vec<Candidate> {
 fn size(t: [VertexId; 3], cloud: &PointCloud<'_>) -> i64 {
     let spacing: f64 = t.iter().map(|&v| cloud.neighbours.spacing[v]).sum();
     ((cloud.circumradius(t) / spacing).ln() / SAME_SIZE).round() as i64
+}
+
+/// The triangles around `v` of the Delaunay triangulation of its neighbours in its tangent plane.
+///
+/// Neighbours are unrolled into the plane: they keep their distance and their direction in the
+/// tangent plane.
+fn tangent_star(star: &mut DelaunayStar, v: VertexId, cloud: &PointCloud<'_>) -> Vec<[VertexId; 3]> {
+    let PointCloud { positions, normals, neighbours, gap } = *cloud;
+    let (n, spacing) = (normals[v], neighbours.spacing[v]);
+    let (e, f) = n.any_orthonormal_pair();
+    let mut candidates = Vec::new();
+    let mut unrolled = Vec::new();
+    for &w in neighbours.of(v) {
+        let d = (positions[w] - positions[v]) / spacing;
+        let length = d.length();
+        if normals[w].dot(n) > SAME_SIDE && d.dot(n).abs() <= STEEPEST * length {
+            candidates.push(w);
+            unrolled.push(length * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
+        }
+    }
+    star.around(unrolled, 0.5 * WIDEST * gap).map(|[a, b]| [v, candidates[a], candidates[b]]).collect()
 }

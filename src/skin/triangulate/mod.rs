@@ -8,8 +8,8 @@
 //! 2. `neighbours`: the local spacing and who may be joined;
 //! 3. `normals`, then `orient_normals`: tangent planes, turned to one side (hoppe1992),
 //!    (konig2009);
-//! 4. `tangent_star`, with `delaunay_star`, for each point of the `point_cloud`, then `candidates`:
-//!    triangles by the votes of their corners;
+//! 4. `candidates`, with `delaunay_star`, for each point of the `point_cloud`: triangles by the votes
+//!    of their corners;
 //! 5. `growing_mesh`: takes candidates that keep an oriented manifold, the best first;
 //! 6. `repair`: small holes, touching fans, isolated taxels;
 //! 7. `orient_outward`: which side is outside.
@@ -28,7 +28,6 @@ mod orient_normals;
 mod orient_outward;
 mod point_cloud;
 mod repair;
-mod tangent_star;
 mod unique_points;
 
 use crate::{
