@@ -3,13 +3,10 @@
 use std::time::Instant;
 
 use crate::calib::{
-    CalibError, CalibOptions, Calibration, Iteration, Loss, ObservationDiagnostics, Observations,
-    observations::graph::{PerObservation, Poses},
+    CalibError, CalibOptions, Calibration, GaugeFreedom, Iteration, Loss, LossFunctions,
+    ObservationDiagnostics, Observations, PerObservation, Poses, Problem, Solver,
     robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit},
-    solve::{
-        gauge::GaugeFreedom, initial::initial_poses, levenberg_marquardt::Solver, loss::LossFunctions,
-        marginals::marginals, normal_equations::Problem,
-    },
+    solve::{initial::initial_poses, marginals::marginals},
 };
 
 /// Finds the taxel poses that explain the observations best: `min 1/2 sum e' Omega e`, equation 1

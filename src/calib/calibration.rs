@@ -4,8 +4,8 @@ use std::fmt;
 
 use crate::{
     calib::{
-        ContactObservationId, DisplacementId, FreeComponent, Iteration, Loss, Marginals, Model, Pose,
-        ResidualConvention, Termination, Verdict, observations::graph::PerObservation,
+        ContactObservationId, DisplacementId, FreeComponent, Iteration, Loss, Marginals, Model,
+        PerObservation, Pose, ResidualConvention, Termination, Verdict,
     },
     id::{Id, IdVec, VertexId},
     skin::TaxelId,

@@ -67,3 +67,15 @@ pub use solve::gauge::FreeComponent;
 pub use solve::levenberg_marquardt::{Iteration, Termination};
 pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;
+
+pub(in crate::calib) use observations::graph::{
+    Component, Poses, component_of_taxels, components, edges_of_taxels, predicted_pose,
+};
+pub(in crate::calib) use solve::{
+    gauge::{FreeBody, GaugeFreedom, RigidMotion},
+    layout::BlockLayout,
+    levenberg_marquardt::{Iterate, Solver},
+    linear_system::LinearSystem,
+    loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting},
+    normal_equations::Problem,
+};

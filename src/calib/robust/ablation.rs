@@ -3,14 +3,11 @@
 
 use super::{Solution, automatic, robust_fit, stages::descended};
 use crate::calib::{
-    CalibError, CalibOptions, DisplacementMeasurement, Loss, SimulateOptions, compare,
-    observations::graph::Poses,
+    CalibError, CalibOptions, DisplacementMeasurement, GaugeFreedom, Loss, LossFunctions, Poses, Problem,
+    SimulateOptions, Solver, compare,
     robust::{graduated::graduated, length_prior},
     simulate,
-    solve::{
-        gauge::GaugeFreedom, initial::initial_poses, levenberg_marquardt::Solver, loss::LossFunctions,
-        normal_equations::Problem,
-    },
+    solve::initial::initial_poses,
 };
 
 type Stage = fn(&mut Solver<'_>, Poses, &LossFunctions) -> Result<Solution, CalibError>;

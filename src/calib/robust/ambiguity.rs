@@ -9,10 +9,9 @@
 
 use crate::{
     calib::{
-        CalibError, Observations, Verdict,
-        observations::graph::{PerObservation, component_of_taxels, components, edges_of_taxels},
+        CalibError, LossFunctions, Observations, PerObservation, Solver, Verdict, component_of_taxels,
+        components, edges_of_taxels,
         robust::{length_prior::LogOdds, solution::Solution},
-        solve::{levenberg_marquardt::Solver, loss::LossFunctions},
     },
     id::{IdVec, VertexId},
 };

@@ -8,15 +8,13 @@
 //! observations.
 
 use crate::calib::{
-    CalibError, Loss, Termination, Verdict,
-    observations::graph::Poses,
+    CalibError, Loss, LossFunctions, Poses, Solver, Termination, Verdict,
     robust::{
         goodness_of_fit::goodness_of_fit,
         scale::{Scale, has_outlier},
         solution::Solution,
         stages::{descended, robust_fit},
     },
-    solve::{levenberg_marquardt::Solver, loss::LossFunctions},
 };
 
 /// Share of the edges, or of the contacts, that can be wrong for the others to decide.

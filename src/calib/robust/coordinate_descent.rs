@@ -8,10 +8,8 @@
 
 use crate::{
     calib::{
-        CalibError, DisplacementId, Termination,
-        observations::graph::{Poses, edges_of_taxels, predicted_pose},
-        robust::solution::Solution,
-        solve::{levenberg_marquardt::Solver, loss::LossFunctions, normal_equations::Problem},
+        CalibError, DisplacementId, LossFunctions, Poses, Problem, Solver, Termination, edges_of_taxels,
+        predicted_pose, robust::solution::Solution,
     },
     id::{IdVec, VertexId},
 };

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use crate::{
-    calib::{GoodnessOfFit, Loss, Verdict, robust::solution::Solution, solve::levenberg_marquardt::Solver},
+    calib::{GoodnessOfFit, Loss, Solver, Verdict, robust::solution::Solution},
     numeric::chi_square_tail,
 };
 

@@ -5,13 +5,7 @@
 //! Neither guarantees the global minimum.
 
 use crate::calib::{
-    CalibError, Loss, Termination,
-    observations::graph::Poses,
-    robust::solution::Solution,
-    solve::{
-        levenberg_marquardt::Solver,
-        loss::{LossFunctions, Weighting},
-    },
+    CalibError, Loss, LossFunctions, Poses, Solver, Termination, Weighting, robust::solution::Solution,
 };
 
 /// Control at which a residual of a million bounds still counts: larger ones may be rejected at

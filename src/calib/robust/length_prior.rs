@@ -9,9 +9,8 @@
 
 use crate::{
     calib::{
-        DisplacementId, DisplacementMeasurement, Observations, Verdict,
-        observations::graph::PerObservation,
-        solve::loss::{INLIER_SHARE, LossFunctions},
+        DisplacementId, DisplacementMeasurement, INLIER_SHARE, LossFunctions, Observations, PerObservation,
+        Verdict,
     },
     id::IdVec,
 };

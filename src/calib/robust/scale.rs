@@ -2,10 +2,8 @@
 //! predicts, by the median (rousseeuw1987); and the outlier test that holds at any scale.
 
 use crate::calib::{
-    Verdict,
-    observations::graph::PerObservation,
+    LossFunctions, PerObservation, Solver, Verdict,
     robust::{goodness_of_fit::goodness_of_fit, solution::Solution},
-    solve::{levenberg_marquardt::Solver, loss::LossFunctions},
 };
 use crate::numeric::quantile;
 

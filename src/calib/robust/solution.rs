@@ -1,12 +1,8 @@
 //! What a stage of robust estimation hands to the next: poses, and a verdict on every observation.
 
 use crate::calib::{
-    CalibError, Loss, Termination, Verdict,
-    observations::graph::{PerObservation, Poses},
-    solve::{
-        levenberg_marquardt::{Iterate, Solver},
-        loss::{LossFunctions, SMALLEST_WEIGHT, Weighting},
-    },
+    CalibError, Iterate, Loss, LossFunctions, PerObservation, Poses, SMALLEST_WEIGHT, Solver, Termination,
+    Verdict, Weighting,
 };
 
 /// Poses with the verdicts and weights that they were found with.

@@ -1,8 +1,7 @@
 //! The stages of robust estimation in their order.
 
 use crate::calib::{
-    CalibError, Loss,
-    observations::graph::Poses,
+    CalibError, Loss, LossFunctions, Poses, Solver,
     robust::{
         ambiguity::ambiguity,
         coordinate_descent::coordinate_descent,
@@ -10,7 +9,6 @@ use crate::calib::{
         length_prior::{LogOdds, length_prior, with_odds},
         solution::Solution,
     },
-    solve::{levenberg_marquardt::Solver, loss::LossFunctions},
 };
 
 /// The best fit under `losses`: stages 1 and 2, again with what the length prior learned from them,

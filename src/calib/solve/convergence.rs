@@ -1,7 +1,7 @@
 //! When a sequence of costs has converged: when the last decrease, or the predicted next one, is
 //! small.
 
-use crate::calib::solve::{layout::BlockLayout, normal_equations::Problem};
+use crate::calib::{BlockLayout, Problem};
 
 /// A cost this far below what rounding of the sums can resolve counts as zero, over the number of
 /// observations.

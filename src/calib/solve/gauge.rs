@@ -10,9 +10,8 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        ContactObservationId, Model, Observations, Pose,
-        observations::graph::{Component, PerObservation, Poses, component_of_taxels, components},
-        solve::{loss::SMALLEST_WEIGHT, normal_equations::Problem},
+        Component, ContactObservationId, Model, Observations, PerObservation, Pose, Poses, Problem,
+        SMALLEST_WEIGHT, component_of_taxels, components,
     },
     id::VertexId,
     numeric::{Matrix6, Twist, symmetric_eigen},

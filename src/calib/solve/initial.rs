@@ -7,14 +7,14 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
     calib::{
-        CalibError, ContactMeasurement, Displacement, DisplacementMeasurement, Information, Initialization,
-        Model, Observations, Pose, PoseMeasurement,
+        CalibError, ContactMeasurement, Displacement, DisplacementMeasurement, Initialization, Model,
+        Observations, Pose, PoseMeasurement, Poses, component_of_taxels, components, edges_of_taxels,
         geometry::align::{Correlation, nearest_rotation, outer},
-        observations::graph::{Poses, component_of_taxels, components, edges_of_taxels, predicted_pose},
+        predicted_pose,
         solve::layout::{number_rows, pair_of, row_pairs},
     },
     id::{IdVec, VertexId},
-    sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
+    sparse::{BlockSlot, BlockSystem, Pattern, SparseError},
 };
 
 /// Taxels that keep their pose while the start is computed: fixed ones, and the gauge taxel of
@@ -86,8 +86,8 @@ pub(crate) fn spanning_tree(observations: &Observations) -> Poses {
     poses
 }
 
-/// The two linear systems of the chordal relaxation: both have a block row for every taxel that is
-/// not an anchor.
+/// The chordal relaxation: rotations as if they were free matrices, projected to rotations, then
+/// translations.
 fn chordal(observations: &Observations) -> Result<Poses, SparseError> {
     let mut poses = initial_or_origin(observations);
     let anchors = anchors(observations);
@@ -95,131 +95,83 @@ fn chordal(observations: &Observations) -> Result<Poses, SparseError> {
     if count == 0 {
         return Ok(poses);
     }
-    let edges = relative_edges(observations);
     let pattern = Pattern::new(count, row_pairs(observations, &rows));
+    let mean = |m: &PoseMeasurement, k: usize| (k..k + 3).map(|k| m.information.0[k][k]).sum::<f64>() / 3.0;
 
-    let system = BlockSystem::new(pattern.clone(), 3)?;
-    let mut rhs = vec![0.0; 9 * count];
-    rotations_system(&system, &edges, &rows, &poses, &mut rhs)?.solve(&mut rhs, 3)?;
-    for (v, row) in rows.enumerate() {
-        if let Some(row) = row {
-            let entry = |a: usize, b: usize| rhs[3 * count * a + 3 * *row as usize + b];
+    // `sum w |R_j - R_i Z|^2`: the three rows of every `R` are unknown, each alike.
+    let solved = relaxed(&BlockSystem::new(pattern.clone(), 3)?, observations, &rows, |edge, m| {
+        let z = DMat3::from_quat(m.pose.rotation);
+        let known = |v: VertexId, z: DMat3| match rows[v] {
+            Some(_) => DMat3::ZERO,
+            None => DMat3::from_quat(poses[v].rotation) * z,
+        };
+        let (from, to) = (known(edge.to, z.transpose()), known(edge.from, z));
+        Term { weight: mean(m, 3), coupling: z, from, to }
+    })?;
+    for (pose, row) in poses.iter_mut().zip(&rows) {
+        if let Some(row) = *row {
+            let entry = |a: usize, b: usize| solved[3 * count * a + 3 * row as usize + b];
             let column = |b: usize| DVec3::new(entry(0, b), entry(1, b), entry(2, b));
-            poses[v].rotation = nearest_rotation(&DMat3::from_cols(column(0), column(1), column(2)));
+            pose.rotation = nearest_rotation(&DMat3::from_cols(column(0), column(1), column(2)));
         }
     }
-    let system = BlockSystem::new(pattern, 1)?;
-    let mut rhs = vec![0.0; 3 * count];
-    translations_system(&system, &edges, &rows, &poses, &mut rhs)?.solve(&mut rhs, 3)?;
-    for (v, row) in rows.enumerate() {
-        if let Some(row) = row {
-            poses[v].position = DVec3::from_array(std::array::from_fn(|c| rhs[count * c + *row as usize]));
+    // `sum w |p_j - p_i - R_i z|^2` with these rotations.
+    let solved = relaxed(&BlockSystem::new(pattern, 1)?, observations, &rows, |edge, m| {
+        let offset = poses[edge.from].rotation * m.pose.position;
+        let known = |v: VertexId| if rows[v].is_none() { poses[v].position } else { DVec3::ZERO };
+        let side = |x: DVec3| DMat3::from_cols(x, DVec3::ZERO, DVec3::ZERO);
+        let (from, to) = (side(-offset + known(edge.to)), side(offset + known(edge.from)));
+        Term { weight: mean(m, 0), coupling: DMat3::IDENTITY, from, to }
+    })?;
+    for (pose, row) in poses.iter_mut().zip(&rows) {
+        if let Some(row) = *row {
+            pose.position = DVec3::from_array(std::array::from_fn(|c| solved[count * c + row as usize]));
         }
     }
     Ok(poses)
 }
 
-/// A relative pose with one weight for its rotation and one for its translation.
-struct Weighted<'o> {
-    edge: &'o Displacement,
-    pose: &'o Pose,
-    rotation: f64,
-    translation: f64,
+/// What one edge adds to a relaxed problem.
+struct Term {
+    weight: f64,
+    /// Its block of (from, to) is minus this.
+    coupling: DMat3,
+    /// The right-hand sides of its two taxels: one in each row.
+    from: DMat3,
+    to: DMat3,
 }
 
-fn relative_edges(observations: &Observations) -> Vec<Weighted<'_>> {
-    let mean = |info: &Information<6>, from: usize| (from..from + 3).map(|k| info.0[k][k]).sum::<f64>() / 3.0;
-    let weigh = |m: &PoseMeasurement| [mean(&m.information, 3), mean(&m.information, 0)];
-    let relative = observations.edges.iter().filter_map(|edge| match &edge.measurement {
-        DisplacementMeasurement::Relative(m) => Some((edge, m)),
-        DisplacementMeasurement::Offset { .. } => None,
-    });
-    relative
-        .map(|(edge, m)| {
-            let [rotation, translation] = weigh(m);
-            Weighted { edge, pose: &m.pose, rotation, translation }
-        })
-        .collect()
-}
-
-/// `sum w |R_j - R_i Z|^2`: the three rows of every `R` are unknown, each alike, so they are three
-/// right-hand sides.
-fn rotations_system<'s>(
-    system: &'s BlockSystem,
-    edges: &[Weighted<'_>],
-    rows: &IdVec<VertexId, Option<u32>>,
-    poses: &Poses,
-    rhs: &mut [f64],
-) -> Result<BlockFactor<'s>, SparseError> {
-    let mut matrix = system.zero();
-    let columns = rhs.len() / 3;
-    // Adds `w M` to the right-hand side of a taxel: row `a` of the matrix belongs to right-hand
-    // side `a`.
-    let mut add = |row: u32, m: DMat3, w: f64| {
-        for a in 0..3 {
-            for b in 0..3 {
-                rhs[columns * a + 3 * row as usize + b] += w * m.col(b)[a];
-            }
-        }
-    };
-    for e in edges {
-        let w = e.rotation;
-        let z = DMat3::from_quat(e.pose.rotation);
-        let (from, to) = (rows[e.edge.from], rows[e.edge.to]);
-        for row in [from, to].into_iter().flatten() {
-            matrix.add(BlockSlot::diagonal(row), |a, b| if a == b { w } else { 0.0 });
-        }
-        match (from, to) {
-            (Some(_), Some(_)) => add_pair(system, &mut matrix, e.edge, rows, |a, b| -w * z.col(b)[a]),
-            (None, Some(row)) => add(row, DMat3::from_quat(poses[e.edge.from].rotation) * z, w),
-            (Some(row), None) => add(row, DMat3::from_quat(poses[e.edge.to].rotation) * z.transpose(), w),
-            (None, None) => {}
-        }
-    }
-    matrix.factor()
-}
-
-/// `sum w |p_j - p_i - R_i z|^2` with the rotations of `poses`.
-fn translations_system<'s>(
-    system: &'s BlockSystem,
-    edges: &[Weighted<'_>],
-    rows: &IdVec<VertexId, Option<u32>>,
-    poses: &Poses,
-    rhs: &mut [f64],
-) -> Result<BlockFactor<'s>, SparseError> {
-    let mut matrix = system.zero();
-    let columns = rhs.len() / 3;
-    let mut add = |row: u32, x: DVec3| {
-        for (c, x) in x.to_array().into_iter().enumerate() {
-            rhs[columns * c + row as usize] += x;
-        }
-    };
-    for e in edges {
-        let (w, from, to) = (e.translation, e.edge.from, e.edge.to);
-        let offset = poses[from].rotation * e.pose.position;
-        for (row, sign, other) in [(rows[from], -1.0, to), (rows[to], 1.0, from)] {
-            if let Some(row) = row {
-                matrix.add(BlockSlot::diagonal(row), |_, _| w);
-                let known = if rows[other].is_none() { poses[other].position } else { DVec3::ZERO };
-                add(row, w * (sign * offset + known));
-            }
-        }
-        add_pair(system, &mut matrix, e.edge, rows, |_, _| -w);
-    }
-    matrix.factor()
-}
-
-/// Adds the block of (from, to), whichever triangle it is in.
-fn add_pair(
+/// The solution of a relaxed problem for three right-hand sides, one after the other.
+fn relaxed(
     system: &BlockSystem,
-    matrix: &mut BlockMatrix<'_>,
-    edge: &Displacement,
+    observations: &Observations,
     rows: &IdVec<VertexId, Option<u32>>,
-    entry: impl Fn(usize, usize) -> f64,
-) {
-    let Some((from, to)) = pair_of(edge, rows) else { return };
-    let Some(slot) = system.slot(from.max(to), from.min(to)) else { return };
-    if from > to { matrix.add(slot, entry) } else { matrix.add(slot, |a, b| entry(b, a)) }
+    term: impl Fn(&Displacement, &PoseMeasurement) -> Term,
+) -> Result<Vec<f64>, SparseError> {
+    let (size, unknowns) = (system.size(), system.size() * system.blocks());
+    let mut matrix = system.zero();
+    let mut rhs = vec![0.0; 3 * unknowns];
+    for edge in &observations.edges {
+        let DisplacementMeasurement::Relative(m) = &edge.measurement else { continue };
+        let Term { weight: w, coupling, from, to } = term(edge, m);
+        for (v, side) in [(edge.from, from), (edge.to, to)] {
+            let Some(row) = rows[v] else { continue };
+            matrix.add(BlockSlot::diagonal(row), |a, b| if a == b { w } else { 0.0 });
+            for a in 0..3 {
+                for b in 0..size {
+                    rhs[unknowns * a + size * row as usize + b] += w * side.col(b)[a];
+                }
+            }
+        }
+        if let Some((from, to)) = pair_of(edge, rows)
+            && let Some(slot) = system.slot(from.max(to), from.min(to))
+        {
+            let block = if from > to { coupling } else { coupling.transpose() };
+            matrix.add(slot, |a, b| -w * block.col(b)[a]);
+        }
+    }
+    matrix.factor()?.solve(&mut rhs, 3)?;
+    Ok(rhs)
 }
 
 /// Moves every component without a fixed taxel as a whole to where its contacts say it is (Wahba

@@ -7,12 +7,8 @@
 use std::fmt;
 
 use crate::calib::{
-    CalibError, CalibOptions,
-    observations::graph::{PerObservation, Poses},
-    solve::{
-        convergence::Convergence, gauge::GaugeFreedom, linear_system::LinearSystem, loss::Weighting,
-        normal_equations::Problem,
-    },
+    CalibError, CalibOptions, GaugeFreedom, LinearSystem, PerObservation, Poses, Problem, Weighting,
+    solve::convergence::Convergence,
 };
 
 /// One step of the optimisation.

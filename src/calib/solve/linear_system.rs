@@ -1,10 +1,7 @@
 //! The linear system of one Gauss-Newton or Levenberg-Marquardt step, its gauge fixed.
 
 use crate::{
-    calib::{
-        observations::graph::{PerObservation, Poses},
-        solve::{gauge::FreeBody, normal_equations::Problem},
-    },
+    calib::{FreeBody, PerObservation, Poses, Problem},
     sparse::{BlockMatrix, SparseError},
 };
 

@@ -8,7 +8,7 @@
 use std::{borrow::Cow, fmt};
 
 use crate::{
-    calib::{DisplacementId, observations::graph::PerObservation},
+    calib::{DisplacementId, PerObservation},
     numeric::quantile,
 };
 

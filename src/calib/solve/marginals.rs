@@ -9,15 +9,8 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        CalibError, Model, Pose,
-        geometry::align::outer,
-        observations::graph::{PerObservation, Poses},
-        solve::{
-            gauge::{FreeBody, RigidMotion, induced_motion},
-            layout::BlockLayout,
-            linear_system::LinearSystem,
-            normal_equations::Problem,
-        },
+        BlockLayout, CalibError, FreeBody, LinearSystem, Model, PerObservation, Pose, Poses, Problem,
+        RigidMotion, geometry::align::outer, solve::gauge::induced_motion,
     },
     id::{IdVec, VertexId},
     numeric::{Covariance, Twist, dot, symmetric_eigen},

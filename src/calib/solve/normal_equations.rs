@@ -9,12 +9,11 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     calib::{
-        CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement, Observations,
-        Pose, PoseMeasurement, ResidualConvention,
+        BlockLayout, CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement,
+        Observations, PerObservation, Pose, PoseMeasurement, Poses, ResidualConvention,
         geometry::pose::hat,
-        observations::graph::{PerObservation, Poses},
         solve::{
-            layout::{BlockLayout, number_rows, pair_of, row_pairs},
+            layout::{number_rows, pair_of, row_pairs},
             residual::{EdgeTerm, error, linearised},
         },
     },
