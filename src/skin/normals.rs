@@ -25,7 +25,6 @@ const FLAT: f64 = 0.99;
 /// one way or the other. Real covers reach 0.97 and placeholders on closed parts 0.
 const AGREEMENT: f64 = 0.5;
 
-/// Whether a taxel's normal is a unit vector.
 pub(super) fn is_unit(n: DVec3) -> bool {
     // False for NaN as well.
     (n.length() - 1.0).abs() <= UNIT_TOLERANCE
@@ -94,7 +93,6 @@ impl NormalConsensus {
         }
     }
 
-    /// The verdict.
     pub(super) fn quality(&self) -> NormalQuality {
         if 2 * self.unit_corners < self.corners {
             NormalQuality::Unreliable(UnreliableNormals::NotUnit)

@@ -19,7 +19,6 @@ pub(crate) struct Correlation {
 }
 
 impl Correlation {
-    /// Of pairs of points, at least one.
     pub(crate) fn new(pairs: &[(DVec3, DVec3)]) -> Self {
         let count = pairs.len() as f64;
         let from = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;

@@ -36,7 +36,6 @@ impl Pose {
         Self { position: -(rotation * self.position), rotation }
     }
 
-    /// Where a point of this frame lies.
     pub(crate) fn apply(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.position
     }
@@ -68,7 +67,6 @@ impl std::ops::Mul for Pose {
 /// The rotation by `|turn|` radians about `turn`.
 ///
 /// Sines come from `libm`, so that simulated observations have the same bytes on every system.
-#[must_use]
 pub(crate) fn exp(turn: DVec3) -> DQuat {
     let angle = turn.length();
     // sin(x / 2) / x.
@@ -83,7 +81,6 @@ pub(crate) fn exp(turn: DVec3) -> DQuat {
 }
 
 /// The rotation vector of `rotation`, of at most pi radians.
-#[must_use]
 pub(crate) fn log(rotation: DQuat) -> DVec3 {
     let q = if rotation.w < 0.0 { -rotation } else { rotation };
     let v = q.xyz();
@@ -100,7 +97,6 @@ pub(crate) fn log(rotation: DQuat) -> DVec3 {
 }
 
 /// The matrix of `x -> v x x`.
-#[must_use]
 pub(crate) fn hat(v: DVec3) -> DMat3 {
     DMat3::from_cols_array(&[0.0, v.z, -v.y, -v.z, 0.0, v.x, v.y, -v.x, 0.0])
 }
@@ -124,21 +120,18 @@ fn inverse_jacobian_coefficient(angle: f64) -> (f64, f64) {
 
 /// Derivative of `log(R exp(x))` with respect to `x` at 0, where `turn = log(R)`: the inverse right
 /// Jacobian.
-#[must_use]
 pub(crate) fn right_jacobian_inverse(turn: DVec3) -> DMat3 {
     let k = hat(turn);
     DMat3::IDENTITY + 0.5 * k + inverse_jacobian_coefficient(turn.length()).0 * (k * k)
 }
 
 /// The translation part of the SE(3) logarithm: `V(turn)^-1 y`, with `V` the left Jacobian.
-#[must_use]
 pub(crate) fn left_jacobian_inverse_times(turn: DVec3, y: DVec3) -> DVec3 {
     let k = turn.cross(y);
     y - 0.5 * k + inverse_jacobian_coefficient(turn.length()).0 * turn.cross(k)
 }
 
 /// Derivatives of [`left_jacobian_inverse_times`] with respect to `turn` and to `y`.
-#[must_use]
 pub(crate) fn left_jacobian_inverse_times_derivatives(turn: DVec3, y: DVec3) -> (DMat3, DMat3) {
     let (c, slope) = inverse_jacobian_coefficient(turn.length());
     let k = hat(turn);

@@ -46,7 +46,6 @@ impl<T: Copy> PerObservation<T> {
 pub(crate) struct Component {
     /// Its taxels, ascending.
     pub(crate) taxels: Vec<VertexId>,
-    /// Whether one of them is fixed.
     pub(crate) fixed: bool,
     /// The taxel that keeps its pose if no contact determines that of the component: the first with
     /// an initial value, else the first.

@@ -38,7 +38,6 @@ impl<const N: usize> Information<N> {
 
     /// From the upper triangle, row by row, as files write it; `None` unless there are `N (N + 1) /
     /// 2` numbers.
-    #[must_use]
     pub(crate) fn from_upper(upper: &[f64]) -> Option<Self> {
         if upper.len() != N * (N + 1) / 2 {
             return None;
@@ -51,7 +50,6 @@ impl<const N: usize> Information<N> {
         Some(Self(rows))
     }
 
-    /// The upper triangle, row by row.
     pub(crate) fn upper(&self) -> impl Iterator<Item = f64> {
         (0..N).flat_map(move |i| (i..N).map(move |j| self.0[i][j]))
     }
@@ -62,7 +60,6 @@ impl<const N: usize> Information<N> {
         (*self == Self::diagonal([value; N])).then_some(value)
     }
 
-    /// `e' Omega e`.
     pub(crate) fn quadratic_form(&self, e: &[f64; N]) -> f64 {
         let row = |i: usize| (0..N).map(|j| self.0[i][j] * e[j]).sum::<f64>();
         (0..N).map(|i| e[i] * row(i)).sum()
@@ -71,7 +68,6 @@ impl<const N: usize> Information<N> {
     /// The eigenvalues, ascending.
     ///
     /// Cyclic Jacobi rotations, which keep small eigenvalues accurate.
-    #[must_use]
     pub(crate) fn eigenvalues(&self) -> [f64; N] {
         let mut values = symmetric_eigen(&self.0).0;
         values.sort_unstable_by(f64::total_cmp);
@@ -101,7 +97,6 @@ impl<const N: usize> Information<N> {
     }
 
     /// Whether all entries are finite and no eigenvalue is negative by more than a file's rounding.
-    #[must_use]
     pub(crate) fn is_positive_semidefinite(&self) -> bool {
         // A diagonally dominant matrix needs no eigenvalues; most files hold nothing else.
         let is_dominant = |i: usize| {
@@ -129,7 +124,6 @@ impl<const N: usize> Information<N> {
 }
 
 impl Information<3> {
-    /// The same as a matrix.
     pub(crate) fn matrix(&self) -> DMat3 {
         DMat3::from_cols(self.0[0].into(), self.0[1].into(), self.0[2].into())
     }

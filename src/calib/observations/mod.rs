@@ -43,7 +43,6 @@ impl fmt::Display for Model {
 }
 
 impl Model {
-    /// Unknown numbers of one taxel.
     pub(crate) const fn unknowns(self) -> usize {
         match self {
             Self::Positions => 3,
@@ -98,7 +97,6 @@ impl Displacement {
         }
     }
 
-    /// How many numbers it measures.
     pub(crate) fn rank(&self) -> usize {
         match &self.measurement {
             DisplacementMeasurement::Offset { information, .. } => information.rank(),
@@ -148,7 +146,6 @@ pub enum ContactMeasurement {
 }
 
 impl ContactMeasurement {
-    /// How many numbers it measures.
     pub(crate) fn rank(&self, model: Model) -> usize {
         match self {
             Self::Position { information, .. } => information.rank(),

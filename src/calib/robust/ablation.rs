@@ -1,7 +1,7 @@
 //! The table of what each stage contributes, printed for the documentation of this module.
 #![allow(clippy::print_stdout, reason = "it prints a table")]
 
-use super::{Solution, automatic, robust_fit, stages::descended};
+use super::{Solution, automatic, automatic::descended, robust_fit};
 use crate::calib::{
     CalibError, CalibOptions, DisplacementMeasurement, GaugeFreedom, Loss, LossFunctions, Poses, Problem,
     SimulateOptions, Solver, compare,

@@ -1,4 +1,5 @@
-//! Stage 5: whether robust estimation is needed at all, and at which noise scale.
+//! The stages in their order ([`robust_fit`]), and stage 5: whether robust estimation is needed at
+//! all, and at which noise scale.
 //!
 //! Least squares first. If its chi-square is too large or one residual is an outlier, refit with
 //! truncated least squares. If the scale of the residuals is then larger than stated, the noise is
@@ -10,10 +11,13 @@
 use crate::calib::{
     CalibError, Loss, LossFunctions, Poses, Solver, Termination, Verdict,
     robust::{
+        ambiguity::ambiguity,
+        coordinate_descent::coordinate_descent,
         goodness_of_fit::goodness_of_fit,
+        graduated::graduated,
+        length_prior::{LogOdds, length_prior, with_odds},
         scale::{Scale, has_outlier},
         solution::Solution,
-        stages::{descended, robust_fit},
     },
 };
 
@@ -91,4 +95,42 @@ fn is_better(solver: &Solver<'_>, found: &Solution, plain: &Solution) -> bool {
         && fit.degrees_of_freedom > 0
         && (!plain.termination.is_converged()
             || has_outlier(dimensions, leverage, chi2, &found.verdicts, is_rejected))
+}
+
+/// The best fit under `losses`: stages 1 and 2, again with what the length prior learned from them,
+/// and the ambiguities that remain.
+pub(crate) fn robust_fit(
+    solver: &mut Solver<'_>,
+    start: Poses,
+    losses: &LossFunctions,
+) -> Result<Solution, CalibError> {
+    let first = descended(solver, start.clone(), losses, None)?;
+    if !first.termination.is_converged() {
+        return Ok(first);
+    }
+    let odds = length_prior(solver.problem.observations, &first.verdicts);
+    let second = match &odds {
+        Some(odds) => descended(solver, start, &with_odds(losses, odds), Some(odds))?,
+        None => first,
+    };
+    if second.termination.is_converged() {
+        ambiguity(solver, second, odds.as_ref(), losses)
+    } else {
+        Ok(second)
+    }
+}
+
+pub(crate) fn descended(
+    solver: &mut Solver<'_>,
+    start: Poses,
+    losses: &LossFunctions,
+    odds: Option<&LogOdds>,
+) -> Result<Solution, CalibError> {
+    let dimensions = &solver.problem.dimensions;
+    let huber = || {
+        let huber = LossFunctions::new(dimensions, Loss::Huber);
+        odds.map_or_else(|| huber.clone(), |odds| with_odds(&huber, odds))
+    };
+    let solution = graduated(solver, start, losses, huber)?;
+    if losses.loss == Loss::Truncated { coordinate_descent(solver, solution) } else { Ok(solution) }
 }

@@ -11,7 +11,6 @@ use crate::{
     numeric::chi_square_tail,
 };
 
-/// The goodness of fit of the inliers.
 pub(crate) fn goodness_of_fit(solver: &Solver<'_>, solution: &Solution) -> GoodnessOfFit {
     let (problem, verdicts) = (solver.problem, &solution.verdicts);
     let observations = problem.observations;

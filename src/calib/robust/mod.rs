@@ -44,8 +44,6 @@ mod graduated;
 mod length_prior;
 mod scale;
 pub(super) mod solution;
-mod stages;
 
-pub(super) use automatic::automatic;
+pub(super) use automatic::{automatic, robust_fit};
 pub(super) use solution::Solution;
-pub(super) use stages::robust_fit;

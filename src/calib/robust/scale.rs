@@ -44,7 +44,6 @@ impl Scale {
         Self { edges: self.edges.max(other.edges), contacts: self.contacts.max(other.contacts) }
     }
 
-    /// The losses with bounds for this scale.
     pub(crate) fn of_losses(self, losses: &LossFunctions) -> LossFunctions {
         losses.scaled(|_| self.edges, self.contacts)
     }

@@ -95,7 +95,6 @@ impl SensorLayout {
         chosen
     }
 
-    /// Positions and triangles.
     pub(super) fn mesh(&self) -> TriMesh {
         TriMesh { positions: self.frames.map(|f| f.position), triangles: self.triangles.clone() }
     }

@@ -165,7 +165,6 @@ fn free_components(
 }
 
 impl FreeBody {
-    /// For the result.
     pub(crate) fn describe(&self, observations: &Observations) -> FreeComponent {
         FreeComponent {
             gauge: observations.taxels[self.component.gauge].id,

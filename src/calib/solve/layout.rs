@@ -40,7 +40,6 @@ impl BlockLayout {
         }
     }
 
-    /// Rows of a block.
     pub(crate) const fn size(self) -> usize {
         match self {
             Self::Scalar => 1,
@@ -54,7 +53,6 @@ impl BlockLayout {
         self.size() * self.columns()
     }
 
-    /// Right-hand sides.
     pub(crate) const fn columns(self) -> usize {
         if matches!(self, Self::Scalar) { 3 } else { 1 }
     }

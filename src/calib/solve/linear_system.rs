@@ -5,7 +5,6 @@ use crate::{
     sparse::{BlockMatrix, SparseError},
 };
 
-/// The linear system at some poses.
 pub(crate) struct LinearSystem<'p> {
     pub(crate) matrix: BlockMatrix<'p>,
     pub(crate) gradient: Vec<f64>,

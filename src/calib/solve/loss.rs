@@ -88,7 +88,6 @@ impl LossFunction {
         Self { loss, bound2, outlier2 }
     }
 
-    /// Whether noise explains a squared residual.
     pub(crate) fn is_inlier(&self, chi2: f64) -> bool {
         chi2 <= self.outlier2
     }
@@ -98,7 +97,6 @@ impl LossFunction {
         Self { bound2: self.bound2 * factor, outlier2: self.outlier2 * factor, ..self }
     }
 
-    /// `rho(chi2)`.
     pub(crate) fn cost(&self, chi2: f64) -> f64 {
         let c2 = self.bound2;
         match self.loss {
@@ -162,7 +160,6 @@ impl LossFunctions {
         Self { loss: self.loss, of: PerObservation { edges, contacts } }
     }
 
-    /// Half of the sum of all losses.
     pub(crate) fn cost(&self, chi2: &PerObservation) -> f64 {
         0.5 * self.of.zip(chi2, |f, chi2| f.cost(chi2)).iter().sum::<f64>()
     }

@@ -61,12 +61,10 @@ impl<'o> Problem<'o> {
         Ok(Self { observations, convention, layout, dimensions, rows, system, slots })
     }
 
-    /// Number of taxels that move.
     pub(crate) fn moving(&self) -> usize {
         self.system.blocks()
     }
 
-    /// The taxel of a block row.
     pub(crate) fn taxel_of(&self, row: usize) -> Option<VertexId> {
         self.rows.enumerate().find(|(_, r)| r.is_some_and(|r| r as usize == row)).map(|(v, _)| v)
     }
@@ -92,7 +90,6 @@ impl<'o> Problem<'o> {
         }
     }
 
-    /// Squared whitened residual of one edge.
     pub(crate) fn edge_chi2(&self, edge: DisplacementId, poses: &Poses) -> f64 {
         self.edge_chi2_of(&self.observations.edges[edge], poses)
     }
@@ -285,7 +282,6 @@ fn offset_error(edge: &Displacement, offset: DVec3, poses: &Poses) -> DVec3 {
     poses[edge.to].position - poses[edge.from].position - offset
 }
 
-/// The system while it is summed up.
 struct Accumulator<'s> {
     matrix: BlockMatrix<'s>,
     gradient: Vec<f64>,

@@ -136,7 +136,6 @@ impl<'a> Components<'a> {
     }
 }
 
-/// Reports which faces were left out or flipped.
 fn report_faces(
     repeated: Vec<FaceId>,
     cleared: &Cleared,

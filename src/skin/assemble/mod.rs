@@ -122,7 +122,6 @@ pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, S
     Ok(Assembled { skin, remarks })
 }
 
-/// A link at the origin, for sheets without one.
 fn origin_of(links: &mut IdVec<LinkId, Link>) -> LinkId {
     links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY })
 }

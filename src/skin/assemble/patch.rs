@@ -89,7 +89,6 @@ fn areas(
     areas
 }
 
-/// The next id for a taxel that has none; starts again after the last 32-bit number.
 fn count_on(next_id: &mut u32) -> TaxelId {
     let id = TaxelId(*next_id);
     *next_id = next_id.wrapping_add(1);

@@ -139,7 +139,6 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// About a whole sheet.
     pub(super) fn of_sheet(kind: FindingKind, sheet: &str, message: String) -> Self {
         Self { kind, patch: sheet.to_owned(), elements: Vec::new(), message }
     }

@@ -90,7 +90,6 @@ fn bare(sheet: &Sheet) -> Finding {
     Finding::of_sheet(FindingKind::Bare, sheet.title(), message.into())
 }
 
-/// Name of the sheet that a finding about the whole draft concerns; empty if there are several.
 fn only_name(draft: &Draft) -> &str {
     match draft.sheets.as_slice() {
         [sheet] => sheet.title(),

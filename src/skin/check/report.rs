@@ -44,7 +44,6 @@ impl Report<'_> {
         }
     }
 
-    /// Adds a finding about the whole sheet.
     pub(super) fn add_whole(&mut self, kind: FindingKind, message: String) {
         self.findings.push(Finding::of_sheet(kind, self.patch, message));
     }

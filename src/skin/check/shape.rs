@@ -65,7 +65,6 @@ pub(super) fn check_faces(subject: &Subject<'_>, report: &mut Report<'_>) {
     });
 }
 
-/// Notes faces wound against their neighbours.
 pub(super) fn check_winding(subject: &Subject<'_>, report: &mut Report<'_>) {
     let winding = &subject.winding;
     let mesh = &subject.surface.mesh;

@@ -40,7 +40,6 @@ pub(super) fn check_manifold(subject: &Subject<'_>, touching: &[VertexId], repor
     is_manifold
 }
 
-/// Notes a sheet in several pieces.
 pub(super) fn check_components(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { surface, winding, .. } = subject;
     if winding.components > 1 {
@@ -57,7 +56,6 @@ pub(super) fn check_components(subject: &Subject<'_>, report: &mut Report<'_>) {
     }
 }
 
-/// The first face of every piece.
 fn first_faces(subject: &Subject<'_>) -> Vec<crate::id::FaceId> {
     let mut firsts = Vec::with_capacity(subject.winding.components);
     for (face, &piece) in subject.winding.component.enumerate() {

@@ -15,7 +15,6 @@ const LEAST_COSINE: f64 = 0.02;
 /// Directions are equal if the sine between them is smaller.
 const SAME_DIRECTION: f64 = 1e-9;
 
-/// Ends a list of corners.
 const END: u32 = u32::MAX;
 
 /// A mesh to which triangles are added one by one, if they fit.
@@ -49,7 +48,6 @@ impl<'a> GrowingMesh<'a> {
         Self { cloud, triangles: IdVec::new(), first, next: Vec::new() }
     }
 
-    /// The faces.
     pub(super) fn into_triangles(self) -> IdVec<FaceId, [VertexId; 3]> {
         // Removed faces have three equal corners.
         self.triangles.into_iter().filter(|t| t[0] != t[1]).collect()
@@ -103,7 +101,6 @@ impl<'a> GrowingMesh<'a> {
         fan
     }
 
-    /// Removes a face.
     pub(super) fn remove(&mut self, face: FaceId) {
         let t = self.triangles[face];
         for (side, &v) in (0..).zip(&t) {
@@ -137,7 +134,6 @@ impl<'a> GrowingMesh<'a> {
         })
     }
 
-    /// Whether `v` has faces.
     pub(super) fn is_used(&self, v: VertexId) -> bool {
         self.first[v] != END
     }

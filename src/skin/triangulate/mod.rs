@@ -200,7 +200,6 @@ fn median(spacing: &IdVec<VertexId, f64>) -> f64 {
     *spacing.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Reports what was assumed about the taxels.
 fn report(
     points: &UniquePoints<'_>,
     normals: &PointNormals,

@@ -98,7 +98,6 @@ impl PointNormals {
         Self { file: IdVec::filled(DVec3::ZERO, normal.len()), normal, thickness, refused }
     }
 
-    /// Whether the file has reliable normals.
     pub(super) fn has_file(&self) -> bool {
         self.file.iter().any(|n| *n != DVec3::ZERO)
     }
@@ -161,7 +160,6 @@ fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId
     (normal, thickness[thickness.len() / 2])
 }
 
-/// Why the normals of the file are not reliable.
 fn defect(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<UnreliableNormals> {
     let mut units = 0_usize;
     let (mut agreement, mut differs) = (0.0, false);

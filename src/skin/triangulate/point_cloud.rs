@@ -19,7 +19,6 @@ pub(super) struct PointCloud<'a> {
 }
 
 impl PointCloud<'_> {
-    /// Whether an edge may join the two.
     pub(super) fn is_within_gap(&self, v: VertexId, w: VertexId) -> bool {
         let spacing = 0.5 * (self.neighbours.spacing[v] + self.neighbours.spacing[w]);
         self.positions[v].distance(self.positions[w]) <= self.gap * spacing
@@ -31,7 +30,6 @@ impl PointCloud<'_> {
         (b - a).cross(c - a).normalize_or_zero()
     }
 
-    /// Circumradius of a triangle.
     pub(super) fn circumradius(&self, t: [VertexId; 3]) -> f64 {
         let [a, b, c] = t.map(|v| self.positions[v]);
         let (x, y, z) = (b - a, c - b, a - c);

@@ -78,7 +78,6 @@ impl<'a> UniquePoints<'a> {
     }
 }
 
-/// The box of a sheet.
 struct Frame {
     /// Coordinates beyond the square root of the largest `f64` are scaled down before they are
     /// subtracted.
