@@ -51,9 +51,14 @@ mod observations;
 mod table;
 
 pub use self::gltf::{read_map, write_map, write_pyramids};
+pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use error::IoError;
 pub use file::replace::{replace_file, temporary_prefix};
-pub use image::exr::write_images;
+pub use image::{
+    exr::write_images,
+    frame::{frame_file_name, write_frame, write_raw_frame},
+    read::{ImageLayer, read_images},
+};
 pub use mesh::{
     flat::write_flat,
     formats::{read_draft, write_skin},

@@ -76,6 +76,19 @@ pub enum PlotError {
         /// Largest side.
         most: u32,
     },
+    /// A channel that a frame does not have, or a range of values without a length.
+    #[error(
+        "channel {channel} of {channels} cannot be drawn from {} to {}; the channels count from 0, and a range rises",
+        range[0], range[1]
+    )]
+    Frame {
+        /// The channel asked for.
+        channel: usize,
+        /// Number of channels.
+        channels: usize,
+        /// The values at the ends of the scale.
+        range: [f64; 2],
+    },
     /// Data that is not a valid map.
     #[error(transparent)]
     Map(#[from] MapError),

@@ -22,6 +22,7 @@
 mod colour;
 mod draw;
 mod error;
+mod frame;
 mod layout;
 mod options;
 mod patch_view;
@@ -29,6 +30,7 @@ mod picture;
 mod plot_map;
 
 pub use error::PlotError;
+pub use frame::{FrameOptions, ValueRange, frame_png};
 pub use options::{Paint, PlotOptions, Viewpoint};
 pub use picture::Picture;
 pub use plot_map::{plot_map, plot_skin};

@@ -17,7 +17,8 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 NONE = 0xFFFFFFFF
 
 
-def read_glb(path):
+def read_document(path):
+    """The JSON document of a .glb, and a function that reads its accessors."""
     data = open(path, "rb").read()
     length = struct.unpack_from("<I", data, 12)[0]
     document, binary = json.loads(data[20:20 + length]), data[28 + length:]
@@ -32,6 +33,11 @@ def read_glb(path):
         rows = np.lib.stride_tricks.as_strided(raw, (a["count"], row), (stride, 1))
         return np.ascontiguousarray(rows).view(kind).reshape(a["count"], width)
 
+    return document, accessor
+
+
+def read_glb(path):
+    document, accessor = read_document(path)
     for mesh in document["meshes"]:
         attributes = mesh["primitives"][0]["attributes"]
         ids = None

@@ -103,7 +103,7 @@ impl Elements<'_> {
 
 /// Appends `N` bytes for each element: in one piece, since an iterator of bytes takes several times
 /// as long.
-pub(crate) fn extend<T, const N: usize>(bytes: &mut Vec<u8>, elements: &[T], of: impl Fn(&T) -> [u8; N]) {
+fn extend<T, const N: usize>(bytes: &mut Vec<u8>, elements: &[T], of: impl Fn(&T) -> [u8; N]) {
     let start = bytes.len();
     bytes.resize(start + N * elements.len(), 0);
     for (place, element) in bytes[start..].chunks_exact_mut(N).zip(elements) {
@@ -115,7 +115,7 @@ pub(crate) fn extend<T, const N: usize>(bytes: &mut Vec<u8>, elements: &[T], of:
     clippy::cast_possible_truncation,
     reason = "arrays of readings hold f32: seven digits, more than sensors have"
 )]
-fn narrow(x: f64) -> f32 {
+pub(super) fn narrow(x: f64) -> f32 {
     x as f32
 }
 

@@ -59,6 +59,15 @@ const MAX_SIDE: u32 = 1 << 24;
 /// If there is no image, an image has no pixels or no channels or fewer samples than pixels, two
 /// have the same name, or the file cannot be written.
 pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoError> {
+    write_parts(path, images, &|image| serde_json::to_vec(&Note::new(image.name(), image.frame())))
+}
+
+/// [`write_images`], with the JSON text of each part's attribute.
+pub(super) fn write_parts<I: ImageRows>(
+    path: &Path,
+    images: &[I],
+    note: &dyn Fn(&I) -> serde_json::Result<Vec<u8>>,
+) -> Result<(), IoError> {
     // Images that do not keep their promises are found before and while they are written.
     let fail = |source: io::Error| match source.kind() {
         io::ErrorKind::InvalidInput => {
@@ -71,8 +80,11 @@ pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoErr
         let Vec2(x, y) = part.size();
         Vec2(w.max(x), h.max(y))
     });
-    let headers: Headers =
-        parts.iter().map(|part| part.header(display)).collect::<Result<_, _>>().map_err(fail)?;
+    let headers: Headers = parts
+        .iter()
+        .map(|part| part.header(display, note(part.image)?))
+        .collect::<Result<_, _>>()
+        .map_err(fail)?;
     if headers.is_empty() {
         return Err(fail(invalid("there is no image to write".into())));
     }
@@ -122,7 +134,7 @@ impl<'a, I: ImageRows> Part<'a, I> {
         Vec2(width as usize, height as usize)
     }
 
-    fn header(&self, display: Vec2<usize>) -> io::Result<Header> {
+    fn header(&self, display: Vec2<usize>, note: Vec<u8>) -> io::Result<Header> {
         let describe = |&at: &usize| {
             let (name, kind) = &self.channels[at];
             let sample_type = match kind {
@@ -137,7 +149,6 @@ impl<'a, I: ImageRows> Part<'a, I> {
         let mut header = Header::new(name, self.size(), channels)
             .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
             .with_display_window(IntegerBounds::from_dimensions(display));
-        let note = serde_json::to_vec(&Note::new(self.image.name(), self.image.frame()))?;
         let note = AttributeValue::Text(Text::from_slice_unchecked(&note));
         header.own_attributes.other.insert(ascii(ATTRIBUTE), note);
         Ok(header)

@@ -1,3 +1,5 @@
-//! Images of maps: OpenEXR.
+//! Images of maps and of frames of readings: OpenEXR, and raw numbers.
 
 pub(super) mod exr;
+pub(super) mod frame;
+pub(super) mod read;

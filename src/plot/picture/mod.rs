@@ -10,6 +10,7 @@ mod png;
 mod svg;
 
 pub(crate) use path::Path;
+pub(crate) use png::encode_with_alpha;
 
 use glam::DVec2;
 

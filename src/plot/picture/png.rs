@@ -18,6 +18,12 @@ impl Picture {
     /// # Errors
     /// If the picture has no pixels or more than memory can hold.
     pub fn to_png(&self) -> Result<Vec<u8>, PlotError> {
+        let colours = self.to_pixels()?;
+        Ok(encode(self.size_px.map(|n| n as usize), &colours))
+    }
+
+    /// The pixels of the picture, row by row from the top.
+    pub(crate) fn to_pixels(&self) -> Result<Vec<Colour>, PlotError> {
         let [width, height] = self.size_px;
         let mut canvas = Canvas {
             pixels: Pixmap::new(width, height).ok_or(PlotError::Size {
@@ -32,23 +38,31 @@ impl Picture {
         canvas.pixels.fill(Color::WHITE);
         self.groups.iter().flatten().for_each(|shape| canvas.draw(shape));
         let colour = |p: &PremultipliedColorU8| Colour(p.red(), p.green(), p.blue());
-        let colours: Vec<Colour> = canvas.pixels.pixels().iter().map(colour).collect();
-        Ok(encode([width as usize, height as usize], &colours))
+        Ok(canvas.pixels.pixels().iter().map(colour).collect())
     }
 }
 
 /// Pixels as a PNG file; there is at least one.
 pub(crate) fn encode(size: [usize; 2], colours: &[Colour]) -> Vec<u8> {
+    // In a drawing pixels repeat those before; differences would hide it.
+    let size = size.map(|x| u32::try_from(x).unwrap_or(u32::MAX));
+    let data: Vec<u8> = colours.iter().flat_map(|c| [c.0, c.1, c.2]).collect();
+    write(size, png::ColorType::Rgb, png::Filter::NoFilter, &data)
+}
+
+/// Pixels of red, green, blue and opacity as a PNG file; there is at least one.
+pub(crate) fn encode_with_alpha(size: [u32; 2], pixels: &[[u8; 4]]) -> Vec<u8> {
+    write(size, png::ColorType::Rgba, png::Filter::Adaptive, pixels.as_flattened())
+}
+
+fn write([width, height]: [u32; 2], colours: png::ColorType, filter: png::Filter, data: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    let [width, height] = size.map(|x| u32::try_from(x).unwrap_or(u32::MAX));
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_color(colours);
     encoder.set_compression(png::Compression::High);
-    // In a drawing pixels repeat those before; differences would hide it.
-    encoder.set_filter(png::Filter::NoFilter);
-    let data: Vec<u8> = colours.iter().flat_map(|c| [c.0, c.1, c.2]).collect();
-    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&data));
+    encoder.set_filter(filter);
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(data));
     written.expect("pixels of this size, written to memory");
     bytes
 }

@@ -1,0 +1,265 @@
+//! A recording as arrays: images and the values of every level, with all that numpy needs to read
+//! them without the map.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+
+use crate::{
+    atlas::{Atlas, AtlasPart},
+    image::TactileImage,
+    io::{
+        IoError,
+        arrays::{
+            npy::{ElementType, Elements},
+            writer::{ArrayId, ArrayWriter},
+        },
+        file::{
+            replace::replace_file,
+            source::{kind, unfit},
+        },
+    },
+    map::SkinMap,
+    pyramid::LevelId,
+    signal::{Channel, LevelFrame},
+    skin::PatchId,
+};
+
+/// What a recording holds.
+#[derive(Debug, Clone, Copy)]
+pub struct RecordingLayout<'a> {
+    /// The channels of the frames.
+    pub channels: &'a [Channel],
+    /// The images, if there are any.
+    pub atlas: Option<&'a Atlas>,
+    /// Whether the values of the taxels and fields are kept too; a `.npy` has images alone.
+    pub values: bool,
+    /// The one level that is kept; `None`: all.
+    pub level: Option<LevelId>,
+}
+
+/// Writes a recording frame by frame: `.npz` with arrays of everything, or `.npy` with one image.
+///
+/// Keys of the `.npz`, with `Lk` the level: `PATCH.Lk.image` `(T, C, H, W)` and `PATCH.Lk.values`
+/// `(T, C, n)` as `f32`, NaN where nothing is known; `PATCH.Lk.mask` `(H, W)`, 1 where the image shows
+/// the skin; `PATCH.Lk.taxel_id` `(H, W)`, above level 0 the index of the field, `0xFFFFFFFF` where
+/// there is none; `PATCH.Lk.valid` `(T, n)`, 1 where every channel has a value; `PATCH.ids`;
+/// `timestamps` in s; `channels` and `units`; `metres_per_pixel`, one number, or
+/// `PATCH.Lk.metres_per_pixel` where images differ. Packed images are `Lk.image` and so on. The `.npy`
+/// is `(T, H, W)`, or `(T, C, H, W)` with several channels.
+///
+/// Nothing appears in the file's place before [`RecordingWriter::finish`]; memory does not depend on
+/// the number of frames.
+///
+/// ```
+/// use dermatome::{
+///     io::{RecordingLayout, RecordingWriter},
+///     map::SkinMap,
+///     mesh::shapes,
+///     signal::{Channel, Frame, Restrictor},
+/// };
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let channels = [Channel::default()];
+/// let folder = std::env::temp_dir().join("dermatome-recording");
+/// std::fs::create_dir_all(&folder)?;
+/// let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+/// let mut recording = RecordingWriter::create(&folder.join("touch.npz"), &map, &layout)?;
+/// let mut restrictor = Restrictor::new(&map, &channels);
+/// for _ in 0..10 {
+///     recording.write(restrictor.restrict(&Frame::new(&map, 1)), &[])?;
+/// }
+/// recording.finish()?;
+/// assert!(folder.join("features.json").exists());
+/// # std::fs::remove_dir_all(&folder)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct RecordingWriter {
+    path: PathBuf,
+    writer: ArrayWriter,
+    times: Option<ArrayId>,
+    images: Vec<ArrayId>,
+    /// Number of values of an image.
+    lengths: Vec<usize>,
+    values: Vec<LevelValues>,
+    features: Map<String, Value>,
+}
+
+/// The values of one level of a patch.
+struct LevelValues {
+    patch: PatchId,
+    level: LevelId,
+    values: ArrayId,
+    valid: ArrayId,
+}
+
+impl RecordingWriter {
+    /// Starts a recording.
+    ///
+    /// # Errors
+    /// If the file is of another kind or cannot be created, or the layout has not one image for a
+    /// `.npy`.
+    pub fn create(path: &Path, map: &SkinMap, layout: &RecordingLayout<'_>) -> Result<Self, IoError> {
+        let mut this = Self {
+            path: path.into(),
+            writer: ArrayWriter::create(path)?,
+            times: None,
+            images: Vec::new(),
+            lengths: Vec::new(),
+            values: Vec::new(),
+            features: Map::new(),
+        };
+        let parts = layout.atlas.map_or(&[][..], |atlas| &atlas.parts);
+        let parts: Vec<_> =
+            parts.iter().filter(|part| layout.level.is_none_or(|l| l == part.level)).collect();
+        if kind(path) == "npy" {
+            let [part] = parts[..] else {
+                let needed = "one image: one patch and one level";
+                return Err(unfit(path, "the recording", format!("{} images", parts.len()), needed));
+            };
+            let [width, height] = part.frame.size_px.map(|n| n as usize);
+            let shape = [layout.channels.len(), height, width];
+            let shape = if layout.channels.len() == 1 { &shape[1..] } else { &shape };
+            this.images.push(this.writer.growing(&part.name, ElementType::F32, shape)?);
+            this.lengths.push(layout.channels.len() * height * width);
+            return Ok(this);
+        }
+        this.times = Some(this.writer.growing("timestamps", ElementType::F64, &[])?);
+        let names: Vec<String> = layout.channels.iter().map(|c| c.name.clone()).collect();
+        let units: Vec<String> = layout.channels.iter().map(|c| c.unit.clone()).collect();
+        this.writer.constant("channels", &[names.len()], Elements::Text(&names))?;
+        this.writer.constant("units", &[units.len()], Elements::Text(&units))?;
+        this.add_images(map, &parts, layout.channels)?;
+        if layout.values {
+            this.add_values(map, layout)?;
+        }
+        Ok(this)
+    }
+
+    fn add_images(
+        &mut self,
+        map: &SkinMap,
+        parts: &[&AtlasPart],
+        channels: &[Channel],
+    ) -> Result<(), IoError> {
+        let first = parts.first().map(|part| pixel_size(part));
+        let is_common = parts.iter().all(|part| Some(pixel_size(part)) == first);
+        if let Some(size) = first.filter(|_| is_common) {
+            self.writer.constant("metres_per_pixel", &[], Elements::F64(&[size]))?;
+        }
+        for part in parts {
+            let key = key(&part.name);
+            let [width, height] = part.frame.size_px.map(|n| n as usize);
+            let shape = [channels.len(), height, width];
+            self.images.push(self.writer.growing(&format!("{key}.image"), ElementType::F32, &shape)?);
+            self.lengths.push(shape.iter().product());
+            self.writer.constant(&format!("{key}.mask"), &shape[1..], Elements::U8(&part.coverage()))?;
+            let ids = part.taxel_ids(map);
+            self.writer.constant(&format!("{key}.taxel_id"), &shape[1..], Elements::U32(&ids))?;
+            if !is_common {
+                let name = format!("{key}.metres_per_pixel");
+                self.writer.constant(&name, &[], Elements::F64(&[pixel_size(part)]))?;
+            }
+            self.add_feature(&key, "image", &shape, &["channels", "height", "width"], channels);
+        }
+        Ok(())
+    }
+
+    fn add_values(&mut self, map: &SkinMap, layout: &RecordingLayout<'_>) -> Result<(), IoError> {
+        for (id, patch) in map.patches.enumerate() {
+            let ids: Vec<u32> = patch.taxels.ids.iter().map(|id| id.0).collect();
+            self.writer.constant(&format!("{}.ids", patch.name), &[ids.len()], Elements::U32(&ids))?;
+            for (level, fields) in patch.levels.enumerate() {
+                if layout.level.is_some_and(|wanted| wanted != level) {
+                    continue;
+                }
+                let key = format!("{}.L{level}", patch.name);
+                let shape = [layout.channels.len(), fields.level.mesh.positions.len()];
+                let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
+                let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
+                self.values.push(LevelValues { patch: id, level, values, valid });
+                let axis = if level == LevelId::default() { "taxels" } else { "fields" };
+                self.add_feature(&key, "values", &shape, &["channels", axis], layout.channels);
+            }
+        }
+        Ok(())
+    }
+
+    /// Images are the observation of their level; values have a name of their own.
+    fn add_feature(&mut self, key: &str, array: &str, shape: &[usize], axes: &[&str], channels: &[Channel]) {
+        let name = if array == "image" { key.to_owned() } else { format!("{key}.{array}") };
+        let feature = json!({
+            "dtype": "float32",
+            "shape": shape,
+            "names": axes,
+            "info": {
+                "array": format!("{key}.{array}"),
+                "channels": channels.iter().map(|c| &c.name).collect::<Vec<_>>(),
+                "units": channels.iter().map(|c| &c.unit).collect::<Vec<_>>(),
+            },
+        });
+        self.features.insert(format!("observation.tactile.{name}"), feature);
+    }
+
+    /// Writes a frame and its images, in the order of the atlas; those of other levels than the kept
+    /// one are left out by the caller.
+    ///
+    /// # Errors
+    /// If the images are not those of the layout, or the disk is full.
+    ///
+    /// # Panics
+    /// If the frame is not one of the map.
+    pub fn write(&mut self, frame: &LevelFrame, images: &[TactileImage]) -> Result<(), IoError> {
+        let found: Vec<usize> = images.iter().map(|image| image.values.len()).collect();
+        if found != self.lengths {
+            let (found, needed) = (format!("{found:?} values"), format!("{:?}", self.lengths));
+            return Err(unfit(&self.path, "the images of a frame", found, needed));
+        }
+        for (&array, image) in self.images.iter().zip(images) {
+            self.writer.push(array, Elements::F32(&image.values))?;
+        }
+        if let Some(times) = self.times {
+            self.writer.push(times, Elements::F64(&[frame.time]))?;
+        }
+        let mut all_valid = Vec::new();
+        for LevelValues { patch, level, values, valid } in &self.values {
+            all_valid.clear();
+            for channel in &frame.values[*patch] {
+                let of_level = channel[*level].as_slice();
+                self.writer.push(*values, Elements::F64(of_level))?;
+                all_valid.resize(of_level.len(), 1);
+                all_valid.iter_mut().zip(of_level).for_each(|(valid, x)| *valid &= u8::from(!x.is_nan()));
+            }
+            self.writer.push(*valid, Elements::U8(&all_valid))?;
+        }
+        self.writer.end_frame()
+    }
+
+    /// Puts the file in its place, and next to an `.npz` the file `features.json`: each image and each
+    /// level's values with `dtype`, `shape` and `names`, as datasets of `LeRobot` describe their
+    /// features.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn finish(self) -> Result<(), IoError> {
+        self.writer.finish()?;
+        if kind(&self.path) == "npy" {
+            return Ok(());
+        }
+        let path = self.path.with_file_name("features.json");
+        replace_file(&path, |file| {
+            serde_json::to_writer_pretty(file, &self.features)
+                .map_err(|e| IoError::Write { path: path.clone(), source: e.into() })
+        })
+    }
+}
+
+/// Side of a pixel, in m.
+fn pixel_size(part: &AtlasPart) -> f64 {
+    part.frame.size.x / f64::from(part.frame.size_px[0])
+}
+
+/// The name of an image as a part of a key: `palm/L0` becomes `palm.L0`.
+pub(crate) fn key(image: &str) -> String {
+    image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"))
+}

@@ -1,0 +1,140 @@
+//! Frames of readings as images: OpenEXR, and raw numbers for a pipe.
+
+use std::{
+    io::{self, Write},
+    ops::Range,
+    path::Path,
+};
+
+use serde_json::json;
+
+use crate::{
+    atlas::{ImageRows, SampleKind, Samples},
+    image::TactileImage,
+    io::{IoError, arrays::recording::key, file::source::unfit, image::exr::write_parts},
+    map::ImageFrame,
+    signal::Channel,
+};
+
+/// Writes a frame of readings as an OpenEXR image: `Y` the first channel, each channel under its own
+/// name, `A` 1 where the skin is shown and every channel has a value. NaN where nothing is known.
+///
+/// A channel called `A` or `Y` is written as `signal.A` or `signal.Y`. The attribute `dermatome` is a
+/// JSON text: `version` of the program, `name` of the image, its `map` rectangle and
+/// `metres_per_pixel`, the `time` in s, and `channels` with their units.
+///
+/// # Errors
+/// If the image has other channels or two of the same name, or the file cannot be written.
+pub fn write_frame(
+    path: &Path,
+    image: &TactileImage,
+    channels: &[Channel],
+    time: f64,
+) -> Result<(), IoError> {
+    let pixels = image.coverage.len();
+    if image.channels != channels.len() || image.values.len() != pixels * channels.len() {
+        let found = format!("{} values of {} channels", image.values.len(), image.channels);
+        let needed = format!("{} for each of {pixels} pixels", channels.len());
+        return Err(unfit(path, format!("image {}", image.name), found, needed));
+    }
+    let ImageFrame { origin, size, size_px } = image.frame;
+    let about: Vec<_> = channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect();
+    let note = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "name": image.name,
+        "map": { "origin": origin.to_array(), "size": size.to_array() },
+        "metres_per_pixel": size.x / f64::from(size_px[0]),
+        "time": time,
+        "channels": about,
+    });
+    let note = note.to_string().into_bytes();
+    write_parts(path, &[FrameRows { image, channels }], &|_| Ok(note.clone()))
+}
+
+/// An image with the channels that it has in a file.
+struct FrameRows<'a> {
+    image: &'a TactileImage,
+    channels: &'a [Channel],
+}
+
+impl ImageRows for FrameRows<'_> {
+    fn name(&self) -> &str {
+        &self.image.name
+    }
+
+    fn frame(&self) -> &ImageFrame {
+        &self.image.frame
+    }
+
+    fn channels(&self) -> Vec<(String, SampleKind)> {
+        let named = self.channels.iter().map(|channel| match channel.name.as_str() {
+            taken @ ("A" | "Y") => format!("signal.{taken}"),
+            name => name.to_owned(),
+        });
+        let all = ["Y".to_owned()].into_iter().chain(named).chain(["A".to_owned()]);
+        all.map(|name| (name, SampleKind::F32)).collect()
+    }
+
+    fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
+        let TactileImage { size_px: [width, _], values, coverage, .. } = self.image;
+        let [from, to] = [rows.start, rows.end].map(|row| row as usize * *width as usize);
+        let channel = |k: usize| &values[k * coverage.len()..][from..to];
+        let count = self.channels.len();
+        let is_known = |i: usize| (0..count).all(|k| !channel(k)[i].is_nan());
+        let alpha = (from..to).map(|i| if coverage[i] == 1 && is_known(i - from) { 1.0 } else { 0.0 });
+        let named = std::iter::once(0).chain(0..count).filter(|&k| k < count).map(|k| channel(k).to_vec());
+        named.chain([alpha.collect()]).map(Samples::F32).collect()
+    }
+}
+
+/// Writes the values of images to a pipe as little-endian `f32`, image by image as they are in memory,
+/// and flushes it: whoever reads has the whole frame.
+///
+/// # Errors
+/// Whatever `output` says.
+///
+/// ```
+/// let mut pipe = Vec::new();
+/// dermatome::io::write_raw_frame(&mut pipe, &[])?;
+/// assert!(pipe.is_empty());
+/// # Ok::<(), std::io::Error>(())
+/// ```
+pub fn write_raw_frame(output: &mut impl Write, images: &[TactileImage]) -> io::Result<()> {
+    let mut bytes = [0; 1 << 14];
+    for image in images {
+        for values in image.values.chunks(bytes.len() / 4) {
+            for (place, value) in bytes.chunks_exact_mut(4).zip(values) {
+                place.copy_from_slice(&value.to_le_bytes());
+            }
+            output.write_all(&bytes[..4 * values.len()])?;
+        }
+    }
+    output.flush()
+}
+
+/// The name of a file of a sequence: `palm.L0.000123.exr` for frame 123 of `palm/L0`. What file systems
+/// do not allow in a name is written as `%` and two hexadecimal digits.
+#[must_use]
+pub fn frame_file_name(image: &str, frame: usize, extension: &str) -> String {
+    let mut name = String::new();
+    for c in key(image).chars() {
+        if c.is_ascii_control() || r#"/\:*?"<>|%"#.contains(c) {
+            name += &format!("%{:02X}", u32::from(c));
+        } else {
+            name.push(c);
+        }
+    }
+    format!("{name}.{frame:06}.{extension}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_files_are_allowed_everywhere() {
+        assert_eq!(frame_file_name("palm/L0", 123, "exr"), "palm.L0.000123.exr");
+        assert_eq!(frame_file_name("L2", 1_234_567, "png"), "L2.1234567.png");
+        assert_eq!(frame_file_name("../a b/c%\u{e9}/L1", 0, "exr"), "..%2Fa b%2Fc%25\u{e9}.L1.000000.exr");
+    }
+}

@@ -1,0 +1,231 @@
+//! Frames of readings as pictures: one pixel or a block of them for each pixel of a tactile image, in a
+//! scale of colours that every kind of colour vision can read, with a colour bar on request.
+//!
+//! Where the skin is not shown the picture is transparent. Where the skin is shown but nothing is known
+//! it is hatched in greys, which no scale has.
+
+use std::collections::BTreeMap;
+
+use glam::DVec2;
+
+use crate::{
+    image::TactileImage,
+    plot::{
+        PlotError,
+        colour::{Colour, DIVERGING, ORDER, Scale},
+        layout::{printable, short},
+        picture::{Anchor, MAX_SIDE, Picture, Shape, encode_with_alpha},
+    },
+};
+
+/// How values become colours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameOptions {
+    /// The values at the two ends of the scale; those beyond have the colour of the end.
+    pub range: [f64; 2],
+    /// What the colour bar under the picture says, as `pressure, Pa`; `None`: no bar.
+    pub bar: Option<String>,
+    /// Pixels of the picture for each pixel of the image, in each direction.
+    pub magnification: u32,
+}
+
+impl Default for FrameOptions {
+    fn default() -> Self {
+        Self { range: [0.0, 1.0], bar: None, magnification: 1 }
+    }
+}
+
+/// Greys of the hatch: lighter than the dark end of the scale, without its colour.
+const HATCH: [Colour; 2] = [Colour(0xb8, 0xb8, 0xb8), Colour(0x8c, 0x8c, 0x8c)];
+
+/// Width of a line of the hatch and its gap, in pixels of the picture.
+const HATCH_PX: usize = 3;
+
+/// Least width of a picture with a bar, in pixels: its numbers fit.
+const BAR_PX: u32 = 220;
+
+/// Height of the letters of a bar, in pixels.
+const EM: f64 = 14.0;
+
+/// Height of the strip with the bar, in pixels.
+const STRIP_PX: u32 = 56;
+
+/// Draws one channel of a frame as the bytes of a PNG file.
+///
+/// A range on both sides of zero has a diverging scale, blue below and red above, whose middle is zero if
+/// the range is symmetric; any other has viridis.
+///
+/// # Errors
+/// If the image has no such channel, the range has no length, or the picture would be larger than 16384
+/// pixels a side.
+///
+/// ```no_run
+/// # fn draw(image: &dermatome::image::TactileImage) -> Result<(), Box<dyn std::error::Error>> {
+/// use dermatome::plot::{FrameOptions, frame_png};
+///
+/// let options = FrameOptions {
+///     range: [0.0, 20e3],
+///     bar: Some("pressure, Pa".into()),
+///     magnification: 4,
+/// };
+/// std::fs::write("frame.png", frame_png(image, 0, &options)?)?;
+/// # Ok(())
+/// # }
+/// ```
+pub fn frame_png(image: &TactileImage, channel: usize, options: &FrameOptions) -> Result<Vec<u8>, PlotError> {
+    let [low, high] = options.range;
+    let has_length = low.is_finite() && high.is_finite() && low < high;
+    if channel >= image.channels || !has_length {
+        return Err(PlotError::Frame { channel, channels: image.channels, range: options.range });
+    }
+    let scale = if low < 0.0 && high > 0.0 { DIVERGING } else { ORDER };
+    let [width, height] = image.size_px.map(|n| n.saturating_mul(options.magnification.max(1)));
+    let strip = options.bar.as_ref().map_or(0, |_| STRIP_PX);
+    let size = [if strip > 0 { width.max(BAR_PX) } else { width }, height.saturating_add(strip)];
+    if size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
+        return Err(PlotError::Size { width: size[0], height: size[1], least: 1, most: MAX_SIDE });
+    }
+    let mut pixels = vec![[0; 4]; size[0] as usize * size[1] as usize];
+    let values = &image.values[channel * image.coverage.len()..][..image.coverage.len()];
+    let columns = image.size_px[0] as usize;
+    let zoom = options.magnification.max(1) as usize;
+    for (y, row) in pixels.chunks_mut(size[0] as usize).take(height as usize).enumerate() {
+        for (x, pixel) in row[..width as usize].iter_mut().enumerate() {
+            let at = (y / zoom) * columns + x / zoom;
+            if image.coverage[at] == 0 {
+                continue;
+            }
+            let value = f64::from(values[at]);
+            let colour = if value.is_nan() {
+                HATCH[(x + y) / HATCH_PX % 2]
+            } else {
+                scale.at((value - low) / (high - low))
+            };
+            *pixel = [colour.0, colour.1, colour.2, 255];
+        }
+    }
+    if let Some(label) = &options.bar {
+        let bar = bar(size[0], label, options.range, scale).to_pixels()?;
+        let start = height as usize * size[0] as usize;
+        for (pixel, c) in pixels[start..].iter_mut().zip(bar) {
+            *pixel = [c.0, c.1, c.2, 255];
+        }
+    }
+    Ok(encode_with_alpha(size, &pixels))
+}
+
+/// The strip with the bar, its ends, its middle and what it says.
+fn bar(width: u32, label: &str, [low, high]: [f64; 2], scale: Scale) -> Picture {
+    let margin = 2.5 * EM;
+    let size = DVec2::new(f64::from(width) - 2.0 * margin, 0.8 * EM);
+    let corner = DVec2::new(margin, 1.6 * EM);
+    let text = |text: String, x: f64, y: f64| Shape::Text {
+        text,
+        at: DVec2::new(x, y),
+        anchor: Anchor::Middle,
+        is_bold: false,
+    };
+    let mut shapes = vec![
+        Shape::Scale { corner, size, colours: (0..=32).map(|k| scale.at(f64::from(k) / 32.0)).collect() },
+        text(printable(label), 0.5 * f64::from(width), 1.2 * EM),
+    ];
+    for share in [0.0, 0.5, 1.0] {
+        let value = low + share * (high - low);
+        // Zero in the middle of a symmetric range may be off by rounding.
+        let value = if value.abs() < 1e-12 * (high - low) { 0.0 } else { value };
+        let sign = if value < 0.0 { "\u{2212}" } else { "" };
+        shapes.push(text(format!("{sign}{}", short(value.abs())), margin + share * size.x, 3.5 * EM));
+    }
+    Picture { title: label.to_owned(), size_px: [width, STRIP_PX], em: EM, groups: vec![shapes] }
+}
+
+/// Ends of a scale for a whole recording: percentiles of all that was added, in bounded memory.
+///
+/// Values are counted in bins of equal ratio, 50 to an octave, so a percentile is exact to 1.4 %.
+///
+/// ```
+/// let mut range = dermatome::plot::ValueRange::default();
+/// range.add((0..=1000).map(f64::from));
+/// let [low, high] = range.percentiles(1.0, 99.0).unwrap();
+/// assert!((low / 10.0 - 1.0).abs() < 0.02 && (high / 990.0 - 1.0).abs() < 0.02);
+/// ```
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ValueRange {
+    /// Number of values in each bin, by sign and logarithm.
+    bins: BTreeMap<i64, u64>,
+}
+
+/// Bins for each factor of two.
+const BINS_PER_OCTAVE: f64 = 50.0;
+
+/// Added to the bin of a magnitude, so that those of positive numbers are positive.
+const BIN_OF_ONE: f64 = 60_000.0;
+
+impl ValueRange {
+    /// Counts values; NaN and infinite ones are left out.
+    pub fn add(&mut self, values: impl IntoIterator<Item = f64>) {
+        for value in values.into_iter().filter(|x| x.is_finite()) {
+            *self.bins.entry(bin_of(value)).or_default() += 1;
+        }
+    }
+
+    /// The values that `low` and `high` percent of all are not above; `None` without values, or if both
+    /// are the same.
+    #[must_use]
+    pub fn percentiles(&self, low: f64, high: f64) -> Option<[f64; 2]> {
+        let total: u64 = self.bins.values().sum();
+        let value_at = |percent: f64| {
+            let mut left = (percent / 100.0).clamp(0.0, 1.0) * total as f64;
+            let bin = self.bins.iter().find(|(_, count)| {
+                left -= **count as f64;
+                left <= 0.0
+            });
+            bin.map(|(&bin, _)| value_of(bin))
+        };
+        let [low, high] = [value_at(low)?, value_at(high)?];
+        (low < high).then_some([low, high])
+    }
+}
+
+fn bin_of(value: f64) -> i64 {
+    if value == 0.0 {
+        return 0;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "at most 120 000")]
+    let bin = (BIN_OF_ONE + BINS_PER_OCTAVE * value.abs().log2()).round() as i64;
+    if value < 0.0 { -bin } else { bin }
+}
+
+fn value_of(bin: i64) -> f64 {
+    if bin == 0 {
+        return 0.0;
+    }
+    let magnitude = ((bin.abs() as f64 - BIN_OF_ONE) / BINS_PER_OCTAVE).exp2();
+    if bin < 0 { -magnitude } else { magnitude }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bins_keep_sign_and_order() {
+        let values = [-1e300, -5.0, -1e-300, 0.0, 1e-300, 1.0, 1.1, 1e300];
+        let bins: Vec<i64> = values.iter().map(|&x| bin_of(x)).collect();
+        assert!(bins.is_sorted(), "{bins:?}");
+        for (&x, &bin) in values.iter().zip(&bins) {
+            assert!((value_of(bin) - x).abs() <= 0.014 * x.abs(), "{x}");
+        }
+    }
+
+    #[test]
+    fn a_range_needs_two_values() {
+        let mut range = ValueRange::default();
+        assert_eq!(range.percentiles(0.0, 100.0), None);
+        range.add([3.0, f64::NAN, f64::INFINITY, 3.0]);
+        assert_eq!(range.percentiles(0.0, 100.0), None);
+        range.add([-7.0]);
+        let [low, high] = range.percentiles(0.0, 100.0).unwrap();
+        assert!((low + 7.0).abs() < 0.1 && (high - 3.0).abs() < 0.05);
+    }
+}

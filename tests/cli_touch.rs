@@ -1,0 +1,64 @@
+//! `simulate --touch` as a user runs it.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{fs, path::Path};
+
+use assert_cmd::Command;
+use dermatome::{io::write_skin, mesh::shapes, skin::Skin};
+use predicates::str::contains;
+
+fn simulate(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.current_dir(folder).args(["simulate", "--touch", "cap.glb"]).args(arguments).assert()
+}
+
+fn folder_with_a_cap() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let skin = Skin::from_mesh("cap", shapes::cap(400, 0.1, 1.2));
+    write_skin(&folder.path().join("cap.glb"), &skin).unwrap();
+    folder
+}
+
+#[test]
+fn a_recording_and_its_truth_are_written_the_same_every_time() {
+    let folder = folder_with_a_cap();
+    let noisy = ["--noise-kpa", "0.1", "--drift-kpa", "0.1", "--dead", "0.1", "--rate-hz", "20"];
+    let run = |readings: &str, truth: &str, more: &[&str]| {
+        let outputs = ["-o", readings, "--truth", truth];
+        simulate(folder.path(), &[&outputs, &noisy[..], more].concat()).success();
+    };
+    run("a.csv", "a_truth.csv", &["--threads", "1"]);
+    run("b.csv", "b_truth.csv", &[]);
+    run("c.csv", "c_truth.csv", &["--seed", "1"]);
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!((read("a.csv"), read("a_truth.csv")), (read("b.csv"), read("b_truth.csv")));
+    assert_ne!(read("a_truth.csv"), read("c_truth.csv"));
+    assert_eq!(read("a.csv").lines().count(), 1 + 130, "6.5 s at 20 Hz");
+    run("a.npz", "a_truth.csv", &["--reads", "pressure"]);
+    let mut names: Vec<_> =
+        fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    let expected =
+        ["a.csv", "a.npz", "a_truth.csv", "b.csv", "b_truth.csv", "c.csv", "c_truth.csv", "cap.glb"];
+    assert_eq!(names, expected);
+}
+
+#[test]
+fn bad_numbers_and_other_options_are_refused() {
+    let folder = folder_with_a_cap();
+    for (arguments, said) in [
+        (&["-o", "a.csv", "--depth-mm", "20"][..], "less than the radius"),
+        (&["-o", "a.csv", "--rate-hz", "0"], "rate"),
+        (&["-o", "a.csv", "--dead", "1"], "dead"),
+        (&["-o", "a.csv", "--noise-kpa=-1"], "noise"),
+        (&["-o", "a.csv", "--taxels", "5"], "cannot be used with"),
+        (&["-o", "a.g2o"], ".csv, .npz"),
+        (&["-o", "cap.glb"], "input"),
+    ] {
+        simulate(folder.path(), arguments).code(2).stderr(contains(said));
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    let alone = command.current_dir(folder.path()).args(["simulate", "-o", "a.g2o", "--presses", "2"]);
+    alone.assert().code(2).stderr(contains("--touch"));
+}

@@ -1,0 +1,371 @@
+//! Laws of the arrays and frames that recordings are written to.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{collections::BTreeMap, fs, io::Read, path::Path};
+
+use dermatome::{
+    atlas::{Atlas, AtlasOptions},
+    image::TactileImage,
+    io::{
+        IoError, ReadingsWriter, RecordingLayout, RecordingWriter, frame_file_name, read_images, write_frame,
+        write_raw_frame, write_touches,
+    },
+    map::SkinMap,
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    plot::{FrameOptions, frame_png},
+    signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
+    skin::{PatchId, Presence, Skin},
+};
+use npyz::NpyFile;
+
+fn skin() -> Skin {
+    Skin::from_mesh("palm", shapes::cap(800, 0.05, 1.0))
+}
+
+fn map() -> SkinMap {
+    build(&skin(), &BuildOptions::default()).unwrap()
+}
+
+fn channels() -> Vec<Channel> {
+    let channel =
+        |name: &str, unit: &str, quantity| Channel { name: name.into(), unit: unit.into(), quantity };
+    vec![channel("force.N", "N", Quantity::Extensive), channel("A", "m/s^2", Quantity::Intensive)]
+}
+
+/// The `.npy` files of an `.npz`.
+fn arrays(path: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut archive = zip::ZipArchive::new(fs::File::open(path).unwrap()).unwrap();
+    let mut arrays = BTreeMap::new();
+    for at in 0..archive.len() {
+        let mut file = archive.by_index(at).unwrap();
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).unwrap();
+        arrays.insert(file.name().strip_suffix(".npy").unwrap().to_owned(), bytes);
+    }
+    arrays
+}
+
+fn numbers(bytes: &[u8]) -> (Vec<u64>, Vec<f32>) {
+    let file = NpyFile::new(bytes).unwrap();
+    (file.shape().to_vec(), file.into_vec::<f32>().unwrap())
+}
+
+fn ids(bytes: &[u8]) -> (Vec<u64>, Vec<u32>) {
+    let file = NpyFile::new(bytes).unwrap();
+    (file.shape().to_vec(), file.into_vec::<u32>().unwrap())
+}
+
+/// Images whose pixels say where they are, with a hole.
+fn images(map: &SkinMap, atlas: &Atlas, count: usize, frame: f32) -> Vec<TactileImage> {
+    let draw = |part: &dermatome::atlas::AtlasPart| {
+        let coverage = part.coverage();
+        let value = |k: usize, i: usize| match coverage[i] {
+            1 if i % 7 != 3 => k as f32 * 1e6 + i as f32 + frame,
+            _ => f32::NAN,
+        };
+        let values =
+            (0..count).flat_map(|k| (0..coverage.len()).map(move |i| (k, i))).map(|(k, i)| value(k, i));
+        TactileImage {
+            name: part.name.clone(),
+            level: part.level,
+            size_px: part.frame.size_px,
+            frame: part.frame,
+            channels: count,
+            values: values.collect(),
+            coverage,
+        }
+    };
+    assert!(!map.patches.is_empty());
+    atlas.parts.iter().map(draw).collect()
+}
+
+/// Bit by bit, since NaN is not equal to itself.
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn a_recording_holds_every_array_that_was_promised() {
+    let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    let path = folder.path().join("touch.npz");
+    let layout = RecordingLayout { channels: &channels, atlas: Some(&atlas), values: true, level: None };
+    let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
+    let mut frame = LevelFrame::new(&map, 2);
+    let palm = PatchId::new(0);
+    for t in 0..3_u8 {
+        frame.time = f64::from(t) * 0.01;
+        for (c, channel) in frame.values[palm].iter_mut().enumerate() {
+            for level in channel.iter_mut() {
+                level
+                    .iter_mut()
+                    .zip(0..)
+                    .for_each(|(x, i)| *x = f64::from(i) + f64::from(t) + 0.5 * c as f64);
+                level[1.into()] = f64::NAN;
+            }
+        }
+        recording.write(&frame, &images(&map, &atlas, 2, f32::from(t))).unwrap();
+    }
+    assert!(!path.exists(), "nothing is in its place before the end");
+    recording.finish().unwrap();
+
+    let arrays = arrays(&path);
+    let levels = map.patches[palm].levels.len();
+    let mut expected: Vec<String> =
+        ["timestamps", "channels", "units", "metres_per_pixel", "palm.ids"].map(String::from).into();
+    for level in 0..levels {
+        expected.extend(
+            ["image", "mask", "taxel_id", "values", "valid"].map(|key| format!("palm.L{level}.{key}")),
+        );
+    }
+    expected.sort();
+    assert_eq!(arrays.keys().cloned().collect::<Vec<_>>(), expected);
+    for (level, part) in map.patches[palm].levels.ids().zip(&atlas.parts) {
+        let [width, height] = part.frame.size_px.map(u64::from);
+        let n = map.patches[palm].levels[level].level.mesh.positions.len();
+        let (shape, values) = numbers(&arrays[&format!("palm.L{level}.image")]);
+        assert_eq!(shape, [3, 2, height, width]);
+        let drawn: Vec<f32> = (0..3_u8)
+            .flat_map(|t| images(&map, &atlas, 2, f32::from(t)).remove(level.index()).values)
+            .collect();
+        assert_eq!(bits(&values), bits(&drawn));
+        let (shape, values) = numbers(&arrays[&format!("palm.L{level}.values")]);
+        assert_eq!(shape, [3, 2, n as u64]);
+        assert_eq!(values[3 * n], f32::from(1_u8) + 0.5, "frame 1, channel 1, field 0");
+        assert!(values[n + 1].is_nan(), "what is not known is NaN");
+        let (shape, taxels) = ids(&arrays[&format!("palm.L{level}.taxel_id")]);
+        assert_eq!((shape, taxels), (vec![height, width], part.taxel_ids(&map)));
+        let valid = NpyFile::new(&arrays[&format!("palm.L{level}.valid")][..]).unwrap();
+        assert_eq!(valid.shape(), [3, n as u64]);
+        assert_eq!(valid.into_vec::<u8>().unwrap()[..3], [1, 0, 1]);
+        let mask = NpyFile::new(&arrays[&format!("palm.L{level}.mask")][..]).unwrap();
+        assert_eq!(mask.into_vec::<u8>().unwrap(), part.coverage());
+    }
+    let features: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.path().join("features.json")).unwrap()).unwrap();
+    let [width, height] = atlas.parts[1].frame.size_px;
+    let image = &features["observation.tactile.palm.L1"];
+    assert_eq!(image["dtype"], "float32");
+    assert_eq!(image["shape"], serde_json::json!([2, height, width]));
+    assert_eq!(image["names"], serde_json::json!(["channels", "height", "width"]));
+    assert_eq!(image["info"]["array"], "palm.L1.image");
+    assert!(features["observation.tactile.palm.L0.values"].is_object());
+}
+
+#[test]
+fn a_npy_holds_one_image_and_no_more() {
+    let (folder, map) = (tempfile::tempdir().unwrap(), map());
+    let (path, channel) = (folder.path().join("touch.npy"), Channel::default());
+    let channels = std::slice::from_ref(&channel);
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    let all = RecordingLayout { channels, atlas: Some(&atlas), values: true, level: None };
+    let refused = RecordingWriter::create(&path, &map, &all).err().unwrap();
+    assert!(matches!(refused, IoError::Unfit { .. }), "{refused}");
+    let layout = RecordingLayout { level: Some(1.into()), ..all };
+    let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
+    let frame = LevelFrame::new(&map, 1);
+    for t in 0..5_u8 {
+        let image = images(&map, &atlas, 1, f32::from(t)).swap_remove(1);
+        recording.write(&frame, &[image]).unwrap();
+    }
+    let wrong = images(&map, &atlas, 1, 0.0);
+    assert!(recording.write(&frame, &wrong[..1]).is_err(), "an image of another size");
+    recording.finish().unwrap();
+    let (shape, values) = numbers(&fs::read(&path).unwrap());
+    let [width, height] = atlas.parts[1].frame.size_px.map(u64::from);
+    assert_eq!(shape, [5, height, width]);
+    let count = values.len() / 5;
+    assert_eq!(bits(&values[2 * count..3 * count]), bits(&images(&map, &atlas, 1, 2.0)[1].values));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no features, no temporary file");
+
+    let read = read_images(&path, &[]).unwrap();
+    assert_eq!(read[0].channels["0"].len() as u64, width * height, "a line of the first frame")
+}
+
+#[test]
+fn a_frame_is_read_back_from_openexr() {
+    let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    for image in images(&map, &atlas, 2, 0.25) {
+        let path = folder.path().join(frame_file_name(&image.name, 12, "exr"));
+        write_frame(&path, &image, &channels, 1.5).unwrap();
+        let layers = read_images(&path, &[]).unwrap();
+        assert_eq!((layers.len(), layers[0].name.as_str()), (1, image.name.as_str()));
+        assert_eq!(layers[0].size_px, image.size_px);
+        let channel = |name: &str| bits(&layers[0].channels[name]);
+        let count = image.coverage.len();
+        assert_eq!(layers[0].channels.keys().collect::<Vec<_>>(), ["A", "Y", "force.N", "signal.A"]);
+        assert_eq!(channel("Y"), bits(&image.values[..count]));
+        assert_eq!(channel("force.N"), channel("Y"));
+        assert_eq!(channel("signal.A"), bits(&image.values[count..]));
+        for (i, &alpha) in layers[0].channels["A"].iter().enumerate() {
+            assert_eq!(alpha == 1.0, image.coverage[i] == 1 && !image.values[i].is_nan(), "pixel {i}");
+        }
+        let one = read_images(&path, &["force.N".into()]).unwrap();
+        assert_eq!(one[0].channels.len(), 1);
+        let message = read_images(&path, &["heat".into()]).unwrap_err().to_string();
+        assert!(message.contains("heat") && message.contains("force.N"), "{message}");
+        assert!(write_frame(&path, &image, &channels[..1], 0.0).is_err(), "one channel too few");
+    }
+}
+
+/// A header that asks for more than the file can hold, a file that ends early, another kind.
+#[test]
+fn images_that_cannot_be_meant_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = SkinMap::flat(shapes::lattice(8, 8, 0.004), 1e-3);
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    let image = images(&map, &atlas, 1, 0.0).remove(0);
+    let path = folder.path().join("a.exr");
+    write_frame(&path, &image, &[Channel::default()], 0.0).unwrap();
+    let whole = fs::read(&path).unwrap();
+    // The data window is four numbers after its name, its type and its size.
+    let at = whole.windows(10).position(|w| w == b"dataWindow").unwrap() + 10 + 1 + 6 + 4;
+    let mut huge = whole.clone();
+    huge[at + 8..at + 12].copy_from_slice(&1_000_000_i32.to_le_bytes());
+    huge[at + 12..at + 16].copy_from_slice(&1_000_000_i32.to_le_bytes());
+    fs::write(&path, &huge).unwrap();
+    let refused = read_images(&path, &[]).unwrap_err();
+    assert!(matches!(refused, IoError::Invalid { .. }), "{refused}");
+    for length in [0, 1, 8, 100, whole.len() / 2, whole.len() - 1] {
+        fs::write(&path, &whole[..length]).unwrap();
+        assert!(read_images(&path, &[]).is_err(), "{length} bytes of {}", whole.len());
+    }
+    let path = folder.path().join("a.npy");
+    for (shape, bytes) in
+        [("(1000000, 1000000)", 16), ("(2, 2)", 8), ("(4,)", 16), ("(18446744073709551615, 2)", 16)]
+    {
+        let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
+        let mut file = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+        file.extend(format!("{text:<117}\n").bytes());
+        file.extend(vec![0; bytes]);
+        fs::write(&path, file).unwrap();
+        assert!(read_images(&path, &[]).is_err(), "{shape} in {bytes} bytes");
+    }
+    assert!(matches!(read_images(Path::new("a.png"), &[]), Err(IoError::UnknownKind { .. })));
+}
+
+#[test]
+fn raw_frames_are_the_values_in_order() {
+    let map = map();
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    let images = images(&map, &atlas, 2, 0.5);
+    let mut pipe = Vec::new();
+    write_raw_frame(&mut pipe, &images).unwrap();
+    let expected: Vec<u8> = images.iter().flat_map(|i| &i.values).flat_map(|x| x.to_le_bytes()).collect();
+    assert!(pipe == expected);
+}
+
+/// Unknown pixels are grey, pixels off the skin transparent, ends of the range the ends of the scale.
+#[test]
+fn a_picture_shows_what_is_not_known_as_no_value() {
+    let map = SkinMap::flat(shapes::lattice(12, 12, 0.004), 1e-3);
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    let mut image = images(&map, &atlas, 1, 0.0).remove(0);
+    image.values.iter_mut().filter(|x| !x.is_nan()).for_each(|x| *x = 0.0);
+    let plain = FrameOptions::default();
+    for (options, height) in [
+        (plain.clone(), image.size_px[1]),
+        (
+            FrameOptions { bar: Some("force, N".into()), magnification: 5, ..plain.clone() },
+            5 * image.size_px[1] + 56,
+        ),
+    ] {
+        let png = frame_png(&image, 0, &options).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&png)).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        assert_eq!((info.color_type, info.height), (png::ColorType::Rgba, height));
+        let zoom = options.magnification as usize;
+        for (i, (&value, &covered)) in image.values.iter().zip(&image.coverage).enumerate() {
+            let [column, row] = [i % image.size_px[0] as usize, i / image.size_px[0] as usize];
+            let pixel = &bytes[4 * (row * zoom * info.width as usize + column * zoom)..][..4];
+            match (covered, value.is_nan()) {
+                (0, _) => assert_eq!(pixel[3], 0, "off the skin"),
+                (_, true) => assert!(pixel[0] == pixel[1] && pixel[1] == pixel[2] && pixel[3] == 255, "grey"),
+                (_, false) => assert_eq!(pixel, [0x44, 0x01, 0x54, 255], "the dark end"),
+            }
+        }
+        assert_eq!(png, frame_png(&image, 0, &options).unwrap(), "the same bytes");
+    }
+    assert!(frame_png(&image, 1, &plain).is_err());
+    assert!(frame_png(&image, 0, &FrameOptions { range: [1.0, 1.0], ..plain.clone() }).is_err());
+    assert!(frame_png(&image, 0, &FrameOptions { magnification: u32::MAX, ..plain }).is_err());
+}
+
+/// The table and the arrays of a simulated recording hold the same readings, and no absent taxel.
+#[test]
+fn readings_are_written_as_a_table_and_as_arrays() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut skin = skin();
+    skin.patches[PatchId::new(0)].taxels.presence[4.into()] = Presence::Absent;
+    let options = TouchOptions { presses: 2, rate: 20.0, dead: 0.1, ..TouchOptions::default() };
+    let [table, archive] = ["r.csv", "r.npz"].map(|name| folder.path().join(name));
+    let mut touches = Vec::new();
+    for path in [&table, &archive] {
+        touches.clear();
+        let mut simulation = TouchSimulation::new(&skin, &options).unwrap();
+        let mut writer = ReadingsWriter::create(path, &skin, &simulation.channel()).unwrap();
+        while let Some((frame, touch)) = simulation.next_frame() {
+            writer.write(frame).unwrap();
+            touches.extend(touch);
+        }
+        assert!(!path.exists());
+        writer.finish().unwrap();
+    }
+    let text = fs::read_to_string(&table).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    assert_eq!(header[..3], ["time", "1.force", "2.force"]);
+    assert!(!header.contains(&"5.force"), "taxel 5 is absent");
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+    let arrays = arrays(&archive);
+    let values = NpyFile::new(&arrays["values"][..]).unwrap();
+    assert_eq!(values.shape(), [rows.len() as u64, header.len() as u64 - 1]);
+    let values: Vec<f64> = values.into_vec().unwrap();
+    let times: Vec<f64> = NpyFile::new(&arrays["timestamps"][..]).unwrap().into_vec().unwrap();
+    for ((row, values), time) in rows.iter().zip(values.chunks(header.len() - 1)).zip(times) {
+        assert_eq!(row[0], time);
+        assert!(
+            row[1..]
+                .iter()
+                .zip(values)
+                .all(|(a, b)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()))
+        );
+    }
+    let truth = folder.path().join("truth.csv");
+    write_touches(&truth, &skin, &touches).unwrap();
+    let text = fs::read_to_string(&truth).unwrap();
+    assert!(text.starts_with("frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z\n"));
+    assert_eq!(text.lines().count(), 1 + touches.len());
+
+    skin.patches[PatchId::new(0)].taxels.ids[0.into()].0 = 2;
+    let channel = Channel::default();
+    let message = ReadingsWriter::create(&table, &skin, &channel).err().unwrap().to_string();
+    assert!(message.contains("taxel 2"), "{message}");
+}
+
+/// A restricted frame is written as it is.
+#[test]
+fn the_same_recording_gives_the_same_bytes() {
+    let (folder, map) = (tempfile::tempdir().unwrap(), map());
+    let skin = skin();
+    let mut files = Vec::new();
+    for name in ["a.npz", "b.npz"] {
+        let path = folder.path().join(name);
+        let mut simulation =
+            TouchSimulation::new(&skin, &TouchOptions { presses: 1, ..TouchOptions::default() }).unwrap();
+        let channels = [simulation.channel()];
+        let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+        let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
+        let mut restrictor = Restrictor::new(&map, &channels);
+        while let Some((frame, _)) = simulation.next_frame() {
+            recording.write(restrictor.restrict(frame), &[]).unwrap();
+        }
+        recording.finish().unwrap();
+        files.push(fs::read(&path).unwrap());
+    }
+    assert!(files[0] == files[1]);
+}
