@@ -1,0 +1,78 @@
+//! Frames carried to all levels, on caps of 642, 4336 (in 13 patches) and 100 000 taxels of 6 mm.
+//! `restrict` takes a frame of which a share of the taxels changed, those around one taxel of each
+//! patch: all of them, or so many hundredths.
+#![allow(
+    clippy::unwrap_used,
+    missing_docs,
+    reason = "a bench may stop, and criterion's macros have no comments"
+)]
+
+use std::{f64::consts::TAU, hint::black_box, time::Duration};
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use dermatome::{
+    map::{PatchMap, SkinMap},
+    mesh::shapes,
+    pyramid::{CoarsenOptions, LevelId, coarsen},
+    signal::{Channel, Frame, Restrictor},
+    skin::{LinkId, Patch, Skin},
+};
+
+/// Patches of caps with this many taxels in all. Map positions are those seen along z: nothing here
+/// looks at them.
+fn caps(patches: u32, taxels: u32) -> SkinMap {
+    let area = f64::from(taxels / patches) * 6e-3_f64.powi(2) * 0.75_f64.sqrt();
+    let radius = (area / TAU / (1.0 - 0.8_f64.cos())).sqrt();
+    let mesh = shapes::cap(2 * (taxels / patches) as usize - 60, radius, 0.8);
+    let patches = (0..patches).map(|k| {
+        let patch = Patch::from_mesh(format!("p{k}"), LinkId::new(0), mesh.clone());
+        let pyramid = coarsen(&patch.mesh, &patch.taxels, &CoarsenOptions::default()).unwrap();
+        let maps = pyramid.levels.map(|level| level.mesh.positions.map(|x| x.truncate()));
+        PatchMap::new(&patch, pyramid, maps, 1e-3)
+    });
+    SkinMap { links: Skin::from_mesh("p", mesh.clone()).links, patches: patches.collect() }
+}
+
+/// Two frames that differ in the taxels nearest to one of each patch.
+fn frames(map: &SkinMap, share: f64) -> [Frame; 2] {
+    let mut one = Frame::new(map, 1);
+    for (x, k) in one.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).zip(0..) {
+        *x = (f64::from(k) * 0.37).sin();
+    }
+    let mut other = one.clone();
+    for (id, patch) in map.patches.enumerate() {
+        let at = &patch.levels[LevelId::new(0)].level.mesh.positions;
+        let mut near: Vec<_> = at.ids().collect();
+        let centre = at[near[near.len() / 3]];
+        near.sort_by(|&a, &b| at[a].distance_squared(centre).total_cmp(&at[b].distance_squared(centre)));
+        let count = (share * near.len() as f64).ceil() as usize;
+        near.iter().take(count).for_each(|&v| other.values[id][0][v] += 1.0);
+    }
+    [one, other]
+}
+
+fn restrict(c: &mut Criterion) {
+    let mut group = c.benchmark_group("restrict");
+    group.measurement_time(Duration::from_secs(1)).warm_up_time(Duration::from_millis(300));
+    for (patches, taxels) in [(1, 642), (13, 4336), (1, 100_000)] {
+        let map = caps(patches, taxels);
+        group.throughput(Throughput::Elements(u64::from(taxels)));
+        for (name, share) in
+            [("all", 1.0), ("25%", 0.25), ("12%", 0.12), ("6%", 0.06), ("1%", 0.01), ("none", 0.0)]
+        {
+            let frames = frames(&map, share);
+            let mut restrictor = Restrictor::new(&map, &[Channel::default()]);
+            let mut k = 0;
+            group.bench_function(BenchmarkId::new(name, taxels), |b| {
+                b.iter(|| {
+                    k += 1;
+                    black_box(restrictor.restrict(&frames[k % 2]));
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, restrict);
+criterion_main!(benches);
