@@ -6,8 +6,9 @@
 //! continued on the next one. On a shelf they stand in the order in which a walk through the tree,
 //! children in their order, meets them. Each chart is turned by quarter turns so that the distal
 //! end of its link is up: neighbours on the body become neighbours in the image. Shelves are a
-//! *heuristic*: a packer that minimises area would place charts anywhere. Of two to thirteen caps
-//! of equal size they fill 55 to 70 % of the image with chart rectangles.
+//! *heuristic*: a packer that minimises area would place charts anywhere. For one to
+//! thirteen caps of different sizes on one link they fill 81 to 98 % of the image with rectangles of
+//! charts, of a fixed canvas half or more.
 
 use glam::{DMat2, DVec2, DVec3};
 

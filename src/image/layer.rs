@@ -3,123 +3,17 @@
 use crate::{
     id::{IdVec, VertexId},
     image::{
-        Interpolation,
         runs::Plane,
+        tile::{Lists, Tile},
         weights::{Pattern, Surface},
     },
-    pyramid::{Level, Prolongation},
     signal::Quantity,
 };
 
 /// The whole chart is drawn if more than one in this many of its sources (faces, vertices or
-/// pixels) changed: a run alone costs about this many times what it costs in a pass over all of
-/// them (`benches/image.rs`).
+/// pixels) changed. Of 642 taxels of which a fifth changed, this draws a frame in 42 us, a whole one
+/// in 60 us: further up the lists of changes cost what they save.
 const FEW: usize = 4;
-
-/// One chart in an image, and the patch whose values it shows.
-#[derive(Debug, Clone)]
-pub(super) struct Tile<'a> {
-    pub(super) interpolation: Interpolation,
-    pub(super) surface: Surface<'a>,
-    /// Number of values; from them to the vertices of the chart, where these are not the same.
-    pub(super) values: usize,
-    pub(super) lift: Option<Lift<'a>>,
-    /// The faces around each vertex of the chart.
-    around: Lists,
-    /// Area of a pixel, in m^2.
-    pub(super) pixel_area: f64,
-}
-
-/// From the values of a level to the vertices of level 0.
-#[derive(Debug, Clone)]
-pub(super) struct Lift<'a> {
-    prolongation: &'a Prolongation,
-    /// The vertex that each value belongs to.
-    origins: &'a IdVec<VertexId, VertexId>,
-    /// The vertices that each value reaches.
-    reached: Lists,
-}
-
-/// One list of numbers for each of some things.
-#[derive(Debug, Clone, Default)]
-struct Lists {
-    starts: Vec<u32>,
-    items: Vec<u32>,
-}
-
-impl Lists {
-    /// From pairs of thing and item.
-    fn new(count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
-        let mut starts = vec![0_u32; count + 1];
-        pairs.clone().for_each(|(of, _)| starts[of as usize + 1] += 1);
-        for k in 1..starts.len() {
-            starts[k] += starts[k - 1];
-        }
-        let (mut next, mut items) = (starts.clone(), vec![0; starts.last().map_or(0, |&n| n as usize)]);
-        for (of, item) in pairs {
-            let slot = &mut next[of as usize];
-            items[*slot as usize] = item;
-            *slot += 1;
-        }
-        Self { starts, items }
-    }
-
-    #[inline]
-    fn of(&self, thing: usize) -> &[u32] {
-        &self.items[self.starts[thing] as usize..self.starts[thing + 1] as usize]
-    }
-}
-
-impl<'a> Tile<'a> {
-    pub(super) fn new(
-        surface: Surface<'a>,
-        interpolation: Interpolation,
-        lift: Option<(&'a Level, &'a Prolongation)>,
-        pixel_area: f64,
-    ) -> Self {
-        let vertices = surface.level.uv.len();
-        let corners = surface.faces.iter().zip(0_u32..);
-        let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.raw(), k)));
-        let around = Lists::new(vertices, corners);
-        let values = lift.map_or(vertices, |(_, p)| p.coarse_len);
-        let lift = lift.map(|(level, prolongation)| {
-            let rows = prolongation.indices.ids();
-            let rows: Vec<_> =
-                rows.flat_map(|v| prolongation.row(v).map(move |(c, _)| (c.raw(), v.raw()))).collect();
-            Lift { origins: &level.origins, prolongation, reached: Lists::new(values, rows.iter().copied()) }
-        });
-        Self { interpolation, surface, values, lift, around, pixel_area }
-    }
-
-    /// Which vertices of the chart have a value.
-    pub(super) fn live_vertices(&self, live: &[bool]) -> Vec<bool> {
-        match &self.lift {
-            None => live.to_vec(),
-            Some(lift) => {
-                let rows = lift.prolongation.indices.ids();
-                rows.map(|v| lift.prolongation.row(v).any(|(c, _)| live[c.index()])).collect()
-            }
-        }
-    }
-}
-
-impl Lift<'_> {
-    /// The weights of the live values at a vertex of level 0, with sum 1 if there is one.
-    pub(super) fn row(&self, vertex: usize, is_live: impl Fn(usize) -> bool) -> [(usize, f64); 3] {
-        let v = VertexId::new(vertex);
-        let (indices, weights) = (self.prolongation.indices[v], self.prolongation.weights[v]);
-        let live = [0, 1, 2].map(|k| if is_live(indices[k].index()) { weights[k] } else { 0.0 });
-        let sum = live[0] + live[1] + live[2];
-        [0, 1, 2].map(|k| (indices[k].index(), live[k] / sum))
-    }
-
-    /// The value at a vertex of level 0; NaN without a live one.
-    #[inline]
-    fn value(&self, vertex: usize, values: &[f64]) -> f64 {
-        let row = self.row(vertex, |c| !values[c].is_nan());
-        row.into_iter().map(|(c, w)| if w == 0.0 { 0.0 } else { w * values[c] }).sum()
-    }
-}
 
 /// The state of one channel of a tile.
 #[derive(Debug, Clone)]
@@ -382,7 +276,10 @@ impl Layer {
         }
         for &v in &self.vertices.all {
             let v = v as usize;
-            self.x[v] = tile.lift.as_ref().map_or(self.scaled[v], |lift| lift.value(v, &self.scaled));
+            self.x[v] = match &tile.lift {
+                None => self.scaled[v],
+                Some(lift) => lift.value(v, &self.scaled),
+            };
         }
         for &source in &self.sources.all {
             self.draw_source(&tile.surface, source, pixels);

@@ -14,7 +14,7 @@
 //! [`sample`] goes back: from images to the values that they show, by least squares.
 //!
 //! In the order to read: `options`, `tactile_image`; `face_weights`, `runs`, `natural`, `weights`
-//! (pixels in terms of vertices); `layer` (what changed), `renderer`; `sample`.
+//! (pixels in terms of vertices); `tile`, `layer` (what changed), `renderer`; `sample`.
 
 mod error;
 mod face_weights;
@@ -25,6 +25,7 @@ mod renderer;
 mod runs;
 mod sample;
 mod tactile_image;
+mod tile;
 mod weights;
 
 pub use error::ImageError;

@@ -3,9 +3,7 @@
 use crate::{
     atlas::{Atlas, AtlasPart, Chart},
     image::{
-        ImageError, Interpolation, RenderOptions, TactileImage,
-        layer::{Layer, Tile},
-        weights::Surface,
+        ImageError, Interpolation, RenderOptions, TactileImage, layer::Layer, tile::Tile, weights::Surface,
     },
     map::SkinMap,
     pyramid::LevelId,
