@@ -126,9 +126,9 @@ impl Layer {
             if pairs.fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0 {
                 continue;
             }
-            for at in begin..end {
+            for (at, &value) in values.iter().enumerate().take(end).skip(begin) {
                 // What is not finite is not there.
-                let value = if values[at].is_finite() { values[at] } else { f64::NAN };
+                let value = if value.is_finite() { value } else { f64::NAN };
                 if value.to_bits() == self.last[at].to_bits() {
                     continue;
                 }

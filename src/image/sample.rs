@@ -203,8 +203,8 @@ impl System {
         };
         let weight = self.collect(&vec![1.0; self.pixels.len()]);
         let mut x: Vec<f64> = self.collect(&self.pixels);
-        for v in 0..x.len() {
-            x[v] = if is_seen[v] { x[v] / weight[v] } else { 0.0 };
+        for (v, x) in x.iter_mut().enumerate() {
+            *x = if is_seen[v] { *x / weight[v] } else { 0.0 };
         }
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let mut left: Vec<f64> = self.pixels.iter().zip(self.draw(&x)).map(|(b, wx)| b - wx).collect();
