@@ -170,7 +170,7 @@ fn a_npy_holds_one_image_and_no_more() {
         recording.write(&frame, &[image]).unwrap();
     }
     let wrong = images(&map, &atlas, 1, 0.0);
-    assert!(recording.write(&frame, &wrong[..1]).is_err(), "an image of another size");
+    assert!(recording.write(&frame, &wrong[..1]).is_err(), "an image of another level");
     recording.finish().unwrap();
     let (shape, values) = numbers(&fs::read(&path).unwrap());
     let [width, height] = atlas.parts[1].frame.size_px.map(u64::from);
@@ -257,7 +257,8 @@ fn raw_frames_are_the_values_in_order() {
     assert!(pipe == expected);
 }
 
-/// Unknown pixels are grey, pixels off the skin transparent, ends of the range the ends of the scale.
+/// Unknown pixels are grey, pixels off the skin transparent, ends of the range the ends of the
+/// scale.
 #[test]
 fn a_picture_shows_what_is_not_known_as_no_value() {
     let map = SkinMap::flat(shapes::lattice(12, 12, 0.004), 1e-3);

@@ -55,8 +55,8 @@ fn a_press_on_a_plane_has_the_force_of_its_cap() {
     assert!(inside > 100, "{inside}");
 }
 
-/// Pressure times the taxels' areas adds up to the force, forces to the discs' share of it, and their
-/// mean place is that of the pressure.
+/// Pressure times the taxels' areas adds up to the force, forces to the discs' share of it, and
+/// their mean place is that of the pressure.
 #[test]
 fn what_taxels_feel_adds_up_to_the_touch() {
     for mesh in [shapes::lattice(60, 60, 0.003), shapes::cap(6000, 0.1, 1.2)] {
@@ -94,7 +94,8 @@ fn what_taxels_feel_adds_up_to_the_touch() {
     }
 }
 
-/// The same seed gives the same recording; noise, drift and dead taxels leave the places as they are.
+/// The same seed gives the same recording; noise, drift and dead taxels leave the places as they
+/// are.
 #[test]
 fn what_is_added_leaves_the_rest_as_it_was() {
     let mut skin = Skin::from_mesh("skin", shapes::cap(800, 0.1, 1.0));

@@ -1,8 +1,8 @@
-//! Frames of readings as pictures: one pixel or a block of them for each pixel of a tactile image, in a
-//! scale of colours that every kind of colour vision can read, with a colour bar on request.
+//! Frames of readings as pictures: one pixel or a block of them for each pixel of a tactile image,
+//! in a scale of colours that every kind of colour vision can read, with a colour bar on request.
 //!
-//! Where the skin is not shown the picture is transparent. Where the skin is shown but nothing is known
-//! it is hatched in greys, which no scale has.
+//! Where the skin is not shown the picture is transparent. Where the skin is shown but nothing is
+//! known it is hatched in greys, which no scale has.
 
 use std::collections::BTreeMap;
 
@@ -52,12 +52,12 @@ const STRIP_PX: u32 = 56;
 
 /// Draws one channel of a frame as the bytes of a PNG file.
 ///
-/// A range on both sides of zero has a diverging scale, blue below and red above, whose middle is zero if
-/// the range is symmetric; any other has viridis.
+/// A range on both sides of zero has a diverging scale, blue below and red above, whose middle is
+/// zero if the range is symmetric; any other has viridis.
 ///
 /// # Errors
-/// If the image has no such channel, the range has no length, or the picture would be larger than 16384
-/// pixels a side.
+/// If the image has no such channel, the range has no length, or the picture would be larger than
+/// 16384 pixels a side.
 ///
 /// ```no_run
 /// # fn draw(image: &dermatome::image::TactileImage) -> Result<(), Box<dyn std::error::Error>> {
@@ -169,8 +169,8 @@ impl ValueRange {
         }
     }
 
-    /// The values that `low` and `high` percent of all are not above; `None` without values, or if both
-    /// are the same.
+    /// The values that `low` and `high` percent of all are not above; `None` without values, or if
+    /// both are the same.
     #[must_use]
     pub fn percentiles(&self, low: f64, high: f64) -> Option<[f64; 2]> {
         let total: u64 = self.bins.values().sum();

@@ -41,15 +41,16 @@ pub struct RecordingLayout<'a> {
 /// Writes a recording frame by frame: `.npz` with arrays of everything, or `.npy` with one image.
 ///
 /// Keys of the `.npz`, with `Lk` the level: `PATCH.Lk.image` `(T, C, H, W)` and `PATCH.Lk.values`
-/// `(T, C, n)` as `f32`, NaN where nothing is known; `PATCH.Lk.mask` `(H, W)`, 1 where the image shows
-/// the skin; `PATCH.Lk.taxel_id` `(H, W)`, above level 0 the index of the field, `0xFFFFFFFF` where
-/// there is none; `PATCH.Lk.valid` `(T, n)`, 1 where every channel has a value; `PATCH.ids`;
-/// `timestamps` in s; `channels` and `units`; `metres_per_pixel`, one number, or
-/// `PATCH.Lk.metres_per_pixel` where images differ. Packed images are `Lk.image` and so on. The `.npy`
-/// is `(T, H, W)`, or `(T, C, H, W)` with several channels.
+/// `(T, C, n)` as `f32`, NaN where nothing is known; `PATCH.Lk.mask` `(H, W)`, 1 where the image
+/// shows the skin; `PATCH.Lk.taxel_id` `(H, W)`, above level 0 the index of the field, `0xFFFFFFFF`
+/// where there is none; `PATCH.Lk.valid` `(T, n)`, 1 where every channel has a value; `PATCH.ids`;
+/// `timestamps` in s; `channels` and `units` (of an amount, as N, images hold N/m^2);
+/// `metres_per_pixel`, one number, or `PATCH.Lk.metres_per_pixel` where images differ. Packed
+/// images are `Lk.image` and so on. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
+/// channels.
 ///
-/// Nothing appears in the file's place before [`RecordingWriter::finish`]; memory does not depend on
-/// the number of frames.
+/// Nothing appears in the file's place before [`RecordingWriter::finish`]; memory does not depend
+/// on the number of frames.
 ///
 /// ```
 /// use dermatome::{
@@ -79,8 +80,8 @@ pub struct RecordingWriter {
     writer: ArrayWriter,
     times: Option<ArrayId>,
     images: Vec<ArrayId>,
-    /// Number of values of an image.
-    lengths: Vec<usize>,
+    /// Name and number of values of each image.
+    expected: Vec<(String, usize)>,
     values: Vec<LevelValues>,
     features: Map<String, Value>,
 }
@@ -105,7 +106,7 @@ impl RecordingWriter {
             writer: ArrayWriter::create(path)?,
             times: None,
             images: Vec::new(),
-            lengths: Vec::new(),
+            expected: Vec::new(),
             values: Vec::new(),
             features: Map::new(),
         };
@@ -121,7 +122,7 @@ impl RecordingWriter {
             let shape = [layout.channels.len(), height, width];
             let shape = if layout.channels.len() == 1 { &shape[1..] } else { &shape };
             this.images.push(this.writer.growing(&part.name, ElementType::F32, shape)?);
-            this.lengths.push(layout.channels.len() * height * width);
+            this.expected.push((part.name.clone(), layout.channels.len() * height * width));
             return Ok(this);
         }
         this.times = Some(this.writer.growing("timestamps", ElementType::F64, &[])?);
@@ -152,7 +153,7 @@ impl RecordingWriter {
             let [width, height] = part.frame.size_px.map(|n| n as usize);
             let shape = [channels.len(), height, width];
             self.images.push(self.writer.growing(&format!("{key}.image"), ElementType::F32, &shape)?);
-            self.lengths.push(shape.iter().product());
+            self.expected.push((part.name.clone(), shape.iter().product()));
             self.writer.constant(&format!("{key}.mask"), &shape[1..], Elements::U8(&part.coverage()))?;
             let ids = part.taxel_ids(map);
             self.writer.constant(&format!("{key}.taxel_id"), &shape[1..], Elements::U32(&ids))?;
@@ -201,8 +202,8 @@ impl RecordingWriter {
         self.features.insert(format!("observation.tactile.{name}"), feature);
     }
 
-    /// Writes a frame and its images, in the order of the atlas; those of other levels than the kept
-    /// one are left out by the caller.
+    /// Writes a frame and its images, in the order of the atlas; those of other levels than the
+    /// kept one are left out by the caller.
     ///
     /// # Errors
     /// If the images are not those of the layout, or the disk is full.
@@ -210,10 +211,13 @@ impl RecordingWriter {
     /// # Panics
     /// If the frame is not one of the map.
     pub fn write(&mut self, frame: &LevelFrame, images: &[TactileImage]) -> Result<(), IoError> {
-        let found: Vec<usize> = images.iter().map(|image| image.values.len()).collect();
-        if found != self.lengths {
-            let (found, needed) = (format!("{found:?} values"), format!("{:?}", self.lengths));
-            return Err(unfit(&self.path, "the images of a frame", found, needed));
+        let fits = |((name, length), image): (&(String, usize), &TactileImage)| {
+            *name == image.name && *length == image.values.len()
+        };
+        if images.len() != self.expected.len() || !self.expected.iter().zip(images).all(fits) {
+            let found: Vec<_> = images.iter().map(|image| (&image.name, image.values.len())).collect();
+            let (found, needed) = (format!("images and values {found:?}"), format!("{:?}", self.expected));
+            return Err(unfit(&self.path, "a frame", found, needed));
         }
         for (&array, image) in self.images.iter().zip(images) {
             self.writer.push(array, Elements::F32(&image.values))?;
@@ -235,9 +239,9 @@ impl RecordingWriter {
         self.writer.end_frame()
     }
 
-    /// Puts the file in its place, and next to an `.npz` the file `features.json`: each image and each
-    /// level's values with `dtype`, `shape` and `names`, as datasets of `LeRobot` describe their
-    /// features.
+    /// Puts the file in its place, and next to an `.npz` the file `features.json`: each image and
+    /// each level's values with `dtype`, `shape` and `names`, as datasets of `LeRobot` describe
+    /// their features.
     ///
     /// # Errors
     /// If the disk is full.

@@ -2,8 +2,8 @@
 //!
 //! A frame is one row of every growing array. Rows are collected into blocks of a few megabytes; a
 //! full block is written out array by array. A `.npy` has one array, whose blocks go to where they
-//! stay; its header is written anew at the end. The blocks of an `.npz` go to one file without a name
-//! on the same disk, from which the arrays are gathered when the recording ends.
+//! stay; its header is written anew at the end. The blocks of an `.npz` go to one file without a
+//! name on the same disk, from which the arrays are gathered when the recording ends.
 
 use std::{
     fs::File,

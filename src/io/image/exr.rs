@@ -48,9 +48,10 @@ const MAX_SIDE: u32 = 1 << 24;
 /// of 16 rows.
 ///
 /// Parts are named as the images (bytes beyond printable ASCII, and `%`, as `%` and two hexadecimal
-/// digits), channels are sorted by name, every data window starts at (0, 0), and all parts share a display
-/// window that holds the largest. The attribute `dermatome` of each part is a JSON text: `version`
-/// of the program, `name` of the image and `map`, with `origin` and `size` in m as in `map.glb`.
+/// digits), channels are sorted by name, every data window starts at (0, 0), and all parts share a
+/// display window that holds the largest. The attribute `dermatome` of each part is a JSON text:
+/// `version` of the program, `name` of the image and `map`, with `origin` and `size` in m as in
+/// `map.glb`.
 ///
 /// Rows are asked for and compressed block by block on the current threads; the bytes do not depend
 /// on their number.

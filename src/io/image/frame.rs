@@ -13,14 +13,15 @@ use crate::{
     image::TactileImage,
     io::{IoError, arrays::recording::key, file::source::unfit, image::exr::write_parts},
     map::ImageFrame,
-    signal::Channel,
+    signal::{Channel, Quantity},
 };
 
-/// Writes a frame of readings as an OpenEXR image: `Y` the first channel, each channel under its own
-/// name, `A` 1 where the skin is shown and every channel has a value. NaN where nothing is known.
+/// Writes a frame of readings as an OpenEXR image: `Y` the first channel, each channel under its
+/// own name, `A` 1 where the skin is shown and every channel has a value. NaN where nothing is
+/// known.
 ///
-/// A channel called `A` or `Y` is written as `signal.A` or `signal.Y`. The attribute `dermatome` is a
-/// JSON text: `version` of the program, `name` of the image, its `map` rectangle and
+/// A channel called `A` or `Y` is written as `signal.A` or `signal.Y`. The attribute `dermatome` is
+/// a JSON text: `version` of the program, `name` of the image, its `map` rectangle and
 /// `metres_per_pixel`, the `time` in s, and `channels` with their units.
 ///
 /// # Errors
@@ -38,7 +39,7 @@ pub fn write_frame(
         return Err(unfit(path, format!("image {}", image.name), found, needed));
     }
     let ImageFrame { origin, size, size_px } = image.frame;
-    let about: Vec<_> = channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect();
+    let about: Vec<_> = channels.iter().map(|c| json!({ "name": c.name, "unit": unit(c) })).collect();
     let note = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "name": image.name,
@@ -49,6 +50,14 @@ pub fn write_frame(
     });
     let note = note.to_string().into_bytes();
     write_parts(path, &[FrameRows { image, channels }], &|_| Ok(note.clone()))
+}
+
+/// The unit of the pixels: amounts are drawn per area.
+fn unit(channel: &Channel) -> String {
+    match channel.quantity {
+        Quantity::Intensive => channel.unit.clone(),
+        Quantity::Extensive => format!("{}/m^2", channel.unit),
+    }
 }
 
 /// An image with the channels that it has in a file.
@@ -87,8 +96,8 @@ impl ImageRows for FrameRows<'_> {
     }
 }
 
-/// Writes the values of images to a pipe as little-endian `f32`, image by image as they are in memory,
-/// and flushes it: whoever reads has the whole frame.
+/// Writes the values of images to a pipe as little-endian `f32`, image by image as they are in
+/// memory, and flushes it: whoever reads has the whole frame.
 ///
 /// # Errors
 /// Whatever `output` says.
@@ -112,8 +121,8 @@ pub fn write_raw_frame(output: &mut impl Write, images: &[TactileImage]) -> io::
     output.flush()
 }
 
-/// The name of a file of a sequence: `palm.L0.000123.exr` for frame 123 of `palm/L0`. What file systems
-/// do not allow in a name is written as `%` and two hexadecimal digits.
+/// The name of a file of a sequence: `palm.L0.000123.exr` for frame 123 of `palm/L0`. What file
+/// systems do not allow in a name is written as `%` and two hexadecimal digits.
 #[must_use]
 pub fn frame_file_name(image: &str, frame: usize, extension: &str) -> String {
     let mut name = String::new();

@@ -33,8 +33,8 @@ const MAX_SAMPLES: u64 = 1 << 30;
 /// No compression of OpenEXR makes more of a byte: zlib up to 1032, with some room.
 const MOST_OF_A_BYTE: u64 = 1100;
 
-/// Reads the channels of these names of every image of an `.exr`, or an array `(H, W)`, `(C, H, W)` or
-/// `(T, C, H, W)` from a `.npy`; without names all channels.
+/// Reads the channels of these names of every image of an `.exr`, or an array `(H, W)`, `(C, H, W)`
+/// or `(T, C, H, W)` from a `.npy`; without names all channels.
 ///
 /// A `.npy` has no names: its channels are `0`, `1` and so on, of a recording those of the first
 /// frame.

@@ -48,8 +48,8 @@ impl ReadingsWriter {
     /// Starts a file of readings of the taxels of `skin` that are present, patch by patch.
     ///
     /// # Errors
-    /// If the file is of another kind or cannot be created, no taxel is present, or two have the same
-    /// id: readings are found by their ids.
+    /// If the file is of another kind or cannot be created, no taxel is present, or two have the
+    /// same id: readings are found by their ids.
     pub fn create(path: &Path, skin: &Skin, channel: &Channel) -> Result<Self, IoError> {
         let present = skin.patches.enumerate().flat_map(|(id, patch)| {
             let present = patch.taxels.presence.enumerate().filter(|(_, p)| **p == Presence::Present);
@@ -141,9 +141,9 @@ impl ReadingsWriter {
 /// Writes what truly happens in a simulated recording: a row for each frame in which something is
 /// touched.
 ///
-/// `frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z`: `x,y,z` the centre of
-/// pressure and `sphere_*` the centre of the sphere in the frame of the link, in m; `force` of the
-/// whole contact, in N; `taxels` the number of working taxels that feel it.
+/// `frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z`: `x,y,z` the centre
+/// of pressure and `sphere_*` the centre of the sphere in the frame of the link, in m; `force` of
+/// the whole contact, in N; `taxels` the number of working taxels that feel it.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.

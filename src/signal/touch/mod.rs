@@ -1,5 +1,5 @@
-//! Simulated touch: a sphere of known place and force presses and rolls on a skin, and taxels feel it
-//! on discs of their own (cannata: spheres on skins with taxels of 2 mm radius that read exact
+//! Simulated touch: a sphere of known place and force presses and rolls on a skin, and taxels feel
+//! it on discs of their own (cannata: spheres on skins with taxels of 2 mm radius that read exact
 //! forces). The recording feeds tests, examples and comparisons whose truth is known.
 //!
 //! In reading order: `options`, `sphere` (the contact model), `path` (where the sphere rolls),

@@ -39,8 +39,8 @@ pub struct TouchOptions {
 }
 
 impl Default for TouchOptions {
-    /// Taxels of 2 mm radius under a skin of 20 kPa per mm, and a sphere of 15 mm radius: 3.6 N where
-    /// the skin is flat.
+    /// Taxels of 2 mm radius under a skin of 20 kPa per mm, and a sphere of 15 mm radius: 3.6 N
+    /// where the skin is flat.
     fn default() -> Self {
         Self {
             radius: 0.015,

@@ -1,6 +1,6 @@
-//! The path of a rolling sphere: straight ahead over the triangles of a skin, each unfolded into the
-//! plane of the one before (a straightest geodesic, polthier1998, but for paths through a vertex);
-//! a boundary throws it back.
+//! The path of a rolling sphere: straight ahead over the triangles of a skin, each unfolded into
+//! the plane of the one before (a straightest geodesic, polthier1998, but for paths through a
+//! vertex); a boundary throws it back.
 
 use glam::DVec3;
 
@@ -23,8 +23,8 @@ pub(super) struct Walker {
 const MOST_CROSSINGS: usize = 10_000;
 
 impl Walker {
-    /// A random place on the mesh, uniform by area, and a random direction. `None` if the mesh has no
-    /// area.
+    /// A random place on the mesh, uniform by area, and a random direction. `None` if the mesh has
+    /// no area.
     pub(super) fn random(mesh: &TriMesh, random: &mut Random) -> Option<Self> {
         let mut left = random.uniform() * mesh.area();
         let has_area = |&face: &FaceId| mesh.face_area(face) > 0.0;

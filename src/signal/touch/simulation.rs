@@ -13,7 +13,8 @@ use crate::{
     skin::{Patch, PatchId, Presence, Skin},
 };
 
-/// What truly happens in a frame in which something is touched; in m, in the frame of the patch's link.
+/// What truly happens in a frame in which something is touched; in m, in the frame of the patch's
+/// link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     /// Number of the frame, from 0 on.

@@ -1,11 +1,12 @@
-//! A rigid sphere pressed into an elastic foundation (johnson1985, section 4.3): under each point of
-//! the skin is a spring of its own along the normal, and the pressure is the stiffness times the
+//! A rigid sphere pressed into an elastic foundation (johnson1985, section 4.3): under each point
+//! of the skin is a spring of its own along the normal, and the pressure is the stiffness times the
 //! depth to which the sphere presses it in.
 //!
-//! On a plane at distance `h` from the centre of a sphere of radius `R` the depth at distance `s` from
-//! the foot of the centre is `sqrt(R^2 - s^2) - h`; the whole force is the stiffness times the volume
-//! of the cap below the plane, `pi d^2 (R - d/3)` with `d = R - h`. Springs do not pull on their
-//! neighbours: unlike an elastic half space (Hertz), the skin is not pressed in beside the contact.
+//! On a plane at distance `h` from the centre of a sphere of radius `R` the depth at distance `s`
+//! from the foot of the centre is `sqrt(R^2 - s^2) - h`; the whole force is the stiffness times the
+//! volume of the cap below the plane, `pi d^2 (R - d/3)` with `d = R - h`. Springs do not pull on
+//! their neighbours: unlike an elastic half space (Hertz), the skin is not pressed in beside the
+//! contact.
 
 use std::f64::consts::PI;
 
