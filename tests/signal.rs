@@ -7,7 +7,7 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor},
+    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor, contrast, reconstruct},
     skin::{PatchId, Skin},
 };
 use proptest::prelude::*;
@@ -130,6 +130,34 @@ proptest! {
             }
             let found = bits(restrictor.restrict(&frame));
             prop_assert_eq!(found, bits(Restrictor::new(&map, &channels()).restrict(&frame)));
+        }
+    }
+}
+
+/// The contrast sums back to the frame, and a constant pressure has none but on the coarsest level,
+/// also with dead taxels and for its forces.
+#[test]
+fn contrast_sums_back_and_a_constant_has_none() {
+    let map = palm();
+    let coarsest = map.patches[PatchId::new(PALM)].levels.len() - 1;
+    for (dead, constant) in [(0.0, false), (0.3, false), (0.0, true), (0.3, true)] {
+        let pressure = |v| if constant { 5.0 } else { noise(v, 8) };
+        let frame = pressures(&map, |v| if noise(v, 9) < dead { f64::NAN } else { pressure(v) });
+        let levels = Restrictor::new(&map, &channels()).restrict(&frame).clone();
+        let detail = contrast(&map, &channels(), &levels);
+        let back = reconstruct(&map, &channels(), &detail);
+        for channel in 0..2 {
+            let of = |frame: &LevelFrame| frame.values[PatchId::new(PALM)][channel].clone();
+            let (levels, detail, back) = (of(&levels), of(&detail), of(&back));
+            for (k, values) in levels.enumerate() {
+                let largest = values.iter().filter(|x| !x.is_nan()).fold(0.0_f64, |m, x| m.max(x.abs()));
+                for (v, &value) in values.enumerate() {
+                    assert_eq!(value.is_nan(), back[k][v].is_nan(), "{v} of {k:?}");
+                    assert!(value.is_nan() || (back[k][v] - value).abs() <= 1e-12 * largest, "{v} of {k:?}");
+                    let none = !constant || k.index() == coarsest || value.is_nan();
+                    assert!(none || detail[k][v].abs() <= 1e-12 * largest, "contrast of {v} of {k:?}");
+                }
+            }
         }
     }
 }

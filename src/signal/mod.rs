@@ -9,12 +9,14 @@
 //! masked, and a receptive field all of whose taxels are. Zero is a reading.
 
 mod channel;
+mod contrast;
 mod frame;
 mod gather;
 mod restrict;
 mod touch;
 
 pub use channel::{Channel, Quantity};
+pub use contrast::{contrast, reconstruct};
 pub use frame::{Frame, LevelFrame};
 pub use restrict::Restrictor;
 pub use touch::{Touch, TouchError, TouchOptions, TouchSimulation};
