@@ -22,6 +22,9 @@ pub enum Error {
     /// Data that is not a valid map.
     #[error(transparent)]
     Map(#[from] crate::map::MapError),
+    /// Readings that cannot be used with a map.
+    #[error(transparent)]
+    Signal(#[from] crate::signal::SignalError),
     /// A recording that cannot be simulated.
     #[error(transparent)]
     Touch(#[from] crate::signal::TouchError),

@@ -30,7 +30,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("exr", &["io/image"]),
     ("base64", &["io/gltf", "plot/picture/svg.rs"]),
     ("csv", &["io/mesh/skin_csv.rs", "io/readings", "io/table"]),
-    ("flate2", &["io/image"]),
+    ("flate2", &["io/image", "io/readings"]),
     ("npyz", &["io/arrays", "io/readings"]),
     ("ply_rs_bw", &["io/mesh/ply.rs"]),
     ("serde", &["flatten/distortion.rs", "io", "report.rs", "bin"]),

@@ -8,13 +8,15 @@
 //! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
 //! | `observations` | [`read_observations`] | [`write_observations`] |
 //! | `table` | [`read_contacts`], [`read_poses`], ... | [`write_lookups`], [`write_calibration`], ... |
+//! | `readings` | [`ReadingsReader`], [`read_gains`] | |
 //! | `image` | | [`write_images`]: OpenEXR |
 //! | `file` | what all of them need: whole files, lines, replacing | |
 //!
 //! What every reader keeps:
 //! - No count, index, offset or size of a file is trusted before it was checked against the bytes
 //!   that are there, and memory is bounded by the size of the file.
-//! - Every number that comes out is finite, every corner exists; whatever else a file claims is
+//! - Every number that comes out is finite, but for readings that are missing (NaN), every corner
+//!   exists; whatever else a file claims is
 //!   judged by [`crate::skin`], [`crate::map`] and [`crate::calib`].
 //! - Bad input is an error that names the element, what was found and what is needed
 //!   ([`IoError::Invalid`]); nothing panics, nothing is repaired in silence.
@@ -48,6 +50,7 @@ mod gltf;
 mod image;
 mod mesh;
 mod observations;
+mod readings;
 mod table;
 
 pub use self::gltf::{read_map, write_map, write_pyramids};
@@ -67,6 +70,7 @@ pub use observations::{
     read_write::{read_observations, write_observations},
     types::ObservationRemark,
 };
+pub use readings::{arrays::ReadingsLayout, gains::read_gains, reader::ReadingsReader};
 pub use table::{
     calibration::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,

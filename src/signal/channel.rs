@@ -25,9 +25,53 @@ pub struct Channel {
     pub quantity: Quantity,
 }
 
+impl Channel {
+    /// A channel of this name and unit, extensive if the unit is one of force or charge (`N`, `gf`,
+    /// `lbf`, `C`, with a prefix such as `m` or not), or if it has none and is called `force`,
+    /// `force.N` or `charge`. A temperature is intensive, though its unit be `C`.
+    #[must_use]
+    pub fn new(name: &str, unit: &str) -> Self {
+        let first = name.split('.').next().unwrap_or_default().to_ascii_lowercase();
+        let base =
+            unit.strip_prefix(['p', 'n', 'u', '\u{b5}', '\u{3bc}', 'm', 'c', 'd', 'k']).unwrap_or(unit);
+        let is_amount = match unit {
+            "" => ["force", "charge"].contains(&first.as_str()),
+            _ => ["N", "gf", "lbf", "C"].contains(&base) && !first.starts_with("temp"),
+        };
+        let quantity = if is_amount { Quantity::Extensive } else { Quantity::Intensive };
+        Self { name: name.into(), unit: unit.into(), quantity }
+    }
+}
+
 impl Default for Channel {
     /// A pressure in no known unit.
     fn default() -> Self {
         Self { name: "pressure".into(), unit: String::new(), quantity: Quantity::Intensive }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_says_whether_values_add_up() {
+        for (name, unit, is_amount) in [
+            ("force.N", "N", true),
+            ("load", "mN", true),
+            ("load", "kgf", true),
+            ("force", "", true),
+            ("charge", "pC", true),
+            ("force", "count", false),
+            ("pressure", "Pa", false),
+            ("pressure", "N/m^2", false),
+            ("temperature", "C", false),
+            ("heat", "degC", false),
+            ("", "", false),
+        ] {
+            let found = Channel::new(name, unit).quantity == Quantity::Extensive;
+            assert_eq!(found, is_amount, "{name} in {unit:?}");
+        }
+        assert_eq!(Channel::new("pressure", ""), Channel::default());
     }
 }

@@ -2,21 +2,28 @@
 //! level. Nothing here knows of pixels or files.
 //!
 //! In reading order: `channel` says what is measured, `frame` holds one moment of it on the taxels
-//! ([`Frame`]) or on every level ([`LevelFrame`]), `restrict` carries it to all levels
-//! ([`Restrictor`]).
+//! ([`Frame`]) or on every level ([`LevelFrame`]); `join` puts the columns of a recording to their
+//! taxels ([`Join`]), `condition` corrects and filters them ([`Conditioner`]); `restrict` carries
+//! them to all levels ([`Restrictor`]).
 //!
 //! A reading that is not there is NaN, in every type of this module: a taxel that is absent, dead or
 //! masked, and a receptive field all of whose taxels are. Zero is a reading.
 
 mod channel;
+mod condition;
 mod contrast;
+mod error;
 mod frame;
 mod gather;
+mod join;
 mod restrict;
 mod touch;
 
 pub use channel::{Channel, Quantity};
+pub use condition::{ConditionOptions, ConditionReport, Conditioner};
 pub use contrast::{contrast, reconstruct};
+pub use error::SignalError;
 pub use frame::{Frame, LevelFrame};
+pub use join::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;
 pub use touch::{Touch, TouchError, TouchOptions, TouchSimulation};

@@ -1,0 +1,298 @@
+//! Readings as arrays of numpy: one array of values, and in an `.npz` more about them.
+
+use std::{
+    io::{ErrorKind, Read},
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    io::{
+        IoError,
+        file::source::invalid,
+        readings::{
+            archive::{StoredArray, list_arrays},
+            header::MAX_NUMBERS,
+            npy::ElementType,
+        },
+    },
+    signal::Channel,
+    skin::TaxelId,
+};
+
+/// What the axes of an array of three axes are; the first is the time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ReadingsLayout {
+    /// `(T, N, C)`: the channels of each taxel stand together.
+    #[default]
+    TaxelsFirst,
+    /// `(T, C, N)`: the taxels of each channel stand together, as MuJoCo gives them.
+    ChannelsFirst,
+}
+
+/// Arrays that say something about the values.
+const ABOUT: [&str; 4] = ["ids", "timestamps", "channels", "units"];
+
+/// Readings that are read row by row.
+pub(super) struct ArrayReadings {
+    path: PathBuf,
+    values: Rows,
+    times: Option<Rows>,
+    layout: ReadingsLayout,
+    channels: usize,
+    row: Vec<f64>,
+}
+
+/// What the arrays of a file say about its readings.
+pub(super) struct About {
+    pub(super) ids: Option<Vec<TaxelId>>,
+    pub(super) channels: Vec<Channel>,
+    pub(super) width: usize,
+    pub(super) frames: u64,
+    pub(super) has_times: bool,
+}
+
+impl ArrayReadings {
+    /// Opens a `.npy`, or an `.npz`.
+    pub(super) fn open(
+        path: &Path,
+        is_archive: bool,
+        layout: ReadingsLayout,
+    ) -> Result<(Self, About), IoError> {
+        let arrays = list_arrays(path, is_archive)?;
+        let values = find_values(path, &arrays)?;
+        let (frames, width, channels) = check_shape(path, values, layout)?;
+        let about = |name: &str| arrays.iter().find(|a| a.name == name && a.name != values.name);
+        let ids = about("ids").map(|array| read_ids(path, array, values, width)).transpose()?;
+        let channels = read_channels(path, about("channels"), about("units"), channels)?;
+        let times = about("timestamps").map(|array| {
+            need_shape(path, array, frames, "one for each frame")?;
+            Rows::open(path, array, 1)
+        });
+        let times = times.transpose()?;
+        let has_times = times.is_some();
+        let readings = Self {
+            path: path.into(),
+            values: Rows::open(path, values, width * channels.len())?,
+            times,
+            layout,
+            channels: channels.len(),
+            row: Vec::new(),
+        };
+        Ok((readings, About { ids, channels, width, frames, has_times }))
+    }
+
+    /// Reads the next row; false after the last one.
+    pub(super) fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
+        let numbers = self.values.row;
+        values.resize(numbers, f64::NAN);
+        let is_transposed = self.channels > 1 && self.layout == ReadingsLayout::TaxelsFirst;
+        let read = if is_transposed { &mut self.row } else { &mut *values };
+        read.resize(numbers, f64::NAN);
+        if !self.values.read(&self.path, read)? {
+            return Ok(false);
+        }
+        if is_transposed {
+            let width = numbers / self.channels;
+            for (column, taxel) in self.row.chunks_exact(self.channels).enumerate() {
+                taxel.iter().enumerate().for_each(|(channel, &x)| values[channel * width + column] = x);
+            }
+        }
+        *time = f64::NAN;
+        if let Some(times) = &mut self.times {
+            let mut number = [f64::NAN];
+            times.read(&self.path, &mut number)?;
+            [*time] = number;
+            if !time.is_finite() {
+                let element = format!("{}, row {}", times.element, times.done - 1);
+                return Err(invalid(&self.path, element, time.to_string(), "a finite time, in s"));
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// The array of the readings: the one called `values` or `readings`, or the only one that can be.
+fn find_values<'a>(path: &Path, arrays: &'a [StoredArray]) -> Result<&'a StoredArray, IoError> {
+    let fits = |a: &&StoredArray| a.header.elements.is_number() && [2, 3].contains(&a.header.shape.len());
+    if let Some(named) = arrays.iter().find(|a| ["values", "readings"].contains(&a.name.as_str())) {
+        return Some(named).filter(fits).ok_or_else(|| {
+            let needed = "numbers of the shape (T, N), (T, N, C) or (T, C, N)";
+            invalid(path, named.element(), named.header.describe(), needed)
+        });
+    }
+    let mut candidates = arrays.iter().filter(|a| !ABOUT.contains(&a.name.as_str())).filter(fits);
+    match (candidates.next(), candidates.next()) {
+        (Some(only), None) => Ok(only),
+        _ => {
+            /// Arrays that an error lists.
+            const LISTED: usize = 10;
+            let names = arrays.iter().take(LISTED).map(|a| format!("{} {}", a.name, a.header.describe()));
+            let more = if arrays.len() > LISTED { ", ..." } else { "" };
+            let found = format!("{}{more}", names.collect::<Vec<_>>().join(", "));
+            let needed = "an array `values` of numbers of the shape (T, N), (T, N, C) or (T, C, N), or one \
+                          array alone that can be it";
+            Err(invalid(path, "arrays", if found.is_empty() { "none".into() } else { found }, needed))
+        }
+    }
+}
+
+/// The numbers of frames, taxels and channels.
+fn check_shape(
+    path: &Path,
+    values: &StoredArray,
+    layout: ReadingsLayout,
+) -> Result<(u64, usize, usize), IoError> {
+    let found = || values.header.describe();
+    if values.header.is_fortran {
+        let needed = "C order: write it with numpy.ascontiguousarray";
+        return Err(invalid(path, values.element(), format!("{} in Fortran order", found()), needed));
+    }
+    let (frames, width, channels) = match (values.header.shape.as_slice(), layout) {
+        (&[frames, width], _) => (frames, width, 1),
+        (&[frames, width, channels], ReadingsLayout::TaxelsFirst)
+        | (&[frames, channels, width], ReadingsLayout::ChannelsFirst) => (frames, width, channels),
+        _ => return Err(invalid(path, values.element(), found(), "two or three axes")),
+    };
+    if frames == 0 || width == 0 || channels == 0 {
+        return Err(invalid(path, values.element(), found(), "at least one frame, taxel and channel"));
+    }
+    let numbers = width.checked_mul(channels).filter(|&n| n <= MAX_NUMBERS as u64);
+    match (numbers, usize::try_from(width), usize::try_from(channels)) {
+        (Some(_), Ok(width), Ok(channels)) => Ok((frames, width, channels)),
+        _ => {
+            let needed = format!("at most {MAX_NUMBERS} readings in a frame");
+            Err(invalid(path, values.element(), found(), needed))
+        }
+    }
+}
+
+fn read_ids(
+    path: &Path,
+    array: &StoredArray,
+    values: &StoredArray,
+    width: usize,
+) -> Result<Vec<TaxelId>, IoError> {
+    let needed = match values.header.shape.len() {
+        3 => format!(
+            "one for each of the {width} taxels of {}; or the other order of its taxels and channels",
+            values.header.describe()
+        ),
+        _ => "one for each taxel".into(),
+    };
+    need_shape(path, array, width as u64, &needed)?;
+    let mut ids = vec![0.0; width];
+    Rows::open(path, array, width)?.read(path, &mut ids)?;
+    let id = |(k, &x): (usize, &f64)| {
+        #[expect(clippy::cast_possible_truncation, reason = "whole and in range")]
+        let id = (x.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&x)).then_some(TaxelId(x as u32));
+        id.ok_or_else(|| {
+            let element = format!("{}, element {k}", array.element());
+            invalid(path, element, x.to_string(), "the number of a taxel, 0 to 4294967295")
+        })
+    };
+    ids.iter().enumerate().map(id).collect()
+}
+
+/// The channels: named by an array of texts, else by their number.
+fn read_channels(
+    path: &Path,
+    names: Option<&StoredArray>,
+    units: Option<&StoredArray>,
+    count: usize,
+) -> Result<Vec<Channel>, IoError> {
+    let texts = |array: Option<&StoredArray>| {
+        let texts = array.map(|array| {
+            need_shape(path, array, count as u64, "one for each channel")?;
+            if array.header.elements.is_number() {
+                return Err(invalid(path, array.element(), array.header.describe(), "strings"));
+            }
+            Rows::open(path, array, count)?.texts(path)
+        });
+        texts.transpose()
+    };
+    let names = texts(names)?.unwrap_or_else(|| match count {
+        1 => vec![Channel::default().name],
+        _ => (0..count).map(|k| format!("channel{k}")).collect(),
+    });
+    let units = texts(units)?.unwrap_or_else(|| vec![String::new(); count]);
+    Ok(names.iter().zip(&units).map(|(name, unit)| Channel::new(name, unit)).collect())
+}
+
+/// Refuses an array of another shape than `(count,)`.
+fn need_shape(path: &Path, array: &StoredArray, count: u64, why: &str) -> Result<(), IoError> {
+    if array.header.shape == [count] {
+        return Ok(());
+    }
+    let needed = format!("the shape ({count},): {why}");
+    Err(invalid(path, array.element(), array.header.describe(), needed))
+}
+
+/// The rows of an array.
+struct Rows {
+    element: String,
+    input: Box<dyn Read + Send>,
+    elements: ElementType,
+    /// Elements of a row.
+    row: usize,
+    left: u64,
+    done: u64,
+    bytes: Vec<u8>,
+}
+
+impl Rows {
+    fn open(path: &Path, array: &StoredArray, row: usize) -> Result<Self, IoError> {
+        let elements = array.header.elements;
+        // The product of the shape was compared with the bytes that are there.
+        let count: u64 = array.header.shape.iter().product();
+        let left = count / row.max(1) as u64;
+        Ok(Self {
+            element: array.element(),
+            input: array.open(path)?,
+            elements,
+            row,
+            left,
+            done: 0,
+            bytes: Vec::new(),
+        })
+    }
+
+    /// Reads a row of numbers; false after the last one.
+    fn read(&mut self, path: &Path, out: &mut [f64]) -> Result<bool, IoError> {
+        if self.left == 0 {
+            return Ok(false);
+        }
+        self.take(path)?;
+        self.elements.numbers(&self.bytes, out);
+        Ok(true)
+    }
+
+    /// Reads a row of texts.
+    fn texts(&mut self, path: &Path) -> Result<Vec<String>, IoError> {
+        self.take(path)?;
+        let mut texts = self.elements.texts(&self.bytes);
+        texts.resize(self.row, String::new());
+        Ok(texts)
+    }
+
+    fn take(&mut self, path: &Path) -> Result<(), IoError> {
+        let size = self.elements.size() * self.row;
+        // What an archive says of its sizes may be wrong: memory grows with what is there.
+        self.bytes.clear();
+        let read = (&mut self.input).take(size as u64).read_to_end(&mut self.bytes);
+        let element = || format!("{}, row {}", self.element, self.done);
+        match read {
+            Ok(count) if count == size => {}
+            Ok(count) => {
+                let found = format!("an end after {count} of its {size} bytes");
+                return Err(invalid(path, element(), found, "as many rows as its header says"));
+            }
+            Err(source) if matches!(source.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput) => {
+                return Err(invalid(path, element(), source.to_string(), "an archive without damage"));
+            }
+            Err(source) => return Err(IoError::Read { path: path.into(), source }),
+        }
+        self.left = self.left.saturating_sub(1);
+        self.done += 1;
+        Ok(())
+    }
+}

@@ -1,0 +1,188 @@
+//! What the columns of a text of readings are: the words of its first line.
+
+use std::collections::HashMap;
+
+use crate::{
+    io::{
+        IoError,
+        file::{lines::LineLocation, source::excerpt},
+    },
+    signal::Channel,
+    skin::TaxelId,
+};
+
+/// Most numbers of a frame: with more, a file is not what it seems.
+pub(super) const MAX_NUMBERS: usize = 1 << 24;
+
+/// What stands in one cell of each row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Cell {
+    /// The time, in s.
+    Time,
+    /// A frame number, or another cell that is not read.
+    Unused,
+    /// A reading, and its place in the frame: `channel * width + column`.
+    Reading(usize),
+}
+
+/// The columns of a text of readings.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Header {
+    pub(super) ids: Vec<TaxelId>,
+    pub(super) channels: Vec<Channel>,
+    pub(super) cells: Vec<Cell>,
+}
+
+/// The columns that the words of a first line name: `time` (s), `frame` or `index`, and `ID`,
+/// `ID.CHANNEL` or `ID.CHANNEL[UNIT]`. With `leading`, rows have a number and a time before the
+/// readings that the line does not name, unless it names a time itself.
+///
+/// An id that comes twice with the same channel is another column.
+pub(super) fn parse_header<'t>(
+    words: impl Iterator<Item = &'t str>,
+    leading: bool,
+    at: LineLocation<'_>,
+) -> Result<Header, IoError> {
+    let mut columns = Columns::default();
+    let mut places = Vec::new();
+    for (k, word) in words.enumerate() {
+        let column = || format!("column {}", k + 1);
+        match word.split('[').next().unwrap_or_default().trim().to_ascii_lowercase().as_str() {
+            "time" | "timestamp" | "timestamps" if places.contains(&Place::Time) => {
+                return Err(at.invalid_part(column(), "a second time", "one time"));
+            }
+            "time" | "timestamp" | "timestamps" => places.push(Place::Time),
+            "" | "frame" | "index" => places.push(Place::Unused),
+            _ => places.push(columns.reading(word).map_err(|e| match e {
+                Broken::NotAnId => at.invalid_part(
+                    column(),
+                    excerpt(word),
+                    "a line of taxel ids first: ID, ID.CHANNEL, time or frame",
+                ),
+                Broken::Unit { first } => {
+                    at.invalid_part(column(), excerpt(word), format!("{first:?}, the unit given first"))
+                }
+            })?),
+        }
+    }
+    if columns.ids.is_empty() {
+        return Err(at.invalid("no taxel id", "a line of taxel ids first: ID or ID.CHANNEL"));
+    }
+    let (width, channels) = (columns.ids.len(), columns.channels.len());
+    if width.saturating_mul(channels) > MAX_NUMBERS {
+        let found = format!("{width} taxels and {channels} channels");
+        return Err(at.invalid(found, format!("at most {MAX_NUMBERS} readings in a frame")));
+    }
+    if leading && !places.contains(&Place::Time) {
+        places.splice(0..0, [Place::Unused, Place::Time]);
+    }
+    let cell = |place: Place| match place {
+        Place::Time => Cell::Time,
+        Place::Unused => Cell::Unused,
+        Place::Reading { channel, column } => Cell::Reading(channel * width + column),
+    };
+    let cells = places.into_iter().map(cell).collect();
+    Ok(Header { ids: columns.ids, channels: columns.channels, cells })
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Time,
+    Unused,
+    Reading { channel: usize, column: usize },
+}
+
+enum Broken {
+    NotAnId,
+    Unit { first: String },
+}
+
+/// Columns and channels in the order in which they first come.
+#[derive(Default)]
+struct Columns {
+    ids: Vec<TaxelId>,
+    channels: Vec<Channel>,
+    /// The column of the n-th time that an id comes with the same channel.
+    column_of: HashMap<(TaxelId, usize), usize>,
+    /// How often an id came with a channel.
+    seen: HashMap<(TaxelId, usize), usize>,
+    channel_of: HashMap<String, usize>,
+}
+
+impl Columns {
+    fn reading(&mut self, word: &str) -> Result<Place, Broken> {
+        let (id, channel) = word.split_once('.').map_or((word, ""), |(id, channel)| (id, channel.trim()));
+        // `0.25` is a number of a file without a line of ids.
+        if channel.starts_with(|c: char| c.is_ascii_digit()) {
+            return Err(Broken::NotAnId);
+        }
+        let id = TaxelId(id.trim().parse().map_err(|_| Broken::NotAnId)?);
+        let channel = self.channel(channel)?;
+        let nth = self.seen.entry((id, channel)).or_default();
+        let column = *self.column_of.entry((id, *nth)).or_insert_with(|| {
+            self.ids.push(id);
+            self.ids.len() - 1
+        });
+        *nth += 1;
+        Ok(Place::Reading { channel, column })
+    }
+
+    /// The channel that `NAME` or `NAME[UNIT]` means; without a name the default one.
+    fn channel(&mut self, text: &str) -> Result<usize, Broken> {
+        let (name, unit) = match text.strip_suffix(']').and_then(|t| t.split_once('[')) {
+            Some((name, unit)) => (name.trim(), unit.trim()),
+            None => (text, ""),
+        };
+        if let Some(&known) = self.channel_of.get(name) {
+            let first = &self.channels[known].unit;
+            return if first == unit { Ok(known) } else { Err(Broken::Unit { first: first.clone() }) };
+        }
+        let channel = match name {
+            "" => Channel { unit: unit.into(), ..Channel::default() },
+            name => Channel::new(name, unit),
+        };
+        self.channels.push(channel);
+        self.channel_of.insert(name.into(), self.channels.len() - 1);
+        Ok(self.channels.len() - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn header(text: &str, leading: bool) -> Result<Header, String> {
+        let at = LineLocation { path: Path::new("a.csv"), line: 1 };
+        parse_header(text.split(','), leading, at).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn channels_and_columns_keep_their_order() {
+        use Cell::{Reading, Time, Unused};
+        let found = header("frame,Time [s],7.force.N[N],9.force.N[N],9.heat,7.force.N[N]", false).unwrap();
+        assert_eq!(found.ids, [7, 9, 7].map(TaxelId), "an id twice is two columns");
+        let names: Vec<_> = found.channels.iter().map(|c| (c.name.as_str(), c.unit.as_str())).collect();
+        assert_eq!(names, [("force.N", "N"), ("heat", "")]);
+        assert_eq!(found.cells, [Unused, Time, Reading(0), Reading(1), Reading(4), Reading(2)]);
+        assert_eq!(header("5,6", true).unwrap().cells, [Unused, Time, Reading(0), Reading(1)]);
+        assert_eq!(header("5,6", false).unwrap().cells, [Reading(0), Reading(1)]);
+    }
+
+    #[test]
+    fn lines_that_name_no_taxels_are_refused() {
+        for (text, place) in [
+            ("time,frame", "no taxel id"),
+            ("time,left", "column 2"),
+            ("0,0.5,17", "column 2"),
+            ("-1", "\"-1\""),
+            ("4294967296", "column 1"),
+            ("time,5,time", "column 3: found a second time"),
+            ("5.force[N],6.force[mN]", "\"N\", the unit"),
+        ] {
+            let error = header(text, false).unwrap_err();
+            assert!(error.contains(place) && error.contains("line 1"), "{text}: {error}");
+        }
+    }
+}

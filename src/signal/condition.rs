@@ -1,0 +1,317 @@
+//! Makes raw readings comparable: offset, gain and spikes, and slow and fast parts.
+//!
+//! In this order, for each taxel and channel: the baseline is subtracted, which is the mean of the
+//! first frames; the rest is multiplied by the taxel's gain and clipped; on request a first-order low
+//! pass splits it into a slow and a fast part, as slow- and fast-adapting receptors do. The filter is
+//! the exact answer to a reading that jumps at each frame and stays: `slow += (1 - exp(-2 pi f dt))
+//! (x - slow)` with `dt` the time since that taxel's last reading.
+
+use std::{
+    collections::{HashMap, HashSet},
+    f64::consts::TAU,
+};
+
+use crate::{
+    id::IdVec,
+    map::SkinMap,
+    signal::{Channel, Frame, SignalError},
+    skin::{PatchId, TaxelId},
+};
+
+/// Memory that the frames of a baseline may take, in bytes.
+const MAX_BASELINE_BYTES: usize = 1 << 30;
+
+/// What is done to readings.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ConditionOptions {
+    /// The mean of this many first frames is subtracted; 0: nothing is.
+    pub baseline: usize,
+    /// What readings are multiplied by after that; 1 for other ids.
+    pub gains: Vec<(TaxelId, f64)>,
+    /// Readings are clipped to these bounds after that, in the unit of the channel.
+    pub clip: Option<[f64; 2]>,
+    /// Cut-off frequency that splits each channel into `NAME.slow` and `NAME.fast`, in Hz.
+    pub split_hz: Option<f64>,
+}
+
+/// What was done to readings.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ConditionReport {
+    /// Readings that were clipped.
+    pub clipped: u64,
+    /// Frames whose time is before that of the frame before, or is not a number: filters stand still.
+    pub backwards: u64,
+    /// Frames that the baseline is the mean of; fewer than asked for if the recording is shorter.
+    pub baseline_frames: usize,
+    /// Readings of all channels without a baseline, since none of those frames has one; they are
+    /// masked from then on.
+    pub without_baseline: usize,
+    /// Gains whose id no taxel has.
+    pub unknown_gains: usize,
+}
+
+/// Conditions frames one by one.
+///
+/// The frames of a baseline are kept until the last of them is there, then all are passed on; after
+/// that each frame is passed on at once and nothing is allocated.
+///
+/// ```
+/// use dermatome::{
+///     map::SkinMap,
+///     mesh::shapes,
+///     signal::{Channel, ConditionOptions, Conditioner, Frame, SignalError},
+/// };
+///
+/// let map = SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3);
+/// let options = ConditionOptions { baseline: 2, split_hz: Some(5.0), ..ConditionOptions::default() };
+/// let mut conditioner = Conditioner::new(&map, &[Channel::default()], &options)?;
+/// assert_eq!(conditioner.channels()[1].name, "pressure.fast");
+/// let (frame, mut count) = (Frame::new(&map, 1), 0);
+/// for _ in 0..5 {
+///     conditioner.push(&frame, |_conditioned| -> Result<(), SignalError> { Ok(count += 1) })?;
+/// }
+/// conditioner.finish(|_conditioned| -> Result<(), SignalError> { Ok(count += 1) })?;
+/// assert_eq!(count, 5);
+/// # Ok::<(), SignalError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Conditioner {
+    channels: Vec<Channel>,
+    /// One number per taxel, patch after patch.
+    gains: IdVec<PatchId, Vec<f64>>,
+    baseline: Baseline,
+    clip: Option<[f64; 2]>,
+    filter: Option<LowPass>,
+    time: f64,
+    out: Frame,
+    report: ConditionReport,
+}
+
+/// One number per patch, channel and taxel, in this order.
+#[derive(Debug, Clone)]
+struct Baseline {
+    /// Frames that are needed.
+    frames: usize,
+    kept: Vec<Frame>,
+    /// Sums until it is known, then means.
+    values: Vec<f64>,
+    counts: Vec<u32>,
+    is_known: bool,
+}
+
+/// The slow parts, one per patch, channel and taxel, in this order.
+#[derive(Debug, Clone)]
+struct LowPass {
+    hz: f64,
+    slow: Vec<f64>,
+    /// When each had its last reading.
+    times: Vec<f64>,
+}
+
+impl Conditioner {
+    /// A conditioner of frames with these channels.
+    ///
+    /// # Errors
+    /// If a gain, the bounds or the frequency are not usable, or the baseline has too many frames.
+    pub fn new(map: &SkinMap, channels: &[Channel], options: &ConditionOptions) -> Result<Self, SignalError> {
+        let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        let numbers = taxels * channels.len();
+        let most = MAX_BASELINE_BYTES / (numbers.max(1) * size_of::<f64>());
+        if options.baseline > most {
+            return Err(SignalError::Baseline { frames: options.baseline, most });
+        }
+        if let Some(&(taxel, gain)) = options.gains.iter().find(|(_, gain)| !gain.is_finite()) {
+            return Err(SignalError::Gain { taxel, gain });
+        }
+        if let Some([low, high]) =
+            options.clip.filter(|[low, high]| low.is_nan() || high.is_nan() || low >= high)
+        {
+            return Err(SignalError::Clip { low, high });
+        }
+        if let Some(hz) = options.split_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
+            return Err(SignalError::Cutoff { hz });
+        }
+        let gain_of: HashMap<TaxelId, f64> = options.gains.iter().copied().collect();
+        let ids: HashSet<TaxelId> = map.patches.iter().flat_map(|p| p.taxels.ids.iter().copied()).collect();
+        let unknown_gains = gain_of.keys().filter(|id| !ids.contains(id)).count();
+        let gain = |id: &TaxelId| gain_of.get(id).copied().unwrap_or(1.0);
+        let channels = match options.split_hz {
+            Some(_) => channels.iter().flat_map(parts).collect(),
+            None => channels.to_vec(),
+        };
+        let has_baseline = options.baseline > 0;
+        let entries = if has_baseline { numbers } else { 0 };
+        Ok(Self {
+            gains: map.patches.map(|patch| patch.taxels.ids.iter().map(gain).collect()),
+            baseline: Baseline {
+                frames: options.baseline,
+                kept: Vec::new(),
+                values: vec![0.0; entries],
+                counts: vec![0; entries],
+                is_known: !has_baseline,
+            },
+            clip: options.clip,
+            filter: options.split_hz.map(|hz| LowPass {
+                hz,
+                slow: vec![f64::NAN; numbers],
+                times: vec![f64::NAN; numbers],
+            }),
+            time: f64::NEG_INFINITY,
+            out: Frame::new(map, channels.len()),
+            channels,
+            report: ConditionReport { unknown_gains, ..ConditionReport::default() },
+        })
+    }
+
+    /// The channels of conditioned frames: those that come in, or the slow and fast part of each.
+    #[must_use]
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// What was done so far.
+    #[must_use]
+    pub fn report(&self) -> &ConditionReport {
+        &self.report
+    }
+
+    /// Takes the next frame and passes on those that are conditioned: none while the baseline is not
+    /// known, then all that were kept, then this one alone.
+    ///
+    /// # Errors
+    /// The first of `pass_on`, which is then not called for the other frames.
+    ///
+    /// # Panics
+    /// If the frame has not the patches, channels and taxels that the conditioner was made for.
+    pub fn push<E>(
+        &mut self,
+        frame: &Frame,
+        mut pass_on: impl FnMut(&Frame) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if self.baseline.is_known {
+            self.condition(frame);
+            return pass_on(&self.out);
+        }
+        self.baseline.add(frame);
+        if self.baseline.kept.len() < self.baseline.frames {
+            return Ok(());
+        }
+        self.finish(pass_on)
+    }
+
+    /// Passes on the frames that are still kept, if the recording ended before the baseline was known:
+    /// it is then the mean of these.
+    ///
+    /// # Errors
+    /// The first of `pass_on`.
+    pub fn finish<E>(&mut self, mut pass_on: impl FnMut(&Frame) -> Result<(), E>) -> Result<(), E> {
+        let kept = std::mem::take(&mut self.baseline.kept);
+        if !self.baseline.is_known {
+            self.report.baseline_frames = kept.len();
+            self.report.without_baseline = self.baseline.divide();
+        }
+        kept.iter().try_for_each(|frame| {
+            self.condition(frame);
+            pass_on(&self.out)
+        })
+    }
+
+    /// Fills `out`.
+    fn condition(&mut self, frame: &Frame) {
+        assert_eq!(frame.values.len(), self.gains.len(), "one entry per patch");
+        // False for a time that is not a number, too.
+        let goes_on = frame.time >= self.time;
+        self.report.backwards += u64::from(!goes_on);
+        if goes_on || frame.time.is_finite() {
+            self.time = frame.time;
+        }
+        self.out.time = frame.time;
+        let inputs = self.channels.len() / if self.filter.is_some() { 2 } else { 1 };
+        let mut start = 0;
+        for ((read, gains), out) in frame.values.iter().zip(&self.gains).zip(self.out.values.iter_mut()) {
+            assert_eq!(read.len(), inputs, "one array per channel");
+            for (channel, read) in read.iter().enumerate() {
+                assert_eq!(read.len(), gains.len(), "one reading per taxel");
+                let range = start..start + gains.len();
+                start = range.end;
+                let out = match self.filter {
+                    Some(_) => &mut out[2 * channel..2 * channel + 2],
+                    None => &mut out[channel..=channel],
+                };
+                let amplified = out[0].iter_mut().zip(read).zip(gains);
+                match self.baseline.values.get(range.clone()) {
+                    Some(baseline) => amplified
+                        .zip(baseline)
+                        .for_each(|(((out, &x), gain), offset)| *out = gain * (x - offset)),
+                    None => amplified.for_each(|((out, &x), gain)| *out = gain * x),
+                }
+                if let Some([low, high]) = self.clip {
+                    for x in out[0].iter_mut().filter(|x| **x < low || **x > high) {
+                        *x = x.clamp(low, high);
+                        self.report.clipped += 1;
+                    }
+                }
+                if let (Some(filter), [slow, fast]) = (&mut self.filter, out) {
+                    filter.split(range, frame.time, slow.as_mut_slice(), fast.as_mut_slice());
+                }
+            }
+        }
+    }
+}
+
+/// The channels of the slow and the fast part.
+fn parts(channel: &Channel) -> [Channel; 2] {
+    ["slow", "fast"].map(|part| Channel { name: format!("{}.{part}", channel.name), ..channel.clone() })
+}
+
+impl Baseline {
+    fn add(&mut self, frame: &Frame) {
+        self.kept.push(frame.clone());
+        let entries = self.values.iter_mut().zip(&mut self.counts);
+        for ((sum, count), &x) in entries.zip(frame.values.iter().flatten().flatten()) {
+            if x.is_finite() {
+                *sum += x;
+                *count += 1;
+            }
+        }
+    }
+
+    /// Makes means of the sums, and returns how many there are of nothing: these are NaN.
+    fn divide(&mut self) -> usize {
+        self.is_known = true;
+        for (sum, &count) in self.values.iter_mut().zip(&self.counts) {
+            *sum /= f64::from(count);
+        }
+        std::mem::take(&mut self.counts).iter().filter(|&&count| count == 0).count()
+    }
+}
+
+impl LowPass {
+    /// Splits the readings that `slow` holds.
+    fn split(&mut self, range: std::ops::Range<usize>, time: f64, slow: &mut [f64], fast: &mut [f64]) {
+        let states = self.slow[range.clone()].iter_mut().zip(&mut self.times[range]);
+        // Almost all taxels had their last reading in the same frame.
+        let (mut last, mut share) = (f64::NAN, 0.0);
+        for ((slow, fast), (state, since)) in slow.iter_mut().zip(fast).zip(states) {
+            let x = *slow;
+            if !x.is_finite() {
+                (*slow, *fast) = (f64::NAN, f64::NAN);
+                continue;
+            }
+            if state.is_nan() {
+                *state = x;
+            } else {
+                if *since != last {
+                    last = *since;
+                    // `max` takes a step that is not a number for none.
+                    share = -(-TAU * self.hz * (time - last).max(0.0)).exp_m1();
+                }
+                *state += share * (x - *state);
+            }
+            if !time.is_nan() {
+                *since = time;
+            }
+            (*slow, *fast) = (*state, x - *state);
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Why readings cannot be used with a map.
+
+use crate::skin::TaxelId;
+
+/// Why readings cannot be used with a map.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SignalError {
+    /// Two columns of the readings have the same id.
+    #[error(
+        "columns {} and {} of the readings both have the taxel id {taxel}; an id of its own is needed for \
+         each column, or a choice between the first of them and their mean",
+        columns[0], columns[1]
+    )]
+    DuplicateId {
+        /// The id.
+        taxel: TaxelId,
+        /// The columns, counted from 0.
+        columns: [usize; 2],
+    },
+    /// Readings without ids that are not as many as the map has taxels.
+    #[error(
+        "the readings have {found} columns without ids, but the map has {needed} taxels; needed are \
+         {needed} columns in the order of the map, patch after patch, or an array `ids` with the taxel id \
+         of each of the {found} columns"
+    )]
+    Width {
+        /// Columns found.
+        found: usize,
+        /// Taxels of the map.
+        needed: usize,
+    },
+    /// Not one id per column.
+    #[error("{ids} taxel ids for readings of {width} columns; one for each column is needed")]
+    IdCount {
+        /// Ids found.
+        ids: usize,
+        /// Columns.
+        width: usize,
+    },
+    /// No column belongs to a taxel of the map.
+    #[error(
+        "none of the {columns} taxel ids of the readings is in the map; the first is {first}, that of the \
+         map {known}; readings of the skin that the map was made of are needed"
+    )]
+    NoneMatched {
+        /// Columns of the readings.
+        columns: usize,
+        /// The id of the first column.
+        first: TaxelId,
+        /// The id of the map's first taxel.
+        known: TaxelId,
+    },
+    /// A baseline of more frames than are kept.
+    #[error("a baseline of {frames} frames; at most {most} frames of this skin are kept in memory")]
+    Baseline {
+        /// Frames asked for.
+        frames: usize,
+        /// Most frames.
+        most: usize,
+    },
+    /// A gain that is not finite.
+    #[error("a gain of {gain} for the taxel id {taxel}; a finite number is needed")]
+    Gain {
+        /// The taxel.
+        taxel: TaxelId,
+        /// The gain found.
+        gain: f64,
+    },
+    /// Bounds that hold nothing between them.
+    #[error("readings are to be clipped to {low}..{high}; a lower and a higher number are needed")]
+    Clip {
+        /// The lower bound found.
+        low: f64,
+        /// The upper bound found.
+        high: f64,
+    },
+    /// A cut-off frequency that is not positive and finite.
+    #[error("a cut-off frequency of {hz} Hz; a positive number is needed")]
+    Cutoff {
+        /// The frequency found, in Hz.
+        hz: f64,
+    },
+}
