@@ -129,9 +129,6 @@ fn list_archive(path: &Path, file: File, length: u64) -> Result<Vec<StoredArray>
             let found = format!("{stored} bytes from byte {start} on, of {size}");
             return Err(invalid(path, element, found, format!("bytes of a file of {length}")));
         }
-        if arrays.iter().any(|a| a.name == name) {
-            return Err(invalid(path, element, "the same name again", "each name once"));
-        }
         arrays.push(array_at(path, name, Place { start, stored, size, packing })?);
     }
     Ok(arrays)
