@@ -13,7 +13,7 @@ use crate::{
 /// If the file cannot be read, a column is missing, a cell is not a number, or an id comes twice.
 pub fn read_gains(path: &Path) -> Result<Vec<(TaxelId, f64)>, IoError> {
     let source = Source::open(path)?;
-    let table = Table::open(path, source.text()?.as_bytes())?;
+    let table = Table::of(&source)?;
     table.refuse_unknown(&["id", "gain"])?;
     let (id, gain) = (table.columns.need("id")?, table.columns.need("gain")?);
     let (mut gains, mut seen) = (Vec::new(), HashSet::new());
