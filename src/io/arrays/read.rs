@@ -23,7 +23,7 @@ pub(crate) fn read_array(source: &Source) -> Result<(Vec<u64>, Vec<f32>), IoErro
     };
     // More than the file has is refused before memory is taken for it.
     let count = shape.iter().try_fold(1_u64, |n, &side| n.checked_mul(side));
-    if !count.and_then(|n| n.checked_mul(bytes)).is_some_and(|n| n <= source.bytes().len() as u64) {
+    if count.and_then(|n| n.checked_mul(bytes)).is_none_or(|n| n > source.bytes().len() as u64) {
         let found = format!("the shape {shape:?} in {} bytes", source.bytes().len());
         return Err(source.invalid("the array", found, format!("{bytes} bytes for each element")));
     }

@@ -33,7 +33,7 @@ impl Walker {
             left -= mesh.face_area(face);
             left < 0.0
         });
-        let face = hit.or_else(|| faces().last())?;
+        let face = hit.or_else(|| faces().next_back())?;
         let [a, b, c] = mesh.corners(face);
         let (mut u, mut v) = (random.uniform(), random.uniform());
         if u + v > 1.0 {
@@ -74,11 +74,11 @@ impl Walker {
     fn next_edge(&self, mesh: &TriMesh) -> Option<(usize, DVec3, f64)> {
         let corners = mesh.corners(self.face);
         let mut nearest: Option<(usize, DVec3, f64)> = None;
-        for side in 0..3 {
+        for (side, corner) in corners.into_iter().enumerate() {
             let inward = inward_of(mesh, self.face, side)?;
             let speed = -self.direction.dot(inward);
             if speed > 1e-12 {
-                let length = ((self.point - corners[side]).dot(inward) / speed).max(0.0);
+                let length = ((self.point - corner).dot(inward) / speed).max(0.0);
                 if nearest.is_none_or(|(_, _, best)| length < best) {
                     nearest = Some((side, inward, length));
                 }
