@@ -90,7 +90,13 @@ fn a_recording_holds_every_array_that_was_promised() {
     let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let path = folder.path().join("touch.npz");
-    let layout = RecordingLayout { channels: &channels, atlas: Some(&atlas), values: true, level: None };
+    let layout = RecordingLayout {
+        channels: &channels,
+        atlas: Some(&atlas),
+        interpolation: dermatome::image::Interpolation::Linear,
+        values: true,
+        level: None,
+    };
     let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
     let mut frame = LevelFrame::new(&map, 2);
     let palm = PatchId::new(0);
@@ -159,7 +165,13 @@ fn a_npy_holds_one_image_and_no_more() {
     let (path, channel) = (folder.path().join("touch.npy"), Channel::default());
     let channels = std::slice::from_ref(&channel);
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
-    let all = RecordingLayout { channels, atlas: Some(&atlas), values: true, level: None };
+    let all = RecordingLayout {
+        channels,
+        atlas: Some(&atlas),
+        interpolation: dermatome::image::Interpolation::Linear,
+        values: true,
+        level: None,
+    };
     let refused = RecordingWriter::create(&path, &map, &all).err().unwrap();
     assert!(matches!(refused, IoError::Unfit { .. }), "{refused}");
     let layout = RecordingLayout { level: Some(1.into()), ..all };
@@ -318,8 +330,8 @@ fn readings_are_written_as_a_table_and_as_arrays() {
     let text = fs::read_to_string(&table).unwrap();
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    assert_eq!(header[..3], ["time", "1.force", "2.force"]);
-    assert!(!header.contains(&"5.force"), "taxel 5 is absent");
+    assert_eq!(header[..3], ["time", "1.force[N]", "2.force[N]"]);
+    assert!(!header.contains(&"5.force[N]"), "taxel 5 is absent");
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect();
     let arrays = arrays(&archive);
@@ -359,7 +371,13 @@ fn the_same_recording_gives_the_same_bytes() {
         let mut simulation =
             TouchSimulation::new(&skin, &TouchOptions { presses: 1, ..TouchOptions::default() }).unwrap();
         let channels = [simulation.channel()];
-        let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+        let layout = RecordingLayout {
+            channels: &channels,
+            atlas: None,
+            interpolation: dermatome::image::Interpolation::Linear,
+            values: true,
+            level: None,
+        };
         let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
         let mut restrictor = Restrictor::new(&map, &channels);
         while let Some((frame, _)) = simulation.next_frame() {

@@ -31,5 +31,6 @@ mod weights;
 pub use error::ImageError;
 pub use options::{Interpolation, RenderOptions};
 pub use renderer::Renderer;
+pub(crate) use renderer::surface_of;
 pub use sample::{Sampled, sample};
 pub use tactile_image::TactileImage;

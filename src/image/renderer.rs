@@ -185,7 +185,8 @@ fn blank(
 }
 
 /// The image of the atlas on which a part is drawn: its own, or the one of level 0.
-fn surface_of<'a>(
+/// The image whose pixels show `part`: where fields are drawn on the map of level 0, that of level 0.
+pub(crate) fn surface_of<'a>(
     atlas: &'a Atlas,
     part: &'a AtlasPart,
     interpolation: Interpolation,

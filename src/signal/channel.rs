@@ -41,6 +41,15 @@ impl Channel {
         let quantity = if is_amount { Quantity::Extensive } else { Quantity::Intensive };
         Self { name: name.into(), unit: unit.into(), quantity }
     }
+
+    /// The unit of its pixels: amounts are drawn per area, as `N/m^2`.
+    #[must_use]
+    pub fn pixel_unit(&self) -> String {
+        match self.quantity {
+            Quantity::Extensive if !self.unit.is_empty() => format!("{}/m^2", self.unit),
+            _ => self.unit.clone(),
+        }
+    }
 }
 
 impl Default for Channel {

@@ -17,6 +17,7 @@ mod outputs;
 mod plot;
 mod print;
 mod progress;
+mod render;
 mod shell;
 mod simulate;
 #[cfg(unix)]
@@ -68,6 +69,8 @@ enum Command {
     Lookup(lookup::Args),
     /// Draw maps and their receptive fields.
     Plot(plot::Args),
+    /// Draw readings as tactile images on every level.
+    Render(render::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
     /// Print a completion script.
@@ -102,6 +105,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Info(args) => info::run(args, common),
         Command::Lookup(args) => lookup::run(args, common),
         Command::Plot(args) => plot::run(args, common),
+        Command::Render(args) => render::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut Cli::command()),
         Command::Man => shell::manual(Cli::command()),

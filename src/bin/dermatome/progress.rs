@@ -30,3 +30,19 @@ pub(crate) fn show(bar: &ProgressBar, progress: Progress) {
     bar.set_length(progress.total as u64);
     bar.set_position(progress.done as u64);
 }
+
+/// A bar for the frames of a recording, whose number may not be known; none for a live stream, whose
+/// terminal belongs to others.
+pub(crate) fn frames(common: &Common, total: Option<u64>, is_live: bool) -> ProgressBar {
+    if is_live {
+        return ProgressBar::hidden();
+    }
+    let bar = bar(common);
+    match (total, ProgressStyle::with_template("{msg:>12} {pos} frames {elapsed}")) {
+        (Some(total), _) => bar.set_length(total),
+        (None, Ok(style)) => bar.set_style(style),
+        (None, Err(_)) => {}
+    }
+    bar.set_message("rendering");
+    bar
+}

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use crate::{
     atlas::{Atlas, AtlasPart},
-    image::TactileImage,
+    image::{Interpolation, TactileImage, surface_of},
     io::{
         IoError,
         arrays::{
@@ -32,6 +32,8 @@ pub struct RecordingLayout<'a> {
     pub channels: &'a [Channel],
     /// The images, if there are any.
     pub atlas: Option<&'a Atlas>,
+    /// How the images were drawn.
+    pub interpolation: Interpolation,
     /// Whether the values of the taxels and fields are kept too; a `.npy` has images alone.
     pub values: bool,
     /// The one level that is kept; `None`: all.
@@ -54,6 +56,7 @@ pub struct RecordingLayout<'a> {
 ///
 /// ```
 /// use dermatome::{
+///     image::Interpolation,
 ///     io::{RecordingLayout, RecordingWriter},
 ///     map::SkinMap,
 ///     mesh::shapes,
@@ -64,7 +67,13 @@ pub struct RecordingLayout<'a> {
 /// let channels = [Channel::default()];
 /// let folder = std::env::temp_dir().join("dermatome-recording");
 /// std::fs::create_dir_all(&folder)?;
-/// let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+/// let layout = RecordingLayout {
+///     channels: &channels,
+///     atlas: None,
+///     interpolation: Interpolation::Linear,
+///     values: true,
+///     level: None,
+/// };
 /// let mut recording = RecordingWriter::create(&folder.join("touch.npz"), &map, &layout)?;
 /// let mut restrictor = Restrictor::new(&map, &channels);
 /// for _ in 0..10 {
@@ -110,15 +119,17 @@ impl RecordingWriter {
             values: Vec::new(),
             features: Map::new(),
         };
-        let parts = layout.atlas.map_or(&[][..], |atlas| &atlas.parts);
-        let parts: Vec<_> =
-            parts.iter().filter(|part| layout.level.is_none_or(|l| l == part.level)).collect();
+        let parts: Vec<_> = layout.atlas.map_or_else(Vec::new, |atlas| {
+            let parts = atlas.parts.iter().filter(|part| layout.level.is_none_or(|l| l == part.level));
+            let drawn = |part| Some((part, surface_of(atlas, part, layout.interpolation)?));
+            parts.filter_map(drawn).collect()
+        });
         if kind(path) == "npy" {
-            let [part] = parts[..] else {
+            let [(part, surface)] = parts[..] else {
                 let needed = "one image: one patch and one level";
                 return Err(unfit(path, "the recording", format!("{} images", parts.len()), needed));
             };
-            let [width, height] = part.frame.size_px.map(|n| n as usize);
+            let [width, height] = surface.frame.size_px.map(|n| n as usize);
             let shape = [layout.channels.len(), height, width];
             let shape = if layout.channels.len() == 1 { &shape[1..] } else { &shape };
             this.images.push(this.writer.growing(&part.name, ElementType::F32, shape)?);
@@ -140,26 +151,26 @@ impl RecordingWriter {
     fn add_images(
         &mut self,
         map: &SkinMap,
-        parts: &[&AtlasPart],
+        parts: &[(&AtlasPart, &AtlasPart)],
         channels: &[Channel],
     ) -> Result<(), IoError> {
-        let first = parts.first().map(|part| pixel_size(part));
-        let is_common = parts.iter().all(|part| Some(pixel_size(part)) == first);
+        let first = parts.first().map(|(_, surface)| pixel_size(surface));
+        let is_common = parts.iter().all(|(_, surface)| Some(pixel_size(surface)) == first);
         if let Some(size) = first.filter(|_| is_common) {
             self.writer.constant("metres_per_pixel", &[], Elements::F64(&[size]))?;
         }
-        for part in parts {
+        for (part, surface) in parts {
             let key = key(&part.name);
-            let [width, height] = part.frame.size_px.map(|n| n as usize);
+            let [width, height] = surface.frame.size_px.map(|n| n as usize);
             let shape = [channels.len(), height, width];
             self.images.push(self.writer.growing(&format!("{key}.image"), ElementType::F32, &shape)?);
             self.expected.push((part.name.clone(), shape.iter().product()));
-            self.writer.constant(&format!("{key}.mask"), &shape[1..], Elements::U8(&part.coverage()))?;
-            let ids = part.taxel_ids(map);
+            self.writer.constant(&format!("{key}.mask"), &shape[1..], Elements::U8(&surface.coverage()))?;
+            let ids = surface.taxel_ids(map);
             self.writer.constant(&format!("{key}.taxel_id"), &shape[1..], Elements::U32(&ids))?;
             if !is_common {
                 let name = format!("{key}.metres_per_pixel");
-                self.writer.constant(&name, &[], Elements::F64(&[pixel_size(part)]))?;
+                self.writer.constant(&name, &[], Elements::F64(&[pixel_size(surface)]))?;
             }
             self.add_feature(&key, "image", &shape, &["channels", "height", "width"], channels);
         }
@@ -189,6 +200,9 @@ impl RecordingWriter {
     /// Images are the observation of their level; values have a name of their own.
     fn add_feature(&mut self, key: &str, array: &str, shape: &[usize], axes: &[&str], channels: &[Channel]) {
         let name = if array == "image" { key.to_owned() } else { format!("{key}.{array}") };
+        let unit = |channel: &Channel| {
+            if array == "image" { channel.pixel_unit() } else { channel.unit.clone() }
+        };
         let feature = json!({
             "dtype": "float32",
             "shape": shape,
@@ -196,7 +210,7 @@ impl RecordingWriter {
             "info": {
                 "array": format!("{key}.{array}"),
                 "channels": channels.iter().map(|c| &c.name).collect::<Vec<_>>(),
-                "units": channels.iter().map(|c| &c.unit).collect::<Vec<_>>(),
+                "units": channels.iter().map(unit).collect::<Vec<_>>(),
             },
         });
         self.features.insert(format!("observation.tactile.{name}"), feature);

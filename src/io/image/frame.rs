@@ -13,7 +13,7 @@ use crate::{
     image::TactileImage,
     io::{IoError, arrays::recording::key, file::source::unfit, image::exr::write_parts},
     map::ImageFrame,
-    signal::{Channel, Quantity},
+    signal::Channel,
 };
 
 /// Writes a frame of readings as an OpenEXR image: `Y` the first channel, each channel under its
@@ -39,7 +39,7 @@ pub fn write_frame(
         return Err(unfit(path, format!("image {}", image.name), found, needed));
     }
     let ImageFrame { origin, size, size_px } = image.frame;
-    let about: Vec<_> = channels.iter().map(|c| json!({ "name": c.name, "unit": unit(c) })).collect();
+    let about: Vec<_> = channels.iter().map(|c| json!({ "name": c.name, "unit": c.pixel_unit() })).collect();
     let note = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "name": image.name,
@@ -50,14 +50,6 @@ pub fn write_frame(
     });
     let note = note.to_string().into_bytes();
     write_parts(path, &[FrameRows { image, channels }], &|_| Ok(note.clone()))
-}
-
-/// The unit of the pixels: amounts are drawn per area.
-fn unit(channel: &Channel) -> String {
-    match channel.quantity {
-        Quantity::Intensive => channel.unit.clone(),
-        Quantity::Extensive => format!("{}/m^2", channel.unit),
-    }
 }
 
 /// An image with the channels that it has in a file.

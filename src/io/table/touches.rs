@@ -71,7 +71,9 @@ impl ReadingsWriter {
         }
         let output = match kind(path).as_str() {
             "csv" => {
-                let names = ids.iter().map(|id| format!("{id}.{}", channel.name));
+                let unit =
+                    if channel.unit.is_empty() { String::new() } else { format!("[{}]", channel.unit) };
+                let names = ids.iter().map(|id| format!("{id}.{}{unit}", channel.name));
                 let header: Vec<String> = std::iter::once("time".to_owned()).chain(names).collect();
                 let file = Replacement::open(path)?;
                 Output::Table { path: path.into(), file, text: (header.join(",") + "\n").into_bytes() }

@@ -1,0 +1,310 @@
+//! `dermatome render MAP.glb READINGS -o OUT`: a recording or a live stream as tactile images on every
+//! level, arrays for learning.
+
+mod output;
+mod source;
+
+use std::{path::PathBuf, process::ExitCode};
+
+use clap::ValueEnum;
+use dermatome::{
+    Error,
+    atlas::{Atlas, AtlasOptions, Resolution},
+    image::{Interpolation, RenderOptions, Renderer},
+    io::read_map,
+    map::SkinMap,
+    plot::ValueRange,
+    pyramid::LevelId,
+    signal::{Channel, LevelFrame, Quantity, Restrictor, contrast},
+};
+use serde_json::json;
+
+use crate::{
+    common::Common,
+    errors::advise,
+    notes::note,
+    outputs::is_stream,
+    print::print_json,
+    progress,
+    render::{
+        output::{Colours, Kind, Output, Pictures},
+        source::{Readings, ReadingsArgs, Tally, positive, range},
+    },
+};
+
+/// Draw readings as tactile images on every level: a recording, or a live stream.
+///
+/// The output is a folder with one file per frame and image (OpenEXR, or PNG with --pictures png), a
+/// .npy with the frames of one image, a .npz with images and values of all levels, or `-`: raw f32
+/// frames on standard output, image by image as they would be in a folder, flushed after each frame.
+/// Missing readings are NaN, not zero.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The map, written by `dermatome build`
+    #[arg(value_name = "MAP.glb")]
+    map: PathBuf,
+    /// The readings: text with a line of taxel ids, .csv, .npy or .npz; `-`: text or CSV on standard
+    /// input
+    #[arg(value_name = "READINGS")]
+    readings: PathBuf,
+    /// A folder, a .npy, a .npz, or `-` for raw frames on standard output
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// Print what was read and written as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    images: ImageArgs,
+    #[command(flatten)]
+    colours: ColourArgs,
+    #[command(flatten)]
+    readings_args: ReadingsArgs,
+}
+
+/// What is drawn.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Images")]
+struct ImageArgs {
+    /// Draw this level only [default: all]
+    #[arg(long, value_name = "K")]
+    level: Option<u32>,
+    /// How a pixel follows from the taxels around it
+    #[arg(long, value_enum, default_value_t = InterpolationArg::Linear)]
+    interpolate: InterpolationArg,
+    /// Draw what each level shows beyond the next coarser one
+    #[arg(long)]
+    contrast: bool,
+    /// Side of a pixel [default: that of the map]
+    #[arg(long, value_name = "MM", value_parser = positive, conflicts_with = "size")]
+    pixel_mm: Option<f64>,
+    /// Height and width of every image, in pixels; the map is drawn as large as fits
+    #[arg(long, num_args = 2, value_names = ["H", "W"])]
+    size: Option<Vec<u32>>,
+    /// Draw all patches of a level into one image
+    #[arg(long)]
+    pack: bool,
+    /// Refuse images that need more memory than this
+    #[arg(long, value_name = "MB", default_value_t = 4096)]
+    max_memory: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum InterpolationArg {
+    /// Barycentric between the corners of each triangle
+    Linear,
+    /// The nearest taxel
+    Nearest,
+    /// Natural neighbours: taxels without a reading are replaced by those around them
+    Natural,
+    /// The receptive fields of each level, on the map of level 0
+    Field,
+}
+
+/// How values become colours.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Pictures")]
+struct ColourArgs {
+    /// What a folder holds
+    #[arg(long, value_enum, default_value_t = Pictures::Exr)]
+    pictures: Pictures,
+    /// Values at the ends of the colour scale [default: the percentiles of the recording]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Percentiles of the recording at the ends of the colour scale
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, default_value = "1,99.9")]
+    percentiles: [f64; 2],
+    /// Pixels of a picture for each pixel of an image
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
+    zoom: u32,
+}
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let kind = Kind::of(&args.output, args.colours.pictures)?;
+    if args.json && is_stream(&args.output) {
+        return Err(advise("--json and -o - would both use standard output", "write the frames to a file"));
+    }
+    let map = read_map(&args.map).map_err(Error::from)?;
+    let atlas = Atlas::new(&map, &atlas_options(&args.images)).map_err(Error::from)?;
+    let readings = Readings::new(&args.readings_args, &args.readings, &map);
+    let pass = readings.open()?;
+    let channels = pass.channels().to_vec();
+    let level = args.images.level.map(LevelId::from);
+    check_memory(&atlas, channels.len(), level, args.images.max_memory)?;
+    pass.remark(&args.readings, common);
+    let options = RenderOptions { interpolation: interpolation(args.images.interpolate), level };
+    let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
+    let colours = match kind {
+        Kind::Folder(Pictures::Png) => Some(colours(args, &readings, &map, &channels)?),
+        _ => None,
+    };
+    let mut values = Values::new(&map, &channels, args.images.contrast);
+    let mut output =
+        Output::open(&args.output, kind, &map, &atlas, (&channels, options.interpolation, level), colours)?;
+    let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
+    let tally = pass.run(|number, frame| {
+        let levels = values.of(frame);
+        output.write(number, levels, renderer.render(levels), &channels)?;
+        bar.inc(1);
+        Ok(true)
+    })?;
+    bar.finish_and_clear();
+    output.finish()?;
+    remark(&tally, common);
+    if args.json {
+        let size: serde_json::Map<_, _> = renderer
+            .images()
+            .iter()
+            .map(|image| (image.name.clone(), json!([image.size_px[1], image.size_px[0]])))
+            .collect();
+        let report = json!({
+            "frames": tally.frames,
+            "channels": channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect::<Vec<_>>(),
+            "size": size,
+            "matched": tally.join.matched,
+            "unknown": tally.join.unknown,
+            "masked": tally.join.masked,
+            "missing": tally.missing,
+            "clipped": tally.condition.clipped,
+            "backwards": tally.condition.backwards,
+            "dropped": tally.dropped,
+        });
+        print_json(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn atlas_options(args: &ImageArgs) -> AtlasOptions {
+    let resolution = match (&args.size, args.pixel_mm) {
+        (Some(size), _) => Resolution::Canvas([size[0], size[1]]),
+        (None, Some(mm)) => Resolution::Pixel(mm * 1e-3),
+        (None, None) => Resolution::Map,
+    };
+    AtlasOptions { resolution, packed: args.pack, ..AtlasOptions::default() }
+}
+
+fn interpolation(arg: InterpolationArg) -> Interpolation {
+    match arg {
+        InterpolationArg::Linear => Interpolation::Linear,
+        InterpolationArg::Nearest => Interpolation::Nearest,
+        InterpolationArg::Natural => Interpolation::Natural,
+        InterpolationArg::Field => Interpolation::Field,
+    }
+}
+
+/// Bytes that a pixel takes besides its values: coverage, spans and weights.
+const BYTES_PER_PIXEL: u64 = 32;
+
+/// Refuses images that would need too much memory, before any of it is taken.
+fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: u64) -> anyhow::Result<()> {
+    let parts = atlas.parts.iter().filter(|part| level.is_none_or(|level| part.level == level));
+    let pixels: u64 = parts.map(|part| part.frame.size_px.map(u64::from).iter().product::<u64>()).sum();
+    let needed = pixels.saturating_mul(BYTES_PER_PIXEL + 8 * channels as u64).div_ceil(1_000_000);
+    if needed <= max_mb {
+        return Ok(());
+    }
+    Err(advise(
+        format!(
+            "images of {pixels} pixels in {channels} channels need {needed} MB; at most {max_mb} MB are allowed"
+        ),
+        "draw larger pixels (--pixel-mm), one level (--level) or a smaller canvas (--size), or allow more (--max-memory)",
+    ))
+}
+
+/// Values on all levels: the readings, or their contrast.
+struct Values<'a> {
+    map: &'a SkinMap,
+    channels: Vec<Channel>,
+    restrictor: Restrictor<'a>,
+    contrast: Option<LevelFrame>,
+}
+
+impl<'a> Values<'a> {
+    fn new(map: &'a SkinMap, channels: &[Channel], is_contrast: bool) -> Self {
+        let contrast = is_contrast.then(LevelFrame::default);
+        Self { map, channels: channels.to_vec(), restrictor: Restrictor::new(map, channels), contrast }
+    }
+
+    fn of(&mut self, frame: &dermatome::signal::Frame) -> &LevelFrame {
+        let levels = self.restrictor.restrict(frame);
+        match &mut self.contrast {
+            Some(detail) => {
+                *detail = contrast(self.map, &self.channels, levels);
+                detail
+            }
+            None => levels,
+        }
+    }
+}
+
+/// The colour scale of each channel: what the user says, or percentiles of the whole recording.
+fn colours(
+    args: &Args,
+    readings: &Readings<'_>,
+    map: &SkinMap,
+    channels: &[Channel],
+) -> anyhow::Result<Colours> {
+    let magnification = args.colours.zoom;
+    if let Some(range) = args.colours.range {
+        return Ok(Colours { ranges: vec![range; channels.len()], magnification });
+    }
+    if is_stream(&args.readings) {
+        return Err(advise(
+            "the colours of a stream cannot follow from percentiles of what is not there yet",
+            "give the values at the ends of the scale with --range LOW,HIGH",
+        ));
+    }
+    let mut ranges = vec![ValueRange::default(); channels.len()];
+    let mut values = Values::new(map, channels, args.images.contrast);
+    readings.open()?.run(|_, frame| {
+        let levels = values.of(frame);
+        for (patch, of_patch) in map.patches.iter().zip(&levels.values) {
+            for ((range, channel), of_channel) in ranges.iter_mut().zip(channels).zip(of_patch) {
+                for (level, x) in patch.levels.iter().zip(of_channel) {
+                    match channel.quantity {
+                        Quantity::Intensive => range.add(x.iter().copied()),
+                        // Amounts are drawn per area.
+                        Quantity::Extensive => {
+                            range.add(x.iter().zip(&level.level.areas).map(|(x, a)| x / a))
+                        }
+                    }
+                }
+            }
+        }
+        Ok(true)
+    })?;
+    let [low, high] = args.colours.percentiles;
+    let ends = |range: &ValueRange| balanced(range.percentiles(low, high).unwrap_or([0.0, 1.0]));
+    Ok(Colours { ranges: ranges.iter().map(ends).collect(), magnification })
+}
+
+/// Ends of a scale that do not mislead: noise below zero does not make a scale of two signs, and a scale
+/// of two signs has zero in its middle.
+fn balanced([low, high]: [f64; 2]) -> [f64; 2] {
+    if low >= 0.0 || high <= 0.0 {
+        [low, high]
+    } else if -low < NOISE * high {
+        [0.0, high]
+    } else {
+        let most = high.max(-low);
+        [-most, most]
+    }
+}
+
+/// Share of the highest value down to which values below zero count as noise.
+const NOISE: f64 = 0.25;
+
+/// Notes about readings that are not as they should be.
+fn remark(tally: &Tally, common: &Common) {
+    let condition = &tally.condition;
+    let counts = [
+        (tally.missing as u64, "readings are missing, NaN or infinite, and masked"),
+        (condition.clipped, "readings were clipped"),
+        (condition.backwards, "frames have a time before that of the frame before them, or none"),
+        (condition.without_baseline as u64, "readings have no baseline and are masked"),
+        (condition.unknown_gains as u64, "gains are of no taxel of the map"),
+        (tally.dropped as u64, "frames came too fast and were dropped"),
+    ];
+    for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
+        note(common, format_args!("{count} {what}"));
+    }
+}

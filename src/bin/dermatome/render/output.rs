@@ -1,0 +1,181 @@
+//! Where `render` puts its frames: a folder of pictures, arrays, or a pipe.
+
+use std::{
+    fs,
+    io::{Stdout, Write, stdout},
+    path::{Path, PathBuf},
+};
+
+use clap::ValueEnum;
+use dermatome::{
+    Error,
+    atlas::Atlas,
+    image::{Interpolation, TactileImage},
+    io::{
+        IoError, RecordingLayout, RecordingWriter, frame_file_name, replace_file, write_frame,
+        write_raw_frame,
+    },
+    map::SkinMap,
+    plot::{FrameOptions, frame_png},
+    pyramid::LevelId,
+    signal::{Channel, LevelFrame},
+};
+
+use crate::{
+    errors::advise,
+    outputs::{self, is_stream},
+};
+
+/// What a folder holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Pictures {
+    /// OpenEXR: values in their unit, as f32
+    Exr,
+    /// PNG: colours
+    Png,
+}
+
+/// The kind of output that a path asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Folder(Pictures),
+    Array,
+    Pipe,
+}
+
+impl Kind {
+    /// The kind of `output`, refused before any work if it cannot be written.
+    pub(super) fn of(output: &Path, pictures: Pictures) -> anyhow::Result<Self> {
+        if is_stream(output) {
+            return Ok(Self::Pipe);
+        }
+        match outputs::kind(output).as_str() {
+            "npy" | "npz" => {
+                outputs::check([output])?;
+                Ok(Self::Array)
+            }
+            "" => Ok(Self::Folder(pictures)),
+            _ if output.is_dir() => Ok(Self::Folder(pictures)),
+            _ => Err(advise(
+                format!("{} is not a kind of recording that is written", output.display()),
+                "name a folder, a file that ends in .npy or .npz, or - for standard output",
+            )),
+        }
+    }
+}
+
+/// Colours of PNG pictures.
+#[derive(Debug, Clone)]
+pub(super) struct Colours {
+    /// Of each channel, the values at the ends of its scale.
+    pub(super) ranges: Vec<[f64; 2]>,
+    /// Pixels of the picture for each pixel of the image.
+    pub(super) magnification: u32,
+}
+
+/// Frames on their way out.
+pub(super) enum Output {
+    Folder { folder: PathBuf, written: usize },
+    Pictures { folder: PathBuf, colours: Colours, written: usize },
+    Array(Box<RecordingWriter>),
+    Pipe(Stdout),
+}
+
+impl Output {
+    /// Opens the output; `colours` are those of PNG pictures.
+    pub(super) fn open(
+        path: &Path,
+        kind: Kind,
+        map: &SkinMap,
+        atlas: &Atlas,
+        (channels, interpolation, level): (&[Channel], Interpolation, Option<LevelId>),
+        colours: Option<Colours>,
+    ) -> Result<Self, Error> {
+        Ok(match (kind, colours) {
+            (Kind::Pipe, _) => Self::Pipe(stdout()),
+            (Kind::Array, _) => {
+                let layout =
+                    RecordingLayout { channels, atlas: Some(atlas), interpolation, values: true, level };
+                Self::Array(Box::new(RecordingWriter::create(path, map, &layout)?))
+            }
+            (Kind::Folder(_), colours) => {
+                fs::create_dir_all(path).map_err(|source| IoError::Write { path: path.into(), source })?;
+                let folder = path.to_owned();
+                match colours {
+                    Some(colours) => Self::Pictures { folder, colours, written: 0 },
+                    None => Self::Folder { folder, written: 0 },
+                }
+            }
+        })
+    }
+
+    /// Writes frame `number` of the recording.
+    pub(super) fn write(
+        &mut self,
+        number: usize,
+        levels: &LevelFrame,
+        images: &[TactileImage],
+        channels: &[Channel],
+    ) -> anyhow::Result<()> {
+        match self {
+            Self::Folder { folder, written } => {
+                for image in images {
+                    let path = folder.join(frame_file_name(&image.name, number, "exr"));
+                    write_frame(&path, image, channels, levels.time)
+                        .map_err(|e| after(*written, Error::from(e)))?;
+                }
+                *written += 1;
+            }
+            Self::Pictures { folder, colours, written } => {
+                for image in images {
+                    for (k, channel) in channels.iter().enumerate() {
+                        write_picture(folder, number, image, (k, channel, channels.len()), colours, *written)
+                            .map_err(|e| after(*written, e))?;
+                    }
+                }
+                *written += 1;
+            }
+            Self::Array(writer) => writer.write(levels, images).map_err(Error::from)?,
+            Self::Pipe(pipe) => write_raw_frame(&mut pipe.lock(), images)
+                .map_err(|source| Error::from(IoError::Write { path: "standard output".into(), source }))?,
+        }
+        Ok(())
+    }
+
+    /// Puts arrays in their place.
+    pub(super) fn finish(self) -> Result<(), Error> {
+        match self {
+            Self::Array(writer) => Ok(writer.finish()?),
+            Self::Folder { .. } | Self::Pictures { .. } | Self::Pipe(_) => Ok(()),
+        }
+    }
+}
+
+/// One channel of one image as a PNG file; that of the first frame has a colour bar.
+fn write_picture(
+    folder: &Path,
+    number: usize,
+    image: &TactileImage,
+    (k, channel, channels): (usize, &Channel, usize),
+    colours: &Colours,
+    written: usize,
+) -> Result<(), Error> {
+    let name = if channels > 1 { format!("{}.{}", image.name, channel.name) } else { image.name.clone() };
+    let bar = (written == 0).then(|| match channel.pixel_unit().as_str() {
+        "" => channel.name.clone(),
+        unit => format!("{}, {unit}", channel.name),
+    });
+    let options = FrameOptions { range: colours.ranges[k], bar, magnification: colours.magnification };
+    let bytes = frame_png(image, k, &options)?;
+    let path = folder.join(frame_file_name(&name, number, "png"));
+    replace_file(&path, |file| {
+        file.write_all(&bytes).map_err(|source| IoError::Write { path: path.clone(), source })
+    })?;
+    Ok(())
+}
+
+/// An error in the middle of a sequence, which says what is there.
+fn after(written: usize, error: Error) -> anyhow::Error {
+    let frames = if written == 1 { "1 frame is" } else { &*format!("{written} frames are") };
+    anyhow::Error::new(error).context(format!("{frames} written; the next one could not be"))
+}
