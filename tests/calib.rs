@@ -956,6 +956,23 @@ fn every_sheet_of_a_skin_is_seen_from_outside() {
     }
 }
 
+/// The whole rotation of a pose arrives at the skin; positions alone tell no tangent.
+#[test]
+fn tangents_are_the_x_axes_of_calibrated_frames() {
+    for model in [Model::Poses, Model::Positions] {
+        let simulation = simulate(&small(model)).unwrap();
+        let found = solve(&simulation.observations, &CalibOptions::default());
+        let made = calibrated_skin(&found, &simulation.observations, None).unwrap();
+        let taxels = &made.skin.patches.iter().next().unwrap().taxels;
+        assert_eq!(made.skin.validate(), Ok(()));
+        assert_eq!(taxels.tangents.is_some(), model == Model::Poses);
+        for (v, t) in taxels.tangents.iter().flat_map(IdVec::enumerate) {
+            let taxel = found.ids.enumerate().find(|(_, id)| **id == taxels.ids[v]).unwrap().0;
+            assert_eq!(*t, found.poses[taxel].rotation * DVec3::X);
+        }
+    }
+}
+
 /// A normal on one sheet says nothing of the other.
 #[test]
 fn sheets_without_normals_look_away_from_the_origin() {

@@ -12,7 +12,10 @@ use dermatome::{
     id::{IdVec, VertexId},
     io::{IoError, read_draft, replace_file, write_flat, write_skin},
     mesh::shapes,
-    skin::{Covariance, Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, world_pose},
+    skin::{
+        AssembleOptions, Covariance, Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId,
+        assemble, world_pose,
+    },
 };
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use proptest::prelude::*;
@@ -188,6 +191,52 @@ fn tables_keep_covariances_in_the_world() {
         let found = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
         assert!(found.abs_diff_eq(expected, 1e-18), "{}: {found} is not {expected}", patch.name);
     }
+}
+
+/// Tangents are kept by the quaternion of a taxel's frame, turned into the world; a patch without
+/// them has empty cells. Even where all frames are the identity, since the normals say so too.
+#[test]
+fn tables_keep_tangents_in_the_world() {
+    let folder = TempDir::new().unwrap();
+    let mut skin = robot();
+    let flat = skin.links.push(Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY });
+    let mut upright = Patch::from_mesh("upright", flat, shapes::lattice(3, 3, 0.01));
+    upright.taxels.tangents = Some(upright.taxels.ids.map(|_| DVec3::X));
+    skin.patches.push(upright);
+    for patch in skin.patches.iter_mut().take(2) {
+        patch.taxels.tangents = Some(patch.taxels.normals.map(|n| n.any_orthonormal_vector()));
+    }
+    let draft = write_and_read(&folder, "csv", &skin);
+    for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
+        let pose = world_pose(&skin.links, patch.link);
+        assert_eq!(sheet.tangents.is_some(), patch.taxels.tangents.is_some(), "{}", patch.name);
+        for (got, &want) in sheet.tangents.iter().flatten().zip(patch.taxels.tangents.iter().flatten()) {
+            assert!(got.abs_diff_eq(pose.transform_vector3(want), 1e-14), "{}: {got}", patch.name);
+        }
+    }
+    let assembled = assemble(&draft, &AssembleOptions::default()).unwrap();
+    assert_eq!(assembled.skin.validate(), Ok(()));
+}
+
+/// Of a calibrated table the rotation is read whole, unless it is a placeholder.
+#[test]
+fn rotations_of_tables_are_frames() {
+    let read = |header: &str, cells: &str| {
+        let row = |id: u32, at: &str| format!("{id},{at},{cells}\n");
+        let rows = row(1, "0,0,0") + &row(2, "1,0,0") + &row(3, "0,1,0");
+        read_tables(&format!("id,x,y,z,{header}\n{rows}"), "a,b,c\n0,1,2\n").map(|mut d| d.sheets.remove(0))
+    };
+    let near = |got: &Option<Vec<DVec3>>, want: DVec3| got.as_ref().unwrap()[2].abs_diff_eq(want, 1e-15);
+    let sheet = read("qx,qy,qz,qw", "0,0,0.6,0.8").unwrap();
+    assert!(near(&sheet.normals, DVec3::Z) && near(&sheet.tangents, DVec3::new(0.28, 0.96, 0.0)));
+    let sheet = read("qx,qy,qz,qw", "0,0,0,1").unwrap();
+    assert_eq!((sheet.normals, sheet.tangents), (None, None), "a calibration of positions");
+    let sheet = read("nx,ny,nz,qx,qy,qz,qw", "0,0.6,0.8,0,0,0,1").unwrap();
+    assert!(near(&sheet.normals, DVec3::new(0.0, 0.6, 0.8)) && sheet.tangents.is_none());
+    let sheet = read("nx,ny,nz,qx,qy,qz,qw", "0,0,1,0,0,0,1").unwrap();
+    assert!(near(&sheet.normals, DVec3::Z) && near(&sheet.tangents, DVec3::X), "both say the same");
+    let error = read("nx,ny,nz,qx,qy,qz,qw", "0,0,1,0,0,0,2").unwrap_err().to_string();
+    assert!(error.contains("unit quaternion"), "{error}");
 }
 
 #[test]

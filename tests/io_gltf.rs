@@ -14,10 +14,11 @@ use dermatome::{
     pipeline::{BuildOptions, build},
     pyramid::{CoarsenOptions, coarsen},
     skin::{
-        AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId, assemble,
+        AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, RemarkKind, Sheet, Skin,
+        TaxelId, Taxels, assemble,
     },
 };
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use gltf_files::{Glb, f32s, u16s};
 use serde_json::json;
 
@@ -37,6 +38,7 @@ fn robot() -> Skin {
     }
     palm.taxels.presence[VertexId::new(3)] = Presence::Absent;
     palm.taxels.presence[VertexId::new(4)] = Presence::ThermalPad;
+    palm.taxels.tangents = Some(palm.taxels.normals.map(|n| n.any_orthonormal_vector()));
     palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
     // Exact in `f32`.
     let covariance = [4.0, -1.0, 0.5, 2.0, 0.25, 1.0].map(|x: f64| x / f64::from(1 << 20));
@@ -57,6 +59,7 @@ fn narrowed(mut skin: Skin) -> Skin {
         let round = |p: &DVec3| DVec3::from_array(p.to_array().map(rounded));
         patch.mesh.positions = patch.mesh.positions.map(round);
         patch.taxels.normals = patch.taxels.normals.map(round);
+        patch.taxels.tangents = patch.taxels.tangents.as_ref().map(|all| all.map(round));
         patch.taxels.areas = patch.taxels.areas.map(|&a| rounded(a));
         patch.taxels.densities = patch.taxels.densities.as_ref().map(|d| d.map(|&x| rounded(x)));
     }
@@ -67,6 +70,14 @@ fn read_skin(path: &Path) -> Skin {
     let assembled = assemble(&read_draft(path).unwrap(), &AssembleOptions::default()).unwrap();
     assert!(assembled.remarks.is_empty(), "nothing to repair: {:?}", assembled.remarks);
     assembled.skin
+}
+
+/// The same tangents but for rounding, or none in both.
+fn assert_tangents(got: &Taxels, want: &Taxels) {
+    assert_eq!(got.tangents.is_some(), want.tangents.is_some());
+    for (got, want) in got.tangents.iter().flatten().zip(want.tangents.iter().flatten()) {
+        assert!(got.abs_diff_eq(*want, 2e-7), "{got} is {want} but for rounding");
+    }
 }
 
 #[test]
@@ -95,6 +106,7 @@ fn a_skin_reads_back_the_same_in_both_forms() {
                 "{name}: normals of {}",
                 want.name
             );
+            assert_tangents(&got.taxels, &want.taxels);
             assert_eq!(
                 (&got.taxels.areas, &got.taxels.densities),
                 (&want.taxels.areas, &want.taxels.densities),
@@ -144,7 +156,12 @@ fn what_is_written_is_read_by_the_gltf_crate() {
             for (k, (low, high)) in bounds.min.into_iter().zip(bounds.max).enumerate() {
                 assert!(positions.iter().all(|p| (low..=high).contains(&p[k])), "{name}: bounds");
             }
-            assert_eq!(reader.read_normals().unwrap().count(), positions.len(), "{name}: a normal each");
+            let normals: Vec<_> = reader.read_normals().unwrap().map(Vec3::from_array).collect();
+            assert_eq!(normals.len(), positions.len(), "{name}: a normal each");
+            for ([x, y, z, w], n) in reader.read_tangents().into_iter().flatten().zip(normals) {
+                let t = Vec3::new(x, y, z);
+                assert!(t.dot(n).abs() < 1e-6 && (t.length() - 1.0).abs() < 1e-6 && w == 1.0, "{name}: {t}");
+            }
             let mut corners = reader.read_indices().unwrap().into_u32();
             assert!(corners.all(|corner| (corner as usize) < positions.len()), "{name}: corners exist");
             let id = gltf::Semantic::Extras("TAXEL_ID".into());
@@ -153,6 +170,86 @@ fn what_is_written_is_read_by_the_gltf_crate() {
             }
         }
     }
+}
+
+/// Every level of a map has the tangents of the taxels that its vertices are.
+#[test]
+fn every_level_has_tangents() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, map) = (folder.path().join("map.glb"), map());
+    write_map(&path, &map).unwrap();
+    let gltf = gltf::Gltf::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let bytes = gltf.blob.clone().unwrap();
+    for patch in &map.patches {
+        for (k, map) in patch.levels.enumerate() {
+            let name = format!("{}/{k:?}", patch.name);
+            let mesh = gltf.meshes().find(|mesh| mesh.name() == Some(&name)).unwrap();
+            let primitive = mesh.primitives().next().unwrap();
+            let tangents: Vec<_> = primitive.reader(|_| Some(&bytes)).read_tangents().unwrap().collect();
+            assert_eq!(tangents.len(), map.uv.len(), "{name}");
+            for (&[x, y, z, _], &taxel) in tangents.iter().zip(&map.level.origins) {
+                let want = patch.taxels.tangents.as_ref().unwrap()[taxel];
+                assert!(Vec3::new(x, y, z).as_dvec3().abs_diff_eq(want, 1e-7), "{name}: {taxel:?}");
+            }
+        }
+    }
+}
+
+/// A tangent of a file is a unit vector with a sign, or it is refused; one along the normal has no
+/// direction on the skin, and its neighbours' stands in.
+#[test]
+fn tangents_are_judged() {
+    let up = f32s(&[0., 0., 1.].repeat(4));
+    let with = |tangents: [[f32; 4]; 4]| {
+        let mut glb = Glb::square();
+        glb.attribute("NORMAL", 5126, "VEC3", &up);
+        glb.attribute("TANGENT", 5126, "VEC4", &f32s(tangents.as_flattened()));
+        glb
+    };
+    let (x, y) = ([1., 0., 0., 1.], [0., 1., 0., -1.]);
+    let sheet_of = |tangents| sheet(&with(tangents)).tangents.unwrap();
+    assert_eq!(sheet_of([x, y, x, y]), [DVec3::X, DVec3::Y, DVec3::X, DVec3::Y], "whatever their sign");
+    for (odd, word) in [
+        ([0.5, 0., 0., 1.], "tangent 2 of length 0.5"),
+        ([0., 0., 0., 1.], "tangent 2 of length 0"),
+        ([1., 0., 0., 0.5], "w = 0.5"),
+        ([f32::NAN, 0., 0., 1.], "row 2"),
+    ] {
+        let error = refusal(&with([x, x, odd, x]));
+        assert!(error.contains(word), "{word:?} is missing in {error}");
+    }
+    let mut short = with([x; 4]);
+    let three = short.array(5126, "VEC4", 3, &f32s(&x.repeat(3)));
+    short.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(three);
+    assert!(refusal(&short).contains("3 rows"), "one per vertex");
+    let mut flat = with([x; 4]);
+    flat.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("NORMAL");
+    assert_eq!(sheet(&flat).tangents, None, "glTF ignores tangents without normals");
+
+    let draft = read_bytes(&with([x, x, [0., 0., 1., 1.], x]).bytes()).unwrap();
+    let assembled = assemble(&draft, &AssembleOptions::default()).unwrap();
+    assert_eq!(assembled.remarks[0].kind, RemarkKind::TangentsReplaced { taxels: 1 });
+    let tangents = assembled.skin.patches[PatchId::new(0)].taxels.tangents.as_ref().unwrap();
+    assert!(tangents.iter().all(|t| t.abs_diff_eq(DVec3::X, 1e-15)), "{tangents:?}");
+}
+
+/// A mirror takes normals and tangents along; `n x t` comes out as the opposite of its image.
+#[test]
+fn a_mirrored_node_mirrors_tangents() {
+    let mut glb = Glb::square().with("/nodes/0", json!({"mesh": 0, "scale": [-3, 1, 1]}));
+    glb.attribute("NORMAL", 5126, "VEC3", &f32s(&[0., 0., 1.].repeat(4)));
+    glb.attribute("TANGENT", 5126, "VEC4", &f32s(&[0.6, 0.8, 0., 1.].repeat(4)));
+    let draft = read_bytes(&glb.bytes()).unwrap();
+    let pose = draft.links[LinkId::new(0)].pose;
+    let assembled = assemble(&draft, &AssembleOptions::default()).unwrap();
+    let taxels = &assembled.skin.patches[PatchId::new(0)].taxels;
+    let v = VertexId::new(2);
+    let [n, t] = [taxels.normals[v], taxels.tangents.as_ref().unwrap()[v]];
+    let [n, t] = [n, t].map(|axis| pose.transform_vector3(axis));
+    assert!(n.abs_diff_eq(DVec3::Z, 1e-12), "{n}");
+    let image = |x: f64, y: f64| DVec3::new(-3.0 * x, y, 0.0).normalize();
+    assert!(t.abs_diff_eq(image(0.6, 0.8), 1e-7), "{t}");
+    assert!(n.cross(t).dot(image(-0.8, 0.6)) < 0.0, "the other side of the tangent");
 }
 
 fn map() -> SkinMap {
@@ -194,6 +291,7 @@ fn a_map_reads_back_the_same() {
         assert_eq!((&got.name, got.link, &got.taxels.ids), (&want.name, want.link, &want.taxels.ids));
         assert_eq!(got.taxels.covariances, want.taxels.covariances, "of {}", want.name);
         assert_eq!(got.taxels.presence, want.taxels.presence, "of {}", want.name);
+        assert_tangents(&got.taxels, &want.taxels);
         assert_eq!(got.taxels.densities.is_some(), want.taxels.densities.is_some(), "of {}", want.name);
         for (a, b) in got.taxels.densities.iter().flatten().zip(want.taxels.densities.iter().flatten()) {
             assert!((a / b - 1.0).abs() < 1e-6, "density {a} is {b} but for rounding");
@@ -836,10 +934,13 @@ fn an_older_map_reads_the_same_but_for_what_it_does_not_say() {
         let attributes = glb.json["meshes"][k]["primitives"][0]["attributes"].as_object_mut().unwrap();
         attributes.remove("_PRESENT");
         attributes.remove("_DENSITY");
+        attributes.remove("TANGENT");
     }
     let mut older = read_map_bytes(&glb.bytes()).unwrap();
     for (older, patch) in older.patches.iter_mut().zip(&map.patches) {
         assert!(older.taxels.presence.iter().all(|&p| p == Presence::Present));
+        assert_eq!(older.taxels.tangents, None);
+        older.taxels.tangents = patch.taxels.tangents.clone();
         older.taxels.presence = patch.taxels.presence.clone();
         older.taxels.densities = patch.taxels.densities.clone();
     }
@@ -856,6 +957,12 @@ fn a_map_that_lies_is_refused_by_name() {
         all.iter().position(|m| of(m)["patch"] == "palm" && of(m)["level"] == k).unwrap()
     };
     let (finest, next) = (level(0), level(1));
+    let mut along = glb.clone();
+    let count = map().patches[PatchId::new(0)].taxels.ids.len();
+    let rows = along.array(5126, "VEC4", count, &f32s(&[0., 0., 1., 1.].repeat(count)));
+    along.json["meshes"][finest]["primitives"][0]["attributes"]["TANGENT"] = json!(rows);
+    let error = read_map_bytes(&along.bytes()).unwrap_err().to_string();
+    assert!(error.contains("palm") && error.contains("the tangent of vertex"), "{error}");
     let count = glb.json["accessors"].as_array().unwrap().len();
     let up = glb.json.pointer(&extras(finest, "up")).unwrap().clone();
     let cases: &[(String, serde_json::Value, &[&str])] = &[

@@ -7,8 +7,9 @@ use dermatome::{
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::shapes,
+    pipeline::{BuildOptions, build},
     pyramid::Level,
-    skin::{Covariance, LinkId, PatchId},
+    skin::{Covariance, LinkId, PatchId, Skin},
 };
 use glam::{DAffine3, DVec2, DVec3};
 use maps::{level_id, skin, square_pyramid};
@@ -54,6 +55,40 @@ fn maps_of_named_shapes_are_valid() {
     }
 }
 
+/// A flat map is the sheet itself, so `u` grows along x. A map of any skin gives every taxel a
+/// tangent that follows `u`, and keeps those that the taxels have.
+#[test]
+fn maps_give_tangents_along_u() {
+    let flat = SkinMap::flat(shapes::saddle(9), 0.001);
+    for (v, t) in flat.patches[PatchId::new(0)].taxels.tangents.as_ref().unwrap().enumerate() {
+        let normal = flat.patches[PatchId::new(0)].taxels.normals[v];
+        assert!(t.dot(normal).abs() < 1e-12 && t.x > 0.7, "{t} of {v}");
+    }
+    let skin = Skin::from_mesh("cap", shapes::cap(600, 0.1, 1.2));
+    let built = build(&skin, &BuildOptions::default()).unwrap();
+    assert_eq!(built.validate(), Ok(()));
+    let patch = &built.patches[PatchId::new(0)];
+    let tangents = patch.taxels.tangents.as_ref().unwrap();
+    let finest = &patch.levels[level_id(0)];
+    for corners in &finest.level.mesh.triangles {
+        for [a, b] in [[0, 1], [1, 2], [2, 0]].map(|side| side.map(|k| corners[k])) {
+            let step = finest.level.mesh.positions[b] - finest.level.mesh.positions[a];
+            let on_map = finest.uv[b] - finest.uv[a];
+            let along = step.dot(tangents[a]) / step.length();
+            let across = step.dot(patch.taxels.normals[a].cross(tangents[a])) / step.length();
+            let expected = on_map.normalize();
+            assert!((along - expected.x).abs() < 0.25, "{along} along u, {} on the map", expected.x);
+            assert!((across - expected.y).abs() < 0.25, "{across} along v, {} on the map", expected.y);
+        }
+    }
+    let mut calibrated = skin;
+    let taxels = &mut calibrated.patches[PatchId::new(0)].taxels;
+    taxels.tangents = Some(taxels.normals.map(|n| n.any_orthonormal_vector()));
+    let kept = build(&calibrated, &BuildOptions::default()).unwrap();
+    let given = &calibrated.patches[PatchId::new(0)].taxels;
+    assert_eq!(&kept.patches[PatchId::new(0)].taxels, given);
+}
+
 /// Breaks each field once; what is found says where.
 #[test]
 fn every_broken_field_is_refused_by_name() {
@@ -78,6 +113,12 @@ fn every_broken_field_is_refused_by_name() {
         patch(m).taxels.ids = patch(m).taxels.ids.iter().skip(1).copied().collect()
     });
     refused(&["\"palm\"", "normals"], &|m| patch(m).taxels.normals = IdVec::new());
+    refused(&["\"palm\"", "tangents"], &|m| patch(m).taxels.tangents = Some(IdVec::new()));
+    for wrong in [DVec3::Z, 0.5 * DVec3::X, DVec3::NAN, DVec3::ZERO] {
+        refused(&["\"palm\"", "tangent of vertex 7"], &|m| {
+            patch(m).taxels.tangents.as_mut().unwrap()[v(7)] = wrong;
+        });
+    }
     refused(&["\"palm\"", "presence"], &|m| patch(m).taxels.presence = IdVec::new());
     refused(&["\"palm\"", "areas"], &|m| patch(m).taxels.areas = IdVec::new());
     refused(&["\"palm\"", "densities"], &|m| patch(m).taxels.densities = Some(IdVec::new()));

@@ -32,8 +32,8 @@ pub struct CalibratedSkin {
 
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
 ///
-/// Normals are those of the triangles in the positions model, the z axes of the taxel frames in the
-/// poses model. The outside of each sheet is where its taxel frames or contact normals point;
+/// Normals are those of the triangles in the positions model, which gives no tangents; in the poses
+/// model normals are the z axes of the taxel frames, and tangents their x axes. The outside of each sheet is where its taxel frames or contact normals point;
 /// without either, as given triangles are wound; without these, away from the origin. Edges without
 /// information form no triangle. Rejected edges do, unless the triangles are then not a surface.
 ///
@@ -81,6 +81,7 @@ pub fn calibrated_skin(
         turned += usize::from(was_turned && triangles.is_some());
         if calibration.model == Model::Poses {
             patch.taxels.normals = taxels.map(|&v| normals[v]);
+            patch.taxels.tangents = Some(taxels.map(|&v| calibration.poses[v].rotation * DVec3::X));
         }
         if !is_single {
             patch.name = format!("skin{}", k + 1);

@@ -6,6 +6,7 @@
 mod error;
 mod frame;
 mod skin_map;
+mod tangents;
 
 pub use error::MapError;
 pub use frame::ImageFrame;

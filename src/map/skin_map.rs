@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use crate::{
     flatten::{Distortion, distortion},
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapError},
+    map::{ImageFrame, MapError, tangents::fill_tangents},
     mesh::{TriMesh, VertexCorners},
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
     skin::{Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches},
@@ -71,6 +71,9 @@ pub struct PatchMap {
 impl PatchMap {
     /// Joins a patch, its pyramid and the maps of its levels (m); images have `pixel` metres per
     /// pixel.
+    ///
+    /// Taxels without tangents get the direction in which `u` of level 0 grows most, in their
+    /// tangent plane; where it has none there, the mean of their neighbours'.
     #[must_use]
     pub fn new(
         patch: &Patch,
@@ -78,11 +81,15 @@ impl PatchMap {
         maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
         pixel: f64,
     ) -> Self {
+        let mut taxels = patch.taxels.clone();
+        if let Some((level, uv)) = pyramid.levels.iter().zip(&maps).next() {
+            fill_tangents(&mut taxels, &level.mesh, uv);
+        }
         let levels = pyramid.levels.into_iter().zip(maps);
         Self {
             name: patch.name.clone(),
             link: patch.link,
-            taxels: patch.taxels.clone(),
+            taxels,
             levels: levels.map(|(level, uv)| MapLevel::new(level, uv, pixel)).collect(),
         }
     }
@@ -178,10 +185,11 @@ impl SkinMap {
         taxels.normals.iter_mut().filter(|n| **n == DVec3::ZERO).for_each(|n| *n = DVec3::Z);
         taxels.areas.iter_mut().filter(|a| **a == 0.0).for_each(|a| *a = 1e-12);
         let uv = mesh.positions.map(|p| p.truncate());
-        let level = MapLevel::new(Level::finest(mesh, taxels.areas.clone()), uv, pixel);
+        let level = Level::finest(mesh.clone(), taxels.areas.clone());
+        let pyramid = Pyramid { levels: vec![level].into(), removals: IdVec::new() };
         let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
-        let patch =
-            PatchMap { name: "skin".into(), link: LinkId::new(0), taxels, levels: vec![level].into() };
+        let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, taxels };
+        let patch = PatchMap::new(&patch, pyramid, vec![uv].into(), pixel);
         Self { links: vec![link].into(), patches: vec![patch].into() }
     }
 

@@ -37,6 +37,9 @@ pub struct Sheet {
     pub ids: Option<Vec<TaxelId>>,
     /// Normals in the link's frame.
     pub normals: Option<Vec<DVec3>>,
+    /// The x axes of the taxels' frames in the link's frame, which are projected to the tangent
+    /// planes when the sheet is assembled; zero where there is none.
+    pub tangents: Option<Vec<DVec3>>,
     /// Receptive areas, in m^2.
     pub areas: Option<Vec<f64>>,
     /// Taxels per m^2.
@@ -97,6 +100,7 @@ impl Sheet {
         let lengths = [
             ("ids", self.ids.as_ref().map(Vec::len)),
             ("normals", self.normals.as_ref().map(Vec::len)),
+            ("tangents", self.tangents.as_ref().map(Vec::len)),
             ("areas", self.areas.as_ref().map(Vec::len)),
             ("densities", self.densities.as_ref().map(Vec::len)),
             ("presence", self.presence.as_ref().map(Vec::len)),
@@ -113,7 +117,7 @@ impl Sheet {
     }
 
     /// The taxels `kept`, in that order, without triangles.
-    pub(super) fn select(&self, kept: &[usize]) -> Self {
+    pub(crate) fn select(&self, kept: &[usize]) -> Self {
         fn pick<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
             kept.iter().map(|&k| values[k]).collect()
         }
@@ -124,6 +128,7 @@ impl Sheet {
             triangles: Vec::new(),
             ids: self.ids.as_ref().map(|x| pick(x, kept)),
             normals: self.normals.as_ref().map(|x| pick(x, kept)),
+            tangents: self.tangents.as_ref().map(|x| pick(x, kept)),
             areas: self.areas.as_ref().map(|x| pick(x, kept)),
             densities: self.densities.as_ref().map(|x| pick(x, kept)),
             presence: self.presence.as_ref().map(|x| pick(x, kept)),

@@ -28,7 +28,7 @@
 //! ```
 //!
 //! In the order to read: `link`, `taxels`, `patch` (the data); `draft`, `error`, `remark`;
-//! `welded`, `winding`, `normals` (what assembling and checking share); `assemble` with
+//! `welded`, `winding`, `normals`, `tangents` (what assembling and checking share); `assemble` with
 //! `zero_area`; `triangulate`; `check`.
 //!
 //! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
@@ -47,6 +47,7 @@ mod normals;
 mod patch;
 mod remark;
 mod welded;
+mod tangents;
 mod taxels;
 mod winding;
 
@@ -60,5 +61,6 @@ pub use link::{Link, LinkId, world_pose};
 pub use patch::{Patch, PatchId, Skin};
 pub(crate) use patch::{check_links, check_patches};
 pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
+pub(crate) use tangents::{in_tangent_plane, tangents_along};
 pub use taxels::{Presence, TaxelError, TaxelId, Taxels};
 pub use triangulate::triangulate_taxels;

@@ -108,11 +108,14 @@ impl NormalConsensus {
     }
 }
 
-/// Unit normals of the taxels: the mean of the unit normals of all file vertices that are this
-/// taxel, zero where there is none.
-pub(super) fn taxel_normals(normals: &[DVec3], taxel: &IdVec<VertexId, VertexId>) -> IdVec<VertexId, DVec3> {
+/// Unit normals, or tangents, of the taxels: the mean of those unit vectors of all file vertices
+/// that are this taxel, zero where there is none.
+pub(super) fn mean_directions(
+    directions: &[DVec3],
+    taxel: &IdVec<VertexId, VertexId>,
+) -> IdVec<VertexId, DVec3> {
     let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, taxel.len());
-    for ((_, &v), &n) in taxel.enumerate().zip(normals) {
+    for ((_, &v), &n) in taxel.enumerate().zip(directions) {
         if is_unit(n) {
             sums[v] += n;
         }

@@ -115,6 +115,14 @@ remark_kinds! {
         of: usize,
     } => "{opposed} of {of} normals oppose those of their neighbours; the planes of the neighbourhoods were \
           used instead, and the outside of a component is where two thirds of its normals point";
+    /// Repair: tangents of some taxels were replaced by those of their neighbours.
+    TangentsReplaced {
+        /// How many.
+        taxels: usize,
+    } => "{taxels} tangents are not unit vectors or are parallel to the normal; the directions of their \
+          neighbours replace them";
+    /// Repair: no tangent was used.
+    TangentsIgnored {} => "most tangents are not unit vectors or are parallel to the normal; none is used";
     /// Repair: areas that are not positive were replaced by those of the faces.
     AreasReplaced {
         /// The taxels.

@@ -45,6 +45,11 @@ pub enum Presence {
 }
 
 impl Presence {
+    /// Whether it is a taxel that works.
+    pub(crate) fn reads_pressure(self) -> bool {
+        self == Self::Present
+    }
+
     /// The number that stands for it in files.
     pub(crate) const fn code(self) -> u8 {
         match self {
@@ -67,6 +72,12 @@ pub struct Taxels {
     pub ids: IdVec<VertexId, TaxelId>,
     /// Unit normals in the link's frame, outward.
     pub normals: IdVec<VertexId, DVec3>,
+    /// Unit tangents in the link's frame, perpendicular to the normals to within 1e-5; `None`:
+    /// unknown. A taxel's frame is its tangent `t`, `n x t` and its normal `n`: right-handed.
+    ///
+    /// Calibrated poses and files give them; a map without them gets the direction in which its
+    /// `u` grows most.
+    pub tangents: Option<IdVec<VertexId, DVec3>>,
     /// Receptive areas in m^2, positive.
     pub areas: IdVec<VertexId, f64>,
     /// Taxels per m^2, positive; `None`: as the spacing says.
@@ -77,7 +88,8 @@ pub struct Taxels {
     pub covariances: Option<IdVec<VertexId, Covariance>>,
 }
 
-/// Normals go through `f32` in files, which keeps seven digits.
+/// Normals and tangents go through `f32` in files, which keeps seven digits: lengths, and the cosine
+/// between the two, may be this far off.
 const UNIT_TOLERANCE: f64 = 1e-5;
 
 /// Principal minors of a covariance may be this much below 0, in units of its trace: files store
@@ -86,12 +98,13 @@ const COVARIANCE_TOLERANCE: f64 = 1e-5;
 
 impl Taxels {
     /// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas
-    /// come from the triangles.
+    /// come from the triangles, and there are no tangents.
     #[must_use]
     pub fn of_mesh(mesh: &TriMesh) -> Self {
         Self {
             ids: mesh.positions.ids().map(|v| TaxelId(v.raw() + 1)).collect(),
             normals: mesh.vertex_normals(),
+            tangents: None,
             areas: mesh.vertex_areas(),
             densities: None,
             presence: IdVec::filled(Presence::Present, mesh.positions.len()),
@@ -108,6 +121,7 @@ impl Taxels {
         let lengths = [
             ("ids", self.ids.len()),
             ("normals", self.normals.len()),
+            ("tangents", self.tangents.as_ref().map_or(vertices, IdVec::len)),
             ("areas", self.areas.len()),
             ("densities", self.densities.as_ref().map_or(vertices, IdVec::len)),
             ("presence", self.presence.len()),
@@ -123,6 +137,13 @@ impl Taxels {
             let found = n.length();
             if found.is_nan() || (found - 1.0).abs() > UNIT_TOLERANCE {
                 return Err(TaxelError::Normal { vertex, found });
+            }
+        }
+        for (vertex, t) in self.tangents.iter().flat_map(IdVec::enumerate) {
+            let (length, along) = (t.length(), t.dot(self.normals[vertex]));
+            let is_tangent = (length - 1.0).abs() <= UNIT_TOLERANCE && along.abs() <= UNIT_TOLERANCE;
+            if !is_tangent {
+                return Err(TaxelError::Tangent { vertex, length, along });
             }
         }
         let mut densities = self.densities.iter().flat_map(IdVec::enumerate);
@@ -145,6 +166,7 @@ impl Taxels {
         Self {
             ids: origins.map(|&v| self.ids[v]),
             normals: origins.map(|&v| self.normals[v]),
+            tangents: self.tangents.as_ref().map(|t| origins.map(|&v| t[v])),
             areas: origins.map(|&v| self.areas[v]),
             densities: self.densities.as_ref().map(|d| origins.map(|&v| d[v])),
             presence: origins.map(|&v| self.presence[v]),
@@ -153,10 +175,14 @@ impl Taxels {
     }
 
     /// The taxels in another frame, by a rigid pose.
+    ///
+    /// Poses of links never mirror. A mirror would take normals and tangents to their images, but
+    /// `n x t` to the opposite of its image: frames stay right-handed.
     pub(super) fn posed(&self, pose: &DAffine3) -> Self {
         let turn = pose.matrix3;
         Self {
             normals: self.normals.map(|&n| turn * n),
+            tangents: self.tangents.as_ref().map(|all| all.map(|&t| turn * t)),
             covariances: self.covariances.as_ref().map(|all| all.map(|c| c.conjugate(&turn))),
             ..self.clone()
         }
@@ -208,6 +234,19 @@ pub enum TaxelError {
         vertex: VertexId,
         /// Length of the normal found; zero where the faces have no direction.
         found: f64,
+    },
+    /// A tangent that is not a unit vector perpendicular to the normal.
+    #[error(
+        "the tangent of vertex {vertex} has length {length} and the part {along} along the normal; \
+         1 and 0 are needed"
+    )]
+    Tangent {
+        /// The vertex.
+        vertex: VertexId,
+        /// Length of the tangent found.
+        length: f64,
+        /// Its part along the normal.
+        along: f64,
     },
     /// A density that is not positive and finite.
     #[error("vertex {vertex} has a density of {found} taxels per m^2; a positive number is needed")]

@@ -15,7 +15,7 @@ use dermatome::{
     },
 };
 use drafts::{assemble, cover, draft_of, kinds, only, sheet_of, soup, topology};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, swizzles::Vec3Swizzles};
 use proptest::prelude::*;
 
 fn found_in(draft: &Draft) -> Vec<FindingKind> {
@@ -293,6 +293,31 @@ fn names_of_pieces_do_not_depend_on_anything_but_order_and_never_clash() {
 }
 
 #[test]
+fn tangents_lie_in_the_planes_of_the_normals_chosen() {
+    let mesh = shapes::cap(300, 0.1, 1.0);
+    let count = mesh.positions.len();
+    let mut sheet = sheet_of("s", &mesh);
+    // Placeholder normals are replaced by those of the faces; tangents follow.
+    sheet.normals = Some(vec![DVec3::Z; count]);
+    sheet.tangents = Some(vec![DVec3::X; count]);
+    sheet.tangents.as_mut().unwrap()[7] = DVec3::ZERO;
+    let draft = draft_of(sheet.clone());
+    let assembled = assemble(&draft).unwrap();
+    assert_eq!(kinds(&assembled), ["NormalsIgnored", "TangentsReplaced"].map(String::from).into());
+    let taxels = &only(&assembled).taxels;
+    for (v, t) in taxels.tangents.as_ref().unwrap().enumerate() {
+        assert!(t.dot(taxels.normals[v]).abs() < 1e-12, "{v} in its plane");
+        assert!(t.dot(DVec3::X) > 0.4, "{v} along x as far as its plane allows: {t}");
+    }
+    assert_eq!(check(&draft).iter().find(|f| f.kind == FindingKind::UnusableTangent).unwrap().elements, [7]);
+
+    sheet.tangents = Some(vec![DVec3::splat(5.0); count]);
+    let assembled = assemble(&draft_of(sheet)).unwrap();
+    assert_eq!(kinds(&assembled), ["NormalsIgnored", "TangentsIgnored"].map(String::from).into());
+    assert_eq!(only(&assembled).taxels.tangents, None, "the map will give them");
+}
+
+#[test]
 fn missing_ids_count_on_and_bad_areas_are_measured() {
     let mesh = shapes::square();
     let mut areas = sheet_of("b", &mesh);
@@ -525,6 +550,7 @@ fn any_sheet() -> impl Strategy<Value = Sheet> {
                 triangles,
                 ids: (has & 1 > 0).then(|| taxels.iter().map(|t| TaxelId(t.0)).collect()),
                 normals: (has & 2 > 0).then(|| taxels.iter().map(|t| t.1).collect()),
+                tangents: (has & 6 > 0).then(|| taxels.iter().map(|t| t.1.zxy()).collect()),
                 areas: (has & 4 > 0).then(numbers),
                 densities: (has & 8 > 0).then(numbers),
                 presence: (has & 16 > 0).then(|| vec![Presence::Absent; taxels.len()]),

@@ -5,7 +5,7 @@ use std::{fmt, path::Path};
 use dermatome::{
     flatten::{FlattenOptions, Method},
     report::PatchReport,
-    skin::Skin,
+    skin::{Skin, Taxels},
 };
 
 use crate::{
@@ -28,13 +28,15 @@ pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
     }
 }
 
-/// What a skin loses there: its frames and names, and its covariances.
+/// What a skin loses there: its frames and names, its tangents and its covariances.
 fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
     let kind = outputs::kind(path);
-    let covariances = matches!(kind.as_str(), "json" | "obj" | "ply" | "stl")
-        && skin.patches.iter().any(|patch| patch.taxels.covariances.is_some());
-    let covariances = covariances.then_some("the covariances of the taxels are lost");
-    lost_frames(&kind, skin).into_iter().chain(covariances).collect()
+    let is_plain = matches!(kind.as_str(), "json" | "obj" | "ply" | "stl");
+    let has = |known: fn(&Taxels) -> bool| is_plain && skin.patches.iter().any(|p| known(&p.taxels));
+    let tangents = has(|taxels| taxels.tangents.is_some()).then_some("the tangents of the taxels are lost");
+    let covariances =
+        has(|taxels| taxels.covariances.is_some()).then_some("the covariances of the taxels are lost");
+    lost_frames(&kind, skin).into_iter().chain(tangents).chain(covariances).collect()
 }
 
 fn lost_frames(kind: &str, skin: &Skin) -> Option<&'static str> {

@@ -25,7 +25,7 @@ use crate::io::{
     },
 };
 
-/// Largest deviation of a normal from unit length; the Khronos validator's, made for normals of
+/// Largest deviation of a normal or tangent from unit length; the Khronos validator's, made for normals of
 /// 8-bit integers.
 const UNIT_NORMAL: f64 = 0.00674;
 
@@ -140,6 +140,23 @@ impl<'a> Attributes<'a> {
                 Err(accessor.invalid(found, "unit normals, or no NORMAL at all"))
             }
         }
+    }
+
+    /// Unit tangents; `None` without them or without normals (glTF has tangents ignored then), or
+    /// where they are zeros by omission. The sign that makes a bitangent of a tangent is checked
+    /// and dropped: the second tangent of a taxel is `n x t`, whatever texture the file was made
+    /// for.
+    pub(super) fn tangents(&self) -> Result<Option<Vec<DVec3>>, IoError> {
+        let Some(accessor) = self.get("TANGENT").filter(|a| !a.is_blank()) else { return Ok(None) };
+        let rows = accessor.reals(|[x, y, z, w]: [f64; 4]| (DVec3::new(x, y, z), w))?;
+        let is_wrong = |(t, w): &(DVec3, f64)| (t.length() - 1.0).abs() > UNIT_NORMAL || w.abs() != 1.0;
+        if let Some(row) = rows.iter().position(is_wrong) {
+            let (t, w) = rows[row];
+            let found = format!("tangent {row} of length {} with w = {w}", t.length());
+            return Err(accessor.invalid(found, "unit tangents with w = 1 or -1, or no TANGENT at all"));
+        }
+        let has_normals = self.get("NORMAL").is_some_and(|a| !a.is_blank());
+        Ok(has_normals.then(|| rows.into_iter().map(|(t, _)| t).collect()))
     }
 
     /// Numbered attributes count from 0 without gaps, and every set of joints has its weights.

@@ -20,16 +20,16 @@ use crate::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
             nodes::read_node_tree,
             read_skin::{read_covariances, read_ids, read_presence},
-            triangles::is_thin,
+            triangles::Shape,
         },
     },
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
     pyramid::{Level, LevelId, Prolongation},
-    skin::{LinkId, Presence, Taxels},
+    skin::{LinkId, Presence, Taxels, in_tangent_plane},
 };
 
-/// Normals of `f32` are this near to unit length; those of 8-bit integers are not.
+/// Normals and tangents of `f32` are this near to unit length; those of 8-bit integers are not.
 const ROUNDED: f64 = 1e-6;
 /// How far a texture coordinate may lie outside the unit square: rounding, but not a wrapped
 /// texture.
@@ -42,7 +42,7 @@ const PIXEL: f64 = 1e-3;
 ///
 /// Rows of weights are scaled to sum 1 in `f64` again; where the file does not name the taxel at
 /// the centre of a field, it is the one whose `direct` weight in it is 1; taxels without `_PRESENT`
-/// are present; the distortion is measured anew.
+/// are present, and without `TANGENT` have no tangents; the distortion is measured anew.
 ///
 /// # Errors
 /// [`IoError::NoMap`] for a glTF file without a map; if the file cannot be read, breaks a rule of
@@ -164,7 +164,7 @@ fn read_level(
     let [primitive] = document.root().meshes[index].primitives.as_slice() else {
         return Err(document.invalid(name, "several primitives or none", "one"));
     };
-    if is_thin(primitive) {
+    if Shape::of(primitive) != Shape::Triangles {
         return Err(document.invalid(name, "points or lines", "triangles"));
     }
     let attributes = Attributes::of(document, index, 0, primitive)?;
@@ -177,12 +177,17 @@ fn read_level(
     let frame = read_frame(map);
     let uv = read_uv(&attributes, &frame)?;
     if extras.level == 0 {
-        let normals = attributes.normals()?;
         let missing = || document.invalid(&name, "no NORMAL", "NORMAL");
+        let normals: IdVec<VertexId, DVec3> =
+            attributes.normals()?.ok_or_else(missing)?.into_iter().map(unit).collect();
+        let tangents = attributes.tangents()?;
+        let tangents =
+            tangents.map(|all| all.into_iter().zip(&normals).map(|(t, &n)| tangent(t, n)).collect());
         let presence = attributes.read("_PRESENT", read_presence)?;
         *taxels = Taxels {
             ids: read_ids(attributes.need("_TAXEL_ID")?)?.into(),
-            normals: normals.ok_or_else(missing)?.into_iter().map(unit).collect(),
+            normals,
+            tangents,
             areas: areas.clone(),
             densities: attributes.scalars("_DENSITY")?.map(IdVec::from),
             presence: presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from),
@@ -196,6 +201,12 @@ fn read_level(
 /// A normal of unit length: glTF allows normals of 8-bit integers, which are not.
 fn unit(normal: DVec3) -> DVec3 {
     if (normal.length() - 1.0).abs() > ROUNDED { normal.normalize_or_zero() } else { normal }
+}
+
+/// A unit tangent perpendicular to the normal. One along the normal stays as it is, to be refused.
+fn tangent(tangent: DVec3, normal: DVec3) -> DVec3 {
+    let is_off = (tangent.length() - 1.0).abs() > ROUNDED || tangent.dot(normal).abs() > ROUNDED;
+    if is_off { in_tangent_plane(tangent, normal).unwrap_or(tangent) } else { tangent }
 }
 
 /// Map positions, in m.

@@ -1,6 +1,6 @@
 //! Skins from glTF: one sheet for each node that carries a mesh of triangles.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DMat3;
 use gltf::accessor::Dimensions;
@@ -15,16 +15,16 @@ use crate::{
             document::Document,
             extras::LevelExtras,
             nodes::{Placement, read_node_tree},
-            triangles::is_thin,
+            triangles::Shape,
         },
     },
     skin::{Covariance, Draft, Presence, Sheet, TaxelId},
 };
 
 /// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of
-/// triangles.
+/// triangles; in a scene without any triangle, one sheet of bare taxels per node that carries points.
 ///
-/// The primitives of a mesh become one sheet; points and lines are passed over. `_TAXEL_ID` may be
+/// The primitives of a mesh become one sheet; points next to triangles, and lines, are passed over. `_TAXEL_ID` may be
 /// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2)
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
 /// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
@@ -33,22 +33,27 @@ pub(crate) fn read_gltf(source: Source) -> Result<Draft, IoError> {
     let document = Document::new(source)?;
     let tree = read_node_tree(&document)?;
     let mut draft = Draft { links: tree.links, ..Draft::default() };
-    for placement in &tree.placements {
-        draft.sheets.extend(read_sheet(&document, placement)?);
+    for shape in [Shape::Triangles, Shape::Points] {
+        if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
+            draft.sheets.clear();
+            for placement in &tree.placements {
+                draft.sheets.extend(read_sheet(&document, placement, shape)?);
+            }
+        }
     }
-    if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
+    if draft.sheets.is_empty() {
         let found = match (document.root().meshes.len(), tree.placements.len()) {
             (0, _) => "no mesh".into(),
             (meshes, 0) => format!("no node that carries one of the {meshes} meshes"),
-            (_, carried) => format!("{carried} meshes without a triangle"),
+            (_, carried) => format!("{carried} meshes without a triangle or a point"),
         };
-        return Err(document.invalid("the scene", found, "triangles that join the taxels"));
+        return Err(document.invalid("the scene", found, "triangles that join the taxels, or points"));
     }
     Ok(draft)
 }
 
-/// The sheet of one use of a mesh; `None` if it has no triangles but points and lines.
-fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet>, IoError> {
+/// The sheet of one use of a mesh, of its primitives of this shape; `None` if it has none.
+fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Result<Option<Sheet>, IoError> {
     let mesh = &document.root().meshes[placement.mesh];
     check_morphs(document, placement.mesh, mesh)?;
     let mut sheet = Sheet { link: Some(placement.link), ..Sheet::default() };
@@ -59,7 +64,8 @@ fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet
     // Where the vertices of each set of accessors start: primitives may differ in their triangles
     // alone.
     let mut starts = BTreeMap::new();
-    for (p, primitive) in mesh.primitives.iter().enumerate().filter(|(_, primitive)| !is_thin(primitive)) {
+    let mut points = BTreeSet::new();
+    for (p, primitive) in mesh.primitives.iter().enumerate().filter(|(_, p)| Shape::of(p) == shape) {
         let attributes = Attributes::of(document, placement.mesh, p, primitive)?;
         let start = match starts.get(&primitive.attributes) {
             Some(&start) => start,
@@ -70,10 +76,14 @@ fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet
                 start
             }
         };
-        let mut triangles = attributes.triangles(primitive)?;
         let Ok(shift) = u32::try_from(start) else {
             return Err(document.invalid(&attributes.element, "more than 2^32 vertices", "fewer"));
         };
+        if shape == Shape::Points {
+            points.extend(attributes.points(primitive)?.into_iter().map(|vertex| start + vertex as usize));
+            continue;
+        }
+        let mut triangles = attributes.triangles(primitive)?;
         if shift > 0 {
             triangles.iter_mut().flatten().for_each(|corner| *corner = corner.saturating_add(shift));
         }
@@ -81,6 +91,9 @@ fn read_sheet(document: &Document, placement: &Placement) -> Result<Option<Sheet
     }
     if starts.is_empty() {
         return Ok(None);
+    }
+    if shape == Shape::Points && points.len() < sheet.positions.len() {
+        sheet = sheet.select(&points.into_iter().collect::<Vec<_>>());
     }
     if let Some(stretch) = placement.stretch {
         bake(&mut sheet, stretch);
@@ -105,14 +118,8 @@ fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) 
 
     // A primitive without normals is flat by the rules of glTF: its triangles know better than a
     // placeholder.
-    sheet.normals = match (sheet.normals.take(), attributes.normals()?) {
-        (None, normals) if first => normals,
-        (Some(mut all), Some(normals)) => {
-            append(&mut all, normals);
-            Some(all)
-        }
-        _ => None,
-    };
+    join.all_or_drop(&mut sheet.normals, attributes.normals()?);
+    join.all_or_drop(&mut sheet.tangents, attributes.tangents()?);
     Ok(())
 }
 
@@ -123,6 +130,18 @@ struct Join<'a> {
 }
 
 impl Join<'_> {
+    /// Appends an attribute that is dropped unless all primitives have it.
+    fn all_or_drop<T>(&self, all: &mut Option<Vec<T>>, part: Option<Vec<T>>) {
+        *all = match (all.take(), part) {
+            (None, part) if self.first => part,
+            (Some(mut all), Some(part)) => {
+                append(&mut all, part);
+                Some(all)
+            }
+            _ => None,
+        };
+    }
+
     /// Appends an attribute that either all primitives of a mesh have or none.
     fn all_or_none<T>(
         &self,
@@ -200,6 +219,11 @@ fn bake(sheet: &mut Sheet, stretch: DMat3) {
     let of_normals = stretch.inverse().transpose();
     for n in sheet.normals.iter_mut().flatten() {
         *n = (of_normals * *n).normalize_or_zero();
+    }
+    // Directions in the skin move with it. A mirror leaves them where they belong; `n x t` is then
+    // the opposite of its image, so that frames stay right-handed.
+    for t in sheet.tangents.iter_mut().flatten() {
+        *t = (stretch * *t).normalize_or_zero();
     }
     for c in sheet.covariances.iter_mut().flatten() {
         // The lower triangle: rounding makes it differ from the upper one in the last bits.

@@ -10,10 +10,23 @@ use crate::io::{
     gltf::{attributes::Attributes, document::Role},
 };
 
-/// Whether a primitive is of points or lines: nothing to touch.
-pub(super) fn is_thin(primitive: &Primitive) -> bool {
-    use Mode::{TriangleFan, TriangleStrip, Triangles};
-    ![Triangles, TriangleStrip, TriangleFan].map(Checked::Valid).contains(&primitive.mode)
+/// What a primitive is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    Points,
+    Lines,
+    Triangles,
+}
+
+impl Shape {
+    pub(super) fn of(primitive: &Primitive) -> Self {
+        use Mode::{Points, TriangleFan, TriangleStrip, Triangles};
+        match primitive.mode {
+            Checked::Valid(Points) => Self::Points,
+            Checked::Valid(Triangles | TriangleStrip | TriangleFan) => Self::Triangles,
+            _ => Self::Lines,
+        }
+    }
 }
 
 impl Attributes<'_> {
@@ -46,6 +59,15 @@ impl Attributes<'_> {
                 corners.windows(2).skip(1).map(|w| [hub, w[0], w[1]]).filter(is_proper).collect()
             }
         })
+    }
+
+    /// The vertices that a primitive of points shows: those of its indices, else all.
+    pub(super) fn points(&self, primitive: &Primitive) -> Result<Vec<u32>, IoError> {
+        let Some(index) = primitive.indices else {
+            self.document.reserve(&self.element, self.count, 4)?;
+            return Ok((0..u32::try_from(self.count).unwrap_or(u32::MAX)).collect());
+        };
+        Ok(self.corners(index.value())?.into_iter().map(|[vertex]| vertex).collect())
     }
 
     /// Corners, which are vertices that exist. The largest number of a type would restart a strip,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use gltf::json::{Index, Mesh};
 
 use crate::{
@@ -28,7 +28,8 @@ use crate::{
 ///
 /// A scene shows the links that carry a patch of its level (scene 0, the default, shows all links)
 /// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
-/// image, `_AREA` the receptive area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16:
+/// image, `TANGENT` with `w` 1 the tangents of the taxels that the vertices are, `_AREA` the receptive
+/// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16:
 /// low, high), `_PRESENT`, and `_DENSITY`, `_SIGMA` and `_COVARIANCE_0/1` where densities and
 /// covariances are known. The mesh's `extras.dermatome` holds the names of patch and level, the
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
@@ -132,7 +133,9 @@ fn add_level(
     if number.index() == 0 {
         sheet.taxels(patch.taxels)?;
     } else {
-        sheet.normals(&level.origins.map(|&taxel| patch.taxels.normals[taxel]));
+        let of_level = |of_taxels: &IdVec<VertexId, DVec3>| level.origins.map(|&taxel| of_taxels[taxel]);
+        let tangents = patch.taxels.tangents.as_ref().map(of_level);
+        sheet.frames(&of_level(&patch.taxels.normals), tangents.as_ref());
         sheet.positive("_AREA", &level.areas)?;
     }
     if let Some(map) = map {

@@ -28,7 +28,7 @@ use crate::{
 /// Writes a skin as one file, binary or, if it ends in `gltf`, text with the arrays in a data URI: a
 /// node for each link, and under it one for each of its patches.
 ///
-/// Ids become `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
+/// Tangents become `TANGENT` with `w` 1, ids `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
 /// (1/m^2), presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
 /// yz, zz), in m^2. Everything is rounded to `f32`.
@@ -109,6 +109,7 @@ impl<'a> SheetWriter<'a> {
     ) {
         let semantic = match name {
             "NORMAL" => Semantic::Normals,
+            "TANGENT" => Semantic::Tangents,
             "TEXCOORD_0" => Semantic::TexCoords(0),
             _ => Semantic::Extras(name.trim_start_matches('_').into()),
         };
@@ -117,7 +118,7 @@ impl<'a> SheetWriter<'a> {
 
     /// All that is known of taxels, which are valid.
     pub(super) fn taxels(&mut self, taxels: &Taxels) -> Result<(), IoError> {
-        self.normals(&taxels.normals);
+        self.frames(&taxels.normals, taxels.tangents.as_ref());
         self.ids(&taxels.ids);
         self.positive("_AREA", &taxels.areas)?;
         if let Some(densities) = &taxels.densities {
@@ -127,9 +128,16 @@ impl<'a> SheetWriter<'a> {
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
     }
 
-    /// Unit normals.
-    pub(super) fn normals(&mut self, normals: &IdVec<VertexId, DVec3>) {
+    /// Unit normals and tangents; `n x t` is the bitangent, so `w` is 1.
+    pub(super) fn frames(
+        &mut self,
+        normals: &IdVec<VertexId, DVec3>,
+        tangents: Option<&IdVec<VertexId, DVec3>>,
+    ) {
         self.insert("NORMAL", normals.iter().map(|n| n.to_array().map(narrow)));
+        if let Some(tangents) = tangents {
+            self.insert("TANGENT", tangents.iter().map(|t| t.extend(1.0).to_array().map(narrow)));
+        }
     }
 
     /// Vendor ids, low half first.

@@ -8,7 +8,7 @@ use std::{
 };
 
 use csv::Writer;
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use crate::{
     id::VertexId,
@@ -21,9 +21,9 @@ use crate::{
 };
 
 /// Columns of the table of taxels.
-const COLUMNS: [&str; 18] = [
-    "id", "x", "y", "z", "nx", "ny", "nz", "area", "density", "present", "patch", ON_LINK, "cxx", "cxy",
-    "cxz", "cyy", "cyz", "czz",
+const COLUMNS: [&str; 22] = [
+    "id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw", "area", "density", "present", "patch",
+    ON_LINK, "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
 ];
 
 /// The link that a taxel is on, where positions are in the world: in a table of contacts `link`
@@ -33,8 +33,8 @@ const ON_LINK: &str = "on_link";
 /// The same in tables from elsewhere.
 const LINK: &str = "link";
 
-/// Columns that a table of calibrated taxels has besides.
-const CALIBRATED: [&str; 5] = ["qx", "qy", "qz", "qw", "sigma"];
+/// A column that a table of calibrated taxels has besides.
+const SIGMA: &str = "sigma";
 
 /// The table of triangles that belongs to the table of taxels `path`.
 fn companion(path: &Path) -> PathBuf {
@@ -61,8 +61,10 @@ struct ColumnIndices {
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0
 /// absent, 1 present, 2 thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a
 /// sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; ids below zero become the
-/// placeholder [`u32::MAX`]. Tables of calibrated taxels are read, too: `qx,qy,qz,qw` is the frame
-/// whose z axis is the normal, `sigma` follows from the covariance. Triangles: `a,b,c`, the places
+/// placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
+/// there is no `nx,ny,nz`, its x axis the tangent. Tables of calibrated taxels are read, too: `sigma`
+/// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
+/// all normals given are +z. Triangles: `a,b,c`, the places
 /// of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let (mut draft, homes) = read_taxels(source)?;
@@ -93,7 +95,7 @@ impl ColumnIndices {
             link,
             covariance: columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?,
             rotation: columns.find_vector(["qx", "qy", "qz", "qw"])?,
-            sigma: columns.find("sigma"),
+            sigma: columns.find(SIGMA),
         })
     }
 }
@@ -110,20 +112,27 @@ struct Sheets {
 
 /// Reads the taxels; with the sheet, and the place in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
-    let known: Vec<&str> = COLUMNS.into_iter().chain([LINK]).chain(CALIBRATED).collect();
+    let known: Vec<&str> = COLUMNS.into_iter().chain([LINK, SIGMA]).collect();
     let table = Table::of(source)?;
     table.refuse_unknown(&known)?;
     let indices = ColumnIndices::new(&table.columns)?;
     let mut sheets = Sheets::default();
     table.each_row(&mut |row| sheets.add(row, &indices, source))?;
-    if indices.normal.is_none() {
-        // Frames that are all the identity are those of a calibration of positions alone: they say
-        // nothing about normals.
-        for sheet in &mut sheets.draft.sheets {
-            sheet.normals = sheet.normals.take().filter(|n| n.iter().any(|n| *n != DVec3::Z));
-        }
+    for sheet in &mut sheets.draft.sheets {
+        drop_placeholders(sheet, indices.normal.is_some());
     }
     Ok((sheets.draft, sheets.homes))
+}
+
+/// Drops frames that are all the identity: those of a calibration of positions alone say nothing,
+/// unless normals of their own confirm them.
+fn drop_placeholders(sheet: &mut Sheet, has_normals: bool) {
+    let all = |axes: &Option<Vec<DVec3>>, axis| axes.as_ref().is_some_and(|a| a.iter().all(|x| *x == axis));
+    let is_upright = all(&sheet.normals, DVec3::Z);
+    if all(&sheet.tangents, DVec3::X) && is_upright != has_normals {
+        sheet.tangents = None;
+        sheet.normals = sheet.normals.take().filter(|_| has_normals);
+    }
 }
 
 impl Sheets {
@@ -152,8 +161,14 @@ impl Sheets {
         if let Some(columns) = indices.normal {
             let normal = row.numbers_if_any(columns)?.map(DVec3::from_array);
             push((row, columns[0], place), &mut sheet.normals, normal)?;
-        } else if let Some(columns) = indices.rotation {
-            sheet.normals.get_or_insert_default().push(row.rotation(columns)? * DVec3::Z);
+        }
+        if let Some(columns) = indices.rotation {
+            let rotation = row.rotation_if_any(columns)?;
+            let axis = |axis| rotation.map(|rotation| rotation * axis);
+            push((row, columns[0], place), &mut sheet.tangents, axis(DVec3::X))?;
+            if indices.normal.is_none() {
+                push((row, columns[0], place), &mut sheet.normals, axis(DVec3::Z))?;
+            }
         }
         if let Some(columns) = indices.covariance {
             let covariance = row.numbers_if_any(columns)?.map(Covariance::from_array);
@@ -273,8 +288,26 @@ fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> c
             Some(c) => c[v].to_array().map(Some),
             None => [None; 6],
         };
-        let numbers = (patch.taxels.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, patch.taxels.areas[v], density);
-        table.serialize((numbers, patch.taxels.presence[v].code(), &patch.name, link, covariance))?;
+        let frame = match &patch.taxels.tangents {
+            Some(t) => rotation(t[v], n).to_array().map(Some),
+            None => [None; 4],
+        };
+        let place = (patch.taxels.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, frame);
+        table.serialize((
+            place,
+            patch.taxels.areas[v],
+            density,
+            patch.taxels.presence[v].code(),
+            &patch.name,
+            link,
+            covariance,
+        ))?;
     }
     Ok(())
+}
+
+/// The rotation whose x and z axes are a tangent and a normal.
+fn rotation(tangent: DVec3, normal: DVec3) -> DQuat {
+    let (x, z) = (tangent.normalize(), normal.normalize());
+    DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize()
 }

@@ -265,6 +265,12 @@ impl<'a> Row<'a> {
         }
         Ok(q.normalize())
     }
+
+    /// The same, or nothing where all four cells are empty.
+    pub(crate) fn rotation_if_any(&self, columns: [usize; 4]) -> Result<Option<DQuat>, IoError> {
+        let is_empty = columns.iter().all(|&c| self.text(c).is_empty());
+        if is_empty { Ok(None) } else { self.rotation(columns).map(Some) }
+    }
 }
 
 /// How far a quaternion of a table may be from unit length: three decimals are enough to mean a

@@ -9,7 +9,7 @@ use crate::{
     skin::{
         RemarkKind, Sheet, SkinError,
         assemble::zero_area::{Cleared, clear_zero_area},
-        normals::taxel_normals,
+        normals::mean_directions,
         welded::WeldedMesh,
         winding::Winding,
     },
@@ -20,6 +20,8 @@ pub(super) struct Components<'a> {
     pub sheet: &'a Sheet,
     /// Unit normals of the taxels in the file, zero where there is none; `None` without normals.
     pub normals: Option<IdVec<VertexId, DVec3>>,
+    /// The same of the tangents.
+    pub tangents: Option<IdVec<VertexId, DVec3>>,
     mesh: TriMesh,
     /// The component of each face; `None` for a face that was dropped.
     component: IdVec<FaceId, Option<usize>>,
@@ -72,9 +74,10 @@ impl<'a> Components<'a> {
             component[face] = None;
         }
         report_faces(repeated, &cleared, &file_faces, remarks);
-        let normals = sheet.normals.as_deref().map(|n| taxel_normals(n, &taxel));
+        let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &taxel));
+        let tangents = sheet.tangents.as_deref().map(|t| mean_directions(t, &taxel));
         let (turned, count) = (winding.reversed, winding.components);
-        let this = Self { sheet, normals, mesh, component, count, turned };
+        let this = Self { sheet, normals, tangents, mesh, component, count, turned };
         this.report_taxels(&taxel, remarks);
         Ok(this)
     }

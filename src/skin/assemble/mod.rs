@@ -60,6 +60,8 @@ pub struct Assembled {
 ///   reliable (unit vectors, not constant on a curved part, on the whole along the faces), else the
 ///   outside of a closed surface, else where most faces of the file have it.
 /// - **Holes** are filled, if asked for.
+/// - **Tangents** are projected to the tangent planes of the normals; one that says nothing is
+///   replaced by the mean of its neighbours', and where most say nothing there are none.
 /// - **Normals** that are missing or not reliable, and areas that are missing or not positive, come
 ///   from the faces. Missing ids count from 1 through the skin. Sheets without a link get one at
 ///   the origin.

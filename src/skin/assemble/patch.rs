@@ -13,6 +13,7 @@ use crate::{
             outward::{choose_normals, turn_outward},
         },
         normals::NormalConsensus,
+        tangents_along,
         taxels::is_positive,
     },
 };
@@ -45,6 +46,8 @@ pub(super) fn patch_of(
         }
     }
     let normals = choose_normals(&mesh, normals, remarks);
+    let given = components.tangents.as_ref().map(|all| vertices.iter().map(|&v| all[v]).collect());
+    let tangents = given.and_then(|given| choose_tangents(&mesh, &normals, &given, remarks));
     let areas = areas(sheet, &vertices, &mesh, remarks);
     let ids = match &sheet.ids {
         Some(ids) => vertices.iter().map(|v| ids[v.index()]).collect(),
@@ -61,8 +64,27 @@ pub(super) fn patch_of(
     }
     let densities = sheet.densities.as_ref().map(|d| vertices.iter().map(|v| d[v.index()]).collect());
     let covariances = sheet.covariances.as_ref().map(|c| vertices.iter().map(|v| c[v.index()]).collect());
-    let taxels = Taxels { ids, normals, areas, densities, presence, covariances };
+    let taxels = Taxels { ids, normals, tangents, areas, densities, presence, covariances };
     Ok(Patch { name, link, mesh, taxels })
+}
+
+/// The tangents of the file in the tangent planes of the normals chosen; `None` where most of them
+/// say nothing.
+fn choose_tangents(
+    mesh: &TriMesh,
+    normals: &IdVec<VertexId, DVec3>,
+    given: &IdVec<VertexId, DVec3>,
+    remarks: &mut Vec<RemarkKind>,
+) -> Option<IdVec<VertexId, DVec3>> {
+    let (tangents, replaced) = tangents_along(mesh, normals, given);
+    if 2 * replaced > given.len() {
+        remarks.push(RemarkKind::TangentsIgnored {});
+        return None;
+    }
+    if replaced > 0 {
+        remarks.push(RemarkKind::TangentsReplaced { taxels: replaced });
+    }
+    Some(tangents)
 }
 
 /// The areas of the file where they are positive, else those of the faces.

@@ -67,6 +67,8 @@ pub enum FindingKind {
     PlaceholderId,
     /// A normal that is not a unit vector.
     NormalNotUnit,
+    /// A tangent that is not a unit vector, or is parallel to the normal.
+    UnusableTangent,
     /// Normals that are all the same on a curved piece.
     ConstantNormals,
     /// Normals that have nothing to do with the faces.

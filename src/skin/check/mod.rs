@@ -19,7 +19,7 @@ use crate::{
             topology::Topology,
         },
         link::before_parents,
-        normals::taxel_normals,
+        normals::mean_directions,
         remark::coincident,
         triangulate::UniquePoints,
         unit_check::doubtful_unit,
@@ -156,7 +156,7 @@ fn check_surface(sheet: &Sheet, report: &mut Report<'_>) {
     let edges = Edges::new(&surface.mesh.triangles, surface.mesh.positions.len());
     let touching = surface.split_touching_fans(sheet, &edges);
     let winding = Winding::new(&surface.mesh, &edges);
-    let normals = sheet.normals.as_deref().map(|n| taxel_normals(n, &surface.taxel));
+    let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &surface.taxel));
     let subject = Subject { sheet, surface, edges, winding, normals };
     let is_manifold = topology::check_manifold(&subject, &touching, report);
     topology::check_components(&subject, report);

@@ -10,6 +10,7 @@ use crate::{
             FindingKind,
             report::{Report, Subject, numbers},
         },
+        in_tangent_plane,
         normals::is_unit,
         taxels::is_positive,
     },
@@ -113,6 +114,15 @@ pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
     if let Some(normals) = &sheet.normals {
         let is_wrong = |v: usize| !is_unit(normals[v]);
         note(FindingKind::NormalNotUnit, &is_wrong, "vertices have a normal that is no unit vector");
+    }
+    if let Some(tangents) = &sheet.tangents {
+        let is_along = |v: usize| {
+            let normal = sheet.normals.as_ref().map(|normals| normals[v]).filter(|&n| is_unit(n));
+            normal.is_some_and(|n| in_tangent_plane(tangents[v], n.normalize()).is_none())
+        };
+        let is_wrong = |v: usize| !is_unit(tangents[v]) || is_along(v);
+        let what = "vertices have a tangent that is no unit vector or is parallel to the normal";
+        note(FindingKind::UnusableTangent, &is_wrong, what);
     }
     if let Some(areas) = &sheet.areas {
         let is_wrong = |v: usize| !is_positive(areas[v]);
