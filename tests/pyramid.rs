@@ -10,7 +10,7 @@ use dermatome::{
     pyramid::{
         CoarsenOptions, Level, LevelId, Prolongation, Pyramid, PyramidError, Removal, RemovalLog, coarsen,
     },
-    skin::{LinkId, Patch, TaxelId},
+    skin::{LinkId, Patch, Presence, TaxelId},
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -390,6 +390,37 @@ fn dense_skin_keeps_small_fields() {
     }
 }
 
+/// On a regular lattice neighbours conflict and others do not: a dead centre inside is one only
+/// where every live neighbour has another centre next to it.
+#[test]
+fn a_dead_taxel_is_a_centre_only_where_no_live_one_can_be() {
+    let mesh = shapes::lattice(40, 40, 0.005);
+    let adjacency = Adjacency::new(&mesh).unwrap();
+    let mut patch = patch(mesh.clone());
+    let whole = coarsen_patch(&patch, &CoarsenOptions::default()).unwrap();
+    let is_dead = |v: VertexId| v.raw().wrapping_mul(2_654_435_761) >> 30 == 0;
+    for presence in [Presence::Absent, Presence::ThermalPad] {
+        patch.taxels.presence =
+            mesh.positions.ids().map(|v| if is_dead(v) { presence } else { Presence::Present }).collect();
+        let pyramid = coarsen_patch(&patch, &CoarsenOptions::default()).unwrap();
+        assert_laws(&pyramid);
+        let dead = |pyramid: &Pyramid| {
+            let level = &pyramid.levels[LevelId::new(1)];
+            level.origins.iter().copied().filter(|&v| is_dead(v)).collect::<Vec<_>>()
+        };
+        let centres: BTreeSet<_> = pyramid.levels[LevelId::new(1)].origins.iter().copied().collect();
+        let inside = |v: VertexId| adjacency.ring(v).len() == 6;
+        for centre in dead(&pyramid).into_iter().filter(|&v| inside(v)) {
+            for &live in adjacency.ring(centre).iter().filter(|&&v| inside(v) && !is_dead(v)) {
+                let has_other = adjacency.ring(live).iter().any(|&v| v != centre && centres.contains(&v));
+                assert!(has_other, "{live} could be a centre instead of {centre}");
+            }
+        }
+        let [some, most] = [&pyramid, &whole].map(|pyramid| dead(pyramid).len());
+        assert!(2 * some < most, "{some} dead centres, {most} without a preference");
+    }
+}
+
 /// Centres follow from the taxels' ids and places, so another order of the vertices chooses the
 /// same taxels.
 #[test]
@@ -488,6 +519,10 @@ fn bad_patches_are_refused_by_name() {
     let mut short = patch(shapes::square());
     short.taxels.ids = IdVec::new();
     assert_eq!(coarsen(&short), PyramidError::Length { what: "ids", found: 0, needed: 4 });
+
+    let mut silent = patch(shapes::square());
+    silent.taxels.presence = IdVec::new();
+    assert_eq!(coarsen(&silent), PyramidError::Length { what: "presence", found: 0, needed: 4 });
 
     let mut negative = patch(shapes::square());
     negative.taxels.areas[VertexId::new(2)] = -1.0;

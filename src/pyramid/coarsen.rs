@@ -80,6 +80,7 @@ fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<()
     let lengths = [
         ("ids", taxels.ids.len()),
         ("areas", taxels.areas.len()),
+        ("presence", taxels.presence.len()),
         ("densities", densities.map_or(needed, IdVec::len)),
     ];
     if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != needed) {
@@ -163,10 +164,11 @@ impl Coarsener<'_> {
         if let Some(densities) = &taxels.densities {
             spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
         }
-        let order = priorities(rings, positions, &level.origins.map(|&taxel| taxels.ids[taxel]));
+        let order = priorities(rings, positions, &level.origins, taxels);
         let loops = rings.boundary_loops();
+        let is_live = &|v: VertexId| taxels.presence[level.origins[v]].reads_pressure();
         let candidates =
-            Candidates { rings, loops: &loops, positions, spacing: &spacing, priorities: &order };
+            Candidates { rings, loops: &loops, positions, spacing: &spacing, priorities: &order, is_live };
         let kept = match self.options.ratio {
             Some(ratio) => candidates.choose_about(positions.len() as f64 / ratio),
             None => candidates.choose(ALPHA),

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     mesh::{Rings, angle},
-    skin::TaxelId,
+    skin::Taxels,
 };
 
 /// A boundary vertex is a corner if its interior angle differs from a straight one by more than
@@ -33,26 +33,30 @@ const COUNT_TOLERANCE: f64 = 0.01;
 const MAX_TRIALS: usize = 12;
 
 /// The vertices of one level in the order in which they may become centres: corners, then the
-/// boundary, then the inside, each in the order of a hash of the taxel's id, so that neither the
-/// order in a file nor that of a vendor's numbering shows. Vertices of equal ids are ordered by
-/// number.
+/// boundary, then the inside; of each, taxels that read pressure before absent ones and thermal
+/// pads; of these, in the order of a hash of the taxel's id, so that neither the order in a file nor
+/// that of a vendor's numbering shows. Vertices of equal ids are ordered by number.
+///
+/// `origins` says which of the taxels each vertex is.
 pub(super) fn priorities(
     rings: &Rings,
     positions: &IdVec<VertexId, DVec3>,
-    ids: &IdVec<VertexId, TaxelId>,
+    origins: &IdVec<VertexId, VertexId>,
+    taxels: &Taxels,
 ) -> Vec<VertexId> {
-    let mut keyed: Vec<(u64, u64, VertexId)> = ids
+    let mut keyed: Vec<(u64, u64, VertexId)> = origins
         .as_slice()
         .par_iter()
         .enumerate()
-        .map(|(i, id)| {
-            let v = VertexId::new(i);
+        .map(|(i, &taxel)| {
+            let (v, id) = (VertexId::new(i), taxels.ids[taxel]);
+            let is_silent = u64::from(!taxels.presence[taxel].reads_pressure());
             let class = match rings.on_boundary[v] {
                 true if is_corner(rings, positions, v) => 0_u64,
                 true => 1,
                 false => 2,
             };
-            (class << 62 | hash(u64::from(id.0)) >> 2, hash(u64::from(v.raw())), v)
+            (class << 62 | is_silent << 61 | hash(u64::from(id.0)) >> 3, hash(u64::from(v.raw())), v)
         })
         .collect();
     keyed.par_sort_unstable();
@@ -83,6 +87,8 @@ pub(super) struct Candidates<'a> {
     pub(super) spacing: &'a IdVec<VertexId, f64>,
     /// All vertices, most wanted first.
     pub(super) priorities: &'a [VertexId],
+    /// Whether each vertex is a taxel that reads pressure.
+    pub(super) is_live: &'a dyn Fn(VertexId) -> bool,
 }
 
 impl Candidates<'_> {
@@ -93,7 +99,7 @@ impl Candidates<'_> {
         let mut chosen = IdVec::filled(false, self.positions.len());
         self.add(alpha, &mut chosen, usize::MAX);
         for walk in self.loops {
-            keep_loop(walk, &mut chosen);
+            keep_loop(walk, self.is_live, &mut chosen);
         }
         chosen
     }
@@ -170,14 +176,20 @@ impl Candidates<'_> {
 }
 
 /// Makes up for centres that a boundary loop lacks: the vertices at thirds of the loop, from a
-/// centre where it has one.
-fn keep_loop(walk: &[VertexId], chosen: &mut IdVec<VertexId, bool>) {
+/// centre where it has one, or the nearest live ones to them.
+fn keep_loop(walk: &[VertexId], is_live: &dyn Fn(VertexId) -> bool, chosen: &mut IdVec<VertexId, bool>) {
     if walk.iter().filter(|v| chosen[**v]).count() >= LEAST_PER_LOOP {
         return;
     }
+    let count = walk.len();
     let start = walk.iter().position(|v| chosen[*v]).unwrap_or(0);
-    for third in 0..LEAST_PER_LOOP.min(walk.len()) {
-        chosen[walk[(start + third * walk.len() / LEAST_PER_LOOP) % walk.len()]] = true;
+    // Searches from different thirds do not meet.
+    let reach = (count / LEAST_PER_LOOP).saturating_sub(1) / 2;
+    for third in 0..LEAST_PER_LOOP.min(count) {
+        let at = start + third * count / LEAST_PER_LOOP;
+        let near = (0..=reach).flat_map(|k| [at + k, at + count - k]).map(|k| walk[k % count]);
+        let kept = near.clone().find(|&v| chosen[v] || is_live(v));
+        chosen[kept.unwrap_or(walk[at % count])] = true;
     }
 }
 
@@ -187,13 +199,18 @@ mod tests {
     use crate::{
         mesh::{HalfedgeMesh, TriMesh, shapes},
         pyramid::spacing::measured_spacing,
+        skin::{Presence, TaxelId},
     };
 
     fn with_candidates<T>(mesh: &TriMesh, see: impl FnOnce(&Candidates<'_>) -> T) -> T {
+        with_candidates_of(mesh, &Taxels::of_mesh(mesh), see)
+    }
+
+    fn with_candidates_of<T>(mesh: &TriMesh, taxels: &Taxels, see: impl FnOnce(&Candidates<'_>) -> T) -> T {
         let (_, rings) = HalfedgeMesh::new(mesh).unwrap();
         let spacing = measured_spacing(&rings, &mesh.positions);
-        let ids = mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
-        let priorities = priorities(&rings, &mesh.positions, &ids);
+        let origins = mesh.positions.ids().collect();
+        let priorities = priorities(&rings, &mesh.positions, &origins, taxels);
         let (loops, positions) = (rings.boundary_loops(), &mesh.positions);
         see(&Candidates {
             rings: &rings,
@@ -201,7 +218,53 @@ mod tests {
             positions,
             spacing: &spacing,
             priorities: &priorities,
+            is_live: &|v| taxels.presence[v].reads_pressure(),
         })
+    }
+
+    /// Class of priority: 0 corners, 1 boundary, 2 inside.
+    fn class(rings: &Rings, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> u8 {
+        match rings.on_boundary[v] {
+            true if is_corner(rings, positions, v) => 0,
+            true => 1,
+            false => 2,
+        }
+    }
+
+    /// A silent centre has ruled out no live vertex of its class or a higher one: those near it
+    /// have another centre near them that came before.
+    #[test]
+    fn a_dead_taxel_is_a_centre_only_where_no_live_one_can_be() {
+        let mesh = shapes::lattice(30, 30, 0.01);
+        for (share, silent) in [(7, Presence::Absent), (3, Presence::ThermalPad), (2, Presence::Absent)] {
+            let mut taxels = Taxels::of_mesh(&mesh);
+            let is_silent = |v: VertexId| hash(u64::from(v.raw()) + 99) % share == 0;
+            taxels.presence =
+                mesh.positions.ids().map(|v| if is_silent(v) { silent } else { Presence::Present }).collect();
+            with_candidates_of(&mesh, &taxels, |candidates| {
+                let chosen = candidates.choose(ALPHA);
+                let Candidates { rings, positions, spacing, .. } = candidates;
+                let near = |a: VertexId, b: VertexId| {
+                    let reach = 0.5 * ALPHA * (spacing[a] + spacing[b]);
+                    a != b && positions[a].distance(positions[b]) <= reach
+                };
+                let of = |v| class(rings, positions, v);
+                let silent_centres: Vec<_> = chosen.ids().filter(|&v| chosen[v] && is_silent(v)).collect();
+                for &centre in &silent_centres {
+                    let live =
+                        chosen.ids().filter(|&v| !is_silent(v) && of(v) <= of(centre) && near(v, centre));
+                    for v in live {
+                        let others = chosen.ids().filter(|&c| chosen[c] && c != centre && near(c, v));
+                        let before =
+                            others.filter(|&c| of(c) < of(v) || of(c) == of(v) && !is_silent(c)).count();
+                        assert!(before > 0, "{v} could have been the centre instead of {centre}");
+                    }
+                }
+                let centres = chosen.iter().filter(|c| **c).count();
+                let bound = centres as f64 / share as f64;
+                assert!((silent_centres.len() as f64) < bound, "{} of {centres}", silent_centres.len());
+            });
+        }
     }
 
     /// No two centres are too near each other, and every other vertex is too near a centre.
@@ -226,8 +289,9 @@ mod tests {
     fn corners_come_first_then_the_boundary() {
         let mesh = shapes::lattice(9, 9, 0.01);
         let (_, rings) = HalfedgeMesh::new(&mesh).unwrap();
-        let ids = mesh.positions.map(|_| TaxelId(0));
-        let order = priorities(&rings, &mesh.positions, &ids);
+        let mut taxels = Taxels::of_mesh(&mesh);
+        taxels.ids = taxels.ids.map(|_| TaxelId(0));
+        let order = priorities(&rings, &mesh.positions, &mesh.positions.ids().collect(), &taxels);
         let boundary = mesh.positions.ids().filter(|&v| rings.on_boundary[v]).count();
         // The rim of odd rows is shifted: the first and last row end in one corner of 60 degrees
         // each.
@@ -260,8 +324,22 @@ mod tests {
         let walk: Vec<_> = (0..7).map(VertexId::new).collect();
         let mut chosen = IdVec::filled(false, 7);
         chosen[walk[4]] = true;
-        keep_loop(&walk, &mut chosen);
+        keep_loop(&walk, &|_| true, &mut chosen);
         let kept: Vec<_> = chosen.ids().filter(|&v| chosen[v]).map(VertexId::index).collect();
         assert_eq!(kept, [1, 4, 6], "thirds of the loop from the centre it has");
+    }
+
+    #[test]
+    fn a_loop_keeps_live_taxels_where_it_can() {
+        let walk: Vec<_> = (0..12).map(VertexId::new).collect();
+        let kept = |dead: &[usize]| {
+            let mut chosen = IdVec::filled(false, 12);
+            keep_loop(&walk, &|v| !dead.contains(&v.index()), &mut chosen);
+            chosen.ids().filter(|&v| chosen[v]).map(VertexId::index).collect::<Vec<_>>()
+        };
+        assert_eq!(kept(&[]), [0, 4, 8]);
+        assert_eq!(kept(&[4]), [0, 5, 8]);
+        assert_eq!(kept(&[0, 1]), [4, 8, 11]);
+        assert_eq!(kept(&[3, 4, 5]), [0, 4, 8], "no live one is near");
     }
 }
