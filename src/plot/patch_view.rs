@@ -8,7 +8,7 @@ use crate::{
     mesh::TriMesh,
     plot::PlotError,
     pyramid::LevelId,
-    skin::{Covariance, Patch, Skin, TaxelId, world_pose},
+    skin::{Covariance, Patch, Presence, Skin, TaxelId, world_pose},
 };
 
 pub(crate) struct PatchView<'a> {
@@ -17,6 +17,7 @@ pub(crate) struct PatchView<'a> {
     pub(crate) mesh: &'a TriMesh,
     pub(crate) pose: DAffine3,
     pub(crate) ids: &'a IdVec<VertexId, TaxelId>,
+    presence: &'a IdVec<VertexId, Presence>,
     covariances: Option<&'a IdVec<VertexId, Covariance>>,
     /// The levels with their maps; `None` for a skin that has no map.
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
@@ -30,6 +31,7 @@ impl<'a> PatchView<'a> {
             mesh: &patch.levels.get(LevelId::default())?.level.mesh,
             pose: world_pose(&map.links, patch.link),
             ids: &patch.taxels.ids,
+            presence: &patch.taxels.presence,
             covariances: patch.taxels.covariances.as_ref(),
             levels: Some(&patch.levels),
         })
@@ -41,6 +43,7 @@ impl<'a> PatchView<'a> {
             mesh: &patch.mesh,
             pose: world_pose(&skin.links, patch.link),
             ids: &patch.taxels.ids,
+            presence: &patch.taxels.presence,
             covariances: patch.taxels.covariances.as_ref(),
             levels: None,
         }
@@ -53,6 +56,11 @@ impl<'a> PatchView<'a> {
     /// This level, or the coarsest if there are fewer.
     pub(crate) fn level_at_most(&self, level: LevelId) -> Option<&'a MapLevel> {
         self.level(level).or_else(|| self.levels?.iter().last())
+    }
+
+    /// Whether a taxel reads pressure.
+    pub(crate) fn is_live(&self, taxel: VertexId) -> bool {
+        self.presence[taxel].reads_pressure()
     }
 
     /// The error of a picture that needs a map.

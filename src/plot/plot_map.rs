@@ -9,7 +9,7 @@ use crate::{
         draw::Panel,
         layout::{Layout, printable},
         patch_view::PatchView,
-        picture::Picture,
+        picture::{Picture, Shape},
     },
     pyramid::LevelId,
     skin::{PatchId, Skin},
@@ -26,7 +26,7 @@ const LEVELS_SIDE_BY_SIDE: usize = 3;
 /// Each panel shows the triangles and the boundary of one level on its own map. With
 /// [`crate::plot::Paint::Fields`] level 0 is carried to each coarser level's map: the cell of each
 /// taxel has the colour of the field that it belongs to most, and dots are the fields' centres; on
-/// level 0 itself dots are the taxels. With [`PlotOptions::space`] the first panel of a row is the
+/// level 0 itself dots are the taxels. Dots of absent taxels and thermal pads are hollow. With [`PlotOptions::space`] the first panel of a row is the
 /// skin in space, as [`plot_skin`] draws it, with the colours of the first level drawn.
 ///
 /// Triangles shorter than 6 pixels are left out, dots closer than 7; colours of triangles shorter
@@ -95,8 +95,12 @@ fn draw(
         groups.push(layout.caption(&panel.slot.caption, &view));
         groups.push(panel.draw(&view, options.paint, &limits)?);
     }
+    let has_hollow = groups.iter().flatten().any(|s| matches!(s, Shape::Dots { is_hollow: true, .. }));
     groups.push(layout.scale_bar());
     groups.push(layout.legend(options.paint, &limits));
+    if has_hollow {
+        groups.push(layout.legend_of_hollow_dots(options.paint));
+    }
     Ok(Picture {
         title: format!("{title} {}", names.join(", ")),
         size_px: [layout.width, layout.height],

@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     mesh::{Adjacency, mean_edge_length},
-    skin::{Patch, Skin},
+    skin::{Patch, Presence, Skin},
 };
 use serde_json::{Value, json};
 
@@ -29,12 +29,24 @@ pub(crate) struct Args {
 }
 
 /// Columns of the table, one row per patch.
-const COLUMNS: [&str; 8] =
-    ["name", "link", "vertices", "faces", "boundary_loops", "euler", "area_m2", "spacing_mm"];
+const COLUMNS: [&str; 12] = [
+    "name",
+    "link",
+    "vertices",
+    "faces",
+    "boundary_loops",
+    "euler",
+    "area_m2",
+    "spacing_mm",
+    "present",
+    "absent",
+    "thermal",
+    "density_per_m2",
+];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let skin = read_skin(&args.file, &args.bare.options(), common)?;
-    let rows: Vec<[Value; 8]> =
+    let rows: Vec<[Value; 12]> =
         skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<_, Error>>()?;
     if args.json {
         let patches: Vec<Value> =
@@ -47,8 +59,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn row(skin: &Skin, patch: &Patch) -> Result<[Value; 8], Error> {
+fn row(skin: &Skin, patch: &Patch) -> Result<[Value; 12], Error> {
     let adjacency = Adjacency::new(&patch.mesh)?;
+    let count = |what| patch.taxels.presence.iter().filter(|p| **p == what).count();
+    let range = |[low, high]: [f64; 2], &x: &f64| [low.min(x), high.max(x)];
+    let densities = patch.taxels.densities.as_ref();
+    let densities = densities.map(|all| all.iter().fold([f64::INFINITY, f64::NEG_INFINITY], range));
     Ok([
         json!(patch.name),
         json!(skin.links[patch.link].name),
@@ -58,13 +74,19 @@ fn row(skin: &Skin, patch: &Patch) -> Result<[Value; 8], Error> {
         json!(adjacency.euler_characteristic()),
         json!(patch.mesh.area()),
         json!(1e3 * mean_edge_length(&patch.mesh, &adjacency)),
+        json!(count(Presence::Present)),
+        json!(count(Presence::Absent)),
+        json!(count(Presence::ThermalPad)),
+        json!(densities),
     ])
 }
 
-/// A value as text: words bare, measures with four decimals.
+/// A value as text: words bare, measures with four decimals, ranges from lowest to highest.
 fn cell(value: &Value) -> String {
     match value {
         Value::String(text) => plain(text),
+        Value::Null => "-".into(),
+        Value::Array(range) => range.iter().map(cell).collect::<Vec<_>>().join(".."),
         Value::Number(n) if n.is_f64() => format!("{:.4}", n.as_f64().unwrap_or(f64::NAN)),
         other => other.to_string(),
     }

@@ -10,11 +10,11 @@ use std::{
 use dermatome::{
     Error,
     contact::{ContactError, ContactIndex, Query},
-    id::IdVec,
+    id::{IdVec, VertexId},
     io::{ContactRow, IoError, LookupRow, read_contacts, read_map, read_poses, replace_file, write_lookups},
-    map::SkinMap,
+    map::{MapLevel, PatchMap, SkinMap},
     pyramid::LevelId,
-    skin::{Link, LinkId, PatchId},
+    skin::{Link, LinkId, PatchId, Presence},
 };
 
 use crate::{
@@ -55,19 +55,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let map = read_map(&args.map).map_err(Error::from)?;
     let mut index = ContactIndex::new(&map).map_err(Error::from)?;
     let SkinMap { links, patches } = map;
-    let patches: IdVec<PatchId, (String, usize)> =
-        patches.into_iter().map(|patch| (patch.name, patch.levels.len())).collect();
+    let patches: IdVec<PatchId, PatchFacts> = patches.into_iter().map(PatchFacts::of).collect();
     if let Some(path) = &args.pose {
         let poses = read_poses(path, &|name| find_link(&links, name)).map_err(Error::from)?;
         index.move_links(&poses).map_err(Error::from)?;
     }
-    let most = patches.iter().map(|(_, count)| *count).max().unwrap_or(0);
+    let most = patches.iter().map(|patch| patch.levels).max().unwrap_or(0);
     if let Some(level) = args.levels.iter().find(|&&level| level >= most) {
         let what = format!("the map has no level {level}; its levels are 0 to {}", most.saturating_sub(1));
         return Err(advise(what, "leave out --level to get all of them"));
     }
-    for (name, count) in patches.iter().filter(|(_, count)| args.levels.iter().any(|level| level >= count)) {
-        let what = format!("{} has {count} levels", plain(name));
+    for patch in patches.iter().filter(|patch| args.levels.iter().any(|&level| level >= patch.levels)) {
+        let what = format!("{} has {} levels", plain(&patch.name), patch.levels);
         note(common, format_args!("{what}; contacts on it get no row for levels above"));
     }
     let levels = (0..most).filter(|k| args.levels.is_empty() || args.levels.contains(k)).map(LevelId::new);
@@ -82,8 +81,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     for column in unknown {
         note(common, format_args!("{}: column `{column}` is not used", path.display()));
     }
-    let mut lookup =
-        Lookup { index: &index, links, patches, path, levels: levels.collect(), unused: [false; 4] };
+    let levels: Vec<LevelId> = levels.collect();
+    let silent = vec![0; levels.len()];
+    let mut lookup = Lookup { index: &index, links, patches, path, levels, unused: [false; 4], silent };
     if is_stream(&args.output) {
         lookup.answer(contacts, Path::new("standard output"), stdout().lock()).map_err(Error::from)?;
     } else {
@@ -92,6 +92,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     for (column, _) in UNUSED.iter().zip(lookup.unused).filter(|(_, given)| *given) {
         note(common, format_args!("{}: column `{column}` is not used", path.display()));
+    }
+    if let Some(text) = lookup.silent_fields() {
+        note(common, text);
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -118,16 +121,45 @@ const UNUSED: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
 struct Lookup<'a> {
     index: &'a ContactIndex,
     links: IdVec<LinkId, Link>,
-    /// Name and number of levels of each patch.
-    patches: IdVec<PatchId, (String, usize)>,
+    patches: IdVec<PatchId, PatchFacts>,
     /// Name of the table of contacts in errors.
     path: &'a Path,
     levels: Vec<LevelId>,
     /// Which of [`UNUSED`] some contact has.
     unused: [bool; 4],
+    /// On each of `levels`, how many contacts lie in a field whose centre reads no pressure.
+    silent: Vec<u64>,
+}
+
+/// What answers need of a patch besides the index.
+struct PatchFacts {
+    name: String,
+    /// How many levels it has.
+    levels: usize,
+    /// On each level, whether the centre of each field is an absent taxel or a thermal pad; empty if
+    /// none is.
+    silent: IdVec<LevelId, IdVec<VertexId, bool>>,
+}
+
+impl PatchFacts {
+    fn of(patch: PatchMap) -> Self {
+        let is_silent = |taxel: VertexId| patch.taxels.presence[taxel] != Presence::Present;
+        let of_level = |map: &MapLevel| map.level.origins.map(|&taxel| is_silent(taxel));
+        let has_silent = patch.taxels.presence.ids().any(is_silent);
+        let silent = patch.levels.iter().filter(|_| has_silent).map(of_level).collect();
+        Self { levels: patch.levels.len(), silent, name: patch.name }
+    }
 }
 
 impl Lookup<'_> {
+    /// A note about contacts in fields whose centre reads no pressure, if there are any.
+    fn silent_fields(&self) -> Option<String> {
+        let counts = self.levels.iter().zip(&self.silent).filter(|(_, count)| **count > 0);
+        let counts: Vec<_> = counts.map(|(level, count)| format!("{count} on level {level}")).collect();
+        let what = "contacts in a field whose centre is an absent taxel or a thermal pad";
+        (!counts.is_empty()).then(|| format!("{what}: {}", counts.join(", ")))
+    }
+
     /// Answers all contacts, some at a time, so that memory does not grow with their number.
     fn answer(
         &mut self,
@@ -170,7 +202,7 @@ impl Lookup<'_> {
 
     /// Writes the rows of some contacts, the first of which has number `first`.
     fn answer_chunk(
-        &self,
+        &mut self,
         first: u64,
         chunk: &[Query],
         lines: &[u64],
@@ -178,11 +210,14 @@ impl Lookup<'_> {
     ) -> Result<(), IoError> {
         let hits = self.index.locate_all(chunk).map_err(|error| self.refused(&error, lines))?;
         for (contact, hit) in (first..).zip(&hits) {
-            for cell in self.levels.iter().filter_map(|&level| self.index.cell(hit, level)) {
+            let patch = &self.patches[hit.patch];
+            for (&level, silent) in self.levels.iter().zip(&mut self.silent) {
+                let Some(cell) = self.index.cell(hit, level) else { continue };
+                *silent += u64::from(patch.silent.get(level).is_some_and(|level| level[cell.field]));
                 write(&LookupRow {
                     contact,
                     level: cell.level,
-                    patch: &self.patches[hit.patch].0,
+                    patch: &patch.name,
                     face: cell.point.face,
                     barycentric: cell.point.barycentric,
                     map: cell.uv,

@@ -105,6 +105,18 @@ pub(crate) fn boundary_line(path: Path) -> Shape {
     Shape::Path { path, fill: None, stroke: Some(stroke) }
 }
 
+/// Dots of taxels, at places and whether they read pressure: those that do not are hollow.
+pub(crate) fn taxel_dots(taxels: impl Iterator<Item = (DVec2, bool)>, radius: f64) -> Vec<Shape> {
+    let (live, silent): (Vec<_>, Vec<_>) = taxels.partition(|taxel| taxel.1);
+    let dots = |taxels: Vec<(DVec2, bool)>, is_hollow| Shape::Dots {
+        centres: taxels.into_iter().map(|taxel| taxel.0).collect(),
+        radius,
+        is_hollow,
+    };
+    let hollow = (!silent.is_empty()).then(|| dots(silent, true));
+    std::iter::once(dots(live, false)).chain(hollow).collect()
+}
+
 /// Radius of dots between edges this long, in pixels; `None` where they would touch.
 pub(crate) fn dot_radius(edge_px: f64) -> Option<f64> {
     (edge_px >= LEAST_DOT_PX).then_some((0.13 * edge_px).min(4.0))

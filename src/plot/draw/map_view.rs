@@ -12,10 +12,11 @@ use crate::{
         Paint,
         colour::{Colour, ColouredMesh, Fill, MeshOwner},
         draw::{
-            canvas::{Canvas, boundary_line, dot_radius, triangle_lines},
+            canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines},
             outline::outlines,
         },
         layout::View,
+        patch_view::PatchView,
         picture::{Path, Shape, Stroke},
     },
 };
@@ -30,6 +31,7 @@ const SEPARATION_PX: f64 = 1.5;
 const SEAM_PX: f64 = 0.6;
 
 pub(crate) fn draw_map(
+    patch: &PatchView<'_>,
     level: &MapLevel,
     coloured: &ColouredMesh<'_>,
     view: &View,
@@ -56,7 +58,8 @@ pub(crate) fn draw_map(
     }
     shapes.push(boundary_line(boundary));
     if let (true, Some(radius)) = (paint.has_dots(), dot_radius(own.edge_px)) {
-        shapes.push(Shape::Dots { centres: own.mesh.positions.ids().map(|v| own.at(v)).collect(), radius });
+        let dot = |(v, &taxel): (VertexId, &VertexId)| (own.at(v), patch.is_live(taxel));
+        shapes.extend(taxel_dots(level.level.origins.enumerate().map(dot), radius));
     }
     shapes
 }

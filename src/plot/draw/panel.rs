@@ -62,14 +62,14 @@ impl<'a> Panel<'a> {
     ) -> Result<Vec<Shape>, PlotError> {
         let coloured = ColouredMesh::new(self.patch, self.level(), paint, limits)?;
         match &self.look {
-            Look::OnMap(level) => Ok(draw_map(level, &coloured, view, paint)),
+            Look::OnMap(level) => Ok(draw_map(self.patch, level, &coloured, view, paint)),
             Look::InSpace(camera, level) => {
                 let dots: Vec<VertexId> = match level.filter(|level| level.level.to_finest.is_some()) {
                     _ if !paint.has_dots() => Vec::new(),
                     Some(level) if paint == Paint::Fields => level.level.origins.iter().copied().collect(),
                     _ => self.patch.mesh.positions.ids().collect(),
                 };
-                Ok(draw_in_space(&coloured, camera, view, &dots))
+                Ok(draw_in_space(self.patch, &coloured, camera, view, &dots))
             }
         }
     }

@@ -10,10 +10,11 @@ use crate::{
         colour::ColouredMesh,
         draw::{
             camera::Camera,
-            canvas::{Canvas, boundary_line, dot_radius, triangle_lines},
+            canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines},
             depth_buffer::DepthBuffer,
         },
         layout::View,
+        patch_view::PatchView,
         picture::{Path, Shape},
     },
 };
@@ -41,8 +42,9 @@ const PIECE_PX: f64 = 2.0;
 /// Most pieces of a line: no picture is wider.
 const MOST_PIECES: f64 = 4096.0;
 
-/// Draws a coloured skin as a camera sees it, with dots at some of its vertices.
+/// Draws a coloured skin as a camera sees it, with dots at some of its taxels.
 pub(crate) fn draw_in_space(
+    patch: &PatchView<'_>,
     coloured: &ColouredMesh<'_>,
     camera: &Camera,
     view: &View,
@@ -62,10 +64,8 @@ pub(crate) fn draw_in_space(
     if let (Some(radius), false) = (dot_radius(canvas.edge_px), dots.is_empty()) {
         let normals = mesh.vertex_normals();
         let is_seen = |v: &&VertexId| camera.sees(normals[**v]) && buffer.shows(canvas.places[**v], SLACK_PX);
-        shapes.push(Shape::Dots {
-            centres: dots.iter().filter(is_seen).map(|&v| canvas.at(v)).collect(),
-            radius,
-        });
+        let dot = |&v: &VertexId| (canvas.at(v), patch.is_live(v));
+        shapes.extend(taxel_dots(dots.iter().filter(is_seen).map(dot), radius));
     }
     shapes
 }

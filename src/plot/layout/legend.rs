@@ -12,6 +12,9 @@ use crate::plot::{
     picture::{Anchor, INK, Path, Shape},
 };
 
+/// Width of the legend of the colours with its name, in heights of letters.
+const WIDTH_OF_COLOURS: f64 = 20.0;
+
 impl Layout {
     /// A bar of a round length, at the lower left.
     pub(crate) fn scale_bar(&self) -> Vec<Shape> {
@@ -34,6 +37,19 @@ impl Layout {
             bar(length - 2.0, -7.0, 2.0, 14.0),
             label,
         ]
+    }
+
+    /// What hollow dots mean, at the lower right, to the left of the legend of the colours.
+    pub(crate) fn legend_of_hollow_dots(&self, paint: Paint) -> Vec<Shape> {
+        let colours = if paint == Paint::Fields { 0.0 } else { WIDTH_OF_COLOURS * self.em };
+        let at = DVec2::new(f64::from(self.width) - self.margin - colours - 0.4 * self.em, self.foot());
+        let text = Shape::Text {
+            text: "absent taxel or thermal pad".into(),
+            at: at + DVec2::new(-0.6 * self.em, 0.35 * self.em),
+            anchor: Anchor::End,
+            is_bold: false,
+        };
+        vec![Shape::Dots { centres: vec![at], radius: 0.25 * self.em, is_hollow: true }, text]
     }
 
     /// What the colours mean, at the lower right; nothing for colours that only distinguish fields.

@@ -39,8 +39,8 @@ pub struct Picture {
 pub(crate) enum Shape {
     /// Straight lines and the areas inside of them.
     Path { path: Path, fill: Option<Colour>, stroke: Option<Stroke> },
-    /// Discs in ink.
-    Dots { centres: Vec<DVec2>, radius: f64 },
+    /// Discs in ink, or white ones with a rim of ink.
+    Dots { centres: Vec<DVec2>, radius: f64, is_hollow: bool },
     /// A line of text; `at` is on its base line.
     Text { text: String, at: DVec2, anchor: Anchor, is_bold: bool },
     /// Pixels, as fine as those of the picture or finer.
@@ -60,6 +60,9 @@ pub(crate) struct Stroke {
 impl Stroke {
     /// Around the scale of a legend.
     const FRAME: Self = Self { colour: INK, width: 0.8, opacity: 1.0 };
+
+    /// Around hollow dots.
+    const RIM: Self = Self { colour: INK, width: 1.0, opacity: 1.0 };
 
     /// What makes letters of this height bolder.
     fn bold(em: f64) -> Self {

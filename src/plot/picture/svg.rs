@@ -63,6 +63,10 @@ impl<'a> Element<'a> {
         self.0.push_str("/>\n");
     }
 
+    fn open(self) {
+        self.0.push_str(">\n");
+    }
+
     fn text(self, text: &str) {
         let name_end = format!(">{}</text>\n", escape(text));
         self.0.push_str(&name_end);
@@ -76,9 +80,11 @@ fn write_shape(svg: &mut String, shape: &Shape, em: f64) {
             let element = Element::new(svg, "path").set("d", path.to_svg()).set("fill", fill);
             stroke.iter().fold(element, Element::stroke).end();
         }
-        Shape::Dots { centres, radius } => {
+        Shape::Dots { centres, radius, is_hollow } => {
             let tenth = |x: f64| (10.0 * x).round() / 10.0;
-            let _ = writeln!(svg, "<g fill=\"{}\">", INK.hex());
+            let fill = if *is_hollow { Colour::WHITE } else { INK };
+            let group = Element::new(svg, "g").set("fill", fill.hex());
+            is_hollow.then_some(Stroke::RIM).iter().fold(group, Element::stroke).open();
             for at in centres {
                 let dot = Element::new(svg, "circle").set("cx", tenth(at.x)).set("cy", tenth(at.y));
                 dot.set("r", tenth(*radius)).end();
