@@ -27,7 +27,7 @@ use crate::{
     print::print_json,
     progress,
     render::{
-        output::{Colours, Kind, Output, Pictures},
+        output::{Array, Colours, Kind, Output, Pictures},
         source::{Readings, ReadingsArgs, Tally, positive, range},
     },
 };
@@ -129,8 +129,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let pass = readings.open()?;
     let channels = pass.channels().to_vec();
     let level = args.images.level.map(LevelId::from);
+    if kind == Kind::Array(Array::Npy) {
+        check_one_image(&atlas, level)?;
+    }
     check_memory(&atlas, channels.len(), level, args.images.max_memory)?;
-    pass.remark(&args.readings, common);
+    let from =
+        if is_stream(&args.readings) { "standard input".into() } else { args.readings.display().to_string() };
+    pass.remark(&from, common);
     let options = RenderOptions { interpolation: interpolation(args.images.interpolate), level };
     let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
     let colours = match kind {
@@ -191,6 +196,17 @@ fn interpolation(arg: InterpolationArg) -> Interpolation {
     }
 }
 
+/// A `.npy` holds one array.
+fn check_one_image(atlas: &Atlas, level: Option<LevelId>) -> anyhow::Result<()> {
+    match atlas.parts.iter().filter(|part| level.is_none_or(|level| part.level == level)).count() {
+        1 => Ok(()),
+        found => Err(advise(
+            format!("a .npy holds one image per frame, and here are {found}"),
+            "choose a level with --level, draw several patches into one image with --pack, or write a .npz",
+        )),
+    }
+}
+
 /// Bytes that a pixel takes besides its values: coverage, spans and weights.
 const BYTES_PER_PIXEL: u64 = 32;
 
@@ -203,9 +219,7 @@ fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: 
         return Ok(());
     }
     Err(advise(
-        format!(
-            "images of {pixels} pixels in {channels} channels need {needed} MB; at most {max_mb} MB are allowed"
-        ),
+        format!("images of {pixels} pixels need {needed} MB; at most {max_mb} MB are allowed"),
         "draw larger pixels (--pixel-mm), one level (--level) or a smaller canvas (--size), or allow more (--max-memory)",
     ))
 }
@@ -296,11 +310,13 @@ const NOISE: f64 = 0.25;
 /// Notes about readings that are not as they should be.
 fn remark(tally: &Tally, common: &Common) {
     let condition = &tally.condition;
+    let unknown_baselines = condition.without_baseline.saturating_sub(tally.join.masked * tally.channels);
     let counts = [
         (tally.missing as u64, "readings are missing, NaN or infinite, and masked"),
         (condition.clipped, "readings were clipped"),
         (condition.backwards, "frames have a time before that of the frame before them, or none"),
-        (condition.without_baseline as u64, "readings have no baseline and are masked"),
+        // Masked taxels have none either, which is no news.
+        (unknown_baselines as u64, "readings have no baseline and are masked"),
         (condition.unknown_gains as u64, "gains are of no taxel of the map"),
         (tally.dropped as u64, "frames came too fast and were dropped"),
     ];

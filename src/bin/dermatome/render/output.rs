@@ -35,11 +35,18 @@ pub(super) enum Pictures {
     Png,
 }
 
+/// Kinds of files with arrays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Array {
+    Npy,
+    Npz,
+}
+
 /// The kind of output that a path asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Folder(Pictures),
-    Array,
+    Array(Array),
     Pipe,
 }
 
@@ -50,9 +57,9 @@ impl Kind {
             return Ok(Self::Pipe);
         }
         match outputs::kind(output).as_str() {
-            "npy" | "npz" => {
+            kind @ ("npy" | "npz") => {
                 outputs::check([output])?;
-                Ok(Self::Array)
+                Ok(Self::Array(if kind == "npy" { Array::Npy } else { Array::Npz }))
             }
             "" => Ok(Self::Folder(pictures)),
             _ if output.is_dir() => Ok(Self::Folder(pictures)),
@@ -93,7 +100,7 @@ impl Output {
     ) -> Result<Self, Error> {
         Ok(match (kind, colours) {
             (Kind::Pipe, _) => Self::Pipe(stdout()),
-            (Kind::Array, _) => {
+            (Kind::Array(_), _) => {
                 let layout =
                     RecordingLayout { channels, atlas: Some(atlas), interpolation, values: true, level };
                 Self::Array(Box::new(RecordingWriter::create(path, map, &layout)?))

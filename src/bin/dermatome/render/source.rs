@@ -100,6 +100,8 @@ pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
 pub(super) struct Tally {
     /// Frames that were passed on.
     pub(super) frames: usize,
+    /// Channels of the readings.
+    pub(super) channels: usize,
     /// Readings of matched taxels that are missing, NaN or infinite.
     pub(super) missing: usize,
     /// Frames of a live stream that came too fast.
@@ -196,9 +198,8 @@ impl Pass<'_> {
     }
 
     /// Notes about columns and taxels that do not fit each other.
-    pub(super) fn remark(&self, path: &Path, common: &Common) {
+    pub(super) fn remark(&self, path: &str, common: &Common) {
         let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = self.join.report();
-        let path = path.display();
         if *unknown > 0 {
             let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
             let more = if *unknown > ids.len() { ", ..." } else { "" };
@@ -228,7 +229,8 @@ impl Pass<'_> {
         mut self,
         mut pass_on: impl FnMut(usize, &Frame) -> anyhow::Result<bool>,
     ) -> anyhow::Result<Tally> {
-        let mut tally = Tally { join: self.join.report().clone(), ..Tally::default() };
+        let channels = self.reader.channels.len();
+        let mut tally = Tally { channels, join: self.join.report().clone(), ..Tally::default() };
         let ReadingsArgs { from, to, every, rate, drop, .. } = *self.args;
         let (mut number, mut stopped) = (0_usize, false);
         let has_times = self.reader.has_times;
