@@ -16,8 +16,8 @@
 //! - No count, index, offset or size of a file is trusted before it was checked against the bytes
 //!   that are there, and memory is bounded by the size of the file.
 //! - Every number that comes out is finite, but for readings that are missing (NaN), every corner
-//!   exists; whatever else a file claims is
-//!   judged by [`crate::skin`], [`crate::map`] and [`crate::calib`].
+//!   exists; whatever else a file claims is judged by [`crate::skin`], [`crate::map`] and
+//!   [`crate::calib`].
 //! - Bad input is an error that names the element, what was found and what is needed
 //!   ([`IoError::Invalid`]); nothing panics, nothing is repaired in silence.
 //!

@@ -30,7 +30,8 @@ pub struct ConditionOptions {
     pub gains: Vec<(TaxelId, f64)>,
     /// Readings are clipped to these bounds after that, in the unit of the channel.
     pub clip: Option<[f64; 2]>,
-    /// Cut-off frequency that splits each channel into `NAME.slow` and `NAME.fast`, in Hz.
+    /// Cut-off frequency that splits each channel into `NAME.slow` and `NAME.fast`, in Hz. The two
+    /// add up to the reading but for the rounding of their sum.
     pub split_hz: Option<f64>,
 }
 

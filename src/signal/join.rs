@@ -58,12 +58,20 @@ pub struct JoinReport {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Join {
-    /// Where each taxel's columns begin; one more entry than taxels.
-    starts: IdVec<PatchId, Vec<u32>>,
-    /// The columns of the taxels, patch after patch, taxel after taxel.
-    columns: Vec<u32>,
+    sources: IdVec<PatchId, Vec<Source>>,
+    /// Columns with the same id.
+    groups: Vec<Vec<usize>>,
     width: usize,
     report: JoinReport,
+}
+
+/// What a taxel gets its readings from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Source {
+    Nothing,
+    Column(u32),
+    /// The mean of a group of columns.
+    Group(u32),
 }
 
 impl Join {
@@ -81,42 +89,40 @@ impl Join {
     ) -> Result<Self, SignalError> {
         let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         let mut report = JoinReport::default();
-        let columns_of = match ids {
+        let mut groups = Vec::new();
+        let source_of = match ids {
             Some(ids) if ids.len() != width => return Err(SignalError::IdCount { ids: ids.len(), width }),
-            Some(ids) => Some(columns_by_id(ids, duplicates, &mut report)?),
+            _ if width == 0 => return Err(SignalError::Width { found: 0, needed: taxels }),
+            Some(ids) => Some(sources_by_id(ids, duplicates, &mut groups, &mut report)?),
             None if width != taxels => return Err(SignalError::Width { found: width, needed: taxels }),
             None => None,
         };
-        let (mut columns, mut known, mut place) = (Vec::new(), HashMap::new(), 0_u32);
-        let starts = map.patches.map(|patch| {
-            let mut starts = vec![offset(&columns)];
-            for (id, presence) in patch.taxels.ids.iter().zip(&patch.taxels.presence) {
+        let (mut known, mut column) = (HashMap::new(), 0..);
+        let sources = map.patches.map(|patch| {
+            let slots = patch.taxels.ids.iter().zip(&patch.taxels.presence).zip(&mut column);
+            let source = |((id, presence), column): ((&TaxelId, &Presence), u32)| {
                 *known.entry(*id).or_insert(0_usize) += 1;
-                let own = [place];
-                let found = match &columns_of {
-                    Some(columns_of) => columns_of.get(id).map_or(&[][..], Vec::as_slice),
-                    None => &own[..],
+                let source = match &source_of {
+                    Some(source_of) => source_of.get(id).copied().unwrap_or(Source::Nothing),
+                    None => Source::Column(column),
                 };
-                place += 1;
-                let is_live = *presence == Presence::Present && !found.is_empty();
-                columns.extend_from_slice(if is_live { found } else { &[] });
-                *(if is_live { &mut report.matched } else { &mut report.masked }) += 1;
-                starts.push(offset(&columns));
-            }
-            starts
+                let source = if *presence == Presence::Present { source } else { Source::Nothing };
+                *(if source == Source::Nothing { &mut report.masked } else { &mut report.matched }) += 1;
+                source
+            };
+            slots.map(source).collect()
         });
-        if let Some(ids) = ids {
+        if let (Some(ids), Some(source_of)) = (ids, source_of) {
             let unknown = || ids.iter().filter(|id| !known.contains_key(id));
             report.unknown = unknown().count();
             report.first_unknown = unknown().take(10).copied().collect();
-            let joined = columns_of.iter().flatten().map(|(id, _)| id);
-            report.shared = joined.filter(|id| known.get(id).is_some_and(|&n| n > 1)).count();
+            report.shared = source_of.keys().filter(|id| known.get(id).is_some_and(|&n| n > 1)).count();
             let first = map.patches.iter().find_map(|patch| patch.taxels.ids.iter().next());
             if let (true, Some(&first), Some(&known)) = (report.unknown == width, ids.first(), first) {
                 return Err(SignalError::NoneMatched { columns: width, first, known });
             }
         }
-        Ok(Self { starts, columns, width, report })
+        Ok(Self { sources, groups, width, report })
     }
 
     /// How columns and taxels fit each other.
@@ -133,21 +139,21 @@ impl Join {
     /// If `values` has not `width` numbers for each channel of the frame, or the frame is not one of
     /// the map that the join was made for.
     pub fn fill(&self, values: &[f64], frame: &mut Frame) -> usize {
-        assert_eq!(frame.values.len(), self.starts.len(), "one entry per patch");
+        assert_eq!(frame.values.len(), self.sources.len(), "one entry per patch");
         let mut missing = 0;
-        for (starts, channels) in self.starts.iter().zip(frame.values.iter_mut()) {
+        for (sources, channels) in self.sources.iter().zip(frame.values.iter_mut()) {
             assert_eq!(values.len(), self.width * channels.len(), "one number per column and channel");
             for (read, taxels) in values.chunks_exact(self.width).zip(channels) {
-                assert_eq!(taxels.len() + 1, starts.len(), "one number per taxel");
-                for (x, range) in taxels.iter_mut().zip(starts.windows(2)) {
-                    *x = match self.columns[range[0] as usize..range[1] as usize] {
-                        [] => f64::NAN,
-                        [column] => read[column as usize],
-                        ref several => mean(several.iter().map(|&column| read[column as usize])),
+                assert_eq!(taxels.len(), sources.len(), "one number per taxel");
+                for (x, source) in taxels.iter_mut().zip(sources) {
+                    *x = match *source {
+                        Source::Nothing => f64::NAN,
+                        Source::Column(column) => read[column as usize],
+                        Source::Group(group) => mean(self.groups[group as usize].iter().map(|&c| read[c])),
                     };
                     if !x.is_finite() {
                         *x = f64::NAN;
-                        missing += usize::from(range[0] != range[1]);
+                        missing += usize::from(*source != Source::Nothing);
                     }
                 }
             }
@@ -156,33 +162,32 @@ impl Join {
     }
 }
 
-/// The columns of each id, in their order.
-fn columns_by_id(
+/// What the taxels with each id get their readings from.
+fn sources_by_id(
     ids: &[TaxelId],
     duplicates: Duplicates,
+    groups: &mut Vec<Vec<usize>>,
     report: &mut JoinReport,
-) -> Result<HashMap<TaxelId, Vec<u32>>, SignalError> {
-    let mut columns_of: HashMap<TaxelId, Vec<u32>> = HashMap::with_capacity(ids.len());
+) -> Result<HashMap<TaxelId, Source>, SignalError> {
+    let (mut source_of, mut group) = (HashMap::with_capacity(ids.len()), 0);
     for (column, &taxel) in (0_u32..).zip(ids) {
-        let columns = columns_of.entry(taxel).or_default();
-        match (columns.first(), duplicates) {
-            (None, _) => {}
-            (Some(&first), Duplicates::Refuse) => {
+        let source = source_of.entry(taxel).or_insert(Source::Nothing);
+        report.duplicates += usize::from(*source != Source::Nothing);
+        match (*source, duplicates) {
+            (Source::Nothing, _) => *source = Source::Column(column),
+            (Source::Column(first), Duplicates::Refuse) => {
                 return Err(SignalError::DuplicateId { taxel, columns: [first as usize, column as usize] });
             }
-            (Some(_), Duplicates::First) => {
-                report.duplicates += 1;
-                continue;
+            (Source::Column(first), Duplicates::Mean) => {
+                *source = Source::Group(group);
+                group += 1;
+                groups.push(vec![first as usize, column as usize]);
             }
-            (Some(_), Duplicates::Mean) => report.duplicates += 1,
+            (Source::Group(group), _) => groups[group as usize].push(column as usize),
+            (Source::Column(_), Duplicates::First) => {}
         }
-        columns.push(column);
     }
-    Ok(columns_of)
-}
-
-fn offset(columns: &[u32]) -> u32 {
-    u32::try_from(columns.len()).expect("fewer than 2^32 pairs of taxels and columns")
+    Ok(source_of)
 }
 
 /// The mean of those that are finite, or NaN.

@@ -88,13 +88,17 @@ pub(crate) struct Lines<R> {
     given: usize,
     /// Bytes that may still be handed out.
     pub(crate) left: usize,
+    /// Longest line, in bytes.
+    pub(crate) longest: usize,
 }
 
 impl<R: BufRead> Lines<R> {
     /// Stands before the first line.
     pub(crate) fn new(input: R, path: &Path, comment: Option<u8>) -> Self {
         let (path, bytes) = (path.to_owned(), Vec::new());
-        Self { input, path, comment, bytes, line: 0, ended: false, given: 0, left: LONGEST }
+        // Numbers of an edge fill 775 bytes; a cell of a table may hold a text.
+        let longest = if comment.is_some() { 1 << 16 } else { LONGEST };
+        Self { input, path, comment, bytes, line: 0, ended: false, given: 0, left: LONGEST, longest }
     }
 
     /// The line without blanks around it, and where it is; `None` after the last one.
@@ -116,8 +120,7 @@ impl<R: BufRead> Lines<R> {
     }
 
     fn step(&mut self) -> io::Result<()> {
-        // Numbers of an edge fill 775 bytes; a cell of a table may hold a text.
-        let longest = if self.comment.is_some() { 1 << 16 } else { LONGEST };
+        let longest = self.longest;
         loop {
             self.bytes.clear();
             self.given = 0;
