@@ -374,28 +374,28 @@ fn arrays_whose_sizes_lie_are_refused() {
     let elements = doubles([1.0; 6]);
     let huge = usize::MAX / 16;
     for (bytes, place) in [
-        (npy("<f8", &[3, 2], &elements[1..]), "the shape (3, 2) f8 in".into()),
-        (npy("<f8", &[4, 2], &elements), "the shape (4, 2) f8 in".into()),
-        (npy("<f8", &[2, 2], &elements), "the shape (2, 2) f8 in".into()),
-        (npy("<f8", &[huge, huge], &elements), "fewer than 2^64 bytes".into()),
-        (npy("<f8", &[huge, 1], &elements), "the shape".into()),
-        (npy("<f8", &[0, 6], b""), "at least one frame".into()),
-        (npy("<f8", &[6, 0], b""), "at least one frame".into()),
-        (npy("<f8", &[0, 1 << 60], b""), "at least one frame".into()),
-        (npy("<f8", &[6], &elements), "numbers of the shape (T, N)".into()),
-        (npy("<f8", &[1, 1, 1, 6], &elements), "(1, 1, 1, 6) f8".into()),
-        (npy("|S8", &[3, 2], &elements), "numbers of the shape (T, N)".into()),
-        (npy("<c16", &[3, 1], &elements), "numbers (f2, f4, f8".into()),
-        (npy("|O", &[3, 2], &elements), "not records".into()),
-        (npy_ordered("<f8", &[3, 2], &elements, "True"), "numpy.ascontiguousarray".into()),
-        (npy("<f8", &[3, 2], &elements)[..40].to_vec(), "an end within its header".into()),
-        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(), "a header of 4294967295 bytes".into()),
-        (b"\x93NUMPY\x09\x00".to_vec(), "version 1, 2 or 3".into()),
-        (b"not an array at all".to_vec(), "version 1, 2 or 3".into()),
-        (Vec::new(), "an end within its header".into()),
+        (npy("<f8", &[3, 2], &elements[1..]), "the shape (3, 2) f8 in"),
+        (npy("<f8", &[4, 2], &elements), "the shape (4, 2) f8 in"),
+        (npy("<f8", &[2, 2], &elements), "the shape (2, 2) f8 in"),
+        (npy("<f8", &[huge, huge], &elements), "fewer than 2^64 bytes"),
+        (npy("<f8", &[huge, 1], &elements), "the shape"),
+        (npy("<f8", &[0, 6], b""), "at least one frame"),
+        (npy("<f8", &[6, 0], b""), "at least one frame"),
+        (npy("<f8", &[0, 1 << 60], b""), "at least one frame"),
+        (npy("<f8", &[6], &elements), "numbers of the shape (T, N)"),
+        (npy("<f8", &[1, 1, 1, 6], &elements), "(1, 1, 1, 6) f8"),
+        (npy("|S8", &[3, 2], &elements), "numbers of the shape (T, N)"),
+        (npy("<c16", &[3, 1], &elements), "numbers (f2, f4, f8"),
+        (npy("|O", &[3, 2], &elements), "not records"),
+        (npy_ordered("<f8", &[3, 2], &elements, "True"), "numpy.ascontiguousarray"),
+        (npy("<f8", &[3, 2], &elements)[..40].to_vec(), "an end within its header"),
+        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(), "a header of 4294967295 bytes"),
+        (b"\x93NUMPY\x09\x00".to_vec(), "version 1, 2 or 3"),
+        (b"not an array at all".to_vec(), "version 1, 2 or 3"),
+        (Vec::new(), "an end within its header"),
     ] {
         let found = message(read("a.npy", &bytes));
-        assert!(found.contains(&place), "{place:?} is named in {found:?}");
+        assert!(found.contains(place), "{place:?} is named in {found:?}");
     }
 }
 
@@ -435,7 +435,7 @@ fn archives_whose_arrays_do_not_fit_are_refused() {
     assert!(read_as("a.npz", &npz(&arrays, false), ReadingsLayout::ChannelsFirst).is_ok());
 }
 
-/// Wherever an archive or an array is cut or changed, it is read or refused, never a panic; and what
+/// Wherever an archive is cut or changed, it is read or refused, never a panic; and what
 /// is read is what was written.
 #[test]
 fn a_damaged_array_is_refused_or_unchanged() {
@@ -446,7 +446,7 @@ fn a_damaged_array_is_refused_or_unchanged() {
         ];
         let whole = npz(&arrays, is_deflated);
         let whole_frames = read("a.npz", &whole).unwrap().frames;
-        for at in 0..whole.len() {
+        for at in (0..whole.len()).step_by(3) {
             assert!(read("a.npz", &whole[..at]).is_err(), "cut at {at}");
             let mut changed = whole.clone();
             changed[at] ^= 1 << (at % 8);
