@@ -89,6 +89,14 @@ pub enum PlotError {
         /// The values at the ends of the scale.
         range: [f64; 2],
     },
+    /// A frame of another map.
+    #[error("the frame has not one value of the channel for each vertex of patch {patch:?}, level {level}")]
+    FrameOfAnotherMap {
+        /// The patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+    },
     /// Data that is not a valid map.
     #[error(transparent)]
     Map(#[from] MapError),

@@ -12,7 +12,7 @@ use crate::{
     image::TactileImage,
     plot::{
         PlotError,
-        colour::{Colour, DIVERGING, ORDER, Scale},
+        colour::{DIVERGING, ORDER, Scale, hatch},
         layout::{printable, short},
         picture::{Anchor, MAX_SIDE, Picture, Shape, encode_with_alpha},
     },
@@ -34,12 +34,6 @@ impl Default for FrameOptions {
         Self { range: [0.0, 1.0], bar: None, magnification: 1 }
     }
 }
-
-/// Greys of the hatch: lighter than the dark end of the scale, without its colour.
-const HATCH: [Colour; 2] = [Colour(0xb8, 0xb8, 0xb8), Colour(0x8c, 0x8c, 0x8c)];
-
-/// Width of a line of the hatch and its gap, in pixels of the picture.
-const HATCH_PX: usize = 3;
 
 /// Least width of a picture with a bar, in pixels: its numbers fit.
 const BAR_PX: u32 = 220;
@@ -96,11 +90,7 @@ pub fn frame_png(image: &TactileImage, channel: usize, options: &FrameOptions) -
                 continue;
             }
             let value = f64::from(values[at]);
-            let colour = if value.is_nan() {
-                HATCH[(x + y) / HATCH_PX % 2]
-            } else {
-                scale.at((value - low) / (high - low))
-            };
+            let colour = if value.is_nan() { hatch(x + y) } else { scale.at((value - low) / (high - low)) };
             *pixel = [colour.0, colour.1, colour.2, 255];
         }
     }

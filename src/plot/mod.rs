@@ -1,8 +1,9 @@
 //! Pictures of maps and of skins, as SVG or PNG.
 //!
 //! A picture shows levels side by side at one scale, with their receptive fields or their
-//! distortion, and the skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`];
-//! [`Picture::to_svg`] and [`Picture::to_png`] write it.
+//! distortion, and the skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does
+//! [`plot_frame`] with the readings of one moment; [`Picture::to_svg`] and [`Picture::to_png`] write
+//! it.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};
@@ -15,7 +16,7 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In reading order: [`plot_map`] chooses patches and levels, `draw` makes a panel of each (a level
+//! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel of each (a level
 //! on its map, or the skin in space), `colour` chooses the colours, `layout` positions panels,
 //! captions and legends, and `picture` is the list of shapes that comes out.
 
@@ -27,10 +28,12 @@ mod layout;
 mod options;
 mod patch_view;
 mod picture;
+mod plot_frame;
 mod plot_map;
 
 pub use error::PlotError;
 pub use frame::{FrameOptions, ValueRange, frame_png};
 pub use options::{Paint, PlotOptions, Viewpoint};
 pub use picture::Picture;
+pub use plot_frame::{ChannelView, plot_frame};
 pub use plot_map::{plot_map, plot_skin};

@@ -95,7 +95,7 @@ fn draw(
         groups.push(layout.caption(&panel.slot.caption, &view));
         groups.push(panel.draw(&view, options.paint, &limits)?);
     }
-    let has_hollow = groups.iter().flatten().any(|s| matches!(s, Shape::Dots { is_hollow: true, .. }));
+    let has_hollow = groups.iter().flatten().any(|s| matches!(s, Shape::Dots { has_rim: true, .. }));
     groups.push(layout.scale_bar());
     groups.push(layout.legend(options.paint, &limits));
     if has_hollow {
@@ -110,7 +110,7 @@ fn draw(
 }
 
 /// The patches of these names, in this order; without names all.
-fn choose<'a, P>(
+pub(super) fn choose<'a, P>(
     patches: &'a IdVec<PatchId, P>,
     name: impl Fn(&P) -> &String,
     names: &[String],
@@ -130,7 +130,7 @@ fn choose<'a, P>(
     names.iter().map(find).collect()
 }
 
-fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), PlotError> {
+pub(super) fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), PlotError> {
     let Viewpoint::From { azimuth, elevation } = viewpoint else { return Ok(()) };
     let [azimuth, elevation] = [azimuth, elevation].map(f64::to_degrees);
     // A right angle in radians is not exactly representable.
@@ -138,7 +138,7 @@ fn check_viewpoint(viewpoint: Viewpoint) -> Result<(), PlotError> {
     if is_direction { Ok(()) } else { Err(PlotError::Direction { azimuth, elevation }) }
 }
 
-fn choose_levels(patches: &[&PatchMap], levels: &[LevelId]) -> Result<Vec<LevelId>, PlotError> {
+pub(super) fn choose_levels(patches: &[&PatchMap], levels: &[LevelId]) -> Result<Vec<LevelId>, PlotError> {
     let count = patches.iter().map(|p| p.levels.len()).max().unwrap_or(0);
     if let Some(&level) = levels.iter().find(|l| l.index() >= count) {
         return Err(PlotError::UnknownLevel { level, last: count.saturating_sub(1) });

@@ -9,12 +9,15 @@ use crate::{
         Paint, PlotError,
         colour::{
             ScaleLimits,
-            field_colours::{dominant_fields, field_colours},
-            scales::{Colour, DIVERGING, ORDER, SEQUENTIAL, SKIN, Scale},
+            field_colours::{dominant_fields, field_colours, largest},
+            scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, hatch},
         },
         patch_view::PatchView,
     },
 };
+
+/// A grey that can be seen on both ends of every scale.
+const DOT_ON_VALUES: Colour = Colour(0xc8, 0xc8, 0xc8);
 
 /// Steps of a continuous scale: finer ones cannot be distinguished, and each is one path.
 const STEPS: u32 = 64;
@@ -35,15 +38,55 @@ pub(crate) enum MeshOwner {
 }
 
 pub(crate) enum Fill {
-    Cells { groups: IdVec<VertexId, u32>, colours: Vec<Colour> },
+    Cells {
+        groups: IdVec<VertexId, u32>,
+        colours: Vec<Colour>,
+    },
     Faces(IdVec<FaceId, Colour>),
+    /// Values from 0 to 1, linear between the corners of each triangle; NaN where nothing is known.
+    Values {
+        values: IdVec<VertexId, f64>,
+        scale: Scale,
+    },
 }
 
 impl Fill {
-    pub(crate) fn colour(&self, face: FaceId, corner: VertexId) -> Colour {
+    /// The colour at a place in a face, by its barycentric coordinates times any positive number, on
+    /// this diagonal of the pixels.
+    pub(crate) fn colour(
+        &self,
+        face: FaceId,
+        corners: [VertexId; 3],
+        weights: [f64; 3],
+        diagonal: usize,
+    ) -> Colour {
+        let nearest = corners[largest(weights)];
         match self {
             Self::Faces(colours) => colours[face],
-            Self::Cells { groups, colours } => colours[groups[corner] as usize],
+            Self::Cells { groups, colours } => colours[groups[nearest] as usize],
+            Self::Values { values, .. } if values[nearest].is_nan() => hatch(diagonal),
+            Self::Values { values, scale } => {
+                let known = corners.into_iter().zip(weights).filter(|(v, _)| !values[*v].is_nan());
+                let (sum, weight) =
+                    known.fold((0.0, 0.0), |(sum, weight), (v, w)| (sum + w * values[v], weight + w));
+                step_colour(step(sum / weight), *scale)
+            }
+        }
+    }
+
+    /// Colour and opacity of the lines between triangles.
+    pub(crate) fn lines(&self) -> (Colour, f64) {
+        match self {
+            Self::Values { .. } => (Colour::WHITE, 0.3),
+            _ => (Colour(0, 0, 0), 0.28),
+        }
+    }
+
+    /// Colour of dots, and their size: over values they are small, so as not to hide them.
+    pub(crate) fn dots(&self) -> (Colour, f64) {
+        match self {
+            Self::Values { .. } => (DOT_ON_VALUES, 0.55),
+            _ => (INK, 1.0),
         }
     }
 }

@@ -6,6 +6,5 @@ mod scale_limits;
 mod scales;
 
 pub(crate) use coloured_mesh::{ColouredMesh, Fill, MeshOwner};
-pub(crate) use field_colours::largest;
 pub(crate) use scale_limits::ScaleLimits;
-pub(crate) use scales::{Colour, DIVERGING, ORDER, SEQUENTIAL, Scale};
+pub(crate) use scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, Scale, hatch};

@@ -1,5 +1,8 @@
 //! Colours, and scales of colours for values.
 
+/// Colour of texts, lines and dots.
+pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
+
 /// The skin itself, whose taxels are not fields yet.
 pub(crate) const SKIN: Colour = Colour(0xe3, 0xea, 0xf2);
 
@@ -23,6 +26,18 @@ impl Colour {
         let lit = |x: u8| (f64::from(x) * brightness).round() as u8;
         Self(lit(self.0), lit(self.1), lit(self.2))
     }
+}
+
+/// Greys of the hatch: lighter than the dark end of a scale, without its colour.
+const HATCH: [Colour; 2] = [Colour(0xb8, 0xb8, 0xb8), Colour(0x8c, 0x8c, 0x8c)];
+
+/// Width of a line of the hatch and its gap, in pixels.
+const HATCH_PX: usize = 3;
+
+/// The colour where nothing is known, on this diagonal of the pixels: lines of two greys, which no
+/// scale has.
+pub(crate) fn hatch(diagonal: usize) -> Colour {
+    HATCH[diagonal / HATCH_PX % 2]
 }
 
 /// A scale of colours between anchors at equal distances.

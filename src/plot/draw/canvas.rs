@@ -7,10 +7,10 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{TriMesh, edges},
     plot::{
-        colour::{Colour, largest},
+        colour::{Colour, Fill, INK},
         draw::depth_buffer::DepthBuffer,
         layout::View,
-        picture::{INK, Path, Pixels, Shape, Stroke},
+        picture::{Path, Pixels, Shape, Stroke},
     },
 };
 
@@ -68,35 +68,38 @@ impl<'a> Canvas<'a> {
         )
     }
 
-    /// The colour of the nearest face in each pixel: that of the corner to whose cell the pixel
-    /// belongs.
+    /// The nearest face in each pixel, in the colours of `fill`; `brightness` is that of each face.
     pub(crate) fn image(
         &self,
         buffer: &DepthBuffer,
         view: &View,
-        colour: impl Fn(FaceId, VertexId) -> Colour,
+        fill: &Fill,
+        brightness: impl Fn(FaceId) -> f64,
     ) -> Shape {
-        let pixel = |(face, at): (Option<FaceId>, DVec2)| {
+        let width = buffer.size[0].max(1);
+        let pixel = |(k, (face, at)): (usize, (Option<FaceId>, DVec2))| {
             let Some(face) = face else { return Colour::WHITE };
-            colour(face, self.mesh.triangles[face][self.nearest_corner(face, at)])
+            let diagonal = k % width + k / width;
+            fill.colour(face, self.mesh.triangles[face], self.weights(face, at), diagonal)
+                .lit(brightness(face))
         };
-        let pixels = Pixels { size: buffer.size, colours: buffer.pixels().map(pixel).collect() };
+        let pixels = Pixels { size: buffer.size, colours: buffer.pixels().enumerate().map(pixel).collect() };
         Shape::Image { corner: view.corner, size: view.size, pixels }
     }
 
-    /// The corner of a face whose cell a place lies in: that with the largest barycentric
-    /// coordinate.
-    fn nearest_corner(&self, face: FaceId, at: DVec2) -> usize {
+    /// The barycentric coordinates of a place in a face, times twice its area.
+    fn weights(&self, face: FaceId, at: DVec2) -> [f64; 3] {
         let [a, b, c] = self.mesh.triangles[face].map(|v| self.at(v) - at);
         let weights = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
         let sign = weights.iter().sum::<f64>().signum();
-        largest(weights.map(|w| sign * w))
+        weights.map(|w| sign * w)
     }
 }
 
 /// Lines between triangles whose edges are this long on the picture, in pixels, if they are drawn.
-pub(crate) fn triangle_lines(path: Path, edge_px: f64) -> Option<Shape> {
-    let stroke = Stroke { colour: Colour(0, 0, 0), width: 0.7, opacity: 0.28 };
+pub(crate) fn triangle_lines(path: Path, edge_px: f64, fill: &Fill) -> Option<Shape> {
+    let (colour, opacity) = fill.lines();
+    let stroke = Stroke { colour, width: 0.7, opacity };
     (edge_px >= LEAST_LINE_PX).then_some(Shape::Path { path, fill: None, stroke: Some(stroke) })
 }
 
@@ -106,15 +109,21 @@ pub(crate) fn boundary_line(path: Path) -> Shape {
 }
 
 /// Dots of taxels, at places and whether they read pressure: those that do not are hollow.
-pub(crate) fn taxel_dots(taxels: impl Iterator<Item = (DVec2, bool)>, radius: f64) -> Vec<Shape> {
+pub(crate) fn taxel_dots(
+    taxels: impl Iterator<Item = (DVec2, bool)>,
+    radius: f64,
+    fill: &Fill,
+) -> Vec<Shape> {
+    let (colour, size) = fill.dots();
     let (live, silent): (Vec<_>, Vec<_>) = taxels.partition(|taxel| taxel.1);
-    let dots = |taxels: Vec<(DVec2, bool)>, is_hollow| Shape::Dots {
+    let dots = |taxels: Vec<(DVec2, bool)>, colour, has_rim| Shape::Dots {
         centres: taxels.into_iter().map(|taxel| taxel.0).collect(),
-        radius,
-        is_hollow,
+        radius: size * radius,
+        colour,
+        has_rim,
     };
-    let hollow = (!silent.is_empty()).then(|| dots(silent, true));
-    std::iter::once(dots(live, false)).chain(hollow).collect()
+    let hollow = (!silent.is_empty()).then(|| dots(silent, Colour::WHITE, true));
+    std::iter::once(dots(live, colour, false)).chain(hollow).collect()
 }
 
 /// Radius of dots between edges this long, in pixels; `None` where they would touch.

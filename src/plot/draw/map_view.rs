@@ -9,7 +9,6 @@ use crate::{
     map::MapLevel,
     mesh::{TriMesh, boundary_loops},
     plot::{
-        Paint,
         colour::{Colour, ColouredMesh, Fill, MeshOwner},
         draw::{
             canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines},
@@ -30,20 +29,28 @@ const LEAST_EDGE_PX: f64 = 3.0;
 const SEPARATION_PX: f64 = 1.5;
 const SEAM_PX: f64 = 0.6;
 
+/// What is drawn on a map besides its colours.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MapLook {
+    /// Whether white lines separate areas.
+    pub(crate) has_gaps: bool,
+    /// Whether vertices have dots.
+    pub(crate) has_dots: bool,
+}
+
 pub(crate) fn draw_map(
     patch: &PatchView<'_>,
     level: &MapLevel,
     coloured: &ColouredMesh<'_>,
     view: &View,
-    paint: Paint,
+    look: MapLook,
 ) -> Vec<Shape> {
     let own = lay_out(&level.level.mesh, &level.uv, view);
     let mut shapes = match coloured.owner {
         MeshOwner::Level => areas(&own, &coloured.fill, view, false),
         MeshOwner::Taxels => {
             let carried = lay_out(coloured.mesh, &carry(level), view);
-            let is_separated = paint == Paint::Fields && level.level.to_finest.is_some();
-            areas(&carried, &coloured.fill, view, is_separated)
+            areas(&carried, &coloured.fill, view, look.has_gaps)
         }
     };
     let mut lines = Path::default();
@@ -51,15 +58,15 @@ pub(crate) fn draw_map(
         lines.move_to(own.at(a));
         lines.line_to(own.at(b));
     }
-    shapes.extend(triangle_lines(lines, own.edge_px));
+    shapes.extend(triangle_lines(lines, own.edge_px, &coloured.fill));
     let mut boundary = Path::default();
     for walk in boundary_loops(own.mesh) {
         boundary.polygon(walk.into_iter().map(|v| own.at(v)));
     }
     shapes.push(boundary_line(boundary));
-    if let (true, Some(radius)) = (paint.has_dots(), dot_radius(own.edge_px)) {
+    if let (true, Some(radius)) = (look.has_dots, dot_radius(own.edge_px)) {
         let dot = |(v, &taxel): (VertexId, &VertexId)| (own.at(v), patch.is_live(taxel));
-        shapes.extend(taxel_dots(level.level.origins.enumerate().map(dot), radius));
+        shapes.extend(taxel_dots(level.level.origins.enumerate().map(dot), radius, &coloured.fill));
     }
     shapes
 }
@@ -77,15 +84,14 @@ fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
     to_finest.indices.enumerate().map(at).collect()
 }
 
-/// A path for each colour, or an image if triangles are small. Neighbouring groups of one colour
+/// A path for each colour, or an image if triangles are small or colours change within them. Neighbouring groups of one colour
 /// merge.
 fn areas(canvas: &Canvas<'_>, fill: &Fill, view: &View, is_separated: bool) -> Vec<Shape> {
-    if canvas.edge_px < LEAST_EDGE_PX {
-        let buffer = canvas.depth_buffer(view);
-        return vec![canvas.image(&buffer, view, |face, corner| fill.colour(face, corner))];
-    }
+    let image = || vec![canvas.image(&canvas.depth_buffer(view), view, fill, |_| 1.0)];
     let mut paths = BTreeMap::<Colour, Path>::new();
     match fill {
+        _ if canvas.edge_px < LEAST_EDGE_PX => return image(),
+        Fill::Values { .. } => return image(),
         Fill::Cells { groups, colours } => {
             let places = canvas.places.map(|p| p.truncate());
             for outline in outlines(canvas.mesh, &places, groups) {

@@ -1,18 +1,22 @@
 //! A panel: one picture of one patch, with its caption.
 
 use crate::{
-    id::VertexId,
+    id::{IdVec, VertexId},
     map::MapLevel,
     mesh::rectangle_around,
     plot::{
         Paint, PlotError, Viewpoint,
-        colour::{ColouredMesh, ScaleLimits},
-        draw::{camera::Camera, map_view::draw_map, view_3d::draw_in_space},
+        colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits},
+        draw::{
+            camera::Camera,
+            map_view::{MapLook, draw_map},
+            view_3d::draw_in_space,
+        },
         layout::{Caption, Slot, View, number, printable},
         patch_view::PatchView,
         picture::Shape,
     },
-    pyramid::LevelId,
+    pyramid::{LevelId, Prolongation},
 };
 
 pub(crate) struct Panel<'a> {
@@ -62,7 +66,11 @@ impl<'a> Panel<'a> {
     ) -> Result<Vec<Shape>, PlotError> {
         let coloured = ColouredMesh::new(self.patch, self.level(), paint, limits)?;
         match &self.look {
-            Look::OnMap(level) => Ok(draw_map(self.patch, level, &coloured, view, paint)),
+            Look::OnMap(level) => {
+                let has_gaps = paint == Paint::Fields && level.level.to_finest.is_some();
+                let look = MapLook { has_gaps, has_dots: paint.has_dots() };
+                Ok(draw_map(self.patch, level, &coloured, view, look))
+            }
             Look::InSpace(camera, level) => {
                 let dots: Vec<VertexId> = match level.filter(|level| level.level.to_finest.is_some()) {
                     _ if !paint.has_dots() => Vec::new(),
@@ -73,6 +81,46 @@ impl<'a> Panel<'a> {
             }
         }
     }
+}
+
+impl Panel<'_> {
+    /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots where they
+    /// are.
+    pub(crate) fn draw_values(&self, view: &View, values: &IdVec<VertexId, f64>, scale: Scale) -> Vec<Shape> {
+        let coloured = |mesh, owner, values| ColouredMesh {
+            mesh,
+            owner,
+            fill: Fill::Values { values, scale },
+            is_scale: true,
+        };
+        match &self.look {
+            Look::OnMap(level) => {
+                let coloured = coloured(&level.level.mesh, MeshOwner::Level, values.clone());
+                draw_map(self.patch, level, &coloured, view, MapLook { has_gaps: false, has_dots: true })
+            }
+            Look::InSpace(camera, level) => {
+                let prolongation = level.and_then(|level| level.level.to_finest.as_ref());
+                let on_taxels = prolongation.map_or_else(|| values.clone(), |p| carry_known(p, values));
+                let dots: Vec<VertexId> = match level.filter(|_| prolongation.is_some()) {
+                    Some(level) => level.level.origins.iter().copied().collect(),
+                    None => self.patch.mesh.positions.ids().collect(),
+                };
+                let coloured = coloured(self.patch.mesh, MeshOwner::Taxels, on_taxels);
+                draw_in_space(self.patch, &coloured, camera, view, &dots)
+            }
+        }
+    }
+}
+
+/// Values of a level on the taxels: the mean of those of their fields that are known.
+fn carry_known(prolongation: &Prolongation, values: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
+    let mean = |taxel| {
+        let known = prolongation.row(taxel).filter(|(field, _)| !values[*field].is_nan());
+        let (sum, weight) =
+            known.fold((0.0, 0.0), |(sum, weight), (field, w)| (sum + w * values[field], weight + w));
+        sum / weight
+    };
+    prolongation.indices.ids().map(mean).collect()
 }
 
 fn caption_of_map(name: &str, id: LevelId, level: &MapLevel) -> Caption {

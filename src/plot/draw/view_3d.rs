@@ -57,15 +57,14 @@ pub(crate) fn draw_in_space(
     let ambient = if coloured.is_scale { AMBIENT_OF_SCALE } else { AMBIENT };
     let brightness: IdVec<FaceId, f64> =
         mesh.triangles.ids().map(|face| brightness(camera, mesh.face_cross(face), ambient)).collect();
-    let mut shapes =
-        vec![canvas.image(&buffer, view, |face, v| coloured.fill.colour(face, v).lit(brightness[face]))];
-    shapes.extend(triangle_lines(unhidden(&canvas, &canvas.edges, &buffer), canvas.edge_px));
+    let mut shapes = vec![canvas.image(&buffer, view, &coloured.fill, |face| brightness[face])];
+    shapes.extend(triangle_lines(unhidden(&canvas, &canvas.edges, &buffer), canvas.edge_px, &coloured.fill));
     shapes.push(boundary_line(unhidden(&canvas, &boundary_edges(mesh), &buffer)));
     if let (Some(radius), false) = (dot_radius(canvas.edge_px), dots.is_empty()) {
         let normals = mesh.vertex_normals();
         let is_seen = |v: &&VertexId| camera.sees(normals[**v]) && buffer.shows(canvas.places[**v], SLACK_PX);
         let dot = |&v: &VertexId| (canvas.at(v), patch.is_live(v));
-        shapes.extend(taxel_dots(dots.iter().filter(is_seen).map(dot), radius));
+        shapes.extend(taxel_dots(dots.iter().filter(is_seen).map(dot), radius, &coloured.fill));
     }
     shapes
 }

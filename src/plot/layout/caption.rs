@@ -60,7 +60,7 @@ fn shorten(text: &str, room: f64) -> String {
 }
 
 /// Width of a text over the height of its letters.
-fn width(text: &str) -> f64 {
+pub(super) fn width(text: &str) -> f64 {
     text.chars().map(letter_width).sum()
 }
 

@@ -4,12 +4,13 @@ use glam::DVec2;
 
 use crate::plot::{
     Paint,
-    colour::{DIVERGING, ORDER, SEQUENTIAL, Scale, ScaleLimits},
+    colour::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, Scale, ScaleLimits, hatch},
     layout::{
         Layout,
+        caption::width,
         text::{round_down, short},
     },
-    picture::{Anchor, INK, Path, Shape},
+    picture::{Anchor, Path, Pixels, Shape},
 };
 
 /// Width of the legend of the colours with its name, in heights of letters.
@@ -49,7 +50,10 @@ impl Layout {
             anchor: Anchor::End,
             is_bold: false,
         };
-        vec![Shape::Dots { centres: vec![at], radius: 0.25 * self.em, is_hollow: true }, text]
+        vec![
+            Shape::Dots { centres: vec![at], radius: 0.25 * self.em, colour: Colour::WHITE, has_rim: true },
+            text,
+        ]
     }
 
     /// What the colours mean, at the lower right; nothing for colours that only distinguish fields.
@@ -71,9 +75,12 @@ impl Layout {
             }
             Paint::Taxel => (ORDER, "taxel id", ["lowest".into(), String::new(), "highest".into()]),
         };
-        let size = self.em * DVec2::new(11.0, 0.8);
-        let right = f64::from(self.width) - self.margin - 2.0 * self.em;
-        let corner = DVec2::new(right - size.x, self.foot() - 0.9 * self.em);
+        self.colour_bar(scale, name, &labels)
+    }
+
+    /// A scale of colours at the lower right, what it is of, and the values at its ends and middle.
+    pub(crate) fn colour_bar(&self, scale: Scale, name: &str, labels: &[String; 3]) -> Vec<Shape> {
+        let (corner, size) = self.bar();
         let text = |text: &str, dx: f64, dy: f64, anchor| Shape::Text {
             text: text.to_owned(),
             at: corner + DVec2::new(dx, dy),
@@ -89,5 +96,30 @@ impl Layout {
             shapes.push(text(label, share * size.x, 2.0 * self.em, Anchor::Middle));
         }
         shapes
+    }
+
+    /// Corner and size of the scale of colours.
+    fn bar(&self) -> (DVec2, DVec2) {
+        let size = self.em * DVec2::new(11.0, 0.8);
+        let right = f64::from(self.width) - self.margin - 2.0 * self.em;
+        (DVec2::new(right - size.x, self.foot() - 0.9 * self.em), size)
+    }
+
+    /// What the hatch means, to the left of a colour bar of this name.
+    pub(crate) fn hatch_key(&self, name: &str) -> Vec<Shape> {
+        const MEANING: &str = "no reading";
+        let (corner, size) = self.bar();
+        let right = corner.x - (1.6 + width(name)) * self.em;
+        let size = DVec2::new(1.6 * self.em, size.y);
+        let left = right - width(MEANING) * self.em - 0.4 * self.em - size.x;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few letters wide")]
+        let [columns, rows] = size.to_array().map(|x| (2.0 * x).round().max(1.0) as usize);
+        let colours = (0..columns * rows).map(|k| hatch(k % columns + k / columns)).collect();
+        let corner = DVec2::new(left.round(), corner.y.round());
+        let text_at = DVec2::new(left + size.x + 0.4 * self.em, corner.y + 0.7 * self.em);
+        vec![
+            Shape::Image { corner, size, pixels: Pixels { size: [columns, rows], colours } },
+            Shape::Text { text: MEANING.into(), at: text_at, anchor: Anchor::Start, is_bold: false },
+        ]
     }
 }

@@ -14,10 +14,7 @@ pub(crate) use png::encode_with_alpha;
 
 use glam::DVec2;
 
-use crate::plot::colour::Colour;
-
-/// Colour of texts, lines and dots.
-pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
+use crate::plot::colour::{Colour, INK};
 
 /// Largest width or height of a picture, in pixels.
 pub(crate) const MAX_SIDE: u32 = 16_384;
@@ -39,8 +36,8 @@ pub struct Picture {
 pub(crate) enum Shape {
     /// Straight lines and the areas inside of them.
     Path { path: Path, fill: Option<Colour>, stroke: Option<Stroke> },
-    /// Discs in ink, or white ones with a rim of ink.
-    Dots { centres: Vec<DVec2>, radius: f64, is_hollow: bool },
+    /// Discs, with a rim of ink or without.
+    Dots { centres: Vec<DVec2>, radius: f64, colour: Colour, has_rim: bool },
     /// A line of text; `at` is on its base line.
     Text { text: String, at: DVec2, anchor: Anchor, is_bold: bool },
     /// Pixels, as fine as those of the picture or finer.
@@ -61,7 +58,7 @@ impl Stroke {
     /// Around the scale of a legend.
     const FRAME: Self = Self { colour: INK, width: 0.8, opacity: 1.0 };
 
-    /// Around hollow dots.
+    /// Around dots that have one.
     const RIM: Self = Self { colour: INK, width: 1.0, opacity: 1.0 };
 
     /// What makes letters of this height bolder.

@@ -80,14 +80,14 @@ impl Canvas {
                 let path = to_skia(path);
                 self.draw_path(path.as_ref(), *fill, stroke.as_ref(), Transform::identity());
             }
-            Shape::Dots { centres, radius, is_hollow } => {
+            Shape::Dots { centres, radius, colour, has_rim } => {
                 let mut path = PathBuilder::new();
                 for at in centres {
                     let [x, y, r] = [at.x, at.y, *radius].map(f32_of);
                     path.push_circle(x, y, r);
                 }
-                let (fill, rim) = if *is_hollow { (Colour::WHITE, Some(&Stroke::RIM)) } else { (INK, None) };
-                self.draw_path(path.finish().as_ref(), Some(fill), rim, Transform::identity());
+                let rim = has_rim.then_some(&Stroke::RIM);
+                self.draw_path(path.finish().as_ref(), Some(*colour), rim, Transform::identity());
             }
             Shape::Text { text, at, anchor, is_bold } => {
                 let (path, width) = self.fonts.outline(text, self.em);

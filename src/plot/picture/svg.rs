@@ -80,11 +80,10 @@ fn write_shape(svg: &mut String, shape: &Shape, em: f64) {
             let element = Element::new(svg, "path").set("d", path.to_svg()).set("fill", fill);
             stroke.iter().fold(element, Element::stroke).end();
         }
-        Shape::Dots { centres, radius, is_hollow } => {
+        Shape::Dots { centres, radius, colour, has_rim } => {
             let tenth = |x: f64| (10.0 * x).round() / 10.0;
-            let fill = if *is_hollow { Colour::WHITE } else { INK };
-            let group = Element::new(svg, "g").set("fill", fill.hex());
-            is_hollow.then_some(Stroke::RIM).iter().fold(group, Element::stroke).open();
+            let group = Element::new(svg, "g").set("fill", colour.hex());
+            has_rim.then_some(Stroke::RIM).iter().fold(group, Element::stroke).open();
             for at in centres {
                 let dot = Element::new(svg, "circle").set("cx", tenth(at.x)).set("cy", tenth(at.y));
                 dot.set("r", tenth(*radius)).end();

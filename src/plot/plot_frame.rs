@@ -1,0 +1,305 @@
+//! Pictures of readings: one channel of one frame on every level, on the map and on the skin.
+//!
+//! Values are linear between the vertices of each level, as in tactile images; where nothing is known
+//! the skin is hatched in greys, which no scale has.
+
+use crate::{
+    id::{IdVec, VertexId},
+    map::{MapLevel, PatchMap, SkinMap},
+    plot::{
+        PlotError, PlotOptions,
+        colour::{DIVERGING, ORDER, Scale},
+        draw::Panel,
+        layout::{Caption, Layout, printable, short},
+        patch_view::PatchView,
+        picture::Picture,
+        plot_map::{check_viewpoint, choose, choose_levels},
+    },
+    pyramid::LevelId,
+    signal::{Channel, LevelFrame, Quantity},
+};
+
+/// One channel of a frame, as [`plot_frame`] shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChannelView<'a> {
+    /// The values on all levels.
+    pub frame: &'a LevelFrame,
+    /// The channels of the frame.
+    pub channels: &'a [Channel],
+    /// Position of the one that is shown.
+    pub shown: usize,
+    /// The values at the two ends of the colour scale, in the unit of the channel, of an extensive
+    /// one in that unit per m^2; `None`: those of the levels drawn, rounded.
+    pub range: Option<[f64; 2]>,
+}
+
+/// Draws one channel of a frame: levels side by side, all at one scale and in one scale of colours.
+///
+/// Extensive channels are drawn per area of skin, so that levels can be compared. A range on both
+/// sides of zero has a diverging scale; any other has viridis. Dots are taxels or the fields'
+/// centres; a taxel without a reading is hatched. With [`PlotOptions::space`] a patch has two rows:
+/// the skin in space with the values of each level, and the maps. [`PlotOptions::paint`] has no
+/// effect.
+///
+/// # Errors
+/// If there is no such patch, level or channel, the range does not rise, the frame is not one of
+/// the map, the map is not valid, the viewpoint is not a direction, or the picture is narrower than
+/// its panels need or larger than 16384 pixels a side.
+///
+/// ```
+/// use dermatome::{
+///     map::SkinMap,
+///     mesh::shapes,
+///     plot::{ChannelView, PlotOptions, plot_frame},
+///     signal::{Channel, Frame, Restrictor},
+/// };
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let channels = [Channel::new("pressure", "Pa")];
+/// let mut frame = Frame::new(&map, 1);
+/// for reading in frame.values.iter_mut().flatten().flat_map(|channel| channel.iter_mut().skip(1)) {
+///     *reading = 5e3;
+/// }
+/// let mut restrictor = Restrictor::new(&map, &channels);
+/// let frame = restrictor.restrict(&frame);
+/// let view = ChannelView { frame, channels: &channels, shown: 0, range: Some([0.0, 20e3]) };
+/// let svg = plot_frame(&map, &view, &PlotOptions::default())?.to_svg();
+/// assert!(svg.contains("pressure, kPa") && svg.contains("no reading"));
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+pub fn plot_frame(
+    map: &SkinMap,
+    channel: &ChannelView<'_>,
+    options: &PlotOptions,
+) -> Result<Picture, PlotError> {
+    let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
+    let levels = choose_levels(&patches, &options.levels)?;
+    options.space.map_or(Ok(()), check_viewpoint)?;
+    map.validate()?;
+    let views: Option<Vec<_>> = patches.iter().map(|patch| PatchView::of_map(map, patch)).collect();
+    let views = views.ok_or(PlotError::Empty)?;
+    let about = about(channel)?;
+    let mut rows = Vec::new();
+    for (&patch, view) in patches.iter().zip(&views) {
+        let drawn: Vec<_> =
+            levels.iter().map(|&level| densities(map, patch, level, channel)).collect::<Result<_, _>>()?;
+        if let Some(viewpoint) = options.space {
+            let panel = |(&level, drawn)| Some((Panel::in_space(view, level, viewpoint), drawn?));
+            rows.push(levels.iter().zip(drawn.clone()).map(panel).collect::<Vec<_>>());
+        }
+        let panel = |(&level, drawn)| Some((Panel::on_map(view, level)?, drawn?));
+        rows.push(levels.iter().zip(drawn).map(panel).collect());
+    }
+    let colours = Colours::new(channel, &about, rows.iter().flatten().flatten().map(|(_, drawn)| drawn))?;
+    for (panel, drawn) in rows.iter_mut().flatten().flatten() {
+        panel.slot.caption = caption(&panel.slot.caption, drawn, channel, &about);
+    }
+    let slots: Vec<_> = rows
+        .iter()
+        .map(|row| row.iter().map(|panel| panel.as_ref().map(|(p, _)| &p.slot)).collect())
+        .collect();
+    let layout = Layout::new(&slots, options.width_px)?;
+    let mut groups = Vec::new();
+    let mut has_gaps = false;
+    for ((panel, drawn), view) in rows.iter().flatten().flatten().zip(layout.views(&slots)) {
+        let [low, high] = colours.range;
+        let shares = drawn.densities.map(|x| (x - low) / (high - low));
+        has_gaps |= shares.iter().any(|x| x.is_nan());
+        groups.push(layout.caption(&panel.slot.caption, &view));
+        groups.push(panel.draw_values(&view, &shares, colours.scale));
+    }
+    groups.push(layout.scale_bar());
+    groups.push(layout.colour_bar(colours.scale, &about.label, &colours.labels(about.factor)));
+    if has_gaps {
+        groups.push(layout.hatch_key(&about.label));
+    }
+    let names: Vec<_> = views.iter().map(|view| printable(view.name)).collect();
+    Ok(Picture {
+        title: format!("{} on {}", printable(&channel.channels[channel.shown].name), names.join(", ")),
+        size_px: [layout.width, layout.height],
+        em: layout.em,
+        groups,
+    })
+}
+
+/// What a channel is called on a picture.
+struct About {
+    /// Name and unit of what is drawn, as `pressure, kPa`.
+    label: String,
+    unit: String,
+    /// Unit of what is drawn over that of the channel, per m^2 if it is extensive.
+    factor: f64,
+}
+
+fn about(view: &ChannelView<'_>) -> Result<About, PlotError> {
+    let ChannelView { channels, shown, range, .. } = *view;
+    let [low, high] = range.unwrap_or([0.0, 1.0]);
+    let rises = low.is_finite() && high.is_finite() && low < high;
+    let Some(channel) = channels.get(shown).filter(|_| rises) else {
+        return Err(PlotError::Frame { channel: shown, channels: channels.len(), range: [low, high] });
+    };
+    let name = printable(&channel.name);
+    let (name, unit) = match (channel.quantity, channel.unit.as_str()) {
+        (Quantity::Intensive, unit) => (name, printable(unit)),
+        (Quantity::Extensive, "N") => (format!("{name} per area"), "Pa".to_owned()),
+        (Quantity::Extensive, "") => (format!("{name} per area"), "1/m²".to_owned()),
+        (Quantity::Extensive, unit) => (format!("{name} per area"), format!("{}/m²", printable(unit))),
+    };
+    let (unit, factor) = if unit == "Pa" { ("kPa".to_owned(), 1e3) } else { (unit, 1.0) };
+    let label = if unit.is_empty() { name } else { format!("{name}, {unit}") };
+    Ok(About { label, unit, factor })
+}
+
+/// The values of one level of a patch.
+#[derive(Clone)]
+struct Drawn<'a> {
+    level: LevelId,
+    values: &'a IdVec<VertexId, f64>,
+    /// What is drawn: the values, or amounts per area of skin.
+    densities: IdVec<VertexId, f64>,
+}
+
+/// `None` for a level that the patch does not have.
+fn densities<'a>(
+    map: &SkinMap,
+    patch: &PatchMap,
+    level: LevelId,
+    view: &ChannelView<'a>,
+) -> Result<Option<Drawn<'a>>, PlotError> {
+    let Some(MapLevel { level: shape, .. }) = patch.levels.get(level) else { return Ok(None) };
+    let other = || PlotError::FrameOfAnotherMap { patch: patch.name.clone(), level };
+    let id = map.patches.enumerate().find(|(_, p)| std::ptr::eq(*p, patch)).map(|(id, _)| id);
+    let of_patch = id.and_then(|id| view.frame.values.get(id)).ok_or_else(other)?;
+    let values = of_patch.get(view.shown).and_then(|levels| levels.get(level)).ok_or_else(other)?;
+    if values.len() != shape.mesh.positions.len() {
+        return Err(other());
+    }
+    let densities = match view.channels[view.shown].quantity {
+        Quantity::Intensive => values.clone(),
+        Quantity::Extensive => values.iter().zip(&shape.areas).map(|(x, area)| x / area).collect(),
+    };
+    Ok(Some(Drawn { level, values, densities }))
+}
+
+/// The scale of colours of all panels.
+struct Colours {
+    range: [f64; 2],
+    /// Smallest and largest value drawn.
+    extremes: [f64; 2],
+    scale: Scale,
+}
+
+impl Colours {
+    fn new<'a>(
+        view: &ChannelView<'_>,
+        about: &About,
+        drawn: impl Iterator<Item = &'a Drawn<'a>>,
+    ) -> Result<Self, PlotError> {
+        let known = drawn.flat_map(|drawn| &drawn.densities).copied().filter(|x| x.is_finite());
+        let grow = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];
+        let extremes = known.fold([f64::INFINITY, f64::NEG_INFINITY], grow);
+        let range = view.range.unwrap_or_else(|| round(extremes, about.factor));
+        let [low, high] = range;
+        let scale = if low < 0.0 && high > 0.0 { DIVERGING } else { ORDER };
+        Ok(Self { range, extremes, scale })
+    }
+
+    /// The values at both ends and in the middle; beyond an end there are others only if it says so.
+    fn labels(&self, factor: f64) -> [String; 3] {
+        let [low, high] = self.range;
+        let text = |x: f64| {
+            // Zero in the middle of a symmetric range may be off by rounding.
+            let x = if x.abs() < 1e-12 * (high - low) { 0.0 } else { x / factor };
+            format!("{}{}", if x < 0.0 { "\u{2212}" } else { "" }, short(x.abs()))
+        };
+        let below = if self.extremes[0] < low { "≤ " } else { "" };
+        let above = if self.extremes[1] > high { "≥ " } else { "" };
+        [format!("{below}{}", text(low)), text(0.5 * (low + high)), format!("{above}{}", text(high))]
+    }
+}
+
+/// Share of the largest value below which values of the other sign are not worth half of a scale.
+const SLIGHTLY_NEGATIVE: f64 = 0.2;
+
+/// Share of the largest value below which the smallest is as good as zero.
+const NEARLY_ZERO: f64 = 0.5;
+
+/// A range around values whose ends have two digits: from zero if that is near, symmetric if values
+/// of both signs matter.
+fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
+    let largest = low.abs().max(high.abs());
+    if low > high || largest == 0.0 {
+        return [0.0, factor];
+    }
+    let digit = 10_f64.powf(largest.log10().floor() - 1.0);
+    let up = |x: f64| (x / digit).ceil() * digit;
+    let down = |x: f64| (x / digit).floor() * digit;
+    if low < 0.0 && high > 0.0 && (-low).min(high) > SLIGHTLY_NEGATIVE * largest {
+        [-up(largest), up(largest)]
+    } else if high <= 0.0 || -low > high {
+        let to = if high < NEARLY_ZERO * low { up(high) } else { 0.0 };
+        [down(low).min(to - digit), to]
+    } else {
+        let from = if low > NEARLY_ZERO * high { down(low) } else { 0.0 };
+        [from, up(high).max(from + digit)]
+    }
+}
+
+/// What a panel shows: which level and when, how many values are masked, and the largest.
+fn caption(panel: &Caption, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &About) -> Caption {
+    let Drawn { level, values, densities } = drawn;
+    let is_space = panel.which.contains("space");
+    let time = if view.frame.time.is_nan() { String::new() } else { format!(", {:.3} s", view.frame.time) };
+    let kind = if *level == LevelId::default() { "taxels" } else { "fields" };
+    let known = || values.iter().filter(|x| !x.is_nan());
+    let masked = values.len() - known().count();
+    let masked = if masked > 0 { format!(", {masked} masked") } else { String::new() };
+    let signed = |x: f64| format!("{}{}", if x < 0.0 { "\u{2212}" } else { "" }, short(x.abs()));
+    let largest = densities.iter().copied().filter(|x| !x.is_nan()).reduce(f64::max);
+    let mut measures = match largest {
+        Some(x) => format!("max {} {}", signed(x / about.factor), about.unit).trim_end().to_owned(),
+        None => "no reading".to_owned(),
+    };
+    let Channel { unit, quantity, .. } = &view.channels[view.shown];
+    if *quantity == Quantity::Extensive {
+        measures += &format!(", total {} {}", signed(known().sum()), printable(unit));
+    }
+    Caption {
+        name: panel.name.clone(),
+        which: format!(", level {level}{}", if is_space { " in space" } else { "" }),
+        about: [format!("{} {kind}{masked}{time}", values.len()), measures.trim_end().to_owned()],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_round_and_hold_the_values() {
+        for ([low, high], expected) in [
+            ([0.0, 37_210.0], [0.0, 38_000.0]),
+            ([-40.0, 37_210.0], [0.0, 38_000.0]),
+            ([-30_000.0, 37_210.0], [-38_000.0, 38_000.0]),
+            ([-37_210.0, 100.0], [-38_000.0, 0.0]),
+            ([50_100.0, 50_900.0], [50_000.0, 51_000.0]),
+            ([-51.0, -50.5], [-51.0, -50.0]),
+            ([0.0, 0.0], [0.0, 1.0]),
+            ([f64::INFINITY, f64::NEG_INFINITY], [0.0, 1.0]),
+        ] {
+            let found = round([low, high], 1.0);
+            assert!(
+                found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0)),
+                "{found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_constant_still_has_a_scale() {
+        for x in [1.0, -1.0, 0.37, -1e-300, 1e300, 12.0] {
+            let [low, high] = round([x, x], 1.0);
+            assert!(low < high && low <= x && x <= high * (1.0 + 1e-12), "{x}: {low} to {high}");
+        }
+    }
+}
