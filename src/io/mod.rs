@@ -78,5 +78,6 @@ pub use table::{
     contacts::{ContactRow, read_contacts},
     lookups::{LookupRow, write_lookups},
     poses::read_poses,
+    regions::RegionWriter,
     touches::{ReadingsWriter, write_touches},
 };

@@ -4,6 +4,7 @@
 //! every question about neighbours; it exists only for oriented manifold meshes, so code that
 //! holds one need not ask again.
 
+mod closest_point;
 mod connectivity;
 mod error;
 mod fill_holes;
@@ -12,6 +13,7 @@ pub mod shapes;
 mod tri_mesh;
 mod triangle_map;
 
+pub(crate) use closest_point::{Closest, Feature, closest_point};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::{
     boundary::{boundary_edges, boundary_loops, edges},

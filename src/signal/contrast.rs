@@ -79,7 +79,7 @@ fn each_channel(
 }
 
 /// The area of each field that has a reading, in m^2.
-fn live_areas(levels: &Levels<MapLevel>, taxels: &IdVec<VertexId, f64>) -> Values {
+pub(super) fn live_areas(levels: &Levels<MapLevel>, taxels: &IdVec<VertexId, f64>) -> Values {
     let finest = &levels[LevelId::new(0)].level.areas;
     let live = taxels.iter().zip(finest).map(|(x, &a)| if x.is_nan() { 0.0 } else { a });
     let mut areas: Values = vec![live.collect()].into();

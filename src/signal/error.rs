@@ -81,4 +81,14 @@ pub enum SignalError {
         /// The frequency found, in Hz.
         hz: f64,
     },
+    /// An option of the search for contacts that is out of range.
+    #[error("{option} of contacts is {found}; {needed} is needed")]
+    TrackerOption {
+        /// Which.
+        option: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
 }

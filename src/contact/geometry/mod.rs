@@ -1,9 +1,7 @@
 //! Exact measurements in `f64`: nearest points of triangles, sides of a surface, poses.
 
-mod closest_point;
 mod pseudo_normal;
 mod rigid_pose;
 
-pub(super) use closest_point::{Closest, closest_point};
 pub(super) use pseudo_normal::pseudo_normal;
 pub(super) use rigid_pose::RigidPose;

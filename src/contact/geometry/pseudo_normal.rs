@@ -3,9 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    contact::geometry::closest_point::Feature,
     id::{FaceId, VertexId},
-    mesh::{TriMesh, VertexCorners, angle},
+    mesh::{Feature, TriMesh, VertexCorners, angle},
 };
 
 /// A vector on the outer side of the surface at a feature of `face`, not of unit length.

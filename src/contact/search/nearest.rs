@@ -9,7 +9,7 @@ use super::{
     patch_bvh::PatchBvh,
     rounding::{slack, squared_bound_f32},
 };
-use crate::{contact::geometry::Closest, id::FaceId, skin::PatchId};
+use crate::{id::FaceId, mesh::Closest, skin::PatchId};
 
 /// From this many radii away, the slack is as large as the smallest faces: `f64` boxes take over.
 const FAR: f64 = 1000.0;
@@ -276,8 +276,8 @@ mod tests {
 
     use super::*;
     use crate::{
-        contact::{geometry::closest_point, soup},
-        mesh::{TriMesh, shapes},
+        contact::soup,
+        mesh::{TriMesh, closest_point, shapes},
     };
 
     fn brute(mesh: &TriMesh, q: DVec3) -> Best {

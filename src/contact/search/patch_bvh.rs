@@ -8,12 +8,9 @@ use super::{
     rounding::{LARGEST, slack},
 };
 use crate::{
-    contact::{
-        ContactError,
-        geometry::{Closest, closest_point},
-    },
+    contact::ContactError,
     id::{FaceId, IdVec},
-    mesh::{TriMesh, VertexCorners},
+    mesh::{Closest, TriMesh, VertexCorners, closest_point},
 };
 
 #[derive(Debug, Clone)]

@@ -150,7 +150,6 @@ mod tests {
     use super::*;
     use crate::{
         contact::{
-            geometry::closest_point,
             search::{
                 lanes::splat,
                 rounding::{slack, squared_bound_f32},
@@ -158,6 +157,7 @@ mod tests {
             soup,
         },
         id::VertexId,
+        mesh::closest_point,
     };
 
     fn packet(triangles: &[[DVec3; 3]]) -> Triangle8 {

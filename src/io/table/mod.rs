@@ -5,4 +5,5 @@ pub(super) mod contacts;
 pub(super) mod csv_table;
 pub(super) mod lookups;
 pub(super) mod poses;
+pub(super) mod regions;
 pub(super) mod touches;

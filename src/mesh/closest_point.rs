@@ -102,7 +102,7 @@ fn at_corner(corner: usize, squared: f64) -> Closest {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
+    use proptest::{prelude::*, test_runner::RngSeed};
 
     use super::*;
 
@@ -156,7 +156,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(crate::contact::soup::fixed(500, 10))]
+        #![proptest_config(ProptestConfig { cases: 500, rng_seed: RngSeed::Fixed(10), failure_persistence: None, ..Default::default() })]
 
         /// The point found is in the triangle, as far as is said, and no other point of the
         /// triangle is nearer.

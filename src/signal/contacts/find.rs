@@ -1,0 +1,133 @@
+//! The taxels of the regions of one frame: flood fill with two thresholds.
+
+use crate::{
+    id::{IdVec, VertexId},
+    map::SkinMap,
+    mesh::{TriMesh, VertexCorners},
+    pyramid::LevelId,
+    signal::contacts::region::ContactRegion,
+    skin::PatchId,
+};
+
+/// No region has this taxel.
+const FREE: u32 = u32::MAX;
+/// A region that is not numbered yet has this taxel, or one that was too small.
+const TAKEN: u32 = u32::MAX - 1;
+
+/// Finds regions; owns marks for all taxels.
+#[derive(Debug, Clone)]
+pub(super) struct Finder {
+    /// The faces around each taxel.
+    pub(super) around: IdVec<PatchId, VertexCorners>,
+    marks: IdVec<PatchId, IdVec<VertexId, u32>>,
+    /// What is not `FREE`.
+    marked: Vec<(PatchId, VertexId)>,
+    open: Vec<VertexId>,
+    /// Lists of former regions, used again.
+    spare: Vec<Vec<VertexId>>,
+}
+
+impl Finder {
+    pub(super) fn new(map: &SkinMap) -> Self {
+        let finest = LevelId::new(0);
+        Self {
+            around: map.patches.map(|patch| {
+                let mesh = &patch.levels[finest].level.mesh;
+                VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len())
+            }),
+            marks: map.patches.map(|patch| IdVec::filled(FREE, patch.taxels.ids.len())),
+            marked: Vec::new(),
+            open: Vec::new(),
+            spare: Vec::new(),
+        }
+    }
+
+    /// Keeps the memory of a region for another one.
+    pub(super) fn recycle(&mut self, mut region: ContactRegion) {
+        region.taxels.clear();
+        self.spare.push(region.taxels);
+    }
+
+    /// Adds the regions of a patch to `found`, with their taxels and nothing else.
+    pub(super) fn find(
+        &mut self,
+        patch: PatchId,
+        mesh: &TriMesh,
+        values: &IdVec<VertexId, f64>,
+        [low, high]: [f64; 2],
+        least: usize,
+        found: &mut Vec<ContactRegion>,
+    ) {
+        /// Taxels compared at once.
+        const BLOCK: usize = 16;
+        for (block, readings) in values.as_slice().chunks(BLOCK).enumerate() {
+            if !readings.iter().fold(false, |any, &x| any | (x > high)) {
+                continue;
+            }
+            for at in block * BLOCK..block * BLOCK + readings.len() {
+                let seed = VertexId::new(at);
+                let is_seed = values[seed] > high && values[seed].is_finite();
+                if !is_seed || self.marks[patch][seed] != FREE {
+                    continue;
+                }
+                let mut taxels = self.spare.pop().unwrap_or_default();
+                self.flood(patch, mesh, values, low, seed, &mut taxels);
+                taxels.sort_unstable();
+                let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
+                if region.taxels.len() >= least { found.push(region) } else { self.recycle(region) }
+            }
+        }
+    }
+
+    /// Lists the taxels above `low` that are joined with `seed`.
+    fn flood(
+        &mut self,
+        patch: PatchId,
+        mesh: &TriMesh,
+        values: &IdVec<VertexId, f64>,
+        low: f64,
+        seed: VertexId,
+        taxels: &mut Vec<VertexId>,
+    ) {
+        let (around, marks) = (&self.around[patch], &mut self.marks[patch]);
+        marks[seed] = TAKEN;
+        self.marked.push((patch, seed));
+        self.open.push(seed);
+        while let Some(taxel) = self.open.pop() {
+            let is_live = values[taxel].is_finite();
+            if is_live {
+                taxels.push(taxel);
+            }
+            for &next in around.faces(taxel).flat_map(|face| &mesh.triangles[face]) {
+                // A taxel without a reading joins those around it, but not through others like it.
+                let is_joined = if values[next].is_finite() { values[next] > low } else { is_live };
+                if is_joined && marks[next] == FREE {
+                    marks[next] = TAKEN;
+                    self.marked.push((patch, next));
+                    self.open.push(next);
+                }
+            }
+        }
+    }
+
+    /// Numbers the taxels of the regions by their place in `found`.
+    pub(super) fn number(&mut self, found: &[ContactRegion]) {
+        for (region, number) in found.iter().zip(0..) {
+            let marks = &mut self.marks[region.patch];
+            region.taxels.iter().for_each(|&taxel| marks[taxel] = number);
+        }
+    }
+
+    /// The place in `found` of the region that has a taxel.
+    pub(super) fn region_of(&self, patch: PatchId, taxel: VertexId) -> Option<usize> {
+        let mark = self.marks[patch][taxel];
+        (mark < TAKEN).then_some(mark as usize)
+    }
+
+    /// Makes all taxels free again.
+    pub(super) fn clear(&mut self) {
+        for (patch, taxel) in self.marked.drain(..) {
+            self.marks[patch][taxel] = FREE;
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Force, centre of pressure and principal axes of a region.
+//!
+//! The mean of positions on a curved skin lies below it, so the centre of pressure is the nearest
+//! point of the triangles around the region: no other is as near to where the force acts.
+
+use std::f64::consts::FRAC_PI_2;
+
+use glam::{DVec2, DVec3};
+
+use crate::{
+    id::{FaceId, VertexId},
+    map::{MapLevel, PatchMap},
+    mesh::{SurfacePoint, VertexCorners, closest_point},
+    pyramid::LevelId,
+    signal::{Quantity, contacts::region::ContactRegion},
+};
+
+/// The readings on the taxels of one patch.
+pub(super) struct Pressed<'a> {
+    pub(super) patch: &'a PatchMap,
+    pub(super) around: &'a VertexCorners,
+    pub(super) values: &'a [f64],
+    pub(super) quantity: Quantity,
+}
+
+impl Pressed<'_> {
+    /// Fills in all that follows from the taxels of a region.
+    pub(super) fn measure(&self, region: &mut ContactRegion) {
+        let level = &self.patch.levels[LevelId::new(0)];
+        let positions = &level.level.mesh.positions;
+        let (mut area, mut force, mut moment) = (0.0, 0.0, DVec3::ZERO);
+        let (mut peak_taxel, mut peak) = (VertexId::default(), f64::NEG_INFINITY);
+        for &taxel in &region.taxels {
+            area += self.patch.taxels.areas[taxel];
+            force += self.force(taxel);
+            moment += self.force(taxel) * positions[taxel];
+            let value = self.values[taxel.index()];
+            if value > peak {
+                (peak_taxel, peak) = (taxel, value);
+            }
+        }
+        let mean = moment / force;
+        (region.link, region.area, region.force) = (self.patch.link, area, force);
+        (region.peak_taxel, region.peak) = (peak_taxel, peak);
+        let normals = &self.patch.taxels.normals;
+        let place = self.nearest(level, &region.taxels, mean);
+        (region.centre, region.map, region.normal) = match &place {
+            Some(at) => {
+                let corners = || level.level.mesh.triangles[at.face].into_iter().zip(at.barycentric);
+                let normal = corners().map(|(v, w)| w * normals[v]).sum::<DVec3>().try_normalize();
+                let map = corners().map(|(v, w)| w * level.uv[v]).sum();
+                (level.level.mesh.point(at), map, normal.unwrap_or(normals[peak_taxel]))
+            }
+            // A taxel without triangles.
+            None => (positions[peak_taxel], level.uv[peak_taxel], normals[peak_taxel]),
+        };
+        let along = self.axes(level, region, mean);
+        region.angle = place.map_or(0.0, |at| angle_on_map(level, at.face, along));
+    }
+
+    /// Force on a taxel, in units of the channel, times m^2 if it is intensive.
+    fn force(&self, taxel: VertexId) -> f64 {
+        match self.quantity {
+            Quantity::Intensive => self.patch.taxels.areas[taxel] * self.values[taxel.index()],
+            Quantity::Extensive => self.values[taxel.index()],
+        }
+    }
+
+    /// The point of the triangles around these taxels that is nearest to `at`; of several the first.
+    fn nearest(&self, level: &MapLevel, taxels: &[VertexId], at: DVec3) -> Option<SurfacePoint> {
+        let mesh = &level.level.mesh;
+        let (mut best, mut least) = (None, f64::INFINITY);
+        for &taxel in taxels {
+            for face in self.around.faces(taxel) {
+                let corners = mesh.triangles[face];
+                // Every face once: with the first of its corners in the region.
+                if corners.iter().any(|&v| v < taxel && taxels.binary_search(&v).is_ok()) {
+                    continue;
+                }
+                let found = closest_point(at, mesh.corners(face), corners);
+                if found.squared < least {
+                    least = found.squared;
+                    best = Some(SurfacePoint { face, barycentric: found.barycentric });
+                }
+            }
+        }
+        best
+    }
+
+    /// Standard deviations along the principal axes in the tangent plane of the centre; returns the
+    /// direction of the longer one.
+    fn axes(&self, level: &MapLevel, region: &mut ContactRegion, mean: DVec3) -> DVec3 {
+        let (x_axis, y_axis) = region.normal.any_orthonormal_pair();
+        let [mut xx, mut xy, mut yy] = [0.0; 3];
+        for &taxel in &region.taxels {
+            let offset = level.level.mesh.positions[taxel] - mean;
+            let (x, y) = (offset.dot(x_axis), offset.dot(y_axis));
+            let share = self.force(taxel) / region.force;
+            xx += share * x * x;
+            xy += share * x * y;
+            yy += share * y * y;
+        }
+        let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+        region.major = (middle + half).sqrt();
+        region.minor = (middle - half).max(0.0).sqrt();
+        let turn = 0.5 * (2.0 * xy).atan2(xx - yy);
+        x_axis * turn.cos() + y_axis * turn.sin()
+    }
+}
+
+/// Direction on the map of a direction on a face, as that of a line: above -pi/2 and at most pi/2.
+/// 0 if the face has no area.
+fn angle_on_map(level: &MapLevel, face: FaceId, along: DVec3) -> f64 {
+    let [a, b, c] = level.level.mesh.corners(face);
+    let [p, q, r] = level.level.mesh.triangles[face].map(|v| level.uv[v]);
+    let (ab, ac) = (b - a, c - a);
+    let (bb, bc, cc) = (ab.length_squared(), ab.dot(ac), ac.length_squared());
+    let (along_b, along_c) = (along.dot(ab), along.dot(ac));
+    // The direction in terms of the two edges, times the determinant of their products.
+    let (s, t) = (cc * along_b - bc * along_c, bb * along_c - bc * along_b);
+    let direction: DVec2 = s * (q - p) + t * (r - p);
+    let angle = direction.y.atan2(direction.x);
+    if angle > FRAC_PI_2 {
+        angle - 2.0 * FRAC_PI_2
+    } else if angle <= -FRAC_PI_2 {
+        angle + 2.0 * FRAC_PI_2
+    } else {
+        angle
+    }
+}

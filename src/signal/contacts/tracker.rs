@@ -1,0 +1,152 @@
+//! [`ContactTracker`]: regions of each frame, found, measured and followed.
+
+use crate::{
+    map::SkinMap,
+    pyramid::LevelId,
+    signal::{
+        ContactEvent, Frame, Quantity, SignalError, TrackerOptions,
+        contacts::{find::Finder, noise::Threshold, place::Pressed, region::ContactRegion, tracks::Tracks},
+    },
+};
+
+/// Finds contacts in frames of readings and follows them from frame to frame.
+///
+/// It owns its buffers: as long as contacts do not become larger or more, it allocates nothing.
+///
+/// ```
+/// use dermatome::{
+///     id::VertexId,
+///     map::SkinMap,
+///     mesh::shapes,
+///     signal::{ContactEvent, ContactTracker, Frame, Quantity, TrackerOptions},
+///     skin::PatchId,
+/// };
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let options = TrackerOptions { threshold: Some(100.0), ..TrackerOptions::default() };
+/// let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options)?;
+/// let mut frame = Frame::new(&map, 1);
+/// let pressure = &mut frame.values[PatchId::new(0)][0];
+/// for taxel in [310, 311] {
+///     pressure[VertexId::new(taxel)] = 2000.0;
+/// }
+/// let regions = tracker.track(&frame);
+/// assert_eq!(regions.len(), 1);
+/// assert_eq!((regions[0].event, regions[0].taxels.len()), (ContactEvent::Onset, 2));
+/// # Ok::<(), dermatome::signal::SignalError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct ContactTracker<'a> {
+    map: &'a SkinMap,
+    quantity: Quantity,
+    options: TrackerOptions,
+    threshold: Threshold,
+    finder: Finder,
+    tracks: Tracks,
+    /// The regions of the last frame.
+    last: Vec<ContactRegion>,
+    /// Those of this frame: first `shown` that are reported, released ones behind the others, then
+    /// those that have not lasted long enough.
+    found: Vec<ContactRegion>,
+    shown: usize,
+    /// Number of the next contact.
+    next: u64,
+}
+
+impl<'a> ContactTracker<'a> {
+    /// A tracker of frames of this map, whose channel is of this kind.
+    ///
+    /// # Errors
+    /// [`SignalError::TrackerOption`].
+    pub fn new(map: &'a SkinMap, quantity: Quantity, options: &TrackerOptions) -> Result<Self, SignalError> {
+        options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
+        Ok(Self {
+            map,
+            quantity,
+            options: *options,
+            threshold: Threshold::new(options),
+            finder: Finder::new(map),
+            tracks: Tracks::default(),
+            last: Vec::new(),
+            found: Vec::new(),
+            shown: 0,
+            next: 0,
+        })
+    }
+
+    /// The threshold in the unit of the channel, given or estimated; `None` while it is not known.
+    #[must_use]
+    pub fn threshold(&self) -> Option<f64> {
+        self.threshold.known()
+    }
+
+    /// The contacts of the next frame, by patch and first taxel, then those that have ended with it.
+    ///
+    /// # Panics
+    /// If the frame has not the patches, the channel and the taxels that the tracker was made for.
+    pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
+        assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
+        self.keep_last();
+        if let Some(high) = self.threshold.update(frame, self.options.channel) {
+            self.find(frame, high);
+        }
+        self.finder.number(&self.found);
+        let reach = self.options.reach;
+        let goes_on = self.tracks.join(&self.last, &mut self.found, &self.finder, reach);
+        self.finder.clear();
+        for region in &mut self.found {
+            region.age += 1;
+            if region.age == self.options.lasting.max(1) {
+                (region.track, self.next) = (self.next, self.next + 1);
+            } else if region.age > self.options.lasting {
+                region.event = ContactEvent::Move;
+            }
+        }
+        for (mut region, goes_on) in self.last.drain(..).zip(goes_on) {
+            if *goes_on || region.age < self.options.lasting {
+                self.finder.recycle(region);
+            } else {
+                region.event = ContactEvent::Release;
+                self.found.push(region);
+            }
+        }
+        let lasting = self.options.lasting;
+        let rank = |region: &ContactRegion| match region.event {
+            _ if region.age < lasting => 2,
+            ContactEvent::Release => 1,
+            ContactEvent::Onset | ContactEvent::Move => 0,
+        };
+        self.found.sort_unstable_by_key(|region| (rank(region), region.place()));
+        self.shown = self.found.partition_point(|region| rank(region) < 2);
+        &self.found[..self.shown]
+    }
+
+    /// Makes the regions found in the frame before those of the last frame.
+    fn keep_last(&mut self) {
+        for region in self.found.drain(..) {
+            if region.event == ContactEvent::Release {
+                self.finder.recycle(region);
+            } else {
+                self.last.push(region);
+            }
+        }
+    }
+
+    /// Finds and measures the regions of a frame, by patch and first taxel.
+    fn find(&mut self, frame: &Frame, high: f64) {
+        let Self { map, quantity, options, finder, found, .. } = self;
+        let finest = LevelId::new(0);
+        for (id, patch) in map.patches.enumerate() {
+            let (mesh, values) = (&patch.levels[finest].level.mesh, &frame.values[id][options.channel]);
+            assert_eq!(values.len(), mesh.positions.len(), "one reading per taxel of {}", patch.name);
+            finder.find(id, mesh, values, [options.low * high, high], options.least, found);
+        }
+        found.sort_unstable_by_key(ContactRegion::place);
+        for region in found {
+            let patch = &map.patches[region.patch];
+            let values = frame.values[region.patch][options.channel].as_slice();
+            let around = &finder.around[region.patch];
+            Pressed { patch, around, values, quantity: *quantity }.measure(region);
+        }
+    }
+}

@@ -1,0 +1,509 @@
+//! Laws of contacts: what presses the skin is found, measured and followed, and nothing else.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    f64::consts::{PI, TAU},
+    path::{Path, PathBuf},
+};
+
+use dermatome::{
+    id::VertexId,
+    io::{ReadingsLayout, ReadingsReader, RegionWriter, read_draft},
+    map::SkinMap,
+    mesh::{Adjacency, mean_edge_length, shapes},
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    signal::{
+        Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates,
+        Frame, Join, LevelFrame, Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions,
+        edges,
+    },
+    skin::{AssembleOptions, PatchId, Skin, assemble},
+};
+use glam::{DVec2, DVec3};
+
+const SKIN: usize = 0;
+
+fn patch() -> PatchId {
+    PatchId::new(SKIN)
+}
+
+/// A flat skin of 60 x 60 taxels, 4 mm apart, and its map.
+fn plane() -> SkinMap {
+    SkinMap::flat(shapes::lattice(60, 60, SPACING), 1e-3)
+}
+
+const SPACING: f64 = 0.004;
+
+fn given(threshold: f64) -> TrackerOptions {
+    TrackerOptions { threshold: Some(threshold), ..TrackerOptions::default() }
+}
+
+/// Pressures that fall off from their centres as bells of 8 mm, in Pa.
+fn bells(map: &SkinMap, bells: &[(DVec2, f64)]) -> Frame {
+    let mut frame = Frame::new(map, 1);
+    let uv = &map.patches[patch()].levels[LevelId::new(0)].uv;
+    let pressure = |at: DVec2| {
+        bells
+            .iter()
+            .map(|(centre, height)| height * (-0.5 * (at - *centre).length_squared() / 64e-6).exp())
+            .sum()
+    };
+    frame.values[patch()][0] = uv.map(|&at| pressure(at));
+    frame
+}
+
+fn tracks(regions: &[ContactRegion]) -> Vec<(u64, ContactEvent)> {
+    regions.iter().map(|region| (region.track, region.event)).collect()
+}
+
+/// The contacts of a simulated recording, frame by frame, with what truly happens.
+fn contacts_of(
+    skin: &Skin,
+    map: &SkinMap,
+    simulated: &TouchOptions,
+    options: &TrackerOptions,
+) -> Vec<(Vec<ContactRegion>, Option<Touch>)> {
+    let mut simulation = TouchSimulation::new(skin, simulated).unwrap();
+    let mut tracker = ContactTracker::new(map, simulated.quantity, options).unwrap();
+    let mut all = Vec::new();
+    while let Some((frame, touch)) = simulation.next_frame() {
+        all.push((tracker.track(frame).to_vec(), touch));
+    }
+    all
+}
+
+fn present(regions: &[ContactRegion]) -> impl Iterator<Item = &ContactRegion> {
+    regions.iter().filter(|region| region.event != ContactEvent::Release)
+}
+
+/// With the threshold estimated from the noise: every press of more than three taxels is one contact
+/// from its onset to its release, nothing else is one, and the centre of pressure is near the truth.
+#[test]
+fn every_press_of_more_than_three_taxels_is_found_and_nothing_else() {
+    let shapes =
+        [shapes::lattice(60, 60, SPACING), shapes::cap(4000, 0.1, 0.9), shapes::tube(60, 40, 0.05, 0.2)];
+    for (shape, mesh) in shapes.into_iter().enumerate() {
+        let spacing = mean_edge_length(&mesh, &Adjacency::new(&mesh).unwrap());
+        let skin = Skin::from_mesh("skin", mesh.clone());
+        let map = SkinMap::flat(mesh, 1e-3);
+        for (quantity, noise, dead) in [
+            (Quantity::Intensive, 400.0, 0.0),
+            (Quantity::Extensive, 400.0, 0.0),
+            (Quantity::Extensive, 0.0, 0.0),
+            (Quantity::Intensive, 800.0, 0.05),
+        ] {
+            let simulated = TouchOptions {
+                quantity,
+                noise,
+                dead,
+                presses: 12,
+                rate: 50.0,
+                seed: 5,
+                ..TouchOptions::default()
+            };
+            let frames = contacts_of(&skin, &map, &simulated, &TrackerOptions::default());
+            let (mut most, mut found) =
+                (BTreeMap::<usize, usize>::new(), BTreeMap::<usize, BTreeSet<u64>>::new());
+            let (mut errors, mut large) = (Vec::new(), Vec::new());
+            for (regions, touch) in &frames {
+                let Some(touch) = touch else {
+                    assert_eq!(present(regions).count(), 0, "nothing is touched: {regions:?}");
+                    continue;
+                };
+                let taxels = most.entry(touch.press).or_default();
+                *taxels = (*taxels).max(touch.taxels);
+                assert!(present(regions).count() <= 1, "one press, at {} s: {regions:?}", touch.time);
+                for region in present(regions) {
+                    found.entry(touch.press).or_default().insert(region.track);
+                    let error = region.centre.distance(touch.centre);
+                    assert!(error < 3.0 * spacing, "{error} m from the truth, {} taxels", touch.taxels);
+                    (touch.taxels > 3).then(|| errors.push(error));
+                    (touch.taxels >= 10).then(|| large.push(error));
+                }
+            }
+            for (press, taxels) in most.into_iter().filter(|(_, taxels)| *taxels > 3) {
+                let tracks = found.get(&press).map_or(0, BTreeSet::len);
+                assert_eq!(
+                    tracks, 1,
+                    "contacts of press {press} of {taxels} taxels, skin {shape}, noise {noise}"
+                );
+            }
+            let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64 / spacing;
+            println!(
+                "skin {shape}, {quantity:?}, noise {noise} Pa, {dead} dead: centre off by {:.3} spacings, {:.3} from \
+                 ten taxels on",
+                mean(&errors),
+                mean(&large)
+            );
+            assert!(errors.len() > 300 && large.len() > 100, "{} and {} frames", errors.len(), large.len());
+            assert!(mean(&errors) < 1.0, "{} spacings", mean(&errors));
+            assert!(mean(&large) < 0.5, "{} spacings, of ten taxels or more", mean(&large));
+        }
+    }
+}
+
+#[test]
+fn noise_alone_is_no_contact() {
+    let mesh = shapes::lattice(30, 30, SPACING);
+    let (skin, map) = (Skin::from_mesh("skin", mesh.clone()), SkinMap::flat(mesh, 1e-3));
+    for seed in 0..3 {
+        let simulated =
+            TouchOptions { presses: 0, pause: 20.0, noise: 100.0, seed, ..TouchOptions::default() };
+        let frames = contacts_of(&skin, &map, &simulated, &TrackerOptions::default());
+        assert!(frames.len() >= 2000);
+        let found: Vec<_> = frames.iter().filter(|(regions, _)| !regions.is_empty()).collect();
+        assert!(found.is_empty(), "{found:?}");
+    }
+}
+
+/// Force, centre, axes and angle of a bell are those of its integral.
+#[test]
+fn a_bell_has_its_force_centre_and_axes() {
+    let map = plane();
+    let uv = &map.patches[patch()].levels[LevelId::new(0)].uv;
+    let (centre, turn, [long, short]) = (DVec2::new(0.11, 0.1), 0.5_f64, [0.014, 0.007]);
+    let mut frame = Frame::new(&map, 1);
+    frame.values[patch()][0] = uv.map(|&at| {
+        let along = DVec2::from_angle(-turn).rotate(at - centre) / DVec2::new(long, short);
+        3000.0 * (-0.5 * along.length_squared()).exp()
+    });
+    let options = TrackerOptions { low: 1e-9, ..given(2000.0) };
+    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+    let regions = tracker.track(&frame);
+    let [region] = regions else { panic!("{regions:?}") };
+    let near = |what: &str, found: f64, expected: f64, error: f64| {
+        assert!((found - expected).abs() <= error * expected, "{what} {found} is not {expected}");
+    };
+    near("force", region.force, 3000.0 * TAU * long * short, 1e-4);
+    near("major axis", region.major, long, 1e-3);
+    near("minor axis", region.minor, short, 1e-3);
+    near("angle", region.angle, turn, 1e-3);
+    assert!(region.map.distance(centre) < 1e-6 && region.centre.distance(centre.extend(0.0)) < 1e-6);
+    assert!((region.normal - DVec3::Z).length() < 1e-12);
+    let peak = uv.ids().max_by(|&a, &b| frame.values[patch()][0][a].total_cmp(&frame.values[patch()][0][b]));
+    assert_eq!(Some(region.peak_taxel), peak);
+    assert_eq!(region.peak, frame.values[patch()][0][region.peak_taxel]);
+}
+
+/// On curved skin the centre of pressure lies on the skin, and its place on the map is that of the
+/// same point.
+#[test]
+fn the_centre_of_pressure_lies_on_the_skin() {
+    let map = build(&Skin::from_mesh("palm", shapes::cap(800, 0.05, 1.0)), &BuildOptions::default()).unwrap();
+    let level = &map.patches[patch()].levels[LevelId::new(0)];
+    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    for (seed, at) in level.uv.enumerate().step_by(17) {
+        let frame = bells(&map, &[(*at, 5000.0)]);
+        let regions = tracker.track(&frame);
+        let region = regions.iter().find(|region| region.taxels.contains(&seed)).unwrap();
+        let distance = region.centre.length() - 0.05;
+        assert!(distance.abs() < 2e-4, "{distance} m from the sphere");
+        assert!(region.normal.dot(region.centre.normalize()) > 0.99, "{region:?}");
+        // The map of a cap is nearly isometric.
+        let off = region.map.distance(*at) - region.centre.distance(level.level.mesh.positions[seed]);
+        assert!(off.abs() < 1e-3, "{off} m");
+        assert!(region.angle > -PI / 2.0 && region.angle <= PI / 2.0);
+    }
+}
+
+/// Two touches on one link stay two, also while they move round each other.
+#[test]
+fn two_touches_on_one_link_stay_two() {
+    let map = plane();
+    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    for step in 0..200 {
+        let arm = 0.025 * DVec2::from_angle(0.05 * f64::from(step));
+        let centres = [DVec2::new(0.12, 0.1) + arm, DVec2::new(0.12, 0.1) - arm];
+        let regions = tracker.track(&bells(&map, &[(centres[0], 4000.0), (centres[1], 5000.0)]));
+        assert_eq!(regions.len(), 2, "step {step}");
+        let event = if step == 0 { ContactEvent::Onset } else { ContactEvent::Move };
+        for region in regions {
+            assert_eq!(region.event, event);
+            let track = if region.map.distance(centres[0]) < SPACING { 0 } else { 1 };
+            assert!(region.map.distance(centres[track]) < SPACING, "step {step}");
+            let first = if step == 0 { region.track } else { 0 };
+            assert!(first < 2 && region.track < 2, "step {step}");
+        }
+        assert_ne!(regions[0].track, regions[1].track);
+    }
+}
+
+/// Where two contacts merge, the larger one goes on and the other ends; where one splits, its larger
+/// part goes on and the other is new. What has ended says how it was.
+#[test]
+fn contacts_merge_split_and_end() {
+    let map = plane();
+    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    let at = |x: f64| DVec2::new(x, 0.1);
+    let two = |apart: f64| bells(&map, &[(at(0.11 - apart / 2.0), 3000.0), (at(0.11 + apart / 2.0), 9000.0)]);
+    use ContactEvent::{Move, Onset, Release};
+    let start = tracker.track(&two(0.06)).to_vec();
+    assert_eq!(start.iter().map(|r| r.event).collect::<Vec<_>>(), [Onset, Onset]);
+    let large = start.iter().max_by_key(|region| region.taxels.len()).unwrap().track;
+    let small = 1 - large;
+    assert_eq!(tracks(tracker.track(&two(0.02))), [(large, Move), (small, Release)]);
+    assert_eq!(tracks(tracker.track(&two(0.02))), [(large, Move)], "an end is reported once");
+    let split = tracker.track(&two(0.06)).to_vec();
+    let events: BTreeSet<_> =
+        split.iter().map(|r| (r.track, r.event == Onset, r.taxels.len() > 20)).collect();
+    assert_eq!(
+        events,
+        BTreeSet::from([
+            (large, false, true),
+            (2, true, split.iter().any(|r| r.track == 2 && r.taxels.len() > 20))
+        ])
+    );
+    let ended = tracker.track(&bells(&map, &[])).to_vec();
+    let expected: Vec<_> =
+        split.iter().map(|region| ContactRegion { event: Release, ..region.clone() }).collect();
+    assert_eq!(ended, expected, "how they were in the frame before");
+    assert!(tracker.track(&bells(&map, &[])).is_empty());
+}
+
+/// A contact that jumps by less than the reach is the same, one that jumps farther is not.
+#[test]
+fn a_contact_may_move_by_the_reach() {
+    let map = plane();
+    for (jump, is_same) in [(0.035, true), (0.045, false)] {
+        let options = TrackerOptions { reach: 0.04, ..given(2900.0) };
+        let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+        tracker.track(&bells(&map, &[(DVec2::new(0.05, 0.1), 3000.0)]));
+        let tracks = tracks(tracker.track(&bells(&map, &[(DVec2::new(0.05 + jump, 0.1), 3000.0)])));
+        let moved = [(0, ContactEvent::Move)];
+        let new = [(1, ContactEvent::Onset), (0, ContactEvent::Release)];
+        assert_eq!(tracks, if is_same { &moved[..] } else { &new[..] }, "{jump} m");
+    }
+}
+
+/// With `lasting`, short contacts are not reported at all, others from then on.
+#[test]
+fn short_contacts_are_not_reported_if_so_asked() {
+    let map = plane();
+    let options = TrackerOptions { lasting: 3, ..given(1000.0) };
+    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+    let (pressed, free) = (bells(&map, &[(DVec2::new(0.1, 0.1), 3000.0)]), bells(&map, &[]));
+    let mut events = Vec::new();
+    for is_pressed in [true, true, false, true, true, true, true, false, false] {
+        events.push(tracks(tracker.track(if is_pressed { &pressed } else { &free })));
+    }
+    use ContactEvent::{Move, Onset, Release};
+    let none = Vec::new();
+    let expected = [
+        none.clone(),
+        none.clone(),
+        none.clone(),
+        none.clone(),
+        none.clone(),
+        vec![(0, Onset)],
+        vec![(0, Move)],
+        vec![(0, Release)],
+        none,
+    ];
+    assert_eq!(events, expected);
+}
+
+/// What is found in a frame does not depend on the frames before; a recording gives the same
+/// contacts each time.
+#[test]
+fn regions_depend_on_their_frame_alone() {
+    let mesh = shapes::lattice(40, 40, SPACING);
+    let (skin, map) = (Skin::from_mesh("skin", mesh.clone()), SkinMap::flat(mesh, 1e-3));
+    let simulated = TouchOptions { noise: 500.0, dead: 0.1, rate: 20.0, ..TouchOptions::default() };
+    let options = given(0.02);
+    let once = contacts_of(&skin, &map, &simulated, &options);
+    assert_eq!(once, contacts_of(&skin, &map, &simulated, &options));
+    let mut simulation = TouchSimulation::new(&skin, &simulated).unwrap();
+    for (regions, _) in &once {
+        let (frame, _) = simulation.next_frame().unwrap();
+        let mut new = ContactTracker::new(&map, simulated.quantity, &options).unwrap();
+        let alone = new.track(frame);
+        let untracked = present(regions).zip(alone).map(|(region, other)| ContactRegion {
+            track: other.track,
+            event: other.event,
+            age: other.age,
+            ..region.clone()
+        });
+        assert!(untracked.eq(alone.iter().cloned()), "the same regions");
+        assert_eq!(present(regions).count(), alone.len());
+    }
+}
+
+/// Taxels without a reading belong to no region, but do not cut one in two.
+#[test]
+fn a_dead_taxel_does_not_cut_a_contact() {
+    let map = plane();
+    let mut frame = bells(&map, &[]);
+    let pressure = &mut frame.values[patch()][0];
+    let row: Vec<_> = (0..5).map(|k| VertexId::new(60 * 30 + 20 + k)).collect();
+    row.iter().for_each(|&taxel| pressure[taxel] = 3000.0);
+    pressure[row[2]] = f64::NAN;
+    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    let regions = tracker.track(&frame);
+    assert_eq!(regions.len(), 1);
+    assert_eq!(regions[0].taxels, [row[0], row[1], row[3], row[4]]);
+    frame.values[patch()][0][row[3]] = f64::INFINITY;
+    let regions = tracker.track(&frame);
+    assert_eq!(present(regions).count(), 1, "two dead taxels are a gap, one taxel alone a spike");
+    assert_eq!(regions[0].taxels, [row[0], row[1]]);
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused() {
+    let map = plane();
+    for options in [
+        given(0.0),
+        given(f64::NAN),
+        TrackerOptions { low: 0.0, ..given(1.0) },
+        TrackerOptions { low: 1.5, ..given(1.0) },
+        TrackerOptions { reach: f64::NAN, ..given(1.0) },
+        TrackerOptions { noise_frames: 1, ..TrackerOptions::default() },
+        TrackerOptions { noise_frames: usize::MAX, ..TrackerOptions::default() },
+    ] {
+        let error = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap_err().to_string();
+        assert!(error.contains("is needed"), "{error}");
+    }
+}
+
+/// The table has the columns of the documentation, the lines of JSON the same keys and values.
+#[test]
+fn tables_and_json_lines_hold_the_same() {
+    let map = plane();
+    let folder = tempfile::tempdir().unwrap();
+    let paths = ["contacts.csv", "contacts.jsonl"].map(|name| folder.path().join(name));
+    let mut writers = paths.each_ref().map(|path| RegionWriter::create(path, &map).unwrap());
+    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    for (number, height) in [3000.0, 4000.0, 0.0, 0.0].into_iter().enumerate() {
+        let regions = tracker.track(&bells(&map, &[(DVec2::new(0.1, 0.1), height)]));
+        for writer in &mut writers {
+            writer.write(number as u64, 0.25 * number as f64, regions).unwrap();
+        }
+    }
+    assert!(paths.iter().all(|path| !path.exists()), "not before it is finished");
+    writers.into_iter().for_each(|writer| writer.finish().unwrap());
+    let mut table = csv::Reader::from_path(&paths[0]).unwrap();
+    let columns = "frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,major,minor,angle,\
+                   peak_taxel_id,peak";
+    let names: Vec<String> = table.headers().unwrap().iter().map(str::to_owned).collect();
+    assert_eq!(names.join(","), columns);
+    let text = std::fs::read_to_string(&paths[1]).unwrap();
+    let mut events = Vec::new();
+    for (record, line) in table.records().map(Result::unwrap).zip(text.lines()) {
+        let object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(line).unwrap();
+        assert_eq!(object.len(), names.len());
+        for (name, cell) in names.iter().zip(&record) {
+            match &object[name] {
+                serde_json::Value::String(text) => assert_eq!(text, cell, "{name}"),
+                value => assert_eq!(value.as_f64(), Some(cell.parse().unwrap()), "{name}"),
+            }
+        }
+        events.push(record[3].to_owned());
+    }
+    assert_eq!(events, ["onset", "move", "release"]);
+    let error = RegionWriter::create(&folder.path().join("contacts.txt"), &map).err().unwrap();
+    assert!(error.to_string().contains(".csv, .jsonl"), "{error}");
+}
+
+/// Gradients are exact for fields that are linear on the map, on every level and whatever taxels are
+/// dead; there is none where no face has a value at all of its corners.
+#[test]
+fn edges_are_exact_for_linear_fields() {
+    let map = build(&Skin::from_mesh("palm", shapes::cap(800, 0.1, 0.8)), &BuildOptions::default()).unwrap();
+    let channels = [Channel::default(), Channel { quantity: Quantity::Extensive, ..Channel::default() }];
+    let slope = DVec2::new(-30.0, 12.0);
+    let levels = &map.patches[patch()].levels;
+    for dead in [1, 5, 2] {
+        let is_dead = |v: VertexId| dead > 1 && (v.index() * 7919 + 13) % 11 < 11 / dead;
+        let mut frame = LevelFrame::new(&map, 1);
+        for (k, level) in levels.enumerate() {
+            let value = |v| if is_dead(v) { f64::NAN } else { 4.0 + slope.dot(level.uv[v]) };
+            frame.values[patch()][0][k] = level.uv.ids().map(value).collect();
+        }
+        let steep = edges(&map, &channels[..1], &frame);
+        let mut without = 0;
+        for (k, level) in levels.enumerate() {
+            let [size, direction] = [0, 1].map(|c| &steep.values[patch()][c][k]);
+            for v in level.uv.ids() {
+                let faces = level.level.mesh.triangles.iter();
+                let has_face = faces.filter(|f| f.contains(&v)).any(|f| !f.iter().any(|&v| is_dead(v)));
+                assert_eq!(has_face, size[v].is_finite(), "{v} of {k:?}");
+                without += usize::from(!has_face);
+                if has_face {
+                    let found = size[v] * DVec2::from_angle(direction[v]);
+                    assert!((found - slope).length() < 1e-9, "{found} at {v} of {k:?}");
+                }
+            }
+        }
+        assert_eq!(without > 0, dead > 1, "some have no face");
+    }
+    // A constant pressure has no edge, nor have its forces.
+    let mut frame = Frame::new(&map, 2);
+    let areas = &map.patches[patch()].taxels.areas;
+    for (v, area) in areas.enumerate().filter(|(v, _)| v.index() % 5 > 0) {
+        (frame.values[patch()][0][v], frame.values[patch()][1][v]) = (70.0, 70.0 * area);
+    }
+    let steep = edges(&map, &channels, Restrictor::new(&map, &channels).restrict(&frame));
+    let sizes = steep.values[patch()].iter().step_by(2).flatten().flatten().filter(|x| x.is_finite());
+    let largest = sizes.copied().fold(0.0, f64::max);
+    assert!(largest < 1e-9 * 70.0 / SPACING, "{largest}");
+}
+
+/// Recordings of 0 to 5 fingers on a real cover, if they are here: the share of frames in which as
+/// many contacts are found as fingers press, with the same options for all.
+#[test]
+fn fingers_on_a_real_cover() {
+    let folder = std::env::var_os("DERMATOME_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from)
+        .join("cyskin");
+    if !folder.is_dir() {
+        eprintln!("skipped: fingers_on_a_real_cover");
+        return;
+    }
+    let draft = read_draft(&folder.join("curved_gesture_patch_isomap.json")).unwrap();
+    let skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let (mut agree, mut of) = (0, 0);
+    for fingers in 0..=5 {
+        let path = folder.join(format!("recordings/{fingers}_finger_01.txt"));
+        let counts = count_contacts(&path, &map);
+        let some: Vec<_> = counts.iter().filter(|frame| !frame.is_empty()).collect();
+        let right = some.iter().filter(|frame| frame.len() == fingers).count();
+        println!(
+            "{fingers} fingers: {right} of {} frames with contacts: {:?}",
+            some.len(),
+            counts.iter().map(Vec::len).collect::<Vec<_>>()
+        );
+        (agree, of) = (agree + right, of + some.len());
+        if fingers == 0 {
+            let largest = counts.iter().flatten().max();
+            println!("  largest region: {largest:?} taxels");
+            assert!(largest.is_none_or(|taxels| *taxels <= 6), "{largest:?} taxels, but nothing is touched");
+        } else {
+            assert!(counts.iter().flatten().any(|taxels| *taxels > 3), "{fingers} fingers");
+        }
+    }
+    println!("{agree} of {of} frames agree");
+}
+
+/// Number of taxels of the contacts in each frame of a recording.
+fn count_contacts(path: &Path, map: &SkinMap) -> Vec<Vec<usize>> {
+    let mut reader = ReadingsReader::open(path, ReadingsLayout::default()).unwrap();
+    let join = Join::new(map, reader.ids.as_deref(), reader.width, Duplicates::First).unwrap();
+    assert_eq!(join.report().matched, 634);
+    let options = ConditionOptions { baseline: 5, ..ConditionOptions::default() };
+    let mut conditioner = Conditioner::new(map, &reader.channels, &options).unwrap();
+    let mut tracker = ContactTracker::new(map, Quantity::Intensive, &TrackerOptions::default()).unwrap();
+    let (mut counts, mut frame) = (Vec::new(), Frame::new(map, 1));
+    let mut values = Vec::new();
+    while reader.read(&mut values, &mut frame.time).unwrap() {
+        join.fill(&values, &mut frame);
+        let pushed: Result<(), std::convert::Infallible> = conditioner.push(&frame, |frame| {
+            counts.push(present(tracker.track(frame)).map(|region| region.taxels.len()).collect());
+            Ok(())
+        });
+        pushed.unwrap();
+    }
+    println!("threshold {:.0}", tracker.threshold().unwrap());
+    counts
+}
