@@ -12,7 +12,12 @@ use std::{
 
 use assert_cmd::Command;
 use base64::{Engine, prelude::BASE64_STANDARD};
-use dermatome::{io::write_skin, mesh::shapes, skin::Skin};
+use dermatome::{
+    id::VertexId,
+    io::write_skin,
+    mesh::shapes,
+    skin::{PatchId, Presence, Skin},
+};
 use predicates::{prelude::*, str::contains};
 use tempfile::TempDir;
 
@@ -259,6 +264,34 @@ fn many_large_images_are_refused_with_a_pixel_size_that_fits() {
         .code(2)
         .stderr(contains("400 images").and(contains("help: use larger pixels: --pixel-mm 1.")));
     dermatome().args(["build", "--pixel-mm", "10"]).arg(&path).arg("-o").arg(&out).assert().success();
+}
+
+/// What each slot holds, and the range of densities where they are known.
+#[test]
+fn info_counts_absent_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("skin.csv");
+    let mut skin = Skin::from_mesh("palm", shapes::lattice(5, 4, 0.01));
+    let taxels = &mut skin.patches[PatchId::new(0)].taxels;
+    for (v, presence) in [(3, Presence::Absent), (7, Presence::ThermalPad), (8, Presence::Absent)] {
+        taxels.presence[VertexId::new(v)] = presence;
+    }
+    let info = |skin: &Skin, args: &[&str]| {
+        write_skin(&path, skin).unwrap();
+        let run = dermatome().arg("info").arg(&path).args(args).assert().success();
+        String::from_utf8(run.get_output().stdout.clone()).unwrap()
+    };
+    let row = info(&skin, &[]);
+    let cells: Vec<_> = row.lines().nth(1).unwrap().split_whitespace().collect();
+    assert!(cells.ends_with(&["17", "2", "1", "-"]), "{row}");
+    let taxels = &mut skin.patches[PatchId::new(0)].taxels;
+    taxels.densities = Some(taxels.areas.map(|_| 1e4));
+    taxels.densities.as_mut().unwrap()[VertexId::new(2)] = 4e4;
+    assert!(info(&skin, &[]).contains("10000.0000..40000.0000"));
+    let json: serde_json::Value = serde_json::from_str(&info(&skin, &["--json"])).unwrap();
+    let patch = &json["patches"][0];
+    assert_eq!([&patch["present"], &patch["absent"], &patch["thermal"]], [17, 2, 1]);
+    assert_eq!(patch["density_per_m2"], serde_json::json!([1e4, 4e4]));
 }
 
 #[test]

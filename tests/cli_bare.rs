@@ -139,6 +139,26 @@ fn points(line: impl Fn(f64, f64) -> String) -> String {
     (0..36).map(|k| line(0.005 * f64::from(k % 6), 0.005 * f64::from(k / 6))).collect()
 }
 
+/// The same points as a glTF primitive of points.
+fn gltf_of_points() -> String {
+    use base64::{Engine as _, engine::general_purpose::STANDARD};
+    let place = |k: u8| [0.005 * f32::from(k % 6), 0.005 * f32::from(k / 6), 0.0];
+    let bytes: Vec<u8> = (0..36).flat_map(place).flat_map(f32::to_le_bytes).collect();
+    let data = STANDARD.encode(&bytes);
+    let most = 0.005_f32 * 5.0;
+    serde_json::json!({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 0}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 36,
+                       "min": [0, 0, 0], "max": [most, most, 0]}],
+        "bufferViews": [{"buffer": 0, "byteLength": bytes.len()}],
+        "buffers": [{"byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{data}")}],
+    })
+    .to_string()
+}
+
 #[test]
 fn points_without_faces_are_meshed_from_every_kind_of_file() {
     let header = "ply\nformat ascii 1.0\nelement vertex 36\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
@@ -146,6 +166,7 @@ fn points_without_faces_are_meshed_from_every_kind_of_file() {
         ("p.csv", format!("x,y,z\n{}", points(|x, y| format!("{x},{y},0\n")))),
         ("p.ply", header.to_owned() + &points(|x, y| format!("{x} {y} 0\n"))),
         ("p.obj", points(|x, y| format!("v {x} {y} 0\n"))),
+        ("p.gltf", gltf_of_points()),
     ] {
         let (_folder, path) = folder_with(name, content);
         dermatome()

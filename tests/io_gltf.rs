@@ -701,6 +701,35 @@ fn primitives_of_a_mesh_are_one_sheet() {
     assert!(refusal(&glb).contains("_TAXEL_ID"), "ids for some primitives and not for others");
 }
 
+/// Points are bare taxels, with all that is known of them, where no triangle is in the scene.
+#[test]
+fn a_scene_of_points_is_a_sheet_of_bare_taxels() {
+    let mut glb = Glb::square();
+    glb.attribute("_TAXEL_ID", 5126, "SCALAR", &f32s(&[5., 6., 7., 8.]));
+    let points = glb.clone().with("/meshes/0/primitives/0/mode", json!(0));
+    let all = sheet(&points);
+    assert_eq!((all.positions.len(), all.triangles.len()), (4, 0));
+    let some = glb.array(5123, "SCALAR", 3, &u16s(&[3, 0, 1]));
+    let mut three = glb.clone().with("/meshes/0/primitives/0/mode", json!(0));
+    three.json["meshes"][0]["primitives"][0]["indices"] = json!(some);
+    let sheet_of_three = sheet(&three);
+    assert_eq!(sheet_of_three.ids.unwrap(), [5, 6, 8].map(TaxelId), "the points that indices name");
+    assert_eq!(sheet_of_three.positions[2], DVec3::Y);
+
+    // Next to triangles, in the same mesh or in another one, points are passed over.
+    let primitive = points.json["meshes"][0]["primitives"][0].clone();
+    let mut both = glb.clone();
+    both.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive.clone());
+    assert_eq!(sheet(&both), sheet(&glb));
+    let mut two = glb.clone().with("/nodes", json!([{"mesh": 0}, {"mesh": 1}]));
+    two.json["scenes"][0]["nodes"] = json!([0, 1]);
+    two.push("meshes", json!({"primitives": [primitive]}));
+    assert_eq!(read_bytes(&two.bytes()).unwrap().sheets.len(), 1);
+
+    let assembled = assemble(&read_bytes(&points.bytes()).unwrap(), &AssembleOptions::default()).unwrap();
+    assert!(matches!(assembled.remarks[0].kind, RemarkKind::Triangulated { taxels: 4, triangles: 2, .. }));
+}
+
 #[test]
 fn a_node_is_a_link_unless_it_only_carries_a_patch() {
     let glb = Glb::square()

@@ -16,7 +16,7 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Link, Patch, PatchId, Skin},
+    skin::{Link, Patch, PatchId, Presence, Skin},
 };
 use glam::{DAffine3, DVec3};
 use tempfile::TempDir;
@@ -126,6 +126,33 @@ fn a_link_or_a_pose_moves_the_question() {
     assert_eq!(cell(&moved, 0, "distance"), cell(&table, 0, "distance"));
     let distance: f64 = cell(&moved, levels, "distance").parse().unwrap();
     assert!((distance - 0.51).abs() < 1e-6, "{distance}");
+}
+
+/// Contacts in fields whose centre reads no pressure are counted in a note, level by level.
+#[test]
+fn contacts_on_absent_taxels_are_noted() {
+    let mut fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z\n0,0,0.9\n0.02,0.01,0.9\n0.02,0,0.9\n");
+    let note = |fixture: &Fixture, levels: &[&str]| {
+        let run = fixture.lookup(&contacts).args(levels).output().unwrap();
+        String::from_utf8(run.stderr).unwrap()
+    };
+    assert_eq!(note(&fixture, &[]), "");
+    let index = ContactIndex::new(&fixture.map).unwrap();
+    let hit = index.locate(Query::from(DVec3::new(0.0, 0.0, 0.9))).unwrap();
+    let cell = index.cell(&hit, LevelId::new(0)).unwrap();
+    for presence in [Presence::Absent, Presence::ThermalPad] {
+        fixture.map.patches[PatchId::new(0)].taxels.presence[cell.field] = presence;
+        write_map(&fixture.path("map.glb"), &fixture.map).unwrap();
+        let said = note(&fixture, &["--level", "0"]);
+        assert!(said.contains("absent taxel or a thermal pad: 1 on level 0\n"), "{said}");
+    }
+    let taxels = &mut fixture.map.patches[PatchId::new(0)].taxels;
+    taxels.presence = taxels.presence.map(|_| Presence::Absent);
+    write_map(&fixture.path("map.glb"), &fixture.map).unwrap();
+    let said = note(&fixture, &["--level", "1", "--level", "0"]);
+    assert!(said.contains("3 on level 0, 3 on level 1\n"), "{said}");
+    assert_eq!(note(&fixture, &["--quiet"]), "");
 }
 
 /// A column that changes nothing is named, whether it is known or not; an empty one is not.

@@ -12,6 +12,7 @@ use dermatome::{
     map::{MapError, PatchMap, SkinMap},
     mesh::shapes,
     plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
+    skin::Presence,
 };
 use glam::DVec2;
 use maps::{flat_level, flat_patch, level_id, skin, square_pyramid};
@@ -53,6 +54,47 @@ fn every_panel_says_what_it_is() {
     }
     assert_eq!(count(&tags, "circle"), 169 + 49 + 16, "a dot for each taxel and each field");
     assert!(texts.iter().any(|t| t.ends_with(" mm")), "a scale bar");
+}
+
+/// Dots of taxels without a pressure reading are hollow, on every level, and a legend says so; only
+/// where there are any.
+#[test]
+fn absent_taxels_are_hollow() {
+    let mut palm = palm();
+    let draw = |palm: &PatchMap, paint| {
+        let options = PlotOptions { paint, space: Some(Viewpoint::Outside), ..PlotOptions::default() };
+        let picture = plot::plot_map(&skin(vec![palm.clone()]), &options).unwrap();
+        assert!(picture.to_png().unwrap().starts_with(b"\x89PNG"));
+        picture.to_svg()
+    };
+    let hollow = |svg: &str| {
+        let document = Document::parse(svg).unwrap();
+        let groups = document.descendants().filter(|node| {
+            node.attribute("fill") == Some("#ffffff")
+                && node.attribute("stroke").is_some()
+                && node.has_children()
+        });
+        groups.map(|group| group.children().filter(|node| node.is_element()).count()).collect::<Vec<_>>()
+    };
+    let legend = "absent taxel or thermal pad";
+    let svg = draw(&palm, Paint::Fields);
+    assert!(hollow(&svg).is_empty() && !svg.contains(legend));
+    let corner = palm.levels[level_id(2)].level.origins[VertexId::new(0)];
+    palm.taxels.presence[corner] = Presence::Absent;
+    palm.taxels.presence[VertexId::new(20)] = Presence::ThermalPad;
+    let svg = draw(&palm, Paint::Fields);
+    let found = hollow(&svg);
+    assert_eq!(found.last(), Some(&1), "a dot in the legend");
+    assert!(svg.contains(legend));
+    let on_level = |k| {
+        let silent = palm.levels[level_id(k)].level.origins.iter();
+        silent.filter(|&&taxel| palm.taxels.presence[taxel] != Presence::Present).count()
+    };
+    let wanted: usize = (0..3).map(on_level).sum();
+    // The first panel shows the taxels in space.
+    assert_eq!(found.iter().sum::<usize>(), on_level(0) + wanted + 1, "{found:?}");
+    let angle = draw(&palm, Paint::Angle);
+    assert!(hollow(&angle).is_empty() && !angle.contains(legend), "without dots no legend of them");
 }
 
 #[test]
