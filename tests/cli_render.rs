@@ -123,6 +123,7 @@ fn folders_and_archives_hold_all_levels() {
     for kind in ["nearest", "natural", "field"] {
         render(&["-o", &format!("{kind}.npz"), "--interpolate", kind, "--contrast"]).success();
     }
+    render(&["-o", "edges.npz", "--edges"]).success();
     render(&["-o", "packed.npz", "--pack", "--size", "40", "60"]).success();
 }
 
@@ -201,4 +202,39 @@ fn readings_are_conditioned() {
     let gains: String = (1..=120).fold("id,gain\n".into(), |text, id| text + &format!("{id},0.5\n"));
     fs::write(folder.path().join("g.csv"), gains).unwrap();
     assert_eq!(last(&["--gain", "g.csv"]), 2.0);
+}
+
+/// Presses of a simulated sphere are found one by one.
+#[test]
+fn contacts_are_written_with_their_place_and_force() {
+    let folder = sheet();
+    dermatome(folder.path())
+        .args(["simulate", "--touch", "map/map.glb", "-o", "touch.csv", "--truth", "truth.csv"])
+        .args(["--presses", "2", "--rate-hz", "20", "--sphere-mm", "20", "--noise-kpa", "0.1", "--quiet"])
+        .assert()
+        .success();
+    let run = dermatome(folder.path())
+        .args(["render", "map/map.glb", "touch.csv", "-o", "t.npz", "--contacts", "c.csv", "--json"])
+        .assert()
+        .success();
+    assert_eq!(json(&run.get_output().stdout)["contacts"], 2, "two presses");
+    let text = fs::read_to_string(folder.path().join("c.csv")).unwrap();
+    assert!(text.starts_with("frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,"));
+    assert_eq!(text.matches(",onset,").count(), 2);
+    assert_eq!(text.matches(",release,").count(), 2);
+    dermatome(folder.path())
+        .args([
+            "render",
+            "map/map.glb",
+            "touch.csv",
+            "-o",
+            "u.npz",
+            "--contacts",
+            "c.jsonl",
+            "--channel",
+            "heat",
+        ])
+        .assert()
+        .code(2)
+        .stderr(contains("no channel \"heat\"").and(contains("force")));
 }

@@ -1,6 +1,8 @@
 //! `dermatome render MAP.glb READINGS -o OUT`: a recording or a live stream as tactile images on every
-//! level, arrays for learning.
+//! level, arrays for learning
+//! and contact regions.
 
+mod contacts;
 mod output;
 mod source;
 
@@ -15,7 +17,7 @@ use dermatome::{
     map::SkinMap,
     plot::ValueRange,
     pyramid::LevelId,
-    signal::{Channel, LevelFrame, Quantity, Restrictor, contrast},
+    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor, contrast, edges},
 };
 use serde_json::json;
 
@@ -27,6 +29,7 @@ use crate::{
     print::print_json,
     progress,
     render::{
+        contacts::ContactsArgs,
         output::{Array, Colours, Kind, Output, Pictures},
         source::{Readings, ReadingsArgs, Tally, positive, range},
     },
@@ -59,6 +62,8 @@ pub(crate) struct Args {
     colours: ColourArgs,
     #[command(flatten)]
     readings_args: ReadingsArgs,
+    #[command(flatten)]
+    contacts: ContactsArgs,
 }
 
 /// What is drawn.
@@ -74,6 +79,9 @@ struct ImageArgs {
     /// Draw what each level shows beyond the next coarser one
     #[arg(long)]
     contrast: bool,
+    /// Draw the edges of the values: the size of their gradient on the map and its direction
+    #[arg(long, conflicts_with = "contrast")]
+    edges: bool,
     /// Side of a pixel [default: that of the map]
     #[arg(long, value_name = "MM", value_parser = positive, conflicts_with = "size")]
     pixel_mm: Option<f64>,
@@ -123,11 +131,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if args.json && is_stream(&args.output) {
         return Err(advise("--json and -o - would both use standard output", "write the frames to a file"));
     }
+    args.contacts.check()?;
     let map = read_map(&args.map).map_err(Error::from)?;
     let atlas = Atlas::new(&map, &atlas_options(&args.images)).map_err(Error::from)?;
     let readings = Readings::new(&args.readings_args, &args.readings, &map);
     let pass = readings.open()?;
-    let channels = pass.channels().to_vec();
+    let read = pass.channels().to_vec();
+    let shown = match (args.images.contrast, args.images.edges) {
+        (true, _) => Shown::Contrast,
+        (_, true) => Shown::Edges,
+        _ => Shown::Readings,
+    };
+    let channels = shown_channels(&read, shown);
     let level = args.images.level.map(LevelId::from);
     if kind == Kind::Array(Array::Npy) {
         check_one_image(&atlas, level)?;
@@ -139,29 +154,37 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let options = RenderOptions { interpolation: interpolation(args.images.interpolate), level };
     let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
     let colours = match kind {
-        Kind::Folder(Pictures::Png) => Some(colours(args, &readings, &map, &channels)?),
+        Kind::Folder(Pictures::Png) => Some(colours(args, &readings, &map, &read, shown)?),
         _ => None,
     };
-    let mut values = Values::new(&map, &channels, args.images.contrast);
+    let mut values = Values::new(&map, &read, shown);
+    let mut contacts = args.contacts.open(&map, &read, &args.readings_args)?;
     let mut output =
         Output::open(&args.output, kind, &map, &atlas, (&channels, options.interpolation, level), colours)?;
     let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
     let tally = pass.run(|number, frame| {
         let levels = values.of(frame);
         output.write(number, levels, renderer.render(levels), &channels)?;
+        if let Some(contacts) = &mut contacts {
+            contacts.track(number, frame)?;
+        }
         bar.inc(1);
         Ok(true)
     })?;
     bar.finish_and_clear();
     output.finish()?;
+    let found = contacts.map(contacts::Contacts::finish).transpose()?;
     remark(&tally, common);
+    if let Some((count, Some(threshold))) = found {
+        note(common, format_args!("{count} contacts above {threshold:.4}"));
+    }
     if args.json {
         let size: serde_json::Map<_, _> = renderer
             .images()
             .iter()
             .map(|image| (image.name.clone(), json!([image.size_px[1], image.size_px[0]])))
             .collect();
-        let report = json!({
+        let mut report = json!({
             "frames": tally.frames,
             "channels": channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect::<Vec<_>>(),
             "size": size,
@@ -173,6 +196,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "backwards": tally.condition.backwards,
             "dropped": tally.dropped,
         });
+        if let Some((contacts, threshold)) = found {
+            report["contacts"] = json!(contacts);
+            report["threshold"] = json!(threshold);
+        }
         print_json(&report)?;
     }
     Ok(ExitCode::SUCCESS)
@@ -224,30 +251,54 @@ fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: 
     ))
 }
 
-/// Values on all levels: the readings, or their contrast.
+/// What is drawn of the readings.
+#[derive(Debug, Clone, Copy)]
+enum Shown {
+    Readings,
+    Contrast,
+    Edges,
+}
+
+/// Values on all levels: the readings, their contrast or their edges.
 struct Values<'a> {
     map: &'a SkinMap,
-    channels: Vec<Channel>,
+    channels: &'a [Channel],
     restrictor: Restrictor<'a>,
-    contrast: Option<LevelFrame>,
+    shown: Shown,
+    derived: LevelFrame,
 }
 
 impl<'a> Values<'a> {
-    fn new(map: &'a SkinMap, channels: &[Channel], is_contrast: bool) -> Self {
-        let contrast = is_contrast.then(LevelFrame::default);
-        Self { map, channels: channels.to_vec(), restrictor: Restrictor::new(map, channels), contrast }
+    fn new(map: &'a SkinMap, channels: &'a [Channel], shown: Shown) -> Self {
+        let restrictor = Restrictor::new(map, channels);
+        Self { map, channels, restrictor, shown, derived: LevelFrame::default() }
     }
 
-    fn of(&mut self, frame: &dermatome::signal::Frame) -> &LevelFrame {
+    fn of(&mut self, frame: &Frame) -> &LevelFrame {
         let levels = self.restrictor.restrict(frame);
-        match &mut self.contrast {
-            Some(detail) => {
-                *detail = contrast(self.map, &self.channels, levels);
-                detail
-            }
-            None => levels,
-        }
+        self.derived = match self.shown {
+            Shown::Readings => return levels,
+            Shown::Contrast => contrast(self.map, self.channels, levels),
+            Shown::Edges => edges(self.map, self.channels, levels),
+        };
+        &self.derived
     }
+}
+
+/// The channels of what is drawn: edges have two for each channel, their size and direction.
+fn shown_channels(channels: &[Channel], shown: Shown) -> Vec<Channel> {
+    let Shown::Edges = shown else { return channels.to_vec() };
+    let of_edges = |channel: &Channel| {
+        let part = |part: &str, unit: String| Channel {
+            name: format!("{}.{part}", channel.name),
+            unit,
+            quantity: Quantity::Intensive,
+        };
+        let unit = channel.pixel_unit();
+        let size = if unit.is_empty() { unit } else { format!("{unit}/m") };
+        [part("edge", size), part("direction", "rad".into())]
+    };
+    channels.iter().flat_map(of_edges).collect()
 }
 
 /// The colour scale of each channel: what the user says, or percentiles of the whole recording.
@@ -255,8 +306,10 @@ fn colours(
     args: &Args,
     readings: &Readings<'_>,
     map: &SkinMap,
-    channels: &[Channel],
+    read: &[Channel],
+    shown: Shown,
 ) -> anyhow::Result<Colours> {
+    let channels = shown_channels(read, shown);
     let magnification = args.colours.zoom;
     if let Some(range) = args.colours.range {
         return Ok(Colours { ranges: vec![range; channels.len()], magnification });
@@ -268,11 +321,11 @@ fn colours(
         ));
     }
     let mut ranges = vec![ValueRange::default(); channels.len()];
-    let mut values = Values::new(map, channels, args.images.contrast);
+    let mut values = Values::new(map, read, shown);
     readings.open()?.run(|_, frame| {
         let levels = values.of(frame);
         for (patch, of_patch) in map.patches.iter().zip(&levels.values) {
-            for ((range, channel), of_channel) in ranges.iter_mut().zip(channels).zip(of_patch) {
+            for ((range, channel), of_channel) in ranges.iter_mut().zip(&channels).zip(of_patch) {
                 for (level, x) in patch.levels.iter().zip(of_channel) {
                     match channel.quantity {
                         Quantity::Intensive => range.add(x.iter().copied()),

@@ -36,7 +36,7 @@ pub(super) struct ReadingsArgs {
     duplicates: DuplicatesArg,
     /// Subtract the mean of the first N frames from each taxel
     #[arg(long, value_name = "N", default_value_t = 0)]
-    baseline: usize,
+    pub(super) baseline: usize,
     /// Multiply the readings of each taxel: a table with columns id,gain
     #[arg(long, value_name = "F.csv")]
     gain: Option<PathBuf>,
@@ -139,6 +139,12 @@ impl<'a> Readings<'a> {
         .map_err(Error::from)?;
         if !args.units.is_empty() {
             name_units(&mut reader.channels, &args.units)?;
+        }
+        if args.split.is_some() && !reader.has_times && args.rate.is_none() {
+            return Err(advise(
+                "--split needs times, and the readings have none",
+                "say how many frames come in a second with --rate HZ",
+            ));
         }
         let duplicates = match args.duplicates {
             DuplicatesArg::Refuse => Duplicates::Refuse,

@@ -1,0 +1,106 @@
+//! The contact regions of a recording as a table: `render --contacts`.
+
+use std::path::PathBuf;
+
+use dermatome::{
+    Error,
+    io::RegionWriter,
+    map::SkinMap,
+    signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions},
+};
+
+use crate::{
+    errors::advise,
+    outputs,
+    render::source::{ReadingsArgs, positive},
+};
+
+/// Which contacts are found.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Contacts")]
+pub(super) struct ContactsArgs {
+    /// Also find contact regions and follow them from frame to frame: a table, .csv or .jsonl
+    #[arg(long, value_name = "OUT.csv")]
+    contacts: Option<PathBuf>,
+    /// A region holds a taxel above this, in the unit of the channel [default: the noise of the first
+    /// frames says; nothing may touch the skin in them]
+    #[arg(long, value_name = "X", value_parser = positive, requires = "contacts")]
+    threshold: Option<f64>,
+    /// The other taxels of a region are above this share of the threshold
+    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().low, requires = "contacts")]
+    low: f64,
+    /// Least number of taxels of a region
+    #[arg(long, value_name = "N", default_value_t = TrackerOptions::default().least, requires = "contacts")]
+    least: usize,
+    /// Channel whose regions are found [default: the first]
+    #[arg(long, value_name = "NAME", requires = "contacts")]
+    channel: Option<String>,
+}
+
+/// Contacts on their way out.
+pub(super) struct Contacts<'a> {
+    tracker: ContactTracker<'a>,
+    writer: RegionWriter<'a>,
+    onsets: usize,
+}
+
+impl ContactsArgs {
+    /// Refuses, before any work, a table that cannot be written or is the other output.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        match &self.contacts {
+            Some(path) => outputs::check([path.as_path()]),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn open<'a>(
+        &self,
+        map: &'a SkinMap,
+        channels: &[Channel],
+        readings: &ReadingsArgs,
+    ) -> anyhow::Result<Option<Contacts<'a>>> {
+        let Some(path) = &self.contacts else { return Ok(None) };
+        let channel = match &self.channel {
+            None => 0,
+            Some(name) => channels.iter().position(|channel| channel.name == *name).ok_or_else(|| {
+                let names: Vec<&str> = channels.iter().take(10).map(|channel| &*channel.name).collect();
+                advise(
+                    format!("there is no channel {name:?}"),
+                    format!("choose one of: {}", names.join(", ")),
+                )
+            })?,
+        };
+        let defaults = TrackerOptions::default();
+        let noise_frames = match readings.baseline {
+            0 => defaults.noise_frames,
+            frames => frames.max(2),
+        };
+        let options = TrackerOptions {
+            channel,
+            threshold: self.threshold,
+            low: self.low,
+            least: self.least,
+            noise_frames,
+            ..defaults
+        };
+        let tracker = ContactTracker::new(map, channels[channel].quantity, &options).map_err(Error::from)?;
+        let writer = RegionWriter::create(path, map).map_err(Error::from)?;
+        Ok(Some(Contacts { tracker, writer, onsets: 0 }))
+    }
+}
+
+impl Contacts<'_> {
+    /// Finds the regions of frame `number`.
+    pub(super) fn track(&mut self, number: usize, frame: &Frame) -> Result<(), Error> {
+        let regions = self.tracker.track(frame);
+        self.onsets += regions.iter().filter(|region| region.event == ContactEvent::Onset).count();
+        Ok(self.writer.write(number as u64, frame.time, regions)?)
+    }
+
+    /// Puts the table in its place: the number of contacts, and the threshold that was used.
+    pub(super) fn finish(self) -> Result<(usize, Option<f64>), Error> {
+        let threshold = self.tracker.threshold();
+        self.writer.finish()?;
+        Ok((self.onsets, threshold))
+    }
+}
