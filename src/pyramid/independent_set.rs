@@ -238,7 +238,7 @@ mod tests {
         let mesh = shapes::lattice(30, 30, 0.01);
         for (share, silent) in [(7, Presence::Absent), (3, Presence::ThermalPad), (2, Presence::Absent)] {
             let mut taxels = Taxels::of_mesh(&mesh);
-            let is_silent = |v: VertexId| hash(u64::from(v.raw()) + 99) % share == 0;
+            let is_silent = |v: VertexId| hash(u64::from(v.raw()) + 99).is_multiple_of(share);
             taxels.presence =
                 mesh.positions.ids().map(|v| if is_silent(v) { silent } else { Presence::Present }).collect();
             with_candidates_of(&mesh, &taxels, |candidates| {

@@ -25,6 +25,9 @@ impl Frame {
     }
 }
 
+/// The values of one channel of a patch on every level.
+type ChannelLevels = IdVec<LevelId, IdVec<VertexId, f64>>;
+
 /// A frame on every level: `values[patch][channel][level][vertex of that level]`, NaN where there is
 /// no value. Level 0 is the frame itself.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -32,7 +35,7 @@ pub struct LevelFrame {
     /// When it was taken, in s.
     pub time: f64,
     /// The values, in the unit of their channel.
-    pub values: IdVec<PatchId, Vec<IdVec<LevelId, IdVec<VertexId, f64>>>>,
+    pub values: IdVec<PatchId, Vec<ChannelLevels>>,
 }
 
 impl LevelFrame {

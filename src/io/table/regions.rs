@@ -88,7 +88,7 @@ pub struct RegionWriter<'a> {
 }
 
 enum Output {
-    Table(csv::Writer<Destination>),
+    Table(Box<csv::Writer<Destination>>),
     Lines(BufWriter<Destination>),
 }
 
@@ -122,7 +122,7 @@ impl<'a> RegionWriter<'a> {
         } else {
             let mut table = csv::WriterBuilder::new().has_headers(false).from_writer(file);
             table.write_record(COLUMNS).map_err(|e| table_write_error(path, e))?;
-            Output::Table(table)
+            Output::Table(Box::new(table))
         };
         Ok(Self { path: path.into(), map, output })
     }

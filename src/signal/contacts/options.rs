@@ -51,7 +51,7 @@ impl TrackerOptions {
         if !(self.low > 0.0 && self.low <= 1.0) {
             return bad("the lower over the upper threshold", self.low, "a share above 0 and at most 1");
         }
-        if !(self.reach >= 0.0) {
+        if self.reach.is_nan() || self.reach < 0.0 {
             return bad("the reach in m", self.reach, "0 or a positive number");
         }
         let most = (MAX_NOISE_READINGS / taxels.max(1)).max(2);
