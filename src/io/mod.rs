@@ -80,4 +80,5 @@ pub use table::{
     poses::read_poses,
     regions::RegionWriter,
     touches::{ReadingsWriter, write_touches},
+    values::write_values,
 };

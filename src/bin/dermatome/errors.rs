@@ -8,8 +8,16 @@ use std::{
 };
 
 use dermatome::{
-    Error, atlas::AtlasError, calib::CalibError, contact::ContactError, flatten::FlattenError, io::IoError,
-    plot::PlotError, signal::TouchError, skin::SkinError,
+    Error,
+    atlas::AtlasError,
+    calib::CalibError,
+    contact::ContactError,
+    flatten::FlattenError,
+    image::ImageError,
+    io::IoError,
+    plot::PlotError,
+    signal::{SignalError, TouchError},
+    skin::SkinError,
 };
 
 use crate::{common::ColorChoice, print::line};
@@ -104,7 +112,9 @@ fn library_help(error: &Error) -> String {
             "mark the taxels that work as present in the file of the skin".into()
         }
         Error::Touch(_) => "change the option: `dermatome help simulate` lists what each takes".into(),
+        Error::Signal(e) => signal_help(e).into(),
         Error::Atlas(e) => atlas_help(e),
+        Error::Image(e) => image_help(e),
         Error::Io(e) => io_help(e),
         Error::Plot(e) => plot_help(e),
         Error::Patch { source, .. } => library_help(source),
@@ -183,10 +193,47 @@ fn atlas_help(error: &AtlasError) -> String {
     }
 }
 
+fn signal_help(error: &SignalError) -> &'static str {
+    match error {
+        SignalError::DuplicateId { .. } => "choose with --duplicates first or --duplicates mean",
+        SignalError::Width { .. } => {
+            "give readings with ids: a .csv whose header names them, or a .npz with an array `ids`"
+        }
+        SignalError::IdCount { .. } => "give the array `ids` one id for each column",
+        SignalError::NoneMatched { .. } => {
+            "give the map of the skin that was recorded; `dermatome info` lists what a map has"
+        }
+        SignalError::Baseline { .. } => "give --baseline fewer frames",
+        SignalError::Gain { .. } => "correct the table of --gain",
+        SignalError::Clip { .. } => "give --clip two numbers, the lower one first",
+        SignalError::Cutoff { .. } => "give --split a positive frequency",
+        _ => "correct the readings",
+    }
+}
+
+fn image_help(error: &ImageError) -> String {
+    match error {
+        ImageError::Level { .. } => "give one of them, or leave out --level to draw all".into(),
+        ImageError::NoPixel { .. } => "use smaller pixels: --pixel-mm, or a larger --size".into(),
+        ImageError::UnknownImage { .. } => {
+            "name the image with --image, and give --pack if the image was drawn with it".into()
+        }
+        ImageError::Size { found, needed, .. } if found == needed => {
+            "give each image all the channels; name those to take with --channel".into()
+        }
+        ImageError::Size { found: [width, height], .. } => format!(
+            "give the --pixel-mm, --size and --pack that the image was drawn with; --size {height} {width} takes \
+             images of this size"
+        ),
+        _ => BUILD_AGAIN.into(),
+    }
+}
+
 fn plot_help(error: &PlotError) -> String {
     let help = match error {
         PlotError::Skin(_) => CHECK,
         PlotError::NoMap { .. } => "make a map with `dermatome build`, and draw that",
+        PlotError::Frame { .. } => "give --range two numbers, the lower one first",
         PlotError::NoCovariances { .. } => {
             "calibrate the skin with covariances, or use --show fields or taxel"
         }

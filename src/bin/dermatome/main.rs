@@ -18,6 +18,7 @@ mod plot;
 mod print;
 mod progress;
 mod render;
+mod sample;
 mod shell;
 mod simulate;
 #[cfg(unix)]
@@ -71,6 +72,8 @@ enum Command {
     Plot(plot::Args),
     /// Draw readings as tactile images on every level.
     Render(render::Args),
+    /// Carry tactile images back to taxels and receptive fields.
+    Sample(sample::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
     /// Print a completion script.
@@ -106,6 +109,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Lookup(args) => lookup::run(args, common),
         Command::Plot(args) => plot::run(args, common),
         Command::Render(args) => render::run(args, common),
+        Command::Sample(args) => sample::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut Cli::command()),
         Command::Man => shell::manual(Cli::command()),

@@ -1,5 +1,5 @@
 //! `dermatome plot MAP.glb -o OUT.svg|.png`: levels of a map side by side, with their receptive
-//! fields, and the skin in space.
+//! fields, or with a frame of readings, and the skin in space.
 
 use std::{
     io::Write,
@@ -11,20 +11,24 @@ use clap::ValueEnum;
 use dermatome::{
     Error,
     io::{IoError, replace_file},
-    plot::{Paint, PlotOptions, Viewpoint, plot_map, plot_skin},
+    map::SkinMap,
+    plot::{ChannelView, Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin},
     pyramid::LevelId,
+    signal::{Channel, Restrictor},
 };
 
 use crate::{
     common::Common,
+    errors::advise,
     input::{read_map_if_any, read_skin},
     options::BareArgs,
     outputs::{self, Outputs, is_stream},
     print::print,
+    render::{FramesArgs, Readings, ReadingsArgs, range},
 };
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
-/// distortion, and the skin in space.
+/// distortion, or with one frame of readings, and the skin in space.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`; or a skin without a map, which is drawn in space
@@ -54,6 +58,36 @@ pub(crate) struct Args {
     width: u32,
     #[command(flatten)]
     bare: BareArgs,
+    #[command(flatten)]
+    frame: FrameArgs,
+    #[command(flatten)]
+    readings_args: ReadingsArgs,
+}
+
+/// Which readings are drawn.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Frame of readings")]
+struct FrameArgs {
+    /// Draw one frame of these readings: text with a line of taxel ids, .csv, .npy or .npz; `-`: text
+    /// or CSV on standard input
+    #[arg(long, value_name = "READINGS", conflicts_with = "show")]
+    readings: Option<PathBuf>,
+    /// The frame that is drawn, counted from 0
+    #[arg(long, value_name = "K", default_value_t = 0, requires = "readings")]
+    frame: usize,
+    /// The channel that is drawn [default: the first]
+    #[arg(long, value_name = "NAME", requires = "readings")]
+    channel: Option<String>,
+    /// Values at the ends of the colour scale, in the unit of the channel, of a force per m^2
+    /// [default: those of the frame]
+    #[arg(
+        long,
+        value_name = "LOW,HIGH",
+        value_parser = range,
+        allow_hyphen_values = true,
+        requires = "readings"
+    )]
+    range: Option<[f64; 2]>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -99,11 +133,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         space: args.from.or(args.space.then(Viewpoint::default)),
         width_px: args.width,
     };
-    let picture = match read_map_if_any(&args.map)? {
-        Some(map) => plot_map(&map, &options),
-        None => plot_skin(&read_skin(&args.map, &args.bare.options(), common)?, &options),
-    }
-    .map_err(Error::from)?;
+    let picture = match (read_map_if_any(&args.map)?, &args.frame.readings) {
+        (Some(map), Some(readings)) => picture_of_frame(args, &map, readings, &options, common)?,
+        (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
+        (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
+        (None, None) => {
+            let skin = read_skin(&args.map, &args.bare.options(), common)?;
+            plot_skin(&skin, &options).map_err(Error::from)?
+        }
+    };
     let mut files = Outputs::default();
     for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
         let bytes = match kind {
@@ -118,6 +156,43 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print(&picture.to_svg())?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Draws one frame of readings.
+fn picture_of_frame(
+    args: &Args,
+    map: &SkinMap,
+    path: &Path,
+    options: &PlotOptions,
+    common: &Common,
+) -> anyhow::Result<Picture> {
+    let FrameArgs { frame, channel, range, .. } = &args.frame;
+    let pass = Readings::new(&args.readings_args, FramesArgs::one(*frame), path, map).open()?;
+    let channels = pass.channels().to_vec();
+    let shown = channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
+    pass.remark(&path.display().to_string(), common);
+    let mut restrictor = Restrictor::new(map, &channels);
+    let mut picture = None;
+    pass.run(|_, frame| {
+        let frame = restrictor.restrict(frame);
+        let view = ChannelView { frame, channels: &channels, shown, range: *range };
+        picture = Some(plot_frame(map, &view, options).map_err(Error::from)?);
+        Ok(false)
+    })?;
+    picture.ok_or_else(|| {
+        advise(
+            format!("{} ends before frame {frame}", path.display()),
+            "frames count from 0; give --frame a smaller number",
+        )
+    })
+}
+
+fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
+    channels.iter().position(|channel| channel.name == name).ok_or_else(|| {
+        let names: Vec<_> = channels.iter().take(10).map(|channel| channel.name.as_str()).collect();
+        let what = format!("the readings have no channel {name:?}; they have {}", names.join(", "));
+        advise(what, "give --channel one of them, or leave it out to draw the first")
+    })
 }
 
 fn viewpoint(text: &str) -> Result<Viewpoint, String> {

@@ -1,18 +1,17 @@
 //! `dermatome render MAP.glb READINGS -o OUT`: a recording or a live stream as tactile images on every
-//! level, arrays for learning
-//! and contact regions.
+//! level, arrays for learning and contact regions.
 
 mod contacts;
 mod output;
+mod pixels;
 mod source;
 
 use std::{path::PathBuf, process::ExitCode};
 
-use clap::ValueEnum;
 use dermatome::{
     Error,
-    atlas::{Atlas, AtlasOptions, Resolution},
-    image::{Interpolation, RenderOptions, Renderer},
+    atlas::Atlas,
+    image::{RenderOptions, Renderer},
     io::read_map,
     map::SkinMap,
     plot::ValueRange,
@@ -31,9 +30,12 @@ use crate::{
     render::{
         contacts::ContactsArgs,
         output::{Array, Colours, Kind, Output, Pictures},
-        source::{Readings, ReadingsArgs, Tally, positive, range},
+        source::Tally,
     },
 };
+
+pub(crate) use pixels::PixelArgs;
+pub(crate) use source::{FramesArgs, Readings, ReadingsArgs, range};
 
 /// Draw readings as tactile images on every level: a recording, or a live stream.
 ///
@@ -59,11 +61,15 @@ pub(crate) struct Args {
     #[command(flatten)]
     images: ImageArgs,
     #[command(flatten)]
+    pixels: PixelArgs,
+    #[command(flatten)]
     colours: ColourArgs,
     #[command(flatten)]
     readings_args: ReadingsArgs,
     #[command(flatten)]
     contacts: ContactsArgs,
+    #[command(flatten)]
+    frames: FramesArgs,
 }
 
 /// What is drawn.
@@ -73,39 +79,15 @@ struct ImageArgs {
     /// Draw this level only [default: all]
     #[arg(long, value_name = "K")]
     level: Option<u32>,
-    /// How a pixel follows from the taxels around it
-    #[arg(long, value_enum, default_value_t = InterpolationArg::Linear)]
-    interpolate: InterpolationArg,
     /// Draw what each level shows beyond the next coarser one
     #[arg(long)]
     contrast: bool,
     /// Draw the edges of the values: the size of their gradient on the map and its direction
     #[arg(long, conflicts_with = "contrast")]
     edges: bool,
-    /// Side of a pixel [default: that of the map]
-    #[arg(long, value_name = "MM", value_parser = positive, conflicts_with = "size")]
-    pixel_mm: Option<f64>,
-    /// Height and width of every image, in pixels; the map is drawn as large as fits
-    #[arg(long, num_args = 2, value_names = ["H", "W"])]
-    size: Option<Vec<u32>>,
-    /// Draw all patches of a level into one image
-    #[arg(long)]
-    pack: bool,
     /// Refuse images that need more memory than this
     #[arg(long, value_name = "MB", default_value_t = 4096)]
     max_memory: u64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum InterpolationArg {
-    /// Barycentric between the corners of each triangle
-    Linear,
-    /// The nearest taxel
-    Nearest,
-    /// Natural neighbours: taxels without a reading are replaced by those around them
-    Natural,
-    /// The receptive fields of each level, on the map of level 0
-    Field,
 }
 
 /// How values become colours.
@@ -133,8 +115,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     args.contacts.check()?;
     let map = read_map(&args.map).map_err(Error::from)?;
-    let atlas = Atlas::new(&map, &atlas_options(&args.images)).map_err(Error::from)?;
-    let readings = Readings::new(&args.readings_args, &args.readings, &map);
+    let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
+    let readings = Readings::new(&args.readings_args, args.frames, &args.readings, &map);
     let pass = readings.open()?;
     let read = pass.channels().to_vec();
     let shown = match (args.images.contrast, args.images.edges) {
@@ -151,7 +133,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let from =
         if is_stream(&args.readings) { "standard input".into() } else { args.readings.display().to_string() };
     pass.remark(&from, common);
-    let options = RenderOptions { interpolation: interpolation(args.images.interpolate), level };
+    let options = RenderOptions { interpolation: args.pixels.interpolation(), level };
     let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
     let colours = match kind {
         Kind::Folder(Pictures::Png) => Some(colours(args, &readings, &map, &read, shown)?),
@@ -203,24 +185,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_json(&report)?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn atlas_options(args: &ImageArgs) -> AtlasOptions {
-    let resolution = match (&args.size, args.pixel_mm) {
-        (Some(size), _) => Resolution::Canvas([size[0], size[1]]),
-        (None, Some(mm)) => Resolution::Pixel(mm * 1e-3),
-        (None, None) => Resolution::Map,
-    };
-    AtlasOptions { resolution, packed: args.pack, ..AtlasOptions::default() }
-}
-
-fn interpolation(arg: InterpolationArg) -> Interpolation {
-    match arg {
-        InterpolationArg::Linear => Interpolation::Linear,
-        InterpolationArg::Nearest => Interpolation::Nearest,
-        InterpolationArg::Natural => Interpolation::Natural,
-        InterpolationArg::Field => Interpolation::Field,
-    }
 }
 
 /// A `.npy` holds one array.

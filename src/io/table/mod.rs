@@ -7,3 +7,4 @@ pub(super) mod lookups;
 pub(super) mod poses;
 pub(super) mod regions;
 pub(super) mod touches;
+pub(super) mod values;

@@ -20,32 +20,38 @@ use crate::{common::Common, errors::advise, notes::note, outputs::is_stream};
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Readings")]
-pub(super) struct ReadingsArgs {
+pub(crate) struct ReadingsArgs {
     /// Order of the axes of an array with three
-    #[arg(long, value_enum, default_value_t = LayoutArg::Tnc)]
+    #[arg(long, value_enum, default_value_t = LayoutArg::Tnc, requires = "readings")]
     layout: LayoutArg,
     /// Unit of the readings; force, charge and other amounts are summed over receptive fields, all
     /// else is averaged; several channels: one unit each
-    #[arg(long = "unit", value_name = "UNIT", value_delimiter = ',')]
+    #[arg(long = "unit", value_name = "UNIT", value_delimiter = ',', requires = "readings")]
     units: Vec<String>,
     /// Frames per second, for readings without times
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, requires = "readings")]
     rate: Option<f64>,
     /// What to do with a taxel id that several columns have
-    #[arg(long, value_enum, default_value_t = DuplicatesArg::Refuse)]
+    #[arg(long, value_enum, default_value_t = DuplicatesArg::Refuse, requires = "readings")]
     duplicates: DuplicatesArg,
     /// Subtract the mean of the first N frames from each taxel
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) baseline: usize,
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "readings")]
+    pub(crate) baseline: usize,
     /// Multiply the readings of each taxel: a table with columns id,gain
-    #[arg(long, value_name = "F.csv")]
+    #[arg(long, value_name = "F.csv", requires = "readings")]
     gain: Option<PathBuf>,
     /// Clip readings to these bounds; the number of clipped readings is printed
-    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true, requires = "readings")]
     clip: Option<[f64; 2]>,
     /// Split each channel into a slow and a fast part at this frequency
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, requires = "readings")]
     split: Option<f64>,
+}
+
+/// Which frames are taken.
+#[derive(Debug, Clone, Copy, clap::Args)]
+#[command(next_help_heading = "Readings")]
+pub(crate) struct FramesArgs {
     /// The first frame, counted from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     from: usize,
@@ -58,6 +64,13 @@ pub(super) struct ReadingsArgs {
     /// Drop frames of a live stream that come faster than they are drawn; their number is printed
     #[arg(long)]
     drop: bool,
+}
+
+impl FramesArgs {
+    /// One frame alone.
+    pub(crate) fn one(number: usize) -> Self {
+        Self { from: number, to: Some(number), every: 1, drop: false }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -79,7 +92,7 @@ enum DuplicatesArg {
 }
 
 /// A positive number.
-pub(super) fn positive(text: &str) -> Result<f64, String> {
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
         _ => Err("needed: a positive number".into()),
@@ -87,7 +100,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// Two numbers, the lower one first.
-pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
+pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[low, high]) if low < high && f64::is_finite(low) && f64::is_finite(high) => Ok([low, high]),
@@ -97,36 +110,37 @@ pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
 
 /// What became of the readings.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Tally {
+pub(crate) struct Tally {
     /// Frames that were passed on.
-    pub(super) frames: usize,
+    pub(crate) frames: usize,
     /// Channels of the readings.
-    pub(super) channels: usize,
+    pub(crate) channels: usize,
     /// Readings of matched taxels that are missing, NaN or infinite.
-    pub(super) missing: usize,
+    pub(crate) missing: usize,
     /// Frames of a live stream that came too fast.
-    pub(super) dropped: usize,
+    pub(crate) dropped: usize,
     /// How columns and taxels fit each other.
-    pub(super) join: JoinReport,
+    pub(crate) join: JoinReport,
     /// What was done to the readings.
-    pub(super) condition: ConditionReport,
+    pub(crate) condition: ConditionReport,
 }
 
 /// Readings of a map.
-pub(super) struct Readings<'a> {
+pub(crate) struct Readings<'a> {
     args: &'a ReadingsArgs,
+    frames: FramesArgs,
     path: &'a Path,
     map: &'a SkinMap,
 }
 
 impl<'a> Readings<'a> {
-    pub(super) fn new(args: &'a ReadingsArgs, path: &'a Path, map: &'a SkinMap) -> Self {
-        Self { args, path, map }
+    pub(crate) fn new(args: &'a ReadingsArgs, frames: FramesArgs, path: &'a Path, map: &'a SkinMap) -> Self {
+        Self { args, frames, path, map }
     }
 
     /// Opens the readings, for one pass over them.
-    pub(super) fn open(&self) -> anyhow::Result<Pass<'a>> {
-        let Self { args, path, map } = *self;
+    pub(crate) fn open(&self) -> anyhow::Result<Pass<'a>> {
+        let Self { args, frames, path, map } = *self;
         let layout = match args.layout {
             LayoutArg::Tnc => ReadingsLayout::TaxelsFirst,
             LayoutArg::Tcn => ReadingsLayout::ChannelsFirst,
@@ -157,7 +171,7 @@ impl<'a> Readings<'a> {
             ConditionOptions { baseline: args.baseline, gains, clip: args.clip, split_hz: args.split };
         let conditioner = Conditioner::new(map, &reader.channels, &options).map_err(Error::from)?;
         let frame = Frame::new(map, reader.channels.len());
-        Ok(Pass { args, reader, join, conditioner, frame })
+        Ok(Pass { args, frames, reader, join, conditioner, frame })
     }
 }
 
@@ -182,8 +196,9 @@ fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> 
 }
 
 /// One pass over the readings.
-pub(super) struct Pass<'a> {
+pub(crate) struct Pass<'a> {
     args: &'a ReadingsArgs,
+    frames: FramesArgs,
     reader: ReadingsReader,
     join: Join,
     conditioner: Conditioner,
@@ -192,19 +207,19 @@ pub(super) struct Pass<'a> {
 
 impl Pass<'_> {
     /// The channels of the frames that are passed on.
-    pub(super) fn channels(&self) -> &[Channel] {
+    pub(crate) fn channels(&self) -> &[Channel] {
         self.conditioner.channels()
     }
 
     /// Number of frames that are passed on, if it is known.
-    pub(super) fn frames(&self) -> Option<u64> {
+    pub(crate) fn frames(&self) -> Option<u64> {
         let all = self.reader.frames?;
-        let end = self.args.to.map_or(all, |to| all.min(to as u64 + 1));
-        Some(end.saturating_sub(self.args.from as u64).div_ceil(u64::from(self.args.every)))
+        let end = self.frames.to.map_or(all, |to| all.min(to as u64 + 1));
+        Some(end.saturating_sub(self.frames.from as u64).div_ceil(u64::from(self.frames.every)))
     }
 
     /// Notes about columns and taxels that do not fit each other.
-    pub(super) fn remark(&self, path: &str, common: &Common) {
+    pub(crate) fn remark(&self, path: &str, common: &Common) {
         let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = self.join.report();
         if *unknown > 0 {
             let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
@@ -231,13 +246,14 @@ impl Pass<'_> {
 
     /// Passes on the frames that were asked for, each with its number; `pass_on` returns false to
     /// stop.
-    pub(super) fn run(
+    pub(crate) fn run(
         mut self,
         mut pass_on: impl FnMut(usize, &Frame) -> anyhow::Result<bool>,
     ) -> anyhow::Result<Tally> {
         let channels = self.reader.channels.len();
         let mut tally = Tally { channels, join: self.join.report().clone(), ..Tally::default() };
-        let ReadingsArgs { from, to, every, rate, drop, .. } = *self.args;
+        let FramesArgs { from, to, every, drop } = self.frames;
+        let rate = self.args.rate;
         let (mut number, mut stopped) = (0_usize, false);
         let has_times = self.reader.has_times;
         let mut deliver = |frame: &Frame, frames: &mut usize| -> anyhow::Result<()> {

@@ -1,0 +1,141 @@
+//! `sample` and `plot --readings` as a user runs them.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{collections::HashMap, fs, path::Path};
+
+use assert_cmd::{Command, assert::Assert};
+use dermatome::{
+    io::{read_map, write_map},
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    skin::Skin,
+};
+use predicates::{prelude::*, str::contains};
+use tempfile::TempDir;
+
+fn dermatome(folder: &Path, words: &str) -> Assert {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.current_dir(folder).args(words.split_whitespace()).assert()
+}
+
+/// A map of a cap, and a recording of a press in which a twentieth of the taxels is dead.
+fn folder_with_a_recording() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let skin = Skin::from_mesh("cap", shapes::cap(400, 0.05, 1.0));
+    write_map(&folder.path().join("map.glb"), &build(&skin, &BuildOptions::default()).unwrap()).unwrap();
+    dermatome(folder.path(), "simulate --touch map.glb -o touch.csv --presses 1 --dead 0.05 --rate-hz 40")
+        .success();
+    folder
+}
+
+/// The rows of a table of one channel: level and taxel id to value; of level 0 alone.
+fn taxels(folder: &Path, table: &str) -> HashMap<String, String> {
+    let text = fs::read_to_string(folder.join(table)).unwrap();
+    let rows = text.lines().skip(1).map(|row| row.split(',').map(str::to_owned).collect::<Vec<_>>());
+    rows.filter(|row| row[1] == "0").map(|row| (row[3].clone(), row[4].clone())).collect()
+}
+
+#[test]
+fn rendered_frames_give_back_the_readings() {
+    let folder = folder_with_a_recording();
+    for how in ["", "--pack", "--interpolate natural --pixel-mm 0.7", "--interpolate field --size 90 100"] {
+        let name = if how == "--pack" { "L0" } else { "cap.L0" };
+        dermatome(folder.path(), &format!("render map.glb touch.csv -o frames --from 25 --to 25 {how}"))
+            .success();
+        let sample = format!("sample map.glb frames/{name}.000025.exr -o out.csv {how}");
+        let output = dermatome(folder.path(), &format!("{sample} --json")).success();
+        let report: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+        let of_channel = &report["channels"][0];
+        let number = |key: &str| of_channel[key].as_f64().unwrap();
+        assert_eq!(of_channel["name"], "force");
+        assert!(number("residual") < 1e-5 * number("largest_pixel"), "{how}: {report}");
+        let found = taxels(folder.path(), "out.csv");
+        let text = fs::read_to_string(folder.path().join("touch.csv")).unwrap();
+        let mut lines = text.lines();
+        let ids: Vec<&str> = lines.next().unwrap().split(',').skip(1).collect();
+        let truth: Vec<&str> = lines.nth(25).unwrap().split(',').skip(1).collect();
+        let largest =
+            truth.iter().filter_map(|x| x.parse::<f64>().ok()).filter(|x| !x.is_nan()).fold(0.0, f64::max);
+        for (id, truth) in ids.iter().zip(&truth) {
+            let found = &found[id.split('.').next().unwrap()];
+            match truth.parse::<f64>() {
+                Ok(x) if !x.is_nan() => {
+                    let off = (found.parse::<f64>().unwrap() - x).abs();
+                    assert!(off < 1e-3 * largest, "{how}: taxel {id}: {found} for {x}");
+                }
+                _ if how.contains("natural") => {}
+                _ => assert!(found.is_empty(), "{how}: taxel {id} is dead, and has {found}"),
+            }
+        }
+        fs::remove_dir_all(folder.path().join("frames")).unwrap();
+    }
+}
+
+/// Positions are linear on every triangle, so an image of them samples to the positions.
+#[test]
+fn images_of_positions_give_the_positions_of_the_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let skin = Skin::from_mesh("cap", shapes::cap(200, 0.05, 1.0));
+    dermatome::io::write_skin(&folder.path().join("cap.glb"), &skin).unwrap();
+    dermatome(folder.path(), "build cap.glb -o .").success();
+    dermatome(folder.path(), "sample map.glb map.exr -o out.csv --image cap/L0 --channel position.X")
+        .success()
+        .stdout(contains("position.X: ").and(contains("round-trip residual")));
+    let map = read_map(&folder.path().join("map.glb")).unwrap();
+    let patch = map.patches.iter().next().unwrap();
+    let found = taxels(folder.path(), "out.csv");
+    for (id, place) in patch.taxels.ids.iter().zip(&skin.patches.iter().next().unwrap().mesh.positions) {
+        let x: f64 = found[&id.to_string()].parse().unwrap();
+        assert!((x - place.x).abs() < 1e-6, "taxel {id}: {x} for {}", place.x);
+    }
+}
+
+#[test]
+fn images_that_do_not_fit_are_refused_with_what_makes_them_fit() {
+    let folder = folder_with_a_recording();
+    dermatome(folder.path(), "render map.glb touch.csv -o frames --from 25 --to 25 --size 40 50").success();
+    dermatome(folder.path(), "render map.glb touch.csv -o image.npy --from 25 --to 25 --level 0").success();
+    let image = "sample map.glb frames/cap.L0.000025.exr -o out.csv";
+    for (words, said) in [
+        (image.to_owned(), "50 x 40 pixels"),
+        (image.to_owned(), "--size 40 50"),
+        (format!("{image} --image nose/L0"), "nose/L0"),
+        (format!("{image} --channel heat"), "channel heat"),
+        (format!("{image} --size 40 50 --unit N,K"), "--unit"),
+        (format!("{image} --size 40 50 frames/cap.L0.000025.exr"), "twice"),
+        ("sample map.glb image.npy -o out.csv".to_owned(), "--image"),
+        ("sample map.glb image.npy -o out.csv --image nose/L0".to_owned(), "cap/L0"),
+        ("sample map.glb image.png -o out.csv".to_owned(), ".exr, .npy"),
+        ("sample map.glb image.npy -o map.glb".to_owned(), ".csv"),
+    ] {
+        dermatome(folder.path(), &words).code(2).stderr(contains(said).and(contains("help:")));
+        assert!(!folder.path().join("out.csv").exists(), "{words}");
+    }
+    dermatome(folder.path(), "sample map.glb image.npy -o - --image cap/L0 --unit N")
+        .success()
+        .stdout(contains("patch,level,vertex,taxel_id,0\ncap,0,0,"));
+}
+
+#[test]
+fn a_frame_of_readings_is_drawn_on_the_map_and_in_space() {
+    let folder = folder_with_a_recording();
+    let plot = "plot map.glb --readings touch.csv --frame 25 --space -o";
+    dermatome(folder.path(), &format!("{plot} a.svg -o a.png")).success();
+    let svg = fs::read_to_string(folder.path().join("a.svg")).unwrap();
+    for text in ["force per area, kPa", "cap, level 1 in space", "masked", "no reading", "0.625 s", " N<"] {
+        assert!(svg.contains(text), "{text}");
+    }
+    dermatome(folder.path(), &format!("{plot} b.png --threads 1")).success();
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(read("a.png") == read("b.png"), "the same bytes for any number of threads");
+    for (words, said) in [
+        ("--readings touch.csv --frame 9999", "ends before frame 9999"),
+        ("--readings touch.csv --channel heat", "force"),
+        ("--readings touch.csv --range 5,1", "lower one first"),
+        ("--readings touch.csv --show angle", "cannot be used with"),
+        ("--baseline 2", "--readings"),
+        ("--frame 2", "--readings"),
+    ] {
+        dermatome(folder.path(), &format!("plot map.glb -o c.svg {words}")).code(2).stderr(contains(said));
+    }
+}
