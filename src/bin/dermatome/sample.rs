@@ -32,7 +32,8 @@ use crate::{
 ///
 /// The values are those whose drawing comes nearest to the pixels, in the sense of least squares;
 /// the round-trip residual is what their drawing misses the pixels by. Give the options of `render`
-/// that the images were drawn with.
+/// that the images were drawn with. A taxel that had no reading gets what the pixels around it show;
+/// the cell of one that no pixel shows is empty.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`

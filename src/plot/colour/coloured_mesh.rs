@@ -47,6 +47,8 @@ pub(crate) enum Fill {
     Values {
         values: IdVec<VertexId, f64>,
         scale: Scale,
+        /// Whether the triangles are those of the level that the values are of.
+        has_lines: bool,
     },
 }
 
@@ -65,7 +67,7 @@ impl Fill {
             Self::Faces(colours) => colours[face],
             Self::Cells { groups, colours } => colours[groups[nearest] as usize],
             Self::Values { values, .. } if values[nearest].is_nan() => hatch(diagonal),
-            Self::Values { values, scale } => {
+            Self::Values { values, scale, .. } => {
                 let known = corners.into_iter().zip(weights).filter(|(v, _)| !values[*v].is_nan());
                 let (sum, weight) =
                     known.fold((0.0, 0.0), |(sum, weight), (v, w)| (sum + w * values[v], weight + w));
@@ -77,7 +79,7 @@ impl Fill {
     /// Colour and opacity of the lines between triangles.
     pub(crate) fn lines(&self) -> (Colour, f64) {
         match self {
-            Self::Values { .. } => (Colour::WHITE, 0.3),
+            Self::Values { has_lines, .. } => (Colour::WHITE, if *has_lines { 0.3 } else { 0.0 }),
             _ => (Colour(0, 0, 0), 0.28),
         }
     }

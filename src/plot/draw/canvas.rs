@@ -100,7 +100,11 @@ impl<'a> Canvas<'a> {
 pub(crate) fn triangle_lines(path: Path, edge_px: f64, fill: &Fill) -> Option<Shape> {
     let (colour, opacity) = fill.lines();
     let stroke = Stroke { colour, width: 0.7, opacity };
-    (edge_px >= LEAST_LINE_PX).then_some(Shape::Path { path, fill: None, stroke: Some(stroke) })
+    (edge_px >= LEAST_LINE_PX && opacity > 0.0).then_some(Shape::Path {
+        path,
+        fill: None,
+        stroke: Some(stroke),
+    })
 }
 
 pub(crate) fn boundary_line(path: Path) -> Shape {

@@ -87,15 +87,13 @@ impl Panel<'_> {
     /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots where they
     /// are.
     pub(crate) fn draw_values(&self, view: &View, values: &IdVec<VertexId, f64>, scale: Scale) -> Vec<Shape> {
-        let coloured = |mesh, owner, values| ColouredMesh {
-            mesh,
-            owner,
-            fill: Fill::Values { values, scale },
-            is_scale: true,
+        let coloured = |mesh, owner, values, has_lines| {
+            let fill = Fill::Values { values, scale, has_lines };
+            ColouredMesh { mesh, owner, fill, is_scale: true }
         };
         match &self.look {
             Look::OnMap(level) => {
-                let coloured = coloured(&level.level.mesh, MeshOwner::Level, values.clone());
+                let coloured = coloured(&level.level.mesh, MeshOwner::Level, values.clone(), true);
                 draw_map(self.patch, level, &coloured, view, MapLook { has_gaps: false, has_dots: true })
             }
             Look::InSpace(camera, level) => {
@@ -105,7 +103,8 @@ impl Panel<'_> {
                     Some(level) => level.level.origins.iter().copied().collect(),
                     None => self.patch.mesh.positions.ids().collect(),
                 };
-                let coloured = coloured(self.patch.mesh, MeshOwner::Taxels, on_taxels);
+                let coloured =
+                    coloured(self.patch.mesh, MeshOwner::Taxels, on_taxels, prolongation.is_none());
                 draw_in_space(self.patch, &coloured, camera, view, &dots)
             }
         }
