@@ -18,7 +18,10 @@
 //!    [`io::write_map`] keeps.
 //! 5. [`atlas::skin_images`] rasterises the maps for [`io::write_images`], an [`atlas::Atlas`] for
 //!    images of readings; [`plot::plot_map`] draws them.
-//! 6. [`contact::ContactIndex`] finds the cells under a contact on every level.
+//! 6. [`io::ReadingsReader`] reads a recording or a stream, [`signal::Join`] finds its taxels,
+//!    [`signal::Restrictor`] carries each frame to every level and [`image::Renderer`] draws it;
+//!    [`signal::ContactTracker`] finds what touches the skin.
+//! 7. [`contact::ContactIndex`] finds the cells under a contact on every level.
 //!
 //! Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not
 //! depend on the number of threads.
