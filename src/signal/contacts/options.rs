@@ -18,10 +18,10 @@ pub struct TrackerOptions {
     /// The threshold is estimated from this many first frames, in which nothing should touch the
     /// skin, and no region is reported; at least 2.
     ///
-    /// The noise is 1.4826 times the median absolute deviation of the readings from the mean of
-    /// their taxel, over all taxels that vary. The threshold is the Gaussian quantile of this noise
-    /// at which one taxel of the skin is above it by chance in a million frames. Readings without any
-    /// noise, as simulated ones are, have a hundredth of the largest reading so far as threshold.
+    /// The noise is the standard deviation of the readings of the noisiest taxels but for a
+    /// twentieth. The threshold is the Gaussian quantile of this noise at which one taxel of the skin
+    /// is above it by chance in a million frames. Readings without any noise, as simulated ones are,
+    /// have a hundredth of the largest reading so far as threshold.
     pub noise_frames: usize,
     /// How far the centre of a contact may move from a frame to the next, in m, if the two regions
     /// share no taxel.
