@@ -10,7 +10,11 @@ use std::{
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 
-use crate::io::{IoError, file::source::Source, gltf::document::Document};
+use crate::io::{
+    IoError,
+    file::source::Source,
+    gltf::{container::MAGIC, document::Document},
+};
 
 impl Document {
     /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
@@ -20,7 +24,7 @@ impl Document {
         let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
         let bytes: &[u8] = match (&buffer.uri, self.chunk()) {
             (None, Some(chunk)) if index == 0 => chunk,
-            (None, None) if index == 0 && self.is_binary() => {
+            (None, None) if index == 0 && self.bytes().starts_with(MAGIC) => {
                 return Err(self.invalid(element, "no uri and no binary chunk", "one of them"));
             }
             (None, _) => {

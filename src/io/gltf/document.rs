@@ -14,7 +14,7 @@ use crate::io::{
     IoError,
     file::source::Source,
     gltf::{
-        container::{MAGIC, check_marks, split_chunks},
+        container::{check_marks, split_chunks},
         guard::{self, Transform},
     },
 };
@@ -91,11 +91,6 @@ impl Document {
     /// The JSON, whose types say more than those of the crate.
     pub(super) fn root(&self) -> &Root {
         self.gltf.as_json()
-    }
-
-    /// Whether the file is a GLB.
-    pub(super) fn is_binary(&self) -> bool {
-        self.bytes().starts_with(MAGIC)
     }
 
     /// The binary chunk of a GLB.

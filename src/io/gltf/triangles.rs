@@ -34,17 +34,9 @@ impl Attributes<'_> {
     /// end are left out, as every viewer does; so are triangles of a strip or fan that only turn a
     /// corner.
     pub(super) fn triangles(&self, primitive: &Primitive) -> Result<Vec<[u32; 3]>, IoError> {
-        let (document, element) = (self.document, &self.element);
-        let corners = match primitive.indices {
-            Some(index) => self.corners(index.value())?,
-            None => {
-                document.reserve(element, self.count, 4)?;
-                (0..u32::try_from(self.count).unwrap_or(u32::MAX)).map(|i| [i]).collect()
-            }
-        };
-        let corners = corners.as_flattened();
+        let corners = self.points(primitive)?;
         let is_list = primitive.mode == Checked::Valid(Mode::Triangles);
-        document.reserve(element, corners.len(), if is_list { 4 } else { 12 })?;
+        self.document.reserve(&self.element, corners.len(), if is_list { 4 } else { 12 })?;
         let is_proper = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         Ok(match primitive.mode {
             _ if is_list => corners.as_chunks::<3>().0.to_vec(),
@@ -61,26 +53,22 @@ impl Attributes<'_> {
         })
     }
 
-    /// The vertices that a primitive of points shows: those of its indices, else all.
+    /// The vertices that a primitive shows, which exist: those of its indices, else all. The largest
+    /// number of a type would restart a strip, which glTF forbids.
     pub(super) fn points(&self, primitive: &Primitive) -> Result<Vec<u32>, IoError> {
         let Some(index) = primitive.indices else {
             self.document.reserve(&self.element, self.count, 4)?;
             return Ok((0..u32::try_from(self.count).unwrap_or(u32::MAX)).collect());
         };
-        Ok(self.corners(index.value())?.into_iter().map(|[vertex]| vertex).collect())
-    }
-
-    /// Corners, which are vertices that exist. The largest number of a type would restart a strip,
-    /// which glTF forbids.
-    fn corners(&self, index: usize) -> Result<Vec<[u32; 1]>, IoError> {
-        let accessor = self.document.accessor(index, Role::Index, &format!("{} indices", self.element))?;
-        let corners = accessor.integers::<1>()?;
+        let asked_by = format!("{} indices", self.element);
+        let accessor = self.document.accessor(index.value(), Role::Index, &asked_by)?;
+        let corners = accessor.integers::<1>()?.into_flattened();
         let restart = u32::MAX >> (32 - 8 * accessor.gltf.size().min(4));
-        let largest = corners.as_flattened().iter().copied().max().unwrap_or_default();
+        let largest = corners.iter().copied().max().unwrap_or_default();
         if largest != restart && (largest as usize) < self.count {
             return Ok(corners);
         }
-        let at = corners.iter().position(|&[c]| c == largest).unwrap_or_default();
+        let at = corners.iter().position(|&c| c == largest).unwrap_or_default();
         let needed = if largest as usize >= self.count {
             format!("less than {}, the number of vertices", self.count)
         } else {

@@ -19,7 +19,7 @@ use crate::{
         file::{
             lines::{LineLocation, finite},
             replace::replace_file,
-            source::{Source, excerpt},
+            source::{Source, excerpt, unsupported},
         },
     },
     skin::{Draft, Patch, Sheet, Skin},
@@ -41,17 +41,11 @@ struct Group {
     triangles: Vec<[Corner; 3]>,
 }
 
-/// The largest index of one kind, and the line it stands on: statements may refer forward, so it is
-/// judged at the end.
-#[derive(Clone, Copy, Default)]
-struct Largest {
-    index: u64,
-    line: usize,
-}
-
 /// What has been read so far.
-struct Reader<'a> {
-    source: &'a Source,
+#[derive(Default)]
+struct Reader {
+    /// What a group without a name is called.
+    stem: String,
     /// Positions, and the group in which each was declared.
     positions: Vec<DVec3>,
     declared_in: Vec<usize>,
@@ -62,8 +56,9 @@ struct Reader<'a> {
     known: HashMap<(String, String), usize>,
     object: String,
     group: usize,
-    /// Largest index of positions, texture points, normals.
-    largest: [Largest; 3],
+    /// Largest index of positions, texture points, normals, and the line it stands on: statements
+    /// may refer forward, so it is judged at the end.
+    largest: [(u64, usize); 3],
 }
 
 /// Reads an OBJ file: every `o` or `g` becomes a sheet, polygons become fans.
@@ -74,16 +69,10 @@ struct Reader<'a> {
 /// out.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let mut reader = Reader {
-        source,
-        positions: Vec::new(),
-        declared_in: Vec::new(),
-        normals: Vec::new(),
-        texture_points: 0,
+        stem: source.stem(),
         groups: vec![Group { name: source.stem(), triangles: Vec::new() }],
         known: HashMap::from([(Default::default(), 0)]),
-        object: String::new(),
-        group: 0,
-        largest: Default::default(),
+        ..Reader::default()
     };
     let mut lines = source.lines()?;
     while let Some((at, line)) = lines.next() {
@@ -96,12 +85,12 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         }
         reader.statement(at, &line)?;
     }
-    reader.check_indices()?;
+    reader.check_indices(source)?;
     Ok(Draft { sheets: reader.sheets(), ..Draft::default() })
 }
 
-impl<'a> Reader<'a> {
-    fn statement(&mut self, at: LineLocation<'a>, text: &str) -> Result<(), IoError> {
+impl Reader {
+    fn statement(&mut self, at: LineLocation<'_>, text: &str) -> Result<(), IoError> {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         match word {
@@ -119,7 +108,7 @@ impl<'a> Reader<'a> {
             "g" => self.enter(rest.trim()),
             "curv" | "curv2" | "surf" => {
                 let (feature, remedy) = ("a free-form curve or surface", "export the skin as triangles");
-                return Err(self.source.unsupported(format!("line {}", at.line), feature, remedy));
+                return Err(unsupported(at.path, format!("line {}", at.line), feature, remedy));
             }
             // The format asks readers to pass over statements they do not know.
             _ => {}
@@ -131,7 +120,7 @@ impl<'a> Reader<'a> {
     fn enter(&mut self, group: &str) {
         let key = (self.object.clone(), group.to_owned());
         let name = [group, &self.object].into_iter().find(|n| !n.is_empty());
-        let name = name.map_or_else(|| self.source.stem(), str::to_owned);
+        let name = name.map_or_else(|| self.stem.clone(), str::to_owned);
         let groups = &mut self.groups;
         self.group = *self.known.entry(key).or_insert_with(|| {
             groups.push(Group { name, triangles: Vec::new() });
@@ -139,7 +128,7 @@ impl<'a> Reader<'a> {
         });
     }
 
-    fn face(&mut self, at: LineLocation<'a>, rest: &str) -> Result<(), IoError> {
+    fn face(&mut self, at: LineLocation<'_>, rest: &str) -> Result<(), IoError> {
         let mut corners = rest.split_whitespace();
         let mut next = |reader: &mut Self| corners.next().map(|token| reader.corner(at, token)).transpose();
         let (Some(first), Some(mut last), Some(mut corner)) = (next(self)?, next(self)?, next(self)?) else {
@@ -157,7 +146,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner(&mut self, at: LineLocation<'a>, token: &str) -> Result<Corner, IoError> {
+    fn corner(&mut self, at: LineLocation<'_>, token: &str) -> Result<Corner, IoError> {
         let counts = [self.positions.len(), self.texture_points, self.normals.len()];
         let broken = || {
             let needed = "v, v/vt, v//vn or v/vt/vn, each counted from 1, or backwards from -1";
@@ -176,25 +165,21 @@ impl<'a> Reader<'a> {
         }
         let [Some(position), _, normal] = indices else { return Err(broken()) };
         for (largest, index) in self.largest.iter_mut().zip(indices) {
-            if let Some(index) = index.filter(|&i| i > largest.index) {
-                *largest = Largest { index, line: at.line };
-            }
+            *largest = index.filter(|&i| i > largest.0).map_or(*largest, |index| (index, at.line));
         }
         // An index that does not fit is past the end, which `check_indices` will say.
         let narrow = |index: u64| u32::try_from(index - 1).unwrap_or(NONE);
         Ok(Corner { position: narrow(position), normal: normal.map_or(NONE, narrow) })
     }
 
-    fn check_indices(&self) -> Result<(), IoError> {
+    fn check_indices(&self, source: &Source) -> Result<(), IoError> {
         let counts = [self.positions.len(), self.texture_points, self.normals.len()];
         let words = ["v", "vt", "vn"];
-        for ((largest, count), word) in self.largest.iter().zip(counts).zip(words) {
-            if largest.index > count as u64 {
-                return Err(self.source.invalid(
-                    format!("line {}, corner of `f`", largest.line),
-                    format!("`{word}` number {}", largest.index),
-                    format!("at most {count}, as many as the file has"),
-                ));
+        for ((&(index, line), count), word) in self.largest.iter().zip(counts).zip(words) {
+            if index > count as u64 {
+                let needed = format!("at most {count}, as many as the file has");
+                let element = format!("line {line}, corner of `f`");
+                return Err(source.invalid(element, format!("`{word}` number {index}"), needed));
             }
         }
         Ok(())

@@ -27,25 +27,16 @@ const DEFAULT_SIGMA: f64 = 1e-3;
 /// taxel.
 const DEFAULT_NORMAL_SIGMA: f64 = 0.035;
 
-/// Columns of a displacement.
+// Columns: a displacement, in m.
 const OFFSET: [&str; 3] = ["dx", "dy", "dz"];
-
-/// Columns of the position of a contact.
+// A contact, and the standard deviation of its normal, in rad.
 const POSITION: [&str; 3] = ["x", "y", "z"];
-
-/// Columns of the normal of a contact.
 const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
-
-/// Column of the standard deviation of the normal, in rad.
 const NORMAL_SIGMA: &str = "sigma_n";
-
-/// Column of the standard deviation in every direction, in m.
+// The standard deviation in every direction or of each axis, in m, or the information, in the order
+// of the upper triangle, in 1/m^2.
 const SIGMA: &str = "sigma";
-
-/// Columns of the standard deviation of each axis, in m.
 const SIGMAS: [&str; 3] = ["sx", "sy", "sz"];
-
-/// Columns of the information, in the order of the upper triangle, in 1/m^2.
 const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// What a table may hold, for messages.
