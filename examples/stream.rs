@@ -4,6 +4,7 @@
 //! ```sh
 //! cargo run --release --example stream
 //! ```
+#![allow(clippy::print_stdout, reason = "an example prints what it found")]
 
 use std::{
     thread::sleep,
@@ -39,7 +40,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     let mut latencies = Vec::new();
     let mut pixels = 0;
-    let mut onsets = 0;
+    let mut regions = 0;
     while let Some((frame, _)) = stream.next_frame() {
         let due = Duration::from_secs_f64(frame.time);
         sleep(due.saturating_sub(start.elapsed()));
@@ -48,11 +49,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let contacts = tracker.track(frame);
         latencies.push(read.elapsed());
         pixels = images.iter().map(|image| image.coverage.len()).sum();
-        onsets += contacts.len();
+        regions += contacts.len();
     }
     latencies.sort_unstable();
     println!(
-        "{} frames of {} taxels, {} images of {pixels} pixels in all, {onsets} contact regions",
+        "{} frames of {} taxels, {} images of {pixels} pixels in all, {regions} contact regions",
         latencies.len(),
         skin.patches.iter().map(|patch| patch.taxels.ids.len()).sum::<usize>(),
         atlas.parts.len(),
