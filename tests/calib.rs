@@ -548,7 +548,7 @@ fn contacts_that_still_pull_are_anchors() {
         position.x += 0.03;
     }
     let found = solve(&observations, &CalibOptions { robust: Some(Loss::Huber), ..CalibOptions::default() });
-    assert!(found.rejected().1.len() > 0);
+    assert!(!found.rejected().1.is_empty());
     assert!(found.free.is_empty(), "{:?}", found.free);
 }
 

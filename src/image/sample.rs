@@ -193,7 +193,7 @@ impl System {
 
     /// The least-squares values, and the sum of the squares of what is left.
     fn solve(&self) -> (Vec<f64>, f64) {
-        /// Conjugate gradients stop when the residual has fallen by this factor, or after so many
+        /// Conjugate gradients stop when the residual has fallen by this factor, or after this many
         /// steps: the columns of weights are well apart, so about thirty do.
         const TOLERANCE: f64 = 1e-12;
         const STEPS: usize = 400;
