@@ -2,6 +2,7 @@
 //! all levels. `frame` restricts and draws a frame in which all taxels change, `one_percent` one in
 //! which a hundredth does, `draw` only draws; `natural` and `field` draw in these ways. `rasterise`
 //! is an atlas of a million triangles in 2048 x 2048 pixels.
+#![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
 #![allow(
     clippy::unwrap_used,
     missing_docs,

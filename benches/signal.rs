@@ -1,6 +1,7 @@
 //! Frames carried to all levels, on caps of 642, 4336 (in 13 patches) and 100 000 taxels of 6 mm.
 //! `restrict` takes a frame of which a share of the taxels changed, those around one taxel of each
 //! patch: all of them, or so many hundredths.
+#![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
 #![allow(
     clippy::unwrap_used,
     missing_docs,

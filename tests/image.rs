@@ -1,4 +1,6 @@
 //! Laws of tactile images: what a pixel shows, what the sum of pixels is, and the way back.
+#![allow(clippy::cast_possible_truncation, reason = "counts of a test are small")]
+#![allow(clippy::print_stdout, reason = "a figure that a reader of the test wants to see")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;

@@ -12,8 +12,8 @@ pub struct TrackerOptions {
     pub threshold: Option<f64>,
     /// The other taxels of a region are above this share of the threshold, above 0 and at most 1.
     pub low: f64,
-    /// A region has at least this many taxels. One taxel alone cannot be distinguished from a spike of that
-    /// taxel.
+    /// A region has at least this many taxels. One taxel alone cannot be distinguished from a spike of
+    /// that taxel.
     pub least: usize,
     /// The threshold is estimated from this many first frames, in which nothing should touch the
     /// skin, and no region is reported; at least 2.
