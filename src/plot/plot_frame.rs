@@ -37,7 +37,8 @@ pub struct ChannelView<'a> {
 ///
 /// Extensive channels are drawn per area of skin, so that levels can be compared. A range on both
 /// sides of zero has a diverging scale; any other has viridis. Dots are taxels or the fields'
-/// centres; a taxel without a reading is hatched. With [`PlotOptions::space`] a patch has two rows:
+/// centres, lines the level's triangles unless they are shorter than 12 pixels; a taxel without a
+/// reading is hatched. With [`PlotOptions::space`] a patch has two rows:
 /// the skin in space with the values of each level, and the maps. [`PlotOptions::paint`] has no
 /// effect.
 ///

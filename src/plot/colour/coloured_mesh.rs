@@ -76,11 +76,14 @@ impl Fill {
         }
     }
 
-    /// Colour and opacity of the lines between triangles.
-    pub(crate) fn lines(&self) -> (Colour, f64) {
+    /// Colour and opacity of the lines between triangles, and from which length of their edges on
+    /// they are drawn, in pixels: shorter ones would only grey the picture.
+    pub(crate) fn lines(&self) -> Option<(Colour, f64, f64)> {
         match self {
-            Self::Values { has_lines, .. } => (Colour::WHITE, if *has_lines { 0.3 } else { 0.0 }),
-            _ => (Colour(0, 0, 0), 0.28),
+            Self::Values { has_lines: false, .. } => None,
+            // Over values, which change within triangles, the dots have to do earlier.
+            Self::Values { .. } => Some((Colour::WHITE, 0.3, 12.0)),
+            _ => Some((Colour(0, 0, 0), 0.28, 6.0)),
         }
     }
 

@@ -22,10 +22,6 @@ const FINENESS: usize = 2;
 /// this size fill a gigabyte.
 const LARGE_PX: usize = 4096;
 
-/// Triangles are drawn if their edges are at least this long on the picture, in pixels; shorter
-/// lines would only grey it.
-const LEAST_LINE_PX: f64 = 6.0;
-
 /// Dots are drawn if their distance on the picture is at least this, in pixels.
 const LEAST_DOT_PX: f64 = 7.0;
 
@@ -98,13 +94,9 @@ impl<'a> Canvas<'a> {
 
 /// Lines between triangles whose edges are this long on the picture, in pixels, if they are drawn.
 pub(crate) fn triangle_lines(path: Path, edge_px: f64, fill: &Fill) -> Option<Shape> {
-    let (colour, opacity) = fill.lines();
+    let (colour, opacity, least_px) = fill.lines()?;
     let stroke = Stroke { colour, width: 0.7, opacity };
-    (edge_px >= LEAST_LINE_PX && opacity > 0.0).then_some(Shape::Path {
-        path,
-        fill: None,
-        stroke: Some(stroke),
-    })
+    (edge_px >= least_px).then_some(Shape::Path { path, fill: None, stroke: Some(stroke) })
 }
 
 pub(crate) fn boundary_line(path: Path) -> Shape {
