@@ -141,8 +141,8 @@ mod tests {
         let mut readings: Vec<f64> = (0..frames * taxels).map(|_| 100.0 + 2.5 * random.normal()).collect();
         for (k, x) in readings.iter_mut().enumerate() {
             match k % taxels {
-                0..20 => *x *= 1.0 + (k / taxels) as f64,
-                20..300 => *x = 0.0,
+                0..10 => *x *= 1.0 + (k / taxels) as f64,
+                10..300 => *x = 0.0,
                 300..320 => *x = f64::NAN,
                 _ => {}
             }
