@@ -14,7 +14,7 @@ def main(table, archive, truth):
     numbers = np.array([[float(x) for x in row] for row in rows[1:]])
     arrays = dict(np.load(archive))
     (channel,), (unit,) = arrays["channels"], arrays["units"]
-    if rows[0] != ["time"] + [f"{i}.{channel}" for i in arrays["ids"]]:
+    if rows[0] != ["time"] + [f"{i}.{channel}[{unit}]" for i in arrays["ids"]]:
         return "the columns are not the ids"
     if not np.array_equal(arrays["values"], numbers[:, 1:], equal_nan=True):
         return "the values differ"
