@@ -300,7 +300,7 @@ mod tests {
     fn a_constant_still_has_a_scale() {
         for x in [1.0, -1.0, 0.37, -1e-300, 1e300, 12.0] {
             let [low, high] = round([x, x], 1.0);
-            assert!(low < high && low <= x && x <= high * (1.0 + 1e-12), "{x}: {low} to {high}");
+            assert!(low < high && low <= x && x <= high + 1e-12 * high.abs(), "{x}: {low} to {high}");
         }
     }
 }
