@@ -25,7 +25,10 @@ def main(table, archive, truth):
             felt = arrays["values"][int(row["frame"])]
             if np.sum(felt > 0) != int(row["taxels"]):
                 return f"frame {row['frame']}: {np.sum(felt > 0)} taxels feel something, not {row['taxels']}"
-            if unit == "N" and np.nansum(felt) > float(row["force"]) * 1.05 + 1e-3:
+            # The flat discs of taxels stand up to 0.04 mm above the triangles of this skin of 0.1 m radius, so that
+            # the sphere (force k pi R depth^2) is that much deeper in them.
+            deeper = np.sqrt(float(row["force"])) + 0.04
+            if unit == "N" and np.nansum(felt) > 1.05 * deeper**2:
                 return f"frame {row['frame']}: taxels feel {np.nansum(felt)} N of {row['force']} N"
     print(f"numpy: {numbers.shape[0]} frames of {numbers.shape[1] - 1} taxels agree")
     return None
