@@ -1,6 +1,7 @@
-//! Frames carried to all levels, on caps of 642, 4336 (in 13 patches) and 100 000 taxels of 6 mm.
-//! `restrict` takes a frame of which a share of the taxels changed, those around one taxel of each
-//! patch: all of them, or so many hundredths.
+//! Frames carried to all levels and contacts followed, on caps of 642, 4336 (in 13 patches) and
+//! 100 000 taxels of 6 mm. `restrict` takes a frame of which a share of the taxels changed, those
+//! around one taxel of each patch: all of them, or this many hundredths. `track` takes frames in which
+//! as many are pressed, one contact on each patch.
 #![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
 #![allow(
     clippy::unwrap_used,
@@ -15,7 +16,7 @@ use dermatome::{
     map::{PatchMap, SkinMap},
     mesh::shapes,
     pyramid::{CoarsenOptions, LevelId, coarsen},
-    signal::{Channel, Frame, Restrictor},
+    signal::{Channel, ContactTracker, Frame, Quantity, Restrictor, TrackerOptions},
     skin::{LinkId, Patch, Skin},
 };
 
@@ -34,8 +35,8 @@ fn caps(patches: u32, taxels: u32) -> SkinMap {
     SkinMap { links: Skin::from_mesh("p", mesh.clone()).links, patches: patches.collect() }
 }
 
-/// Two frames that differ in the taxels nearest to one of each patch.
-fn frames(map: &SkinMap, share: f64) -> [Frame; 2] {
+/// Two frames of noise of size 1 that differ by `rise` in the taxels nearest to one of each patch.
+fn frames(map: &SkinMap, share: f64, rise: f64) -> [Frame; 2] {
     let mut one = Frame::new(map, 1);
     for (x, k) in one.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).zip(0..) {
         *x = (f64::from(k) * 0.37).sin();
@@ -47,7 +48,7 @@ fn frames(map: &SkinMap, share: f64) -> [Frame; 2] {
         let centre = at[near[near.len() / 3]];
         near.sort_by(|&a, &b| at[a].distance_squared(centre).total_cmp(&at[b].distance_squared(centre)));
         let count = (share * near.len() as f64).ceil() as usize;
-        near.iter().take(count).for_each(|&v| other.values[id][0][v] += 1.0);
+        near.iter().take(count).for_each(|&v| other.values[id][0][v] += rise);
     }
     [one, other]
 }
@@ -61,7 +62,7 @@ fn restrict(c: &mut Criterion) {
         for (name, share) in
             [("all", 1.0), ("25%", 0.25), ("12%", 0.12), ("6%", 0.06), ("1%", 0.01), ("none", 0.0)]
         {
-            let frames = frames(&map, share);
+            let frames = frames(&map, share, 1.0);
             let mut restrictor = Restrictor::new(&map, &[Channel::default()]);
             let mut k = 0;
             group.bench_function(BenchmarkId::new(name, taxels), |b| {
@@ -75,5 +76,30 @@ fn restrict(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, restrict);
+/// Every frame has all contacts of the one before, in other strength.
+fn track(c: &mut Criterion) {
+    let mut group = c.benchmark_group("track");
+    group.measurement_time(Duration::from_secs(1)).warm_up_time(Duration::from_millis(300));
+    for (patches, taxels) in [(1, 642), (13, 4336), (1, 100_000)] {
+        let map = caps(patches, taxels);
+        group.throughput(Throughput::Elements(u64::from(taxels)));
+        for (name, share) in [("all", 1.0), ("1%", 0.01), ("none", 0.0)] {
+            let frames = [50.0, 60.0].map(|rise| frames(&map, share, rise)[1].clone());
+            let options = TrackerOptions { threshold: Some(10.0), least: 1, ..TrackerOptions::default() };
+            let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+            let contacts = if share > 0.0 { patches as usize } else { 0 };
+            assert_eq!(tracker.track(&frames[0]).len(), contacts);
+            let mut k = 0;
+            group.bench_function(BenchmarkId::new(name, taxels), |b| {
+                b.iter(|| {
+                    k += 1;
+                    black_box(tracker.track(&frames[k % 2]));
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, restrict, track);
 criterion_main!(benches);
