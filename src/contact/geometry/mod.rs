@@ -1,7 +1,14 @@
-//! Exact measurements in `f64`: nearest points of triangles, sides of a surface, poses.
+//! Exact measurements in `f64`: nearest points of triangles, rays, volumes, sides of a surface,
+//! poses.
+#![allow(dead_code, unused_imports, reason = "queries of the module above are being built on it")]
 
 mod pseudo_normal;
+mod ray;
 mod rigid_pose;
+mod segment;
+mod volume;
 
 pub(super) use pseudo_normal::pseudo_normal;
+pub(super) use ray::{Meeting, Ray, meet};
 pub(super) use rigid_pose::RigidPose;
+pub(super) use volume::Volume;

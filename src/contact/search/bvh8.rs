@@ -7,7 +7,7 @@ use obvhs::{Boundable, BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::bu
 use wide::f32x8;
 
 use super::{
-    lanes::{LANES, Wide3},
+    lanes::{LANES, Wide3, lanes},
     triangle8::Triangle8,
 };
 use crate::id::{FaceId, IdVec};
@@ -101,6 +101,17 @@ impl Node8 {
         numbered.chunks(LANES).map(|row| Self::new(row.iter().copied())).collect()
     }
 
+    /// The box around all slots.
+    fn enclosed(&self) -> Aabb {
+        let corner = |rows: &[[f32; LANES]; 3], pick: fn(f32, f32) -> f32| {
+            let of = |row: &[f32; LANES]| row.iter().copied().reduce(pick).unwrap_or(0.0);
+            Vec3A::new(of(&rows[0]), of(&rows[1]), of(&rows[2]))
+        };
+        // Empty slots are at plus infinity in both.
+        let hi = self.hi.map(|row| row.to_array().map(|x| if x.is_finite() { x } else { f32::NEG_INFINITY }));
+        Aabb::new(corner(&self.lo.map(f32x8::to_array), f32::min), corner(&hi, f32::max))
+    }
+
     /// The box of a slot, `(min, max)`; at infinity for an empty slot.
     pub(super) fn bounds(&self, lane: usize) -> (DVec3, DVec3) {
         let pick = |v: &Wide3| DVec3::from(std::array::from_fn(|k| f64::from(v[k].as_array()[lane])));
@@ -147,6 +158,33 @@ impl Bvh8 {
         let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
         let binary = build_bvh2(&bounds, params, &mut Duration::default());
         Collapse { counts: count_triangles(&binary), binary, triangles }.run()
+    }
+}
+
+impl Bvh8 {
+    /// Fits all boxes and packets to triangles that have moved.
+    pub(super) fn refit(&mut self, corners: impl Fn(FaceId) -> [DVec3; 3]) {
+        // Nodes come before the nodes below them.
+        for index in (0..self.nodes.len()).rev() {
+            let mut children = Vec::with_capacity(LANES);
+            for child in self.nodes[index].children {
+                if child == Child::NONE {
+                    continue;
+                }
+                let bounds = match child.target() {
+                    Target::Node(below) => self.nodes[below].enclosed(),
+                    Target::Packet(packet) => {
+                        let packet = &mut self.packets[packet];
+                        let faces = lanes(packet.used).map(|lane| packet.faces[lane]);
+                        let triangles: Vec<_> = faces.map(|face| (face, corners(face))).collect();
+                        *packet = Triangle8::new(&triangles);
+                        enclose(triangles.iter().flat_map(|(_, corners)| *corners))
+                    }
+                };
+                children.push((bounds, child));
+            }
+            self.nodes[index] = Node8::new(children);
+        }
     }
 }
 

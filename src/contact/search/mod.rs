@@ -1,15 +1,25 @@
 //! The search for the nearest face: over the patches' boxes, then down the tree of each patch that
 //! may hold it.
+#![allow(dead_code, unused_imports, reason = "queries of the module above are being built on it")]
 
 mod bvh8;
+mod facing;
+mod first_hit;
+mod frame;
 mod lanes;
 mod nearest;
 mod patch_bvh;
+mod points;
 mod posed_boxes;
 mod rounding;
 mod triangle8;
+mod walk;
+mod within;
 
+pub(super) use facing::{Facing, Side};
+pub(super) use first_hit::RayHit;
 pub(super) use nearest::{Best, Search};
 pub(super) use patch_bvh::PatchBvh;
+pub(super) use points::PointTree;
 pub(super) use posed_boxes::PosedBoxes;
 pub(super) use rounding::LARGEST;

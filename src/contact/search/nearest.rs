@@ -71,7 +71,7 @@ pub(crate) struct Search<'a> {
 
 impl<'a> Search<'a> {
     pub(crate) fn new(patch: &'a PatchBvh, id: PatchId, q: DVec3) -> Self {
-        let local = (q - patch.origin) * patch.scale;
+        let local = patch.frame.point(q);
         let slack = slack(local.length(), 1.0);
         let wide = splat(local.as_vec3());
         let pending = [(0.0, FaceId::default()); PENDING];
@@ -115,7 +115,7 @@ impl<'a> Search<'a> {
 
     fn tighten(&mut self, best: Option<&Best>) {
         if let Some(best) = best {
-            self.bound = squared_bound_f32(best.closest.squared.sqrt() * self.patch.scale, self.slack);
+            self.bound = squared_bound_f32(best.closest.squared.sqrt() * self.patch.frame.scale, self.slack);
         }
     }
 
@@ -170,7 +170,7 @@ impl<'a> Search<'a> {
         let tree = &self.patch.tree;
         let mut stack = vec![(0.0, Child::ROOT)];
         while let Some((squared, at)) = stack.pop() {
-            let reach = Best::squared(best.as_ref()) * self.patch.scale * self.patch.scale;
+            let reach = Best::squared(best.as_ref()) * self.patch.frame.scale * self.patch.frame.scale;
             if squared > reach * FAR_ROUND_UP {
                 continue;
             }

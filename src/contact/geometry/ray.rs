@@ -1,0 +1,143 @@
+//! Rays, and where they meet a triangle, in `f64` and without gaps between triangles that share a
+//! side (woop2013).
+
+use glam::DVec3;
+
+/// A ray from a point, in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::contact) struct Ray {
+    pub(in crate::contact) origin: DVec3,
+    /// Of unit length.
+    pub(in crate::contact) direction: DVec3,
+    /// Where it ends, in m from its origin; infinite for a whole ray.
+    pub(in crate::contact) longest: f64,
+}
+
+impl Ray {
+    /// `None` if a number is not finite, the direction has no length, or `longest` (m) is negative
+    /// or not a number. The direction need not be of unit length.
+    pub(in crate::contact) fn new(origin: DVec3, direction: DVec3, longest: f64) -> Option<Self> {
+        // Scaled first: the square of a very long or short direction is not a number.
+        let largest = direction.abs().max_element();
+        let unit = (direction / largest).try_normalize()?;
+        (origin.is_finite() && direction.is_finite() && longest >= 0.0).then_some(Self {
+            origin,
+            direction: unit,
+            longest,
+        })
+    }
+
+    /// The same ray in another frame, by the way of its points and of its directions.
+    pub(in crate::contact) fn moved(
+        &self,
+        point: impl Fn(DVec3) -> DVec3,
+        vector: impl Fn(DVec3) -> DVec3,
+    ) -> Self {
+        Self { origin: point(self.origin), direction: vector(self.direction).normalize_or_zero(), ..*self }
+    }
+}
+
+/// Where a ray meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::contact) struct Meeting {
+    /// From the origin, in lengths of the direction.
+    pub(in crate::contact) along: f64,
+    pub(in crate::contact) barycentric: [f64; 3],
+}
+
+/// Where the line from `origin` along `direction` meets a triangle, sides and corners included, in
+/// front of the origin or behind it; `None` also for a triangle seen from its edge.
+///
+/// The corners are sheared into a frame whose axis is the line. There the signs that decide are
+/// those of products of two coordinates, which two triangles that share a side compute alike: a
+/// line through the side meets at least one of them.
+pub(in crate::contact) fn meet(origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> Option<Meeting> {
+    let size = direction.abs();
+    let z = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+    let (shear_x, shear_y) = (direction[x] / direction[z], direction[y] / direction[z]);
+    let [a, b, c] = corners.map(|p| {
+        let p = p - origin;
+        [p[x] - shear_x * p[z], p[y] - shear_y * p[z], p[z]]
+    });
+    let weights = [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
+    if weights.iter().any(|&w| w < 0.0) && weights.iter().any(|&w| w > 0.0) {
+        return None;
+    }
+    let sum: f64 = weights.iter().sum();
+    let barycentric = weights.map(|w| w / sum);
+    let along = (barycentric[0] * a[2] + barycentric[1] * b[2] + barycentric[2] * c[2]) / direction[z];
+    // A sum of 0 (a triangle without area, or seen from its edge) makes them infinite or no number.
+    (along.is_finite() && barycentric.iter().all(|w| w.is_finite())).then_some(Meeting { along, barycentric })
+}
+
+/// Whether a segment crosses or touches a triangle.
+pub(super) fn pierces([from, to]: [DVec3; 2], corners: [DVec3; 3]) -> bool {
+    from != to && meet(from, to - from, corners).is_some_and(|m| (0.0..=1.0).contains(&m.along))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::contact::soup;
+
+    #[test]
+    fn a_ray_meets_inside_sides_and_corners_but_no_triangle_without_area() {
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        for (x, y, expected) in
+            [(0.25, 0.25, true), (0.5, 0.0, true), (0.0, 0.0, true), (1.0, 0.0, true), (0.6, 0.6, false)]
+        {
+            let met = meet(DVec3::new(x, y, -2.0), DVec3::Z, triangle);
+            assert_eq!(met.is_some_and(|m| m.along == 2.0), expected, "at {x}, {y}");
+        }
+        assert_eq!(meet(DVec3::new(0.5, 0.0, -2.0), DVec3::Z, [DVec3::ZERO, DVec3::X, DVec3::X]), None);
+        assert_eq!(meet(-DVec3::X, DVec3::X, triangle), None, "seen from its edge");
+    }
+
+    #[test]
+    fn rays_that_are_none_are_refused() {
+        let ok = |origin, direction, longest| Ray::new(origin, direction, longest).is_some();
+        assert!(ok(DVec3::ZERO, DVec3::X * 1e-300, f64::INFINITY) && ok(DVec3::ZERO, DVec3::X * 1e300, 0.0));
+        for (origin, direction, longest) in [
+            (DVec3::ZERO, DVec3::ZERO, 1.0),
+            (DVec3::ZERO, DVec3::NAN, 1.0),
+            (DVec3::ZERO, DVec3::INFINITY, 1.0),
+            (DVec3::NAN, DVec3::X, 1.0),
+            (DVec3::ZERO, DVec3::X, -1.0),
+            (DVec3::ZERO, DVec3::X, f64::NAN),
+        ] {
+            assert!(!ok(origin, direction, longest), "{origin} {direction} {longest}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(soup::fixed(2000, 22))]
+
+        /// A ray at a point of the side that two triangles share meets one of them: no gap.
+        #[test]
+        fn there_is_no_gap_along_a_side(
+            p in prop::array::uniform4(prop::array::uniform3(-1.0_f64..1.0)),
+            origin in prop::array::uniform3(-2.0_f64..2.0),
+            t in 0.0_f64..1.0,
+        ) {
+            let [a, b, c, d] = p.map(DVec3::from);
+            let origin = DVec3::from(origin);
+            let direction = (a.lerp(b, t) - origin).normalize();
+            // The side lies between the two as seen along the ray, or the second is turned over it.
+            let normal = (b - a).cross(direction);
+            let [beside_c, beside_d] = [c, d].map(|p| (p - a).dot(normal));
+            prop_assume!(beside_c.abs() > 1e-9 && beside_d.abs() > 1e-9);
+            let d = if beside_c * beside_d < 0.0 { d } else { a + b - d };
+            let meets = |corners| meet(origin, direction, corners).is_some();
+            prop_assert!(meets([a, b, c]) || meets([b, a, d]));
+        }
+    }
+}

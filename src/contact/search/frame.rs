@@ -1,0 +1,53 @@
+//! The frame of a tree: its origin in the middle of the patch, its unit about the patch's radius.
+
+use glam::DVec3;
+
+use crate::contact::geometry::{Ray, Volume};
+
+/// Where a tree's numbers are small enough for `f32`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Frame {
+    /// Centre of the patch's box, in m.
+    pub(super) origin: DVec3,
+    /// What makes metres into the units of the tree, in which the patch's radius is between 1/2 and
+    /// 1: a power of two, so that it rounds nothing.
+    pub(super) scale: f64,
+    /// The box of the patch, `(min, max)` in m.
+    pub(super) bounds: (DVec3, DVec3),
+}
+
+impl Frame {
+    /// A frame for finite points.
+    pub(super) fn around(points: impl Iterator<Item = DVec3> + Clone) -> Self {
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let bounds = points.clone().fold(empty, |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let origin = if bounds == empty { DVec3::ZERO } else { bounds.0.midpoint(bounds.1) };
+        let radius = points.map(|p| p.distance(origin)).fold(0.0, f64::max);
+        Self { origin, scale: unit_scale(radius), bounds }
+    }
+
+    pub(super) fn point(&self, p: DVec3) -> DVec3 {
+        (p - self.origin) * self.scale
+    }
+
+    /// Centre and extent of a volume's core.
+    pub(super) fn core(&self, volume: &Volume) -> (DVec3, DVec3) {
+        (self.point(volume.centre), volume.extent() * self.scale)
+    }
+
+    pub(super) fn ray(&self, ray: &Ray) -> Ray {
+        Ray { origin: self.point(ray.origin), longest: ray.longest * self.scale, ..*ray }
+    }
+
+    /// Upper bound of the distance of a point of the patch from the origin, in m.
+    pub(super) fn radius(&self) -> f64 {
+        1.0 / self.scale
+    }
+}
+
+/// The power of two that brings `radius` between 1/2 and 1; 1 for a point.
+fn unit_scale(radius: f64) -> f64 {
+    /// `f64` has no powers of two beyond; a smaller patch is a point for every purpose.
+    const LEAST_EXPONENT: f64 = -1000.0;
+    if radius > 0.0 { (-(radius.log2().ceil().max(LEAST_EXPONENT))).exp2() } else { 1.0 }
+}
