@@ -231,6 +231,46 @@ fn two_touches_on_one_link_stay_two() {
     }
 }
 
+/// Two presses so near that their regions touch are two as long as each rises by half of its height
+/// above the saddle; their taxels are those of the whole region.
+#[test]
+fn touches_that_touch_are_split_at_the_saddle() {
+    let map = plane();
+    let near = |apart: f64, heights: [f64; 2]| {
+        let at = |side: f64| DVec2::new(0.11 + side * apart / 2.0, 0.1);
+        bells(&map, &[(at(-1.0), heights[0]), (at(1.0), heights[1])])
+    };
+    let regions = |frame: &Frame, prominence: f64| {
+        let options = TrackerOptions { prominence, ..given(1000.0) };
+        let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+        tracker.track(frame).to_vec()
+    };
+    // The saddle is at 0.3 of the lower peak.
+    let frame = near(0.032, [5000.0, 4000.0]);
+    let whole = regions(&frame, 1.0);
+    assert_eq!(whole.len(), 1, "one region above the lower threshold");
+    let parts = regions(&frame, 0.5);
+    assert_eq!(parts.len(), 2);
+    let mut taxels: Vec<_> = parts.iter().flat_map(|part| part.taxels.clone()).collect();
+    taxels.sort_unstable();
+    assert_eq!(taxels, whole[0].taxels, "every taxel is in one part");
+    for side in [-1.0, 1.0] {
+        let centre = DVec2::new(0.11 + side * 0.016, 0.1);
+        let off = parts.iter().map(|part| part.map.distance(centre)).fold(f64::INFINITY, f64::min);
+        assert!(off < 0.5 * SPACING, "{off} m from the press");
+    }
+    assert_eq!(regions(&frame, 0.8).len(), 1, "a rise of 0.7 is not 0.8");
+    assert_eq!(regions(&near(0.024, [5000.0, 4000.0]), 0.5).len(), 1, "the saddle is at 0.7 of the peak");
+    // A spike beside a press is no contact of its own, however high it is.
+    let mut frame = near(0.0, [2000.0, 2000.0]);
+    let spike = VertexId::new(60 * 25 + 30);
+    assert!(frame.values[patch()][0][spike] > 500.0, "at the flank of the press");
+    for height in [3900.0, 1e5] {
+        frame.values[patch()][0][spike] = height;
+        assert_eq!(regions(&frame, 0.5).len(), 1, "a spike of {height} Pa");
+    }
+}
+
 /// Where two contacts merge, the larger one goes on and the other ends; where one splits, its larger
 /// part goes on and the other is new. What has ended says how it was.
 #[test]
@@ -359,6 +399,8 @@ fn options_that_make_no_sense_are_refused() {
         TrackerOptions { low: 0.0, ..given(1.0) },
         TrackerOptions { low: 1.5, ..given(1.0) },
         TrackerOptions { reach: f64::NAN, ..given(1.0) },
+        TrackerOptions { prominence: 0.0, ..given(1.0) },
+        TrackerOptions { prominence: f64::NAN, ..given(1.0) },
         TrackerOptions { noise_frames: 1, ..TrackerOptions::default() },
         TrackerOptions { noise_frames: usize::MAX, ..TrackerOptions::default() },
     ] {
@@ -451,7 +493,8 @@ fn edges_are_exact_for_linear_fields() {
 }
 
 /// Recordings of 0 to 5 fingers on a real cover, if they are here: the share of frames in which as
-/// many contacts are found as fingers press, with the same options for all.
+/// many contacts are found as fingers press, with the same options for all. How regions are split was
+/// chosen after these recordings were seen.
 #[test]
 fn fingers_on_a_real_cover() {
     let folder = std::env::var_os("DERMATOME_DATA")
@@ -464,7 +507,7 @@ fn fingers_on_a_real_cover() {
     let draft = read_draft(&folder.join("curved_gesture_patch_isomap.json")).unwrap();
     let skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
     let map = build(&skin, &BuildOptions::default()).unwrap();
-    let (mut agree, mut of) = (0, 0);
+    let (mut agree, mut of, mut recordings) = (0, 0, Vec::new());
     for fingers in 0..=5 {
         let path = folder.join(format!("recordings/{fingers}_finger_01.txt"));
         let counts = count_contacts(&path, &map);
@@ -475,10 +518,16 @@ fn fingers_on_a_real_cover() {
         let numbers: Vec<_> = counts.iter().map(Vec::len).collect();
         println!("{fingers} fingers: {right} of {all} frames: {numbers:?}");
         (agree, of) = (agree + right, of + all);
+        if 2 * right > all {
+            recordings.push(fingers);
+        }
         let largest = counts.iter().flatten().max().copied().unwrap_or(0);
         assert_eq!(largest > 3, fingers > 0, "{fingers} fingers: {largest} taxels");
     }
-    println!("{agree} of {of} frames agree");
+    println!("{agree} of {of} frames agree, and most of the frames of recordings {recordings:?}");
+    // Three fingers side by side have two peaks, and five fingers touch with more than their tips.
+    assert!(of == 84 && agree >= 58, "{agree} of {of} frames agree");
+    assert_eq!(recordings, [0, 1, 2, 4], "recordings most of whose frames agree");
 }
 
 /// Number of taxels of the contacts in each frame of a recording.

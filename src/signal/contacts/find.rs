@@ -1,11 +1,14 @@
-//! The taxels of the regions of one frame: flood fill with two thresholds.
+//! The taxels of the regions of one frame: flood fill with two thresholds, then parts.
 
 use crate::{
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, VertexCorners},
     pyramid::LevelId,
-    signal::contacts::region::ContactRegion,
+    signal::{
+        TrackerOptions,
+        contacts::{region::ContactRegion, split::Splitter},
+    },
     skin::PatchId,
 };
 
@@ -23,6 +26,7 @@ pub(super) struct Finder {
     /// What is not `FREE`.
     marked: Vec<(PatchId, VertexId)>,
     open: Vec<VertexId>,
+    splitter: Splitter,
     /// Lists of former regions, used again.
     spare: Vec<Vec<VertexId>>,
 }
@@ -38,6 +42,7 @@ impl Finder {
             marks: map.patches.map(|patch| IdVec::filled(FREE, patch.taxels.ids.len())),
             marked: Vec::new(),
             open: Vec::new(),
+            splitter: Splitter::default(),
             spare: Vec::new(),
         }
     }
@@ -48,14 +53,14 @@ impl Finder {
         self.spare.push(region.taxels);
     }
 
-    /// Adds the regions of a patch to `found`, with their taxels and nothing else.
+    /// Adds the regions of a patch to `found`, with their taxels and nothing else. `high` is the upper
+    /// threshold.
     pub(super) fn find(
         &mut self,
         patch: PatchId,
         mesh: &TriMesh,
         values: &IdVec<VertexId, f64>,
-        [low, high]: [f64; 2],
-        least: usize,
+        (options, high): (&TrackerOptions, f64),
         found: &mut Vec<ContactRegion>,
     ) {
         /// Taxels compared at once.
@@ -71,12 +76,50 @@ impl Finder {
                     continue;
                 }
                 let mut taxels = self.spare.pop().unwrap_or_default();
-                self.flood(patch, mesh, values, low, seed, &mut taxels);
+                self.flood(patch, mesh, values, options.low * high, seed, &mut taxels);
                 taxels.sort_unstable();
                 let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
-                if region.taxels.len() >= least { found.push(region) } else { self.recycle(region) }
+                if options.prominence < 1.0 && region.taxels.len() > options.part {
+                    self.add_parts(mesh, values, (options, high), region, found);
+                } else {
+                    self.add(region, options.least, found);
+                }
             }
         }
+    }
+
+    /// Adds a region that has enough taxels.
+    fn add(&mut self, region: ContactRegion, least: usize, found: &mut Vec<ContactRegion>) {
+        if region.taxels.len() >= least { found.push(region) } else { self.recycle(region) }
+    }
+
+    /// Adds the parts of a region that are contacts of their own, or the region if there is one.
+    fn add_parts(
+        &mut self,
+        mesh: &TriMesh,
+        values: &IdVec<VertexId, f64>,
+        by: (&TrackerOptions, f64),
+        region: ContactRegion,
+        found: &mut Vec<ContactRegion>,
+    ) {
+        let patch = region.patch;
+        let (marks, mesh) = (&mut self.marks[patch], (mesh, &self.around[patch]));
+        let has_parts = self.splitter.split(mesh, values, by, &region.taxels, marks);
+        if has_parts {
+            for part in self.splitter.roots() {
+                let mut taxels = self.spare.pop().unwrap_or_default();
+                let of_part = |taxel: &&VertexId| self.splitter.root(marks[**taxel]) == part;
+                taxels.extend(region.taxels.iter().filter(of_part));
+                let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
+                if region.taxels.len() >= by.0.least {
+                    found.push(region);
+                } else {
+                    self.spare.push(region.taxels);
+                }
+            }
+        }
+        region.taxels.iter().for_each(|&taxel| marks[taxel] = TAKEN);
+        if has_parts { self.recycle(region) } else { self.add(region, by.0.least, found) }
     }
 
     /// Lists the taxels above `low` that are joined with `seed`.

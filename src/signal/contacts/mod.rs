@@ -6,8 +6,8 @@
 //! without a reading are joined too, so that a dead taxel does not cut a contact in two.
 //!
 //! In reading order: `options` has the thresholds, `noise` estimates them where none are given,
-//! `region` is the result, `find` finds the taxels of the regions of a frame, `place` measures force,
-//! place and shape, `tracks` joins them to those of the last frame, `tracker` does all of it
+//! `region` is the result, `find` finds the taxels of the regions of a frame, `split` splits regions
+//! with several peaks, `place` measures force, place and shape, `tracks` joins them to those of the last frame, `tracker` does all of it
 //! ([`ContactTracker`]).
 //!
 //! The readings must be near 0 where nothing touches the skin: subtract a baseline first
@@ -18,6 +18,7 @@ mod noise;
 mod options;
 mod place;
 mod region;
+mod split;
 mod tracker;
 mod tracks;
 

@@ -15,6 +15,12 @@ pub struct TrackerOptions {
     /// A region has at least this many taxels. One taxel alone cannot be distinguished from a spike of
     /// that taxel.
     pub least: usize,
+    /// A region with several peaks is split: a part of it is a contact of its own if its peak rises
+    /// above the saddle to a higher peak by at least this share of its height, above 0; from 1 on no
+    /// region is split.
+    pub prominence: f64,
+    /// Such a part has at least this many taxels above the saddle.
+    pub part: usize,
     /// The threshold is estimated from this many first frames, in which nothing should touch the
     /// skin, and no region is reported; at least 2.
     ///
@@ -31,10 +37,21 @@ pub struct TrackerOptions {
 }
 
 impl Default for TrackerOptions {
-    /// Estimated from five frames; half of the threshold as the lower one; at least two taxels, a
-    /// reach of a centimetre, every contact reported at once.
+    /// Estimated from five frames; half of the threshold as the lower one; at least two taxels; split
+    /// where a peak of more than three taxels rises by half of its height; a reach of a centimetre,
+    /// every contact reported at once.
     fn default() -> Self {
-        Self { channel: 0, threshold: None, low: 0.5, least: 2, noise_frames: 5, reach: 0.01, lasting: 1 }
+        Self {
+            channel: 0,
+            threshold: None,
+            low: 0.5,
+            least: 2,
+            prominence: 0.5,
+            part: 4,
+            noise_frames: 5,
+            reach: 0.01,
+            lasting: 1,
+        }
     }
 }
 
@@ -50,6 +67,9 @@ impl TrackerOptions {
         }
         if !(self.low > 0.0 && self.low <= 1.0) {
             return bad("the lower over the upper threshold", self.low, "a share above 0 and at most 1");
+        }
+        if self.prominence.is_nan() || self.prominence <= 0.0 {
+            return bad("the prominence of a part", self.prominence, "a share above 0");
         }
         if self.reach.is_nan() || self.reach < 0.0 {
             return bad("the reach in m", self.reach, "0 or a positive number");

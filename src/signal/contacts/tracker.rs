@@ -139,7 +139,7 @@ impl<'a> ContactTracker<'a> {
         for (id, patch) in map.patches.enumerate() {
             let (mesh, values) = (&patch.levels[finest].level.mesh, &frame.values[id][options.channel]);
             assert_eq!(values.len(), mesh.positions.len(), "one reading per taxel of {}", patch.name);
-            finder.find(id, mesh, values, [options.low * high, high], options.least, found);
+            finder.find(id, mesh, values, (options, high), found);
         }
         found.sort_unstable_by_key(ContactRegion::place);
         for region in found {

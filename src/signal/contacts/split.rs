@@ -1,0 +1,140 @@
+//! Splits a region with several peaks: clustering by persistence (chazal2013).
+//!
+//! Taxels are visited from the largest reading to the smallest. Each joins the part of its largest
+//! neighbour. Where parts meet in a taxel, the saddle between them, the part of the highest peak takes
+//! in every other one that is not a contact of its own. A contact of its own has a peak above the upper
+//! threshold that rises above the saddle by a share of its height
+//! ([`TrackerOptions::prominence`]), and some taxels of its own by then
+//! ([`TrackerOptions::part`]). A higher peak that has fewer taxels than a region by then is a spike at
+//! the flank of the part, and not apart from it.
+//!
+//! *Heuristic*: half of the height, and four taxels. On recordings of 1 to 5 fingers on a cover of 642
+//! taxels 7 mm apart, 28 of 54 frames have as many contacts as fingers, 17 without splitting; shares
+//! from 0.3 to 0.65 give the same but for a frame. One finger has a second peak of up to three taxels
+//! that rises by 0.8 of its height, so the share alone does not tell fingers apart.
+
+use crate::{
+    id::{IdVec, VertexId},
+    mesh::{TriMesh, VertexCorners},
+    signal::TrackerOptions,
+};
+
+/// Splits regions; owns its lists.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Splitter {
+    order: Vec<VertexId>,
+    /// The one with the highest peak first.
+    parts: Vec<Part>,
+    /// The parts around a taxel.
+    meeting: Vec<u32>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    peak: f64,
+    taxels: usize,
+    /// The part that has taken it in, or itself.
+    into: u32,
+}
+
+impl Splitter {
+    /// Splits the taxels of a region; each is marked with a part, and no other taxel of the patch is
+    /// marked below the number of taxels.
+    ///
+    /// Whether there is more than one part.
+    pub(super) fn split(
+        &mut self,
+        (mesh, around): (&TriMesh, &VertexCorners),
+        values: &IdVec<VertexId, f64>,
+        (options, high): (&TrackerOptions, f64),
+        taxels: &[VertexId],
+        marks: &mut IdVec<VertexId, u32>,
+    ) -> bool {
+        self.parts.clear();
+        self.order.clear();
+        self.order.extend_from_slice(taxels);
+        self.order.sort_unstable_by(|&a, &b| values[b].total_cmp(&values[a]).then(a.cmp(&b)));
+        let count = u32::try_from(taxels.len()).unwrap_or(u32::MAX);
+        for k in 0..self.order.len() {
+            let taxel = self.order[k];
+            let largest = self.meet((mesh, around), values, taxel, marks, count);
+            self.merge(values[taxel], (options, high));
+            let part = match largest {
+                Some(neighbour) => self.root(marks[neighbour]),
+                None => self.start(values[taxel]),
+            };
+            marks[taxel] = part;
+            self.parts[part as usize].taxels += 1;
+        }
+        self.roots().nth(1).is_some()
+    }
+
+    /// The parts that are left.
+    pub(super) fn roots(&self) -> impl Iterator<Item = u32> {
+        self.parts.iter().zip(0..).filter(|(part, k)| part.into == *k).map(|(_, k)| k)
+    }
+
+    /// The part that has taken in a part.
+    pub(super) fn root(&self, mut part: u32) -> u32 {
+        while self.parts[part as usize].into != part {
+            part = self.parts[part as usize].into;
+        }
+        part
+    }
+
+    /// Lists the parts around a taxel, the highest first; returns its largest neighbour.
+    fn meet(
+        &mut self,
+        (mesh, around): (&TriMesh, &VertexCorners),
+        values: &IdVec<VertexId, f64>,
+        taxel: VertexId,
+        marks: &IdVec<VertexId, u32>,
+        count: u32,
+    ) -> Option<VertexId> {
+        let mut largest: Option<VertexId> = None;
+        self.meeting.clear();
+        let mut visit = |next: VertexId| {
+            if marks[next] < count {
+                self.meeting.push(marks[next]);
+                if largest.is_none_or(|other| (values[next], other) > (values[other], next)) {
+                    largest = Some(next);
+                }
+            }
+        };
+        let corners = |v: VertexId| around.faces(v).flat_map(|face| mesh.triangles[face]);
+        for next in corners(taxel) {
+            visit(next);
+            // A taxel without a reading joins those around it.
+            if !values[next].is_finite() {
+                corners(next).for_each(&mut visit);
+            }
+        }
+        for k in 0..self.meeting.len() {
+            self.meeting[k] = self.root(self.meeting[k]);
+        }
+        self.meeting.sort_unstable();
+        self.meeting.dedup();
+        largest
+    }
+
+    /// The parts that meet at a saddle: those that are no contacts of their own go into the highest.
+    fn merge(&mut self, saddle: f64, (options, high): (&TrackerOptions, f64)) {
+        let Some((&highest, others)) = self.meeting.split_first() else { return };
+        for &other in others {
+            let Part { peak, taxels, .. } = self.parts[other as usize];
+            let rises = peak > high && peak - saddle >= options.prominence * peak;
+            let is_spike = self.parts[highest as usize].taxels < options.least;
+            if !rises || taxels < options.part || is_spike {
+                self.parts[other as usize].into = highest;
+                self.parts[highest as usize].taxels += taxels;
+            }
+        }
+    }
+
+    /// A new part.
+    fn start(&mut self, peak: f64) -> u32 {
+        let part = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        self.parts.push(Part { peak, taxels: 0, into: part });
+        part
+    }
+}
