@@ -233,6 +233,10 @@ fn arrays_of_both_layouts_give_the_numbers_that_were_put_in() {
             let found = read_as("a.npz", &npz(&arrays, is_deflated), layout).unwrap();
             check(&found, "npz");
             assert_eq!(found.ids.unwrap(), [5, 7, u32::MAX, 0]);
+            let named =
+                [("ids", npy("<U3", &[4], &unicode(&["5", " 7", "12", "0"], 3))), ("only", alone.clone())];
+            let named = read_as("a.npz", &npz(&named, is_deflated), layout).unwrap();
+            assert_eq!(named.ids.unwrap(), [5, 7, 12, 0], "ids as texts");
             assert_eq!(found.times, TIMES);
             assert_eq!(found.channels, [Channel::new("force.N", "mN"), Channel::new("heat", "K")]);
         }

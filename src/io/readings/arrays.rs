@@ -8,7 +8,7 @@ use std::{
 use crate::{
     io::{
         IoError,
-        file::source::invalid,
+        file::source::{excerpt, invalid},
         readings::{
             archive::{StoredArray, list_arrays},
             header::MAX_NUMBERS,
@@ -180,15 +180,24 @@ fn read_ids(
         _ => "one for each taxel".into(),
     };
     need_shape(path, array, width as u64, &needed)?;
+    let invalid_id = |k: usize, found: String| {
+        let element = format!("{}, element {k}", array.element());
+        invalid(path, element, found, "the number of a taxel, 0 to 4294967295")
+    };
+    let mut rows = Rows::open(path, array, width)?;
+    if !array.header.elements.is_number() {
+        let texts = rows.texts(path)?;
+        let id = |(k, text): (usize, &String)| {
+            text.trim().parse().map(TaxelId).map_err(|_| invalid_id(k, excerpt(text)))
+        };
+        return texts.iter().enumerate().map(id).collect();
+    }
     let mut ids = vec![0.0; width];
-    Rows::open(path, array, width)?.read(path, &mut ids)?;
+    rows.read(path, &mut ids)?;
     let id = |(k, &x): (usize, &f64)| {
         #[expect(clippy::cast_possible_truncation, reason = "whole and in range")]
         let id = (x.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&x)).then_some(TaxelId(x as u32));
-        id.ok_or_else(|| {
-            let element = format!("{}, element {k}", array.element());
-            invalid(path, element, x.to_string(), "the number of a taxel, 0 to 4294967295")
-        })
+        id.ok_or_else(|| invalid_id(k, x.to_string()))
     };
     ids.iter().enumerate().map(id).collect()
 }

@@ -17,8 +17,8 @@ pub(super) const MAX_NUMBERS: usize = 1 << 24;
 /// What stands in one cell of each row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cell {
-    /// The time, in s.
-    Time,
+    /// The time, in this fraction of a second.
+    Time { per_second: u32 },
     /// A frame number, or another cell that is not read.
     Unused,
     /// A reading, and its place in the frame: `channel * width + column`.
@@ -33,7 +33,8 @@ pub(super) struct Header {
     pub(super) cells: Vec<Cell>,
 }
 
-/// The columns that the words of a first line name: `time` (s), `frame` or `index`, and `ID`,
+/// The columns that the words of a first line name: `time` (in s, or in `time[ms]`, `[us]` or
+/// `[ns]`), `frame` or `index`, and `ID`,
 /// `ID.CHANNEL` or `ID.CHANNEL[UNIT]`. With `leading`, rows have a number and a time before the
 /// readings that the line does not name, unless it names a time itself.
 ///
@@ -48,10 +49,15 @@ pub(super) fn parse_header<'t>(
     for (k, word) in words.enumerate() {
         let column = || format!("column {}", k + 1);
         match word.split('[').next().unwrap_or_default().trim().to_ascii_lowercase().as_str() {
-            "time" | "timestamp" | "timestamps" if places.contains(&Place::Time) => {
+            "time" | "timestamp" | "timestamps" if places.iter().any(Place::is_time) => {
                 return Err(at.invalid_part(column(), "a second time", "one time"));
             }
-            "time" | "timestamp" | "timestamps" => places.push(Place::Time),
+            "time" | "timestamp" | "timestamps" => {
+                let per_second = per_second(word).ok_or_else(|| {
+                    at.invalid_part(column(), excerpt(word), "a time in s, ms, us or ns, as time[ms]")
+                })?;
+                places.push(Place::Time { per_second });
+            }
             "" | "frame" | "index" => places.push(Place::Unused),
             _ => places.push(columns.reading(word).map_err(|e| match e {
                 Broken::NotAnId => at.invalid_part(
@@ -73,11 +79,11 @@ pub(super) fn parse_header<'t>(
         let found = format!("{width} taxels and {channels} channels");
         return Err(at.invalid(found, format!("at most {MAX_NUMBERS} readings in a frame")));
     }
-    if leading && !places.contains(&Place::Time) {
-        places.splice(0..0, [Place::Unused, Place::Time]);
+    if leading && !places.iter().any(Place::is_time) {
+        places.splice(0..0, [Place::Unused, Place::Time { per_second: 1 }]);
     }
     let cell = |place: Place| match place {
-        Place::Time => Cell::Time,
+        Place::Time { per_second } => Cell::Time { per_second },
         Place::Unused => Cell::Unused,
         Place::Reading { channel, column } => Cell::Reading(channel * width + column),
     };
@@ -87,9 +93,26 @@ pub(super) fn parse_header<'t>(
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
-    Time,
+    Time { per_second: u32 },
     Unused,
     Reading { channel: usize, column: usize },
+}
+
+impl Place {
+    const fn is_time(&self) -> bool {
+        matches!(self, Self::Time { .. })
+    }
+}
+
+/// How many of the units of a time are a second: `time` and `time[s]` 1, `time[ms]` 1000.
+fn per_second(word: &str) -> Option<u32> {
+    match word.split_once('[').map_or("s", |(_, unit)| unit.trim_end_matches(']').trim()) {
+        "s" => Some(1),
+        "ms" => Some(1000),
+        "us" | "\u{b5}s" | "\u{3bc}s" => Some(1_000_000),
+        "ns" => Some(1_000_000_000),
+        _ => None,
+    }
 }
 
 enum Broken {
@@ -165,8 +188,10 @@ mod tests {
         assert_eq!(found.ids, [7, 9, 7].map(TaxelId), "an id twice is two columns");
         let names: Vec<_> = found.channels.iter().map(|c| (c.name.as_str(), c.unit.as_str())).collect();
         assert_eq!(names, [("force.N", "N"), ("heat", "")]);
-        assert_eq!(found.cells, [Unused, Time, Reading(0), Reading(1), Reading(4), Reading(2)]);
-        assert_eq!(header("5,6", true).unwrap().cells, [Unused, Time, Reading(0), Reading(1)]);
+        let time = |per_second| Time { per_second };
+        assert_eq!(found.cells, [Unused, time(1), Reading(0), Reading(1), Reading(4), Reading(2)]);
+        assert_eq!(header("5,6", true).unwrap().cells, [Unused, time(1), Reading(0), Reading(1)]);
+        assert_eq!(header("timestamp[ms],5", false).unwrap().cells, [time(1000), Reading(0)]);
         assert_eq!(header("5,6", false).unwrap().cells, [Reading(0), Reading(1)]);
     }
 
@@ -179,6 +204,7 @@ mod tests {
             ("-1", "\"-1\""),
             ("4294967296", "column 1"),
             ("time,5,time", "column 3: found a second time"),
+            ("5,time[min]", "column 2: found \"time[min]\""),
             ("5.force[N],6.force[mN]", "\"N\", the unit"),
         ] {
             let error = header(text, false).unwrap_err();

@@ -21,7 +21,7 @@ use crate::{
 /// | file | content |
 /// |---|---|
 /// | `.txt` | a line of taxel ids, then rows of `index time value...` between blanks, as CySkin records |
-/// | `.csv` | a line of names: `ID` or `ID.CHANNEL` or `ID.CHANNEL[UNIT]`; optionally `time` and `frame` |
+/// | `.csv` | a line of names between commas, semicolons or tabs: `ID` or `ID.CHANNEL` or `ID.CHANNEL[UNIT]`; optionally `frame` and `time`, in s or as in `time[ms]` |
 /// | `.npy` | numbers of the shape `(T, N)`, or `(T, N, C)` or `(T, C, N)` as [`ReadingsLayout`] says |
 /// | `.npz` | these as the array `values` or `readings`, or the only one that can be them; optionally `ids` `(N,)`, `timestamps` `(T,)` in s, and the texts `channels` and `units` `(C,)` |
 ///

@@ -23,7 +23,7 @@ const LONGEST_LINE: usize = 1 << 24;
 /// What stands between the cells of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Separator {
-    Comma,
+    Sign(char),
     Blanks,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct TextReadings {
 
 impl TextReadings {
     /// Reads the first line; errors call the text `path`. Cells are between commas if there are any
-    /// in that line or the file is called `.csv`, else between blanks.
+    /// in that line, else between semicolons, else in a `.csv` between tabs, else between blanks.
     pub(super) fn open(
         path: &Path,
         input: Box<dyn Read + Send>,
@@ -51,9 +51,14 @@ impl TextReadings {
             let needed = "a line of taxel ids, then rows of readings";
             return Err(lines.at().invalid("an empty file", needed));
         };
-        let separator = if is_csv || line.contains(',') { Separator::Comma } else { Separator::Blanks };
+        let signs = if is_csv { &[',', ';', '\t'][..] } else { &[',', ';'] };
+        let separator = match signs.iter().find(|&&sign| line.contains(sign)) {
+            Some(&sign) => Separator::Sign(sign),
+            None if is_csv => Separator::Sign(','),
+            None => Separator::Blanks,
+        };
         let header = match separator {
-            Separator::Comma => parse_header(line.split(',').map(unquoted), false, at),
+            Separator::Sign(sign) => parse_header(line.split(sign).map(unquoted), false, at),
             Separator::Blanks => parse_header(line.split_ascii_whitespace(), true, at),
         }?;
         let numbers = header.ids.len() * header.channels.len();
@@ -77,7 +82,7 @@ impl TextReadings {
         values.resize(self.numbers, f64::NAN);
         *time = f64::NAN;
         match self.separator {
-            Separator::Comma => take_row(&self.cells, line.split(',').map(unquoted), at, values, time),
+            Separator::Sign(sign) => take_row(&self.cells, line.split(sign).map(unquoted), at, values, time),
             Separator::Blanks => take_row(&self.cells, line.split_ascii_whitespace(), at, values, time),
         }?;
         Ok(true)
@@ -85,7 +90,7 @@ impl TextReadings {
 
     /// Whether rows have a time.
     pub(super) fn has_times(&self) -> bool {
-        self.cells.contains(&Cell::Time)
+        self.cells.iter().any(|cell| matches!(cell, Cell::Time { .. }))
     }
 }
 
@@ -105,7 +110,10 @@ fn take_row<'t>(
         let invalid = |needed: &str| at.invalid_part(format!("column {}", k + 1), excerpt(word), needed);
         match *cell {
             Cell::Unused => {}
-            Cell::Time => *time = finite(word).ok_or_else(|| invalid("a finite time, in s"))?,
+            Cell::Time { per_second } => {
+                let number = finite(word).ok_or_else(|| invalid("a finite time"))?;
+                *time = number / f64::from(per_second);
+            }
             Cell::Reading(_) if word.is_empty() => {}
             Cell::Reading(place) => {
                 values[place] = word.parse().map_err(|_| invalid("a number, NaN or nothing"))?;
@@ -118,7 +126,7 @@ fn take_row<'t>(
     }
 }
 
-/// A cell without blanks and quotes around it; names and numbers have no commas in them.
+/// A cell without blanks and quotes around it; names and numbers have no separators in them.
 fn unquoted(cell: &str) -> &str {
     let cell = cell.trim();
     cell.strip_prefix('"').and_then(|c| c.strip_suffix('"')).map_or(cell, str::trim)
