@@ -1,7 +1,13 @@
 //! `render` as a user runs it.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use std::{fmt::Write, fs, path::Path};
+use std::{
+    fmt::Write,
+    fs,
+    io::Read,
+    path::Path,
+    process::{self, Stdio},
+};
 
 use assert_cmd::Command;
 use predicates::{prelude::*, str::contains};
@@ -161,6 +167,195 @@ fn readings_that_do_not_fit_are_named() {
     );
 }
 
+/// What is wrong with readings but can be worked with is counted, and the first ten are named.
+#[test]
+fn readings_with_gaps_are_counted() {
+    let folder = sheet();
+    let render = |name: &str, text: &[u8], args: &[&str]| {
+        fs::write(folder.path().join(name), text).unwrap();
+        dermatome(folder.path())
+            .args(["render", "map/map.glb", name, "-o", "out.npz", "--level", "0", "--json"])
+            .args(args)
+            .assert()
+    };
+    let report = |run: &assert_cmd::assert::Assert| json(&run.get_output().stdout);
+
+    let run = render("unknown.csv", table(110..=140, 1).as_bytes(), &[]).success();
+    let first_ten =
+        "20 columns are of no taxel of the map: 121, 122, 123, 124, 125, 126, 127, 128, 129, 130, ...";
+    assert!(String::from_utf8_lossy(&run.get_output().stderr).contains(first_ten));
+
+    let run = render("gaps.csv", b"time,1,2,3\n0,nan,inf,1\n0.1,,-inf,2\n", &[]).success();
+    assert_eq!((&report(&run)["missing"], &report(&run)["masked"]), (&4.into(), &117.into()));
+
+    let run = render("back.csv", b"time,1\n0,1\n0.2,1\n0.1,1\n0.3,1\n", &[]).success();
+    assert_eq!(report(&run)["backwards"], 1);
+    run.stderr(contains("1 frames have a time before that of the frame before them"));
+
+    let twice = b"time,1,2,1\n0,1,7,5\n";
+    render("twice.csv", twice, &[]).code(2).stderr(contains("--duplicates first"));
+    for (how, value) in [("first", 1.0), ("mean", 3.0)] {
+        render("twice.csv", twice, &["--duplicates", how]).success();
+        dermatome(folder.path())
+            .args(["render", "map/map.glb", "twice.csv", "-o", "one.npy", "--level", "0", "--quiet"])
+            .args(["--duplicates", how, "--interpolate", "nearest"])
+            .assert()
+            .success();
+        let drawn = numbers(&fs::read(folder.path().join("one.npy")).unwrap());
+        assert!(drawn.contains(&value) && drawn.contains(&7.0), "{how}");
+    }
+    for empty in ["", "\n\n", "time,1,2\n"] {
+        render("empty.csv", empty.as_bytes(), &[]).code(2).stderr(contains("empty.csv: line"));
+    }
+}
+
+/// Tables as other programs write them: byte order marks, carriage returns, semicolons, tabs, quotes,
+/// times in milliseconds.
+#[test]
+fn tables_of_other_programs_are_read() {
+    let folder = sheet();
+    for (name, text) in [
+        ("marked.csv", "\u{feff}time,1.pressure[Pa],2.pressure[Pa]\r\n0.5,1,2\r\n1.5,3,4\r\n"),
+        ("semicolons.csv", "time;1.pressure[Pa];2.pressure[Pa]\n0.5;1;2\n1.5;3;4\n"),
+        ("tabs.csv", "time\t1.pressure[Pa]\t2.pressure[Pa]\n0.5\t1\t2\n1.5\t3\t4\n"),
+        ("blanks.txt", "time 1.pressure[Pa] 2.pressure[Pa]\n0.5 1 2\n1.5 3 4\n"),
+        ("quoted.csv", "\"time\",\"1.pressure[Pa]\",\"2.pressure[Pa]\"\n\"0.5\",\"1\",\"2\"\n1.5,3,4\n"),
+        ("milliseconds.csv", "time[ms],1.pressure[Pa],2.pressure[Pa]\n500,1,2\n1500,3,4\n"),
+    ] {
+        fs::write(folder.path().join(name), text).unwrap();
+        dermatome(folder.path())
+            .args(["render", "map/map.glb", name, "-o", "frames", "--level", "0", "--interpolate", "nearest"])
+            .assert()
+            .success();
+        dermatome(folder.path())
+            .args(["sample", "map/map.glb", "frames/sheet.L0.000001.exr", "-o", "v.csv"])
+            .args(["--interpolate", "nearest", "--quiet"])
+            .assert()
+            .success();
+        let table = fs::read_to_string(folder.path().join("v.csv")).unwrap();
+        assert!(table.contains("pressure[Pa]\nsheet,0,0,1,3\nsheet,0,1,2,4\n"), "{name}: {table:.200}");
+        let frame = fs::read(folder.path().join("frames/sheet.L0.000001.exr")).unwrap();
+        let is_there = frame.windows(10).any(|bytes| bytes == b"\"time\":1.5");
+        assert!(is_there, "{name}: the time is in seconds");
+    }
+    fs::write(folder.path().join("comma.csv"), "time;1;2\n0;1,5;2\n").unwrap();
+    fs::write(folder.path().join("minutes.csv"), "time[min],1\n0,1\n").unwrap();
+    for (name, said) in [("comma.csv", "1,5"), ("minutes.csv", "s, ms, us or ns")] {
+        dermatome(folder.path())
+            .args(["render", "map/map.glb", name, "-o", "x.npz"])
+            .assert()
+            .code(2)
+            .stderr(contains(said));
+    }
+}
+
+/// An array of `f4` as numpy writes it.
+fn npy(shape: &str, values: &[f32]) -> Vec<u8> {
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    values.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    bytes
+}
+
+/// Arrays without ids are in the order of the map; the errors about others say what to do.
+#[test]
+fn arrays_of_another_width_are_refused_with_both_numbers() {
+    let folder = sheet();
+    let render = |shape: &str, count: u16, args: &[&str]| {
+        let values: Vec<f32> = (0..count).map(f32::from).collect();
+        fs::write(folder.path().join("a.npy"), npy(shape, &values)).unwrap();
+        dermatome(folder.path()).args(["render", "map/map.glb", "a.npy", "-o", "a.npz"]).args(args).assert()
+    };
+    let both = contains("100 columns").and(contains("120 taxels")).and(contains("`ids`"));
+    render("(3, 100)", 300, &[]).code(2).stderr(both);
+    // As many frames as channels: only the layout tells the axes apart.
+    render("(2, 2, 120)", 480, &[]).code(2).stderr(contains("2 columns").and(contains("--layout tcn")));
+    render("(2, 2, 120)", 480, &["--layout", "tcn"]).success();
+    render("(2, 120)", 240, &[]).success().stderr(contains("no times").and(contains("--rate")));
+    render("(2, 120)", 240, &["--rate", "50"]).success().stderr(predicate::str::is_empty());
+}
+
+/// Patches that the recording says nothing of are masked, with amounts too.
+#[test]
+fn patches_without_readings_are_masked() {
+    let folder = tempfile::tempdir().unwrap();
+    let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/robot.glb");
+    let run = |words: &str| dermatome(folder.path()).args(words.split_whitespace()).assert();
+    run(&format!("build {} -o map --quiet", meshes.display())).success();
+    // Ids of the shoulder alone.
+    fs::write(folder.path().join("r.csv"), table(1001..=1050, 3).replace("pressure[Pa]", "force[N]"))
+        .unwrap();
+    for how in ["", "--pack", "--interpolate natural", "--interpolate field", "--contrast", "--edges"] {
+        run(&format!("render map/map.glb r.csv -o out.npz --pixel-mm 4 {how}"))
+            .success()
+            .stderr(contains("50 taxels have readings"));
+    }
+    run("render map/map.glb r.csv -o png --pictures png --pixel-mm 4 --every 2").success();
+}
+
+/// What cannot be written ends a sequence: the frames before it are whole, and the message counts them.
+#[test]
+fn a_sequence_that_breaks_off_says_how_far_it_came() {
+    let folder = sheet();
+    // A folder where the file of frame 2 belongs cannot be replaced, as on a disk that is full.
+    fs::create_dir_all(folder.path().join("seq/sheet.L0.000002.exr")).unwrap();
+    dermatome(folder.path())
+        .args(["render", "map/map.glb", "r.csv", "-o", "seq", "--level", "0"])
+        .assert()
+        .code(2)
+        .stderr(contains("2 frames are written; the next one could not be"));
+    for frame in 0..2 {
+        let image = format!("seq/sheet.L0.{frame:06}.exr");
+        let sample = ["sample", "map/map.glb", &image, "-o", "v.csv", "--quiet"];
+        dermatome(folder.path()).args(sample).assert().success();
+    }
+    let names = fs::read_dir(folder.path().join("seq")).unwrap();
+    assert_eq!(names.count(), 3, "two frames and the folder, no temporary file");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_an_error_and_a_closed_pipe_is_not() {
+    let folder = sheet();
+    let render = || {
+        let mut command = process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+        command.current_dir(folder.path()).args(["render", "map/map.glb", "r.csv", "-o", "-"]);
+        command.stderr(Stdio::piped());
+        command
+    };
+    if let Ok(full) = fs::OpenOptions::new().write(true).open("/dev/full") {
+        let output = render().stdout(full).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains("standard output"), "{said}");
+    }
+    // More frames than a pipe holds, of which nobody reads more than the first bytes.
+    fs::write(folder.path().join("r.csv"), table(1..=120, 300)).unwrap();
+    let mut child = render().stdout(Stdio::piped()).spawn().unwrap();
+    child.stdout.take().unwrap().read_exact(&mut [0; 100]).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// With `--drop`, every frame of a stream is drawn or counted.
+#[test]
+fn frames_that_come_too_fast_are_dropped_and_counted() {
+    let folder = sheet();
+    let args = ["render", "map/map.glb", "-", "-o", "out.npy", "--level", "0", "--drop", "--json"];
+    let run = dermatome(folder.path()).args(args).write_stdin(table(1..=120, 2000)).assert().success();
+    let report = json(&run.get_output().stdout);
+    let [drawn, dropped] = ["frames", "dropped"].map(|key| report[key].as_u64().unwrap());
+    assert!(drawn >= 1 && drawn + dropped == 2000, "{drawn} and {dropped}");
+    if dropped > 0 {
+        run.stderr(contains(format!("{dropped} frames came too fast and were dropped")));
+    }
+    dermatome(folder.path())
+        .args(["render", "map/map.glb", "r.csv", "-o", "out.npy", "--level", "0", "--drop"])
+        .assert()
+        .code(2)
+        .stderr(contains("--drop is for live streams"));
+}
+
 #[test]
 fn outputs_that_cannot_be_are_refused_before_work() {
     let folder = sheet();
@@ -173,6 +368,9 @@ fn outputs_that_cannot_be_are_refused_before_work() {
         (&["-o", "x.npz", "--size", "4000", "4000", "--max-memory", "50"], "at most 50 MB"),
         (&["-o", "x.npz", "--unit", "Pa,K"], "2 units"),
         (&["-o", "x.npz", "--clip", "5,1"], "lower"),
+        (&["-o", "x.npz", "--from", "5", "--to", "2"], "--to 2 is before --from 5"),
+        (&["-o", "x.npz", "--from", "99"], "the readings have 5 frames"),
+        (&["-o", "x.npz", "--contacts", "r.csv"], "r.csv"),
     ] {
         dermatome(folder.path())
             .args(["render", "map/map.glb", "r.csv"])
@@ -181,6 +379,14 @@ fn outputs_that_cannot_be_are_refused_before_work() {
             .code(2)
             .stderr(contains(what));
     }
+    assert!(!folder.path().join("x.npz").exists());
+    assert!(fs::read_to_string(folder.path().join("r.csv")).unwrap().starts_with("time,"), "an input");
+    fs::write(folder.path().join("a.npy"), npy("(1, 120)", &[1.0; 120])).unwrap();
+    dermatome(folder.path())
+        .args(["render", "map/map.glb", "a.npy", "-o", "a.npy", "--level", "0"])
+        .assert()
+        .code(2)
+        .stderr(contains("a.npy"));
 }
 
 /// What is done to the readings is what arrives in the images.

@@ -51,6 +51,7 @@ fn rendered_frames_give_back_the_readings() {
         let of_channel = &report["channels"][0];
         let number = |key: &str| of_channel[key].as_f64().unwrap();
         assert_eq!(of_channel["name"], "force");
+        assert_eq!((&of_channel["unit"], &of_channel["pixel_unit"]), (&"N".into(), &"N/m^2".into()));
         assert!(number("residual") < 1e-5 * number("largest_pixel"), "{how}: {report}");
         let found = taxels(folder.path(), "out.csv");
         let text = fs::read_to_string(folder.path().join("touch.csv")).unwrap();
@@ -87,6 +88,55 @@ fn images_of_positions_give_the_positions_of_the_taxels() {
     }
 }
 
+/// A frame with static channels says itself what its pixels show, packed or not, and `sample` takes
+/// its readings, with their units, not its places.
+#[test]
+fn frames_with_static_channels_show_where_the_taxels_are() {
+    let folder = folder_with_a_recording(0.0);
+    for (how, name) in [("", "cap.L0"), ("--pack --size 150 120", "L0"), ("--interpolate field", "cap.L1")] {
+        let frames = format!("render map.glb touch.csv -o frames --from 25 --to 25 --static {how}");
+        dermatome(folder.path(), &frames).success();
+        let sample = format!("sample map.glb frames/{name}.000025.exr -o out.csv {how}");
+        dermatome(folder.path(), &sample).success().stdout(contains("force: ").and(contains(" N/m^2")));
+        let text = fs::read_to_string(folder.path().join("out.csv")).unwrap();
+        assert!(text.starts_with("patch,level,vertex,taxel_id,force[N]\n"), "{text:.60}");
+        if name.ends_with("L0") {
+            dermatome(folder.path(), &format!("{sample} --channel position.X")).success();
+            let map = read_map(&folder.path().join("map.glb")).unwrap();
+            let patch = map.patches.iter().next().unwrap();
+            let found = taxels(folder.path(), "out.csv");
+            let finest = &patch.levels.iter().next().unwrap().level.mesh;
+            for (id, place) in patch.taxels.ids.iter().zip(&finest.positions) {
+                let x: f64 = found[&id.to_string()].parse().unwrap();
+                assert!((x - place.x).abs() < 1e-6, "{how}: taxel {id}: {x} for {}", place.x);
+            }
+        }
+        fs::remove_dir_all(folder.path().join("frames")).unwrap();
+    }
+    dermatome(folder.path(), "render map.glb touch.csv -o out.npz --static")
+        .code(2)
+        .stderr(contains("--static").and(contains("folder")));
+}
+
+/// A header that asks for more pixels than the file can hold is refused before any is read.
+#[test]
+fn absurd_sizes_in_headers_are_refused() {
+    let folder = folder_with_a_recording(0.0);
+    dermatome(folder.path(), "render map.glb touch.csv -o frames --from 25 --to 25").success();
+    let path = folder.path().join("frames/cap.L0.000025.exr");
+    let mut bytes = fs::read(&path).unwrap();
+    for window in ["dataWindow", "displayWindow"] {
+        let name = bytes.windows(window.len()).position(|w| w == window.as_bytes()).unwrap();
+        // Behind the name, `box2i` and the size there are the least and the largest x and y.
+        let largest = name + window.len() + 1 + "box2i".len() + 1 + 4 + 8;
+        bytes[largest..largest + 8].copy_from_slice(&[0xff, 0xff, 0xff, 0x00, 0xff, 0xff, 0xff, 0x00]);
+    }
+    fs::write(&path, bytes).unwrap();
+    dermatome(folder.path(), "sample map.glb frames/cap.L0.000025.exr -o out.csv")
+        .code(2)
+        .stderr(contains("16777216 x 16777216").and(contains("bytes")));
+}
+
 #[test]
 fn images_that_do_not_fit_are_refused_with_what_makes_them_fit() {
     let folder = folder_with_a_recording(0.05);
@@ -110,7 +160,7 @@ fn images_that_do_not_fit_are_refused_with_what_makes_them_fit() {
     }
     dermatome(folder.path(), "sample map.glb image.npy -o - --image cap/L0 --unit N")
         .success()
-        .stdout(contains("patch,level,vertex,taxel_id,0\ncap,0,0,"));
+        .stdout(contains("patch,level,vertex,taxel_id,0[N]\ncap,0,0,"));
 }
 
 #[test]

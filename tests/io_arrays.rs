@@ -7,8 +7,8 @@ use dermatome::{
     atlas::{Atlas, AtlasOptions},
     image::TactileImage,
     io::{
-        IoError, ReadingsWriter, RecordingLayout, RecordingWriter, frame_file_name, read_images, write_frame,
-        write_raw_frame, write_touches,
+        FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, frame_file_name,
+        read_images, write_frame, write_raw_frame, write_touches,
     },
     map::SkinMap,
     mesh::shapes,
@@ -119,7 +119,9 @@ fn a_recording_holds_every_array_that_was_promised() {
     let arrays = arrays(&path);
     let levels = map.patches[palm].levels.len();
     let mut expected: Vec<String> =
-        ["timestamps", "channels", "units", "metres_per_pixel", "palm.ids"].map(String::from).into();
+        ["timestamps", "channels", "units", "image_units", "metres_per_pixel", "palm.ids"]
+            .map(String::from)
+            .into();
     for level in 0..levels {
         expected.extend(
             ["image", "mask", "taxel_id", "values", "valid"].map(|key| format!("palm.L{level}.{key}")),
@@ -201,7 +203,8 @@ fn a_frame_is_read_back_from_openexr() {
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     for image in images(&map, &atlas, 2, 0.25) {
         let path = folder.path().join(frame_file_name(&image.name, 12, "exr"));
-        write_frame(&path, &image, &channels, 1.5).unwrap();
+        let content = FrameContent { channels: &channels, time: 1.5, shown: None };
+        write_frame(&path, &image, &content).unwrap();
         let layers = read_images(&path, &[]).unwrap();
         assert_eq!((layers.len(), layers[0].name.as_str()), (1, image.name.as_str()));
         assert_eq!(layers[0].size_px, image.size_px);
@@ -218,7 +221,12 @@ fn a_frame_is_read_back_from_openexr() {
         assert_eq!(one[0].channels.len(), 1);
         let message = read_images(&path, &["heat".into()]).unwrap_err().to_string();
         assert!(message.contains("heat") && message.contains("force.N"), "{message}");
-        assert!(write_frame(&path, &image, &channels[..1], 0.0).is_err(), "one channel too few");
+        let few = FrameContent { channels: &channels[..1], ..content };
+        assert!(write_frame(&path, &image, &few).is_err(), "one channel too few");
+        let signals: Vec<_> = channels.iter().zip(["force.N", "signal.A"]).collect();
+        for (found, (channel, name)) in layers[0].signals.iter().zip(signals) {
+            assert_eq!(found, &Channel { name: name.into(), ..channel.clone() }, "units of the values");
+        }
     }
 }
 
@@ -230,7 +238,8 @@ fn images_that_cannot_be_meant_are_refused() {
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let image = images(&map, &atlas, 1, 0.0).remove(0);
     let path = folder.path().join("a.exr");
-    write_frame(&path, &image, &[Channel::default()], 0.0).unwrap();
+    let content = FrameContent { channels: &[Channel::default()], time: 0.0, shown: None };
+    write_frame(&path, &image, &content).unwrap();
     let whole = fs::read(&path).unwrap();
     // The data window is four numbers after its name, its type and its size.
     let at = whole.windows(10).position(|w| w == b"dataWindow").unwrap() + 10 + 1 + 6 + 4;

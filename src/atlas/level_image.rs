@@ -1,13 +1,13 @@
 //! The channels of `map.exr`, filled from the chart of each level. The shading channel `Y` is a
 //! *heuristic* for the eye, without a physical light; all others are measures or ids.
 
-use std::ops::Range;
+use std::{borrow::Cow, ops::Range};
 
 use glam::DVec3;
 
 use crate::{
     atlas::{
-        AtlasError, Chart, ImageRows, SampleKind, Samples, Stretch,
+        AtlasError, AtlasPart, Chart, ImageRows, SampleKind, Samples, Stretch,
         chart::{check_total, largest},
         face_stretch,
         layout::{Place, image_name},
@@ -51,26 +51,30 @@ const IDS: [&str; 2] = ["taxel.id", "face.id"];
 /// | `bary.{U,V}` | weights of the face's second and third corner | 0 |
 /// | `stretch.angle` | `s1/s2`, the ratio of the singular values of the map's Jacobian: 1 at a conformal map, negative if the face is mirrored, infinite if it is squeezed to a line | 0 |
 /// | `stretch.area` | `s1 s2`, the area on the map over the area on the skin; infinite if the face has no area on the skin | 0 |
+///
+/// Where charts are packed into one image it shows all of them.
 #[derive(Debug, Clone)]
 pub struct LevelImage<'a> {
     name: String,
+    frame: ImageFrame,
+    tiles: Vec<(Surface<'a>, Cow<'a, Chart>)>,
+}
+
+/// What one level of a patch shows.
+#[derive(Debug, Clone)]
+struct Surface<'a> {
     patch: &'a PatchMap,
     level: &'a MapLevel,
     normals: IdVec<VertexId, DVec3>,
     finest: bool,
-    chart: Chart,
     light: DVec3,
 }
 
-impl<'a> LevelImage<'a> {
-    /// Rasterises a level of a map that is known to be valid.
-    fn new(patch: (PatchId, &'a PatchMap), level: LevelId) -> Result<Self, AtlasError> {
-        let ((id, patch), at) = (patch, &patch.1.levels[level]);
-        let name = image_name(patch, level);
-        let place = Place { patch: id, turns: 0, frame: at.frame, corner_px: [0, 0] };
-        let chart = Chart::new(&name, at, level, &place)?;
+impl<'a> Surface<'a> {
+    fn new(patch: &'a PatchMap, level: LevelId) -> Self {
+        let at = &patch.levels[level];
         let (normals, light) = (patch.normals(&at.level), light(&at.level.mesh));
-        Ok(Self { name, patch, level: at, normals, finest: level == LevelId::default(), light, chart })
+        Self { patch, level: at, normals, finest: level == LevelId::default(), light }
     }
 
     /// The measures of one pixel, in the order of [`MEASURES`].
@@ -94,6 +98,50 @@ impl<'a> LevelImage<'a> {
         let id = if self.finest { self.patch.taxels.ids[nearest].0 } else { nearest.raw() };
         [id, face.raw()]
     }
+
+    /// Fills a row of the chart, whose first pixel has the index `start`.
+    fn fill(
+        &self,
+        chart: &Chart,
+        row: u32,
+        start: usize,
+        (measures, ids): (&mut [Vec<f32>; 12], &mut [Vec<u32>; 2]),
+    ) {
+        let mut current: Option<(FaceId, Stretch)> = None;
+        chart.each_in_row(self.level, row, |column, face, weights| {
+            let stretch = match current {
+                Some((of, stretch)) if of == face => stretch,
+                _ => face_stretch(self.level, face),
+            };
+            current = Some((face, stretch));
+            let at = start + column;
+            for (samples, value) in measures.iter_mut().zip(self.measures(face, weights, stretch)) {
+                samples[at] = narrow(value);
+            }
+            for (samples, id) in ids.iter_mut().zip(self.ids(face, weights)) {
+                samples[at] = id;
+            }
+        });
+    }
+}
+
+impl<'a> LevelImage<'a> {
+    /// Rasterises a level of a map that is known to be valid.
+    fn new(patch: (PatchId, &'a PatchMap), level: LevelId) -> Result<Self, AtlasError> {
+        let ((id, patch), at) = (patch, &patch.1.levels[level]);
+        let name = image_name(patch, level);
+        let place = Place { patch: id, turns: 0, frame: at.frame, corner_px: [0, 0] };
+        let chart = Chart::new(&name, at, level, &place)?;
+        let frame = chart.frame;
+        Ok(Self { name, frame, tiles: vec![(Surface::new(patch, level), Cow::Owned(chart))] })
+    }
+
+    /// What the pixels of an image of an atlas show.
+    pub(crate) fn of_part(map: &'a SkinMap, part: &'a AtlasPart) -> Self {
+        let tile =
+            |chart: &'a Chart| (Surface::new(&map.patches[chart.patch], chart.level), Cow::Borrowed(chart));
+        Self { name: part.name.clone(), frame: part.frame, tiles: part.charts.iter().map(tile).collect() }
+    }
 }
 
 impl ImageRows for LevelImage<'_> {
@@ -102,7 +150,7 @@ impl ImageRows for LevelImage<'_> {
     }
 
     fn frame(&self) -> &ImageFrame {
-        &self.chart.frame
+        &self.frame
     }
 
     fn channels(&self) -> Vec<(String, SampleKind)> {
@@ -111,26 +159,18 @@ impl ImageRows for LevelImage<'_> {
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
-        let width = self.frame().size_px[0] as usize;
+        let width = self.frame.size_px[0] as usize;
         let count = width * rows.len();
         let mut measures = MEASURES.map(|_| vec![0.0_f32; count]);
         let mut ids = IDS.map(|_| vec![u32::MAX; count]);
-        let mut current: Option<(FaceId, Stretch)> = None;
-        for (start, row) in (0..).step_by(width).zip(rows) {
-            self.chart.each_in_row(self.level, row, |column, face, weights| {
-                let stretch = match current {
-                    Some((of, stretch)) if of == face => stretch,
-                    _ => face_stretch(self.level, face),
-                };
-                current = Some((face, stretch));
-                let at = start + column;
-                for (samples, value) in measures.iter_mut().zip(self.measures(face, weights, stretch)) {
-                    samples[at] = narrow(value);
+        for (surface, chart) in &self.tiles {
+            let [left, top] = chart.corner_px;
+            for (start, row) in (0..).step_by(width).zip(rows.clone()) {
+                let inside = row.checked_sub(top).filter(|&row| row < chart.frame.size_px[1]);
+                if let Some(row) = inside {
+                    surface.fill(chart, row, start + left as usize, (&mut measures, &mut ids));
                 }
-                for (samples, id) in ids.iter_mut().zip(self.ids(face, weights)) {
-                    samples[at] = id;
-                }
-            });
+            }
         }
         measures.into_iter().map(Samples::F32).chain(ids.into_iter().map(Samples::U32)).collect()
     }

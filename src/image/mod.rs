@@ -30,7 +30,7 @@ mod weights;
 
 pub use error::ImageError;
 pub use options::{Interpolation, RenderOptions};
-pub use renderer::Renderer;
 pub(crate) use renderer::surface_of;
+pub use renderer::{Renderer, static_images};
 pub use sample::{Sampled, sample};
 pub use tactile_image::TactileImage;

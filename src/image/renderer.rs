@@ -1,7 +1,7 @@
 //! Draws frames: work grows with the taxels that changed.
 
 use crate::{
-    atlas::{Atlas, AtlasPart, Chart},
+    atlas::{Atlas, AtlasPart, Chart, LevelImage},
     image::{
         ImageError, Interpolation, RenderOptions, TactileImage, layer::Layer, tile::Tile, weights::Surface,
     },
@@ -160,6 +160,33 @@ impl<'a> Canvas<'a> {
     }
 }
 
+/// What the pixels of each image of a [`Renderer`] with these options show, in its order: places,
+/// normals, ids and stretch.
+///
+/// ```
+/// use dermatome::{
+///     atlas::{Atlas, AtlasOptions, ImageRows},
+///     image::{RenderOptions, static_images},
+///     map::SkinMap,
+///     mesh::shapes,
+/// };
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let atlas = Atlas::new(&map, &AtlasOptions::default())?;
+/// let images = static_images(&map, &atlas, &RenderOptions::default());
+/// assert_eq!(images[0].frame(), &atlas.parts[0].frame);
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+///
+/// # Panics
+/// If the atlas was made of another map.
+#[must_use]
+pub fn static_images<'a>(map: &'a SkinMap, atlas: &'a Atlas, options: &RenderOptions) -> Vec<LevelImage<'a>> {
+    let parts = atlas.parts.iter().filter(|part| options.level.is_none_or(|level| part.level == level));
+    let surfaces = parts.filter_map(|part| surface_of(atlas, part, options.interpolation));
+    surfaces.map(|surface| LevelImage::of_part(map, surface)).collect()
+}
+
 /// An image before its first frame.
 fn blank(
     surface: &AtlasPart,
@@ -184,7 +211,6 @@ fn blank(
     }
 }
 
-/// The image of the atlas on which a part is drawn: its own, or the one of level 0.
 /// The image whose pixels show `part`: where fields are drawn on the map of level 0, that of level 0.
 pub(crate) fn surface_of<'a>(
     atlas: &'a Atlas,

@@ -59,7 +59,7 @@ pub use error::IoError;
 pub use file::replace::{replace_file, temporary_prefix};
 pub use image::{
     exr::write_images,
-    frame::{frame_file_name, write_frame, write_raw_frame},
+    frame::{FrameContent, frame_file_name, write_frame, write_raw_frame},
     read::{ImageLayer, read_images},
 };
 pub use mesh::{

@@ -42,12 +42,14 @@ impl Channel {
         Self { name: name.into(), unit: unit.into(), quantity }
     }
 
-    /// The unit of its pixels: amounts are drawn per area, as `N/m^2`.
+    /// The unit of its pixels: amounts are drawn per area of the map, as `N/m^2`; without a unit
+    /// `1/m^2`.
     #[must_use]
     pub fn pixel_unit(&self) -> String {
-        match self.quantity {
-            Quantity::Extensive if !self.unit.is_empty() => format!("{}/m^2", self.unit),
-            _ => self.unit.clone(),
+        match (self.quantity, self.unit.as_str()) {
+            (Quantity::Intensive, unit) => unit.to_owned(),
+            (Quantity::Extensive, "") => "1/m^2".to_owned(),
+            (Quantity::Extensive, unit) => format!("{unit}/m^2"),
         }
     }
 }

@@ -197,7 +197,8 @@ fn signal_help(error: &SignalError) -> &'static str {
     match error {
         SignalError::DuplicateId { .. } => "choose with --duplicates first or --duplicates mean",
         SignalError::Width { .. } => {
-            "give readings with ids: a .csv whose header names them, or a .npz with an array `ids`"
+            "give readings with ids: a .csv whose header names them, or a .npz with an array `ids`; the axes of an \
+             array of three are frames, taxels, channels, or with --layout tcn frames, channels, taxels"
         }
         SignalError::IdCount { .. } => "give the array `ids` one id for each column",
         SignalError::NoneMatched { .. } => {

@@ -24,7 +24,7 @@ use crate::{
     common::Common,
     errors::advise,
     notes::note,
-    outputs::is_stream,
+    outputs::{self, is_stream},
     print::print_json,
     progress,
     render::{
@@ -85,6 +85,9 @@ struct ImageArgs {
     /// Draw the edges of the values: the size of their gradient on the map and its direction
     #[arg(long, conflicts_with = "contrast")]
     edges: bool,
+    /// Write into every EXR file also what its pixels show: places, normals, ids and stretch
+    #[arg(long = "static")]
+    is_static: bool,
     /// Refuse images that need more memory than this
     #[arg(long, value_name = "MB", default_value_t = 4096)]
     max_memory: u64,
@@ -101,7 +104,7 @@ struct ColourArgs {
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
     /// Percentiles of the recording at the ends of the colour scale
-    #[arg(long, value_name = "LOW,HIGH", value_parser = range, default_value = "1,99.9")]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, default_value = "1,100")]
     percentiles: [f64; 2],
     /// Pixels of a picture for each pixel of an image
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
@@ -110,10 +113,21 @@ struct ColourArgs {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = Kind::of(&args.output, args.colours.pictures)?;
+    if args.images.is_static && kind != Kind::Folder(Pictures::Exr) {
+        return Err(advise(
+            "--static adds channels to OpenEXR files, and none is written",
+            "name a folder as output, without --pictures png; a .npz has mask and taxel_id anyway",
+        ));
+    }
     if args.json && is_stream(&args.output) {
         return Err(advise("--json and -o - would both use standard output", "write the frames to a file"));
     }
-    args.contacts.check()?;
+    let inputs = [args.map.as_path(), args.readings.as_path()];
+    if matches!(kind, Kind::Array(_)) {
+        outputs::check_inputs(&args.output, inputs.into_iter())?;
+    }
+    args.contacts.check(inputs)?;
+    args.frames.check()?;
     let map = read_map(&args.map).map_err(Error::from)?;
     let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
     let readings = Readings::new(&args.readings_args, args.frames, &args.readings, &map);
@@ -141,8 +155,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let mut values = Values::new(&map, &read, shown);
     let mut contacts = args.contacts.open(&map, &read, &args.readings_args)?;
-    let mut output =
-        Output::open(&args.output, kind, &map, &atlas, (&channels, options.interpolation, level), colours)?;
+    let mut output = Output::open(
+        &args.output,
+        kind,
+        &map,
+        &atlas,
+        (&channels, &options),
+        (colours, args.images.is_static),
+    )?;
     let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
     let tally = pass.run(|number, frame| {
         let levels = values.of(frame);
@@ -154,6 +174,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         Ok(true)
     })?;
     bar.finish_and_clear();
+    args.frames.check_any(&tally)?;
     output.finish()?;
     let found = contacts.map(contacts::Contacts::finish).transpose()?;
     remark(&tally, common);
@@ -175,7 +196,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "masked": tally.join.masked,
             "missing": tally.missing,
             "clipped": tally.condition.clipped,
-            "backwards": tally.condition.backwards,
+            "backwards": if tally.has_times { tally.condition.backwards } else { 0 },
             "dropped": tally.dropped,
         });
         if let Some((contacts, threshold)) = found {
@@ -328,10 +349,14 @@ const NOISE: f64 = 0.25;
 fn remark(tally: &Tally, common: &Common) {
     let condition = &tally.condition;
     let unknown_baselines = condition.without_baseline.saturating_sub(tally.join.masked * tally.channels);
+    let backwards = if tally.has_times { condition.backwards } else { 0 };
+    if !tally.has_times {
+        note(common, format_args!("the frames have no times; --rate HZ gives them some"));
+    }
     let counts = [
         (tally.missing as u64, "readings are missing, NaN or infinite, and masked"),
         (condition.clipped, "readings were clipped"),
-        (condition.backwards, "frames have a time before that of the frame before them, or none"),
+        (backwards, "frames have a time before that of the frame before them"),
         // Masked taxels have none either, which is no news.
         (unknown_baselines as u64, "readings have no baseline and are masked"),
         (condition.unknown_gains as u64, "gains are of no taxel of the map"),

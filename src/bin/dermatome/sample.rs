@@ -50,10 +50,12 @@ pub(crate) struct Args {
     /// several the one to take
     #[arg(long, value_name = "PATCH/Lk")]
     image: Option<String>,
-    /// Take this channel; may be given more than once; of a .npy 0, 1, ... [default: all but Y and A]
+    /// Take this channel; may be given more than once; of a .npy 0, 1, ... [default: those that the file
+    /// says are readings, else all but Y and A]
     #[arg(long = "channel", value_name = "NAME")]
     channels: Vec<String>,
-    /// Unit of each channel; force, charge and other amounts are per area in images, and summed
+    /// Unit of the values of each channel; force, charge and other amounts are per area in images, and
+    /// summed [default: what the file says]
     #[arg(long = "unit", value_name = "UNIT", value_delimiter = ',')]
     units: Vec<String>,
     /// Print what was sampled as JSON
@@ -138,6 +140,9 @@ fn read_layers(args: &Args) -> anyhow::Result<Vec<ImageLayer>> {
 /// The channels that are sampled, which every image must have.
 fn channels(args: &Args, layers: &[ImageLayer]) -> anyhow::Result<Vec<Channel>> {
     let names_of = |layer: &ImageLayer| -> Vec<String> {
+        if !layer.signals.is_empty() {
+            return layer.signals.iter().map(|signal| signal.name.clone()).collect();
+        }
         let all: Vec<_> = layer.channels.keys().cloned().collect();
         let named: Vec<_> = all.iter().filter(|name| !["A", "Y"].contains(&name.as_str())).cloned().collect();
         if named.is_empty() { all.into_iter().filter(|name| name != "A").collect() } else { named }
@@ -165,8 +170,31 @@ fn channels(args: &Args, layers: &[ImageLayer]) -> anyhow::Result<Vec<Channel>> 
             "give --unit one unit for each channel, as in --unit Pa,K",
         ));
     }
-    let unit = |k: usize| args.units.get(k).map_or("", String::as_str);
-    Ok(names.iter().enumerate().map(|(k, name)| Channel::new(name, unit(k))).collect())
+    let channel = |(k, name): (usize, &String)| match args.units.get(k) {
+        Some(unit) => Ok(Channel::new(name, unit)),
+        None => stated(name, layers),
+    };
+    names.iter().enumerate().map(channel).collect()
+}
+
+/// A channel with the unit that the files state, the same in all of them.
+fn stated(name: &str, layers: &[ImageLayer]) -> anyhow::Result<Channel> {
+    let found = |layer: &ImageLayer| layer.signals.iter().find(|signal| signal.name == name).cloned();
+    let first = layers.first().and_then(found);
+    let Some(other) = layers.iter().find(|layer| found(layer) != first) else {
+        return Ok(first.unwrap_or_else(|| Channel::new(name, "")));
+    };
+    let unit =
+        |channel: Option<Channel>| channel.map_or("none".into(), |channel| format!("{:?}", channel.unit));
+    Err(advise(
+        format!(
+            "channel {name} of image {:?} has the unit {}, that of the first {}",
+            other.name,
+            unit(found(other)),
+            unit(first)
+        ),
+        "sample images of one recording at a time, or name the units with --unit",
+    ))
 }
 
 /// Where an image lies that the renderer does not know.
@@ -215,14 +243,16 @@ fn report(
         let largest = pixels.map(|(x, _)| f64::from(x.abs())).reduce(f64::max);
         let residual = sampled.residuals[k];
         lines += &format!(
-            "{}: {} values, {masked} masked; round-trip residual {residual:.3e} (RMS) of pixels up to {:.3e}\n",
+            "{}: {} values, {masked} masked; round-trip residual {residual:.3e} (RMS) of pixels up to {:.3e} {}\n",
             plain(&channel.name),
             values().count() - masked,
-            largest.unwrap_or(f64::NAN)
+            largest.unwrap_or(f64::NAN),
+            plain(&channel.pixel_unit())
         );
         of_channels.push(json!({
             "name": channel.name,
             "unit": channel.unit,
+            "pixel_unit": channel.pixel_unit(),
             "values": values().count() - masked,
             "masked": masked,
             "residual": residual,

@@ -46,8 +46,9 @@ pub struct RecordingLayout<'a> {
 /// `(T, C, n)` as `f32`, NaN where nothing is known; `PATCH.Lk.mask` `(H, W)`, 1 where the image
 /// shows the skin; `PATCH.Lk.taxel_id` `(H, W)`, above level 0 the index of the field, `0xFFFFFFFF`
 /// where there is none; `PATCH.Lk.valid` `(T, n)`, 1 where every channel has a value; `PATCH.ids`;
-/// `timestamps` in s; `channels` and `units` (of an amount, as N, images hold N/m^2);
-/// `metres_per_pixel`, one number, or `PATCH.Lk.metres_per_pixel` where images differ. Packed
+/// `timestamps` in s; `channels`, their `units` and those of their pixels, `image_units`: images show
+/// an amount in N per area, in N/m^2; `metres_per_pixel`, one number, or
+/// `PATCH.Lk.metres_per_pixel` where images differ. Packed
 /// images are `Lk.image` and so on. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
 /// channels.
 ///
@@ -154,8 +155,15 @@ impl RecordingWriter {
         parts: &[(&AtlasPart, &AtlasPart)],
         channels: &[Channel],
     ) -> Result<(), IoError> {
+        if !parts.is_empty() {
+            let units: Vec<String> = channels.iter().map(Channel::pixel_unit).collect();
+            self.writer.constant("image_units", &[units.len()], Elements::Text(&units))?;
+        }
+        /// Sizes that differ by no more than rounding are the same.
+        const ROUNDING: f64 = 1e-12;
         let first = parts.first().map(|(_, surface)| pixel_size(surface));
-        let is_common = parts.iter().all(|(_, surface)| Some(pixel_size(surface)) == first);
+        let is_first = |size: f64| first.is_some_and(|first| (size - first).abs() <= ROUNDING * first);
+        let is_common = parts.iter().all(|(_, surface)| is_first(pixel_size(surface)));
         if let Some(size) = first.filter(|_| is_common) {
             self.writer.constant("metres_per_pixel", &[], Elements::F64(&[size]))?;
         }

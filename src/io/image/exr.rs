@@ -35,7 +35,7 @@ use crate::{
 
 /// The one custom attribute of each part. There must not be a second: the crate keeps attributes in
 /// a hash map, and their order in the file would change from run to run.
-const ATTRIBUTE: &str = "dermatome";
+pub(super) const ATTRIBUTE: &str = "dermatome";
 
 /// Blocks of 16 rows that are compressed before any of them is written, per thread: what bounds the
 /// memory, and enough that no thread waits long for the last one.

@@ -6,40 +6,54 @@ use std::{
     path::Path,
 };
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::{
-    atlas::{ImageRows, SampleKind, Samples},
+    atlas::{ImageRows, LevelImage, SampleKind, Samples},
     image::TactileImage,
     io::{IoError, arrays::recording::key, file::source::unfit, image::exr::write_parts},
     map::ImageFrame,
-    signal::Channel,
+    signal::{Channel, Quantity},
 };
+
+/// What a file says of a frame besides its pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameContent<'a> {
+    /// The channels of the image.
+    pub channels: &'a [Channel],
+    /// When it was, in s.
+    pub time: f64,
+    /// What its pixels show ([`static_images`](crate::image::static_images)), to be written too.
+    pub shown: Option<&'a LevelImage<'a>>,
+}
 
 /// Writes a frame of readings as an OpenEXR image: `Y` the first channel, each channel under its
 /// own name, `A` 1 where the skin is shown and every channel has a value. NaN where nothing is
-/// known.
+/// known. On request also the channels of a [`LevelImage`] but its `Y` and `A`.
 ///
-/// A channel called `A` or `Y` is written as `signal.A` or `signal.Y`. The attribute `dermatome` is
-/// a JSON text: `version` of the program, `name` of the image, its `map` rectangle and
-/// `metres_per_pixel`, the `time` in s, and `channels` with their units.
+/// A channel called as one of the others is written as `signal.A`, `signal.Y` and so on. The
+/// attribute `dermatome` is a JSON text: `version` of the program, `name` of the image, its `map`
+/// rectangle and `metres_per_pixel`, the `time` in s, and `channels`, each with its `name`, the
+/// `unit` of the pixels, the `value_unit` of the taxels and its `quantity`: the pixels of an
+/// `extensive` one, times their area, add up to its values; `intensive` ones keep them.
 ///
 /// # Errors
-/// If the image has other channels or two of the same name, or the file cannot be written.
-pub fn write_frame(
-    path: &Path,
-    image: &TactileImage,
-    channels: &[Channel],
-    time: f64,
-) -> Result<(), IoError> {
+/// If the image has other channels or two of the same name, the pixels show something else, or the
+/// file cannot be written.
+pub fn write_frame(path: &Path, image: &TactileImage, content: &FrameContent<'_>) -> Result<(), IoError> {
+    let FrameContent { channels, time, shown } = *content;
     let pixels = image.coverage.len();
     if image.channels != channels.len() || image.values.len() != pixels * channels.len() {
         let found = format!("{} values of {} channels", image.values.len(), image.channels);
         let needed = format!("{} for each of {pixels} pixels", channels.len());
         return Err(unfit(path, format!("image {}", image.name), found, needed));
     }
+    if let Some(shown) = shown.filter(|shown| shown.frame().size_px != image.size_px) {
+        let (found, needed) = (format!("{:?} pixels", image.size_px), format!("{:?}", shown.frame().size_px));
+        return Err(unfit(path, format!("image {}", image.name), found, needed));
+    }
     let ImageFrame { origin, size, size_px } = image.frame;
-    let about: Vec<_> = channels.iter().map(|c| json!({ "name": c.name, "unit": c.pixel_unit() })).collect();
+    let about: Vec<_> = channels.iter().map(note_of).collect();
     let note = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "name": image.name,
@@ -49,14 +63,43 @@ pub fn write_frame(
         "channels": about,
     });
     let note = note.to_string().into_bytes();
-    write_parts(path, &[FrameRows { image, channels }], &|_| Ok(note.clone()))
+    write_parts(path, &[FrameRows { image, channels, shown }], &|_| Ok(note.clone()))
+}
+
+/// What the attribute says of a channel.
+fn note_of(channel: &Channel) -> Value {
+    let quantity = match channel.quantity {
+        Quantity::Intensive => "intensive",
+        Quantity::Extensive => "extensive",
+    };
+    json!({
+        "name": channel.name,
+        "unit": channel.pixel_unit(),
+        "value_unit": channel.unit,
+        "quantity": quantity,
+    })
+}
+
+/// The channel that an attribute tells of, if it is one of [`write_frame`].
+pub(super) fn channel_of(note: &Value) -> Option<Channel> {
+    let text = |key: &str| note.get(key)?.as_str();
+    let quantity = match text("quantity")? {
+        "extensive" => Quantity::Extensive,
+        "intensive" => Quantity::Intensive,
+        _ => return None,
+    };
+    Some(Channel { name: text("name")?.into(), unit: text("value_unit")?.into(), quantity })
 }
 
 /// An image with the channels that it has in a file.
 struct FrameRows<'a> {
     image: &'a TactileImage,
     channels: &'a [Channel],
+    shown: Option<&'a LevelImage<'a>>,
 }
+
+/// The first two channels of a [`LevelImage`], `Y` and `A`, are those of the frame.
+const OWN: usize = 2;
 
 impl ImageRows for FrameRows<'_> {
     fn name(&self) -> &str {
@@ -68,15 +111,19 @@ impl ImageRows for FrameRows<'_> {
     }
 
     fn channels(&self) -> Vec<(String, SampleKind)> {
+        let shown: Vec<_> = self.shown.iter().flat_map(|shown| shown.channels().split_off(OWN)).collect();
+        let is_taken =
+            |name: &str| ["A", "Y"].contains(&name) || shown.iter().any(|(other, _)| other == name);
         let named = self.channels.iter().map(|channel| match channel.name.as_str() {
-            taken @ ("A" | "Y") => format!("signal.{taken}"),
+            taken if is_taken(taken) => format!("signal.{taken}"),
             name => name.to_owned(),
         });
         let all = ["Y".to_owned()].into_iter().chain(named).chain(["A".to_owned()]);
-        all.map(|name| (name, SampleKind::F32)).collect()
+        all.map(|name| (name, SampleKind::F32)).chain(shown.iter().cloned()).collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
+        let shown = self.shown.iter().flat_map(|shown| shown.rows(rows.clone()).split_off(OWN));
         let TactileImage { size_px: [width, _], values, coverage, .. } = self.image;
         let [from, to] = [rows.start, rows.end].map(|row| row as usize * *width as usize);
         let channel = |k: usize| &values[k * coverage.len()..][from..to];
@@ -84,7 +131,7 @@ impl ImageRows for FrameRows<'_> {
         let is_known = |i: usize| (0..count).all(|k| !channel(k)[i].is_nan());
         let alpha = (from..to).map(|i| if coverage[i] == 1 && is_known(i - from) { 1.0 } else { 0.0 });
         let named = std::iter::once(0).chain(0..count).filter(|&k| k < count).map(|k| channel(k).to_vec());
-        named.chain([alpha.collect()]).map(Samples::F32).collect()
+        named.chain([alpha.collect()]).map(Samples::F32).chain(shown).collect()
     }
 }
 

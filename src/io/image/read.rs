@@ -6,14 +6,22 @@
 use std::{collections::BTreeMap, io::Cursor, path::Path};
 
 use exr::{
-    meta::{MetaData, header::Header},
+    meta::{
+        MetaData,
+        attribute::{AttributeValue, Text},
+        header::Header,
+    },
     prelude::{AnyChannels, FlatSamples, Image, Layer, ReadChannels, ReadLayers, read},
 };
 
-use crate::io::{
-    IoError,
-    arrays::read::read_array,
-    file::source::{Source, kind},
+use crate::{
+    io::{
+        IoError,
+        arrays::read::read_array,
+        file::source::{Source, kind},
+        image::{exr::ATTRIBUTE, frame::channel_of},
+    },
+    signal::Channel,
 };
 
 /// Some channels of one image of a file.
@@ -25,6 +33,8 @@ pub struct ImageLayer {
     pub size_px: [u32; 2],
     /// The channels, as they are sorted in the file: name and values, row by row from the top.
     pub channels: BTreeMap<String, Vec<f32>>,
+    /// Those that show readings, with units, if the file says so; named as in `channels`.
+    pub signals: Vec<Channel>,
 }
 
 /// Largest number of samples that are read: 4 GiB of them.
@@ -62,6 +72,7 @@ pub fn read_images(path: &Path, channels: &[String]) -> Result<Vec<ImageLayer>, 
             ));
         }
         layer.channels.retain(|name, _| channels.contains(name));
+        layer.signals.retain(|signal| channels.contains(&signal.name));
     }
     Ok(layers)
 }
@@ -92,7 +103,7 @@ fn read_npy_image(source: &Source) -> Result<ImageLayer, IoError> {
     let pixels = size_px.map(|n| n as usize).into_iter().product::<usize>();
     let channels = (0..count).zip(elements.chunks(pixels.max(1)));
     let channels = channels.map(|(k, values)| (k.to_string(), values.to_vec())).collect();
-    Ok(ImageLayer { name: String::new(), size_px, channels })
+    Ok(ImageLayer { name: String::new(), size_px, channels, signals: Vec::new() })
 }
 
 /// Whether the pixels that the headers promise can be in the file.
@@ -131,7 +142,24 @@ fn layer_of(layer: Layer<AnyChannels<FlatSamples>>) -> ImageLayer {
         (decoded(&channel.name.to_string()), values)
     });
     let size_px = [layer.size.0, layer.size.1].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
-    ImageLayer { name, size_px, channels: channels.collect() }
+    let channels: BTreeMap<_, _> = channels.collect();
+    let note = layer.attributes.other.get(&Text::from(ATTRIBUTE)).and_then(|note| match note {
+        AttributeValue::Text(text) => serde_json::from_str(&text.to_string()).ok(),
+        _ => None,
+    });
+    let signals = note.map_or_else(Vec::new, |note| signals_of(&note, &channels));
+    ImageLayer { name, size_px, channels, signals }
+}
+
+/// The channels that the attribute of a frame tells of and that are there, by their names in the file.
+fn signals_of(note: &serde_json::Value, channels: &BTreeMap<String, Vec<f32>>) -> Vec<Channel> {
+    let told = note.get("channels").and_then(|told| told.as_array());
+    let named = |channel: Channel| {
+        let names = [format!("signal.{}", channel.name), channel.name.clone()];
+        let name = names.into_iter().find(|name| channels.contains_key(name))?;
+        Some(Channel { name, ..channel })
+    };
+    told.into_iter().flatten().filter_map(channel_of).filter_map(named).collect()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "readings are measures; ids above 2^24 are not read as such")]

@@ -12,7 +12,8 @@ use crate::{
     skin::PatchId,
 };
 
-/// Writes the values of some levels: `patch,level,vertex,taxel_id`, then a column for each channel.
+/// Writes the values of some levels: `patch,level,vertex,taxel_id`, then a column for each channel,
+/// as `force[N]` where its unit is known.
 ///
 /// A row for each vertex: on level 0 a taxel, above it a field, whose `taxel_id` is that of its
 /// centre. Cells without a value are empty. Decimals are the shortest that read back as the same
@@ -32,8 +33,12 @@ pub fn write_values(
 ) -> Result<(), IoError> {
     let fail = |e| table_write_error(path, e);
     let mut table = Writer::from_writer(output);
-    let names = channels.iter().map(|channel| channel.name.as_str());
-    table.write_record(["patch", "level", "vertex", "taxel_id"].into_iter().chain(names)).map_err(fail)?;
+    let names = channels.iter().map(|Channel { name, unit, .. }| match unit.as_str() {
+        "" => name.clone(),
+        unit => format!("{name}[{unit}]"),
+    });
+    let first = ["patch", "level", "vertex", "taxel_id"].map(str::to_owned);
+    table.write_record(first.into_iter().chain(names)).map_err(fail)?;
     for &(id, level) in levels {
         let patch = &map.patches[id];
         for (vertex, &taxel) in patch.levels[level].level.origins.enumerate() {

@@ -1,6 +1,6 @@
 //! The contact regions of a recording as a table: `render --contacts`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use dermatome::{
     Error,
@@ -32,6 +32,10 @@ pub(super) struct ContactsArgs {
     /// Least number of taxels of a region
     #[arg(long, value_name = "N", default_value_t = TrackerOptions::default().least, requires = "contacts")]
     least: usize,
+    /// Split a region with several peaks: a part is a contact of its own if its peak, with more than
+    /// three taxels, rises above the saddle to the next by this share of its height; 1: never
+    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().prominence, requires = "contacts")]
+    prominence: f64,
     /// Channel whose regions are found [default: the first]
     #[arg(long, value_name = "NAME", requires = "contacts")]
     channel: Option<String>,
@@ -45,12 +49,11 @@ pub(super) struct Contacts<'a> {
 }
 
 impl ContactsArgs {
-    /// Refuses, before any work, a table that cannot be written or is the other output.
-    pub(super) fn check(&self) -> anyhow::Result<()> {
-        match &self.contacts {
-            Some(path) => outputs::check([path.as_path()]),
-            None => Ok(()),
-        }
+    /// Refuses, before any work, a table that cannot be written or would replace an input.
+    pub(super) fn check(&self, inputs: [&Path; 2]) -> anyhow::Result<()> {
+        let Some(path) = &self.contacts else { return Ok(()) };
+        outputs::check([path.as_path()])?;
+        outputs::check_inputs(path, inputs.into_iter())
     }
 
     pub(super) fn open<'a>(
@@ -80,6 +83,7 @@ impl ContactsArgs {
             threshold: self.threshold,
             low: self.low,
             least: self.least,
+            prominence: self.prominence,
             noise_frames,
             ..defaults
         };

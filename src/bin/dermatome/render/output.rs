@@ -9,16 +9,15 @@ use std::{
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    atlas::Atlas,
-    image::{Interpolation, TactileImage},
+    atlas::{Atlas, LevelImage},
+    image::{RenderOptions, TactileImage, static_images},
     io::{
-        IoError, RecordingLayout, RecordingWriter, frame_file_name, replace_file, write_frame,
+        FrameContent, IoError, RecordingLayout, RecordingWriter, frame_file_name, replace_file, write_frame,
         write_raw_frame,
     },
     map::SkinMap,
     plot::{FrameOptions, frame_png},
-    pyramid::LevelId,
-    signal::{Channel, LevelFrame},
+    signal::{Channel, LevelFrame, Quantity},
 };
 
 use crate::{
@@ -81,26 +80,28 @@ pub(super) struct Colours {
 }
 
 /// Frames on their way out.
-pub(super) enum Output {
-    Folder { folder: PathBuf, written: usize },
+pub(super) enum Output<'a> {
+    Folder { folder: PathBuf, shown: Vec<LevelImage<'a>>, written: usize },
     Pictures { folder: PathBuf, colours: Colours, written: usize },
     Array(Box<RecordingWriter>),
     Pipe(Stdout),
 }
 
-impl Output {
-    /// Opens the output; `colours` are those of PNG pictures.
+impl<'a> Output<'a> {
+    /// Opens the output; `colours` are those of PNG pictures, and with `is_static` EXR files have the
+    /// static channels too.
     pub(super) fn open(
         path: &Path,
         kind: Kind,
-        map: &SkinMap,
-        atlas: &Atlas,
-        (channels, interpolation, level): (&[Channel], Interpolation, Option<LevelId>),
-        colours: Option<Colours>,
+        map: &'a SkinMap,
+        atlas: &'a Atlas,
+        (channels, options): (&[Channel], &RenderOptions),
+        (colours, is_static): (Option<Colours>, bool),
     ) -> Result<Self, Error> {
         Ok(match (kind, colours) {
             (Kind::Pipe, _) => Self::Pipe(stdout()),
             (Kind::Array(_), _) => {
+                let RenderOptions { interpolation, level } = *options;
                 let layout =
                     RecordingLayout { channels, atlas: Some(atlas), interpolation, values: true, level };
                 Self::Array(Box::new(RecordingWriter::create(path, map, &layout)?))
@@ -110,7 +111,10 @@ impl Output {
                 let folder = path.to_owned();
                 match colours {
                     Some(colours) => Self::Pictures { folder, colours, written: 0 },
-                    None => Self::Folder { folder, written: 0 },
+                    None => {
+                        let shown = if is_static { static_images(map, atlas, options) } else { Vec::new() };
+                        Self::Folder { folder, shown, written: 0 }
+                    }
                 }
             }
         })
@@ -125,11 +129,11 @@ impl Output {
         channels: &[Channel],
     ) -> anyhow::Result<()> {
         match self {
-            Self::Folder { folder, written } => {
-                for image in images {
+            Self::Folder { folder, shown, written } => {
+                for (k, image) in images.iter().enumerate() {
                     let path = folder.join(frame_file_name(&image.name, number, "exr"));
-                    write_frame(&path, image, channels, levels.time)
-                        .map_err(|e| after(*written, Error::from(e)))?;
+                    let content = FrameContent { channels, time: levels.time, shown: shown.get(k) };
+                    write_frame(&path, image, &content).map_err(|e| after(*written, Error::from(e)))?;
                 }
                 *written += 1;
             }
@@ -168,9 +172,10 @@ fn write_picture(
     written: usize,
 ) -> Result<(), Error> {
     let name = if channels > 1 { format!("{}.{}", image.name, channel.name) } else { image.name.clone() };
-    let bar = (written == 0).then(|| match channel.pixel_unit().as_str() {
-        "" => channel.name.clone(),
-        unit => format!("{}, {unit}", channel.name),
+    let bar = (written == 0).then(|| match (channel.quantity, channel.pixel_unit().as_str()) {
+        (Quantity::Extensive, unit) => format!("{} per area, {unit}", channel.name),
+        (Quantity::Intensive, "") => channel.name.clone(),
+        (Quantity::Intensive, unit) => format!("{}, {unit}", channel.name),
     });
     let options = FrameOptions { range: colours.ranges[k], bar, magnification: colours.magnification };
     let bytes = frame_png(image, k, &options)?;

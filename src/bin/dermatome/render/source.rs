@@ -67,6 +67,28 @@ pub(crate) struct FramesArgs {
 }
 
 impl FramesArgs {
+    /// Refuses a range without frames.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        match self.to {
+            Some(to) if to < self.from => Err(advise(
+                format!("--to {to} is before --from {}", self.from),
+                "name the first and the last frame, counted from 0",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses readings that end before the first frame.
+    pub(crate) fn check_any(&self, tally: &Tally) -> anyhow::Result<()> {
+        if tally.frames > 0 {
+            return Ok(());
+        }
+        Err(advise(
+            format!("the readings have {} frames, none of them from frame {} on", tally.read, self.from),
+            "name an earlier frame with --from; frames are counted from 0",
+        ))
+    }
+
     /// One frame alone.
     pub(crate) fn one(number: usize) -> Self {
         Self { from: number, to: Some(number), every: 1, drop: false }
@@ -111,10 +133,14 @@ pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
 /// What became of the readings.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tally {
+    /// Frames that were read.
+    pub(crate) read: usize,
     /// Frames that were passed on.
     pub(crate) frames: usize,
     /// Channels of the readings.
     pub(crate) channels: usize,
+    /// Whether frames have a time.
+    pub(crate) has_times: bool,
     /// Readings of matched taxels that are missing, NaN or infinite.
     pub(crate) missing: usize,
     /// Frames of a live stream that came too fast.
@@ -153,6 +179,12 @@ impl<'a> Readings<'a> {
         .map_err(Error::from)?;
         if !args.units.is_empty() {
             name_units(&mut reader.channels, &args.units)?;
+        }
+        if frames.drop && !is_stream(path) {
+            return Err(advise(
+                format!("--drop is for live streams, and {} is a file, which waits", path.display()),
+                "leave --drop out, or take fewer frames with --every N",
+            ));
         }
         if args.split.is_some() && !reader.has_times && args.rate.is_none() {
             return Err(advise(
@@ -251,7 +283,8 @@ impl Pass<'_> {
         mut pass_on: impl FnMut(usize, &Frame) -> anyhow::Result<bool>,
     ) -> anyhow::Result<Tally> {
         let channels = self.reader.channels.len();
-        let mut tally = Tally { channels, join: self.join.report().clone(), ..Tally::default() };
+        let has_times = self.reader.has_times || self.args.rate.is_some();
+        let mut tally = Tally { channels, has_times, join: self.join.report().clone(), ..Tally::default() };
         let FramesArgs { from, to, every, drop } = self.frames;
         let rate = self.args.rate;
         let (mut number, mut stopped) = (0_usize, false);
@@ -286,7 +319,7 @@ impl Pass<'_> {
             }
         };
         let ended = ended.and_then(|()| self.conditioner.finish(|frame| deliver(frame, &mut tally.frames)));
-        tally.dropped = rows.dropped();
+        (tally.read, tally.dropped) = (read, rows.dropped());
         tally.condition = self.conditioner.report().clone();
         match ended {
             Err(e) if !e.is::<Stop>() => Err(e),
