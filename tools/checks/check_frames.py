@@ -1,11 +1,14 @@
 """Reads every output of a rendered recording with numpy and the OpenEXR library and holds it against map.glb and the
 readings: exit 1 with a sentence if they disagree.
 
-    python check_frames.py map.glb readings.csv recording.npz [--extensive] [--frames FOLDER] [--npy FILE PATCH LEVEL]
+    python check_frames.py map.glb readings.csv recording.npz [--extensive] [--interpolate HOW] [--frames FOLDER]
+                           [--npy FILE PATCH LEVEL]
 
-The readings are a table with the columns `time` and `ID` or `ID.CHANNEL`. The values of every level, the pixels and the
-features are computed again from the matrices of map.glb alone: accessors `up` and `direct`, `_AREA` and `TEXCOORD_0`.
-Images are those of `linear` interpolation, one part for each patch and level.
+The readings are a table with the columns `time` and `ID` or `ID.CHANNEL[UNIT]`. The values of every level, every pixel and
+the features are computed again from the matrices of map.glb alone: accessors `up` and `direct`, `_AREA` and `TEXCOORD_0`.
+Where charts are packed, the static channels of the frames say which face each pixel shows; they are held against
+`POSITION`. Of natural neighbours only images of readings that are linear on the map are held against anything: they must be
+linear inside of the convex hull of the live taxels (`--write-linear` writes such readings).
 """
 import argparse
 import csv
@@ -25,6 +28,7 @@ class Level:
     def __init__(self, mesh, accessor):
         attributes = mesh["primitives"][0]["attributes"]
         self.extras = mesh["extras"]["dermatome"]
+        self.positions = accessor(attributes["POSITION"]).astype(float)
         self.texture = accessor(attributes["TEXCOORD_0"]).astype(float)
         self.triangles = accessor(mesh["primitives"][0]["indices"]).reshape(-1, 3).astype(np.int64)
         self.areas = accessor(attributes["_AREA"])[:, 0].astype(float)
@@ -34,7 +38,7 @@ class Level:
             self.ids = pair[:, 0] + (pair[:, 1] << 16 if pair.shape[1] == 2 else 0)
         if "_PRESENT" in attributes:
             self.present = accessor(attributes["_PRESENT"])[:, 0]
-        self.up = self.matrix(accessor, "up")
+        self.up, self.direct = self.matrix(accessor, "up"), self.matrix(accessor, "direct")
         # Where a map is cut, seam vertices are split: which uncut vertex each one is.
         unsplit = self.extras.get("unsplit")
         count = len(self.texture)
@@ -100,10 +104,11 @@ def restrict(levels, values, extensive):
     return out
 
 
-def faces_of_pixels(level, width, height):
-    """(rows, columns, corners, weights) of the pixels whose centre is clearly inside of a triangle."""
+def faces_of_pixels(level, mask):
+    """(rows, columns, corners, weights) of the covered pixels: the face that holds the centre of each."""
+    height, width = mask.shape
     points = level.texture * [width, height]
-    found = []
+    best, face_of, weights_of = np.full(mask.shape, -np.inf), np.full(mask.shape, -1), np.zeros((*mask.shape, 3))
     for face, corners in enumerate(points[level.triangles]):
         low = np.maximum(np.floor(corners.min(0)), 0).astype(int)
         high = np.minimum(np.ceil(corners.max(0)), [width, height]).astype(int)
@@ -114,10 +119,13 @@ def faces_of_pixels(level, width, height):
         if area == 0 or not len(centre):
             continue
         weights = np.stack([signed(centre, b, c), signed(centre, c, a), signed(centre, a, b)], -1) / area
-        inside = weights.min(1) > 1e-4
-        found.append((y.ravel()[inside], x.ravel()[inside], np.full(inside.sum(), face), weights[inside]))
-    rows, columns, faces, weights = (np.concatenate(part) for part in zip(*found))
-    return rows, columns, level.unsplit[level.triangles[faces]], weights
+        better = weights.min(1) > best[y.ravel(), x.ravel()]
+        at = y.ravel()[better], x.ravel()[better]
+        best[at], face_of[at], weights_of[at] = weights[better].min(1), face, weights[better]
+    rows, columns = np.nonzero(mask)
+    if np.any(best[rows, columns] < -0.05):
+        sys.exit("a covered pixel lies in no face")
+    return rows, columns, level.unsplit[level.triangles[face_of[rows, columns]]], weights_of[rows, columns]
 
 
 def close(a, b, scale):
@@ -125,17 +133,99 @@ def close(a, b, scale):
     return np.array_equal(np.isnan(a), np.isnan(b)) and np.nanmax(np.abs(a - b), initial=0) <= 2e-5 * scale + 1e-30
 
 
-def linear(values, corners, weights):
-    """Barycentric values of live corners: (T, pixels)."""
-    at = values[:, corners]
-    live = ~np.isnan(at)
-    total = (live * weights).sum(2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(live.any(2), (np.where(live, at, 0.0) * weights).sum(2) / total, np.nan)
+def normalised(weights, live):
+    """Weights of the live entries with sum 1, and where there is one."""
+    weights = np.where(live, np.maximum(weights, 0), 0)
+    total = weights.sum(1, keepdims=True)
+    return weights / np.where(total > 0, total, 1), total[:, 0] > 0
 
 
-def check_level(key, level, values, arrays, extensive):
-    """The values and the image of one level; values[c] is (T, n)."""
+def draw(values, corners, weights, pixel, extensive, how, direct):
+    """(T, pixels) of values (T, n), and which pixels are clearly nearest to one corner."""
+    live = ~np.isnan(values[0])
+    if not np.array_equal(np.isnan(values), np.broadcast_to(~live, values.shape)):
+        sys.exit("taxels come and go: this check wants the same ones in all frames")
+    values = np.where(live, values, 0.0)
+    if how == "field" and direct is not None:
+        fields, shares = direct[0], normalised(direct[1], live[direct[0]])[0]
+        live_corners = live[fields].any(1)[corners]
+    else:
+        fields, live_corners = None, live[corners]
+    # Faces without a dead corner extrapolate by rounding at most; others are cut off at 0.
+    kept, known = normalised(weights, live_corners)
+    kept = np.where(live_corners.all(1)[:, None], weights, kept)
+    known |= live_corners.any(1)
+    ranked = np.sort(np.where(live_corners, weights, -1), 1)
+    clear = ranked[:, 2] - ranked[:, 1] > 1e-3
+    if how == "nearest":
+        largest = np.argmax(np.where(live_corners, weights, -np.inf), 1)
+        kept = np.eye(3)[largest] * live_corners.any(1)[:, None]
+    scale = np.ones(values.shape[1])
+    if extensive:
+        count = len(scale) if fields is None else len(fields)
+        seen = np.bincount(corners.ravel(), (kept * known[:, None]).ravel(), count)
+        if fields is not None:
+            seen = np.bincount(fields.ravel(), (shares * seen[:, None]).ravel(), len(scale))
+        if np.any(seen[live] < 1e-3):
+            sys.exit("a value that no pixel shows: this check wants smaller pixels")
+        scale = 1 / (pixel * np.where(live, seen, 1))
+    drawn = values * scale
+    if fields is not None:
+        drawn = (drawn[:, fields] * shares).sum(2)
+    image = (drawn[:, corners] * kept).sum(2)
+    image[:, ~known] = np.nan
+    return image, clear
+
+
+def hull_contains(points, at):
+    """Which of `at` lie in the convex hull of `points`."""
+    points = points[np.lexsort(points.T[::-1])]
+    chains = []
+    for ordered in (points, points[::-1]):
+        chain = []
+        for point in ordered:
+            while len(chain) > 1 and signed(chain[-2], chain[-1], point) <= 0:
+                chain.pop()
+            chain.append(point)
+        chains += chain[:-1]
+    corners = np.array(chains)
+    inside = np.ones(len(at), bool)
+    for a, b in zip(corners, np.roll(corners, -1, 0)):
+        inside &= signed(a, b, at) > 0
+    return inside
+
+
+def places(level):
+    """Vertices on the map, in m."""
+    (x, y), (w, h) = level.extras["map"]["origin"], level.extras["map"]["size"]
+    return np.stack([x + level.texture[:, 0] * w, y + (1 - level.texture[:, 1]) * h], -1)
+
+
+def check_natural(levels, values, image, mask):
+    """Readings that are linear on the map are drawn as they are, dead taxels or not."""
+    finest = levels[0]
+    height, width = mask.shape
+    rows, columns = np.nonzero(mask)
+    (x, y), (w, h) = finest.extras["map"]["origin"], finest.extras["map"]["size"]
+    at = np.stack([x + (columns + 0.5) / width * w, y + (1 - (rows + 0.5) / height) * h], -1)
+    live = ~np.isnan(values[0])
+    if np.isnan(image[:, rows, columns]).any():
+        return "a covered pixel has no value"
+    inside = hull_contains(places(finest)[live], at)
+    system = np.column_stack([places(finest)[live], np.ones(live.sum())])
+    plane = np.linalg.lstsq(system, values[:, live].T, rcond=None)[0]
+    spread = np.ptp(values[:, live])
+    if np.abs(system @ plane - values[:, live].T).max() > 1e-6 * spread:
+        return "the readings are not linear on the map: write them with --write-linear"
+    wanted = (np.column_stack([at, np.ones(len(at))]) @ plane).T
+    off = np.abs(image[:, rows, columns] - wanted)[:, inside].max() / spread
+    return None if off < 2e-6 else f"a linear field is drawn {off} of its range off"
+
+
+def check_level(key, levels, k, values, arrays, options):
+    """The values and the image of level `k`; values[c] is (T, n)."""
+    extensive, how = options.extensive, options.interpolate
+    level, shown = levels[k], levels[0] if options.interpolate == "field" else levels[k]
     found, valid = arrays[f"{key}.values"], arrays[f"{key}.valid"]
     wanted = np.stack(values, 1)
     scale = np.nanmax(np.abs(wanted), initial=0)
@@ -151,23 +241,39 @@ def check_level(key, level, values, arrays, extensive):
     height, width = mask.shape
     if image.shape != (len(wanted), wanted.shape[1], height, width):
         return f"image has the shape {image.shape}"
-    inside, near = coverage(level.texture, level.triangles, width, height)
+    inside, near = coverage(shown.texture, shown.triangles, width, height)
     if np.any((mask == 1) & ~inside & ~near) or np.any(inside & (mask == 0)):
         return "the mask differs from the chart"
     if np.any((taxels == NONE) != (mask == 0)):
         return "taxel_id is not set where the mask is"
-    rows, columns, corners, weights = faces_of_pixels(level, width, height)
-    names = corners if level.ids is None else level.ids[corners]
-    if not (names == taxels[rows, columns][:, None]).any(1).all():
+    rows, columns, corners, weights = faces_of_pixels(shown, mask)
+    names = corners if shown.ids is None else shown.ids[corners]
+    sure = weights.min(1) > 1e-4
+    if not (names == taxels[rows, columns][:, None]).any(1)[sure].all():
         return "taxel_id is no corner of its face"
-    pixel = (level.extras["map"]["size"][0] / width) * (level.extras["map"]["size"][1] / height)
+    size = shown.extras["map"]["size"]
+    step = arrays.get("metres_per_pixel", arrays.get(f"{key}.metres_per_pixel"))
+    if not np.allclose(np.array(size) / [width, height], step, rtol=1e-9):
+        return f"metres_per_pixel is {step}, and the map says {np.array(size) / [width, height]}"
+    pixel = size[0] / width * size[1] / height
     for c in range(wanted.shape[1]):
+        found = image[:, c][:, rows, columns].astype(float)
         if extensive:
-            totals = np.nansum(image[:, c][:, mask == 1].astype(float), 1) * pixel
+            totals = np.nansum(found, 1) * pixel
             if not np.allclose(totals, np.nansum(wanted[:, c], 1), rtol=1e-6, atol=1e-9 * max(scale, 1e-30) * wanted.shape[2]):
                 return "the image does not keep the total"
-        elif not close(image[:, c][:, rows, columns].astype(float), linear(wanted[:, c], corners, weights), scale):
-            return "the image differs from the barycentric values"
+        if how == "natural":
+            wrong = check_natural(levels, wanted[:, c], image[:, c], mask) if k == 0 and not extensive else None
+            if wrong:
+                return wrong
+            continue
+        drawn, clear = draw(wanted[:, c], corners, weights, pixel, extensive, how, level.direct)
+        if how == "nearest":
+            found, drawn = found[:, clear], drawn[:, clear]
+            if extensive:
+                continue
+        if not close(found, drawn, np.nanmax(np.abs(drawn), initial=0)):
+            return f"the image differs from the {how} values by up to {np.nanmax(np.abs(found - drawn))}"
     return None
 
 
@@ -175,6 +281,9 @@ def check_features(folder, arrays):
     features = json.load(open(os.path.join(folder, "features.json")))
     for name, feature in features.items():
         array = arrays[feature["info"]["array"]]
+        units = arrays["image_units" if feature["info"]["array"].endswith(".image") else "units"]
+        if feature["info"]["units"] != list(units):
+            return f"feature {name} has the units {feature['info']['units']}, not {units}"
         if not name.startswith("observation.tactile.") or feature["dtype"] != str(array.dtype):
             return f"feature {name} has the dtype {feature['dtype']}"
         if feature["shape"] != list(array.shape[1:]) or len(feature["names"]) != array.ndim - 1:
@@ -182,8 +291,39 @@ def check_features(folder, arrays):
     return None
 
 
-def check_frames(folder, arrays):
-    """The EXR sequence against the arrays."""
+def check_shown(patches, level, channels, image, values, options):
+    """The static channels of a frame against the map, and its pixels against the values that they name."""
+    face, bary = channels["face.id"].astype(np.int64), np.stack([channels["bary.U"], channels["bary.V"]], -1).astype(float)
+    position = np.stack([channels[f"position.{axis}"] for axis in "XYZ"], -1).astype(float)
+    rows, columns = np.nonzero(channels["face.id"] != NONE)
+    weights = np.column_stack([1 - bary[rows, columns].sum(1), bary[rows, columns]])
+    seen = np.zeros(len(rows), bool)
+    for patch, levels in patches.items():
+        shown = levels[0 if options.interpolate == "field" else level]
+        of_patch = np.flatnonzero(face[rows, columns] < len(shown.triangles))
+        corners = shown.triangles[face[rows, columns][of_patch]]
+        there = (shown.positions[corners] * weights[of_patch][:, :, None]).sum(1)
+        mine = np.abs(there - position[rows, columns][of_patch]).max(1) < 1e-6
+        of_patch, corners = of_patch[mine], shown.unsplit[corners[mine]]
+        at = rows[of_patch], columns[of_patch]
+        names = corners if shown.ids is None else shown.ids[corners]
+        if not (names == channels["taxel.id"][at][:, None]).any(1).all():
+            return f"{patch}: taxel.id is no corner of its face"
+        normal = np.stack([channels[f"normal.{axis}"][at] for axis in "XYZ"], -1)
+        if not np.allclose(np.linalg.norm(normal, axis=1), 1, atol=1e-5):
+            return f"{patch}: normals are not of length 1"
+        pixel = options.pixel ** 2
+        for c, of_channel in enumerate(values[patch]):
+            drawn, _ = draw(of_channel[level], corners, weights[of_patch], pixel, options.extensive, options.interpolate,
+                            levels[level].direct)
+            if not close(image[c][at][None].astype(float), drawn[options.frame][None], np.nanmax(np.abs(drawn), initial=0)):
+                return f"{patch}: pixels differ from the values of the map"
+        seen[of_patch] = True
+    return None if seen.all() else f"{(~seen).sum()} pixels show no place of the map"
+
+
+def check_frames(folder, arrays, patches, values, options):
+    """The EXR sequence against the arrays and, with static channels, against the map."""
     files = sorted(name for name in os.listdir(folder) if name.endswith(".exr"))
     for file in files:
         key, frame = file[:-len(".exr")].rsplit(".", 1)
@@ -195,6 +335,18 @@ def check_frames(folder, arrays):
         note = json.loads(part.header["dermatome"])
         if part.name() != part_name(note["name"]):
             return f"{file}: part {part.name()} is called {note['name']}"
+        units = [about["unit"] for about in note["channels"]], [about["value_unit"] for about in note["channels"]]
+        if [list(arrays["image_units"]), list(arrays["units"])] != list(units):
+            return f"{file}: units {units} are not those of the arrays"
+        if {about["quantity"] for about in note["channels"]} != {"extensive" if options.extensive else "intensive"}:
+            return f"{file}: wrong quantity"
+        if "face.id" in channels:
+            options.frame, options.pixel = int(frame), note["metres_per_pixel"]
+            wrong = check_shown(patches, int(key.rsplit("L", 1)[1]), channels, image, values, options)
+            if wrong:
+                return f"{file}: {wrong}"
+        elif options.packed:
+            return f"{file}: no static channels"
         for c, about in enumerate(note["channels"]):
             name = about["name"] if about["name"] not in ("A", "Y") else f"signal.{about['name']}"
             if not np.array_equal(channels[part_name(name)], image[c], equal_nan=True):
@@ -208,15 +360,34 @@ def check_frames(folder, arrays):
     return None
 
 
+def write_linear(patches, path):
+    """Readings of two frames that are linear on the map of each patch, and every tenth taxel dead."""
+    header, frames = ["time"], [["0"], ["0.1"]]
+    for levels in patches.values():
+        at = places(levels[0])
+        x, y = ((at - at.min(0)) / np.ptp(at, 0)).T
+        for taxel, name in enumerate(levels[0].ids):
+            header.append(f"{name}.pressure[Pa]")
+            for frame, value in zip(frames, [100 + 900 * x[taxel], 500 * x[taxel] - 700 * y[taxel]]):
+                frame.append("nan" if taxel % 10 == 3 else repr(float(value)))
+    with open(path, "w", newline="") as file:
+        csv.writer(file).writerows([header, *frames])
+
+
 def main(options):
     patches = read_levels(options.map)
+    if options.write_linear:
+        return write_linear(patches, options.readings)
     times, readings, channels = read_readings(options.readings)
     arrays = dict(np.load(options.recording))
     if not np.array_equal(arrays["timestamps"], times):
         return "timestamps are not those of the readings"
     if len(arrays["channels"]) != len(arrays["units"]) or len(arrays["channels"]) != len(channels):
         return f"channels {arrays['channels']}, units {arrays['units']} for {channels}"
-    count = 0
+    for unit, of_image in zip(arrays["units"], arrays["image_units"]):
+        if of_image != (f"{unit or '1'}/m^2" if options.extensive else unit):
+            return f"images are in {of_image!r}, and values in {unit!r}"
+    count, drawn = 0, {}
     for patch, levels in patches.items():
         finest = levels[0]
         ids = np.zeros(finest.unsplit.max() + 1, np.uint32)
@@ -232,11 +403,12 @@ def main(options):
                 present[finest.unsplit] = finest.present
                 values[:, present != 1] = np.nan
             by_channel.append(restrict(levels, values, options.extensive))
-        for k, level in enumerate(levels):
+        drawn[patch] = by_channel
+        for k in range(len(levels)):
             if f"{patch}.L{k}.values" not in arrays:
                 continue
             count += 1
-            wrong = check_level(f"{patch}.L{k}", level, [values[k] for values in by_channel], arrays, options.extensive)
+            wrong = check_level(f"{patch}.L{k}", levels, k, [values[k] for values in by_channel], arrays, options)
             if wrong:
                 return f"{patch}.L{k}: {wrong}"
     if count == 0:
@@ -249,7 +421,7 @@ def main(options):
         image = image[:, 0] if image.shape[1] == 1 else image
         wrong = None if np.array_equal(np.load(file), image, equal_nan=True) else f"{file} differs from the .npz"
     if wrong is None and options.frames:
-        wrong = check_frames(options.frames, arrays)
+        wrong = check_frames(options.frames, arrays, patches, drawn, options)
     return wrong
 
 
@@ -257,7 +429,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("map")
     parser.add_argument("readings")
-    parser.add_argument("recording")
+    parser.add_argument("recording", nargs="?")
+    parser.add_argument("--interpolate", default="linear", choices=["linear", "nearest", "natural", "field"])
+    parser.add_argument("--packed", action="store_true", help="the frames are packed and have static channels")
+    parser.add_argument("--write-linear", action="store_true", help="write the readings instead, linear on the map")
     parser.add_argument("--extensive", action="store_true", help="the readings are amounts, as forces")
     parser.add_argument("--frames", help="a folder with an EXR sequence of the same recording")
     parser.add_argument("--npy", nargs=3, metavar=("FILE", "PATCH", "LEVEL"), help="one image of the same recording")
