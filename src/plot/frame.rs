@@ -38,6 +38,9 @@ impl Default for FrameOptions {
 /// Least width of a picture with a bar, in pixels: its numbers fit.
 const BAR_PX: u32 = 220;
 
+/// More than the mean width of a letter, in pixels.
+const LETTER_PX: u32 = 8;
+
 /// Height of the letters of a bar, in pixels.
 const EM: f64 = 14.0;
 
@@ -75,7 +78,9 @@ pub fn frame_png(image: &TactileImage, channel: usize, options: &FrameOptions) -
     let scale = if low < 0.0 && high > 0.0 { DIVERGING } else { ORDER };
     let [width, height] = image.size_px.map(|n| n.saturating_mul(options.magnification.max(1)));
     let strip = options.bar.as_ref().map_or(0, |_| STRIP_PX);
-    let size = [if strip > 0 { width.max(BAR_PX) } else { width }, height.saturating_add(strip)];
+    let letters = options.bar.as_ref().map_or(0, |label| printable(label).chars().count());
+    let bar_px = u32::try_from(letters).unwrap_or(u32::MAX).saturating_mul(LETTER_PX).max(BAR_PX);
+    let size = [if strip > 0 { width.max(bar_px) } else { width }, height.saturating_add(strip)];
     if size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
         return Err(PlotError::Size { width: size[0], height: size[1], least: 1, most: MAX_SIDE });
     }

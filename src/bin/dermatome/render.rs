@@ -299,7 +299,8 @@ fn colours(
     if let Some(range) = args.colours.range {
         return Ok(Colours { ranges: vec![range; channels.len()], magnification });
     }
-    if is_stream(&args.readings) {
+    let is_file = |path: &PathBuf| std::fs::metadata(path).is_ok_and(|about| about.is_file());
+    if is_stream(&args.readings) || !is_file(&args.readings) {
         return Err(advise(
             "the colours of a stream cannot follow from percentiles of what is not there yet",
             "give the values at the ends of the scale with --range LOW,HIGH",
