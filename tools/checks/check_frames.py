@@ -299,6 +299,8 @@ def check_shown(patches, level, channels, image, values, options):
     weights = np.column_stack([1 - bary[rows, columns].sum(1), bary[rows, columns]])
     seen = np.zeros(len(rows), bool)
     for patch, levels in patches.items():
+        if level >= len(levels):
+            continue
         shown = levels[0 if options.interpolate == "field" else level]
         of_patch = np.flatnonzero(face[rows, columns] < len(shown.triangles))
         corners = shown.triangles[face[rows, columns][of_patch]]
