@@ -24,21 +24,25 @@ pub fn replace_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), IoError>,
 ) -> Result<(), IoError> {
-    let mut write = Some(write);
-    replace(path, &mut |file| write.take().map_or(Ok(()), |write| write(file)))
-}
-
-/// Fills a file.
-type Write<'a> = &'a mut dyn FnMut(&mut BufWriter<&File>) -> Result<(), IoError>;
-
-/// [`replace_file`], compiled once for all writers.
-fn replace(path: &Path, write: Write<'_>) -> Result<(), IoError> {
     let replacement = Replacement::open(path)?;
     let mut buffered = BufWriter::with_capacity(1 << 18, replacement.file());
     write(&mut buffered)?;
-    buffered.flush().map_err(|e| replacement.cannot_write(e))?;
+    buffered.flush().map_err(cannot_write(path))?;
     drop(buffered);
     replacement.publish()
+}
+
+/// [`replace_file`] where nothing but the disk can fail.
+pub(crate) fn write_file(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), IoError> {
+    replace_file(path, |file| write(file).map_err(cannot_write(path)))
+}
+
+/// What the system said of writing `path`.
+pub(crate) fn cannot_write(path: &Path) -> impl Fn(io::Error) -> IoError + '_ {
+    |source| IoError::Write { path: path.into(), source }
 }
 
 /// A file on its way to its place: what is written to it appears there when it is published, and
@@ -60,7 +64,7 @@ impl Replacement {
     /// Creates the temporary file, or opens the device that is there.
     pub(crate) fn open(path: &Path) -> Result<Self, IoError> {
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let fail = |source: io::Error| IoError::Write { path: path.into(), source };
+        let fail = cannot_write(path);
         if target.is_dir() {
             return Err(fail(io::Error::from(io::ErrorKind::IsADirectory)));
         }
@@ -86,20 +90,14 @@ impl Replacement {
 
     /// Puts the file in its place.
     pub(crate) fn publish(self) -> Result<(), IoError> {
-        let Self { path, target, file } = self;
-        let fail = |source: io::Error| IoError::Write { path: path.clone(), source };
-        let Unpublished::Temporary(temporary) = file else { return Ok(()) };
-        match fs::metadata(&target) {
+        let Unpublished::Temporary(temporary) = self.file else { return Ok(()) };
+        match fs::metadata(&self.target) {
             Ok(older) => temporary.as_file().set_permissions(older.permissions()),
             Err(_) => share_like_a_new_file(temporary.as_file()),
         }
-        .map_err(fail)?;
-        temporary.persist(&target).map_err(|e| fail(e.error))?;
+        .and_then(|()| temporary.persist(&self.target).map_err(|e| e.error))
+        .map_err(cannot_write(&self.path))?;
         Ok(())
-    }
-
-    fn cannot_write(&self, source: io::Error) -> IoError {
-        IoError::Write { path: self.path.clone(), source }
     }
 }
 

@@ -12,7 +12,7 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 
 use crate::io::{
     IoError,
-    file::source::Source,
+    file::Source,
     gltf::{container::MAGIC, document::Document},
 };
 

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::io::{IoError, file::source::Source};
+use crate::io::{IoError, file::Source};
 
 /// Most marks of structure (braces, brackets, commas, colons) of a JSON text: some hundred bytes of
 /// memory may stand behind each, so a file of ten megabytes could otherwise ask for gigabytes. A

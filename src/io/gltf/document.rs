@@ -12,7 +12,7 @@ use gltf::json::Root;
 
 use crate::io::{
     IoError,
-    file::source::Source,
+    file::Source,
     gltf::{
         container::{check_marks, split_chunks},
         guard::{self, Transform},

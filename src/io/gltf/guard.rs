@@ -19,7 +19,7 @@ use serde_json::{Map, Value};
 
 use crate::io::{
     IoError,
-    file::source::{Source, excerpt},
+    file::{Source, excerpt},
 };
 
 /// The transform of a node as the file states it.

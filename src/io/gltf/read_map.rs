@@ -13,7 +13,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::Source,
+        file::Source,
         gltf::{
             attributes::Attributes,
             document::{Document, Role},

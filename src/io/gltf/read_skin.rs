@@ -8,7 +8,7 @@ use gltf::accessor::Dimensions;
 use crate::{
     io::{
         IoError,
-        file::source::Source,
+        file::Source,
         gltf::{
             accessor::Accessor,
             attributes::{Attributes, check_morphs},

@@ -9,7 +9,7 @@ use crate::{
     id::IdVec,
     io::{
         IoError,
-        file::source::unfit,
+        file::unfit,
         gltf::{
             transform::RIGID,
             writer::{SceneWriter, narrow},

@@ -9,7 +9,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::unfit,
+        file::unfit,
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
             write_links::add_scene,

@@ -15,7 +15,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::{kind, unfit},
+        file::{kind, unfit},
         gltf::{
             write_links::add_scene,
             writer::{Form, SceneWriter, Stored, narrow},

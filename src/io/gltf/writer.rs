@@ -20,7 +20,7 @@ use gltf::{
 
 use crate::io::{
     IoError,
-    file::{replace::replace_file, source::unfit},
+    file::{replace_file, unfit},
 };
 
 /// Which of the two forms of glTF a file has.

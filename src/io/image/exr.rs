@@ -28,7 +28,7 @@ use crate::{
     atlas::{ImageRows, SampleKind, Samples},
     io::{
         IoError,
-        file::{replace::replace_file, source::unfit},
+        file::{replace_file, unfit},
     },
     map::ImageFrame,
 };

@@ -1,10 +1,6 @@
 //! Flat maps: a mesh with a position on the map for each vertex.
 
-use std::{
-    fs::File,
-    io::{self, BufWriter, Write},
-    path::Path,
-};
+use std::{io::Write, path::Path};
 
 use glam::DVec2;
 
@@ -13,16 +9,10 @@ use crate::{
     io::{
         IoError,
         arrays::{npy::Elements, writer::ArrayWriter},
-        file::{
-            replace::replace_file,
-            source::{kind, unfit},
-        },
+        file::{kind, unfit, write_file},
     },
     mesh::TriMesh,
 };
-
-/// Extensions that [`write_flat`] knows.
-const KNOWN: &str = "obj, npz";
 
 /// Writes a mesh with its map at full precision: `uv` in m, `v` up, one per vertex.
 ///
@@ -35,7 +25,7 @@ const KNOWN: &str = "obj, npz";
 pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
     let kind = kind(path);
     if !["obj", "npz"].contains(&kind.as_str()) {
-        return Err(IoError::UnknownKind { path: path.into(), known: KNOWN });
+        return Err(IoError::UnknownKind { path: path.into(), known: "obj, npz" });
     }
     mesh.validate().map_err(|e| unfit(path, "mesh to write", e.to_string(), "a valid one"))?;
     if uv.len() != mesh.positions.len() {
@@ -45,23 +35,19 @@ pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> R
     if kind == "npz" {
         return write_npz(path, mesh, uv);
     }
-    replace_file(path, |file| {
-        write_obj(file, mesh, uv).map_err(|source| IoError::Write { path: path.into(), source })
+    write_file(path, |file| {
+        for p in &mesh.positions {
+            writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
+        }
+        for p in uv {
+            writeln!(file, "vt {:?} {:?}", p.x, p.y)?;
+        }
+        for &corners in &mesh.triangles {
+            let [a, b, c] = corners.map(|v| v.index() + 1);
+            writeln!(file, "f {a}/{a} {b}/{b} {c}/{c}")?;
+        }
+        Ok(())
     })
-}
-
-fn write_obj(file: &mut BufWriter<&File>, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> io::Result<()> {
-    for p in &mesh.positions {
-        writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
-    }
-    for p in uv {
-        writeln!(file, "vt {:?} {:?}", p.x, p.y)?;
-    }
-    for &corners in &mesh.triangles {
-        let [a, b, c] = corners.map(|v| v.index() + 1);
-        writeln!(file, "f {a}/{a} {b}/{b} {c}/{c}")?;
-    }
-    Ok(())
 }
 
 fn write_npz(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::{
     io::{
         IoError,
-        file::source::{Source, kind, unfit},
+        file::{Source, kind, unfit},
         gltf,
         mesh::{icub, obj, ply, robotskin, skin_csv, stl},
     },

@@ -7,10 +7,7 @@ use glam::DVec3;
 use crate::{
     io::{
         IoError,
-        file::{
-            lines::{LineLocation, finite},
-            source::{Source, excerpt},
-        },
+        file::{LineLocation, Source, excerpt, finite},
     },
     skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
 };

@@ -4,25 +4,16 @@
 //! `check` has to report), and panics on an index like `1//6148914691236517206`, whose product with
 //! three wraps around. What is needed of the format are four statements.
 
-use std::{
-    borrow::Cow,
-    collections::HashMap,
-    io::{self, Write},
-    path::Path,
-};
+use std::{borrow::Cow, collections::HashMap, io::Write, path::Path};
 
 use glam::DVec3;
 
 use crate::{
     io::{
         IoError,
-        file::{
-            lines::{LineLocation, finite},
-            replace::replace_file,
-            source::{Source, excerpt, unsupported},
-        },
+        file::{LineLocation, Source, excerpt, finite, unsupported, write_file},
     },
-    skin::{Draft, Patch, Sheet, Skin},
+    skin::{Draft, Sheet, Skin},
 };
 
 /// Stands for "no normal" in a [`Corner`].
@@ -265,31 +256,24 @@ fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3, IoError
 /// Writes an OBJ file: one `o` per patch, positions in the world, normals. Ids, areas and links are
 /// lost.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
-    replace_file(path, |file| {
+    write_file(path, |file| {
         let mut before = 0;
         for patch in &skin.patches {
-            write_patch(file, &skin.in_world(patch), before)
-                .map_err(|source| IoError::Write { path: path.into(), source })?;
+            let patch = skin.in_world(patch);
+            // A name ends with its line.
+            writeln!(file, "o {}", patch.name.replace(char::is_control, " "))?;
+            for p in &patch.mesh.positions {
+                writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
+            }
+            for n in &patch.taxels.normals {
+                writeln!(file, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
+            }
+            for &corners in &patch.mesh.triangles {
+                let [a, b, c] = corners.map(|v| before + v.index() + 1);
+                writeln!(file, "f {a}//{a} {b}//{b} {c}//{c}")?;
+            }
             before += patch.mesh.positions.len();
         }
         Ok(())
     })
-}
-
-/// Writes one patch after `before` vertices of others.
-fn write_patch(file: &mut impl Write, patch: &Patch, before: usize) -> io::Result<()> {
-    // A name ends with its line.
-    let name: String = patch.name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    writeln!(file, "o {name}")?;
-    for p in &patch.mesh.positions {
-        writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
-    }
-    for n in &patch.taxels.normals {
-        writeln!(file, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
-    }
-    for &corners in &patch.mesh.triangles {
-        let [a, b, c] = corners.map(|v| before + v.index() + 1);
-        writeln!(file, "f {a}//{a} {b}//{b} {c}//{c}")?;
-    }
-    Ok(())
 }

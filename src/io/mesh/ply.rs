@@ -1,9 +1,6 @@
 //! PLY: text or binary of either byte order in, binary little endian out.
 
-use std::{
-    io::{self, Write},
-    path::Path,
-};
+use std::{io::Write, path::Path};
 
 use glam::DVec3;
 use ply_rs_bw::{
@@ -17,12 +14,9 @@ use ply_rs_bw::{
 use crate::{
     io::{
         IoError,
-        file::{
-            replace::replace_file,
-            source::{Source, excerpt, unfit},
-        },
+        file::{Source, excerpt, unfit, write_file},
     },
-    skin::{Draft, Patch, Presence, Sheet, Skin, TaxelId},
+    skin::{Draft, Presence, Sheet, Skin, TaxelId},
 };
 
 /// What is known of a vertex; the place in this list is the place in a [`VertexRow`].
@@ -102,21 +96,16 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
     let mut corners = Vec::new();
     for element in header.elements.values() {
-        match element.name.as_str() {
-            "vertex" => {
-                let rows = Parser::<VertexRow>::new().read_payload_for_element(&mut reader, element, &header);
-                read_vertices(source, element, &rows.map_err(broken)?, &mut sheet)?;
-            }
-            "face" => {
-                let rows = Parser::<FaceRow>::new().read_payload_for_element(&mut reader, element, &header);
-                corners = rows.map_err(broken)?;
-            }
-            _ => {
-                // Passed over as faces, since each further type of row costs all parsers again.
-                Parser::<FaceRow>::new()
-                    .read_payload_for_element(&mut reader, element, &header)
-                    .map_err(broken)?;
-            }
+        if element.name == "vertex" {
+            let rows = Parser::<VertexRow>::new().read_payload_for_element(&mut reader, element, &header);
+            read_vertices(source, element, &rows.map_err(broken)?, &mut sheet)?;
+            continue;
+        }
+        // Other elements are passed over as faces: each further type of row costs all parsers again.
+        let rows = Parser::<FaceRow>::new().read_payload_for_element(&mut reader, element, &header);
+        let rows = rows.map_err(broken)?;
+        if element.name == "face" {
+            corners = rows;
         }
     }
     for (k, row) in corners.iter().enumerate() {
@@ -196,36 +185,27 @@ fn read_vertices(
     rows: &[VertexRow],
     sheet: &mut Sheet,
 ) -> Result<(), IoError> {
-    let mut has = [false; VERTEX_PROPERTIES.len()];
-    for slot in element.properties.keys().filter_map(|name| vertex_slot(name)) {
-        has[slot] = true;
-    }
     for (k, VertexRow(row)) in rows.iter().enumerate() {
         if let Some(slot) = (0..row.len()).find(|&slot| !row[slot].is_finite()) {
             let element = format!("vertex {k}, property `{}`", VERTEX_PROPERTIES[slot]);
             return Err(source.invalid(element, row[slot].to_string(), "a finite number"));
         }
     }
-    let column = |slot: usize| has[slot].then(|| rows.iter().map(|VertexRow(row)| row[slot]).collect());
-    let vector =
-        |at: usize| rows.iter().map(move |VertexRow(row)| DVec3::new(row[at], row[at + 1], row[at + 2]));
+    let slots: Vec<usize> = element.properties.keys().filter_map(|name| vertex_slot(name)).collect();
+    let column = |slot: usize| slots.contains(&slot).then(|| rows.iter().map(move |row| row.0[slot]));
+    let vector = |at: usize| rows.iter().map(move |VertexRow(row)| DVec3::from_slice(&row[at..]));
     sheet.positions = vector(0).collect();
-    sheet.normals = has[3..6].iter().all(|&h| h).then(|| vector(3).collect());
-    sheet.areas = column(AREA);
-    sheet.densities = column(DENSITY);
-    if has[ID] {
-        let ids = rows.iter().enumerate().map(|(k, row)| taxel_id(source, k, row.0[ID]));
-        sheet.ids = Some(ids.collect::<Result<_, _>>()?);
-    }
-    if has[PRESENT] {
-        let slots = rows.iter().enumerate().map(|(k, VertexRow(row))| {
-            Presence::from_code(row[PRESENT]).ok_or_else(|| {
-                let element = format!("vertex {k}, property `present`");
-                source.invalid(element, row[PRESENT].to_string(), "0 absent, 1 present or 2 thermal pad")
-            })
-        });
-        sheet.presence = Some(slots.collect::<Result<_, _>>()?);
-    }
+    sheet.normals = (3..6).all(|slot| slots.contains(&slot)).then(|| vector(3).collect());
+    sheet.areas = column(AREA).map(Iterator::collect);
+    sheet.densities = column(DENSITY).map(Iterator::collect);
+    let id = |(k, x): (usize, f64)| taxel_id(source, k, x);
+    sheet.ids = column(ID).map(|ids| ids.enumerate().map(id).collect()).transpose()?;
+    let presence = |(k, x): (usize, f64)| {
+        let element = || format!("vertex {k}, property `present`");
+        let refuse = || source.invalid(element(), x.to_string(), "0 absent, 1 present or 2 thermal pad");
+        Presence::from_code(x).ok_or_else(refuse)
+    };
+    sheet.presence = column(PRESENT).map(|codes| codes.enumerate().map(presence).collect()).transpose()?;
     Ok(())
 }
 
@@ -263,75 +243,54 @@ fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Res
 ///
 /// Patch and link names are lost, and densities too unless every patch has them.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
-    let vertices: usize = skin.patches.iter().map(|p| p.mesh.positions.len()).sum();
-    let faces: usize = skin.patches.iter().map(|p| p.mesh.triangles.len()).sum();
+    let patches: Vec<_> = skin.patches.iter().map(|patch| skin.in_world(patch)).collect();
+    let vertices: usize = patches.iter().map(|p| p.mesh.positions.len()).sum();
+    let faces: usize = patches.iter().map(|p| p.mesh.triangles.len()).sum();
     if u32::try_from(vertices).is_err() {
         return Err(unfit(path, "skin", format!("{vertices} vertices"), format!("at most {}", u32::MAX)));
     }
-    let extra = Extra {
-        density: skin.patches.iter().all(|p| p.taxels.densities.is_some()),
-        presence: skin.patches.iter().flat_map(|p| &p.taxels.presence).any(|&p| p != Presence::Present),
-    };
-    replace_file(path, |file| {
-        let fail = |source| IoError::Write { path: path.into(), source };
-        write_header(file, vertices, faces, extra).map_err(fail)?;
-        for patch in &skin.patches {
-            write_vertices(file, &skin.in_world(patch), extra).map_err(fail)?;
+    let has_density = patches.iter().all(|p| p.taxels.densities.is_some());
+    let has_presence = patches.iter().flat_map(|p| &p.taxels.presence).any(|&p| p != Presence::Present);
+    write_file(path, |file| {
+        writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
+        for name in VERTEX_PROPERTIES {
+            let kind = match name {
+                "density" if !has_density => continue,
+                "present" if !has_presence => continue,
+                "present" => "uchar",
+                "taxel_id" => "uint",
+                _ => "double",
+            };
+            writeln!(file, "property {kind} {name}")?;
+        }
+        writeln!(file, "element face {faces}\nproperty list uchar uint vertex_indices\nend_header")?;
+        for patch in &patches {
+            for (v, position) in patch.mesh.positions.enumerate() {
+                for x in position.to_array().into_iter().chain(patch.taxels.normals[v].to_array()) {
+                    file.write_all(&x.to_le_bytes())?;
+                }
+                file.write_all(&patch.taxels.ids[v].0.to_le_bytes())?;
+                file.write_all(&patch.taxels.areas[v].to_le_bytes())?;
+                if let Some(densities) = patch.taxels.densities.as_ref().filter(|_| has_density) {
+                    file.write_all(&densities[v].to_le_bytes())?;
+                }
+                if has_presence {
+                    file.write_all(&[patch.taxels.presence[v].code()])?;
+                }
+            }
         }
         let mut before = 0;
-        for patch in &skin.patches {
-            write_faces(file, &skin.in_world(patch), before).map_err(fail)?;
+        for patch in &patches {
+            for corners in &patch.mesh.triangles {
+                file.write_all(&[3])?;
+                for v in corners {
+                    #[expect(clippy::cast_possible_truncation, reason = "vertices fit into 32 bits")]
+                    let corner = (before + v.index()) as u32;
+                    file.write_all(&corner.to_le_bytes())?;
+                }
+            }
             before += patch.mesh.positions.len();
         }
         Ok(())
     })
-}
-
-/// Which of the optional properties are written.
-#[derive(Clone, Copy)]
-struct Extra {
-    density: bool,
-    presence: bool,
-}
-
-fn write_header(file: &mut impl Write, vertices: usize, faces: usize, extra: Extra) -> io::Result<()> {
-    writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
-    for name in VERTEX_PROPERTIES {
-        match name {
-            "density" if !extra.density => {}
-            "present" if !extra.presence => {}
-            "present" => writeln!(file, "property uchar {name}")?,
-            "taxel_id" => writeln!(file, "property uint {name}")?,
-            _ => writeln!(file, "property double {name}")?,
-        }
-    }
-    writeln!(file, "element face {faces}\nproperty list uchar uint vertex_indices\nend_header")
-}
-
-fn write_vertices(file: &mut impl Write, patch: &Patch, extra: Extra) -> io::Result<()> {
-    for (v, position) in patch.mesh.positions.enumerate() {
-        for x in position.to_array().into_iter().chain(patch.taxels.normals[v].to_array()) {
-            file.write_all(&x.to_le_bytes())?;
-        }
-        file.write_all(&patch.taxels.ids[v].0.to_le_bytes())?;
-        file.write_all(&patch.taxels.areas[v].to_le_bytes())?;
-        if let Some(densities) = patch.taxels.densities.as_ref().filter(|_| extra.density) {
-            file.write_all(&densities[v].to_le_bytes())?;
-        }
-        if extra.presence {
-            file.write_all(&[patch.taxels.presence[v].code()])?;
-        }
-    }
-    Ok(())
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "`write` checked that vertices fit into 32 bits")]
-fn write_faces(file: &mut impl Write, patch: &Patch, before: usize) -> io::Result<()> {
-    for corners in &patch.mesh.triangles {
-        file.write_all(&[3])?;
-        for v in corners {
-            file.write_all(&((before + v.index()) as u32).to_le_bytes())?;
-        }
-    }
-    Ok(())
 }

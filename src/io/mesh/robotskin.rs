@@ -1,10 +1,6 @@
 //! JSON of robotskinlib, version 2: one rigid body of skin with its taxels, faces and frame.
 
-use std::{
-    borrow::Cow,
-    io::{self, Write as _},
-    path::Path,
-};
+use std::{borrow::Cow, io::Write as _, path::Path};
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -13,13 +9,10 @@ use serde_json::Value;
 use crate::{
     io::{
         IoError,
-        file::{
-            replace::replace_file,
-            source::{Source, excerpt, stem},
-        },
+        file::{Source, excerpt, stem, write_file},
     },
     mesh::{is_rotation, rotation_defect},
-    skin::{Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
+    skin::{Draft, Link, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
 };
 
 /// How far a frame's matrix may be from a rotation. Real files round the sine of 45 degrees to
@@ -114,7 +107,7 @@ fn presence(kind: &str) -> Presence {
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let file: File<'_> = serde_json::from_slice(source.bytes()).map_err(|e| {
         let found = e.to_string();
-        let (found, _) = found.rsplit_once(" at line ").unwrap_or((&found, ""));
+        let found = found.rsplit_once(" at line ").map_or(found.as_str(), |(found, _)| found);
         source.invalid(
             format!("line {}, column {}", e.line(), e.column()),
             found,
@@ -143,16 +136,15 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
 }
 
 fn check_version(source: &Source, version: &Value) -> Result<(), IoError> {
-    match version {
-        Value::Null => Ok(()),
-        Value::String(text) if text == "2" => Ok(()),
-        Value::Number(number) if number.as_u64() == Some(2) => Ok(()),
-        other => Err(source.invalid(
-            "info.file_version",
-            excerpt(&other.to_string()),
-            "2, the only version known here",
-        )),
-    }
+    let is_known = match version {
+        Value::Null => true,
+        Value::String(text) => text == "2",
+        other => other.as_u64() == Some(2),
+    };
+    let refuse = || {
+        source.invalid("info.file_version", excerpt(&version.to_string()), "2, the only version known here")
+    };
+    if is_known { Ok(()) } else { Err(refuse()) }
 }
 
 fn check_counts(source: &Source, body: &Body<'_>) -> Result<(), IoError> {
@@ -160,11 +152,8 @@ fn check_counts(source: &Source, body: &Body<'_>) -> Result<(), IoError> {
         [("n_taxels", body.n_taxels, body.taxels.len()), ("n_faces", body.n_faces, body.faces.len())];
     for (name, declared, counted) in counts {
         if let Some(declared) = declared.filter(|&n| n != counted) {
-            return Err(source.invalid(
-                format!("skin.{name}"),
-                declared.to_string(),
-                format!("{counted}, the true count"),
-            ));
+            let needed = format!("{counted}, the true count");
+            return Err(source.invalid(format!("skin.{name}"), declared.to_string(), needed));
         }
     }
     for (k, face) in body.faces.iter().enumerate() {
@@ -202,21 +191,19 @@ fn read_normals(source: &Source, taxels: &[Taxel<'_>]) -> Result<Option<Vec<DVec
 /// skin a little and make poses that should undo each other not do so: the nearest rotation is
 /// taken.
 fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3, IoError> {
-    let element = || format!("skin.parent_frames[{k}].tf_matrix");
+    let refuse = |found: String, needed: &str| {
+        Err(source.invalid(format!("skin.parent_frames[{k}].tf_matrix"), found, needed))
+    };
     let [xx, xy, xz, xw, yx, yy, yz, yw, zx, zy, zz, zw, tx, ty, tz, tw] = *columns;
     if [xw, yw, zw, tw] != [0.0, 0.0, 0.0, 1.0] {
         let found = format!("{:?} as its last row", [xw, yw, zw, tw]);
-        return Err(source.invalid(element(), found, "[0, 0, 0, 1]: column by column, translation last"));
+        return refuse(found, "[0, 0, 0, 1]: column by column, translation last");
     }
     let matrix = DMat3::from_cols_array(&[xx, xy, xz, yx, yy, yz, zx, zy, zz]);
     let defect = rotation_defect(&matrix);
     if !(defect <= FRAME_TOLERANCE && matrix.determinant() > 0.0) {
         let found = format!("determinant {:?}, columns off by {defect:.1e}", matrix.determinant());
-        return Err(source.invalid(
-            element(),
-            found,
-            "a rotation: unit columns at right angles, right-handed",
-        ));
+        return refuse(found, "a rotation: unit columns at right angles, right-handed");
     }
     let rotation = if is_rotation(&matrix) { matrix } else { nearest_rotation(matrix) };
     Ok(DAffine3::from_mat3_translation(rotation, DVec3::new(tx, ty, tz)))
@@ -257,37 +244,28 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
         _ => stem(path),
     };
     let info = Info { file_version: "2".into(), kind: "rigid_body", name, ..Info::default() };
-    let body = Body {
-        n_taxels: Some(taxels.len()),
-        n_faces: Some(faces.len()),
-        parent_frames: vec![frame],
-        taxels,
-        faces,
-    };
-    replace_file(path, |out| {
-        let written = serde_json::to_writer_pretty(&mut *out, &File { info, skin: body });
-        let written = written.map_err(io::Error::from).and_then(|()| out.write_all(b"\n"));
-        written.map_err(|source| IoError::Write { path: path.into(), source })
+    let (n_taxels, n_faces) = (Some(taxels.len()), Some(faces.len()));
+    let body = Body { n_taxels, n_faces, parent_frames: vec![frame], taxels, faces };
+    write_file(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, &File { info, skin: body })?;
+        out.write_all(b"\n")
     })
 }
 
-/// The frame of the whole skin, and the patches in it.
+/// The frame of the whole skin, and the patches in it: that of the link that carries them all, if
+/// there is one and it neither scales nor mirrors, else the world.
 fn framed(skin: &Skin) -> (Frame, Vec<Cow<'_, Patch>>) {
-    let frame = |name: &str, pose: DAffine3| {
-        let [[a, b, c], [d, e, f], [g, h, i], [x, y, z]] = pose.to_cols_array_2d();
-        let tf_matrix = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0, x, y, z, 1.0];
-        Frame { key: 0, id: 0, kind: "", name: name.into(), tf_matrix }
+    let first = skin.patches.iter().next().map(|patch| (patch.link, world_pose(&skin.links, patch.link)));
+    let only = first.filter(|(link, pose)| {
+        is_rotation(&pose.matrix3) && skin.patches.iter().all(|patch| patch.link == *link)
+    });
+    let (name, pose, patches) = match only {
+        Some((link, pose)) => {
+            (skin.links[link].name.clone(), pose, skin.patches.iter().map(Cow::Borrowed).collect())
+        }
+        None => (String::new(), DAffine3::IDENTITY, skin.patches.iter().map(|p| skin.in_world(p)).collect()),
     };
-    if let Some((link, pose)) = only_link(skin) {
-        return (frame(&skin.links[link].name, pose), skin.patches.iter().map(Cow::Borrowed).collect());
-    }
-    (frame("", DAffine3::IDENTITY), skin.patches.iter().map(|p| skin.in_world(p)).collect())
-}
-
-/// The link that carries every patch, with its pose, if there is one and it neither scales nor
-/// mirrors.
-fn only_link(skin: &Skin) -> Option<(LinkId, DAffine3)> {
-    let link = skin.patches.iter().next()?.link;
-    let pose = world_pose(&skin.links, link);
-    (skin.patches.iter().all(|p| p.link == link) && is_rotation(&pose.matrix3)).then_some((link, pose))
+    let [[a, b, c], [d, e, f], [g, h, i], [x, y, z]] = pose.to_cols_array_2d();
+    let tf_matrix = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0, x, y, z, 1.0];
+    (Frame { key: 0, id: 0, kind: "", name, tf_matrix }, patches)
 }

@@ -14,7 +14,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{replace::replace_file, source::Source},
+        file::{Source, replace_file},
         table::csv_table::{Columns, Row, Table, table_write_error},
     },
     skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},

@@ -8,10 +8,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{
-            replace::replace_file,
-            source::{Source, excerpt, unfit},
-        },
+        file::{Source, excerpt, unfit, write_file},
     },
     skin::{Draft, Patch, Sheet, Skin},
 };
@@ -73,7 +70,7 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
     let mut lines = source.lines()?.filter(|(_, line)| !line.trim().is_empty());
     let mut sheets = Vec::new();
     while let Some((at, line)) = lines.next() {
-        if !starts_with_word(line, "solid") {
+        if !starts_with(line, &["solid"]) {
             return Err(at.invalid(excerpt(line), "`solid` and a name"));
         }
         let name = line.trim().split_once(char::is_whitespace).map_or("", |(_, name)| name.trim());
@@ -83,24 +80,18 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
             let element = || format!("solid {}, which starts on line {}, facet {k}", excerpt(&name), at.line);
             let refuse = |found: String| source.invalid(element(), found, "a triangle, or `endsolid`");
             let mut next = || lines.next().map(|(_, line)| line).ok_or_else(|| refuse("the end".into()));
-            let first = next()?;
-            if starts_with_word(first, "endsolid") {
+            let mut line = next()?;
+            if starts_with(line, &["endsolid"]) {
                 break;
             }
             for (j, words) in FACET_LINES.iter().enumerate() {
-                let line = if j == 0 { first } else { next()? };
-                let mut found = line.split_whitespace();
+                if j > 0 {
+                    line = next()?;
+                }
                 let fits =
-                    words.iter().all(|word| found.next().is_some_and(|f| f.eq_ignore_ascii_case(word)));
+                    starts_with(line, words) && (words[0] != "vertex" || solid.add_vertex(line).is_some());
                 if !fits {
                     return Err(refuse(excerpt(line)));
-                }
-                if words[0] == "vertex" {
-                    let numbers: Vec<f32> = found.map_while(|word| word.parse().ok()).collect();
-                    let corner = <[f32; 3]>::try_from(numbers).ok();
-                    corner
-                        .and_then(|corner| solid.add_corner(corner))
-                        .ok_or_else(|| refuse(excerpt(line)))?;
                 }
             }
         }
@@ -120,8 +111,9 @@ const FACET_LINES: [&[&str]; 7] = [
     &["endfacet"],
 ];
 
-fn starts_with_word(line: &str, word: &str) -> bool {
-    line.split_whitespace().next().is_some_and(|first| first.eq_ignore_ascii_case(word))
+fn starts_with(line: &str, words: &[&str]) -> bool {
+    let mut found = line.split_whitespace();
+    words.iter().all(|word| found.next().is_some_and(|found| found.eq_ignore_ascii_case(word)))
 }
 
 /// A sheet in the making: corners at the same place become one vertex.
@@ -150,6 +142,12 @@ impl Solid {
         position.is_finite().then_some(())
     }
 
+    /// Adds the corner of a line `vertex x y z`; `None` if it has other numbers.
+    fn add_vertex(&mut self, line: &str) -> Option<()> {
+        let numbers: Vec<f32> = line.split_whitespace().skip(1).map_while(|word| word.parse().ok()).collect();
+        self.add_corner(numbers.try_into().ok()?)
+    }
+
     fn finish(mut self) -> Sheet {
         self.sheet.triangles = self.corners.as_chunks::<3>().0.to_vec();
         self.sheet
@@ -167,9 +165,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     for patch in &skin.patches {
         add_facets(path, &skin.in_world(patch), &mut bytes)?;
     }
-    replace_file(path, |file| {
-        file.write_all(&bytes).map_err(|source| IoError::Write { path: path.into(), source })
-    })
+    write_file(path, |file| file.write_all(&bytes))
 }
 
 fn add_facets(path: &Path, patch: &Patch, bytes: &mut Vec<u8>) -> Result<(), IoError> {

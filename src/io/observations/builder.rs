@@ -17,7 +17,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{lines::LineLocation, source::invalid},
+        file::{LineLocation, invalid},
         observations::types::{ObservationRemark, ReadObservations},
     },
     skin::TaxelId,

@@ -8,10 +8,7 @@ use crate::{
     },
     io::{
         IoError,
-        file::{
-            lines::Lines,
-            source::{excerpt, invalid, unsupported},
-        },
+        file::{Lines, excerpt, invalid, unsupported},
         observations::{
             builder::{ObservationsBuilder, SIGMA_RANGE, information_of},
             types::ReadObservations,

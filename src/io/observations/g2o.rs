@@ -16,10 +16,7 @@ use crate::{
     },
     io::{
         IoError,
-        file::{
-            lines::{LineLocation, Lines},
-            source::unsupported,
-        },
+        file::{LineLocation, Lines, unsupported},
         observations::{builder::ObservationsBuilder, types::ReadObservations},
     },
     skin::TaxelId,

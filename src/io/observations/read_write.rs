@@ -12,11 +12,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{
-            lines::Lines,
-            replace::replace_file,
-            source::{invalid, kind},
-        },
+        file::{Lines, invalid, kind, replace_file},
         observations::{
             csv, g2o,
             types::{ObservationRemark, ReadObservations},

@@ -12,7 +12,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        file::source::Source,
+        file::Source,
         table::csv_table::{Table, decimals, labelled, write_table},
     },
     skin::TaxelId,

@@ -15,11 +15,7 @@ use glam::{DQuat, DVec3};
 use crate::{
     io::{
         IoError,
-        file::{
-            lines::{LONGEST, LineLocation, Lines, finite},
-            replace::replace_file,
-            source::{Source, excerpt},
-        },
+        file::{LONGEST, LineLocation, Lines, Source, excerpt, finite, replace_file},
     },
     skin::TaxelId,
 };
