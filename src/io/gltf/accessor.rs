@@ -31,24 +31,6 @@ pub(super) struct Accessor<'a> {
     replaced: Option<(Vec<usize>, Bytes<'a>)>,
 }
 
-/// A number as it lies in a buffer.
-trait Number: Copy + Default {
-    fn read(bytes: &[u8]) -> Self;
-}
-
-macro_rules! number {
-    ($($type:ty)+) => {
-        $(impl Number for $type {
-            #[inline]
-            fn read(bytes: &[u8]) -> Self {
-                bytes.try_into().map(Self::from_le_bytes).unwrap_or_default()
-            }
-        })+
-    };
-}
-
-number!(i8 u8 i16 u16 u32 f32);
-
 /// Rows `stride` bytes apart; the last one is known to end inside `bytes`.
 #[derive(Clone, Copy)]
 struct Bytes<'a> {
@@ -57,12 +39,12 @@ struct Bytes<'a> {
 }
 
 impl Bytes<'_> {
-    /// The first `count` rows of `N` components.
+    /// The first `count` rows of `N` components of `B` bytes.
     #[inline]
-    fn rows<C: Number, const N: usize>(self, count: usize) -> impl Iterator<Item = [C; N]> {
+    fn rows<const B: usize, const N: usize>(self, count: usize) -> impl Iterator<Item = [[u8; B]; N]> {
         (0..count).map(move |i| {
-            let row = &self.bytes[i * self.stride..][..N * size_of::<C>()];
-            array::from_fn(|k| C::read(&row[k * size_of::<C>()..][..size_of::<C>()]))
+            let (components, _) = self.bytes[i * self.stride..][..N * B].as_chunks();
+            array::from_fn(|k| components[k])
         })
     }
 }
@@ -229,9 +211,9 @@ impl<'a> Accessor<'a> {
         let numbers = self.load_rows(Role::Plain, &rows)?;
         self.document.reserve(&element, count, size_of::<usize>())?;
         let rows: Vec<usize> = match kind {
-            IndexType::U8 => numbers.rows(count).map(|[row]: [u8; 1]| row.into()).collect(),
-            IndexType::U16 => numbers.rows(count).map(|[row]: [u16; 1]| row.into()).collect(),
-            IndexType::U32 => numbers.rows(count).map(|[row]: [u32; 1]| row as usize).collect(),
+            IndexType::U8 => numbers.rows(count).map(|[row]| u8::from_le_bytes(row).into()).collect(),
+            IndexType::U16 => numbers.rows(count).map(|[row]| u16::from_le_bytes(row).into()).collect(),
+            IndexType::U32 => numbers.rows(count).map(|[row]| u32::from_le_bytes(row) as usize).collect(),
         };
         if let Some(at) = (0..count).find(|&i| rows[i] >= total || (i > 0 && rows[i] <= rows[i - 1])) {
             let found = format!("index {} at place {at}", rows[at]);
@@ -249,14 +231,15 @@ impl<'a> Accessor<'a> {
         let scaled = |x: f64, one: f64| if is_normalized { (x / one).max(-1.0) } else { x };
         let mut is_finite = true;
         let rows: Vec<[f64; N]> = match self.gltf.data_type() {
-            DataType::I8 => self.rows(|row: [i8; N]| row.map(|x| scaled(x.into(), 127.0))),
-            DataType::U8 => self.rows(|row: [u8; N]| row.map(|x| scaled(x.into(), 255.0))),
-            DataType::I16 => self.rows(|row: [i16; N]| row.map(|x| scaled(x.into(), 32767.0))),
-            DataType::U16 => self.rows(|row: [u16; N]| row.map(|x| scaled(x.into(), 65535.0))),
-            DataType::U32 => self.rows(|row: [u32; N]| row.map(f64::from)),
-            DataType::F32 => self.rows(|row: [f32; N]| {
-                is_finite &= row.iter().all(|x| x.is_finite());
-                row.map(f64::from)
+            DataType::I8 => self.rows(|x| scaled(i8::from_le_bytes(x).into(), 127.0)),
+            DataType::U8 => self.rows(|x| scaled(u8::from_le_bytes(x).into(), 255.0)),
+            DataType::I16 => self.rows(|x| scaled(i16::from_le_bytes(x).into(), 32767.0)),
+            DataType::U16 => self.rows(|x| scaled(u16::from_le_bytes(x).into(), 65535.0)),
+            DataType::U32 => self.rows(|x| u32::from_le_bytes(x).into()),
+            DataType::F32 => self.rows(|x| {
+                let x = f32::from_le_bytes(x);
+                is_finite &= x.is_finite();
+                x.into()
             }),
         }?;
         let odd = |row: &[f64; N]| !row.iter().all(|x| x.is_finite());
@@ -272,9 +255,9 @@ impl<'a> Accessor<'a> {
     pub(super) fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>, IoError> {
         match self.gltf.data_type() {
             _ if self.gltf.normalized() => Err(self.invalid("normalized integers", "integers as they are")),
-            DataType::U8 => self.rows(|row: [u8; N]| row.map(u32::from)),
-            DataType::U16 => self.rows(|row: [u16; N]| row.map(u32::from)),
-            DataType::U32 => self.rows(|row: [u32; N]| row),
+            DataType::U8 => self.rows(|x| u8::from_le_bytes(x).into()),
+            DataType::U16 => self.rows(|x| u16::from_le_bytes(x).into()),
+            DataType::U32 => self.rows(u32::from_le_bytes),
             other => {
                 let found = format!("componentType {}, signed or float", other.as_gl_enum());
                 Err(self.invalid(found, "5121, 5123 or 5125"))
@@ -282,25 +265,26 @@ impl<'a> Accessor<'a> {
         }
     }
 
-    /// All rows through `convert`, after a look at their length and the budget of memory.
-    fn rows<C: Number, const N: usize, T: Clone>(
+    /// All rows, component by component through `convert`, after a look at their length and the
+    /// budget of memory.
+    fn rows<const B: usize, const N: usize, T: Copy>(
         &self,
-        mut convert: impl FnMut([C; N]) -> T,
-    ) -> Result<Vec<T>, IoError> {
+        mut convert: impl FnMut([u8; B]) -> T,
+    ) -> Result<Vec<[T; N]>, IoError> {
         let kind = self.gltf.dimensions();
         let wanted = [Dimensions::Scalar, Dimensions::Vec2, Dimensions::Vec3, Dimensions::Vec4][N - 1];
         if kind != wanted {
             return Err(self.invalid(format!("type {}", kind_name(kind)), kind_name(wanted)));
         }
         let count = self.gltf.count();
-        self.document.reserve(&self.name(), count, size_of::<T>())?;
-        let mut rows: Vec<T> = match self.base {
-            Some(base) => base.rows(count).map(&mut convert).collect(),
-            None => vec![convert([C::default(); N]); count],
+        self.document.reserve(&self.name(), count, size_of::<[T; N]>())?;
+        let mut rows: Vec<[T; N]> = match self.base {
+            Some(base) => base.rows(count).map(|row: [_; N]| row.map(&mut convert)).collect(),
+            None => vec![[convert([0; B]); N]; count],
         };
         if let Some((places, values)) = &self.replaced {
             for (&row, value) in places.iter().zip(values.rows(places.len())) {
-                rows[row] = convert(value);
+                rows[row] = value.map(&mut convert);
             }
         }
         Ok(rows)

@@ -13,7 +13,7 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use crate::io::{
     IoError,
     file::Source,
-    gltf::{container::MAGIC, document::Document},
+    gltf::document::{Document, MAGIC},
 };
 
 impl Document {

@@ -8,22 +8,18 @@
 //!
 //! To read: `container` (file to JSON and bytes), `guard`, `document` with `buffers` and
 //! `accessor` (bytes to numbers), `nodes` with `transform`, `attributes`, `triangles`, then
-//! `read_skin` and `read_map`. To write: `writer`, `write_links`, `write_skin`, `write_map`;
+//! `read_skin` and `read_map`. To write: `writer`, `write_skin`, `write_map`;
 //! `extras` is what a map adds to both.
 
 mod accessor;
-mod attributes;
+mod primitive;
 mod buffers;
-mod container;
 mod document;
 mod extras;
 mod guard;
 mod nodes;
 mod read_map;
 mod read_skin;
-mod transform;
-mod triangles;
-mod write_links;
 mod write_map;
 mod write_skin;
 mod writer;

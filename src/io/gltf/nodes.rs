@@ -1,37 +1,41 @@
-//! The node tree: links, and the meshes on them.
+//! The node tree: links with their rigid poses, and the meshes on them.
 
 use std::{
     cmp::Reverse,
     collections::{BTreeSet, BinaryHeap},
 };
 
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 use gltf::json::{Node, mesh::Semantic, validation::Checked};
 
 use crate::{
     id::IdVec,
     io::{
         IoError,
-        gltf::{document::Document, transform::Local},
+        gltf::{document::Document, guard::Transform},
     },
     skin::{Link, LinkId},
 };
 
+/// A matrix whose columns are orthonormal to this much is taken for a rotation: f32 rounding leaves
+/// about 1e-7, and a quaternion holds no more.
+pub(super) const RIGID: f64 = 1e-6;
+/// How far a quaternion may be from unit length; the Khronos validator allows as much.
+const UNIT_ROTATION: f64 = 5e-5;
+/// Largest cosine between the axes of a node's matrix: more is shear, which glTF forbids.
+const SHEAR: f64 = 1e-4;
+
 /// One use of a mesh by a node of the scene.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Placement {
-    /// The mesh, an index that exists.
     pub(super) mesh: usize,
-    /// The link it is fixed to.
     pub(super) link: LinkId,
-    /// Name for the patch.
     pub(super) name: String,
     /// What is left of the node's transform besides the link's rigid frame: scale, or a mirror.
     /// `None`: nothing.
     pub(super) stretch: Option<DMat3>,
 }
 
-/// The links of a scene and the meshes on them.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
     pub(super) links: IdVec<LinkId, Link>,
@@ -74,7 +78,7 @@ impl Nodes<'_> {
     fn is_patch(&self, i: usize) -> bool {
         let node = &self.document.root().nodes[i];
         let is_bare = node.children.is_none() && node.skin.is_none();
-        let is_plain = is_bare && Local::is_identity(&self.document.transforms[i]);
+        let is_plain = is_bare && is_identity(&self.document.transforms[i]);
         node.mesh.is_some() && self.parents[i].is_some() && is_plain
     }
 
@@ -99,11 +103,7 @@ impl Nodes<'_> {
                 continue;
             }
             let above = self.parents[i].and_then(|p| frames[p]);
-            let local = Local::of(self.document, i)?;
-            let (pose, stretch) = local.below(above.and_then(|f| f.stretch)).ok_or_else(|| {
-                let found = "a scale that makes it flat";
-                self.document.invalid(format!("node {i}"), found, "a scale other than zero")
-            })?;
+            let (pose, stretch) = rigid_pose(self.document, i, above.and_then(|f| f.stretch))?;
             let name = nodes[i].name.clone().unwrap_or_default();
             let link = tree.links.push(Link { name, parent: above.map(|f| f.link), pose });
             frames[i] = Some(NodeFrame { link, stretch });
@@ -243,4 +243,75 @@ fn shown(document: &Document, parents: &[Option<usize>]) -> Result<Vec<bool>, Io
         None => (0..root.nodes.len()).filter(|&i| parents[i].is_none()).collect(),
     };
     Ok(reach(&root.nodes, roots))
+}
+
+fn is_identity(node: &Transform) -> bool {
+    node.matrix.as_deref().is_none_or(|m| DMat4::from_cols_array(m) == DMat4::IDENTITY)
+        && node.translation.is_none_or(|t| t == [0.0; 3])
+        && node.rotation.is_none_or(|r| r == [0.0, 0.0, 0.0, 1.0])
+        && node.scale.is_none_or(|s| s == [1.0; 3])
+}
+
+/// The rigid pose of node `i` in the frame of the link above it, which is stretched by `above`, and
+/// the stretch that is left for positions (`None`: nothing).
+fn rigid_pose(
+    document: &Document,
+    i: usize,
+    above: Option<DMat3>,
+) -> Result<(DAffine3, Option<DMat3>), IoError> {
+    let invalid = |found: String, needed: &str| document.invalid(format!("node {i}"), found, needed);
+    let flat = || invalid("a scale that makes it flat".into(), "a scale other than zero");
+    let node = &document.transforms[i];
+    let (translation, rotation, stretch) = if let Some(m) = &node.matrix {
+        if node.translation.is_some() || node.rotation.is_some() || node.scale.is_some() {
+            let found = "a matrix next to translation, rotation or scale".into();
+            return Err(invalid(found, "one or the other"));
+        }
+        let matrix = DMat4::from_cols_array(m);
+        let linear = DMat3::from_mat4(matrix);
+        let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(DVec3::normalize_or_zero);
+        let skew = [x.dot(y), y.dot(z), z.dot(x)].into_iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        if matrix.row(3) != DVec4::W || skew > SHEAR {
+            let needed = "one made of translation, rotation and scale";
+            return Err(invalid(format!("the matrix {m:?}"), needed));
+        }
+        let (rotation, stretch) = split(linear).ok_or_else(flat)?;
+        (matrix.w_axis.truncate(), rotation, stretch)
+    } else {
+        let quaternion = DQuat::from_array(node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
+        if (quaternion.length() - 1.0).abs() > UNIT_ROTATION {
+            return Err(invalid(
+                format!("a rotation of length {}", quaternion.length()),
+                "a unit quaternion",
+            ));
+        }
+        let scale = DVec3::from_array(node.scale.unwrap_or([1.0; 3]));
+        if scale.cmpeq(DVec3::ZERO).any() {
+            return Err(flat());
+        }
+        let stretch = (scale != DVec3::ONE).then(|| DMat3::from_diagonal(scale));
+        let translation = DVec3::from_array(node.translation.unwrap_or_default());
+        (translation, DMat3::from_quat(quaternion.normalize()), stretch)
+    };
+    let Some(above) = above else {
+        return Ok((DAffine3::from_mat3_translation(rotation, translation), stretch));
+    };
+    let linear = above * rotation * stretch.unwrap_or(DMat3::IDENTITY);
+    let (rotation, stretch) = split(linear).ok_or_else(flat)?;
+    Ok((DAffine3::from_mat3_translation(rotation, above * translation), stretch))
+}
+
+/// Splits a linear map into a rotation and what remains to be done before it (`None`: nothing). A
+/// mirror stays in the remainder. By Gram-Schmidt, so the axes of a scaled frame keep their
+/// directions.
+fn split(linear: DMat3) -> Option<(DMat3, Option<DMat3>)> {
+    let x = linear.x_axis.try_normalize()?;
+    let y = linear.y_axis.reject_from_normalized(x).try_normalize()?;
+    let rotation = DMat3::from_cols(x, y, x.cross(y));
+    let stretch = rotation.transpose() * linear;
+    let determinant = stretch.determinant();
+    if determinant == 0.0 || !determinant.is_finite() {
+        return None;
+    }
+    Some((rotation, (!stretch.abs_diff_eq(DMat3::IDENTITY, RIGID)).then_some(stretch)))
 }

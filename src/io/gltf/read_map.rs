@@ -15,12 +15,11 @@ use crate::{
         IoError,
         file::Source,
         gltf::{
-            attributes::Attributes,
             document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
             nodes::read_node_tree,
+            primitive::{Attributes, Shape},
             read_skin::{read_covariances, read_ids, read_presence},
-            triangles::Shape,
         },
     },
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},

@@ -11,11 +11,10 @@ use crate::{
         file::Source,
         gltf::{
             accessor::Accessor,
-            attributes::{Attributes, check_morphs},
             document::Document,
             extras::LevelExtras,
             nodes::{Placement, read_node_tree},
-            triangles::Shape,
+            primitive::{Attributes, Shape, check_morphs},
         },
     },
     skin::{Covariance, Draft, Presence, Sheet, TaxelId},

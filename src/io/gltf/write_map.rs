@@ -12,15 +12,14 @@ use crate::{
         file::unfit,
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
-            write_links::add_scene,
             write_skin::{SheetWriter, mesh, node},
-            writer::{Form, SceneWriter, extras, narrow},
+            writer::{Form, SceneWriter, narrow},
         },
     },
     map::{MapLevel, SkinMap},
     mesh::FlatTriangle,
-    pyramid::{Level, LevelId, Prolongation, Pyramid, check_levels},
-    skin::{Link, LinkId, Skin, Taxels, check_patches},
+    pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError},
+    skin::{Link, LinkId, Skin, Taxels},
 };
 
 /// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
@@ -58,21 +57,19 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
 /// If the skin or a pyramid breaks a rule, there is not one pyramid per patch, a pyramid does not
 /// fit its patch, or the file cannot be written.
 pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<(), IoError> {
-    let unfit = |element: String, found: String, needed: &str| unfit(path, element, found, needed);
     if pyramids.len() != skin.patches.len() {
-        let found = format!("{} pyramids", pyramids.len());
-        return Err(unfit(format!("{} patches", skin.patches.len()), found, "one per patch"));
+        let (element, found) =
+            (format!("{} patches", skin.patches.len()), format!("{} pyramids", pyramids.len()));
+        return Err(unfit(path, element, found, "one per patch"));
     }
-    check_patches(&skin.links, skin.patches.iter().map(|patch| (patch.name.as_str(), patch.link)))
-        .map_err(|e| unfit("the skin".into(), e.to_string(), "a valid skin"))?;
+    skin.validate().map_err(|e| unfit(path, "the skin", e.to_string(), "a valid skin"))?;
     let mut patches = Vec::new();
     for (patch, pyramid) in skin.patches.iter().zip(pyramids) {
-        let element = || format!("patch {:?}", patch.name);
-        let levels: Vec<_> = pyramid.levels.iter().collect();
-        check_levels(&levels).map_err(|e| unfit(element(), e.to_string(), "a valid pyramid of this skin"))?;
-        let checked = patch.taxels.validate(levels[0].mesh.positions.len());
-        checked.map_err(|e| unfit(element(), e.to_string(), "one valid taxel per vertex"))?;
-        let levels = levels.into_iter().map(|level| (level, None)).collect();
+        let broken = |e: PyramidError| {
+            unfit(path, format!("patch {:?}", patch.name), e.to_string(), "a valid pyramid of this skin")
+        };
+        pyramid.validate().map_err(broken)?;
+        let levels = pyramid.levels.iter().map(|level| (level, None)).collect();
         patches.push(PatchLevels { name: &patch.name, link: patch.link, taxels: &patch.taxels, levels });
     }
     write_levels(path, &skin.links, &patches)
@@ -94,13 +91,13 @@ fn write_levels(
     if patches.is_empty() {
         return Err(unfit(path, "the map", "no patch", "at least one"));
     }
-    let mut writer = SceneWriter::new();
+    let mut writer = SceneWriter::new(path);
     let deepest = patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
     for level in (0..deepest).map(LevelId::new) {
         let mut wanted = links.map(|_| level.index() == 0);
         let mut nodes = Vec::new();
         for patch in patches.iter().filter(|patch| level.index() < patch.levels.len()) {
-            let mesh = add_level(path, &mut writer, patch, level)?;
+            let mesh = add_level(&mut writer, patch, level)?;
             nodes.push((patch.link, node(level_name(patch, level), mesh)));
             let mut link = Some(patch.link);
             // A parent comes before its child, so this ends.
@@ -110,10 +107,9 @@ fn write_levels(
             }
         }
         let name = Some(format!("level {level}"));
-        add_scene(path, &mut writer, name, links, &wanted, nodes)?;
+        writer.add_scene(name, links, &wanted, nodes)?;
     }
-    writer.root.scene = Some(Index::new(0));
-    writer.finish(path, Form::Glb)
+    writer.finish(Form::Glb)
 }
 
 /// `PATCH/L0`.
@@ -122,16 +118,15 @@ fn level_name(patch: &PatchLevels<'_>, level: LevelId) -> String {
 }
 
 fn add_level(
-    path: &Path,
-    writer: &mut SceneWriter,
+    writer: &mut SceneWriter<'_>,
     patch: &PatchLevels<'_>,
     number: LevelId,
 ) -> Result<Index<Mesh>, IoError> {
     let name = level_name(patch, number);
     let (level, map) = patch.levels[number];
-    let mut sheet = SheetWriter::new(path, name.clone(), writer, &level.mesh)?;
+    let mut sheet = SheetWriter::new(writer, name.clone(), &level.mesh)?;
     if number.index() == 0 {
-        sheet.taxels(patch.taxels)?;
+        sheet.taxels(patch.taxels, level.mesh.positions.len())?;
     } else {
         let of_level = |of_taxels: &IdVec<VertexId, DVec3>| level.origins.map(|&taxel| of_taxels[taxel]);
         let tangents = patch.taxels.tangents.as_ref().map(of_level);
@@ -139,8 +134,7 @@ fn add_level(
         sheet.positive("_AREA", &level.areas)?;
     }
     if let Some(map) = map {
-        let texture = texture_coordinates(path, &name, map)?;
-        check_faces(path, &name, map, &texture)?;
+        let texture = texture_coordinates(map).map_err(|(found, needed)| sheet.unfit(found, &needed))?;
         sheet.insert("TEXCOORD_0", texture.into_iter());
     }
     let primitive = sheet.finish();
@@ -155,61 +149,52 @@ fn add_level(
         }),
         up: level.from_coarser.as_ref().map(|rows| add_rows(writer, rows)),
         direct: level.to_finest.as_ref().map(|rows| add_rows(writer, rows)),
-        origins: (number.index() > 0).then(|| writer.plain(level.origins.iter().map(|v| [v.raw()])).value()),
+        origins: (number.index() > 0)
+            .then(|| writer.array(None, level.origins.iter().map(|v| [v.raw()])).value()),
     };
     let mut mesh = mesh(name, primitive);
-    mesh.extras = extras(path, &content)?;
+    mesh.extras = writer.extras(&content)?;
     Ok(writer.root.push(mesh))
 }
 
 /// Writes a prolongation for readers of the extras.
-fn add_rows(writer: &mut SceneWriter, rows: &Prolongation) -> RowsExtras {
-    let indices = writer.plain(rows.indices.iter().map(|row| row.map(VertexId::raw)));
-    let weights = writer.plain(rows.weights.iter().map(|row| row.map(narrow)));
+fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
+    let indices = writer.array(None, rows.indices.iter().map(|row| row.map(VertexId::raw)));
+    let weights = writer.array(None, rows.weights.iter().map(|row| row.map(narrow)));
     RowsExtras { indices: indices.value(), weights: weights.value() }
 }
 
-/// Map positions in the unit square of the image, as they are written.
-fn texture_coordinates(path: &Path, name: &str, map: &MapLevel) -> Result<Vec<[f32; 2]>, IoError> {
-    let MapLevel { uv, frame, .. } = map;
-    let inside = |t: &[f32; 2]| t.iter().all(|x| (0.0..=1.0).contains(x));
-    let texture: Vec<_> = uv.iter().map(|&at| frame.to_texture(at).to_array().map(narrow)).collect();
-    match texture.iter().position(|t| !inside(t)) {
-        None => Ok(texture),
-        Some(v) => {
-            let found = format!("vertex {v} at {} on the map", uv[VertexId::new(v)]);
-            let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
-            Err(unfit(path, name, found, needed))
-        }
-    }
-}
-
-/// Rounding neither turns a triangle of the map over nor takes the area of one on the skin.
+/// Map positions in the unit square of the image, as they are written; else what rounding breaks,
+/// and what is needed instead. It neither turns a triangle of the map over nor takes the area of one
+/// on the skin.
 ///
 /// A triangle that the map itself turns over, as a linear map may, is written as it is.
-fn check_faces(path: &Path, name: &str, map: &MapLevel, texture: &[[f32; 2]]) -> Result<(), IoError> {
+fn texture_coordinates(map: &MapLevel) -> Result<Vec<[f32; 2]>, (String, String)> {
     let MapLevel { level: Level { mesh, .. }, uv, frame, .. } = map;
+    let texture: Vec<_> = uv.iter().map(|&at| frame.to_texture(at).to_array().map(narrow)).collect();
+    if let Some(v) = texture.iter().position(|t| !t.iter().all(|x| (0.0..=1.0).contains(x))) {
+        let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
+        return Err((format!("vertex {v} at {} on the map", uv[VertexId::new(v)]), needed));
+    }
     for (face, corners) in mesh.triangles.enumerate() {
         let [a, b, c] =
             corners.map(|v| frame.map_position(DVec2::from_array(texture[v.index()].map(f64::from))));
         let exact = corners.map(|v| uv[v]);
         let flat = FlatTriangle::new(corners.map(|v| mesh.positions[v].as_vec3().as_dvec3()));
-        let refuse = |found: String, needed: &str| Err(unfit(path, name, found, needed));
         // As readers will compute it; a triangle without area on the skin has none.
         let shape = (flat.area() > 0.0).then(|| flat.jacobian([a, b, c]).determinant());
         if shape.is_none() && mesh.face_area(face) > 0.0 {
+            let needed = "an area above 0: f32 keeps seven digits, so the link's frame must be near";
             let found = format!("face {face} without area after rounding its positions to f32");
-            return refuse(
-                found,
-                "an area above 0: f32 keeps seven digits, so the link's frame must be near",
-            );
+            return Err((found, needed.into()));
         }
         let area = (b - a).perp_dot(c - a) / 2.0;
         let is_upright = (exact[1] - exact[0]).perp_dot(exact[2] - exact[0]) > 0.0;
         if is_upright && !(area > 0.0 && shape.is_none_or(|d| d > 0.0)) {
             let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
-            return refuse(found, "a positive area: no sliver, and an image not much larger than the map");
+            let needed = "a positive area: no sliver, and an image not much larger than the map";
+            return Err((found, needed.into()));
         }
     }
-    Ok(())
+    Ok(texture)
 }

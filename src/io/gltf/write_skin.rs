@@ -7,6 +7,7 @@ use glam::DVec3;
 use gltf::json::{
     Index, Mesh, Node,
     accessor::Accessor,
+    buffer::Target,
     mesh::{Mode, Primitive, Semantic},
     validation::Checked,
 };
@@ -16,13 +17,10 @@ use crate::{
     io::{
         IoError,
         file::{kind, unfit},
-        gltf::{
-            write_links::add_scene,
-            writer::{Form, SceneWriter, Stored, narrow},
-        },
+        gltf::writer::{Form, SceneWriter, Stored, narrow},
     },
     mesh::TriMesh,
-    skin::{Covariance, Patch, Skin, TaxelId, Taxels},
+    skin::{Covariance, Skin, TaxelId, Taxels},
 };
 
 /// Writes a skin as one file, binary or, if it ends in `gltf`, text with the arrays in a data URI: a
@@ -36,31 +34,21 @@ pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
     if skin.patches.is_empty() {
         return Err(unfit(path, "the skin", "no patch", "at least one"));
     }
-    let mut writer = SceneWriter::new();
+    let mut writer = SceneWriter::new(path);
     let mut nodes = Vec::new();
     for patch in &skin.patches {
-        let mesh = add_patch(path, &mut writer, patch)?;
-        nodes.push((patch.link, node(patch.name.clone(), mesh)));
+        let mut sheet = SheetWriter::new(&mut writer, format!("patch {:?}", patch.name), &patch.mesh)?;
+        sheet.taxels(&patch.taxels, patch.mesh.positions.len())?;
+        let mesh = mesh(patch.name.clone(), sheet.finish());
+        nodes.push((patch.link, node(patch.name.clone(), writer.root.push(mesh))));
     }
-    let all = skin.links.map(|_| true);
-    add_scene(path, &mut writer, None, &skin.links, &all, nodes)?;
-    writer.root.scene = Some(Index::new(0));
-    writer.finish(path, if kind(path) == "gltf" { Form::Text } else { Form::Glb })
+    writer.add_scene(None, &skin.links, &skin.links.map(|_| true), nodes)?;
+    writer.finish(if kind(path) == "gltf" { Form::Text } else { Form::Glb })
 }
 
 /// A node that only carries a mesh.
 pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
     Node { name: Some(name), mesh: Some(mesh), ..Node::default() }
-}
-
-fn add_patch(path: &Path, writer: &mut SceneWriter, patch: &Patch) -> Result<Index<Mesh>, IoError> {
-    let name = format!("patch {:?}", patch.name);
-    let checked = patch.taxels.validate(patch.mesh.positions.len());
-    checked.map_err(|e| unfit(path, &name, e.to_string(), "one valid entry per vertex"))?;
-    let mut sheet = SheetWriter::new(path, name, writer, &patch.mesh)?;
-    sheet.taxels(&patch.taxels)?;
-    let primitive = sheet.finish();
-    Ok(writer.root.push(mesh(patch.name.clone(), primitive)))
 }
 
 /// A mesh of one primitive.
@@ -69,36 +57,35 @@ pub(super) fn mesh(name: String, primitive: Primitive) -> Mesh {
 }
 
 /// Writes the arrays of one mesh, each checked for what `f32` and glTF cannot hold.
-pub(super) struct SheetWriter<'a> {
-    path: &'a Path,
+pub(super) struct SheetWriter<'a, 'p> {
+    writer: &'a mut SceneWriter<'p>,
     /// What it is called in errors.
     name: String,
-    writer: &'a mut SceneWriter,
     attributes: BTreeMap<Checked<Semantic>, Index<Accessor>>,
     corners: Index<Accessor>,
 }
 
-impl<'a> SheetWriter<'a> {
+impl<'a, 'p> SheetWriter<'a, 'p> {
     /// Positions and triangles.
     pub(super) fn new(
-        path: &'a Path,
+        writer: &'a mut SceneWriter<'p>,
         name: String,
-        writer: &'a mut SceneWriter,
         mesh: &TriMesh,
     ) -> Result<Self, IoError> {
-        mesh.validate().map_err(|e| unfit(path, &name, e.to_string(), "a mesh of finite triangles"))?;
+        mesh.validate().map_err(|e| writer.unfit(&name, e.to_string(), "a mesh of finite triangles"))?;
         if mesh.triangles.is_empty() {
-            return Err(unfit(path, name, "no triangles", "at least one"));
+            return Err(writer.unfit(name, "no triangles", "at least one"));
         }
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array().map(narrow)).collect();
         if let Some(v) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             let found = format!("vertex {v} at {}", mesh.positions[VertexId::new(v)]);
-            return Err(unfit(path, name, found, "a place that f32 can hold"));
+            return Err(writer.unfit(name, found, "a place that f32 can hold"));
         }
         let position = writer.positions(&positions);
-        let corners = writer.corners(mesh.triangles.iter().map(|t| t.map(VertexId::raw)));
+        let corners = mesh.triangles.as_slice().as_flattened().iter().map(|v| [v.raw()]);
+        let corners = writer.array(Some(Target::ElementArrayBuffer), corners);
         let attributes = BTreeMap::from([(Checked::Valid(Semantic::Positions), position)]);
-        Ok(Self { path, name, writer, attributes, corners })
+        Ok(Self { writer, name, attributes, corners })
     }
 
     /// Adds an attribute; `name` with its underscore, or one of glTF's own.
@@ -113,13 +100,20 @@ impl<'a> SheetWriter<'a> {
             "TEXCOORD_0" => Semantic::TexCoords(0),
             _ => Semantic::Extras(name.trim_start_matches('_').into()),
         };
-        self.attributes.insert(Checked::Valid(semantic), self.writer.attribute(rows));
+        let rows = self.writer.array(Some(Target::ArrayBuffer), rows);
+        self.attributes.insert(Checked::Valid(semantic), rows);
     }
 
-    /// All that is known of taxels, which are valid.
-    pub(super) fn taxels(&mut self, taxels: &Taxels) -> Result<(), IoError> {
+    /// All that is known of taxels, one per vertex.
+    pub(super) fn taxels(&mut self, taxels: &Taxels, vertices: usize) -> Result<(), IoError> {
+        taxels.validate(vertices).map_err(|e| self.unfit(e.to_string(), "one valid taxel per vertex"))?;
         self.frames(&taxels.normals, taxels.tangents.as_ref());
-        self.ids(&taxels.ids);
+        // Vendor ids, low half first.
+        let halves = |id: &TaxelId| {
+            let [a, b, c, d] = id.0.to_le_bytes();
+            [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
+        };
+        self.insert("_TAXEL_ID", taxels.ids.iter().map(halves));
         self.positive("_AREA", &taxels.areas)?;
         if let Some(densities) = &taxels.densities {
             self.positive("_DENSITY", densities)?;
@@ -138,15 +132,6 @@ impl<'a> SheetWriter<'a> {
         if let Some(tangents) = tangents {
             self.insert("TANGENT", tangents.iter().map(|t| t.extend(1.0).to_array().map(narrow)));
         }
-    }
-
-    /// Vendor ids, low half first.
-    fn ids(&mut self, ids: &IdVec<VertexId, TaxelId>) {
-        let halves = |id: &TaxelId| {
-            let [a, b, c, d] = id.0.to_le_bytes();
-            [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
-        };
-        self.insert("_TAXEL_ID", ids.iter().map(halves));
     }
 
     /// A positive scalar.
@@ -171,8 +156,8 @@ impl<'a> SheetWriter<'a> {
         Ok(())
     }
 
-    fn unfit(&self, found: String, needed: &str) -> IoError {
-        unfit(self.path, &self.name, found, needed)
+    pub(super) fn unfit(&self, found: String, needed: &str) -> IoError {
+        self.writer.unfit(&self.name, found, needed)
     }
 
     /// The primitive of everything inserted.

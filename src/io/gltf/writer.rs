@@ -1,26 +1,30 @@
-//! A glTF document that grows object by object, and its file.
+//! A glTF document that grows object by object, its links, and its file.
 
-use std::{
-    io::{self, Write as _},
-    mem,
-    path::Path,
-};
+use std::{io, io::Write as _, mem, path::Path};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
+use glam::DQuat;
 use gltf::{
     binary::{Glb, Header},
     json::{
-        self, Index, Root, Value,
+        self, Index, Node, Root, Scene, Value,
         accessor::{Accessor, ComponentType, GenericComponentType, Type},
-        buffer::{self, Buffer, Stride, View},
+        buffer::{Buffer, Stride, Target, View},
         extras::{Extras, RawValue},
+        scene::UnitQuaternion,
         validation::{Checked, USize64},
     },
 };
 
-use crate::io::{
-    IoError,
-    file::{replace_file, unfit},
+use crate::{
+    id::IdVec,
+    io::{
+        IoError,
+        file::{cannot_write, unfit, write_file},
+        gltf::nodes::RIGID,
+    },
+    mesh::rotation_defect,
+    skin::{Link, LinkId},
 };
 
 /// Which of the two forms of glTF a file has.
@@ -39,67 +43,49 @@ pub(super) trait Stored: Copy {
 }
 
 macro_rules! stored {
-    ($type:ty, $component:ident) => {
-        impl Stored for $type {
+    ($($type:ty, $component:ident;)+) => {
+        $(impl Stored for $type {
             const TYPE: ComponentType = ComponentType::$component;
             #[inline]
             fn put(self, bytes: &mut Vec<u8>) {
                 bytes.extend_from_slice(&self.to_le_bytes());
             }
-        }
+        })+
     };
 }
 
-stored!(u8, U8);
-stored!(u16, U16);
-stored!(u32, U32);
-stored!(f32, F32);
+stored!(u8, U8; u16, U16; u32, U32; f32, F32;);
 
 /// A document that grows object by object, each array in a view of its own.
-#[derive(Debug)]
-pub(super) struct SceneWriter {
+pub(super) struct SceneWriter<'p> {
+    path: &'p Path,
     pub(super) root: Root,
     bytes: Vec<u8>,
 }
 
-impl SceneWriter {
-    /// An empty document.
-    pub(super) fn new() -> Self {
+impl<'p> SceneWriter<'p> {
+    pub(super) fn new(path: &'p Path) -> Self {
         let mut root = Root::default();
         root.asset.generator = Some(format!("dermatome {}", env!("CARGO_PKG_VERSION")));
-        Self { root, bytes: Vec::new() }
+        Self { path, root, bytes: Vec::new() }
     }
 
-    /// One row per vertex; rows start at multiples of four bytes, as glTF wants it.
-    pub(super) fn attribute<S: Stored, const N: usize>(
+    /// An error about something that glTF cannot hold.
+    pub(super) fn unfit(
+        &self,
+        element: impl Into<String>,
+        found: impl Into<String>,
+        needed: impl Into<String>,
+    ) -> IoError {
+        unfit(self.path, element, found, needed)
+    }
+
+    /// Adds rows for vertices, for triangles, or without a target for readers of `extras`. Rows of
+    /// vertices start at multiples of four bytes, as glTF wants it.
+    pub(super) fn array<S: Stored, const N: usize>(
         &mut self,
+        target: Option<Target>,
         rows: impl ExactSizeIterator<Item = [S; N]>,
-    ) -> Index<Accessor> {
-        self.array(rows, Some(buffer::Target::ArrayBuffer))
-    }
-
-    /// Corners of triangles.
-    pub(super) fn corners(&mut self, triangles: impl ExactSizeIterator<Item = [u32; 3]>) -> Index<Accessor> {
-        let count = 3 * triangles.len();
-        let accessor = self.array(triangles, Some(buffer::Target::ElementArrayBuffer));
-        let json = &mut self.root.accessors[accessor.value()];
-        json.count = USize64::from(count);
-        json.type_ = Checked::Valid(Type::Scalar);
-        accessor
-    }
-
-    /// Rows for readers of `extras`.
-    pub(super) fn plain<S: Stored, const N: usize>(
-        &mut self,
-        rows: impl ExactSizeIterator<Item = [S; N]>,
-    ) -> Index<Accessor> {
-        self.array(rows, None)
-    }
-
-    fn array<S: Stored, const N: usize>(
-        &mut self,
-        rows: impl ExactSizeIterator<Item = [S; N]>,
-        target: Option<buffer::Target>,
     ) -> Index<Accessor> {
         const PADDING: [u8; 4] = [0; 4];
         let size = N * size_of::<S>();
@@ -147,54 +133,109 @@ impl SceneWriter {
                 bounds[1][k] = bounds[1][k].max(p[k]);
             }
         }
-        let accessor = self.attribute(positions.iter().copied());
+        let accessor = self.array(Some(Target::ArrayBuffer), positions.iter().copied());
         let [min, max] = bounds.map(|b| Some(Value::from(b.map(f64::from).to_vec())));
         let json = &mut self.root.accessors[accessor.value()];
         (json.min, json.max) = (min, max);
         accessor
     }
 
-    /// Writes the document to `path`, whole or not at all.
-    pub(super) fn finish(mut self, path: &Path, form: Form) -> Result<(), IoError> {
-        let fail = |source| IoError::Write { path: path.into(), source };
+    /// Adds a scene with a node for each link that `wanted` names, and `patches` (links and the nodes
+    /// of what hangs on them) under their links.
+    pub(super) fn add_scene(
+        &mut self,
+        name: Option<String>,
+        links: &IdVec<LinkId, Link>,
+        wanted: &IdVec<LinkId, bool>,
+        patches: Vec<(LinkId, Node)>,
+    ) -> Result<(), IoError> {
+        let mut nodes = IdVec::<LinkId, Option<Index<Node>>>::filled(None, links.len());
+        let mut roots = Vec::new();
+        for (link, description) in links.enumerate().filter(|(link, _)| wanted[*link]) {
+            let node = self.node_of(link, description)?;
+            let node = self.root.push(node);
+            nodes[link] = Some(node);
+            match description.parent.and_then(|p| nodes.get(p).copied().flatten()) {
+                Some(parent) => self.adopt(parent, node),
+                None if description.parent.is_some() => {
+                    return Err(self.unfit(
+                        format!("link {link}"),
+                        "a parent after it",
+                        "a parent before it",
+                    ));
+                }
+                None => roots.push(node),
+            }
+        }
+        for (link, patch) in patches {
+            let parent = nodes.get(link).copied().flatten().ok_or_else(|| {
+                let found = "a patch, but no link of this number";
+                self.unfit(format!("link {link}"), found, "one of the skin's links")
+            })?;
+            let node = self.root.push(patch);
+            self.adopt(parent, node);
+        }
+        self.root.push(Scene { extensions: None, extras: None, name, nodes: roots });
+        Ok(())
+    }
+
+    fn adopt(&mut self, parent: Index<Node>, child: Index<Node>) {
+        self.root.nodes[parent.value()].children.get_or_insert_default().push(child);
+    }
+
+    /// The node of a link: name, translation and rotation, each left out where it says nothing.
+    fn node_of(&self, link: LinkId, Link { name, pose, .. }: &Link) -> Result<Node, IoError> {
+        let axes = pose.matrix3;
+        if !pose.is_finite() || rotation_defect(&axes) > RIGID || axes.determinant() < 0.0 {
+            let found = "a pose that is not rigid";
+            return Err(self.unfit(format!("link {link}"), found, "rotation and translation"));
+        }
+        let translation = pose.translation.to_array().map(narrow);
+        let rotation = DQuat::from_mat3(&axes).normalize().to_array().map(narrow);
+        Ok(Node {
+            name: (!name.is_empty()).then(|| name.clone()),
+            translation: (translation != [0.0; 3]).then_some(translation),
+            rotation: (rotation != [0.0, 0.0, 0.0, 1.0]).then_some(UnitQuaternion(rotation)),
+            ..Node::default()
+        })
+    }
+
+    /// `{"dermatome": content}` as the extras of an object.
+    pub(super) fn extras(&self, content: &impl serde::Serialize) -> Result<Extras, IoError> {
+        let text = serde_json::to_string(content).map(|text| format!("{{\"dermatome\":{text}}}"));
+        let raw = text.and_then(RawValue::from_string);
+        raw.map(Some).map_err(|e| cannot_write(self.path)(e.into()))
+    }
+
+    /// Writes the document, whole or not at all. Scene 0 is the default.
+    pub(super) fn finish(mut self, form: Form) -> Result<(), IoError> {
+        self.root.scene = Some(Index::new(0));
         let bytes = mem::take(&mut self.bytes);
         let uri = match form {
             Form::Glb => None,
             Form::Text => Some(format!("data:application/octet-stream;base64,{}", STANDARD.encode(&bytes))),
         };
-        self.root.push(Buffer {
-            byte_length: USize64::from(bytes.len()),
-            name: None,
-            uri,
-            extensions: None,
-            extras: None,
-        });
-        let mut text = json::serialize::to_vec(&self.root).map_err(|e| fail(e.into()))?;
-        if form == Form::Text {
-            text.push(b'\n');
-            return replace_file(path, |file| file.write_all(&text).map_err(fail));
-        }
+        let byte_length = USize64::from(bytes.len());
+        self.root.push(Buffer { byte_length, name: None, uri, extensions: None, extras: None });
+        let text = json::serialize::to_vec(&self.root).map_err(|e| cannot_write(self.path)(e.into()))?;
         // The crate lets the length of a larger file wrap around.
         let length = 12 + 8 + text.len() + 8 + bytes.len();
-        if u32::try_from(length + 4).is_err() {
-            return Err(unfit(path, "the document", format!("{length} bytes"), "less than 4 GiB in a GLB"));
+        if form == Form::Glb && u32::try_from(length + 4).is_err() {
+            return Err(self.unfit("the document", format!("{length} bytes"), "less than 4 GiB in a GLB"));
         }
-        let header = Header { magic: *b"glTF", version: 2, length: 0 };
-        let glb = Glb { header, json: text.into(), bin: Some(bytes.into()) };
-        replace_file(path, |file| {
+        write_file(self.path, |file| {
+            if form == Form::Text {
+                file.write_all(&text)?;
+                return file.write_all(b"\n");
+            }
+            let header = Header { magic: *b"glTF", version: 2, length: 0 };
+            let glb = Glb { header, json: text.into(), bin: Some(bytes.into()) };
             glb.to_writer(file).map_err(|e| match e {
-                gltf::Error::Io(source) => fail(source),
-                other => fail(io::Error::other(other)),
+                gltf::Error::Io(source) => source,
+                other => io::Error::other(other),
             })
         })
     }
-}
-
-/// `{"dermatome": content}` as the extras of an object.
-pub(super) fn extras(path: &Path, content: &impl serde::Serialize) -> Result<Extras, IoError> {
-    let fail = |e: serde_json::Error| IoError::Write { path: path.into(), source: e.into() };
-    let text = serde_json::to_string(content).map_err(fail)?;
-    Ok(Some(RawValue::from_string(format!("{{\"dermatome\":{text}}}")).map_err(fail)?))
 }
 
 /// The nearest `f32`: glTF stores no wider floats.

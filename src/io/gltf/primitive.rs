@@ -1,4 +1,4 @@
-//! The rules of glTF 2.0 for the vertex attributes of a primitive.
+//! A primitive: its vertex attributes, by the rules of glTF 2.0, and its triangles or points.
 //!
 //! A new attribute needs a line in [`check_format`], one where skins or maps are read, and one in
 //! `SheetWriter`.
@@ -10,7 +10,7 @@ use gltf::{
     accessor::{DataType, Dimensions},
     json::{
         Mesh, Value,
-        mesh::{Primitive, Semantic},
+        mesh::{Mode, Primitive, Semantic},
         validation::Checked,
     },
 };
@@ -28,6 +28,25 @@ use crate::io::{
 /// Largest deviation of a normal or tangent from unit length; the Khronos validator's, made for normals of
 /// 8-bit integers.
 const UNIT_NORMAL: f64 = 0.00674;
+
+/// What a primitive is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    Points,
+    Lines,
+    Triangles,
+}
+
+impl Shape {
+    pub(super) fn of(primitive: &Primitive) -> Self {
+        use Mode::{Points, TriangleFan, TriangleStrip, Triangles};
+        match primitive.mode {
+            Checked::Valid(Points) => Self::Points,
+            Checked::Valid(Triangles | TriangleStrip | TriangleFan) => Self::Triangles,
+            _ => Self::Lines,
+        }
+    }
+}
 
 /// The checked attributes of a primitive, by name; all of one length.
 pub(super) struct Attributes<'a> {
@@ -202,6 +221,55 @@ impl<'a> Attributes<'a> {
     }
 }
 
+impl Attributes<'_> {
+    /// The triangles of the primitive, counter-clockwise. Corners that do not fill a triangle at the
+    /// end are left out, as every viewer does; so are triangles of a strip or fan that only turn a
+    /// corner.
+    pub(super) fn triangles(&self, primitive: &Primitive) -> Result<Vec<[u32; 3]>, IoError> {
+        let corners = self.points(primitive)?;
+        let is_list = primitive.mode == Checked::Valid(Mode::Triangles);
+        self.document.reserve(&self.element, corners.len(), if is_list { 4 } else { 12 })?;
+        let is_proper = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+        Ok(match primitive.mode {
+            _ if is_list => corners.as_chunks::<3>().0.to_vec(),
+            Checked::Valid(Mode::TriangleStrip) => {
+                let turned = |(i, w): (usize, &[u32])| {
+                    if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }
+                };
+                corners.windows(3).enumerate().map(turned).filter(is_proper).collect()
+            }
+            _ => {
+                let hub = corners.first().copied().unwrap_or_default();
+                corners.windows(2).skip(1).map(|w| [hub, w[0], w[1]]).filter(is_proper).collect()
+            }
+        })
+    }
+
+    /// The vertices that a primitive shows, which exist: those of its indices, else all. The largest
+    /// number of a type would restart a strip, which glTF forbids.
+    pub(super) fn points(&self, primitive: &Primitive) -> Result<Vec<u32>, IoError> {
+        let Some(index) = primitive.indices else {
+            self.document.reserve(&self.element, self.count, 4)?;
+            return Ok((0..u32::try_from(self.count).unwrap_or(u32::MAX)).collect());
+        };
+        let asked_by = format!("{} indices", self.element);
+        let accessor = self.document.accessor(index.value(), Role::Index, &asked_by)?;
+        let corners = accessor.integers::<1>()?.into_flattened();
+        let restart = u32::MAX >> (32 - 8 * accessor.gltf.size().min(4));
+        let largest = corners.iter().copied().max().unwrap_or_default();
+        if largest != restart && (largest as usize) < self.count {
+            return Ok(corners);
+        }
+        let at = corners.iter().position(|&c| c == largest).unwrap_or_default();
+        let needed = if largest as usize >= self.count {
+            format!("less than {}, the number of vertices", self.count)
+        } else {
+            "no primitive restart: a wider type of index".into()
+        };
+        Err(accessor.invalid(format!("index {largest} at place {at}"), needed))
+    }
+}
+
 /// Morph targets of one mesh are as many in every primitive, and have no effect: their shapes are
 /// not read.
 pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<(), IoError> {
@@ -244,25 +312,19 @@ fn check_format(name: &str, accessor: &gltf::Accessor<'_>, quantized: bool) -> R
     let is_signed = quantized && matches!(component, I8 | I16) && normalized;
     let is_unsigned = matches!(component, U8 | U16);
     let is_fraction = is_float || is_unsigned && normalized;
-    let (fits, needed) = match numbered(name).map_or(name, |(base, _)| base) {
-        "POSITION" => {
-            (kind == Vec3 && (is_float || is_small), "VEC3 of floats (integers with KHR_mesh_quantization)")
+    let (kinds, fits, needed): (&[_], _, _) = match numbered(name).map_or(name, |(base, _)| base) {
+        "POSITION" => (&[Vec3], is_float || is_small, "VEC3 of floats (integers with KHR_mesh_quantization)"),
+        "NORMAL" => (&[Vec3], is_float || is_signed, "VEC3 of floats"),
+        "TANGENT" => (&[Vec4], is_float || is_signed, "VEC4 of floats"),
+        "TEXCOORD" => (&[Vec2], is_fraction || is_small, "VEC2 of floats or normalized unsigned integers"),
+        "COLOR" => (&[Vec3, Vec4], is_fraction, "VEC3 or VEC4 of floats or normalized unsigned integers"),
+        "JOINTS" => (&[Vec4], is_unsigned && !normalized, "VEC4 of unsigned integers"),
+        "WEIGHTS" => (&[Vec4], is_fraction, "VEC4 of floats or normalized unsigned integers"),
+        _ => {
+            let needed =
+                "no 32-bit integers in vertex attributes: u8, u16, floats, or VEC2 of u16 (low, high)";
+            return if component == U32 { Err(needed) } else { Ok(()) };
         }
-        "NORMAL" => (kind == Vec3 && (is_float || is_signed), "VEC3 of floats"),
-        "TANGENT" => (kind == Vec4 && (is_float || is_signed), "VEC4 of floats"),
-        "TEXCOORD" => {
-            (kind == Vec2 && (is_fraction || is_small), "VEC2 of floats or normalized unsigned integers")
-        }
-        "COLOR" => (
-            matches!(kind, Vec3 | Vec4) && is_fraction,
-            "VEC3 or VEC4 of floats or normalized unsigned integers",
-        ),
-        "JOINTS" => (kind == Vec4 && is_unsigned && !normalized, "VEC4 of unsigned integers"),
-        "WEIGHTS" => (kind == Vec4 && is_fraction, "VEC4 of floats or normalized unsigned integers"),
-        _ => (
-            component != U32,
-            "no 32-bit integers in vertex attributes: u8, u16, floats, or VEC2 of u16 (low, high)",
-        ),
     };
-    if fits { Ok(()) } else { Err(needed) }
+    if fits && kinds.contains(&kind) { Ok(()) } else { Err(needed) }
 }
