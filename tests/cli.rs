@@ -304,6 +304,20 @@ fn a_long_name_is_cut_in_tables() {
 }
 
 #[test]
+fn a_compressed_file_is_refused_with_the_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("small.gltf");
+    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
+        let text = format!(
+            r#"{{"asset":{{"version":"2.0"}},"extensionsUsed":["{name}"],"extensionsRequired":["{name}"]}}"#
+        );
+        fs::write(&path, text).unwrap();
+        let run = dermatome().arg("info").arg(&path).assert().code(2);
+        run.stderr(contains(name).and(contains("gltf-transform")));
+    }
+}
+
+#[test]
 fn a_skin_too_far_away_for_f32_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("far.ply");

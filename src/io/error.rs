@@ -56,17 +56,15 @@ pub enum IoError {
         /// What is needed instead.
         needed: String,
     },
-    /// The file uses something that is valid but not read, or not written, here.
+    /// The file uses something that is valid but not read here.
     #[error("{}: {element} uses {feature}, which is not supported", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
         /// Which element of the file.
         element: String,
-        /// What it uses.
+        /// What it uses: a glTF extension by its name, anything else in words.
         feature: String,
-        /// How to do without it in the program that made the file, as a sentence.
-        remedy: &'static str,
     },
     /// The file is not a map; it may be a skin.
     #[error("{}: found no mesh with extras.dermatome; needed: a map, as dermatome writes it", path.display())]

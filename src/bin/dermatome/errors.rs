@@ -249,11 +249,25 @@ fn plot_help(error: &PlotError) -> String {
     help.into()
 }
 
+/// How to do without a glTF extension, which has a name, or without anything else that is not read.
+fn unsupported_help(feature: &str) -> &'static str {
+    match feature {
+        "KHR_draco_mesh_compression" => "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`",
+        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`, or `gltfpack -noq -i IN.glb -o OUT.glb`"
+        }
+        _ => {
+            "export the file again without it: triangles with positions, morph targets applied, as glTF 2.0 with \
+             its buffers"
+        }
+    }
+}
+
 fn io_help(error: &IoError) -> String {
     match error {
         IoError::Read { .. } => "check that the file exists and may be read".into(),
         IoError::Write { .. } => "check that the folder exists, may be written to and has space".into(),
-        IoError::Unsupported { remedy, .. } => (*remedy).into(),
+        IoError::Unsupported { feature, .. } => unsupported_help(feature).into(),
         IoError::Unfit { .. } => "correct what is to be written, or choose a format that can hold it".into(),
         IoError::NoMap { .. } => BUILD_AGAIN.into(),
         IoError::UnknownKind { known, .. } => format!("name a file that ends in one of: {known}"),

@@ -30,12 +30,10 @@ pub(crate) struct LineLocation<'a> {
 }
 
 impl LineLocation<'_> {
-    /// An error about the line.
     pub(crate) fn invalid(&self, found: impl Into<String>, needed: impl Into<String>) -> IoError {
         invalid(self.path, format!("line {}", self.line), found, needed)
     }
 
-    /// An error about a part of the line.
     pub(crate) fn invalid_part(
         &self,
         part: impl Display,
@@ -45,25 +43,21 @@ impl LineLocation<'_> {
         invalid(self.path, format!("line {}, {part}", self.line), found, needed)
     }
 
-    /// A finite number.
     pub(crate) fn number(&self, word: &str) -> Result<f64, IoError> {
         finite(word).ok_or_else(|| self.invalid(excerpt(word), "a finite number"))
     }
 
-    /// The number of a taxel.
     pub(crate) fn taxel(&self, word: &str) -> Result<TaxelId, IoError> {
         let needed = "the number of a taxel, 0 to 4294967295";
         word.parse().map(TaxelId).map_err(|_| self.invalid(excerpt(word), needed))
     }
 }
 
-/// A finite number, if the word is one.
 pub(crate) fn finite(word: &str) -> Option<f64> {
     word.parse().ok().filter(|x: &f64| x.is_finite())
 }
 
 impl Source {
-    /// The lines of a text, each with where it is.
     pub(crate) fn lines(&self) -> Result<impl Iterator<Item = (LineLocation<'_>, &str)>, IoError> {
         let at = |line| LineLocation { path: self.path(), line };
         Ok(self.text()?.lines().zip(1..).map(move |(text, line)| (at(line), text)))
@@ -111,7 +105,6 @@ impl<R: BufRead> Lines<R> {
         Ok(Some((text.trim(), at)))
     }
 
-    /// Goes on to the next line.
     pub(crate) fn advance(&mut self) -> Result<(), IoError> {
         self.step().map_err(|source| match source.kind() {
             io::ErrorKind::InvalidData => self.at().invalid(source.to_string(), "a line of text"),

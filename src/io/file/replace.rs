@@ -40,7 +40,6 @@ pub(crate) fn write_file(
     replace_file(path, |file| write(file).map_err(cannot_write(path)))
 }
 
-/// What the system said of writing `path`.
 pub(crate) fn cannot_write(path: &Path) -> impl Fn(io::Error) -> IoError + '_ {
     |source| IoError::Write { path: path.into(), source }
 }
@@ -80,7 +79,6 @@ impl Replacement {
         Ok(Self { path: path.into(), target, file })
     }
 
-    /// The file to write to.
     pub(crate) fn file(&self) -> &File {
         match &self.file {
             Unpublished::Temporary(file) => file.as_file(),

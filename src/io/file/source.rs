@@ -74,7 +74,6 @@ impl Source {
         stem(&self.path)
     }
 
-    /// An error about one element of this file.
     pub(crate) fn invalid(
         &self,
         element: impl Into<String>,
@@ -84,14 +83,8 @@ impl Source {
         invalid(&self.path, element, found, needed)
     }
 
-    /// An error about an element that is valid but not read here.
-    pub(crate) fn unsupported(
-        &self,
-        element: impl Into<String>,
-        feature: impl Into<String>,
-        remedy: &'static str,
-    ) -> IoError {
-        unsupported(&self.path, element, feature, remedy)
+    pub(crate) fn unsupported(&self, element: impl Into<String>, feature: impl Into<String>) -> IoError {
+        IoError::Unsupported { path: self.path.clone(), element: element.into(), feature: feature.into() }
     }
 }
 
@@ -100,12 +93,10 @@ pub(crate) fn kind(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
-/// The name of a file without folder and extension.
 pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// An error about one element of the file `path`.
 pub(crate) fn invalid(
     path: &Path,
     element: impl Into<String>,
@@ -128,16 +119,6 @@ pub(crate) fn unfit(
     needed: impl Into<String>,
 ) -> IoError {
     IoError::Unfit { path: path.into(), element: element.into(), found: found.into(), needed: needed.into() }
-}
-
-/// An error about something valid that is not read, or not written, in this format.
-pub(crate) fn unsupported(
-    path: &Path,
-    element: impl Into<String>,
-    feature: impl Into<String>,
-    remedy: &'static str,
-) -> IoError {
-    IoError::Unsupported { path: path.into(), element: element.into(), feature: feature.into(), remedy }
 }
 
 /// A piece of a file as an error repeats it: on one line, and not too long.

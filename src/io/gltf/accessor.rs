@@ -65,7 +65,6 @@ impl Document {
 
 /// Rows of components in a view, from an offset on.
 struct Rows<'a> {
-    /// What they are called in errors.
     element: String,
     view: View<'a>,
     offset: usize,
@@ -76,7 +75,6 @@ struct Rows<'a> {
 }
 
 impl<'a> Accessor<'a> {
-    /// What it is called in errors.
     pub(super) fn name(&self) -> String {
         format!("accessor {}", self.gltf.index())
     }

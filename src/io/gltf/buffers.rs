@@ -28,8 +28,7 @@ impl Document {
                 return Err(self.invalid(element, "no uri and no binary chunk", "one of them"));
             }
             (None, _) => {
-                let remedy = "give the buffer a uri, or export the file as .glb";
-                return Err(self.unsupported(element, "bytes from elsewhere, without a uri", remedy));
+                return Err(self.unsupported(element, "bytes from elsewhere, without a uri"));
             }
             (Some(uri), _) => {
                 let slot = &self.loaded[index];
@@ -46,7 +45,6 @@ impl Document {
         })
     }
 
-    /// The bytes a URI stands for.
     fn load(&self, element: &str, uri: &str, length: usize) -> Result<Rc<Vec<u8>>, IoError> {
         let bytes = match uri.strip_prefix("data:") {
             Some(data) => Rc::new(self.decode_data(element, data, length)?),
@@ -64,7 +62,6 @@ impl Document {
         Ok(bytes)
     }
 
-    /// Decodes what follows `data:`.
     fn decode_data(&self, element: &str, data: &str, length: usize) -> Result<Vec<u8>, IoError> {
         const KINDS: [&str; 2] = ["application/octet-stream", "application/gltf-buffer"];
         let shown = |text: &str| format!("data:{}", text.chars().take(40).collect::<String>());

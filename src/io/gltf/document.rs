@@ -51,9 +51,7 @@ pub(super) enum Role {
 pub(super) struct Document {
     source: Source,
     pub(super) gltf: gltf::Document,
-    /// The transform of each node.
     pub(super) transforms: Vec<Transform>,
-    /// The binary chunk of a GLB.
     chunk: Option<Range<usize>>,
     /// Buffers from elsewhere, by number, and the files they come from.
     pub(super) loaded: Vec<OnceCell<Rc<Vec<u8>>>>,
@@ -101,7 +99,6 @@ impl Document {
         self.gltf.as_json()
     }
 
-    /// The binary chunk of a GLB.
     pub(super) fn chunk(&self) -> Option<&[u8]> {
         self.chunk.clone().map(|range| &self.bytes()[range])
     }
@@ -205,7 +202,7 @@ fn check_version(source: &Source, root: &Root) -> Result<(), IoError> {
     match parse(text) {
         Some((2, 0)) => Ok(()),
         Some(least) if least <= version => {
-            Err(source.unsupported("asset.minVersion", format!("glTF {text}"), "export it as glTF 2.0"))
+            Err(source.unsupported("asset.minVersion", format!("glTF {text}")))
         }
         _ => bad("asset.minVersion", text, "no more than asset.version"),
     }
@@ -220,11 +217,8 @@ fn check_extensions(source: &Source, root: &Root) -> Result<bool, IoError> {
         if !used.contains(name) {
             return Err(source.invalid(element, format!("{name:?}"), "the same name in extensionsUsed"));
         }
-        if let Some(remedy) = compression_remedy(name) {
-            return Err(source.unsupported(element, *name, remedy));
-        }
         if !is_harmless(name) {
-            return Err(source.unsupported(element, *name, "export the file without this extension"));
+            return Err(source.unsupported(element, *name));
         }
     }
     if used.contains(QUANTIZATION) && !required.contains(QUANTIZATION) {
@@ -247,17 +241,6 @@ fn names<'a>(source: &Source, element: &str, list: &'a [String]) -> Result<BTree
 pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
 /// Compressed primitives.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
-
-/// How to undo a compression that is not read here.
-pub(super) fn compression_remedy(extension: &str) -> Option<&'static str> {
-    match extension {
-        DRACO => Some("undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`"),
-        "EXT_meshopt_compression" | "KHR_meshopt_compression" => Some(
-            "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`, or `gltfpack -noq -i IN.glb -o OUT.glb`",
-        ),
-        _ => None,
-    }
-}
 
 /// Extensions that change how a surface looks, but not where it is.
 fn is_harmless(extension: &str) -> bool {

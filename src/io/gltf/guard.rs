@@ -56,7 +56,6 @@ enum Rule {
     Word(&'static [&'static str]),
 }
 
-/// Properties of an object, and the rule of each.
 type Rules = &'static [(&'static str, Rule)];
 
 const OF_DOCUMENT: Rules = &[("scene", Rule::Index(SCENES))];
@@ -190,12 +189,10 @@ impl<'a> Guard<'a> {
         elements.into_iter().enumerate().map(read).collect()
     }
 
-    /// A checked object as a type of the crate.
     fn typed<T: DeserializeOwned>(&self, element: &str, json: Value) -> Result<T, IoError> {
         serde_json::from_value(json).map_err(|e| self.source.invalid(element, e.to_string(), NEEDED))
     }
 
-    /// Checks the properties of one object.
     fn check(&self, element: &str, object: &Value, rules: Rules) -> Result<(), IoError> {
         for (key, rule) in rules {
             let Some(value) = object.get(key).filter(|value| !value.is_null()) else { continue };
@@ -224,7 +221,6 @@ impl<'a> Guard<'a> {
         Ok(())
     }
 
-    /// Checks that an index names an element that is there.
     fn check_index(&self, element: &str, value: &Value, (key, name): Array) -> Result<(), IoError> {
         let length = self.lengths.get(key).copied().unwrap_or_default();
         if value.as_u64().is_some_and(|index| index < length as u64) {
@@ -261,7 +257,6 @@ impl<'a> Guard<'a> {
         Ok(())
     }
 
-    /// Names and accessors of attributes.
     fn check_attributes(&self, element: &str, attributes: &Value) -> Result<(), IoError> {
         let Value::Object(attributes) = attributes else {
             return Err(self.source.invalid(element, "attributes that are not an object", NEEDED));
@@ -279,7 +274,6 @@ impl<'a> Guard<'a> {
     }
 }
 
-/// The elements of a list, none without one.
 fn list<'a>(json: &'a Value, key: &str) -> &'a [Value] {
     json.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }

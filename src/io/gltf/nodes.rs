@@ -200,7 +200,6 @@ fn reach(nodes: &[Node], roots: Vec<usize>) -> Vec<bool> {
     reached
 }
 
-/// Checks what a node says of its mesh.
 fn check_meshes(document: &Document) -> Result<(), IoError> {
     for (i, node) in document.root().nodes.iter().enumerate() {
         let refuse = |found: String, needed: &str| Err(document.invalid(format!("node {i}"), found, needed));
@@ -225,7 +224,6 @@ fn check_meshes(document: &Document) -> Result<(), IoError> {
     Ok(())
 }
 
-/// Which nodes belong to the scene.
 fn shown(document: &Document, parents: &[Option<usize>]) -> Result<Vec<bool>, IoError> {
     let root = document.root();
     let mut listed_by = vec![None; root.nodes.len()];

@@ -20,7 +20,7 @@ use crate::io::{
     IoError,
     gltf::{
         accessor::{Accessor, kind_name},
-        document::{DRACO, Document, Role, compression_remedy},
+        document::{DRACO, Document, Role},
         guard::numbered,
     },
 };
@@ -29,7 +29,6 @@ use crate::io::{
 /// 8-bit integers.
 const UNIT_NORMAL: f64 = 0.00674;
 
-/// What a primitive is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
     Points,
@@ -67,8 +66,7 @@ impl<'a> Attributes<'a> {
     ) -> Result<Self, IoError> {
         let element = format!("mesh {mesh} primitive {p}");
         if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
-            let remedy = "give the vertices a POSITION";
-            return Err(document.unsupported(element, "vertices without POSITION", remedy));
+            return Err(document.unsupported(element, "vertices without POSITION"));
         }
         let mut by_name = BTreeMap::new();
         let mut first: Option<(String, usize)> = None;
@@ -96,25 +94,21 @@ impl<'a> Attributes<'a> {
         attributes.check_sets()?;
         let is_compressed = primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO));
         if is_compressed && attributes.by_name["POSITION"].gltf.view().is_none() {
-            let remedy = compression_remedy(DRACO).unwrap_or_default();
-            return Err(document.unsupported(attributes.element, DRACO, remedy));
+            return Err(document.unsupported(attributes.element, DRACO));
         }
         attributes.check_targets(primitive)?;
         Ok(attributes)
     }
 
-    /// The accessor of an attribute, if the primitive has it.
     pub(super) fn get(&self, name: &str) -> Option<&Accessor<'a>> {
         self.by_name.get(name)
     }
 
-    /// The accessor of an attribute that the primitive must have.
     pub(super) fn need(&self, name: &str) -> Result<&Accessor<'a>, IoError> {
         let missing = || self.document.invalid(&self.element, format!("no {name}"), name);
         self.get(name).ok_or_else(missing)
     }
 
-    /// An attribute through `read`, if the primitive has it.
     pub(super) fn read<T>(
         &self,
         name: &str,
@@ -286,13 +280,11 @@ pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Re
         return refuse(found, "one weight per target");
     }
     if weights.iter().any(|&w| w != 0.0) {
-        let remedy = "apply the morph targets, then export the file again";
-        return Err(document.unsupported(format!("mesh {index}"), "morph weights", remedy));
+        return Err(document.unsupported(format!("mesh {index}"), "morph weights"));
     }
     Ok(())
 }
 
-/// The bounds a POSITION accessor must declare.
 fn declared_bounds(accessor: &Accessor<'_>) -> Result<[DVec3; 2], IoError> {
     let bound = |values: Option<Value>| <[f64; 3]>::deserialize(values?).ok().map(DVec3::from_array);
     match (bound(accessor.gltf.min()), bound(accessor.gltf.max())) {

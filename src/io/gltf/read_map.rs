@@ -232,7 +232,6 @@ fn read_frame(extras: &FrameExtras) -> ImageFrame {
     ImageFrame { origin, size, size_px }
 }
 
-/// Reads a prolongation from `coarse_len` vertices.
 fn read_rows(
     document: &Document,
     name: &str,

@@ -105,7 +105,6 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) {
     if whole.is_empty() { *whole = part } else { whole.append(&mut part) }
 }
 
-/// Appends the vertices of a primitive.
 fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) -> Result<(), IoError> {
     append(&mut sheet.positions, attributes.positions()?);
     let join = Join { attributes, first };
@@ -122,7 +121,6 @@ fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) 
     Ok(())
 }
 
-/// How the vertices of one primitive join those before it.
 struct Join<'a> {
     attributes: &'a Attributes<'a>,
     first: bool,
@@ -199,7 +197,6 @@ pub(super) fn read_ids(accessor: &Accessor<'_>) -> Result<Vec<TaxelId>, IoError>
     Ok(ids)
 }
 
-/// What each slot holds.
 pub(super) fn read_presence(accessor: &Accessor<'_>) -> Result<Vec<Presence>, IoError> {
     let refuse = |row: usize, x: f64| {
         let found = format!("_PRESENT {x} in row {row}");

@@ -46,12 +46,10 @@ pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
     writer.finish(if kind(path) == "gltf" { Form::Text } else { Form::Glb })
 }
 
-/// A node that only carries a mesh.
 pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
     Node { name: Some(name), mesh: Some(mesh), ..Node::default() }
 }
 
-/// A mesh of one primitive.
 pub(super) fn mesh(name: String, primitive: Primitive) -> Mesh {
     Mesh { extensions: None, extras: None, name: Some(name), primitives: vec![primitive], weights: None }
 }
@@ -66,7 +64,6 @@ pub(super) struct SheetWriter<'a, 'p> {
 }
 
 impl<'a, 'p> SheetWriter<'a, 'p> {
-    /// Positions and triangles.
     pub(super) fn new(
         writer: &'a mut SceneWriter<'p>,
         name: String,
@@ -160,7 +157,6 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         self.writer.unfit(&self.name, found, needed)
     }
 
-    /// The primitive of everything inserted.
     pub(super) fn finish(self) -> Primitive {
         Primitive {
             attributes: self.attributes,

@@ -70,7 +70,6 @@ impl<'p> SceneWriter<'p> {
         Self { path, root, bytes: Vec::new() }
     }
 
-    /// An error about something that glTF cannot hold.
     pub(super) fn unfit(
         &self,
         element: impl Into<String>,

@@ -155,7 +155,6 @@ impl<'a, I: ImageRows> Part<'a, I> {
         Ok(header)
     }
 
-    /// The rows of one block, compressed.
     fn chunk(&self, index: BlockIndex) -> exr::error::Result<Chunk> {
         let (Vec2(_, top), Vec2(width, count)) = (index.pixel_position, index.pixel_size);
         let row = |y: usize| u32::try_from(y).unwrap_or(u32::MAX);
@@ -192,7 +191,6 @@ impl<'a, I: ImageRows> Part<'a, I> {
     }
 }
 
-/// The JSON text of the attribute [`ATTRIBUTE`].
 #[derive(Serialize)]
 struct Note<'a> {
     version: &'static str,
@@ -200,7 +198,6 @@ struct Note<'a> {
     map: Rectangle,
 }
 
-/// Part of a map, in m.
 #[derive(Serialize)]
 struct Rectangle {
     origin: [f64; 2],

@@ -95,7 +95,6 @@ fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = Stri
     [cut_module, cut_rows, other_length].into_iter().flatten()
 }
 
-/// What stands before the rows.
 #[derive(Debug, Default)]
 struct Header {
     name: Option<String>,
@@ -133,7 +132,6 @@ impl Header {
     }
 }
 
-/// The numbers between brackets.
 fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>, IoError> {
     let list = line.split_once('(').and_then(|(_, rest)| rest.trim().strip_suffix(')'));
     let list = list.ok_or_else(|| at.invalid(excerpt(line), "taxel2Repr ( one number a slot )"))?;
@@ -146,7 +144,6 @@ fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>, IoError
     list.split_whitespace().enumerate().map(parse).collect()
 }
 
-/// The six numbers of a slot.
 fn row(at: LineLocation<'_>, line: &str) -> Result<[f64; ROW], IoError> {
     const NEEDED: &str = "x y z nx ny nz, six finite numbers";
     let number = |word: &str| finite(word).ok_or_else(|| at.invalid(excerpt(word), NEEDED));

@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::{
     io::{
         IoError,
-        file::{LineLocation, Source, excerpt, finite, unsupported, write_file},
+        file::{LineLocation, Source, excerpt, finite, write_file},
     },
     skin::{Draft, Sheet, Skin},
 };
@@ -26,13 +26,11 @@ struct Corner {
     normal: u32,
 }
 
-/// The faces of one object and group.
 struct Group {
     name: String,
     triangles: Vec<[Corner; 3]>,
 }
 
-/// What has been read so far.
 #[derive(Default)]
 struct Reader {
     /// What a group without a name is called.
@@ -74,14 +72,14 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
             whole.push(' ');
             whole.push_str(lines.next().map_or("", |(_, next)| next));
         }
-        reader.statement(at, &line)?;
+        reader.statement(source, at, &line)?;
     }
     reader.check_indices(source)?;
     Ok(Draft { sheets: reader.sheets(), ..Draft::default() })
 }
 
 impl Reader {
-    fn statement(&mut self, at: LineLocation<'_>, text: &str) -> Result<(), IoError> {
+    fn statement(&mut self, source: &Source, at: LineLocation<'_>, text: &str) -> Result<(), IoError> {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         match word {
@@ -98,8 +96,7 @@ impl Reader {
             }
             "g" => self.enter(rest.trim()),
             "curv" | "curv2" | "surf" => {
-                let (feature, remedy) = ("a free-form curve or surface", "export the skin as triangles");
-                return Err(unsupported(at.path, format!("line {}", at.line), feature, remedy));
+                return Err(source.unsupported(format!("line {}", at.line), "a free-form curve or surface"));
             }
             // The format asks readers to pass over statements they do not know.
             _ => {}

@@ -41,7 +41,6 @@ fn companion(path: &Path) -> PathBuf {
     path.with_extension("triangles.csv")
 }
 
-/// Where the columns of the table of taxels are.
 struct ColumnIndices {
     id: Option<usize>,
     position: [usize; 3],

@@ -100,7 +100,6 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
     Ok(sheets)
 }
 
-/// How the lines of a facet begin.
 const FACET_LINES: [&[&str]; 7] = [
     &["facet", "normal"],
     &["outer", "loop"],

@@ -58,7 +58,6 @@ impl ObservationsBuilder {
         Self { path: path.into(), worst: 1.0, ..Self::default() }
     }
 
-    /// One file has one model.
     pub(super) fn set_model(&mut self, model: Model, at: &LineLocation<'_>) -> Result<(), IoError> {
         if self.model_known && self.observations.model != model {
             let needed = format!("{}, as the lines before: one model in a file", self.observations.model);

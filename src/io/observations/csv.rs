@@ -8,7 +8,7 @@ use crate::{
     },
     io::{
         IoError,
-        file::{Lines, excerpt, invalid, unsupported},
+        file::{Lines, excerpt, invalid, unfit},
         observations::{
             builder::{ObservationsBuilder, SIGMA_RANGE, information_of},
             types::ReadObservations,
@@ -56,21 +56,18 @@ fn cell(text: &str) -> &str {
     text.strip_prefix('"').and_then(|t| t.strip_suffix('"')).map_or(text, str::trim)
 }
 
-/// Where the columns of a table are.
 struct ColumnIndices {
     taxel: usize,
     subject: Subject,
     uncertainty: Uncertainty,
 }
 
-/// What the rows observe.
 #[derive(Clone, Copy)]
 enum Subject {
     Displacement { other: usize, offset: [usize; 3] },
     ContactObservation { position: [usize; 3], normal: Option<([usize; 3], Option<usize>)> },
 }
 
-/// How the rows give their uncertainty.
 enum Uncertainty {
     Assumed,
     Sigma(usize),
@@ -179,33 +176,30 @@ fn information(row: Row<'_>, uncertainty: &Uncertainty) -> Result<Information<3>
     })
 }
 
-/// The information of a standard deviation.
 fn of_sigma(row: Row<'_>, column: usize) -> Result<f64, IoError> {
     let needed = || format!("a sigma of {:e} to {:e}", SIGMA_RANGE.start(), SIGMA_RANGE.end());
     information_of(row.number(column)?).ok_or_else(|| row.invalid(column, needed()))
 }
 
-/// Writes displacements, or contacts if there are no displacements.
 pub(super) fn write(observations: &Observations, path: &Path) -> Result<(), IoError> {
     let Observations { taxels, edges, contacts, .. } = observations;
     if edges.is_empty() && !contacts.is_empty() {
         return write_contacts(observations, path);
     }
-    let unfit = |element: String, feature: &str, remedy| unsupported(path, element, feature, remedy);
     if let Some(contact) = contacts.iter().next() {
         let element = format!("taxel {}", taxels[contact.taxel].id);
-        let remedy = "write a .g2o file, or the contacts to a table of their own";
-        return Err(unfit(element, "a contact among displacements", remedy));
+        let needed = "a g2o file, or a table of its own for contacts";
+        return Err(unfit(path, element, "a contact among displacements", needed));
     }
     if let Some(fixed) = taxels.iter().find(|t| t.fixed) {
-        return Err(unfit(format!("taxel {}", fixed.id), "a fixed place", "write a .g2o file"));
+        return Err(unfit(path, format!("taxel {}", fixed.id), "a fixed place", "a g2o file"));
     }
     let header: Vec<&str> = ["i", "j"].into_iter().chain(OFFSET).chain(INFORMATION).collect();
     let mut rows = edges.iter().map(|edge| {
         let ids = [edge.from, edge.to].map(|v| taxels[v].id);
         let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else {
             let element = format!("edge {} to {}", ids[0], ids[1]);
-            return Err(unfit(element, "a rotation", "write a .g2o file"));
+            return Err(unfit(path, element, "a rotation", "a g2o file"));
         };
         Ok(labelled(ids, offset.to_array().into_iter().chain(information.upper())))
     });
@@ -221,18 +215,17 @@ fn write_contacts(observations: &Observations, path: &Path) -> Result<(), IoErro
     let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied()).chain(INFORMATION);
     let mut rows = observations.contacts.iter().map(|contact| {
         let id = observations.taxels[contact.taxel].id;
-        let unfit = |feature: &str, remedy| {
-            Err(unsupported(path, format!("the contact of taxel {id}"), feature, remedy))
-        };
+        let refuse =
+            |found: &str, needed| Err(unfit(path, format!("the contact of taxel {id}"), found, needed));
         let (position, information, normal) = match &contact.measurement {
             ContactMeasurement::Position { .. } if with_normals => {
-                return unfit("no normal, as others do", "give all contacts a normal, or none");
+                return refuse("no normal", "a normal of every contact, or of none");
             }
             ContactMeasurement::Position { position, information } => (position, information, None),
             ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
                 (position, information, Some((normal, normal_information)))
             }
-            ContactMeasurement::Pose { .. } => return unfit("a full pose", "write a .g2o file"),
+            ContactMeasurement::Pose { .. } => return refuse("a full pose", "a g2o file"),
         };
         let normal = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
         let normal = normal.into_iter().flatten();

@@ -16,7 +16,7 @@ use crate::{
     },
     io::{
         IoError,
-        file::{LineLocation, Lines, unsupported},
+        file::{LineLocation, Lines, unfit},
         observations::{builder::ObservationsBuilder, types::ReadObservations},
     },
     skin::TaxelId,
@@ -165,13 +165,11 @@ impl Line<'_> {
         Err(self.at.invalid(format!("{count} numbers after the ids of {}", self.tag), N.to_string()))
     }
 
-    /// A point and its information.
     fn point(&mut self) -> Result<(DVec3, Information<3>), IoError> {
         let numbers: [f64; 9] = self.numbers()?;
         Ok((DVec3::from_slice(&numbers), self.information(&numbers[3..])?))
     }
 
-    /// A pose and its information.
     fn pose(&mut self, builder: &mut ObservationsBuilder) -> Result<(Pose, Information<6>), IoError> {
         let numbers: [f64; 28] = self.numbers()?;
         Ok((builder.pose(&numbers[..7], &self.at)?, self.information(&numbers[7..])?))
@@ -232,8 +230,8 @@ pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Pa
                 line(format_args!("EDGE_SE3_PRIOR {id} {k}"), &numbers)?;
             }
             ContactMeasurement::PositionNormal { .. } => {
-                let remedy = "write the contacts to a table of their own";
-                return Err(unsupported(path, format!("the contact of taxel {id}"), "a normal", remedy));
+                let needed = "a place alone, or a table of contacts";
+                return Err(unfit(path, format!("the contact of taxel {id}"), "a normal", needed));
             }
         }
     }
@@ -258,7 +256,6 @@ fn pose(pose: &Pose) -> [f64; 7] {
     [x, y, z, qx, qy, qz, qw]
 }
 
-/// A measurement and its information.
 fn informed<const N: usize>(of: impl IntoIterator<Item = f64>, information: &Information<N>) -> Vec<f64> {
     of.into_iter().chain(information.upper()).collect()
 }

@@ -83,8 +83,8 @@ fn read(path: &Path) -> Result<ReadObservations, IoError> {
 /// A table has no initial values and no taxels but those of its rows.
 ///
 /// # Errors
-/// [`IoError::Write`]; [`IoError::Unsupported`] for contacts with normals, which g2o has no line
-/// for, and in a table for contacts next to displacements, fixed taxels and rotations;
+/// [`IoError::Write`]; [`IoError::Unfit`] for contacts with normals, which g2o has no line for, and
+/// in a table for contacts next to displacements, fixed taxels and rotations;
 /// [`IoError::UnknownKind`].
 pub fn write_observations(path: &Path, observations: &Observations) -> Result<(), IoError> {
     if path == Path::new("-") {

@@ -30,7 +30,6 @@ pub(crate) struct Table<R> {
 }
 
 impl<'a> Table<&'a [u8]> {
-    /// The table in a file.
     pub(crate) fn of(source: &'a Source) -> Result<Self, IoError> {
         Self::open(Lines::new(source.bytes(), source.path(), None))
     }
@@ -62,12 +61,10 @@ impl<R: BufRead> Table<R> {
         read.map_err(|error| table_error(self.reader.get_ref().at(), error))
     }
 
-    /// The row that was read last.
     pub(crate) fn row(&self) -> Row<'_> {
         Row { at: self.reader.get_ref().at(), columns: &self.columns, cells: &self.cells }
     }
 
-    /// Calls `visit` for every row.
     pub(crate) fn each_row(
         mut self,
         visit: &mut dyn FnMut(Row<'_>) -> Result<(), IoError>,
@@ -90,7 +87,6 @@ impl<R: BufRead> Table<R> {
     }
 }
 
-/// Writes a table.
 pub(crate) fn write_table(
     path: &Path,
     header: &[&str],
@@ -112,7 +108,6 @@ pub(crate) fn decimals(numbers: impl IntoIterator<Item = f64>) -> impl Iterator<
     numbers.into_iter().map(|x| x.to_string())
 }
 
-/// The cells of a row of ids and numbers.
 pub(crate) fn labelled<const N: usize>(
     ids: [TaxelId; N],
     numbers: impl IntoIterator<Item = f64>,
@@ -148,17 +143,14 @@ impl Columns {
         LineLocation { path: &self.path, line: self.line }
     }
 
-    /// Names that are not `known`.
     pub(crate) fn unknown<'a>(&'a self, known: &'a [&str]) -> impl Iterator<Item = (usize, &'a str)> {
         self.names.iter().map(String::as_str).enumerate().filter(|(_, name)| !known.contains(name))
     }
 
-    /// Which column is called `name`.
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|n| n == name)
     }
 
-    /// Which column is called `name`, if the table must have it.
     pub(crate) fn need(&self, name: &str) -> Result<usize, IoError> {
         self.find(name).ok_or_else(|| self.at().invalid(self.describe(), format!("a column `{name}`")))
     }
@@ -179,7 +171,6 @@ impl Columns {
         self.need_vector(names).map(Some)
     }
 
-    /// Columns that the table must have.
     pub(crate) fn need_vector<const N: usize>(&self, names: [&str; N]) -> Result<[usize; N], IoError> {
         let mut places = [0; N];
         for (place, name) in places.iter_mut().zip(names) {
@@ -198,7 +189,6 @@ pub(crate) struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// An error about the cell in `column`.
     pub(crate) fn invalid(&self, column: usize, needed: impl Into<String>) -> IoError {
         let part = format!("column `{}`", self.columns.names[column]);
         self.at.invalid_part(part, excerpt(self.text(column)), needed)
@@ -209,7 +199,6 @@ impl<'a> Row<'a> {
         self.cells.get(column).unwrap_or("").trim()
     }
 
-    /// A finite number.
     pub(crate) fn number(&self, column: usize) -> Result<f64, IoError> {
         finite(self.text(column)).ok_or_else(|| self.invalid(column, "a finite number"))
     }
@@ -219,7 +208,6 @@ impl<'a> Row<'a> {
         Ok(self.numbers_if_any([column])?.map(|[x]| x))
     }
 
-    /// Finite numbers.
     pub(crate) fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N], IoError> {
         let mut numbers = [0.0; N];
         for (number, column) in numbers.iter_mut().zip(columns) {
@@ -228,7 +216,6 @@ impl<'a> Row<'a> {
         Ok(numbers)
     }
 
-    /// A vector of finite numbers.
     pub(crate) fn vector(&self, columns: [usize; 3]) -> Result<DVec3, IoError> {
         self.numbers(columns).map(DVec3::from_array)
     }
@@ -242,7 +229,6 @@ impl<'a> Row<'a> {
         if is_empty { Ok(None) } else { self.numbers(columns).map(Some) }
     }
 
-    /// The number of a taxel.
     pub(crate) fn taxel(&self, column: usize) -> Result<TaxelId, IoError> {
         let id = self.text(column).parse().map(TaxelId);
         id.map_err(|_| self.invalid(column, "the number of a taxel, 0 to 4294967295"))
