@@ -136,11 +136,12 @@ impl<'a> LevelImage<'a> {
         Ok(Self { name, frame, tiles: vec![(Surface::new(patch, level), Cow::Owned(chart))] })
     }
 
-    /// What the pixels of an image of an atlas show.
-    pub(crate) fn of_part(map: &'a SkinMap, part: &'a AtlasPart) -> Self {
+    /// What the pixels of an image of an atlas show, of those patches alone that `of` shows too.
+    pub(crate) fn of_part(map: &'a SkinMap, part: &'a AtlasPart, of: &AtlasPart) -> Self {
         let tile =
             |chart: &'a Chart| (Surface::new(&map.patches[chart.patch], chart.level), Cow::Borrowed(chart));
-        Self { name: part.name.clone(), frame: part.frame, tiles: part.charts.iter().map(tile).collect() }
+        let charts = part.charts.iter().filter(|chart| of.shows(chart.patch));
+        Self { name: of.name.clone(), frame: part.frame, tiles: charts.map(tile).collect() }
     }
 }
 

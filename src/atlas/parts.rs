@@ -1,5 +1,7 @@
 //! All charts of a skin, rasterised once and placed in images.
 
+use std::borrow::Cow;
+
 use crate::{
     atlas::{
         AtlasError, AtlasOptions, Chart,
@@ -9,6 +11,7 @@ use crate::{
     },
     map::{ImageFrame, SkinMap},
     pyramid::LevelId,
+    skin::PatchId,
 };
 
 /// Which place of the skin every pixel of its images shows.
@@ -118,6 +121,21 @@ impl AtlasPart {
             }
         }
         ids
+    }
+
+    /// Whether it has a chart of this patch.
+    pub(crate) fn shows(&self, patch: PatchId) -> bool {
+        self.charts.iter().any(|chart| chart.patch == patch)
+    }
+
+    /// The same image with the charts of those patches alone that `of` shows too.
+    pub(crate) fn limited_to(&self, of: &Self) -> Cow<'_, Self> {
+        let is_shown = |chart: &&Chart| of.shows(chart.patch);
+        if self.charts.iter().all(|chart| is_shown(&chart)) {
+            return Cow::Borrowed(self);
+        }
+        let charts = self.charts.iter().filter(is_shown).cloned().collect();
+        Cow::Owned(Self { charts, name: self.name.clone(), gutter: Vec::new(), ..*self })
     }
 
     /// Calls `visit` for every span of every chart, with the index of its first pixel.

@@ -183,8 +183,8 @@ impl<'a> Canvas<'a> {
 #[must_use]
 pub fn static_images<'a>(map: &'a SkinMap, atlas: &'a Atlas, options: &RenderOptions) -> Vec<LevelImage<'a>> {
     let parts = atlas.parts.iter().filter(|part| options.level.is_none_or(|level| part.level == level));
-    let surfaces = parts.filter_map(|part| surface_of(atlas, part, options.interpolation));
-    surfaces.map(|surface| LevelImage::of_part(map, surface)).collect()
+    let shown = |part| Some(LevelImage::of_part(map, surface_of(atlas, part, options.interpolation)?, part));
+    parts.filter_map(shown).collect()
 }
 
 /// An image before its first frame.
@@ -218,10 +218,9 @@ pub(crate) fn surface_of<'a>(
     interpolation: Interpolation,
 ) -> Option<&'a AtlasPart> {
     let patch = part.charts.first()?.patch;
-    let shows_it = |part: &AtlasPart| part.charts.iter().any(|chart| chart.patch == patch);
     match interpolation {
         Interpolation::Field => {
-            atlas.parts.iter().find(|other| other.level == LevelId::default() && shows_it(other))
+            atlas.parts.iter().find(|other| other.level == LevelId::default() && other.shows(patch))
         }
         _ => Some(part),
     }

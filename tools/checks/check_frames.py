@@ -291,11 +291,13 @@ def check_features(folder, arrays):
     return None
 
 
-def check_shown(patches, level, channels, image, values, options):
+def check_shown(patches, level, channels, image, mask, values, options):
     """The static channels of a frame against the map, and its pixels against the values that they name."""
     face, bary = channels["face.id"].astype(np.int64), np.stack([channels["bary.U"], channels["bary.V"]], -1).astype(float)
     position = np.stack([channels[f"position.{axis}"] for axis in "XYZ"], -1).astype(float)
     rows, columns = np.nonzero(channels["face.id"] != NONE)
+    if not np.array_equal(channels["face.id"] != NONE, mask == 1):
+        return "the mask of the arrays is not where a face is shown"
     weights = np.column_stack([1 - bary[rows, columns].sum(1), bary[rows, columns]])
     seen = np.zeros(len(rows), bool)
     for patch, levels in patches.items():
@@ -344,7 +346,7 @@ def check_frames(folder, arrays, patches, values, options):
             return f"{file}: wrong quantity"
         if "face.id" in channels:
             options.frame, options.pixel = int(frame), note["metres_per_pixel"]
-            wrong = check_shown(patches, int(key.rsplit("L", 1)[1]), channels, image, values, options)
+            wrong = check_shown(patches, int(key.rsplit("L", 1)[1]), channels, image, mask, values, options)
             if wrong:
                 return f"{file}: {wrong}"
         elif options.packed:

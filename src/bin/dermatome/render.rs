@@ -82,7 +82,8 @@ struct ImageArgs {
     /// Draw what each level shows beyond the next coarser one
     #[arg(long)]
     contrast: bool,
-    /// Draw the edges of the values: the size of their gradient on the map and its direction
+    /// Draw the edges of the values: the size of their gradient on the map and its direction, an angle,
+    /// which is best drawn with --interpolate nearest
     #[arg(long, conflicts_with = "contrast")]
     edges: bool,
     /// Write into every EXR file also what its pixels show: places, normals, ids and stretch
@@ -326,7 +327,15 @@ fn colours(
         Ok(true)
     })?;
     let [low, high] = args.colours.percentiles;
-    let ends = |range: &ValueRange| balanced(range.percentiles(low, high).unwrap_or([0.0, 1.0]));
+    let ends = |range: &ValueRange| match shown {
+        // Contrast has two signs, and most of it is zero.
+        Shown::Contrast => {
+            let [low, high] = range.percentiles(low.min(100.0 - high), high).unwrap_or([-1.0, 1.0]);
+            let most = high.max(-low);
+            [-most, most]
+        }
+        Shown::Readings | Shown::Edges => balanced(range.percentiles(low, high).unwrap_or([0.0, 1.0])),
+    };
     Ok(Colours { ranges: ranges.iter().map(ends).collect(), magnification })
 }
 

@@ -1,7 +1,10 @@
 //! A recording as arrays: images and the values of every level, with all that numpy needs to read
 //! them without the map.
 
-use std::path::{Path, PathBuf};
+use std::{
+    borrow::Cow,
+    path::{Path, PathBuf},
+};
 
 use serde_json::{Map, Value, json};
 
@@ -122,11 +125,12 @@ impl RecordingWriter {
         };
         let parts: Vec<_> = layout.atlas.map_or_else(Vec::new, |atlas| {
             let parts = atlas.parts.iter().filter(|part| layout.level.is_none_or(|l| l == part.level));
-            let drawn = |part| Some((part, surface_of(atlas, part, layout.interpolation)?));
+            let surface = |part| Some(surface_of(atlas, part, layout.interpolation)?.limited_to(part));
+            let drawn = |part| Some((part, surface(part)?));
             parts.filter_map(drawn).collect()
         });
         if kind(path) == "npy" {
-            let [(part, surface)] = parts[..] else {
+            let [(part, surface)] = &parts[..] else {
                 let needed = "one image: one patch and one level";
                 return Err(unfit(path, "the recording", format!("{} images", parts.len()), needed));
             };
@@ -152,7 +156,7 @@ impl RecordingWriter {
     fn add_images(
         &mut self,
         map: &SkinMap,
-        parts: &[(&AtlasPart, &AtlasPart)],
+        parts: &[(&AtlasPart, Cow<'_, AtlasPart>)],
         channels: &[Channel],
     ) -> Result<(), IoError> {
         if !parts.is_empty() {
