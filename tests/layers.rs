@@ -24,7 +24,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("rand_pcg", &["numeric"]),
     ("spade", &["delaunay"]),
     ("dermatome_sparse", &["lib.rs"]),
-    ("obvhs", &["contact/search"]),
+    ("pulp", &["contact/search"]),
     ("wide", &["contact/search"]),
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),

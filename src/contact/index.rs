@@ -122,10 +122,10 @@ impl ContactIndex {
     }
 
     fn update_posed_boxes(&mut self) {
-        let posed = |patch: PatchId, origin: DVec3| {
+        let posed = |patch: PatchId| {
             let patch = &self.patches[patch];
             let pose = &self.links[patch.link].pose;
-            patch.tree.posed_box(|corner| pose.to_world(corner) - origin)
+            patch.tree.posed_box(|corner| pose.to_world(corner))
         };
         self.boxes = PosedBoxes::new(self.patches.len(), posed);
     }

@@ -3,9 +3,9 @@
 //! # Algorithm
 //!
 //! 1. [`ContactIndex::new`] builds one tree per patch over the triangles of level 0, in the frame
-//!    of the patch's link: a binary bounding volume hierarchy (obvhs) collapsed into nodes of eight
-//!    boxes, whose leaves are packets of up to eight triangles. Moving links
-//!    ([`ContactIndex::move_links`]) only updates the boxes of the patches in the world.
+//!    of the patch's link: nodes of eight boxes along the mean normal of the skin in them, over
+//!    packets of eight triangles. Moving links ([`ContactIndex::move_links`]) only updates the boxes
+//!    of the patches in the world.
 //! 2. [`ContactIndex::locate`] searches the patches, the one with the nearest box first. In a patch
 //!    it walks down the tree, nearest box first, and skips what is beyond a bound. Boxes and
 //!    triangles are compared in `f32`, eight at a time; whatever is within the bound is measured in
@@ -17,8 +17,9 @@
 //!    prolongation of the face's corners.
 //!
 //! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an
-//! `f32` distance exceeds the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest face
-//! measured so far is `D` away, nothing with a computed square above `(D + slack)^2` can be nearer.
+//! `f32` distance differs from the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest
+//! triangle found so far seems to be `D` away, nothing that seems to be farther than `D + 2 slack`
+//! can be nearer.
 //! From more than 1000 radii away `slack` is as large as a face, so boxes are compared in `f64`
 //! there.
 //!
@@ -38,11 +39,12 @@
 //! # Files in reading order
 //!
 //! `query` (what is asked and answered), `index` (patches, links, one query), `search/posed_boxes`
-//! (which patches), `search/patch_bvh`, `search/bvh8`, `search/triangle8` (the tree),
-//! `search/rounding` (the bound), `search/nearest` (the walk), `geometry` (exact measurements),
+//! (which patches), `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8` (the tree),
+//! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/nearest` (the
+//! walk), `search/{first_hit, within, facing, points}` (other queries), `geometry` (exact measurements),
 //! `batch` (many queries), `cell` (from a hit to the map).
 //!
-//! The module is the only one that uses obvhs and wide.
+//! The module is the only one that uses pulp and wide.
 //!
 //! # Example
 //!

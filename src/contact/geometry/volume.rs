@@ -65,13 +65,8 @@ impl Volume {
         Self { centre: point(self.centre), axes: self.axes.map(vector), ..*self }
     }
 
-    /// Half the sides of the core's box along the axes of its frame, in m.
-    pub(in crate::contact) fn extent(&self) -> DVec3 {
-        self.sides().iter().map(|side| side.abs()).sum()
-    }
-
     /// From the centre to the faces of the core, in m.
-    fn sides(&self) -> [DVec3; 3] {
+    pub(in crate::contact) fn sides(&self) -> [DVec3; 3] {
         [self.axes[0] * self.half.x, self.axes[1] * self.half.y, self.axes[2] * self.half.z]
     }
 

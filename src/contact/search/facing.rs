@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{lanes::lanes, nearest::Best, patch_bvh::PatchBvh};
+use super::{nearest::Best, patch_bvh::PatchBvh};
 use crate::{contact::geometry::Volume, skin::PatchId};
 
 /// A side of the skin.
@@ -60,14 +60,14 @@ impl PatchBvh {
         best: &mut Option<Best>,
     ) {
         let Some(point) = Volume::sphere(q, 0.0) else { return };
-        let (centre, extent) = self.frame.core(&point);
+        let (centre, sides) = self.frame.core(&point);
         // Squares round below the smallest numbers: `reach` itself is compared with the distance.
         let bound = |best: &Option<Best>| Best::squared(best.as_ref()).sqrt().min(reach) * self.frame.scale;
         self.tree.walk(
             bound(best),
-            |node| node.gaps(centre, extent),
+            |node| node.gaps(centre, &sides),
             |packet| {
-                for face in lanes(packet.used).map(|lane| packet.faces[lane]) {
+                for face in self.faces(packet) {
                     if facing.admits(q, self.mesh.corners(face)) {
                         let closest = self.measure(q, face);
                         if closest.squared.sqrt() <= reach {

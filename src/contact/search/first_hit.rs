@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{lanes::lanes, patch_bvh::PatchBvh};
+use super::patch_bvh::PatchBvh;
 use crate::{
     contact::geometry::{Meeting, Ray, meet},
     id::FaceId,
@@ -34,7 +34,7 @@ impl PatchBvh {
             local.longest,
             |node| node.entries(&local),
             |packet| {
-                for face in lanes(packet.used).map(|lane| packet.faces[lane]) {
+                for face in self.faces(packet) {
                     if let Some(hit) = hit_face(&near, start, face, self.mesh.corners(face)) {
                         offer(&mut best, hit);
                     }

@@ -30,9 +30,9 @@ impl Frame {
         (p - self.origin) * self.scale
     }
 
-    /// Centre and extent of a volume's core.
-    pub(super) fn core(&self, volume: &Volume) -> (DVec3, DVec3) {
-        (self.point(volume.centre), volume.extent() * self.scale)
+    /// Centre and sides of a volume's core.
+    pub(super) fn core(&self, volume: &Volume) -> (DVec3, [DVec3; 3]) {
+        (self.point(volume.centre), volume.sides().map(|side| side * self.scale))
     }
 
     pub(super) fn ray(&self, ray: &Ray) -> Ray {

@@ -1,37 +1,189 @@
-//! Eight `f32` numbers side by side.
+//! Eight `f32` numbers side by side: through AVX2 and FMA where the processor has them (found out
+//! at run time, by pulp), else through wide.
+//!
+//! What is computed here only decides what is measured exactly, in `f64`: the answers are the same
+//! on every processor.
 
-use glam::Vec3;
 use wide::f32x8;
 
-/// Lanes of `f32x8`: boxes of a node, triangles of a packet.
+/// Lanes: boxes of a node, triangles or points of a packet.
 pub(super) const LANES: usize = 8;
 
-/// A point, the same in every lane.
-pub(super) type Wide3 = [f32x8; 3];
-
-pub(super) fn splat(p: Vec3) -> Wide3 {
-    p.to_array().map(f32x8::splat)
+/// One way to compute with eight numbers at a time.
+///
+/// Everything that uses it down to the innermost function must be `#[inline(always)]`, and must not
+/// contain a closure: only what is inlined into [`Simd::run`] is compiled for the processor's
+/// instructions.
+pub(super) trait Lanes: Copy {
+    /// Eight numbers.
+    type F: Copy;
+    fn splat(self, x: f32) -> Self::F;
+    fn load(self, x: &[f32; LANES]) -> Self::F;
+    fn bytes(self, x: &[u8; LANES]) -> Self::F;
+    fn store(self, a: Self::F) -> [f32; LANES];
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    fn max(self, a: Self::F, b: Self::F) -> Self::F;
+    fn min(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a * b + c`, rounded once or twice.
+    fn mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// `c - a * b`, rounded once or twice.
+    fn sub_mul(self, c: Self::F, a: Self::F, b: Self::F) -> Self::F;
+    /// One bit for each lane where `a <= b`.
+    fn le(self, a: Self::F, b: Self::F) -> u32;
+    /// `yes` where all four `a <= b`, else `no`.
+    fn select(self, le: [(Self::F, Self::F); 4], yes: Self::F, no: Self::F) -> Self::F;
+    /// The least of numbers that are not negative, as bits, the last three of which are its lane.
+    fn least(self, a: Self::F) -> u32;
+    /// A point moved by a matrix of columns `x, y, z, shift`; each coordinate in all lanes.
+    fn affine(self, columns: &[[f32; 4]; 4], p: [f32; 3]) -> [Self::F; 3];
 }
 
-/// The lane of the least of eight numbers that are not negative.
-#[inline]
-pub(super) fn least_lane(numbers: f32x8) -> usize {
-    // Bits of such numbers sort as they do; the lane takes the place of the last three. Without a
-    // branch, since which lane it is cannot be foreseen.
-    let mut lane = 0;
-    let keys = numbers.to_array().map(|x| {
-        let key = x.to_bits() & !7 | lane;
-        lane += 1;
-        key
-    });
-    let least = |a: &[u32], b: &[u32]| [a[0].min(b[0]), a[1].min(b[1])];
-    let [a, b] = [least(&keys[0..2], &keys[2..4]), least(&keys[4..6], &keys[6..8])];
-    let [c, d] = least(&a, &b);
-    (c.min(d) & 7) as usize
+/// For every processor.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plain;
+
+impl Lanes for Plain {
+    type F = f32x8;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> f32x8 {
+        f32x8::splat(x)
+    }
+
+    #[inline(always)]
+    fn load(self, x: &[f32; LANES]) -> f32x8 {
+        f32x8::new(*x)
+    }
+
+    #[inline(always)]
+    fn bytes(self, x: &[u8; LANES]) -> f32x8 {
+        f32x8::new(x.map(f32::from))
+    }
+
+    #[inline(always)]
+    fn store(self, a: f32x8) -> [f32; LANES] {
+        a.to_array()
+    }
+
+    #[inline(always)]
+    fn sub(self, a: f32x8, b: f32x8) -> f32x8 {
+        a - b
+    }
+
+    #[inline(always)]
+    fn mul(self, a: f32x8, b: f32x8) -> f32x8 {
+        a * b
+    }
+
+    #[inline(always)]
+    fn div(self, a: f32x8, b: f32x8) -> f32x8 {
+        a / b
+    }
+
+    #[inline(always)]
+    fn max(self, a: f32x8, b: f32x8) -> f32x8 {
+        a.fast_max(b)
+    }
+
+    #[inline(always)]
+    fn min(self, a: f32x8, b: f32x8) -> f32x8 {
+        a.fast_min(b)
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: f32x8, b: f32x8, c: f32x8) -> f32x8 {
+        a * b + c
+    }
+
+    #[inline(always)]
+    fn sub_mul(self, c: f32x8, a: f32x8, b: f32x8) -> f32x8 {
+        c - a * b
+    }
+
+    #[inline(always)]
+    fn le(self, a: f32x8, b: f32x8) -> u32 {
+        a.simd_le(b).to_bitmask()
+    }
+
+    #[inline(always)]
+    fn select(self, [p, q, r, s]: [(f32x8, f32x8); 4], yes: f32x8, no: f32x8) -> f32x8 {
+        let all = p.0.simd_le(p.1) & q.0.simd_le(q.1) & r.0.simd_le(r.1) & s.0.simd_le(s.1);
+        all.select(yes, no)
+    }
+
+    #[inline(always)]
+    fn least(self, a: f32x8) -> u32 {
+        // Bits of such numbers sort as they do. Without a branch, since which lane it is cannot be
+        // foreseen.
+        let mut lane = 0;
+        let keys = a.to_array().map(|x| {
+            let key = x.to_bits() & !7 | lane;
+            lane += 1;
+            key
+        });
+        let [a, b] = [keys[0].min(keys[1]), keys[2].min(keys[3])];
+        let [c, d] = [keys[4].min(keys[5]), keys[6].min(keys[7])];
+        a.min(b).min(c.min(d))
+    }
+
+    #[inline(always)]
+    fn affine(self, m: &[[f32; 4]; 4], p: [f32; 3]) -> [f32x8; 3] {
+        [0, 1, 2].map(|k| f32x8::splat(m[0][k] * p[0] + m[1][k] * p[1] + m[2][k] * p[2] + m[3][k]))
+    }
+}
+
+/// What is computed with one way or another.
+pub(super) trait Kernel {
+    type Output;
+    /// Must be `#[inline(always)]`.
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output;
+}
+
+/// The best way that this processor has.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Simd {
+    #[cfg(target_arch = "x86_64")]
+    v3: Option<pulp::x86::V3>,
+}
+
+#[cfg(target_arch = "x86_64")]
+struct Wrapped<K> {
+    kernel: K,
+    v3: pulp::x86::V3,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<K: Kernel> pulp::NullaryFnOnce for Wrapped<K> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn call(self) -> K::Output {
+        self.kernel.run(self.v3)
+    }
+}
+
+impl Simd {
+    pub(super) fn detect() -> Self {
+        Self {
+            #[cfg(target_arch = "x86_64")]
+            v3: pulp::x86::V3::try_new(),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(v3) = self.v3 {
+            return v3.vectorize(Wrapped { kernel, v3 });
+        }
+        kernel.run(Plain)
+    }
 }
 
 /// The numbers of the bits set in `mask`, lowest first.
-#[inline]
+#[inline(always)]
 pub(super) fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = mask.trailing_zeros();
@@ -44,13 +196,25 @@ pub(super) fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
 mod tests {
     use super::*;
 
+    struct Least([f32; LANES]);
+
+    impl Kernel for Least {
+        type Output = u32;
+
+        fn run<L: Lanes>(self, l: L) -> u32 {
+            l.least(l.load(&self.0))
+        }
+    }
+
     #[test]
     fn the_least_lane_is_that_of_the_least_number() {
         for least in 0..LANES {
             let mut numbers = [f32::INFINITY; LANES];
             numbers[(least + 3) % LANES] = 2.0;
             numbers[least] = if least == 0 { 0.0 } else { 1e-20 };
-            assert_eq!(least_lane(f32x8::new(numbers)), least);
+            for found in [Least(numbers).run(Plain), Simd::detect().run(Least(numbers))] {
+                assert_eq!(found as usize & 7, least);
+            }
         }
     }
 

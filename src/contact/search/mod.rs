@@ -2,16 +2,20 @@
 //! may hold it.
 #![allow(dead_code, unused_imports, reason = "queries of the module above are being built on it")]
 
-mod bvh8;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod boxes;
 mod facing;
 mod first_hit;
 mod frame;
 mod lanes;
 mod nearest;
+mod node8;
 mod patch_bvh;
 mod points;
 mod posed_boxes;
 mod rounding;
+mod tree;
 mod triangle8;
 mod walk;
 mod within;
@@ -19,7 +23,7 @@ mod within;
 pub(super) use facing::{Facing, Side};
 pub(super) use first_hit::RayHit;
 pub(super) use nearest::{Best, Search};
-pub(super) use patch_bvh::PatchBvh;
+pub(super) use patch_bvh::{Packing, PatchBvh};
 pub(super) use points::PointTree;
 pub(super) use posed_boxes::PosedBoxes;
 pub(super) use rounding::LARGEST;

@@ -1,28 +1,20 @@
 //! The nearest face of one patch: an ordered, bounded walk down the tree.
 
+use std::hint::black_box;
+
 use glam::DVec3;
-use wide::f32x8;
 
 use super::{
-    bvh8::{Child, Node8, Target},
-    lanes::{LANES, Wide3, lanes, least_lane, splat},
+    lanes::{Kernel, LANES, Lanes},
+    node8::{Child, Node8, Target},
     patch_bvh::PatchBvh,
     rounding::{slack, squared_bound_f32},
+    tree::{DEPTH, STACK, distinct},
 };
 use crate::{id::FaceId, mesh::Closest, skin::PatchId};
 
-/// From this many radii away, the slack is as large as the smallest faces: `f64` boxes take over.
+/// From this many radii away, the slack is as large as the smallest faces: `f64` takes over.
 const FAR: f64 = 1000.0;
-
-/// Squares found in `f64` are compared with bounds enlarged by this: some hundred roundings.
-const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
-
-/// Entries of the stack that need no allocation: enough for trees of some ten million triangles.
-const SHALLOW: usize = 80;
-
-/// Most nodes on the first way down; deeper trees, of coincident triangles, are walked from the
-/// root.
-const TRAIL: usize = 12;
 
 /// Triangles that are collected before they are measured in `f64`.
 const PENDING: usize = 16;
@@ -36,17 +28,24 @@ pub(crate) struct Best {
 
 impl Best {
     /// Squared distance of the nearest face known, in m^2.
+    #[inline(always)]
     pub(crate) fn squared(best: Option<&Self>) -> f64 {
-        best.map_or(f64::INFINITY, |b| b.closest.squared)
+        match best {
+            Some(best) => best.closest.squared,
+            None => f64::INFINITY,
+        }
     }
 
     /// Keeps the nearer of the two; of equally near ones the first patch's first face.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn offer(best: &mut Option<Self>, patch: PatchId, face: FaceId, closest: Closest) {
-        let nearer = best.as_ref().is_none_or(|b| {
-            let (old, new) = (b.closest.squared, closest.squared);
-            new < old || (new == old && (patch, face) < (b.patch, b.face))
-        });
+        let nearer = match best {
+            None => true,
+            Some(b) => {
+                let (old, new) = (b.closest.squared, closest.squared);
+                new < old || (new == old && (patch, face) < (b.patch, b.face))
+            }
+        };
         if nearer {
             *best = Some(Self { patch, face, closest });
         }
@@ -59,214 +58,288 @@ pub(crate) struct Search<'a> {
     id: PatchId,
     /// The point, in m in the link's frame.
     q: DVec3,
-    /// The same in the tree's frame and units.
-    local: DVec3,
-    wide: Wide3,
-    slack: f64,
-    /// What a face must not exceed to be of interest: [`squared_bound_f32`] of the best.
-    bound: f32,
-    pending: [(f32, FaceId); PENDING],
-    pending_len: usize,
+    /// No face farther than this is an answer, in m.
+    reach: f64,
 }
 
 impl<'a> Search<'a> {
     pub(crate) fn new(patch: &'a PatchBvh, id: PatchId, q: DVec3) -> Self {
-        let local = patch.frame.point(q);
-        let slack = slack(local.length(), 1.0);
-        let wide = splat(local.as_vec3());
-        let pending = [(0.0, FaceId::default()); PENDING];
-        Self { patch, id, q, local, wide, slack, bound: f32::MAX, pending, pending_len: 0 }
+        Self { patch, id, q, reach: f64::INFINITY }
     }
 
-    /// Offers the nearest face of the patch, if it is not farther than `best`: an ordered, bounded,
-    /// depth-first walk.
-    pub(crate) fn run(mut self, best: &mut Option<Best>) {
-        if self.local.length_squared() > FAR * FAR {
-            return self.run_far(best);
-        }
-        let tree = &self.patch.tree;
-        let (mut shallow, mut deep) = ([0; SHALLOW], Vec::new());
-        if tree.max_stack > SHALLOW {
-            deep.resize(tree.max_stack, 0);
-        }
-        let entries = if deep.is_empty() { &mut shallow[..] } else { &mut deep[..] };
-        let mut stack = Stack { entries, len: 0 };
-        if best.is_none() && tree.depth <= TRAIL {
-            self.descend(&mut stack, best);
-        } else {
-            self.tighten(best.as_ref());
-            stack.push(0.0, Child::ROOT, 0);
-        }
-        while let Some((squared, child)) = stack.pop() {
-            if squared > self.bound {
-                continue;
-            }
-            match child.target() {
-                Target::Packet(packet) => self.visit(packet, best),
-                Target::Node(index) => {
-                    let node = &tree.nodes[index];
-                    let squared = node.distance_squared(&self.wide);
-                    stack.push_children(node, squared, self.within(squared));
-                }
-            }
-        }
-        self.measure_pending(best);
+    /// Only faces within `reach`, in m.
+    pub(in crate::contact) fn within(self, reach: f64) -> Self {
+        Self { reach, ..self }
     }
 
-    fn tighten(&mut self, best: Option<&Best>) {
-        if let Some(best) = best {
-            self.bound = squared_bound_f32(best.closest.squared.sqrt() * self.patch.frame.scale, self.slack);
+    /// Offers the nearest face of the patch, if it is neither farther than `best` nor out of reach.
+    #[inline(always)]
+    pub(crate) fn run(self, best: &mut Option<Best>) {
+        let local = self.patch.frame.point(self.q);
+        let away = local.length();
+        if away > FAR {
+            return self.run_far(local, best);
         }
+        let found = self.patch.simd.run(Walk { search: &self, local, away, best: *best });
+        *best = found;
     }
 
-    fn measure(&mut self, face: FaceId, best: &mut Option<Best>) {
-        let before = Best::squared(best.as_ref());
+    /// The same from so far away that `f32` cannot distinguish the faces.
+    #[cold]
+    fn run_far(&self, local: DVec3, best: &mut Option<Best>) {
+        let patch = self.patch;
+        let bound = |best: &Option<Best>| {
+            Best::squared(best.as_ref()).sqrt().min(self.reach) * patch.frame.scale * FAR_ROUND_UP
+        };
+        patch.tree.walk(
+            bound(best),
+            |node| node.far_gaps(local),
+            |packet| {
+                patch.faces(packet).for_each(|face| self.measure(face, best));
+                bound(best)
+            },
+        );
+    }
+
+    #[inline(always)]
+    fn measure(&self, face: FaceId, best: &mut Option<Best>) {
         let closest = self.patch.measure(self.q, face);
-        Best::offer(best, self.id, face, closest);
-        if closest.squared < before {
-            self.tighten(best.as_ref());
+        if self.reach == f64::INFINITY || closest.squared.sqrt() <= self.reach {
+            Best::offer(best, self.id, face, closest);
         }
     }
+}
 
+/// Bounds in `f64` from far away are enlarged by this: some hundred roundings.
+const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
+
+/// The walk with eight lanes, from a distance at which `f32` can distinguish the faces.
+struct Walk<'a> {
+    search: &'a Search<'a>,
+    /// The point and its distance from the origin in the tree's frame and units.
+    local: DVec3,
+    away: f64,
+    best: Option<Best>,
+}
+
+impl Kernel for Walk<'_> {
+    type Output = Option<Best>;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, l: L) -> Option<Best> {
+        let Self { search, local, away, best } = self;
+        let scale = search.patch.frame.scale;
+        let slack = slack(away, 1.0);
+        let known = Best::squared(best.as_ref()).sqrt().min(search.reach);
+        let mut state = State {
+            l,
+            search,
+            point: local.as_vec3().to_array(),
+            slack: 2.0 * slack,
+            bound: squared_bound_f32(known * scale, slack),
+            best,
+            stack: [0; STACK],
+            waiting: 0,
+            pending: [0; PENDING],
+            noted: 0,
+        };
+        state.descend();
+        state.drain();
+        state.measure_pending();
+        state.best
+    }
+}
+
+struct State<'a, L: Lanes> {
+    l: L,
+    search: &'a Search<'a>,
+    point: [f32; 3],
+    /// What rounding may add to one distance and take from another.
+    slack: f64,
+    /// Squares above this are of no interest.
+    bound: f32,
+    best: Option<Best>,
+    /// Boxes to be opened: squared distance and child in one number. Distances are not negative, so
+    /// their bits sort as they do.
+    stack: [u64; STACK],
+    waiting: usize,
+    /// Triangles to be measured: squared distance and face.
+    pending: [u64; PENDING],
+    noted: usize,
+}
+
+#[inline(always)]
+fn entry(squared: f32, number: u32) -> u64 {
+    u64::from(squared.to_bits()) << 32 | u64::from(number)
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the halves of 64 bits")]
+fn parts(entry: u64) -> (f32, u32) {
+    (f32::from_bits((entry >> 32) as u32), entry as u32)
+}
+
+impl<L: Lanes> State<'_, L> {
     /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound;
     /// then pushes the other children of the nodes on the way that are within that bound, the
     /// deepest on top.
     ///
     /// Without a bound the walk from the root would push every child of these nodes.
-    fn descend(&mut self, stack: &mut Stack<'_>, best: &mut Option<Best>) {
-        let tree = &self.patch.tree;
-        let mut trail = [(0, 0, f32x8::ZERO); TRAIL];
+    #[inline(always)]
+    fn descend(&mut self) {
+        let l = self.l;
+        let tree = &self.search.patch.tree;
+        let mut trail = [(0_usize, 0_u32, l.splat(0.0)); DEPTH];
         let mut passed = 0;
         let mut at = Child::ROOT;
-        let packet = loop {
-            match at.target() {
-                Target::Packet(packet) => break packet,
-                Target::Node(index) => {
-                    let node = &tree.nodes[index];
-                    let squared = node.distance_squared(&self.wide);
-                    let lane = least_lane(squared);
-                    trail[passed] = (index, lane, squared);
-                    passed += 1;
-                    at = node.children[lane];
-                }
-            }
-        };
-        self.visit(packet, best);
+        while let Target::Node(index) = at.target() {
+            let node = &tree.nodes[index];
+            let squared = node.distance_squared(l, self.point);
+            let lane = l.least(squared) & 7;
+            trail[passed] = (index, lane, squared);
+            passed += 1;
+            at = node.child(lane as usize);
+        }
+        if let Target::Packet(packet) = at.target() {
+            self.visit(packet);
+        }
         for &(index, taken, squared) in &trail[..passed] {
-            let mask = self.within(squared) & !(1 << taken);
-            stack.push_children(&tree.nodes[index], squared, mask);
+            let mask = l.le(squared, l.splat(self.bound)) & !(1 << taken);
+            if mask != 0 {
+                self.push(&tree.nodes[index], squared, mask);
+            }
         }
     }
 
-    /// One bit for each lane that may hold the nearest face.
-    #[inline]
-    fn within(&self, squared: f32x8) -> u32 {
-        squared.simd_le(f32x8::splat(self.bound)).to_bitmask()
-    }
-
-    /// The same from so far away that `f32` cannot distinguish the faces: boxes in `f64`, nearest
-    /// first.
-    fn run_far(&self, best: &mut Option<Best>) {
-        let tree = &self.patch.tree;
-        let mut stack = vec![(0.0, Child::ROOT)];
-        while let Some((squared, at)) = stack.pop() {
-            let reach = Best::squared(best.as_ref()) * self.patch.frame.scale * self.patch.frame.scale;
-            if squared > reach * FAR_ROUND_UP {
+    /// Opens all boxes within the bound, the nearest of a node first.
+    #[inline(always)]
+    fn drain(&mut self) {
+        let l = self.l;
+        let tree = &self.search.patch.tree;
+        while self.waiting > 0 {
+            self.waiting -= 1;
+            let (squared, child) = parts(self.stack[self.waiting]);
+            if squared > self.bound {
                 continue;
             }
-            match at.target() {
-                Target::Packet(packet) => {
-                    let packet = &tree.packets[packet];
-                    for lane in lanes(packet.used) {
-                        let face = packet.faces[lane];
-                        Best::offer(best, self.id, face, self.patch.measure(self.q, face));
+            let mut at = Child(child);
+            loop {
+                let index = match at.target() {
+                    Target::Packet(packet) => {
+                        self.visit(packet);
+                        break;
                     }
+                    Target::Node(index) => index,
+                };
+                let node = &tree.nodes[index];
+                let squared = node.distance_squared(l, self.point);
+                let mask = l.le(squared, l.splat(self.bound)) & node.used();
+                if mask == 0 {
+                    break;
                 }
-                Target::Node(node) => {
-                    let node = &tree.nodes[node];
-                    let first = stack.len();
-                    for lane in 0..LANES {
-                        let (lo, hi) = node.bounds(lane);
-                        let squared = self.local.distance_squared(self.local.clamp(lo, hi));
-                        if squared.is_finite() {
-                            stack.push((squared, node.children[lane]));
-                        }
-                    }
-                    stack[first..].sort_by(|a, b| b.0.total_cmp(&a.0));
+                if mask & (mask - 1) == 0 {
+                    // One alone need not go over the stack.
+                    at = node.child(mask.trailing_zeros() as usize);
+                    continue;
                 }
+                self.push(node, squared, mask);
+                break;
             }
         }
-    }
-
-    /// Measures the nearest triangle of a packet, and collects the others that may be as near.
-    fn visit(&mut self, packet: usize, best: &mut Option<Best>) {
-        let packet = &self.patch.tree.packets[packet];
-        let squared = packet.distance_squared(&self.wide);
-        let mask = self.within(squared) & packet.used;
-        let squared = squared.as_array();
-        let nearest = lanes(mask).reduce(|a, b| if squared[b] < squared[a] { b } else { a });
-        let Some(nearest) = nearest else { return };
-        self.measure(packet.faces[nearest], best);
-        for lane in lanes(mask & !(1 << nearest)) {
-            if squared[lane] <= self.bound {
-                if self.pending_len == PENDING {
-                    self.measure_pending(best);
-                }
-                self.pending[self.pending_len] = (squared[lane], packet.faces[lane]);
-                self.pending_len += 1;
-            }
-        }
-    }
-
-    /// Measures the collected triangles that may still be as near as the best.
-    fn measure_pending(&mut self, best: &mut Option<Best>) {
-        for k in 0..self.pending_len {
-            let (squared, face) = self.pending[k];
-            if squared <= self.bound {
-                self.measure(face, best);
-            }
-        }
-        self.pending_len = 0;
-    }
-}
-
-/// Children to be visited and the squared distances of their boxes.
-struct Stack<'a> {
-    /// Squared distance and child in one number: distances are not negative, so their bits sort as
-    /// they do.
-    entries: &'a mut [u64],
-    len: usize,
-}
-
-impl Stack<'_> {
-    /// Puts a child above entry `first`, below those that are nearer.
-    #[inline]
-    fn push(&mut self, squared: f32, child: Child, first: usize) {
-        let entry = u64::from(squared.to_bits()) << 32 | u64::from(child.0);
-        let mut slot = self.len;
-        while slot > first && self.entries[slot - 1] < entry {
-            self.entries[slot] = self.entries[slot - 1];
-            slot -= 1;
-        }
-        self.entries[slot] = entry;
-        self.len += 1;
     }
 
     /// Puts the children of `node` in the lanes of `mask` on top, the nearest uppermost.
-    #[inline]
-    fn push_children(&mut self, node: &Node8, squared: f32x8, mask: u32) {
-        let (squared, first) = (squared.as_array(), self.len);
-        for lane in lanes(mask) {
-            self.push(squared[lane], node.children[lane], first);
+    #[inline(always)]
+    fn push(&mut self, node: &Node8, squared: L::F, mask: u32) {
+        let squared = self.l.store(squared);
+        let mut mask = mask & node.used();
+        let first = self.waiting;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let entry = entry(squared[lane & 7], node.child(lane).0);
+            let mut slot = self.waiting;
+            while slot > first && self.stack[slot - 1] < entry {
+                self.stack[slot] = self.stack[slot - 1];
+                slot -= 1;
+            }
+            self.stack[slot] = entry;
+            self.waiting += 1;
         }
     }
 
-    #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "the halves of 64 bits")]
-    fn pop(&mut self) -> Option<(f32, Child)> {
-        self.len = self.len.checked_sub(1)?;
-        let entry = self.entries[self.len];
-        Some((f32::from_bits((entry >> 32) as u32), Child(entry as u32)))
+    /// Tightens the bound by the nearest triangle of a packet, and notes those that may be nearest
+    /// of all.
+    #[inline(always)]
+    fn visit(&mut self, packet: usize) {
+        let l = self.l;
+        let patch = self.search.patch;
+        let faces = &patch.tree.packets[packet];
+        let Some(triangles) = patch.triangles.get(packet) else {
+            return self.visit_compact(faces);
+        };
+        let squared = triangles.distance_squared(l, self.point);
+        // The last three bits are the lane's: all set, they round up.
+        self.tighten(f32::from_bits(l.least(squared) | 7));
+        let mut mask = l.le(squared, l.splat(self.bound));
+        if mask == 0 {
+            return;
+        }
+        let squared = l.store(squared);
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            if self.noted == PENDING {
+                self.make_room();
+            }
+            let face = faces[lane & 7];
+            self.pending[self.noted] = entry(squared[lane & 7], face);
+            self.noted += 1;
+            // Loaded into the cache for later, without waiting for it.
+            black_box(patch.mesh.triangles[FaceId::from(face)][0]);
+        }
+    }
+
+    /// A triangle was found at this distance, squared.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounded up after")]
+    fn tighten(&mut self, squared: f32) {
+        let reach = squared.sqrt() + self.slack as f32;
+        let bound = reach * reach * (1.0 + 8.0 * f32::EPSILON);
+        if bound < self.bound {
+            self.bound = bound;
+        }
+    }
+
+    /// Measures all triangles of a packet on the mesh.
+    #[cold]
+    #[inline(never)]
+    fn visit_compact(&mut self, faces: &[u32; LANES]) {
+        for face in distinct(faces) {
+            self.search.measure(FaceId::from(face), &mut self.best);
+        }
+        let frame = &self.search.patch.frame;
+        let bound = squared_bound_f32(Best::squared(self.best.as_ref()).sqrt() * frame.scale, self.slack);
+        self.bound = self.bound.min(bound);
+    }
+
+    /// Room for more: measures those that are still of interest.
+    #[cold]
+    #[inline(never)]
+    fn make_room(&mut self) {
+        self.measure_pending();
+    }
+
+    /// Measures the noted triangles that may still be nearest.
+    #[inline(always)]
+    fn measure_pending(&mut self) {
+        for k in 0..self.noted {
+            let (squared, face) = parts(self.pending[k]);
+            if squared <= self.bound {
+                self.search.measure(FaceId::from(face), &mut self.best);
+            }
+        }
+        self.noted = 0;
     }
 }
 

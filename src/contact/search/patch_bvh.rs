@@ -1,12 +1,15 @@
 //! Level 0 of one patch with its tree, in the frame of its link.
 
 use glam::DVec3;
-use obvhs::aabb::Aabb;
+use rayon::prelude::*;
 
 use super::{
-    bvh8::{Bvh8, MAX_FACES, enclose},
+    boxes::Aabb,
     frame::Frame,
+    lanes::Simd,
     rounding::{LARGEST, slack},
+    tree::{MAX_PRIMITIVES, Primitive, Tree, distinct},
+    triangle8::Triangle8,
 };
 use crate::{
     contact::ContactError,
@@ -14,44 +17,65 @@ use crate::{
     mesh::{Closest, TriMesh, VertexCorners, closest_point},
 };
 
+/// What a tree keeps of its triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(in crate::contact) enum Packing {
+    /// Eight triangles side by side in `f32`, next to the mesh: under 100 bytes a triangle.
+    #[default]
+    Fast,
+    /// Their numbers only, under 60 bytes a triangle: each is measured on the mesh.
+    Compact,
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct PatchBvh {
     pub(crate) mesh: TriMesh,
     pub(crate) corners: VertexCorners,
-    pub(super) tree: Bvh8,
+    pub(super) tree: Tree,
+    /// One for each packet of the tree; none if the tree is compact.
+    pub(super) triangles: Vec<Triangle8>,
     pub(super) frame: Frame,
+    pub(super) simd: Simd,
 }
 
 impl PatchBvh {
     pub(crate) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
-        let name = || patch.to_owned();
+        Self::packed(patch, mesh, Packing::Fast)
+    }
+
+    /// # Errors
+    /// If there is no face, or one too many, or if a coordinate is too large or not a number.
+    pub(in crate::contact) fn packed(
+        patch: &str,
+        mesh: &TriMesh,
+        packing: Packing,
+    ) -> Result<Self, ContactError> {
         let faces = mesh.triangles.len();
-        if faces > MAX_FACES {
-            return Err(ContactError::TooManyFaces {
-                patch: name(),
-                faces,
-                last: FaceId::new(MAX_FACES - 1),
-            });
+        if faces > MAX_PRIMITIVES {
+            let last = FaceId::new(MAX_PRIMITIVES - 1);
+            return Err(ContactError::TooManyFaces { patch: patch.to_owned(), faces, last });
         }
         check(patch, &mesh.positions)?;
         if faces == 0 {
             return Err(ContactError::NoSkin);
         }
         let frame = Frame::around(used(mesh));
-        let triangles: IdVec<FaceId, _> =
-            mesh.triangles.ids().map(|f| mesh.corners(f).map(|p| frame.point(p))).collect();
-        let tree = Bvh8::new(&triangles);
-        Ok(Self {
+        let primitives: Vec<_> = mesh.triangles.ids().map(|f| primitive(mesh, &frame, f)).collect();
+        let mut patch = Self {
             corners: VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len()),
             mesh: mesh.clone(),
-            tree,
+            tree: Tree::new(&primitives),
+            triangles: Vec::new(),
             frame,
-        })
+            simd: Simd::detect(),
+        };
+        patch.fit(packing);
+        Ok(patch)
     }
 
     /// Moves the vertices, one position (m, in the link's frame) per vertex of the mesh, and fits the
-    /// tree to them: the faces stay in the boxes they are in, which is cheaper than a new tree, and
-    /// as fast to search as long as neighbours stay neighbours.
+    /// tree to them: the faces stay in the packets they are in, which is cheaper than a new tree,
+    /// and as fast to search as long as neighbours stay neighbours.
     ///
     /// # Errors
     /// If a coordinate is too large or not a number; then nothing has moved.
@@ -65,10 +89,34 @@ impl PatchBvh {
     ) -> Result<(), ContactError> {
         check(patch, positions)?;
         self.mesh.positions.as_mut_slice().copy_from_slice(positions.as_slice());
-        let (mesh, frame) = (&self.mesh, Frame::around(used(&self.mesh)));
-        self.frame = frame;
-        self.tree.refit(|face| mesh.corners(face).map(|p| frame.point(p)));
+        self.frame = Frame::around(used(&self.mesh));
+        self.fit(if self.triangles.is_empty() { Packing::Compact } else { Packing::Fast });
         Ok(())
+    }
+
+    fn fit(&mut self, packing: Packing) {
+        let (mesh, frame) = (&self.mesh, &self.frame);
+        let corners = |face: u32| mesh.corners(FaceId::from(face)).map(|p| frame.point(p));
+        self.tree.fit(|face| primitive(mesh, frame, FaceId::from(face)), corners);
+        self.triangles.clear();
+        if packing == Packing::Fast {
+            let packets = &self.tree.packets;
+            self.triangles.par_extend(packets.par_iter().map(|faces| Triangle8::new(&faces.map(corners))));
+        }
+    }
+
+    /// Memory of the index, in bytes: the tree, the mesh and who borders whom in it.
+    pub(in crate::contact) fn bytes(&self) -> usize {
+        let TriMesh { positions, triangles } = &self.mesh;
+        let mesh = size_of_val(positions.as_slice()) + size_of_val(triangles.as_slice());
+        // One number for each corner, and one for each vertex.
+        let corners = size_of::<u32>() * (3 * triangles.len() + positions.len());
+        self.tree.bytes() + size_of_val(self.triangles.as_slice()) + mesh + corners
+    }
+
+    /// The faces of a packet, each once.
+    pub(super) fn faces<'a>(&self, packet: &'a [u32; 8]) -> impl Iterator<Item = FaceId> + 'a {
+        distinct(packet).map(FaceId::from)
     }
 
     /// A distance, in m, that no face is nearer to `q` (m, the link's frame): that to the patch's
@@ -79,7 +127,7 @@ impl PatchBvh {
     }
 
     /// The nearest point of one face, measured on the vertices of the map.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn measure(&self, q: DVec3, face: FaceId) -> Closest {
         closest_point(q, self.mesh.corners(face), self.mesh.triangles[face])
     }
@@ -87,18 +135,22 @@ impl PatchBvh {
     /// The corners of the patch's box moved by `place`, as a box.
     pub(crate) fn posed_box(&self, place: impl Fn(DVec3) -> DVec3) -> Aabb {
         let (lo, hi) = self.frame.bounds;
-        enclose((0..8).map(|k| {
+        Aabb::around((0..8).map(|k| {
             let pick = |bit: usize, lo: f64, hi: f64| if k >> bit & 1 == 0 { lo } else { hi };
             place(DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z)))
         }))
     }
 }
 
+fn primitive(mesh: &TriMesh, frame: &Frame, face: FaceId) -> Primitive {
+    let [a, b, c] = mesh.corners(face).map(|p| frame.point(p));
+    Primitive { centre: (a + b + c) / 3.0, area: (b - a).cross(c - a) }
+}
+
 /// The corners of all faces.
 fn used(mesh: &TriMesh) -> impl Iterator<Item = DVec3> + Clone + '_ {
     mesh.triangles.iter().flatten().map(|&v| mesh.positions[v])
 }
-
 fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(), ContactError> {
     // Also true for NaN.
     let far = |p: &DVec3| !(p.is_finite() && p.abs().max_element() <= LARGEST);

@@ -2,17 +2,20 @@
 
 use glam::DVec3;
 
-use super::{bvh8::Bvh8, frame::Frame, lanes::lanes};
+use super::{
+    frame::Frame,
+    tree::{Primitive, Tree, distinct},
+};
 use crate::{
     contact::geometry::Volume,
-    id::{FaceId, IdVec, VertexId},
+    id::{IdVec, VertexId},
 };
 
 /// Points of one patch, in m in the frame of its link.
 #[derive(Debug, Clone)]
 pub(in crate::contact) struct PointTree {
     points: IdVec<VertexId, DVec3>,
-    tree: Option<Bvh8>,
+    tree: Option<Tree>,
     frame: Frame,
 }
 
@@ -20,8 +23,14 @@ impl PointTree {
     /// A tree over finite points; there may be none.
     pub(in crate::contact) fn new(points: &IdVec<VertexId, DVec3>) -> Self {
         let frame = Frame::around(points.iter().copied());
-        let local: IdVec<FaceId, [DVec3; 3]> = points.iter().map(|&p| [frame.point(p); 3]).collect();
-        let tree = (!local.is_empty()).then(|| Bvh8::new(&local));
+        let at = |id: u32| frame.point(points[VertexId::from(id)]);
+        let primitive = |id: u32| Primitive { centre: at(id), area: DVec3::ZERO };
+        let tree = (!points.is_empty()).then(|| {
+            let primitives: Vec<_> = points.ids().map(|v| primitive(v.raw())).collect();
+            let mut tree = Tree::new(&primitives);
+            tree.fit(primitive, |id| [at(id)]);
+            tree
+        });
         Self { points: points.clone(), tree, frame }
     }
 
@@ -36,14 +45,13 @@ impl PointTree {
     ) {
         let Some(point) = Volume::sphere(q, 0.0).filter(|_| k > 0) else { return };
         let Some(tree) = &self.tree else { return };
-        let (centre, extent) = self.frame.core(&point);
+        let (centre, sides) = self.frame.core(&point);
         let first = found.len();
         tree.walk(
             reach * self.frame.scale,
-            |node| node.gaps(centre, extent),
+            |node| node.gaps(centre, &sides),
             |packet| {
-                for lane in lanes(packet.used) {
-                    let vertex = VertexId::new(packet.faces[lane].index());
+                for vertex in distinct(packet).map(VertexId::from) {
                     let distance = self.points[vertex].distance(q);
                     let entry = (vertex, distance);
                     let before = |a: &(VertexId, f64)| (a.1, a.0) < (distance, vertex);
@@ -66,14 +74,13 @@ impl PointTree {
     pub(in crate::contact) fn within(&self, volume: &Volume, found: &mut Vec<(VertexId, f64)>) {
         let Some(tree) = &self.tree else { return };
         let before = found.len();
-        let (centre, extent) = self.frame.core(volume);
+        let (centre, sides) = self.frame.core(volume);
         let bound = volume.radius * self.frame.scale;
         tree.walk(
             bound,
-            |node| node.gaps(centre, extent),
+            |node| node.gaps(centre, &sides),
             |packet| {
-                for lane in lanes(packet.used) {
-                    let vertex = VertexId::new(packet.faces[lane].index());
+                for vertex in distinct(packet).map(VertexId::from) {
                     let distance = volume.distance_to_point(self.points[vertex]);
                     if distance <= volume.radius {
                         found.push((vertex, distance));

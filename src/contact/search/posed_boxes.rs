@@ -1,99 +1,114 @@
-//! Which patches may be nearest to a point of the world: the boxes of all patches as they are
-//! posed.
+//! Which patches may be nearest to a point of the world: a tree over the boxes of all patches as
+//! they are posed.
 
 use glam::DVec3;
-use obvhs::aabb::Aabb;
-use wide::f32x8;
 
 use super::{
-    bvh8::Node8,
-    lanes::{LANES, lanes, least_lane, splat},
-    rounding::{slack, squared_bound_f32},
+    boxes::Aabb,
+    frame::Frame,
+    tree::{Primitive, Tree, distinct},
 };
 use crate::skin::PatchId;
 
 /// The boxes of all patches as the robot is posed now, in the world.
-///
-/// Robots have tens of patches: eight boxes at a time are compared faster than a tree is walked.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PosedBoxes {
-    rows: Vec<Node8>,
-    /// What the boxes are relative to, in m.
-    origin: DVec3,
-    /// Largest distance of a box from the origin, in m.
-    radius: f64,
+    boxes: Vec<Aabb>,
+    /// `None` where there are too few patches for a tree to be worth its walk.
+    tree: Option<(Tree, Frame)>,
 }
 
+/// Up to this many boxes are compared one by one: two nodes of the tree take as long.
+const FEW: usize = 16;
+
+/// Distances to boxes are compared with bounds enlarged by this: some hundred roundings, of numbers
+/// as large as the coordinates.
+const MARGIN: f64 = 1e-14;
+
 impl PosedBoxes {
-    /// `posed(patch, origin)`: the box of a patch relative to `origin`.
-    pub(crate) fn new(patches: usize, posed: impl Fn(PatchId, DVec3) -> Aabb) -> Self {
-        let around = |origin| (0..patches).map(move |p| (PatchId::new(p), origin));
-        let all = around(DVec3::ZERO).map(|(p, o)| posed(p, o)).reduce(|a, b| a.union(&b));
-        let origin = all.map_or(DVec3::ZERO, |b| b.center().as_dvec3());
-        let boxes: Vec<Aabb> = around(origin).map(|(p, o)| posed(p, o)).collect();
-        let reach = |b: &Aabb| f64::from(b.min.abs().max(b.max.abs()).length());
-        let radius = boxes.iter().map(reach).fold(0.0, f64::max);
-        Self { rows: Node8::rows(&boxes), origin, radius }
+    /// `posed(patch)`: the box of a patch.
+    pub(crate) fn new(patches: usize, posed: impl Fn(PatchId) -> Aabb) -> Self {
+        let boxes: Vec<Aabb> = (0..patches).map(|p| posed(PatchId::new(p))).collect();
+        let tree = (patches > FEW).then(|| {
+            let frame = Frame::around(boxes.iter().flat_map(|b| [b.lo, b.hi]));
+            let at = |id: u32| boxes[id as usize];
+            // Boxes have no direction in which they are thin.
+            let primitive =
+                |id: u32| Primitive { centre: frame.point(at(id).lo.midpoint(at(id).hi)), area: DVec3::ZERO };
+            #[expect(clippy::cast_possible_truncation, reason = "patches have ids of 32 bits")]
+            let mut tree = Tree::new(&(0..patches as u32).map(primitive).collect::<Vec<_>>());
+            tree.fit(primitive, |id| [at(id).lo, at(id).hi].map(|p| frame.point(p)));
+            (tree, frame)
+        });
+        Self { boxes, tree }
     }
 
-    /// Calls `visit(patch, distance)` for every patch that may be nearer to `q` (m, in the world)
-    /// than the distance `visit` returned last, in m; the one with the nearest box first.
+    /// Calls `visit(patch)` for every patch that may be nearer to `q` (m, in the world) than the
+    /// distance `visit` returned last, in m; the one with the nearest box first.
     pub(crate) fn each_within(&self, q: DVec3, distance: f64, mut visit: impl FnMut(PatchId) -> f64) {
-        let local = q - self.origin;
-        let slack = slack(local.length(), self.radius);
-        let wide = splat(local.as_vec3());
-        let patch = |row: usize, lane: usize| PatchId::new(row * LANES + lane);
-        let mut nearest = (f32::INFINITY, 0, 0);
-        for (row, node) in self.rows.iter().enumerate() {
-            let squared = node.distance_squared(&wide);
-            let lane = least_lane(squared);
-            let squared = squared.as_array()[lane];
-            if squared < nearest.0 {
-                nearest = (squared, row, lane);
-            }
+        if let [_] = self.boxes.as_slice() {
+            visit(PatchId::new(0));
+            return;
         }
-        let mut bound = squared_bound_f32(distance, slack);
-        let (squared, first_row, first_lane) = nearest;
-        if squared <= bound {
-            bound = squared_bound_f32(visit(patch(first_row, first_lane)), slack);
-        }
-        for (row, node) in self.rows.iter().enumerate() {
-            let squared = node.distance_squared(&wide);
-            // Empty slots are infinitely far.
-            let mut mask = squared.simd_le(f32x8::splat(bound)).to_bitmask();
-            if row == first_row {
-                mask &= !(1 << first_lane);
+        let away = |b: &Aabb| q.distance(q.clamp(b.lo, b.hi)) * (1.0 - MARGIN) - MARGIN * q.length();
+        let mut reach = distance;
+        let Some((tree, frame)) = &self.tree else {
+            let mut order = [(f64::INFINITY, 0); FEW];
+            for (id, (slot, b)) in order.iter_mut().zip(&self.boxes).enumerate() {
+                *slot = (away(b), id);
             }
-            for lane in lanes(mask) {
-                if squared.as_array()[lane] <= bound {
-                    bound = squared_bound_f32(visit(patch(row, lane)), slack);
+            let order = &mut order[..self.boxes.len().min(FEW)];
+            order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+            for &(key, id) in order.iter() {
+                if key <= reach {
+                    reach = visit(PatchId::new(id));
                 }
             }
-        }
+            return;
+        };
+        let centre = frame.point(q);
+        tree.walk(
+            reach * frame.scale,
+            |node| node.gaps(centre, &[DVec3::ZERO; 3]),
+            |packet| {
+                let mut order = [(f64::INFINITY, 0); 8];
+                for (slot, id) in order.iter_mut().zip(distinct(packet)) {
+                    *slot = (away(&self.boxes[id as usize]), id);
+                }
+                order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                for &(key, id) in &order {
+                    // Empty slots are infinitely far.
+                    if key <= reach && key < f64::INFINITY {
+                        reach = visit(PatchId::from(id));
+                    }
+                }
+                reach * frame.scale
+            },
+        );
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::search::bvh8::enclose;
 
-    /// Unit cubes in a row, three apart, far from the origin: more than fit into one node.
+    /// Unit cubes in a row, three apart, far from the origin: with a tree and without.
     #[test]
     fn all_patches_within_the_distance_are_visited_the_nearest_first() {
         let corner = |patch: PatchId| DVec3::new(1e6 + 3.0 * patch.index() as f64, 0.0, 0.0);
-        let boxes = PosedBoxes::new(20, |patch, origin| {
-            enclose([corner(patch) - origin, corner(patch) + DVec3::ONE - origin])
-        });
-        let q = corner(PatchId::new(11)) + DVec3::new(0.5, 0.5, 2.0);
-        let mut visited = Vec::new();
-        boxes.each_within(q, f64::INFINITY, |patch| {
-            visited.push(patch.index());
-            4.0
-        });
-        assert_eq!(visited[0], 11, "its box is nearest");
-        visited.sort_unstable();
-        assert_eq!(visited, [10, 11, 12], "boxes within 4 m");
-        boxes.each_within(q, 0.5, |patch| unreachable!("{patch} is 1 m away"));
+        for patches in [13, 20, 300] {
+            let boxes =
+                PosedBoxes::new(patches, |patch| Aabb::around([corner(patch), corner(patch) + DVec3::ONE]));
+            let q = corner(PatchId::new(11)) + DVec3::new(0.5, 0.5, 2.0);
+            let mut visited = Vec::new();
+            boxes.each_within(q, f64::INFINITY, |patch| {
+                visited.push(patch.index());
+                4.0
+            });
+            assert_eq!(visited[0], 11, "its box is nearest");
+            visited.sort_unstable();
+            assert_eq!(visited, [10, 11, 12], "boxes within 4 m");
+            boxes.each_within(q, 0.5, |patch| unreachable!("{patch} is 1 m away"));
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! All faces within a sphere, a capsule or a box.
 
-use super::{lanes::lanes, patch_bvh::PatchBvh};
+use super::patch_bvh::PatchBvh;
 use crate::{contact::geometry::Volume, id::FaceId};
 
 impl PatchBvh {
@@ -8,13 +8,13 @@ impl PatchBvh {
     /// from the volume's core, in m; in the order of the faces.
     pub(in crate::contact) fn faces_within(&self, volume: &Volume, found: &mut Vec<(FaceId, f64)>) {
         let before = found.len();
-        let (centre, extent) = self.frame.core(volume);
+        let (centre, sides) = self.frame.core(volume);
         let bound = volume.radius * self.frame.scale;
         self.tree.walk(
             bound,
-            |node| node.gaps(centre, extent),
+            |node| node.gaps(centre, &sides),
             |packet| {
-                for face in lanes(packet.used).map(|lane| packet.faces[lane]) {
+                for face in self.faces(packet) {
                     let distance = volume.distance_to_triangle(self.mesh.corners(face));
                     if distance <= volume.radius {
                         found.push((face, distance));

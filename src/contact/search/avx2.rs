@@ -1,0 +1,108 @@
+//! Eight `f32` numbers in one AVX register.
+
+use std::arch::x86_64::{__m128, __m128i, __m256, __m256i, _CMP_LE_OQ};
+
+use pulp::{cast, x86::V3};
+
+use super::lanes::{LANES, Lanes};
+
+impl Lanes for V3 {
+    type F = __m256;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> __m256 {
+        self.avx._mm256_set1_ps(x)
+    }
+
+    #[inline(always)]
+    fn load(self, x: &[f32; LANES]) -> __m256 {
+        cast(*x)
+    }
+
+    #[inline(always)]
+    fn bytes(self, x: &[u8; LANES]) -> __m256 {
+        let x: __m128i = cast([u64::from_le_bytes(*x), 0]);
+        self.avx._mm256_cvtepi32_ps(self.avx2._mm256_cvtepu8_epi32(x))
+    }
+
+    #[inline(always)]
+    fn store(self, a: __m256) -> [f32; LANES] {
+        cast(a)
+    }
+
+    #[inline(always)]
+    fn sub(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_sub_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn mul(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_mul_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn div(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_div_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn max(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_max_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn min(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_min_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        self.fma._mm256_fmadd_ps(a, b, c)
+    }
+
+    #[inline(always)]
+    fn sub_mul(self, c: __m256, a: __m256, b: __m256) -> __m256 {
+        self.fma._mm256_fnmadd_ps(a, b, c)
+    }
+
+    #[inline(always)]
+    fn le(self, a: __m256, b: __m256) -> u32 {
+        self.avx._mm256_movemask_ps(self.avx._mm256_cmp_ps::<_CMP_LE_OQ>(a, b)).cast_unsigned()
+    }
+
+    #[inline(always)]
+    fn select(self, [p, q, r, s]: [(__m256, __m256); 4], yes: __m256, no: __m256) -> __m256 {
+        let p = self.avx._mm256_cmp_ps::<_CMP_LE_OQ>(p.0, p.1);
+        let q = self.avx._mm256_cmp_ps::<_CMP_LE_OQ>(q.0, q.1);
+        let r = self.avx._mm256_cmp_ps::<_CMP_LE_OQ>(r.0, r.1);
+        let s = self.avx._mm256_cmp_ps::<_CMP_LE_OQ>(s.0, s.1);
+        let all = self.avx._mm256_and_ps(self.avx._mm256_and_ps(p, q), self.avx._mm256_and_ps(r, s));
+        self.avx._mm256_blendv_ps(no, yes, all)
+    }
+
+    #[inline(always)]
+    fn least(self, a: __m256) -> u32 {
+        let lane: __m256i = cast([0_u32, 1, 2, 3, 4, 5, 6, 7]);
+        let cleared = self.avx2._mm256_andnot_si256(self.avx._mm256_set1_epi32(7), cast(a));
+        let [low, high]: [__m128i; 2] = cast(self.avx2._mm256_or_si256(cleared, lane));
+        let a = self.sse4_1._mm_min_epu32(low, high);
+        let b = self.sse4_1._mm_min_epu32(a, self.sse2._mm_shuffle_epi32::<0b01_00_11_10>(a));
+        let c = self.sse4_1._mm_min_epu32(b, self.sse2._mm_shuffle_epi32::<0b10_11_00_01>(b));
+        self.sse2._mm_cvtsi128_si32(c).cast_unsigned()
+    }
+
+    #[inline(always)]
+    fn affine(self, columns: &[[f32; 4]; 4], p: [f32; 3]) -> [__m256; 3] {
+        let (fma, sse) = (self.fma, self.sse);
+        let [x, y, z, shift]: [__m128; 4] = cast(*columns);
+        let v = fma._mm_fmadd_ps(z, sse._mm_set1_ps(p[2]), shift);
+        let v = fma._mm_fmadd_ps(y, sse._mm_set1_ps(p[1]), v);
+        let v = fma._mm_fmadd_ps(x, sse._mm_set1_ps(p[0]), v);
+        let (v1, v2) = (sse._mm_shuffle_ps::<0x55>(v, v), sse._mm_shuffle_ps::<0xaa>(v, v));
+        [
+            self.avx2._mm256_broadcastss_ps(v),
+            self.avx2._mm256_broadcastss_ps(v1),
+            self.avx2._mm256_broadcastss_ps(v2),
+        ]
+    }
+}

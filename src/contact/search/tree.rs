@@ -1,0 +1,329 @@
+//! A tree of oriented boxes, eight to a node, over packets of eight primitives: triangles or points.
+//!
+//! Built from the top: a node's primitives are halved by count, always the largest part along its
+//! longest axis, until there are eight parts. So the tree is never deeper than the logarithm of
+//! their number, coincident primitives or not, and all packets but a few are full.
+
+use std::ops::Range;
+
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::{
+    lanes::LANES,
+    node8::{Child, Node8, OrientedBox, Target},
+};
+
+/// Primitives of one tree, at most: numbers of nodes and packets must stay clear of a child's top
+/// bit, and the tree of [`DEPTH`].
+pub(super) const MAX_PRIMITIVES: usize = 1 << 28;
+
+/// Nodes on the longest way from the root of any tree to a packet: every node has an eighth of the
+/// primitives of the one above it, up to a packet. One more is spare.
+pub(super) const DEPTH: usize = 12;
+
+/// Most entries on the stack of a walk: seven children stay behind in each node on the way.
+pub(super) const STACK: usize = 7 * DEPTH + 1;
+
+/// If the normals of a part cancel to less than this share of its area, there is no direction in
+/// which it is thin.
+const FLAT: f64 = 0.25;
+
+/// A tree whose packets are numbered, and what is in them.
+#[derive(Debug, Clone)]
+pub(super) struct Tree {
+    /// The root first; every node before those below it.
+    pub(super) nodes: Vec<Node8>,
+    /// Primitives of each packet, ascending; the last one is repeated in empty lanes.
+    pub(super) packets: Vec<[u32; LANES]>,
+}
+
+/// A primitive as the tree sees it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Primitive {
+    pub(super) centre: DVec3,
+    /// Normal of the skin there, as long as the area it stands for.
+    pub(super) area: DVec3,
+}
+
+/// The primitives of a packet, each once.
+pub(super) fn distinct(packet: &[u32; LANES]) -> impl Iterator<Item = u32> + '_ {
+    let repeated = |lane: usize| lane > 0 && packet[lane] == packet[lane - 1];
+    (0..LANES).filter(move |&lane| !repeated(lane)).map(|lane| packet[lane])
+}
+
+impl Tree {
+    /// A tree over at least one and at most [`MAX_PRIMITIVES`], whose boxes are still to be fitted.
+    #[expect(clippy::cast_possible_truncation, reason = "fewer nodes and packets than MAX_PRIMITIVES")]
+    pub(super) fn new(primitives: &[Primitive]) -> Self {
+        let mut order: Vec<u32> = (0..primitives.len() as u32).collect();
+        let mut tree = Self { nodes: vec![Node8::new(0, 0, 0, 0)], packets: Vec::new() };
+        let mut open = vec![(0_usize, 0..primitives.len(), None)];
+        while let Some((index, range, above)) = open.pop() {
+            let axes =
+                Moments::of(order[range.clone()].iter().map(|&id| primitives[id as usize])).axes(above);
+            let mut parts = split(primitives, &mut order, range, &axes);
+            // Nodes first, in either kind from the first part to the last.
+            parts.sort_by_key(|part| part.len() <= LANES);
+            let nodes = parts.iter().filter(|part| part.len() > LANES).count();
+            let first = tree.nodes.len();
+            tree.nodes[index] =
+                Node8::new(first as u32, tree.packets.len() as u32, nodes as u8, parts.len() as u8);
+            tree.nodes.resize(first + nodes, Node8::new(0, 0, 0, 0));
+            for (k, part) in parts.into_iter().enumerate() {
+                if k < nodes {
+                    open.push((first + k, part, Some(axes)));
+                } else {
+                    let mut ids = order[part].to_vec();
+                    ids.sort_unstable();
+                    tree.packets.push(std::array::from_fn(|lane| ids[lane.min(ids.len() - 1)]));
+                }
+            }
+        }
+        tree
+    }
+
+    /// Fits all boxes to the primitives: `points` are the corners of one.
+    ///
+    /// A packet's box follows its corners; those of the nodes above follow the boxes of all packets
+    /// below them, not of the nodes in between, whose turned boxes would grow from level to level.
+    pub(super) fn fit<const N: usize>(
+        &mut self,
+        primitive: impl Fn(u32) -> Primitive + Sync,
+        points: impl Fn(u32) -> [DVec3; N] + Sync,
+    ) {
+        let Self { nodes, packets } = self;
+        let axes = axes(nodes, packets, primitive);
+        let mut axes_above = vec![DMat3::IDENTITY; packets.len()];
+        for (node, axes) in nodes.iter().zip(&axes) {
+            for child in node.children() {
+                if let Target::Packet(packet) = child.target() {
+                    axes_above[packet] = *axes;
+                }
+            }
+        }
+        let boxes: Vec<OrientedBox> = packets
+            .par_iter()
+            .zip(&axes_above)
+            .map(|(packet, axes)| OrientedBox::around(*axes, distinct(packet).flat_map(&points)))
+            .collect();
+        let below = packets_below(nodes);
+        nodes.par_iter_mut().zip(&axes).for_each(|(node, axes)| {
+            let mut fitted = [OrientedBox::empty(*axes); LANES];
+            for (child, fitted) in node.children().zip(&mut fitted) {
+                match child.target() {
+                    Target::Packet(packet) => *fitted = boxes[packet],
+                    Target::Node(below_child) => {
+                        boxes[below[below_child].clone()].iter().for_each(|b| fitted.add(b));
+                    }
+                }
+            }
+            node.fit(&fitted[..usize::from(node.count)]);
+        });
+    }
+
+    /// Memory, in bytes.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.packets.as_slice())
+    }
+}
+
+/// Axes of all nodes: each along the normals of what is below it, and turned about them no more
+/// than needed from the node above.
+fn axes(
+    nodes: &[Node8],
+    packets: &[[u32; LANES]],
+    primitive: impl Fn(u32) -> Primitive + Sync,
+) -> Vec<DMat3> {
+    let of_packets: Vec<Moments> =
+        packets.par_iter().map(|packet| Moments::of(distinct(packet).map(&primitive))).collect();
+    let mut moments = vec![Moments::default(); nodes.len()];
+    for index in (0..nodes.len()).rev() {
+        let mut all = Moments::default();
+        for child in nodes[index].children() {
+            all.add(match child.target() {
+                Target::Node(below) => &moments[below],
+                Target::Packet(packet) => &of_packets[packet],
+            });
+        }
+        moments[index] = all;
+    }
+    let mut axes = vec![DMat3::IDENTITY; nodes.len()];
+    axes[0] = moments[0].axes(None);
+    for index in 0..nodes.len() {
+        for child in nodes[index].children() {
+            if let Target::Node(below) = child.target() {
+                axes[below] = moments[below].axes(Some(axes[index]));
+            }
+        }
+    }
+    axes
+}
+
+/// The packets below each node, which follow each other.
+fn packets_below(nodes: &[Node8]) -> Vec<Range<usize>> {
+    let first = |node: &Node8| node.first_packet as usize;
+    let mut below: Vec<_> = nodes.iter().map(|node| first(node)..first(node)).collect();
+    for index in (0..nodes.len()).rev() {
+        let end = |child: Child| match child.target() {
+            Target::Node(node) => below[node].end,
+            Target::Packet(packet) => packet + 1,
+        };
+        below[index].end = nodes[index].children().map(end).max().unwrap_or(below[index].end);
+    }
+    below
+}
+
+/// Splits a range of the order into up to eight parts, by reordering it.
+fn split(
+    primitives: &[Primitive],
+    order: &mut [u32],
+    range: Range<usize>,
+    axes: &DMat3,
+) -> Vec<Range<usize>> {
+    let mut parts = vec![range];
+    while parts.len() < LANES {
+        let largest = (0..parts.len()).max_by_key(|&k| (parts[k].len(), usize::MAX - k));
+        let Some(largest) = largest.filter(|&k| parts[k].len() > LANES) else { break };
+        let part = parts[largest].clone();
+        let ids = &mut order[part.clone()];
+        let centres = OrientedBox::around(*axes, ids.iter().map(|&id| primitives[id as usize].centre));
+        let size = centres.hi - centres.lo;
+        let longest = if size.x >= size.y && size.x >= size.z {
+            0
+        } else if size.y >= size.z {
+            1
+        } else {
+            2
+        };
+        let axis = axes.row(longest);
+        // Whole packets on the left.
+        let half = ids.len().div_ceil(LANES).div_ceil(2) * LANES;
+        let middle = half.min(ids.len() - 1);
+        let along = |id: &u32| primitives[*id as usize].centre.dot(axis);
+        ids.select_nth_unstable_by(middle, |i, j| along(i).total_cmp(&along(j)).then(i.cmp(j)));
+        parts[largest] = part.start..part.start + middle;
+        parts.insert(largest + 1, part.start + middle..part.end);
+    }
+    parts
+}
+
+/// How a set of primitives is turned: sums over them.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moments {
+    count: f64,
+    area: DVec3,
+    /// Of the areas without direction.
+    total: f64,
+    centre: DVec3,
+    /// Of the products of coordinates: `xx, yy, zz` and `yz, zx, xy`.
+    squares: DVec3,
+    products: DVec3,
+}
+
+impl Moments {
+    fn of(primitives: impl Iterator<Item = Primitive>) -> Self {
+        let mut all = Self::default();
+        primitives.for_each(|p| all.count(&p));
+        all
+    }
+
+    fn count(&mut self, p: &Primitive) {
+        let c = p.centre;
+        self.add(&Self {
+            count: 1.0,
+            area: p.area,
+            total: p.area.length(),
+            centre: c,
+            squares: c * c,
+            products: DVec3::new(c.y * c.z, c.z * c.x, c.x * c.y),
+        });
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.area += other.area;
+        self.total += other.total;
+        self.centre += other.centre;
+        self.squares += other.squares;
+        self.products += other.products;
+    }
+
+    /// Rows: two axes along the skin, and its mean normal; the tree's axes where the normals cancel.
+    /// The first is that of the node `above`, or the direction in which the primitives extend
+    /// farthest.
+    fn axes(&self, above: Option<DMat3>) -> DMat3 {
+        let length = self.area.length();
+        // Also true for NaN.
+        if !(length > FLAT * self.total) {
+            return DMat3::IDENTITY;
+        }
+        let z = self.area / length;
+        let x = above.map_or_else(|| self.longest_across(z), |above| above.row(0));
+        let x = x.reject_from_normalized(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
+        DMat3::from_cols(x, z.cross(x), z).transpose()
+    }
+
+    /// The direction at right angles to `z` in which the primitives extend farthest.
+    fn longest_across(&self, z: DVec3) -> DVec3 {
+        let (x, y) = z.any_orthonormal_pair();
+        let mean = self.centre / self.count;
+        let spread = self.squares / self.count - mean * mean;
+        let mixed =
+            self.products / self.count - DVec3::new(mean.y * mean.z, mean.z * mean.x, mean.x * mean.y);
+        let covariance = DMat3::from_cols(
+            DVec3::new(spread.x, mixed.z, mixed.y),
+            DVec3::new(mixed.z, spread.y, mixed.x),
+            DVec3::new(mixed.y, mixed.x, spread.z),
+        );
+        let (to_x, to_y) = (covariance * x, covariance * y);
+        let turn = DVec2::from_angle(0.5 * (2.0 * x.dot(to_y)).atan2(x.dot(to_x) - y.dot(to_y)));
+        x * turn.x + y * turn.y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{TriMesh, shapes};
+
+    /// Primitives below a child, all of whose corners must lie in its boxes.
+    fn below(tree: &Tree, child: Child, corners: &[[DVec3; 3]], found: &mut Vec<u32>) {
+        match child.target() {
+            Target::Packet(packet) => found.extend(distinct(&tree.packets[packet])),
+            Target::Node(index) => {
+                let node = &tree.nodes[index];
+                for lane in 0..usize::from(node.count) {
+                    let first = found.len();
+                    below(tree, node.child(lane), corners, found);
+                    for p in found[first..].iter().flat_map(|&id| corners[id as usize]) {
+                        assert_eq!(node.gaps(p, &[DVec3::ZERO; 3])[lane], 0.0, "{p} lies in its box");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn each_primitive_is_below_the_root_once_and_inside_of_all_boxes_above_it() {
+        let stacked = |n: usize| {
+            TriMesh::from_arrays(shapes::triangle().positions.iter().copied().collect(), &vec![[0, 1, 2]; n])
+        };
+        for mesh in
+            [shapes::triangle(), shapes::fan(8), shapes::cap(3000, 0.5, 1.9), stacked(9), stacked(5000)]
+        {
+            let corners: Vec<_> = mesh.triangles.ids().map(|f| mesh.corners(f)).collect();
+            let primitive = |id: u32| {
+                let [a, b, c] = corners[id as usize];
+                Primitive { centre: (a + b + c) / 3.0, area: (b - a).cross(c - a) }
+            };
+            let count = u32::try_from(corners.len()).unwrap();
+            let mut tree = Tree::new(&(0..count).map(primitive).collect::<Vec<_>>());
+            tree.fit(primitive, |id| corners[id as usize]);
+            let mut found = Vec::new();
+            below(&tree, Child::ROOT, &corners, &mut found);
+            found.sort_unstable();
+            assert_eq!(found, (0..count).collect::<Vec<_>>());
+        }
+    }
+}
