@@ -62,13 +62,10 @@ pub use image::{
     frame::{FrameContent, frame_file_name, write_frame, write_raw_frame},
     read::{ImageLayer, read_images},
 };
-pub use mesh::{
-    flat::write_flat,
-    formats::{read_draft, write_skin},
-};
+pub use mesh::formats::{read_draft, write_flat, write_skin};
 pub use observations::{
+    builder::ObservationRemark,
     read_write::{read_observations, write_observations},
-    types::ObservationRemark,
 };
 pub use readings::{arrays::ReadingsLayout, gains::read_gains, reader::ReadingsReader};
 pub use table::{

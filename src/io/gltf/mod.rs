@@ -6,18 +6,16 @@
 //! the bytes that are there, and keeps a budget so that a small file cannot ask for much memory;
 //! node trees, attributes and triangles are checked where they are read.
 //!
-//! To read: `container` (file to JSON and bytes), `guard`, `document` with `buffers` and
-//! `accessor` (bytes to numbers), `nodes` with `transform`, `attributes`, `triangles`, then
-//! `read_skin` and `read_map`. To write: `writer`, `write_skin`, `write_map`;
+//! To read: `guard`, `document` (file to JSON and bytes), `accessor` (bytes to numbers), `nodes`,
+//! `primitive`, then `read_skin` and `read_map`. To write: `writer`, `write_skin`, `write_map`;
 //! `extras` is what a map adds to both.
 
 mod accessor;
-mod primitive;
-mod buffers;
 mod document;
 mod extras;
 mod guard;
 mod nodes;
+mod primitive;
 mod read_map;
 mod read_skin;
 mod write_map;

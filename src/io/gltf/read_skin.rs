@@ -107,60 +107,41 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) {
 
 fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) -> Result<(), IoError> {
     append(&mut sheet.positions, attributes.positions()?);
-    let join = Join { attributes, first };
-    join.all_or_none("_TAXEL_ID", &mut sheet.ids, attributes.read("_TAXEL_ID", read_ids)?)?;
-    join.all_or_none("_PRESENT", &mut sheet.presence, attributes.read("_PRESENT", read_presence)?)?;
-    join.all_or_none("_AREA", &mut sheet.areas, attributes.scalars("_AREA")?)?;
-    join.all_or_none("_DENSITY", &mut sheet.densities, attributes.scalars("_DENSITY")?)?;
-    join.all_or_none("_COVARIANCE_0", &mut sheet.covariances, read_covariances(attributes)?)?;
+    let all_or_none = |name: &str, joined: Result<(), &str>| {
+        let needed = "the attribute in every primitive of the mesh, or in none";
+        let element = format!("{} {name}", attributes.element);
+        joined.map_err(|found| attributes.document.invalid(element, found, needed))
+    };
+    let (ids, presence) =
+        (attributes.read("_TAXEL_ID", read_ids)?, attributes.read("_PRESENT", read_presence)?);
+    all_or_none("_TAXEL_ID", join(&mut sheet.ids, ids, first))?;
+    all_or_none("_PRESENT", join(&mut sheet.presence, presence, first))?;
+    all_or_none("_AREA", join(&mut sheet.areas, attributes.scalars("_AREA")?, first))?;
+    all_or_none("_DENSITY", join(&mut sheet.densities, attributes.scalars("_DENSITY")?, first))?;
+    all_or_none("_COVARIANCE_0", join(&mut sheet.covariances, read_covariances(attributes)?, first))?;
 
     // A primitive without normals is flat by the rules of glTF: its triangles know better than a
     // placeholder.
-    join.all_or_drop(&mut sheet.normals, attributes.normals()?);
-    join.all_or_drop(&mut sheet.tangents, attributes.tangents()?);
+    for (all, part) in
+        [(&mut sheet.normals, attributes.normals()?), (&mut sheet.tangents, attributes.tangents()?)]
+    {
+        if join(all, part, first).is_err() {
+            *all = None;
+        }
+    }
     Ok(())
 }
 
-struct Join<'a> {
-    attributes: &'a Attributes<'a>,
-    first: bool,
-}
-
-impl Join<'_> {
-    /// Appends an attribute that is dropped unless all primitives have it.
-    fn all_or_drop<T>(&self, all: &mut Option<Vec<T>>, part: Option<Vec<T>>) {
-        *all = match (all.take(), part) {
-            (None, part) if self.first => part,
-            (Some(mut all), Some(part)) => {
-                append(&mut all, part);
-                Some(all)
-            }
-            _ => None,
-        };
+/// Appends an attribute of a primitive, which either all of a mesh have or none; else says which
+/// lacks it.
+fn join<T>(all: &mut Option<Vec<T>>, part: Option<Vec<T>>, first: bool) -> Result<(), &'static str> {
+    match (all.as_mut(), part) {
+        (Some(all), Some(part)) => append(all, part),
+        (None, part) if first || part.is_none() => *all = part,
+        (Some(_), None) => return Err("missing here"),
+        (None, _) => return Err("missing in the primitives before"),
     }
-
-    /// Appends an attribute that either all primitives of a mesh have or none.
-    fn all_or_none<T>(
-        &self,
-        name: &str,
-        all: &mut Option<Vec<T>>,
-        part: Option<Vec<T>>,
-    ) -> Result<(), IoError> {
-        let found = match (all.as_mut(), part) {
-            (Some(all), Some(part)) => {
-                append(all, part);
-                return Ok(());
-            }
-            (None, part) if self.first || part.is_none() => {
-                *all = part;
-                return Ok(());
-            }
-            (Some(_), None) => "missing here",
-            (None, _) => "missing in the primitives before",
-        };
-        let needed = "the attribute in every primitive of the mesh, or in none";
-        Err(self.attributes.document.invalid(format!("{} {name}", self.attributes.element), found, needed))
-    }
+    Ok(())
 }
 
 /// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there.

@@ -30,7 +30,6 @@ use crate::{
         IoError,
         file::{replace_file, unfit},
     },
-    map::ImageFrame,
 };
 
 /// The one custom attribute of each part. There must not be a second: the crate keeps attributes in
@@ -60,7 +59,11 @@ const MAX_SIDE: u32 = 1 << 24;
 /// If there is no image, an image has no pixels or no channels or fewer samples than pixels, two
 /// have the same name, or the file cannot be written.
 pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoError> {
-    write_parts(path, images, &|image| serde_json::to_vec(&Note::new(image.name(), image.frame())))
+    write_parts(path, images, &|image| {
+        let frame = image.frame();
+        let map = Rectangle { origin: frame.origin.to_array(), size: frame.size.to_array() };
+        serde_json::to_vec(&Note { version: env!("CARGO_PKG_VERSION"), name: image.name(), map })
+    })
 }
 
 /// [`write_images`], with the JSON text of each part's attribute.
@@ -202,13 +205,6 @@ struct Note<'a> {
 struct Rectangle {
     origin: [f64; 2],
     size: [f64; 2],
-}
-
-impl<'a> Note<'a> {
-    fn new(name: &'a str, frame: &ImageFrame) -> Self {
-        let map = Rectangle { origin: frame.origin.to_array(), size: frame.size.to_array() };
-        Self { version: env!("CARGO_PKG_VERSION"), name, map }
-    }
 }
 
 /// A name as it is written in an EXR file, whose names are bytes that every program reads as it

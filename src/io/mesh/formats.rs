@@ -1,19 +1,22 @@
-//! Skins in all formats: which extension is read and written by which file.
+//! Skins in all formats: which extension is read and written by which file; and flat meshes, each a
+//! mesh with a position on the map for each vertex.
 
-use std::path::Path;
+use std::{io::Write, path::Path};
+
+use glam::DVec2;
 
 use crate::{
+    id::{IdVec, VertexId},
     io::{
         IoError,
-        file::{Source, kind, unfit},
+        arrays::{npy::Elements, writer::ArrayWriter},
+        file::{Source, kind, unfit, write_file},
         gltf,
         mesh::{icub, obj, ply, robotskin, skin_csv, stl},
     },
+    mesh::TriMesh,
     skin::{Draft, Skin},
 };
-
-/// Extensions that [`read_draft`] knows.
-const READABLE: &str = "glb, gltf, json, obj, ply, stl, csv, txt";
 
 /// Reads a skin or a mesh as it was written, by the extension of its file:
 ///
@@ -52,13 +55,13 @@ pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
         "stl" => stl::read,
         "csv" => skin_csv::read,
         "txt" => icub::read,
-        _ => return Err(IoError::UnknownKind { path: path.into(), known: READABLE }),
+        _ => {
+            let known = "glb, gltf, json, obj, ply, stl, csv, txt";
+            return Err(IoError::UnknownKind { path: path.into(), known });
+        }
     };
     read(&Source::open(path)?)
 }
-
-/// Extensions that [`write_skin`] knows.
-const WRITABLE: &str = "glb, gltf, json, obj, ply, stl, csv";
 
 /// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what
 /// each keeps.
@@ -91,8 +94,58 @@ pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
         "ply" => ply::write,
         "stl" => stl::write,
         "csv" => skin_csv::write,
-        _ => return Err(IoError::UnknownKind { path: path.into(), known: WRITABLE }),
+        _ => {
+            let known = "glb, gltf, json, obj, ply, stl, csv";
+            return Err(IoError::UnknownKind { path: path.into(), known });
+        }
     };
     skin.validate().map_err(|e| unfit(path, "skin to write", e.to_string(), "a valid one"))?;
     write(path, skin)
+}
+
+/// Writes a mesh with its map at full precision: `uv` in m, `v` up, one per vertex.
+///
+/// `.npz` holds `V` (n x 3, `f64`), `F` (m x 3, `i64`) and `UV` (n x 2, `f64`), stored without
+/// compression. `.obj` holds the same as `v`, `f` and `vt`, in the shortest decimals that read back
+/// as the same `f64`; its `vt` point up as map positions do, so nothing is flipped.
+///
+/// # Errors
+/// If the mesh is broken, the map does not fit it, or the file cannot be written.
+pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+    let kind = kind(path);
+    if !["obj", "npz"].contains(&kind.as_str()) {
+        return Err(IoError::UnknownKind { path: path.into(), known: "obj, npz" });
+    }
+    mesh.validate().map_err(|e| unfit(path, "mesh to write", e.to_string(), "a valid one"))?;
+    if uv.len() != mesh.positions.len() {
+        let needed = format!("{}, one per vertex", mesh.positions.len());
+        return Err(unfit(path, "map to write", format!("{} positions", uv.len()), needed));
+    }
+    if kind == "npz" {
+        return write_npz(path, mesh, uv);
+    }
+    write_file(path, |file| {
+        for p in &mesh.positions {
+            writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
+        }
+        for p in uv {
+            writeln!(file, "vt {:?} {:?}", p.x, p.y)?;
+        }
+        for &corners in &mesh.triangles {
+            let [a, b, c] = corners.map(|v| v.index() + 1);
+            writeln!(file, "f {a}/{a} {b}/{b} {c}/{c}")?;
+        }
+        Ok(())
+    })
+}
+
+fn write_npz(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+    let positions: Vec<f64> = mesh.positions.iter().flat_map(|p| p.to_array()).collect();
+    let corners: Vec<i64> = mesh.triangles.iter().flatten().map(|v| i64::from(v.raw())).collect();
+    let map: Vec<f64> = uv.iter().flat_map(|p| p.to_array()).collect();
+    let mut file = ArrayWriter::create(path)?;
+    file.constant("V", &[mesh.positions.len(), 3], Elements::F64(&positions))?;
+    file.constant("F", &[mesh.triangles.len(), 3], Elements::I64(&corners))?;
+    file.constant("UV", &[uv.len(), 2], Elements::F64(&map))?;
+    file.finish()
 }

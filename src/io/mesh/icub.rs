@@ -16,9 +16,6 @@ use crate::{
 /// of twelve.
 const SLOTS_PER_MODULE: u32 = 12;
 
-/// Numbers of one row.
-const ROW: usize = 6;
-
 /// What `taxel2Repr` says of a slot without a pressure reading.
 const ABSENT: i64 = -1;
 const THERMAL_PAD: i64 = -2;
@@ -144,7 +141,7 @@ fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>, IoError
     list.split_whitespace().enumerate().map(parse).collect()
 }
 
-fn row(at: LineLocation<'_>, line: &str) -> Result<[f64; ROW], IoError> {
+fn row(at: LineLocation<'_>, line: &str) -> Result<[f64; 6], IoError> {
     const NEEDED: &str = "x y z nx ny nz, six finite numbers";
     let number = |word: &str| finite(word).ok_or_else(|| at.invalid(excerpt(word), NEEDED));
     let numbers: Vec<f64> = line.split_whitespace().map(number).collect::<Result<_, _>>()?;

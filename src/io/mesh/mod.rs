@@ -1,6 +1,5 @@
 //! Skins and flat meshes in the formats of other programs; `formats.rs` lists what each keeps.
 
-pub(super) mod flat;
 pub(super) mod formats;
 mod icub;
 mod obj;

@@ -18,7 +18,6 @@ use crate::{
     io::{
         IoError,
         file::{LineLocation, invalid},
-        observations::types::{ObservationRemark, ReadObservations},
     },
     skin::TaxelId,
 };
@@ -163,8 +162,7 @@ impl ObservationsBuilder {
         if !declared {
             self.declare_named_taxels();
         }
-        // Lines that were left out may be why something is missing.
-        let left_out = LeftOut(&self.unknown_tags);
+        let left_out = left_out(&self.unknown_tags);
         let Self { path, mut observations, index, .. } = self;
         let find = |id: TaxelId, line: usize| {
             index.get(&id).copied().ok_or_else(|| {
@@ -220,23 +218,20 @@ const SHORTEST_QUATERNION: f64 = 1e-3;
 /// Quaternions written with six digits are off by this much.
 const FILE_ROUNDING: f64 = 3e-6;
 
-/// Lists the lines of unknown kinds at the end of an error message; empty if there are none.
-struct LeftOut<'a>(&'a BTreeMap<String, usize>);
-
-impl fmt::Display for LeftOut<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // More would hide the error itself.
-        const MOST_NAMED: usize = 3;
-        let Some(lines) = self.0.values().copied().reduce(|a, b| a + b) else { return Ok(()) };
-        let named: Vec<String> =
-            self.0.iter().take(MOST_NAMED).map(|(tag, lines)| format!("{tag} ({lines})")).collect();
-        let (s, named) = (if lines == 1 { "" } else { "s" }, named.join(", "));
-        write!(f, "; {lines} line{s} of unknown tags: {named}")?;
-        match self.0.len().saturating_sub(MOST_NAMED) {
-            0 => Ok(()),
-            more => write!(f, " and {more} more"),
-        }
-    }
+/// The lines of unknown kinds as the end of an error message, empty if there are none: they may be why
+/// something is missing.
+fn left_out(tags: &BTreeMap<String, usize>) -> String {
+    // More would hide the error itself.
+    const MOST_NAMED: usize = 3;
+    let Some(lines) = tags.values().copied().reduce(|a, b| a + b) else { return String::new() };
+    let named: Vec<String> =
+        tags.iter().take(MOST_NAMED).map(|(tag, lines)| format!("{tag} ({lines})")).collect();
+    let (s, named) = (if lines == 1 { "" } else { "s" }, named.join(", "));
+    let more = match tags.len().saturating_sub(MOST_NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!("; {lines} line{s} of unknown tags: {named}{more}")
 }
 
 fn check_length(vector: DVec3, at: &LineLocation<'_>) -> Result<(), IoError> {
@@ -269,4 +264,49 @@ fn check_information<const N: usize>(
 pub(super) fn information_of(sigma: f64) -> Option<f64> {
     // 1e-9 squared and inverted is not quite 1e18.
     SIGMA_RANGE.contains(&sigma).then(|| sigma.powi(-2).min(MOST_INFORMATION))
+}
+
+/// Observations of a file, and what was changed, left out or assumed to read them.
+pub(super) type ReadObservations = (Observations, Vec<ObservationRemark>);
+
+/// Something about a file of observations that a user should know; `Display` is a sentence.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum ObservationRemark {
+    /// Lines of a kind that is not known here.
+    UnknownTag {
+        /// First word of the lines.
+        tag: String,
+        /// How many there are.
+        lines: usize,
+    },
+    /// Quaternions that were not of unit length.
+    Normalised {
+        /// How many.
+        quaternions: usize,
+        /// The length farthest from 1.
+        worst: f64,
+    },
+    /// A table gives no uncertainty.
+    AssumedSigma {
+        /// The standard deviation assumed instead, in m.
+        sigma: f64,
+    },
+}
+
+impl fmt::Display for ObservationRemark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownTag { tag, lines } => {
+                let (s, were) = if *lines == 1 { ("", "was") } else { ("s", "were") };
+                write!(f, "{lines} line{s} of the unknown kind {tag} {were} left out")
+            }
+            Self::Normalised { quaternions, worst } => {
+                write!(f, "{quaternions} quaternions were normalised, the worst had length {worst}")
+            }
+            Self::AssumedSigma { sigma } => {
+                write!(f, "the table gives no uncertainty; {} mm per axis was assumed", sigma * 1e3)
+            }
+        }
+    }
 }

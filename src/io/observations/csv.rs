@@ -9,10 +9,7 @@ use crate::{
     io::{
         IoError,
         file::{Lines, excerpt, invalid, unfit},
-        observations::{
-            builder::{ObservationsBuilder, SIGMA_RANGE, information_of},
-            types::ReadObservations,
-        },
+        observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of},
         table::csv_table::{Columns, Row, Table, labelled, write_table},
     },
 };

@@ -17,7 +17,7 @@ use crate::{
     io::{
         IoError,
         file::{LineLocation, Lines, unfit},
-        observations::{builder::ObservationsBuilder, types::ReadObservations},
+        observations::builder::{ObservationsBuilder, ReadObservations},
     },
     skin::TaxelId,
 };
@@ -27,106 +27,90 @@ const IDENTITY_OFFSET: u32 = 0;
 
 /// Reads from the line on which `lines` stands.
 pub(super) fn read(mut lines: Lines<impl BufRead>) -> Result<ReadObservations, IoError> {
-    let mut builder = ObservationsBuilder::new(lines.path());
-    let mut offsets = HashMap::new();
+    let mut reader = Reader { builder: ObservationsBuilder::new(lines.path()), offsets: HashMap::new() };
     while let Some((text, at)) = lines.current()? {
         let mut words = text.split_ascii_whitespace();
         if let Some(tag) = words.next() {
-            read_line(Line { tag, words, at }, &mut offsets, &mut builder)?;
+            reader.line(Line { tag, words, at })?;
         }
         lines.advance()?;
     }
-    builder.finish()
+    reader.builder.finish()
 }
 
-fn read_line(
-    line: Line<'_>,
-    offsets: &mut HashMap<u32, Pose>,
-    builder: &mut ObservationsBuilder,
-) -> Result<(), IoError> {
-    match line.tag {
-        "VERTEX_SE3:QUAT" | "VERTEX_TRACKXYZ" => read_vertex(line, builder),
-        "EDGE_SE3:QUAT" | "EDGE_POINTXYZ" => read_edge(line, builder),
-        "EDGE_POINTXYZ_PRIOR" | "EDGE_SE3_PRIOR" => read_prior(line, offsets, builder),
-        "PARAMS_SE3OFFSET" => read_offset(line, offsets, builder),
-        "FIX" => read_fix(line, builder),
-        tag => {
-            builder.unknown_tag(tag);
-            Ok(())
+struct Reader {
+    builder: ObservationsBuilder,
+    /// The parameters: where sensors are in the frames of taxels.
+    offsets: HashMap<u32, Pose>,
+}
+
+impl Reader {
+    fn line(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let at = line.at;
+        match line.tag {
+            "VERTEX_TRACKXYZ" => {
+                let id = line.id()?;
+                self.builder.set_model(Model::Positions, &at)?;
+                self.builder.taxel(id, Pose::at(DVec3::from_array(line.numbers()?)), &at)
+            }
+            "VERTEX_SE3:QUAT" => {
+                let id = line.id()?;
+                self.builder.set_model(Model::Poses, &at)?;
+                let pose = self.builder.pose(&line.numbers::<7>()?, &at)?;
+                self.builder.taxel(id, pose, &at)
+            }
+            "EDGE_POINTXYZ" => {
+                let ids = [line.id()?, line.id()?];
+                self.builder.set_model(Model::Positions, &at)?;
+                let (offset, information) = line.point()?;
+                self.builder.edge(ids, DisplacementMeasurement::Offset { offset, information }, &at)
+            }
+            "EDGE_SE3:QUAT" => {
+                let ids = [line.id()?, line.id()?];
+                self.builder.set_model(Model::Poses, &at)?;
+                let motion = self.measured_pose(&mut line)?;
+                self.builder.edge(ids, DisplacementMeasurement::Relative(motion), &at)
+            }
+            "EDGE_POINTXYZ_PRIOR" => {
+                let id = line.id()?;
+                let (position, information) = line.point()?;
+                self.builder.contact(id, ContactMeasurement::Position { position, information }, &at)
+            }
+            "EDGE_SE3_PRIOR" => {
+                let (id, parameter) = (line.id()?, line.id()?.0);
+                self.builder.set_model(Model::Poses, &at)?;
+                let seen = self.measured_pose(&mut line)?;
+                let needed = "the number of a PARAMS_SE3OFFSET line before this one";
+                let offset = self.offsets.get(&parameter).copied();
+                let offset = offset.ok_or_else(|| at.invalid(format!("parameter {parameter}"), needed))?;
+                self.builder.contact(id, ContactMeasurement::Pose { offset, seen }, &at)
+            }
+            "PARAMS_SE3OFFSET" => {
+                let parameter = line.id()?.0;
+                let pose = self.builder.pose(&line.numbers::<7>()?, &at)?;
+                let again = || format!("parameter {parameter} a second time");
+                match self.offsets.insert(parameter, pose) {
+                    Some(_) => Err(at.invalid(again(), "every parameter declared once")),
+                    None => Ok(()),
+                }
+            }
+            "FIX" => {
+                self.builder.fix(line.id()?, &at);
+                line.words.try_for_each(|word| at.taxel(word).map(|id| self.builder.fix(id, &at)))
+            }
+            tag => {
+                self.builder.unknown_tag(tag);
+                Ok(())
+            }
         }
     }
-}
 
-fn read_vertex(mut line: Line<'_>, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
-    let (id, at) = (line.id()?, line.at);
-    let pose = if line.tag == "VERTEX_TRACKXYZ" {
-        builder.set_model(Model::Positions, &at)?;
-        Pose::at(DVec3::from_array(line.numbers()?))
-    } else {
-        builder.set_model(Model::Poses, &at)?;
-        builder.pose(&line.numbers::<7>()?, &at)?
-    };
-    builder.taxel(id, pose, &at)
-}
-
-fn read_edge(mut line: Line<'_>, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
-    let (ids, at) = ([line.id()?, line.id()?], line.at);
-    let motion = if line.tag == "EDGE_POINTXYZ" {
-        builder.set_model(Model::Positions, &at)?;
-        let (offset, information) = line.point()?;
-        DisplacementMeasurement::Offset { offset, information }
-    } else {
-        builder.set_model(Model::Poses, &at)?;
-        let (pose, information) = line.pose(builder)?;
-        DisplacementMeasurement::Relative(Box::new(PoseMeasurement { pose, information }))
-    };
-    builder.edge(ids, motion, &at)
-}
-
-fn read_prior(
-    mut line: Line<'_>,
-    offsets: &HashMap<u32, Pose>,
-    builder: &mut ObservationsBuilder,
-) -> Result<(), IoError> {
-    let (id, at) = (line.id()?, line.at);
-    if line.tag == "EDGE_POINTXYZ_PRIOR" {
-        let (position, information) = line.point()?;
-        return builder.contact(id, ContactMeasurement::Position { position, information }, &at);
+    /// A pose and its information: the rest of a line.
+    fn measured_pose(&mut self, line: &mut Line<'_>) -> Result<Box<PoseMeasurement>, IoError> {
+        let numbers: [f64; 28] = line.numbers()?;
+        let pose = self.builder.pose(&numbers[..7], &line.at)?;
+        Ok(Box::new(PoseMeasurement { pose, information: line.information(&numbers[7..])? }))
     }
-    let parameter = line.id()?.0;
-    builder.set_model(Model::Poses, &at)?;
-    let (pose, information) = line.pose(builder)?;
-    let needed = "the number of a PARAMS_SE3OFFSET line before this one";
-    let offset =
-        offsets.get(&parameter).ok_or_else(|| at.invalid(format!("parameter {parameter}"), needed))?;
-    builder.contact(
-        id,
-        ContactMeasurement::Pose { offset: *offset, seen: Box::new(PoseMeasurement { pose, information }) },
-        &at,
-    )
-}
-
-fn read_offset(
-    mut line: Line<'_>,
-    offsets: &mut HashMap<u32, Pose>,
-    builder: &mut ObservationsBuilder,
-) -> Result<(), IoError> {
-    let (parameter, at) = (line.id()?.0, line.at);
-    let pose = builder.pose(&line.numbers::<7>()?, &at)?;
-    match offsets.insert(parameter, pose) {
-        Some(_) => {
-            Err(at.invalid(format!("parameter {parameter} a second time"), "every parameter declared once"))
-        }
-        None => Ok(()),
-    }
-}
-
-fn read_fix(mut line: Line<'_>, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
-    builder.fix(line.id()?, &line.at);
-    for word in line.words {
-        builder.fix(line.at.taxel(word)?, &line.at);
-    }
-    Ok(())
 }
 
 /// What is left of a line after its first word.
@@ -168,11 +152,6 @@ impl Line<'_> {
     fn point(&mut self) -> Result<(DVec3, Information<3>), IoError> {
         let numbers: [f64; 9] = self.numbers()?;
         Ok((DVec3::from_slice(&numbers), self.information(&numbers[3..])?))
-    }
-
-    fn pose(&mut self, builder: &mut ObservationsBuilder) -> Result<(Pose, Information<6>), IoError> {
-        let numbers: [f64; 28] = self.numbers()?;
-        Ok((builder.pose(&numbers[..7], &self.at)?, self.information(&numbers[7..])?))
     }
 
     fn information<const N: usize>(&self, upper: &[f64]) -> Result<Information<N>, IoError> {

@@ -1,7 +1,6 @@
 //! Observations for the calibration: g2o text and CSV tables.
 
-mod builder;
+pub(super) mod builder;
 mod csv;
 mod g2o;
 pub(super) mod read_write;
-pub(super) mod types;

@@ -14,8 +14,8 @@ use crate::{
         IoError,
         file::{Lines, invalid, kind, replace_file},
         observations::{
+            builder::{ObservationRemark, ReadObservations},
             csv, g2o,
-            types::{ObservationRemark, ReadObservations},
         },
     },
     skin::TaxelId,
