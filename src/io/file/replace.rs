@@ -44,8 +44,7 @@ pub(crate) fn cannot_write(path: &Path) -> impl Fn(io::Error) -> IoError + '_ {
     |source| IoError::Write { path: path.into(), source }
 }
 
-/// A file on its way to its place: what is written to it appears there when it is published, and
-/// nowhere before.
+/// A file on its way to its place, where it appears when it is published and not before.
 pub(crate) struct Replacement {
     path: PathBuf,
     target: PathBuf,
@@ -70,8 +69,7 @@ impl Replacement {
         let file = if target.exists() && !target.is_file() {
             Unpublished::Device(OpenOptions::new().write(true).open(&target).map_err(fail)?)
         } else {
-            // Users do not know the name of the temporary file, so only the kind of an error is
-            // passed on.
+            // Users do not know the temporary file's name: only the kind of an error is passed on.
             let temporary =
                 tempfile::Builder::new().prefix(temporary_prefix()).tempfile_in(folder_of(&target));
             Unpublished::Temporary(temporary.map_err(|e| fail(e.kind().into()))?)
@@ -99,8 +97,7 @@ impl Replacement {
     }
 }
 
-/// A file without a name on the disk of `path`, which vanishes when it is closed or the run is
-/// stopped.
+/// A file without a name on the disk of `path`, which vanishes when it is closed or the run stops.
 pub(crate) fn spool_for(path: &Path) -> io::Result<File> {
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     // The folder of a device is no place for files.

@@ -50,8 +50,7 @@ impl Bytes<'_> {
 }
 
 impl Document {
-    /// Accessor `index`, wanted by `asked_by` in the role `role`, checked against the bytes that
-    /// are really there.
+    /// Accessor `index`, wanted by `asked_by`, checked against the bytes that are really there.
     pub(super) fn accessor(&self, index: usize, role: Role, asked_by: &str) -> Result<Accessor<'_>, IoError> {
         let gltf = self.gltf.accessors().nth(index).ok_or_else(|| {
             let needed = format!("one of the file's {}", self.gltf.accessors().len());
@@ -143,8 +142,7 @@ impl<'a> Accessor<'a> {
         })
     }
 
-    /// Checks stride and target of a view against the role it is used in, and that it has one role
-    /// only. Returns the distance of its rows.
+    /// The distance of the rows of a view, whose stride and target fit its role, its only one.
     fn check_view_use(
         &self,
         role: Role,
@@ -221,8 +219,7 @@ impl<'a> Accessor<'a> {
         Ok((rows, values))
     }
 
-    /// All rows as finite numbers, each through `build`. Normalized integers arrive between -1 and
-    /// 1.
+    /// All rows as finite numbers through `build`; normalized integers arrive between -1 and 1.
     pub(super) fn reals<const N: usize, T>(&self, build: impl Fn([f64; N]) -> T) -> Result<Vec<T>, IoError> {
         let is_normalized = self.gltf.normalized();
         // The smallest signed integer would come out below -1.
@@ -263,8 +260,7 @@ impl<'a> Accessor<'a> {
         }
     }
 
-    /// All rows, component by component through `convert`, after a look at their length and the
-    /// budget of memory.
+    /// All rows, component by component through `convert`; their length and memory are checked first.
     fn rows<const B: usize, const N: usize, T: Copy>(
         &self,
         mut convert: impl FnMut([u8; B]) -> T,

@@ -25,8 +25,7 @@ use crate::io::{
 /// Bytes that decoding may take whatever the size of the file: many nodes may use one mesh.
 const FREE_BYTES: u64 = 256 << 20;
 
-/// Decoded bytes over bytes in the file: bytes that become `f64` grow by eight, and nothing grows
-/// more.
+/// Decoded bytes over bytes in the file: bytes that become `f64` grow by eight, nothing grows more.
 const GROWTH: u64 = 8;
 
 /// Most marks of structure (braces, brackets, commas, colons) of a JSON text: some hundred bytes of
@@ -111,8 +110,7 @@ impl Document {
         self.budget.set(self.budget.get().saturating_add(GROWTH * bytes as u64));
     }
 
-    /// Takes memory for `count` rows of `size` bytes from the budget, before any of it is
-    /// allocated.
+    /// Takes memory for `count` rows of `size` bytes from the budget, before it is allocated.
     pub(super) fn reserve(&self, element: &str, count: usize, size: usize) -> Result<(), IoError> {
         let wanted = (count as u64).saturating_mul(size as u64);
         let left = self.budget.get().checked_sub(wanted).ok_or_else(|| {

@@ -169,8 +169,7 @@ impl<'a> Guard<'a> {
         Ok(Self { source, lengths })
     }
 
-    /// The elements of a top-level array, each checked, then read. An array that is there is not
-    /// empty.
+    /// The elements of a top-level array, each checked, then read. An array that is there has some.
     fn elements<T: DeserializeOwned>(
         &self,
         document: &mut Map<String, Value>,

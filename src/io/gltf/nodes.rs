@@ -31,8 +31,7 @@ pub(super) struct Placement {
     pub(super) mesh: usize,
     pub(super) link: LinkId,
     pub(super) name: String,
-    /// What is left of the node's transform besides the link's rigid frame: scale, or a mirror.
-    /// `None`: nothing.
+    /// What the node's transform has besides the link's rigid frame: scale, or a mirror.
     pub(super) stretch: Option<DMat3>,
 }
 
@@ -91,8 +90,7 @@ impl Nodes<'_> {
         is_plain && (node.camera.is_some() || is_light)
     }
 
-    /// Adds the links of the scene, parents first, otherwise in the order of the file. Returns the
-    /// frame of each node.
+    /// Adds the links of the scene, parents first; returns the frame of each node.
     fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>, IoError> {
         let nodes = &self.document.root().nodes;
         let mut frames: Vec<Option<NodeFrame>> = vec![None; nodes.len()];
@@ -126,8 +124,7 @@ impl Nodes<'_> {
         }
     }
 
-    /// The name of the patch that node `i` makes of a mesh: of the node if it only carries the
-    /// patch, else of the mesh.
+    /// The name of a patch: of node `i` if it only carries the patch, else of the mesh.
     fn patch_name(&self, i: usize, mesh: usize) -> String {
         let (of_node, of_mesh) =
             (&self.document.root().nodes[i].name, &self.document.root().meshes[mesh].name);
@@ -168,8 +165,7 @@ fn children(node: &Node) -> impl Iterator<Item = usize> + '_ {
     node.children.iter().flatten().map(|child| child.value())
 }
 
-/// The parent of every node: at most one, and no node above itself. The crate would follow a circle
-/// for ever.
+/// The parent of every node, at most one. The crate would follow a circle for ever.
 fn parents(document: &Document) -> Result<Vec<Option<usize>>, IoError> {
     let nodes = &document.root().nodes;
     let mut parents = vec![None; nodes.len()];

@@ -25,8 +25,7 @@ use crate::io::{
     },
 };
 
-/// Largest deviation of a normal or tangent from unit length; the Khronos validator's, made for normals of
-/// 8-bit integers.
+/// Largest deviation of normals and tangents from unit length: the Khronos validator's, for 8 bits.
 const UNIT_NORMAL: f64 = 0.00674;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,8 +126,7 @@ impl<'a> Attributes<'a> {
         let accessor = self.need("POSITION")?;
         let [min, max] = declared_bounds(accessor)?;
         let positions = accessor.reals(DVec3::from_array)?;
-        // The bounds are those of the stored numbers, so normalized integers would have to be
-        // undone; zeros have none.
+        // Bounds are of the numbers as they are stored, here not normalized; zeros have none.
         if accessor.gltf.normalized() || accessor.is_blank() {
             return Ok(positions);
         }
@@ -191,8 +189,7 @@ impl<'a> Attributes<'a> {
         Ok(())
     }
 
-    /// Morph targets move attributes that exist. They are not read, but a broken one is not valid
-    /// glTF.
+    /// Morph targets move attributes that exist; they are not read, but have to be valid.
     fn check_targets(&self, primitive: &Primitive) -> Result<(), IoError> {
         for (t, target) in primitive.targets.iter().flatten().enumerate() {
             let moved =
@@ -264,8 +261,7 @@ impl Attributes<'_> {
     }
 }
 
-/// Morph targets of one mesh are as many in every primitive, and have no effect: their shapes are
-/// not read.
+/// Morph targets are as many in every primitive, and have no effect: their shapes are not read.
 pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<(), IoError> {
     let refuse = |found: String, needed: &str| Err(document.invalid(format!("mesh {index}"), found, needed));
     let count = |p: &Primitive| p.targets.as_ref().map_or(0, Vec::len);
@@ -293,8 +289,7 @@ fn declared_bounds(accessor: &Accessor<'_>) -> Result<[DVec3; 2], IoError> {
     }
 }
 
-/// Whether an attribute has one of the formats that glTF 2.0 (or its quantization extension) gives
-/// it; else which.
+/// Checks for a format that glTF 2.0, or its quantization extension, gives an attribute.
 fn check_format(name: &str, accessor: &gltf::Accessor<'_>, quantized: bool) -> Result<(), &'static str> {
     use DataType::{F32, I8, I16, U8, U16, U32};
     use Dimensions::{Vec2, Vec3, Vec4};

@@ -30,8 +30,7 @@ use crate::{
 
 /// Normals and tangents of `f32` are this near to unit length; those of 8-bit integers are not.
 const ROUNDED: f64 = 1e-6;
-/// How far a texture coordinate may lie outside the unit square: rounding, but not a wrapped
-/// texture.
+/// How far texture coordinates may leave the unit square: by rounding, not in a wrapped texture.
 const OUTSIDE: f64 = 1e-6;
 /// Metres per pixel of a map that does not tell its pixels.
 const PIXEL: f64 = 1e-3;
@@ -151,8 +150,7 @@ fn read_patch(
     Ok(PatchMap { name: patch.name, link, taxels, levels })
 }
 
-/// The mesh and the map of one level, not yet measured nor joined to others; level 0 fills in the
-/// taxels.
+/// The mesh and the map of one level, not yet measured nor joined; level 0 fills in the taxels.
 fn read_level(
     document: &Document,
     index: usize,
@@ -250,9 +248,9 @@ fn read_rows(
     Ok(rows)
 }
 
-/// The level-0 vertex that each vertex of a level is, for files that do not say: the row of `to_finest` with weight 1 there. If several have
-/// it, because of rounding or of taxels at one position, the one at the vertex's position; if
-/// several still, the first.
+/// The level-0 vertex that each vertex of a level is, for files that do not say: the row of
+/// `to_finest` with weight 1 there. If rounding or taxels at one position give it to several, the one
+/// at the vertex's position; if several still, the first.
 fn guess_origins(
     document: &Document,
     name: &str,

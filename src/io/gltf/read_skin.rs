@@ -60,8 +60,7 @@ fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Resul
         Some(Ok(extras)) => extras.patch,
         _ => placement.name.clone(),
     };
-    // Where the vertices of each set of accessors start: primitives may differ in their triangles
-    // alone.
+    // Where the vertices of each set of accessors start: primitives may share them all.
     let mut starts = BTreeMap::new();
     let mut points = BTreeSet::new();
     for (p, primitive) in mesh.primitives.iter().enumerate().filter(|(_, p)| Shape::of(p) == shape) {
@@ -120,8 +119,7 @@ fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) 
     all_or_none("_DENSITY", join(&mut sheet.densities, attributes.scalars("_DENSITY")?, first))?;
     all_or_none("_COVARIANCE_0", join(&mut sheet.covariances, read_covariances(attributes)?, first))?;
 
-    // A primitive without normals is flat by the rules of glTF: its triangles know better than a
-    // placeholder.
+    // A primitive without normals is flat by the rules of glTF, so its triangles know better.
     for (all, part) in
         [(&mut sheet.normals, attributes.normals()?), (&mut sheet.tangents, attributes.tangents()?)]
     {
@@ -132,8 +130,7 @@ fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) 
     Ok(())
 }
 
-/// Appends an attribute of a primitive, which either all of a mesh have or none; else says which
-/// lacks it.
+/// Appends an attribute that all primitives of a mesh have or none; else says which lacks it.
 fn join<T>(all: &mut Option<Vec<T>>, part: Option<Vec<T>>, first: bool) -> Result<(), &'static str> {
     match (all.as_mut(), part) {
         (Some(all), Some(part)) => append(all, part),

@@ -12,8 +12,7 @@ use crate::{
     skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
 };
 
-/// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board or a fingertip
-/// of twelve.
+/// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board, a fingertip.
 const SLOTS_PER_MODULE: u32 = 12;
 
 /// What `taxel2Repr` says of a slot without a pressure reading.

@@ -45,8 +45,7 @@ struct Reader {
     known: HashMap<(String, String), usize>,
     object: String,
     group: usize,
-    /// Largest index of positions, texture points, normals, and the line it stands on: statements
-    /// may refer forward, so it is judged at the end.
+    /// Largest index of `v`, `vt` and `vn`, and its line: judged at the end, as it may refer forward.
     largest: [(u64, usize); 3],
 }
 
@@ -173,8 +172,7 @@ impl Reader {
         Ok(())
     }
 
-    /// The groups that hold something. A vertex that no face uses stays in the group that declared
-    /// it.
+    /// The groups that hold something; a vertex that no face uses stays where it was declared.
     fn sheets(&self) -> Vec<Sheet> {
         let mut used = vec![false; self.positions.len()];
         for corner in self.groups.iter().flat_map(|g| g.triangles.iter().flatten()) {
@@ -250,8 +248,7 @@ fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3, IoError
     Ok(DVec3::new(numbers[0], numbers[1], numbers[2]))
 }
 
-/// Writes an OBJ file: one `o` per patch, positions in the world, normals. Ids, areas and links are
-/// lost.
+/// Writes one `o` per patch, positions in the world, and normals. Ids, areas and links are lost.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     write_file(path, |file| {
         let mut before = 0;

@@ -23,8 +23,7 @@ use crate::{
 const VERTEX_PROPERTIES: [&str; 10] =
     ["x", "y", "z", "nx", "ny", "nz", "taxel_id", "area", "density", "present"];
 
-/// Places of single properties in [`VERTEX_PROPERTIES`]; the position and the normal are its first
-/// six.
+/// Places in [`VERTEX_PROPERTIES`] of what follows the position and the normal.
 const ID: usize = 6;
 const AREA: usize = 7;
 const DENSITY: usize = 8;
@@ -238,9 +237,7 @@ fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Res
     Ok(())
 }
 
-/// Writes a PLY file, binary little endian, positions in the world, everything else as [`read`]
-/// knows it.
-///
+/// Writes a PLY file, binary little endian, positions in the world, all else as [`read`] knows it.
 /// Patch and link names are lost, and densities too unless every patch has them.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let patches: Vec<_> = skin.patches.iter().map(|patch| skin.in_world(patch)).collect();

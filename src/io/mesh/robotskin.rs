@@ -209,8 +209,7 @@ fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3,
     Ok(DAffine3::from_mat3_translation(rotation, DVec3::new(tx, ty, tz)))
 }
 
-/// The rotation nearest to an almost orthonormal matrix: its polar factor, by Newton's iteration
-/// (higham1986), which doubles the right digits each time.
+/// The rotation nearest to an almost orthonormal matrix: its polar factor (higham1986).
 fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
     for _ in 0..6 {
         matrix = (matrix + matrix.inverse().transpose()) * 0.5;
@@ -219,9 +218,6 @@ fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
 }
 
 /// Writes a robotskinlib file: one body with all taxels. Areas and densities are lost.
-///
-/// Patches that share one link keep its frame; otherwise, and if the frame is not a rotation,
-/// positions are in the world.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let (frame, patches) = framed(skin);
     let mut taxels = Vec::new();

@@ -1,5 +1,4 @@
-//! A skin as two tables: `skin.csv` with one taxel a row, `skin.triangles.csv` with their
-//! triangles.
+//! A skin as two tables: `skin.csv` with a taxel a row, `skin.triangles.csv` with their triangles.
 
 use std::{
     collections::HashMap,
@@ -14,7 +13,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{Source, replace_file},
+        file::{Source, replace_file, write_file},
         table::csv_table::{Columns, Row, Table, table_write_error},
     },
     skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
@@ -42,17 +41,17 @@ fn companion(path: &Path) -> PathBuf {
 }
 
 struct ColumnIndices {
-    id: Option<usize>,
     position: [usize; 3],
     normal: Option<[usize; 3]>,
+    id: Option<usize>,
     area: Option<usize>,
     density: Option<usize>,
     present: Option<usize>,
     patch: Option<usize>,
     link: Option<usize>,
+    sigma: Option<usize>,
     covariance: Option<[usize; 6]>,
     rotation: Option<[usize; 4]>,
-    sigma: Option<usize>,
 }
 
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
@@ -83,19 +82,13 @@ impl ColumnIndices {
             }
             (on_link, link) => on_link.or(link),
         };
-        Ok(Self {
-            id: columns.find("id"),
-            position: columns.need_vector(["x", "y", "z"])?,
-            normal: columns.find_vector(["nx", "ny", "nz"])?,
-            area: columns.find("area"),
-            density: columns.find("density"),
-            present: columns.find("present"),
-            patch: columns.find("patch"),
-            link,
-            covariance: columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?,
-            rotation: columns.find_vector(["qx", "qy", "qz", "qw"])?,
-            sigma: columns.find(SIGMA),
-        })
+        let position = columns.need_vector(["x", "y", "z"])?;
+        let normal = columns.find_vector(["nx", "ny", "nz"])?;
+        let covariance = columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?;
+        let rotation = columns.find_vector(["qx", "qy", "qz", "qw"])?;
+        let [id, area, density, present, patch, sigma] =
+            ["id", "area", "density", "present", "patch", SIGMA].map(|name| columns.find(name));
+        Ok(Self { position, normal, id, area, density, present, patch, link, sigma, covariance, rotation })
     }
 }
 
@@ -205,8 +198,7 @@ impl Sheets {
     }
 }
 
-/// Appends a cell of a column whose cells are filled for all taxels of a sheet or for none; `before`
-/// are those of the sheet so far.
+/// Appends a cell of a column that is filled for all taxels of a sheet, `before` so far, or for none.
 fn push<T>(
     (row, column, before): (Row<'_>, usize, usize),
     values: &mut Option<Vec<T>>,
@@ -250,8 +242,7 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet])
     })
 }
 
-/// Writes the two tables, positions in the world. The frames of the links are lost, their names
-/// kept.
+/// Writes the two tables, positions in the world. Of the links only their names are kept.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     let triangles_path = companion(path);
     replace_file(path, |taxels| {
@@ -263,14 +254,13 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
         }
         table.flush().map_err(|e| fail(e.into()))?;
         // Both are complete before the first is renamed.
-        replace_file(&triangles_path, |triangles| {
-            let fail = |source| IoError::Write { path: triangles_path.clone(), source };
-            writeln!(triangles, "a,b,c").map_err(fail)?;
+        write_file(&triangles_path, |triangles| {
+            writeln!(triangles, "a,b,c")?;
             let mut before = 0;
             for patch in &skin.patches {
                 for &corners in &skin.in_world(patch).mesh.triangles {
                     let [a, b, c] = corners.map(|v| before + v.index());
-                    writeln!(triangles, "{a},{b},{c}").map_err(fail)?;
+                    writeln!(triangles, "{a},{b},{c}")?;
                 }
                 before += patch.mesh.positions.len();
             }

@@ -70,7 +70,7 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
     let mut lines = source.lines()?.filter(|(_, line)| !line.trim().is_empty());
     let mut sheets = Vec::new();
     while let Some((at, line)) = lines.next() {
-        if !starts_with(line, &["solid"]) {
+        if !starts_with(line, "solid") {
             return Err(at.invalid(excerpt(line), "`solid` and a name"));
         }
         let name = line.trim().split_once(char::is_whitespace).map_or("", |(_, name)| name.trim());
@@ -81,7 +81,7 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
             let refuse = |found: String| source.invalid(element(), found, "a triangle, or `endsolid`");
             let mut next = || lines.next().map(|(_, line)| line).ok_or_else(|| refuse("the end".into()));
             let mut line = next()?;
-            if starts_with(line, &["endsolid"]) {
+            if starts_with(line, "endsolid") {
                 break;
             }
             for (j, words) in FACET_LINES.iter().enumerate() {
@@ -89,7 +89,7 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
                     line = next()?;
                 }
                 let fits =
-                    starts_with(line, words) && (words[0] != "vertex" || solid.add_vertex(line).is_some());
+                    starts_with(line, words) && (*words != "vertex" || solid.add_vertex(line).is_some());
                 if !fits {
                     return Err(refuse(excerpt(line)));
                 }
@@ -100,19 +100,12 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
     Ok(sheets)
 }
 
-const FACET_LINES: [&[&str]; 7] = [
-    &["facet", "normal"],
-    &["outer", "loop"],
-    &["vertex"],
-    &["vertex"],
-    &["vertex"],
-    &["endloop"],
-    &["endfacet"],
-];
+const FACET_LINES: [&str; 7] =
+    ["facet normal", "outer loop", "vertex", "vertex", "vertex", "endloop", "endfacet"];
 
-fn starts_with(line: &str, words: &[&str]) -> bool {
+fn starts_with(line: &str, words: &str) -> bool {
     let mut found = line.split_whitespace();
-    words.iter().all(|word| found.next().is_some_and(|found| found.eq_ignore_ascii_case(word)))
+    words.split(' ').all(|word| found.next().is_some_and(|found| found.eq_ignore_ascii_case(word)))
 }
 
 /// A sheet in the making: corners at the same place become one vertex.

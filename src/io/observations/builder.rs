@@ -22,14 +22,12 @@ use crate::{
     skin::TaxelId,
 };
 
-/// Farthest that anything may be from the origin or from another taxel, in m. Coordinates of the
-/// whole Earth stay below 1e7 m; a number above is damage, and from about 1e150 m on squares
-/// overflow.
+/// Farthest that anything may be from the origin or from another taxel, in m: the whole Earth is
+/// smaller than 1e8 m, and from about 1e150 m on squares overflow.
 const FARTHEST: f64 = 1e9;
 
 /// Largest entry of an information matrix, in 1/m^2 or 1/rad^2: a standard deviation of 1 nm. With
-/// [`FARTHEST`] a squared error stays below 1e38, so that sums over any number of observations are
-/// finite.
+/// [`FARTHEST`] a squared error stays below 1e38, so that sums are finite.
 const MOST_INFORMATION: f64 = 1e18;
 
 /// Standard deviations in m or rad: the smallest gives [`MOST_INFORMATION`], the largest says
@@ -218,8 +216,7 @@ const SHORTEST_QUATERNION: f64 = 1e-3;
 /// Quaternions written with six digits are off by this much.
 const FILE_ROUNDING: f64 = 3e-6;
 
-/// The lines of unknown kinds as the end of an error message, empty if there are none: they may be why
-/// something is missing.
+/// The end of an error message: lines of unknown kinds, which may be why something is missing.
 fn left_out(tags: &BTreeMap<String, usize>) -> String {
     // More would hide the error itself.
     const MOST_NAMED: usize = 3;

@@ -17,8 +17,7 @@ use crate::{
 /// Uncertainty where a table gives none, in m per axis: that of the source paper's experiment.
 const DEFAULT_SIGMA: f64 = 1e-3;
 
-/// Uncertainty of a normal where a table gives none, in rad: two degrees, a fingertip on a 5 mm
-/// taxel.
+/// Uncertainty of a normal where a table gives none, in rad: of a fingertip on a 5 mm taxel.
 const DEFAULT_NORMAL_SIGMA: f64 = 0.035;
 
 // Columns: a displacement, in m.

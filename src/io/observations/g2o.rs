@@ -16,7 +16,7 @@ use crate::{
     },
     io::{
         IoError,
-        file::{LineLocation, Lines, unfit},
+        file::{LineLocation, Lines, cannot_write, unfit},
         observations::builder::{ObservationsBuilder, ReadObservations},
     },
     skin::TaxelId,
@@ -159,13 +159,11 @@ impl Line<'_> {
     }
 }
 
-/// Writes the parameters, the taxels, those that are fixed, the edges and the contacts, in this
-/// order.
+/// Writes parameters, taxels, those that are fixed, edges and contacts, in this order.
 pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<(), IoError> {
     let Observations { model, taxels, edges, contacts } = observations;
     let mut line = |words: fmt::Arguments<'_>, numbers: &[f64]| {
-        let done = writeln!(out, "{words}{}", Numbers(numbers));
-        done.map_err(|source| IoError::Write { path: path.to_owned(), source })
+        writeln!(out, "{words}{}", Numbers(numbers)).map_err(cannot_write(path))
     };
     let offsets = offsets(observations);
     if contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. })) {

@@ -3,7 +3,7 @@
 use std::{
     collections::HashMap,
     fs::File,
-    io::{BufReader, BufWriter, Write},
+    io::{BufRead, BufReader, BufWriter, Write, stdin, stdout},
     path::{Path, PathBuf},
 };
 
@@ -12,7 +12,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{Lines, invalid, kind, replace_file},
+        file::{Lines, cannot_write, invalid, kind, replace_file},
         observations::{
             builder::{ObservationRemark, ReadObservations},
             csv, g2o,
@@ -58,22 +58,21 @@ pub fn read_observations(
 }
 
 fn read(path: &Path) -> Result<ReadObservations, IoError> {
-    if path == Path::new("-") {
-        let path = Path::new("standard input");
-        let mut lines = Lines::new(std::io::stdin().lock(), path, Some(b'#'));
-        lines.advance()?;
-        let is_table = lines.current()?.is_some_and(|(line, _)| csv::is_header(line));
-        return if is_table { csv::read(lines) } else { g2o::read(lines) };
-    }
-    let read = match kind(path).as_str() {
-        "g2o" => g2o::read,
-        "csv" => csv::read,
+    let is_stream = path == Path::new("-");
+    let is_table = match kind(path).as_str() {
+        "g2o" => Some(false),
+        "csv" => Some(true),
+        _ if is_stream => None,
         _ => return Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),
     };
-    let file = File::open(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
-    let mut lines = Lines::new(BufReader::new(file), path, Some(b'#'));
+    let path = if is_stream { Path::new("standard input") } else { path };
+    let open = || File::open(path).map_err(|source| IoError::Read { path: path.to_owned(), source });
+    let input: Box<dyn BufRead> =
+        if is_stream { Box::new(stdin().lock()) } else { Box::new(BufReader::new(open()?)) };
+    let mut lines = Lines::new(input, path, Some(b'#'));
     lines.advance()?;
-    read(lines)
+    let has_header = || Ok::<_, IoError>(lines.current()?.is_some_and(|(line, _)| csv::is_header(line)));
+    if is_table.map_or_else(has_header, Ok)? { csv::read(lines) } else { g2o::read(lines) }
 }
 
 /// Writes observations, in numbers that read back to the same bits: `.g2o`, or as a table `.csv`
@@ -89,9 +88,9 @@ fn read(path: &Path) -> Result<ReadObservations, IoError> {
 pub fn write_observations(path: &Path, observations: &Observations) -> Result<(), IoError> {
     if path == Path::new("-") {
         let path = Path::new("standard output");
-        let mut out = BufWriter::new(std::io::stdout().lock());
+        let mut out = BufWriter::new(stdout().lock());
         g2o::write(&mut out, observations, path)?;
-        return out.flush().map_err(|source| IoError::Write { path: path.to_owned(), source });
+        return out.flush().map_err(cannot_write(path));
     }
     match kind(path).as_str() {
         "g2o" => replace_file(path, |out| g2o::write(out, observations, path)),

@@ -15,7 +15,7 @@ use glam::{DQuat, DVec3};
 use crate::{
     io::{
         IoError,
-        file::{LONGEST, LineLocation, Lines, Source, excerpt, finite, replace_file},
+        file::{LONGEST, LineLocation, Lines, Source, cannot_write, excerpt, finite, replace_file},
     },
     skin::TaxelId,
 };
@@ -49,8 +49,7 @@ impl<R: BufRead> Table<R> {
         Ok(Self { reader, columns, cells: StringRecord::new(), ended: false })
     }
 
-    /// Reads the next row; false at the end. After an error about a row the next one may be read; a
-    /// stream that failed has ended.
+    /// Reads the next row; false at the end. After an error about a row the next one may be read.
     pub(crate) fn advance(&mut self) -> Result<bool, IoError> {
         if self.ended {
             return Ok(false);
@@ -99,7 +98,7 @@ pub(crate) fn write_table(
         for row in rows {
             table.write_record(row?).map_err(fail)?;
         }
-        table.flush().map_err(|source| IoError::Write { path: path.to_owned(), source })
+        table.flush().map_err(cannot_write(path))
     })
 }
 
@@ -255,8 +254,7 @@ impl<'a> Row<'a> {
     }
 }
 
-/// How far a quaternion of a table may be from unit length: three decimals are enough to mean a
-/// rotation.
+/// How far a quaternion may be from unit length: three decimals are enough to mean a rotation.
 const UNIT_TOLERANCE: f64 = 1e-3;
 
 /// What the csv crate found, as an error about a line.

@@ -5,7 +5,7 @@ use std::{io::Write, path::Path};
 use csv::Writer;
 
 use crate::{
-    io::{IoError, table::csv_table::table_write_error},
+    io::{IoError, file::cannot_write, table::csv_table::table_write_error},
     map::SkinMap,
     pyramid::LevelId,
     signal::{Channel, LevelFrame},
@@ -49,5 +49,5 @@ pub fn write_values(
             table.write_record(row).map_err(fail)?;
         }
     }
-    table.flush().map_err(|source| IoError::Write { path: path.to_owned(), source })
+    table.flush().map_err(cannot_write(path))
 }
