@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use crate::map::MapError;
 
+/// What reading and writing return.
+pub(super) type Result<T, E = IoError> = std::result::Result<T, E>;
+
 /// What is wrong with a file: which, where in it, what was found, what is needed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

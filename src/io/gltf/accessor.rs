@@ -18,6 +18,7 @@ use gltf::{
 
 use crate::io::{
     IoError,
+    error::Result,
     gltf::document::{Document, QUANTIZATION, Role},
 };
 
@@ -51,7 +52,7 @@ impl Bytes<'_> {
 
 impl Document {
     /// Accessor `index`, wanted by `asked_by`, checked against the bytes that are really there.
-    pub(super) fn accessor(&self, index: usize, role: Role, asked_by: &str) -> Result<Accessor<'_>, IoError> {
+    pub(super) fn accessor(&self, index: usize, role: Role, asked_by: &str) -> Result<Accessor<'_>> {
         let gltf = self.gltf.accessors().nth(index).ok_or_else(|| {
             let needed = format!("one of the file's {}", self.gltf.accessors().len());
             self.invalid(asked_by, format!("accessor {index}"), needed)
@@ -87,7 +88,7 @@ impl<'a> Accessor<'a> {
         self.base.is_none() && self.replaced.is_none()
     }
 
-    fn load(&mut self, role: Role) -> Result<(), IoError> {
+    fn load(&mut self, role: Role) -> Result<()> {
         let gltf = &self.gltf;
         let component = gltf.data_type();
         if gltf.normalized() && matches!(component, DataType::F32 | DataType::U32) {
@@ -112,7 +113,7 @@ impl<'a> Accessor<'a> {
     }
 
     /// Checks that rows are aligned and lie within the bytes that are there. Returns their bytes.
-    fn load_rows(&self, role: Role, rows: &Rows<'a>) -> Result<Bytes<'a>, IoError> {
+    fn load_rows(&self, role: Role, rows: &Rows<'a>) -> Result<Bytes<'a>> {
         let Rows { element, view, offset, component, size, count } = rows;
         let (document, offset) = (self.document, *offset);
         let buffer = document.buffer(view.buffer().index())?;
@@ -143,11 +144,7 @@ impl<'a> Accessor<'a> {
     }
 
     /// The distance of the rows of a view, whose stride and target fit its role, its only one.
-    fn check_view_use(
-        &self,
-        role: Role,
-        Rows { element, view, size, .. }: &Rows<'_>,
-    ) -> Result<usize, IoError> {
+    fn check_view_use(&self, role: Role, Rows { element, view, size, .. }: &Rows<'_>) -> Result<usize> {
         let refuse = |found: String, needed: &str| {
             Err(self.document.invalid(format!("bufferView {}", view.index()), found, needed))
         };
@@ -191,7 +188,7 @@ impl<'a> Accessor<'a> {
         sparse: &Sparse<'a>,
         component: usize,
         size: usize,
-    ) -> Result<(Vec<usize>, Bytes<'a>), IoError> {
+    ) -> Result<(Vec<usize>, Bytes<'a>)> {
         let (count, total) = (sparse.count(), self.gltf.count());
         let element = format!("{} sparse", self.name());
         if count == 0 || count > total {
@@ -220,7 +217,7 @@ impl<'a> Accessor<'a> {
     }
 
     /// All rows as finite numbers through `build`; normalized integers arrive between -1 and 1.
-    pub(super) fn reals<const N: usize, T>(&self, build: impl Fn([f64; N]) -> T) -> Result<Vec<T>, IoError> {
+    pub(super) fn reals<const N: usize, T>(&self, build: impl Fn([f64; N]) -> T) -> Result<Vec<T>> {
         let is_normalized = self.gltf.normalized();
         // The smallest signed integer would come out below -1.
         let scaled = |x: f64, one: f64| if is_normalized { (x / one).max(-1.0) } else { x };
@@ -247,7 +244,7 @@ impl<'a> Accessor<'a> {
     }
 
     /// All rows as unsigned integers of at most 32 bits.
-    pub(super) fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>, IoError> {
+    pub(super) fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
         match self.gltf.data_type() {
             _ if self.gltf.normalized() => Err(self.invalid("normalized integers", "integers as they are")),
             DataType::U8 => self.rows(|x| u8::from_le_bytes(x).into()),
@@ -264,7 +261,7 @@ impl<'a> Accessor<'a> {
     fn rows<const B: usize, const N: usize, T: Copy>(
         &self,
         mut convert: impl FnMut([u8; B]) -> T,
-    ) -> Result<Vec<[T; N]>, IoError> {
+    ) -> Result<Vec<[T; N]>> {
         let kind = self.gltf.dimensions();
         let wanted = [Dimensions::Scalar, Dimensions::Vec2, Dimensions::Vec3, Dimensions::Vec4][N - 1];
         if kind != wanted {

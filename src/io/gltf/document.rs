@@ -18,6 +18,7 @@ use gltf::json::Root;
 
 use crate::io::{
     IoError,
+    error::Result,
     file::Source,
     gltf::guard::{self, Transform},
 };
@@ -77,7 +78,7 @@ impl Deref for Document {
 
 impl Document {
     /// Reads the JSON of a file; buffers follow when they are asked for.
-    pub(super) fn new(source: Source) -> Result<Self, IoError> {
+    pub(super) fn new(source: Source) -> Result<Self> {
         let (text, chunk) = split_chunks(&source)?;
         let text = &source.bytes()[text];
         check_marks(&source, text)?;
@@ -111,7 +112,7 @@ impl Document {
     }
 
     /// Takes memory for `count` rows of `size` bytes from the budget, before it is allocated.
-    pub(super) fn reserve(&self, element: &str, count: usize, size: usize) -> Result<(), IoError> {
+    pub(super) fn reserve(&self, element: &str, count: usize, size: usize) -> Result<()> {
         let wanted = (count as u64).saturating_mul(size as u64);
         let left = self.budget.get().checked_sub(wanted).ok_or_else(|| {
             self.invalid(element, format!("{count} rows"), "no more than the bytes of the file explain")
@@ -123,7 +124,7 @@ impl Document {
 
 impl Document {
     /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
-    pub(super) fn buffer(&self, index: usize) -> Result<&[u8], IoError> {
+    pub(super) fn buffer(&self, index: usize) -> Result<&[u8]> {
         let buffer = &self.root().buffers[index];
         let element = format!("buffer {index}");
         let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
@@ -150,7 +151,7 @@ impl Document {
         })
     }
 
-    fn load(&self, element: &str, uri: &str, length: usize) -> Result<Rc<Vec<u8>>, IoError> {
+    fn load(&self, element: &str, uri: &str, length: usize) -> Result<Rc<Vec<u8>>> {
         let bytes = match uri.strip_prefix("data:") {
             Some(data) => Rc::new(self.decode_data(element, data, length)?),
             None => {
@@ -167,7 +168,7 @@ impl Document {
         Ok(bytes)
     }
 
-    fn decode_data(&self, element: &str, data: &str, length: usize) -> Result<Vec<u8>, IoError> {
+    fn decode_data(&self, element: &str, data: &str, length: usize) -> Result<Vec<u8>> {
         const KINDS: [&str; 2] = ["application/octet-stream", "application/gltf-buffer"];
         let shown = |text: &str| format!("data:{}", text.chars().take(40).collect::<String>());
         let needed = "data:application/octet-stream;base64,...";
@@ -187,7 +188,7 @@ impl Document {
     }
 
     /// The file a relative URI names: in the folder of the document or below, never elsewhere.
-    fn resolve(&self, element: &str, uri: &str) -> Result<PathBuf, IoError> {
+    fn resolve(&self, element: &str, uri: &str) -> Result<PathBuf> {
         let needed = "a file in the folder of the document";
         let refuse = |found: &str| Err(self.invalid(element, format!("{found}: {uri:?}"), needed));
         let scheme = uri.split(['/', '?', '#']).next().is_some_and(|first| first.contains(':'));
@@ -235,7 +236,7 @@ fn percent_decode(uri: &str) -> Option<Vec<u8>> {
 }
 
 /// Where the JSON and the binary chunk lie; a file without the GLB magic is all JSON.
-fn split_chunks(source: &Source) -> Result<(Range<usize>, Option<Range<usize>>), IoError> {
+fn split_chunks(source: &Source) -> Result<(Range<usize>, Option<Range<usize>>)> {
     const JSON: u32 = 0x4E4F_534A;
     const BIN: u32 = 0x004E_4942;
     let bytes = source.bytes();
@@ -283,7 +284,7 @@ fn split_chunks(source: &Source) -> Result<(Range<usize>, Option<Range<usize>>),
 }
 
 /// Refuses a text with more structure than a robot needs.
-fn check_marks(source: &Source, text: &[u8]) -> Result<(), IoError> {
+fn check_marks(source: &Source, text: &[u8]) -> Result<()> {
     let (mut marks, mut in_string, mut escaped) = (0, false, false);
     for byte in text {
         match byte {
@@ -301,7 +302,7 @@ fn check_marks(source: &Source, text: &[u8]) -> Result<(), IoError> {
     Ok(())
 }
 
-fn check_version(source: &Source, root: &Root) -> Result<(), IoError> {
+fn check_version(source: &Source, root: &Root) -> Result<()> {
     let parse = |text: &String| {
         let (major, minor) = text.split_once('.')?;
         let digits = |s: &str| if s.starts_with('+') { None } else { s.parse::<u32>().ok() };
@@ -323,7 +324,7 @@ fn check_version(source: &Source, root: &Root) -> Result<(), IoError> {
 }
 
 /// Whether the document is quantized.
-fn check_extensions(source: &Source, root: &Root) -> Result<bool, IoError> {
+fn check_extensions(source: &Source, root: &Root) -> Result<bool> {
     let used = names(source, "extensionsUsed", &root.extensions_used)?;
     let required = names(source, "extensionsRequired", &root.extensions_required)?;
     for name in &required {
@@ -343,7 +344,7 @@ fn check_extensions(source: &Source, root: &Root) -> Result<bool, IoError> {
 }
 
 /// The names of a list, each once.
-fn names<'a>(source: &Source, element: &str, list: &'a [String]) -> Result<BTreeSet<&'a str>, IoError> {
+fn names<'a>(source: &Source, element: &str, list: &'a [String]) -> Result<BTreeSet<&'a str>> {
     let mut names = BTreeSet::new();
     match list.iter().find(|name| !names.insert(name.as_str())) {
         None => Ok(names),

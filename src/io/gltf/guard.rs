@@ -18,7 +18,7 @@ use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
 use crate::io::{
-    IoError,
+    error::Result,
     file::{Source, excerpt},
 };
 
@@ -84,7 +84,7 @@ const OF_SCENE: Rules = &[("nodes", Rule::Indices(NODES))];
 const NEEDED: &str = "an object as glTF 2.0 describes it";
 
 /// Checks a document and hands it to the types of the crate; with the transform of each node.
-pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform>), IoError> {
+pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform>)> {
     let mut document: Value =
         serde_json::from_slice(text).map_err(|e| source.invalid("JSON", e.to_string(), NEEDED))?;
     rewrite_whole_numbers(&mut document);
@@ -155,16 +155,14 @@ struct Guard<'a> {
 }
 
 impl<'a> Guard<'a> {
-    fn new(source: &'a Source, document: &Value) -> Result<Self, IoError> {
+    fn new(source: &'a Source, document: &Value) -> Result<Self> {
         let mut lengths = BTreeMap::new();
         for (key, name) in [BUFFERS, VIEWS, ACCESSORS, MESHES, NODES, SCENES, MATERIALS, SKINS, CAMERAS] {
-            match document.get(key) {
-                None => {}
-                Some(Value::Array(elements)) => drop(lengths.insert(key, elements.len())),
-                Some(_) => {
-                    return Err(source.invalid(key, "no array", format!("an array of {name} objects")));
-                }
-            }
+            let Some(value) = document.get(key) else { continue };
+            let elements = value
+                .as_array()
+                .ok_or_else(|| source.invalid(key, "no array", format!("an array of {name} objects")))?;
+            lengths.insert(key, elements.len());
         }
         Ok(Self { source, lengths })
     }
@@ -174,8 +172,8 @@ impl<'a> Guard<'a> {
         &self,
         document: &mut Map<String, Value>,
         (key, name): Array,
-        mut check: impl FnMut(&str, &mut Value) -> Result<(), IoError>,
-    ) -> Result<Vec<T>, IoError> {
+        mut check: impl FnMut(&str, &mut Value) -> Result<()>,
+    ) -> Result<Vec<T>> {
         let Some(Value::Array(elements)) = document.remove(key) else { return Ok(Vec::new()) };
         if elements.is_empty() {
             return Err(self.source.invalid(key, "an empty list", format!("a {name}, or no list")));
@@ -188,11 +186,11 @@ impl<'a> Guard<'a> {
         elements.into_iter().enumerate().map(read).collect()
     }
 
-    fn typed<T: DeserializeOwned>(&self, element: &str, json: Value) -> Result<T, IoError> {
+    fn typed<T: DeserializeOwned>(&self, element: &str, json: Value) -> Result<T> {
         serde_json::from_value(json).map_err(|e| self.source.invalid(element, e.to_string(), NEEDED))
     }
 
-    fn check(&self, element: &str, object: &Value, rules: Rules) -> Result<(), IoError> {
+    fn check(&self, element: &str, object: &Value, rules: Rules) -> Result<()> {
         for (key, rule) in rules {
             let Some(value) = object.get(key).filter(|value| !value.is_null()) else { continue };
             let needed = match rule {
@@ -220,7 +218,7 @@ impl<'a> Guard<'a> {
         Ok(())
     }
 
-    fn check_index(&self, element: &str, value: &Value, (key, name): Array) -> Result<(), IoError> {
+    fn check_index(&self, element: &str, value: &Value, (key, name): Array) -> Result<()> {
         let length = self.lengths.get(key).copied().unwrap_or_default();
         if value.as_u64().is_some_and(|index| index < length as u64) {
             return Ok(());
@@ -229,7 +227,7 @@ impl<'a> Guard<'a> {
         Err(self.source.invalid(element, found, format!("one of the file's {length}, counted from 0")))
     }
 
-    fn check_accessor(&self, element: &str, json: &Value) -> Result<(), IoError> {
+    fn check_accessor(&self, element: &str, json: &Value) -> Result<()> {
         self.check(element, json, OF_ACCESSOR)?;
         if json.get("byteOffset").is_some() && json.get("bufferView").is_none() {
             return Err(self.source.invalid(element, "byteOffset without bufferView", "both or neither"));
@@ -239,7 +237,7 @@ impl<'a> Guard<'a> {
         self.check(&format!("{element} sparse values"), sparse("values"), OF_SPARSE_VALUES)
     }
 
-    fn check_mesh(&self, element: &str, json: &Value) -> Result<(), IoError> {
+    fn check_mesh(&self, element: &str, json: &Value) -> Result<()> {
         if list(json, "primitives").is_empty() {
             return Err(self.source.invalid(element, "no primitives", "at least one"));
         }
@@ -256,7 +254,7 @@ impl<'a> Guard<'a> {
         Ok(())
     }
 
-    fn check_attributes(&self, element: &str, attributes: &Value) -> Result<(), IoError> {
+    fn check_attributes(&self, element: &str, attributes: &Value) -> Result<()> {
         let Value::Object(attributes) = attributes else {
             return Err(self.source.invalid(element, "attributes that are not an object", NEEDED));
         };

@@ -11,7 +11,7 @@ use gltf::json::{Node, mesh::Semantic, validation::Checked};
 use crate::{
     id::IdVec,
     io::{
-        IoError,
+        error::Result,
         gltf::{document::Document, guard::Transform},
     },
     skin::{Link, LinkId},
@@ -51,7 +51,7 @@ pub(super) struct Tree {
 ///
 /// The scene is the default scene, else the first. A file without scenes is a library: its root
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
-pub(super) fn read_node_tree(document: &Document) -> Result<Tree, IoError> {
+pub(super) fn read_node_tree(document: &Document) -> Result<Tree> {
     let parents = parents(document)?;
     check_meshes(document)?;
     let nodes = Nodes { document, shown: shown(document, &parents)?, parents };
@@ -91,7 +91,7 @@ impl Nodes<'_> {
     }
 
     /// Adds the links of the scene, parents first; returns the frame of each node.
-    fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>, IoError> {
+    fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>> {
         let nodes = &self.document.root().nodes;
         let mut frames: Vec<Option<NodeFrame>> = vec![None; nodes.len()];
         let roots = (0..nodes.len()).filter(|&i| self.shown[i] && self.parents[i].is_none());
@@ -166,7 +166,7 @@ fn children(node: &Node) -> impl Iterator<Item = usize> + '_ {
 }
 
 /// The parent of every node, at most one. The crate would follow a circle for ever.
-fn parents(document: &Document) -> Result<Vec<Option<usize>>, IoError> {
+fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     let nodes = &document.root().nodes;
     let mut parents = vec![None; nodes.len()];
     for (i, node) in nodes.iter().enumerate() {
@@ -196,7 +196,7 @@ fn reach(nodes: &[Node], roots: Vec<usize>) -> Vec<bool> {
     reached
 }
 
-fn check_meshes(document: &Document) -> Result<(), IoError> {
+fn check_meshes(document: &Document) -> Result<()> {
     for (i, node) in document.root().nodes.iter().enumerate() {
         let refuse = |found: String, needed: &str| Err(document.invalid(format!("node {i}"), found, needed));
         let Some(mesh) = node.mesh.map(|mesh| &document.root().meshes[mesh.value()]) else {
@@ -220,7 +220,7 @@ fn check_meshes(document: &Document) -> Result<(), IoError> {
     Ok(())
 }
 
-fn shown(document: &Document, parents: &[Option<usize>]) -> Result<Vec<bool>, IoError> {
+fn shown(document: &Document, parents: &[Option<usize>]) -> Result<Vec<bool>> {
     let root = document.root();
     let mut listed_by = vec![None; root.nodes.len()];
     for (s, scene) in root.scenes.iter().enumerate() {
@@ -248,11 +248,7 @@ fn is_identity(node: &Transform) -> bool {
 
 /// The rigid pose of node `i` in the frame of the link above it, which is stretched by `above`, and
 /// the stretch that is left for positions (`None`: nothing).
-fn rigid_pose(
-    document: &Document,
-    i: usize,
-    above: Option<DMat3>,
-) -> Result<(DAffine3, Option<DMat3>), IoError> {
+fn rigid_pose(document: &Document, i: usize, above: Option<DMat3>) -> Result<(DAffine3, Option<DMat3>)> {
     let invalid = |found: String, needed: &str| document.invalid(format!("node {i}"), found, needed);
     let flat = || invalid("a scale that makes it flat".into(), "a scale other than zero");
     let node = &document.transforms[i];

@@ -17,7 +17,7 @@ use gltf::{
 use serde::Deserialize;
 
 use crate::io::{
-    IoError,
+    error::Result,
     gltf::{
         accessor::{Accessor, kind_name},
         document::{DRACO, Document, Role},
@@ -57,12 +57,7 @@ pub(super) struct Attributes<'a> {
 
 impl<'a> Attributes<'a> {
     /// Checks the attributes of primitive `p` of `mesh`.
-    pub(super) fn of(
-        document: &'a Document,
-        mesh: usize,
-        p: usize,
-        primitive: &Primitive,
-    ) -> Result<Self, IoError> {
+    pub(super) fn of(document: &'a Document, mesh: usize, p: usize, primitive: &Primitive) -> Result<Self> {
         let element = format!("mesh {mesh} primitive {p}");
         if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
             return Err(document.unsupported(element, "vertices without POSITION"));
@@ -103,7 +98,7 @@ impl<'a> Attributes<'a> {
         self.by_name.get(name)
     }
 
-    pub(super) fn need(&self, name: &str) -> Result<&Accessor<'a>, IoError> {
+    pub(super) fn need(&self, name: &str) -> Result<&Accessor<'a>> {
         let missing = || self.document.invalid(&self.element, format!("no {name}"), name);
         self.get(name).ok_or_else(missing)
     }
@@ -111,18 +106,18 @@ impl<'a> Attributes<'a> {
     pub(super) fn read<T>(
         &self,
         name: &str,
-        read: impl FnOnce(&Accessor<'a>) -> Result<T, IoError>,
-    ) -> Result<Option<T>, IoError> {
+        read: impl FnOnce(&Accessor<'a>) -> Result<T>,
+    ) -> Result<Option<T>> {
         self.get(name).map(read).transpose()
     }
 
     /// One number per vertex, if the primitive has such an attribute.
-    pub(super) fn scalars(&self, name: &str) -> Result<Option<Vec<f64>>, IoError> {
+    pub(super) fn scalars(&self, name: &str) -> Result<Option<Vec<f64>>> {
         self.read(name, |accessor| accessor.reals(|[x]| x))
     }
 
     /// Positions in metres, checked against the declared bounds.
-    pub(super) fn positions(&self) -> Result<Vec<DVec3>, IoError> {
+    pub(super) fn positions(&self) -> Result<Vec<DVec3>> {
         let accessor = self.need("POSITION")?;
         let [min, max] = declared_bounds(accessor)?;
         let positions = accessor.reals(DVec3::from_array)?;
@@ -141,7 +136,7 @@ impl<'a> Attributes<'a> {
     }
 
     /// Unit normals; `None` without them, or where they are zeros by omission.
-    pub(super) fn normals(&self) -> Result<Option<Vec<DVec3>>, IoError> {
+    pub(super) fn normals(&self) -> Result<Option<Vec<DVec3>>> {
         let Some(accessor) = self.get("NORMAL").filter(|a| !a.is_blank()) else { return Ok(None) };
         let normals = accessor.reals(DVec3::from_array)?;
         match normals.iter().position(|n| (n.length() - 1.0).abs() > UNIT_NORMAL) {
@@ -157,7 +152,7 @@ impl<'a> Attributes<'a> {
     /// where they are zeros by omission. The sign that makes a bitangent of a tangent is checked
     /// and dropped: the second tangent of a taxel is `n x t`, whatever texture the file was made
     /// for.
-    pub(super) fn tangents(&self) -> Result<Option<Vec<DVec3>>, IoError> {
+    pub(super) fn tangents(&self) -> Result<Option<Vec<DVec3>>> {
         let Some(accessor) = self.get("TANGENT").filter(|a| !a.is_blank()) else { return Ok(None) };
         let rows = accessor.reals(|[x, y, z, w]: [f64; 4]| (DVec3::new(x, y, z), w))?;
         let is_wrong = |(t, w): &(DVec3, f64)| (t.length() - 1.0).abs() > UNIT_NORMAL || w.abs() != 1.0;
@@ -171,7 +166,7 @@ impl<'a> Attributes<'a> {
     }
 
     /// Numbered attributes count from 0 without gaps, and every set of joints has its weights.
-    fn check_sets(&self) -> Result<(), IoError> {
+    fn check_sets(&self) -> Result<()> {
         for name in self.by_name.keys() {
             let Some((base, set)) = numbered(name) else { continue };
             let before = set.checked_sub(1).map(|before| format!("{base}_{before}"));
@@ -190,7 +185,7 @@ impl<'a> Attributes<'a> {
     }
 
     /// Morph targets move attributes that exist; they are not read, but have to be valid.
-    fn check_targets(&self, primitive: &Primitive) -> Result<(), IoError> {
+    fn check_targets(&self, primitive: &Primitive) -> Result<()> {
         for (t, target) in primitive.targets.iter().flatten().enumerate() {
             let moved =
                 [("POSITION", target.positions), ("NORMAL", target.normals), ("TANGENT", target.tangents)];
@@ -216,7 +211,7 @@ impl Attributes<'_> {
     /// The triangles of the primitive, counter-clockwise. Corners that do not fill a triangle at the
     /// end are left out, as every viewer does; so are triangles of a strip or fan that only turn a
     /// corner.
-    pub(super) fn triangles(&self, primitive: &Primitive) -> Result<Vec<[u32; 3]>, IoError> {
+    pub(super) fn triangles(&self, primitive: &Primitive) -> Result<Vec<[u32; 3]>> {
         let corners = self.points(primitive)?;
         let is_list = primitive.mode == Checked::Valid(Mode::Triangles);
         self.document.reserve(&self.element, corners.len(), if is_list { 4 } else { 12 })?;
@@ -238,7 +233,7 @@ impl Attributes<'_> {
 
     /// The vertices that a primitive shows, which exist: those of its indices, else all. The largest
     /// number of a type would restart a strip, which glTF forbids.
-    pub(super) fn points(&self, primitive: &Primitive) -> Result<Vec<u32>, IoError> {
+    pub(super) fn points(&self, primitive: &Primitive) -> Result<Vec<u32>> {
         let Some(index) = primitive.indices else {
             self.document.reserve(&self.element, self.count, 4)?;
             return Ok((0..u32::try_from(self.count).unwrap_or(u32::MAX)).collect());
@@ -262,7 +257,7 @@ impl Attributes<'_> {
 }
 
 /// Morph targets are as many in every primitive, and have no effect: their shapes are not read.
-pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<(), IoError> {
+pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<()> {
     let refuse = |found: String, needed: &str| Err(document.invalid(format!("mesh {index}"), found, needed));
     let count = |p: &Primitive| p.targets.as_ref().map_or(0, Vec::len);
     let targets = mesh.primitives.first().map_or(0, count);
@@ -281,7 +276,7 @@ pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Re
     Ok(())
 }
 
-fn declared_bounds(accessor: &Accessor<'_>) -> Result<[DVec3; 2], IoError> {
+fn declared_bounds(accessor: &Accessor<'_>) -> Result<[DVec3; 2]> {
     let bound = |values: Option<Value>| <[f64; 3]>::deserialize(values?).ok().map(DVec3::from_array);
     match (bound(accessor.gltf.min()), bound(accessor.gltf.max())) {
         (Some(min), Some(max)) => Ok([min, max]),

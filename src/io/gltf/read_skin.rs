@@ -7,7 +7,7 @@ use gltf::accessor::Dimensions;
 
 use crate::{
     io::{
-        IoError,
+        error::Result,
         file::Source,
         gltf::{
             accessor::Accessor,
@@ -28,7 +28,7 @@ use crate::{
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
 /// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
 /// `map.glb` reads as the skin it is a map of.
-pub(crate) fn read_gltf(source: Source) -> Result<Draft, IoError> {
+pub(crate) fn read_gltf(source: Source) -> Result<Draft> {
     let document = Document::new(source)?;
     let tree = read_node_tree(&document)?;
     let mut draft = Draft { links: tree.links, ..Draft::default() };
@@ -52,7 +52,7 @@ pub(crate) fn read_gltf(source: Source) -> Result<Draft, IoError> {
 }
 
 /// The sheet of one use of a mesh, of its primitives of this shape; `None` if it has none.
-fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Result<Option<Sheet>, IoError> {
+fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Result<Option<Sheet>> {
     let mesh = &document.root().meshes[placement.mesh];
     check_morphs(document, placement.mesh, mesh)?;
     let mut sheet = Sheet { link: Some(placement.link), ..Sheet::default() };
@@ -104,7 +104,7 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) {
     if whole.is_empty() { *whole = part } else { whole.append(&mut part) }
 }
 
-fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) -> Result<(), IoError> {
+fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) -> Result<()> {
     append(&mut sheet.positions, attributes.positions()?);
     let all_or_none = |name: &str, joined: Result<(), &str>| {
         let needed = "the attribute in every primitive of the mesh, or in none";
@@ -142,7 +142,7 @@ fn join<T>(all: &mut Option<Vec<T>>, part: Option<Vec<T>>, first: bool) -> Resul
 }
 
 /// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there.
-pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec<Covariance>>, IoError> {
+pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec<Covariance>>> {
     let half = |name| attributes.read(name, |accessor| accessor.reals(|row: [f64; 3]| row));
     let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| Covariance { xx, xy, xz, yy, yz, zz };
     let halves = half("_COVARIANCE_0")?.zip(half("_COVARIANCE_1")?);
@@ -150,7 +150,7 @@ pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec
 }
 
 /// Vendor ids: whole scalars, or low and high halves.
-pub(super) fn read_ids(accessor: &Accessor<'_>) -> Result<Vec<TaxelId>, IoError> {
+pub(super) fn read_ids(accessor: &Accessor<'_>) -> Result<Vec<TaxelId>> {
     /// The first whole number that `f32` cannot tell from its successor.
     const EXACT: f64 = 16_777_216.0;
     if accessor.gltf.dimensions() == Dimensions::Vec2 {
@@ -175,7 +175,7 @@ pub(super) fn read_ids(accessor: &Accessor<'_>) -> Result<Vec<TaxelId>, IoError>
     Ok(ids)
 }
 
-pub(super) fn read_presence(accessor: &Accessor<'_>) -> Result<Vec<Presence>, IoError> {
+pub(super) fn read_presence(accessor: &Accessor<'_>) -> Result<Vec<Presence>> {
     let refuse = |row: usize, x: f64| {
         let found = format!("_PRESENT {x} in row {row}");
         accessor.invalid(found, "0 (absent), 1 (present) or 2 (thermal pad)")

@@ -16,6 +16,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
+        error::Result,
         file::{kind, unfit},
         gltf::writer::{Form, SceneWriter, Stored, narrow},
     },
@@ -30,7 +31,7 @@ use crate::{
 /// (1/m^2), presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
 /// yz, zz), in m^2. Everything is rounded to `f32`.
-pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
     if skin.patches.is_empty() {
         return Err(unfit(path, "the skin", "no patch", "at least one"));
     }
@@ -64,11 +65,7 @@ pub(super) struct SheetWriter<'a, 'p> {
 }
 
 impl<'a, 'p> SheetWriter<'a, 'p> {
-    pub(super) fn new(
-        writer: &'a mut SceneWriter<'p>,
-        name: String,
-        mesh: &TriMesh,
-    ) -> Result<Self, IoError> {
+    pub(super) fn new(writer: &'a mut SceneWriter<'p>, name: String, mesh: &TriMesh) -> Result<Self> {
         mesh.validate().map_err(|e| writer.unfit(&name, e.to_string(), "a mesh of finite triangles"))?;
         if mesh.triangles.is_empty() {
             return Err(writer.unfit(name, "no triangles", "at least one"));
@@ -102,7 +99,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
     }
 
     /// All that is known of taxels, one per vertex.
-    pub(super) fn taxels(&mut self, taxels: &Taxels, vertices: usize) -> Result<(), IoError> {
+    pub(super) fn taxels(&mut self, taxels: &Taxels, vertices: usize) -> Result<()> {
         taxels.validate(vertices).map_err(|e| self.unfit(e.to_string(), "one valid taxel per vertex"))?;
         self.frames(&taxels.normals, taxels.tangents.as_ref());
         // Vendor ids, low half first.
@@ -132,7 +129,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
     }
 
     /// A positive scalar.
-    pub(super) fn positive(&mut self, name: &str, values: &IdVec<VertexId, f64>) -> Result<(), IoError> {
+    pub(super) fn positive(&mut self, name: &str, values: &IdVec<VertexId, f64>) -> Result<()> {
         let fits = |x: f64| narrow(x) > 0.0 && narrow(x).is_finite();
         if let Some((v, x)) = values.enumerate().find(|(_, x)| !fits(**x)) {
             return Err(self.unfit(format!("{name} {x} of vertex {v}"), "a positive f32"));
@@ -142,7 +139,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
     }
 
     /// Covariances of positions, and the standard deviation that stands for each.
-    fn covariances(&mut self, covariances: &IdVec<VertexId, Covariance>) -> Result<(), IoError> {
+    fn covariances(&mut self, covariances: &IdVec<VertexId, Covariance>) -> Result<()> {
         let fits = |c: &Covariance| c.to_array().iter().all(|x| narrow(*x).is_finite());
         if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !fits(c)) {
             return Err(self.unfit(format!("covariance {c:?} of vertex {v}"), "finite f32"));

@@ -20,6 +20,7 @@ use crate::{
     id::IdVec,
     io::{
         IoError,
+        error::Result,
         file::{cannot_write, unfit, write_file},
         gltf::nodes::RIGID,
     },
@@ -147,7 +148,7 @@ impl<'p> SceneWriter<'p> {
         links: &IdVec<LinkId, Link>,
         wanted: &IdVec<LinkId, bool>,
         patches: Vec<(LinkId, Node)>,
-    ) -> Result<(), IoError> {
+    ) -> Result<()> {
         let mut nodes = IdVec::<LinkId, Option<Index<Node>>>::filled(None, links.len());
         let mut roots = Vec::new();
         for (link, description) in links.enumerate().filter(|(link, _)| wanted[*link]) {
@@ -183,7 +184,7 @@ impl<'p> SceneWriter<'p> {
     }
 
     /// The node of a link: name, translation and rotation, each left out where it says nothing.
-    fn node_of(&self, link: LinkId, Link { name, pose, .. }: &Link) -> Result<Node, IoError> {
+    fn node_of(&self, link: LinkId, Link { name, pose, .. }: &Link) -> Result<Node> {
         let axes = pose.matrix3;
         if !pose.is_finite() || rotation_defect(&axes) > RIGID || axes.determinant() < 0.0 {
             let found = "a pose that is not rigid";
@@ -200,14 +201,14 @@ impl<'p> SceneWriter<'p> {
     }
 
     /// `{"dermatome": content}` as the extras of an object.
-    pub(super) fn extras(&self, content: &impl serde::Serialize) -> Result<Extras, IoError> {
+    pub(super) fn extras(&self, content: &impl serde::Serialize) -> Result<Extras> {
         let text = serde_json::to_string(content).map(|text| format!("{{\"dermatome\":{text}}}"));
         let raw = text.and_then(RawValue::from_string);
         raw.map(Some).map_err(|e| cannot_write(self.path)(e.into()))
     }
 
     /// Writes the document, whole or not at all. Scene 0 is the default.
-    pub(super) fn finish(mut self, form: Form) -> Result<(), IoError> {
+    pub(super) fn finish(mut self, form: Form) -> Result<()> {
         self.root.scene = Some(Index::new(0));
         let bytes = mem::take(&mut self.bytes);
         let uri = match form {

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::{
     io::{
-        IoError,
+        error::Result,
         file::{LineLocation, Source, excerpt, finite},
     },
     skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
@@ -32,7 +32,7 @@ const SECTION: &str = "[calibration]";
 ///
 /// A header line may stand there once. That rows end within a module, or `taxel2Repr` names slots
 /// beyond them, is remarked.
-pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+pub(crate) fn read(source: &Source) -> Result<Draft> {
     let last = LineLocation { path: source.path(), line: source.text()?.lines().count() };
     let mut lines = source.lines()?.map(|(at, line)| (at, line.trim())).filter(|(_, line)| !line.is_empty());
     let header = Header::read(&mut lines, last)?;
@@ -102,7 +102,7 @@ impl Header {
     fn read<'a>(
         lines: &mut dyn Iterator<Item = (LineLocation<'a>, &'a str)>,
         last: LineLocation<'_>,
-    ) -> Result<Self, IoError> {
+    ) -> Result<Self> {
         const KNOWN: &str = "positions of iCub taxels: lines `name`, `spatial_sampling` and `taxel2Repr`, then `[calibration]`";
         const KEYS: [&str; 3] = ["name", "spatial_sampling", "taxel2Repr"];
         let mut header = Self::default();
@@ -128,7 +128,7 @@ impl Header {
     }
 }
 
-fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>, IoError> {
+fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>> {
     let list = line.split_once('(').and_then(|(_, rest)| rest.trim().strip_suffix(')'));
     let list = list.ok_or_else(|| at.invalid(excerpt(line), "taxel2Repr ( one number a slot )"))?;
     let parse = |(k, word): (usize, &str)| {
@@ -140,7 +140,7 @@ fn representatives(at: LineLocation<'_>, line: &str) -> Result<Vec<i64>, IoError
     list.split_whitespace().enumerate().map(parse).collect()
 }
 
-fn row(at: LineLocation<'_>, line: &str) -> Result<[f64; 6], IoError> {
+fn row(at: LineLocation<'_>, line: &str) -> Result<[f64; 6]> {
     const NEEDED: &str = "x y z nx ny nz, six finite numbers";
     let number = |word: &str| finite(word).ok_or_else(|| at.invalid(excerpt(word), NEEDED));
     let numbers: Vec<f64> = line.split_whitespace().map(number).collect::<Result<_, _>>()?;

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::{
     io::{
-        IoError,
+        error::Result,
         file::{LineLocation, Source, excerpt, finite, write_file},
     },
     skin::{Draft, Sheet, Skin},
@@ -55,7 +55,7 @@ struct Reader {
 /// vertex disagree it is their mean, where a vertex has no corner it is zero. A sheet with a corner
 /// without a normal has none. Colours, texture coordinates, materials, lines and points are left
 /// out.
-pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+pub(crate) fn read(source: &Source) -> Result<Draft> {
     let mut reader = Reader {
         stem: source.stem(),
         groups: vec![Group { name: source.stem(), triangles: Vec::new() }],
@@ -78,7 +78,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
 }
 
 impl Reader {
-    fn statement(&mut self, source: &Source, at: LineLocation<'_>, text: &str) -> Result<(), IoError> {
+    fn statement(&mut self, source: &Source, at: LineLocation<'_>, text: &str) -> Result<()> {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         match word {
@@ -115,7 +115,7 @@ impl Reader {
         });
     }
 
-    fn face(&mut self, at: LineLocation<'_>, rest: &str) -> Result<(), IoError> {
+    fn face(&mut self, at: LineLocation<'_>, rest: &str) -> Result<()> {
         let mut corners = rest.split_whitespace();
         let mut next = |reader: &mut Self| corners.next().map(|token| reader.corner(at, token)).transpose();
         let (Some(first), Some(mut last), Some(mut corner)) = (next(self)?, next(self)?, next(self)?) else {
@@ -133,7 +133,7 @@ impl Reader {
     }
 
     /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner(&mut self, at: LineLocation<'_>, token: &str) -> Result<Corner, IoError> {
+    fn corner(&mut self, at: LineLocation<'_>, token: &str) -> Result<Corner> {
         let counts = [self.positions.len(), self.texture_points, self.normals.len()];
         let broken = || {
             let needed = "v, v/vt, v//vn or v/vt/vn, each counted from 1, or backwards from -1";
@@ -159,7 +159,7 @@ impl Reader {
         Ok(Corner { position: narrow(position), normal: normal.map_or(NONE, narrow) })
     }
 
-    fn check_indices(&self, source: &Source) -> Result<(), IoError> {
+    fn check_indices(&self, source: &Source) -> Result<()> {
         let counts = [self.positions.len(), self.texture_points, self.normals.len()];
         let words = ["v", "vt", "vn"];
         for ((&(index, line), count), word) in self.largest.iter().zip(counts).zip(words) {
@@ -228,7 +228,7 @@ impl Reader {
 }
 
 /// Three coordinates. A position may be followed by a weight of 1, by a colour, or by both.
-fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3, IoError> {
+fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3> {
     let mut numbers = [0.0; 7];
     let mut count = 0;
     for token in rest.split_whitespace() {
@@ -249,7 +249,7 @@ fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3, IoError
 }
 
 /// Writes one `o` per patch, positions in the world, and normals. Ids, areas and links are lost.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     write_file(path, |file| {
         let mut before = 0;
         for patch in &skin.patches {

@@ -14,6 +14,7 @@ use ply_rs_bw::{
 use crate::{
     io::{
         IoError,
+        error::Result,
         file::{Source, excerpt, unfit, write_file},
     },
     skin::{Draft, Presence, Sheet, Skin, TaxelId},
@@ -86,7 +87,7 @@ impl PropertyAccess for FaceRow {
 /// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; negative
 /// ones become the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
 /// thermal pad).
-pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+pub(crate) fn read(source: &Source) -> Result<Draft> {
     let broken = |e: ParseError| parse_error(source, &e);
     let mut reader = Reader::new(source.bytes());
     let header = Parser::<FaceRow>::new().read_header(&mut reader).map_err(broken)?;
@@ -132,7 +133,7 @@ fn parse_error(source: &Source, error: &ParseError) -> IoError {
 /// Checks what the crate leaves to its caller: that names differ (it would read the first with the
 /// type of the last), that vertices have positions, and that the counts fit into the file (elements
 /// without a byte could be counted for ever).
-fn check_header(source: &Source, header: &Header, header_len: usize) -> Result<(), IoError> {
+fn check_header(source: &Source, header: &Header, header_len: usize) -> Result<()> {
     let head = String::from_utf8_lossy(&source.bytes()[..header_len]);
     let count = |word: &str| head.lines().filter(|l| l.split_whitespace().next() == Some(word)).count();
     let properties: usize = header.elements.values().map(|e| e.properties.len()).sum();
@@ -178,12 +179,7 @@ fn least_bytes(element: &ElementDef, encoding: Encoding) -> usize {
     element.properties.values().map(|p| property(&p.data_type)).sum()
 }
 
-fn read_vertices(
-    source: &Source,
-    element: &ElementDef,
-    rows: &[VertexRow],
-    sheet: &mut Sheet,
-) -> Result<(), IoError> {
+fn read_vertices(source: &Source, element: &ElementDef, rows: &[VertexRow], sheet: &mut Sheet) -> Result<()> {
     for (k, VertexRow(row)) in rows.iter().enumerate() {
         if let Some(slot) = (0..row.len()).find(|&slot| !row[slot].is_finite()) {
             let element = format!("vertex {k}, property `{}`", VERTEX_PROPERTIES[slot]);
@@ -209,7 +205,7 @@ fn read_vertices(
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be a whole u32")]
-fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId, IoError> {
+fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId> {
     if value < 0.0 {
         return Ok(TaxelId(u32::MAX));
     }
@@ -220,7 +216,7 @@ fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId, IoError> {
     Ok(TaxelId(value as u32))
 }
 
-fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Result<(), IoError> {
+fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Result<()> {
     let broken = |found: String, needed: &str| source.invalid(format!("face {k}"), found, needed);
     let Some(corners) = &row.0 else {
         return Err(broken("no list `vertex_indices` of whole numbers from 0".into(), "one"));
@@ -239,7 +235,7 @@ fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Res
 
 /// Writes a PLY file, binary little endian, positions in the world, all else as [`read`] knows it.
 /// Patch and link names are lost, and densities too unless every patch has them.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     let patches: Vec<_> = skin.patches.iter().map(|patch| skin.in_world(patch)).collect();
     let vertices: usize = patches.iter().map(|p| p.mesh.positions.len()).sum();
     let faces: usize = patches.iter().map(|p| p.mesh.triangles.len()).sum();

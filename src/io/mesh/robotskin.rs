@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::{
     io::{
-        IoError,
+        error::Result,
         file::{Source, excerpt, stem, write_file},
     },
     mesh::{is_rotation, rotation_defect},
@@ -104,7 +104,7 @@ fn presence(kind: &str) -> Presence {
 /// Every frame becomes a link; taxels name none, so further frames only keep their place. Negative
 /// ids, the placeholder of some tools, become [`u32::MAX`]. The `tactile_maps` are left out: they
 /// are made anew here.
-pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+pub(crate) fn read(source: &Source) -> Result<Draft> {
     let file: File<'_> = serde_json::from_slice(source.bytes()).map_err(|e| {
         let found = e.to_string();
         let found = found.rsplit_once(" at line ").map_or(found.as_str(), |(found, _)| found);
@@ -135,7 +135,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     Ok(draft)
 }
 
-fn check_version(source: &Source, version: &Value) -> Result<(), IoError> {
+fn check_version(source: &Source, version: &Value) -> Result<()> {
     let is_known = match version {
         Value::Null => true,
         Value::String(text) => text == "2",
@@ -147,7 +147,7 @@ fn check_version(source: &Source, version: &Value) -> Result<(), IoError> {
     if is_known { Ok(()) } else { Err(refuse()) }
 }
 
-fn check_counts(source: &Source, body: &Body<'_>) -> Result<(), IoError> {
+fn check_counts(source: &Source, body: &Body<'_>) -> Result<()> {
     let counts =
         [("n_taxels", body.n_taxels, body.taxels.len()), ("n_faces", body.n_faces, body.faces.len())];
     for (name, declared, counted) in counts {
@@ -165,7 +165,7 @@ fn check_counts(source: &Source, body: &Body<'_>) -> Result<(), IoError> {
     Ok(())
 }
 
-fn read_ids(source: &Source, taxels: &[Taxel<'_>]) -> Result<Vec<TaxelId>, IoError> {
+fn read_ids(source: &Source, taxels: &[Taxel<'_>]) -> Result<Vec<TaxelId>> {
     let id = |(k, taxel): (usize, &Taxel<'_>)| match taxel.id {
         ..0 => Ok(TaxelId(u32::MAX)),
         id => u32::try_from(id).map(TaxelId).map_err(|_| {
@@ -176,7 +176,7 @@ fn read_ids(source: &Source, taxels: &[Taxel<'_>]) -> Result<Vec<TaxelId>, IoErr
 }
 
 /// The normals, of all taxels or of none.
-fn read_normals(source: &Source, taxels: &[Taxel<'_>]) -> Result<Option<Vec<DVec3>>, IoError> {
+fn read_normals(source: &Source, taxels: &[Taxel<'_>]) -> Result<Option<Vec<DVec3>>> {
     let normals: Vec<DVec3> = taxels.iter().filter_map(|t| t.n).map(DVec3::from).collect();
     match taxels.iter().position(|t| t.n.is_none()) {
         None => Ok(Some(normals)),
@@ -190,7 +190,7 @@ fn read_normals(source: &Source, taxels: &[Taxel<'_>]) -> Result<Option<Vec<DVec
 /// The pose of frame `k`. Printed digits make a rotation slightly wrong, which would shrink the
 /// skin a little and make poses that should undo each other not do so: the nearest rotation is
 /// taken.
-fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3, IoError> {
+fn read_pose(source: &Source, k: usize, columns: &[f64; 16]) -> Result<DAffine3> {
     let refuse = |found: String, needed: &str| {
         Err(source.invalid(format!("skin.parent_frames[{k}].tf_matrix"), found, needed))
     };
@@ -218,7 +218,7 @@ fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
 }
 
 /// Writes a robotskinlib file: one body with all taxels. Areas and densities are lost.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     let (frame, patches) = framed(skin);
     let mut taxels = Vec::new();
     let mut faces = Vec::new();

@@ -12,7 +12,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use crate::{
     id::VertexId,
     io::{
-        IoError,
+        error::Result,
         file::{Source, replace_file, write_file},
         table::csv_table::{Columns, Row, Table, table_write_error},
     },
@@ -64,7 +64,7 @@ struct ColumnIndices {
 /// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
 /// all normals given are +z. Triangles: `a,b,c`, the places
 /// of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
-pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+pub(crate) fn read(source: &Source) -> Result<Draft> {
     let (mut draft, homes) = read_taxels(source)?;
     let triangles_path = companion(source.path());
     if triangles_path.exists() {
@@ -74,7 +74,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
 }
 
 impl ColumnIndices {
-    fn new(columns: &Columns) -> Result<Self, IoError> {
+    fn new(columns: &Columns) -> Result<Self> {
         let link = match (columns.find(ON_LINK), columns.find(LINK)) {
             (Some(_), Some(_)) => {
                 let found = format!("columns `{ON_LINK}` and `{LINK}`");
@@ -103,7 +103,7 @@ struct Sheets {
 }
 
 /// Reads the taxels; with the sheet, and the place in it, of every row.
-fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>), IoError> {
+fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
     let known: Vec<&str> = COLUMNS.into_iter().chain([LINK, SIGMA]).collect();
     let table = Table::of(source)?;
     table.refuse_unknown(&known)?;
@@ -128,7 +128,7 @@ fn drop_placeholders(sheet: &mut Sheet, has_normals: bool) {
 }
 
 impl Sheets {
-    fn add(&mut self, row: Row<'_>, indices: &ColumnIndices, source: &Source) -> Result<(), IoError> {
+    fn add(&mut self, row: Row<'_>, indices: &ColumnIndices, source: &Source) -> Result<()> {
         let link = self.link(indices.link.map_or("", |c| row.text(c)));
         let name = indices.patch.map_or("", |c| row.text(c));
         let sheets = &mut self.draft.sheets;
@@ -203,7 +203,7 @@ fn push<T>(
     (row, column, before): (Row<'_>, usize, usize),
     values: &mut Option<Vec<T>>,
     value: Option<T>,
-) -> Result<(), IoError> {
+) -> Result<()> {
     match value {
         Some(value) if values.is_some() || before == 0 => values.get_or_insert_default().push(value),
         None if values.is_none() => {}
@@ -212,13 +212,13 @@ fn push<T>(
     Ok(())
 }
 
-fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId, IoError> {
+fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId> {
     let id = row.text(column).parse::<i64>().ok();
     let id = id.and_then(|id| if id < 0 { Some(u32::MAX) } else { u32::try_from(id).ok() });
     id.map(TaxelId).ok_or_else(|| row.invalid(column, format!("a whole number up to {}", u32::MAX)))
 }
 
-fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet]) -> Result<(), IoError> {
+fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet]) -> Result<()> {
     const CORNERS: [&str; 3] = ["a", "b", "c"];
     let table = Table::of(source)?;
     table.refuse_unknown(&CORNERS)?;
@@ -243,7 +243,7 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet])
 }
 
 /// Writes the two tables, positions in the world. Of the links only their names are kept.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     let triangles_path = companion(path);
     replace_file(path, |taxels| {
         let fail = |e| table_write_error(path, e);

@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::{
     id::VertexId,
     io::{
-        IoError,
+        error::Result,
         file::{Source, excerpt, unfit, write_file},
     },
     skin::{Draft, Patch, Sheet, Skin},
@@ -22,7 +22,7 @@ const FACET: usize = 50;
 ///
 /// The format shares no corners, so those at exactly the same place are one vertex. Facet normals
 /// are left out: the order of the corners says the same.
-pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+pub(crate) fn read(source: &Source) -> Result<Draft> {
     let sheets = if is_text(source.bytes()) { read_text(source)? } else { vec![read_binary(source)?] };
     Ok(Draft { sheets, ..Draft::default() })
 }
@@ -39,7 +39,7 @@ fn is_text(bytes: &[u8]) -> bool {
     solid && declared(bytes).is_none_or(|(_, length)| length != bytes.len() as u64)
 }
 
-fn read_binary(source: &Source) -> Result<Sheet, IoError> {
+fn read_binary(source: &Source) -> Result<Sheet> {
     let bytes = source.bytes();
     let refuse = |found: String, needed: String| Err(source.invalid("header", found, needed));
     let Some((count, length)) = declared(bytes) else {
@@ -66,7 +66,7 @@ fn read_binary(source: &Source) -> Result<Sheet, IoError> {
 }
 
 /// Reads the solids of a text: `solid`, facets of three vertices each, `endsolid`.
-fn read_text(source: &Source) -> Result<Vec<Sheet>, IoError> {
+fn read_text(source: &Source) -> Result<Vec<Sheet>> {
     let mut lines = source.lines()?.filter(|(_, line)| !line.trim().is_empty());
     let mut sheets = Vec::new();
     while let Some((at, line)) = lines.next() {
@@ -147,7 +147,7 @@ impl Solid {
 }
 
 /// Writes a binary STL file of all patches, positions in the world, rounded to `f32`.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     let count: usize = skin.patches.iter().map(|patch| patch.mesh.triangles.len()).sum();
     let Ok(count) = u32::try_from(count) else {
         return Err(unfit(path, "skin", format!("{count} triangles"), format!("at most {}", u32::MAX)));
@@ -160,7 +160,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<(), IoError> {
     write_file(path, |file| file.write_all(&bytes))
 }
 
-fn add_facets(path: &Path, patch: &Patch, bytes: &mut Vec<u8>) -> Result<(), IoError> {
+fn add_facets(path: &Path, patch: &Patch, bytes: &mut Vec<u8>) -> Result<()> {
     for face in patch.mesh.triangles.ids() {
         let corners = patch.mesh.corners(face).map(narrow);
         if !corners.iter().flatten().all(|x| x.is_finite()) {

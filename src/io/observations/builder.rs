@@ -16,7 +16,7 @@ use crate::{
     },
     id::VertexId,
     io::{
-        IoError,
+        error::Result,
         file::{LineLocation, invalid},
     },
     skin::TaxelId,
@@ -55,7 +55,7 @@ impl ObservationsBuilder {
         Self { path: path.into(), worst: 1.0, ..Self::default() }
     }
 
-    pub(super) fn set_model(&mut self, model: Model, at: &LineLocation<'_>) -> Result<(), IoError> {
+    pub(super) fn set_model(&mut self, model: Model, at: &LineLocation<'_>) -> Result<()> {
         if self.model_known && self.observations.model != model {
             let needed = format!("{}, as the lines before: one model in a file", self.observations.model);
             return Err(at.invalid(format!("a line of the {} model", model), needed));
@@ -64,7 +64,7 @@ impl ObservationsBuilder {
         Ok(())
     }
 
-    pub(super) fn taxel(&mut self, id: TaxelId, initial: Pose, at: &LineLocation<'_>) -> Result<(), IoError> {
+    pub(super) fn taxel(&mut self, id: TaxelId, initial: Pose, at: &LineLocation<'_>) -> Result<()> {
         check_length(initial.position, at)?;
         let vertex =
             self.observations.taxels.push(TaxelVariable { id, initial: Some(initial), fixed: false });
@@ -79,7 +79,7 @@ impl ObservationsBuilder {
         [from, to]: [TaxelId; 2],
         motion: DisplacementMeasurement,
         at: &LineLocation<'_>,
-    ) -> Result<(), IoError> {
+    ) -> Result<()> {
         if from == to {
             return Err(at.invalid(format!("an edge from taxel {from} to itself"), "two different taxels"));
         }
@@ -100,7 +100,7 @@ impl ObservationsBuilder {
         id: TaxelId,
         touch: ContactMeasurement,
         at: &LineLocation<'_>,
-    ) -> Result<(), IoError> {
+    ) -> Result<()> {
         let name = || format!("taxel {id}");
         match &touch {
             ContactMeasurement::Position { position, information }
@@ -132,7 +132,7 @@ impl ObservationsBuilder {
     }
 
     /// A pose from `x y z qx qy qz qw`; the quaternion is normalised.
-    pub(super) fn pose(&mut self, numbers: &[f64], at: &LineLocation<'_>) -> Result<Pose, IoError> {
+    pub(super) fn pose(&mut self, numbers: &[f64], at: &LineLocation<'_>) -> Result<Pose> {
         let &[x, y, z, qx, qy, qz, qw] = numbers else {
             return Err(at.invalid(format!("{} numbers", numbers.len()), "x y z qx qy qz qw"));
         };
@@ -155,7 +155,7 @@ impl ObservationsBuilder {
         Ok(Pose { position, rotation })
     }
 
-    pub(super) fn finish(mut self) -> Result<ReadObservations, IoError> {
+    pub(super) fn finish(mut self) -> Result<ReadObservations> {
         let declared = !self.observations.taxels.is_empty();
         if !declared {
             self.declare_named_taxels();
@@ -231,7 +231,7 @@ fn left_out(tags: &BTreeMap<String, usize>) -> String {
     format!("; {lines} line{s} of unknown tags: {named}{more}")
 }
 
-fn check_length(vector: DVec3, at: &LineLocation<'_>) -> Result<(), IoError> {
+fn check_length(vector: DVec3, at: &LineLocation<'_>) -> Result<()> {
     match vector.abs().max_element() {
         x if x <= FARTHEST => Ok(()),
         x => Err(at.invalid(format!("a length of {x:e} m"), format!("metres, at most {FARTHEST:e}"))),
@@ -242,7 +242,7 @@ fn check_information<const N: usize>(
     information: &Information<N>,
     name: impl Fn() -> String,
     at: &LineLocation<'_>,
-) -> Result<(), IoError> {
+) -> Result<()> {
     let largest = information.upper().fold(0.0, |most: f64, x| most.max(x.abs()));
     if largest > MOST_INFORMATION {
         let found = format!("an information of {largest:e} for {}", name());

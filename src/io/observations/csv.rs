@@ -7,7 +7,7 @@ use crate::{
         ContactMeasurement, ContactObservation, DisplacementMeasurement, Information, Model, Observations,
     },
     io::{
-        IoError,
+        error::Result,
         file::{Lines, excerpt, invalid, unfit},
         observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of},
         table::csv_table::{Columns, Row, Table, labelled, write_table},
@@ -66,13 +66,12 @@ enum Subject {
 
 enum Uncertainty {
     Assumed,
-    Sigma(usize),
     Sigmas([usize; 3]),
     Information([usize; 6]),
 }
 
 impl ColumnIndices {
-    fn new(columns: &Columns) -> Result<Self, IoError> {
+    fn new(columns: &Columns) -> Result<Self> {
         let mut used = vec!["i"];
         let has = |name: &str| columns.find(name).is_some();
         let Some(taxel) = columns.find("i") else {
@@ -95,7 +94,7 @@ impl ColumnIndices {
         };
         let uncertainty = if let Some(column) = columns.find(SIGMA) {
             used.push(SIGMA);
-            Uncertainty::Sigma(column)
+            Uncertainty::Sigmas([column; 3])
         } else if let Some(three) = columns.find_vector(SIGMAS)? {
             used.extend(SIGMAS);
             Uncertainty::Sigmas(three)
@@ -116,7 +115,7 @@ impl ColumnIndices {
 }
 
 /// Reads from the line on which `lines` stands.
-pub(super) fn read(lines: Lines<impl BufRead>) -> Result<ReadObservations, IoError> {
+pub(super) fn read(lines: Lines<impl BufRead>) -> Result<ReadObservations> {
     let mut builder = ObservationsBuilder::new(lines.path());
     if lines.current()?.is_none() {
         let found = "an empty file, or comments alone";
@@ -131,7 +130,7 @@ pub(super) fn read(lines: Lines<impl BufRead>) -> Result<ReadObservations, IoErr
     builder.finish()
 }
 
-fn read_row(row: Row<'_>, columns: &ColumnIndices, builder: &mut ObservationsBuilder) -> Result<(), IoError> {
+fn read_row(row: Row<'_>, columns: &ColumnIndices, builder: &mut ObservationsBuilder) -> Result<()> {
     let (id, at) = (row.taxel(columns.taxel)?, &row.at);
     let information = information(row, &columns.uncertainty)?;
     match columns.subject {
@@ -158,10 +157,9 @@ fn read_row(row: Row<'_>, columns: &ColumnIndices, builder: &mut ObservationsBui
     }
 }
 
-fn information(row: Row<'_>, uncertainty: &Uncertainty) -> Result<Information<3>, IoError> {
+fn information(row: Row<'_>, uncertainty: &Uncertainty) -> Result<Information<3>> {
     Ok(match *uncertainty {
         Uncertainty::Assumed => Information::diagonal([DEFAULT_SIGMA.powi(-2); 3]),
-        Uncertainty::Sigma(column) => Information::diagonal([of_sigma(row, column)?; 3]),
         Uncertainty::Sigmas([x, y, z]) => {
             Information::diagonal([of_sigma(row, x)?, of_sigma(row, y)?, of_sigma(row, z)?])
         }
@@ -172,12 +170,12 @@ fn information(row: Row<'_>, uncertainty: &Uncertainty) -> Result<Information<3>
     })
 }
 
-fn of_sigma(row: Row<'_>, column: usize) -> Result<f64, IoError> {
+fn of_sigma(row: Row<'_>, column: usize) -> Result<f64> {
     let needed = || format!("a sigma of {:e} to {:e}", SIGMA_RANGE.start(), SIGMA_RANGE.end());
     information_of(row.number(column)?).ok_or_else(|| row.invalid(column, needed()))
 }
 
-pub(super) fn write(observations: &Observations, path: &Path) -> Result<(), IoError> {
+pub(super) fn write(observations: &Observations, path: &Path) -> Result<()> {
     let Observations { taxels, edges, contacts, .. } = observations;
     if edges.is_empty() && !contacts.is_empty() {
         return write_contacts(observations, path);
@@ -203,7 +201,7 @@ pub(super) fn write(observations: &Observations, path: &Path) -> Result<(), IoEr
 }
 
 /// Writes contacts, with their normals if they have any.
-fn write_contacts(observations: &Observations, path: &Path) -> Result<(), IoError> {
+fn write_contacts(observations: &Observations, path: &Path) -> Result<()> {
     let has_normal =
         |c: &ContactObservation| matches!(c.measurement, ContactMeasurement::PositionNormal { .. });
     let with_normals = observations.contacts.iter().any(has_normal);

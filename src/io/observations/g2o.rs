@@ -16,6 +16,7 @@ use crate::{
     },
     io::{
         IoError,
+        error::Result,
         file::{LineLocation, Lines, cannot_write, unfit},
         observations::builder::{ObservationsBuilder, ReadObservations},
     },
@@ -26,7 +27,7 @@ use crate::{
 const IDENTITY_OFFSET: u32 = 0;
 
 /// Reads from the line on which `lines` stands.
-pub(super) fn read(mut lines: Lines<impl BufRead>) -> Result<ReadObservations, IoError> {
+pub(super) fn read(mut lines: Lines<impl BufRead>) -> Result<ReadObservations> {
     let mut reader = Reader { builder: ObservationsBuilder::new(lines.path()), offsets: HashMap::new() };
     while let Some((text, at)) = lines.current()? {
         let mut words = text.split_ascii_whitespace();
@@ -45,7 +46,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn line(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+    fn line(&mut self, mut line: Line<'_>) -> Result<()> {
         let at = line.at;
         match line.tag {
             "VERTEX_TRACKXYZ" => {
@@ -106,7 +107,7 @@ impl Reader {
     }
 
     /// A pose and its information: the rest of a line.
-    fn measured_pose(&mut self, line: &mut Line<'_>) -> Result<Box<PoseMeasurement>, IoError> {
+    fn measured_pose(&mut self, line: &mut Line<'_>) -> Result<Box<PoseMeasurement>> {
         let numbers: [f64; 28] = line.numbers()?;
         let pose = self.builder.pose(&numbers[..7], &line.at)?;
         Ok(Box::new(PoseMeasurement { pose, information: line.information(&numbers[7..])? }))
@@ -127,13 +128,13 @@ impl Line<'_> {
     }
 
     /// The number of a taxel, or of a parameter.
-    fn id(&mut self) -> Result<TaxelId, IoError> {
+    fn id(&mut self) -> Result<TaxelId> {
         let word = self.words.next().ok_or_else(|| self.truncated())?;
         self.at.taxel(word)
     }
 
     /// The remaining words, which are this many finite numbers.
-    fn numbers<const N: usize>(&mut self) -> Result<[f64; N], IoError> {
+    fn numbers<const N: usize>(&mut self) -> Result<[f64; N]> {
         let mut numbers = [0.0; N];
         let mut count = 0;
         for word in self.words.by_ref() {
@@ -149,18 +150,18 @@ impl Line<'_> {
         Err(self.at.invalid(format!("{count} numbers after the ids of {}", self.tag), N.to_string()))
     }
 
-    fn point(&mut self) -> Result<(DVec3, Information<3>), IoError> {
+    fn point(&mut self) -> Result<(DVec3, Information<3>)> {
         let numbers: [f64; 9] = self.numbers()?;
         Ok((DVec3::from_slice(&numbers), self.information(&numbers[3..])?))
     }
 
-    fn information<const N: usize>(&self, upper: &[f64]) -> Result<Information<N>, IoError> {
+    fn information<const N: usize>(&self, upper: &[f64]) -> Result<Information<N>> {
         Information::from_upper(upper).ok_or_else(|| self.truncated())
     }
 }
 
 /// Writes parameters, taxels, those that are fixed, edges and contacts, in this order.
-pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<(), IoError> {
+pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<()> {
     let Observations { model, taxels, edges, contacts } = observations;
     let mut line = |words: fmt::Arguments<'_>, numbers: &[f64]| {
         writeln!(out, "{words}{}", Numbers(numbers)).map_err(cannot_write(path))

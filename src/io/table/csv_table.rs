@@ -15,6 +15,7 @@ use glam::{DQuat, DVec3};
 use crate::{
     io::{
         IoError,
+        error::Result,
         file::{LONGEST, LineLocation, Lines, Source, cannot_write, excerpt, finite, replace_file},
     },
     skin::TaxelId,
@@ -30,14 +31,14 @@ pub(crate) struct Table<R> {
 }
 
 impl<'a> Table<&'a [u8]> {
-    pub(crate) fn of(source: &'a Source) -> Result<Self, IoError> {
+    pub(crate) fn of(source: &'a Source) -> Result<Self> {
         Self::open(Lines::new(source.bytes(), source.path(), None))
     }
 }
 
 impl<R: BufRead> Table<R> {
     /// Reads the names of the columns; where lines may be comments, names may be in capitals.
-    pub(crate) fn open(input: Lines<R>) -> Result<Self, IoError> {
+    pub(crate) fn open(input: Lines<R>) -> Result<Self> {
         let ignores_case = input.comment.is_some();
         let mut reader = csv::Reader::from_reader(input);
         let name = |name: &str| {
@@ -50,7 +51,7 @@ impl<R: BufRead> Table<R> {
     }
 
     /// Reads the next row; false at the end. After an error about a row the next one may be read.
-    pub(crate) fn advance(&mut self) -> Result<bool, IoError> {
+    pub(crate) fn advance(&mut self) -> Result<bool> {
         if self.ended {
             return Ok(false);
         }
@@ -64,10 +65,7 @@ impl<R: BufRead> Table<R> {
         Row { at: self.reader.get_ref().at(), columns: &self.columns, cells: &self.cells }
     }
 
-    pub(crate) fn each_row(
-        mut self,
-        visit: &mut dyn FnMut(Row<'_>) -> Result<(), IoError>,
-    ) -> Result<(), IoError> {
+    pub(crate) fn each_row(mut self, visit: &mut dyn FnMut(Row<'_>) -> Result<()>) -> Result<()> {
         while self.advance()? {
             visit(self.row())?;
         }
@@ -75,7 +73,7 @@ impl<R: BufRead> Table<R> {
     }
 
     /// Refuses columns that are not `known`, so that a misspelt name is not silently ignored.
-    pub(crate) fn refuse_unknown(&self, known: &[&str]) -> Result<(), IoError> {
+    pub(crate) fn refuse_unknown(&self, known: &[&str]) -> Result<()> {
         match self.columns.unknown(known).next() {
             None => Ok(()),
             Some((k, name)) => {
@@ -89,8 +87,8 @@ impl<R: BufRead> Table<R> {
 pub(crate) fn write_table(
     path: &Path,
     header: &[&str],
-    rows: &mut dyn Iterator<Item = Result<Vec<String>, IoError>>,
-) -> Result<(), IoError> {
+    rows: &mut dyn Iterator<Item = Result<Vec<String>>>,
+) -> Result<()> {
     let fail = |e| table_write_error(path, e);
     replace_file(path, |out| {
         let mut table = Writer::from_writer(out);
@@ -124,7 +122,7 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    fn new(path: &Path, line: usize, names: Vec<String>) -> Result<Self, IoError> {
+    fn new(path: &Path, line: usize, names: Vec<String>) -> Result<Self> {
         let at = LineLocation { path, line };
         if names.iter().all(String::is_empty) {
             return Err(at.invalid("nothing", "the names of the columns"));
@@ -150,7 +148,7 @@ impl Columns {
         self.names.iter().position(|n| n == name)
     }
 
-    pub(crate) fn need(&self, name: &str) -> Result<usize, IoError> {
+    pub(crate) fn need(&self, name: &str) -> Result<usize> {
         self.find(name).ok_or_else(|| self.at().invalid(self.describe(), format!("a column `{name}`")))
     }
 
@@ -160,17 +158,14 @@ impl Columns {
     }
 
     /// Columns that come together or not at all.
-    pub(crate) fn find_vector<const N: usize>(
-        &self,
-        names: [&str; N],
-    ) -> Result<Option<[usize; N]>, IoError> {
+    pub(crate) fn find_vector<const N: usize>(&self, names: [&str; N]) -> Result<Option<[usize; N]>> {
         if names.iter().all(|name| self.find(name).is_none()) {
             return Ok(None);
         }
         self.need_vector(names).map(Some)
     }
 
-    pub(crate) fn need_vector<const N: usize>(&self, names: [&str; N]) -> Result<[usize; N], IoError> {
+    pub(crate) fn need_vector<const N: usize>(&self, names: [&str; N]) -> Result<[usize; N]> {
         let mut places = [0; N];
         for (place, name) in places.iter_mut().zip(names) {
             *place = self.need(name)?;
@@ -198,16 +193,16 @@ impl<'a> Row<'a> {
         self.cells.get(column).unwrap_or("").trim()
     }
 
-    pub(crate) fn number(&self, column: usize) -> Result<f64, IoError> {
+    pub(crate) fn number(&self, column: usize) -> Result<f64> {
         finite(self.text(column)).ok_or_else(|| self.invalid(column, "a finite number"))
     }
 
     /// A finite number, or an empty cell.
-    pub(crate) fn number_if_any(&self, column: usize) -> Result<Option<f64>, IoError> {
+    pub(crate) fn number_if_any(&self, column: usize) -> Result<Option<f64>> {
         Ok(self.numbers_if_any([column])?.map(|[x]| x))
     }
 
-    pub(crate) fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N], IoError> {
+    pub(crate) fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N]> {
         let mut numbers = [0.0; N];
         for (number, column) in numbers.iter_mut().zip(columns) {
             *number = self.number(column)?;
@@ -215,20 +210,17 @@ impl<'a> Row<'a> {
         Ok(numbers)
     }
 
-    pub(crate) fn vector(&self, columns: [usize; 3]) -> Result<DVec3, IoError> {
+    pub(crate) fn vector(&self, columns: [usize; 3]) -> Result<DVec3> {
         self.numbers(columns).map(DVec3::from_array)
     }
 
     /// Finite numbers, or empty cells throughout.
-    pub(crate) fn numbers_if_any<const N: usize>(
-        &self,
-        columns: [usize; N],
-    ) -> Result<Option<[f64; N]>, IoError> {
+    pub(crate) fn numbers_if_any<const N: usize>(&self, columns: [usize; N]) -> Result<Option<[f64; N]>> {
         let is_empty = columns.iter().all(|&c| self.text(c).is_empty());
         if is_empty { Ok(None) } else { self.numbers(columns).map(Some) }
     }
 
-    pub(crate) fn taxel(&self, column: usize) -> Result<TaxelId, IoError> {
+    pub(crate) fn taxel(&self, column: usize) -> Result<TaxelId> {
         let id = self.text(column).parse().map(TaxelId);
         id.map_err(|_| self.invalid(column, "the number of a taxel, 0 to 4294967295"))
     }
@@ -238,7 +230,7 @@ impl<'a> Row<'a> {
     /// Tables print rounded digits, so a length up to [`UNIT_TOLERANCE`] from 1 is scaled to 1;
     /// anything else is not meant as a rotation. (glTF has a narrower rule of its own, and graphs
     /// of g2o are scaled with a remark.)
-    pub(crate) fn rotation(&self, columns: [usize; 4]) -> Result<DQuat, IoError> {
+    pub(crate) fn rotation(&self, columns: [usize; 4]) -> Result<DQuat> {
         let q = DQuat::from_array(self.numbers(columns)?);
         let off = (q.length() - 1.0).abs();
         if off.is_nan() || off > UNIT_TOLERANCE {
@@ -248,7 +240,7 @@ impl<'a> Row<'a> {
     }
 
     /// The same, or nothing where all four cells are empty.
-    pub(crate) fn rotation_if_any(&self, columns: [usize; 4]) -> Result<Option<DQuat>, IoError> {
+    pub(crate) fn rotation_if_any(&self, columns: [usize; 4]) -> Result<Option<DQuat>> {
         let is_empty = columns.iter().all(|&c| self.text(c).is_empty());
         if is_empty { Ok(None) } else { self.rotation(columns).map(Some) }
     }
