@@ -13,6 +13,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
+        error::Result,
         file::Source,
         gltf::{
             document::{Document, Role},
@@ -55,12 +56,9 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     let mut links = BTreeMap::new();
     for placement in &tree.placements {
         if placement.stretch.is_some() {
-            let needed = "rigid nodes: map and skin are in metres";
-            return Err(document.invalid(
-                format!("mesh {}", placement.mesh),
-                "a scaled or mirrored node",
-                needed,
-            ));
+            let (element, needed) =
+                (format!("mesh {}", placement.mesh), "rigid nodes: map and skin are in metres");
+            return Err(document.invalid(element, "a scaled or mirrored node", needed));
         }
         links.insert(placement.mesh, placement.link);
     }
@@ -84,7 +82,7 @@ struct PatchFound {
 }
 
 /// Finds the levels of every patch, in the order of their finest meshes.
-fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>, IoError> {
+fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>> {
     let mut patches: Vec<PatchFound> = Vec::new();
     let mut by_name: BTreeMap<String, usize> = BTreeMap::new();
     for (mesh, json) in document.root().meshes.iter().enumerate() {
@@ -113,11 +111,7 @@ fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>, IoError> {
     Ok(patches)
 }
 
-fn read_patch(
-    document: &Document,
-    links: &BTreeMap<usize, LinkId>,
-    patch: PatchFound,
-) -> Result<PatchMap, IoError> {
+fn read_patch(document: &Document, links: &BTreeMap<usize, LinkId>, patch: PatchFound) -> Result<PatchMap> {
     let Some(&link) = patch.levels.first().and_then(|(mesh, _)| links.get(mesh)) else {
         let (found, needed) = ("no node in the default scene", "a node that carries its level 0");
         return Err(document.invalid(format!("patch {:?}", patch.name), found, needed));
@@ -156,7 +150,7 @@ fn read_level(
     index: usize,
     extras: &LevelExtras,
     taxels: &mut Taxels,
-) -> Result<MapLevel, IoError> {
+) -> Result<MapLevel> {
     let name = format!("{}/L{}", extras.patch, extras.level);
     let [primitive] = document.root().meshes[index].primitives.as_slice() else {
         return Err(document.invalid(name, "several primitives or none", "one"));
@@ -167,11 +161,8 @@ fn read_level(
     let attributes = Attributes::of(document, index, 0, primitive)?;
     let mesh = TriMesh::from_arrays(attributes.positions()?, &attributes.triangles(primitive)?);
     let areas: IdVec<_, _> = attributes.need("_AREA")?.reals(|[area]| area)?.into();
-    let map = extras
-        .map
-        .as_ref()
-        .ok_or_else(|| document.invalid(&name, "a level without a map", "a map, as on other levels"))?;
-    let frame = read_frame(map);
+    let no_map = || document.invalid(&name, "a level without a map", "a map, as on other levels");
+    let frame = read_frame(extras.map.as_ref().ok_or_else(no_map)?);
     let uv = read_uv(&attributes, &frame)?;
     if extras.level == 0 {
         let missing = || document.invalid(&name, "no NORMAL", "NORMAL");
@@ -207,7 +198,7 @@ fn tangent(tangent: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Map positions, in m.
-fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<VertexId, DVec2>, IoError> {
+fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<VertexId, DVec2>> {
     let accessor = attributes.need("TEXCOORD_0")?;
     let texture = accessor.reals(DVec2::from_array)?;
     let outside = |t: &DVec2| t.min_element() < -OUTSIDE || t.max_element() > 1.0 + OUTSIDE;
@@ -230,12 +221,7 @@ fn read_frame(extras: &FrameExtras) -> ImageFrame {
     ImageFrame { origin, size, size_px }
 }
 
-fn read_rows(
-    document: &Document,
-    name: &str,
-    given: RowsExtras,
-    coarse_len: usize,
-) -> Result<Prolongation, IoError> {
+fn read_rows(document: &Document, name: &str, given: RowsExtras, coarse_len: usize) -> Result<Prolongation> {
     let accessor = |number: usize| document.accessor(number, Role::Plain, name);
     let indices = accessor(given.indices)?.integers::<3>()?;
     let weights = accessor(given.weights)?.reals(|row: [f64; 3]| row)?;
@@ -257,7 +243,7 @@ fn guess_origins(
     levels: &IdVec<LevelId, MapLevel>,
     number: LevelId,
     to_finest: &Prolongation,
-) -> Result<IdVec<VertexId, VertexId>, IoError> {
+) -> Result<IdVec<VertexId, VertexId>> {
     let here = &levels[number].level.mesh.positions;
     let finest = &levels[LevelId::new(0)].level.mesh.positions;
     let mut found = IdVec::<VertexId, Option<VertexId>>::filled(None, here.len());

@@ -9,6 +9,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
+        error::Result,
         file::unfit,
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
@@ -83,11 +84,7 @@ struct PatchLevels<'a> {
     levels: IdVec<LevelId, (&'a Level, Option<&'a MapLevel>)>,
 }
 
-fn write_levels(
-    path: &Path,
-    links: &IdVec<LinkId, Link>,
-    patches: &[PatchLevels<'_>],
-) -> Result<(), IoError> {
+fn write_levels(path: &Path, links: &IdVec<LinkId, Link>, patches: &[PatchLevels<'_>]) -> Result<()> {
     if patches.is_empty() {
         return Err(unfit(path, "the map", "no patch", "at least one"));
     }
@@ -117,11 +114,7 @@ fn level_name(patch: &PatchLevels<'_>, level: LevelId) -> String {
     format!("{}/{level:?}", patch.name)
 }
 
-fn add_level(
-    writer: &mut SceneWriter<'_>,
-    patch: &PatchLevels<'_>,
-    number: LevelId,
-) -> Result<Index<Mesh>, IoError> {
+fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: LevelId) -> Result<Index<Mesh>> {
     let name = level_name(patch, number);
     let (level, map) = patch.levels[number];
     let mut sheet = SheetWriter::new(writer, name.clone(), &level.mesh)?;

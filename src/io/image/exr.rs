@@ -28,6 +28,7 @@ use crate::{
     atlas::{ImageRows, SampleKind, Samples},
     io::{
         IoError,
+        error::Result,
         file::{replace_file, unfit},
     },
 };
@@ -71,7 +72,7 @@ pub(super) fn write_parts<I: ImageRows>(
     path: &Path,
     images: &[I],
     note: &dyn Fn(&I) -> serde_json::Result<Vec<u8>>,
-) -> Result<(), IoError> {
+) -> Result<()> {
     // Images that do not keep their promises are found before and while they are written.
     let fail = |source: io::Error| match source.kind() {
         io::ErrorKind::InvalidInput => {

@@ -54,32 +54,23 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
     sheet.presence = Some(positions.iter().zip(&normals).enumerate().map(presence).collect());
     sheet.ids = Some((0..).take(positions.len()).map(TaxelId).collect());
     sheet.modules = Some((0..).take(positions.len()).map(|slot: u32| slot / SLOTS_PER_MODULE).collect());
-    let mut remarks = header.remarks;
-    remarks.extend(odd_counts(positions.len(), &header.representatives));
     (sheet.positions, sheet.normals) = (positions, Some(normals));
-    let patch = || sheet.name.clone();
-    let remarks = remarks
-        .into_iter()
-        .map(|what| Remark { patch: patch(), kind: RemarkKind::PassedOver { what } })
-        .collect();
+    let odd = odd_counts(sheet.positions.len(), &header.representatives);
+    let remark = |what| Remark { patch: sheet.name.clone(), kind: RemarkKind::PassedOver { what } };
+    let remarks = header.remarks.into_iter().chain(odd).map(remark).collect();
     Ok(Draft { sheets: vec![sheet], remarks, ..Draft::default() })
 }
 
 /// What is odd about the number of rows, and of entries of `taxel2Repr`.
 fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = String> {
     let over = rows % SLOTS_PER_MODULE as usize;
-    let cut_module = (over != 0).then(|| {
-        format!(
-            "{rows} rows are not a whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}, as if the file were cut"
-        )
-    });
+    let of_modules = format!("a whole number of modules of {SLOTS_PER_MODULE}: the last one has {over}");
+    let cut_module =
+        (over != 0).then(|| format!("{rows} rows are not {of_modules}, as if the file were cut"));
     let is_beyond = |&&n: &&i64| usize::try_from(n).is_ok_and(|n| n >= rows);
     let beyond = representatives.iter().take(rows).filter(is_beyond).count();
-    let cut_rows = (beyond > 0).then(|| {
-        format!(
-            "{beyond} entries of taxel2Repr name slots beyond the {rows} rows, as if the file were cut; they are taxels"
-        )
-    });
+    let slots = format!("slots beyond the {rows} rows, as if the file were cut; they are taxels");
+    let cut_rows = (beyond > 0).then(|| format!("{beyond} entries of taxel2Repr name {slots}"));
     let declared = representatives.len();
     let meaning = if declared > rows {
         "the last ones were passed over"
