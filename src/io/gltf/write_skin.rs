@@ -66,14 +66,15 @@ pub(super) struct SheetWriter<'a, 'p> {
 
 impl<'a, 'p> SheetWriter<'a, 'p> {
     pub(super) fn new(writer: &'a mut SceneWriter<'p>, name: String, mesh: &TriMesh) -> Result<Self> {
-        mesh.validate().map_err(|e| writer.unfit(&name, e.to_string(), "a mesh of finite triangles"))?;
+        mesh.validate()
+            .map_err(|e| unfit(writer.path, &name, e.to_string(), "a mesh of finite triangles"))?;
         if mesh.triangles.is_empty() {
-            return Err(writer.unfit(name, "no triangles", "at least one"));
+            return Err(unfit(writer.path, name, "no triangles", "at least one"));
         }
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array().map(narrow)).collect();
         if let Some(v) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             let found = format!("vertex {v} at {}", mesh.positions[VertexId::new(v)]);
-            return Err(writer.unfit(name, found, "a place that f32 can hold"));
+            return Err(unfit(writer.path, name, found, "a place that f32 can hold"));
         }
         let position = writer.positions(&positions);
         let corners = mesh.triangles.as_slice().as_flattened().iter().map(|v| [v.raw()]);
@@ -151,7 +152,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
     }
 
     pub(super) fn unfit(&self, found: String, needed: &str) -> IoError {
-        self.writer.unfit(&self.name, found, needed)
+        unfit(self.writer.path, &self.name, found, needed)
     }
 
     pub(super) fn finish(self) -> Primitive {

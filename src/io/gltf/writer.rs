@@ -19,7 +19,6 @@ use gltf::{
 use crate::{
     id::IdVec,
     io::{
-        IoError,
         error::Result,
         file::{cannot_write, unfit, write_file},
         gltf::nodes::RIGID,
@@ -59,7 +58,7 @@ stored!(u8, U8; u16, U16; u32, U32; f32, F32;);
 
 /// A document that grows object by object, each array in a view of its own.
 pub(super) struct SceneWriter<'p> {
-    path: &'p Path,
+    pub(super) path: &'p Path,
     pub(super) root: Root,
     bytes: Vec<u8>,
 }
@@ -69,15 +68,6 @@ impl<'p> SceneWriter<'p> {
         let mut root = Root::default();
         root.asset.generator = Some(format!("dermatome {}", env!("CARGO_PKG_VERSION")));
         Self { path, root, bytes: Vec::new() }
-    }
-
-    pub(super) fn unfit(
-        &self,
-        element: impl Into<String>,
-        found: impl Into<String>,
-        needed: impl Into<String>,
-    ) -> IoError {
-        unfit(self.path, element, found, needed)
     }
 
     /// Adds rows for vertices, for triangles, or without a target for readers of `extras`. Rows of
@@ -158,7 +148,8 @@ impl<'p> SceneWriter<'p> {
             match description.parent.and_then(|p| nodes.get(p).copied().flatten()) {
                 Some(parent) => self.adopt(parent, node),
                 None if description.parent.is_some() => {
-                    return Err(self.unfit(
+                    return Err(unfit(
+                        self.path,
                         format!("link {link}"),
                         "a parent after it",
                         "a parent before it",
@@ -170,7 +161,7 @@ impl<'p> SceneWriter<'p> {
         for (link, patch) in patches {
             let parent = nodes.get(link).copied().flatten().ok_or_else(|| {
                 let found = "a patch, but no link of this number";
-                self.unfit(format!("link {link}"), found, "one of the skin's links")
+                unfit(self.path, format!("link {link}"), found, "one of the skin's links")
             })?;
             let node = self.root.push(patch);
             self.adopt(parent, node);
@@ -188,7 +179,7 @@ impl<'p> SceneWriter<'p> {
         let axes = pose.matrix3;
         if !pose.is_finite() || rotation_defect(&axes) > RIGID || axes.determinant() < 0.0 {
             let found = "a pose that is not rigid";
-            return Err(self.unfit(format!("link {link}"), found, "rotation and translation"));
+            return Err(unfit(self.path, format!("link {link}"), found, "rotation and translation"));
         }
         let translation = pose.translation.to_array().map(narrow);
         let rotation = DQuat::from_mat3(&axes).normalize().to_array().map(narrow);
@@ -221,7 +212,12 @@ impl<'p> SceneWriter<'p> {
         // The crate lets the length of a larger file wrap around.
         let length = 12 + 8 + text.len() + 8 + bytes.len();
         if form == Form::Glb && u32::try_from(length + 4).is_err() {
-            return Err(self.unfit("the document", format!("{length} bytes"), "less than 4 GiB in a GLB"));
+            return Err(unfit(
+                self.path,
+                "the document",
+                format!("{length} bytes"),
+                "less than 4 GiB in a GLB",
+            ));
         }
         write_file(self.path, |file| {
             if form == Form::Text {
