@@ -1,4 +1,5 @@
 //! Charts, images and EXR files of caps: 500 to a million triangles at about two pixels an edge.
+#![allow(clippy::print_stdout, reason = "sizes belong to times")]
 #![allow(
     clippy::unwrap_used,
     missing_docs,
@@ -16,6 +17,7 @@ use dermatome::{
     io::write_images,
     mesh::shapes,
 };
+use exr::prelude::WritableImage;
 use maps::{flat_patch, images::WholeImage};
 
 fn atlas(c: &mut Criterion) {
@@ -57,5 +59,31 @@ fn cover(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, atlas, cover);
+/// All channels of a million triangles in 2048 x 2048 pixels as EXR: what is written of the map, and the
+/// same pixels as the exr crate writes them by itself. Both on all threads.
+fn floor(c: &mut Criterion) {
+    let mesh = shapes::cap(1_000_000, 0.1, 1.0);
+    let map = maps::skin(vec![flat_patch("cap", mesh, 2.0 * 0.1 * 1.0_f64.sin() / 2046.0)]);
+    let images = skin_images(&map).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let [ours, theirs] = ["ours.exr", "theirs.exr"].map(|name| folder.path().join(name));
+    write_images(&ours, &images).unwrap();
+    let pixels = exr::prelude::read_all_data_from_file(&ours).unwrap();
+    let mut group = c.benchmark_group("exr_2048");
+    group.sample_size(10).measurement_time(Duration::from_secs(5));
+    group.bench_function("images", |b| b.iter(|| write_images(&ours, &images).unwrap()));
+    group.bench_function("floor", |b| b.iter(|| pixels.write().to_file(&theirs).unwrap()));
+    group.finish();
+    let bytes = [&ours, &theirs].map(|path| std::fs::metadata(path).unwrap().len());
+    let part = &pixels.layer_data[0];
+    println!(
+        "{:?}, {} channels: {} bytes, floor {}",
+        part.size,
+        part.channel_data.list.len(),
+        bytes[0],
+        bytes[1]
+    );
+}
+
+criterion_group!(benches, atlas, cover, floor);
 criterion_main!(benches);

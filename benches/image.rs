@@ -1,7 +1,9 @@
 //! Frames drawn on caps of 642, 4336 (in 13 patches) and 100 000 taxels of 6 mm at 1 mm a pixel, on
 //! all levels. `frame` restricts and draws a frame in which all taxels change, `one_percent` one in
-//! which a hundredth does, `draw` only draws; `natural` and `field` draw in these ways. `rasterise`
-//! is an atlas of a million triangles in 2048 x 2048 pixels.
+//! which a hundredth does, `draw` only draws, `draw_L0` level 0 alone; `natural` and `field` draw in
+//! these ways. The same of maps whose files DERMATOME_MAPS names, separated as in PATH, by the name
+//! of their folder. `rasterise` is an atlas of a million triangles in 2048 x 2048 pixels.
+#![allow(clippy::print_stdout, reason = "the share of changes belongs to the time")]
 #![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
 #![allow(
     clippy::unwrap_used,
@@ -9,15 +11,17 @@
     reason = "a bench may stop, and criterion's macros have no comments"
 )]
 
-use std::{f64::consts::TAU, hint::black_box, time::Duration};
+use std::{env, f64::consts::TAU, hint::black_box, time::Duration};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     atlas::{Atlas, AtlasOptions, Resolution},
-    image::{Interpolation, RenderOptions, Renderer},
+    image::{Interpolation, RenderOptions, Renderer, TactileImage},
+    io::read_map,
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
+    pyramid::LevelId,
     signal::{Channel, Frame, Restrictor},
     skin::{LinkId, Patch, Skin},
 };
@@ -51,47 +55,70 @@ fn frames(map: &SkinMap, share: f64) -> [Frame; 2] {
 
 fn draw(c: &mut Criterion) {
     for (patches, taxels) in [(1, 642), (13, 4336), (1, 100_000)] {
-        let map = caps(patches, taxels);
-        let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
-        let channels = [Channel::default()];
-        let mut group = c.benchmark_group("image");
-        group.throughput(Throughput::Elements(u64::from(taxels))).measurement_time(Duration::from_secs(2));
-        let renderer = |interpolation| {
-            let options = RenderOptions { interpolation, level: None };
-            Renderer::new(&map, &atlas, &channels, &options).unwrap()
-        };
-        for (name, share) in [("frame", 1.0), ("one_percent", 0.01)] {
-            let (mut restrictor, mut renderer) =
-                (Restrictor::new(&map, &channels), renderer(Interpolation::Linear));
-            let frames = frames(&map, share);
-            let mut k = 0;
-            group.bench_function(BenchmarkId::new(name, taxels), |b| {
-                b.iter(|| {
-                    k += 1;
-                    black_box(renderer.render(restrictor.restrict(&frames[k % 2])));
-                });
-            });
-        }
-        let levels = frames(&map, 1.0).map(|f| Restrictor::new(&map, &channels).restrict(&f).clone());
-        for (name, interpolation) in [
-            ("draw", Interpolation::Linear),
-            ("field", Interpolation::Field),
-            ("natural", Interpolation::Natural),
-        ] {
-            if interpolation == Interpolation::Natural && taxels > 10_000 {
-                continue;
-            }
-            let mut renderer = renderer(interpolation);
-            let mut k = 0;
-            group.bench_function(BenchmarkId::new(name, taxels), |b| {
-                b.iter(|| {
-                    k += 1;
-                    black_box(renderer.render(&levels[k % 2]));
-                });
-            });
-        }
-        group.finish();
+        draw_map(c, &taxels.to_string(), &caps(patches, taxels));
     }
+    for path in env::split_paths(&env::var_os("DERMATOME_MAPS").unwrap_or_default()) {
+        let name = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
+        draw_map(c, name, &read_map(&path).unwrap());
+    }
+}
+
+fn draw_map(c: &mut Criterion, name: &str, map: &SkinMap) {
+    let atlas = Atlas::new(map, &AtlasOptions::default()).unwrap();
+    let channels = [Channel::default()];
+    let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let mut group = c.benchmark_group("image");
+    group.throughput(Throughput::Elements(taxels as u64)).measurement_time(Duration::from_secs(2));
+    let renderer = |interpolation, level| {
+        let options = RenderOptions { interpolation, level };
+        Renderer::new(map, &atlas, &channels, &options).unwrap()
+    };
+    for (what, share) in [("frame", 1.0), ("one_percent", 0.01)] {
+        let (mut restrictor, mut renderer) =
+            (Restrictor::new(map, &channels), renderer(Interpolation::Linear, None));
+        let frames = frames(map, share);
+        let drawn = [0, 1].map(|k| renderer.render(restrictor.restrict(&frames[k])).to_vec());
+        println!("image/{what}/{name}: {:.1} % of the pixels change", 100.0 * changed(&drawn));
+        let mut k = 0;
+        group.bench_function(BenchmarkId::new(what, name), |b| {
+            b.iter(|| {
+                k += 1;
+                black_box(renderer.render(restrictor.restrict(&frames[k % 2])));
+            });
+        });
+    }
+    let levels = frames(map, 1.0).map(|f| Restrictor::new(map, &channels).restrict(&f).clone());
+    for (what, interpolation, level) in [
+        ("draw", Interpolation::Linear, None),
+        ("draw_L0", Interpolation::Linear, Some(LevelId::new(0))),
+        ("field", Interpolation::Field, None),
+        ("natural", Interpolation::Natural, None),
+    ] {
+        if interpolation == Interpolation::Natural && taxels > 10_000 {
+            continue;
+        }
+        let mut renderer = renderer(interpolation, level);
+        let mut k = 0;
+        group.bench_function(BenchmarkId::new(what, name), |b| {
+            b.iter(|| {
+                k += 1;
+                black_box(renderer.render(&levels[k % 2]));
+            });
+        });
+    }
+    group.finish();
+}
+
+/// Share of the covered pixels that differ.
+fn changed([one, other]: &[Vec<TactileImage>; 2]) -> f64 {
+    let (mut changed, mut all) = (0.0, 0.0);
+    for (a, b) in one.iter().zip(other) {
+        for ((x, y), _) in a.values.iter().zip(&b.values).zip(&a.coverage).filter(|(_, c)| **c == 1) {
+            all += 1.0;
+            changed += f64::from(u8::from(x != y));
+        }
+    }
+    changed / all
 }
 
 fn rasterise(c: &mut Criterion) {

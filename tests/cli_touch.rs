@@ -62,3 +62,37 @@ fn bad_numbers_and_other_options_are_refused() {
     let alone = command.current_dir(folder.path()).args(["simulate", "-o", "a.g2o", "--presses", "2"]);
     alone.assert().code(2).stderr(contains("--touch"));
 }
+
+/// Two touches on one link stay two from the simulated readings to the table of contacts.
+#[test]
+fn two_touches_at_once_are_two_contacts() {
+    let folder = tempfile::tempdir().unwrap();
+    let skin = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/sphere_cap.glb");
+    fs::copy(skin, folder.path().join("cap.glb")).unwrap();
+    let touch =
+        ["-o", "two.csv", "--truth", "truth.csv", "--touches", "2", "--presses", "3", "--rate-hz", "50"];
+    simulate(folder.path(), &[&touch[..], &["--noise-kpa", "0.2", "--seed", "4"]].concat())
+        .success()
+        .stderr(contains("6 presses"));
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+        command.current_dir(folder.path()).args(arguments).assert().success();
+    };
+    run(&["build", "cap.glb", "-o", "cap"]);
+    run(&["render", "cap/map.glb", "two.csv", "-o", "two.npz", "--contacts", "contacts.csv"]);
+    let column = |name: &str, of: &str| -> Vec<String> {
+        let text = fs::read_to_string(folder.path().join(name)).unwrap();
+        let at = text.lines().next().unwrap().split(',').position(|word| word == of).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').nth(at).unwrap().to_owned()).collect()
+    };
+    let events = column("contacts.csv", "event");
+    let count = |event: &str| events.iter().filter(|found| *found == event).count();
+    assert_eq!((count("onset"), count("release")), (6, 6), "three turns of two contacts");
+    let distinct = |mut all: Vec<String>| {
+        all.sort();
+        all.dedup();
+        all.len()
+    };
+    assert_eq!(distinct(column("contacts.csv", "track")), 6);
+    assert_eq!(distinct(column("truth.csv", "press")), 6);
+}

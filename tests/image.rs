@@ -13,7 +13,7 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor},
+    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
     skin::{PatchId, Presence, Skin},
 };
 use glam::DVec2;
@@ -253,34 +253,46 @@ fn natural_neighbours_reproduce_linear_fields_between_dead_taxels() {
     }
 }
 
-/// A press that is wider than a taxel, a tenth of the taxels dead: natural neighbours miss the
-/// image of all taxels by less than half of what zeros in their place do.
+/// Simulated presses, a tenth of the taxels dead: natural neighbours miss the image of all taxels by
+/// less than half of what zeros in their place do.
 #[test]
 fn natural_neighbours_bridge_dead_taxels() {
-    let map = cover();
-    let atlas = atlas(&map, Resolution::Map, false);
-    let press = on_levels(&map, |p, _| (-p.length_squared() / 0.02_f64.powi(2)).exp());
-    let (mut holes, mut zeros) = (press.clone(), press.clone());
-    kill(&mut holes, 10);
-    for (x, hole) in zeros
-        .values
-        .iter_mut()
-        .flatten()
-        .flat_map(|l| l.iter_mut())
-        .flat_map(|l| l.iter_mut())
-        .zip(holes.values.iter().flatten().flatten().flatten())
-    {
-        *x = if hole.is_nan() { 0.0 } else { *x };
+    for (mesh, seed) in [
+        (shapes::cap(2500, 0.08, 0.9), 1),
+        (shapes::cap(1500, 0.06, 0.9), 2),
+        (shapes::lattice(40, 30, 0.004), 3),
+    ] {
+        let skin = Skin::from_mesh("skin", mesh);
+        let map = build(&skin, &BuildOptions::default()).unwrap();
+        let atlas = atlas(&map, Resolution::Map, false);
+        let touches = TouchOptions { presses: 3, rate: 10.0, seed, ..TouchOptions::default() };
+        let touches = TouchOptions { quantity: Quantity::Intensive, ..touches };
+        let mut all = TouchSimulation::new(&skin, &touches).unwrap();
+        let mut some = TouchSimulation::new(&skin, &TouchOptions { dead: 0.1, ..touches }).unwrap();
+        let channels = [all.channel()];
+        let mut restrictors = [0, 1, 2].map(|_| Restrictor::new(&map, &channels));
+        let mut renderers = [Interpolation::Linear, Interpolation::Natural, Interpolation::Linear]
+            .map(|how| renderer(&map, &atlas, Quantity::Intensive, how));
+        let (mut natural, mut filled) = (0.0, 0.0);
+        while let (Some((truth, _)), Some((holes, _))) = (all.next_frame(), some.next_frame()) {
+            let mut zeros = holes.clone();
+            for x in zeros.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).filter(|x| x.is_nan()) {
+                *x = 0.0;
+            }
+            let mut images = restrictors.iter_mut().zip(&mut renderers).zip([truth, holes, &zeros]).map(
+                |((restrictor, renderer), frame)| renderer.render(restrictor.restrict(frame))[0].clone(),
+            );
+            let [truth, bridged, zeros] = [(); 3].map(|()| images.next().unwrap());
+            let miss = |image: &TactileImage| -> f64 {
+                covered(image).zip(covered(&truth)).map(|(a, b)| f64::from(a - b).powi(2)).sum()
+            };
+            natural += miss(&bridged);
+            filled += miss(&zeros);
+        }
+        let ratio = (natural / filled).sqrt();
+        println!("natural neighbours miss {ratio:.3} of what zeros do, seed {seed}");
+        assert!(ratio < 0.5, "{ratio} on seed {seed}");
     }
-    let draw = |frame, how| renderer(&map, &atlas, Quantity::Intensive, how).render(frame)[0].clone();
-    let truth = draw(&press, Interpolation::Linear);
-    let miss = |image: &TactileImage| {
-        let square = covered(image).zip(covered(&truth)).map(|(a, b)| f64::from(a - b).powi(2));
-        square.sum::<f64>().sqrt()
-    };
-    let (natural, filled) =
-        (miss(&draw(&holes, Interpolation::Natural)), miss(&draw(&zeros, Interpolation::Linear)));
-    assert!(natural < 0.5 * filled, "{natural} and {filled}");
 }
 
 #[test]

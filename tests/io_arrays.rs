@@ -329,9 +329,9 @@ fn readings_are_written_as_a_table_and_as_arrays() {
         touches.clear();
         let mut simulation = TouchSimulation::new(&skin, &options).unwrap();
         let mut writer = ReadingsWriter::create(path, &skin, &simulation.channel()).unwrap();
-        while let Some((frame, touch)) = simulation.next_frame() {
+        while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame).unwrap();
-            touches.extend(touch);
+            touches.extend_from_slice(now);
         }
         assert!(!path.exists());
         writer.finish().unwrap();

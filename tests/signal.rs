@@ -7,7 +7,7 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor, contrast, reconstruct},
+    signal::{Channel, Contrast, Frame, LevelFrame, Quantity, Restrictor, reconstruct},
     skin::{PatchId, Skin},
 };
 use proptest::prelude::*;
@@ -144,11 +144,12 @@ fn contrast_sums_back_and_a_constant_has_none() {
         let pressure = |v| if constant { 5.0 } else { noise(v, 8) };
         let frame = pressures(&map, |v| if noise(v, 9) < dead { f64::NAN } else { pressure(v) });
         let levels = Restrictor::new(&map, &channels()).restrict(&frame).clone();
-        let detail = contrast(&map, &channels(), &levels);
-        let back = reconstruct(&map, &channels(), &detail);
+        let mut contrast = Contrast::new(&map, &channels());
+        let detail = contrast.of(&levels);
+        let back = reconstruct(&map, &channels(), detail);
         for channel in 0..2 {
             let of = |frame: &LevelFrame| frame.values[PatchId::new(PALM)][channel].clone();
-            let (levels, detail, back) = (of(&levels), of(&detail), of(&back));
+            let (levels, detail, back) = (of(&levels), of(detail), of(&back));
             for (k, values) in levels.enumerate() {
                 let largest = values.iter().filter(|x| !x.is_nan()).fold(0.0_f64, |m, x| m.max(x.abs()));
                 for (v, &value) in values.enumerate() {

@@ -13,8 +13,9 @@ use glam::DVec3;
 fn record(skin: &Skin, options: &TouchOptions) -> Vec<(Frame, Option<Touch>)> {
     let mut simulation = TouchSimulation::new(skin, options).unwrap();
     let mut frames = Vec::new();
-    while let Some((frame, touch)) = simulation.next_frame() {
-        frames.push((frame.clone(), touch));
+    while let Some((frame, touches)) = simulation.next_frame() {
+        assert!(touches.len() <= options.touches);
+        frames.push((frame.clone(), touches.first().copied()));
     }
     assert_eq!(frames.len(), simulation.frames());
     frames
@@ -127,6 +128,37 @@ fn what_is_added_leaves_the_rest_as_it_was() {
     assert!((0.02..0.25).contains(&share), "{share}");
 }
 
+/// Spheres that press at once never overlap, each has its own number, and taxels feel all of them;
+/// where there is no room for a second one, one presses.
+#[test]
+fn spheres_at_once_stay_apart() {
+    let skin = Skin::from_mesh("skin", shapes::lattice(60, 60, 0.004));
+    let options = TouchOptions { touches: 3, rate: 25.0, seed: 3, ..TouchOptions::default() };
+    let mut simulation = TouchSimulation::new(&skin, &options).unwrap();
+    let mut presses = std::collections::BTreeSet::new();
+    while let Some((frame, touches)) = simulation.next_frame() {
+        let force: f64 = touches.iter().map(|touch| touch.force).sum();
+        let felt: f64 = readings(&skin, frame).map(|(x, _, _)| x).sum();
+        assert_eq!(felt > 0.0, touches.iter().any(|touch| touch.taxels > 0), "{force}");
+        assert!(felt <= force * 1.3, "{felt} N of {force} N");
+        presses.extend(touches.iter().map(|touch| touch.press));
+        for (k, touch) in touches.iter().enumerate() {
+            assert!(
+                touch.press / 3 == touches[0].press / 3 && (k == 0 || touch.press > touches[k - 1].press)
+            );
+            for other in &touches[..k] {
+                let apart = touch.sphere.distance(other.sphere);
+                assert!(apart > 2.0 * options.radius - 0.004, "{apart} m at {} s", touch.time);
+            }
+        }
+    }
+    assert_eq!(presses.len(), 15);
+    let small = Skin::from_mesh("small", shapes::lattice(6, 6, 0.004));
+    for (_, touch) in record(&small, &TouchOptions { touches: 2, ..options }) {
+        assert!(touch.is_none_or(|touch| touch.press % 2 == 0));
+    }
+}
+
 #[test]
 fn numbers_that_make_no_recording_are_refused() {
     let skin = Skin::from_mesh("skin", shapes::square());
@@ -139,6 +171,8 @@ fn numbers_that_make_no_recording_are_refused() {
         TouchOptions { noise: -1.0, ..d },
         TouchOptions { dead: 1.0, ..d },
         TouchOptions { presses: usize::MAX, ..d },
+        TouchOptions { touches: 0, ..d },
+        TouchOptions { touches: 101, ..d },
     ] {
         let refused = TouchSimulation::new(&skin, &options);
         assert!(matches!(refused, Err(TouchError::BadOption { .. })), "{options:?}");

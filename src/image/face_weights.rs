@@ -14,14 +14,13 @@ use crate::{
 /// range of the corners' values.
 const THIN: f64 = 1.0 / 128.0;
 
-/// Weights of the corners of a face as linear functions of column and row; that of the first corner
-/// is what the others leave of 1.
+/// Weights of the corners of a face as linear functions of column and row, as in [`Plane`]; that of
+/// the first corner is what the others leave of 1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FaceWeights {
     pub(super) corners: [VertexId; 3],
-    /// At the chart's first pixel, and the steps right and down.
-    second: [f64; 3],
-    third: [f64; 3],
+    second: [f64; 4],
+    third: [f64; 4],
 }
 
 impl FaceWeights {
@@ -40,7 +39,7 @@ impl FaceWeights {
             let (second, third) = ((c - a).perp() / -area, (b - a).perp() / area);
             return Self { corners, second: linear(a, second), third: linear(a, third) };
         }
-        let none = [0.0; 3];
+        let none = [0.0; 4];
         let along = |from: DVec2, to: DVec2| {
             let edge = to - from;
             let square = edge.length_squared();
@@ -48,8 +47,8 @@ impl FaceWeights {
         };
         let (second, third) = match opposite {
             0 => {
-                let [base, right, down] = along(b, c);
-                ([1.0 - base, -right, -down], [base, right, down])
+                let [base, right, down, _] = along(b, c);
+                ([1.0 - base, -right, -down, 0.0], [base, right, down, 0.0])
             }
             1 => (none, along(a, c)),
             _ => (along(a, b), none),
@@ -62,7 +61,7 @@ impl FaceWeights {
     pub(super) fn at(&self, column: u16, row: u16) -> [f64; 3] {
         let (x, y) = (f64::from(column), f64::from(row));
         let [second, third] =
-            [self.second, self.third].map(|[base, right, down]| base + right * x + down * y);
+            [self.second, self.third].map(|[base, right, down, _]| base + right * x + down * y);
         [1.0 - second - third, second, third]
     }
 
@@ -82,27 +81,31 @@ impl FaceWeights {
         (sum > 0.0).then(|| weights.map(|w| w / sum))
     }
 
-    /// The plane through the values of the corners; constant where one corner has a value, NaN
-    /// where two or none has.
+    /// The plane through the values of the corners; NaN where one has none.
     #[inline]
     pub(super) fn plane(&self, x: &[f64]) -> Plane {
         let [a, b, c] = self.corners.map(|v| x[v.index()]);
-        let (p, q) = (b - a, c - a);
-        let mix = |k: usize| p * self.second[k] + q * self.third[k];
-        let plane = Plane { base: a + mix(0), right: mix(1), down: mix(2) };
-        if plane.base.is_nan() { one_live([a, b, c]) } else { plane }
+        let (p, q, first) = (b - a, c - a, [a, 0.0, 0.0, 0.0]);
+        let mut plane = [0.0; 4];
+        for (k, number) in plane.iter_mut().enumerate() {
+            *number = first[k] + (p * self.second[k] + q * self.third[k]);
+        }
+        Plane(plane)
+    }
+
+    /// The plane of a face of which one corner has a value: it is constant.
+    pub(super) fn plane_of_one(&self, x: &[f64]) -> Plane {
+        let value = self.corners.into_iter().map(|v| x[v.index()]).find(|x| !x.is_nan());
+        Plane::constant(value.unwrap_or(f64::NAN))
+    }
+
+    /// Number of corners that are live.
+    pub(super) fn live_corners(&self, is_live: impl Fn(VertexId) -> bool) -> usize {
+        self.corners.iter().filter(|&&v| is_live(v)).count()
     }
 }
 
-/// The one value that is not NaN, else NaN.
-#[cold]
-fn one_live(values: [f64; 3]) -> Plane {
-    let mut live = values.into_iter().filter(|x| !x.is_nan());
-    let value = live.next().unwrap_or(f64::NAN);
-    Plane::constant(if live.next().is_some() { f64::NAN } else { value })
-}
-
 /// `gradient . (p - from)` at the centre of the pixel `(column, row)`, as base and steps.
-fn linear(from: DVec2, gradient: DVec2) -> [f64; 3] {
-    [gradient.dot(DVec2::splat(0.5) - from), gradient.x, gradient.y]
+fn linear(from: DVec2, gradient: DVec2) -> [f64; 4] {
+    [gradient.dot(DVec2::splat(0.5) - from), gradient.x, gradient.y, 0.0]
 }

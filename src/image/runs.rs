@@ -1,14 +1,26 @@
 //! Runs of pixels that follow one plane each, and how they are filled.
 //!
-//! Within a row, the value of a face is linear in the column. So a run of pixels is filled as
-//! `start + k step`, eight pixels at a time: those beyond its end are overwritten by the next run
-//! where the row goes on without a gap, and runs near the end of a row are filled exactly. Both
-//! ways compute each pixel by the same operations, so they agree bit by bit.
+//! Within a row, the value of a face is linear in the column. So long runs are divided into blocks of
+//! sixteen pixels and a rest of at most eight, and a piece is filled as `start + k step`. Rests fill all
+//! eight pixels at once: those beyond the end are overwritten by what follows where the row goes on
+//! without a gap. Hence the order: first rests with eight pixels up to a gap, from left to right, then
+//! the blocks, then the rests next to gaps, pixel by pixel. All ways compute a pixel by the same
+//! operations, so they agree bit by bit.
+//!
+//! Small faces have runs of three or four pixels: the work is that of the runs, not of the pixels.
+//! Hence lists of what filling needs alone, and no branch in its loops.
 
 use crate::atlas::Chart;
 
-/// Pixels that are filled at once.
-const LANES: usize = 8;
+/// Pixels of a block, and pixels that a rest fills at once.
+const BLOCK_LENGTH: u16 = 16;
+const REST_LENGTH: u16 = 8;
+const BLOCK: usize = BLOCK_LENGTH as usize;
+const REST: usize = REST_LENGTH as usize;
+
+/// Pixels from the start of a piece.
+const STEPS: [f32; BLOCK] =
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
 /// Pixels of one row that follow one plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,8 +34,16 @@ pub(super) struct Run {
     pub(super) row: u16,
     /// Number of pixels.
     pub(super) length: u16,
-    /// Number of pixels from the first one on that a later run may overwrite, or that are its own.
-    room: u16,
+}
+
+/// What it takes to fill as many pixels as all of its kind.
+#[derive(Debug, Clone, Copy)]
+struct Lanes {
+    at: u32,
+    source: u32,
+    /// Column and row: whole numbers below `2^14`, so exact.
+    column: f32,
+    row: f32,
 }
 
 impl Run {
@@ -31,12 +51,34 @@ impl Run {
     pub(super) fn pixel(&self, k: u16, source: u32) -> Self {
         Self { at: self.at + u32::from(k), column: self.column + k, source, length: 1, ..*self }
     }
+
+    /// Its blocks and rests.
+    fn pieces(&self) -> impl Iterator<Item = Self> {
+        let mut left = *self;
+        std::iter::from_fn(move || {
+            let length = match usize::from(left.length) {
+                0 => return None,
+                1..REST => left.length,
+                REST..BLOCK => REST_LENGTH,
+                _ => BLOCK_LENGTH,
+            };
+            let piece = Self { length, ..left };
+            left.at += u32::from(length);
+            left.column += length;
+            left.length -= length;
+            Some(piece)
+        })
+    }
 }
 
 /// The runs of a chart, row by row, and those of each source.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Runs {
     pub(super) all: Vec<Run>,
+    rests: Vec<Lanes>,
+    blocks: Vec<Lanes>,
+    /// The rests next to gaps, as positions in `all`.
+    ends: Vec<u32>,
     /// Where the runs of each source begin in `of`; one more entry than sources.
     starts: Vec<u32>,
     of: Vec<u32>,
@@ -55,7 +97,6 @@ impl Runs {
                     column: span.column,
                     row: u16::try_from(row).unwrap_or(u16::MAX),
                     length: span.length,
-                    room: 0,
                 };
                 all.push(run);
             }
@@ -63,19 +104,19 @@ impl Runs {
         Self::new(all, faces)
     }
 
-    /// Runs in the order of their pixels, of `sources` sources.
-    pub(super) fn new(mut all: Vec<Run>, sources: usize) -> Self {
-        // From the right: what is left of a run's row without a gap.
-        let mut right: Option<Run> = None;
-        for run in all.iter_mut().rev() {
-            run.room = run.length;
-            if let Some(next) = right
-                && next.row == run.row
-                && next.column == run.column + run.length
-            {
-                run.room = run.length.saturating_add(next.room);
+    /// Runs of any length in the order of their pixels, of `sources` sources.
+    pub(super) fn new(runs: Vec<Run>, sources: usize) -> Self {
+        let mut all: Vec<Run> = runs.iter().flat_map(Run::pieces).collect();
+        all.shrink_to_fit();
+        let (mut rests, mut blocks, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, (run, room)) in all.iter().zip(rooms(&all)).enumerate() {
+            let (column, row) = (f32::from(run.column), f32::from(run.row));
+            let lanes = Lanes { at: run.at, source: run.source, column, row };
+            match usize::from(run.length) {
+                BLOCK => blocks.push(lanes),
+                _ if room >= REST => rests.push(lanes),
+                _ => ends.push(u32::try_from(k).unwrap_or(u32::MAX)),
             }
-            right = Some(*run);
         }
         let mut starts = vec![0_u32; sources + 1];
         all.iter().for_each(|run| starts[run.source as usize + 1] += 1);
@@ -88,7 +129,7 @@ impl Runs {
             of[*slot as usize] = k;
             *slot += 1;
         }
-        Self { all, starts, of }
+        Self { all, rests, blocks, ends, starts, of }
     }
 
     /// Number of sources.
@@ -104,10 +145,27 @@ impl Runs {
 
     /// Fills all runs.
     pub(super) fn fill(&self, planes: &[Plane], pixels: &mut [f32]) {
-        for run in &self.all {
-            planes[run.source as usize].fill(run, pixels);
+        for rest in &self.rests {
+            planes[rest.source as usize].fill::<REST>(rest, pixels);
+        }
+        for block in &self.blocks {
+            planes[block.source as usize].fill::<BLOCK>(block, pixels);
+        }
+        for run in self.ends.iter().map(|&k| &self.all[k as usize]) {
+            planes[run.source as usize].fill_alone(run, pixels);
         }
     }
+}
+
+/// How many pixels there are from the start of each run to the next gap in its row.
+fn rooms(all: &[Run]) -> Vec<usize> {
+    let mut rooms = vec![0; all.len()];
+    for (k, run) in all.iter().enumerate().rev() {
+        let goes_on = |next: &Run| next.row == run.row && next.column == run.column + run.length;
+        let beyond = if all.get(k + 1).is_some_and(goes_on) { rooms[k + 1] } else { 0 };
+        rooms[k] = usize::from(run.length) + beyond;
+    }
+    rooms
 }
 
 /// Index of the first pixel of a chart's row, in an image of `width` columns.
@@ -116,61 +174,45 @@ pub(super) fn row_start(chart: &Chart, row: u32, width: usize) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
 
-/// A linear function of column and row of a chart.
+/// A linear function of column and row of a chart: its value at the first pixel, the steps right and
+/// down, and nothing; four numbers are computed at once.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Plane {
-    pub(super) base: f64,
-    pub(super) right: f64,
-    pub(super) down: f64,
-}
+pub(super) struct Plane(pub(super) [f64; 4]);
 
 impl Plane {
-    pub(super) const fn constant(base: f64) -> Self {
-        Self { base, right: 0.0, down: 0.0 }
+    pub(super) const fn constant(value: f64) -> Self {
+        Self([value, 0.0, 0.0, 0.0])
     }
 
-    /// Value of the first pixel of a run, and the step to the next.
+    /// Value at a pixel, and the step to the next.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "images are 32-bit floats")]
-    fn along(&self, run: &Run) -> (f32, f32) {
-        let start = self.base + self.right * f64::from(run.column) + self.down * f64::from(run.row);
-        (start as f32, self.right as f32)
+    fn along(&self, column: f64, row: f64) -> (f32, f32) {
+        let [base, right, down, _] = self.0;
+        ((base + right * column + down * row) as f32, right as f32)
     }
 
-    /// Fills a run, and maybe pixels that later runs fill.
+    /// Fills `N` pixels.
     #[inline]
-    fn fill(&self, run: &Run, pixels: &mut [f32]) {
-        const STEPS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-        let (start, step) = self.along(run);
-        let (at, length, room) = (run.at as usize, usize::from(run.length), usize::from(run.room));
-        let (mut done, mut first) = (0, 0.0_f32);
-        while done < length && done + LANES <= room {
-            let Some(lanes) = pixels[at + done..].first_chunk_mut::<LANES>() else { break };
-            for (pixel, k) in lanes.iter_mut().zip(STEPS) {
-                *pixel = start + step * (first + k);
+    fn fill<const N: usize>(&self, lanes: &Lanes, pixels: &mut [f32]) {
+        let (start, step) = self.along(f64::from(lanes.column), f64::from(lanes.row));
+        let pixels = pixels.get_mut(lanes.at as usize..).and_then(<[f32]>::first_chunk_mut::<N>);
+        if let Some(pixels) = pixels {
+            for (pixel, k) in pixels.iter_mut().zip(STEPS) {
+                *pixel = start + step * k;
             }
-            done += LANES;
-            first += LANES as f32;
-        }
-        if done < length {
-            fill_rest(start, step, first, &mut pixels[at + done..at + length]);
         }
     }
 
     /// Fills a run and nothing else.
     pub(super) fn fill_alone(&self, run: &Run, pixels: &mut [f32]) {
-        let (start, step) = self.along(run);
+        let (start, step) = self.along(f64::from(run.column), f64::from(run.row));
         let at = run.at as usize;
-        fill_rest(start, step, 0.0, &mut pixels[at..at + usize::from(run.length)]);
-    }
-}
-
-/// `start + k step` for `k` from `first` on. Columns are below `2^14`, so `k` is exact.
-#[inline]
-fn fill_rest(start: f32, step: f32, first: f32, pixels: &mut [f32]) {
-    let mut k = first;
-    for pixel in pixels {
-        *pixel = start + step * k;
-        k += 1.0;
+        let pixels = &mut pixels[at..at + usize::from(run.length)];
+        if let Some(block) = pixels.first_chunk_mut::<BLOCK>() {
+            block.iter_mut().zip(STEPS).for_each(|(pixel, k)| *pixel = start + step * k);
+        } else {
+            pixels.iter_mut().zip(STEPS).for_each(|(pixel, k)| *pixel = start + step * k);
+        }
     }
 }

@@ -11,85 +11,130 @@ use crate::{
     map::{MapLevel, SkinMap},
     pyramid::{LevelId, Prolongation},
     signal::{Channel, LevelFrame, Quantity},
+    skin::PatchId,
 };
 
-/// The contrast of a frame on every level: what it has beyond the next coarser one, in the unit of
-/// the channel; the coarsest level as it is. NaN where the frame has no value.
+/// The contrast of frames: what each level has beyond the next coarser one.
+///
+/// It owns its buffers and allocates nothing after it was made.
 ///
 /// ```
 /// use dermatome::{
 ///     map::SkinMap,
 ///     mesh::shapes,
-///     signal::{Channel, Frame, Restrictor, contrast, reconstruct},
+///     signal::{Channel, Contrast, Frame, Restrictor, reconstruct},
 /// };
 ///
 /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
 /// let channels = [Channel::default()];
-/// let levels = Restrictor::new(&map, &channels).restrict(&Frame::new(&map, 1)).clone();
-/// let detail = contrast(&map, &channels, &levels);
-/// assert_eq!(reconstruct(&map, &channels, &detail).values.len(), levels.values.len());
+/// let mut restrictor = Restrictor::new(&map, &channels);
+/// let mut contrast = Contrast::new(&map, &channels);
+/// let levels = restrictor.restrict(&Frame::new(&map, 1));
+/// let detail = contrast.of(levels);
+/// assert_eq!(reconstruct(&map, &channels, detail).values.len(), levels.values.len());
 /// ```
-///
-/// # Panics
-/// If the frame has not the patches, channels and levels of `map` and `channels`.
-#[must_use]
-pub fn contrast(map: &SkinMap, channels: &[Channel], frame: &LevelFrame) -> LevelFrame {
-    let mut out = frame.clone();
-    each_channel(map, channels, &mut out, |levels, quantity, values| {
-        let areas = live_areas(levels, &values[LevelId::new(0)]);
-        for k in 1..levels.len() {
-            combine(levels, quantity, &areas, values, k, -1.0);
-        }
-    });
-    out
+#[derive(Debug, Clone)]
+pub struct Contrast<'a> {
+    map: &'a SkinMap,
+    quantities: Vec<Quantity>,
+    areas: LiveAreas,
+    out: LevelFrame,
 }
 
-/// The frame that has this contrast: [`contrast`] undone, but for rounding.
+impl<'a> Contrast<'a> {
+    /// Prepares for frames of these channels.
+    #[must_use]
+    pub fn new(map: &'a SkinMap, channels: &[Channel]) -> Self {
+        let quantities = channels.iter().map(|channel| channel.quantity).collect();
+        Self { map, quantities, areas: LiveAreas::new(map), out: LevelFrame::new(map, channels.len()) }
+    }
+
+    /// The contrast of a frame on every level, in the unit of the channel; the coarsest level as it
+    /// is. NaN where the frame has no value.
+    ///
+    /// # Panics
+    /// If the frame has not the patches, channels and levels that this was made for.
+    pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
+        assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
+        self.out.time = frame.time;
+        for (id, patch) in self.map.patches.enumerate() {
+            let values = &frame.values[id];
+            assert_eq!(values.len(), self.quantities.len(), "one array per channel of {}", patch.name);
+            for ((&quantity, values), out) in self.quantities.iter().zip(values).zip(&mut self.out.values[id])
+            {
+                for (values, out) in values.iter().zip(out.iter_mut()) {
+                    out.as_mut_slice().copy_from_slice(values.as_slice());
+                }
+                let areas = self.areas.update(id, &patch.levels, quantity, &values[LevelId::new(0)]);
+                for k in 1..patch.levels.len() {
+                    combine(&patch.levels, quantity, areas, out, k, -1.0);
+                }
+            }
+        }
+        &self.out
+    }
+}
+
+/// The frame that has this contrast: [`Contrast::of`] undone, but for rounding.
 ///
 /// # Panics
-/// As [`contrast`].
+/// If the contrast has not the patches, channels and levels of `map` and `channels`.
 #[must_use]
 pub fn reconstruct(map: &SkinMap, channels: &[Channel], contrast: &LevelFrame) -> LevelFrame {
     let mut out = contrast.clone();
-    each_channel(map, channels, &mut out, |levels, quantity, values| {
-        let areas = live_areas(levels, &values[LevelId::new(0)]);
-        for k in (1..levels.len()).rev() {
-            combine(levels, quantity, &areas, values, k, 1.0);
+    let mut areas = LiveAreas::new(map);
+    assert_eq!(out.values.len(), map.patches.len(), "one entry per patch");
+    for (id, patch) in map.patches.enumerate() {
+        assert_eq!(out.values[id].len(), channels.len(), "one array per channel of {}", patch.name);
+        for (channel, values) in channels.iter().zip(&mut out.values[id]) {
+            let areas = areas.update(id, &patch.levels, channel.quantity, &values[LevelId::new(0)]);
+            for k in (1..patch.levels.len()).rev() {
+                combine(&patch.levels, channel.quantity, areas, values, k, 1.0);
+            }
         }
-    });
+    }
     out
 }
 
 type Levels<T> = IdVec<LevelId, T>;
 type Values = Levels<IdVec<VertexId, f64>>;
 
-fn each_channel(
-    map: &SkinMap,
-    channels: &[Channel],
-    frame: &mut LevelFrame,
-    mut work: impl FnMut(&Levels<MapLevel>, Quantity, &mut Values),
-) {
-    assert_eq!(frame.values.len(), map.patches.len(), "one entry per patch");
-    for (patch, values) in map.patches.iter().zip(frame.values.iter_mut()) {
-        assert_eq!(values.len(), channels.len(), "one array per channel of {}", patch.name);
-        for (channel, values) in channels.iter().zip(values) {
-            work(&patch.levels, channel.quantity, values);
-        }
-    }
-}
+/// The areas of fields that have a reading, in m^2; a buffer.
+#[derive(Debug, Clone)]
+pub(super) struct LiveAreas(IdVec<PatchId, Values>);
 
-/// The area of each field that has a reading, in m^2.
-pub(super) fn live_areas(levels: &Levels<MapLevel>, taxels: &IdVec<VertexId, f64>) -> Values {
-    let finest = &levels[LevelId::new(0)].level.areas;
-    let live = taxels.iter().zip(finest).map(|(x, &a)| if x.is_nan() { 0.0 } else { a });
-    let mut areas: Values = vec![live.collect()].into();
-    for (k, level) in levels.enumerate() {
-        if let Some(up) = &level.level.from_coarser {
-            let coarser = up.restrict(&areas[k]);
-            areas.push(coarser);
-        }
+impl LiveAreas {
+    pub(super) fn new(map: &SkinMap) -> Self {
+        Self(map.patches.map(|patch| patch.levels.map(|l| IdVec::filled(0.0, l.level.mesh.positions.len()))))
     }
-    areas
+
+    /// The areas of a patch whose taxels read this. Only extensive channels need them: for others
+    /// they stay as they are.
+    pub(super) fn update(
+        &mut self,
+        patch: PatchId,
+        levels: &Levels<MapLevel>,
+        quantity: Quantity,
+        taxels: &IdVec<VertexId, f64>,
+    ) -> &Values {
+        let areas = &mut self.0[patch];
+        if quantity == Quantity::Intensive {
+            return areas;
+        }
+        let live = taxels.iter().zip(&levels[LevelId::new(0)].level.areas);
+        let served = areas[LevelId::new(0)].iter_mut().zip(live);
+        served.for_each(|(served, (x, &area))| *served = if x.is_nan() { 0.0 } else { area });
+        for (k, level) in levels.enumerate() {
+            let Some(up) = &level.level.from_coarser else { continue };
+            let (fine, coarse) = areas.as_mut_slice().split_at_mut(k.index() + 1);
+            let (fine, coarse) = (&fine[k.index()], &mut coarse[0]);
+            coarse.iter_mut().for_each(|area| *area = 0.0);
+            for (v, &area) in fine.enumerate() {
+                up.row(v).for_each(|(field, weight)| coarse[field] += weight * area);
+            }
+        }
+        areas
+    }
 }
 
 /// Adds `sign` times what level `k` predicts to the values of level `k - 1`.

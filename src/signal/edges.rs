@@ -12,19 +12,19 @@ use crate::{
     map::{MapLevel, SkinMap},
     mesh::signed_area,
     pyramid::LevelId,
-    signal::{Channel, LevelFrame, Quantity, contrast::live_areas},
+    signal::{Channel, LevelFrame, Quantity, contrast::LiveAreas},
 };
 
-/// The gradient of a frame on the map of every level, in two channels for each: its size in the
-/// unit of the channel per m, for extensive channels per m^3, and its direction on the map in rad.
-/// NaN where no face around a vertex has a value at all of its corners.
+/// The edges of frames: how steeply they change on the map of every level.
+///
+/// It owns its buffers and allocates nothing after it was made.
 ///
 /// ```
 /// use dermatome::{
 ///     map::SkinMap,
 ///     mesh::shapes,
 ///     pyramid::LevelId,
-///     signal::{Channel, Frame, Restrictor, edges},
+///     signal::{Channel, Edges, Frame, Restrictor},
 ///     skin::PatchId,
 /// };
 ///
@@ -33,49 +33,77 @@ use crate::{
 /// let channels = [Channel::default()];
 /// let mut frame = Frame::new(&map, 1);
 /// frame.values[skin][0] = map.patches[skin].levels[LevelId::new(0)].uv.map(|at| 5.0 * at.x);
-/// let steep = edges(&map, &channels, Restrictor::new(&map, &channels).restrict(&frame));
+/// let mut edges = Edges::new(&map, &channels);
+/// let steep = edges.of(Restrictor::new(&map, &channels).restrict(&frame));
 /// let [size, direction] = [0, 1].map(|k| &steep.values[skin][k][LevelId::new(0)]);
 /// assert!(size.iter().all(|x| (x - 5.0).abs() < 1e-9), "it grows by 5 per metre");
 /// assert!(direction.iter().all(|x| x.abs() < 1e-9), "along u");
 /// ```
-///
-/// # Panics
-/// If the frame has not the patches, channels and levels of `map` and `channels`.
-#[must_use]
-pub fn edges(map: &SkinMap, channels: &[Channel], frame: &LevelFrame) -> LevelFrame {
-    let mut out = LevelFrame::new(map, 2 * channels.len());
-    out.time = frame.time;
-    assert_eq!(frame.values.len(), map.patches.len(), "one entry per patch");
-    for (id, patch) in map.patches.enumerate() {
-        assert_eq!(frame.values[id].len(), channels.len(), "one array per channel of {}", patch.name);
-        let pairs = out.values[id].chunks_exact_mut(2);
-        for ((channel, values), pair) in channels.iter().zip(&frame.values[id]).zip(pairs) {
-            let areas = match channel.quantity {
-                Quantity::Intensive => None,
-                Quantity::Extensive => Some(live_areas(&patch.levels, &values[LevelId::new(0)])),
-            };
-            for (k, level) in patch.levels.enumerate() {
-                let gradients = match &areas {
-                    None => gradients(level, &values[k]),
-                    Some(areas) => {
-                        gradients(level, &values[k].iter().zip(&areas[k]).map(|(x, a)| x / a).collect())
+#[derive(Debug, Clone)]
+pub struct Edges<'a> {
+    map: &'a SkinMap,
+    quantities: Vec<Quantity>,
+    areas: LiveAreas,
+    /// Of each vertex of a level: sums of area times gradient, and of areas, both doubled.
+    sums: IdVec<VertexId, (DVec2, f64)>,
+    out: LevelFrame,
+}
+
+impl<'a> Edges<'a> {
+    /// Prepares for frames of these channels.
+    #[must_use]
+    pub fn new(map: &'a SkinMap, channels: &[Channel]) -> Self {
+        let vertices = map.patches.iter().flat_map(|patch| &patch.levels).map(|level| level.uv.len());
+        Self {
+            map,
+            quantities: channels.iter().map(|channel| channel.quantity).collect(),
+            areas: LiveAreas::new(map),
+            sums: IdVec::filled((DVec2::ZERO, 0.0), vertices.max().unwrap_or(0)),
+            out: LevelFrame::new(map, 2 * channels.len()),
+        }
+    }
+
+    /// The gradient of a frame on the map of every level, in two channels for each: its size in the
+    /// unit of the channel per m, for extensive channels per m^3, and its direction on the map in rad.
+    /// NaN where no face around a vertex has a value at all of its corners.
+    ///
+    /// # Panics
+    /// If the frame has not the patches, channels and levels that this was made for.
+    pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
+        assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
+        self.out.time = frame.time;
+        for (id, patch) in self.map.patches.enumerate() {
+            let values = &frame.values[id];
+            assert_eq!(values.len(), self.quantities.len(), "one array per channel of {}", patch.name);
+            let pairs = self.out.values[id].chunks_exact_mut(2);
+            for ((&quantity, values), pair) in self.quantities.iter().zip(values).zip(pairs) {
+                let areas = self.areas.update(id, &patch.levels, quantity, &values[LevelId::new(0)]);
+                for (k, level) in patch.levels.enumerate() {
+                    match quantity {
+                        Quantity::Intensive => gradients(level, |v| values[k][v], &mut self.sums),
+                        Quantity::Extensive => {
+                            gradients(level, |v| values[k][v] / areas[k][v], &mut self.sums);
+                        }
                     }
-                };
-                for (v, g) in gradients.enumerate() {
-                    (pair[0][k][v], pair[1][k][v]) = (g.length(), g.y.atan2(g.x));
+                    let [size, direction] = pair else { continue };
+                    let out = size[k].iter_mut().zip(direction[k].iter_mut());
+                    for ((size, direction), &(rise, area)) in out.zip(&self.sums) {
+                        let gradient = if area > 0.0 { rise / area } else { DVec2::NAN };
+                        (*size, *direction) = (gradient.length(), gradient.y.atan2(gradient.x));
+                    }
                 }
             }
         }
+        &self.out
     }
-    out
 }
 
-/// The gradient at each vertex on the map plane; NaN where there is none.
-fn gradients(level: &MapLevel, values: &IdVec<VertexId, f64>) -> IdVec<VertexId, DVec2> {
-    // Sums of area times gradient, and of areas, both doubled.
-    let mut sums = IdVec::<VertexId, (DVec2, f64)>::filled((DVec2::ZERO, 0.0), values.len());
+/// Sums of area times gradient on the map plane, and of areas, at each vertex: of the faces all of
+/// whose corners have a value.
+fn gradients(level: &MapLevel, value: impl Fn(VertexId) -> f64, sums: &mut IdVec<VertexId, (DVec2, f64)>) {
+    sums.iter_mut().take(level.uv.len()).for_each(|sum| *sum = (DVec2::ZERO, 0.0));
     for &corners in &level.level.mesh.triangles {
-        let [f, g, h] = corners.map(|v| values[v]);
+        let [f, g, h] = corners.map(&value);
         if !(f.is_finite() && g.is_finite() && h.is_finite()) {
             continue;
         }
@@ -88,5 +116,4 @@ fn gradients(level: &MapLevel, values: &IdVec<VertexId, f64>) -> IdVec<VertexId,
             sums[v].1 += area;
         }
     }
-    sums.map(|&(rise, area)| if area > 0.0 { rise / area } else { DVec2::NAN })
 }

@@ -4,7 +4,7 @@
 //! In reading order: `channel` says what is measured, `frame` holds one moment of it on the taxels
 //! ([`Frame`]) or on every level ([`LevelFrame`]); `join` puts the columns of a recording to their
 //! taxels ([`Join`]), `condition` corrects and filters them ([`Conditioner`]); `restrict` carries
-//! them to all levels ([`Restrictor`]); `contrast` and `edges` say where they change;
+//! them to all levels ([`Restrictor`]); `contrast` and `edges` say where they change ([`Contrast`], [`Edges`]);
 //! `contacts` finds what touches the skin ([`ContactTracker`]).
 //!
 //! A reading that is not there is NaN, in every type of this module: a taxel that is absent, dead or
@@ -25,8 +25,8 @@ mod touch;
 pub use channel::{Channel, Quantity};
 pub use condition::{ConditionOptions, ConditionReport, Conditioner};
 pub use contacts::{ContactEvent, ContactRegion, ContactTracker, TrackerOptions};
-pub use contrast::{contrast, reconstruct};
-pub use edges::edges;
+pub use contrast::{Contrast, reconstruct};
+pub use edges::Edges;
 pub use error::SignalError;
 pub use frame::{Frame, LevelFrame};
 pub use join::{Duplicates, Join, JoinReport};

@@ -18,9 +18,10 @@ use crate::{
     skin::PatchId,
 };
 
-/// All fields of a level are summed if more than one in this many of its finer vertices changed: the
-/// list of touched fields then costs more than it saves (`benches/signal.rs`).
-const FEW: usize = 8;
+/// All fields of a level are summed if more than one in this many of its finer vertices changed.
+/// *Heuristic*: lists of touched fields cost half as much again for each field, so they pay until most
+/// fields are touched (`benches/signal.rs`, neighbouring taxels and ones far apart).
+const FEW: usize = 2;
 
 /// Carries frames to all levels.
 ///

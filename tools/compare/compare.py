@@ -3,8 +3,8 @@
 
     cargo build --release
     python3 -m venv .checks/peers
-    .checks/peers/bin/pip install numpy scipy libigl fast-simplification gtsam
-    .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [graphs] [skins] [build]
+    .checks/peers/bin/pip install numpy scipy libigl fast-simplification gtsam OpenEXR
+    .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [graphs] [skins] [build] [images] [frames]
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
 without file access. `nearest` needs Debian's libembree-dev and g++. `graphs` reads the pose graphs sphere2500.g2o,
@@ -19,6 +19,7 @@ from shapes import SHAPES, write_obj
 
 ROOT = Path(__file__).resolve().parents[2]
 DERMATOME = os.environ.get("DERMATOME", str(ROOT / "target/release/dermatome"))
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 DATA = Path(os.environ.get("DERMATOME_DATA", ROOT.parent / "shared/data"))
 FOLDER = Path(tempfile.mkdtemp())
 RUNS = 5
@@ -39,7 +40,8 @@ sys.exit(os.waitstatus_to_exitcode(status))
 def ours(*args):
     """One run of the command: (wall seconds, processor seconds, peak memory in MB, what it printed as JSON)."""
     command = [sys.executable, "-S", "-c", LAUNCHER, DERMATOME, *map(str, args)]
-    done = subprocess.run(command, capture_output=True, text=True)
+    out = subprocess.PIPE if "--json" in args else subprocess.DEVNULL
+    done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True)
     if done.returncode:
         sys.exit(f"{args} failed: {done.stderr}")
     wall, processor, memory = map(float, done.stderr.splitlines()[-1].split())
@@ -230,8 +232,153 @@ def build():
         row(str(len(vertices)), f"{wall:.2f}", f"{memory:.0f}")
 
 
+def pixel_matrices(path):
+    """(D, R, L0) of a map: pixels of all levels from fields, fields of all levels from taxels, pixels of level 0 alone."""
+    from scipy import sparse
+    sys.path.insert(0, str(ROOT / "tools/checks"))
+    from check_frames import faces_of_pixels, read_levels
+    draw, carry = [], []
+    for levels in read_levels(path).values():
+        for k, level in enumerate(levels):
+            corners, weights = faces_of_pixels(level, *level.extras["map"]["pixels"])[2:]
+            count = level.unsplit.max() + 1
+            rows = np.repeat(np.arange(len(corners)), 3)
+            draw.append((k, sparse.csr_matrix((weights.ravel(), (rows, corners.ravel())), (len(corners), count))))
+            if k == 0:
+                step, areas = sparse.identity(count, format="csr"), np.zeros(count)
+                areas[level.unsplit] = level.areas
+            else:
+                indices, up = levels[k - 1].up
+                rows = np.repeat(np.arange(len(indices)), 3)
+                up = sparse.csr_matrix((up.ravel(), (rows, indices.ravel())), (len(indices), count))
+                step = up.T @ sparse.diags(areas) @ step
+                areas = up.T @ areas
+                step = sparse.diags(1 / areas) @ step
+            carry.append((len(carry), step, k))
+    finest = [d for k, d in draw if k == 0]
+    patches, columns = [], -1
+    for _, step, k in carry:
+        columns += k == 0
+        patches.append([step if c == columns else None for c in range(len(finest))])
+    return [sparse.csr_matrix(m) for m in
+            (sparse.block_diag([d for _, d in draw]), sparse.bmat(patches), sparse.block_diag(finest))]
+
+
+def images():
+    """Frames of readings to pixels, without files: the library's renderer and scipy's products."""
+    print("\n`DERMATOME_MAPS=... cargo bench --bench image`, one thread; scipy.sparse CSR times vector, the same matrices: of level 0,"
+          " and readings to the fields and pixels of all levels in two products. Only covered pixels, one channel, pressures\n")
+    row("map", "taxels", "pixels", "what", "dermatome us", "scipy f64 us", "scipy f32 us", "ratio f64", "ratio f32")
+    row(*["---"] * 9)
+    maps = {}
+    write_cover()
+    for name, file in [("cover", FOLDER / "cover.obj"), ("hand", ROOT / "meshes/hand.glb"), ("robot", ROOT / "meshes/robot.glb")]:
+        ours("build", file, "-o", FOLDER / name, "--pixel-mm", "1")
+        maps[name] = FOLDER / name / "map.glb"
+    os.environ["DERMATOME_MAPS"] = os.pathsep.join(map(str, maps.values()))
+    matrices = {name: pixel_matrices(path) for name, path in maps.items()}
+    times = {}
+    for _ in range(3):
+        subprocess.run(["cargo", "bench", "--bench", "image", "--", f"image/(frame|draw_L0|one_percent)/({'|'.join(maps)})"], cwd=ROOT,
+                       check=True, capture_output=True)
+        for name, (draw, carry, finest) in matrices.items():
+            for what in ["frame", "draw_L0", "one_percent"]:
+                folder = TARGET / f"criterion/image/{what}/{name}/new/estimates.json"
+                ns = json.loads(folder.read_text())["median"]["point_estimate"]
+                times.setdefault((name, what, "ours"), []).append(ns / 1e3)
+            for kind in [np.float64, np.float32]:
+                d, r, f = (m.astype(kind) for m in (draw, carry, finest))
+                x = np.sin(np.arange(r.shape[1])).astype(kind)
+                for what, call in [("frame", lambda: d @ (r @ x)), ("draw_L0", lambda: f @ x)]:
+                    times.setdefault((name, what, kind), []).append(1e6 * median([timed(call)[0] for _ in range(300)]))
+    for name, (draw, carry, finest) in matrices.items():
+        one = median(times[name, "one_percent", "ours"])
+        for what, m in [("all levels", draw), ("level 0", finest)]:
+            key = "frame" if m is draw else "draw_L0"
+            own, double, single = (median(times[name, key, kind]) for kind in ["ours", np.float64, np.float32])
+            row(name, str(carry.shape[1]), str(m.shape[0]), what, f"{own:.1f}", f"{double:.1f}", f"{single:.1f}",
+                f"{double / own:.2f}", f"{single / own:.2f}")
+        row(name, str(carry.shape[1]), str(draw.shape[0]), "all levels, 1 % changed", f"{one:.1f}", "", "", "", "")
+
+
+def write_cover():
+    """Writes cover.obj, a cap of 642 taxels or so, 6 mm apart, and returns their number."""
+    vertices, faces = SHAPES["cap"](1200)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    write_obj(FOLDER / "cover.obj", vertices * 6e-3 / np.sqrt(2 / np.sqrt(3) * area / len(vertices)), faces)
+    return len(vertices)
+
+
+def frames():
+    """Recordings of 642 taxels drawn to nothing and to arrays, and the delay of a live pipe at 250 Hz."""
+    print("\n`dermatome render MAP READINGS.npz -o - --level 0 > /dev/null` and `dermatome render MAP READINGS.npz -o OUT.npz`, whole process\n")
+    row("frames of 642 taxels", "raw f32 of level 0, s", "MB", "all levels' values to .npz, s", "MB")
+    row(*["---"] * 5)
+    ids = np.arange(1, write_cover() + 1)
+    ours("build", FOLDER / "cover.obj", "-o", FOLDER / "cover", "--pixel-mm", "1")
+    cover = FOLDER / "cover/map.glb"
+    rng = np.random.default_rng(1)
+    for count in [1000, 10_000, 100_000]:
+        readings = FOLDER / "readings.npz"
+        np.savez(readings, values=rng.uniform(0, 1000, (count, len(ids))).astype(np.float32), ids=ids, timestamps=np.arange(count) / 250)
+        raw = [ours("render", cover, readings, "-o", "-", "--level", "0", "--quiet") for _ in range(3)]
+        values = [ours("render", cover, readings, "-o", FOLDER / "out.npz", "--values-only", "--quiet") for _ in range(3)]
+        row(str(count), f"{median([m[0] for m in raw]):.2f}", f"{max(m[2] for m in raw):.0f}",
+            f"{median([m[0] for m in values]):.2f}", f"{max(m[2] for m in values):.0f}")
+    pipes(cover, readings, ids)
+
+
+# Takes lines and answers each with as many bytes: what pipes cost alone.
+ECHO = """
+import sys
+frame = bytes(int(sys.argv[1]))
+for line in sys.stdin.buffer:
+    if not line.startswith(b"time"):
+        sys.stdout.buffer.write(frame)
+        sys.stdout.buffer.flush()
+"""
+
+
+def delays(command, size, lines, rate):
+    """From the write of each line to the last byte of its answer, in s."""
+    import fcntl
+    with subprocess.Popen(list(map(str, command)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as child:
+        for pipe in (child.stdin, child.stdout):
+            fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, 1 << 20)
+        child.stdin.write(lines[0])
+        answer, found = memoryview(bytearray(size)), []
+        start = time.perf_counter() + 0.5
+        for k, line in enumerate(lines[1:]):
+            time.sleep(max(0.0, start + k / rate - time.perf_counter()))
+            before, got = time.perf_counter(), 0
+            child.stdin.write(line)
+            while got < size:
+                got += child.stdout.readinto(answer[got:]) or sys.exit("the stream ended early")
+            found.append(time.perf_counter() - before)
+        child.stdin.close()
+    return found
+
+
+def pipes(cover, readings, ids):
+    """Delays of a live pipe at 250 Hz for 10 s, and of one that does nothing."""
+    printed = ours("render", cover, readings, "-o", FOLDER / "out.npz", "--to", "0", "--json", "--quiet")[3]
+    size = 4 * sum(height * width for height, width in printed["size"].values())
+    rng = np.random.default_rng(2)
+    lines = [",".join(["time", *map(str, ids)]).encode() + b"\n"]
+    for k in range(2500):
+        lines.append(",".join([f"{k / 250:.3f}", *(f"{x:.1f}" for x in rng.uniform(0, 1000, len(ids)))]).encode() + b"\n")
+    print(f"\n`dermatome render MAP - -o -`, all levels, a line of CSV at 250 Hz for 10 s: from the write of a line of {len(lines[1])} bytes"
+          f" to the last of its {size} bytes of pixels, in ms; the same of a program that answers at once\n")
+    row("program", "median", "90 %", "99 %", "largest")
+    row(*["---"] * 5)
+    for name, command in [("dermatome", [DERMATOME, "render", cover, "-", "-o", "-", "--quiet"]),
+                          ("none", [sys.executable, "-S", "-c", ECHO, size])]:
+        row(name, *[f"{1e3 * x:.3f}" for x in np.percentile(delays(command, size, lines, 250), [50, 90, 99, 100])])
+
+
 if __name__ == "__main__":
     processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "unknown")
     print(f"{processor}, {os.cpu_count()} threads")
-    for part in sys.argv[1:] or ["flatten", "coarsen", "nearest", "graphs", "skins", "build"]:
+    for part in sys.argv[1:] or ["flatten", "coarsen", "nearest", "graphs", "skins", "build", "images", "frames"]:
         globals()[part]()

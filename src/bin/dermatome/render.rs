@@ -16,7 +16,7 @@ use dermatome::{
     map::SkinMap,
     plot::ValueRange,
     pyramid::LevelId,
-    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor, contrast, edges},
+    signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor},
 };
 use serde_json::json;
 
@@ -76,6 +76,9 @@ pub(crate) struct Args {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Images")]
 struct ImageArgs {
+    /// Write the values of taxels and receptive fields into a .npz, and no images
+    #[arg(long)]
+    values_only: bool,
     /// Draw this level only [default: all]
     #[arg(long, value_name = "K")]
     level: Option<u32>,
@@ -129,6 +132,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     args.contacts.check(inputs)?;
     args.frames.check()?;
+    if args.images.values_only && kind != Kind::Array(Array::Npz) {
+        return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));
+    }
     let map = read_map(&args.map).map_err(Error::from)?;
     let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
     let readings = Readings::new(&args.readings_args, args.frames, &args.readings, &map);
@@ -162,12 +168,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         &map,
         &atlas,
         (&channels, &options),
-        (colours, args.images.is_static),
+        (colours, args.images.is_static, !args.images.values_only),
     )?;
     let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
     let tally = pass.run(|number, frame| {
         let levels = values.of(frame);
-        output.write(number, levels, renderer.render(levels), &channels)?;
+        let images = if args.images.values_only { &[] } else { renderer.render(levels) };
+        output.write(number, levels, images, &channels)?;
         if let Some(contacts) = &mut contacts {
             contacts.track(number, frame)?;
         }
@@ -221,7 +228,7 @@ fn check_one_image(atlas: &Atlas, level: Option<LevelId>) -> anyhow::Result<()> 
 }
 
 /// Bytes that a pixel takes besides its values: coverage, spans and weights.
-const BYTES_PER_PIXEL: u64 = 32;
+const BYTES_PER_PIXEL: u64 = 48;
 
 /// Refuses images that would need too much memory, before any of it is taken.
 fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: u64) -> anyhow::Result<()> {
@@ -247,27 +254,34 @@ enum Shown {
 
 /// Values on all levels: the readings, their contrast or their edges.
 struct Values<'a> {
-    map: &'a SkinMap,
-    channels: &'a [Channel],
     restrictor: Restrictor<'a>,
-    shown: Shown,
-    derived: LevelFrame,
+    derived: Derived<'a>,
+}
+
+/// What is computed of the readings on all levels.
+enum Derived<'a> {
+    Readings,
+    Contrast(Contrast<'a>),
+    Edges(Edges<'a>),
 }
 
 impl<'a> Values<'a> {
-    fn new(map: &'a SkinMap, channels: &'a [Channel], shown: Shown) -> Self {
-        let restrictor = Restrictor::new(map, channels);
-        Self { map, channels, restrictor, shown, derived: LevelFrame::default() }
+    fn new(map: &'a SkinMap, channels: &[Channel], shown: Shown) -> Self {
+        let derived = match shown {
+            Shown::Readings => Derived::Readings,
+            Shown::Contrast => Derived::Contrast(Contrast::new(map, channels)),
+            Shown::Edges => Derived::Edges(Edges::new(map, channels)),
+        };
+        Self { restrictor: Restrictor::new(map, channels), derived }
     }
 
     fn of(&mut self, frame: &Frame) -> &LevelFrame {
         let levels = self.restrictor.restrict(frame);
-        self.derived = match self.shown {
-            Shown::Readings => return levels,
-            Shown::Contrast => contrast(self.map, self.channels, levels),
-            Shown::Edges => edges(self.map, self.channels, levels),
-        };
-        &self.derived
+        match &mut self.derived {
+            Derived::Readings => levels,
+            Derived::Contrast(contrast) => contrast.of(levels),
+            Derived::Edges(edges) => edges.of(levels),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::{signal::Quantity, skin::SkinError};
 
-/// A sphere that presses and rolls on a skin, and the taxels that feel it.
+/// Spheres that press and roll on a skin, and the taxels that feel them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TouchOptions {
     /// Radius of the sphere, in m.
@@ -13,6 +13,9 @@ pub struct TouchOptions {
     pub stiffness: f64,
     /// Number of presses, one after the other, each at a place of its own.
     pub presses: usize,
+    /// Number of spheres that press at once, 1 to 100: each at a place of its own, on one link always
+    /// at least a diameter apart. Those for which there is no room stay away.
+    pub touches: usize,
     /// How far the sphere rolls on the skin during a press, in m.
     pub roll: f64,
     /// How long a press takes, in s. A fifth of it the sphere goes down, three fifths it rolls, a
@@ -47,6 +50,7 @@ impl Default for TouchOptions {
             depth: 0.002,
             stiffness: 2e7,
             presses: 5,
+            touches: 1,
             roll: 0.02,
             duration: 1.0,
             pause: 0.25,
@@ -125,6 +129,9 @@ impl TouchOptions {
         }
         if !(0.0..1.0).contains(&self.dead) {
             return bad("the share of dead taxels", self.dead, "0 to less than 1");
+        }
+        if !(1..=100).contains(&self.touches) {
+            return bad("the number of spheres at once", self.touches as f64, "1 to 100");
         }
         let frames = self.seconds() * self.rate;
         if frames > MOST_FRAMES {

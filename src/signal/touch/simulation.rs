@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::{Adjacency, MeshError},
+    mesh::Adjacency,
     numeric::Random,
     signal::{
         Channel, Frame, Quantity,
@@ -21,7 +21,7 @@ pub struct Touch {
     pub frame: usize,
     /// When, in s.
     pub time: f64,
-    /// Number of the press, from 0 on.
+    /// Number of the press, from 0 on; of several at once each has its own.
     pub press: usize,
     /// The patch that is touched.
     pub patch: PatchId,
@@ -36,7 +36,7 @@ pub struct Touch {
     pub taxels: usize,
 }
 
-/// A recording of a sphere that presses and rolls on a skin, frame by frame.
+/// A recording of spheres that press and roll on a skin, frame by frame.
 ///
 /// ```
 /// use dermatome::{
@@ -48,11 +48,11 @@ pub struct Touch {
 /// let skin = Skin::from_mesh("palm", shapes::lattice(30, 30, 0.004));
 /// let mut recording = TouchSimulation::new(&skin, &TouchOptions::default())?;
 /// let (mut frames, mut touched) = (0, 0);
-/// while let Some((frame, touch)) = recording.next_frame() {
+/// while let Some((frame, touches)) = recording.next_frame() {
 ///     frames += 1;
-///     touched += usize::from(touch.is_some());
+///     touched += touches.len();
 ///     let forces = frame.values.iter().flatten().flatten();
-///     assert_eq!(forces.sum::<f64>() > 0.0, touch.is_some_and(|touch| touch.taxels > 0));
+///     assert_eq!(forces.sum::<f64>() > 0.0, touches.iter().any(|touch| touch.taxels > 0));
 /// }
 /// assert_eq!(frames, recording.frames());
 /// assert!(touched > 400, "five presses of a second at 100 Hz");
@@ -66,9 +66,15 @@ pub struct TouchSimulation<'a> {
     noise: Random,
     /// The taxels that work, and how fast their pressure drifts, in Pa/s.
     live: IdVec<PatchId, Vec<(VertexId, f64)>>,
+    /// Of patches on which a sphere can roll.
+    adjacency: IdVec<PatchId, Option<Adjacency>>,
     frame: Frame,
     next: usize,
-    press: Option<Press>,
+    /// The turn that has begun last, and its presses.
+    turn: Option<usize>,
+    presses: Vec<Press>,
+    contacts: Vec<(Sphere, Touch)>,
+    touches: Vec<Touch>,
 }
 
 /// A press that has begun.
@@ -76,7 +82,6 @@ pub struct TouchSimulation<'a> {
 struct Press {
     number: usize,
     patch: PatchId,
-    adjacency: Adjacency,
     walker: Walker,
     /// How far the sphere has rolled, in m.
     rolled: f64,
@@ -92,6 +97,12 @@ mod stream {
 
 /// Share of a press in which the sphere goes down, and in which it goes up.
 const RAMP: f64 = 0.2;
+
+/// Places that are tried for each of several presses at once.
+const MOST_TRIES: usize = 200;
+
+/// Steps of a rolling sphere at which its distance from the others is looked at.
+const ROOM_STEPS: u32 = 16;
 
 /// Triangles are divided until their edges are shorter than this share of the contact's radius; the
 /// force of a press on a plane is then exact to 0.2 %.
@@ -126,9 +137,13 @@ impl<'a> TouchSimulation<'a> {
             places: Random::new(options.seed, stream::PLACES),
             noise: Random::new(options.seed, stream::NOISE),
             live,
+            adjacency: skin.patches.map(|patch| Adjacency::new(&patch.mesh).ok()),
             frame: Frame { time: 0.0, values },
             next: 0,
-            press: None,
+            turn: None,
+            presses: Vec::new(),
+            contacts: Vec::new(),
+            touches: Vec::new(),
         })
     }
 
@@ -151,79 +166,90 @@ impl<'a> TouchSimulation<'a> {
         frames
     }
 
-    /// The next frame, NaN for taxels that are absent or dead, and what truly happens in it; `None`
-    /// after the last.
-    pub fn next_frame(&mut self) -> Option<(&Frame, Option<Touch>)> {
+    /// The next frame, NaN for taxels that are absent or dead, and what truly happens in it, press by
+    /// press; `None` after the last.
+    pub fn next_frame(&mut self) -> Option<(&Frame, &[Touch])> {
         if self.next >= self.frames() {
             return None;
         }
-        let frame = self.next;
-        let time = frame as f64 / self.options.rate;
+        let (frame, time) = (self.next, self.next as f64 / self.options.rate);
         self.next += 1;
         self.frame.time = time;
-        let contact = self.sphere(time).and_then(|(patch, sphere)| {
-            let (force, centre) = contact(&sphere, &self.skin.patches[patch], &self.options)?;
-            Some((patch, sphere, force, centre))
-        });
-        let mut taxels = 0;
+        self.touch(frame, time);
         let reading =
             if self.options.quantity == Quantity::Extensive { self.options.taxel_area() } else { 1.0 };
         for (id, live) in self.live.enumerate() {
             let patch = &self.skin.patches[id];
-            let sphere = contact.filter(|(touched, ..)| *touched == id).map(|(_, sphere, ..)| sphere);
             for &(taxel, drift) in live {
-                let felt = sphere.map_or(0.0, |sphere| pressure(&sphere, patch, taxel, &self.options));
-                taxels += usize::from(felt > 0.0);
+                let mut felt = 0.0;
+                for (sphere, touch) in self.contacts.iter_mut().filter(|(_, touch)| touch.patch == id) {
+                    let pressure = pressure(sphere, patch, taxel, &self.options);
+                    touch.taxels += usize::from(pressure > 0.0);
+                    felt += pressure;
+                }
                 let noise =
                     if self.options.noise > 0.0 { self.options.noise * self.noise.normal() } else { 0.0 };
                 self.frame.values[id][0][taxel] = reading * (felt + drift * time + noise);
             }
         }
-        let press = self.press.as_ref().map_or(0, |press| press.number);
-        let touch = contact.map(|(patch, sphere, force, centre)| Touch {
-            frame,
-            time,
-            press,
-            patch,
-            sphere: sphere.centre,
-            centre,
-            force,
-            taxels,
-        });
-        Some((&self.frame, touch))
+        self.touches.clear();
+        self.touches.extend(self.contacts.iter().map(|(_, touch)| *touch));
+        Some((&self.frame, &self.touches))
     }
 
-    /// The sphere at this time, and the patch that it touches.
-    fn sphere(&mut self, time: f64) -> Option<(PatchId, Sphere)> {
+    /// Finds what the spheres touch at this time; their taxels are not counted yet.
+    fn touch(&mut self, frame: usize, time: f64) {
         let TouchOptions { duration, pause, presses, depth, radius, roll, .. } = self.options;
+        self.contacts.clear();
         let turn = (time - pause) / (duration + pause);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
         let number = (turn + 1e-9).floor().max(0.0) as usize;
         let share = (time - pause - number as f64 * (duration + pause)) / duration;
         if number >= presses || !(0.0..=1.0).contains(&share) {
-            return None;
+            return;
         }
-        while self.press.as_ref().is_none_or(|press| press.number < number) {
-            let number = self.press.as_ref().map_or(0, |press| press.number + 1);
-            self.press = Some(self.begin(number)?);
+        while self.turn.is_none_or(|turn| turn < number) {
+            let turn = self.turn.map_or(0, |turn| turn + 1);
+            self.turn = Some(turn);
+            self.begin(turn);
         }
-        let press = self.press.as_mut()?;
-        let patch = &self.skin.patches[press.patch];
-        let rolled = roll * ((share - RAMP) / (1.0 - 2.0 * RAMP)).clamp(0.0, 1.0);
-        press.walker.advance(&patch.mesh, &press.adjacency, rolled - press.rolled);
-        press.rolled = rolled;
-        let corners = patch.mesh.triangles[press.walker.face].into_iter();
-        let normals =
-            corners.zip(press.walker.barycentric(&patch.mesh)).map(|(v, w)| w * patch.taxels.normals[v]);
-        let normal = normals.sum::<DVec3>().try_normalize()?;
         // Speed is zero at both ends of the way down.
         let way = (share.min(1.0 - share) / RAMP).clamp(0.0, 1.0);
         let depth = depth * way * way * (3.0 - 2.0 * way);
-        Some((press.patch, Sphere { centre: press.walker.point + (radius - depth) * normal, radius }))
+        let rolled = roll * ((share - RAMP) / (1.0 - 2.0 * RAMP)).clamp(0.0, 1.0);
+        for press in &mut self.presses {
+            let (patch, adjacency) = (&self.skin.patches[press.patch], &self.adjacency[press.patch]);
+            let Some(adjacency) = adjacency else { continue };
+            press.walker.advance(&patch.mesh, adjacency, rolled - press.rolled);
+            press.rolled = rolled;
+            let Some(centre) = above(&press.walker, patch, radius - depth) else { continue };
+            let sphere = Sphere { centre, radius };
+            if let Some((force, centre)) = contact(&sphere, patch, &self.options) {
+                let (press, patch) = (press.number, press.patch);
+                let touch =
+                    Touch { frame, time, press, patch, sphere: sphere.centre, centre, force, taxels: 0 };
+                self.contacts.push((sphere, touch));
+            }
+        }
     }
 
-    /// Chooses the patch and the place of a press.
-    fn begin(&mut self, number: usize) -> Option<Press> {
+    /// Chooses the patches and places of the presses of a turn.
+    fn begin(&mut self, turn: usize) {
+        self.presses.clear();
+        for k in 0..self.options.touches {
+            for _ in 0..MOST_TRIES {
+                let number = turn * self.options.touches + k;
+                let Some(press) = self.choose(number) else { break };
+                if self.has_room(&press) {
+                    self.presses.push(press);
+                    break;
+                }
+            }
+        }
+    }
+
+    /// A random place for a press.
+    fn choose(&mut self, number: usize) -> Option<Press> {
         let areas: Vec<f64> = self.skin.patches.iter().map(|patch| patch.mesh.area()).collect();
         let mut left = self.places.uniform() * areas.iter().sum::<f64>();
         let patch = areas.iter().position(|area| {
@@ -231,11 +257,42 @@ impl<'a> TouchSimulation<'a> {
             left < 0.0
         });
         let patch = PatchId::new(patch.unwrap_or(areas.len() - 1));
-        let mesh = &self.skin.patches[patch].mesh;
-        let adjacency: Result<Adjacency, MeshError> = Adjacency::new(mesh);
-        let walker = Walker::random(mesh, &mut self.places)?;
-        Some(Press { number, patch, adjacency: adjacency.ok()?, walker, rolled: 0.0 })
+        let walker = Walker::random(&self.skin.patches[patch].mesh, &mut self.places)?;
+        self.adjacency[patch].as_ref()?;
+        Some(Press { number, patch, walker, rolled: 0.0 })
     }
+
+    /// Whether a press stays away from the others of its turn while they roll.
+    fn has_room(&self, press: &Press) -> bool {
+        let TouchOptions { radius, roll, .. } = self.options;
+        let link = |press: &Press| self.skin.patches[press.patch].link;
+        let mut presses: Vec<Press> =
+            self.presses.iter().filter(|other| link(other) == link(press)).cloned().collect();
+        presses.insert(0, press.clone());
+        (0..=ROOM_STEPS).all(|step| {
+            let places = presses.iter_mut().map(|press| {
+                let patch = &self.skin.patches[press.patch];
+                if let Some(adjacency) = self.adjacency[press.patch].as_ref().filter(|_| step > 0) {
+                    press.walker.advance(&patch.mesh, adjacency, roll / f64::from(ROOM_STEPS));
+                }
+                // Neither the spheres nor the places under them may come closer.
+                let foot = press.walker.point;
+                [foot, above(&press.walker, patch, radius).unwrap_or(foot)]
+            });
+            let places: Vec<_> = places.collect();
+            let is_apart =
+                |other: &[DVec3; 2]| other.iter().zip(places[0]).all(|(&a, b)| a.distance(b) >= 2.0 * radius);
+            places[1..].iter().all(is_apart)
+        })
+    }
+}
+
+/// The point at a height above the skin.
+fn above(walker: &Walker, patch: &Patch, height: f64) -> Option<DVec3> {
+    let corners = patch.mesh.triangles[walker.face].into_iter();
+    let normals = corners.zip(walker.barycentric(&patch.mesh)).map(|(v, w)| w * patch.taxels.normals[v]);
+    let normal = normals.sum::<DVec3>().try_normalize()?;
+    Some(walker.point + height * normal)
 }
 
 /// Mean pressure on the disc of a taxel, in Pa.

@@ -89,21 +89,26 @@ pub(super) enum Output<'a> {
 
 impl<'a> Output<'a> {
     /// Opens the output; `colours` are those of PNG pictures, and with `is_static` EXR files have the
-    /// static channels too.
+    /// static channels too. Arrays may go without images.
     pub(super) fn open(
         path: &Path,
         kind: Kind,
         map: &'a SkinMap,
         atlas: &'a Atlas,
         (channels, options): (&[Channel], &RenderOptions),
-        (colours, is_static): (Option<Colours>, bool),
+        (colours, is_static, has_images): (Option<Colours>, bool, bool),
     ) -> Result<Self, Error> {
         Ok(match (kind, colours) {
             (Kind::Pipe, _) => Self::Pipe(stdout()),
             (Kind::Array(_), _) => {
                 let RenderOptions { interpolation, level } = *options;
-                let layout =
-                    RecordingLayout { channels, atlas: Some(atlas), interpolation, values: true, level };
+                let layout = RecordingLayout {
+                    channels,
+                    atlas: has_images.then_some(atlas),
+                    interpolation,
+                    values: true,
+                    level,
+                };
                 Self::Array(Box::new(RecordingWriter::create(path, map, &layout)?))
             }
             (Kind::Folder(_), colours) => {

@@ -1,6 +1,7 @@
 //! `simulate --touch`: a recording of a sphere that presses and rolls on a skin.
 
 use std::{
+    collections::BTreeSet,
     path::{Path, PathBuf},
     process::ExitCode,
 };
@@ -10,7 +11,7 @@ use dermatome::{
     Error,
     io::{ReadingsWriter, write_touches},
     map::SkinMap,
-    signal::{Quantity, TouchOptions, TouchSimulation},
+    signal::{Quantity, Touch, TouchOptions, TouchSimulation},
     skin::{AssembleOptions, Patch, Skin},
 };
 
@@ -48,9 +49,12 @@ pub(super) struct TouchArgs {
     /// with a column for each taxel, or .npz
     #[arg(long, value_name = "SKIN", conflicts_with_all = OTHERS)]
     pub(super) touch: Option<PathBuf>,
-    /// Number of presses, each at a random place
+    /// Number of presses, one after the other, each at a random place
     #[arg(long, value_name = "N", default_value_t = 5, requires = "touch")]
     presses: usize,
+    /// Number of spheres that press at once, at least a diameter apart
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "touch")]
+    touches: usize,
     /// Radius of the sphere
     #[arg(long, value_name = "MM", default_value_t = 15.0, requires = "touch")]
     sphere_mm: f64,
@@ -118,9 +122,9 @@ pub(super) fn run(
     let mut outputs = Outputs::default();
     outputs.stage(output, |path| {
         let mut writer = ReadingsWriter::create(path, &skin, &simulation.channel())?;
-        while let Some((frame, touch)) = simulation.next_frame() {
+        while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame)?;
-            touches.extend(touch);
+            touches.extend_from_slice(now);
         }
         writer.finish()
     })?;
@@ -128,14 +132,15 @@ pub(super) fn run(
         outputs.stage(path, |path| write_touches(path, &skin, &touches))?;
     }
     outputs.publish()?;
+    let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<BTreeSet<_>>().len();
     let most = touches.iter().map(|touch| touch.force).fold(0.0, f64::max);
     note(
         common,
         format_args!(
             "{} frames, {} of them with a touch; {} presses of up to {most:.3} N",
             simulation.frames(),
-            touches.len(),
-            args.presses
+            distinct(|touch| touch.frame),
+            distinct(|touch| touch.press),
         ),
     );
     Ok(ExitCode::SUCCESS)
@@ -157,6 +162,7 @@ impl TouchArgs {
             depth: self.depth_mm * 1e-3,
             stiffness: self.stiffness_kpa * 1e6,
             presses: self.presses,
+            touches: self.touches,
             roll: self.roll_mm * 1e-3,
             duration: self.press_s,
             pause: self.pause_s,
