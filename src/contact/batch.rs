@@ -8,9 +8,11 @@ use crate::{
     numeric::morton,
 };
 
-/// Contacts that one task answers, each search starting from the last hit: long enough to forget
-/// the first search, short enough to share among threads.
+/// Fewest contacts that one task answers: enough for the cache to hold what the next one needs.
 const RUN: usize = 256;
+
+/// Bits of a word that hold the number of a contact; the others hold its place along the curve.
+const NUMBER: u32 = 34;
 
 impl ContactIndex {
     /// Answers many contacts, in parallel; the same hits in the same order as one by one.
@@ -25,31 +27,31 @@ impl ContactIndex {
             self.check(number, contact)?;
         }
         let order = self.along_curve(contacts);
-        let runs = order.par_chunks(RUN).map(|run| {
-            let mut last: Option<Hit> = None;
-            let hits = run.iter().map(|&(_, number)| {
-                let near = last.map(|hit| (hit.patch, hit.point.face));
-                let hit = self.answer(&contacts[number], near)?;
-                last = Some(hit);
-                Ok((number, hit))
-            });
-            hits.collect::<Result<Vec<_>, ContactError>>()
-        });
-        let mut hits: Vec<(usize, Hit)> =
-            runs.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
-        hits.par_sort_unstable_by_key(|&(number, _)| number);
-        Ok(hits.into_iter().map(|(_, hit)| hit).collect())
+        let number = |word: u64| (word & ((1 << NUMBER) - 1)) as usize;
+        // Each search starts anew: the first way down a tree costs less than measuring the last hit.
+        let answers = order.par_iter().with_min_len(RUN);
+        let sorted: Vec<Hit> =
+            answers.map(|&word| self.answer(&contacts[number(word)], None)).collect::<Result<_, _>>()?;
+        let mut hits = sorted.clone();
+        for (&word, hit) in order.iter().zip(sorted) {
+            hits[number(word)] = hit;
+        }
+        Ok(hits)
     }
 
-    /// Morton code and number of each contact, sorted.
-    fn along_curve(&self, contacts: &[Query]) -> Vec<(u64, usize)> {
+    /// For each contact its place along a Morton curve and, in the last [`NUMBER`] bits, its number;
+    /// sorted.
+    fn along_curve(&self, contacts: &[Query]) -> Vec<u64> {
         let places: Vec<DVec3> = contacts.iter().map(|contact| self.in_world(contact)).collect();
         let (lo, hi) =
             places.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
         // The box keeps its shape: the longest side has all steps.
         let side = (hi - lo).max_element().max(f64::MIN_POSITIVE);
-        let mut order: Vec<_> =
-            places.iter().enumerate().map(|(number, &p)| (morton((p - lo) / side), number)).collect();
+        // The first bits of a code are those of the coarsest steps, of 63 in all.
+        let word = |(number, &p): (usize, &DVec3)| {
+            (morton((p - lo) / side) << 1 >> NUMBER << NUMBER) | number as u64
+        };
+        let mut order: Vec<_> = places.par_iter().enumerate().map(word).collect();
         order.par_sort_unstable();
         order
     }

@@ -5,6 +5,7 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod boxes;
+mod descent;
 mod facing;
 mod first_hit;
 mod frame;
@@ -12,6 +13,7 @@ mod lanes;
 mod nearest;
 mod node8;
 mod patch_bvh;
+mod point8;
 mod points;
 mod posed_boxes;
 mod rounding;

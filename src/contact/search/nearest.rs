@@ -1,15 +1,15 @@
-//! The nearest face of one patch: an ordered, bounded walk down the tree.
+//! The nearest face of one patch.
 
 use std::hint::black_box;
 
 use glam::DVec3;
 
 use super::{
+    descent::{Descent, Visitor, bound_of, entry, parts},
     lanes::{Kernel, LANES, Lanes},
-    node8::{Child, Node8, Target},
     patch_bvh::PatchBvh,
     rounding::{slack, squared_bound_f32},
-    tree::{DEPTH, STACK, distinct},
+    tree::distinct,
 };
 use crate::{id::FaceId, mesh::Closest, skin::PatchId};
 
@@ -128,160 +128,42 @@ impl Kernel for Walk<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) -> Option<Best> {
         let Self { search, local, away, best } = self;
-        let scale = search.patch.frame.scale;
         let slack = slack(away, 1.0);
         let known = Best::squared(best.as_ref()).sqrt().min(search.reach);
-        let mut state = State {
-            l,
-            search,
-            point: local.as_vec3().to_array(),
-            slack: 2.0 * slack,
-            bound: squared_bound_f32(known * scale, slack),
-            best,
-            stack: [0; STACK],
-            waiting: 0,
-            pending: [0; PENDING],
-            noted: 0,
-        };
-        state.descend();
-        state.drain();
-        state.measure_pending();
-        state.best
+        let bound = squared_bound_f32(known * search.patch.frame.scale, slack);
+        let mut descent = Descent::new(l, &search.patch.tree, local.as_vec3().to_array(), bound);
+        let mut found = Found { search, slack, best, pending: [0; PENDING], noted: 0 };
+        descent.run(&mut found);
+        found.measure_pending(descent.bound);
+        found.best
     }
 }
 
-struct State<'a, L: Lanes> {
-    l: L,
+/// What a walk has found.
+struct Found<'a> {
     search: &'a Search<'a>,
-    point: [f32; 3],
-    /// What rounding may add to one distance and take from another.
+    /// What rounding may add to a distance or take from it.
     slack: f64,
-    /// Squares above this are of no interest.
-    bound: f32,
     best: Option<Best>,
-    /// Boxes to be opened: squared distance and child in one number. Distances are not negative, so
-    /// their bits sort as they do.
-    stack: [u64; STACK],
-    waiting: usize,
     /// Triangles to be measured: squared distance and face.
     pending: [u64; PENDING],
     noted: usize,
 }
 
-#[inline(always)]
-fn entry(squared: f32, number: u32) -> u64 {
-    u64::from(squared.to_bits()) << 32 | u64::from(number)
-}
-
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "the halves of 64 bits")]
-fn parts(entry: u64) -> (f32, u32) {
-    (f32::from_bits((entry >> 32) as u32), entry as u32)
-}
-
-impl<L: Lanes> State<'_, L> {
-    /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound;
-    /// then pushes the other children of the nodes on the way that are within that bound, the
-    /// deepest on top.
-    ///
-    /// Without a bound the walk from the root would push every child of these nodes.
-    #[inline(always)]
-    fn descend(&mut self) {
-        let l = self.l;
-        let tree = &self.search.patch.tree;
-        let mut trail = [(0_usize, 0_u32, l.splat(0.0)); DEPTH];
-        let mut passed = 0;
-        let mut at = Child::ROOT;
-        while let Target::Node(index) = at.target() {
-            let node = &tree.nodes[index];
-            let squared = node.distance_squared(l, self.point);
-            let lane = l.least(squared) & 7;
-            trail[passed] = (index, lane, squared);
-            passed += 1;
-            at = node.child(lane as usize);
-        }
-        if let Target::Packet(packet) = at.target() {
-            self.visit(packet);
-        }
-        for &(index, taken, squared) in &trail[..passed] {
-            let mask = l.le(squared, l.splat(self.bound)) & !(1 << taken);
-            if mask != 0 {
-                self.push(&tree.nodes[index], squared, mask);
-            }
-        }
-    }
-
-    /// Opens all boxes within the bound, the nearest of a node first.
-    #[inline(always)]
-    fn drain(&mut self) {
-        let l = self.l;
-        let tree = &self.search.patch.tree;
-        while self.waiting > 0 {
-            self.waiting -= 1;
-            let (squared, child) = parts(self.stack[self.waiting]);
-            if squared > self.bound {
-                continue;
-            }
-            let mut at = Child(child);
-            loop {
-                let index = match at.target() {
-                    Target::Packet(packet) => {
-                        self.visit(packet);
-                        break;
-                    }
-                    Target::Node(index) => index,
-                };
-                let node = &tree.nodes[index];
-                let squared = node.distance_squared(l, self.point);
-                let mask = l.le(squared, l.splat(self.bound)) & node.used();
-                if mask == 0 {
-                    break;
-                }
-                if mask & (mask - 1) == 0 {
-                    // One alone need not go over the stack.
-                    at = node.child(mask.trailing_zeros() as usize);
-                    continue;
-                }
-                self.push(node, squared, mask);
-                break;
-            }
-        }
-    }
-
-    /// Puts the children of `node` in the lanes of `mask` on top, the nearest uppermost.
-    #[inline(always)]
-    fn push(&mut self, node: &Node8, squared: L::F, mask: u32) {
-        let squared = self.l.store(squared);
-        let mut mask = mask & node.used();
-        let first = self.waiting;
-        while mask != 0 {
-            let lane = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            let entry = entry(squared[lane & 7], node.child(lane).0);
-            let mut slot = self.waiting;
-            while slot > first && self.stack[slot - 1] < entry {
-                self.stack[slot] = self.stack[slot - 1];
-                slot -= 1;
-            }
-            self.stack[slot] = entry;
-            self.waiting += 1;
-        }
-    }
-
+impl<L: Lanes> Visitor<L> for Found<'_> {
     /// Tightens the bound by the nearest triangle of a packet, and notes those that may be nearest
     /// of all.
     #[inline(always)]
-    fn visit(&mut self, packet: usize) {
-        let l = self.l;
+    fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
         let patch = self.search.patch;
         let faces = &patch.tree.packets[packet];
         let Some(triangles) = patch.triangles.get(packet) else {
-            return self.visit_compact(faces);
+            return self.visit_compact(faces, bound);
         };
-        let squared = triangles.distance_squared(l, self.point);
+        let squared = triangles.distance_squared(l, point);
         // The last three bits are the lane's: all set, they round up.
-        self.tighten(f32::from_bits(l.least(squared) | 7));
-        let mut mask = l.le(squared, l.splat(self.bound));
+        *bound = bound.min(bound_of(f32::from_bits(l.least(squared) | 7), self.slack));
+        let mut mask = l.le(squared, l.splat(*bound));
         if mask == 0 {
             return;
         }
@@ -290,7 +172,7 @@ impl<L: Lanes> State<'_, L> {
             let lane = mask.trailing_zeros() as usize;
             mask &= mask - 1;
             if self.noted == PENDING {
-                self.make_room();
+                self.make_room(*bound);
             }
             let face = faces[lane & 7];
             self.pending[self.noted] = entry(squared[lane & 7], face);
@@ -299,43 +181,33 @@ impl<L: Lanes> State<'_, L> {
             black_box(patch.mesh.triangles[FaceId::from(face)][0]);
         }
     }
+}
 
-    /// A triangle was found at this distance, squared.
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "rounded up after")]
-    fn tighten(&mut self, squared: f32) {
-        let reach = squared.sqrt() + self.slack as f32;
-        let bound = reach * reach * (1.0 + 8.0 * f32::EPSILON);
-        if bound < self.bound {
-            self.bound = bound;
-        }
-    }
-
+impl Found<'_> {
     /// Measures all triangles of a packet on the mesh.
     #[cold]
     #[inline(never)]
-    fn visit_compact(&mut self, faces: &[u32; LANES]) {
+    fn visit_compact(&mut self, faces: &[u32; LANES], bound: &mut f32) {
         for face in distinct(faces) {
             self.search.measure(FaceId::from(face), &mut self.best);
         }
-        let frame = &self.search.patch.frame;
-        let bound = squared_bound_f32(Best::squared(self.best.as_ref()).sqrt() * frame.scale, self.slack);
-        self.bound = self.bound.min(bound);
+        let distance = Best::squared(self.best.as_ref()).sqrt() * self.search.patch.frame.scale;
+        *bound = bound.min(squared_bound_f32(distance, self.slack));
     }
 
     /// Room for more: measures those that are still of interest.
     #[cold]
     #[inline(never)]
-    fn make_room(&mut self) {
-        self.measure_pending();
+    fn make_room(&mut self, bound: f32) {
+        self.measure_pending(bound);
     }
 
     /// Measures the noted triangles that may still be nearest.
     #[inline(always)]
-    fn measure_pending(&mut self) {
+    fn measure_pending(&mut self, bound: f32) {
         for k in 0..self.noted {
             let (squared, face) = parts(self.pending[k]);
-            if squared <= self.bound {
+            if squared <= bound {
                 self.search.measure(FaceId::from(face), &mut self.best);
             }
         }
@@ -349,7 +221,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        contact::soup,
+        contact::{search::Packing, soup},
         mesh::{TriMesh, closest_point, shapes},
     };
 
@@ -369,6 +241,10 @@ mod tests {
         Search::new(&patch, PatchId::new(0), q).run(&mut found);
         let found = found.unwrap();
         assert_eq!((found.face, found.closest), (expected.face, expected.closest), "from {q}");
+        let compact = PatchBvh::packed("patch", mesh, Packing::Compact).unwrap();
+        let mut same = None;
+        Search::new(&compact, PatchId::new(0), q).run(&mut same);
+        assert_eq!(same.unwrap().face, expected.face, "compact, from {q}");
         // A bound to begin with changes nothing, be it the answer itself.
         let mut again = Some(found);
         Search::new(&patch, PatchId::new(0), q).run(&mut again);
@@ -380,6 +256,30 @@ mod tests {
         let mesh = shapes::cap(500, 0.1, 1.2);
         for radii in [0.5, 0.99, 1.01, 2.0, 1e3, 1e6] {
             assert_finds_the_nearest(&mesh, DVec3::new(0.3, -0.2, 0.5).normalize() * (FAR * 0.1 * radii));
+        }
+    }
+
+    /// Thousands of faces equally near: the first is the answer, and nothing overflows.
+    #[test]
+    fn of_coincident_faces_the_first_is_nearest() {
+        let positions: Vec<_> = shapes::triangle().positions.iter().copied().collect();
+        let mesh = TriMesh::from_arrays(positions, &vec![[0, 1, 2]; 5000]);
+        for q in [DVec3::new(0.2, 0.2, 0.1), DVec3::new(-3.0, 0.1, 0.0), DVec3::splat(1e9)] {
+            assert_finds_the_nearest(&mesh, q);
+        }
+    }
+
+    #[test]
+    fn nothing_out_of_reach_is_found() {
+        let mesh = shapes::cap(500, 0.1, 1.2);
+        let patch = PatchBvh::new("patch", &mesh).unwrap();
+        for (away, reach) in [(0.01, 0.011), (1e3, 1.1e3), (1e9, 1.1e9)] {
+            let q = DVec3::new(0.0, 0.0, -0.1 - away);
+            for (reach, expected) in [(reach, true), (0.5 * away, false)] {
+                let mut best = None;
+                Search::new(&patch, PatchId::new(0), q).within(reach).run(&mut best);
+                assert_eq!(best.is_some(), expected, "{away} m away, within {reach}");
+            }
         }
     }
 

@@ -3,7 +3,11 @@
 use glam::DVec3;
 
 use super::{
+    descent::{Descent, Visitor, bound_of},
     frame::Frame,
+    lanes::{Kernel, Lanes, Simd},
+    point8::Point8,
+    rounding::{slack, squared_bound_f32},
     tree::{Primitive, Tree, distinct},
 };
 use crate::{
@@ -16,8 +20,17 @@ use crate::{
 pub(in crate::contact) struct PointTree {
     points: IdVec<VertexId, DVec3>,
     tree: Option<Tree>,
+    /// One for each packet of the tree.
+    packets: Vec<Point8>,
     frame: Frame,
+    simd: Simd,
 }
+
+/// More points than this are looked for in `f64`, one by one.
+const MOST: usize = 64;
+
+/// From this many radii away, `f32` cannot distinguish the points.
+const FAR: f64 = 1000.0;
 
 impl PointTree {
     /// A tree over finite points; there may be none.
@@ -31,7 +44,9 @@ impl PointTree {
             tree.fit(primitive, |id| [at(id)]);
             tree
         });
-        Self { points: points.clone(), tree, frame }
+        let packets = tree.iter().flat_map(|tree: &Tree| &tree.packets);
+        let packets = packets.map(|ids| Point8::new(&ids.map(at))).collect();
+        Self { points: points.clone(), tree, packets, frame, simd: Simd::detect() }
     }
 
     /// Appends the `k` points nearest to `q`, none farther than `reach` (m, infinite for no limit),
@@ -43,28 +58,40 @@ impl PointTree {
         reach: f64,
         found: &mut Vec<(VertexId, f64)>,
     ) {
-        let Some(point) = Volume::sphere(q, 0.0).filter(|_| k > 0) else { return };
-        let Some(tree) = &self.tree else { return };
-        let (centre, sides) = self.frame.core(&point);
+        let Some(tree) = self.tree.as_ref().filter(|_| k > 0 && q.is_finite()) else { return };
+        let local = self.frame.point(q);
+        if k > MOST || local.length() > FAR {
+            return self.nearest_in_f64(tree, q, k, reach, found);
+        }
+        let first = found.len();
+        self.simd.run(Walk { points: self, tree, local, k, reach, found });
+        for (vertex, distance) in &mut found[first..] {
+            *distance = self.points[*vertex].distance(q);
+        }
+        found[first..].sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        let near = found[first..].iter().take(k).take_while(|(_, distance)| *distance <= reach).count();
+        found.truncate(first + near);
+    }
+
+    fn nearest_in_f64(&self, tree: &Tree, q: DVec3, k: usize, reach: f64, found: &mut Vec<(VertexId, f64)>) {
+        let local = self.frame.point(q);
+        let far = local.length() > FAR;
         let first = found.len();
         tree.walk(
-            reach * self.frame.scale,
-            |node| node.gaps(centre, &sides),
+            reach * self.frame.scale * FAR_ROUND_UP,
+            |node| if far { node.far_gaps(local) } else { node.gaps(local, &[DVec3::ZERO; 3]) },
             |packet| {
                 for vertex in distinct(packet).map(VertexId::from) {
                     let distance = self.points[vertex].distance(q);
-                    let entry = (vertex, distance);
                     let before = |a: &(VertexId, f64)| (a.1, a.0) < (distance, vertex);
-                    if distance <= reach {
-                        let place = first + found[first..].partition_point(before);
-                        if place < first + k {
-                            found.truncate(first + k - 1);
-                            found.insert(place, entry);
-                        }
+                    let place = first + found[first..].partition_point(before);
+                    if distance <= reach && place < first + k {
+                        found.truncate(first + k - 1);
+                        found.insert(place, (vertex, distance));
                     }
                 }
                 let worst = if found.len() == first + k { found[first + k - 1].1 } else { reach };
-                worst * self.frame.scale
+                worst * self.frame.scale * FAR_ROUND_UP
             },
         );
     }
@@ -93,6 +120,88 @@ impl PointTree {
     }
 }
 
+/// Bounds in `f64` from far away are enlarged by this: some hundred roundings.
+const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
+
+/// The walk with eight lanes: leaves everything in `found` that may be among the nearest.
+struct Walk<'a> {
+    points: &'a PointTree,
+    tree: &'a Tree,
+    local: DVec3,
+    k: usize,
+    reach: f64,
+    found: &'a mut Vec<(VertexId, f64)>,
+}
+
+impl Kernel for Walk<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, l: L) {
+        let Self { points, tree, local, k, reach, found } = self;
+        let slack = slack(local.length(), 1.0);
+        let bound = squared_bound_f32(reach * points.frame.scale, slack);
+        let mut descent = Descent::new(l, tree, local.as_vec3().to_array(), bound);
+        let first = found.len();
+        let mut nearest = Nearest { points, tree, slack, k, squares: [f32::MAX; MOST], found };
+        descent.run(&mut nearest);
+        let mut kept = first;
+        for n in first..found.len() {
+            if found[n].1 <= f64::from(descent.bound) {
+                found[kept] = found[n];
+                kept += 1;
+            }
+        }
+        found.truncate(kept);
+    }
+}
+
+struct Nearest<'a> {
+    points: &'a PointTree,
+    tree: &'a Tree,
+    slack: f64,
+    k: usize,
+    /// The `k` least squares, ascending.
+    squares: [f32; MOST],
+    /// Points and their squares.
+    found: &'a mut Vec<(VertexId, f64)>,
+}
+
+impl<L: Lanes> Visitor<L> for Nearest<'_> {
+    #[inline(always)]
+    fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
+        let ids = &self.tree.packets[packet];
+        let squared = self.points.packets[packet].distance_squared(l, point);
+        let mut mask = l.le(squared, l.splat(*bound));
+        if mask == 0 {
+            return;
+        }
+        let squared = l.store(squared);
+        let last = self.k - 1;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize & 7;
+            mask &= mask - 1;
+            // Empty lanes repeat the last point.
+            if lane > 0 && ids[lane] == ids[lane - 1] {
+                break;
+            }
+            let square = squared[lane];
+            self.found.push((VertexId::from(ids[lane]), f64::from(square)));
+            if square < self.squares[last] {
+                let mut slot = last;
+                while slot > 0 && self.squares[slot - 1] > square {
+                    self.squares[slot] = self.squares[slot - 1];
+                    slot -= 1;
+                }
+                self.squares[slot] = square;
+            }
+        }
+        if self.squares[last] < f32::MAX {
+            *bound = bound.min(bound_of(self.squares[last], self.slack));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use glam::DQuat;
@@ -109,15 +218,16 @@ mod tests {
             points in prop::collection::vec(prop::array::uniform3(-1.0_f64..1.0), 0..300),
             copies in 0_usize..100,
             q in prop::array::uniform3(-2.0_f64..2.0),
+            away in prop_oneof![5 => Just(1.0), 1 => Just(1e5), 1 => Just(1e9)],
             half in prop::array::uniform3(0.0_f64..0.4),
-            k in 0_usize..20,
+            k in prop_oneof![4 => 0_usize..20, 1 => 60_usize..70],
             reach in prop_oneof![2 => Just(f64::INFINITY), 1 => Just(0.3)],
         ) {
             let mut points: IdVec<VertexId, DVec3> = points.into_iter().map(DVec3::from).collect();
             for _ in 0..copies {
                 points.push(DVec3::ONE * 0.5);
             }
-            let (tree, q) = (PointTree::new(&points), DVec3::from(q));
+            let (tree, q) = (PointTree::new(&points), DVec3::from(q) * away);
             let mut expected: Vec<_> = points.enumerate().map(|(v, p)| (v, p.distance(q))).collect();
             expected.retain(|&(_, distance)| distance <= reach);
             expected.sort_by(|a, b| (a.1, a.0).partial_cmp(&(b.1, b.0)).unwrap());

@@ -1,0 +1,151 @@
+//! The walk that all searches for something nearest share: down to one packet, then wherever
+//! something nearer may be.
+
+use super::{
+    lanes::Lanes,
+    node8::{Child, Node8, Target},
+    tree::{DEPTH, STACK, Tree},
+};
+
+/// What is done with the packets of a walk.
+pub(super) trait Visitor<L: Lanes> {
+    /// Compares the contents of a packet with `point`, in the tree's frame and units, and lowers the
+    /// bound if it can: squares above it are of no interest. Must be `#[inline(always)]`.
+    fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32);
+}
+
+/// A walk down a tree.
+pub(super) struct Descent<'a, L: Lanes> {
+    pub(super) l: L,
+    pub(super) tree: &'a Tree,
+    pub(super) point: [f32; 3],
+    pub(super) bound: f32,
+    /// Boxes to be opened: squared distance and child in one number. Distances are not negative, so
+    /// their bits sort as they do.
+    stack: [u64; STACK],
+    waiting: usize,
+}
+
+/// A squared distance and a number in one word, which sorts by the distance.
+#[inline(always)]
+pub(super) fn entry(squared: f32, number: u32) -> u64 {
+    u64::from(squared.to_bits()) << 32 | u64::from(number)
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the halves of 64 bits")]
+pub(super) fn parts(entry: u64) -> (f32, u32) {
+    (f32::from_bits((entry >> 32) as u32), entry as u32)
+}
+
+/// The bound that a distance (squared) sets, if rounding adds at most `slack` to a distance and
+/// takes at most as much from another.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the last factor is larger than the rounding")]
+pub(super) fn bound_of(squared: f32, slack: f64) -> f32 {
+    let reach = squared.sqrt() + 2.0 * slack as f32;
+    reach * reach * (1.0 + 8.0 * f32::EPSILON)
+}
+
+impl<'a, L: Lanes> Descent<'a, L> {
+    #[inline(always)]
+    pub(super) fn new(l: L, tree: &'a Tree, point: [f32; 3], bound: f32) -> Self {
+        Self { l, tree, point, bound, stack: [0; STACK], waiting: 0 }
+    }
+
+    /// Visits every packet that may hold something within the bound; afterwards the bound is that of
+    /// the nearest.
+    #[inline(always)]
+    pub(super) fn run(&mut self, visitor: &mut impl Visitor<L>) {
+        self.descend(visitor);
+        self.drain(visitor);
+    }
+
+    /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound;
+    /// then pushes the other children of the nodes on the way that are within that bound, the
+    /// deepest on top.
+    ///
+    /// Without a bound the walk from the root would push every child of these nodes.
+    #[inline(always)]
+    fn descend(&mut self, visitor: &mut impl Visitor<L>) {
+        let l = self.l;
+        let tree = self.tree;
+        let mut trail = [(0_usize, 0_u32, l.splat(0.0)); DEPTH];
+        let mut passed = 0;
+        let mut at = Child::ROOT;
+        while let Target::Node(index) = at.target() {
+            let node = &tree.nodes[index];
+            let squared = node.distance_squared(l, self.point);
+            let lane = l.least(squared) & 7;
+            trail[passed] = (index, lane, squared);
+            passed += 1;
+            at = node.child(lane as usize);
+        }
+        if let Target::Packet(packet) = at.target() {
+            visitor.visit(l, self.point, packet, &mut self.bound);
+        }
+        for &(index, taken, squared) in &trail[..passed] {
+            let mask = l.le(squared, l.splat(self.bound)) & !(1 << taken);
+            if mask != 0 {
+                self.push(&tree.nodes[index], squared, mask);
+            }
+        }
+    }
+
+    /// Opens all boxes within the bound, the nearest of a node first.
+    #[inline(always)]
+    fn drain(&mut self, visitor: &mut impl Visitor<L>) {
+        let l = self.l;
+        let tree = self.tree;
+        while self.waiting > 0 {
+            self.waiting -= 1;
+            let (squared, child) = parts(self.stack[self.waiting]);
+            if squared > self.bound {
+                continue;
+            }
+            let mut at = Child(child);
+            loop {
+                let index = match at.target() {
+                    Target::Packet(packet) => {
+                        visitor.visit(l, self.point, packet, &mut self.bound);
+                        break;
+                    }
+                    Target::Node(index) => index,
+                };
+                let node = &tree.nodes[index];
+                let squared = node.distance_squared(l, self.point);
+                let mask = l.le(squared, l.splat(self.bound)) & node.used();
+                if mask == 0 {
+                    break;
+                }
+                if mask & (mask - 1) == 0 {
+                    // One alone need not go over the stack.
+                    at = node.child(mask.trailing_zeros() as usize);
+                    continue;
+                }
+                self.push(node, squared, mask);
+                break;
+            }
+        }
+    }
+
+    /// Puts the children of `node` in the lanes of `mask` on top, the nearest uppermost.
+    #[inline(always)]
+    fn push(&mut self, node: &Node8, squared: L::F, mask: u32) {
+        let squared = self.l.store(squared);
+        let mut mask = mask & node.used();
+        let first = self.waiting;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let entry = entry(squared[lane & 7], node.child(lane).0);
+            let mut slot = self.waiting;
+            while slot > first && self.stack[slot - 1] < entry {
+                self.stack[slot] = self.stack[slot - 1];
+                slot -= 1;
+            }
+            self.stack[slot] = entry;
+            self.waiting += 1;
+        }
+    }
+}
