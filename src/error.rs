@@ -55,7 +55,6 @@ pub enum Error {
 
 impl Error {
     /// The same error, saying which patch it is about.
-    #[must_use]
     pub(crate) fn in_patch(self, patch: &str) -> Self {
         Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
     }

@@ -11,6 +11,8 @@ use std::{
 
 use rayon::prelude::*;
 
+use crate::id::{Id, IdVec};
+
 /// Chunks for each thread: enough to balance chunks of different cost.
 const CHUNKS_PER_THREAD: usize = 8;
 
@@ -44,6 +46,11 @@ pub(crate) fn par_collect<U: Send>(
 /// `of` each item.
 pub(crate) fn par_map<T: Sync, U: Send>(items: &[T], of: impl Fn(&T) -> U + Sync) -> Vec<U> {
     par_collect(items.len(), |range, out| out.extend(items[range].iter().map(&of)))
+}
+
+/// `of` each of the first `count` ids.
+pub(crate) fn par_ids<I: Id, U: Send>(count: usize, of: impl Fn(I) -> U + Sync) -> IdVec<I, U> {
+    par_collect(count, |range, out| out.extend(range.map(I::new).map(&of))).into()
 }
 
 #[cfg(test)]

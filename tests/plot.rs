@@ -160,12 +160,7 @@ fn data_that_is_no_map_is_an_error() {
         assert!(
             matches!(
                 result,
-                Err(PlotError::Map(
-                    MapError::Skin(_)
-                        | MapError::Level { .. }
-                        | MapError::Length { .. }
-                        | MapError::NotFinite { .. }
-                ))
+                Err(PlotError::Map(MapError::Skin(_) | MapError::Level { .. } | MapError::NotFinite { .. }))
             ),
             "{result:?}"
         );
@@ -225,6 +220,22 @@ fn text_boxes(svg: &str) -> Vec<[f32; 4]> {
         [left, left + width, top, bottom]
     });
     boxes.collect()
+}
+
+/// The name is cut, and the measures break at commas, then between words.
+#[test]
+fn captions_of_narrow_panels_are_broken_and_not_lost() {
+    let long = skin(vec![square_pyramid(&"n".repeat(50), &[13, 7, 4], 0.06, 0.001)]);
+    for (width_px, is_broken) in [(1600, false), (500, true)] {
+        let svg = plot_map(&long, &PlotOptions { width_px, ..PlotOptions::default() }).unwrap();
+        let (_, texts) = elements(&svg);
+        let names: Vec<_> = texts.iter().filter(|t| t.contains(", level ")).collect();
+        assert!(names.iter().all(|t| t.starts_with("nnn") && t.contains("\u{2026}, level ")), "{names:?}");
+        assert!(texts.iter().any(|t| t == "169 taxels, 0 flips"), "{texts:?}");
+        let whole = texts.iter().filter(|t| t.starts_with("s1/s2 1.000 (max 1.00), area")).count();
+        let parts = texts.iter().filter(|t| *t == "s1/s2 1.000 (max 1.00),").count();
+        assert_eq!((whole, parts), if is_broken { (0, 3) } else { (3, 0) }, "{texts:?}");
+    }
 }
 
 #[test]

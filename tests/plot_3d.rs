@@ -12,9 +12,9 @@ use dermatome::{
     map::SkinMap,
     mesh::{TriMesh, shapes},
     plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
-    skin::{Covariance, Skin},
+    skin::{Covariance, LinkId, Skin},
 };
-use glam::DVec3;
+use glam::{DAffine3, DQuat, DVec2, DVec3};
 use maps::{level_id, skin, square_pyramid};
 use predicates::{prelude::*, str::contains};
 
@@ -40,6 +40,58 @@ fn pixels(skin: &Skin, options: &PlotOptions) -> Vec<[u8; 3]> {
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     reader.next_frame(&mut bytes).unwrap();
     bytes.as_chunks().0.to_vec()
+}
+
+/// The centres of the dots of a picture, up instead of down.
+fn dots(svg: &str) -> Vec<DVec2> {
+    let document = roxmltree::Document::parse(svg).unwrap();
+    let circles = document.descendants().filter(|node| node.has_tag_name("circle"));
+    let number = |node: roxmltree::Node<'_, '_>, name| node.attribute(name).unwrap().parse::<f64>().unwrap();
+    circles.map(|node| DVec2::new(number(node, "cx"), -number(node, "cy"))).collect()
+}
+
+/// A sheet that faces the viewer shows its true shape, x to the right of what is up, from each
+/// direction; from -y that is x and z, from above x and y.
+#[test]
+fn lengths_in_the_picture_plane_are_kept() {
+    for (azimuth, elevation) in [(0.0, 0.0), (17.0, -63.0), (-143.0, 40.0), (57.0, 90.0), (229.0, -90.0)] {
+        let [a, e] = [azimuth, elevation].map(f64::to_radians);
+        let level = DVec3::new(a.cos(), a.sin(), 0.0);
+        let (toward, up) = (e.cos() * level + e.sin() * DVec3::Z, e.cos() * DVec3::Z - e.sin() * level);
+        let place = |i, j| f64::from(i) * up.cross(toward) + f64::from(j) * up + 7.0 * toward;
+        let svg = plot_skin(&Skin::from_mesh("sheet", shapes::sheet(3, 4, place)), &from(azimuth, elevation));
+        let dots = dots(&svg.unwrap());
+        let scale = dots[1].x - dots[0].x;
+        assert!(dots.len() == 12 && scale > 50.0, "from {azimuth}, {elevation}: {dots:?}");
+        for (k, dot) in dots.iter().enumerate() {
+            let expected = dots[0] + scale * DVec2::new((k % 3) as f64, (k / 3) as f64);
+            assert!(dot.distance(expected) < 0.5, "from {azimuth}, {elevation}: {dots:?}");
+        }
+    }
+    for (elevation, up) in [(0.0, DVec3::Z), (90.0, DVec3::Y)] {
+        let place = |i, j| f64::from(i) * DVec3::X + f64::from(j) * up;
+        let svg = plot_skin(&Skin::from_mesh("sheet", shapes::sheet(2, 2, place)), &from(-90.0, elevation));
+        let dots = dots(&svg.unwrap());
+        assert!(dots[1].x > dots[0].x + 50.0 && dots[2].y > dots[0].y + 50.0, "{dots:?}");
+    }
+}
+
+/// The default direction sees all of a shallow cap, however its link is posed, and a posed skin
+/// looks as its moved copy.
+#[test]
+fn the_default_sees_the_outside_of_a_posed_skin() {
+    let cap = shapes::cap(200, 0.1, 0.6);
+    for turn in [DQuat::IDENTITY, DQuat::from_rotation_x(1.5), DQuat::from_rotation_y(3.1)] {
+        let pose = DAffine3::from_rotation_translation(turn, DVec3::new(0.1, 2.0, 3.0));
+        let mut posed = Skin::from_mesh("cap", cap.clone());
+        posed.links[LinkId::new(0)].pose = pose;
+        let positions = cap.positions.map(|&p| pose.transform_point3(p));
+        let moved = Skin::from_mesh("cap", TriMesh { positions, triangles: cap.triangles.clone() });
+        let [here, there] =
+            [posed, moved].map(|skin| dots(&plot_skin(&skin, &PlotOptions::default()).unwrap()));
+        assert_eq!(here.len(), cap.positions.len(), "all taxels are seen");
+        assert!(here.iter().zip(&there).all(|(a, b)| a.distance(*b) < 2.0), "{here:?}, {there:?}");
+    }
 }
 
 /// A cap whose taxels are known to a millimetre in its middle, and worse outwards.

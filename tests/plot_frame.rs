@@ -6,7 +6,7 @@ mod maps;
 use dermatome::{
     id::VertexId,
     map::SkinMap,
-    plot::{ChannelView, PlotError, PlotOptions, Viewpoint, plot_frame},
+    plot::{ChannelView, PlotError, PlotOptions, ValueRange, Viewpoint, plot_frame},
     signal::{Channel, Frame, LevelFrame, Restrictor},
     skin::PatchId,
 };
@@ -103,4 +103,19 @@ fn what_cannot_be_drawn_is_said() {
     *level = level.iter().skip(1).copied().collect::<Vec<_>>().into();
     assert!(level.get(VertexId::new(0)).is_some());
     assert!(matches!(draw(&view(&short, &channel)), Err(PlotError::FrameOfAnotherMap { .. })));
+}
+
+/// Bins keep sign and order, and values to 1.4 %.
+#[test]
+fn a_range_of_two_values_has_them_at_its_ends() {
+    let values = [-1e300, -5.0, -1e-300, 0.0, 1e-300, 1.0, 1.1, 1e300];
+    for pair in values.windows(2) {
+        let mut range = ValueRange::default();
+        range.add([pair[1], f64::NAN, f64::INFINITY, pair[1]]);
+        assert_eq!(range.percentiles(0.0, 100.0), None, "a single value has no range");
+        range.add([pair[0]]);
+        let ends = range.percentiles(0.0, 100.0).unwrap();
+        assert!(ends.iter().zip(pair).all(|(end, x)| (end - x).abs() <= 0.014 * x.abs()), "{ends:?}");
+    }
+    assert_eq!(ValueRange::default().percentiles(0.0, 100.0), None);
 }

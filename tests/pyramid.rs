@@ -390,6 +390,65 @@ fn dense_skin_keeps_small_fields() {
     }
 }
 
+/// The taxels that are the vertices of level 1.
+fn centres(mesh: TriMesh) -> Vec<VertexId> {
+    let options = CoarsenOptions { levels: Some(1), ..CoarsenOptions::default() };
+    let pyramid = coarsen_patch(&patch(mesh), &options).unwrap();
+    pyramid.levels[LevelId::new(1)].origins.as_slice().to_vec()
+}
+
+/// No two centres are within 1.35 spacings of each other, and every other taxel is within that of
+/// one. On the boundary of a lattice a centre is one of the boundary, which comes before the inside,
+/// and its two sharp corners come before all.
+#[test]
+fn centres_are_independent_and_maximal_and_corners_and_boundaries_come_first() {
+    for (columns, rows) in [(30, 30), (9, 9)] {
+        let mesh = shapes::lattice(columns, rows, 0.01);
+        let adjacency = Adjacency::new(&mesh).unwrap();
+        let is_near = |a: VertexId, b: VertexId| mesh.positions[a].distance(mesh.positions[b]) <= 0.0135;
+        let centres = centres(mesh.clone());
+        for v in mesh.positions.ids() {
+            let blockers = centres.iter().filter(|&&c| c != v && is_near(v, c)).count();
+            assert_eq!(centres.contains(&v), blockers == 0, "{v} has {blockers} centres around");
+            let on_boundary = centres.iter().filter(|&&c| adjacency.is_boundary(c) && is_near(v, c)).count();
+            assert!(!adjacency.is_boundary(v) || on_boundary > 0, "{v} has no centre on the boundary");
+        }
+        let corners = mesh.positions.ids().filter(|&v| adjacency.ring(v).len() == 2);
+        assert_eq!(corners.filter(|v| centres.contains(v)).count(), 2);
+    }
+}
+
+/// The two sheets of a fold are near in space but far on the skin.
+#[test]
+fn sheets_of_a_fold_do_not_see_each_other() {
+    let gap = 0.001;
+    let folded = shapes::sheet(21, 9, |i, j| {
+        let turned = if i > 10 { (20.0 - f64::from(i), gap) } else { (f64::from(i), 0.0) };
+        DVec3::new(0.01 * turned.0, 0.01 * f64::from(j), turned.1)
+    });
+    let centres = centres(folded.clone());
+    let on = |z: f64| centres.iter().filter(|&&v| (folded.positions[v].z - z).abs() < 1e-9).count();
+    assert!(on(0.0) >= 15 && on(gap) >= 15, "{} and {} centres", on(0.0), on(gap));
+}
+
+/// Densities weigh places against each other, in whichever unit; and that of a lattice of spacing
+/// `h`, `2 / (sqrt3 h^2)`, says what the lattice shows.
+#[test]
+fn densities_only_weigh_places_against_each_other() {
+    let mesh = jittered(&cap(3_000), 0.1, 1);
+    let pyramid_of = |mesh: &TriMesh, density: &dyn Fn(&DVec3) -> f64| {
+        let mut patch = patch(mesh.clone());
+        patch.taxels.densities = Some(mesh.positions.map(density));
+        coarsen_patch(&patch, &CoarsenOptions::default()).unwrap()
+    };
+    let one = pyramid_of(&mesh, &|p| 1.0 + 100.0 * p.x * p.x);
+    let other = pyramid_of(&mesh, &|p| 1e4 + 1e6 * p.x * p.x);
+    assert_eq!(one.removals, other.removals);
+    let lattice = shapes::lattice(30, 20, 0.006);
+    let stated = pyramid_of(&lattice, &|_| 2.0 / (3.0_f64.sqrt() * 0.006 * 0.006));
+    assert_eq!(stated.removals[LevelId::new(0)], pyramid(lattice).removals[LevelId::new(0)]);
+}
+
 /// On a regular lattice neighbours conflict and others do not: a dead centre inside is one only
 /// where every live neighbour has another centre next to it.
 #[test]
@@ -446,34 +505,6 @@ fn placeholder_ids_do_no_harm() {
     let mut patch = patch(cap(3_000));
     patch.taxels.ids = patch.taxels.ids.map(|_| TaxelId(0));
     assert_laws(&coarsen_patch(&patch, &CoarsenOptions::default()).unwrap());
-}
-
-#[test]
-fn a_constant_pressure_survives_dead_taxels() {
-    let pyramid = pyramid(cap(3_000));
-    let ground = &pyramid.levels[LevelId::new(0)];
-    let top = pyramid.levels.iter().nth(1).unwrap();
-    let direct = top.to_finest.as_ref().unwrap();
-    let pressures = ground.areas.map(|_| 20.0);
-    let half = direct.restrict_pressure(&pressures, &ground.areas, |v| v.raw() % 2 == 0);
-    let served = half.iter().flatten().count();
-    assert!(half.iter().flatten().all(|p| (p - 20.0).abs() < 1e-12), "20 Pa everywhere");
-    assert!(served as f64 > 0.99 * half.len() as f64, "{served} of {} fields have a taxel left", half.len());
-    let none = direct.restrict_pressure(&pressures, &ground.areas, |_| false);
-    assert!(none.iter().all(Option::is_none), "no taxels, no pressure");
-}
-
-#[test]
-fn pressure_on_living_taxels_keeps_the_force() {
-    let pyramid = pyramid(shapes::saddle(30));
-    let (fine, _, coarse) = steps(&pyramid).next().unwrap();
-    let pressures = fine.mesh.positions.map(|p| 100.0 + 1e4 * p.x * p.y);
-    let up = fine.from_coarser.as_ref().unwrap();
-    let lifted = up.restrict_pressure(&pressures, &fine.areas, |_| true);
-    let force = |p: f64, a: f64| p * a;
-    let before: f64 = pressures.iter().zip(&fine.areas).map(|(p, a)| force(*p, *a)).sum();
-    let after: f64 = lifted.iter().flatten().zip(&coarse.areas).map(|(p, a)| force(*p, *a)).sum();
-    assert!((before - after).abs() < 1e-12 * before, "{before} N and {after} N");
 }
 
 /// Half-way meshes, on which maps are refined, are manifolds of the same shape too.
@@ -559,15 +590,6 @@ fn values_are_blended_and_amounts_are_shared() {
     assert_eq!(p.restrict(&vec![1.0, 8.0].into()).as_slice(), [5.0, 0.0, 4.0]);
     let row: Vec<_> = p.row(VertexId::new(1)).collect();
     assert_eq!(row, [(VertexId::new(0), 0.5), (VertexId::new(2), 0.5)], "unused slots are left out");
-}
-
-#[test]
-fn pressure_is_a_mean_over_the_taxels_that_work() {
-    let (p, pressures, areas) = (middle(), vec![10.0, 40.0].into(), vec![1.0, 2.0].into());
-    let all = p.restrict_pressure(&pressures, &areas, |_| true);
-    assert_eq!(all.as_slice(), [Some(25.0), None, Some(40.0)], "(10 1 1 + 40 2 0.5) / 2, no taxel, one");
-    let first = p.restrict_pressure(&pressures, &areas, |v| v.index() == 0);
-    assert_eq!(first.as_slice(), [Some(10.0), None, None], "the other taxel is dead");
 }
 
 #[test]

@@ -83,9 +83,6 @@ fn diagnostics(problem: &Problem<'_>, solution: &Solution) -> PerObservation<Obs
     let beyond = (losses.loss == Loss::Squared)
         .then(|| LossFunctions::new(&problem.dimensions, Loss::Truncated).verdicts(&iterate.chi2));
     let weighed = iterate.chi2.zip(weights, |chi2, weight| (chi2, weight));
-    weighed.zip(beyond.as_ref().unwrap_or(verdicts), |(chi2, weight), verdict| ObservationDiagnostics {
-        chi2,
-        weight,
-        verdict,
-    })
+    let diagnosed = |(chi2, weight), verdict| ObservationDiagnostics { chi2, weight, verdict };
+    weighed.zip(beyond.as_ref().unwrap_or(verdicts), diagnosed)
 }

@@ -39,18 +39,6 @@ pub enum MapError {
         /// That of the taxel, in m^2.
         taxel: f64,
     },
-    /// Not one map position per vertex.
-    #[error("{patch}/{level:?}: uv has {found} entries, {needed} are needed")]
-    Length {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// Map positions found.
-        found: usize,
-        /// Vertices.
-        needed: usize,
-    },
     /// A map position that is not finite.
     #[error("{patch}/{level:?}: vertex {vertex} lies at {at} m on the map, which is not finite")]
     NotFinite {

@@ -32,31 +32,24 @@ impl ImageFrame {
         let count = inner + 2.0 * f64::from(margin);
         let size = count * pixel;
         let origin = (lo + hi) / 2.0 - size / 2.0;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "`as` saturates; the rasteriser refuses images that large"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "saturates; the rasteriser refuses such images")]
         let size_px = [count.x as u32, count.y as u32];
         Self { origin, size, size_px }
     }
 
     /// Whether it is a finite rectangle with an area and at least one pixel.
-    #[must_use]
     pub(crate) fn is_valid(&self) -> bool {
         let size = self.size.is_finite() && self.size.min_element() > 0.0;
         size && self.origin.is_finite() && !self.size_px.contains(&0)
     }
 
     /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
-    #[must_use]
     pub(crate) fn to_texture(self, at: DVec2) -> DVec2 {
         let unit = (at - self.origin) / self.size;
         DVec2::new(unit.x, 1.0 - unit.y)
     }
 
     /// The map position (m) of a point of the unit square.
-    #[must_use]
     pub(crate) fn map_position(self, texture: DVec2) -> DVec2 {
         self.origin + DVec2::new(texture.x, 1.0 - texture.y) * self.size
     }
@@ -67,11 +60,7 @@ impl ImageFrame {
         let t = self.to_texture(at);
         let px = |unit: f64, count: u32| {
             let last = f64::from(count.saturating_sub(1));
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "clamped to the image first"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the image first")]
             let px = (unit * f64::from(count)).floor().clamp(0.0, last) as u32;
             px
         };

@@ -6,7 +6,6 @@
 mod error;
 mod frame;
 mod skin_map;
-mod tangents;
 
 pub use error::MapError;
 pub use frame::ImageFrame;

@@ -5,10 +5,10 @@ use glam::{DAffine3, DVec2, DVec3};
 use crate::{
     flatten::{Distortion, distortion},
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapError, tangents::fill_tangents},
+    map::{ImageFrame, MapError},
     mesh::{TriMesh, VertexCorners},
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
-    skin::{Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches},
+    skin::{Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
 };
 
 /// One level of a patch with its map.
@@ -83,7 +83,10 @@ impl PatchMap {
     ) -> Self {
         let mut taxels = patch.taxels.clone();
         if let Some((level, uv)) = pyramid.levels.iter().zip(&maps).next() {
-            fill_tangents(&mut taxels, &level.mesh, uv);
+            if taxels.tangents.is_none() {
+                let directions = directions_of_u(&level.mesh, uv);
+                taxels.tangents = Some(tangents_along(&level.mesh, &taxels.normals, &directions).0);
+            }
         }
         let levels = pyramid.levels.into_iter().zip(maps);
         Self {
@@ -98,7 +101,6 @@ impl PatchMap {
     ///
     /// # Panics
     /// If a vertex of the level is not a taxel of this patch.
-    #[must_use]
     pub(crate) fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
         level.origins.map(|&taxel| self.taxels.normals[taxel])
     }
@@ -129,7 +131,8 @@ impl PatchMap {
             let patch = || self.name.clone();
             let (found, needed) = (uv.len(), mesh.positions.len());
             if found != needed {
-                return Err(MapError::Length { patch: patch(), level, found, needed });
+                let source = PyramidError::Length { what: "uv", found, needed };
+                return Err(MapError::Level { patch: patch(), level, source });
             }
             if let Some((vertex, &at)) = uv.enumerate().find(|(_, at)| !at.is_finite()) {
                 return Err(MapError::NotFinite { patch: patch(), level, vertex, at });
@@ -143,6 +146,21 @@ impl PatchMap {
         }
         Ok(())
     }
+}
+
+/// At each vertex the sum over its faces of area times gradient of `u`, twice, in m^2: zero where
+/// the gradients cancel or the faces have no area.
+fn directions_of_u(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> IdVec<VertexId, DVec3> {
+    let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, mesh.positions.len());
+    for (face, &[a, b, c]) in mesh.triangles.enumerate() {
+        let [x, y, z] = mesh.corners(face);
+        let normal = mesh.face_cross(face).normalize_or_zero();
+        // The gradient of a hat function is the opposite side, turned by a right angle inwards.
+        let side = (uv[b].x - uv[a].x) * (x - z) + (uv[c].x - uv[a].x) * (y - x);
+        let gradient = normal.cross(side);
+        [a, b, c].iter().for_each(|&v| sums[v] += gradient);
+    }
+    sums
 }
 
 /// Whether a map of `faces` faces can have these measures. Whether it has them only measuring again
@@ -195,10 +213,10 @@ impl SkinMap {
 
     /// Checks that this is a map: the only place that judges one, in time linear in its size.
     ///
-    /// Links come after their parents and have rigid poses, patches have names of their own and links
-    /// that exist. Of each patch, the taxels keep the rules of [`Taxels::validate`], the levels those of a pyramid
-    /// but for manifoldness and nesting (lookups accept any triangles), map positions are finite,
-    /// one per vertex, and image frames have a size.
+    /// Links come after their parents and have rigid poses, patches have names of their own and
+    /// links that exist. Of each patch, the taxels keep the rules of [`Taxels::validate`], the levels
+    /// those of a pyramid but for manifoldness and nesting (lookups accept any triangles), map
+    /// positions are finite, one per vertex, and image frames have a size.
     ///
     /// # Errors
     /// The first broken rule, with patch, level and element.

@@ -29,9 +29,9 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec
     let mut closed = Vec::new();
     for (walk, fill) in loops.into_iter().zip(fills) {
         if let Some(fill) = fill {
-            fill.into_iter().for_each(|t| {
+            for t in fill {
                 mesh.triangles.push(t);
-            });
+            }
             closed.push(walk);
         }
     }

@@ -1,10 +1,9 @@
-//! The chi-square distribution: tail probability and quantile.
+//! The chi-square distribution, tail probability and quantile; and the ranks of given numbers.
 
 /// Chance that a chi-square variable of `degrees` degrees of freedom is above `x`: the upper
 /// regularised incomplete gamma function `Q(degrees / 2, x / 2)`.
 ///
 /// Series below the mean, continued fraction above it (abramowitz1964, 6.5.29 and 6.5.31).
-#[must_use]
 pub(crate) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
     let (a, x) = (0.5 * degrees, 0.5 * x);
     if !(x > 0.0 && a > 0.0) {
@@ -16,11 +15,7 @@ pub(crate) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
 
 /// Terms after which either expansion has long converged: they need some `sqrt(a)` of them.
 fn most_terms(a: f64) -> u32 {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "saturates, and stays positive"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, and stays positive")]
     let terms = (20.0 * a.sqrt()) as u32;
     terms.saturating_add(200)
 }
@@ -75,6 +70,18 @@ pub(crate) fn quantile(share: f64, degrees: f64) -> f64 {
         if 1.0 - chi_square_tail(middle, degrees) < share { low = middle } else { high = middle }
     }
     0.5 * (low + high)
+}
+
+/// The number that `rank` others precede in ascending order; `None` if there are fewer.
+pub(crate) fn nth_smallest(mut numbers: Vec<f64>, rank: usize) -> Option<f64> {
+    (rank < numbers.len()).then(|| *numbers.select_nth_unstable_by(rank, f64::total_cmp).1)
+}
+
+/// The median, of an even number the upper one; `None` without numbers.
+pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
+    let numbers: Vec<f64> = numbers.collect();
+    let middle = numbers.len() / 2;
+    nth_smallest(numbers, middle)
 }
 
 #[cfg(test)]

@@ -34,7 +34,6 @@ impl Covariance {
     }
 
     /// From the upper triangle of a matrix that is symmetric up to rounding.
-    #[must_use]
     pub(crate) fn from_matrix(m: &DMat3) -> Self {
         let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
         Self { xx: x.x, xy: y.x, xz: z.x, yy: y.y, yz: z.y, zz: z.z }

@@ -7,7 +7,6 @@ use crate::id::{Id, IdVec};
 pub(crate) trait Parity: Copy + Default {
     /// The relation of `a` and `c`, if `self` is that of `a` and `b` and `next` that of `b` and
     /// `c`.
-    #[must_use]
     fn then(self, next: Self) -> Self;
 }
 

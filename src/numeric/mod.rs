@@ -8,7 +8,7 @@ mod morton;
 mod random;
 mod symmetric_eigen;
 
-pub(crate) use chi_square::{chi_square_tail, quantile};
+pub(crate) use chi_square::{chi_square_tail, median, nth_smallest, quantile};
 pub use covariance::Covariance;
 pub(crate) use disjoint_sets::{DisjointSets, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};

@@ -1,20 +1,16 @@
-//! Positions along the Morton curve, which sort points so that neighbours are near each other.
+//! The Morton curve (morton1966).
 
 use glam::DVec3;
 
 /// Bits of each coordinate: three times as many fit into a word.
 const BITS: u32 = 21;
 
-/// The place along the Morton curve (morton1966) of a point whose coordinates lie in `0..=1`: bits
+/// The place along the Morton curve of a point whose coordinates lie in `0..=1`: bits
 /// interleaved, so that points near each other on the curve are near each other in space.
 pub(crate) fn morton(unit: DVec3) -> u64 {
     let steps = f64::from((1_u32 << BITS) - 1);
     let spread = |x: f64| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "between 0 and 2^21, and `as` saturates"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "between 0 and 2^21, and `as` saturates")]
         let mut x = (x * steps) as u64 & ((1 << BITS) - 1);
         for (shift, mask) in [
             (32, 0x001f_0000_0000_ffff),

@@ -6,8 +6,7 @@ use rand_pcg::{
     rand_core::{Rng, SeedableRng},
 };
 
-/// Random numbers with the same bytes on every system: the generator and the logarithm are our own
-/// choice, not the system's.
+/// The generator and the logarithm are our own choice, not the system's.
 #[derive(Debug, Clone)]
 pub(crate) struct Random {
     generator: Pcg64,
@@ -29,11 +28,7 @@ impl Random {
     }
 
     /// Uniform among `0..count`; 0 if there is nothing to choose from.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "below `count`, not negative"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "below `count`, not negative")]
     pub(crate) fn below(&mut self, count: usize) -> usize {
         ((self.uniform() * count as f64) as usize).min(count.saturating_sub(1))
     }

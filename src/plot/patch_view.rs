@@ -24,11 +24,10 @@ pub(crate) struct PatchView<'a> {
 }
 
 impl<'a> PatchView<'a> {
-    /// `None` for a patch without a level.
-    pub(crate) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Option<Self> {
-        Some(Self {
+    pub(crate) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Result<Self, PlotError> {
+        Ok(Self {
             name: &patch.name,
-            mesh: &patch.levels.get(LevelId::default())?.level.mesh,
+            mesh: &patch.levels.get(LevelId::default()).ok_or(PlotError::Empty)?.level.mesh,
             pose: world_pose(&map.links, patch.link),
             ids: &patch.taxels.ids,
             presence: &patch.taxels.presence,

@@ -8,9 +8,9 @@ use crate::{
     map::{MapLevel, PatchMap, SkinMap},
     plot::{
         PlotError, PlotOptions,
-        colour::{DIVERGING, ORDER, Scale},
+        colour::Scale,
         draw::Panel,
-        layout::{Caption, Layout, printable, short},
+        layout::{Caption, Layout, printable, signed, ticks},
         patch_view::PatchView,
         picture::Picture,
         plot_map::{check_viewpoint, choose, choose_levels},
@@ -77,8 +77,8 @@ pub fn plot_frame(
     let levels = choose_levels(&patches, &options.levels)?;
     options.space.map_or(Ok(()), check_viewpoint)?;
     map.validate()?;
-    let views: Option<Vec<_>> = patches.iter().map(|patch| PatchView::of_map(map, patch)).collect();
-    let views = views.ok_or(PlotError::Empty)?;
+    let views: Vec<_> =
+        patches.iter().map(|patch| PatchView::of_map(map, patch)).collect::<Result<_, _>>()?;
     let about = about(channel)?;
     let mut rows = Vec::new();
     for (&patch, view) in patches.iter().zip(&views) {
@@ -91,7 +91,7 @@ pub fn plot_frame(
         let panel = |(&level, drawn)| Some((Panel::on_map(view, level)?, drawn?));
         rows.push(levels.iter().zip(drawn).map(panel).collect());
     }
-    let colours = Colours::new(channel, &about, rows.iter().flatten().flatten().map(|(_, drawn)| drawn))?;
+    let colours = Colours::new(channel, &about, rows.iter().flatten().flatten().map(|(_, drawn)| drawn));
     for (panel, drawn) in rows.iter_mut().flatten().flatten() {
         panel.slot.caption = caption(&panel.slot.caption, drawn, channel, &about);
     }
@@ -191,31 +191,20 @@ struct Colours {
 }
 
 impl Colours {
-    fn new<'a>(
-        view: &ChannelView<'_>,
-        about: &About,
-        drawn: impl Iterator<Item = &'a Drawn<'a>>,
-    ) -> Result<Self, PlotError> {
+    fn new<'a>(view: &ChannelView<'_>, about: &About, drawn: impl Iterator<Item = &'a Drawn<'a>>) -> Self {
         let known = drawn.flat_map(|drawn| &drawn.densities).copied().filter(|x| x.is_finite());
         let grow = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];
         let extremes = known.fold([f64::INFINITY, f64::NEG_INFINITY], grow);
         let range = view.range.unwrap_or_else(|| round(extremes, about.factor));
-        let [low, high] = range;
-        let scale = if low < 0.0 && high > 0.0 { DIVERGING } else { ORDER };
-        Ok(Self { range, extremes, scale })
+        Self { range, extremes, scale: Scale::of_range(range) }
     }
 
     /// The values at both ends and in the middle; beyond an end there are others only if it says so.
     fn labels(&self, factor: f64) -> [String; 3] {
-        let [low, high] = self.range;
-        let text = |x: f64| {
-            // Zero in the middle of a symmetric range may be off by rounding.
-            let x = if x.abs() < 1e-12 * (high - low) { 0.0 } else { x / factor };
-            format!("{}{}", if x < 0.0 { "\u{2212}" } else { "" }, short(x.abs()))
-        };
-        let below = if self.extremes[0] < low { "≤ " } else { "" };
-        let above = if self.extremes[1] > high { "≥ " } else { "" };
-        [format!("{below}{}", text(low)), text(0.5 * (low + high)), format!("{above}{}", text(high))]
+        let [low, middle, high] = ticks(self.range, factor);
+        let below = if self.extremes[0] < self.range[0] { "≤ " } else { "" };
+        let above = if self.extremes[1] > self.range[1] { "≥ " } else { "" };
+        [format!("{below}{low}"), middle, format!("{above}{high}")]
     }
 }
 
@@ -255,7 +244,6 @@ fn caption(panel: &Caption, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &A
     let known = || values.iter().filter(|x| !x.is_nan());
     let masked = values.len() - known().count();
     let masked = if masked > 0 { format!(", {masked} masked") } else { String::new() };
-    let signed = |x: f64| format!("{}{}", if x < 0.0 { "\u{2212}" } else { "" }, short(x.abs()));
     let largest = densities.iter().copied().filter(|x| !x.is_nan()).reduce(f64::max);
     let mut measures = match largest {
         Some(x) => format!("max {} {}", signed(x / about.factor), about.unit).trim_end().to_owned(),

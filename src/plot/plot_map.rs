@@ -26,8 +26,9 @@ const LEVELS_SIDE_BY_SIDE: usize = 3;
 /// Each panel shows the triangles and the boundary of one level on its own map. With
 /// [`crate::plot::Paint::Fields`] level 0 is carried to each coarser level's map: the cell of each
 /// taxel has the colour of the field that it belongs to most, and dots are the fields' centres; on
-/// level 0 itself dots are the taxels. Dots of absent taxels and thermal pads are hollow. With [`PlotOptions::space`] the first panel of a row is the
-/// skin in space, as [`plot_skin`] draws it, with the colours of the first level drawn.
+/// level 0 itself dots are the taxels. Dots of absent taxels and thermal pads are hollow. With
+/// [`PlotOptions::space`] the first panel of a row is the skin in space, as [`plot_skin`] draws it,
+/// with the colours of the first level drawn.
 ///
 /// Triangles shorter than 6 pixels are left out, dots closer than 7; colours of triangles shorter
 /// than 3 pixels are drawn pixel by pixel, so that the picture of a large mesh stays small.
@@ -41,8 +42,8 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotErr
     let levels = choose_levels(&patches, &options.levels)?;
     options.space.map_or(Ok(()), check_viewpoint)?;
     map.validate()?;
-    let views: Option<Vec<_>> = patches.iter().map(|patch| PatchView::of_map(map, patch)).collect();
-    let views = views.ok_or(PlotError::Empty)?;
+    let views: Vec<_> =
+        patches.iter().map(|patch| PatchView::of_map(map, patch)).collect::<Result<_, _>>()?;
     let first = levels.first().copied().unwrap_or_default();
     let row = |view| {
         let in_space = options.space.map(|viewpoint| Some(Panel::in_space(view, first, viewpoint)));

@@ -5,9 +5,8 @@ use crate::{
     mesh::{HalfedgeMesh, Rings, TriMesh},
     pyramid::{
         Level, Prolongation, Pyramid, PyramidError, RemovalLog,
-        independent_set::{ALPHA, Candidates, priorities},
+        independent_set::{ALPHA, Candidates, measured_spacing, priorities, spacing_of_densities},
         removal::{Remover, TaxelLocations},
-        spacing::{measured_spacing, spacing_of_densities},
     },
     skin::Taxels,
 };

@@ -1,8 +1,5 @@
 //! Chooses the centres of receptive fields: a maximal independent set at a distance that follows
-//! the local spacing.
-//!
-//! Ties are broken by a hash of the taxel's id, so neither the order in a file nor the number of
-//! threads shows.
+//! the local spacing, which is measured or follows from stated densities.
 
 use std::f64::consts::PI;
 
@@ -31,6 +28,46 @@ const COUNT_TOLERANCE: f64 = 0.01;
 
 /// Trials for an asked-for count: three or four meet it where counts do not jump.
 const MAX_TRIALS: usize = 12;
+
+/// Rounds in which each spacing is replaced by the mean of itself and its neighbours': one short
+/// edge must not make a place look dense.
+const SMOOTHING_ROUNDS: usize = 2;
+
+/// Smoothed distance of every vertex to its neighbours, in m.
+pub(super) fn measured_spacing(rings: &Rings, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
+    let mut spacing = rings.map(|v, ring| {
+        let sum: f64 = ring.iter().map(|&w| positions[v].distance(positions[w])).sum();
+        sum / ring.len().max(1) as f64
+    });
+    for _ in 0..SMOOTHING_ROUNDS {
+        spacing = rings.map(|v, ring| {
+            let sum: f64 = ring.iter().map(|&w| spacing[w]).sum();
+            (spacing[v] + sum) / (1 + ring.len()) as f64
+        });
+    }
+    spacing
+}
+
+/// Spacing of a triangular lattice of `densities` (1/m^2), `sqrt(2 / (sqrt3 rho))`, times the
+/// factor that makes its geometric mean that of the `measured` one, in m.
+///
+/// On level 0 of a skin that tells the truth about itself the factor is about 1. It grows with the
+/// levels, and it lets a density that only weighs places against each other (an acuity) coarsen as
+/// fast as any other.
+pub(super) fn spacing_of_densities(
+    densities: &IdVec<VertexId, f64>,
+    measured: &IdVec<VertexId, f64>,
+) -> IdVec<VertexId, f64> {
+    let lattice = densities.map(|rho| (2.0 / (3.0_f64.sqrt() * rho)).sqrt());
+    // Where vertices coincide the measured spacing may be zero: such places have no say.
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (m, l) in measured.iter().zip(&lattice).filter(|(m, _)| **m > 0.0) {
+        sum += (m / l).ln();
+        count += 1.0;
+    }
+    let factor = if count > 0.0 { f64::exp(sum / count) } else { 1.0 };
+    lattice.map(|l| l * factor)
+}
 
 /// The vertices of one level in the order in which they may become centres: corners, then the
 /// boundary, then the inside; of each, taxels that read pressure before absent ones and thermal
@@ -168,7 +205,7 @@ impl Candidates<'_> {
         // Boundary loops alone may hold more than `count`: then there is no sparse choice, and few
         // is the best.
         let Some((found, mut chosen)) = sparse else { return self.choose(alpha) };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of vertices")]
+        #[expect(clippy::cast_possible_truncation, reason = "a count of vertices")]
         let missing = (count.round() as usize).saturating_sub(found);
         self.add(low, &mut chosen, missing);
         chosen
@@ -196,128 +233,6 @@ fn keep_loop(walk: &[VertexId], is_live: &dyn Fn(VertexId) -> bool, chosen: &mut
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        mesh::{HalfedgeMesh, TriMesh, shapes},
-        pyramid::spacing::measured_spacing,
-        skin::{Presence, TaxelId},
-    };
-
-    fn with_candidates<T>(mesh: &TriMesh, see: impl FnOnce(&Candidates<'_>) -> T) -> T {
-        with_candidates_of(mesh, &Taxels::of_mesh(mesh), see)
-    }
-
-    fn with_candidates_of<T>(mesh: &TriMesh, taxels: &Taxels, see: impl FnOnce(&Candidates<'_>) -> T) -> T {
-        let (_, rings) = HalfedgeMesh::new(mesh).unwrap();
-        let spacing = measured_spacing(&rings, &mesh.positions);
-        let origins = mesh.positions.ids().collect();
-        let priorities = priorities(&rings, &mesh.positions, &origins, taxels);
-        let (loops, positions) = (rings.boundary_loops(), &mesh.positions);
-        see(&Candidates {
-            rings: &rings,
-            loops: &loops,
-            positions,
-            spacing: &spacing,
-            priorities: &priorities,
-            is_live: &|v| taxels.presence[v].reads_pressure(),
-        })
-    }
-
-    /// Class of priority: 0 corners, 1 boundary, 2 inside.
-    fn class(rings: &Rings, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> u8 {
-        match rings.on_boundary[v] {
-            true if is_corner(rings, positions, v) => 0,
-            true => 1,
-            false => 2,
-        }
-    }
-
-    /// A silent centre has ruled out no live vertex of its class or a higher one: those near it
-    /// have another centre near them that came before.
-    #[test]
-    fn a_dead_taxel_is_a_centre_only_where_no_live_one_can_be() {
-        let mesh = shapes::lattice(30, 30, 0.01);
-        for (share, silent) in [(7, Presence::Absent), (3, Presence::ThermalPad), (2, Presence::Absent)] {
-            let mut taxels = Taxels::of_mesh(&mesh);
-            let is_silent = |v: VertexId| hash(u64::from(v.raw()) + 99).is_multiple_of(share);
-            taxels.presence =
-                mesh.positions.ids().map(|v| if is_silent(v) { silent } else { Presence::Present }).collect();
-            with_candidates_of(&mesh, &taxels, |candidates| {
-                let chosen = candidates.choose(ALPHA);
-                let Candidates { rings, positions, spacing, .. } = candidates;
-                let near = |a: VertexId, b: VertexId| {
-                    let reach = 0.5 * ALPHA * (spacing[a] + spacing[b]);
-                    a != b && positions[a].distance(positions[b]) <= reach
-                };
-                let of = |v| class(rings, positions, v);
-                let silent_centres: Vec<_> = chosen.ids().filter(|&v| chosen[v] && is_silent(v)).collect();
-                for &centre in &silent_centres {
-                    let live =
-                        chosen.ids().filter(|&v| !is_silent(v) && of(v) <= of(centre) && near(v, centre));
-                    for v in live {
-                        let others = chosen.ids().filter(|&c| chosen[c] && c != centre && near(c, v));
-                        let before =
-                            others.filter(|&c| of(c) < of(v) || of(c) == of(v) && !is_silent(c)).count();
-                        assert!(before > 0, "{v} could have been the centre instead of {centre}");
-                    }
-                }
-                let centres = chosen.iter().filter(|c| **c).count();
-                let bound = centres as f64 / share as f64;
-                assert!((silent_centres.len() as f64) < bound, "{} of {centres}", silent_centres.len());
-            });
-        }
-    }
-
-    /// No two centres are too near each other, and every other vertex is too near a centre.
-    #[test]
-    fn centres_are_independent_and_maximal() {
-        let mesh = shapes::lattice(30, 30, 0.01);
-        with_candidates(&mesh, |candidates| {
-            let chosen = candidates.choose(ALPHA);
-            let near = |a: VertexId, b: VertexId| {
-                let reach = 0.5 * ALPHA * (candidates.spacing[a] + candidates.spacing[b]);
-                mesh.positions[a].distance(mesh.positions[b]) <= reach
-            };
-            let centres: Vec<_> = chosen.ids().filter(|&v| chosen[v]).collect();
-            for v in chosen.ids() {
-                let blockers = centres.iter().filter(|&&c| c != v && near(v, c)).count();
-                assert_eq!(chosen[v], blockers == 0, "{v} has {blockers} centres around");
-            }
-        });
-    }
-
-    #[test]
-    fn corners_come_first_then_the_boundary() {
-        let mesh = shapes::lattice(9, 9, 0.01);
-        let (_, rings) = HalfedgeMesh::new(&mesh).unwrap();
-        let mut taxels = Taxels::of_mesh(&mesh);
-        taxels.ids = taxels.ids.map(|_| TaxelId(0));
-        let order = priorities(&rings, &mesh.positions, &mesh.positions.ids().collect(), &taxels);
-        let boundary = mesh.positions.ids().filter(|&v| rings.on_boundary[v]).count();
-        // The rim of odd rows is shifted: the first and last row end in one corner of 60 degrees
-        // each.
-        let corners: Vec<_> = order.iter().take_while(|&&v| is_corner(&rings, &mesh.positions, v)).collect();
-        assert_eq!(corners.len(), 2, "corners {corners:?}");
-        assert!(order[..boundary].iter().all(|&v| rings.on_boundary[v]), "the boundary before the inside");
-    }
-
-    /// The two sheets of a fold are near in space but far on the skin.
-    #[test]
-    fn sheets_of_a_fold_do_not_see_each_other() {
-        let gap = 0.001;
-        let folded = shapes::sheet(21, 9, |i, j| {
-            let turned = if i > 10 { (20.0 - f64::from(i), gap) } else { (f64::from(i), 0.0) };
-            DVec3::new(0.01 * turned.0, 0.01 * f64::from(j), turned.1)
-        });
-        with_candidates(&folded, |candidates| {
-            let chosen = candidates.choose(ALPHA);
-            let on = |low: f64| {
-                let here =
-                    chosen.enumerate().filter(|(v, c)| **c && (folded.positions[*v].z - low).abs() < 1e-9);
-                here.count()
-            };
-            assert!(on(0.0) >= 15 && on(gap) >= 15, "{} and {} centres", on(0.0), on(gap));
-        });
-    }
 
     #[test]
     fn a_small_loop_keeps_three() {

@@ -1,10 +1,15 @@
 //! Levels of receptive fields, and the rules that levels of one patch keep among each other.
 
 use crate::{
-    id::{IdVec, VertexId},
+    id::{IdVec, VertexId, define_id},
     mesh::{Adjacency, TriMesh},
-    pyramid::{LevelId, Prolongation, PyramidError, RemovalLog},
+    pyramid::{Prolongation, PyramidError, RemovalLog},
 };
+
+define_id!(
+    /// A level of one pyramid; 0 is the skin itself.
+    LevelId, "L"
+);
 
 /// One level of a pyramid: a mesh whose vertices are the centres of receptive fields.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -47,8 +52,8 @@ impl Pyramid {
         }
         let mut finer: Option<&Level> = None;
         for (id, level) in self.levels.enumerate() {
-            self.check_step(id, level, finer)
-                .map_err(|source| PyramidError::AtLevel { level: id, source: Box::new(source) })?;
+            let checked = self.check_step(id, level, finer);
+            checked.map_err(|source| PyramidError::AtLevel { level: id, source: source.into() })?;
             finer = Some(level);
         }
         Ok(())
@@ -131,9 +136,9 @@ impl Level {
 pub(crate) fn check_levels(levels: &[&Level]) -> Result<(), PyramidError> {
     let Some(finest) = levels.first() else { return Err(PyramidError::NoLevels) };
     for (k, level) in levels.iter().enumerate() {
-        level
-            .check((k > 0).then_some(finest), levels.get(k + 1).copied())
-            .map_err(|source| PyramidError::AtLevel { level: LevelId::new(k), source: Box::new(source) })?;
+        let coarser = levels.get(k + 1).copied();
+        let checked = level.check((k > 0).then_some(finest), coarser);
+        checked.map_err(|source| PyramidError::AtLevel { level: LevelId::new(k), source: source.into() })?;
     }
     Ok(())
 }

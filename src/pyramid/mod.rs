@@ -27,23 +27,20 @@
 //! allows to remove stays, even if it is not a centre.
 //!
 //! The files in reading order: `level`, `prolongation`, `removal_log` (what comes out), `coarsen`
-//! (the steps), `spacing`, `independent_set` (step 1), and in `removal` `remover`, `queue`, `star`,
+//! (the steps), `independent_set` (step 1), and in `removal` `remover`, `queue`, `star`,
 //! `retriangulation` (step 2) and `taxel_locations` (step 3).
 
 mod coarsen;
 mod error;
 mod independent_set;
 mod level;
-mod level_id;
 mod prolongation;
 mod removal;
 mod removal_log;
-mod spacing;
 
 pub use coarsen::{CoarsenOptions, coarsen};
 pub use error::PyramidError;
 pub(crate) use level::check_levels;
-pub use level::{Level, Pyramid};
-pub use level_id::LevelId;
+pub use level::{Level, LevelId, Pyramid};
 pub use prolongation::Prolongation;
 pub use removal_log::{Removal, RemovalLog};

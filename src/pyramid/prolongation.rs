@@ -105,30 +105,6 @@ impl Prolongation {
         }
         coarse
     }
-
-    /// `P'(a m p) / P'(a m)`: pressures `p` (Pa) of the fine vertices with areas `a` (m^2),
-    /// averaged over the fields of the coarse ones. `working` says which taxels have a reading
-    /// (`m`); a field without any has none either.
-    ///
-    /// With all taxels working the denominator is the coarse area, and force `a p` is kept exactly.
-    ///
-    /// # Panics
-    /// If an array has not one entry per fine vertex.
-    #[must_use]
-    pub fn restrict_pressure(
-        &self,
-        pressures: &IdVec<VertexId, f64>,
-        areas: &IdVec<VertexId, f64>,
-        working: impl Fn(VertexId) -> bool,
-    ) -> IdVec<VertexId, Option<f64>> {
-        assert_eq!(pressures.len(), areas.len(), "one area per pressure");
-        let live = |v: VertexId, x: f64| if working(v) { x } else { 0.0 };
-        let forces = pressures.enumerate().map(|(v, p)| live(v, p * areas[v])).collect();
-        let served = areas.enumerate().map(|(v, &a)| live(v, a)).collect();
-        let forces: IdVec<VertexId, f64> = self.restrict(&forces);
-        let pressure = |(f, a): (&f64, &f64)| (*a > 0.0).then(|| f / a);
-        forces.iter().zip(&self.restrict(&served)).map(pressure).collect()
-    }
 }
 
 /// Whether a row's weights have the sum 1 within `tolerance`.

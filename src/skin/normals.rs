@@ -41,12 +41,6 @@ pub(super) enum NormalQuality {
     Unreliable(UnreliableNormals),
 }
 
-impl NormalQuality {
-    pub(super) const fn is_reliable(self) -> bool {
-        matches!(self, Self::Outward | Self::Inward)
-    }
-}
-
 /// How well the normals of the taxels of one component agree with its faces, added up face by face.
 #[derive(Debug, Clone, Default)]
 pub(super) struct NormalConsensus {

@@ -47,30 +47,3 @@ pub(crate) fn tangents_along(
     };
     (found.enumerate().map(tangent).collect(), missing)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::mesh::shapes;
-
-    /// Directions in the plane stay, others are projected, and what has none follows its
-    /// neighbours, or the normal where these have none either.
-    #[test]
-    fn every_vertex_gets_a_tangent() {
-        let mesh = shapes::lattice(5, 5, 0.01);
-        let normals = mesh.positions.map(|_| DVec3::Z);
-        let along = |direction: DVec3, lost: usize| {
-            let mut directions = mesh.positions.map(|_| direction);
-            directions[VertexId::new(lost)] = DVec3::new(0.0, 0.0, -3.0);
-            tangents_along(&mesh, &normals, &directions)
-        };
-        for direction in [DVec3::X, DVec3::new(2.0, 0.0, -5.0), DVec3::new(1e-9, 0.0, 1e-9)] {
-            let (tangents, missing) = along(direction, 12);
-            assert_eq!(missing, 1);
-            assert!(tangents.iter().all(|t| t.abs_diff_eq(DVec3::X, 1e-12)), "{tangents:?}");
-        }
-        let (tangents, missing) = along(DVec3::ZERO, 0);
-        assert_eq!(missing, 25);
-        assert!(tangents.iter().all(|t| t.dot(DVec3::Z).abs() < 1e-15 && (t.length() - 1.0).abs() < 1e-15));
-    }
-}

@@ -39,19 +39,15 @@ impl Winding {
                 let _ = faces.join(uses[0].face(), other.face(), relation);
             }
         }
-        let mut number = IdVec::<FaceId, usize>::filled(usize::MAX, mesh.triangles.len());
-        let mut first_relation = Vec::new();
-        let mut component = IdVec::new();
-        let mut reversed = IdVec::new();
+        let (mut component, mut reversed) = (IdVec::<FaceId, usize>::new(), IdVec::new());
+        let mut components = 0;
         for face in mesh.triangles.ids() {
+            // The root is the first face of its component.
             let (root, relation) = faces.root(face);
-            if number[root] == usize::MAX {
-                number[root] = first_relation.len();
-                first_relation.push(relation);
-            }
-            component.push(number[root]);
-            reversed.push(relation != first_relation[number[root]]);
+            component.push(if root == face { components } else { component[root] });
+            components += usize::from(root == face);
+            reversed.push(relation.is_reversed());
         }
-        Self { component, components: first_relation.len(), reversed, conflicting_edges }
+        Self { component, components, reversed, conflicting_edges }
     }
 }

@@ -51,7 +51,11 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let options = args.options()?;
+    let options = BuildOptions {
+        coarsen: args.coarsen.options(),
+        flatten: args.flatten.options()?,
+        pixel: args.pixel_mm * 1e-3,
+    };
     let start = Instant::now();
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
     let skin = read_skin(&args.skin, &assemble, common)?;
@@ -87,16 +91,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_levels(&report.patches)?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-impl Args {
-    fn options(&self) -> anyhow::Result<BuildOptions> {
-        Ok(BuildOptions {
-            coarsen: self.coarsen.options(),
-            flatten: self.flatten.options()?,
-            pixel: self.pixel_mm * 1e-3,
-        })
-    }
 }
 
 /// The file of measures, next to [`FILES`].

@@ -206,19 +206,18 @@ impl Summary {
 }
 
 fn print_summary(summary: &Summary) -> anyhow::Result<()> {
-    let titles = ["model", "residual", "ending", "iterations", "cost", "chi2", "dof", "p", "seconds"];
     let row = [
-        summary.model.clone(),
-        summary.residual.clone(),
-        summary.ending.clone(),
-        summary.iterations.to_string(),
-        format!("{:.10}", summary.cost),
-        format!("{:.6}", summary.chi2),
-        summary.dof.to_string(),
-        summary.p.map_or("-".into(), |p| format!("{p:.4}")),
-        format!("{:.4}", summary.seconds),
+        ("model", summary.model.clone()),
+        ("residual", summary.residual.clone()),
+        ("ending", summary.ending.clone()),
+        ("iterations", summary.iterations.to_string()),
+        ("cost", format!("{:.10}", summary.cost)),
+        ("chi2", format!("{:.6}", summary.chi2)),
+        ("dof", summary.dof.to_string()),
+        ("p", summary.p.map_or("-".into(), |p| format!("{p:.4}"))),
+        ("seconds", format!("{:.4}", summary.seconds)),
     ];
-    print_table(titles, 3, &[row])?;
+    print_table(3, &[row])?;
     print(&format!("fit: {}\n", summary.verdict))?;
     if let Some(rigid) = summary.rmse_aligned_mm {
         let absolute = summary.rmse_mm.map_or_else(String::new, |mm| format!("{mm:.4} mm, "));

@@ -8,8 +8,11 @@ use dermatome::{
     skin::{Finding, FindingKind, check},
 };
 
+use serde_json::{Value, json};
+
 use crate::{
     common::Common,
+    notes::note,
     options::BareArgs,
     print::{line, print, print_json},
 };
@@ -35,9 +38,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let draft = read_draft(&args.file).map_err(Error::from)?;
     let findings = check(&draft, &args.bare.options());
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
-    for note in notes.iter().filter(|_| !common.quiet) {
-        eprintln!("note: {}", line(&note.to_string()));
-    }
+    notes.iter().for_each(|found| note(common, found));
     if args.json {
         print_json(&as_json(&findings))?;
     } else if findings.is_empty() {
@@ -48,19 +49,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-fn as_json(findings: &[Finding]) -> serde_json::Value {
+fn as_json(findings: &[Finding]) -> Value {
     let findings: Vec<_> = findings
         .iter()
-        .map(|f| {
-            serde_json::json!({
-                "kind": f.kind.to_string(),
-                "patch": f.patch,
-                "elements": f.elements,
-                "message": f.message,
-            })
+        .map(|Finding { kind, patch, elements, message }| {
+            json!({ "kind": kind.to_string(), "patch": patch, "elements": elements, "message": message })
         })
         .collect();
-    serde_json::json!({ "findings": findings })
+    json!({ "findings": findings })
 }
 
 /// ` [faces 3, 5, 8 and 4 more]`, or nothing for a finding about a whole sheet.

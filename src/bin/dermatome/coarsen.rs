@@ -57,27 +57,25 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if args.json {
         print_json(&summary)?;
     } else if !common.quiet {
-        print_table(["level", "vertices", "faces", "loops"], 1, &rows)?;
+        print_table(1, &rows)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
+type Row = [(&'static str, String); 4];
+
 /// The patches as `report.json` lists them, with what is known without a map, and the levels as
 /// rows of a table.
-fn summarise(skin: &Skin, pyramids: &[Pyramid]) -> Result<(Value, Vec<[String; 4]>), Error> {
+fn summarise(skin: &Skin, pyramids: &[Pyramid]) -> Result<(Value, Vec<Row>), Error> {
     let (mut patches, mut rows) = (Vec::new(), Vec::new());
     for (Patch { name, link, .. }, pyramid) in skin.patches.iter().zip(pyramids) {
         let mut levels = Vec::new();
         for (id, Level { mesh, .. }) in pyramid.levels.enumerate() {
             let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
             let loops = Adjacency::new(mesh)?.boundary_loops().len();
-            let row = [
-                format!("{}/{id:?}", plain(name)),
-                vertices.to_string(),
-                faces.to_string(),
-                loops.to_string(),
-            ];
-            rows.push(row);
+            let counts = [("vertices", vertices), ("faces", faces), ("loops", loops)];
+            let [a, b, c] = counts.map(|(title, count)| (title, count.to_string()));
+            rows.push([("level", format!("{}/{id:?}", plain(name))), a, b, c]);
             levels.push(json!({
                 "level": id.index(), "vertices": vertices, "faces": faces, "boundary_loops": loops,
             }));

@@ -116,7 +116,7 @@ fn library_help(error: &Error) -> String {
         Error::Atlas(e) => atlas_help(e),
         Error::Image(e) => image_help(e),
         Error::Io(e) => io_help(e),
-        Error::Plot(e) => plot_help(e),
+        Error::Plot(e) => plot_help(e).into(),
         Error::Patch { source, .. } => library_help(source),
         _ => BUILD_AGAIN.into(),
     }
@@ -230,8 +230,8 @@ fn image_help(error: &ImageError) -> String {
     }
 }
 
-fn plot_help(error: &PlotError) -> String {
-    let help = match error {
+fn plot_help(error: &PlotError) -> &'static str {
+    match error {
         PlotError::Skin(_) => CHECK,
         PlotError::NoMap { .. } => "make a map with `dermatome build`, and draw that",
         PlotError::Frame { .. } => "give --range two numbers, the lower one first",
@@ -245,8 +245,7 @@ fn plot_help(error: &PlotError) -> String {
             "choose another --width, or draw fewer patches and levels"
         }
         _ => BUILD_AGAIN,
-    };
-    help.into()
+    }
 }
 
 /// How to do without a glTF extension, which has a name, or without anything else that is not read.

@@ -28,56 +28,40 @@ pub(crate) struct Args {
     bare: BareArgs,
 }
 
-/// Columns of the table, one row per patch.
-const COLUMNS: [&str; 12] = [
-    "name",
-    "link",
-    "vertices",
-    "faces",
-    "boundary_loops",
-    "euler",
-    "area_m2",
-    "spacing_mm",
-    "present",
-    "absent",
-    "thermal",
-    "density_per_m2",
-];
-
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let skin = read_skin(&args.file, &args.bare.options(), common)?;
-    let rows: Vec<[Value; 12]> =
-        skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<_, Error>>()?;
+    let rows = skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<Vec<_>, Error>>()?;
     if args.json {
-        let patches: Vec<Value> =
-            rows.into_iter().map(|row| COLUMNS.map(String::from).into_iter().zip(row).collect()).collect();
-        print_json(&json!({ "patches": patches }))?;
+        let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        print_json(&json!({ "patches": rows.into_iter().map(object).collect::<Vec<Value>>() }))?;
     } else {
-        let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(cell)).collect();
-        print_table(COLUMNS, 2, &rows)?;
+        let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
+        print_table(2, &rows)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn row(skin: &Skin, patch: &Patch) -> Result<[Value; 12], Error> {
+type Row = [(&'static str, Value); 12];
+
+fn row(skin: &Skin, patch: &Patch) -> Result<Row, Error> {
     let adjacency = Adjacency::new(&patch.mesh)?;
     let count = |what| patch.taxels.presence.iter().filter(|p| **p == what).count();
     let range = |[low, high]: [f64; 2], &x: &f64| [low.min(x), high.max(x)];
     let densities = patch.taxels.densities.as_ref();
     let densities = densities.map(|all| all.iter().fold([f64::INFINITY, f64::NEG_INFINITY], range));
     Ok([
-        json!(patch.name),
-        json!(skin.links[patch.link].name),
-        json!(patch.mesh.positions.len()),
-        json!(patch.mesh.triangles.len()),
-        json!(adjacency.boundary_loops().len()),
-        json!(adjacency.euler_characteristic()),
-        json!(patch.mesh.area()),
-        json!(1e3 * mean_edge_length(&patch.mesh, &adjacency)),
-        json!(count(Presence::Present)),
-        json!(count(Presence::Absent)),
-        json!(count(Presence::ThermalPad)),
-        json!(densities),
+        ("name", json!(patch.name)),
+        ("link", json!(skin.links[patch.link].name)),
+        ("vertices", json!(patch.mesh.positions.len())),
+        ("faces", json!(patch.mesh.triangles.len())),
+        ("boundary_loops", json!(adjacency.boundary_loops().len())),
+        ("euler", json!(adjacency.euler_characteristic())),
+        ("area_m2", json!(patch.mesh.area())),
+        ("spacing_mm", json!(1e3 * mean_edge_length(&patch.mesh, &adjacency))),
+        ("present", json!(count(Presence::Present))),
+        ("absent", json!(count(Presence::Absent))),
+        ("thermal", json!(count(Presence::ThermalPad))),
+        ("density_per_m2", json!(densities)),
     ])
 }
 

@@ -10,7 +10,7 @@ use dermatome::{
     skin::{AssembleOptions, Skin, assemble, joining_gap},
 };
 
-use crate::{common::Common, outputs, print::line};
+use crate::{common::Common, notes::note, outputs};
 
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.
 pub(crate) fn read_skin(path: &Path, options: &AssembleOptions, common: &Common) -> anyhow::Result<Skin> {
@@ -18,14 +18,13 @@ pub(crate) fn read_skin(path: &Path, options: &AssembleOptions, common: &Common)
     let assembled = assemble(&draft, options)
         .map_err(Error::from)
         .with_context(|| format!("{} holds no sound skin", path.display()))?;
-    if !common.quiet {
-        for remark in &assembled.remarks {
-            eprintln!("note: {}", line(&remark.to_string()));
-        }
-        if let Some((gap, patches)) = joining_gap(&draft, &assembled, options) {
-            let now = assembled.skin.patches.len();
-            eprintln!("note: --gap {gap} would join pieces: {patches} instead of {now}");
-        }
+    assembled.remarks.iter().for_each(|remark| note(common, remark));
+    // Trials take time, so there are none for a quiet run.
+    if !common.quiet
+        && let Some((gap, patches)) = joining_gap(&draft, &assembled, options)
+    {
+        let now = assembled.skin.patches.len();
+        note(common, format_args!("--gap {gap} would join pieces: {patches} instead of {now}"));
     }
     Ok(assembled.skin)
 }

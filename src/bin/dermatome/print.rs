@@ -2,7 +2,11 @@
 
 use std::io::{self, Write};
 
-use dermatome::{Error, io::IoError, report::PatchReport};
+use dermatome::{
+    Error,
+    io::IoError,
+    report::{LevelReport, PatchReport},
+};
 use serde::Serialize;
 
 /// Longest note or line of an error.
@@ -54,14 +58,12 @@ fn harmless(text: &str, longest: usize) -> String {
     escaped.chars().take(longest - 3).chain("...".chars()).collect()
 }
 
-/// Prints rows under their titles: the first `words` columns to the left, numbers to the right.
-pub(crate) fn print_table<const N: usize>(
-    titles: [&str; N],
-    words: usize,
-    rows: &[[String; N]],
-) -> anyhow::Result<()> {
-    let titles = titles.map(String::from);
-    let lines: Vec<&[String; N]> = std::iter::once(&titles).chain(rows).collect();
+/// Prints rows of named cells under their names: the first `words` columns to the left, numbers to
+/// the right.
+pub(crate) fn print_table<const N: usize>(words: usize, rows: &[[(&str, String); N]]) -> anyhow::Result<()> {
+    let titles = rows.iter().take(1).map(|row| row.each_ref().map(|(title, _)| *title));
+    let cells = rows.iter().map(|row| row.each_ref().map(|(_, cell)| cell.as_str()));
+    let lines: Vec<[&str; N]> = titles.chain(cells).collect();
     let widths: [usize; N] = std::array::from_fn(|column| {
         lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)
     });
@@ -78,35 +80,20 @@ pub(crate) fn print_table<const N: usize>(
 
 pub(crate) fn print_levels(patches: &[PatchReport]) -> anyhow::Result<()> {
     let levels = patches.iter().flat_map(|patch| patch.levels.iter().map(move |level| (patch, level)));
-    let rows: Vec<_> = levels
-        .map(|(patch, l)| {
-            [
-                format!("{}/L{}", plain(&patch.name), l.level),
-                l.vertices.to_string(),
-                l.faces.to_string(),
-                l.boundary_loops.to_string(),
-                l.distortion.flips.to_string(),
-                l.distortion.crossings.to_string(),
-                format!("{:.4}", l.distortion.qc_mean),
-                format!("{:.3}", l.distortion.qc_max),
-                format!("{:.4}", l.distortion.area_mean),
-                format!("{:.3}", l.distortion.area_max),
-                format!("{:.5}", l.distortion.symmetric_dirichlet),
-            ]
-        })
-        .collect();
-    let titles = [
-        "level",
-        "vertices",
-        "faces",
-        "loops",
-        "flips",
-        "crossings",
-        "s1/s2",
-        "max",
-        "area",
-        "max",
-        "symm. Dirichlet",
-    ];
-    print_table(titles, 1, &rows)
+    let row = |(patch, l): (&PatchReport, &LevelReport)| {
+        [
+            ("level", format!("{}/L{}", plain(&patch.name), l.level)),
+            ("vertices", l.vertices.to_string()),
+            ("faces", l.faces.to_string()),
+            ("loops", l.boundary_loops.to_string()),
+            ("flips", l.distortion.flips.to_string()),
+            ("crossings", l.distortion.crossings.to_string()),
+            ("s1/s2", format!("{:.4}", l.distortion.qc_mean)),
+            ("max", format!("{:.3}", l.distortion.qc_max)),
+            ("area", format!("{:.4}", l.distortion.area_mean)),
+            ("max", format!("{:.3}", l.distortion.area_max)),
+            ("symm. Dirichlet", format!("{:.5}", l.distortion.symmetric_dirichlet)),
+        ]
+    };
+    print_table(1, &levels.map(row).collect::<Vec<_>>())
 }

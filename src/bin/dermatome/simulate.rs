@@ -11,7 +11,7 @@ use std::{
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    calib::{Model, SimulateOptions, simulate},
+    calib::{Model, SimulateOptions, Simulation, simulate},
     id::IdVec,
     io::{write_observations, write_triangles, write_truth},
 };
@@ -19,6 +19,7 @@ use dermatome::{
 use self::touch::TouchArgs;
 use crate::{
     common::Common,
+    notes::note,
     outputs::{self, Outputs},
 };
 
@@ -119,16 +120,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs.stage(&args.output, |path| write_observations(path, &observations))?;
     }
     outputs.publish()?;
-    if !common.quiet {
-        eprintln!(
-            "note: {} taxels, {} displacements ({} wrong), {} contacts, {} triangles",
-            ids.len(),
-            simulation.observations.edges.len(),
-            simulation.outliers.len(),
-            simulation.observations.contacts.len(),
-            simulation.mesh.triangles.len(),
-        );
-    }
+    let Simulation { observations, mesh, outliers, .. } = &simulation;
+    let (edges, contacts) = (observations.edges.len(), observations.contacts.len());
+    let (wrong, triangles) = (outliers.len(), mesh.triangles.len());
+    let made = format!("{} taxels, {edges} displacements ({wrong} wrong)", ids.len());
+    note(common, format_args!("{made}, {contacts} contacts, {triangles} triangles"));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -22,12 +22,8 @@ impl Observations {
             return Err(CalibError::Empty { taxels: self.taxels.len(), observations });
         }
         self.check_taxels()?;
-        for (edge, displacement) in self.edges.enumerate() {
-            self.check_edge(edge, displacement)?;
-        }
-        for (id, contact) in self.contacts.enumerate() {
-            self.check_contact(id, contact)?;
-        }
+        self.edges.enumerate().try_for_each(|(edge, displacement)| self.check_edge(edge, displacement))?;
+        self.contacts.enumerate().try_for_each(|(id, contact)| self.check_contact(id, contact))?;
         self.check_observed()
     }
 
@@ -95,16 +91,14 @@ impl Observations {
     ) -> Result<(), CalibError> {
         let id = self.check_index(format_args!("contact {contact}"), touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
-        const INDEFINITE: &str = "its information matrix is not positive semi-definite";
-        match &touched.measurement {
+        const NOT_A_POSE: &str = "it holds a number that is not finite or a quaternion not of unit length";
+        let definite = match &touched.measurement {
             ContactMeasurement::Position { position, information }
             | ContactMeasurement::PositionNormal { position, information, .. } => {
                 if !position.is_finite() {
                     return invalid("its position is not finite");
                 }
-                if !information.is_positive_semidefinite() {
-                    return invalid(INDEFINITE);
-                }
+                information.is_positive_semidefinite()
             }
             ContactMeasurement::Pose { offset, seen } => {
                 if self.model == Model::Positions {
@@ -113,14 +107,13 @@ impl Observations {
                     return Err(CalibError::WrongModel { element, id, model: self.model, needed });
                 }
                 if !seen.pose.is_valid() || !offset.is_valid() {
-                    return invalid(
-                        "it holds a number that is not finite or a quaternion not of unit length",
-                    );
+                    return invalid(NOT_A_POSE);
                 }
-                if !seen.information.is_positive_semidefinite() {
-                    return invalid(INDEFINITE);
-                }
+                seen.information.is_positive_semidefinite()
             }
+        };
+        if !definite {
+            return invalid("its information matrix is not positive semi-definite");
         }
         if let ContactMeasurement::PositionNormal { normal, normal_information, .. } = &touched.measurement {
             if !normal.is_normalized() {

@@ -1,34 +1,23 @@
 //! The table of what each stage contributes, printed for the documentation of this module.
 #![allow(clippy::print_stdout, reason = "it prints a table")]
 
-use super::{Solution, automatic, automatic::descended, robust_fit};
+use super::{
+    Solution, automatic,
+    automatic::{descended, with_length_prior},
+    robust_fit,
+};
 use crate::calib::{
     CalibError, CalibOptions, DisplacementMeasurement, GaugeFreedom, Loss, LossFunctions, Poses, Problem,
-    SimulateOptions, Solver, compare,
-    robust::{graduated::graduated, length_prior},
-    simulate,
-    solve::initial::initial_poses,
+    SimulateOptions, Solver, compare, robust::graduated::graduated, simulate, solve::initial::initial_poses,
 };
 
 type Stage = fn(&mut Solver<'_>, Poses, &LossFunctions) -> Result<Solution, CalibError>;
-
-fn with_length_prior(
-    solver: &mut Solver<'_>,
-    start: Poses,
-    losses: &LossFunctions,
-) -> Result<Solution, CalibError> {
-    let first = descended(solver, start.clone(), losses, None)?;
-    match length_prior::length_prior(solver.problem.observations, &first.verdicts) {
-        Some(odds) => descended(solver, start, &length_prior::with_odds(losses, &odds), Some(&odds)),
-        None => Ok(first),
-    }
-}
 
 const STAGES: [(&str, Stage); 6] = [
     ("least squares", |solver, start, _| Solution::least_squares(solver, start)),
     ("graduated non-convexity", |solver, start, losses| graduated(solver, start, losses, || losses.clone())),
     ("+ coordinate descent", |solver, start, losses| descended(solver, start, losses, None)),
-    ("+ length prior", with_length_prior),
+    ("+ length prior", |solver, start, losses| Ok(with_length_prior(solver, start, losses)?.0)),
     ("+ ambiguity", robust_fit),
     ("automatic, with noise scale", |solver, start, _| automatic(solver, start)),
 ];

@@ -104,20 +104,27 @@ pub(crate) fn robust_fit(
     start: Poses,
     losses: &LossFunctions,
 ) -> Result<Solution, CalibError> {
-    let first = descended(solver, start.clone(), losses, None)?;
-    if !first.termination.is_converged() {
-        return Ok(first);
+    let (fit, odds) = with_length_prior(solver, start, losses)?;
+    if !fit.termination.is_converged() {
+        return Ok(fit);
     }
-    let odds = length_prior(solver.problem.observations, &first.verdicts);
-    let second = match &odds {
+    ambiguity(solver, fit, odds.as_ref(), losses)
+}
+
+/// Stages 1 and 2, and again with what the length prior learned from them.
+pub(super) fn with_length_prior(
+    solver: &mut Solver<'_>,
+    start: Poses,
+    losses: &LossFunctions,
+) -> Result<(Solution, Option<LogOdds>), CalibError> {
+    let first = descended(solver, start.clone(), losses, None)?;
+    let is_usable = first.termination.is_converged();
+    let odds = if is_usable { length_prior(solver.problem.observations, &first.verdicts) } else { None };
+    let fit = match &odds {
         Some(odds) => descended(solver, start, &with_odds(losses, odds), Some(odds))?,
         None => first,
     };
-    if second.termination.is_converged() {
-        ambiguity(solver, second, odds.as_ref(), losses)
-    } else {
-        Ok(second)
-    }
+    Ok((fit, odds))
 }
 
 pub(crate) fn descended(

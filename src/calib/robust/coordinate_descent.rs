@@ -54,7 +54,9 @@ fn move_taxels(problem: &Problem<'_>, poses: &mut Poses, losses: &LossFunctions)
             let contacts = contacts_of[v]
                 .iter()
                 .map(|(c, loss)| loss.cost(problem.contact_chi2(&c.measurement, &poses[v])));
-            let edges = edges_of[v].iter().map(|&e| losses.of.edges[e].cost(problem.edge_chi2(e, poses)));
+            let edges = edges_of[v]
+                .iter()
+                .map(|&e| losses.of.edges[e].cost(problem.edge_chi2(&observations.edges[e], poses)));
             let mut sum = 0.0;
             for cost in contacts.chain(edges) {
                 sum += cost;
@@ -64,7 +66,9 @@ fn move_taxels(problem: &Problem<'_>, poses: &mut Poses, losses: &LossFunctions)
             }
             sum
         };
-        let is_outlier = |e: &DisplacementId| !losses.of.edges[*e].is_inlier(problem.edge_chi2(*e, poses));
+        let is_outlier = |e: &DisplacementId| {
+            !losses.of.edges[*e].is_inlier(problem.edge_chi2(&observations.edges[*e], poses))
+        };
         let outliers: Vec<DisplacementId> = edges_of[v].iter().copied().filter(is_outlier).collect();
         if outliers.is_empty() {
             continue;

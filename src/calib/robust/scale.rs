@@ -5,7 +5,7 @@ use crate::calib::{
     LossFunctions, PerObservation, Solver, Verdict,
     robust::{goodness_of_fit::goodness_of_fit, solution::Solution},
 };
-use crate::numeric::quantile;
+use crate::numeric::{nth_smallest, quantile};
 
 /// A scale up to this does not show understated noise: the median doubles where 40 % of the edges
 /// are wrong.
@@ -54,16 +54,13 @@ impl Scale {
 /// since either can be made to fit.
 fn median_scale(dimensions: &PerObservation<usize>, chi2: &PerObservation) -> Scale {
     let medians = quantiles(dimensions, 0.5);
-    let median = |dimensions: &[usize], chi2: &[f64]| {
-        let observed = dimensions.iter().zip(chi2).filter(|(n, _)| **n > 0);
-        let mut relative: Vec<f64> = observed.map(|(&n, chi2)| chi2 / medians[n]).collect();
-        let half = (relative.len().saturating_sub(1) / 2).max(usize::from(relative.len() > 1));
-        if relative.is_empty() { 0.0 } else { *relative.select_nth_unstable_by(half, f64::total_cmp).1 }
+    let relative = dimensions.zip(chi2, |n, chi2| (n > 0).then(|| chi2 / medians[n]));
+    let median = |relative: &[Option<f64>]| {
+        let observed: Vec<f64> = relative.iter().flatten().copied().collect();
+        let half = (observed.len().saturating_sub(1) / 2).max(usize::from(observed.len() > 1));
+        nth_smallest(observed, half).unwrap_or(0.0)
     };
-    Scale {
-        edges: median(dimensions.edges.as_slice(), chi2.edges.as_slice()),
-        contacts: median(dimensions.contacts.as_slice(), chi2.contacts.as_slice()),
-    }
+    Scale { edges: median(relative.edges.as_slice()), contacts: median(relative.contacts.as_slice()) }
 }
 
 /// Whether the squared residual of an observation that `suspects` picks exceeds
@@ -79,19 +76,11 @@ pub(crate) fn has_outlier(
 ) -> bool {
     let count = dimensions.iter().filter(|&n| n > 0).count() as f64;
     let largest = quantiles(dimensions, 1.0 - BY_CHANCE / count);
-    let any = |scale: f64, dimensions: &[usize], chi2: &[f64], verdicts: &[Verdict]| {
-        let observed =
-            dimensions.iter().zip(chi2).zip(verdicts).filter(|((n, _), v)| suspects(**v) && **n > 0);
-        observed.into_iter().any(|((&n, &chi2), _)| chi2 > leverage * scale * largest[n])
-    };
     let scale = median_scale(dimensions, chi2);
-    any(scale.edges, dimensions.edges.as_slice(), chi2.edges.as_slice(), verdicts.edges.as_slice())
-        || any(
-            scale.contacts,
-            dimensions.contacts.as_slice(),
-            chi2.contacts.as_slice(),
-            verdicts.contacts.as_slice(),
-        )
+    let suspected = chi2.zip(verdicts, |chi2, verdict| if suspects(verdict) { chi2 } else { 0.0 });
+    let bounds = dimensions.map(|n| if n > 0 { leverage * largest[n] } else { f64::INFINITY });
+    let over = suspected.zip(&bounds, |chi2, bound| chi2 / bound);
+    over.edges.iter().any(|&x| x > scale.edges) || over.contacts.iter().any(|&x| x > scale.contacts)
 }
 
 /// The quantile of chi-square at `probability` for every dimension that occurs.

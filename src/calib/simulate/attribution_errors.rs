@@ -41,10 +41,8 @@ impl Neighbourhoods {
         const DRAWS: usize = 30;
         let here = layout.frames[from].position;
         let is_near = |v: VertexId| {
-            v != from
-                && v != to
-                && layout.frames[v].position.distance_squared(here)
-                    < MISATTRIBUTION_DISTANCE * MISATTRIBUTION_DISTANCE
+            let squared = layout.frames[v].position.distance_squared(here);
+            v != from && v != to && squared < MISATTRIBUTION_DISTANCE * MISATTRIBUTION_DISTANCE
         };
         let steps = (0..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
         let around: Vec<&[VertexId]> =

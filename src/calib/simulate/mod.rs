@@ -218,20 +218,21 @@ fn displacements(
             outliers.push(DisplacementId::new(observations.edges.len()));
         }
         let motion = match options.model {
-            Model::Positions => DisplacementMeasurement::Offset {
-                offset: layout.frames[seen].position - layout.frames[from].position
-                    + noise.vector(options.noise),
-                information: Information::diagonal([translation; 3]),
-            },
+            Model::Positions => {
+                let truth = layout.frames[seen].position - layout.frames[from].position;
+                let offset = truth + noise.vector(options.noise);
+                DisplacementMeasurement::Offset {
+                    offset,
+                    information: Information::diagonal([translation; 3]),
+                }
+            }
             Model::Poses => {
                 let truth = layout.frames[from].inverse() * layout.frames[seen];
                 let position = truth.position + noise.vector(options.noise);
                 let rotation = (truth.rotation * exp(noise.vector(options.rotation_noise))).normalize();
                 let pose = Pose { position, rotation };
-                DisplacementMeasurement::Relative(Box::new(PoseMeasurement {
-                    pose,
-                    information: pose_information,
-                }))
+                let measurement = PoseMeasurement { pose, information: pose_information };
+                DisplacementMeasurement::Relative(Box::new(measurement))
             }
         };
         observations.edges.push(Displacement { from, to, measurement: motion });
@@ -246,30 +247,20 @@ fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut
     let information = Information::diagonal([information_of_noise(options.anchor_noise); 3]);
     for taxel in layout.spread(options.anchors) {
         let frame = &layout.frames[taxel];
-        let touched = simulate_contact(options, frame.rotation * DVec3::Z, &mut arm);
-        let position = touched.position + noise.vector(options.anchor_noise);
+        let [touched, outward] = simulate_contact(options, frame.rotation * DVec3::Z, &mut arm);
+        let position = touched + noise.vector(options.anchor_noise);
         let touch = match options.normal_noise {
             None => ContactMeasurement::Position { position, information },
             Some(sigma) => {
-                let x = touched.normal.any_orthonormal_vector();
-                let tilt = noise.normal() * x + noise.normal() * touched.normal.cross(x);
-                let normal = (touched.normal + sigma * tilt).normalize();
-                ContactMeasurement::PositionNormal {
-                    position,
-                    information,
-                    normal,
-                    normal_information: information_of_noise(sigma),
-                }
+                let x = outward.any_orthonormal_vector();
+                let tilt = noise.normal() * x + noise.normal() * outward.cross(x);
+                let normal = (outward + sigma * tilt).normalize();
+                let normal_information = information_of_noise(sigma);
+                ContactMeasurement::PositionNormal { position, information, normal, normal_information }
             }
         };
         observations.contacts.push(ContactObservation { taxel, measurement: touch });
     }
-}
-
-/// A contact in the frame of the end effector, as the arm believes it.
-struct SimulatedContact {
-    position: DVec3,
-    normal: DVec3,
 }
 
 /// Touches the probe with the taxel of normal `n` from a random direction: the contact forward
@@ -277,8 +268,9 @@ struct SimulatedContact {
 ///
 /// A contact along `u` (from the probe to the end effector) means an end-effector rotation
 /// with `Q n = -u` and centre `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is
-/// observed at `Q' (c_b + r_b u - o)`.
-fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> SimulatedContact {
+/// observed at `Q' (c_b + r_b u - o)`. Returns its position and normal in the frame of the end
+/// effector, as the arm believes them.
+fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> [DVec3; 2] {
     let (probe, depth) = (options.probe_centre, options.indentation);
     let u = arm.direction();
     let spin = exp(std::f64::consts::TAU * arm.uniform() * DVec3::Z);
@@ -287,10 +279,8 @@ fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> Si
     let believed_centre = centre + arm.vector(options.arm_noise);
     let believed_rotation = exp(arm.vector(options.arm_rotation_noise)) * rotation;
     let contact = probe + options.probe_radius * u;
-    SimulatedContact {
-        position: believed_rotation.conjugate() * (contact - believed_centre),
-        normal: (believed_rotation.conjugate() * -u).normalize(),
-    }
+    let back = believed_rotation.conjugate();
+    [back * (contact - believed_centre), (back * -u).normalize()]
 }
 
 /// Some rotation that takes z to `direction`.

@@ -99,14 +99,8 @@ impl<'f> CentroidGauge<'f> {
     fn new(problem: &Problem<'_>, body: &'f FreeBody, poses: &Poses) -> Self {
         let (pivot, motions) = body.motions(problem, poses);
         let model = problem.observations.model;
-        let at = |weight: f64| Self {
-            body,
-            model,
-            pivot,
-            motions: motions.clone(),
-            weight,
-            inverse: [[0.0; 6]; 6],
-        };
+        let inverse = [[0.0; 6]; 6];
+        let at = |weight: f64| Self { body, model, pivot, motions: motions.clone(), weight, inverse };
         // Positions alone align a component, unless they leave a motion open, as on a line: that
         // one follows rotations.
         let by_positions = at(0.0);

@@ -65,16 +65,13 @@ impl<'o> Problem<'o> {
         self.system.blocks()
     }
 
-    pub(crate) fn taxel_of(&self, row: usize) -> Option<VertexId> {
-        self.rows.enumerate().find(|(_, r)| r.is_some_and(|r| r as usize == row)).map(|(v, _)| v)
-    }
-
     /// Names the taxel that makes the system singular.
     pub(crate) fn explain(&self, error: SparseError) -> CalibError {
         match error {
             SparseError::NotPositiveDefinite { row } | SparseError::NotFinite { row } => {
-                let id = self.taxel_of(row).map_or_else(Default::default, |v| self.observations.taxels[v].id);
-                CalibError::Undetermined { id }
+                let mut taxels = self.rows.iter().zip(&self.observations.taxels);
+                let found = taxels.find(|(r, _)| r.is_some_and(|r| r as usize == row));
+                CalibError::Undetermined { id: found.map(|(_, taxel)| taxel.id).unwrap_or_default() }
             }
             other => CalibError::Sparse(other),
         }
@@ -83,18 +80,14 @@ impl<'o> Problem<'o> {
     /// Squared whitened residual of every observation.
     pub(crate) fn chi2(&self, poses: &Poses) -> PerObservation {
         let Observations { edges, contacts, .. } = self.observations;
-        let edge = |e: &Displacement| self.edge_chi2_of(e, poses);
+        let edge = |e: &Displacement| self.edge_chi2(e, poses);
         PerObservation {
             edges: par_map(edges.as_slice(), edge).into(),
             contacts: contacts.map(|c| self.contact_chi2(&c.measurement, &poses[c.taxel])),
         }
     }
 
-    pub(crate) fn edge_chi2(&self, edge: DisplacementId, poses: &Poses) -> f64 {
-        self.edge_chi2_of(&self.observations.edges[edge], poses)
-    }
-
-    fn edge_chi2_of(&self, e: &Displacement, poses: &Poses) -> f64 {
+    pub(crate) fn edge_chi2(&self, e: &Displacement, poses: &Poses) -> f64 {
         match &e.measurement {
             DisplacementMeasurement::Offset { offset, information } => {
                 information.quadratic_form(&offset_error(e, *offset, poses).to_array())
@@ -130,7 +123,7 @@ impl<'o> Problem<'o> {
     pub(crate) fn linearise(&self, poses: &Poses, weights: &PerObservation) -> (BlockMatrix<'_>, Vec<f64>) {
         let mut sums = Accumulator {
             matrix: self.system.zero(),
-            gradient: vec![0.0; self.moving() * self.layout.size() * self.layout.columns()],
+            gradient: vec![0.0; self.moving() * self.layout.unknowns()],
             layout: self.layout,
             rows: self.moving(),
         };
@@ -152,8 +145,9 @@ impl<'o> Problem<'o> {
         }
         for (id, contact) in self.observations.contacts.enumerate() {
             if let Some(row) = self.rows[contact.taxel] {
-                let weight = weights.contacts[id];
-                self.add_contact(&mut sums, row, &contact.measurement, &poses[contact.taxel], weight);
+                let (block, gradient) = self.contact_term(&contact.measurement, &poses[contact.taxel]);
+                sums.add_block(BlockSlot::diagonal(row), &block, weights.contacts[id], false);
+                sums.add_gradient(row, gradient, weights.contacts[id]);
             }
         }
         (sums.matrix, sums.gradient)
@@ -172,11 +166,11 @@ impl<'o> Problem<'o> {
         let edge = &self.observations.edges[id];
         if let Some(row) = self.rows[edge.from] {
             sums.add_block(BlockSlot::diagonal(row), &term.from_from, weight, false);
-            sums.add_twist(row, term.from_gradient, weight);
+            sums.add_gradient(row, term.from_gradient, weight);
         }
         if let Some(row) = self.rows[edge.to] {
             sums.add_block(BlockSlot::diagonal(row), &term.to_to, weight, false);
-            sums.add_twist(row, term.to_gradient, weight);
+            sums.add_gradient(row, term.to_gradient, weight);
         }
         if let Some((slot, transposed)) = self.slots[id] {
             sums.add_block(slot, &term.from_to, weight, transposed);
@@ -197,27 +191,11 @@ impl<'o> Problem<'o> {
         for (row, sign) in [(self.rows[edge.from], -1.0), (self.rows[edge.to], 1.0)] {
             if let Some(row) = row {
                 sums.matrix.add(BlockSlot::diagonal(row), |a, b| weight * omega.col(b)[a]);
-                sums.add_vector(row, 0, weight * sign * gradient);
+                sums.add_gradient(row, [sign * gradient, DVec3::ZERO], weight);
             }
         }
         if let Some((slot, _)) = self.slots[id] {
             sums.matrix.add(slot, |a, b| -weight * omega.col(b)[a]);
-        }
-    }
-
-    fn add_contact(
-        &self,
-        sums: &mut Accumulator<'_>,
-        row: u32,
-        measurement: &ContactMeasurement,
-        at: &Pose,
-        weight: f64,
-    ) {
-        let (block, gradient) = self.contact_term(measurement, at);
-        sums.add_block(BlockSlot::diagonal(row), &block, weight, false);
-        match self.layout {
-            BlockLayout::Pose => sums.add_twist(row, gradient, weight),
-            BlockLayout::Scalar | BlockLayout::Vector => sums.add_vector(row, 0, weight * gradient[0]),
         }
     }
 
@@ -298,14 +276,10 @@ impl Accumulator<'_> {
         }
     }
 
-    fn add_twist(&mut self, row: u32, gradient: Twist, weight: f64) {
-        self.add_vector(row, 0, weight * gradient[0]);
-        self.add_vector(row, 3, weight * gradient[1]);
-    }
-
-    fn add_vector(&mut self, row: u32, k: usize, x: DVec3) {
-        for (c, x) in x.to_array().into_iter().enumerate() {
-            self.gradient[self.layout.index(self.rows, row, k + c)] += x;
+    /// Adds as many numbers as a taxel has unknowns.
+    fn add_gradient(&mut self, row: u32, gradient: Twist, weight: f64) {
+        for k in 0..self.layout.unknowns() {
+            self.gradient[self.layout.index(self.rows, row, k)] += weight * gradient[k / 3][k % 3];
         }
     }
 }

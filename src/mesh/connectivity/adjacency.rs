@@ -150,11 +150,8 @@ impl Adjacency {
 
     pub(crate) fn component_count(&self) -> usize {
         let mut sets = DisjointSets::<FaceId>::new(self.twins.len());
-        for (face, twins) in self.twins.enumerate() {
-            twins
-                .iter()
-                .filter(|&&twin| twin != Halfedge::NONE)
-                .for_each(|twin| sets.join(face, twin.face()));
+        for face in self.twins.ids() {
+            self.neighbours(face).into_iter().flatten().for_each(|other| sets.join(face, other));
         }
         self.twins.ids().filter(|&face| sets.root(face) == face).count()
     }

@@ -2,7 +2,7 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    parallel::par_collect,
+    parallel::par_ids,
 };
 
 /// The one-rings of an oriented manifold that rests.
@@ -30,10 +30,7 @@ impl Rings {
 
     /// `of` every vertex and its ring, in parallel.
     pub(crate) fn map(&self, of: impl Fn(VertexId, &[VertexId]) -> f64 + Sync) -> IdVec<VertexId, f64> {
-        let values = par_collect(self.vertices(), |range, values| {
-            values.extend(range.map(VertexId::new).map(|v| of(v, self.of(v))));
-        });
-        values.into()
+        par_ids(self.vertices(), |v| of(v, self.of(v)))
     }
 
     /// The boundary loops, each from its smallest vertex, faces on the left; sorted by that vertex.

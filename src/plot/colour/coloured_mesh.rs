@@ -29,6 +29,8 @@ pub(crate) struct ColouredMesh<'a> {
     pub(crate) fill: Fill,
     /// Whether the colours are read off a scale, so that shade must hardly change them.
     pub(crate) is_scale: bool,
+    /// Whether the centres of taxels or fields are shown.
+    pub(crate) has_dots: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,10 +70,7 @@ impl Fill {
             Self::Cells { groups, colours } => colours[groups[nearest] as usize],
             Self::Values { values, .. } if values[nearest].is_nan() => hatch(diagonal),
             Self::Values { values, scale, .. } => {
-                let known = corners.into_iter().zip(weights).filter(|(v, _)| !values[*v].is_nan());
-                let (sum, weight) =
-                    known.fold((0.0, 0.0), |(sum, weight), (v, w)| (sum + w * values[v], weight + w));
-                step_colour(step(sum / weight), *scale)
+                step_colour(step(mean_of_known(corners.map(|v| values[v]).into_iter().zip(weights))), *scale)
             }
         }
     }
@@ -107,8 +106,9 @@ impl<'a> ColouredMesh<'a> {
         limits: &ScaleLimits,
     ) -> Result<Self, PlotError> {
         let need_map = |what| level.ok_or_else(|| patch.no_map(what));
-        let is_scale = paint != Paint::Fields;
-        let of_taxels = |fill| Ok(Self { mesh: patch.mesh, owner: MeshOwner::Taxels, fill, is_scale });
+        let (is_scale, has_dots) = (paint != Paint::Fields, paint.has_dots());
+        let of_taxels =
+            |fill| Ok(Self { mesh: patch.mesh, owner: MeshOwner::Taxels, fill, is_scale, has_dots });
         match paint {
             Paint::Angle => Ok(by_stretch(need_map("angles")?, SEQUENTIAL, &|s| {
                 (s.angle.abs() - 1.0) / (limits.angle - 1.0)
@@ -137,7 +137,14 @@ impl<'a> ColouredMesh<'a> {
 fn by_stretch<'a>(level: &'a MapLevel, scale: Scale, value: &dyn Fn(Stretch) -> f64) -> ColouredMesh<'a> {
     let colour = |f: FaceId| step_colour(step(value(face_stretch(level, f))), scale);
     let fill = Fill::Faces(level.level.mesh.triangles.ids().map(colour).collect());
-    ColouredMesh { mesh: &level.level.mesh, owner: MeshOwner::Level, fill, is_scale: true }
+    ColouredMesh { mesh: &level.level.mesh, owner: MeshOwner::Level, fill, is_scale: true, has_dots: false }
+}
+
+/// The mean of values, each with its weight, that are not NaN; NaN without any.
+pub(crate) fn mean_of_known(weighted: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let known = weighted.filter(|(value, _)| !value.is_nan());
+    let (sum, weight) = known.fold((0.0, 0.0), |(sum, weight), (x, w)| (sum + w * x, weight + w));
+    sum / weight
 }
 
 /// Cells coloured by values from 0 to 1.
@@ -158,7 +165,7 @@ fn ranks_of_ids(patch: &PatchView<'_>) -> IdVec<VertexId, f64> {
 }
 
 fn step(x: f64) -> u32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 64")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 64")]
     let step = (f64::from(STEPS) * x.clamp(0.0, 1.0)).round() as u32;
     step
 }

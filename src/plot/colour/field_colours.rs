@@ -11,16 +11,7 @@ use crate::{
 
 /// Fills of neighbouring fields: Paul Tol's "light" scheme, made for areas under black lines and
 /// letters and distinguishable with every kind of colour vision, without its grey.
-pub(crate) const FIELDS: [Colour; 8] = [
-    Colour(0x77, 0xaa, 0xdd),
-    Colour(0xee, 0x88, 0x66),
-    Colour(0xee, 0xdd, 0x88),
-    Colour(0x44, 0xbb, 0x99),
-    Colour(0xff, 0xaa, 0xbb),
-    Colour(0x99, 0xdd, 0xff),
-    Colour(0xbb, 0xcc, 0x33),
-    Colour(0xaa, 0xaa, 0x00),
-];
+const FIELDS: [u32; 8] = [0x77aadd, 0xee8866, 0xeedd88, 0x44bb99, 0xffaabb, 0x99ddff, 0xbbcc33, 0xaaaa00];
 
 /// The field that each taxel belongs to most, the first of several; on level 0 every taxel is its
 /// own.
@@ -47,7 +38,7 @@ pub(crate) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count
             }
         }
     }
-    colour_fields(count, &neighbours).into_iter().map(|c| FIELDS[c]).collect()
+    colour_fields(count, &neighbours).into_iter().map(|c| Colour::rgb(FIELDS[c])).collect()
 }
 
 /// One of [`FIELDS`] for each of `count` fields so that neighbours differ.

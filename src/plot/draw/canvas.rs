@@ -48,20 +48,11 @@ impl<'a> Canvas<'a> {
 
     /// Which face each pixel of a panel shows.
     pub(crate) fn depth_buffer(&self, view: &View) -> DepthBuffer {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "whole pixels of a picture"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "whole pixels of a picture")]
         let size = view.size.to_array().map(|x| x as usize);
         let fineness = if size.iter().all(|&side| side < LARGE_PX) { FINENESS } else { 1 };
-        DepthBuffer::new(
-            self.mesh,
-            &self.places,
-            view.corner,
-            size.map(|side| fineness * side),
-            fineness as f64,
-        )
+        let size = size.map(|side| fineness * side);
+        DepthBuffer::new(self.mesh, &self.places, view.corner, size, fineness as f64)
     }
 
     /// The nearest face in each pixel, in the colours of `fill`; `brightness` is that of each face.

@@ -78,7 +78,7 @@ impl DepthBuffer {
     /// Whether nothing is more than `slack` pixels of the picture in front of a place.
     pub(crate) fn shows(&self, place: DVec3, slack: f64) -> bool {
         let place = self.fineness * (place - self.corner.extend(0.0));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+        #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
         let [column, row] = [place.x as usize, place.y as usize];
         let face = self.faces.get(row.saturating_mul(self.size[0]).saturating_add(column));
         let face = face.filter(|&&face| column < self.size[0] && face != UNCOVERED);
@@ -109,7 +109,7 @@ impl Plane {
 
 /// The first of `count` pixels whose centre is not before `x`; `count` if there is none.
 fn first_centre(x: f64, count: usize) -> usize {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
     let first = (x - 0.5).ceil().max(0.0) as usize;
     first.min(count)
 }
@@ -190,5 +190,19 @@ mod tests {
             .sum();
         assert_eq!(covered, alone, "each pixel once");
         assert!((covered as f64 / (5.3 * 5.3 * mesh.area()) - 1.0).abs() < 0.01, "{covered} pixels");
+    }
+
+    #[test]
+    fn faces_without_an_extent_are_no_trouble() {
+        for corners in [
+            [DVec3::ZERO; 3],
+            [DVec3::X, DVec3::Y, DVec3::NAN],
+            [DVec3::X * 1e300; 3],
+            [DVec3::NEG_INFINITY, DVec3::X, DVec3::Y],
+        ] {
+            let buffer = buffer_of(&shapes::triangle(), &corners.to_vec().into(), [4, 4]);
+            assert!(buffer.pixels().all(|(face, _)| face.is_none()), "{corners:?}");
+            assert!(corners.iter().all(|&corner| buffer.shows(corner, 0.0)), "{corners:?}");
+        }
     }
 }

@@ -29,29 +29,16 @@ const LEAST_EDGE_PX: f64 = 3.0;
 const SEPARATION_PX: f64 = 1.5;
 const SEAM_PX: f64 = 0.6;
 
-/// What is drawn on a map besides its colours.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct MapLook {
-    /// Whether white lines separate areas.
-    pub(crate) has_gaps: bool,
-    /// Whether vertices have dots.
-    pub(crate) has_dots: bool,
-}
-
 pub(crate) fn draw_map(
     patch: &PatchView<'_>,
     level: &MapLevel,
     coloured: &ColouredMesh<'_>,
     view: &View,
-    look: MapLook,
 ) -> Vec<Shape> {
     let own = lay_out(&level.level.mesh, &level.uv, view);
     let mut shapes = match coloured.owner {
-        MeshOwner::Level => areas(&own, &coloured.fill, view, false),
-        MeshOwner::Taxels => {
-            let carried = lay_out(coloured.mesh, &carry(level), view);
-            areas(&carried, &coloured.fill, view, look.has_gaps)
-        }
+        MeshOwner::Level => areas(&own, coloured, view),
+        MeshOwner::Taxels => areas(&lay_out(coloured.mesh, &carry(level), view), coloured, view),
     };
     let mut lines = Path::default();
     for &[a, b] in &own.edges {
@@ -64,7 +51,7 @@ pub(crate) fn draw_map(
         boundary.polygon(walk.into_iter().map(|v| own.at(v)));
     }
     shapes.push(boundary_line(boundary));
-    if let (true, Some(radius)) = (look.has_dots, dot_radius(own.edge_px)) {
+    if let (true, Some(radius)) = (coloured.has_dots, dot_radius(own.edge_px)) {
         let dot = |(v, &taxel): (VertexId, &VertexId)| (own.at(v), patch.is_live(taxel));
         shapes.extend(taxel_dots(level.level.origins.enumerate().map(dot), radius, &coloured.fill));
     }
@@ -84,9 +71,11 @@ fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
     to_finest.indices.enumerate().map(at).collect()
 }
 
-/// A path for each colour, or an image if triangles are small or colours change within them. Neighbouring groups of one colour
-/// merge.
-fn areas(canvas: &Canvas<'_>, fill: &Fill, view: &View, is_separated: bool) -> Vec<Shape> {
+/// A path for each colour, or an image if triangles are small or colours change within them.
+/// Neighbouring groups of one colour merge; white lines separate receptive fields.
+fn areas(canvas: &Canvas<'_>, coloured: &ColouredMesh<'_>, view: &View) -> Vec<Shape> {
+    let fill = &coloured.fill;
+    let is_separated = matches!(fill, Fill::Cells { .. }) && !coloured.is_scale;
     let image = || vec![canvas.image(&canvas.depth_buffer(view), view, fill, |_| 1.0)];
     let mut paths = BTreeMap::<Colour, Path>::new();
     match fill {
@@ -105,11 +94,8 @@ fn areas(canvas: &Canvas<'_>, fill: &Fill, view: &View, is_separated: bool) -> V
         }
     }
     let area = |(colour, path)| {
-        let stroke = if is_separated {
-            Stroke { colour: Colour::WHITE, width: SEPARATION_PX, opacity: 1.0 }
-        } else {
-            Stroke { colour, width: SEAM_PX, opacity: 1.0 }
-        };
+        let (line, width) = if is_separated { (Colour::WHITE, SEPARATION_PX) } else { (colour, SEAM_PX) };
+        let stroke = Stroke { colour: line, width, opacity: 1.0 };
         Shape::Path { path, fill: Some(colour), stroke: Some(stroke) }
     };
     paths.into_iter().map(area).collect()

@@ -6,13 +6,9 @@ use crate::{
     mesh::rectangle_around,
     plot::{
         Paint, PlotError, Viewpoint,
-        colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits},
-        draw::{
-            camera::Camera,
-            map_view::{MapLook, draw_map},
-            view_3d::draw_in_space,
-        },
-        layout::{Caption, Slot, View, number, printable},
+        colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, mean_of_known},
+        draw::{camera::Camera, map_view::draw_map, view_3d::draw_in_space},
+        layout::{Caption, Slot, View, minus, number, printable},
         patch_view::PatchView,
         picture::Shape,
     },
@@ -65,47 +61,45 @@ impl<'a> Panel<'a> {
         limits: &ScaleLimits,
     ) -> Result<Vec<Shape>, PlotError> {
         let coloured = ColouredMesh::new(self.patch, self.level(), paint, limits)?;
-        match &self.look {
-            Look::OnMap(level) => {
-                let has_gaps = paint == Paint::Fields && level.level.to_finest.is_some();
-                let look = MapLook { has_gaps, has_dots: paint.has_dots() };
-                Ok(draw_map(self.patch, level, &coloured, view, look))
-            }
+        Ok(match &self.look {
+            Look::OnMap(level) => draw_map(self.patch, level, &coloured, view),
             Look::InSpace(camera, level) => {
-                let dots: Vec<VertexId> = match level.filter(|level| level.level.to_finest.is_some()) {
-                    _ if !paint.has_dots() => Vec::new(),
-                    Some(level) if paint == Paint::Fields => level.level.origins.iter().copied().collect(),
-                    _ => self.patch.mesh.positions.ids().collect(),
+                let dots = match paint {
+                    Paint::Fields => self.centres(*level),
+                    _ if coloured.has_dots => self.centres(None),
+                    _ => Vec::new(),
                 };
-                Ok(draw_in_space(self.patch, &coloured, camera, view, &dots))
+                draw_in_space(self.patch, &coloured, camera, view, &dots)
             }
+        })
+    }
+
+    /// The taxels that are the centres of a level's fields; all of them without fields.
+    fn centres(&self, level: Option<&MapLevel>) -> Vec<VertexId> {
+        match level.filter(|level| level.level.to_finest.is_some()) {
+            Some(level) => level.level.origins.iter().copied().collect(),
+            None => self.patch.mesh.positions.ids().collect(),
         }
     }
-}
 
-impl Panel<'_> {
     /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots where they
     /// are.
     pub(crate) fn draw_values(&self, view: &View, values: &IdVec<VertexId, f64>, scale: Scale) -> Vec<Shape> {
         let coloured = |mesh, owner, values, has_lines| {
             let fill = Fill::Values { values, scale, has_lines };
-            ColouredMesh { mesh, owner, fill, is_scale: true }
+            ColouredMesh { mesh, owner, fill, is_scale: true, has_dots: true }
         };
         match &self.look {
             Look::OnMap(level) => {
                 let coloured = coloured(&level.level.mesh, MeshOwner::Level, values.clone(), true);
-                draw_map(self.patch, level, &coloured, view, MapLook { has_gaps: false, has_dots: true })
+                draw_map(self.patch, level, &coloured, view)
             }
             Look::InSpace(camera, level) => {
                 let prolongation = level.and_then(|level| level.level.to_finest.as_ref());
                 let on_taxels = prolongation.map_or_else(|| values.clone(), |p| carry_known(p, values));
-                let dots: Vec<VertexId> = match level.filter(|_| prolongation.is_some()) {
-                    Some(level) => level.level.origins.iter().copied().collect(),
-                    None => self.patch.mesh.positions.ids().collect(),
-                };
                 let coloured =
                     coloured(self.patch.mesh, MeshOwner::Taxels, on_taxels, prolongation.is_none());
-                draw_in_space(self.patch, &coloured, camera, view, &dots)
+                draw_in_space(self.patch, &coloured, camera, view, &self.centres(*level))
             }
         }
     }
@@ -113,12 +107,7 @@ impl Panel<'_> {
 
 /// Values of a level on the taxels: the mean of those of their fields that are known.
 fn carry_known(prolongation: &Prolongation, values: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
-    let mean = |taxel| {
-        let known = prolongation.row(taxel).filter(|(field, _)| !values[*field].is_nan());
-        let (sum, weight) =
-            known.fold((0.0, 0.0), |(sum, weight), (field, w)| (sum + w * values[field], weight + w));
-        sum / weight
-    };
+    let mean = |taxel| mean_of_known(prolongation.row(taxel).map(|(field, w)| (values[field], w)));
     prolongation.indices.ids().map(mean).collect()
 }
 
@@ -150,5 +139,5 @@ fn caption_in_space(patch: &PatchView<'_>, camera: &Camera) -> Caption {
 /// An angle in degrees with at most a tenth, and a minus as wide as a figure.
 fn degrees(x: f64) -> String {
     let tenths = (10.0 * x).round() / 10.0;
-    format!("{}{}°", if tenths < 0.0 { "\u{2212}" } else { "" }, tenths.abs())
+    format!("{}{}°", minus(tenths), tenths.abs())
 }

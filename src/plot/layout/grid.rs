@@ -89,7 +89,7 @@ impl Layout {
     pub(crate) fn new(rows: &[Row<'_>], width: u32) -> Result<Self, PlotError> {
         let panels = rows.iter().map(Vec::len).max().unwrap_or(0).max(1);
         let columns = panels as f64;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+        #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
         let least = (columns * MIN_COLUMN / (1.0 - MARGINS)).ceil() as u32;
         let least = least.max(MIN_WIDTH);
         if !(least..=MAX_SIDE).contains(&width) {
@@ -113,13 +113,11 @@ impl Layout {
             y += height + margin;
         }
         let height = y + (2.6 * em).round() + margin;
-        if height > f64::from(MAX_SIDE) {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-            let height = height as u32;
+        #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
+        let height = height.ceil() as u32;
+        if height > MAX_SIDE {
             return Err(PlotError::Size { width, height, least: MIN_WIDTH, most: MAX_SIDE });
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_SIDE")]
-        let height = height as u32;
         Ok(Self { width, height, em, margin, column, scale, rows: spans })
     }
 

@@ -26,34 +26,20 @@ impl Layout {
             fill: Some(INK),
             stroke: None,
         };
-        let label = Shape::Text {
-            text: format!("{} mm", short(1e3 * metres)),
-            at: at + DVec2::new(length + 0.6 * self.em, 0.35 * self.em),
-            anchor: Anchor::Start,
-            is_bold: false,
-        };
-        vec![
-            bar(0.0, -2.0, length, 4.0),
-            bar(0.0, -7.0, 2.0, 14.0),
-            bar(length - 2.0, -7.0, 2.0, 14.0),
-            label,
-        ]
+        let beside = at + DVec2::new(length + 0.6 * self.em, 0.35 * self.em);
+        let label = Shape::text(format!("{} mm", short(1e3 * metres)), beside, Anchor::Start);
+        let end = bar(length - 2.0, -7.0, 2.0, 14.0);
+        vec![bar(0.0, -2.0, length, 4.0), bar(0.0, -7.0, 2.0, 14.0), end, label]
     }
 
     /// What hollow dots mean, at the lower right, to the left of the legend of the colours.
     pub(crate) fn legend_of_hollow_dots(&self, paint: Paint) -> Vec<Shape> {
         let colours = if paint == Paint::Fields { 0.0 } else { WIDTH_OF_COLOURS * self.em };
         let at = DVec2::new(f64::from(self.width) - self.margin - colours - 0.4 * self.em, self.foot());
-        let text = Shape::Text {
-            text: "absent taxel or thermal pad".into(),
-            at: at + DVec2::new(-0.6 * self.em, 0.35 * self.em),
-            anchor: Anchor::End,
-            is_bold: false,
-        };
-        vec![
-            Shape::Dots { centres: vec![at], radius: 0.25 * self.em, colour: Colour::WHITE, has_rim: true },
-            text,
-        ]
+        let dot =
+            Shape::Dots { centres: vec![at], radius: 0.25 * self.em, colour: Colour::WHITE, has_rim: true };
+        let beside = at + DVec2::new(-0.6 * self.em, 0.35 * self.em);
+        vec![dot, Shape::text("absent taxel or thermal pad", beside, Anchor::End)]
     }
 
     /// What the colours mean, at the lower right; nothing for colours that only distinguish fields.
@@ -81,17 +67,11 @@ impl Layout {
     /// A scale of colours at the lower right, what it is of, and the values at its ends and middle.
     pub(crate) fn colour_bar(&self, scale: Scale, name: &str, labels: &[String; 3]) -> Vec<Shape> {
         let (corner, size) = self.bar();
-        let text = |text: &str, dx: f64, dy: f64, anchor| Shape::Text {
-            text: text.to_owned(),
-            at: corner + DVec2::new(dx, dy),
-            anchor,
-            is_bold: false,
-        };
+        let text =
+            |text: &str, dx: f64, dy: f64, anchor| Shape::text(text, corner + DVec2::new(dx, dy), anchor);
         let colours = (0..=16).map(|k| scale.at(f64::from(k) / 16.0)).collect();
-        let mut shapes = vec![
-            Shape::Scale { corner, size, colours },
-            text(name, -0.6 * self.em, 0.7 * self.em, Anchor::End),
-        ];
+        let name = text(name, -0.6 * self.em, 0.7 * self.em, Anchor::End);
+        let mut shapes = vec![Shape::Scale { corner, size, colours }, name];
         for (label, share) in labels.iter().zip([0.0, 0.5, 1.0]).filter(|(label, _)| !label.is_empty()) {
             shapes.push(text(label, share * size.x, 2.0 * self.em, Anchor::Middle));
         }
@@ -112,14 +92,14 @@ impl Layout {
         let right = corner.x - (1.6 + width(name)) * self.em;
         let size = DVec2::new(1.6 * self.em, size.y);
         let left = right - width(MEANING) * self.em - 0.4 * self.em - size.x;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few letters wide")]
+        #[expect(clippy::cast_possible_truncation, reason = "a few letters wide")]
         let [columns, rows] = size.to_array().map(|x| (2.0 * x).round().max(1.0) as usize);
         let colours = (0..columns * rows).map(|k| hatch(k % columns + k / columns)).collect();
         let corner = DVec2::new(left.round(), corner.y.round());
         let text_at = DVec2::new(left + size.x + 0.4 * self.em, corner.y + 0.7 * self.em);
         vec![
             Shape::Image { corner, size, pixels: Pixels { size: [columns, rows], colours } },
-            Shape::Text { text: MEANING.into(), at: text_at, anchor: Anchor::Start, is_bold: false },
+            Shape::text(MEANING, text_at, Anchor::Start),
         ]
     }
 }

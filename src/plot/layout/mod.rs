@@ -7,4 +7,4 @@ mod text;
 
 pub(crate) use caption::Caption;
 pub(crate) use grid::{Layout, Slot, View};
-pub(crate) use text::{number, printable, short};
+pub(crate) use text::{minus, number, printable, signed, ticks};

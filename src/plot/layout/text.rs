@@ -25,14 +25,14 @@ pub(crate) fn number(x: f64, decimals: usize) -> String {
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above a positive `x`.
-pub(crate) fn round_down(x: f64) -> f64 {
+pub(super) fn round_down(x: f64) -> f64 {
     let power = 10_f64.powf(x.log10().floor());
     let digit = [5.0, 2.0, 1.0].into_iter().find(|d| d * power <= x).unwrap_or(1.0);
     digit * power
 }
 
 /// Three significant digits, without zeros at the end.
-pub(crate) fn short(x: f64) -> String {
+pub(super) fn short(x: f64) -> String {
     if x >= 1e5 || (x > 0.0 && x < 1e-3) {
         let text = format!("{x:.2e}");
         let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
@@ -41,6 +41,23 @@ pub(crate) fn short(x: f64) -> String {
     let decimals = [100.0, 10.0, 1.0].into_iter().position(|limit| x >= limit).unwrap_or(3);
     let text = format!("{x:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// A minus as wide as a figure before a negative number.
+pub(crate) fn minus(x: f64) -> &'static str {
+    if x < 0.0 { "\u{2212}" } else { "" }
+}
+
+/// [`short`] of any sign.
+pub(crate) fn signed(x: f64) -> String {
+    format!("{}{}", minus(x), short(x.abs()))
+}
+
+/// The values at both ends and in the middle of a range, over `factor`.
+pub(crate) fn ticks([low, high]: [f64; 2], factor: f64) -> [String; 3] {
+    // Zero in the middle of a symmetric range may be off by rounding.
+    let exact = |x: f64| if x.abs() < 1e-12 * (high - low) { 0.0 } else { x / factor };
+    [low, 0.5 * (low + high), high].map(|x| signed(exact(x)))
 }
 
 #[cfg(test)]

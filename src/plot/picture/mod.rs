@@ -46,6 +46,13 @@ pub(crate) enum Shape {
     Scale { corner: DVec2, size: DVec2, colours: Vec<Colour> },
 }
 
+impl Shape {
+    /// A line of text that is not bold.
+    pub(crate) fn text(text: impl Into<String>, at: DVec2, anchor: Anchor) -> Self {
+        Self::Text { text: text.into(), at, anchor, is_bold: false }
+    }
+}
+
 /// How the lines of a path look. Joins and ends are round.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stroke {

@@ -25,16 +25,9 @@ impl Picture {
     /// The pixels of the picture, row by row from the top.
     pub(crate) fn to_pixels(&self) -> Result<Vec<Colour>, PlotError> {
         let [width, height] = self.size_px;
-        let mut canvas = Canvas {
-            pixels: Pixmap::new(width, height).ok_or(PlotError::Size {
-                width,
-                height,
-                least: 1,
-                most: MAX_SIDE,
-            })?,
-            fonts: Fonts::new(),
-            em: self.em,
-        };
+        let pixels =
+            Pixmap::new(width, height).ok_or(PlotError::Size { width, height, least: 1, most: MAX_SIDE })?;
+        let mut canvas = Canvas { pixels, fonts: Fonts::new(), em: self.em };
         canvas.pixels.fill(Color::WHITE);
         self.groups.iter().flatten().for_each(|shape| canvas.draw(shape));
         let colour = |p: &PremultipliedColorU8| Colour(p.red(), p.green(), p.blue());
@@ -131,11 +124,8 @@ impl Canvas {
     /// Bilinear interpolation at half the size is the mean of four pixels.
     fn draw_image(&mut self, corner: DVec2, size: DVec2, image: &Pixels) {
         let [width, height] = image.size;
-        let Some(mut pixels) =
-            u32::try_from(width).ok().zip(u32::try_from(height).ok()).and_then(|(w, h)| Pixmap::new(w, h))
-        else {
-            return;
-        };
+        let [w, h] = image.size.map(|side| u32::try_from(side).unwrap_or(u32::MAX));
+        let Some(mut pixels) = Pixmap::new(w, h) else { return };
         for (pixel, colour) in pixels.pixels_mut().iter_mut().zip(&image.colours) {
             *pixel = tiny_skia::ColorU8::from_rgba(colour.0, colour.1, colour.2, 255).premultiply();
         }

@@ -239,34 +239,6 @@ mod tests {
         assert!((star.flat[i] - star.flat[j]).length() < 2.1, "the diagonal from {i} to {j}");
     }
 
-    #[test]
-    fn an_existing_edge_is_avoided() {
-        // The two ends of the short diagonal of the kite are neighbours below it already.
-        let mut mesh = wheel(&[3.0, 1.0, 3.0, 1.0]);
-        let below = mesh.positions.push(DVec3::new(0.0, 0.0, -5.0));
-        let [a, b, c] = [2, 1, 4].map(VertexId::new);
-        for t in [[a, b, below], [b, c, below], [a, below, c]] {
-            mesh.triangles.push(t);
-        }
-        let (_, triangles) = fill(&mesh).unwrap();
-        assert!(diagonals(&triangles, 4).all(|d| d.map(|i| i % 2) != [1, 1]), "{triangles:?}");
-    }
-
-    /// Filling a tetrahedron's corner would lay its three faces on the fourth.
-    #[test]
-    fn pillows_are_refused() {
-        assert!(fill(&shapes::tetrahedron()).is_none());
-    }
-
-    #[test]
-    fn stars_without_extent_are_refused() {
-        let mut flat = wheel(&[1.0; 5]);
-        flat.positions[VertexId::new(2)] = flat.positions[VertexId::new(1)];
-        assert!(fill(&flat).is_none(), "a face without area");
-        flat.positions = flat.positions.map(|_| DVec3::X);
-        assert!(fill(&flat).is_none(), "a single point");
-    }
-
     /// A spike's neighbours lie on a circle, so its filling faces along the spike, away from all of
     /// its star's faces.
     #[test]

@@ -145,17 +145,14 @@ fn report_faces(
     file_faces: &IdVec<FaceId, FaceId>,
     remarks: &mut Vec<RemarkKind>,
 ) {
-    let in_file = |faces: &[FaceId]| faces.iter().map(|&f| file_faces[f]).collect::<Vec<FaceId>>();
-    if !repeated.is_empty() {
-        remarks.push(RemarkKind::RepeatedCorner { faces: repeated });
-    }
-    if !cleared.dropped.is_empty() {
-        remarks.push(RemarkKind::ZeroAreaDropped { faces: in_file(&cleared.dropped) });
-    }
-    if !cleared.flipped.is_empty() {
-        remarks.push(RemarkKind::ZeroAreaFlipped { faces: in_file(&cleared.flipped) });
-    }
-    if !cleared.kept.is_empty() {
-        remarks.push(RemarkKind::ZeroAreaKept { faces: in_file(&cleared.kept) });
-    }
+    let mut report = |faces: Vec<FaceId>, kind: fn(Vec<FaceId>) -> RemarkKind| {
+        if !faces.is_empty() {
+            remarks.push(kind(faces));
+        }
+    };
+    let in_file = |faces: &[FaceId]| faces.iter().map(|&f| file_faces[f]).collect();
+    report(repeated, |faces| RemarkKind::RepeatedCorner { faces });
+    report(in_file(&cleared.dropped), |faces| RemarkKind::ZeroAreaDropped { faces });
+    report(in_file(&cleared.flipped), |faces| RemarkKind::ZeroAreaFlipped { faces });
+    report(in_file(&cleared.kept), |faces| RemarkKind::ZeroAreaKept { faces });
 }

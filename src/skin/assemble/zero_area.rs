@@ -20,7 +20,7 @@ const FLATTEST: f64 = 1e-5;
 pub(in crate::skin) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     let height = (b - a).cross(c - a).length() / longest;
-    // DirectedEdges too short or too long for their squares: 0/0.
+    // Edges too short or too long for their squares: 0/0.
     if height.is_nan() { 0.0 } else { height }
 }
 
@@ -95,20 +95,21 @@ struct DirectedEdges {
 
 impl DirectedEdges {
     fn new(mesh: &TriMesh) -> Self {
-        let mut faces = HashMap::with_capacity(3 * mesh.triangles.len());
-        for (face, t) in mesh.triangles.enumerate() {
-            for side in 0..3 {
-                faces.insert((t[side], t[(side + 1) % 3]), face);
+        let faces = HashMap::with_capacity(3 * mesh.triangles.len());
+        let mut edges = Self { faces, on_boundary: IdVec::filled(false, mesh.positions.len()) };
+        for (face, &t) in mesh.triangles.enumerate() {
+            edges.insert(face, t);
+        }
+        for &(from, to) in edges.faces.keys() {
+            if !edges.faces.contains_key(&(to, from)) {
+                (edges.on_boundary[from], edges.on_boundary[to]) = (true, true);
             }
         }
-        let mut on_boundary = IdVec::filled(false, mesh.positions.len());
-        for &(from, to) in faces.keys() {
-            if !faces.contains_key(&(to, from)) {
-                on_boundary[from] = true;
-                on_boundary[to] = true;
-            }
-        }
-        Self { faces, on_boundary }
+        edges
+    }
+
+    fn insert(&mut self, face: FaceId, [a, b, c]: [VertexId; 3]) {
+        self.faces.extend([(a, b), (b, c), (c, a)].map(|edge| (edge, face)));
     }
 
     fn face(&self, from: VertexId, to: VertexId) -> Option<FaceId> {
@@ -148,9 +149,7 @@ impl DirectedEdges {
         self.faces.remove(&(c, a));
         for (face, t) in [(face, first), (beyond, second)] {
             mesh.triangles[face] = t;
-            for side in 0..3 {
-                self.faces.insert((t[side], t[(side + 1) % 3]), face);
-            }
+            self.insert(face, t);
         }
         Step::Flipped
     }

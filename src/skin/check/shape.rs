@@ -108,7 +108,7 @@ pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
             wound.triangles[face].swap(1, 2);
         }
         let is_turned = winding.reversed[face] != (of_piece == NormalQuality::Inward);
-        if of_piece.is_reliable() && is_turned {
+        if is_turned && !matches!(of_piece, NormalQuality::Unreliable(_)) {
             turned.push(subject.surface.file_faces[face].raw());
         }
     }

@@ -44,10 +44,9 @@ pub(super) struct Candidate {
 
 /// The triangles of all stars: most votes first, then the smallest circumcircle over the spacing.
 pub(super) fn candidates(cloud: &PointCloud<'_>) -> Vec<Candidate> {
-    let ids: Vec<VertexId> = cloud.positions.ids().collect();
-    let mut found: Vec<[VertexId; 3]> = par_collect(ids.len(), |range, found| {
+    let mut found: Vec<[VertexId; 3]> = par_collect(cloud.positions.len(), |range, found| {
         let mut star = DelaunayStar::default();
-        for &v in &ids[range] {
+        for v in range.map(VertexId::new) {
             found.extend(tangent_star(&mut star, v, cloud).into_iter().map(smallest_first));
         }
     });

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    numeric::DisjointSets,
+    numeric::{DisjointSets, median},
     parallel::par_collect,
     skin::triangulate::{
         kd_tree::{KdTree, Neighbour},
@@ -45,7 +45,7 @@ pub(super) fn first_at_place(
     normals: &IdVec<VertexId, DVec3>,
     unit: f64,
 ) -> IdVec<VertexId, VertexId> {
-    let resolution = RESOLUTION * median_distance(positions.as_slice().to_vec());
+    let resolution = RESOLUTION * median_distance(positions);
     let mut sets = DisjointSets::<VertexId>::new(positions.len());
     // Among many copies a search for the nearest taxels would find nothing else.
     let mut first_in_cell = HashMap::with_capacity(positions.len());
@@ -77,40 +77,29 @@ fn close_pairs(
     merge_distance: f64,
 ) -> Vec<[VertexId; 2]> {
     let tree = KdTree::new(positions);
-    let ids: Vec<VertexId> = positions.ids().collect();
-    let close = |found: &mut Vec<Neighbour>, &v: &VertexId| {
+    let close = |found: &mut Vec<Neighbour>, v: VertexId| {
         tree.nearest(positions[v], v, CELLS - 1, f64::INFINITY, found);
         let reach = resolution.max((SAME_PLACE * distance_around(found)).min(merge_distance));
         // A reach whose square underflows finds nothing: no distance is below 0.
         let close = found.iter().take_while(|near| near.0 < reach * reach);
         close.map(|near| [v, near.1]).collect::<Vec<_>>()
     };
-    par_collect(ids.len(), |range, pairs| {
+    par_collect(positions.len(), |range, pairs| {
         let mut found = Vec::new();
-        ids[range].iter().for_each(|v| pairs.extend(close(&mut found, v)));
+        range.map(VertexId::new).for_each(|v| pairs.extend(close(&mut found, v)));
     })
 }
 
 /// The median distance (maximum norm) from the centre, the median of each coordinate; 1, the
 /// longest side of the box, if that is 0.
-fn median_distance(mut places: Vec<DVec3>) -> f64 {
-    if places.is_empty() {
-        return 1.0;
-    }
-    let half = places.len() / 2;
-    let median = [0, 1, 2]
-        .map(|axis: usize| places.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis])).1[axis]);
-    let mut distances: Vec<f64> =
-        places.iter().map(|p| (*p - DVec3::from(median)).abs().max_element()).collect();
-    let distance = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
-    if distance > 0.0 { distance } else { 1.0 }
+fn median_distance(places: &IdVec<VertexId, DVec3>) -> f64 {
+    let middle = [0, 1, 2].map(|axis| median(places.iter().map(|p| p[axis])).unwrap_or(0.0));
+    let distance = median(places.iter().map(|p| (*p - DVec3::from(middle)).abs().max_element()));
+    distance.filter(|&distance| distance > 0.0).unwrap_or(1.0)
 }
 
 /// A position rounded to the resolution; positions far outside the others may share a cell.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a cast saturates, and only beyond 2^39 median distances"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "saturates, and only beyond 2^39 median distances")]
 fn cell(p: DVec3, resolution: f64) -> [i64; 3] {
     (p / resolution).to_array().map(|x| x.round() as i64)
 }

@@ -1,8 +1,4 @@
 //! The triangles of a Delaunay triangulation around one point, without the rest of it.
-//!
-//! The Voronoi cell of the point is cut out of a square by bisectors. Neighbours may see different
-//! triangles where their tangent planes differ, so the stars of all taxels are candidates, not yet
-//! a mesh.
 
 use glam::DVec2;
 
@@ -10,8 +6,7 @@ use glam::DVec2;
 /// of a square are on one circle in any frame.
 const ON_CIRCLE: f64 = 1e-7;
 
-/// The triangles of a Delaunay triangulation around one of its points, found without the rest of
-/// it.
+/// Finds the triangles around one point.
 ///
 /// They join the neighbours whose Voronoi cells border on that of the point. Its cell is cut out of
 /// a square by the bisectors with the other points, the nearest first, until the next is too far

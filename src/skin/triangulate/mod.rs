@@ -33,6 +33,7 @@ mod unique_points;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::smallest_first,
+    numeric::median,
     skin::{
         Draft, Remark, RemarkKind, Sheet, SkinError,
         triangulate::{
@@ -163,7 +164,7 @@ fn triangulate_sheet(sheet: &Sheet, gap: f64, remarks: &mut Vec<RemarkKind>) -> 
         taxels: result.positions.len(),
         triangles: triangles.len(),
         gap,
-        longest: gap * points.unit * median(&neighbours.spacing),
+        longest: gap * points.unit * median(neighbours.spacing.iter().copied()).unwrap_or(0.0),
     });
     report(&points, &normals, &outside, remarks);
     if !left_out.is_empty() {
@@ -192,12 +193,6 @@ fn grow(cloud: &PointCloud<'_>) -> IdVec<FaceId, [VertexId; 3]> {
     remove_extra_fans(&mut mesh, cloud);
     attach_isolated(&mut mesh, cloud);
     mesh.into_triangles()
-}
-
-fn median(spacing: &IdVec<VertexId, f64>) -> f64 {
-    let mut spacing = spacing.as_slice().to_vec();
-    let middle = spacing.len() / 2;
-    *spacing.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 fn report(

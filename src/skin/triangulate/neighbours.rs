@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{IdVec, VertexId},
-    parallel::{par_collect, par_map},
+    parallel::{par_collect, par_ids},
     skin::triangulate::kd_tree::{KdTree, Neighbour},
 };
 
@@ -39,7 +39,7 @@ impl Neighbours {
     pub(super) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
         let tree = KdTree::new(positions);
         let spacing = spacing(&tree, positions);
-        let ids: Vec<VertexId> = positions.ids().collect();
+        let count = positions.len();
         let max_neighbours = max_neighbours(gap);
         let is_within = |v: VertexId, &(squared, w): &Neighbour| {
             let most = gap * 0.5 * (spacing[v] + spacing[w]);
@@ -52,15 +52,15 @@ impl Neighbours {
             let last = last.map_or(SearchEnd::Radius(reach * reach), |&last| SearchEnd::Neighbour(last));
             (found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect(), last)
         };
-        let near = par_collect(ids.len(), |range, near| {
+        let near = par_collect(count, |range, near| {
             let mut found = Vec::new();
-            near.extend(ids[range].iter().map(|&v| near_and_last(v, &mut found)));
+            near.extend(range.map(|k| near_and_last(VertexId::new(k), &mut found)));
         });
         let (mut lists, last): (Vec<Vec<VertexId>>, Vec<SearchEnd>) = near.into_iter().unzip();
         // A taxel in dense skin searches less far than its neighbours in sparse skin, which may
         // have found it.
-        let mut missed: Vec<(VertexId, Neighbour)> = par_collect(ids.len(), |range, missed| {
-            for &v in &ids[range] {
+        let mut missed: Vec<(VertexId, Neighbour)> = par_collect(count, |range, missed| {
+            for v in range.map(VertexId::new) {
                 let seen = lists[v.index()].iter();
                 let seen = seen.map(|&w| (w, (positions[v].distance_squared(positions[w]), v)));
                 missed.extend(seen.filter(|(w, near)| last[w.index()].is_before(near)));
@@ -74,9 +74,8 @@ impl Neighbours {
 
     /// The pairs for which `keep` holds; it must be symmetric.
     pub(super) fn filtered(&self, keep: impl Fn(VertexId, VertexId) -> bool + Sync) -> Self {
-        let ids: Vec<VertexId> = self.spacing.ids().collect();
-        let kept = |&v: &VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
-        Self { spacing: self.spacing.clone(), lists: par_map(&ids, kept) }
+        let kept = |v: VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
+        Self { spacing: self.spacing.clone(), lists: par_ids(self.spacing.len(), kept).into_vec() }
     }
 
     /// The neighbours of `v`, nearest first.
@@ -105,7 +104,7 @@ impl SearchEnd {
 }
 
 /// The largest number of neighbours of a taxel.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "gaps lie between 1 and 20")]
+#[expect(clippy::cast_possible_truncation, reason = "gaps lie between 1 and 20")]
 fn max_neighbours(gap: f64) -> usize {
     (DENSEST * gap * gap).ceil() as usize
 }
@@ -117,23 +116,21 @@ pub(super) fn distance_around(nearest: &[Neighbour]) -> f64 {
 
 /// [`distance_around`] of each taxel, smoothed.
 fn spacing(tree: &KdTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
-    let ids: Vec<VertexId> = positions.ids().collect();
     let own_and_nearest = |v: VertexId, found: &mut Vec<Neighbour>| {
         tree.nearest(positions[v], v, SMOOTHING, f64::INFINITY, found);
         let mut nearest = [v; SMOOTHING];
         nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.1);
         (distance_around(found), nearest)
     };
-    let distances = par_collect(ids.len(), |range, distances| {
+    let distances = par_collect(positions.len(), |range, distances| {
         let mut found = Vec::new();
-        distances.extend(ids[range].iter().map(|&v| own_and_nearest(v, &mut found)));
+        distances.extend(range.map(|k| own_and_nearest(VertexId::new(k), &mut found)));
     });
     let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING]>) = distances.into_iter().unzip();
-    let median = |v: VertexId| {
+    par_ids(positions.len(), |v: VertexId| {
         let mut around = [own[v.index()]; SMOOTHING + 1];
         around.iter_mut().zip(nearest[v.index()]).for_each(|(s, w)| *s = own[w.index()]);
         around.sort_unstable_by(f64::total_cmp);
         around[SMOOTHING / 2]
-    };
-    par_map(&ids, |&v| median(v)).into()
+    })
 }

@@ -9,8 +9,8 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    numeric::symmetric_eigen,
-    parallel::{par_collect, par_map},
+    numeric::{median, symmetric_eigen},
+    parallel::{par_collect, par_ids},
     skin::{
         UnreliableNormals,
         normals::{SAME_DIRECTION, is_unit},
@@ -52,15 +52,6 @@ const STACKED: f64 = 0.9;
 /// to a sharp edge, a strip or two layers; the mean replaces it.
 const BEST_PLANE: f64 = 0.5;
 
-/// The plane of a taxel's neighbourhood.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Plane {
-    /// Unit normal, of either sign.
-    pub normal: DVec3,
-    /// Smallest over middle variance of the neighbourhood: 0 on a plane, about 0.5 in a cloud.
-    pub thickness: f64,
-}
-
 /// The normals of a point cloud.
 #[derive(Debug)]
 pub(super) struct PointNormals {
@@ -68,7 +59,8 @@ pub(super) struct PointNormals {
     pub normal: IdVec<VertexId, DVec3>,
     /// Reliable unit normals of the file; zero where there is none.
     pub file: IdVec<VertexId, DVec3>,
-    /// Median of [`Plane::thickness`].
+    /// Median of the smallest over the middle variance of a neighbourhood: 0 on a plane, about 0.5
+    /// in a cloud.
     pub thickness: f64,
     /// Why the file's normals were not used; `None` if they were or there are none.
     pub refused: Option<UnreliableNormals>,
@@ -107,15 +99,15 @@ impl PointNormals {
     pub(super) fn replace_bad_planes(&mut self, neighbours: &Neighbours) {
         let Self { normal, file, .. } = &*self;
         let turned = |v: VertexId| if file[v].dot(normal[v]) < 0.0 { -file[v] } else { file[v] };
-        let better = |&v: &VertexId| {
+        let better = |v: VertexId| {
             let near = neighbours.of(v).iter().take(PLANE_NEIGHBOURS);
             let mean = near.map(|&w| turned(w)).sum::<DVec3>() + turned(v);
             let mean = mean.normalize_or_zero();
             (mean != DVec3::ZERO && mean.dot(normal[v]) < BEST_PLANE).then_some((v, mean))
         };
-        let ids: Vec<VertexId> = normal.ids().collect();
-        let better: Vec<(VertexId, DVec3)> =
-            par_collect(ids.len(), |range, out| out.extend(ids[range].iter().filter_map(better)));
+        let better: Vec<(VertexId, DVec3)> = par_collect(normal.len(), |range, out| {
+            out.extend(range.map(VertexId::new).filter_map(better));
+        });
         for (v, mean) in better {
             self.normal[v] = mean;
         }
@@ -145,19 +137,20 @@ fn unit_or_zero(n: DVec3) -> DVec3 {
 
 /// The planes of all taxels, those of modules where there are any, and the median of the thickness.
 fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId, DVec3>, f64) {
-    let ids: Vec<VertexId> = points.positions.ids().collect();
-    let plane = |&v: &VertexId| {
+    // Plane of least squares through a taxel and its nearest neighbours; any if there are too few.
+    let plane = |v: VertexId| {
         let near = neighbours.of(v).iter().take(PLANE_NEIGHBOURS);
-        local_plane(near.chain([&v]).map(|&w| points.positions[w]))
+        let (normal, [least, middle, _]) =
+            fit(near.chain([&v]).map(|&w| points.positions[w])).unwrap_or((DVec3::Z, [0.0; 3]));
+        (normal, if middle > 0.0 { least / middle } else { 0.0 })
     };
-    let planes: Vec<Plane> = par_map(&ids, plane);
-    let mut thickness: Vec<f64> = planes.iter().map(|p| p.thickness).collect();
-    thickness.sort_unstable_by(f64::total_cmp);
-    let mut normal: IdVec<VertexId, DVec3> = planes.iter().map(|p| p.normal).collect();
+    let planes = par_ids(points.positions.len(), plane);
+    let thickness = median(planes.iter().map(|plane| plane.1)).unwrap_or(0.0);
+    let mut normal = planes.map(|plane| plane.0);
     for (v, plane) in module_planes(points) {
         normal[v] = plane;
     }
-    (normal, thickness[thickness.len() / 2])
+    (normal, thickness)
 }
 
 fn defect(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<UnreliableNormals> {
@@ -179,15 +172,6 @@ fn defect(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Opt
     } else {
         None
     }
-}
-
-/// Plane of least squares through a taxel and its nearest neighbours; any plane if there are too
-/// few.
-fn local_plane(points: impl Iterator<Item = DVec3> + Clone) -> Plane {
-    fit(points).map_or(Plane { normal: DVec3::Z, thickness: 0.0 }, |fit| Plane {
-        normal: fit.0,
-        thickness: if fit.1[1] > 0.0 { fit.1[0] / fit.1[1] } else { 0.0 },
-    })
 }
 
 /// The normal of its module for every taxel whose module has one.

@@ -32,10 +32,9 @@ pub(super) fn orient_normals(
     neighbours: &Neighbours,
 ) {
     let PointNormals { normal, file, .. } = normals;
-    let ids: Vec<VertexId> = positions.ids().collect();
     let has_side = |v: VertexId| file[v] != DVec3::ZERO;
-    let mut edges: Vec<(f64, VertexId, VertexId, bool)> = par_collect(ids.len(), |range, edges| {
-        for &v in &ids[range] {
+    let mut edges: Vec<(f64, VertexId, VertexId, bool)> = par_collect(positions.len(), |range, edges| {
+        for v in range.map(VertexId::new) {
             edges.extend(neighbours.of(v).iter().take(SPREAD).map(|&w| {
                 let along = (positions[w] - positions[v]).normalize_or_zero();
                 let carried = normal[w] - 2.0 * normal[w].dot(along) * along;
@@ -55,11 +54,11 @@ pub(super) fn orient_normals(
     }
     // The file's normals choose the side of a set.
     let mut votes = IdVec::<VertexId, i32>::filled(0, positions.len());
-    for &v in ids.iter().filter(|&&v| has_side(v)) {
+    for v in positions.ids().filter(|&v| has_side(v)) {
         let (root, relation) = sets.root(v);
         votes[root] += if relation.is_reversed() { -1 } else { 1 };
     }
-    for v in ids {
+    for v in positions.ids() {
         let (root, relation) = sets.root(v);
         if relation.is_reversed() != (votes[root] < 0) {
             normal[v] = -normal[v];

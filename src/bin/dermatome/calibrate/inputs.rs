@@ -10,7 +10,7 @@ use dermatome::{
     skin::TaxelId,
 };
 
-use crate::{calibrate::args::Args, common::Common, print::line};
+use crate::{calibrate::args::Args, common::Common, notes::note};
 
 /// What is read before the solve, so that no broken file wastes one.
 pub(super) struct Inputs {
@@ -29,9 +29,7 @@ impl Inputs {
     pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
         let read = read_observations(&args.observations, &args.contacts);
         let (observations, remarks) = read.map_err(Error::from)?;
-        for remark in remarks.iter().filter(|_| !common.quiet) {
-            eprintln!("note: {}", line(&remark.to_string()));
-        }
+        remarks.iter().for_each(|remark| note(common, remark));
         let ids = observations.taxels.map(|t| t.id);
         let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
         let truth = args

@@ -14,9 +14,8 @@ use crate::{
     calibrate::{args::Args, inputs::Inputs},
     common::Common,
     errors::advise,
-    notes::remark_lost,
+    notes::{note, remark_lost},
     outputs::{self, Outputs},
-    print::line,
 };
 
 /// What an output holds.
@@ -119,24 +118,20 @@ pub(super) fn write(
 fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result<Skin> {
     let made =
         calibrated_skin(found, &inputs.observations, inputs.triangles.as_deref()).map_err(Error::from)?;
-    if made.assumed > 0 && !common.quiet {
-        eprintln!(
-            "note: neither frames nor normals determine the outside of {} of {} patches: away from the origin is assumed; --triangles decides",
-            made.assumed,
-            made.skin.patches.len()
-        );
+    if made.assumed > 0 {
+        let (assumed, patches) = (made.assumed, made.skin.patches.len());
+        let sides =
+            format!("neither frames nor normals determine the outside of {assumed} of {patches} patches");
+        note(common, format_args!("{sides}: away from the origin is assumed; --triangles decides"));
     }
-    if made.turned > 0 && !common.quiet {
-        eprintln!(
-            "note: the triangles of {} patches contradicted the taxels' frames or normals and were reversed",
-            made.turned
-        );
+    if made.turned > 0 {
+        let triangles = format!("the triangles of {} patches", made.turned);
+        note(common, triangles + " contradicted the taxels' frames or normals and were reversed");
     }
-    for remark in made.remarks.iter().filter(|_| !common.quiet) {
-        eprintln!("note: {}", line(&remark.to_string()));
-    }
-    if !made.left_out.is_empty() && !common.quiet {
-        eprintln!("note: {} taxels are in no triangle and are left out of the skin", made.left_out.len());
+    made.remarks.iter().for_each(|remark| note(common, remark));
+    if !made.left_out.is_empty() {
+        let count = made.left_out.len();
+        note(common, format_args!("{count} taxels are in no triangle and are left out of the skin"));
     }
     Ok(made.skin)
 }
