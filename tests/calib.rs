@@ -235,6 +235,17 @@ fn all_starts_lead_to_the_same_minimum() {
 }
 
 /// The same observations with taxels in reverse order.
+/// Observations without noise fit exactly, whichever six numbers the error of a pose becomes.
+#[test]
+fn perfect_observations_have_no_error() {
+    let options = SimulateOptions { noise: 0.0, rotation_noise: 0.0, ..small(Model::Poses) };
+    let simulation = simulate(&options).unwrap();
+    for residual in [ResidualConvention::Split, ResidualConvention::Log, ResidualConvention::Quaternion] {
+        let found = solve(&simulation.observations, &CalibOptions { residual, ..CalibOptions::default() });
+        assert!(found.cost < 1e-18, "{residual}: {}", found.cost);
+    }
+}
+
 fn reversed(observations: &Observations) -> Observations {
     let last = observations.taxels.len() - 1;
     let turn = |v: VertexId| VertexId::new(last - v.index());

@@ -250,7 +250,9 @@ fn no_text_leaves_the_picture_or_runs_into_another() {
             [(200, None), (200, Some(Viewpoint::default())), (400, Some(Viewpoint::default())), (1600, None)]
         {
             let options = PlotOptions { width_px, space, paint: Paint::Area, ..PlotOptions::default() };
-            let boxes = text_boxes(&plot_map(&map, &options).unwrap());
+            let svg = plot_map(&map, &options).unwrap();
+            assert!(svg.contains("1.2e4") && svg.contains("9.9e7"), "large numbers are short");
+            let boxes = text_boxes(&svg);
             assert!(boxes.len() > 18, "{} texts", boxes.len());
             let width = width_px as f32;
             for (k, a) in boxes.iter().enumerate() {
@@ -264,14 +266,32 @@ fn no_text_leaves_the_picture_or_runs_into_another() {
     }
 }
 
-/// A map of any size is as large on its picture, and the bar tells how long it is.
+/// A map of any size is as large on its picture, and the bar tells how long it is: 1, 2 or 5 times a
+/// power of ten, and no zeros at the end.
 #[test]
-fn the_bar_of_a_tiny_map_has_a_length() {
-    let side = 1e-20;
-    let svg = plot_map(&skin(vec![square_pyramid("dust", &[5], side, side / 10.0)]), &PlotOptions::default())
-        .unwrap();
-    let (_, texts) = elements(&svg);
-    assert!(texts.iter().any(|t| t.ends_with("e-18 mm")), "{texts:?}");
+fn the_bar_of_a_map_of_any_size_has_a_round_length() {
+    for (side, expected) in [(1e-20, "e-18 mm"), (0.06, "20 mm"), (0.1, "20 mm"), (3.0, "1000 mm")] {
+        let svg =
+            plot_map(&skin(vec![square_pyramid("dust", &[5], side, side / 10.0)]), &PlotOptions::default());
+        let (_, texts) = elements(&svg.unwrap());
+        let bar = texts.iter().find(|t| t.ends_with(" mm")).unwrap();
+        assert!(bar.ends_with(expected) && bar.starts_with(['1', '2', '5']), "{bar} for {side} m");
+    }
+}
+
+/// The scales are those of ColorBrewer and of viridis.
+#[test]
+fn scales_begin_and_end_where_they_should() {
+    for (paint, first, last) in [
+        (Paint::Angle, "#ffffe5", "#662506"),
+        (Paint::Area, "#2166ac", "#b2182b"),
+        (Paint::Taxel, "#440154", "#fde725"),
+    ] {
+        let svg = plot_map(&skin(vec![palm()]), &PlotOptions { paint, ..PlotOptions::default() }).unwrap();
+        let document = Document::parse(&svg).unwrap();
+        let stops: Vec<_> = document.descendants().filter_map(|node| node.attribute("stop-color")).collect();
+        assert_eq!((stops[0], *stops.last().unwrap()), (first, last), "{paint:?}");
+    }
 }
 
 /// Letters come with the crate: a PNG shows them whichever fonts the machine has.

@@ -119,3 +119,30 @@ fn a_range_of_two_values_has_them_at_its_ends() {
     }
     assert_eq!(ValueRange::default().percentiles(0.0, 100.0), None);
 }
+
+/// Without a range given, its ends have two digits and hold the values: from zero if that is near,
+/// symmetric if values of both signs matter; a constant has a scale, too.
+#[test]
+fn ranges_are_round_and_hold_the_values() {
+    let (map, channel) = (palm(), Channel::new("strain", ""));
+    let options = PlotOptions { levels: vec![level_id(0)], ..PlotOptions::default() };
+    for (values, ends) in [
+        ([0.0, 37_210.0], ["0", "38000"]),
+        ([-40.0, 37_210.0], ["≤ 0", "38000"]),
+        ([-30_000.0, 37_210.0], ["−38000", "38000"]),
+        ([-37_210.0, 100.0], ["−38000", "≥ 0"]),
+        ([50_100.0, 50_900.0], ["50000", "51000"]),
+        ([-51.0, -50.5], ["−51", "−50"]),
+        ([0.0, 0.0], ["0", "1"]),
+        ([f64::NAN, f64::NAN], ["0", "1"]),
+        ([0.37, 0.37], ["0", "0.37"]),
+        ([-1e-300, -1e-300], ["−1e-300", "0"]),
+        ([1e300, 1e300], ["0", "1e300"]),
+    ] {
+        let frame = on_levels(&map, &channel, |k| values[k % 2]);
+        let svg = plot_frame(&map, &view(&frame, &channel), &options).unwrap().to_svg();
+        for end in ends {
+            assert!(svg.contains(&format!(">{end}</text>")), "{end} for {values:?}");
+        }
+    }
+}

@@ -69,7 +69,7 @@ pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;
 
 pub(in crate::calib) use observations::graph::{
-    Component, Poses, component_of_taxels, components, edges_of_taxels, predicted_pose,
+    Component, Poses, components, edges_of_taxels, predicted_pose,
 };
 pub(in crate::calib) use solve::{
     gauge::{FreeBody, GaugeFreedom, RigidMotion},

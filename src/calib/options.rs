@@ -69,11 +69,7 @@ pub enum ResidualConvention {
 
 impl fmt::Display for ResidualConvention {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Split => "split",
-            Self::Log => "log",
-            Self::Quaternion => "quaternion",
-        })
+        f.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 

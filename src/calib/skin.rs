@@ -33,9 +33,10 @@ pub struct CalibratedSkin {
 /// Meshes calibrated taxels with the triangles given, or with those that their edges form.
 ///
 /// Normals are those of the triangles in the positions model, which gives no tangents; in the poses
-/// model normals are the z axes of the taxel frames, and tangents their x axes. The outside of each sheet is where its taxel frames or contact normals point;
-/// without either, as given triangles are wound; without these, away from the origin. Edges without
-/// information form no triangle. Rejected edges do, unless the triangles are then not a surface.
+/// model they are the z axes of the taxel frames, and tangents the x axes. The outside of each sheet
+/// is where its taxel frames or contact normals point; without either, as given triangles are wound;
+/// without these, away from the origin. Edges without information form no triangle. Rejected edges
+/// do, unless the triangles are then not a surface.
 ///
 /// ```
 /// use dermatome::calib::{CalibOptions, SimulateOptions, calibrate, calibrated_skin, simulate};

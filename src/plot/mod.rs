@@ -16,9 +16,9 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel of each (a level
-//! on its map, or the skin in space), `colour` chooses the colours, `layout` positions panels,
-//! captions and legends, and `picture` is the list of shapes that comes out.
+//! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel
+//! of each (a level on its map, or the skin in space), `colour` chooses the colours, `layout`
+//! positions panels, captions and legends, and `picture` is the list of shapes that comes out.
 
 mod colour;
 mod draw;

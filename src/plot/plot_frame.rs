@@ -259,36 +259,3 @@ fn caption(panel: &Caption, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &A
         about: [format!("{} {kind}{masked}{time}", values.len()), measures.trim_end().to_owned()],
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ranges_are_round_and_hold_the_values() {
-        for ([low, high], expected) in [
-            ([0.0, 37_210.0], [0.0, 38_000.0]),
-            ([-40.0, 37_210.0], [0.0, 38_000.0]),
-            ([-30_000.0, 37_210.0], [-38_000.0, 38_000.0]),
-            ([-37_210.0, 100.0], [-38_000.0, 0.0]),
-            ([50_100.0, 50_900.0], [50_000.0, 51_000.0]),
-            ([-51.0, -50.5], [-51.0, -50.0]),
-            ([0.0, 0.0], [0.0, 1.0]),
-            ([f64::INFINITY, f64::NEG_INFINITY], [0.0, 1.0]),
-        ] {
-            let found = round([low, high], 1.0);
-            assert!(
-                found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0)),
-                "{found:?}"
-            );
-        }
-    }
-
-    #[test]
-    fn a_constant_still_has_a_scale() {
-        for x in [1.0, -1.0, 0.37, -1e-300, 1e300, 12.0] {
-            let [low, high] = round([x, x], 1.0);
-            assert!(low < high && low <= x && x <= high + 1e-12 * high.abs(), "{x}: {low} to {high}");
-        }
-    }
-}

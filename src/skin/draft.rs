@@ -5,8 +5,12 @@ use glam::DVec3;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::MeshError,
-    skin::{Covariance, Link, LinkId, Presence, Remark, SkinError, TaxelError, TaxelId},
+    skin::{Covariance, Link, LinkId, Presence, Remark, RemarkKind, SkinError, TaxelError, TaxelId},
 };
+
+/// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times
+/// larger, so that its unit shows down to a fingertip of 10 mm.
+const LARGEST_PART: f64 = 10.0;
 
 /// A skin as a file holds it, before anything is repaired or refused.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -58,6 +62,14 @@ impl Draft {
         self.sheets.iter().all(|s| s.triangles.is_empty())
             && self.sheets.iter().any(|s| !s.positions.is_empty())
     }
+
+    /// *Heuristic*: a warning about the largest sheet, if its size makes no sense in metres.
+    pub(super) fn doubtful_unit(&self) -> Option<Remark> {
+        let extents = self.sheets.iter().map(|sheet| (sheet, sheet.extent()));
+        let largest = extents.max_by(|a, b| a.1.total_cmp(&b.1));
+        let (sheet, extent) = largest.filter(|&(_, extent)| extent > LARGEST_PART && extent.is_finite())?;
+        Some(Remark { patch: sheet.title().to_owned(), kind: RemarkKind::DoubtfulUnit { extent } })
+    }
 }
 
 impl Sheet {
@@ -93,6 +105,19 @@ impl Sheet {
             }
         }
         Ok(())
+    }
+
+    /// Longest side, in m, of the box without the outermost hundredth of the vertices on each side:
+    /// sentinel coordinates such as -999 do not change it.
+    fn extent(&self) -> f64 {
+        let count = self.positions.len();
+        let out = count.div_ceil(100).min(count.saturating_sub(1) / 2);
+        let side = |axis: usize| {
+            let mut along: Vec<f64> = self.positions.iter().map(|p| p[axis]).collect();
+            let mut nth = |k: usize| *along.select_nth_unstable_by(k, f64::total_cmp).1;
+            nth(count - 1 - out) - nth(out)
+        };
+        if count == 0 { 0.0 } else { (0..3).map(side).fold(0.0, f64::max) }
     }
 
     /// The first optional array that has not one entry per vertex, and its length.

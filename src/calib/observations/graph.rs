@@ -53,41 +53,34 @@ pub(crate) struct Component {
 }
 
 /// The connected components of the graph of edges that have information and that `counts` picks, in
-/// the order of their first taxels.
+/// the order of their first taxels; and the index of the component of every taxel.
 pub(crate) fn components(
     observations: &Observations,
     counts: impl Fn(DisplacementId) -> bool,
-) -> Vec<Component> {
+) -> (Vec<Component>, IdVec<VertexId, usize>) {
     let taxels = &observations.taxels;
     let mut sets = DisjointSets::<VertexId>::new(taxels.len());
     for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
         sets.join(edge.from, edge.to);
     }
-    let mut numbers: IdVec<VertexId, usize> = IdVec::filled(usize::MAX, taxels.len());
+    let mut of_taxel = IdVec::<VertexId, usize>::new();
     let mut components: Vec<Component> = Vec::new();
     for v in taxels.ids() {
+        // The root is the first taxel of its component.
         let root = sets.root(v);
-        if numbers[root] == usize::MAX {
-            numbers[root] = components.len();
+        if root == v {
             components.push(Component { taxels: Vec::new(), fixed: false, gauge: v });
         }
-        let component = &mut components[numbers[root]];
+        let number = if root == v { components.len() - 1 } else { of_taxel[root] };
+        of_taxel.push(number);
+        let component = &mut components[number];
         component.taxels.push(v);
         component.fixed |= taxels[v].fixed;
         if taxels[component.gauge].initial.is_none() && taxels[v].initial.is_some() {
             component.gauge = v;
         }
     }
-    components
-}
-
-/// The index in `components` of the component of every taxel.
-pub(crate) fn component_of_taxels(components: &[Component], taxels: usize) -> IdVec<VertexId, usize> {
-    let mut of_taxel = IdVec::filled(0, taxels);
-    for (k, component) in components.iter().enumerate() {
-        component.taxels.iter().for_each(|&v| of_taxel[v] = k);
-    }
-    of_taxel
+    (components, of_taxel)
 }
 
 /// The edges of every taxel, ascending.

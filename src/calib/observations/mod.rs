@@ -35,10 +35,7 @@ pub enum Model {
 
 impl fmt::Display for Model {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Positions => "positions",
-            Self::Poses => "poses",
-        })
+        f.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 

@@ -9,8 +9,8 @@
 
 use crate::{
     calib::{
-        CalibError, LossFunctions, Observations, PerObservation, Solver, Verdict, component_of_taxels,
-        components, edges_of_taxels,
+        CalibError, LossFunctions, Observations, PerObservation, Solver, Verdict, components,
+        edges_of_taxels,
         robust::{length_prior::LogOdds, solution::Solution},
     },
     id::{IdVec, VertexId},
@@ -82,8 +82,7 @@ fn reconnect(
     losses: &LossFunctions,
     held: &IdVec<VertexId, bool>,
 ) {
-    let parts = components(observations, |e| verdicts.edges[e] != Verdict::Outlier);
-    let of_taxel = component_of_taxels(&parts, observations.taxels.len());
+    let (parts, of_taxel) = components(observations, |e| verdicts.edges[e] != Verdict::Outlier);
     let held: Vec<bool> = parts.iter().map(|p| p.taxels.iter().any(|&v| held[v])).collect();
     for (e, edge) in observations.edges.enumerate() {
         let (from, to) = (of_taxel[edge.from], of_taxel[edge.to]);

@@ -77,10 +77,11 @@ pub(crate) fn has_outlier(
     let count = dimensions.iter().filter(|&n| n > 0).count() as f64;
     let largest = quantiles(dimensions, 1.0 - BY_CHANCE / count);
     let scale = median_scale(dimensions, chi2);
-    let suspected = chi2.zip(verdicts, |chi2, verdict| if suspects(verdict) { chi2 } else { 0.0 });
     let bounds = dimensions.map(|n| if n > 0 { leverage * largest[n] } else { f64::INFINITY });
-    let over = suspected.zip(&bounds, |chi2, bound| chi2 / bound);
-    over.edges.iter().any(|&x| x > scale.edges) || over.contacts.iter().any(|&x| x > scale.contacts)
+    // The squares of suspects over their bounds at scale 1; others exceed none.
+    let suspected = chi2.zip(verdicts, |chi2, verdict| if suspects(verdict) { chi2 } else { 0.0 });
+    let shares = suspected.zip(&bounds, |chi2, bound| chi2 / bound);
+    shares.edges.iter().any(|&x| x > scale.edges) || shares.contacts.iter().any(|&x| x > scale.contacts)
 }
 
 /// The quantile of chi-square at `probability` for every dimension that occurs.

@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         Component, ContactObservationId, Model, Observations, PerObservation, Pose, Poses, Problem,
-        SMALLEST_WEIGHT, component_of_taxels, components,
+        SMALLEST_WEIGHT, components,
     },
     id::VertexId,
     numeric::{Matrix6, Twist, symmetric_eigen},
@@ -133,9 +133,8 @@ fn free_components(
     counts: impl Fn(ContactObservationId) -> bool,
 ) -> Vec<FreeBody> {
     let observations = problem.observations;
-    let all = components(observations, |_| true);
+    let (all, of_taxel) = components(observations, |_| true);
     let mut contacts = vec![(Vec::new(), 0); all.len()];
-    let of_taxel = component_of_taxels(&all, observations.taxels.len());
     for (id, contact) in observations.contacts.enumerate() {
         let (counting, rejected_contacts) = &mut contacts[of_taxel[contact.taxel]];
         if counts(id) {

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::{
     calib::{
         CalibError, ContactMeasurement, Displacement, DisplacementMeasurement, Initialization, Model,
-        Observations, Pose, PoseMeasurement, Poses, component_of_taxels, components, edges_of_taxels,
+        Observations, Pose, PoseMeasurement, Poses, components, edges_of_taxels,
         geometry::align::{Correlation, nearest_rotation, outer},
         predicted_pose,
         solve::layout::{number_rows, pair_of, row_pairs},
@@ -21,7 +21,7 @@ use crate::{
 /// every component without.
 fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
     let mut anchors = observations.taxels.map(|t| t.fixed);
-    for component in components(observations, |_| true) {
+    for component in components(observations, |_| true).0 {
         if !component.fixed {
             anchors[component.gauge] = true;
         }
@@ -178,9 +178,8 @@ fn relaxed(
 /// 1965): the directions between touched points, touched normals and observed orientations vote for
 /// the rotation.
 fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
-    let components = components(observations, |_| true);
+    let (components, of_taxel) = components(observations, |_| true);
     let mut touches_of = vec![Vec::new(); components.len()];
-    let of_taxel = component_of_taxels(&components, observations.taxels.len());
     for contact in observations.contacts.iter().filter(|c| c.measurement.rank(Model::Positions) > 0) {
         touches_of[of_taxel[contact.taxel]].push(contact);
     }

@@ -134,24 +134,19 @@ impl Solver<'_> {
             let decrease = iterate.cost - next.cost;
             iterate = next;
             self.log(iteration);
-            match &mut weighting {
+            let is_converged = match &mut weighting {
                 Weighting::Graduated { mu, .. } => {
                     *mu *= GRADUATION;
-                    if *mu > LAST_CONTROL {
-                        return Ok((iterate, Termination::Converged));
-                    }
+                    *mu > LAST_CONTROL
                 }
                 _ if !iterate.cost.is_finite() => return Ok((iterate, Termination::Overflow)),
                 Weighting::Fixed(_) if iteration.damping == 0.0 => {
-                    if convergence.is_reached_by_newton(decrease, iterate.cost) {
-                        return Ok((iterate, Termination::Converged));
-                    }
+                    convergence.is_reached_by_newton(decrease, iterate.cost)
                 }
-                Weighting::Fixed(_) | Weighting::Loss(_) => {
-                    if convergence.is_reached(decrease, iterate.cost) {
-                        return Ok((iterate, Termination::Converged));
-                    }
-                }
+                Weighting::Fixed(_) | Weighting::Loss(_) => convergence.is_reached(decrease, iterate.cost),
+            };
+            if is_converged {
+                return Ok((iterate, Termination::Converged));
             }
         }
         Ok((iterate, Termination::OutOfIterations))

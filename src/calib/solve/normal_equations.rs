@@ -131,7 +131,13 @@ impl<'o> Problem<'o> {
         for (chunk, edges) in edges.chunks(EDGES_PER_CHUNK).enumerate() {
             let id = |k: usize| DisplacementId::new(chunk * EDGES_PER_CHUNK + k);
             if self.layout == BlockLayout::Pose {
-                let terms: Vec<Option<EdgeTerm>> = par_map(edges, |e| self.relative_term(e, poses));
+                let term = |e: &Displacement| match &e.measurement {
+                    DisplacementMeasurement::Relative(m) => {
+                        Some(EdgeTerm::new(self.convention, m, &poses[e.from], &poses[e.to]))
+                    }
+                    DisplacementMeasurement::Offset { .. } => None,
+                };
+                let terms: Vec<Option<EdgeTerm>> = par_map(edges, term);
                 for (k, term) in terms.iter().enumerate() {
                     if let Some(term) = term {
                         self.add_relative(&mut sums, id(k), term, weights.edges[id(k)]);
@@ -153,24 +159,14 @@ impl<'o> Problem<'o> {
         (sums.matrix, sums.gradient)
     }
 
-    fn relative_term(&self, edge: &Displacement, poses: &Poses) -> Option<EdgeTerm> {
-        match &edge.measurement {
-            DisplacementMeasurement::Relative(m) => {
-                Some(EdgeTerm::new(self.convention, m, &poses[edge.from], &poses[edge.to]))
-            }
-            DisplacementMeasurement::Offset { .. } => None,
-        }
-    }
-
     fn add_relative(&self, sums: &mut Accumulator<'_>, id: DisplacementId, term: &EdgeTerm, weight: f64) {
         let edge = &self.observations.edges[id];
-        if let Some(row) = self.rows[edge.from] {
-            sums.add_block(BlockSlot::diagonal(row), &term.from_from, weight, false);
-            sums.add_gradient(row, term.from_gradient, weight);
-        }
-        if let Some(row) = self.rows[edge.to] {
-            sums.add_block(BlockSlot::diagonal(row), &term.to_to, weight, false);
-            sums.add_gradient(row, term.to_gradient, weight);
+        let from = (edge.from, &term.from_from, term.from_gradient);
+        for (v, block, gradient) in [from, (edge.to, &term.to_to, term.to_gradient)] {
+            if let Some(row) = self.rows[v] {
+                sums.add_block(BlockSlot::diagonal(row), block, weight, false);
+                sums.add_gradient(row, gradient, weight);
+            }
         }
         if let Some((slot, transposed)) = self.slots[id] {
             sums.add_block(slot, &term.from_to, weight, transposed);

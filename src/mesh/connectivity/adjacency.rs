@@ -37,6 +37,12 @@ impl Adjacency {
     /// If corners are out of range, an edge has more than two faces or two that run the same way,
     /// a vertex has more than one fan of faces, or none.
     pub fn new(mesh: &TriMesh) -> Result<Self, MeshError> {
+        Ok(Self::with_starts(mesh)?.0)
+    }
+
+    /// The same, and where the ring of each vertex starts: at the halfedge along the boundary if
+    /// there is one, else at any.
+    pub(super) fn with_starts(mesh: &TriMesh) -> Result<(Self, IdVec<VertexId, Halfedge>), MeshError> {
         mesh.validate()?;
         let vertices = mesh.positions.len();
         let mut adjacency = Self {
@@ -47,7 +53,6 @@ impl Adjacency {
                 on_boundary: IdVec::filled(false, vertices),
             },
         };
-        // Where each fan starts: the halfedge along the boundary if there is one, else any.
         let mut first = IdVec::<VertexId, Halfedge>::filled(Halfedge::NONE, vertices);
         let mut degrees = IdVec::<VertexId, u32>::filled(0, vertices);
         for (face, corners) in mesh.triangles.enumerate() {
@@ -69,7 +74,7 @@ impl Adjacency {
                 return Err(MeshError::NonManifoldVertex { vertex: v, fans: adjacency.count_fans(mesh, v) });
             }
         }
-        Ok(adjacency)
+        Ok((adjacency, first))
     }
 
     /// Walks the fan of halfedge `first` counter-clockwise, and says how many faces it has.

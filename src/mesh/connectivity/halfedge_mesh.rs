@@ -54,15 +54,7 @@ impl HalfedgeMesh {
     /// # Errors
     /// If the mesh is not an oriented manifold.
     pub(crate) fn new(mesh: &TriMesh) -> Result<(Self, Rings), MeshError> {
-        let Adjacency { twins, rings } = Adjacency::new(mesh)?;
-        let mut leaving = IdVec::<VertexId, Halfedge>::filled(Halfedge::NONE, rings.vertices());
-        for (face, corners) in mesh.triangles.enumerate() {
-            for (k, &v) in corners.iter().enumerate() {
-                if twins[face][k] == Halfedge::NONE || leaving[v] == Halfedge::NONE {
-                    leaving[v] = Halfedge::new(face, k);
-                }
-            }
-        }
+        let (Adjacency { twins, rings }, leaving) = Adjacency::with_starts(mesh)?;
         let degree = |v: VertexId| u32::try_from(rings.of(v).len()).expect("fewer neighbours than vertices");
         let faces = mesh.triangles.iter().zip(twins);
         let this = Self {
@@ -97,8 +89,7 @@ impl HalfedgeMesh {
         self.faces[h.face()].twins[h.side()]
     }
 
-    /// The neighbours of `v`, counter-clockwise; on a boundary from the next to the previous vertex
-    /// of its loop.
+    /// The neighbours of `v`, in the order of [`Adjacency::ring`].
     #[inline]
     pub(crate) fn ring(&self, v: VertexId) -> Ring<'_> {
         let first = self.leaving[v];

@@ -5,11 +5,8 @@ use crate::{
     parallel::par_ids,
 };
 
-/// The one-rings of an oriented manifold that rests.
-///
-/// Several sweeps read them, and a walk from face to face waits for each. Rings run
-/// counter-clockwise seen from outside. The ring of a boundary vertex is an open chain: its first
-/// entry is the next vertex along the boundary loop, its last the previous one.
+/// The one-rings of an oriented manifold that rests, in the order of [`crate::mesh::Adjacency`].
+/// Several sweeps read them, and a walk from face to face waits for each.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rings {
     /// Where each ring starts; one more entry than vertices.

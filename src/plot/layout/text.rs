@@ -59,23 +59,3 @@ pub(crate) fn ticks([low, high]: [f64; 2], factor: f64) -> [String; 3] {
     let exact = |x: f64| if x.abs() < 1e-12 * (high - low) { 0.0 } else { x / factor };
     [low, 0.5 * (low + high), high].map(|x| signed(exact(x)))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn round_numbers() {
-        assert_eq!([0.37, 5.0, 99.0].map(|x| short(round_down(x))), ["0.2", "5", "50"]);
-        assert_eq!([1.0, 1.05, 12.34, 123.4, 0.012].map(short), ["1", "1.05", "12.3", "123", "0.012"]);
-        assert_eq!([5e-18, 1.234e-4, 2e7].map(short), ["5e-18", "1.23e-4", "2e7"]);
-    }
-
-    #[test]
-    fn large_numbers_are_short() {
-        assert_eq!(
-            [1.0034, 9999.0, 1_234_567.0, f64::INFINITY].map(|x| number(x, 3)),
-            ["1.003", "9999.000", "1.2e6", "inf"]
-        );
-    }
-}

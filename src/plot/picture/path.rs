@@ -5,8 +5,7 @@ use std::fmt::Write;
 
 use glam::DVec2;
 
-/// Lines and polygons. Points are rounded to a tenth of a pixel; steps shorter than that are left
-/// out.
+/// Lines and polygons; steps shorter than a tenth of a pixel are left out.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Path {
     pieces: Vec<Piece>,

@@ -151,10 +151,8 @@ fn cell_of(point: DVec3, level: i32) -> I64Vec3 {
 }
 
 fn cells_between(low: I64Vec3, high: I64Vec3) -> impl Iterator<Item = I64Vec3> {
-    let span = move |low: i64, high: i64| low..=high;
-    span(low.x, high.x).flat_map(move |x| {
-        span(low.y, high.y).flat_map(move |y| span(low.z, high.z).map(move |z| I64Vec3::new(x, y, z)))
-    })
+    let column = move |x, y| (low.z..=high.z).map(move |z| I64Vec3::new(x, y, z));
+    (low.x..=high.x).flat_map(move |x| (low.y..=high.y).flat_map(move |y| column(x, y)))
 }
 
 fn distance_to_segment(point: DVec3, a: DVec3, b: DVec3) -> f64 {

@@ -14,15 +14,11 @@ use crate::{
     mesh::Edges,
     skin::{
         AssembleOptions, Draft, RemarkKind, Sheet, assemble,
-        check::{
-            report::{Report, Subject},
-            topology::Topology,
-        },
+        check::report::{Report, Subject},
         link::before_parents,
         normals::mean_directions,
         remark::coincident,
         triangulate::UniquePoints,
-        unit_check::doubtful_unit,
         welded::WeldedMesh,
         winding::Winding,
     },
@@ -69,7 +65,7 @@ pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
     for sheet in &draft.sheets {
         check_sheet(sheet, draft.links.len(), &mut findings);
     }
-    if let Some(remark) = doubtful_unit(&draft.sheets) {
+    if let Some(remark) = draft.doubtful_unit() {
         findings.push(Finding::of_sheet(FindingKind::DoubtfulUnit, &remark.patch, remark.kind.to_string()));
     }
     if draft.is_bare() {
@@ -161,8 +157,7 @@ fn check_surface(sheet: &Sheet, report: &mut Report<'_>) {
     let is_manifold = topology::check_manifold(&subject, &touching, report);
     topology::check_components(&subject, report);
     if is_manifold {
-        let topology = Topology::new(&subject);
-        topology.check(&subject, report);
+        topology::check_loops(&subject, report);
         gaps::check_gaps(&subject, report);
     }
     shape::check_faces(&subject, report);

@@ -75,95 +75,85 @@ struct Loop {
     length: f64,
 }
 
-/// Boundary loops and genus of the pieces of a manifold sheet.
-#[derive(Debug)]
-pub(super) struct Topology {
-    loops: Vec<Loop>,
-    /// Vertices minus edges plus faces of each piece.
-    euler: Vec<i64>,
+/// The boundary loops of a manifold sheet, by their smallest vertices.
+fn boundary_loops(subject: &Subject<'_>) -> Vec<Loop> {
+    let Subject { surface, edges, winding, .. } = subject;
+    let mesh = &surface.mesh;
+    let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
+    let mut boundary = Vec::new();
+    for h in edges.iter().filter(|uses| uses.len() == 1).map(|uses| uses[0]) {
+        let (a, b, piece) = (h.start(mesh), h.end(mesh), winding.component[h.face()]);
+        sets.join(a, b);
+        boundary.push((a, mesh.positions[a].distance(mesh.positions[b]), piece));
+        boundary.push((b, 0.0, piece));
+    }
+    boundary.sort_unstable_by_key(|&(v, ..)| v);
+    let mut place = IdVec::<VertexId, usize>::filled(usize::MAX, mesh.positions.len());
+    let mut loops: Vec<Loop> = Vec::new();
+    for (v, length, piece) in boundary {
+        let at = &mut place[sets.root(v)];
+        if *at == usize::MAX {
+            *at = loops.len();
+            loops.push(Loop { piece, vertices: Vec::new(), length: 0.0 });
+        }
+        let this = &mut loops[*at];
+        this.length += length;
+        if this.vertices.last() != Some(&v) {
+            this.vertices.push(v);
+        }
+    }
+    loops
 }
 
-impl Topology {
-    pub(super) fn new(subject: &Subject<'_>) -> Self {
-        let Subject { surface, edges, winding, .. } = subject;
-        let mesh = &surface.mesh;
-        let mut euler = vec![0_i64; winding.components];
-        let mut seen = IdVec::<VertexId, bool>::filled(false, mesh.positions.len());
-        for (face, t) in mesh.triangles.enumerate() {
-            let piece = winding.component[face];
-            euler[piece] += 1;
-            for &v in t {
-                euler[piece] += i64::from(!std::mem::replace(&mut seen[v], true));
-            }
-        }
-        let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
-        let mut boundary = Vec::new();
-        for uses in edges.iter() {
-            let piece = winding.component[uses[0].face()];
-            euler[piece] -= 1;
-            if let &[h] = uses {
-                let (a, b) = (h.start(mesh), h.end(mesh));
-                sets.join(a, b);
-                boundary.push((a, mesh.positions[a].distance(mesh.positions[b]), piece));
-                boundary.push((b, 0.0, piece));
-            }
-        }
-        boundary.sort_unstable_by_key(|&(v, ..)| v);
-        let mut place = IdVec::<VertexId, usize>::filled(usize::MAX, mesh.positions.len());
-        let mut loops: Vec<Loop> = Vec::new();
-        for (v, length, piece) in boundary {
-            let at = &mut place[sets.root(v)];
-            if *at == usize::MAX {
-                *at = loops.len();
-                loops.push(Loop { piece, vertices: Vec::new(), length: 0.0 });
-            }
-            let this = &mut loops[*at];
-            this.length += length;
-            if this.vertices.last() != Some(&v) {
-                this.vertices.push(v);
-            }
-        }
-        Self { loops, euler }
+/// Vertices minus edges plus faces of each piece.
+fn euler_characteristics(subject: &Subject<'_>) -> Vec<i64> {
+    let Subject { surface, edges, winding, .. } = subject;
+    let mut euler = vec![0_i64; winding.components];
+    let mut seen = IdVec::<VertexId, bool>::filled(false, surface.mesh.positions.len());
+    for (face, t) in surface.mesh.triangles.enumerate() {
+        let new: i64 = t.iter().map(|&v| i64::from(!std::mem::replace(&mut seen[v], true))).sum();
+        euler[winding.component[face]] += new + 1;
     }
+    edges.iter().for_each(|uses| euler[winding.component[uses[0].face()]] -= 1);
+    euler
+}
 
-    /// Notes pin-holes, closed pieces and handles.
-    pub(super) fn check(&self, subject: &Subject<'_>, report: &mut Report<'_>) {
-        let pieces = subject.winding.components;
-        let mut count = vec![0_i64; pieces];
-        let mut longest: Vec<Option<&Loop>> = vec![None; pieces];
-        for this in &self.loops {
-            count[this.piece] += 1;
-            if longest[this.piece].is_none_or(|l| this.length > l.length) {
-                longest[this.piece] = Some(this);
-            }
+/// Notes pin-holes, closed pieces and handles of a manifold sheet.
+pub(super) fn check_loops(subject: &Subject<'_>, report: &mut Report<'_>) {
+    let (pieces, loops) = (subject.winding.components, boundary_loops(subject));
+    let mut count = vec![0_i64; pieces];
+    let mut longest: Vec<Option<&Loop>> = vec![None; pieces];
+    for this in &loops {
+        count[this.piece] += 1;
+        if longest[this.piece].is_none_or(|l| this.length > l.length) {
+            longest[this.piece] = Some(this);
         }
-        let is_outer = |l: &Loop| longest[l.piece].is_some_and(|outer| std::ptr::eq(outer, l));
-        let holes: Vec<&Loop> =
-            self.loops.iter().filter(|l| l.vertices.len() <= PIN_HOLE_EDGES && !is_outer(l)).collect();
-        let vertices = holes.iter().flat_map(|l| l.vertices.iter().map(|v| v.raw()));
-        report.add(FindingKind::PinHole, numbers(vertices), |_| {
+    }
+    let is_outer = |l: &Loop| longest[l.piece].is_some_and(|outer| std::ptr::eq(outer, l));
+    let holes: Vec<&Loop> =
+        loops.iter().filter(|l| l.vertices.len() <= PIN_HOLE_EDGES && !is_outer(l)).collect();
+    let vertices = holes.iter().flat_map(|l| l.vertices.iter().map(|v| v.raw()));
+    report.add(FindingKind::PinHole, numbers(vertices), |_| {
+        let count = holes.len();
+        format!("{count} holes have three or four edges: faces are missing there; listed are their vertices")
+    });
+    let firsts = first_faces(subject);
+    let file_face = |piece: usize| subject.surface.file_faces[firsts[piece]].raw();
+    let closed = (0..pieces).filter(|&p| count[p] == 0).map(file_face);
+    report.add(FindingKind::ClosedPatch, numbers(closed), |n| {
+        format!("{n} pieces have no boundary and must be cut open to be flattened; listed is the first face of each")
+    });
+    if subject.winding.conflicting_edges.is_empty() {
+        let euler = euler_characteristics(subject);
+        // Euler's formula for an orientable surface: V - E + F = 2 - 2 handles - loops.
+        let handles = |p: usize| (2 - count[p] - euler[p]) / 2;
+        let with_handles = (0..pieces).filter(|&p| handles(p) > 0);
+        let total: i64 = (0..pieces).map(handles).sum();
+        report.add(FindingKind::Handle, numbers(with_handles.map(file_face)), |n| {
             format!(
-                "{} holes have three or four edges: faces are missing there; listed are their vertices",
-                holes.len()
+                "{n} pieces have {total} handles, like that of a cup, and must be cut open to be flattened; \
+                 listed is the first face of each"
             )
         });
-        let firsts = first_faces(subject);
-        let file_face = |piece: usize| subject.surface.file_faces[firsts[piece]].raw();
-        let closed = (0..pieces).filter(|&p| count[p] == 0).map(file_face);
-        report.add(FindingKind::ClosedPatch, numbers(closed), |n| {
-            format!("{n} pieces have no boundary and must be cut open to be flattened; listed is the first face of each")
-        });
-        if subject.winding.conflicting_edges.is_empty() {
-            // Euler's formula for an orientable surface: V - E + F = 2 - 2 handles - loops.
-            let handles = |p: usize| (2 - count[p] - self.euler[p]) / 2;
-            let with_handles = (0..pieces).filter(|&p| handles(p) > 0);
-            let total: i64 = (0..pieces).map(handles).sum();
-            report.add(FindingKind::Handle, numbers(with_handles.map(file_face)), |n| {
-                format!(
-                    "{n} pieces have {total} handles, like that of a cup, and must be cut open to be flattened; \
-                     listed is the first face of each"
-                )
-            });
-        }
     }
 }

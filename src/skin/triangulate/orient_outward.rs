@@ -112,12 +112,9 @@ pub(super) fn orient_outward(
     }
     for (&(cross, component), n) in taxels.iter().zip(file).filter(|(_, n)| **n != DVec3::ZERO) {
         if let Some(component) = component {
-            let side = if cross.dot(*n) < 0.0 {
-                &mut components[component].inward
-            } else {
-                &mut components[component].out
-            };
-            *side += 1;
+            let is_inward = cross.dot(*n) < 0.0;
+            components[component].inward += usize::from(is_inward);
+            components[component].out += usize::from(!is_inward);
         }
     }
     let mut outside = Outside::default();
