@@ -1,15 +1,10 @@
 //! Levels of receptive fields, and the rules that levels of one patch keep among each other.
 
 use crate::{
-    id::{IdVec, VertexId, define_id},
+    id::{IdVec, VertexId},
     mesh::{Adjacency, TriMesh},
-    pyramid::{Prolongation, PyramidError, RemovalLog},
+    pyramid::{LevelId, Prolongation, PyramidError, RemovalLog},
 };
-
-define_id!(
-    /// A level of one pyramid; 0 is the skin itself.
-    LevelId, "L"
-);
 
 /// One level of a pyramid: a mesh whose vertices are the centres of receptive fields.
 #[derive(Debug, Clone, Default, PartialEq)]
