@@ -15,6 +15,8 @@ const LEAST_COSINE: f64 = 0.02;
 /// Directions are equal if the sine between them is smaller.
 const SAME_DIRECTION: f64 = 1e-9;
 
+const END: u32 = u32::MAX;
+
 /// A mesh to which triangles are added one by one, if they fit.
 ///
 /// The faces around a taxel are sectors of its tangent plane. A face fits if all corners see its
@@ -25,12 +27,11 @@ const SAME_DIRECTION: f64 = 1e-9;
 pub(super) struct GrowingMesh<'a> {
     cloud: &'a PointCloud<'a>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
-    /// The faces around each taxel, oldest first.
-    sectors: IdVec<VertexId, Vec<FaceSector>>,
+    /// The first corner `3 face + side` of each taxel, and for each corner the next one of the same
+    /// taxel.
+    first: IdVec<VertexId, u32>,
+    next: Vec<u32>,
 }
-
-/// A face, the neighbour where its sector begins and the one where it ends, counter-clockwise.
-type FaceSector = (FaceId, VertexId, VertexId);
 
 /// A part of a taxel's tangent plane without faces: between two fans, or between the ends of one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,7 +44,8 @@ pub(super) struct Opening {
 
 impl<'a> GrowingMesh<'a> {
     pub(super) fn new(cloud: &'a PointCloud<'a>) -> Self {
-        Self { cloud, triangles: IdVec::new(), sectors: cloud.positions.map(|_| Vec::new()) }
+        let first = IdVec::filled(END, cloud.positions.len());
+        Self { cloud, triangles: IdVec::new(), first, next: Vec::new() }
     }
 
     pub(super) fn into_triangles(self) -> IdVec<FaceId, [VertexId; 3]> {
@@ -66,10 +68,10 @@ impl<'a> GrowingMesh<'a> {
 
     fn insert(&mut self, t: [VertexId; 3]) {
         let face = self.triangles.push(t);
-        let [a, b, c] = t;
-        self.sectors[a].push((face, b, c));
-        self.sectors[b].push((face, c, a));
-        self.sectors[c].push((face, a, b));
+        for (side, &v) in (0..).zip(&t) {
+            self.next.push(self.first[v]);
+            self.first[v] = 3 * face.raw() + side;
+        }
     }
 
     /// Replaces a face by three around `v`, if all of them fit.
@@ -86,8 +88,8 @@ impl<'a> GrowingMesh<'a> {
     }
 
     /// The sectors of `v` from the one that begins at `from` to the end of their fan.
-    pub(super) fn fan(&self, v: VertexId, from: VertexId) -> Vec<FaceSector> {
-        let mut fan: Vec<FaceSector> = Vec::new();
+    pub(super) fn fan(&self, v: VertexId, from: VertexId) -> Vec<(FaceId, VertexId, VertexId)> {
+        let mut fan: Vec<(FaceId, VertexId, VertexId)> = Vec::new();
         let mut at = from;
         while let Some(sector) = self.sectors(v).find(|&(_, a, _)| a == at) {
             if fan.first() == Some(&sector) {
@@ -101,17 +103,39 @@ impl<'a> GrowingMesh<'a> {
 
     pub(super) fn remove(&mut self, face: FaceId) {
         let t = self.triangles[face];
-        t.iter().for_each(|&v| self.sectors[v].retain(|sector| sector.0 != face));
+        for (side, &v) in (0..).zip(&t) {
+            let corner = 3 * face.raw() + side;
+            let after = self.next[corner as usize];
+            if self.first[v] == corner {
+                self.first[v] = after;
+                continue;
+            }
+            let mut at = self.first[v];
+            while self.next[at as usize] != corner {
+                at = self.next[at as usize];
+            }
+            self.next[at as usize] = after;
+        }
         self.triangles[face] = [t[0]; 3];
     }
 
-    /// The faces around `v`, newest first.
-    pub(super) fn sectors(&self, v: VertexId) -> impl Iterator<Item = FaceSector> {
-        self.sectors[v].iter().rev().copied()
+    /// Faces around `v`, each with the neighbour where its sector begins and the one where it ends,
+    /// counter-clockwise.
+    pub(super) fn sectors(&self, v: VertexId) -> impl Iterator<Item = (FaceId, VertexId, VertexId)> {
+        let mut corner = self.first[v];
+        std::iter::from_fn(move || {
+            if corner == END {
+                return None;
+            }
+            let (face, side) = (FaceId::from(corner / 3), corner as usize % 3);
+            let t = self.triangles[face];
+            corner = self.next[corner as usize];
+            Some((face, t[(side + 1) % 3], t[(side + 2) % 3]))
+        })
     }
 
     pub(super) fn is_used(&self, v: VertexId) -> bool {
-        !self.sectors[v].is_empty()
+        self.first[v] != END
     }
 
     /// How many edges of `t` have a face on the other side.
