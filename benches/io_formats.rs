@@ -11,13 +11,14 @@ use std::{
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
+    contact::Cell,
     id::{FaceId, VertexId},
-    io::{LookupRow, read_contacts, read_draft, write_flat, write_lookups, write_skin},
-    mesh::shapes,
+    io::{LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, write_flat, write_skin},
+    mesh::{SurfacePoint, shapes},
     pyramid::LevelId,
     skin::{Skin, TaxelId},
 };
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 const FACES: usize = 100_000;
 const ROWS: u32 = 100_000;
@@ -62,26 +63,31 @@ fn tables(c: &mut Criterion) {
     });
     group.bench_function("lookups_out", |b| {
         b.iter(|| {
-            write_lookups(Path::new("-"), io::sink(), |write| {
-                (0..ROWS).try_for_each(|k| {
-                    let x = f64::from(k).sin();
-                    write(&LookupRow {
-                        contact: k.into(),
-                        level: LevelId::new(0),
-                        patch: "upper_arm/left",
-                        face: FaceId::from(k),
-                        barycentric: [x, x / 3.0, 1.0 - x / 3.0 - x],
-                        map: DVec2::new(x / 5.0, x / 7.0),
-                        pixel: [k % 512, k % 256],
-                        field: VertexId::from(k / 2),
-                        taxel: TaxelId(k),
-                        distance: x * 1e-3,
-                    })
-                })
-            })
+            let mut table = LookupWriter::new(Path::new("-"), io::sink(), None).unwrap();
+            table.write(ROWS as usize, |k, emit| emit(&row(k as u32))).unwrap();
+            table.finish()
         });
     });
     group.finish();
+}
+
+/// Where contact `k` touches, more or less.
+fn row(k: u32) -> LookupRow<'static> {
+    let (x, level) = (f64::from(k).sin(), LevelId::new(0));
+    let barycentric = [x, x / 3.0, 1.0 - x / 3.0 - x];
+    let fields = (0..3_u32).map(|i| (VertexId::from(k / 2 + i), barycentric[i as usize]));
+    let cell = Cell {
+        level,
+        point: SurfacePoint { face: FaceId::from(k), barycentric },
+        uv: DVec2::new(x / 5.0, x / 7.0),
+        pixel: [k % 512, k % 256],
+        field: VertexId::from(k / 2),
+        taxel: TaxelId(k),
+        weights: fields.collect(),
+    };
+    let position = DVec3::splat(x / 9.0);
+    let place = LookupPlace { patch: "upper_arm/left", link: "upper_arm", cell, position, normal: position };
+    LookupRow { contact: k.into(), level, distance: x * 1e-3, frame: "world", place: Some(place), extra: 0.0 }
 }
 
 criterion_group!(benches, files, tables);

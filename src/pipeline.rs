@@ -34,7 +34,7 @@ use crate::{
     map::{PatchMap, SkinMap},
     pyramid::{CoarsenOptions, coarsen},
     report::Seconds,
-    skin::{Patch, Skin},
+    skin::{Patch, Skin, named_links},
 };
 
 /// Options of [`build`].
@@ -113,7 +113,7 @@ pub fn build_with_progress(
     let flattened = start.elapsed() - coarsened;
     let seconds =
         Seconds { coarsen: coarsened.as_secs_f64(), flatten: flattened.as_secs_f64(), ..Seconds::default() };
-    Ok((SkinMap { links: skin.links.clone(), patches: maps.into() }, seconds))
+    Ok((SkinMap { links: named_links(&skin.links), patches: maps.into() }, seconds))
 }
 
 /// The files that [`write_files`] writes.

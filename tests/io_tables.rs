@@ -5,10 +5,13 @@
 use std::{fs, io::Read, path::Path};
 
 use dermatome::{
+    contact::{Cell, ContactIndex, Motion},
     id::{FaceId, VertexId},
-    io::{ContactRow, IoError, LookupRow, read_contacts, read_draft, read_poses, write_lookups},
+    io::{ContactRow, IoError, LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, read_poses},
+    map::SkinMap,
+    mesh::{SurfacePoint, shapes},
     pyramid::LevelId,
-    skin::{LinkId, TaxelId},
+    skin::{Link, LinkId, PatchId, TaxelId},
 };
 use glam::{DAffine3, DVec2, DVec3};
 
@@ -129,36 +132,53 @@ fn lines_are_counted_as_an_editor_counts_them() {
 
 #[test]
 fn a_row_has_a_cell_per_column_and_quotes_names() {
-    let mut table = Vec::new();
-    write_lookups(Path::new("-"), &mut table, |write| {
-        write(&LookupRow {
-            contact: 7,
-            level: LevelId::new(1),
-            patch: "arm, \"left\"",
-            face: FaceId::new(3),
-            barycentric: [0.25, 0.75, 0.0],
-            map: DVec2::new(0.1, 1e-9),
-            pixel: [12, 0],
-            field: VertexId::new(5),
-            taxel: TaxelId(u32::MAX),
-            distance: -0.001,
-        })
-    })
-    .unwrap();
-    let text = String::from_utf8(table).unwrap();
-    let wanted = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance\n\
-                  7,1,\"arm, \"\"left\"\"\",3,0.25,0.75,0.0,0.1,1e-9,12,0,5,4294967295,-0.001\n";
-    assert_eq!(text, wanted);
+    let fields = [(VertexId::new(5), 0.75), (VertexId::new(9), 0.25)];
+    let cell = Cell {
+        level: LevelId::new(1),
+        point: SurfacePoint { face: FaceId::new(3), barycentric: [0.25, 0.75, 0.0] },
+        uv: DVec2::new(0.1, 1e-9),
+        pixel: [12, 0],
+        field: VertexId::new(5),
+        taxel: TaxelId(u32::MAX),
+        weights: fields.into_iter().collect(),
+    };
+    let (position, normal) = (DVec3::new(1.0, 0.5, 0.0), DVec3::Z);
+    let place = LookupPlace { patch: "arm, \"left\"", link: "arm", cell, position, normal };
+    let row = LookupRow {
+        contact: 7,
+        level: LevelId::new(1),
+        distance: -0.001,
+        frame: "world",
+        place: Some(place),
+        extra: 0.5,
+    };
+    for extra in [None, Some("error")] {
+        let mut text = Vec::new();
+        let mut table = LookupWriter::new(Path::new("-"), &mut text, extra).unwrap();
+        let off = LookupRow { contact: 8, place: None, ..row };
+        table.write(2, |k, emit| emit([&row, &off][k])).unwrap();
+        table.finish().unwrap();
+        let more = |text| if extra.is_some() { text } else { "" };
+        let wanted = format!(
+            "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,frame{}\n\
+             7,1,\"arm, \"\"left\"\"\",3,0.25,0.75,0.0,0.1,1e-9,12,0,5,4294967295,-0.001,arm,1.0,0.5,0.0,0.0,0.0,1.0,\
+             5:0.75;9:0.25,world{}\n8,1,off skin,,,,,,,,,,,-0.001,,,,,,,,,world{}\n",
+            more(",error"),
+            more(",0.5"),
+            more(",0.5"),
+        );
+        assert_eq!(String::from_utf8(text).unwrap(), wanted);
+    }
 }
 
 #[test]
 fn a_full_disk_is_an_error() {
     let mut nothing = [0; 10];
-    let error = message(write_lookups(Path::new("out.csv"), &mut nothing[..], |_| Ok(())));
+    let error = message(LookupWriter::new(Path::new("out.csv"), &mut nothing[..], None));
     assert!(error.contains("cannot write out.csv"), "{error}");
 }
 
-fn read_links(text: &str) -> Result<Vec<(LinkId, DAffine3)>, IoError> {
+fn read_links(text: &str) -> Result<Motion, IoError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("poses.csv");
     fs::write(&path, text).unwrap();
@@ -168,10 +188,31 @@ fn read_links(text: &str) -> Result<Vec<(LinkId, DAffine3)>, IoError> {
 #[test]
 fn a_quarter_turn_about_z_takes_x_to_y() {
     let poses = read_links("qw, qx, qy, qz, link, x, y, z\n0.70711, 0, 0, 0.70711, arm, 1, 2, 3\n").unwrap();
-    let [(link, pose)] = poses.as_slice() else { panic!("one pose") };
-    assert_eq!(*link, LinkId::new(7));
-    let moved = pose.transform_point3(DVec3::X);
+    let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
+    let mut map = SkinMap::flat(shapes::square(), 0.001);
+    while map.links.len() < 8 {
+        map.links.push(link.clone());
+    }
+    map.patches[PatchId::new(0)].link = LinkId::new(7);
+    let mut index = ContactIndex::new(&map).unwrap();
+    index.set_motion(&poses, 5.0).unwrap();
+    let moved = index.poses()[LinkId::new(7)].transform_point3(DVec3::X);
     assert!(moved.distance(DVec3::new(1.0, 3.0, 3.0)) < 1e-12, "{moved}");
+}
+
+#[test]
+fn a_table_of_poses_may_have_times() {
+    let header = "time,link,x,y,z,qx,qy,qz,qw\n";
+    let motion = read_links(&format!("{header}2,a,1,0,0,0,0,0,1\n-0.5,a,0,0,0,0,0,0,1\n")).unwrap();
+    assert_eq!(motion.times(), Some([-0.5, 2.0]));
+    for (rows, expected) in [
+        ("0,a,0,0,0,0,0,0,1\n-0,a,0,0,0,0,0,0,1\n", "line 3, column `link`"),
+        (",a,0,0,0,0,0,0,1\n", "line 2, column `time`"),
+        ("inf,a,0,0,0,0,0,0,1\n", "line 2, column `time`"),
+    ] {
+        let error = read_links(&format!("{header}{rows}")).unwrap_err().to_string();
+        assert!(error.contains(expected), "{rows:?}: {error}");
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ use std::{
 use assert_cmd::Command;
 use dermatome::{
     contact::{ContactIndex, Query},
+    id::VertexId,
     io::{read_map, write_map, write_skin},
     map::SkinMap,
     mesh::shapes,
@@ -21,7 +22,8 @@ use dermatome::{
 use glam::{DAffine3, DVec3};
 use tempfile::TempDir;
 
-const HEADER: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance";
+const HEADER: &str =
+    "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,frame";
 
 /// A cap on an arm that is 1 m above a base without skin, and its map as a file holds it.
 struct Fixture {
@@ -96,6 +98,14 @@ fn each_contact_has_a_row_on_each_level() {
             assert_eq!([number("u"), number("v")], expected.uv.to_array());
             assert_eq!(cell(&table, row, "taxel_id"), expected.taxel.to_string());
             assert_eq!(number("distance"), hit.distance);
+            assert_eq!((cell(&table, row, "link"), cell(&table, row, "frame")), ("arm", "world"));
+            assert_eq!([number("x"), number("y"), number("z")], hit.position.to_array());
+            assert_eq!([number("nx"), number("ny"), number("nz")], hit.normal.to_array());
+            let fields = cell(&table, row, "fields").split(';').map(|field| {
+                let (field, weight) = field.split_once(':').unwrap();
+                (VertexId::new(field.parse().unwrap()), weight.parse().unwrap())
+            });
+            assert!(fields.eq(expected.weights.iter()), "{expected:?}");
             // On every level the weights are what the direct prolongation makes of the hit.
             let sum: f64 = expected.weights.iter().map(|(_, w)| w).sum();
             assert!((sum - 1.0).abs() < 1e-6, "weights of {expected:?}");
@@ -186,15 +196,16 @@ fn taxels_of_a_table_are_found_on_the_map() {
     }
 }
 
+/// A table without one good row leaves an older output as it was.
 #[test]
 fn what_cannot_be_answered_is_refused_with_its_line() {
     let fixture = Fixture::new();
     let out = fixture.file("out.csv", "older");
     for (contacts, expected) in [
-        ("x,y,z\n0,0,0\n0,nan,0\n", "line 3"),
-        ("x,y,z\n0,0,0\n0,1e15,0\n", "line 3"),
-        ("x,y,z,link\n0,0,0,\n0,0,0,leg\n", "leg"),
-        ("x,y,z,link\n0,0,0,\n0,0,0,base\n", "carries no patch"),
+        ("x,y,z\n0,nan,0\n", "line 2, column `y`"),
+        ("x,y,z\n0,1e15,0\n", "line 2"),
+        ("x,y,z,link\n0,0,0,leg\n", "leg"),
+        ("x,y,z,link\n0,0,0,base\n", "carries no patch"),
         ("x,y\n0,0\n", "column `z`"),
         ("", "line 1"),
     ] {
@@ -206,10 +217,84 @@ fn what_cannot_be_answered_is_refused_with_its_line() {
     }
     let good = fixture.file("good.csv", "x,y,z\n0,0,0\n");
     fixture.lookup(&good).args(["--level", "40"]).assert().code(2);
+    fixture.lookup(&good).args(["--max-distance", "-1"]).assert().code(2);
     let poses = fixture.file("p.csv", "link,x,y,z,qx,qy,qz,qw\nleg,0,0,0,0,0,0,1\n");
     fixture.lookup(&good).arg("--pose").arg(&poses).assert().code(2);
     fixture.lookup(&fixture.path("absent.csv")).assert().code(2);
     fixture.lookup(&good).arg("-o").arg(fixture.path("no/folder.csv")).assert().code(2);
+}
+
+/// Bad rows are listed and counted, and cost no good row its answer nor its number.
+#[test]
+fn a_bad_row_costs_no_good_row() {
+    let fixture = Fixture::new();
+    let rows = [
+        "0,0,0.89,",
+        "inf,0,0,",
+        "0,0,0.89,leg",
+        "1,2",
+        "",
+        "0,0,-0.11,arm",
+        "0,\"zero\",0,",
+        "0,0,0,leg",
+        "0,1e13,0,",
+        "0,0,0,base",
+        "0,0,0.89,",
+    ];
+    let contacts = fixture.file("c.csv", &format!("x,y,z,link\n{}\n", rows.join("\n")));
+    let out = fixture.path("out.csv");
+    let run = fixture.lookup(&contacts).args(["--level", "0", "--quiet", "-o"]).arg(&out).assert().code(2);
+    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    for part in
+        ["7 of 10 contacts", "line 3, column `x`", "line 5: found 2 cells", "\"leg\" 2", "line 8, column `y`"]
+    {
+        assert!(error.contains(part), "{part} in {error}");
+    }
+    let table = fs::read_to_string(out).unwrap();
+    let numbers: Vec<_> = (0..3).map(|row| cell(&table, row, "contact")).collect();
+    assert_eq!((numbers, table.lines().count()), (vec!["0", "4", "9"], 4), "places in the table");
+}
+
+/// Contacts far from the skin say so, with their distance; when most are, a note asks why.
+#[test]
+fn contacts_far_off_are_off_the_skin() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("mm.csv", "x,y,z\n0,0,0.89\n20,10,890\n20,12,890\n");
+    let run = |options: &[&str]| {
+        let run = fixture.lookup(&contacts).args(["--level", "1"]).args(options).output().unwrap();
+        (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap())
+    };
+    let (table, notes) = run(&[]);
+    assert_eq!((cell(&table, 0, "patch"), cell(&table, 1, "patch")), ("cap", "off skin"));
+    assert!((cell(&table, 1, "distance").parse::<f64>().unwrap().abs() - 889.4).abs() < 0.1, "{table}");
+    assert_eq!([cell(&table, 1, "face"), cell(&table, 1, "x"), cell(&table, 1, "link")], [""; 3]);
+    assert!(notes.contains("2 of 3 contacts are off the skin") && notes.contains("in metres"), "{notes}");
+    let (table, notes) = run(&["--max-distance", "inf"]);
+    assert!((0..3).all(|row| cell(&table, row, "patch") == "cap") && notes.is_empty(), "{table}{notes}");
+    let (table, _) = run(&["--max-distance", "0.001"]);
+    assert!((0..3).all(|row| cell(&table, row, "patch") == "off skin"), "{table}");
+}
+
+/// Positions of taxels in the frame of their link are found with `--frame link`, though the link
+/// has no name.
+#[test]
+fn contacts_may_be_in_the_frame_of_the_only_link_with_skin() {
+    let mut fixture = Fixture::new();
+    let mesh = &fixture.skin.patches[PatchId::new(0)].mesh;
+    let points: Vec<DVec3> = mesh.positions.iter().copied().step_by(7).collect();
+    let rows: Vec<_> = points.iter().map(|p| format!("{},{},{}\n", p.x, p.y, p.z)).collect();
+    let contacts = fixture.file("c.csv", &format!("x,y,z\n{}", rows.concat()));
+    fixture.map.links.iter_mut().for_each(|link| link.name.clear());
+    write_map(&fixture.path("map.glb"), &fixture.map).unwrap();
+    let table = output(fixture.lookup(&contacts).args(["--level", "0", "--frame", "link"]));
+    for (row, p) in points.iter().enumerate() {
+        let number = |name: &str| cell(&table, row, name).parse::<f64>().unwrap();
+        assert!(number("distance").abs() < 1e-6, "{table}");
+        assert!(DVec3::new(number("x"), number("y"), number("z")).distance(*p) < 1e-6);
+        assert_eq!((cell(&table, row, "link"), cell(&table, row, "frame")), ("link1", "link1"));
+    }
+    let named = fixture.file("n.csv", "x,y,z,link\n0,0,-0.1,link1\n");
+    assert_eq!(cell(&output(&mut fixture.lookup(&named)), 0, "frame"), "link1");
 }
 
 /// Weights of a hit and its cell are one sparse product, whatever the level.
@@ -237,4 +322,191 @@ fn coarse_weights_are_the_product_with_the_direct_prolongation() {
         assert_eq!(expected[cell.field.index()], strongest);
         assert_eq!(cell.taxel, patch.taxels.ids[level.level.origins[cell.field]]);
     }
+}
+
+/// The rows of a table as maps from column to cell.
+fn rows(table: &str) -> Vec<std::collections::HashMap<&str, &str>> {
+    let header: Vec<_> = table.lines().next().unwrap().split(',').collect();
+    table.lines().skip(1).map(|line| header.iter().copied().zip(line.split(',')).collect()).collect()
+}
+
+fn number(row: &std::collections::HashMap<&str, &str>, column: &str) -> f64 {
+    row[column].parse().unwrap_or_else(|_| panic!("{column} of {row:?}"))
+}
+
+#[test]
+fn reactive_answers_say_how_far_off_they_may_be() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z\n0.01,0,0.89\n0.02,0.01,0.9\n-0.03,0.01,0.91\n");
+    let exact = output(fixture.lookup(&contacts).args(["--level", "0"]));
+    let table = output(fixture.lookup(&contacts).arg("--reactive"));
+    let levels = fixture.map.patches[PatchId::new(0)].levels.len();
+    for (k, row) in rows(&table).iter().enumerate() {
+        let difference = number(row, "distance").abs() - number(&rows(&exact)[k / levels], "distance").abs();
+        assert_eq!(number(row, "level"), (k % levels) as f64);
+        assert!(difference.abs() <= number(row, "error") + 1e-12, "{row:?}");
+        assert_eq!(number(row, "error") == 0.0, k % levels == 0, "level 0 is exact");
+    }
+}
+
+#[test]
+fn taxels_are_counted_or_found_within_a_distance() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z,radius\n0,0,0.899,\n0.02,0,0.9,0.002\n0,0,5,\n");
+    let nearest = output(fixture.lookup(&contacts).args(["--nearest", "4", "--level", "0", "--level", "1"]));
+    assert_eq!(rows(&nearest).len(), 3 * 2 * 4);
+    let distances: Vec<f64> = rows(&nearest)[..4].iter().map(|row| number(row, "distance")).collect();
+    assert!(distances.is_sorted() && distances[0] < 0.005, "{distances:?}");
+    let within = output(fixture.lookup(&contacts).args(["--within", "0.008", "--level", "0"]));
+    let table = rows(&within);
+    for row in table.iter().filter(|row| row["patch"] == "cap") {
+        let limit = if row["contact"] == "1" { 0.01 } else { 0.008 };
+        assert!(
+            number(row, "distance") <= limit && row["fields"] == format!("{}:1.0", row["field"]),
+            "{row:?}"
+        );
+    }
+    assert_eq!((table.last().unwrap()["contact"], table.last().unwrap()["patch"]), ("2", "off skin"));
+    fixture.lookup(&contacts).args(["--within", "-1"]).assert().code(2);
+    fixture.lookup(&contacts).args(["--within", "1", "--nearest", "2"]).assert().code(2);
+}
+
+#[test]
+fn rays_follow_the_normal() {
+    let fixture = Fixture::new();
+    let text = "x,y,z,nx,ny,nz\n0,0,0,0,0,2\n0,0,0,0,0,-1\n0,0,0,0,0,0\n";
+    let contacts = fixture.file("c.csv", text);
+    let out = fixture.path("out.csv");
+    let run = fixture.lookup(&contacts).args(["--ray", "--level", "0", "-o"]).arg(&out).assert().code(2);
+    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(error.contains("line 4, columns nx,ny,nz") && !error.contains("is not used"), "{error}");
+    let text = fs::read_to_string(out).unwrap();
+    let table = rows(&text);
+    assert!((number(&table[0], "distance") - 0.9).abs() < 1e-6, "from the base up to the cap: {table:?}");
+    assert_eq!(table[1]["patch"], "off skin", "down there is nothing");
+}
+
+/// The answers of a lookup are places on maps; the way back finds the points of level 0 again.
+#[test]
+fn answers_lead_back_from_the_map() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z\n0.01,0,0.9\n0.02,0.01,0.9\n-0.03,0.01,0.91\n");
+    let answers = output(&mut fixture.lookup(&contacts));
+    let places = fixture.file("places.csv", &answers);
+    for (frame, up) in [("world", 0.0), ("link", -1.0)] {
+        let back = output(fixture.lookup(&places).args(["--from-map", "--frame", frame]));
+        assert_eq!(rows(&back).len(), rows(&answers).len());
+        for (there, here) in rows(&answers).iter().zip(rows(&back)) {
+            assert!((number(there, "u") - number(&here, "u")).abs() < 1e-9, "{here:?}");
+            let at = |row| DVec3::new(number(row, "x"), number(row, "y"), number(row, "z"));
+            let allowed = if there["level"] == "0" { 1e-9 } else { 0.02 };
+            assert!((at(there) + DVec3::Z * up).distance(at(&here)) < allowed, "{there:?} {here:?}");
+        }
+    }
+    let text = "px,py,level,patch\n60,60,1,cap\n5,100000,0,cap\n5,9,0,leg\n5,9,77,cap\n1.5,9,0,cap\n";
+    let pixels = fixture.file("pixels.csv", text);
+    let out = fixture.path("back.csv");
+    let run = fixture.lookup(&pixels).args(["--from-map", "-o"]).arg(&out).assert().code(2);
+    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    for part in [
+        "4 of 5",
+        "line 3, columns px,py",
+        "line 4, column `patch`",
+        "line 5, column `level`",
+        "line 6, column `px`",
+    ] {
+        assert!(error.contains(part), "{part} in {error}");
+    }
+    let text = fs::read_to_string(&out).unwrap();
+    assert_eq!((rows(&text)[0]["px"], rows(&text)[0]["py"]), ("60", "60"));
+    let off = fixture.file("off.csv", "u,v\n5,0\n");
+    let run = fixture.lookup(&off).arg("--from-map").output().unwrap();
+    let (table, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+    assert!(
+        number(&rows(&table)[0], "off_chart") > 4.5 && notes.contains("1 places are off their map"),
+        "{notes}"
+    );
+    let none = fixture.file("none.csv", "u,px\n5,0\n");
+    fixture.lookup(&none).arg("--from-map").assert().code(2);
+}
+
+/// The arm goes up by 1 m/s from 1 s to 3 s, by a table or by an animation of a glTF file; contacts
+/// are matched by their time.
+#[test]
+fn contacts_are_matched_with_poses_by_their_time() {
+    let fixture = Fixture::new();
+    let poses = "time,link,x,y,z,qx,qy,qz,qw\n1,arm,0,0,1,0,0,0,1\n3,arm,0,0,3,0,0,0,1\n";
+    let table = fixture.file("poses.csv", poses);
+    let floats = [1.0_f32, 3.0, 0.0, 0.0, 1.0, 0.0, 0.0, 3.0].map(f32::to_le_bytes);
+    fs::write(fixture.path("moves.bin"), floats.concat()).unwrap();
+    let gltf = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"name":"base","children":[1]},
+        {"name":"arm"}],"buffers":[{"uri":"moves.bin","byteLength":32}],"bufferViews":[{"buffer":0,"byteLength":8},
+        {"buffer":0,"byteOffset":8,"byteLength":24}],"accessors":[{"bufferView":0,"componentType":5126,"count":2,
+        "type":"SCALAR","min":[1],"max":[3]},{"bufferView":1,"componentType":5126,"count":2,"type":"VEC3"}],
+        "animations":[{"name":"up","channels":[{"sampler":0,"target":{"node":1,"path":"translation"}}],
+        "samplers":[{"input":0,"output":1,"interpolation":"LINEAR"}]}]}"#;
+    let moves = fixture.file("moves.gltf", gltf);
+    let contacts =
+        fixture.file("c.csv", "time,x,y,z\n1,0,0,0.89\n1.5,0,0,1.39\n2,0,0,1.89\n7,0,0,2.89\n,0,0,0.89\n");
+    for pose in [vec![table.clone()], vec![moves.clone(), "--animation".into(), "up".into()]] {
+        let run = fixture.lookup(&contacts).args(["--level", "0", "--pose"]).args(&pose).output().unwrap();
+        let (text, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+        assert!(notes.contains("2 contacts without a time or outside"), "{pose:?}: {notes}");
+        assert!(!notes.contains("is not used"), "{notes}");
+        assert_eq!(rows(&text).len(), 5, "{text}{notes}");
+        for row in rows(&text) {
+            assert!((number(&row, "distance") - 0.01).abs() < 1e-6, "{pose:?}: {row:?}");
+        }
+    }
+    for (options, expected) in [
+        (vec!["--animation", "up"], "animations"),
+        (vec!["--pose", table.to_str().unwrap(), "--animation", "up"], "no animation"),
+        (vec!["--pose", moves.to_str().unwrap(), "--animation", "down"], "\"up\""),
+    ] {
+        let run = fixture.lookup(&contacts).args(&options).assert().code(2);
+        let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+        assert!(error.contains(expected), "{options:?}: {error}");
+    }
+    for (from, to) in [
+        ("LINEAR", "CUBICSPLINE"),
+        ("\"translation\"", "\"scale\""),
+        ("\"input\":0", "\"input\":9"),
+        ("\"output\":1", "\"output\":0"),
+    ] {
+        let bad = fixture.file("bad.gltf", &gltf.replace(from, to));
+        fixture.lookup(&contacts).arg("--pose").arg(&bad).assert().code(2);
+    }
+}
+
+/// The forces of contacts become a recording that `render` reads, and none of them is lost.
+#[test]
+fn forces_become_readings() {
+    let fixture = Fixture::new();
+    let text =
+        "time,x,y,z,force,radius\n0,0,0,0.9,2,\n0.1,0,0,0.891,3,0.01\n0.1,0.02,0,0.9,1,\n0.2,0,0,5,9,\n";
+    let contacts = fixture.file("c.csv", text);
+    let readings = fixture.path("touch.csv");
+    let run = fixture.lookup(&contacts).args(["--readings"]).arg(&readings).output().unwrap();
+    let notes = String::from_utf8(run.stderr).unwrap();
+    assert!(
+        notes.contains("1 contacts with a force touch no taxel") && !notes.contains("is not used"),
+        "{notes}"
+    );
+    let recording = fs::read_to_string(&readings).unwrap();
+    let frames: Vec<(f64, f64)> = recording
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+            (cells[0], cells[1..].iter().sum())
+        })
+        .collect();
+    for ((time, sum), expected) in frames.iter().zip([(0.0, 2.0), (0.1, 4.0), (0.2, 0.0)]) {
+        assert!(*time == expected.0 && (sum - expected.1).abs() < 1e-12, "{frames:?}");
+    }
+    let mut render = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    render.arg("render").arg(fixture.path("map.glb")).arg(&readings).arg("-o").arg(fixture.path("touch.npz"));
+    render.assert().success();
+    fixture.lookup(&contacts).arg("--readings").arg(fixture.path("touch.txt")).assert().code(2);
+    fixture.lookup(&contacts).arg("--readings").arg(&contacts).assert().code(2);
 }

@@ -5,7 +5,7 @@ use glam::DVec2;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError, MapLevel, PatchMap},
-    mesh::SurfacePoint,
+    mesh::{SurfacePoint, TriMesh},
     pyramid::{LevelId, Prolongation},
     skin::TaxelId,
 };
@@ -39,6 +39,18 @@ pub struct FieldWeights {
     len: usize,
     fields: [VertexId; MOST_FIELDS],
     weights: [f64; MOST_FIELDS],
+}
+
+impl FromIterator<(VertexId, f64)> for FieldWeights {
+    /// The sums of the weights of each field.
+    ///
+    /// # Panics
+    /// If there are more than nine fields.
+    fn from_iter<I: IntoIterator<Item = (VertexId, f64)>>(fields: I) -> Self {
+        let mut weights = Self::none();
+        fields.into_iter().for_each(|(field, weight)| weights.add(field, weight));
+        weights
+    }
 }
 
 impl FieldWeights {
@@ -87,6 +99,8 @@ struct LevelCells {
     /// Vendor id of the taxel at the centre of each field.
     taxels: IdVec<VertexId, TaxelId>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
+    /// The first face of each vertex.
+    first_faces: IdVec<VertexId, FaceId>,
     /// `None` on level 0.
     coarse: Option<Coarse>,
 }
@@ -141,6 +155,52 @@ impl PatchCells {
     }
 }
 
+impl PatchCells {
+    /// The cell of a point on a level's own mesh; its fields are the corners of its face.
+    pub(super) fn own_cell(&self, level: LevelId, at: &SurfacePoint) -> Option<Cell> {
+        let cells = self.levels.get(level)?;
+        let corners = *cells.triangles.get(at.face)?;
+        let weights: FieldWeights = corners.into_iter().zip(at.barycentric).collect();
+        let uv = weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum();
+        let (field, pixel) = (weights.strongest(), cells.frame.pixel(uv));
+        Some(Cell { level, point: *at, uv, pixel, field, taxel: cells.taxels[field], weights })
+    }
+}
+
+impl PatchCells {
+    /// Vendor id of the taxel at the centre of a field that exists.
+    pub(super) fn taxel(&self, level: LevelId, field: VertexId) -> TaxelId {
+        self.levels[level].taxels[field]
+    }
+
+    /// The cell of the centre of a field.
+    pub(super) fn field_cell(&self, level: LevelId, field: VertexId) -> Option<Cell> {
+        let cells = self.levels.get(level)?;
+        let face = *cells.first_faces.get(field)?;
+        let corners = cells.triangles.get(face).copied().unwrap_or_default();
+        let point = SurfacePoint { face, barycentric: corners.map(|v| f64::from(u8::from(v == field))) };
+        let (uv, weights) = (cells.uv[field], [(field, 1.0)].into_iter().collect());
+        Some(Cell {
+            level,
+            point,
+            uv,
+            pixel: cells.frame.pixel(uv),
+            field,
+            taxel: cells.taxels[field],
+            weights,
+        })
+    }
+}
+
+/// The first face of each vertex; face 0 for one without.
+fn first_faces(mesh: &TriMesh) -> IdVec<VertexId, FaceId> {
+    let mut first = IdVec::filled(FaceId::default(), mesh.positions.len());
+    for (face, corners) in mesh.triangles.enumerate().rev() {
+        corners.iter().for_each(|&v| first[v] = face);
+    }
+    first
+}
+
 impl Coarse {
     /// Where the direct prolongation puts a vertex of level 0.
     fn point(&self, triangles: &IdVec<FaceId, [VertexId; 3]>, vertex: VertexId) -> SurfacePoint {
@@ -168,6 +228,7 @@ impl LevelCells {
             frame: map.frame,
             taxels: level.origins.map(|&origin| patch.taxels.ids[origin]),
             triangles: level.mesh.triangles.clone(),
+            first_faces: first_faces(&level.mesh),
             coarse: level.to_finest.clone().map(coarse).transpose()?,
         })
     }

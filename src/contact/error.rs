@@ -3,7 +3,8 @@
 use crate::{
     id::{FaceId, VertexId},
     map::MapError,
-    skin::LinkId,
+    pyramid::LevelId,
+    skin::{LinkId, PatchId},
 };
 
 /// Why a map cannot be searched, or a contact not be answered.
@@ -57,6 +58,26 @@ pub enum ContactError {
         found: usize,
         /// Links of the map.
         needed: usize,
+    },
+    /// A query that needs what the index was made without.
+    #[error("the index was made without {what}; `IndexOptions` adds them")]
+    NotIndexed {
+        /// `levels` or `fields`.
+        what: &'static str,
+    },
+    /// A volume whose numbers are not finite, or negative where they must not be.
+    #[error("a volume needs finite numbers, a radius and sides of at least 0 and a unit rotation")]
+    NoVolume,
+    /// A ray or a direction without length.
+    #[error("a ray needs finite numbers, a direction with a length and an end in front of its origin")]
+    NoRay,
+    /// A patch or a level that the map does not have.
+    #[error("the map has no level {level} of patch {patch}")]
+    NoMap {
+        /// The patch asked for.
+        patch: PatchId,
+        /// The level asked for.
+        level: LevelId,
     },
     /// A vertex lies too far from the origin to be measured from.
     #[error("patch {patch:?}: vertex {vertex} is at {position:?}; coordinates within 1e12 m are needed")]

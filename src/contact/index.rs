@@ -6,8 +6,9 @@ use crate::{
     contact::{
         Cell, ContactError, Hit, Query,
         cell::PatchCells,
+        coarse::{CoarseLevel, coarse_levels, mean_side},
         geometry::{RigidPose, pseudo_normal},
-        search::{Best, LARGEST, PatchBvh, PosedBoxes, Search},
+        search::{Best, LARGEST, PatchBvh, PointTree, PosedBoxes, Search},
     },
     id::{FaceId, IdVec},
     map::SkinMap,
@@ -17,30 +18,51 @@ use crate::{
     skin::{LinkId, PatchId},
 };
 
+/// What an index is made ready for, besides the nearest point of the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct IndexOptions {
+    /// [Reactive](ContactIndex::reactive) answers: every level has a tree of its own, and is measured
+    /// against the skin, which takes several times longer than the rest.
+    pub levels: bool,
+    /// Searches for taxels and receptive fields.
+    pub fields: bool,
+}
+
 /// A map made ready for contacts.
 ///
 /// It owns what it needs of the map, and asking changes nothing in it: share it among threads as
 /// you like.
 #[derive(Debug, Clone)]
 pub struct ContactIndex {
-    links: IdVec<LinkId, IndexedLink>,
-    patches: IdVec<PatchId, IndexedPatch>,
-    boxes: PosedBoxes,
+    pub(super) links: IdVec<LinkId, IndexedLink>,
+    pub(super) patches: IdVec<PatchId, IndexedPatch>,
+    pub(super) boxes: PosedBoxes,
+    pub(super) options: IndexOptions,
 }
 
 #[derive(Debug, Clone)]
-struct IndexedLink {
+pub(super) struct IndexedLink {
     name: String,
     parent: Option<LinkId>,
-    pose: RigidPose,
-    patches: Vec<PatchId>,
+    /// Its pose in the map, relative to its parent.
+    rest: DAffine3,
+    pub(super) pose: RigidPose,
+    /// Where it moves next.
+    next: RigidPose,
+    pub(super) patches: Vec<PatchId>,
 }
 
 #[derive(Debug, Clone)]
-struct IndexedPatch {
-    link: LinkId,
-    tree: PatchBvh,
-    cells: PatchCells,
+pub(super) struct IndexedPatch {
+    pub(super) link: LinkId,
+    pub(super) tree: PatchBvh,
+    pub(super) cells: PatchCells,
+    /// The levels above level 0, finest first; none if the index has no levels.
+    pub(super) coarse: Vec<CoarseLevel>,
+    /// The centres of the fields of each level; none if the index has no fields.
+    pub(super) fields: Vec<PointTree>,
+    /// Mean length of the sides of its faces, in m.
+    spacing: f64,
 }
 
 impl ContactIndex {
@@ -50,10 +72,23 @@ impl ContactIndex {
     /// If the map is not valid or has no triangle, if a row of a prolongation lies in no face, if a
     /// coordinate is too large, or if the pose of a link is not rigid.
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
+        Self::with(map, &IndexOptions::default())
+    }
+
+    /// The same, made ready for more than the nearest point of the skin.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with(map: &SkinMap, options: &IndexOptions) -> Result<Self, ContactError> {
         map.validate()?;
         let patches = par_map(map.patches.as_slice(), |patch| {
-            let tree = PatchBvh::new(&patch.name, &patch.levels[LevelId::new(0)].level.mesh)?;
-            Ok(IndexedPatch { link: patch.link, tree, cells: PatchCells::new(patch)? })
+            let mesh = &patch.levels[LevelId::new(0)].level.mesh;
+            let tree = PatchBvh::new(&patch.name, mesh)?;
+            let coarse = if options.levels { coarse_levels(patch, &tree)? } else { Vec::new() };
+            let fields = patch.levels.iter().filter(|_| options.fields);
+            let fields = fields.map(|map| PointTree::new(&map.level.mesh.positions)).collect();
+            let (cells, spacing) = (PatchCells::new(patch)?, mean_side(mesh));
+            Ok(IndexedPatch { link: patch.link, tree, cells, coarse, fields, spacing })
         });
         let patches: IdVec<PatchId, _> =
             patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into();
@@ -66,12 +101,12 @@ impl ContactIndex {
             let pose = link.parent.map_or(link.pose, |parent| world[parent] * link.pose);
             world.push(pose);
             let (name, parent, pose) = (link.name.clone(), link.parent, rigid(&link.name, &pose)?);
-            links.push(IndexedLink { name, parent, pose, patches: Vec::new() });
+            links.push(IndexedLink { name, parent, rest: link.pose, pose, next: pose, patches: Vec::new() });
         }
         for (id, patch) in patches.enumerate() {
             links[patch.link].patches.push(id);
         }
-        let mut index = Self { links, patches, boxes: PosedBoxes::default() };
+        let mut index = Self { links, patches, boxes: PosedBoxes::default(), options: *options };
         index.update_posed_boxes();
         Ok(index)
     }
@@ -84,13 +119,7 @@ impl ContactIndex {
         if poses.len() != self.links.len() {
             return Err(ContactError::PoseCount { found: poses.len(), needed: self.links.len() });
         }
-        let poses = self.links.iter().zip(poses).map(|(link, pose)| rigid(&link.name, pose));
-        let poses = poses.collect::<Result<Vec<_>, _>>()?;
-        for (link, pose) in self.links.iter_mut().zip(poses) {
-            link.pose = pose;
-        }
-        self.update_posed_boxes();
-        Ok(())
+        self.set_links(|link, _, _| poses[link])
     }
 
     /// Moves some links to poses in the world, in m; links that hang from a moved one follow it, as
@@ -99,20 +128,46 @@ impl ContactIndex {
     /// # Errors
     /// If a link does not exist, or a pose is not rigid; then no link has moved.
     pub fn move_links(&mut self, moved: &[(LinkId, DAffine3)]) -> Result<(), ContactError> {
-        let mut given = IdVec::<LinkId, Option<DAffine3>>::filled(None, self.links.len());
-        for &(link, pose) in moved {
-            if link.index() >= given.len() {
-                return Err(ContactError::PoseCount { found: link.index() + 1, needed: self.links.len() });
-            }
-            given[link] = Some(pose);
+        let needed = self.links.len();
+        if let Some((link, _)) = moved.iter().find(|(link, _)| link.index() >= needed) {
+            return Err(ContactError::PoseCount { found: link.index() + 1, needed });
         }
         let old = self.poses();
-        let mut poses = IdVec::<LinkId, DAffine3>::new();
-        for (link, IndexedLink { parent, .. }) in self.links.enumerate() {
-            let followed = parent.map_or(old[link], |p| poses[p] * old[p].inverse() * old[link]);
-            poses.push(given[link].unwrap_or(followed));
+        let parents = self.links.map(|link| link.parent);
+        self.set_links(|link, parent, _| {
+            let given = moved.iter().rev().find(|(other, _)| *other == link).map(|(_, pose)| *pose);
+            let followed = || match (parents[link], parent) {
+                (Some(id), Some(parent)) => parent * old[id].inverse() * old[link],
+                _ => old[link],
+            };
+            given.unwrap_or_else(followed)
+        })
+    }
+
+    /// Moves every link to what `pose` makes of it, of its parent's new pose in the world and of its
+    /// own pose in the map relative to its parent.
+    pub(super) fn set_links(
+        &mut self,
+        pose: impl Fn(LinkId, Option<DAffine3>, DAffine3) -> DAffine3,
+    ) -> Result<(), ContactError> {
+        for k in 0..self.links.len() {
+            let id = LinkId::new(k);
+            let link = &self.links[id];
+            let parent = link.parent.map(|parent| self.links[parent].next.pose());
+            self.links[id].next = rigid(&link.name, &pose(id, parent, link.rest))?;
         }
-        self.set_poses(&poses)
+        for link in self.links.iter_mut() {
+            link.pose = link.next;
+        }
+        self.update_posed_boxes();
+        Ok(())
+    }
+
+    /// The mean length of the edges of a patch's faces on level 0, in m: how far apart its taxels
+    /// are. `None` if there is no such patch.
+    #[must_use]
+    pub fn spacing(&self, patch: PatchId) -> Option<f64> {
+        self.patches.get(patch).map(|patch| patch.spacing)
     }
 
     /// The poses of the links in the world, in m.
@@ -122,12 +177,13 @@ impl ContactIndex {
     }
 
     fn update_posed_boxes(&mut self) {
-        let posed = |patch: PatchId| {
+        let mut boxes = std::mem::take(&mut self.boxes);
+        boxes.update(self.patches.len(), |patch| {
             let patch = &self.patches[patch];
             let pose = &self.links[patch.link].pose;
             patch.tree.posed_box(|corner| pose.to_world(corner))
-        };
-        self.boxes = PosedBoxes::new(self.patches.len(), posed);
+        });
+        self.boxes = boxes;
     }
 
     /// The point of the skin nearest to a query: a point of the world, or [`Query::on_link`].
@@ -151,8 +207,12 @@ impl ContactIndex {
         self.answer(&query, Some((last.patch, last.point.face)))
     }
 
-    /// Whether a contact can be answered; `number` is its place in its batch.
-    pub(super) fn check(&self, number: usize, contact: &Query) -> Result<(), ContactError> {
+    /// Whether a contact can be answered; errors call it `number`, its place in its batch.
+    ///
+    /// # Errors
+    /// If the point is not finite or farther than 1e12 m, or the link does not exist or carries no
+    /// patch.
+    pub fn check(&self, number: usize, contact: &Query) -> Result<(), ContactError> {
         let Query { point, link } = *contact;
         // Also false for NaN.
         if !(point.abs().max_element() <= LARGEST && point.is_finite()) {
@@ -177,30 +237,36 @@ impl ContactIndex {
     pub(super) fn answer(&self, query: &Query, near: Option<(PatchId, FaceId)>) -> Result<Hit, ContactError> {
         let mut best = near.and_then(|(patch, face)| self.seed(query, patch, face));
         let reached = |best: &Option<Best>| Best::squared(best.as_ref()).sqrt();
-        match query.link {
-            None => {
-                let distance = reached(&best);
-                self.boxes.each_within(query.point, distance, |id| {
-                    let patch = &self.patches[id];
-                    let q = self.links[patch.link].pose.to_local(query.point);
-                    Search::new(&patch.tree, id, q).run(&mut best);
-                    reached(&best)
-                });
-            }
-            Some(link) => self.search_link(link, query.point, &mut best),
-        }
+        let distance = reached(&best);
+        self.each_patch(query, distance, |id, q| {
+            Search::new(&self.patches[id].tree, id, q).run(&mut best);
+            reached(&best)
+        });
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
     }
 
-    /// Searches the patches of one link, the one with the nearest box first.
-    fn search_link(&self, link: LinkId, q: DVec3, best: &mut Option<Best>) {
+    /// Calls `visit(patch, point)` with every patch whose box may be nearer to a query than `visit`
+    /// returned last, at first `distance`, in m; the one with the nearest box first. The point is
+    /// that of the query in the frame of the patch's link.
+    pub(super) fn each_patch(
+        &self,
+        query: &Query,
+        mut distance: f64,
+        mut visit: impl FnMut(PatchId, DVec3) -> f64,
+    ) {
+        let Some(link) = query.link else {
+            self.boxes.each_within(query.point, distance, |id| {
+                visit(id, self.links[self.patches[id].link].pose.to_local(query.point))
+            });
+            return;
+        };
         let patches = &self.links[link].patches;
-        let away = |id: &PatchId| self.patches[*id].tree.least_distance(q);
+        let away = |id: &PatchId| self.patches[*id].tree.least_distance(query.point);
         let first = patches.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)));
         let rest = patches.iter().copied().filter(|&id| Some(id) != first);
         for id in first.into_iter().chain(rest) {
-            if away(&id) <= Best::squared(best.as_ref()).sqrt() {
-                Search::new(&self.patches[id].tree, id, q).run(best);
+            if away(&id) <= distance {
+                distance = visit(id, query.point);
             }
         }
     }
@@ -221,18 +287,33 @@ impl ContactIndex {
         if contact.link == Some(link) { contact.point } else { self.links[link].pose.to_local(contact.point) }
     }
 
-    fn hit(&self, contact: &Query, best: &Best) -> Hit {
-        let Best { patch: id, face, closest } = *best;
-        let patch = &self.patches[id];
-        let PatchBvh { mesh, corners, .. } = &patch.tree;
-        let q = self.in_link(patch.link, contact);
-        let point = SurfacePoint { face, barycentric: closest.barycentric };
-        let here = mesh.point(&point);
-        let outward = pseudo_normal(corners, mesh, face, closest.feature);
-        let length = closest.squared.sqrt();
+    pub(super) fn hit(&self, contact: &Query, best: &Best) -> Hit {
+        let patch = &self.patches[best.patch];
+        let (distance, position, normal) = self.placed(&patch.tree, patch.link, contact, best);
+        let point = SurfacePoint { face: best.face, barycentric: best.closest.barycentric };
+        Hit { patch: best.patch, link: patch.link, point, distance, position, normal }
+    }
+
+    /// Signed distance of a contact from the nearest point of a tree on a link, that point and the
+    /// normal there, in the frame of the contact.
+    pub(super) fn placed(
+        &self,
+        tree: &PatchBvh,
+        link: LinkId,
+        contact: &Query,
+        best: &Best,
+    ) -> (f64, DVec3, DVec3) {
+        let PatchBvh { mesh, corners, .. } = tree;
+        let q = self.in_link(link, contact);
+        let here = mesh.point(&SurfacePoint { face: best.face, barycentric: best.closest.barycentric });
+        let outward = pseudo_normal(corners, mesh, best.face, best.closest.feature);
+        let length = best.closest.squared.sqrt();
         let distance = if (q - here).dot(outward) < 0.0 { -length } else { length };
-        let position = if contact.link.is_some() { here } else { self.links[patch.link].pose.to_world(here) };
-        Hit { patch: id, point, distance, position }
+        let (normal, pose) = (outward.normalize_or_zero(), &self.links[link].pose);
+        match contact.link {
+            Some(_) => (distance, here, normal),
+            None => (distance, pose.to_world(here), pose.turned(normal)),
+        }
     }
 
     /// Where a hit lies on the map of `level`; `None` if its patch does not reach up to that level,
@@ -259,6 +340,19 @@ impl ContactIndex {
         let hit = *hit;
         let levels = self.patches.get(hit.patch).map_or(0, |patch| patch.cells.len());
         (0..levels).filter_map(move |level| self.cell(&hit, LevelId::new(level)))
+    }
+}
+
+impl IndexedPatch {
+    /// The level that answers for `level`: the coarsest, if the patch does not reach up to it.
+    pub(super) fn nearest_level(&self, level: LevelId) -> LevelId {
+        level.min(LevelId::new(self.coarse.len()))
+    }
+
+    /// The tree that is searched on a level; above level 0 with the level.
+    pub(super) fn on_level(&self, level: LevelId) -> (&PatchBvh, Option<&CoarseLevel>) {
+        let above = self.nearest_level(level).index().checked_sub(1).and_then(|k| self.coarse.get(k));
+        (above.map_or(&self.tree, |level| &level.tree), above)
     }
 }
 

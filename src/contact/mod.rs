@@ -1,4 +1,4 @@
-//! Contacts: from a point near the skin to the nearest map cell, on every level.
+//! Contacts: from a point near the skin to the nearest map cell, on every level, and back.
 //!
 //! # Algorithm
 //!
@@ -15,6 +15,17 @@
 //! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of a level
 //!    ([`Cell`]): on level 0 by its barycentric coordinates, on a coarser one by the direct
 //!    prolongation of the face's corners.
+//!
+//! Besides the nearest point:
+//! - [`ContactIndex::reactive`] searches a coarse level alone. Each coarse face knows how far it and
+//!   the skin that it stands for are apart at most, which bounds the error of the answer;
+//!   [`ContactIndex::refine`] makes it exact.
+//! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
+//!   fields near a point or in a sphere, capsule or box; [`ContactIndex::first_hit`] follows a ray;
+//!   [`ContactIndex::locate_admitted`] leaves out what a contact cannot have touched.
+//! - [`ContactIndex::set_motion`] poses the links by a [`Motion`] over time.
+//! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
+//! - [`Spreader`] makes readings of taxels from the forces of contacts.
 //!
 //! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an
 //! `f32` distance differs from the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest
@@ -38,11 +49,13 @@
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `index` (patches, links, one query), `search/posed_boxes`
-//! (which patches), `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8` (the tree),
-//! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/nearest` (the
-//! walk), `search/{first_hit, within, facing, points}` (other queries), `geometry` (exact measurements),
-//! `batch` (many queries), `cell` (from a hit to the map).
+//! `query` (what is asked and answered), `index` (patches, links, one query), `motion` (links over
+//! time), `search/posed_boxes` (which patches), `search/patch_bvh`, `search/tree`, `search/node8`,
+//! `search/triangle8` (the tree), `search/lanes` (eight numbers at a time), `search/rounding` (the
+//! bound), `search/nearest` (the walk), `search/{first_hit, within, facing, points}` (other
+//! searches), `geometry` (exact measurements), `batch` (many queries), `cell` (from a hit to the
+//! map), `coarse` (levels with their own trees), `queries` (levels alone, fields, rays, filters,
+//! forces), `back` (from the map to the skin).
 //!
 //! The module is the only one that uses pulp and wide.
 //!
@@ -71,17 +84,25 @@
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
+mod back;
 mod batch;
 mod cell;
+mod coarse;
 mod error;
 mod geometry;
 mod index;
+mod motion;
+mod queries;
 mod query;
 mod search;
 #[cfg(test)]
 mod soup;
 
+pub use back::{MapIndex, MapPlace};
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
-pub use index::ContactIndex;
+pub use index::{ContactIndex, IndexOptions};
+pub use motion::{Motion, MotionFrame};
+pub use queries::{Area, FieldHit, Filter, Press, Pressing, Reactive, Refined, Spreader};
 pub use query::{Hit, Query};
+pub use search::Side;

@@ -37,6 +37,8 @@ impl From<DVec3> for Query {
 pub struct Hit {
     /// The patch it lies on.
     pub patch: PatchId,
+    /// The link of that patch.
+    pub link: LinkId,
     /// Where on level 0 of that patch.
     pub point: SurfacePoint,
     /// How far the contact is outside the skin, in m; negative inside.
@@ -47,4 +49,7 @@ pub struct Hit {
     pub distance: f64,
     /// Where the point lies, in m, in the frame the contact was given in.
     pub position: DVec3,
+    /// The outward unit normal of the skin there, in the same frame: that of the face, on edges and
+    /// corners the angle-weighted pseudo-normal. Zero where all faces around are without area.
+    pub normal: DVec3,
 }

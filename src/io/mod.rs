@@ -7,7 +7,7 @@
 //! | `gltf` | [`read_map`], skins | [`write_map`], [`write_pyramids`], skins |
 //! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
 //! | `observations` | [`read_observations`] | [`write_observations`] |
-//! | `table` | [`read_contacts`], [`read_poses`], ... | [`write_lookups`], [`write_calibration`], ... |
+//! | `table` | [`read_contacts`], [`read_poses`], ... | [`LookupWriter`], [`write_calibration`], ... |
 //! | `readings` | [`ReadingsReader`], [`read_gains`] | |
 //! | `image` | | [`write_images`]: OpenEXR |
 //! | `file` | what all of them need: whole files, lines, replacing | |
@@ -53,7 +53,7 @@ mod observations;
 mod readings;
 mod table;
 
-pub use self::gltf::{read_map, write_map, write_pyramids};
+pub use self::gltf::{read_animation, read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use error::IoError;
 pub use file::replace::{replace_file, temporary_prefix};
@@ -72,8 +72,8 @@ pub use table::{
     calibration::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
     },
-    contacts::{ContactRow, read_contacts},
-    lookups::{LookupRow, write_lookups},
+    contacts::{ContactRow, MapPlaceRow, MapPosition, read_contacts, read_map_places},
+    lookups::{LookupPlace, LookupRow, LookupWriter},
     poses::read_poses,
     regions::RegionWriter,
     touches::{ReadingsWriter, write_touches},

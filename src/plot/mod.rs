@@ -21,6 +21,7 @@
 //! positions panels, captions and legends, and `picture` is the list of shapes that comes out.
 
 mod colour;
+mod curves;
 mod draw;
 mod error;
 mod frame;
@@ -31,6 +32,7 @@ mod picture;
 mod plot_frame;
 mod plot_map;
 
+pub use curves::{Curve, plot_curves};
 pub use error::PlotError;
 pub use frame::{FrameOptions, ValueRange, frame_png};
 pub use options::{Paint, PlotOptions, Viewpoint};

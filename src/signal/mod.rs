@@ -31,4 +31,5 @@ pub use error::SignalError;
 pub use frame::{Frame, LevelFrame};
 pub use join::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;
+pub(crate) use touch::Sphere;
 pub use touch::{Touch, TouchError, TouchOptions, TouchSimulation};

@@ -32,6 +32,27 @@ pub fn world_pose(links: &IdVec<LinkId, Link>, link: LinkId) -> DAffine3 {
     pose
 }
 
+/// The name that maps and queries use for each link: its own, or `link` and its number.
+#[must_use]
+pub fn link_names(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, String> {
+    let name = |(id, link): (LinkId, &Link)| {
+        let mut name = link.name.clone();
+        if name.is_empty() {
+            name = format!("link{}", id.raw());
+            while links.iter().any(|other| other.name == name) {
+                name.push('_');
+            }
+        }
+        name
+    };
+    links.enumerate().map(name).collect()
+}
+
+/// The same links, all with a name.
+pub(crate) fn named_links(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, Link> {
+    links.iter().zip(link_names(links)).map(|(link, name)| Link { name, ..link.clone() }).collect()
+}
+
 /// The links that do not come after their parent, as every link must.
 pub(super) fn before_parents(links: &IdVec<LinkId, Link>) -> impl Iterator<Item = LinkId> {
     links.enumerate().filter(|(id, link)| link.parent.is_some_and(|parent| parent >= *id)).map(|(id, _)| id)

@@ -255,6 +255,8 @@ fn unsupported_help(feature: &str) -> &'static str {
         "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
             "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`, or `gltfpack -noq -i IN.glb -o OUT.glb`"
         }
+        "animated scale" => "animate translations and rotations alone",
+        "cubic splines" => "export the animation again, sampled with linear keys",
         _ => {
             "export the file again without it: triangles with positions, morph targets applied, as glTF 2.0 with \
              its buffers"

@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     mesh::{Adjacency, mean_edge_length},
-    skin::{Patch, Presence, Skin},
+    skin::{Patch, Presence, Skin, link_names},
 };
 use serde_json::{Value, json};
 
@@ -13,7 +13,7 @@ use crate::{
     common::Common,
     input::read_skin,
     options::BareArgs,
-    print::{plain, print_json, print_table},
+    print::{plain, print, print_json, print_table},
 };
 
 /// Arguments of `info`.
@@ -37,6 +37,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else {
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
+        print("contacts of `lookup` are in the world; with --frame link, or a link named, in its frame\n")?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -51,7 +52,7 @@ fn row(skin: &Skin, patch: &Patch) -> Result<Row, Error> {
     let densities = densities.map(|all| all.iter().fold([f64::INFINITY, f64::NEG_INFINITY], range));
     Ok([
         ("name", json!(patch.name)),
-        ("link", json!(skin.links[patch.link].name)),
+        ("link", json!(link_names(&skin.links)[patch.link])),
         ("vertices", json!(patch.mesh.positions.len())),
         ("faces", json!(patch.mesh.triangles.len())),
         ("boundary_loops", json!(adjacency.boundary_loops().len())),

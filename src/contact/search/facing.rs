@@ -7,7 +7,7 @@ use crate::{contact::geometry::Volume, skin::PatchId};
 
 /// A side of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::contact) enum Side {
+pub enum Side {
     /// Where the normals point.
     Outer,
     /// Behind the skin.

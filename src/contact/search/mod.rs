@@ -22,7 +22,8 @@ mod triangle8;
 mod walk;
 mod within;
 
-pub(super) use facing::{Facing, Side};
+pub(super) use facing::Facing;
+pub use facing::Side;
 pub(super) use first_hit::RayHit;
 pub(super) use nearest::{Best, Search};
 pub(super) use patch_bvh::{Packing, PatchBvh};

@@ -49,6 +49,11 @@ impl PointTree {
         Self { points: points.clone(), tree, packets, frame, simd: Simd::detect() }
     }
 
+    /// Where a point is.
+    pub(in crate::contact) fn point(&self, vertex: VertexId) -> DVec3 {
+        self.points[vertex]
+    }
+
     /// Appends the `k` points nearest to `q`, none farther than `reach` (m, infinite for no limit),
     /// with their distances in m, the nearest first; of equally near ones the first.
     pub(in crate::contact) fn nearest(

@@ -18,18 +18,22 @@ pub(crate) struct PosedBoxes {
     tree: Option<(Tree, Frame)>,
 }
 
-/// Up to this many boxes are compared one by one: two nodes of the tree take as long.
-const FEW: usize = 16;
+/// Up to this many boxes are compared one by one, which takes about as long as the walk down a tree
+/// and needs none to be made anew for every pose.
+const FEW: usize = 64;
 
 /// Distances to boxes are compared with bounds enlarged by this: some hundred roundings, of numbers
 /// as large as the coordinates.
 const MARGIN: f64 = 1e-14;
 
 impl PosedBoxes {
-    /// `posed(patch)`: the box of a patch.
-    pub(crate) fn new(patches: usize, posed: impl Fn(PatchId) -> Aabb) -> Self {
-        let boxes: Vec<Aabb> = (0..patches).map(|p| posed(PatchId::new(p))).collect();
-        let tree = (patches > FEW).then(|| {
+    /// Takes the boxes as they are now, `posed(patch)` for each patch; without allocation where it
+    /// took as many before and they are few.
+    pub(crate) fn update(&mut self, patches: usize, posed: impl Fn(PatchId) -> Aabb) {
+        self.boxes.clear();
+        self.boxes.extend((0..patches).map(|p| posed(PatchId::new(p))));
+        let boxes = &self.boxes;
+        self.tree = (patches > FEW).then(|| {
             let frame = Frame::around(boxes.iter().flat_map(|b| [b.lo, b.hi]));
             let at = |id: u32| boxes[id as usize];
             // Boxes have no direction in which they are thin.
@@ -40,7 +44,6 @@ impl PosedBoxes {
             tree.fit(primitive, |id| [at(id).lo, at(id).hi].map(|p| frame.point(p)));
             (tree, frame)
         });
-        Self { boxes, tree }
     }
 
     /// Calls `visit(patch)` for every patch that may be nearer to `q` (m, in the world) than the
@@ -53,14 +56,16 @@ impl PosedBoxes {
         let away = |b: &Aabb| q.distance(q.clamp(b.lo, b.hi)) * (1.0 - MARGIN) - MARGIN * q.length();
         let mut reach = distance;
         let Some((tree, frame)) = &self.tree else {
-            let mut order = [(f64::INFINITY, 0); FEW];
-            for (id, (slot, b)) in order.iter_mut().zip(&self.boxes).enumerate() {
-                *slot = (away(b), id);
+            let mut keys = [f64::INFINITY; FEW];
+            let (mut first, mut least) = (0, f64::INFINITY);
+            for (id, (key, b)) in keys.iter_mut().zip(&self.boxes).enumerate() {
+                *key = away(b);
+                if *key < least {
+                    (first, least) = (id, *key);
+                }
             }
-            let order = &mut order[..self.boxes.len().min(FEW)];
-            order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-            for &(key, id) in order.iter() {
-                if key <= reach {
+            for id in std::iter::once(first).chain((0..self.boxes.len()).filter(|&id| id != first)) {
+                if keys[id] <= reach {
                     reach = visit(PatchId::new(id));
                 }
             }
@@ -97,8 +102,8 @@ mod tests {
     fn all_patches_within_the_distance_are_visited_the_nearest_first() {
         let corner = |patch: PatchId| DVec3::new(1e6 + 3.0 * patch.index() as f64, 0.0, 0.0);
         for patches in [13, 20, 300] {
-            let boxes =
-                PosedBoxes::new(patches, |patch| Aabb::around([corner(patch), corner(patch) + DVec3::ONE]));
+            let mut boxes = PosedBoxes::default();
+            boxes.update(patches, |patch| Aabb::around([corner(patch), corner(patch) + DVec3::ONE]));
             let q = corner(PatchId::new(11)) + DVec3::new(0.5, 0.5, 2.0);
             let mut visited = Vec::new();
             boxes.each_within(q, f64::INFINITY, |patch| {

@@ -55,6 +55,8 @@ pub(super) struct Document {
     source: Source,
     pub(super) gltf: gltf::Document,
     pub(super) transforms: Vec<Transform>,
+    /// The animations as the file states them, unchecked.
+    pub(super) animations: serde_json::Value,
     chunk: Option<Range<usize>>,
     /// Buffers from elsewhere, by number, and the files they come from.
     loaded: Vec<OnceCell<Rc<Vec<u8>>>>,
@@ -82,13 +84,14 @@ impl Document {
         let (text, chunk) = split_chunks(&source)?;
         let text = &source.bytes()[text];
         check_marks(&source, text)?;
-        let (root, transforms) = guard::parse(&source, text)?;
+        let (root, transforms, animations) = guard::parse(&source, text)?;
         check_version(&source, &root)?;
         Ok(Self {
             is_quantized: check_extensions(&source, &root)?,
             loaded: root.buffers.iter().map(|_| OnceCell::new()).collect(),
             gltf: gltf::Document::from_json_without_validation(root),
             transforms,
+            animations,
             chunk,
             files: RefCell::default(),
             views: RefCell::default(),

@@ -83,8 +83,9 @@ const OF_SCENE: Rules = &[("nodes", Rule::Indices(NODES))];
 
 const NEEDED: &str = "an object as glTF 2.0 describes it";
 
-/// Checks a document and hands it to the types of the crate; with the transform of each node.
-pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform>)> {
+/// Checks a document and hands it to the types of the crate; with the transform of each node, and the
+/// animations unchecked, since a skin does without them.
+pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform>, Value)> {
     let mut document: Value =
         serde_json::from_slice(text).map_err(|e| source.invalid("JSON", e.to_string(), NEEDED))?;
     rewrite_whole_numbers(&mut document);
@@ -93,6 +94,7 @@ pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform
     let Value::Object(mut document) = document else {
         return Err(source.invalid("JSON", "no object", NEEDED));
     };
+    let animations = document.remove("animations").unwrap_or_default();
     let asset: Asset = guard.typed("asset", document.remove("asset").unwrap_or_default())?;
     let scene: Option<Index<_>> = guard.typed("scene", document.remove("scene").unwrap_or_default())?;
     let mut names =
@@ -123,7 +125,7 @@ pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform
         })?,
         ..Root::default()
     };
-    Ok((root, transforms))
+    Ok((root, transforms, animations))
 }
 
 /// Rewrites whole numbers that are not negative as integers, also those written `1.0` or `10e-1`.

@@ -7,10 +7,11 @@
 //! node trees, attributes and triangles are checked where they are read.
 //!
 //! To read: `guard`, `document` (file to JSON and bytes), `accessor` (bytes to numbers), `nodes`,
-//! `primitive`, then `read_skin` and `read_map`. To write: `writer`, `write_skin`, `write_map`;
-//! `extras` is what a map adds to both.
+//! `primitive`, then `read_skin` and `read_map`, and `animation` for how links move. To write:
+//! `writer`, `write_skin`, `write_map`; `extras` is what a map adds to both.
 
 mod accessor;
+mod animation;
 mod document;
 mod extras;
 mod guard;
@@ -22,6 +23,7 @@ mod write_map;
 mod write_skin;
 mod writer;
 
+pub use animation::read_animation;
 pub use read_map::read_map;
 pub(super) use read_skin::read_gltf;
 pub use write_map::{write_map, write_pyramids};

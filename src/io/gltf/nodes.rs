@@ -39,6 +39,8 @@ pub(super) struct Placement {
 pub(super) struct Tree {
     pub(super) links: IdVec<LinkId, Link>,
     pub(super) placements: Vec<Placement>,
+    /// The link of each node, if it is one.
+    pub(super) nodes: Vec<Option<LinkId>>,
 }
 
 /// Reads the node tree of the scene.
@@ -58,6 +60,7 @@ pub(super) fn read_node_tree(document: &Document) -> Result<Tree> {
     let mut tree = Tree::default();
     let frames = nodes.read_links(&mut tree)?;
     nodes.read_placements(&frames, &mut tree);
+    tree.nodes = frames.into_iter().map(|frame| frame.map(|frame| frame.link)).collect();
     if document.root().scenes.is_empty() {
         place_library(document, &mut tree);
     }

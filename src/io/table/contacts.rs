@@ -1,4 +1,4 @@
-//! Tables of contacts, read one by one.
+//! Tables of contacts and of places on maps, read one by one.
 
 use std::{
     io::{BufReader, Read},
@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::io::{
     IoError,
@@ -74,6 +74,75 @@ pub fn read_contacts<R: Read>(
     };
     let rows = iter::from_fn(move || match table.advance() {
         Ok(more) => more.then(|| contact(table.row())),
+        Err(error) => Some(Err(error)),
+    });
+    Ok((unknown, rows))
+}
+
+/// Columns of a table of places on maps.
+const MAP_COLUMNS: [&str; 6] = ["patch", "level", "u", "v", "px", "py"];
+
+/// A place of a table, on the map of a level.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapPlaceRow {
+    /// Name of the patch; empty if the table does not say.
+    pub patch: String,
+    /// The level.
+    pub level: usize,
+    /// Where on its map.
+    pub position: MapPosition,
+    /// Line of the table it stands in, from 1.
+    pub line: u64,
+}
+
+/// Where on the map of a level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MapPosition {
+    /// Map position, in m.
+    Map(DVec2),
+    /// Column and row of a pixel of the level's image, the first row at the top.
+    Pixel([u32; 2]),
+}
+
+/// Reads places on maps one by one from a table whose first line names the columns: `u,v` (m), or
+/// else `px,py`, and optionally `patch` and `level` (0 where it is empty), in any order: the answers
+/// of a lookup are such a table. Returns the names of columns that are not read, and the places;
+/// errors call the table `path`. It is read as [`read_contacts`] does.
+///
+/// # Errors
+/// If a name comes twice, or neither `u,v` nor `px,py` is there.
+pub fn read_map_places<R: Read>(
+    path: &Path,
+    input: R,
+) -> Result<(Vec<String>, impl Iterator<Item = Result<MapPlaceRow, IoError>> + use<R>), IoError> {
+    let mut table = Table::open(Lines::new(BufReader::new(input), path, None))?;
+    let columns = &table.columns;
+    let unknown = columns.unknown(&MAP_COLUMNS).map(|(_, name)| name.to_owned()).collect();
+    let map = columns.find_vector(["u", "v"])?;
+    let pixel = columns.find_vector(["px", "py"])?;
+    if map.is_none() && pixel.is_none() {
+        return Err(columns.at().invalid(columns.describe(), "columns `u,v` or `px,py`"));
+    }
+    let [patch, level] = ["patch", "level"].map(|name| columns.find(name));
+    let place = move |row: Row<'_>| {
+        let whole = |column: usize| {
+            row.text(column).parse::<u32>().map_err(|_| row.invalid(column, "a whole number of at least 0"))
+        };
+        let level = level.filter(|&c| !row.text(c).is_empty()).map_or(Ok(0), whole)?;
+        let position = match (map, pixel) {
+            (Some(columns), _) => MapPosition::Map(DVec2::from_array(row.numbers(columns)?)),
+            (None, Some([x, y])) => MapPosition::Pixel([whole(x)?, whole(y)?]),
+            (None, None) => unreachable!("one of them is there"),
+        };
+        Ok(MapPlaceRow {
+            patch: patch.map_or("", |c| row.text(c)).to_owned(),
+            level: level as usize,
+            position,
+            line: row.at.line as u64,
+        })
+    };
+    let rows = iter::from_fn(move || match table.advance() {
+        Ok(more) => more.then(|| place(table.row())),
         Err(error) => Some(Err(error)),
     });
     Ok((unknown, rows))

@@ -5,36 +5,47 @@ use std::{collections::HashSet, path::Path};
 use glam::DAffine3;
 
 use crate::{
+    contact::{Motion, MotionFrame},
+    id::IdVec,
     io::{IoError, file::source::Source, table::csv_table::Table},
     skin::LinkId,
 };
 
-/// Reads a table of link poses in the world: columns `link,x,y,z,qx,qy,qz,qw` in any order, metres
-/// and unit quaternions. `link_named` knows the links.
+/// Reads a table of link poses in the world: columns `link,x,y,z,qx,qy,qz,qw` and optionally `time`,
+/// in any order, in m, s and unit quaternions. Without `time` a link has one pose for all times.
+/// `link_named` knows the links.
 ///
 /// # Errors
 /// If the file cannot be read, a column is missing, a cell is not a finite number, a quaternion is
-/// not of unit length, or a link is unknown or comes twice.
-pub fn read_poses(
-    path: &Path,
-    link_named: &dyn Fn(&str) -> Option<LinkId>,
-) -> Result<Vec<(LinkId, DAffine3)>, IoError> {
+/// not of unit length, or a link is unknown or comes twice at one time.
+pub fn read_poses(path: &Path, link_named: &dyn Fn(&str) -> Option<LinkId>) -> Result<Motion, IoError> {
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
     let link = table.columns.need("link")?;
+    let time = table.columns.find("time");
     let position = table.columns.need_vector(["x", "y", "z"])?;
     let rotation = table.columns.need_vector(["qx", "qy", "qz", "qw"])?;
-    let mut poses = Vec::new();
+    let mut keys = IdVec::<LinkId, Vec<(f64, DAffine3)>>::new();
     let mut seen = HashSet::new();
     table.each_row(&mut |row| {
         let pose = DAffine3::from_rotation_translation(row.rotation(rotation)?, row.vector(position)?);
+        let at = time.map_or(Ok(0.0), |time| row.number(time))?;
         let found = link_named(row.text(link));
         let found = found.ok_or_else(|| row.invalid(link, "the name of a link of the map"))?;
-        if !seen.insert(found) {
-            return Err(row.invalid(link, "each link once"));
+        // Adding 0 makes -0 the same.
+        if !seen.insert((found, (at + 0.0).to_bits())) {
+            return Err(row.invalid(link, "each link once, or once at each time"));
         }
-        poses.push((found, pose));
+        while keys.len() <= found.index() {
+            keys.push(Vec::new());
+        }
+        keys[found].push((at, pose));
         Ok(())
     })?;
-    Ok(poses)
+    let mut motion = Motion::default();
+    for (link, keys) in keys.enumerate().filter(|(_, keys)| !keys.is_empty()) {
+        let invalid = |error| source.invalid(format!("{link}"), format!("{error}"), "rigid poses");
+        motion.set(link, MotionFrame::World, keys).map_err(invalid)?;
+    }
+    Ok(motion)
 }

@@ -14,3 +14,4 @@ mod sphere;
 
 pub use options::{TouchError, TouchOptions};
 pub use simulation::{Touch, TouchSimulation};
+pub(crate) use sphere::Sphere;

@@ -14,11 +14,11 @@ use glam::DVec3;
 
 /// A sphere in the frame of the skin that it touches.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sphere {
+pub(crate) struct Sphere {
     /// Its centre, in m.
-    pub(super) centre: DVec3,
+    pub(crate) centre: DVec3,
     /// Its radius, in m.
-    pub(super) radius: f64,
+    pub(crate) radius: f64,
 }
 
 /// Points of the midpoint rule over the circles that the rim of a disc cuts: the mean depth is then
@@ -41,7 +41,7 @@ impl Sphere {
 
     /// Integral of the depth over a disc of radius `disc` around `point`, in the plane of this unit
     /// normal: the volume that the sphere takes of the skin under it, in m^3.
-    pub(super) fn volume_under_disc(&self, point: DVec3, normal: DVec3, disc: f64) -> f64 {
+    pub(crate) fn volume_under_disc(&self, point: DVec3, normal: DVec3, disc: f64) -> f64 {
         let q = point - self.centre;
         let plane = -q.dot(normal);
         if plane <= 0.0 || plane >= self.radius {

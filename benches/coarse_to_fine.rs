@@ -1,0 +1,213 @@
+//! Answers on each level alone against exact ones: time, error bound and true error, on maps built
+//! with all their levels.
+//!
+//! ```sh
+//! cargo bench --bench coarse_to_fine -- cap 10000 100000    # default: cap forearm robot, 10000 100000 1000000
+//! ```
+//!
+//! Contacts lie 0 to 3 mm off the skin. Times are the best of five passes over 2^13 contacts. Prints a
+//! table for each skin and size, and writes a picture of error against time to
+//! `target/coarse_to_fine.png`.
+#![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used, reason = "a bench prints what it measured")]
+
+use std::{collections::BTreeMap, hint::black_box, time::Instant};
+
+use dermatome::{
+    contact::{ContactIndex, Hit, IndexOptions, Query, Reactive},
+    id::VertexId,
+    io::read_draft,
+    map::SkinMap,
+    mesh::{TriMesh, shapes},
+    pipeline::{BuildOptions, build},
+    plot::{Curve, plot_curves},
+    pyramid::LevelId,
+    skin::{AssembleOptions, Patch, Skin, assemble},
+};
+use glam::DVec3;
+
+const CONTACTS: usize = 1 << 13;
+const PASSES: usize = 5;
+const SKINS: [&str; 3] = ["cap", "forearm", "robot"];
+const SIZES: [usize; 3] = [10_000, 100_000, 1_000_000];
+
+fn main() {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let sizes: Vec<usize> = words.iter().filter_map(|word| word.parse().ok()).collect();
+    let sizes = if sizes.is_empty() { SIZES.to_vec() } else { sizes };
+    let named: Vec<&str> = SKINS.into_iter().filter(|name| words.iter().any(|word| word == name)).collect();
+    let names = if named.is_empty() { SKINS.to_vec() } else { named };
+    let mut curves: BTreeMap<LevelId, Vec<[f64; 2]>> = BTreeMap::new();
+    for name in names {
+        for &faces in &sizes {
+            measure(name, faces, &mut curves);
+        }
+    }
+    let curves: Vec<Curve> = curves
+        .into_iter()
+        .map(|(level, mut points)| {
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            Curve { name: format!("level {}", level.raw()), points }
+        })
+        .collect();
+    let picture = plot_curves(
+        "Contacts on one level alone: error against time",
+        ["time of a contact, ns", "99th percentile of the error, mm"],
+        &curves,
+    );
+    std::fs::write("target/coarse_to_fine.png", picture.to_png().unwrap()).unwrap();
+}
+
+/// A skin of at least this many faces: halved edges, where it is a file.
+fn skin(name: &str, faces: usize) -> Skin {
+    if name == "cap" {
+        return Skin::from_mesh("cap", shapes::cap(faces, 0.1, 1.92));
+    }
+    let draft = read_draft(format!("meshes/{name}.glb").as_ref()).unwrap();
+    let mut skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
+    let count = |skin: &Skin| skin.patches.iter().map(|p| p.mesh.triangles.len()).sum::<usize>();
+    while count(&skin) * 2 < faces {
+        skin.patches = skin.patches.map(|p| Patch::from_mesh(p.name.clone(), p.link, halved(&p.mesh)));
+    }
+    skin
+}
+
+/// Every triangle divided in four.
+fn halved(mesh: &TriMesh) -> TriMesh {
+    let mut positions = mesh.positions.clone().into_vec();
+    let mut middles: BTreeMap<[VertexId; 2], u32> = BTreeMap::new();
+    let mut triangles = Vec::new();
+    for corners in &mesh.triangles {
+        let [ab, bc, ca] = [0, 1, 2].map(|k| {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                positions.push(mesh.positions[a].midpoint(mesh.positions[b]));
+                u32::try_from(positions.len() - 1).unwrap()
+            })
+        });
+        let [a, b, c] = corners.map(VertexId::raw);
+        triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    TriMesh::from_arrays(positions, &triangles)
+}
+
+/// Contacts 0 to 3 mm off the skin, in no order.
+fn contacts(map: &SkinMap, index: &ContactIndex) -> Vec<Query> {
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut number = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let patches: Vec<_> = map.patches.iter().collect();
+    let poses = index.poses();
+    let weights: Vec<usize> =
+        patches.iter().map(|p| p.levels[LevelId::new(0)].level.mesh.triangles.len()).collect();
+    let all: usize = weights.iter().sum();
+    let contact = |_| {
+        let mut left = ((number() * all as f64) as usize).min(all - 1);
+        let k = weights.iter().position(|&n| {
+            let here = left < n;
+            left -= if here { 0 } else { n };
+            here
+        });
+        let patch = patches[k.unwrap()];
+        let mesh = &patch.levels[LevelId::new(0)].level.mesh;
+        let [a, b, c] = mesh.corners(dermatome::id::FaceId::new(left));
+        let (s, t) = (number().sqrt(), number());
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let at: DVec3 = a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t) + normal * (0.003 * number());
+        Query::from(poses[patch.link].transform_point3(at))
+    };
+    (0..CONTACTS).map(contact).collect()
+}
+
+/// Best time of an item in several passes, in ns.
+fn time<T>(items: &[T], mut work: impl FnMut(&T)) -> f64 {
+    let pass = |_| {
+        let start = Instant::now();
+        items.iter().for_each(&mut work);
+        start.elapsed().as_secs_f64() * 1e9 / items.len() as f64
+    };
+    (0..PASSES).map(pass).fold(f64::INFINITY, f64::min)
+}
+
+/// Median, 99th percentile and largest, in mm.
+fn spread(mut lengths: Vec<f64>) -> [f64; 3] {
+    lengths.sort_by(f64::total_cmp);
+    [0.5, 0.99, 1.0].map(|share| 1e3 * lengths[((lengths.len() - 1) as f64 * share) as usize])
+}
+
+fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]>>) {
+    let map = build(&skin(name, faces), &BuildOptions::default()).unwrap();
+    let start = Instant::now();
+    let plain = ContactIndex::new(&map).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: false }).unwrap();
+    let with_levels = start.elapsed().as_secs_f64();
+    let contacts = contacts(&map, &index);
+    let exact: Vec<Hit> = contacts.iter().map(|&q| index.locate(q).unwrap()).collect();
+    let locate = time(&contacts, |&q| _ = black_box(plain.locate(q).unwrap()));
+    let cells = time(&exact, |hit| index.cells(hit).for_each(|cell| _ = black_box(cell)));
+    let mut last = exact[0];
+    let near: Vec<Query> = path(&exact);
+    let along = time(&near, |&q| last = plain.locate_from(&last, q).unwrap());
+    let start = Instant::now();
+    black_box(plain.locate_all(&contacts).unwrap());
+    let batch = start.elapsed().as_secs_f64() * 1e9 / contacts.len() as f64;
+    let found: usize = map.patches.iter().map(|p| p.levels[LevelId::new(0)].level.mesh.triangles.len()).sum();
+    println!("\n{name}, {found} faces, index {seconds:.2} s, with levels {with_levels:.2} s");
+    println!("level 0: {locate:.0} ns, all levels +{cells:.0} ns; path {along:.0} ns; batch {batch:.0} ns\n");
+    println!(
+        "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm | refine ns | certified |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap();
+    for level in (1..levels).map(LevelId::new) {
+        let answers: Vec<Reactive> = contacts.iter().map(|&q| index.reactive(q, level).unwrap()).collect();
+        let reactive = time(&contacts, |&q| _ = black_box(index.reactive(q, level).unwrap()));
+        let pairs: Vec<(Query, Reactive)> = contacts.iter().copied().zip(answers.iter().copied()).collect();
+        let refine = time(&pairs, |(q, answer)| _ = black_box(index.refine(*q, answer).unwrap()));
+        let certified =
+            pairs.iter().filter(|(q, answer)| index.refine(*q, answer).unwrap().certified).count();
+        let bounds: Vec<f64> = answers.iter().map(|answer| answer.error).collect();
+        let errors = answers.iter().zip(&exact).map(|(a, b)| (a.distance.abs() - b.distance.abs()).abs());
+        let errors: Vec<f64> = errors.collect();
+        assert!(
+            errors.iter().zip(&bounds).all(|(error, bound)| *error <= bound + 1e-12),
+            "every bound holds"
+        );
+        let percent = |count: usize| 100.0 * count as f64 / CONTACTS as f64;
+        let suffices = [0.002, 0.005, 0.01].map(|mm| percent(bounds.iter().filter(|b| **b <= mm).count()));
+        let (bound, error) = (spread(bounds), spread(errors));
+        let count =
+            |p: &dermatome::map::PatchMap| p.levels.get(level).map_or(0, |l| l.level.mesh.triangles.len());
+        println!(
+            "| {} | {} | {reactive:.0} | {:.1} | {:.3}, {:.3}, {:.3} | {:.3}, {:.3}, {:.3} | {:.0} %, {:.0} %, {:.0} % | {refine:.0} | {:.0} % |",
+            level.raw(),
+            map.patches.iter().map(count).sum::<usize>(),
+            locate / reactive,
+            bound[0],
+            bound[1],
+            bound[2],
+            error[0],
+            error[1],
+            error[2],
+            suffices[0],
+            suffices[1],
+            suffices[2],
+            percent(certified),
+        );
+        curves.entry(level).or_default().push([reactive, error[1]]);
+    }
+}
+
+/// Contacts that follow each other: each hit and three steps of half a millimetre from it.
+fn path(hits: &[Hit]) -> Vec<Query> {
+    let step = |k: usize| DVec3::new(0.0005, 0.0003, -0.0004) * k as f64;
+    let around = |hit: &Hit| {
+        (0..4).map(|k| Query::from(hit.position + hit.normal * 0.001 + step(k))).collect::<Vec<_>>()
+    };
+    hits.iter().take(CONTACTS / 4).flat_map(around).collect()
+}

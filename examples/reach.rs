@@ -1,0 +1,117 @@
+//! A robot swings its arm past a ball: in every frame the links are posed, the coarsest level answers
+//! first, with its error, and only when the ball may touch is the answer refined. What touches
+//! becomes forces on taxels, and the touched cells light up on the map.
+//!
+//! ```sh
+//! cargo run --release --example reach          # from the folder of the repository; writes reach.png
+//! ```
+#![allow(clippy::print_stdout, reason = "an example prints what it found")]
+
+use std::path::Path;
+
+use dermatome::{
+    contact::{Area, ContactIndex, IndexOptions, Motion, MotionFrame, Press, Pressing, Spreader},
+    io::read_draft,
+    pipeline,
+    plot::{ChannelView, PlotOptions, plot_frame},
+    pyramid::LevelId,
+    signal::{Channel, Restrictor},
+    skin::{AssembleOptions, LinkId, PatchId, assemble},
+};
+use glam::{DAffine3, DQuat};
+
+/// The ball, in m, and how stiff it is, in N/m.
+const RADIUS: f64 = 0.02;
+const STIFFNESS: f64 = 2000.0;
+/// How deep it is pressed in at most, in m, and the length of the swing, in frames.
+const DEPTH: f64 = 0.002;
+const FRAMES: u32 = 200;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let draft = read_draft(Path::new("meshes/robot.glb"))?;
+    let skin = assemble(&draft, &AssembleOptions::default())?.skin;
+    let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
+    let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true })?;
+
+    // The forearm turns about its elbow and passes its pose in the file after half a second.
+    let forearm = map.links.enumerate().find(|(_, link)| link.name == "forearm");
+    let (forearm, link) = forearm.ok_or("the robot has a forearm")?;
+    let turned = |angle: f64| (0.5 + angle, link.pose * DAffine3::from_quat(DQuat::from_rotation_y(angle)));
+    let mut motion = Motion::default();
+    motion.set(forearm, MotionFrame::Parent, &[turned(-0.5), turned(0.0), turned(0.5)])?;
+
+    // The ball is where the pad will be.
+    let (pad, patch) = map.patches.enumerate().next_back().ok_or("the robot has patches")?;
+    let ball = {
+        let positions = &patch.levels[LevelId::new(0)].level.mesh.positions;
+        let taxel = positions.ids().nth(positions.len() / 4).ok_or("the pad has taxels")?;
+        index.set_motion(&motion, 0.5)?;
+        let pose = index.poses()[forearm];
+        pose.transform_point3(positions[taxel])
+            + index.turned(forearm, patch.taxels.normals[taxel]) * (RADIUS - DEPTH)
+    };
+
+    let coarsest = LevelId::new(map.patches.iter().map(|p| p.levels.len()).max().unwrap_or(1) - 1);
+    let spreader = Spreader::new(&map, 0.002);
+    let channels = [Channel::new("force", "N")];
+    let (mut asked, mut refined, mut strongest) = (0, 0, (0.0, spreader.frame(0.0)));
+    for k in 0..=FRAMES {
+        let time = f64::from(k) / f64::from(FRAMES);
+        index.set_motion(&motion, time)?;
+        asked += 1;
+        let first = index.reactive(ball, coarsest)?;
+        if first.distance - first.error > RADIUS {
+            continue;
+        }
+        refined += 1;
+        let hit = index.refine(ball, &first)?.hit;
+        let depth = RADIUS - hit.distance;
+        if depth <= 0.0 {
+            continue;
+        }
+        let press = Press {
+            pressing: Pressing::Area(Area::Sphere { centre: ball, radius: RADIUS }),
+            link: None,
+            force: STIFFNESS * depth,
+        };
+        let mut frame = spreader.frame(time);
+        spreader.add(&index, &press, &mut frame)?;
+        let cell = index.cell(&hit, LevelId::new(0)).ok_or("level 0 has a cell")?;
+        if strongest.0 == 0.0 {
+            let (coarse, fine) = (1e3 * first.distance, 1e3 * hit.distance);
+            println!(
+                "first touch at {time:.3} s, of {} on {}",
+                patch_name(&map, hit.patch),
+                link_name(&map, hit.link)
+            );
+            println!(
+                "  level {}: the skin is {coarse:.2} mm away, to {:.2} mm",
+                first.level.raw(),
+                1e3 * first.error
+            );
+            println!("  exactly {fine:.2} mm; taxel {} at {:.1} mm on the map", cell.taxel, 1e3 * cell.uv);
+        }
+        if press.force > strongest.0 {
+            strongest = (press.force, frame);
+        }
+    }
+    println!("{asked} frames, {refined} refined; the strongest press is {:.2} N", strongest.0);
+
+    let mut restrictor = Restrictor::new(&map, &channels);
+    let view =
+        ChannelView { frame: restrictor.restrict(&strongest.1), channels: &channels, shown: 0, range: None };
+    let levels = (0..map.patches[pad].levels.len()).map(LevelId::new).collect();
+    let options =
+        PlotOptions { patches: vec![patch.name.clone()], levels, width_px: 1000, ..PlotOptions::default() };
+    std::fs::write("reach.png", plot_frame(&map, &view, &options)?.to_png()?)?;
+    println!("wrote reach.png: the touched taxels and fields of {}", patch.name);
+    Ok(())
+}
+
+fn patch_name(map: &dermatome::map::SkinMap, patch: PatchId) -> &str {
+    &map.patches[patch].name
+}
+
+fn link_name(map: &dermatome::map::SkinMap, link: LinkId) -> &str {
+    &map.links[link].name
+}

@@ -1,0 +1,332 @@
+//! Contacts to rows: where each lies on every level.
+
+use std::{
+    io::Write,
+    path::Path,
+    sync::atomic::{AtomicU64, Ordering},
+};
+
+use dermatome::{
+    contact::{Area, ContactIndex, FieldHit, Hit, Motion, Query},
+    io::{IoError, LookupPlace, LookupRow, LookupWriter},
+    pyramid::LevelId,
+};
+use glam::DVec3;
+
+use crate::{
+    common::Common,
+    lookup::{
+        contacts::{Batch, Contact, Contacts},
+        readings::Readings,
+        refusals::unanswered,
+        robot::Robot,
+    },
+    notes::note,
+};
+
+/// Spacings of taxels up to which a contact is on the skin.
+const SPACINGS: f64 = 10.0;
+
+/// What is asked of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Question {
+    /// The nearest point of the skin, exactly.
+    Nearest,
+    /// The nearest point of each level alone.
+    Reactive,
+    /// This many nearest fields of each level.
+    Fields(usize),
+    /// The fields of each level within this distance, in m.
+    Within(f64),
+    /// Where the ray along its normal meets the skin first.
+    Ray,
+}
+
+/// Answers contacts, some at a time, so that memory does not grow with their number.
+pub(super) struct Answers<'a> {
+    robot: &'a Robot,
+    index: ContactIndex,
+    question: Question,
+    /// Distance up to which a contact is on the skin, in m; `None`: [`SPACINGS`] of the patch.
+    max_distance: Option<f64>,
+    motion: Option<Motion>,
+    readings: Option<Readings<'a>>,
+    /// On each level, how many contacts lie in a field whose centre reads no pressure.
+    silent: Vec<AtomicU64>,
+    /// Contacts that are off the skin.
+    far: AtomicU64,
+    /// Contacts without a time, or with one outside the motion, whose nearest pose is taken.
+    held: u64,
+    /// Contacts with a force that touched no taxel.
+    untouched: u64,
+}
+
+impl<'a> Answers<'a> {
+    pub(super) fn new(
+        robot: &'a Robot,
+        index: ContactIndex,
+        question: Question,
+        max_distance: Option<f64>,
+        motion: Option<Motion>,
+    ) -> Self {
+        let silent = robot.levels.iter().map(|_| AtomicU64::new(0)).collect();
+        let far = AtomicU64::new(0);
+        Self {
+            robot,
+            index,
+            question,
+            max_distance,
+            motion,
+            readings: None,
+            silent,
+            far,
+            held: 0,
+            untouched: 0,
+        }
+    }
+
+    /// Writes the forces of the contacts as readings too.
+    pub(super) fn with_readings(self, readings: Option<Readings<'a>>) -> Self {
+        Self { readings, ..self }
+    }
+
+    /// Whether poses depend on the time.
+    pub(super) fn is_timed(motion: Option<&Motion>) -> bool {
+        motion.and_then(Motion::times).is_some_and(|[first, last]| first < last)
+    }
+
+    /// Answers all contacts of a table.
+    pub(super) fn answer(
+        &mut self,
+        contacts: &mut Contacts<'_>,
+        path: &Path,
+        output: impl Write + Send,
+    ) -> Result<(), IoError> {
+        let extra = (self.question == Question::Reactive).then_some("error");
+        let mut table = LookupWriter::new(path, output, extra)?;
+        if let Some(motion) = &self.motion {
+            let start = motion.times().map_or(0.0, |[first, _]| first);
+            self.index.set_motion(motion, start).map_err(unanswered)?;
+        }
+        let robot = self.robot;
+        let mut batch = contacts.batch(robot)?;
+        while !batch.contacts.is_empty() {
+            // The next rows are read while these are answered.
+            let (next, written) = rayon::join(|| contacts.batch(robot), || self.write(&batch, &mut table));
+            written?;
+            batch = next?;
+        }
+        contacts.refusals.check_any()?;
+        if let Some(readings) = self.readings.take() {
+            self.untouched = readings.untouched();
+            readings.finish()?;
+        }
+        table.finish()
+    }
+
+    /// Writes the rows of a batch, those of equal times together.
+    fn write(&mut self, batch: &Batch, table: &mut LookupWriter<'_, impl Write>) -> Result<(), IoError> {
+        let is_timed = Self::is_timed(self.motion.as_ref());
+        let mut from = 0;
+        for part in batch.contacts.chunk_by(|a, b| !is_timed || a.time == b.time) {
+            let queries = &batch.queries[from..from + part.len()];
+            from += part.len();
+            if let Some((motion, [first, last])) = self.motion.as_ref().and_then(|m| Some((m, m.times()?))) {
+                let time = part[0].time.filter(|_| is_timed);
+                if is_timed && time.is_none_or(|t| t < first || t > last) {
+                    self.held += part.len() as u64;
+                }
+                if is_timed {
+                    self.index.set_motion(motion, time.unwrap_or(first)).map_err(unanswered)?;
+                }
+            }
+            self.write_part(part, queries, table)?;
+            if let Some(readings) = &mut self.readings {
+                readings.add(&self.index, part, queries)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_part(
+        &self,
+        contacts: &[Contact],
+        queries: &[Query],
+        table: &mut LookupWriter<'_, impl Write>,
+    ) -> Result<(), IoError> {
+        let hits = match self.question {
+            Question::Nearest => self.index.locate_all(queries).map_err(unanswered)?,
+            _ => Vec::new(),
+        };
+        table.write(contacts.len(), |k, emit| {
+            let mut rows = Rows { answers: self, contact: &contacts[k], query: queries[k], emit };
+            match self.question {
+                Question::Nearest => rows.nearest(&hits[k]),
+                Question::Reactive => rows.reactive(),
+                Question::Fields(_) | Question::Within(_) => rows.fields(),
+                Question::Ray => rows.ray(),
+            }
+        })
+    }
+
+    /// Notes on what was found.
+    pub(super) fn note(&self, contacts: &Contacts<'_>, common: &Common) {
+        let counts = self.silent.iter().map(|n| n.load(Ordering::Relaxed));
+        let counts = self.robot.levels.iter().zip(counts).filter(|(_, count)| *count > 0);
+        let counts: Vec<_> = counts.map(|(level, count)| format!("{count} on level {level}")).collect();
+        if !counts.is_empty() {
+            let what = "contacts in a field whose centre is an absent taxel or a thermal pad";
+            note(common, format_args!("{what}: {}", counts.join(", ")));
+        }
+        let answered = contacts.refusals.answered();
+        let far = self.far.load(Ordering::Relaxed);
+        if 2 * far > answered {
+            let limit = match (self.question, self.max_distance) {
+                (Question::Ray, _) => "their rays meet none".into(),
+                (Question::Within(_), _) => "no centre of a field is near".into(),
+                (_, Some(limit)) => format!("by more than {limit} m"),
+                _ => format!("by more than {SPACINGS} spacings of its taxels"),
+            };
+            let ask = "are they in metres, and in the frame of the world? (--frame, --max-distance)";
+            note(common, format_args!("{far} of {answered} contacts are off the skin, {limit}: {ask}"));
+        }
+        if self.held > 0 {
+            let what =
+                "contacts without a time or outside the times of the poses: the first or last pose is taken";
+            note(common, format_args!("{} {what}", self.held));
+        }
+        if self.untouched > 0 {
+            let off = self.untouched;
+            note(
+                common,
+                format_args!("{off} contacts with a force touch no taxel: their force is in no reading"),
+            );
+        }
+    }
+}
+
+/// The rows of one contact.
+struct Rows<'a, 'b> {
+    answers: &'b Answers<'a>,
+    contact: &'b Contact,
+    query: Query,
+    emit: &'b mut dyn FnMut(&LookupRow<'_>),
+}
+
+impl Rows<'_, '_> {
+    /// A row for each level of the nearest point.
+    fn nearest(&mut self, hit: &Hit) {
+        let answers = self.answers;
+        let is_far = self.is_far(hit);
+        for (k, &level) in answers.robot.levels.iter().enumerate() {
+            let Some(cell) = answers.index.cell(hit, level) else { continue };
+            let patch = &answers.robot.patches[hit.patch];
+            let place = LookupPlace {
+                patch: &patch.name,
+                link: &answers.robot.links[hit.link],
+                cell,
+                position: hit.position,
+                normal: hit.normal,
+            };
+            if !is_far && patch.silent.get(level).is_some_and(|level| level[cell.field]) {
+                answers.silent[k].fetch_add(1, Ordering::Relaxed);
+            }
+            self.row(level, hit.distance, (!is_far).then_some(place), 0.0);
+        }
+    }
+
+    /// Whether a contact is off the skin; then it is counted.
+    fn is_far(&self, hit: &Hit) -> bool {
+        let answers = self.answers;
+        let spacing = || answers.index.spacing(hit.patch).unwrap_or(0.0);
+        let is_far = hit.distance.abs() > answers.max_distance.unwrap_or_else(|| SPACINGS * spacing());
+        if is_far {
+            answers.far.fetch_add(1, Ordering::Relaxed);
+        }
+        is_far
+    }
+
+    fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {
+        let frame = self.query.link.map_or("world", |link| &self.answers.robot.links[link]);
+        let contact = self.contact.number;
+        (self.emit)(&LookupRow { contact, level, distance, frame, place, extra });
+    }
+
+    /// The nearest point of each level alone, with its error.
+    fn reactive(&mut self) {
+        let Answers { robot, index, max_distance, .. } = self.answers;
+        let mut is_far = false;
+        for &level in &robot.levels {
+            let Ok(answer) = index.reactive(self.query, level) else { continue };
+            let Some(cell) = index.reactive_cell(&answer).filter(|cell| cell.level == level) else {
+                continue;
+            };
+            let spacing = index.spacing(answer.patch).unwrap_or(0.0);
+            is_far = answer.distance.abs() > max_distance.unwrap_or(SPACINGS * spacing) + answer.error;
+            let (position, normal) = (answer.position, answer.normal);
+            let (patch, link) = (&robot.patches[answer.patch].name, &robot.links[answer.link]);
+            let place = LookupPlace { patch, link, cell, position, normal };
+            self.row(level, answer.distance, (!is_far).then_some(place), answer.error);
+        }
+        self.answers.far.fetch_add(u64::from(is_far), Ordering::Relaxed);
+    }
+
+    /// The fields near the contact, or within the sphere of its radius.
+    fn fields(&mut self) {
+        let Answers { robot, index, question, .. } = self.answers;
+        let Query { point, link } = self.query;
+        let mut is_far = true;
+        for &level in &robot.levels {
+            let found = match question {
+                Question::Within(distance) => {
+                    let radius = distance + self.contact.radius.unwrap_or(0.0);
+                    index.fields_within(&Area::Sphere { centre: point, radius }, link, level)
+                }
+                Question::Fields(count) => index.nearest_fields(self.query, *count, level),
+                _ => Ok(Vec::new()),
+            };
+            for field in found.unwrap_or_default() {
+                let Some(cell) = index.field_cell(&field) else { continue };
+                is_far = false;
+                let (patch, link) = (&robot.patches[field.patch].name, &robot.links[field.link]);
+                let normal = self.normal(&field);
+                let place = LookupPlace { patch, link, cell, position: field.position, normal };
+                self.row(level, field.distance, Some(place), 0.0);
+            }
+        }
+        if is_far {
+            self.off_skin();
+        }
+    }
+
+    /// The normal of the taxel at the centre of a field, in the frame of the contact.
+    fn normal(&self, field: &FieldHit) -> DVec3 {
+        let patch = &self.answers.robot.map.patches[field.patch];
+        let taxel = patch.levels[field.level].level.origins[field.field];
+        let normal = patch.taxels.normals[taxel];
+        if self.query.link.is_some() { normal } else { self.answers.index.turned(field.link, normal) }
+    }
+
+    /// Where the ray along the contact's normal meets the skin.
+    fn ray(&mut self) {
+        let Answers { robot, index, max_distance, .. } = self.answers;
+        let direction = self.contact.normal.unwrap_or_default();
+        let longest = max_distance.unwrap_or(f64::INFINITY);
+        let Ok(Some(hit)) = index.first_hit(self.query, direction, longest) else { return self.off_skin() };
+        for &level in &robot.levels {
+            let Some(cell) = index.cell(&hit, level) else { continue };
+            let (patch, link) = (&robot.patches[hit.patch].name, &robot.links[hit.link]);
+            let place = LookupPlace { patch, link, cell, position: hit.position, normal: hit.normal };
+            self.row(level, hit.distance, Some(place), 0.0);
+        }
+    }
+
+    /// The rows of a contact without an answer: the distance from the skin on each level.
+    fn off_skin(&mut self) {
+        self.answers.far.fetch_add(1, Ordering::Relaxed);
+        let Ok(hit) = self.answers.index.locate(self.query) else { return };
+        for &level in &self.answers.robot.levels {
+            self.row(level, hit.distance, None, 0.0);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Places on maps to rows: the points of the skin that they show.
+
+use std::{io::Write, path::Path};
+
+use dermatome::{
+    Error,
+    contact::{ContactIndex, MapIndex, MapPlace, Motion},
+    io::{IoError, LookupPlace, LookupRow, LookupWriter, MapPlaceRow, MapPosition, read_map_places},
+    pyramid::LevelId,
+    skin::PatchId,
+};
+use glam::DVec2;
+
+use crate::{
+    common::Common,
+    lookup::{
+        contacts::{FrameArg, open},
+        refusals::{Refusals, unanswered},
+        robot::Robot,
+    },
+    notes::note,
+};
+
+/// Places answered and written at a time.
+const BATCH: usize = 1 << 14;
+
+/// Answers places on maps, some at a time.
+pub(super) struct Back<'a> {
+    robot: &'a Robot,
+    index: ContactIndex,
+    maps: MapIndex,
+    frame: FrameArg,
+    rows: Box<dyn Iterator<Item = Result<MapPlaceRow, IoError>> + 'a>,
+    pub(super) refusals: Refusals,
+    /// Places off every triangle of their map.
+    off_chart: u64,
+}
+
+/// A place that can be answered.
+struct Place {
+    number: u64,
+    patch: PatchId,
+    level: LevelId,
+    uv: DVec2,
+}
+
+impl<'a> Back<'a> {
+    pub(super) fn open(
+        path: &'a Path,
+        robot: &'a Robot,
+        mut index: ContactIndex,
+        (frame, motion): (FrameArg, Option<&Motion>),
+        common: &Common,
+    ) -> anyhow::Result<Self> {
+        if let Some((motion, [start, _])) = motion.and_then(|m| Some((m, m.times()?))) {
+            index.set_motion(motion, start).map_err(Error::from)?;
+        }
+        let maps = MapIndex::new(&robot.map).map_err(Error::from)?;
+        let (name, input) = open(path)?;
+        let (unknown, rows) = read_map_places(name, input).map_err(Error::from)?;
+        if !unknown.is_empty() {
+            let columns = unknown.join(", ");
+            note(common, format_args!("{}: columns not used: {columns}", name.display()));
+        }
+        let refusals = Refusals::new(name.to_owned());
+        Ok(Self { robot, index, maps, frame, rows: Box::new(rows), refusals, off_chart: 0 })
+    }
+
+    pub(super) fn answer(&mut self, path: &Path, output: impl Write) -> Result<(), IoError> {
+        let mut table = LookupWriter::new(path, output, Some("off_chart"))?;
+        loop {
+            let places = self.batch()?;
+            if places.is_empty() {
+                break;
+            }
+            let mut found = Vec::new();
+            let mut from = vec![0];
+            for place in &places {
+                let first = found.len();
+                self.maps.places(place.patch, place.level, place.uv, &mut found).map_err(unanswered)?;
+                self.off_chart += u64::from(found[first..].iter().any(|place| place.off_chart > 0.0));
+                from.push(found.len());
+            }
+            let back = &*self;
+            let (robot, index, frame) = (back.robot, &back.index, back.frame);
+            table.write(places.len(), |k, emit| {
+                for place in &found[from[k]..from[k + 1]] {
+                    emit(&row(robot, index, frame, places[k].number, place));
+                }
+            })?;
+        }
+        self.refusals.check_any()?;
+        table.finish()
+    }
+
+    fn batch(&mut self) -> Result<Vec<Place>, IoError> {
+        let mut places = Vec::new();
+        while places.len() < BATCH {
+            let Some(row) = self.rows.next() else { break };
+            let row = row.and_then(|row| self.place(&row));
+            let Some((number, place)) = self.refusals.sort(row)? else { continue };
+            places.push(Place { number, ..place });
+        }
+        Ok(places)
+    }
+
+    fn place(&self, row: &MapPlaceRow) -> Result<Place, IoError> {
+        let patches = &self.robot.map.patches;
+        let named = patches.enumerate().find(|(_, patch)| patch.name == row.patch).map(|(id, _)| id);
+        let only = (row.patch.is_empty() && patches.len() == 1).then_some(PatchId::new(0));
+        let patch = named.or(only).ok_or_else(|| {
+            let (found, needed) = (format!("{:?}", row.patch), "the name of a patch of the map");
+            self.refusals.invalid(row.line, ", column `patch`", found, needed)
+        })?;
+        let levels = patches[patch].levels.len();
+        if row.level >= levels {
+            let needed = format!("a level of {:?}, 0 to {}", patches[patch].name, levels - 1);
+            let found = row.level.to_string();
+            return Err(self.refusals.invalid(row.line, ", column `level`", found, &needed));
+        }
+        let level = LevelId::new(row.level);
+        let uv = match row.position {
+            MapPosition::Map(uv) => uv,
+            MapPosition::Pixel(pixel) => self.maps.pixel_centre(patch, level, pixel).ok_or_else(|| {
+                let [width, height] = patches[patch].levels[level].frame.size_px;
+                let needed = format!("a pixel of the image of {width} x {height}");
+                self.refusals.invalid(row.line, ", columns px,py", format!("{pixel:?}"), &needed)
+            })?,
+        };
+        Ok(Place { number: 0, patch, level, uv })
+    }
+
+    pub(super) fn note(&self, common: &Common) {
+        if self.off_chart > 0 {
+            let what = "places are off their map: the nearest place on it is answered";
+            note(common, format_args!("{} {what} (column `off_chart`)", self.off_chart));
+        }
+    }
+}
+
+fn row<'a>(
+    robot: &'a Robot,
+    index: &ContactIndex,
+    frame: FrameArg,
+    contact: u64,
+    place: &MapPlace,
+) -> LookupRow<'a> {
+    let link = &robot.links[place.link];
+    let ((position, normal), frame) = match frame {
+        FrameArg::World => (index.posed(place), "world"),
+        FrameArg::Link => ((place.position, place.normal), link.as_str()),
+    };
+    let patch = &robot.patches[place.patch].name;
+    let (cell, extra) = (place.cell, place.off_chart);
+    let place = LookupPlace { patch, link, cell, position, normal };
+    LookupRow { contact, level: cell.level, distance: 0.0, frame, place: Some(place), extra }
+}

@@ -1,0 +1,168 @@
+//! The table of contacts, read some rows at a time.
+
+use std::{
+    fs::File,
+    io::{Read, stdin},
+    path::Path,
+};
+
+use clap::ValueEnum;
+use dermatome::{
+    Error,
+    contact::Query,
+    io::{ContactRow, IoError, read_contacts},
+};
+use glam::DVec3;
+
+use crate::{
+    common::Common,
+    lookup::{refusals::Refusals, robot::Robot},
+    notes::note,
+    outputs::is_stream,
+    print::plain,
+};
+
+/// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.
+const BATCH: usize = 1 << 14;
+
+/// Coordinates of contacts are no larger, in m.
+const FARTHEST: f64 = 1e12;
+
+/// Which frame contacts are in that name no link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FrameArg {
+    /// The world
+    World,
+    /// The frame of the link, where the map has one with skin
+    Link,
+}
+
+/// A contact as read.
+pub(super) struct Contact {
+    /// Place in the table, from 0; refused rows count.
+    pub(super) number: u64,
+    pub(super) normal: Option<DVec3>,
+    /// In N.
+    pub(super) force: Option<f64>,
+    /// In m.
+    pub(super) radius: Option<f64>,
+    /// In s.
+    pub(super) time: Option<f64>,
+}
+
+#[derive(Default)]
+pub(super) struct Batch {
+    pub(super) contacts: Vec<Contact>,
+    /// One for each contact.
+    pub(super) queries: Vec<Query>,
+}
+
+/// Columns that are read and checked, but may change nothing in the answer.
+const OPTIONAL: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
+
+/// The place of `nx,ny,nz` among them.
+const NORMAL: usize = 0;
+
+pub(super) struct Contacts<'a> {
+    rows: Box<dyn Iterator<Item = Result<ContactRow, IoError>> + Send + 'a>,
+    frame: FrameArg,
+    /// Which of [`OPTIONAL`] change the answer.
+    used: [bool; OPTIONAL.len()],
+    /// Which of [`OPTIONAL`] some contact has.
+    given: [bool; OPTIONAL.len()],
+    pub(super) refusals: Refusals,
+}
+
+/// A table and its name in errors; `-`: standard input.
+pub(super) fn open(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + Send>)> {
+    if is_stream(path) {
+        return Ok((Path::new("standard input"), Box::new(stdin())));
+    }
+    let fail = |source| Error::from(IoError::Read { path: path.to_owned(), source });
+    Ok((path, Box::new(File::open(path).map_err(fail)?)))
+}
+
+impl Contacts<'_> {
+    /// Opens a table of which the columns `used` change the answer besides `x,y,z` and `link`.
+    pub(super) fn open(path: &Path, frame: FrameArg, used: &[&str], common: &Common) -> anyhow::Result<Self> {
+        let (name, input) = open(path)?;
+        let (unknown, rows) = read_contacts(name, input).map_err(Error::from)?;
+        for column in unknown {
+            note(common, format_args!("{}: column `{column}` is not used", name.display()));
+        }
+        Ok(Self {
+            rows: Box::new(rows),
+            frame,
+            used: OPTIONAL.map(|column| used.contains(&column)),
+            given: [false; OPTIONAL.len()],
+            refusals: Refusals::new(name.to_owned()),
+        })
+    }
+
+    /// The next rows that can be answered; none: the table has ended.
+    ///
+    /// # Errors
+    /// If the table cannot be read on.
+    pub(super) fn batch(&mut self, robot: &Robot) -> Result<Batch, IoError> {
+        let mut batch = Batch::default();
+        while batch.contacts.len() < BATCH {
+            let Some(row) = self.rows.next() else { break };
+            let row = row.and_then(|row| Ok((self.query(robot, &row)?, row)));
+            let Some((number, (query, row))) = self.refusals.sort(row)? else { continue };
+            let ContactRow { normal, force, radius, time, .. } = row;
+            batch.contacts.push(Contact { number, normal, force, radius, time });
+            batch.queries.push(query);
+        }
+        Ok(batch)
+    }
+
+    fn query(&mut self, robot: &Robot, row: &ContactRow) -> Result<Query, IoError> {
+        const LINK: &str = ", column `link`";
+        let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
+        self.given = std::array::from_fn(|k| self.given[k] | given[k]);
+        let link = match (&row.link, self.frame) {
+            (Some(name), _) => {
+                let Some(link) = robot.link(name) else {
+                    *self.refusals.unknown_links.entry(plain(name)).or_default() += 1;
+                    let needed = "the name of a link of the map";
+                    return Err(self.refusals.invalid(row.line, LINK, format!("{name:?}"), needed));
+                };
+                Some(link)
+            }
+            (None, FrameArg::World) => None,
+            (None, FrameArg::Link) => {
+                let needed = "a link, since several carry skin";
+                let refused = || self.refusals.invalid(row.line, LINK, "nothing".into(), needed);
+                Some(robot.only_link().ok_or_else(refused)?)
+            }
+        };
+        if let Some(link) = link.filter(|link| !robot.carries[*link]) {
+            let found = format!("{:?}, which carries no patch", robot.links[link]);
+            return Err(self.refusals.invalid(row.line, LINK, found, "a link with skin, or none"));
+        }
+        if row.position.abs().max_element() > FARTHEST {
+            let found = format!("{:?}", row.position.to_array());
+            return Err(self.refusals.invalid(row.line, "", found, "coordinates within 1e12 m"));
+        }
+        if self.used[NORMAL] && row.normal.is_none_or(|n| n == DVec3::ZERO) {
+            let found = "no direction".into();
+            return Err(self.refusals.invalid(
+                row.line,
+                ", columns nx,ny,nz",
+                found,
+                "the direction of the ray",
+            ));
+        }
+        Ok(Query { point: row.position, link })
+    }
+
+    /// Says which columns changed nothing.
+    pub(super) fn note_unused(&self, common: &Common) {
+        for ((column, given), used) in OPTIONAL.iter().zip(self.given).zip(self.used) {
+            if given && !used {
+                let path = self.refusals.path.display();
+                note(common, format_args!("{path}: column `{column}` is not used"));
+            }
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! Rows of a table that are not answered: counted and listed, while the others are answered.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use dermatome::{contact::ContactError, io::IoError};
+
+use crate::errors::advise;
+
+/// Refused rows that are quoted.
+const QUOTED: usize = 5;
+
+pub(super) struct Refusals {
+    /// Name of the table in errors.
+    pub(super) path: PathBuf,
+    /// Rows read.
+    count: u64,
+    refused: u64,
+    /// The first refused rows.
+    quoted: Vec<IoError>,
+    /// Rows of each link that the map does not have.
+    pub(super) unknown_links: BTreeMap<String, u64>,
+}
+
+impl Refusals {
+    pub(super) fn new(path: PathBuf) -> Self {
+        Self { path, count: 0, refused: 0, quoted: Vec::new(), unknown_links: BTreeMap::new() }
+    }
+
+    /// Counts the next row, and returns its place in the table and itself if it can be answered.
+    ///
+    /// # Errors
+    /// If the table cannot be read on.
+    pub(super) fn sort<T>(&mut self, row: Result<T, IoError>) -> Result<Option<(u64, T)>, IoError> {
+        let number = self.count;
+        self.count += 1;
+        match row {
+            Ok(row) => Ok(Some((number, row))),
+            Err(error @ IoError::Invalid { .. }) => {
+                self.refused += 1;
+                if self.quoted.len() < QUOTED {
+                    self.quoted.push(error);
+                }
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// An error about a line of the table.
+    pub(super) fn invalid(&self, line: u64, part: &str, found: String, needed: &str) -> IoError {
+        let element = format!("line {line}{part}");
+        IoError::Invalid { path: self.path.clone(), element, found, needed: needed.into() }
+    }
+
+    /// The first refused row as an error, if no row was answered: then nothing is written.
+    pub(super) fn check_any(&mut self) -> Result<(), IoError> {
+        if self.answered() == 0 && !self.quoted.is_empty() {
+            return Err(self.quoted.remove(0));
+        }
+        Ok(())
+    }
+
+    /// Rows that were read and not refused.
+    pub(super) fn answered(&self) -> u64 {
+        self.count - self.refused
+    }
+
+    /// An error about the rows that were refused, if any were.
+    pub(super) fn finish(self) -> anyhow::Result<()> {
+        if self.refused == 0 {
+            return Ok(());
+        }
+        let (refused, count) = (self.refused, self.count);
+        let quoted: Vec<_> = self.quoted.iter().map(ToString::to_string).collect();
+        let mut what = format!("{refused} of {count} contacts have no answer: {}", quoted.join("; "));
+        if refused > self.quoted.len() as u64 {
+            what.push_str("; ...");
+        }
+        let links: Vec<_> =
+            self.unknown_links.iter().take(QUOTED).map(|(name, rows)| format!("{name:?} {rows}")).collect();
+        if !links.is_empty() {
+            what.push_str(&format!("; rows of unknown links: {}", links.join(", ")));
+        }
+        Err(advise(what, "correct or remove them; all others are answered"))
+    }
+}
+
+/// Contacts are checked as they are read; what is left is an error about all of them.
+pub(super) fn unanswered(error: ContactError) -> IoError {
+    let (path, element, needed) = ("contacts".into(), "all".into(), "contacts that can be answered".into());
+    IoError::Invalid { path, element, found: error.to_string(), needed }
+}

@@ -1,0 +1,106 @@
+//! What answers need of a map: its index, and the names and levels of its patches.
+
+use std::path::Path;
+
+use dermatome::{
+    Error,
+    contact::Motion,
+    id::{IdVec, VertexId},
+    io::{read_animation, read_map, read_poses},
+    map::{MapLevel, PatchMap, SkinMap},
+    pyramid::LevelId,
+    skin::{LinkId, PatchId, Presence, link_names},
+};
+
+use crate::{common::Common, errors::advise, notes::note, outputs, print::plain};
+
+pub(super) struct Robot {
+    pub(super) map: SkinMap,
+    pub(super) links: IdVec<LinkId, String>,
+    pub(super) patches: IdVec<PatchId, PatchFacts>,
+    /// Whether each link carries a patch.
+    pub(super) carries: IdVec<LinkId, bool>,
+    /// The levels that are asked for.
+    pub(super) levels: Vec<LevelId>,
+}
+
+/// What answers need of a patch besides the index.
+pub(super) struct PatchFacts {
+    pub(super) name: String,
+    /// On each level, whether the centre of each field is an absent taxel or a thermal pad; empty if
+    /// none is.
+    pub(super) silent: IdVec<LevelId, IdVec<VertexId, bool>>,
+}
+
+impl PatchFacts {
+    fn of(patch: &PatchMap) -> Self {
+        let is_silent = |taxel: VertexId| patch.taxels.presence[taxel] != Presence::Present;
+        let of_level = |map: &MapLevel| map.level.origins.map(|&taxel| is_silent(taxel));
+        let has_silent = patch.taxels.presence.ids().any(is_silent);
+        let silent = patch.levels.iter().filter(|_| has_silent).map(of_level).collect();
+        Self { silent, name: patch.name.clone() }
+    }
+}
+
+impl Robot {
+    /// Reads a map, and chooses among its levels; none: all.
+    pub(super) fn read(path: &Path, chosen: &[usize], common: &Common) -> anyhow::Result<Self> {
+        let map = read_map(path).map_err(Error::from)?;
+        let most = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
+        if let Some(level) = chosen.iter().find(|&&level| level >= most) {
+            let last = most.saturating_sub(1);
+            let what = format!("the map has no level {level}; its levels are 0 to {last}");
+            return Err(advise(what, "leave out --level to get all of them"));
+        }
+        for patch in &map.patches {
+            let levels = patch.levels.len();
+            if chosen.iter().any(|&level| level >= levels) {
+                let what = format!("{} has {levels} levels", plain(&patch.name));
+                note(common, format_args!("{what}; contacts on it get no row for levels above"));
+            }
+        }
+        let levels = (0..most).filter(|k| chosen.is_empty() || chosen.contains(k)).map(LevelId::new);
+        Ok(Self {
+            carries: map.links.ids().map(|id| map.patches.iter().any(|patch| patch.link == id)).collect(),
+            links: link_names(&map.links),
+            patches: map.patches.iter().map(PatchFacts::of).collect(),
+            levels: levels.collect(),
+            map,
+        })
+    }
+
+    /// How the links move: the poses of a table, or an animation of a glTF file, by default of the
+    /// map.
+    pub(super) fn motion(
+        &self,
+        map: &Path,
+        pose: Option<&Path>,
+        animation: Option<&str>,
+    ) -> anyhow::Result<Option<Motion>> {
+        let named = |name: &str| self.link(name);
+        let motion = match pose {
+            None if animation.is_none() => return Ok(None),
+            Some(path) if !matches!(outputs::kind(path).as_str(), "glb" | "gltf") => {
+                if animation.is_some() {
+                    let what = format!("{} has no animation", path.display());
+                    return Err(advise(what, "give --pose a .glb or .gltf, or leave out --animation"));
+                }
+                read_poses(path, &named)
+            }
+            path => read_animation(path.unwrap_or(map), animation, &named),
+        };
+        Ok(Some(motion.map_err(Error::from)?))
+    }
+
+    /// The first link of this name.
+    pub(super) fn link(&self, name: &str) -> Option<LinkId> {
+        self.links.enumerate().find(|(_, other)| *other == name).map(|(id, _)| id)
+    }
+
+    /// The link that carries all patches, if one does.
+    pub(super) fn only_link(&self) -> Option<LinkId> {
+        let mut links = self.map.patches.iter().map(|patch| patch.link);
+        let first = links.next()?;
+        links.all(|link| link == first).then_some(first)
+    }
+}

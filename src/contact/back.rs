@@ -1,0 +1,176 @@
+//! The way back: from a place on the map of any level to the surface.
+//!
+//! Each level has a tree over the triangles of its map, laid in a plane. Where a map overlaps itself
+//! a place lies on several sheets, and each is answered; a place off every triangle is answered with
+//! the nearest place on the map.
+
+use glam::{DVec2, DVec3};
+
+use crate::{
+    contact::{
+        Cell, ContactError, ContactIndex,
+        cell::PatchCells,
+        geometry::{Volume, pseudo_normal},
+        search::{Best, PatchBvh, Search},
+    },
+    id::{FaceId, IdVec},
+    map::{ImageFrame, SkinMap},
+    mesh::{Closest, SurfacePoint, TriMesh},
+    parallel::par_map,
+    pyramid::LevelId,
+    skin::{LinkId, PatchId},
+};
+
+/// A place this near to a triangle is on it, as a part of the size of the map: rounding.
+const ON_CHART: f64 = 1e-12;
+
+/// Points of the surface this near to each other are one, where triangles of the map meet, as a part
+/// of the size of the patch.
+const SAME_POINT: f64 = 1e-9;
+
+/// The maps of all levels made ready for the way back to the surface.
+#[derive(Debug, Clone)]
+pub struct MapIndex {
+    patches: IdVec<PatchId, IndexedMap>,
+}
+
+#[derive(Debug, Clone)]
+struct IndexedMap {
+    link: LinkId,
+    levels: IdVec<LevelId, Sheet>,
+    cells: PatchCells,
+}
+
+/// The map of a level.
+#[derive(Debug, Clone)]
+struct Sheet {
+    /// The triangles of the map at height 0.
+    tree: PatchBvh,
+    /// The level itself, whose faces they are.
+    mesh: TriMesh,
+    frame: ImageFrame,
+    /// What counts as on the map, and as the same point, in m.
+    on_chart: f64,
+    same_point: f64,
+}
+
+/// A place on the map of a level, and the point of the surface that it shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapPlace {
+    /// The patch.
+    pub patch: PatchId,
+    /// Its link.
+    pub link: LinkId,
+    /// How far the place that was asked for is off the map, in m; 0 on it.
+    pub off_chart: f64,
+    /// The face of the level, the place on the map, the fields and their weights.
+    pub cell: Cell,
+    /// The point of the level's mesh, on level 0 of the skin, in m in the frame of the link.
+    pub position: DVec3,
+    /// The outward unit normal there, in the same frame.
+    pub normal: DVec3,
+}
+
+impl MapIndex {
+    /// An index of the maps of all patches and levels.
+    ///
+    /// # Errors
+    /// As [`ContactIndex::new`].
+    pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
+        map.validate()?;
+        let patches = par_map(map.patches.as_slice(), |patch| {
+            let level = |map: &crate::map::MapLevel| {
+                let mesh = map.level.mesh.clone();
+                let plane =
+                    TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: mesh.triangles.clone() };
+                let tree = PatchBvh::new(&patch.name, &plane)?;
+                let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
+                Ok(Sheet { tree, mesh, frame: map.frame, on_chart, same_point })
+            };
+            let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?.into();
+            Ok(IndexedMap { link: patch.link, levels, cells: PatchCells::new(patch)? })
+        });
+        Ok(Self { patches: patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into() })
+    }
+
+    /// The centre of a pixel (column, row from the top) of a level's image on its map, in m; `None`
+    /// if there is no such pixel.
+    #[must_use]
+    pub fn pixel_centre(&self, patch: PatchId, level: LevelId, pixel: [u32; 2]) -> Option<DVec2> {
+        let frame = self.patches.get(patch)?.levels.get(level)?.frame;
+        let is_inside = pixel[0] < frame.size_px[0] && pixel[1] < frame.size_px[1];
+        let share = |k: usize| (f64::from(pixel[k]) + 0.5) / f64::from(frame.size_px[k]);
+        is_inside.then(|| frame.map_position(DVec2::new(share(0), share(1))))
+    }
+
+    /// Appends the points of the surface at a place (m) on the map of a level: one for each sheet
+    /// that lies there, the first face first; off the map the nearest one.
+    ///
+    /// # Errors
+    /// If the place is not finite, or there is no such patch or level.
+    pub fn places(
+        &self,
+        patch: PatchId,
+        level: LevelId,
+        uv: DVec2,
+        found: &mut Vec<MapPlace>,
+    ) -> Result<(), ContactError> {
+        let known = self.patches.get(patch).and_then(|map| Some((map, map.levels.get(level)?)));
+        let (map, sheet) = known.ok_or(ContactError::NoMap { patch, level })?;
+        let point = Volume::sphere(uv.extend(0.0), sheet.on_chart);
+        let Some(point) = point else {
+            return Err(ContactError::NotFinite { contact: 0, point: uv.extend(0.0).to_array() });
+        };
+        let first = found.len();
+        let mut faces = Vec::new();
+        sheet.tree.faces_within(&point, &mut faces);
+        for &(face, _) in &faces {
+            let closest = sheet.tree.measure(point.centre, face);
+            let Some(place) = sheet.place(map, (patch, level), face, closest, 0.0) else { continue };
+            let is_new = |other: &MapPlace| other.position.distance(place.position) > sheet.same_point;
+            if found[first..].iter().all(is_new) {
+                found.push(place);
+            }
+        }
+        if faces.is_empty() {
+            let mut best = None;
+            Search::new(&sheet.tree, patch, point.centre).run(&mut best);
+            let nearest = best.and_then(|Best { face, closest, .. }| {
+                sheet.place(map, (patch, level), face, closest, closest.squared.sqrt())
+            });
+            found.extend(nearest);
+        }
+        Ok(())
+    }
+}
+
+impl Sheet {
+    fn place(
+        &self,
+        map: &IndexedMap,
+        (patch, level): (PatchId, LevelId),
+        face: FaceId,
+        Closest { barycentric, feature, .. }: Closest,
+        off_chart: f64,
+    ) -> Option<MapPlace> {
+        let point = SurfacePoint { face, barycentric };
+        let normal = pseudo_normal(&self.tree.corners, &self.mesh, face, feature).normalize_or_zero();
+        let position = self.mesh.point(&point);
+        let cell = map.cells.own_cell(level, &point)?;
+        Some(MapPlace { patch, link: map.link, off_chart, cell, position, normal })
+    }
+}
+
+impl ContactIndex {
+    /// A place and its normal in the world, as the links are posed now; those of a patch that blends
+    /// several links are of the pose of the map.
+    #[must_use]
+    pub fn posed(&self, place: &MapPlace) -> (DVec3, DVec3) {
+        let pose = &self.links[place.link].pose;
+        (pose.to_world(place.position), pose.turned(place.normal))
+    }
+}
+
+fn size(mesh: &TriMesh) -> f64 {
+    mesh.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max)
+}

@@ -1,0 +1,178 @@
+//! A coarse level with its own tree, and how far it is from the skin.
+
+use glam::DVec3;
+
+use super::deviation::{DEEPEST, ROUND_UP, Target};
+use crate::{
+    contact::{ContactError, geometry::Volume, search::PatchBvh},
+    id::{FaceId, IdVec},
+    map::PatchMap,
+    mesh::TriMesh,
+    parallel::par_collect,
+};
+
+/// Part of the mean edge of the finer level below which a deviation does not matter.
+const TOLERANCE: f64 = 0.01;
+
+/// Contacts nearer than this part of a level's mean edge know which faces the skin near them may
+/// belong to; farther ones are bounded by the largest deviation of the level.
+const NEAR: f64 = 0.5;
+
+/// A level of a patch that is searched alone.
+#[derive(Debug, Clone)]
+pub(in crate::contact) struct CoarseLevel {
+    pub(in crate::contact) tree: PatchBvh,
+    deviations: IdVec<FaceId, Deviation>,
+    /// Faces of the next finer level: those of face `f` are `from[f]..from[f + 1]`. Every point of
+    /// each finer face belongs to a face that lists it.
+    children: Vec<FaceId>,
+    from: Vec<usize>,
+    /// Largest `skin` of all faces, in m.
+    pub(in crate::contact) most: f64,
+    /// Up to which distance `around` holds, in m.
+    pub(in crate::contact) near: f64,
+}
+
+/// How far a face and the skin are apart, in m. The parts of the skin that the faces of a level
+/// stand for cover the skin.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::contact) struct Deviation {
+    /// No point of the part of the skin that the face stands for is farther from the face.
+    pub(in crate::contact) skin: f64,
+    /// No point of the face is farther from the skin.
+    pub(in crate::contact) face: f64,
+    /// The largest `skin` of all faces whose skin may be nearest to a contact within `near` of this
+    /// face.
+    pub(in crate::contact) around: f64,
+}
+
+impl CoarseLevel {
+    pub(in crate::contact) fn deviation(&self, face: FaceId) -> Deviation {
+        self.deviations[face]
+    }
+
+    pub(in crate::contact) fn children(&self, face: FaceId) -> &[FaceId] {
+        &self.children[self.from[face.index()]..self.from[face.index() + 1]]
+    }
+
+    /// A level above a finer one, which is `None` above level 0, whose tree is `finest`.
+    fn new(
+        patch: &str,
+        mesh: &TriMesh,
+        finest: &PatchBvh,
+        finer: Option<&Self>,
+    ) -> Result<Self, ContactError> {
+        let tree = PatchBvh::new(patch, mesh)?;
+        let below = finer.map_or(finest, |level| &level.tree);
+        let (edge, finer_edge) = (mean_side(mesh), mean_side(&below.mesh));
+        let size = mesh.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        let (tolerance, rounding) = (TOLERANCE * finer_edge, ROUND_UP * size);
+        let skin_of = |f: FaceId| finer.map_or(0.0, |level| level.deviations[f].skin);
+        let face_of = |f: FaceId| finer.map_or(0.0, |level| level.deviations[f].face);
+
+        let target = Target { tree: &tree, more: &|_| 0.0, tolerance };
+        // Which face a part of a finer face belongs to, and how far from it the skin there is.
+        let mut parts =
+            par_collect(below.mesh.triangles.len(), |range, parts: &mut Vec<(FaceId, FaceId, f64)>| {
+                for child in range.map(FaceId::new) {
+                    let first = parts.len();
+                    target.measure(below.mesh.corners(child), DEEPEST, &mut |face, bound, is_last| {
+                        let bound = bound + skin_of(child) + rounding;
+                        let known = parts[first..].iter_mut().find(|(f, ..)| *f == face);
+                        if known.as_ref().is_some_and(|(.., old)| bound <= *old) {
+                            return true;
+                        }
+                        if is_last {
+                            match known {
+                                Some((.., old)) => *old = bound,
+                                None => parts.push((face, child, bound)),
+                            }
+                        }
+                        false
+                    });
+                }
+            });
+        parts.sort_by_key(|&(face, child, _)| (face, child));
+        let target = Target { tree: below, more: &face_of, tolerance };
+        let halvings = DEEPEST + halvings(edge / finer_edge);
+        let faces = par_collect(mesh.triangles.len(), |range, faces: &mut Vec<f64>| {
+            faces.extend(range.map(FaceId::new).map(|face| {
+                let mut most = 0.0;
+                target.measure(mesh.corners(face), halvings, &mut |_, bound, is_last| {
+                    let is_known = bound <= most;
+                    if is_last {
+                        most = bound.max(most);
+                    }
+                    is_known
+                });
+                most + rounding
+            }));
+        });
+        let mut deviations: IdVec<FaceId, Deviation> =
+            faces.into_iter().map(|face| Deviation { face, ..Deviation::default() }).collect();
+        let mut from = vec![0; mesh.triangles.len() + 1];
+        for &(face, _, bound) in &parts {
+            deviations[face].skin = deviations[face].skin.max(bound);
+            from[face.index() + 1] += 1;
+        }
+        for k in 1..from.len() {
+            from[k] += from[k - 1];
+        }
+        let most = deviations.iter().map(|d| d.skin).fold(0.0, f64::max);
+        let children = parts.into_iter().map(|(_, child, _)| child).collect();
+        let mut level = Self { tree, deviations, children, from, most, near: NEAR * edge };
+        level.fill_around();
+        Ok(level)
+    }
+
+    /// Finds `around` of every face. The skin nearest to a contact at most `near` from a face is at
+    /// most `near + face` from it, and belongs to a face at most `most` farther from there: no
+    /// farther than `2 near + face + most` from the first.
+    fn fill_around(&mut self) {
+        let mesh = &self.tree.mesh;
+        let around = par_collect(mesh.triangles.len(), |range, around: &mut Vec<f64>| {
+            let mut found = Vec::new();
+            for face in range.map(FaceId::new) {
+                let corners = mesh.corners(face);
+                let centre = corners.into_iter().sum::<DVec3>() / 3.0;
+                let radius = corners.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
+                let reach = radius + 2.0 * self.near + self.deviations[face].face + self.most;
+                found.clear();
+                if let Some(sphere) = Volume::sphere(centre, reach * (1.0 + 1e-9)) {
+                    self.tree.faces_within(&sphere, &mut found);
+                }
+                let skin = found.iter().map(|&(f, _)| self.deviations[f].skin);
+                around.push(skin.fold(self.deviations[face].skin, f64::max));
+            }
+        });
+        for (deviation, around) in self.deviations.iter_mut().zip(around) {
+            deviation.around = around;
+        }
+    }
+}
+
+/// How often a length must be halved to be no more than 1.
+fn halvings(ratio: f64) -> u32 {
+    (0..16).find(|&n| ratio <= f64::from(1 << n)).unwrap_or(16)
+}
+
+/// The levels of a patch above level 0, finest first.
+pub(in crate::contact) fn coarse_levels(
+    patch: &PatchMap,
+    finest: &PatchBvh,
+) -> Result<Vec<CoarseLevel>, ContactError> {
+    let mut levels: Vec<CoarseLevel> = Vec::new();
+    for map in patch.levels.iter().skip(1) {
+        levels.push(CoarseLevel::new(&patch.name, &map.level.mesh, finest, levels.last())?);
+    }
+    Ok(levels)
+}
+
+/// Mean length of the sides of all faces, in m.
+pub(in crate::contact) fn mean_side(mesh: &TriMesh) -> f64 {
+    let around = |f: FaceId| {
+        let [a, b, c] = mesh.corners(f);
+        a.distance(b) + b.distance(c) + c.distance(a)
+    };
+    mesh.triangles.ids().map(around).sum::<f64>() / (3 * mesh.triangles.len()) as f64
+}

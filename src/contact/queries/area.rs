@@ -1,0 +1,296 @@
+//! More than the nearest point: the fields near a contact or in a volume, what a ray meets first, and
+//! the nearest point of those that a contact can have touched.
+
+use glam::{DQuat, DVec3};
+
+use crate::{
+    contact::{
+        Cell, ContactError, ContactIndex, Hit, Query,
+        geometry::{Ray, Volume},
+        search::{Best, Facing, PointTree, Search, Side},
+    },
+    id::VertexId,
+    mesh::Feature,
+    pyramid::LevelId,
+    skin::{LinkId, PatchId, TaxelId},
+};
+
+/// A volume that touches the robot, in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Area {
+    /// A ball.
+    Sphere {
+        /// Its centre.
+        centre: DVec3,
+        /// Its radius.
+        radius: f64,
+    },
+    /// All points within a radius of a segment.
+    Capsule {
+        /// The ends of the segment.
+        ends: [DVec3; 2],
+        /// The radius.
+        radius: f64,
+    },
+    /// A box.
+    Box {
+        /// Its centre.
+        centre: DVec3,
+        /// From its own axes to those of the frame; unit length.
+        rotation: DQuat,
+        /// Half its sides.
+        half: DVec3,
+    },
+}
+
+impl Area {
+    pub(super) fn volume(&self) -> Result<Volume, ContactError> {
+        let volume = match *self {
+            Self::Sphere { centre, radius } => Volume::sphere(centre, radius),
+            Self::Capsule { ends, radius } => Volume::capsule(ends, radius),
+            Self::Box { centre, rotation, half } => Volume::cuboid(centre, rotation, half),
+        };
+        volume.ok_or(ContactError::NoVolume)
+    }
+
+    /// No point of it is farther from its centre, in m.
+    pub(super) fn extent(&self) -> f64 {
+        match *self {
+            Self::Sphere { radius, .. } => radius,
+            Self::Capsule { ends: [a, b], radius } => 0.5 * a.distance(b) + radius,
+            Self::Box { half, .. } => half.length(),
+        }
+    }
+}
+
+/// Which points of the skin may answer a query.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Filter {
+    /// No farther than this, in m.
+    pub within: f64,
+    /// The side of the faces' planes that the contact must be on.
+    pub side: Option<Side>,
+    /// A direction in the frame of the contact, and the least cosine between it and the normal of a
+    /// face.
+    pub facing: Option<(DVec3, f64)>,
+}
+
+impl Default for Filter {
+    /// All points.
+    fn default() -> Self {
+        Self { within: f64::INFINITY, side: None, facing: None }
+    }
+}
+
+/// A receptive field near a contact; on level 0 a taxel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FieldHit {
+    /// Its patch.
+    pub patch: PatchId,
+    /// The link of that patch.
+    pub link: LinkId,
+    /// Its level.
+    pub level: LevelId,
+    /// The field: a vertex of that level.
+    pub field: VertexId,
+    /// Vendor id of the taxel at its centre.
+    pub taxel: TaxelId,
+    /// Distance of its centre from the point, or from the core of the volume: the centre of a
+    /// sphere, the segment of a capsule, the inside of a box; in m.
+    pub distance: f64,
+    /// Its centre, in m, in the frame of the query.
+    pub position: DVec3,
+}
+
+impl ContactIndex {
+    /// The fields of a level with their centre in a volume, in the frame of `link` or in the world;
+    /// ordered by patch and field. Needs an index with [fields](crate::contact::IndexOptions::fields).
+    ///
+    /// # Errors
+    /// If a number of the volume is not finite or negative, the link does not exist or carries no
+    /// patch, or the index has no fields.
+    pub fn fields_within(
+        &self,
+        area: &Area,
+        link: Option<LinkId>,
+        level: LevelId,
+    ) -> Result<Vec<FieldHit>, ContactError> {
+        let volume = area.volume()?;
+        let query = Query { point: volume.centre, link };
+        self.check(0, &query)?;
+        let reach = area.extent();
+        let mut hits = Vec::new();
+        let mut found = Vec::new();
+        self.each_points(&query, level, reach, |id, points, _| {
+            let pose = &self.links[self.patches[id].link].pose;
+            let local = match link {
+                Some(_) => volume,
+                None => volume.moved(|p| pose.to_local(p), |v| pose.turned_back(v)),
+            };
+            found.clear();
+            points.within(&local, &mut found);
+            hits.extend(found.iter().map(|&found| self.field_hit(&query, (id, level), points, found)));
+            reach
+        })?;
+        hits.sort_by_key(|hit| (hit.patch, hit.field));
+        Ok(hits)
+    }
+
+    /// The `count` fields of a level whose centres are nearest to a query, the nearest first; of
+    /// equally near ones the first of the first patch. Needs an index with
+    /// [fields](crate::contact::IndexOptions::fields).
+    ///
+    /// # Errors
+    /// As [`ContactIndex::locate`], and if the index has no fields.
+    pub fn nearest_fields(
+        &self,
+        query: impl Into<Query>,
+        count: usize,
+        level: LevelId,
+    ) -> Result<Vec<FieldHit>, ContactError> {
+        let query = query.into();
+        self.check(0, &query)?;
+        let mut hits: Vec<FieldHit> = Vec::new();
+        let mut found = Vec::new();
+        self.each_points(&query, level, f64::INFINITY, |id, points, q| {
+            let farthest = |hits: &[FieldHit]| match hits.last() {
+                Some(last) if hits.len() >= count => last.distance,
+                _ => f64::INFINITY,
+            };
+            found.clear();
+            points.nearest(q, count, farthest(&hits), &mut found);
+            hits.extend(found.iter().map(|&found| self.field_hit(&query, (id, level), points, found)));
+            let key = |hit: &FieldHit| (hit.patch, hit.field);
+            hits.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(key(a).cmp(&key(b))));
+            hits.truncate(count);
+            farthest(&hits)
+        })?;
+        Ok(hits)
+    }
+
+    /// Calls `visit` with the centres of fields of each patch that may be within what it returned
+    /// last.
+    fn each_points(
+        &self,
+        query: &Query,
+        level: LevelId,
+        reach: f64,
+        mut visit: impl FnMut(PatchId, &PointTree, DVec3) -> f64,
+    ) -> Result<(), ContactError> {
+        if !self.options.fields {
+            return Err(ContactError::NotIndexed { what: "fields" });
+        }
+        let mut last = reach;
+        self.each_patch(query, reach, |id, q| {
+            if let Some(points) = self.patches[id].fields.get(level.index()) {
+                last = visit(id, points, q);
+            }
+            last
+        });
+        Ok(())
+    }
+
+    fn field_hit(
+        &self,
+        query: &Query,
+        (id, level): (PatchId, LevelId),
+        points: &PointTree,
+        (field, distance): (VertexId, f64),
+    ) -> FieldHit {
+        let patch = &self.patches[id];
+        let here = points.point(field);
+        let position = if query.link.is_some() { here } else { self.links[patch.link].pose.to_world(here) };
+        let taxel = patch.cells.taxel(level, field);
+        FieldHit { patch: id, link: patch.link, level, field, taxel, distance, position }
+    }
+
+    /// Where the centre of a field lies on the map of its level; `None` if it is not one of this
+    /// index.
+    #[must_use]
+    pub fn field_cell(&self, hit: &FieldHit) -> Option<Cell> {
+        self.patches.get(hit.patch)?.cells.field_cell(hit.level, hit.field)
+    }
+
+    /// The first point of the skin that a ray meets, from either side, no farther than `longest` (m)
+    /// from its origin; its `distance` is that from the origin. The direction is in the frame of the
+    /// origin and need not be of unit length.
+    ///
+    /// # Errors
+    /// As [`ContactIndex::locate`], and if the direction has no length or a number is not finite.
+    pub fn first_hit(
+        &self,
+        origin: impl Into<Query>,
+        direction: DVec3,
+        longest: f64,
+    ) -> Result<Option<Hit>, ContactError> {
+        let query = origin.into();
+        self.check(0, &query)?;
+        let ray = Ray::new(query.point, direction, longest).ok_or(ContactError::NoRay)?;
+        let mut first: Option<(f64, Best)> = None;
+        for (id, patch) in self.patches.enumerate() {
+            if query.link.is_some_and(|link| link != patch.link) {
+                continue;
+            }
+            let pose = &self.links[patch.link].pose;
+            let local = match query.link {
+                Some(_) => ray,
+                None => ray.moved(|p| pose.to_local(p), |v| pose.turned_back(v)),
+            };
+            let longest = first.as_ref().map_or(longest, |(distance, _)| *distance);
+            let Some(found) = patch.tree.first_hit(&Ray { longest, ..local }) else { continue };
+            if first.as_ref().is_none_or(|(distance, _)| found.distance < *distance) {
+                let feature = feature(found.barycentric);
+                let closest = crate::mesh::Closest { squared: 0.0, barycentric: found.barycentric, feature };
+                first = Some((found.distance, Best { patch: id, face: found.face, closest }));
+            }
+        }
+        Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
+    }
+
+    /// The nearest point of the skin of those that `filter` admits, if there is one.
+    ///
+    /// # Errors
+    /// As [`ContactIndex::locate`], and if the direction of the filter has no length.
+    pub fn locate_admitted(
+        &self,
+        query: impl Into<Query>,
+        filter: &Filter,
+    ) -> Result<Option<Hit>, ContactError> {
+        let query = query.into();
+        self.check(0, &query)?;
+        let unit = |(direction, cosine): (DVec3, f64)| {
+            direction.try_normalize().map(|unit| (unit, cosine)).ok_or(ContactError::NoRay)
+        };
+        let normal = filter.facing.map(unit).transpose()?;
+        let mut best = None;
+        self.each_patch(&query, filter.within, |id, q| {
+            let patch = &self.patches[id];
+            let pose = &self.links[patch.link].pose;
+            let turn = |v| if query.link.is_some() { v } else { pose.turned_back(v) };
+            let normal = normal.map(|(v, cosine)| (turn(v), cosine));
+            let facing = Facing { side: filter.side, normal };
+            let reach = filter.within.min(Best::squared(best.as_ref()).sqrt());
+            if facing.is_any() && filter.within == f64::INFINITY {
+                Search::new(&patch.tree, id, q).run(&mut best);
+            } else {
+                patch.tree.nearest_facing(id, q, reach, &facing, &mut best);
+            }
+            filter.within.min(Best::squared(best.as_ref()).sqrt())
+        });
+        Ok(best.map(|best| self.hit(&query, &best)))
+    }
+}
+
+/// The corner, side or inside that a point of a triangle is on.
+pub(super) fn feature(barycentric: [f64; 3]) -> Feature {
+    let zero = barycentric.map(|w| w <= 0.0);
+    match zero {
+        [_, true, true] => Feature::Corner(0),
+        [true, _, true] => Feature::Corner(1),
+        [true, true, _] => Feature::Corner(2),
+        [_, _, true] => Feature::Side(0),
+        [true, _, _] => Feature::Side(1),
+        [_, true, _] => Feature::Side(2),
+        _ => Feature::Inside,
+    }
+}

@@ -1,0 +1,219 @@
+//! Contacts to readings: the force of a contact, spread over the taxels that it touches.
+//!
+//! A taxel feels on a disc around it (cannata). A sphere gives each disc a share of its force by the
+//! volume that it takes of the skin under the disc, as in the simulation of
+//! [`TouchSimulation`](crate::signal::TouchSimulation); a box or a capsule by the part of the disc that
+//! lies in it; a point by the weights of the face that it touches. Taxels that do not work feel
+//! nothing: their share goes to the others.
+
+use glam::DVec3;
+
+use crate::{
+    contact::{Area, ContactError, ContactIndex, Query, geometry::Volume},
+    id::VertexId,
+    map::{PatchMap, SkinMap},
+    pyramid::LevelId,
+    signal::{Frame, Sphere},
+    skin::{LinkId, PatchId, Presence},
+};
+
+/// Points of a disc that are tested against a box: a share is then exact to about a hundredth.
+const SAMPLES: u32 = 256;
+
+/// Spacings of taxels from which on a point does not touch the skin.
+const SPACINGS: f64 = 10.0;
+
+/// What presses on the skin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pressing {
+    /// A point, in m.
+    Point(DVec3),
+    /// A sphere, a capsule or a box.
+    Area(Area),
+}
+
+/// Something that presses on the skin with a force.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Press {
+    /// What presses.
+    pub pressing: Pressing,
+    /// The link in whose frame it is given; `None`: the world.
+    pub link: Option<LinkId>,
+    /// Its force, in N.
+    pub force: f64,
+}
+
+/// Spreads the forces of contacts over the taxels of a map, for simulators and tests.
+///
+/// ```
+/// use dermatome::{
+///     contact::{Area, ContactIndex, IndexOptions, Press, Pressing, Spreader},
+///     map::SkinMap, mesh::shapes, skin::PatchId,
+/// };
+/// use glam::DVec3;
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let index = ContactIndex::with(&map, &IndexOptions { fields: true, ..IndexOptions::default() })?;
+/// let spreader = Spreader::new(&map, 0.002);
+/// let mut frame = spreader.frame(0.0);
+/// let ball = Area::Sphere { centre: DVec3::new(0.05, 0.03, 0.009), radius: 0.01 };
+/// let press = Press { pressing: Pressing::Area(ball), link: None, force: 1.5 };
+/// assert!(spreader.add(&index, &press, &mut frame)?, "it touches");
+/// let felt: f64 = frame.values[PatchId::new(0)][0].iter().sum();
+/// assert!((felt - 1.5).abs() < 1e-12);
+/// # Ok::<_, dermatome::contact::ContactError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Spreader<'a> {
+    map: &'a SkinMap,
+    /// Radius of the discs, in m.
+    disc: f64,
+}
+
+impl<'a> Spreader<'a> {
+    /// Spreads over the taxels of `map`, which feel on discs of this radius, in m.
+    #[must_use]
+    pub fn new(map: &'a SkinMap, disc: f64) -> Self {
+        Self { map, disc }
+    }
+
+    /// A frame at a time (s) without any force, NaN for taxels that do not work.
+    #[must_use]
+    pub fn frame(&self, time: f64) -> Frame {
+        let values = self.map.patches.map(|patch| {
+            vec![patch.taxels.presence.map(|p| if *p == Presence::Present { 0.0 } else { f64::NAN })]
+        });
+        Frame { time, values }
+    }
+
+    /// Adds a force to the readings of the taxels that it touches, in N; the sum of what is added is
+    /// the force. False if nothing is touched, then nothing is added. `index` is one of the same map,
+    /// with [fields](crate::contact::IndexOptions::fields), posed as the robot is.
+    ///
+    /// # Errors
+    /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`].
+    pub fn add(&self, index: &ContactIndex, press: &Press, frame: &mut Frame) -> Result<bool, ContactError> {
+        let shares = match &press.pressing {
+            Pressing::Point(point) => {
+                self.at_point(index, Query { point: *point, link: press.link }, None)?
+            }
+            Pressing::Area(area) => {
+                let shares = self.under(index, area, press.link)?;
+                let volume = area.volume()?;
+                // Between the discs, or on taxels that do not work.
+                let reach = area.extent();
+                let centre = Query { point: volume.centre, link: press.link };
+                if shares.is_empty() { self.at_point(index, centre, Some(reach))? } else { shares }
+            }
+        };
+        let sum: f64 = shares.iter().map(|(.., share)| share).sum();
+        let Some(largest) = (0..shares.len()).max_by(|&a, &b| shares[a].2.total_cmp(&shares[b].2)) else {
+            return Ok(false);
+        };
+        let mut left = press.force;
+        for (k, &(patch, taxel, share)) in shares.iter().enumerate() {
+            if k != largest {
+                let part = press.force * share / sum;
+                left -= part;
+                frame.values[patch][0][taxel] += part;
+            }
+        }
+        // What rounding leaves is the largest share's.
+        let (patch, taxel, _) = shares[largest];
+        frame.values[patch][0][taxel] += left;
+        Ok(true)
+    }
+
+    /// The working taxels of the face nearest to a point within `reach` (m), by its weights; the nearest
+    /// working taxel of the patch if none of them works.
+    fn at_point(
+        &self,
+        index: &ContactIndex,
+        query: Query,
+        reach: Option<f64>,
+    ) -> Result<Vec<(PatchId, VertexId, f64)>, ContactError> {
+        let hit = index.locate(query)?;
+        let spacing = index.spacing(hit.patch).unwrap_or(0.0);
+        if hit.distance.abs() > reach.unwrap_or(SPACINGS * spacing) {
+            return Ok(Vec::new());
+        }
+        let patch = &self.map.patches[hit.patch];
+        let mesh = &patch.levels[LevelId::new(0)].level.mesh;
+        let corners = mesh.triangles[hit.point.face].into_iter().zip(hit.point.barycentric);
+        let mut shares: Vec<_> = corners
+            .filter(|(v, weight)| *weight > 0.0 && works(patch, *v))
+            .map(|(v, weight)| (hit.patch, v, weight))
+            .collect();
+        if shares.is_empty() {
+            let here = mesh.point(&hit.point);
+            let away = |v: &VertexId| mesh.positions[*v].distance_squared(here);
+            let working = mesh.positions.ids().filter(|&v| works(patch, v));
+            let nearest = working.min_by(|a, b| away(a).total_cmp(&away(b)));
+            shares.extend(nearest.map(|v| (hit.patch, v, 1.0)));
+        }
+        Ok(shares)
+    }
+
+    /// The working taxels whose disc a volume touches, and how much of it.
+    fn under(
+        &self,
+        index: &ContactIndex,
+        area: &Area,
+        link: Option<LinkId>,
+    ) -> Result<Vec<(PatchId, VertexId, f64)>, ContactError> {
+        let grown = match *area {
+            Area::Sphere { centre, radius } => Area::Sphere { centre, radius: radius + self.disc },
+            Area::Capsule { ends, radius } => Area::Capsule { ends, radius: radius + self.disc },
+            Area::Box { centre, rotation, half } => Area::Box { centre, rotation, half: half + self.disc },
+        };
+        let found = index.fields_within(&grown, link, LevelId::new(0))?;
+        let volume = area.volume()?;
+        let mut shares = Vec::new();
+        for hit in found {
+            let patch = &self.map.patches[hit.patch];
+            if !works(patch, hit.field) {
+                continue;
+            }
+            let normal = patch.taxels.normals[hit.field];
+            let normal = if link.is_some() { normal } else { index.turned(hit.link, normal) };
+            let share = match *area {
+                Area::Sphere { centre, radius } => {
+                    Sphere { centre, radius }.volume_under_disc(hit.position, normal, self.disc)
+                }
+                _ => self.part_in(&volume, hit.position, normal),
+            };
+            if share > 0.0 {
+                shares.push((hit.patch, hit.field, share));
+            }
+        }
+        Ok(shares)
+    }
+
+    /// The part of a disc that lies in a volume.
+    fn part_in(&self, volume: &Volume, centre: DVec3, normal: DVec3) -> f64 {
+        // Points on a spiral, each with the same area.
+        const GOLDEN: f64 = 2.399_963_229_728_653;
+        let (x, y) = normal.any_orthonormal_pair();
+        let is_inside = |k: &u32| {
+            let radius = self.disc * ((f64::from(*k) + 0.5) / f64::from(SAMPLES)).sqrt();
+            let (sin, cos) = (GOLDEN * f64::from(*k)).sin_cos();
+            volume.distance_to_point(centre + radius * (cos * x + sin * y)) <= volume.radius
+        };
+        f64::from((0..SAMPLES).filter(is_inside).map(|_| 1_u32).sum::<u32>()) / f64::from(SAMPLES)
+    }
+}
+
+fn works(patch: &PatchMap, taxel: VertexId) -> bool {
+    patch.taxels.presence[taxel] == Presence::Present
+}
+
+impl ContactIndex {
+    /// A direction in the frame of a link, in the world as the link is posed now.
+    ///
+    /// # Panics
+    /// If there is no such link.
+    #[must_use]
+    pub fn turned(&self, link: LinkId, direction: DVec3) -> DVec3 {
+        self.links[link].pose.turned(direction)
+    }
+}

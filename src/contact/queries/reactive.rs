@@ -1,0 +1,109 @@
+//! The answer of a coarse level alone, and its error bound.
+
+use glam::DVec3;
+
+use crate::{
+    contact::{
+        Cell, ContactError, ContactIndex, Query,
+        coarse::CoarseLevel,
+        search::{Best, Search},
+    },
+    id::FaceId,
+    mesh::SurfacePoint,
+    pyramid::LevelId,
+    skin::{LinkId, PatchId},
+};
+
+/// The point of a coarse level nearest to a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reactive {
+    /// The level: the one asked for, or the coarsest of a patch that does not reach up to it.
+    pub level: LevelId,
+    /// The patch it lies on.
+    pub patch: PatchId,
+    /// The link of that patch.
+    pub link: LinkId,
+    /// Where on that level.
+    pub point: SurfacePoint,
+    /// How far the contact is outside the level, in m; negative inside.
+    pub distance: f64,
+    /// How far the contact's distance from the skin, without its sign, may be from that of
+    /// `distance`, in m. The skin comes at least as near to `position`.
+    pub error: f64,
+    /// Where the point lies, in m, in the frame the contact was given in.
+    pub position: DVec3,
+    /// The outward unit normal of the level there, in the same frame.
+    pub normal: DVec3,
+}
+
+/// How far the skin of the patches searched so far is at least from the contact, in m.
+struct Least(f64);
+
+impl ContactIndex {
+    /// The point of a level nearest to a query, which searches that level alone: several times
+    /// faster than [`ContactIndex::locate`], and as exact as its `error` says. On patches without
+    /// that level their coarsest is searched. Needs an index with
+    /// [levels](crate::contact::IndexOptions::levels).
+    ///
+    /// # Errors
+    /// As [`ContactIndex::locate`], and if the index has no levels above level 0.
+    pub fn reactive(&self, query: impl Into<Query>, level: LevelId) -> Result<Reactive, ContactError> {
+        let query = query.into();
+        self.check(0, &query)?;
+        self.answer_reactive(&query, level)
+    }
+
+    /// The same as [`Self::reactive`] for a query that has been checked.
+    pub(in crate::contact) fn answer_reactive(
+        &self,
+        query: &Query,
+        level: LevelId,
+    ) -> Result<Reactive, ContactError> {
+        if !self.options.levels && level.index() > 0 {
+            return Err(ContactError::NotIndexed { what: "levels" });
+        }
+        let (mut best, mut least) = (None, Least(f64::INFINITY));
+        self.each_patch(query, f64::INFINITY, |id, q| {
+            let before = Best::squared(best.as_ref()).sqrt();
+            let (tree, coarse) = self.patches[id].on_level(level);
+            Search::new(tree, id, q).run(&mut best);
+            let found = best.as_ref().filter(|best| best.patch == id);
+            let away = Best::squared(best.as_ref()).sqrt();
+            let around = match (coarse, found) {
+                (None, _) => 0.0,
+                (Some(coarse), Some(best)) => around(coarse, best.face, away),
+                (Some(coarse), None) => coarse.most,
+            };
+            least.0 = least.0.min(before.min(away) - around);
+            away
+        });
+        let best = best.ok_or(ContactError::NoSkin)?;
+        let patch = &self.patches[best.patch];
+        let (tree, coarse) = patch.on_level(level);
+        let (distance, position, normal) = self.placed(tree, patch.link, query, &best);
+        let face = coarse.map_or(0.0, |coarse| coarse.deviation(best.face).face);
+        Ok(Reactive {
+            level: patch.nearest_level(level),
+            patch: best.patch,
+            link: patch.link,
+            point: SurfacePoint { face: best.face, barycentric: best.closest.barycentric },
+            distance,
+            error: face.max(distance.abs() - least.0).max(0.0),
+            position,
+            normal,
+        })
+    }
+
+    /// Where a reactive answer lies on the map of its level; its fields are the corners of its face.
+    /// `None` if it is not one of this index.
+    #[must_use]
+    pub fn reactive_cell(&self, answer: &Reactive) -> Option<Cell> {
+        self.patches.get(answer.patch)?.cells.own_cell(answer.level, &answer.point)
+    }
+}
+
+/// How much nearer the skin may be to a contact whose nearest face of a level is `face`, at this
+/// distance, in m.
+fn around(level: &CoarseLevel, face: FaceId, away: f64) -> f64 {
+    if away <= level.near { level.deviation(face).around } else { level.most }
+}

@@ -1,0 +1,140 @@
+//! Laws of answers on coarse levels: every error bound holds, a refined answer is the exact one.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use dermatome::{
+    contact::{ContactError, ContactIndex, IndexOptions, Query},
+    map::SkinMap,
+    mesh::{TriMesh, shapes},
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    skin::{Link, LinkId, Patch, PatchId, Skin},
+};
+use glam::{DAffine3, DQuat, DVec3};
+use proptest::{prelude::*, test_runner::RngSeed};
+
+const LEVELS: IndexOptions = IndexOptions { levels: true, fields: false };
+
+/// Two patches on two links, 4 mm apart where they are nearest.
+fn robot(first: TriMesh, second: TriMesh) -> SkinMap {
+    let mut skin = Skin::default();
+    for (k, mesh) in [first, second].into_iter().enumerate() {
+        let pose = DAffine3::from_rotation_translation(
+            DQuat::from_rotation_y(3.0 * k as f64),
+            DVec3::new(0.0, 0.0, -0.204 * k as f64),
+        );
+        let link = skin.links.push(Link { name: format!("link {k}"), parent: None, pose });
+        skin.patches.push(Patch::from_mesh(format!("patch {k}"), link, mesh));
+    }
+    build(&skin, &BuildOptions::default()).unwrap()
+}
+
+fn shape(k: usize) -> TriMesh {
+    match k {
+        0 => shapes::cap(1500, 0.1, 0.6),
+        1 => shapes::lattice(25, 20, 0.006),
+        2 => {
+            let mut saddle = shapes::saddle(24);
+            saddle.positions.iter_mut().for_each(|p| *p *= 0.1);
+            saddle
+        }
+        _ => {
+            let mut rough = shapes::cap(900, 0.1, 0.8);
+            for (k, p) in rough.positions.iter_mut().enumerate() {
+                *p *= 1.0 + 0.01 * (17.0 * k as f64).sin();
+            }
+            rough
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 12, rng_seed: RngSeed::Fixed(41), failure_persistence: None, ..ProptestConfig::default()
+    })]
+
+    /// On every level, from near and far, in the world and on a link: the skin is as far as the
+    /// answer says up to its error, it comes as near to the answered point, and the refined answer
+    /// is that of a search from the start.
+    #[test]
+    fn every_error_bound_holds_and_refining_is_exact(
+        kinds in (0_usize..4, 0_usize..4),
+        turn in prop::array::uniform3(-1.0_f64..1.0),
+        aims in prop::collection::vec((prop::array::uniform3(-1.0_f64..1.0), -4_i32..1, any::<prop::sample::Index>(), 0_usize..2, prop::bool::ANY), 60),
+    ) {
+        let map = robot(shape(kinds.0), shape(kinds.1));
+        let mut index = ContactIndex::with(&map, &LEVELS).unwrap();
+        index.move_links(&[(LinkId::new(1), DAffine3::from_rotation_translation(
+            DQuat::from_scaled_axis(DVec3::from(turn)), DVec3::from(turn) * 0.1,
+        ))]).unwrap();
+        let mut certified = 0;
+        for (direction, exponent, vertex, patch, on_link) in aims {
+            let patch = &map.patches[PatchId::new(patch)];
+            let positions = &patch.levels[LevelId::new(0)].level.mesh.positions;
+            let at = positions.as_slice()[vertex.index(positions.len())] + DVec3::from(direction) * 10_f64.powi(exponent);
+            let pose = index.poses()[patch.link];
+            let query = if on_link { Query::on_link(patch.link, at) } else { Query::from(pose.transform_point3(at)) };
+            let exact = index.locate(query).unwrap();
+            for level in 0..patch.levels.len() + 1 {
+                let answer = index.reactive(query, LevelId::new(level)).unwrap();
+                let difference = (answer.distance.abs() - exact.distance.abs()).abs();
+                prop_assert!(difference <= answer.error + 1e-12, "level {level}: {difference} > {}", answer.error);
+                let from_skin = Query { point: answer.position, ..query };
+                let nearest = index.locate(from_skin).unwrap().distance.abs();
+                prop_assert!(nearest <= answer.error + 1e-12, "level {level}: the skin is {nearest} away");
+                let cell = index.reactive_cell(&answer).unwrap();
+                let mesh = &map.patches[answer.patch].levels[answer.level];
+                let uv: glam::DVec2 = mesh.level.mesh.triangles[answer.point.face].iter()
+                    .zip(answer.point.barycentric).map(|(&v, w)| mesh.uv[v] * w).sum();
+                prop_assert!(cell.uv.distance(uv) < 1e-15 && cell.level == answer.level);
+                let refined = index.refine(query, &answer).unwrap();
+                prop_assert_eq!(refined.hit, exact);
+                certified += usize::from(refined.certified);
+                if level == 0 {
+                    prop_assert_eq!((answer.error, answer.distance), (0.0, exact.distance));
+                }
+            }
+        }
+        prop_assert!(certified > 0, "some certificates hold");
+    }
+}
+
+/// The bound is not only right but useful: on a smooth cap it is near the largest true error, and
+/// each coarser level costs about four times the error of the finer one.
+#[test]
+fn bounds_are_near_the_largest_error() {
+    let map = build(&Skin::from_mesh("cap", shapes::cap(4000, 0.1, 0.6)), &BuildOptions::default()).unwrap();
+    let index = ContactIndex::with(&map, &LEVELS).unwrap();
+    let mut previous = 0.0;
+    for level in 1..map.patches[PatchId::new(0)].levels.len() {
+        let (mut largest, mut bounds) = (0.0_f64, Vec::new());
+        for k in 0..2000 {
+            let (x, y) = ((0.7 * f64::from(k)).sin(), (1.3 * f64::from(k)).sin());
+            let q = DVec3::new(0.03 * x, 0.03 * y, -1.0).normalize() * 0.102;
+            let answer = index.reactive(q, LevelId::new(level)).unwrap();
+            let exact = index.locate(q).unwrap();
+            largest = largest.max((answer.distance - exact.distance).abs());
+            bounds.push(answer.error);
+        }
+        bounds.sort_by(f64::total_cmp);
+        let median = bounds[bounds.len() / 2];
+        println!("level {level}: largest error {largest:.6}, median bound {median:.6}");
+        assert!(median < 5.0 * largest + 1e-4, "level {level}: median bound {median}, error {largest}");
+        assert!(median > previous);
+        previous = median;
+    }
+}
+
+#[test]
+fn an_index_of_level_0_alone_says_so() {
+    let map = robot(shape(1), shape(1));
+    let index = ContactIndex::new(&map).unwrap();
+    assert_eq!(
+        index.reactive(DVec3::ZERO, LevelId::new(1)),
+        Err(ContactError::NotIndexed { what: "levels" })
+    );
+    let exact = index.locate(DVec3::ZERO).unwrap();
+    let answer = index.reactive(DVec3::ZERO, LevelId::new(0)).unwrap();
+    assert_eq!((answer.point, answer.error), (exact.point, 0.0));
+    assert_eq!(index.refine(DVec3::ZERO, &answer).unwrap().hit, exact);
+    assert!(index.reactive(DVec3::NAN, LevelId::new(0)).is_err());
+}

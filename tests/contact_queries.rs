@@ -1,0 +1,303 @@
+//! Laws of the other questions: fields near a contact, rays, filters, the way back from the map, and
+//! forces spread over taxels, for links in any pose.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::sync::LazyLock;
+
+use dermatome::{
+    contact::{
+        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Motion, MotionFrame, Press,
+        Pressing, Query, Side, Spreader,
+    },
+    map::SkinMap,
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    skin::{Link, LinkId, Patch, PatchId, Presence, Skin},
+};
+use glam::{DAffine3, DQuat, DVec2, DVec3};
+use proptest::{prelude::*, test_runner::RngSeed};
+
+const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true };
+
+fn skin() -> Skin {
+    let mut skin = Skin::default();
+    let mut cover = shapes::cap(700, 0.1, 0.7);
+    cover.positions.iter_mut().for_each(|p| p.x *= 1.3);
+    for (k, mesh) in
+        [cover, shapes::lattice(20, 15, 0.007), shapes::tube(24, 12, 0.03, 0.15)].into_iter().enumerate()
+    {
+        let pose = DAffine3::from_rotation_translation(
+            DQuat::from_rotation_x(k as f64),
+            DVec3::X * (0.3 * k as f64),
+        );
+        let link = skin.links.push(Link { name: format!("link {k}"), parent: None, pose });
+        skin.patches.push(Patch::from_mesh(format!("patch {k}"), link, mesh));
+    }
+    skin
+}
+
+fn robot() -> SkinMap {
+    static MAP: LazyLock<SkinMap> = LazyLock::new(|| build(&skin(), &BuildOptions::default()).unwrap());
+    MAP.clone()
+}
+
+fn any_pose() -> impl Strategy<Value = DAffine3> {
+    (prop::array::uniform3(-1.0_f64..1.0), prop::array::uniform3(-0.2_f64..0.2)).prop_map(|(axis, place)| {
+        DAffine3::from_rotation_translation(DQuat::from_scaled_axis(DVec3::from(axis) * 3.0), place.into())
+    })
+}
+
+fn few(cases: u32) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        rng_seed: RngSeed::Fixed(7),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+proptest! {
+    #![proptest_config(few(60))]
+
+    #[test]
+    fn fields_are_those_of_brute_force(
+        poses in [any_pose(), any_pose(), any_pose()],
+        at in prop::array::uniform3(-0.2_f64..0.2),
+        radius in 0.0_f64..0.1,
+        level in 0_usize..3,
+        count in 0_usize..12,
+        link in prop::option::of(0_usize..3),
+    ) {
+        let map = robot();
+        let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
+        index.set_poses(&poses.to_vec().into()).unwrap();
+        let (at, link, level) = (DVec3::from(at), link.map(LinkId::new), LevelId::new(level));
+        let mut all = Vec::new();
+        for (id, patch) in map.patches.enumerate() {
+            let Some(fields) = patch.levels.get(level) else { continue };
+            if link.is_some_and(|link| link != patch.link) {
+                continue;
+            }
+            let pose = if link.is_some() { DAffine3::IDENTITY } else { poses[patch.link.index()] };
+            for (field, p) in fields.level.mesh.positions.enumerate() {
+                all.push((pose.transform_point3(*p).distance(at), id, field));
+            }
+        }
+        all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        let query = Query { point: at, link };
+        let found = index.nearest_fields(query, count, level).unwrap();
+        prop_assert_eq!(found.len(), count.min(all.len()));
+        for (hit, (distance, ..)) in found.iter().zip(&all) {
+            prop_assert!((hit.distance - distance).abs() < 1e-12 && (hit.position.distance(at) - distance).abs() < 1e-12);
+            let cell = index.field_cell(hit).unwrap();
+            prop_assert_eq!((cell.field, cell.level, cell.taxel), (hit.field, level, hit.taxel));
+            prop_assert_eq!(cell.uv, map.patches[hit.patch].levels[level].uv[hit.field]);
+        }
+        let capsule = Area::Capsule { ends: [at, at], radius };
+        let within = index.fields_within(&Area::Sphere { centre: at, radius }, link, level).unwrap();
+        prop_assert_eq!(within.len(), all.iter().filter(|(d, ..)| *d <= radius).count());
+        prop_assert_eq!(index.fields_within(&capsule, link, level).unwrap().len(), within.len());
+        let cube = Area::Box { centre: at, rotation: DQuat::IDENTITY, half: DVec3::splat(radius) };
+        let inside = index.fields_within(&cube, link, level).unwrap();
+        prop_assert!(within.iter().all(|hit| inside.iter().any(|other| (other.patch, other.field) == (hit.patch, hit.field))));
+        prop_assert!(inside.iter().all(|hit| (hit.position - at).abs().max_element() <= radius + 1e-12));
+    }
+
+    /// What a ray meets is on the ray and on the skin, and the skin is not met before.
+    #[test]
+    fn rays_end_on_the_skin(
+        poses in [any_pose(), any_pose(), any_pose()],
+        from in prop::array::uniform3(-0.5_f64..0.5),
+        patch in 0_usize..3,
+        vertex in any::<prop::sample::Index>(),
+    ) {
+        let map = robot();
+        let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
+        index.set_poses(&poses.to_vec().into()).unwrap();
+        let mesh = &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh;
+        let face = mesh.triangles.ids().nth(vertex.index(mesh.triangles.len())).unwrap();
+        let target = poses[patch].transform_point3(mesh.corners(face).into_iter().sum::<DVec3>() / 3.0);
+        let from = DVec3::from(from);
+        let hit = index.first_hit(from, target - from, f64::INFINITY).unwrap().unwrap();
+        prop_assert!(hit.distance <= from.distance(target) + 1e-9);
+        let end = from + (target - from).normalize() * hit.distance;
+        prop_assert!(end.distance(hit.position) < 1e-9);
+        prop_assert!(index.locate(end).unwrap().distance.abs() < 1e-9);
+        prop_assert_eq!(index.first_hit(from, target - from, 0.5 * hit.distance).unwrap(), None);
+        prop_assert!(index.first_hit(from, DVec3::ZERO, 1.0).is_err());
+    }
+
+    /// Every place of a map leads to its point of the surface, and from there back, on every level;
+    /// chart borders and holes included.
+    #[test]
+    fn the_way_back_is_the_inverse(
+        patch in 0_usize..3,
+        faces in prop::collection::vec((any::<prop::sample::Index>(), 0.0_f64..1.0, 0.0_f64..1.0, prop::bool::ANY), 40),
+    ) {
+        let map = robot();
+        let (index, maps) = (ContactIndex::new(&map).unwrap(), MapIndex::new(&map).unwrap());
+        let id = PatchId::new(patch);
+        for (level, flat) in map.patches[id].levels.enumerate() {
+            let mesh = &flat.level.mesh;
+            for (face, s, t, on_side) in &faces {
+                let face = mesh.triangles.ids().nth(face.index(mesh.triangles.len())).unwrap();
+                let [a, b, c] = if *on_side { [*s, 1.0 - s, 0.0] } else { [1.0 - s.max(*t), (s - t).abs(), s.min(*t)] };
+                let mix3 = |p: [DVec3; 3]| p[0] * a + p[1] * b + p[2] * c;
+                let corners = mesh.triangles[face];
+                let uv = flat.uv[corners[0]] * a + flat.uv[corners[1]] * b + flat.uv[corners[2]] * c;
+                let place = mix3(mesh.corners(face));
+                let mut found = Vec::new();
+                maps.places(id, level, uv, &mut found).unwrap();
+                prop_assert!(found.iter().any(|p| p.position.distance(place) < 1e-9), "{:?} {} in {:?}", level, place, found);
+                for p in &found {
+                    prop_assert!(p.off_chart == 0.0 && p.cell.uv.distance(uv) < 1e-9);
+                    prop_assert_eq!(mesh.point(&p.cell.point), p.position);
+                }
+                if level == LevelId::new(0) {
+                    let hit = index.locate(Query::on_link(LinkId::new(patch), place)).unwrap();
+                    prop_assert!(index.cell(&hit, level).unwrap().uv.distance(uv) < 1e-8, "skin to map");
+                }
+            }
+        }
+    }
+
+    /// Whatever presses, the readings add up to its force.
+    #[test]
+    fn forces_are_kept(
+        at in any::<prop::sample::Index>(),
+        offset in prop::array::uniform3(-0.01_f64..0.01),
+        radius in 0.001_f64..0.03,
+        force in 0.01_f64..20.0,
+        dead in prop::collection::vec(any::<prop::sample::Index>(), 0..300),
+        kind in 0_usize..4,
+    ) {
+        let mut map = robot();
+        let id = PatchId::new(0);
+        let mesh = map.patches[id].levels[LevelId::new(0)].level.mesh.clone();
+        let taxels = mesh.positions.len();
+        for taxel in dead {
+            map.patches[id].taxels.presence.as_mut_slice()[taxel.index(taxels)] = Presence::Absent;
+        }
+        let index = ContactIndex::with(&map, &FIELDS).unwrap();
+        let centre = mesh.positions.as_slice()[at.index(taxels)] + DVec3::from(offset);
+        let pressing = match kind {
+            0 => Pressing::Point(centre),
+            1 => Pressing::Area(Area::Sphere { centre, radius }),
+            2 => Pressing::Area(Area::Box { centre, rotation: DQuat::from_rotation_x(radius), half: DVec3::splat(radius) }),
+            _ => Pressing::Area(Area::Capsule { ends: [centre, centre + DVec3::X * radius], radius }),
+        };
+        let spreader = Spreader::new(&map, 0.002);
+        let mut frame = spreader.frame(1.5);
+        let touched = spreader.add(&index, &Press { pressing, link: Some(LinkId::new(0)), force }, &mut frame).unwrap();
+        let live = |v: &&f64| !v.is_nan();
+        let sum: f64 = frame.values[id][0].iter().filter(live).sum();
+        prop_assert!((sum - if touched { force } else { 0.0 }).abs() < 1e-12 * force, "{} of {}", sum, force);
+        prop_assert!(frame.values[id][0].iter().filter(live).all(|f| *f >= -1e-15));
+        prop_assert!(touched || kind != 0, "a point 1 cm off touches");
+    }
+}
+
+/// A ball of 10 mm pressed in by 2 mm: taxels share its force as the volumes that it takes of the skin
+/// under them, nothing beyond its contact.
+#[test]
+fn a_ball_presses_the_taxels_under_it() {
+    let map = SkinMap::flat(shapes::lattice(30, 30, 0.004), 1e-3);
+    let index = ContactIndex::with(&map, &FIELDS).unwrap();
+    let spreader = Spreader::new(&map, 0.002);
+    let mut frame = spreader.frame(0.0);
+    let positions = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh.positions;
+    let middle = positions.iter().copied().sum::<DVec3>() / positions.len() as f64;
+    let ball = Area::Sphere { centre: middle + DVec3::Z * 0.008, radius: 0.01 };
+    let press = Press { pressing: Pressing::Area(ball), link: None, force: 2.0 };
+    assert!(spreader.add(&index, &press, &mut frame).unwrap());
+    let forces = &frame.values[PatchId::new(0)][0];
+    for (v, &force) in forces.enumerate() {
+        // The contact has a radius of 6 mm, a disc of 2 mm.
+        let away = positions[v].distance(middle);
+        assert_eq!(force > 0.0, away < 0.0079999, "{force} N at {away} m");
+    }
+    let hovering = Area::Sphere { centre: middle + DVec3::Z * 0.02, radius: 0.01 };
+    let press = Press { pressing: Pressing::Area(hovering), link: None, force: 2.0 };
+    assert!(!spreader.add(&index, &press, &mut frame).unwrap(), "10 mm above the skin");
+}
+
+/// Off the map the nearest place is answered, and where sheets overlap each of them.
+#[test]
+fn places_off_the_map_and_on_two_sheets() {
+    let mut map = SkinMap::flat(shapes::lattice(10, 10, 0.01), 1e-3);
+    let (patch, level) = (PatchId::new(0), LevelId::new(0));
+    // Fold the right half of the map over the left one.
+    let middle = 0.045;
+    map.patches[patch].levels[level].uv.iter_mut().for_each(|uv| uv.x = middle - (uv.x - middle).abs());
+    let maps = MapIndex::new(&map).unwrap();
+    let mut found = Vec::new();
+    maps.places(patch, level, DVec2::new(0.021, 0.033), &mut found).unwrap();
+    let mut xs: Vec<f64> = found.iter().map(|place| place.position.x).collect();
+    xs.sort_by(f64::total_cmp);
+    assert!(xs.len() == 2 && (xs[0] - 0.021).abs() < 1e-12 && (xs[1] - 0.069).abs() < 1e-12, "{xs:?}");
+    found.clear();
+    maps.places(patch, level, DVec2::new(-0.5, 0.033), &mut found).unwrap();
+    assert_eq!(found.len(), 1);
+    assert!((found[0].off_chart - 0.495).abs() < 1e-3 && found[0].cell.uv.x < 0.0, "{found:?}");
+    assert!(matches!(maps.places(patch, level, DVec2::NAN, &mut found), Err(ContactError::NotFinite { .. })));
+    let unknown = maps.places(patch, LevelId::new(9), DVec2::ZERO, &mut found);
+    assert!(matches!(unknown, Err(ContactError::NoMap { .. })));
+    assert_eq!(maps.pixel_centre(patch, level, [100_000, 0]), None);
+    let frame = map.patches[patch].levels[level].frame;
+    assert_eq!(frame.pixel(maps.pixel_centre(patch, level, [3, 5]).unwrap()), [3, 5]);
+}
+
+#[test]
+fn filters_leave_out_what_a_contact_cannot_have_touched() {
+    let map = SkinMap::flat(shapes::lattice(10, 10, 0.01), 1e-3);
+    let index = ContactIndex::new(&map).unwrap();
+    let above = DVec3::new(0.04, 0.04, 0.01);
+    let ask = |filter: Filter| index.locate_admitted(above, &filter).unwrap();
+    assert_eq!(ask(Filter::default()), Some(index.locate(above).unwrap()));
+    assert!(ask(Filter { within: 0.009, ..Filter::default() }).is_none());
+    assert!(ask(Filter { side: Some(Side::Outer), ..Filter::default() }).is_some());
+    assert!(ask(Filter { side: Some(Side::Inner), ..Filter::default() }).is_none());
+    assert!(ask(Filter { facing: Some((DVec3::Z * 3.0, 0.9)), ..Filter::default() }).is_some());
+    assert!(ask(Filter { facing: Some((DVec3::X, 0.9)), ..Filter::default() }).is_none());
+    assert!(
+        index
+            .locate_admitted(above, &Filter { facing: Some((DVec3::ZERO, 0.9)), ..Filter::default() })
+            .is_err()
+    );
+}
+
+#[test]
+fn what_an_index_was_made_without_is_named() {
+    let map = robot();
+    let index = ContactIndex::new(&map).unwrap();
+    let sphere = |radius| Area::Sphere { centre: DVec3::ZERO, radius };
+    let level = LevelId::new(0);
+    let without = Err(ContactError::NotIndexed { what: "fields" });
+    assert_eq!(index.nearest_fields(DVec3::ZERO, 3, level), without);
+    assert_eq!(index.fields_within(&sphere(1.0), None, level), without);
+    assert_eq!(index.fields_within(&sphere(-1.0), None, level), Err(ContactError::NoVolume));
+    assert_eq!(index.fields_within(&sphere(f64::NAN), None, level), Err(ContactError::NoVolume));
+}
+
+/// A hand follows its arm, from the pose that it has in the map.
+#[test]
+fn motions_move_links_and_what_hangs_from_them() {
+    let mut map = robot();
+    map.links[LinkId::new(1)].parent = Some(LinkId::new(0));
+    let mut index = ContactIndex::new(&map).unwrap();
+    let rest = index.poses();
+    let pose = |x| DAffine3::from_translation(DVec3::X * x);
+    let mut motion = Motion::default();
+    motion.set(LinkId::new(0), MotionFrame::World, &[(0.0, pose(0.0)), (2.0, pose(1.0))]).unwrap();
+    motion.set(LinkId::new(2), MotionFrame::Parent, &[(1.0, pose(5.0))]).unwrap();
+    for (time, x) in [(1.0, 0.5), (-3.0, 0.0), (9.0, 1.0)] {
+        index.set_motion(&motion, time).unwrap();
+        let poses = index.poses();
+        assert!(poses[LinkId::new(0)].abs_diff_eq(pose(x), 1e-12));
+        assert!(poses[LinkId::new(1)].abs_diff_eq(pose(x) * map.links[LinkId::new(1)].pose, 1e-12));
+        assert!(poses[LinkId::new(2)].abs_diff_eq(pose(5.0), 1e-12));
+    }
+    index.set_motion(&Motion::default(), 0.0).unwrap();
+    assert!(index.poses().iter().zip(&rest).all(|(a, b)| a.abs_diff_eq(*b, 1e-12)), "as in the map");
+}

@@ -1,0 +1,52 @@
+//! A robot of 47 patches with about 8000 taxels, posed anew in every frame: contacts are answered on
+//! all levels without an allocation.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use dermatome::{
+    contact::{ContactIndex, IndexOptions, Motion, MotionFrame, Query},
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    skin::{Link, LinkId, Patch, Skin},
+};
+use glam::{DAffine3, DQuat, DVec3};
+
+const PATCHES: usize = 47;
+
+fn robot() -> Skin {
+    let mut skin = Skin::default();
+    for k in 0..PATCHES {
+        let parent = k.checked_sub(1).map(LinkId::new);
+        let pose = DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.2), DVec3::Z * 0.1);
+        let link = skin.links.push(Link { name: format!("link {k}"), parent, pose });
+        skin.patches.push(Patch::from_mesh(format!("patch {k}"), link, shapes::cap(310, 0.05, 0.9)));
+    }
+    skin
+}
+
+#[test]
+fn frames_of_contacts_allocate_nothing() {
+    let map = build(&robot(), &BuildOptions::default()).unwrap();
+    let taxels: usize = map.patches.iter().map(|p| p.taxels.ids.len()).sum();
+    assert!((7000..9000).contains(&taxels), "{taxels} taxels");
+    let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: false }).unwrap();
+    let mut motion = Motion::default();
+    for (id, link) in map.links.enumerate() {
+        let turned = link.pose * DAffine3::from_rotation_z(0.3);
+        motion.set(id, MotionFrame::Parent, &[(0.0, link.pose), (1.0, turned)]).unwrap();
+    }
+    let (mut sum, mut cells) = (0.0, 0);
+    let mut frame = |time: f64| {
+        index.set_motion(&motion, time).unwrap();
+        for k in 0..64 {
+            let at = DVec3::new((0.7 * k as f64).sin(), (1.1 * k as f64).cos(), 0.05 * k as f64) * 0.3;
+            let hit = index.locate(Query::from(at)).unwrap();
+            cells += index.cells(&hit).count();
+            sum += hit.distance + index.reactive(at, LevelId::new(1)).unwrap().distance;
+        }
+    };
+    frame(0.0);
+    let allocations = allocation_counter::measure(|| (1..20).for_each(|k| frame(f64::from(k) / 20.0)));
+    assert_eq!(allocations.count_total, 0, "in 19 frames of 64 contacts");
+    assert!(cells > 64 * 20 && sum.is_finite());
+}
