@@ -21,6 +21,12 @@ pub(crate) enum DelaunayError {
         /// Where they lie.
         position: [f64; 2],
     },
+    /// Edges of polygons cross or touch.
+    #[error("the edge between points {} and {} meets another one; polygons must not touch", edge[0], edge[1])]
+    Crossed {
+        /// Indices of the ends of one of the edges.
+        edge: [usize; 2],
+    },
     /// The triangulation library refused the points for a reason of its own.
     #[error("the points cannot be triangulated: {reason}")]
     Refused {

@@ -11,8 +11,8 @@ use crate::{delaunay::DelaunayError, mesh::smallest_first};
 const MAX_COORDINATE: f64 = 1e60;
 
 /// A point that knows its index: `spade` orders its vertices as it likes.
-struct Site {
-    point: usize,
+pub(super) struct Site {
+    pub(super) point: usize,
     position: Point2<f64>,
 }
 
@@ -35,6 +35,19 @@ impl HasPosition for Site {
 /// If a coordinate is out of range or two points coincide: merging them is left to the caller, who
 /// knows what they are.
 pub(crate) fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayError> {
+    let sites = sites(points)?;
+    let triangulation = DelaunayTriangulation::<Site>::bulk_load(sites)
+        .map_err(|e| DelaunayError::Refused { reason: e.to_string() })?;
+    let mut triangles: Vec<[usize; 3]> = triangulation
+        .inner_faces()
+        .map(|face| smallest_first(face.vertices().map(|v| v.data().point)))
+        .collect();
+    triangles.sort_unstable();
+    Ok(triangles)
+}
+
+/// The points as `spade` takes them, all different.
+pub(super) fn sites(points: &[DVec2]) -> Result<Vec<Site>, DelaunayError> {
     let mut first_at = HashMap::with_capacity(points.len());
     let mut sites = Vec::with_capacity(points.len());
     for (point, p) in points.iter().enumerate() {
@@ -49,14 +62,7 @@ pub(crate) fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayE
         }
         sites.push(Site { point, position: Point2::new(x, y) });
     }
-    let triangulation = DelaunayTriangulation::<Site>::bulk_load(sites)
-        .map_err(|e| DelaunayError::Refused { reason: e.to_string() })?;
-    let mut triangles: Vec<[usize; 3]> = triangulation
-        .inner_faces()
-        .map(|face| smallest_first(face.vertices().map(|v| v.data().point)))
-        .collect();
-    triangles.sort_unstable();
-    Ok(triangles)
+    Ok(sites)
 }
 
 #[cfg(test)]

@@ -77,15 +77,17 @@ pub enum FlattenError {
         /// The first face without area on the map.
         face: FaceId,
     },
-    /// The map overlaps itself although it must not.
-    #[error(
-        "the map overlaps itself at {crossings} places; only the intrinsic method can prevent that, and only on \
-         a mesh whose map inside a circle can be represented in 64-bit numbers"
-    )]
-    Overlap {
-        /// Pairs of boundary edges that cross or touch, and vertices about which the map winds more
-        /// than once.
-        crossings: usize,
+    /// A corner of the rectangle is not on the outer loop.
+    #[error("vertex {vertex} cannot be a corner of the map: it is not on the outer boundary loop")]
+    Corner {
+        /// The vertex given.
+        vertex: VertexId,
+    },
+    /// The outer loop has no four corners.
+    #[error("the outer boundary loop of {found} vertices has no four different corners for a rectangle")]
+    Corners {
+        /// Vertices of the loop.
+        found: usize,
     },
     /// A linear system could not be solved.
     #[error("the system of the {method} map cannot be solved: {source}")]

@@ -4,13 +4,16 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        FlattenError, FlattenOptions, Method,
-        bijective::overlap::overlaps,
-        domain::{disk::Disk, elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification},
+        Boundary, FlattenError, FlattenOptions, Method,
+        bijective::fillers::Fillers,
+        domain::{
+            disk::Disk, elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification,
+            prescribed::prescribed,
+        },
         levels::{
             insertion::Insertion,
             refine::refine,
-            relax::{Goal, solve_from_scratch},
+            relax::{Goal, Walls, solve_from_scratch},
         },
         placement::{direction_like, main_direction, normalise_map},
     },
@@ -27,8 +30,7 @@ const AT_ONCE: usize = 3000;
 /// Flattens one mesh: map positions in m, isometric in scale on average, never mirrored.
 ///
 /// The intrinsic method never flips a face. A conformal or linear map may:
-/// [`distortion()`](crate::flatten::distortion()) counts the flips. The map may overlap itself
-/// unless [`FlattenOptions::bijective`] is set.
+/// [`distortion()`](crate::flatten::distortion()) counts flips and overlaps.
 ///
 /// ```
 /// use dermatome::{flatten::{Energy, FlattenOptions, distortion, flatten}, mesh::shapes};
@@ -46,22 +48,39 @@ const AT_ONCE: usize = 3000;
 /// ```
 ///
 /// # Errors
-/// If the mesh is not a disk with holes, an option is out of range, a face is too degenerate to be
-/// mapped, or the map overlaps itself although it must not.
+/// If the mesh is not a disk with holes, an option is out of range or a face is too degenerate to be
+/// mapped.
 pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
     options.validate()?;
-    if matches!(options.method, Method::Intrinsic { .. }) && mesh.positions.len() > AT_ONCE {
+    let is_free = options.boundary == Boundary::Free;
+    if is_free && matches!(options.method, Method::Intrinsic { .. }) && mesh.positions.len() > AT_ONCE {
         // Refuse a mesh that is not a disk before the work of coarsening it.
         Disk::new(mesh)?;
         let maps = flatten_pyramid(&pyramid_of(mesh)?, None, options)?;
         return Ok(maps.into_iter().next().unwrap_or_default());
     }
     let magnification = Magnification::new(options.method, None, &mesh.vertex_areas())?;
-    let domain = FlattenDomain::new(mesh)?.magnified(&magnification.of_faces(mesh));
-    let uv = solve_from_scratch(&domain, options)?;
-    let placed = normalise_map(mesh, &uv, main_direction(mesh, &uv));
-    check_overlap(mesh, &placed, options)?;
-    Ok(placed)
+    let mut domain = FlattenDomain::new(mesh)?.magnified(&magnification.of_faces(mesh));
+    let prescribed = prescribed_by(options, mesh)?;
+    if let Some(places) = &prescribed {
+        domain = domain.prescribed(places.iter().copied());
+    }
+    let uv = solve_from_scratch(&domain, options)?.uv;
+    if prescribed.is_some() {
+        return Ok(domain.to_metres(&uv));
+    }
+    Ok(normalise_map(mesh, &uv, main_direction(mesh, &uv)))
+}
+
+/// Places of the outer loop, where the options prescribe them.
+fn prescribed_by(
+    options: &FlattenOptions,
+    mesh: &TriMesh,
+) -> Result<Option<IdVec<VertexId, Option<DVec2>>>, FlattenError> {
+    match options.method {
+        Method::Intrinsic { .. } => prescribed(mesh, options.boundary),
+        Method::Conformal | Method::Linear { .. } => Ok(None),
+    }
 }
 
 /// The pyramid of a mesh with a taxel at every vertex.
@@ -73,17 +92,12 @@ fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
     Ok(coarsen(mesh, &taxels, &CoarsenOptions::default())?)
 }
 
-/// Refuses a map that overlaps itself although it must not: the promise is checked on the final
-/// numbers.
-fn check_overlap(mesh: &TriMesh, uv: &Uv, options: &FlattenOptions) -> Result<(), FlattenError> {
-    let crossings = if options.bijective { overlaps(mesh, uv) } else { 0 };
-    if crossings > 0 { Err(FlattenError::Overlap { crossings }) } else { Ok(()) }
-}
-
 /// Flattens every level of a pyramid, coarse to fine. `densities` of the level-0 vertices drive the
 /// magnification of [`Method::Intrinsic`]; without them the areas do.
 ///
-/// All levels are aligned: what is left on a coarse map is left on the fine one.
+/// All levels are aligned: what is left on a coarse map is left on the fine one. Where a coarse level
+/// of a long thin tube has no map in 64-bit numbers, it and all coarser ones are left out: there are
+/// fewer maps than levels then.
 ///
 /// ```
 /// use dermatome::{
@@ -103,8 +117,8 @@ fn check_overlap(mesh: &TriMesh, uv: &Uv, options: &FlattenOptions) -> Result<()
 /// ```
 ///
 /// # Errors
-/// If the patch is not a disk with holes, an option or a density is out of range, a face is too
-/// degenerate to be mapped, or a map overlaps itself although it must not.
+/// If the patch is not a disk with holes, an option or a density is out of range, or a face is too
+/// degenerate to be mapped.
 pub fn flatten_pyramid(
     pyramid: &Pyramid,
     densities: Option<&IdVec<VertexId, f64>>,
@@ -119,28 +133,40 @@ pub fn flatten_pyramid(
         return Err(PyramidError::Length { what: "removals", found, needed }.into());
     }
     let magnification = Magnification::new(options.method, densities, &finest.areas)?;
+    let prescribed = prescribed_by(options, &finest.mesh)?;
     let mut maps: Vec<Uv> = Vec::new();
+    let (mut walls, mut fillers) = (Walls::None, Fillers::default());
     for (id, level) in pyramid.levels.enumerate().rev() {
         let magnification = magnification.restricted(level, &finest.areas);
-        let domain = FlattenDomain::new(&level.mesh)?.magnified(&magnification.of_faces(&level.mesh));
+        let mut domain = FlattenDomain::new(&level.mesh)?.magnified(&magnification.of_faces(&level.mesh));
+        if let Some(places) = &prescribed {
+            domain = domain.prescribed(level.origins.iter().map(|&v| places[v]));
+        }
         let coarser = pyramid.levels.get(LevelId::new(id.index() + 1)).zip(maps.last());
-        let uv = match (options.method, coarser) {
-            (Method::Intrinsic { energy, .. }, Some((coarse, uv))) => {
-                let goal = Goal { energy, bijective: options.bijective };
-                let start = Insertion::new(level, &pyramid.removals[id], coarse, uv)?;
-                refine(&domain, start, &magnification, goal)?
+        let reached = match (options.method, coarser) {
+            (Method::Intrinsic { energy, .. }, Some((coarse, uv))) if prescribed.is_none() => {
+                let goal = Goal { energy, overlap: options.overlap };
+                let start = Insertion::new(level, &pyramid.removals[id], coarse, uv, &fillers)?;
+                refine(&domain, start, walls, &magnification, goal)
             }
-            _ => solve_from_scratch(&domain, options)?,
+            _ => solve_from_scratch(&domain, options),
+        };
+        let reached = match reached {
+            // The next finer level may be less thin.
+            Err(FlattenError::NoStart { .. }) if id.index() > 0 => {
+                maps.clear();
+                continue;
+            }
+            reached => reached?,
         };
         // In metres, so that the next level starts at the right size.
-        maps.push(domain.to_metres(&uv));
+        let uv = domain.to_metres(&reached.uv);
+        walls = reached.walls;
+        fillers = walls.fillers(&domain, &uv).unwrap_or_default();
+        maps.push(uv);
     }
     maps.reverse();
-    let placed = align_levels(pyramid, &maps);
-    for (level, uv) in pyramid.levels.iter().zip(&placed) {
-        check_overlap(&level.mesh, uv, options)?;
-    }
-    Ok(placed)
+    Ok(if prescribed.is_some() { maps.into() } else { align_levels(pyramid, &maps) })
 }
 
 /// Normalises level 0 and turns the coarser maps so that their vertices lie near the same taxels of

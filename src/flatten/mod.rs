@@ -18,7 +18,7 @@
 //! ```
 //!
 //! Each term is 1 at an isometry, and a face that collapses costs infinitely much, so a descent
-//! never flips one. There are no pins and no prescribed boundary. The alternative is the symmetric
+//! never flips one. There are no pins, and the boundary is free unless [`Boundary`] prescribes it. The alternative is the symmetric
 //! Dirichlet energy, `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`. *Magnification* makes each face aim at `(rho
 //! / mean rho)^gamma` times its area, with `rho` the density of taxels.
 //!
@@ -28,17 +28,20 @@
 //!    square root of the whole area.
 //! 2. **Start**, on the coarsest level: the spectral natural conformal map (`(mullen2008)`), one
 //!    sparse Hermitian eigenproblem. Flipped faces are repaired locally (`(garanzha2021)`). If that
-//!    fails, or the map winds twice about a vertex: the outer loop on a circle and holes closed by
-//!    a vertex each (`(tutte1963)`), which cannot flip in exact arithmetic.
+//!    fails, the map winds twice about a vertex, a hole is not a hole or its energy is beyond 50:
+//!    the outer loop on a circle and holes closed by a vertex each (`(tutte1963)`), which cannot
+//!    flip in exact arithmetic, solved again with springs that are stiff where the map is too large
+//!    (`(yoshizawa2004)`).
 //! 3. **Minimise** by projected Newton: the Hessian of each face, clamped to be positive
 //!    semi-definite along its four known eigenvectors (`(smith2019)`, `(teran2005)`), a step below
 //!    the first collapse of a face (`(smith2015)`), a line search. Up to 10 000 vertices systems
 //!    are factored, above solved by conjugate gradients.
-//! 4. **Hold apart, if needed.** A map that overlaps itself although it must not, or whose hole is
-//!    inside out, is minimised again with a barrier between close parts of the boundary
-//!    (`(smith2015)`).
+//! 4. **Fill, if needed.** Where a hole turns inside out, the descent goes on from the last map
+//!    that kept it with light triangles in the holes, which may not flip and are made anew every
+//!    few steps; where the map overlaps itself, with such triangles also between its outer loop and
+//!    a frame (`(jiang2017)`).
 //! 5. **Next finer level**: undo the removals of the pyramid on the map, each vertex into the
-//!    kernel of its ring, and go to 3. Small levels and suspicious ones are also solved from
+//!    kernel of its ring, which next to a filler that closes, and go to 3. Small levels and suspicious ones are also solved from
 //!    scratch, and the better map is kept. The table of all fallbacks is at the top of
 //!    `levels/refine.rs`.
 //! 6. **Place** every level: centred, turned to its main direction, as large as the skin, coarse
@@ -48,15 +51,14 @@
 //!
 //! - The intrinsic method returns a map without flips on every level, or an error
 //!   ([`FlattenError::NoStart`]).
-//! - With [`FlattenOptions::bijective`], a map is one to one, or the result is
-//!   [`FlattenError::Overlap`].
-//! - The intrinsic method keeps holes: one loop runs counter-clockwise, all others clockwise.
+//! - The intrinsic method keeps holes: one loop runs counter-clockwise, all others clockwise. With
+//!   [`Overlap::Prevent`] its map is one to one.
 //! - The same input gives the same bits with any number of threads.
 //!
 //! # Not guaranteed
 //!
 //! - The minimum is local; nothing proves that it is the global one.
-//! - A map may overlap itself unless `bijective` is set. [`distortion()`] counts overlaps.
+//! - With [`Overlap::Allow`] a map may overlap itself. [`distortion()`] counts overlaps.
 //! - [`Method::Conformal`] and [`Method::Linear`] may flip faces and overlap.
 //! - Closed surfaces and handles are refused, not cut. Patches that bend round a limb stay rings,
 //!   far from isometric.
@@ -64,11 +66,12 @@
 //! # Files, in reading order
 //!
 //! - `options`, `error`: what is asked for, and why it may fail; `flatten`: the two entry points
-//! - `domain/` (`disk`, `elements`, `flatten_domain`, `magnification`): what is known of the skin
+//! - `domain/` (`disk`, `elements`, `flatten_domain`, `magnification`, `prescribed`): what is known of
+//!   the skin and its map
 //! - `energy/` (`face_energy`, `objective`, `newton`): one face, all faces, the minimiser; a new energy
 //!   goes into `face_energy`
 //! - `start/` (`conformal`, `linear`, `tutte`, `untangle`): maps without another one to start from
-//! - `bijective/` (`crossings`, `overlap`, `barrier`): whether a map overlaps itself,
+//! - `bijective/` (`orientation`, `crossings`, `overlap`, `fillers`): whether a map overlaps itself,
 //!   and how that is prevented
 //! - `levels/` (`relax`, `insertion`, `refine`): least energy on one level; from one to the next
 //! - `placement`: where the finished map lies; `distortion`: how faithful any map is
@@ -88,4 +91,4 @@ mod start;
 pub use distortion::{Distortion, distortion};
 pub use error::FlattenError;
 pub use flatten::{flatten, flatten_pyramid};
-pub use options::{Energy, FlattenOptions, Method};
+pub use options::{Boundary, Energy, FlattenOptions, Method, Overlap};

@@ -1,7 +1,7 @@
-//! What a user chooses: how a map is computed, what it minimises, and whether it must not overlap
+//! What a user chooses: how a map is computed, what it minimises, and whether it may overlap
 //! itself.
 
-use crate::flatten::FlattenError;
+use crate::{flatten::FlattenError, id::VertexId};
 
 /// How a map is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,23 +60,47 @@ impl Default for Energy {
     }
 }
 
+/// What happens where the map of least distortion overlaps itself: a skin that winds more than once
+/// around, like a spiral ramp, or a junction of tubes. Holes stay holes either way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Overlap {
+    /// The intrinsic method goes on from the last map that did not, with a wall of triangles around
+    /// it (after Jiang, Schaefer and Panozzo 2017), at more distortion. The other methods have only
+    /// one map, which may overlap itself.
+    #[default]
+    Prevent,
+    /// It may overlap itself: least distortion.
+    Allow,
+}
+
+/// Where the outer boundary of an intrinsic map lies. The other methods have boundaries of their own.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Boundary {
+    /// Where the energy is least.
+    #[default]
+    Free,
+    /// On a circle as large as the skin, by length.
+    Circle,
+    /// On a rectangle as large as the skin, by length between its corners.
+    Rectangle {
+        /// Width of the rectangle; only its ratio to the height counts.
+        width: f64,
+        /// Its height.
+        height: f64,
+        /// The corners, the first of them lower left; `None`: the four most convex places.
+        corners: Option<[VertexId; 4]>,
+    },
+}
+
 /// Options of flattening.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FlattenOptions {
     /// How the map is computed.
     pub method: Method,
-    /// Whether the map must be one to one: one place of the skin for every place of the map.
-    ///
-    /// A skin that winds more than once around, like a spiral ramp, overlaps itself on its map of
-    /// least distortion. If `false`, that is the result; only holes stay holes even so.
-    ///
-    /// If `true`, the intrinsic method computes a map that would overlap itself again, with a
-    /// boundary whose parts repel each other (after Smith and Schaefer 2015), at more distortion; a
-    /// map that does not overlap itself stays as it is. That takes seconds at ten thousand vertices
-    /// and minutes at a hundred thousand, because Newton steps are many while parts of the boundary
-    /// slide past each other. The other methods cannot change their map: where it overlaps itself,
-    /// the result is [`FlattenError::Overlap`].
-    pub bijective: bool,
+    /// Whether it may overlap itself. A map that does not is the same either way.
+    pub overlap: Overlap,
+    /// Where its outer boundary lies.
+    pub boundary: Boundary,
 }
 
 impl From<Method> for FlattenOptions {
@@ -98,6 +122,14 @@ impl FlattenOptions {
     /// # Errors
     /// [`FlattenError::Option`] with the field, the value found and what is needed.
     pub fn validate(&self) -> Result<(), FlattenError> {
+        if let Boundary::Rectangle { width, height, .. } = self.boundary {
+            for (name, found) in [("width", width), ("height", height)] {
+                if !(found.is_finite() && found > 0.0) {
+                    let needed = "a positive finite length is needed";
+                    return Err(FlattenError::Option { name, found, needed });
+                }
+            }
+        }
         match self.method {
             Method::Intrinsic { energy, magnify } => {
                 if let Energy::Sum { angle, area, perimeter } = energy {

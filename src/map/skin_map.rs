@@ -72,7 +72,8 @@ impl PatchMap {
     /// Joins a patch, its pyramid and the maps of its levels (m); images have `pixel` metres per
     /// pixel.
     ///
-    /// Taxels without tangents get the direction in which `u` of level 0 grows most, in their
+    /// Where there are fewer maps than levels, the coarsest levels are left out. Taxels without
+    /// tangents get the direction in which `u` of level 0 grows most, in their
     /// tangent plane; where it has none there, the mean of their neighbours'.
     #[must_use]
     pub fn new(
@@ -88,13 +89,12 @@ impl PatchMap {
                 taxels.tangents = Some(tangents_along(&level.mesh, &taxels.normals, &directions).0);
             }
         }
-        let levels = pyramid.levels.into_iter().zip(maps);
-        Self {
-            name: patch.name.clone(),
-            link: patch.link,
-            taxels,
-            levels: levels.map(|(level, uv)| MapLevel::new(level, uv, pixel)).collect(),
+        let mut levels: IdVec<LevelId, MapLevel> =
+            pyramid.levels.into_iter().zip(maps).map(|(level, uv)| MapLevel::new(level, uv, pixel)).collect();
+        if let Some(last) = levels.iter_mut().last() {
+            last.level.from_coarser = None;
         }
+        Self { name: patch.name.clone(), link: patch.link, taxels, levels }
     }
 
     /// The normals of a level of this patch: those of the taxels that its vertices are.

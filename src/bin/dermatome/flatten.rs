@@ -20,6 +20,7 @@ use crate::{
     options::{BareArgs, FlattenArgs},
     outputs::{self, Outputs},
     print::{print_json, print_levels},
+    progress,
 };
 
 /// Arguments of `flatten`.
@@ -57,9 +58,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ));
     }
     let patch = &skin.patches[PatchId::new(0)];
+    let bar = progress::bar(common);
+    bar.set_message("flattening");
     let uv = flatten(&patch.mesh, &options)
         .map_err(Error::from)
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
+    bar.finish_and_clear();
     let mut outputs = Outputs::default();
     for path in &args.output {
         outputs.stage(path, |path| write_flat(path, &patch.mesh, &uv))?;

@@ -3,7 +3,7 @@
 use std::{fmt, path::Path};
 
 use dermatome::{
-    flatten::{FlattenOptions, Method},
+    flatten::{FlattenOptions, Method, Overlap},
     report::PatchReport,
     skin::{Skin, Taxels},
 };
@@ -73,13 +73,12 @@ pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, c
 }
 
 fn cure(options: &FlattenOptions) -> &'static str {
-    match options.method {
-        Method::Intrinsic { .. } => "--bijective prevents that",
-        Method::Linear { area, .. } if area > 0.0 => {
-            "try --area 0, or --method intrinsic, which flips none; with --bijective nothing crosses either"
+    match (options.method, options.overlap) {
+        (Method::Intrinsic { .. }, Overlap::Allow) => "without --overlap allow it does not",
+        (Method::Intrinsic { .. }, Overlap::Prevent) => "the mesh may be too thin there for 64-bit numbers",
+        (Method::Linear { area, .. }, _) if area > 0.0 => {
+            "try --area 0, or --method intrinsic, which prevents that"
         }
-        Method::Linear { .. } | Method::Conformal => {
-            "--method intrinsic flips none; with --bijective nothing crosses either"
-        }
+        (Method::Linear { .. } | Method::Conformal, _) => "--method intrinsic prevents that",
     }
 }

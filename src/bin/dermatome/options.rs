@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use dermatome::{
-    flatten::{Energy, FlattenOptions, Method},
+    flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
     pyramid::CoarsenOptions,
     skin::AssembleOptions,
 };
@@ -72,9 +72,21 @@ pub(crate) struct FlattenArgs {
     /// Magnification of dense skin: 0 true to the area, 1 equal map area per taxel [default: 0]
     #[arg(long, value_name = "GAMMA", value_parser = finite, allow_negative_numbers = true)]
     magnify: Option<f64>,
-    /// Keep the boundary of the map from crossing itself
-    #[arg(long)]
-    bijective: bool,
+    /// What to do where the map of least distortion overlaps itself [default: prevent]
+    #[arg(long, value_enum)]
+    overlap: Option<OverlapArg>,
+    /// Where the outer boundary lies: free, circle, rectangle or rectangle:W:H, as large as the skin
+    /// [default: free]
+    #[arg(long, value_name = "SHAPE", value_parser = boundary)]
+    boundary: Option<Boundary>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum OverlapArg {
+    /// Map it one to one, at more distortion
+    Prevent,
+    /// Keep it
+    Allow,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -111,7 +123,10 @@ impl FlattenArgs {
                 Method::Linear { angle, area }
             }
             (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
-                self.allow_only(&["--energy", "--magnify"], "--energy symmetric-dirichlet")?;
+                self.allow_only(
+                    &["--energy", "--magnify", "--overlap", "--boundary"],
+                    "--energy symmetric-dirichlet",
+                )?;
                 Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify }
             }
             (MethodArg::Intrinsic, Some(EnergyArg::Sum) | None) => {
@@ -119,7 +134,11 @@ impl FlattenArgs {
                 Method::Intrinsic { energy: Energy::Sum { angle, area, perimeter }, magnify }
             }
         };
-        Ok(FlattenOptions { method, bijective: self.bijective })
+        let overlap = match self.overlap {
+            Some(OverlapArg::Allow) => Overlap::Allow,
+            Some(OverlapArg::Prevent) | None => Overlap::Prevent,
+        };
+        Ok(FlattenOptions { method, overlap, boundary: self.boundary.unwrap_or_default() })
     }
 
     /// Refuses every given option that is not among `used`.
@@ -130,6 +149,8 @@ impl FlattenArgs {
             ("--area", self.area.is_some()),
             ("--perimeter", self.perimeter.is_some()),
             ("--magnify", self.magnify.is_some()),
+            ("--overlap", self.overlap.is_some()),
+            ("--boundary", self.boundary.is_some()),
         ];
         match given.into_iter().find(|(name, given)| *given && !used.contains(name)) {
             None => Ok(()),
@@ -137,6 +158,19 @@ impl FlattenArgs {
                 Err(advise(format!("{name} changes nothing with {with}"), "leave out one of the two"))
             }
         }
+    }
+}
+
+/// The shape of the boundary: `rectangle:4:3` is a rectangle four wide and three high.
+fn boundary(text: &str) -> Result<Boundary, String> {
+    let rectangle = |width, height| Boundary::Rectangle { width, height, corners: None };
+    let side = |text: &str| number(text, "a width and a height above 0", |x| x > 0.0);
+    match *text.split(':').collect::<Vec<_>>() {
+        ["free"] => Ok(Boundary::Free),
+        ["circle"] => Ok(Boundary::Circle),
+        ["rectangle"] => Ok(rectangle(1.0, 1.0)),
+        ["rectangle", width, height] => Ok(rectangle(side(width)?, side(height)?)),
+        _ => Err("needed: free, circle, rectangle or rectangle:W:H".to_owned()),
     }
 }
 

@@ -1,16 +1,25 @@
-//! Progress on a terminal: one bar, named after the stage.
+//! Progress on standard error: on a terminal one bar, named after the stage, elsewhere a line every
+//! ten seconds.
 
-use std::{io::IsTerminal, time::Duration};
+use std::{io::IsTerminal, thread, time::Duration};
 
 use dermatome::pipeline::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::common::Common;
 
-/// A bar on standard error; hidden unless that is a terminal.
+/// Time between two lines where standard error is no terminal.
+const EVERY: Duration = Duration::from_secs(10);
+
+/// A bar on standard error, or lines where that is not a terminal; nothing in a quiet run.
 pub(crate) fn bar(common: &Common) -> ProgressBar {
-    if common.quiet || !std::io::stderr().is_terminal() {
+    if common.quiet {
         return ProgressBar::hidden();
+    }
+    if !std::io::stderr().is_terminal() {
+        let bar = ProgressBar::hidden();
+        print_lines(&bar);
+        return bar;
     }
     let bar = ProgressBar::new(0);
     if let Ok(style) = ProgressStyle::with_template("{msg:>12} [{bar:32}] {pos}/{len} {elapsed}") {
@@ -18,6 +27,22 @@ pub(crate) fn bar(common: &Common) -> ProgressBar {
     }
     bar.enable_steady_tick(Duration::from_millis(100));
     bar
+}
+
+/// Prints how far `bar` is every ten seconds, until it is finished or dropped.
+fn print_lines(bar: &ProgressBar) {
+    let bar = bar.downgrade();
+    thread::spawn(move || {
+        loop {
+            thread::sleep(EVERY);
+            let Some(bar) = bar.upgrade().filter(|bar| !bar.is_finished()) else { break };
+            let (seconds, done) = (bar.elapsed().as_secs(), bar.position());
+            match bar.length().filter(|&total| total > 0) {
+                Some(total) => eprintln!("{}: {done} of {total}, {seconds} s", bar.message()),
+                None => eprintln!("{}: {seconds} s", bar.message()),
+            }
+        }
+    });
 }
 
 pub(crate) fn show(bar: &ProgressBar, progress: Progress) {

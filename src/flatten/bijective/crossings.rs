@@ -1,40 +1,39 @@
 //! Which boundary edges of a map cross or touch: every pair once, found by splitting the boxes at
 //! medians.
 //!
-//! The tests are signs of areas computed in 64 bits, not exact predicates. Signs are compared
-//! instead of products of areas, so that no underflow hides a crossing.
+//! The tests are exact signs of areas, compared one by one: neither rounding nor underflow hides a
+//! crossing.
 
 use glam::DVec2;
 
-use crate::{flatten::domain::elements::Uv, id::VertexId};
+use crate::{
+    flatten::{bijective::orientation::orientation, domain::elements::Uv},
+    id::VertexId,
+};
 
 /// Boxes in a leaf of the tree: below this, comparing all pairs is quicker than splitting.
 const LEAF: usize = 16;
 
 /// One boundary edge on the map, with its box.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Segment {
-    /// Its place in the list of boundary edges.
-    pub(crate) edge: usize,
+struct Segment {
     ends: [VertexId; 2],
-    pub(crate) from: DVec2,
-    pub(crate) to: DVec2,
+    from: DVec2,
+    to: DVec2,
     low: DVec2,
     high: DVec2,
 }
 
 impl Segment {
-    /// The segment of a boundary edge, with a box that is `margin` wider on every side.
-    pub(crate) fn new(edge: usize, ends: [VertexId; 2], uv: &Uv, margin: f64) -> Self {
+    fn new(ends: [VertexId; 2], uv: &Uv) -> Self {
         let [from, to] = ends.map(|v| uv[v]);
-        Self { edge, ends, from, to, low: from.min(to) - margin, high: from.max(to) + margin }
+        Self { ends, from, to, low: from.min(to), high: from.max(to) }
     }
 }
 
 /// Number of pairs of boundary edges without a common vertex that cross or touch on the map.
 pub(crate) fn boundary_crossings(edges: &[[VertexId; 2]], uv: &Uv) -> usize {
-    let mut segments: Vec<Segment> =
-        edges.iter().enumerate().map(|(k, &ends)| Segment::new(k, ends, uv, 0.0)).collect();
+    let mut segments: Vec<Segment> = edges.iter().map(|&ends| Segment::new(ends, uv)).collect();
     let mut count = 0;
     each_near_pair(&mut segments, &mut |s, t| count += usize::from(meet(s, t)));
     count
@@ -62,7 +61,7 @@ fn split(segments: &mut [Segment]) -> (&mut [Segment], &mut [Segment]) {
 ///
 /// Pairs are found by splitting the set of boxes against itself at medians, so the work grows with
 /// the number of segments and of near pairs, not with its square.
-pub(crate) fn each_near_pair(segments: &mut [Segment], visit: &mut dyn FnMut(&Segment, &Segment)) {
+fn each_near_pair(segments: &mut [Segment], visit: &mut dyn FnMut(&Segment, &Segment)) {
     if segments.len() <= LEAF {
         for i in 1..segments.len() {
             segments[..i].iter().filter(|s| near(s, &segments[i])).for_each(|s| visit(s, &segments[i]));
@@ -102,18 +101,11 @@ fn near(s: &Segment, t: &Segment) -> bool {
     !apart && s.ends.iter().all(|v| !t.ends.contains(v))
 }
 
-/// Whether two segments without a common vertex have a common point.
-pub(crate) fn meet(s: &Segment, t: &Segment) -> bool {
-    let (low, high) = (|s: &Segment| s.from.min(s.to), |s: &Segment| s.from.max(s.to));
-    if low(s).cmpgt(high(t)).any() || low(t).cmpgt(high(s)).any() {
-        return false;
-    }
-    // Signs, not products of areas: those underflow on small maps.
-    let side = |from: DVec2, to: DVec2, p: DVec2| {
-        let area = (to - from).perp_dot(p - from);
-        if area == 0.0 { 0.0 } else { area.signum() }
+/// Whether two segments without a common vertex, whose boxes touch, have a common point.
+fn meet(s: &Segment, t: &Segment) -> bool {
+    let straddles = |s: &Segment, t: &Segment| {
+        orientation([s.from, s.to, t.from]) * orientation([s.from, s.to, t.to]) <= 0.0
     };
-    let straddles = |s: &Segment, t: &Segment| side(s.from, s.to, t.from) * side(s.from, s.to, t.to) <= 0.0;
     straddles(s, t) && straddles(t, s)
 }
 
@@ -147,8 +139,7 @@ mod tests {
         let uv =
             mesh.positions.map(|p| DVec2::from_angle(p.x * 23.0) * (0.3 + 0.02 * (p.x * 60.0).sin() + p.y));
         let edges = boundary_edges(&mesh);
-        let segments: Vec<_> =
-            edges.iter().enumerate().map(|(k, &ends)| Segment::new(k, ends, &uv, 0.0)).collect();
+        let segments: Vec<_> = edges.iter().map(|&ends| Segment::new(ends, &uv)).collect();
         let cross = |s: &Segment, t: &Segment| near(s, t) && meet(s, t);
         let all: usize = (1..segments.len())
             .map(|i| segments[..i].iter().filter(|s| cross(s, &segments[i])).count())

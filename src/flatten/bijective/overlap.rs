@@ -11,7 +11,7 @@ use crate::{
         bijective::crossings::boundary_crossings, domain::elements::Uv, domain::flatten_domain::FlattenDomain,
     },
     id::{IdVec, VertexId},
-    mesh::{TriMesh, boundary_edges},
+    mesh::{TriMesh, boundary_edges, boundary_loops},
 };
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
@@ -19,18 +19,19 @@ use crate::{
 const BEYOND_A_TURN: f64 = 1e-6;
 
 /// Number of places where a map overlaps itself: pairs of boundary edges without a common vertex
-/// that cross or touch, and vertices about which the map winds more than once.
+/// that cross or touch, vertices about which the map winds more than once, and loops inside out.
 ///
-/// A map without flips and without these is one to one: the angles around its inner vertices leave
-/// it no choice (Gauss and Bonnet) but to have one boundary loop that runs counter-clockwise, with
-/// all others inside of it and clockwise. Flips and crossings alone are not enough: a sleeve whose
-/// hole is turned inside out has neither, but two inner vertices with two full turns of faces.
+/// A map without flips and without these is one to one. Flips and crossings alone are not enough: a
+/// sleeve whose hole is turned inside out has neither, but two inner vertices with two full turns
+/// of faces, or as many on its boundary (Gauss and Bonnet).
 pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     let edges = boundary_edges(mesh);
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
     let faces = || mesh.triangles.iter().copied();
+    let outer = boundary_loops(mesh).iter().filter(|walk| is_counter_clockwise(walk, uv)).count();
     boundary_crossings(&edges, uv)
+        + outer.saturating_sub(1)
         + count_branch_points(faces(), &on_boundary, uv)
         + count_angle_excess(faces(), &on_boundary, uv)
 }
@@ -46,30 +47,30 @@ pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &Uv) -> bool 
 /// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise
 /// and not across itself.
 pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
+    let loops = &domain.disk.loops;
+    let is_outer = |walk: &&Vec<VertexId>| is_counter_clockwise(walk, uv);
+    // A disk's only loop is the outer one, even where it runs across itself.
+    loops.len() == 1
+        || (loops.iter().filter(is_outer).count() == 1
+            && loops.iter().all(|walk| is_outer(&walk) || boundary_crossings(&loop_edges(walk), uv) == 0))
+}
+
+/// Whether a map without flips and branch points is one to one.
+pub(crate) fn is_one_to_one(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     let edges: Vec<[VertexId; 2]> = domain.disk.boundary_edges().collect();
-    let mut outer = 0;
-    loops(&edges).all(|walk| {
-        let is_outer = is_counter_clockwise(walk, uv);
-        outer += usize::from(is_outer);
-        is_outer || boundary_crossings(walk, uv) == 0
-    }) && outer == 1
+    keeps_holes(domain, uv) && boundary_crossings(&edges, uv) == 0
 }
 
-/// Number of loops that run counter-clockwise, among boundary edges listed loop by loop.
-pub(crate) fn counter_clockwise_loops(edges: &[[VertexId; 2]], uv: &Uv) -> usize {
-    loops(edges).filter(|walk| is_counter_clockwise(walk, uv)).count()
+fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {
+    (0..walk.len()).map(|k| [walk[k], walk[(k + 1) % walk.len()]]).collect()
 }
 
-/// The loops among boundary edges that are listed loop by loop.
-fn loops(edges: &[[VertexId; 2]]) -> impl Iterator<Item = &[[VertexId; 2]]> {
-    edges.chunk_by(|[_, to], [from, _]| to == from)
-}
-
-/// Whether the edges of a loop enclose a positive area.
-fn is_counter_clockwise(walk: &[[VertexId; 2]], uv: &Uv) -> bool {
+/// Whether a loop encloses a positive area.
+fn is_counter_clockwise(walk: &[VertexId], uv: &Uv) -> bool {
     // Seen from a place on the loop, so that a small one is not lost in rounding.
-    let origin = walk.first().map_or(DVec2::ZERO, |&[from, _]| uv[from]);
-    walk.iter().map(|&[from, to]| (uv[from] - origin).perp_dot(uv[to] - origin)).sum::<f64>() > 0.0
+    let origin = walk.first().map_or(DVec2::ZERO, |&v| uv[v]);
+    let sides = walk.iter().zip(walk.iter().cycle().skip(1));
+    sides.map(|(&a, &b)| (uv[a] - origin).perp_dot(uv[b] - origin)).sum::<f64>() > 0.0
 }
 
 /// Number of inner vertices about which the faces wind more than once.

@@ -1,11 +1,11 @@
 //! The faces of a surface as finite elements: what the energies, the linear maps and the repairs
 //! compute with.
 
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, VertexCorners, signed_area},
+    mesh::{Halfedge, SingularValues, VertexCorners, signed_area},
     sparse::Pattern,
 };
 
@@ -28,6 +28,18 @@ impl Element {
         let [_, g1, g2] = self.gradients;
         0.5 * self.gradients[k].dot(self.gradients[l]) / g1.perp_dot(g2)
     }
+
+    /// Singular values of the map of this face.
+    pub(crate) fn singular_values(&self, uv: &Uv) -> SingularValues {
+        let [a, b, c] = self.corners.map(|v| uv[v]);
+        let [g0, g1, g2] = self.gradients;
+        SingularValues::of(&(outer(a, g0) + outer(b, g1) + outer(c, g2)))
+    }
+}
+
+/// `a b'`.
+pub(crate) fn outer(a: DVec2, b: DVec2) -> DMat2 {
+    DMat2::from_cols(a * b.x, a * b.y)
 }
 
 /// Whether a face of this signed area keeps its orientation; NaN does not.
@@ -57,6 +69,8 @@ pub(crate) struct ElementMesh {
     pub(crate) boundary: Vec<BoundaryEdge>,
     /// Mean length of all edges.
     pub(crate) mean_edge: f64,
+    /// Vertices that stay where they are though they are numbered as movable; empty for none.
+    pub(crate) held: Vec<bool>,
 }
 
 impl ElementMesh {
@@ -71,16 +85,18 @@ impl ElementMesh {
             })
             .filter(|&(a, b)| a < free && b < free);
         let pattern = Pattern::new(free, edges);
-        Self { faces, pattern, positions, boundary: Vec::new(), mean_edge: 0.0 }
+        Self { faces, pattern, positions, boundary: Vec::new(), mean_edge: 0.0, held: Vec::new() }
     }
 
-    /// The same with additional `pairs` of movable vertices coupled in the Hessian.
-    pub(crate) fn coupled(&self, pairs: &[[VertexId; 2]]) -> Self {
-        let old = &self.pattern;
-        let edges = (0..old.rows()).flat_map(|i| old.columns(i).iter().map(move |&j| (i, j as usize)));
-        let more = pairs.iter().map(|[a, b]| (a.index(), b.index()));
-        let pattern = Pattern::new(old.rows(), edges.filter(|(i, j)| j < i).chain(more));
-        Self { pattern, ..self.clone() }
+    /// The same with `more` faces, whose corners may be fixed: numbered after those that may move.
+    pub(crate) fn with(&self, more: Vec<Element>) -> Self {
+        let faces = self.faces.iter().copied().chain(more).collect();
+        Self {
+            boundary: self.boundary.clone(),
+            mean_edge: self.mean_edge,
+            held: self.held.clone(),
+            ..Self::new(faces, self.positions.clone())
+        }
     }
 
     /// Number of vertices that may move.

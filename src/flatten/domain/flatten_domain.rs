@@ -1,6 +1,6 @@
 //! What is to be flattened: a disk with holes, laid out face by face, in units of its own size.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::{
     flatten::{
@@ -29,6 +29,8 @@ pub(crate) struct FlattenDomain<'m> {
     /// The unit, in m.
     unit: f64,
     pub(crate) elements: ElementMesh,
+    /// Prescribed places, in units; empty for a free boundary.
+    pub(crate) prescribed: Vec<Option<DVec2>>,
 }
 
 impl<'m> FlattenDomain<'m> {
@@ -60,7 +62,7 @@ impl<'m> FlattenDomain<'m> {
         let mut elements = ElementMesh::new(faces, mesh.positions.as_slice().to_vec());
         elements.boundary = disk.boundary_edges().map(boundary_edge).collect();
         elements.mean_edge = mean_edge_length(mesh, &disk.adjacency) / unit;
-        Ok(Self { mesh, disk, unit, elements })
+        Ok(Self { mesh, disk, unit, elements, prescribed: Vec::new() })
     }
 
     /// The same with energies that aim at `factors` times the true area of each face.
@@ -71,6 +73,13 @@ impl<'m> FlattenDomain<'m> {
             let shrink = factor.sqrt().recip();
             e.gradients = e.gradients.map(|g| g * shrink);
         }
+        self
+    }
+
+    /// The same with vertices that stay at their places (m).
+    pub(crate) fn prescribed(mut self, places: impl Iterator<Item = Option<DVec2>>) -> Self {
+        self.prescribed = places.map(|place| place.map(|p| p / self.unit)).collect();
+        self.elements.held = self.prescribed.iter().map(Option::is_some).collect();
         self
     }
 

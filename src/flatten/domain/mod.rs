@@ -3,4 +3,5 @@
 pub(super) mod disk;
 pub(super) mod elements;
 pub(super) mod magnification;
+pub(super) mod prescribed;
 pub(super) mod flatten_domain;

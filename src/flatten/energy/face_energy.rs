@@ -58,7 +58,10 @@
 
 use glam::{DMat2, DVec2};
 
-use crate::{flatten::Energy, mesh::SingularValues};
+use crate::{
+    flatten::{Energy, domain::elements::outer},
+    mesh::SingularValues,
+};
 
 /// Energy of a face per unit of its area, as a function of the singular values.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -294,11 +297,6 @@ fn half_angle(x: f64, y: f64) -> (f64, f64) {
         let sin = (0.5 * (1.0 - x / length)).sqrt() * if y < 0.0 { -1.0 } else { 1.0 };
         (0.5 * y / (length * sin), sin)
     }
-}
-
-/// `a b'`.
-pub(crate) fn outer(a: DVec2, b: DVec2) -> DMat2 {
-    DMat2::from_cols(a * b.x, a * b.y)
 }
 
 #[cfg(test)]

@@ -26,6 +26,10 @@ const ARMIJO: f64 = 1e-4;
 /// lost in it.
 const ROUNDING: f64 = 4e-15;
 
+/// Decrease promised by a step, over the energy, below which a map that cannot be improved any more
+/// is a minimum.
+const STATIONARY: f64 = 1e-6;
+
 /// Halvings of a step before the minimisation ends: the map is then optimal up to rounding.
 const HALVINGS: usize = 30;
 
@@ -58,15 +62,28 @@ pub(crate) struct NewtonLimits {
     pub(crate) steps: usize,
 }
 
+/// How a minimisation ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ended {
+    /// At a minimum, up to the limits.
+    Converged,
+    /// After all steps, or where no step lowers the energy although the gradient promises it.
+    Short,
+    /// Where the caller wanted.
+    Stopped,
+}
+
 impl Objective<'_> {
     /// Minimises the energy by projected Newton. An energy with a barrier needs a map without flips
-    /// to start from, and no step flips a face.
+    /// to start from, and no step flips a face. `go_on` sees the map after every step; where it
+    /// returns `false` the minimisation ends.
     pub(crate) fn minimise(
         &self,
         uv: &mut Uv,
         solver: Solver,
         limits: NewtonLimits,
-    ) -> Result<(), SparseError> {
+        go_on: &mut dyn FnMut(&Uv) -> bool,
+    ) -> Result<Ended, SparseError> {
         let mut hessian = Matrix::zero(&self.elements.pattern);
         let direct = match solver {
             Solver::Direct => Some(Cholesky::of_blocks(&self.elements.pattern, &self.elements.positions)?),
@@ -77,18 +94,28 @@ impl Objective<'_> {
         for _ in 0..limits.steps {
             let gradient = self.assemble(uv, &mut hessian);
             let downhill: Vec<DVec2> = gradient.iter().map(|g| -*g).collect();
-            let d = match &direct {
+            let mut d = match &direct {
                 Some(cholesky) => factored_step(cholesky, &mut hessian, &downhill)?,
                 None => iterated_step(&mut hessian, &downhill, iterations),
             };
+            for (d, _) in d.iter_mut().zip(&self.elements.held).filter(|(_, held)| **held) {
+                *d = DVec2::ZERO;
+            }
             let decrement = dot(&downhill, &d);
             match self.line_search(uv, &d, energy, decrement) {
                 Some(reached) => energy = reached,
-                None => break,
+                None if decrement <= STATIONARY * energy => return Ok(Ended::Converged),
+                None => return Ok(Ended::Short),
+            }
+            if !go_on(uv) {
+                return Ok(Ended::Stopped);
             }
             // After the step, not before: convergence is quadratic, so the last step squares the
             // error.
-            if decrement.is_nan() || decrement <= limits.decrement * energy {
+            if decrement <= limits.decrement * energy {
+                return Ok(Ended::Converged);
+            }
+            if decrement.is_nan() {
                 break;
             }
             if decrement > SLOW * last {
@@ -96,7 +123,14 @@ impl Objective<'_> {
             }
             last = decrement;
         }
-        Ok(())
+        Ok(Ended::Short)
+    }
+
+    /// Length of the gradient at `uv` over the energy: 0 at a minimum. Lengths are those of the
+    /// elements.
+    pub(crate) fn relative_gradient(&self, uv: &Uv) -> f64 {
+        let gradient = self.assemble(uv, &mut Matrix::zero(&self.elements.pattern));
+        dot(&gradient, &gradient).sqrt() / self.energy(uv)
     }
 
     /// Moves `uv` along `d` as far as the energy falls, and returns the new energy; `None` if it

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! E(uv) = sum over faces of A E_face(s1, s2)
-//!       + l3 h sum over boundary edges of L (r + 1/r)/2  +  boundary term
+//!       + l3 h sum over boundary edges of L (r + 1/r)/2
 //! ```
 //!
 //! with `A` the share of the area, `L` the length of an edge and `r` its stretch, `h` the mean edge
@@ -15,27 +15,20 @@ use rayon::prelude::*;
 use crate::{
     flatten::{
         Energy,
-        domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED, Uv},
-        energy::face_energy::{DistortionEnergy, LocalModel, outer},
+        domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED, Uv, outer},
+        energy::face_energy::{DistortionEnergy, LocalModel},
     },
-    mesh::SingularValues,
     sparse::Matrix,
 };
 
 /// Elements that one task handles; fixed, so that sums do not depend on the number of threads.
 const FACES_PER_TASK: usize = 2048;
 
+/// Stiffness of held vertices over the largest one of the others.
+const HOLD: f64 = 1e6;
+
 /// Share of the step to the first collapsed face that is taken at most.
 const STEP_TO_COLLAPSE: f64 = 0.9;
-
-/// A term of the energy that depends on the shape of the boundary on the map.
-pub(crate) trait BoundaryTerm: std::fmt::Debug + Sync {
-    /// Its value; infinite for a map that must not be.
-    fn energy(&self, uv: &Uv) -> f64;
-
-    /// Adds its gradient, and a positive semi-definite model of its Hessian.
-    fn add(&self, uv: &Uv, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>);
-}
 
 /// The energy of a map, with its gradient and a convex model of its Hessian.
 #[derive(Debug)]
@@ -44,7 +37,6 @@ pub(crate) struct Objective<'e> {
     energy: DistortionEnergy,
     /// Weight of the perimeter term, `l3`.
     perimeter: f64,
-    boundary_term: Option<&'e dyn BoundaryTerm>,
     slots: CornerSlots,
 }
 
@@ -59,11 +51,7 @@ impl<'e> Objective<'e> {
     }
 
     pub(crate) fn of_faces(elements: &'e ElementMesh, energy: DistortionEnergy) -> Self {
-        Self { elements, energy, perimeter: 0.0, boundary_term: None, slots: CornerSlots::new(elements) }
-    }
-
-    pub(crate) fn with_boundary_term(self, term: &'e dyn BoundaryTerm) -> Self {
-        Self { boundary_term: Some(term), ..self }
+        Self { elements, energy, perimeter: 0.0, slots: CornerSlots::new(elements) }
     }
 
     /// `f` of every part of the faces, in order.
@@ -71,13 +59,11 @@ impl<'e> Objective<'e> {
         self.elements.faces.as_slice().par_chunks(FACES_PER_TASK).map(f).collect()
     }
 
-    /// The energy; infinite if a face is flipped and the energy has a barrier, or if the boundary
-    /// term is infinite.
+    /// The energy; infinite if a face is flipped and the energy has a barrier.
     pub(crate) fn energy(&self, uv: &Uv) -> f64 {
-        let face = |e: &Element| e.weight * self.energy.value(&singular(e, uv));
+        let face = |e: &Element| e.weight * self.energy.value(&e.singular_values(uv));
         let parts = self.each_part(|part| part.iter().map(face).sum::<f64>());
-        let of_boundary = self.boundary_term.map_or(0.0, |term| term.energy(uv));
-        parts.iter().sum::<f64>() + self.perimeter_energy(uv) + of_boundary
+        parts.iter().sum::<f64>() + self.perimeter_energy(uv)
     }
 
     /// `l3 h sum_b L_b (r_b + 1/r_b)/2`.
@@ -95,7 +81,8 @@ impl<'e> Objective<'e> {
 
     /// Gradient by the movable vertices, and projected Hessian, at `uv`.
     pub(crate) fn assemble(&self, uv: &Uv, hessian: &mut Matrix<'_, DMat2>) -> Vec<DVec2> {
-        let model = |e: &Element| LocalModel::new(&self.energy, &singular(e, uv), &e.gradients, e.weight);
+        let model =
+            |e: &Element| LocalModel::new(&self.energy, &e.singular_values(uv), &e.gradients, e.weight);
         let models: Vec<LocalModel> =
             self.elements.faces.as_slice().par_iter().with_min_len(FACES_PER_TASK).map(model).collect();
         let pattern = hessian.pattern();
@@ -117,10 +104,21 @@ impl<'e> Objective<'e> {
         let mut gradient: Vec<DVec2> =
             (0..self.elements.free()).into_par_iter().with_min_len(FACES_PER_TASK).map(force).collect();
         self.add_perimeter(uv, &mut gradient, hessian);
-        if let Some(term) = self.boundary_term {
-            term.add(uv, &mut gradient, hessian);
-        }
+        self.hold(&mut gradient, hessian);
         gradient
+    }
+
+    /// Makes the rows of held vertices so stiff that they do not move.
+    fn hold(&self, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
+        if self.elements.held.is_empty() {
+            return;
+        }
+        let rows = 0..hessian.pattern().rows();
+        let largest = rows.map(|i| hessian.diagonal(i)).map(|b| b.x_axis.x + b.y_axis.y).fold(0.0, f64::max);
+        for (i, _) in self.elements.held.iter().enumerate().filter(|(_, held)| **held) {
+            gradient[i] = DVec2::ZERO;
+            *hessian.at(i, i) += DMat2::IDENTITY * (HOLD * largest);
+        }
     }
 
     fn add_perimeter(&self, uv: &Uv, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
@@ -158,10 +156,16 @@ impl<'e> Objective<'e> {
     }
 }
 
-fn singular(e: &Element, uv: &Uv) -> SingularValues {
-    let [a, b, c] = e.corners.map(|v| uv[v]);
-    let [g0, g1, g2] = e.gradients;
-    SingularValues::of(&(outer(a, g0) + outer(b, g1) + outer(c, g2)))
+/// Symmetric Dirichlet energy of a map at its best scale, and that scale; both infinite or NaN where
+/// a face has no area.
+pub(crate) fn dirichlet(elements: &ElementMesh, uv: &Uv) -> (f64, f64) {
+    let (mut squares, mut inverse) = (0.0, 0.0);
+    for e in &elements.faces {
+        let s = e.singular_values(uv);
+        squares += e.weight * (s.s1 * s.s1 + s.s2 * s.s2);
+        inverse += e.weight * ((s.s1 * s.s1).recip() + (s.s2 * s.s2).recip());
+    }
+    (2.0 * (squares * inverse).sqrt(), (inverse / squares).powf(0.25))
 }
 
 /// The smallest positive step along `d` at which the face's area is zero; infinite if there is

@@ -5,13 +5,16 @@
 //! (`(floater2003mvc)`), if no face around it flips there; else into the kernel of its ring, the
 //! set of points that see all of it. A kernel may be empty: then the vertex is counted as unplaced,
 //! and the caller repairs the flips. *Heuristic*: the share of area that counts as well inside.
+//!
+//! Next to a filler the ring of a boundary vertex is closed by the third corner of that filler, which
+//! the vertex then splits: a rim that does not cross itself stays so.
 
-use std::f64::consts::TAU;
+use std::{collections::HashMap, f64::consts::TAU};
 
 use glam::{DVec2, DVec3};
 
 use crate::{
-    flatten::domain::elements::Uv,
+    flatten::{bijective::fillers::Fillers, domain::elements::Uv},
     id::{IdVec, VertexId},
     mesh::{TriMesh, angle},
     pyramid::{Level, PyramidError, Removal, RemovalLog},
@@ -29,12 +32,15 @@ pub(crate) struct Insertion<'l> {
     /// Removals not yet undone.
     pub(crate) left: usize,
     present: IdVec<VertexId, bool>,
-    /// Map positions of those, in m.
+    /// Map positions of those, in m, and of the posts of the fillers.
     pub(crate) map: Uv,
+    /// The third corner of the filler on the left of each of its sides.
+    apex: HashMap<[VertexId; 2], VertexId>,
 }
 
 impl<'l> Insertion<'l> {
-    /// Starts from the map `uv` of the next coarser level, which `removals` made of `level`.
+    /// Starts from the map `uv` of the next coarser level, which `removals` made of `level`, and its
+    /// fillers.
     ///
     /// # Errors
     /// If the vertices of the coarser level are not all vertices of this one.
@@ -43,15 +49,56 @@ impl<'l> Insertion<'l> {
         removals: &'l RemovalLog,
         coarse: &Level,
         uv: &Uv,
+        fillers: &Fillers,
     ) -> Result<Self, PyramidError> {
         let count = level.mesh.positions.len();
         let mut present = IdVec::filled(false, count);
-        let mut map = IdVec::filled(DVec2::ZERO, count);
-        for (&vertex, &at) in coarse.finer_vertices(level)?.iter().zip(uv) {
-            present[vertex] = true;
-            map[vertex] = at;
+        let map = IdVec::filled(DVec2::ZERO, count);
+        let vertices = coarse.finer_vertices(level)?;
+        vertices.iter().for_each(|&v| present[v] = true);
+        let mut insertion =
+            Self { mesh: &level.mesh, removals, left: removals.len(), present, map, apex: HashMap::new() };
+        insertion.place(vertices.as_slice(), uv, fillers);
+        Ok(insertion)
+    }
+
+    /// Moves `vertices`, all that are on the map, to `uv`, and takes the fillers of that map.
+    pub(crate) fn place(&mut self, vertices: &[VertexId], uv: &Uv, fillers: &Fillers) {
+        let count = self.mesh.positions.len();
+        for (&vertex, &at) in vertices.iter().zip(uv) {
+            self.map[vertex] = at;
         }
-        Ok(Self { mesh: &level.mesh, removals, left: removals.len(), present, map })
+        self.map = self.map.iter().take(count).chain(&fillers.posts).copied().collect();
+        let id = |v: VertexId| {
+            let post = v.index().checked_sub(vertices.len());
+            post.map_or_else(|| vertices[v.index()], |k| VertexId::new(count + k))
+        };
+        self.apex.clear();
+        fillers.triangles.iter().for_each(|t| self.add_filler(t.map(id)));
+    }
+
+    fn add_filler(&mut self, [a, b, c]: [VertexId; 3]) {
+        self.apex.extend([([a, b], c), ([b, c], a), ([c, a], b)]);
+    }
+
+    /// Splits the filler next to a boundary vertex that has been inserted.
+    fn split_filler(&mut self, removal: &Removal<'_>, apex: VertexId) {
+        if let (Some(&next), Some(&previous)) = (removal.ring.first(), removal.ring.last()) {
+            self.apex.remove(&[next, previous]);
+            self.add_filler([next, removal.vertex, apex]);
+            self.add_filler([removal.vertex, previous, apex]);
+        }
+    }
+
+    /// The third corner of the filler next to a boundary vertex that is to be inserted.
+    fn apex_of(&self, removal: &Removal<'_>) -> Option<VertexId> {
+        let sides = [*removal.ring.first()?, *removal.ring.last()?];
+        self.apex.get(&sides).copied().filter(|_| removal.boundary)
+    }
+
+    /// Number of vertices on the map.
+    pub(crate) fn present(&self) -> usize {
+        self.mesh.positions.len() - self.left
     }
 
     /// Undoes removals until this many are left, and returns how many vertices found no place
@@ -59,12 +106,16 @@ impl<'l> Insertion<'l> {
     pub(crate) fn undo_until(&mut self, left: usize) -> usize {
         let mut unplaced = 0;
         for removal in self.removals.iter().take(self.left).skip(left).rev() {
-            let ring = RingMap::new(self.mesh, &self.map, &removal);
+            let apex = self.apex_of(&removal);
+            let ring = RingMap::new(self.mesh, &self.map, &removal, apex);
             let wanted = ring.transplanted();
             let at = if ring.fits(wanted) { Some(wanted) } else { ring.kernel_centre(wanted) };
             unplaced += usize::from(at.is_none());
             self.map[removal.vertex] = at.unwrap_or(wanted);
             self.present[removal.vertex] = true;
+            if let Some(apex) = apex {
+                self.split_filler(&removal, apex);
+            }
         }
         self.left = self.left.min(left);
         unplaced
@@ -92,21 +143,27 @@ struct RingMap {
     skin: Vec<DVec2>,
     map: Vec<DVec2>,
     boundary: bool,
+    /// Where the ring of a boundary vertex is closed by a filler, the corner of that.
+    apex: Option<DVec2>,
 }
 
 impl RingMap {
-    fn new(mesh: &TriMesh, uv: &Uv, removal: &Removal<'_>) -> Self {
+    fn new(mesh: &TriMesh, uv: &Uv, removal: &Removal<'_>, apex: Option<VertexId>) -> Self {
         Self {
             skin: lay_flat(mesh, removal),
             map: removal.ring.iter().map(|&v| uv[v]).collect(),
             boundary: removal.boundary,
+            apex: apex.map(|v| uv[v]),
         }
     }
 
     /// The ring's edges on the map that the vertex must see from their left.
     fn edges(&self) -> impl Iterator<Item = (DVec2, DVec2)> + '_ {
         let count = self.map.len() - usize::from(self.boundary);
-        (0..count).map(|k| (self.map[k], self.map[(k + 1) % self.map.len()]))
+        let ends = self.map.first().zip(self.map.last()).zip(self.apex);
+        let closing = ends.map(|((&first, &last), apex)| [(last, apex), (apex, first)]);
+        let chain = (0..count).map(|k| (self.map[k], self.map[(k + 1) % self.map.len()]));
+        chain.chain(closing.into_iter().flatten())
     }
 
     /// Where the vertex goes if the star on the skin is carried over by the affine map (inside) or
@@ -146,10 +203,10 @@ impl RingMap {
     /// The middle of the places from which the whole ring is seen; `None` if there is none.
     fn kernel_centre(&self, wanted: DVec2) -> Option<DVec2> {
         let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for &p in &self.map {
+        for &p in self.map.iter().chain(&self.apex) {
             (lo, hi) = (lo.min(p), hi.max(p));
         }
-        if self.boundary && wanted.is_finite() {
+        if self.boundary && self.apex.is_none() && wanted.is_finite() {
             // The kernel reaches beyond the ring there: as far as the vertex wants to go, and back.
             let reach = DVec2::splat(wanted.distance((lo + hi) / 2.0).max((hi - lo).length()));
             (lo, hi) = (lo - reach, hi + reach);
@@ -249,7 +306,7 @@ mod tests {
 
     fn star(map: &[[f64; 2]], boundary: bool) -> RingMap {
         let map: Vec<DVec2> = map.iter().map(|&p| p.into()).collect();
-        RingMap { skin: map.clone(), map, boundary }
+        RingMap { skin: map.clone(), map, boundary, apex: None }
     }
 
     #[test]
@@ -275,6 +332,18 @@ mod tests {
         let s = star(&l, false);
         let p = s.kernel_centre(DVec2::new(2.5, 0.5)).unwrap();
         assert!(p.cmpgt(DVec2::ZERO).all() && p.cmplt(DVec2::ONE).all(), "{p} in the unit square");
+    }
+
+    /// The vertex wants to go beyond the filler above its ring: it goes into it instead.
+    #[test]
+    fn a_filler_keeps_a_boundary_vertex_inside() {
+        let mut s = star(&[[1.0, 0.0], [0.0, -0.2], [-1.0, 0.0]], true);
+        s.skin = vec![DVec2::new(1.0, -2.0), DVec2::new(0.0, -2.2), DVec2::new(-1.0, -2.0)];
+        assert!(s.fits(s.transplanted()), "nothing is in the way");
+        s.apex = Some(DVec2::new(0.0, 0.5));
+        let wanted = s.transplanted();
+        let p = s.kernel_centre(wanted).unwrap();
+        assert!(wanted.y > 1.0 && !s.fits(wanted) && s.fits(p) && p.y < 0.5, "{p} instead of {wanted}");
     }
 
     /// A U has no place that sees all of it.

@@ -8,12 +8,11 @@
 //!          |                      |                                     | the vertices, each relaxed
 //! unflip   | untangle around the  | flips or branch points are left     | inside a circle (Tutte)
 //!          | flipped faces        |                                     |
-//! minimise | with a free boundary | the map overlaps but must not, or   | with a barrier, from the
-//!          |                      | a hole is not kept                  | same start, or inside a
-//!          |                      |                                     | circle if that overlaps
+//! minimise | with a free boundary | a hole is not kept, or the map      | with fillers in the holes, with
+//!          |                      | overlaps but must not               | a frame too, from the last map
+//!          |                      |                                     | without that fault
 //! keep     | the inherited map    | it may be a bad local minimum: the  | the better `Candidate` of
-//!          |                      | level is small, the map overlaps,   | it and a map from scratch
-//!          |                      | or a hole needed the barrier        |
+//!          |                      | level is small                      | it and a map from scratch
 //! ```
 //!
 //! The second and third row are [`relax`](super::relax), also for a map from scratch. After the
@@ -27,7 +26,7 @@ use crate::flatten::{
     energy::{newton::NewtonLimits, objective::Objective},
     levels::{
         insertion::Insertion,
-        relax::{Goal, make_locally_injective, minimise_from_scratch, relax},
+        relax::{Goal, Relaxed, Start, Walls, make_locally_injective, minimise_from_scratch, relax},
     },
 };
 
@@ -38,9 +37,8 @@ const STAGE: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 12 };
 const STAGE_GROWTH: f64 = 1.5;
 
 /// Levels up to this size are also flattened from scratch: the coarsest level of a tube may fold
-/// into a local minimum that every finer level would inherit, and a few dozen milliseconds find
-/// out.
-const RESTARTED: usize = 3000;
+/// into a local minimum that every finer level would inherit, and a few milliseconds find out.
+const RESTARTED: usize = 300;
 
 /// The map of least energy of a level, in units of `domain`, from `start`, the map (m) of the next
 /// coarser level. `magnification` is the level's, and `domain` has it already: only the stages
@@ -48,52 +46,37 @@ const RESTARTED: usize = 3000;
 pub(crate) fn refine(
     domain: &FlattenDomain<'_>,
     start: Insertion<'_>,
+    walls: Walls,
     magnification: &Magnification,
     goal: Goal,
-) -> Result<Uv, FlattenError> {
-    let inserted = insert(start, magnification, goal)?;
+) -> Result<Relaxed, FlattenError> {
+    let inserted = insert(start, walls, magnification, goal)?;
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
-    let inherited = relax(domain, start, goal, None)?;
-    // With a barrier the rim of a hole may get stuck: one tapered tube ended at an energy of 16.8
-    // instead of 9.6.
-    let suspect_local_minimum = inherited.used_barrier && domain.disk.loops.len() > 1;
-    if domain.vertices() > RESTARTED && !suspect_local_minimum && overlaps(domain.mesh, &inherited.uv) == 0 {
-        return Ok(inherited.uv);
+    let inherited = relax(domain, Start::Near(start, walls), goal, None)?;
+    if domain.vertices() > RESTARTED {
+        return Ok(inherited);
     }
     let objective = Objective::new(&domain.elements, goal.energy);
-    let inherited = Candidate::new(domain, &objective, inherited.uv);
-    let fresh = Candidate::new(domain, &objective, minimise_from_scratch(domain, goal)?);
-    Ok(if fresh.is_better_than(&inherited) { fresh.uv } else { inherited.uv })
-}
-
-struct Candidate {
-    uv: Uv,
-    overlaps: usize,
-    /// Without any barrier.
-    energy: f64,
-}
-
-impl Candidate {
-    fn new(domain: &FlattenDomain<'_>, objective: &Objective<'_>, uv: Uv) -> Self {
-        Self { overlaps: overlaps(domain.mesh, &uv), energy: objective.energy(&uv), uv }
-    }
-
-    /// Fewer overlaps, or as many and less energy.
-    fn is_better_than(&self, other: &Self) -> bool {
-        (self.overlaps, self.energy) < (other.overlaps, other.energy)
-    }
+    let rank = |map: &Relaxed| (overlaps(domain.mesh, &map.uv), objective.energy(&map.uv));
+    let fresh = minimise_from_scratch(domain, goal)?;
+    Ok(if rank(&fresh) < rank(&inherited) { fresh } else { inherited })
 }
 
 /// All vertices of a level on the map (m) of the next coarser level: at once if every one has a
 /// place, else in stages.
-fn insert(start: Insertion<'_>, magnification: &Magnification, goal: Goal) -> Result<Uv, FlattenError> {
+fn insert(
+    start: Insertion<'_>,
+    walls: Walls,
+    magnification: &Magnification,
+    goal: Goal,
+) -> Result<Uv, FlattenError> {
     let mut at_once = start.clone();
     if at_once.undo_until(0) == 0 {
         return Ok(at_once.map);
     }
     let mut insertion = start;
     while insertion.left > 0 {
-        insert_stage(&mut insertion, magnification, goal)?;
+        insert_stage(&mut insertion, walls, magnification, goal)?;
     }
     Ok(insertion.map)
 }
@@ -102,10 +85,11 @@ fn insert(start: Insertion<'_>, magnification: &Magnification, goal: Goal) -> Re
 /// optimal.
 fn insert_stage(
     insertion: &mut Insertion<'_>,
+    walls: Walls,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<(), FlattenError> {
-    let present = insertion.map.len() - insertion.left;
+    let present = insertion.present();
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -121,9 +105,8 @@ fn insert_stage(
     let domain = FlattenDomain::new(&mesh)?.magnified(&factors);
     let uv = domain.to_units(&vertices.iter().map(|&v| insertion.map[v]).collect());
     let start = make_locally_injective(&domain, uv)?;
-    let relaxed = relax(&domain, start, goal, Some(STAGE))?;
-    for (&v, &p) in vertices.iter().zip(&domain.to_metres(&relaxed.uv)) {
-        insertion.map[v] = p;
-    }
+    let relaxed = relax(&domain, Start::Near(start, walls), goal, Some(STAGE))?;
+    let uv = domain.to_metres(&relaxed.uv);
+    insertion.place(&vertices, &uv, &walls.fillers(&domain, &uv).unwrap_or_default());
     Ok(())
 }

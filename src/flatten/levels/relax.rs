@@ -2,47 +2,90 @@
 
 use crate::{
     flatten::{
-        Energy, FlattenError, FlattenOptions, Method,
+        Energy, FlattenError, FlattenOptions, Method, Overlap,
         bijective::{
-            barrier::minimise_bijective,
-            overlap::{has_no_branch_points, keeps_holes, overlaps},
+            fillers::Fillers,
+            overlap::{has_no_branch_points, is_one_to_one, keeps_holes},
         },
         domain::elements::Uv,
         domain::flatten_domain::FlattenDomain,
         energy::{
-            newton::{NewtonLimits, Solver},
-            objective::Objective,
+            newton::{Ended, NewtonLimits, Solver},
+            objective::{Objective, dirichlet},
         },
         start::{conformal::spectral_conformal, linear::linear, tutte::tutte, untangle::untangle},
     },
     sparse::SparseError,
 };
 
-/// Systems up to this size are factored; above, conjugate gradients reach the same energy sooner.
+/// Systems up to this size are factored. Above, conjugate gradients reach the same energy sooner if
+/// they start from the optimum of the next coarser level; from any other map, or with fillers, they
+/// take ten times as long (measured on a star of 20k faces).
 const FACTORED: usize = 10_000;
 
 /// Newton steps with a factored system: 3 to 10 are usual from a conformal start, 30 to 80 from a
 /// convex one.
 const EXACT: NewtonLimits = NewtonLimits { decrement: 1e-12, steps: 200 };
 
-/// Newton steps on a level too large to factor. From the optimum of the next coarser level four to
-/// eight end within 1e-5 of the optimum (measured at 100k faces); a convex start needs many more.
+/// Newton steps on a larger level. From the optimum of the next coarser level four to eight end
+/// within 1e-5 of the optimum (measured at 100k faces); a convex start needs many more.
 const TRUNCATED: NewtonLimits = NewtonLimits { decrement: 1e-6, steps: 100 };
+
+/// A start of more energy than this at its best scale is worse than the one inside a circle: the
+/// conformal map of a bunny with holes has 1e4, and Newton needs 40 steps from it instead of 8.
+const BAD_START: f64 = 50.0;
+
+/// Weights of all fillers together, round by round, of a surface that weighs 1: heavy fillers make
+/// room early, light ones do not hinder a rim that slides. The last one stays.
+const WEIGHTS: [f64; 3] = [1e-2, 1e-3, 1e-4];
+
+/// Newton steps between fillers that are made anew, without and with a frame around the map, which
+/// has to follow its growth.
+const ROUND: usize = 6;
+const FRAMED_ROUND: usize = 2;
+
+/// Relative decrease of the energy in a round at which the minimisation with fillers ends. Rims
+/// slide along each other for long after, by what is not visible.
+const ENOUGH: f64 = 1e-4;
 
 /// What the intrinsic method minimises, and what it must keep.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Goal {
     pub(crate) energy: Energy,
-    /// Whether the map must not overlap itself.
-    pub(crate) bijective: bool,
+    pub(crate) overlap: Overlap,
+}
+
+/// What keeps a map from overlapping itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Walls {
+    /// Nothing: its free boundary does not.
+    #[default]
+    None,
+    /// Fillers in the holes.
+    Holes,
+    /// Fillers in the holes and around the outer loop.
+    Framed,
+}
+
+impl Walls {
+    /// The fillers of the map `uv`; none where a loop crosses itself.
+    pub(crate) fn fillers(self, domain: &FlattenDomain<'_>, uv: &Uv) -> Option<Fillers> {
+        match self {
+            Self::None => Some(Fillers::default()),
+            Self::Holes | Self::Framed => Fillers::new(&domain.disk.loops, uv, self == Self::Framed).ok(),
+        }
+    }
 }
 
 /// A map without flips after Newton steps, in units of its domain.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Relaxed {
     pub(crate) uv: Uv,
-    /// Whether parts of the boundary had to repel each other.
-    pub(crate) used_barrier: bool,
+    pub(crate) walls: Walls,
+    /// Whether it is a minimum, up to the limits.
+    pub(crate) converged: bool,
+    /// Length of the gradient over the energy, in units of the domain.
+    pub(crate) gradient: f64,
 }
 
 /// The map of a surface by the method of the options, in units of its domain, without any other map
@@ -50,20 +93,29 @@ pub(crate) struct Relaxed {
 pub(crate) fn solve_from_scratch(
     domain: &FlattenDomain<'_>,
     options: &FlattenOptions,
-) -> Result<Uv, FlattenError> {
+) -> Result<Relaxed, FlattenError> {
+    let linear_map = |uv| Relaxed { uv, walls: Walls::None, converged: true, gradient: 0.0 };
     match options.method {
-        Method::Conformal => spectral_conformal(domain),
-        Method::Linear { angle, area } => linear(domain, angle, area),
+        Method::Conformal => spectral_conformal(domain).map(linear_map),
+        Method::Linear { angle, area } => linear(domain, angle, area).map(linear_map),
         Method::Intrinsic { energy, .. } => {
-            minimise_from_scratch(domain, Goal { energy, bijective: options.bijective })
+            minimise_from_scratch(domain, Goal { energy, overlap: options.overlap })
         }
     }
 }
 
-/// The map of least energy from the conformal start.
-pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> Result<Uv, FlattenError> {
-    let start = make_locally_injective(domain, spectral_conformal(domain)?)?;
-    Ok(relax(domain, start, goal, None)?.uv)
+/// The map of least energy from the conformal start, or from inside a circle if that is a bad one.
+pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> Result<Relaxed, FlattenError> {
+    if !domain.prescribed.is_empty() {
+        return relax(domain, Start::Far(tutte(domain)?), goal, None);
+    }
+    let conformal = spectral_conformal(domain)?;
+    let is_good = domain.elements.is_flip_free(&conformal)
+        && has_no_branch_points(domain, &conformal)
+        && keeps_holes(domain, &conformal)
+        && dirichlet(&domain.elements, &conformal).0 < BAD_START;
+    let start = if is_good { conformal } else { tutte(domain)? };
+    relax(domain, Start::Far(start), goal, None)
 }
 
 /// Removes flips locally if that is possible, else starts again inside a circle.
@@ -76,32 +128,148 @@ pub(crate) fn make_locally_injective(domain: &FlattenDomain<'_>, mut uv: Uv) -> 
     if is_flip_free && has_no_branch_points(domain, &uv) { Ok(uv) } else { tutte(domain) }
 }
 
-/// Minimises the energy from a map without flips; `limits` instead of the usual ones for the size.
+/// A map without flips to start from.
+#[derive(Debug)]
+pub(crate) enum Start {
+    /// Far from the optimum.
+    Far(Uv),
+    /// From the optimum of a coarser level, and the walls that that needed.
+    Near(Uv, Walls),
+}
+
+/// Minimises the energy; `limits` instead of the usual ones for the size.
 ///
-/// Where the result overlaps although it must not, or a hole does not stay a hole, the energy is
-/// minimised again with a barrier, from the same start, or from inside a circle if that start
-/// overlaps too. A hole cannot be left to the energy alone: the rim of a long tube's hole is
-/// pressed together, and gains by sliding through itself until the map around it overlaps the rest.
+/// First with a free boundary. Where a hole does not stay a hole, the descent goes on with fillers
+/// from the last map that kept it; where the map overlaps itself although it must not, with a frame
+/// from the last map that did not. A hole cannot be left to the energy alone: the rim of a long
+/// tube's hole is pressed together, and gains by sliding through itself until the map around it
+/// overlaps the rest. A frame from the start would hinder the growth of the outer loop.
 pub(crate) fn relax(
     domain: &FlattenDomain<'_>,
-    start: Uv,
+    start: Start,
     goal: Goal,
     limits: Option<NewtonLimits>,
 ) -> Result<Relaxed, FlattenError> {
-    let (solver, usual) =
-        if domain.vertices() <= FACTORED { (Solver::Direct, EXACT) } else { (Solver::Iterative, TRUNCATED) };
-    let limits = limits.unwrap_or(usual);
-    let overlaps_itself = |uv: &Uv| overlaps(domain.mesh, uv) > 0;
-
-    let mut uv = start.clone();
-    Objective::new(&domain.elements, goal.energy).minimise(&mut uv, solver, limits).map_err(failed)?;
-    let is_good = if goal.bijective { !overlaps_itself(&uv) } else { keeps_holes(domain, &uv) };
-    if is_good {
-        return Ok(Relaxed { uv, used_barrier: false });
+    let is_large = domain.vertices() > FACTORED;
+    let (start, walls, solver) = match start {
+        Start::Near(uv, Walls::None) if is_large => (uv, Walls::None, Solver::Iterative),
+        Start::Near(uv, walls) => (uv, walls, Solver::Direct),
+        Start::Far(uv) => (uv, Walls::None, Solver::Direct),
+    };
+    let limits = limits.unwrap_or(if is_large { TRUNCATED } else { EXACT });
+    let objective = Objective::new(&domain.elements, goal.energy);
+    let descent = Descent { domain, objective, goal, solver, limits };
+    let mut reached = descent.free(start, walls)?;
+    if walls != Walls::Framed && !keeps_holes(domain, &reached.relaxed.uv) {
+        let from = reached.kept.take().map_or_else(|| tutte(domain), Ok)?;
+        reached = descent.walled(from, Walls::Holes)?;
     }
-    let mut uv = if overlaps_itself(&start) { tutte(domain)? } else { start };
-    minimise_bijective(&domain.elements, goal.energy, &mut uv, solver, limits).map_err(failed)?;
-    Ok(Relaxed { uv, used_barrier: true })
+    let is_free = domain.prescribed.is_empty();
+    if is_free && goal.overlap == Overlap::Prevent && !is_one_to_one(domain, &reached.relaxed.uv) {
+        let from = match reached.apart.take() {
+            Some(uv) => uv,
+            None => descent.free(tutte(domain)?, Walls::Framed)?.last_apart(),
+        };
+        reached = descent.walled(from, Walls::Framed)?;
+    }
+    Ok(reached.relaxed)
+}
+
+/// A minimisation on one level.
+struct Descent<'d> {
+    domain: &'d FlattenDomain<'d>,
+    objective: Objective<'d>,
+    goal: Goal,
+    solver: Solver,
+    limits: NewtonLimits,
+}
+
+/// Where a descent ended, and the last maps on its way that kept what the end may not keep.
+struct Reached {
+    relaxed: Relaxed,
+    /// The last map whose holes were holes.
+    kept: Option<Uv>,
+    /// The last map that did not overlap itself, where that matters.
+    apart: Option<Uv>,
+}
+
+impl Reached {
+    fn last_apart(self) -> Uv {
+        self.apart.unwrap_or(self.relaxed.uv)
+    }
+}
+
+impl<'d> Descent<'d> {
+    fn start(&self, uv: Uv, walls: Walls) -> Reached {
+        let relaxed = Relaxed { uv: Uv::new(), walls, converged: false, gradient: 0.0 };
+        let mut reached = Reached { relaxed, kept: None, apart: None };
+        self.note(&uv, &mut reached.kept, &mut reached.apart);
+        reached.relaxed.uv = uv;
+        reached
+    }
+
+    /// Takes down the map, which may have posts behind its vertices, if it keeps its holes, and if
+    /// it does not overlap itself; says whether it does so.
+    fn note(&self, uv: &Uv, kept: &mut Option<Uv>, apart: &mut Option<Uv>) -> [bool; 2] {
+        let domain = self.domain;
+        let own = || Some(uv.iter().take(domain.vertices()).copied().collect());
+        let is_kept = keeps_holes(domain, uv);
+        if is_kept {
+            *kept = own();
+        }
+        let is_apart = self.goal.overlap == Overlap::Prevent && is_one_to_one(domain, uv);
+        if is_apart {
+            *apart = own();
+        }
+        [is_kept, is_apart]
+    }
+
+    /// With a free boundary, for as long as the map keeps what the start kept: its holes, and with
+    /// `walls` around it also that it does not overlap itself.
+    fn free(&self, start: Uv, walls: Walls) -> Result<Reached, FlattenError> {
+        let mut reached = self.start(start, Walls::None);
+        let Reached { relaxed, kept, apart } = &mut reached;
+        let must_keep = kept.is_some();
+        let must_be_apart = walls == Walls::Framed && apart.is_some();
+        let mut go_on = |uv: &Uv| {
+            let [is_kept, is_apart] = self.note(uv, kept, apart);
+            (is_kept || !must_keep) && (is_apart || !must_be_apart)
+        };
+        let ended = self.objective.minimise(&mut relaxed.uv, self.solver, self.limits, &mut go_on);
+        relaxed.converged = ended.map_err(failed)? == Ended::Converged;
+        relaxed.gradient = self.objective.relative_gradient(&relaxed.uv);
+        Ok(reached)
+    }
+
+    /// With fillers, made anew every few steps.
+    fn walled(&self, start: Uv, walls: Walls) -> Result<Reached, FlattenError> {
+        let mut reached = self.start(start, walls);
+        let Reached { relaxed, kept, apart } = &mut reached;
+        let round = if walls == Walls::Framed { FRAMED_ROUND } else { ROUND };
+        let mut before = self.objective.energy(&relaxed.uv);
+        for k in 0..self.limits.steps.div_ceil(round) {
+            let Some(fillers) = walls.fillers(self.domain, &relaxed.uv) else { break };
+            let weight = WEIGHTS[(k * round / ROUND).min(WEIGHTS.len() - 1)];
+            let mut uv = fillers.with_posts(&relaxed.uv);
+            let elements = self.domain.elements.with(fillers.elements(&uv, weight));
+            let objective = Objective::new(&elements, self.goal.energy);
+            let limits = NewtonLimits { steps: round, ..self.limits };
+            let mut note = |uv: &Uv| {
+                self.note(uv, kept, apart);
+                true
+            };
+            objective.minimise(&mut uv, Solver::Direct, limits, &mut note).map_err(failed)?;
+            relaxed.gradient = objective.relative_gradient(&uv);
+            relaxed.uv = uv.iter().take(self.domain.vertices()).copied().collect();
+            let energy = self.objective.energy(&relaxed.uv);
+            relaxed.converged = before - energy <= ENOUGH.max(self.limits.decrement) * energy;
+            if relaxed.converged {
+                break;
+            }
+            before = energy;
+        }
+        Ok(reached)
+    }
 }
 
 fn failed(source: SparseError) -> FlattenError {

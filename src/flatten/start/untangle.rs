@@ -131,7 +131,7 @@ fn repair(domain: &FlattenDomain<'_>, part: &Part, uv: &mut Uv) -> Result<(), Sp
     let mut softness = SOFTNESS * worst.abs().max(1e-2);
     for _ in 0..ROUNDS {
         let objective = Objective::of_faces(&elements, DistortionEnergy::Untangling { softness });
-        objective.minimise(&mut local, Solver::Direct, ROUND)?;
+        objective.minimise(&mut local, Solver::Direct, ROUND, &mut |_| true)?;
         if elements.is_flip_free(&local) {
             for (&v, &p) in ids.iter().zip(&local) {
                 uv[v] = p;
