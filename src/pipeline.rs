@@ -1,7 +1,7 @@
 //! The whole flow, from a skin to the files of its map.
 //!
 //! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), maps
-//!    every level of it to the plane ([`flatten_pyramid`]) and returns the [`SkinMap`].
+//!    every level of it to the plane ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the [`SkinMap`].
 //! 2. [`write_files`] rasterises the levels ([`skin_images`]) and writes `map.glb` and `map.exr`.
 //!
 //! Patches are independent: they are built in parallel, and the result does not depend on the
@@ -29,7 +29,7 @@ use rayon::prelude::*;
 use crate::{
     Error,
     atlas::skin_images,
-    flatten::{FlattenOptions, flatten_pyramid},
+    flatten::{FlattenOptions, flatten_pyramid_with_convergence},
     io::{write_images, write_map},
     map::{PatchMap, SkinMap},
     pyramid::{CoarsenOptions, coarsen},
@@ -106,9 +106,15 @@ pub fn build_with_progress(
     // Every pyramid is taken once, by the thread that maps it.
     let jobs: Vec<_> = skin.patches.iter().zip(pyramids).collect();
     let maps = each_patch(Stage::Flatten, jobs, progress, |(patch, pyramid)| {
-        let maps = flatten_pyramid(&pyramid, patch.taxels.densities.as_ref(), &options.flatten)
+        let densities = patch.taxels.densities.as_ref();
+        let maps = flatten_pyramid_with_convergence(&pyramid, densities, &options.flatten)
             .map_err(|e| Error::from(e).in_patch(&patch.name))?;
-        Ok(PatchMap::new(patch, pyramid, maps, options.pixel))
+        let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+        let mut map = PatchMap::new(patch, pyramid, maps.into(), options.pixel);
+        for (level, convergence) in map.levels.iter_mut().zip(convergences) {
+            level.convergence = Some(convergence);
+        }
+        Ok(map)
     })?;
     let flattened = start.elapsed() - coarsened;
     let seconds =

@@ -14,7 +14,7 @@
 use serde::Serialize;
 
 use crate::{
-    flatten::Distortion,
+    flatten::{Convergence, Distortion},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::Adjacency,
     pyramid::LevelId,
@@ -75,6 +75,9 @@ pub struct LevelReport {
     /// How faithful the level's map is.
     #[serde(flatten)]
     pub distortion: Distortion,
+    /// How far its minimisation came, where that is known.
+    #[serde(flatten)]
+    pub convergence: Option<Convergence>,
 }
 
 /// The patches of a map, as a [`Report`] lists them.
@@ -86,6 +89,7 @@ pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
         faces: map.level.mesh.triangles.len(),
         boundary_loops: Adjacency::new(&map.level.mesh).map_or(0, |a| a.boundary_loops().len()),
         distortion: map.distortion,
+        convergence: map.convergence,
     };
     let patch = |patch: &PatchMap| PatchReport {
         name: patch.name.clone(),

@@ -5,7 +5,7 @@ use std::{f64::consts::PI, path::PathBuf};
 
 use dermatome::{
     flatten::{
-        Distortion, Energy, FlattenError, FlattenOptions, Method, Overlap, distortion, flatten,
+        Boundary, Distortion, Energy, FlattenError, FlattenOptions, Method, Overlap, distortion, flatten,
         flatten_pyramid,
     },
     id::{IdVec, VertexId},
@@ -868,5 +868,83 @@ fn a_star_of_many_faces_is_mapped() {
     for options in [Energy::SymmetricDirichlet.into(), Method::Conformal.into()] {
         let d = measure(&mesh, &options);
         assert_eq!((d.flips, d.crossings), (0, 0), "{d:?}");
+    }
+}
+
+fn bounded(boundary: Boundary) -> FlattenOptions {
+    FlattenOptions { boundary, ..FlattenOptions::default() }
+}
+
+#[test]
+fn a_prescribed_circle_holds_the_outer_loop() {
+    for mesh in [bumpy(30, 20, 0.4, 0.3), shapes::tube(24, 8, 0.05, 0.1), shapes::cap(5000, 0.05, 2.0)] {
+        let uv = flatten(&mesh, &bounded(Boundary::Circle)).unwrap();
+        let d = distortion(&mesh, &uv);
+        assert_eq!((d.flips, d.crossings), (0, 0), "{d:?}");
+        let area: f64 = mesh.triangles.ids().map(|f| mesh.face_area(f)).sum();
+        let radius = (area / PI).sqrt();
+        let loops = Adjacency::new(&mesh).unwrap().boundary_loops();
+        let off =
+            |walk: &Vec<VertexId>| walk.iter().map(|&v| (uv[v].length() - radius).abs()).fold(0.0, f64::max);
+        let least = loops.iter().map(off).fold(f64::INFINITY, f64::min);
+        assert!(least < 1e-12 * radius, "{least} m off the circle");
+    }
+}
+
+/// The corners of a lattice are its most convex places, so that on its own rectangle it is its own
+/// map.
+#[test]
+fn a_flat_sheet_fits_its_own_rectangle() {
+    let mesh = shapes::lattice(13, 7, 0.01);
+    let own = Boundary::Rectangle { width: 12.0, height: 6.0, corners: None };
+    let error = rigid_distance(&mesh, &flatten(&mesh, &bounded(own)).unwrap());
+    let turned = Boundary::Rectangle { width: 6.0, height: 12.0, corners: None };
+    let other = rigid_distance(&mesh, &flatten(&mesh, &bounded(turned)).unwrap());
+    assert!(error.min(other) < 1e-9, "{error} and {other} m");
+    let corners = [0, 12, 90, 78].map(|v: u32| VertexId::from(v));
+    let given = Boundary::Rectangle { width: 12.0, height: 6.0, corners: Some(corners) };
+    let uv = flatten(&mesh, &bounded(given)).unwrap();
+    assert!(rigid_distance(&mesh, &uv) < 1e-9);
+    assert!(uv[corners[0]].distance(DVec2::new(-0.06, -0.03)) < 1e-12, "{} is lower left", uv[corners[0]]);
+}
+
+#[test]
+fn every_level_keeps_the_prescribed_places_of_its_taxels() {
+    let pyramid = pyramid_of(&bumpy(40, 25, 0.4, 0.3));
+    let maps = flatten_pyramid(&pyramid, None, &bounded(Boundary::Circle)).unwrap();
+    for (level, uv) in maps.enumerate().skip(1) {
+        let level = &pyramid.levels[level];
+        let adjacency = Adjacency::new(&level.mesh).unwrap();
+        for &v in &adjacency.boundary_loops()[0] {
+            assert!(uv[v].distance(maps[LevelId::new(0)][level.origins[v]]) < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_boundary_that_cannot_be_is_refused_by_name() {
+    let mesh = shapes::lattice(5, 4, 0.01);
+    let rectangle = |width, corners| bounded(Boundary::Rectangle { width, height: 1.0, corners });
+    for width in [0.0, -1.0, f64::NAN] {
+        let found = flatten(&mesh, &rectangle(width, None));
+        assert!(matches!(found, Err(FlattenError::Option { name: "width", .. })), "{found:?}");
+    }
+    let inner = [0, 4, 7, 15].map(|v: u32| VertexId::from(v));
+    let found = flatten(&mesh, &rectangle(1.0, Some(inner)));
+    assert_eq!(found, Err(FlattenError::Corner { vertex: VertexId::new(7) }));
+    let found = flatten(&shapes::triangle(), &rectangle(1.0, None));
+    assert_eq!(found, Err(FlattenError::Corners { found: 3 }));
+}
+
+/// Forty radii long: on coarse levels the map inside a circle has faces without area in 64 bits.
+#[test]
+fn coarse_levels_of_a_long_tube_are_left_out() {
+    let mesh = shapes::tube(8, 160, 0.01, 0.4);
+    let pyramid = pyramid_of(&mesh);
+    let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default()).unwrap();
+    assert!(!maps.is_empty() && maps.len() <= pyramid.levels.len());
+    for (level, uv) in maps.enumerate() {
+        let mesh = &pyramid.levels[level].mesh;
+        assert_eq!((distortion(mesh, uv).flips, fold(mesh, uv)), (0, None), "level {level}");
     }
 }

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        Boundary, FlattenError, FlattenOptions, Method,
+        Boundary, Convergence, FlattenError, FlattenOptions, Method,
         bijective::fillers::Fillers,
         domain::{
             disk::Disk, elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification,
@@ -13,7 +13,7 @@ use crate::{
         levels::{
             insertion::Insertion,
             refine::refine,
-            relax::{Goal, Walls, solve_from_scratch},
+            relax::{Goal, Relaxed, Walls, solve_from_scratch},
         },
         placement::{direction_like, main_direction, normalise_map},
     },
@@ -51,13 +51,24 @@ const AT_ONCE: usize = 3000;
 /// If the mesh is not a disk with holes, an option is out of range or a face is too degenerate to be
 /// mapped.
 pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+    flatten_with_convergence(mesh, options).map(|(uv, _)| uv)
+}
+
+/// The same as [`flatten`], and how far the minimisation came.
+///
+/// # Errors
+/// As [`flatten`].
+pub fn flatten_with_convergence(
+    mesh: &TriMesh,
+    options: &FlattenOptions,
+) -> Result<(IdVec<VertexId, DVec2>, Convergence), FlattenError> {
     options.validate()?;
     let is_free = options.boundary == Boundary::Free;
     if is_free && matches!(options.method, Method::Intrinsic { .. }) && mesh.positions.len() > AT_ONCE {
         // Refuse a mesh that is not a disk before the work of coarsening it.
         Disk::new(mesh)?;
-        let maps = flatten_pyramid(&pyramid_of(mesh)?, None, options)?;
-        return Ok(maps.into_iter().next().unwrap_or_default());
+        let maps = flatten_pyramid_with_convergence(&pyramid_of(mesh)?, None, options)?;
+        return maps.into_iter().next().ok_or(FlattenError::Size { area: mesh.area() });
     }
     let magnification = Magnification::new(options.method, None, &mesh.vertex_areas())?;
     let mut domain = FlattenDomain::new(mesh)?.magnified(&magnification.of_faces(mesh));
@@ -65,11 +76,12 @@ pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexI
     if let Some(places) = &prescribed {
         domain = domain.prescribed(places.iter().copied());
     }
-    let uv = solve_from_scratch(&domain, options)?.uv;
-    if prescribed.is_some() {
-        return Ok(domain.to_metres(&uv));
-    }
-    Ok(normalise_map(mesh, &uv, main_direction(mesh, &uv)))
+    let Relaxed { uv, convergence, .. } = solve_from_scratch(&domain, options)?;
+    let placed = match prescribed {
+        Some(_) => domain.to_metres(&uv),
+        None => normalise_map(mesh, &uv, main_direction(mesh, &uv)),
+    };
+    Ok((placed, convergence))
 }
 
 /// Places of the outer loop, where the options prescribe them.
@@ -124,6 +136,19 @@ pub fn flatten_pyramid(
     densities: Option<&IdVec<VertexId, f64>>,
     options: &FlattenOptions,
 ) -> Result<IdVec<LevelId, IdVec<VertexId, DVec2>>, FlattenError> {
+    let maps = flatten_pyramid_with_convergence(pyramid, densities, options)?;
+    Ok(maps.into_iter().map(|(uv, _)| uv).collect())
+}
+
+/// The same as [`flatten_pyramid`], and how far the minimisation of each level came.
+///
+/// # Errors
+/// As [`flatten_pyramid`].
+pub fn flatten_pyramid_with_convergence(
+    pyramid: &Pyramid,
+    densities: Option<&IdVec<VertexId, f64>>,
+    options: &FlattenOptions,
+) -> Result<IdVec<LevelId, (IdVec<VertexId, DVec2>, Convergence)>, FlattenError> {
     options.validate()?;
     let Some(finest) = pyramid.levels.get(LevelId::new(0)) else {
         return Ok(IdVec::new());
@@ -134,7 +159,7 @@ pub fn flatten_pyramid(
     }
     let magnification = Magnification::new(options.method, densities, &finest.areas)?;
     let prescribed = prescribed_by(options, &finest.mesh)?;
-    let mut maps: Vec<Uv> = Vec::new();
+    let (mut maps, mut convergences) = (Vec::<Uv>::new(), Vec::new());
     let (mut walls, mut fillers) = (Walls::None, Fillers::default());
     for (id, level) in pyramid.levels.enumerate().rev() {
         let magnification = magnification.restricted(level, &finest.areas);
@@ -155,6 +180,7 @@ pub fn flatten_pyramid(
             // The next finer level may be less thin.
             Err(FlattenError::NoStart { .. }) if id.index() > 0 => {
                 maps.clear();
+                convergences.clear();
                 continue;
             }
             reached => reached?,
@@ -164,9 +190,11 @@ pub fn flatten_pyramid(
         walls = reached.walls;
         fillers = walls.fillers(&domain, &uv).unwrap_or_default();
         maps.push(uv);
+        convergences.push(reached.convergence);
     }
     maps.reverse();
-    Ok(if prescribed.is_some() { maps.into() } else { align_levels(pyramid, &maps) })
+    let placed = if prescribed.is_some() { maps.into() } else { align_levels(pyramid, &maps) };
+    Ok(placed.into_iter().zip(convergences.into_iter().rev()).collect())
 }
 
 /// Normalises level 0 and turns the coarser maps so that their vertices lie near the same taxels of

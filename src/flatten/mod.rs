@@ -74,9 +74,11 @@
 //! - `bijective/` (`orientation`, `crossings`, `overlap`, `fillers`): whether a map overlaps itself,
 //!   and how that is prevented
 //! - `levels/` (`relax`, `insertion`, `refine`): least energy on one level; from one to the next
-//! - `placement`: where the finished map lies; `distortion`: how faithful any map is
+//! - `placement`: where the finished map lies; `distortion`: how faithful any map is;
+//!   `convergence`: how far its minimisation came
 
 mod bijective;
+mod convergence;
 mod distortion;
 mod domain;
 mod energy;
@@ -88,7 +90,8 @@ mod options;
 mod placement;
 mod start;
 
+pub use convergence::Convergence;
 pub use distortion::{Distortion, distortion};
 pub use error::FlattenError;
-pub use flatten::{flatten, flatten_pyramid};
+pub use flatten::{flatten, flatten_pyramid, flatten_pyramid_with_convergence, flatten_with_convergence};
 pub use options::{Boundary, Energy, FlattenOptions, Method, Overlap};

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::{
-    flatten::{Distortion, distortion},
+    flatten::{Convergence, Distortion, distortion},
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError},
     mesh::{TriMesh, VertexCorners},
@@ -22,6 +22,8 @@ pub struct MapLevel {
     pub frame: ImageFrame,
     /// How faithful the map is.
     pub distortion: Distortion,
+    /// How far its minimisation came, where that is known: files do not keep it.
+    pub convergence: Option<Convergence>,
 }
 
 impl MapLevel {
@@ -32,7 +34,7 @@ impl MapLevel {
     /// exist.
     pub(crate) fn new(level: Level, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
         let frame = ImageFrame::around(&uv, pixel);
-        Self { distortion: distortion(&level.mesh, &uv), level, uv, frame }
+        Self { distortion: distortion(&level.mesh, &uv), level, uv, frame, convergence: None }
     }
 
     /// The face of the level that each row of its `to_finest` lies in: the smallest that holds all
@@ -126,7 +128,8 @@ impl PatchMap {
         if let Some(((vertex, &found), &taxel)) = areas.find(|((_, a), b)| a != b) {
             return Err(MapError::Area { patch: self.name.clone(), vertex, found, taxel });
         }
-        for (level, MapLevel { level: Level { mesh, .. }, uv, frame, distortion }) in self.levels.enumerate()
+        for (level, MapLevel { level: Level { mesh, .. }, uv, frame, distortion, .. }) in
+            self.levels.enumerate()
         {
             let patch = || self.name.clone();
             let (found, needed) = (uv.len(), mesh.positions.len());

@@ -16,6 +16,10 @@ const DISSECTION_ROWS: usize = 20_000;
 /// Parts of this size are not split further: below it a separator costs more fill than it saves.
 const LEAF: usize = 48;
 
+/// Rows with more columns than this times the root of the number of rows come last: eliminated
+/// earlier, a vertex with thousands of neighbours would join all of them.
+const DENSE: f64 = 10.0;
+
 /// Label of rows that lie in a separator already placed.
 const SEPARATOR: u32 = u32::MAX;
 
@@ -38,11 +42,17 @@ pub(crate) fn order_rows(pattern: &Pattern, coordinates: &[DVec3]) -> Result<Vec
 /// On surfaces it is as good as a graph partitioner at a fraction of the cost.
 fn dissect(pattern: &Pattern, coordinates: &[DVec3]) -> Vec<u32> {
     let rows = u32::try_from(pattern.rows()).expect("a pattern has at most 2^32 entries");
-    let mut order: Vec<u32> = (0..rows).collect();
-    // Which part each row is in: every split gives its upper half a new number.
-    let mut part = vec![0_u32; order.len()];
-    let mut upper = 0;
+    let most = DENSE * f64::from(rows).sqrt();
+    let (mut order, dense): (Vec<u32>, Vec<u32>) =
+        (0..rows).partition(|&i| pattern.columns(i as usize).len() as f64 <= most);
     let mut open = Vec::from([std::ops::Range { start: 0, end: order.len() }]);
+    // Which part each row is in: every split gives its upper half a new number.
+    let mut part = vec![0_u32; pattern.rows()];
+    for &i in &dense {
+        part[i as usize] = SEPARATOR;
+    }
+    order.extend(dense);
+    let mut upper = 0;
     let mut lower = Vec::new();
     let mut separator = Vec::new();
     while let Some(range) = open.pop() {
@@ -127,6 +137,17 @@ mod tests {
         // The last rows are the first separator: a line of the grid, which cuts it in two.
         let line: Vec<_> = order[24 * 24 - 24..].iter().map(|&r| r as usize % 24).collect();
         assert!(line.iter().all(|&i| i == line[0]), "one column of the grid: {line:?}");
+    }
+
+    /// A wheel: its hub touches both halves wherever it is cut.
+    #[test]
+    fn a_row_that_touches_thousands_comes_last() {
+        let n = 4000;
+        let rim = (0..n).map(|i| (i + 1, (i + 1) % n + 1));
+        let pattern = Pattern::new(n + 1, rim.chain((0..n).map(|i| (0, i + 1))));
+        let at = |i: usize| DVec3::new((i as f64 * 0.01).cos(), (i as f64 * 0.01).sin(), 0.0);
+        let coordinates: Vec<DVec3> = (0..=n).map(at).collect();
+        assert_eq!(dissect(&pattern, &coordinates).last(), Some(&0));
     }
 
     #[test]

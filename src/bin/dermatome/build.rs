@@ -20,7 +20,7 @@ use dermatome::{
 use crate::{
     common::Common,
     input::read_skin,
-    notes::note_overlaps,
+    notes::{note_distortion, note_overlaps},
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
     outputs::{Outputs, cannot_write},
     print::{json, print_json, print_levels},
@@ -85,6 +85,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .stage(&path, |staged| replace_file(staged, |file| file.write_all(text.as_bytes()).map_err(fail)))?;
     outputs.publish()?;
     note_overlaps(&report.patches, &options.flatten, common);
+    note_distortion(&report.patches, common);
     if args.json {
         print_json(&report)?;
     } else if !common.quiet {

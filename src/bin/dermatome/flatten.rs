@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use anyhow::Context;
 use dermatome::{
     Error,
-    flatten::{distortion, flatten},
+    flatten::{distortion, flatten_with_convergence},
     io::write_flat,
     mesh::Adjacency,
     report::{LevelReport, PatchReport},
@@ -16,7 +16,7 @@ use crate::{
     common::Common,
     errors::advise,
     input::read_skin,
-    notes::note_overlaps,
+    notes::{note_distortion, note_overlaps},
     options::{BareArgs, FlattenArgs},
     outputs::{self, Outputs},
     print::{print_json, print_levels},
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let patch = &skin.patches[PatchId::new(0)];
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let uv = flatten(&patch.mesh, &options)
+    let (uv, convergence) = flatten_with_convergence(&patch.mesh, &options)
         .map_err(Error::from)
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
@@ -75,10 +75,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         faces: patch.mesh.triangles.len(),
         boundary_loops: Adjacency::new(&patch.mesh).map_err(Error::from)?.boundary_loops().len(),
         distortion: distortion(&patch.mesh, &uv),
+        convergence: Some(convergence),
     };
     let link = skin.links[patch.link].name.clone();
     let report = [PatchReport { name: patch.name.clone(), link, levels: vec![level] }];
     note_overlaps(&report, &options, common);
+    note_distortion(&report, common);
     if args.json {
         print_json(&level)?;
     } else if !common.quiet {

@@ -72,6 +72,39 @@ pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, c
     }
 }
 
+/// A map of more symmetric Dirichlet energy than this is far from isometric: faces are several times
+/// too small or too large.
+const FAR_FROM_ISOMETRIC: f64 = 50.0;
+
+/// Prints which finest maps are far from isometric or not at a minimum.
+pub(crate) fn note_distortion(patches: &[PatchReport], common: &Common) {
+    for patch in patches {
+        let Some(finest) = patch.levels.first() else { continue };
+        let (name, energy) = (plain(&patch.name), finest.distortion.symmetric_dirichlet);
+        if energy > FAR_FROM_ISOMETRIC && energy.is_finite() {
+            note(
+                common,
+                format_args!(
+                    "{name}: the map is far from isometric (symmetric Dirichlet energy {energy:.0}, 4 at an isometry); \
+                     a patch that is cut open maps better"
+                ),
+            );
+        }
+        let short =
+            patch.levels.iter().filter_map(|l| Some((l.level, l.convergence.filter(|c| !c.converged)?)));
+        for (level, convergence) in short {
+            note(
+                common,
+                format_args!(
+                    "{name}: the map of level {level} is not at a minimum: its steps ended at a relative gradient of \
+                     {:.1e}",
+                    convergence.gradient
+                ),
+            );
+        }
+    }
+}
+
 fn cure(options: &FlattenOptions) -> &'static str {
     match (options.method, options.overlap) {
         (Method::Intrinsic { .. }, Overlap::Allow) => "without --overlap allow it does not",

@@ -75,6 +75,9 @@ pub(crate) struct FlattenArgs {
     /// What to do where the map of least distortion overlaps itself [default: prevent]
     #[arg(long, value_enum)]
     overlap: Option<OverlapArg>,
+    /// The same as --overlap prevent
+    #[arg(long, hide = true, conflicts_with = "overlap")]
+    bijective: bool,
     /// Where the outer boundary lies: free, circle, rectangle or rectangle:W:H, as large as the skin
     /// [default: free]
     #[arg(long, value_name = "SHAPE", value_parser = boundary)]
@@ -124,7 +127,7 @@ impl FlattenArgs {
             }
             (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
                 self.allow_only(
-                    &["--energy", "--magnify", "--overlap", "--boundary"],
+                    &["--energy", "--magnify", "--overlap", "--bijective", "--boundary"],
                     "--energy symmetric-dirichlet",
                 )?;
                 Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify }
@@ -150,6 +153,7 @@ impl FlattenArgs {
             ("--perimeter", self.perimeter.is_some()),
             ("--magnify", self.magnify.is_some()),
             ("--overlap", self.overlap.is_some()),
+            ("--bijective", self.bijective),
             ("--boundary", self.boundary.is_some()),
         ];
         match given.into_iter().find(|(name, given)| *given && !used.contains(name)) {

@@ -2,7 +2,7 @@
 
 use crate::{
     flatten::{
-        Energy, FlattenError, FlattenOptions, Method, Overlap,
+        Convergence, Energy, FlattenError, FlattenOptions, Method, Overlap,
         bijective::{
             fillers::Fillers,
             overlap::{has_no_branch_points, is_one_to_one, keeps_holes},
@@ -82,10 +82,7 @@ impl Walls {
 pub(crate) struct Relaxed {
     pub(crate) uv: Uv,
     pub(crate) walls: Walls,
-    /// Whether it is a minimum, up to the limits.
-    pub(crate) converged: bool,
-    /// Length of the gradient over the energy, in units of the domain.
-    pub(crate) gradient: f64,
+    pub(crate) convergence: Convergence,
 }
 
 /// The map of a surface by the method of the options, in units of its domain, without any other map
@@ -94,7 +91,8 @@ pub(crate) fn solve_from_scratch(
     domain: &FlattenDomain<'_>,
     options: &FlattenOptions,
 ) -> Result<Relaxed, FlattenError> {
-    let linear_map = |uv| Relaxed { uv, walls: Walls::None, converged: true, gradient: 0.0 };
+    let linear_map =
+        |uv| Relaxed { uv, walls: Walls::None, convergence: Convergence { converged: true, gradient: 0.0 } };
     match options.method {
         Method::Conformal => spectral_conformal(domain).map(linear_map),
         Method::Linear { angle, area } => linear(domain, angle, area).map(linear_map),
@@ -201,7 +199,11 @@ impl Reached {
 
 impl<'d> Descent<'d> {
     fn start(&self, uv: Uv, walls: Walls) -> Reached {
-        let relaxed = Relaxed { uv: Uv::new(), walls, converged: false, gradient: 0.0 };
+        let relaxed = Relaxed {
+            uv: Uv::new(),
+            walls,
+            convergence: Convergence { converged: false, gradient: f64::NAN },
+        };
         let mut reached = Reached { relaxed, kept: None, apart: None };
         self.note(&uv, &mut reached.kept, &mut reached.apart);
         reached.relaxed.uv = uv;
@@ -236,8 +238,8 @@ impl<'d> Descent<'d> {
             (is_kept || !must_keep) && (is_apart || !must_be_apart)
         };
         let ended = self.objective.minimise(&mut relaxed.uv, self.solver, self.limits, &mut go_on);
-        relaxed.converged = ended.map_err(failed)? == Ended::Converged;
-        relaxed.gradient = self.objective.relative_gradient(&relaxed.uv);
+        relaxed.convergence.converged = ended.map_err(failed)? == Ended::Converged;
+        relaxed.convergence.gradient = self.objective.relative_gradient(&relaxed.uv);
         Ok(reached)
     }
 
@@ -259,11 +261,11 @@ impl<'d> Descent<'d> {
                 true
             };
             objective.minimise(&mut uv, Solver::Direct, limits, &mut note).map_err(failed)?;
-            relaxed.gradient = objective.relative_gradient(&uv);
+            relaxed.convergence.gradient = objective.relative_gradient(&uv);
             relaxed.uv = uv.iter().take(self.domain.vertices()).copied().collect();
             let energy = self.objective.energy(&relaxed.uv);
-            relaxed.converged = before - energy <= ENOUGH.max(self.limits.decrement) * energy;
-            if relaxed.converged {
+            relaxed.convergence.converged = before - energy <= ENOUGH.max(self.limits.decrement) * energy;
+            if relaxed.convergence.converged {
                 break;
             }
             before = energy;

@@ -183,7 +183,7 @@ fn read_level(
         };
     }
     let level = Level { mesh, areas, ..Level::default() };
-    Ok(MapLevel { level, uv, frame, distortion: Distortion::default() })
+    Ok(MapLevel { level, uv, frame, distortion: Distortion::default(), convergence: None })
 }
 
 /// A normal of unit length: glTF allows normals of 8-bit integers, which are not.
