@@ -256,16 +256,19 @@ impl<'d> Descent<'d> {
             let elements = self.domain.elements.with(fillers.elements(&uv, weight));
             let objective = Objective::new(&elements, self.goal.energy);
             let limits = NewtonLimits { steps: round, ..self.limits };
-            let mut note = |uv: &Uv| {
-                self.note(uv, kept, apart);
-                true
+            // With fillers alone a map that begins to overlap itself will go on.
+            let needs_frame =
+                self.goal.overlap == Overlap::Prevent && walls == Walls::Holes && apart.is_some();
+            let mut go_on = |uv: &Uv| {
+                let [_, is_apart] = self.note(uv, kept, apart);
+                is_apart || !needs_frame
             };
-            objective.minimise(&mut uv, Solver::Direct, limits, &mut note).map_err(failed)?;
+            let ended = objective.minimise(&mut uv, Solver::Direct, limits, &mut go_on).map_err(failed)?;
             relaxed.convergence.gradient = objective.relative_gradient(&uv);
             relaxed.uv = uv.iter().take(self.domain.vertices()).copied().collect();
             let energy = self.objective.energy(&relaxed.uv);
             relaxed.convergence.converged = before - energy <= ENOUGH.max(self.limits.decrement) * energy;
-            if relaxed.convergence.converged {
+            if relaxed.convergence.converged || ended == Ended::Stopped {
                 break;
             }
             before = energy;
