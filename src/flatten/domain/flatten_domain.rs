@@ -13,9 +13,9 @@ use crate::{
 };
 
 /// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were
-/// that high: exact slivers still flatten to themselves down to a billionth, and a face without
+/// that high: exact slivers still flatten to themselves down to a millionth, and a face without
 /// area still has an orientation to keep, at a negligible weight.
-const LEAST_HEIGHT: f64 = 1e-9;
+const LEAST_HEIGHT: f64 = 1e-6;
 
 /// A disk with holes and its finite elements.
 ///
