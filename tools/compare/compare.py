@@ -7,7 +7,7 @@
     .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [graphs] [skins] [build] [images] [frames]
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
-without file access. `nearest` needs Debian's libembree-dev and g++. `graphs` reads the pose graphs sphere2500.g2o,
+without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin. `graphs` reads the pose graphs sphere2500.g2o,
 parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it.
 """
 import json, os, statistics, subprocess, sys, tempfile, time
@@ -142,23 +142,61 @@ def coarsen():
     row(str(len(faces)), f"{median(own):.3f}", f"{left:.0%}", f"{median(other):.3f}")
 
 
+def refined(vertices, faces):
+    """Every triangle in four, at the middles of its sides."""
+    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    sides, number = np.unique(sides, axis=0, return_inverse=True)
+    x, y, z = number.reshape(3, -1) + len(vertices)
+    a, b, c = faces.T
+    middles = vertices[sides].mean(1)
+    return np.concatenate([vertices, middles]), np.concatenate([np.stack(t, 1) for t in [(a, x, z), (x, b, y), (z, y, c), (x, y, z)]])
+
+
+def cover(times):
+    """A cover of 642 taxels, refined; None without its file."""
+    file = DATA / "cyskin/ur10e_link1_patch1_isomap.json"
+    if not file.exists():
+        return None
+    subprocess.run([DERMATOME, "convert", file, FOLDER / "cover.obj"], check=True, capture_output=True)
+    lines = [line.split() for line in (FOLDER / "cover.obj").read_text().splitlines()]
+    mesh = (np.array([list(map(float, w[1:4])) for w in lines if w and w[0] == "v"]),
+            np.array([[int(x.split("/")[0]) - 1 for x in w[1:4]] for w in lines if w and w[0] == "f"]))
+    for _ in range(times):
+        mesh = refined(*mesh)
+    return mesh
+
+
 def nearest():
-    print("\n`cargo bench --bench contact -- contact/SIZE/`, one thread; `tools/compare/embree_nearest.cpp`, g++ -O3, Embree of Debian\n")
-    row("triangles", "single ns", "path ns", "Embree single ns")
-    row(*["---"] * 4)
+    print("\nns per contact 0 to 3 mm off the skin, one thread, engines in turn: `tools/contact-peers`, `tools/compare/embree_nearest.cpp` (g++ -O3,"
+          " Embree of Debian); single (path); in brackets the share of Embree's time; a batch of 1M on all threads\n")
+    row("mesh, triangles", "dermatome", "batch", "Embree", "parry3d", "obvhs, scalar")
+    row(*["---"] * 6)
     program = FOLDER / "embree_nearest"
     subprocess.run(["g++", "-O3", ROOT / "tools/compare/embree_nearest.cpp", "-lembree3", "-o", program], check=True)
-    for size in [20_000, 100_000, 1_000_000]:
-        write_obj(FOLDER / "cap.obj", *SHAPES["cap"](size))
-        own, other = {"single": [], "path": []}, []
+    subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT / "tools/contact-peers", check=True)
+    target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "tools/contact-peers/target"))
+    peers = target / "release/contact-peers"
+    meshes = [(name, SHAPES[name](size)) for size in [20_000, 100_000, 1_000_000] for name in ["cap", "saddle"]]
+    meshes += [(f"cover refined {times} times", cover(times)) for times in [2, 3]]
+    for name, mesh in meshes:
+        if mesh is None:
+            row(name, *["skipped: no file"] * 5)
+            continue
+        write_obj(FOLDER / "mesh.obj", *mesh)
+        subprocess.run([peers, "contacts", FOLDER / "mesh.obj", FOLDER], check=True)
+        times = {engine: [] for engine in ["dermatome", "embree", "parry", "obvhs"]}
         for _ in range(3):
-            other.append(float(subprocess.run([program, FOLDER / "cap.obj"], check=True, capture_output=True).stdout))
-            subprocess.run(["cargo", "bench", "--bench", "contact", "--", f"contact/{size}/(single|path)"], cwd=ROOT, check=True,
-                           capture_output=True)
-            for kind, times in own.items():
-                estimates = ROOT / f"target/criterion/contact_{size}/{kind}/new/estimates.json"
-                times.append(json.loads(estimates.read_text())["median"]["point_estimate"])
-        row(str(size), f"{median(own['single']):.0f}", f"{median(own['path']):.0f}", f"{median(other):.0f}")
+            for engine, runs in times.items():
+                command = [peers, engine, FOLDER / "mesh.obj", FOLDER]
+                if engine == "embree":
+                    command = [program, FOLDER / "mesh.obj", FOLDER / "scattered.f32", FOLDER / "path.f32"]
+                runs.append(subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
+        ns = {engine: [median([float(run[k]) for run in runs]) for k in range(2)] for engine, runs in times.items()}
+        cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
+        share = [own / other for own, other in zip(ns["dermatome"], ns["embree"])]
+        batch = median([float(run[2]) for run in times["dermatome"]])
+        row(f"{name}, {len(mesh[1])}", f"{cell('dermatome')} [{share[0]:.2f} ({share[1]:.2f})]", f"{batch:.0f}",
+            *map(cell, ["embree", "parry", "obvhs"]))
 
 
 def gtsam_seconds(path):
