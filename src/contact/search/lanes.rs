@@ -182,16 +182,6 @@ impl Simd {
     }
 }
 
-/// The numbers of the bits set in `mask`, lowest first.
-#[inline(always)]
-pub(super) fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = mask.trailing_zeros();
-        mask &= mask.wrapping_sub(1);
-        (lane < u32::BITS).then_some(lane as usize)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,11 +206,5 @@ mod tests {
                 assert_eq!(found as usize & 7, least);
             }
         }
-    }
-
-    #[test]
-    fn lanes_are_the_bits_of_a_mask() {
-        assert_eq!(lanes(0b1010_0001).collect::<Vec<_>>(), [0, 5, 7]);
-        assert_eq!(lanes(0).count(), 0);
     }
 }

@@ -178,9 +178,8 @@ mod tests {
         let mut fitted = PatchBvh::new("sheet", &sheet).unwrap();
         fitted.refit("sheet", &rolled.positions).unwrap();
         let new = PatchBvh::new("roll", &rolled).unwrap();
-        for k in 0..500 {
-            let q = rolled.positions[VertexId::new(k)] * (1.0 + 0.01 * f64::from(k as u32 % 7))
-                - DVec3::X * 0.003;
+        for k in 0..500_u32 {
+            let q = rolled.positions[VertexId::from(k)] * (1.0 + 0.01 * f64::from(k % 7)) - DVec3::X * 0.003;
             let ask = |patch: &PatchBvh| {
                 let mut best: Option<Best> = None;
                 Search::new(patch, PatchId::new(0), q).run(&mut best);

@@ -254,8 +254,7 @@ impl Moments {
     /// farthest.
     fn axes(&self, above: Option<DMat3>) -> DMat3 {
         let length = self.area.length();
-        // Also true for NaN.
-        if !(length > FLAT * self.total) {
+        if length.is_nan() || length <= FLAT * self.total {
             return DMat3::IDENTITY;
         }
         let z = self.area / length;
