@@ -13,6 +13,9 @@ pub enum Error {
     /// Observations that do not determine a skin.
     #[error(transparent)]
     Calib(#[from] crate::calib::CalibError),
+    /// A surface that cannot be cut as asked.
+    #[error(transparent)]
+    Cut(#[from] crate::cut::CutError),
     /// A patch that cannot be coarsened.
     #[error(transparent)]
     Pyramid(#[from] crate::pyramid::PyramidError),

@@ -33,6 +33,7 @@ pub mod mesh;
 mod delaunay;
 pub mod skin;
 pub mod calib;
+pub mod cut;
 pub mod pyramid;
 pub mod flatten;
 pub mod map;

@@ -29,9 +29,15 @@ use rayon::prelude::*;
 use crate::{
     Error,
     atlas::skin_images,
-    flatten::{FlattenOptions, flatten_pyramid_with_convergence},
+    cut::{Cut, CutMesh, cut_along, decide, pairs_by_patch, seam_length},
+    flatten::{
+        Convergence, Energy, FlattenOptions, flatten, flatten_pyramid_with_convergence,
+        flatten_with_convergence,
+    },
+    id::{IdVec, VertexId},
     io::{write_images, write_map},
     map::{PatchMap, SkinMap},
+    mesh::TriMesh,
     pyramid::{CoarsenOptions, coarsen},
     report::Seconds,
     skin::{Patch, Skin, named_links},
@@ -52,6 +58,95 @@ impl Default for BuildOptions {
     fn default() -> Self {
         Self { coarsen: CoarsenOptions::default(), flatten: FlattenOptions::default(), pixel: 1e-3 }
     }
+}
+
+/// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
+/// second, and its seam differs little from that of the skin.
+const DECIDED_ON: usize = 2000;
+
+/// Cuts a patch open where that is needed or worth it, from trial maps; `None` for a patch that is
+/// mapped as it is.
+///
+/// # Errors
+/// If the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
+pub fn cut_open(patch: &Patch, cut: &Cut) -> Result<Option<CutMesh>, Error> {
+    let Patch { mesh, taxels, .. } = patch;
+    let cut = match cut {
+        Cut::None => return Ok(None),
+        Cut::Along(pairs) => {
+            let edges = pairs_by_patch(pairs, std::iter::once(taxels))?;
+            match edges.iter().next() {
+                Some(edges) if !edges.is_empty() => return Ok(Some(cut_along(mesh, edges, &taxels.ids)?)),
+                _ => &Cut::Auto,
+            }
+        }
+        cut => cut,
+    };
+    let energy = FlattenOptions::from(Energy::SymmetricDirichlet);
+    let trial = |mesh: &TriMesh| flatten(mesh, &energy).ok();
+    let densities = taxels.densities.as_ref();
+    // A level of `DECIDED_ON` vertices, in steps of a factor of about four.
+    let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
+    let recipe = if factor < 1.6 {
+        decide(mesh, densities, cut, &trial)?
+    } else {
+        let steps = factor.log(4.0).ceil().max(1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
+        let options = CoarsenOptions {
+            ratio: Some(factor.powf(steps.recip()).max(1.5)),
+            levels: Some(steps as usize),
+            coarsest: 1,
+        };
+        let pyramid = coarsen(mesh, taxels, &options)?;
+        let Some(level) = pyramid.levels.iter().last() else { return Ok(None) };
+        let densities = densities.map(|all| level.origins.map(|&v| all[v]));
+        decide(&level.mesh, densities.as_ref(), cut, &trial)?.on_finer(&level.origins)
+    };
+    Ok(recipe.cut(mesh, densities)?)
+}
+
+/// A mesh with its map, cut open where that was needed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlatMesh {
+    /// The mesh; where it was cut, the vertices of the seam are there once for each of their places
+    /// on the map: the copies come last.
+    pub mesh: TriMesh,
+    /// The vertex of the uncut mesh that each vertex is.
+    pub unsplit: IdVec<VertexId, VertexId>,
+    /// Map positions, in m.
+    pub uv: IdVec<VertexId, glam::DVec2>,
+    /// Length of the seam, in m.
+    pub seam: f64,
+    /// How near the map is to a minimum of its energy.
+    pub convergence: Convergence,
+}
+
+/// Flattens one patch at full precision, without a pyramid.
+///
+/// ```
+/// use dermatome::{cut::Cut, mesh::shapes, pipeline::flatten_patch, skin::{PatchId, Skin}};
+///
+/// // A torus has no map before it is cut open.
+/// let skin = Skin::from_mesh("ring", shapes::torus(24, 12, 0.05, 0.02));
+/// let flat = flatten_patch(&skin.patches[PatchId::new(0)], &Cut::Auto, &Default::default())?;
+/// assert!(flat.seam > 0.0 && flat.uv.len() > flat.unsplit.len() - 80);
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+///
+/// # Errors
+/// If the patch cannot be cut as asked, or not be flattened.
+pub fn flatten_patch(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Result<FlatMesh, Error> {
+    options.validate()?;
+    let opened = cut_open(patch, cut)?;
+    let (mesh, unsplit, seam) = match opened {
+        None => (patch.mesh.clone(), patch.mesh.positions.ids().collect(), 0.0),
+        Some(cut) => {
+            let seam = seam_length(&patch.mesh, &cut.seam(&patch.mesh)?);
+            (cut.mesh(&patch.mesh.positions), cut.unsplit, seam)
+        }
+    };
+    let (uv, convergence) = flatten_with_convergence(&mesh, options)?;
+    Ok(FlatMesh { mesh, unsplit, uv, seam, convergence })
 }
 
 /// A step of the flow.

@@ -70,7 +70,9 @@ pub struct LevelReport {
     pub vertices: usize,
     /// Number of triangles.
     pub faces: usize,
-    /// Number of boundary loops.
+    /// Length of the seam along which the level is cut, in m; 0 without one.
+    pub seam: f64,
+    /// Number of boundary loops of the map.
     pub boundary_loops: usize,
     /// How faithful the level's map is.
     #[serde(flatten)]
@@ -87,6 +89,7 @@ pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
         level: id.index(),
         vertices: map.level.mesh.positions.len(),
         faces: map.level.mesh.triangles.len(),
+        seam: 0.0,
         boundary_loops: Adjacency::new(&map.level.mesh).map_or(0, |a| a.boundary_loops().len()),
         distortion: map.distortion,
         convergence: map.convergence,

@@ -93,7 +93,7 @@ fn the_report_has_the_documented_keys() {
     assert_eq!(keys(&written["patches"][0]), "levels link name");
     assert_eq!(
         keys(&written["patches"][0]["levels"][0]),
-        "area_max area_mean boundary_loops crossings faces flips level qc_max qc_mean symmetric_dirichlet vertices"
+        "area_max area_mean boundary_loops crossings faces flips level qc_max qc_mean seam symmetric_dirichlet vertices"
     );
 }
 
@@ -126,6 +126,35 @@ fn a_closed_skin_is_refused_with_its_euler_characteristic() {
         .assert()
         .code(2)
         .stderr(contains("Euler characteristic 2").and(contains("ball")));
+}
+
+#[test]
+fn seams_are_given_as_pairs_of_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mesh, seams) = (folder.path().join("tube.obj"), folder.path().join("seams.csv"));
+    write_skin(&mesh, &Skin::from_mesh("tube", shapes::tube(8, 4, 0.05, 0.1))).unwrap();
+    let flatten = |table: &str| {
+        fs::write(&seams, table).unwrap();
+        let out = folder.path().join("flat.npz");
+        let mut command = dermatome();
+        command.arg("flatten").arg(&mesh).arg("-o").arg(out).arg("--cut").arg(&seams).arg("--json");
+        command.assert()
+    };
+    let printed = flatten("from,to\n1,9\n9,17\n17,25\n").success();
+    let level: serde_json::Value = serde_json::from_slice(&printed.get_output().stdout).unwrap();
+    assert_eq!(level["boundary_loops"], 1, "{level}");
+    assert_eq!(level["vertices"], 32, "taxels, not places");
+    assert!(level["seam"].as_f64().unwrap() >= 0.1, "{level}");
+    for (table, said) in [
+        ("from,to\n1,20\n", "from taxel 1 to taxel 20"),
+        ("from,to\n1,2\n", "on the boundary"),
+        ("from,to\n9,10\n10,11\n11,12\n12,13\n13,14\n14,15\n15,16\n16,9\n", "2 pieces"),
+        ("from,to\n1,1\n", "another taxel"),
+        ("from,to\n1,77\n", "taxel 77"),
+        ("from,on\n1,2\n", "to"),
+    ] {
+        flatten(table).code(2).stderr(contains(said).and(contains("help:")));
+    }
 }
 
 #[test]

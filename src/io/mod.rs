@@ -76,6 +76,7 @@ pub use table::{
     lookups::{LookupPlace, LookupRow, LookupWriter},
     poses::read_poses,
     regions::RegionWriter,
+    seams::read_seams,
     touches::{ReadingsWriter, write_touches},
     values::write_values,
 };

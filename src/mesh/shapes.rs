@@ -114,6 +114,90 @@ pub fn torus(around: u32, across: u32, radius: f64, thickness: f64) -> TriMesh {
     TriMesh::from_arrays(positions.collect(), &triangles)
 }
 
+/// A whole sphere: closed, Euler characteristic 2. An octahedron with `fine` edges along each of
+/// its own, pushed out.
+#[must_use]
+pub fn ball(fine: u32, radius: f64) -> TriMesh {
+    let mut lattice = Lattice::default();
+    let n = fine.cast_signed();
+    for octant in 0..8 {
+        let signs = [1, 2, 4].map(|bit| if octant & bit == 0 { 1 } else { -1 });
+        let is_mirrored = signs.iter().product::<i32>() < 0;
+        let corner = |i: i32, j: i32| [signs[0] * i, signs[1] * j, signs[2] * (n - i - j)];
+        for (i, j) in (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j))) {
+            let [a, b, c] = [corner(i, j), corner(i + 1, j), corner(i, j + 1)];
+            lattice.add(if is_mirrored { [a, c, b] } else { [a, b, c] });
+            if i + j + 1 < n {
+                let d = corner(i + 1, j + 1);
+                lattice.add(if is_mirrored { [b, c, d] } else { [b, d, c] });
+            }
+        }
+    }
+    lattice.mesh(|p| radius * p.normalize())
+}
+
+/// A flat block with `windows` square holes through it in a row: closed, a handle for each window.
+/// Every side of a window is `fine` edges of `edge` metres long, as are the bars around it.
+#[must_use]
+pub fn frame(windows: u32, fine: u32, edge: f64) -> TriMesh {
+    let (w, f) = (windows.cast_signed(), fine.cast_signed());
+    let is_solid = |[x, y, z]: [i32; 3]| {
+        let inside = x >= 0 && x < (2 * w + 1) * f && y >= 0 && y < 3 * f && z >= 0 && z < f;
+        inside && !(x / f % 2 == 1 && y / f == 1)
+    };
+    let mut lattice = Lattice::default();
+    let cells = (0..(2 * w + 1) * f)
+        .flat_map(|x| (0..3 * f).flat_map(move |y| (0..f).map(move |z| [x, y, z])))
+        .filter(|&cell| is_solid(cell));
+    for cell in cells {
+        for axis in 0..3 {
+            for (step, side) in [(1, 1), (-1, 0)] {
+                let (mut beyond, mut from) = (cell, cell);
+                beyond[axis] += step;
+                from[axis] += side;
+                if is_solid(beyond) {
+                    continue;
+                }
+                let corner = |along: i32, across: i32| {
+                    let mut p = from;
+                    p[(axis + 1) % 3] += along;
+                    p[(axis + 2) % 3] += across;
+                    p
+                };
+                let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                let [b, d] = if step > 0 { [b, d] } else { [d, b] };
+                lattice.add([a, b, c]);
+                lattice.add([a, c, d]);
+            }
+        }
+    }
+    lattice.mesh(|p| edge * p)
+}
+
+/// Triangles between points with whole coordinates, which are vertices once each.
+#[derive(Default)]
+struct Lattice {
+    points: Vec<[i32; 3]>,
+    numbers: std::collections::BTreeMap<[i32; 3], u32>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Lattice {
+    fn add(&mut self, corners: [[i32; 3]; 3]) {
+        self.triangles.push(corners.map(|p| {
+            *self.numbers.entry(p).or_insert_with(|| {
+                self.points.push(p);
+                VertexId::new(self.points.len() - 1).raw()
+            })
+        }));
+    }
+
+    fn mesh(self, position: impl Fn(DVec3) -> DVec3) -> TriMesh {
+        let positions = self.points.iter().map(|p| position(DVec3::from_array(p.map(f64::from))));
+        TriMesh::from_arrays(positions.collect(), &self.triangles)
+    }
+}
+
 /// The bottom of a sphere of `radius` metres up to `half_angle` rad from its south pole, with
 /// about `faces` triangles: concentric rings of nearly equal spacing, outward normals.
 #[must_use]

@@ -12,6 +12,7 @@ use dermatome::{
     atlas::AtlasError,
     calib::CalibError,
     contact::ContactError,
+    cut::CutError,
     flatten::FlattenError,
     image::ImageError,
     io::IoError,
@@ -105,6 +106,7 @@ fn library_help(error: &Error) -> String {
         Error::Skin(e) => skin_help(e).into(),
         Error::Mesh(_) | Error::Pyramid(_) => CHECK.into(),
         Error::Flatten(e) => flatten_help(e).into(),
+        Error::Cut(e) => cut_help(e).into(),
         Error::Calib(e) => calib_help(e).into(),
         Error::Contact(e) => contact_help(e).into(),
         Error::Touch(TouchError::Skin(e)) => skin_help(e).into(),
@@ -134,7 +136,9 @@ fn skin_help(error: &SkinError) -> &'static str {
 
 fn flatten_help(error: &FlattenError) -> &'static str {
     match error {
-        FlattenError::NotADisk { .. } => "cut the mesh open, or give each piece a file of its own",
+        FlattenError::NotADisk { .. } => {
+            "`dermatome flatten` finds a seam with --cut auto; else give each piece a file of its own"
+        }
         FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => CHECK,
         FlattenError::Option { .. } => "change the option: `dermatome help flatten` lists what each takes",
         FlattenError::Size { .. } => "give positions in metres",
@@ -142,6 +146,15 @@ fn flatten_help(error: &FlattenError) -> &'static str {
             "correct the densities in the file, or remove them"
         }
         _ => "remesh the thin part, cut it into shorter pieces, or try another --method",
+    }
+}
+
+fn cut_help(error: &CutError) -> &'static str {
+    match error {
+        CutError::Mesh(_) => CHECK,
+        _ => {
+            "correct the table of seams: `from,to` are the ids of taxels that an edge joins; --cut auto finds a seam"
+        }
     }
 }
 

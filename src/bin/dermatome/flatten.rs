@@ -1,13 +1,18 @@
 //! `flatten`: one mesh to the plane, at full precision.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 use anyhow::Context;
 use dermatome::{
     Error,
-    flatten::{distortion, flatten_with_convergence},
-    io::write_flat,
+    cut::Cut,
+    flatten::distortion,
+    io::{read_seams, write_flat},
     mesh::Adjacency,
+    pipeline::flatten_patch,
     report::{LevelReport, PatchReport},
     skin::PatchId,
 };
@@ -28,12 +33,17 @@ use crate::{
 pub(crate) struct Args {
     /// The mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt, with one connected sheet
     mesh: PathBuf,
-    /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; may be given
-    /// twice
+    /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; where the mesh is
+    /// cut, V has the vertices of the seam once for each of their places; may be given twice
     #[arg(short, long, value_name = "OUT", required = true)]
     output: Vec<PathBuf>,
     #[command(flatten)]
     flatten: FlattenArgs,
+    /// Where to cut first: auto (what has no map otherwise, and where it makes the map much better),
+    /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
+    /// of taxels)
+    #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto", help_heading = "Map")]
+    cut: String,
     /// Print the measures of the map as JSON
     #[arg(long)]
     json: bool,
@@ -60,22 +70,22 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let patch = &skin.patches[PatchId::new(0)];
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let (uv, convergence) = flatten_with_convergence(&patch.mesh, &options)
-        .map_err(Error::from)
+    let flat = flatten_patch(patch, &cut(&args.cut)?, &options)
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
     let mut outputs = Outputs::default();
     for path in &args.output {
-        outputs.stage(path, |path| write_flat(path, &patch.mesh, &uv))?;
+        outputs.stage(path, |path| write_flat(path, &flat.mesh, &flat.uv))?;
     }
     outputs.publish()?;
     let level = LevelReport {
         level: 0,
         vertices: patch.mesh.positions.len(),
         faces: patch.mesh.triangles.len(),
-        boundary_loops: Adjacency::new(&patch.mesh).map_err(Error::from)?.boundary_loops().len(),
-        distortion: distortion(&patch.mesh, &uv),
-        convergence: Some(convergence),
+        seam: flat.seam,
+        boundary_loops: Adjacency::new(&flat.mesh).map_err(Error::from)?.boundary_loops().len(),
+        distortion: distortion(&flat.mesh, &flat.uv),
+        convergence: Some(flat.convergence),
     };
     let link = skin.links[patch.link].name.clone();
     let report = [PatchReport { name: patch.name.clone(), link, levels: vec![level] }];
@@ -87,4 +97,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_levels(&report)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Where to cut; reads the table if one is named.
+fn cut(text: &str) -> anyhow::Result<Cut> {
+    Ok(match text {
+        "auto" => Cut::Auto,
+        "none" => Cut::None,
+        "all" => Cut::All,
+        file => Cut::Along(read_seams(Path::new(file)).map_err(Error::from)?),
+    })
 }

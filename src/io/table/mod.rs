@@ -6,5 +6,6 @@ pub(super) mod csv_table;
 pub(super) mod lookups;
 pub(super) mod poses;
 pub(super) mod regions;
+pub(super) mod seams;
 pub(super) mod touches;
 pub(super) mod values;

@@ -1,0 +1,113 @@
+//! A mesh cut open: the same faces, with the vertices of the seam doubled.
+
+use glam::DVec3;
+
+use crate::{
+    cut::CutError,
+    id::{FaceId, IdVec, VertexId},
+    mesh::{Adjacency, Halfedge, TriMesh},
+    numeric::DisjointSets,
+};
+
+/// The faces of a mesh after a cut.
+///
+/// The cut mesh has the faces of the uncut one, in the same order with the same corners, so a face
+/// and barycentric coordinates in it mean the same point of both. A vertex of the seam is several
+/// vertices of the cut mesh: itself, and copies that follow after all vertices of the uncut mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CutMesh {
+    /// The corners of every face, as vertices of the cut mesh.
+    pub triangles: IdVec<FaceId, [VertexId; 3]>,
+    /// The vertex of the uncut mesh that each vertex of the cut mesh is. The first ones are
+    /// themselves.
+    pub unsplit: IdVec<VertexId, VertexId>,
+}
+
+impl CutMesh {
+    /// Cuts a mesh of `vertices` vertices open. `across` leads from a halfedge to its twin, or
+    /// nowhere at a boundary and at the seam.
+    pub(super) fn new(
+        triangles: &IdVec<FaceId, [VertexId; 3]>,
+        vertices: usize,
+        across: impl Fn(Halfedge) -> Option<Halfedge>,
+    ) -> Self {
+        // Corners hang together across edges that are not cut. Halfedges stand for the corners that
+        // they leave.
+        let mut corners = DisjointSets::<Halfedge>::new(4 * triangles.len());
+        let sides = || triangles.ids().flat_map(|face| [0, 1, 2].map(|side| Halfedge::new(face, side)));
+        for h in sides() {
+            if let Some(twin) = across(h) {
+                corners.join(h, twin.next());
+                corners.join(h.next(), twin);
+            }
+        }
+        let mut unsplit: IdVec<VertexId, VertexId> = (0..vertices).map(VertexId::new).collect();
+        let mut is_taken = IdVec::<VertexId, bool>::filled(false, vertices);
+        let mut names = IdVec::<FaceId, [VertexId; 3]>::filled([VertexId::default(); 3], triangles.len());
+        // A set is named by its first corner, which comes first here too.
+        for h in sides() {
+            let root = corners.root(h);
+            let v = triangles[h.face()][h.side()];
+            names[h.face()][h.side()] = if root != h {
+                names[root.face()][root.side()]
+            } else if is_taken[v] {
+                unsplit.push(v)
+            } else {
+                is_taken[v] = true;
+                v
+            };
+        }
+        Self { triangles: names, unsplit }
+    }
+
+    /// The cut mesh, with the positions of the vertices of the uncut one (m).
+    pub(crate) fn mesh(&self, positions: &IdVec<VertexId, DVec3>) -> TriMesh {
+        TriMesh { positions: self.unsplit.map(|&v| positions[v]), triangles: self.triangles.clone() }
+    }
+
+    /// The edges of the seam in the uncut mesh, smaller vertex first, sorted.
+    ///
+    /// # Errors
+    /// If `uncut` is not an oriented manifold.
+    pub(crate) fn seam(&self, uncut: &TriMesh) -> Result<Vec<[VertexId; 2]>, CutError> {
+        let adjacency = Adjacency::new(uncut)?;
+        let mut seam = Vec::new();
+        for face in uncut.triangles.ids() {
+            for h in [0, 1, 2].map(|side| Halfedge::new(face, side)) {
+                let Some(twin) = adjacency.twin(h).filter(|twin| *twin > h) else { continue };
+                if !self.is_whole(h, twin) {
+                    let [a, b] = [h.start(uncut), h.end(uncut)];
+                    seam.push([a.min(b), a.max(b)]);
+                }
+            }
+        }
+        seam.sort_unstable();
+        Ok(seam)
+    }
+
+    /// Whether two halfedges of one uncut edge are one edge of the cut mesh too.
+    pub(crate) fn is_whole(&self, h: Halfedge, twin: Halfedge) -> bool {
+        let at = |h: Halfedge| self.triangles[h.face()][h.side()];
+        at(h) == at(twin.next()) && at(h.next()) == at(twin)
+    }
+}
+
+/// Length of edges of a mesh, in m.
+pub(crate) fn seam_length(mesh: &TriMesh, edges: &[[VertexId; 2]]) -> f64 {
+    edges.iter().map(|&[a, b]| mesh.positions[a].distance(mesh.positions[b])).sum()
+}
+
+/// Refuses a mesh that is not one disk with holes. `vertex` is one of the seam, to name it.
+pub(super) fn check_disk(mesh: &TriMesh, vertex: VertexId) -> Result<(), CutError> {
+    let adjacency = Adjacency::new(mesh)?;
+    let components = adjacency.component_count();
+    if components != 1 {
+        return Err(CutError::Disconnects { vertex, components });
+    }
+    let (euler, loops) = (adjacency.euler_characteristic(), adjacency.boundary_loops().len());
+    let holes_explain = i64::try_from(loops).is_ok_and(|n| euler == 2 - n);
+    if loops == 0 || !holes_explain {
+        return Err(CutError::NotADisk { euler, loops });
+    }
+    Ok(())
+}

@@ -1,0 +1,150 @@
+//! Where to cut: what must be cut, and what trial maps show to be worth a seam. *Heuristic*; the
+//! rule and its numbers are measured on sleeves, junctions of tubes, nearly closed balls and public
+//! shapes: a cut that a plain disk would not need must lower the excess energy fourfold, and
+//! fourfold per seam of the square root of the area.
+
+use crate::{
+    cut::{
+        Cut, CutError,
+        recipe::{Recipe, checked, join_loops, must_cut, slit},
+        seam_graph::SeamGraph,
+        slits::{slit_ends, spread_curvature},
+        trial::{Trial, TrialMap},
+    },
+    id::{IdVec, VertexId},
+    mesh::{TriMesh, loop_length},
+    parallel::par_map,
+};
+
+/// A map whose symmetric Dirichlet energy exceeds that of an isometry by no more is good enough.
+const GOOD: f64 = 0.1;
+/// A loop is in distress if the map stretches or shrinks it by more than `e^0.2`.
+const DISTRESS: f64 = 0.2;
+/// By this factor the excess energy must fall where a surface is cut that need not be.
+const FALL: f64 = 4.0;
+/// Least rate (see [`Trial::rate`]) to begin cutting a surface that need not be cut.
+const BEGIN: f64 = 1.0;
+/// Least rate of further slits. Slits help each other: at rate 1 several shapes would miss half of
+/// what they gain.
+const GO_ON: f64 = 0.5;
+/// From this excess energy on down a slit must pay as much as a first cut: a torus, at 0.147, would
+/// get half a seam more for a map that is hardly better.
+const NEARLY_GOOD: f64 = 0.15;
+/// Slits at most: a further one is a sign of a surface that no map fits.
+const MOST_SLITS: usize = 24;
+
+/// Decides how to cut a mesh, whose taxels have these densities (1/m^2). `map` makes trial maps.
+///
+/// # Errors
+/// If the mesh is not an oriented manifold in one piece.
+pub(crate) fn decide(
+    mesh: &TriMesh,
+    densities: Option<&IdVec<VertexId, f64>>,
+    how: &Cut,
+    map: &TrialMap<'_>,
+) -> Result<Recipe, CutError> {
+    let graph = SeamGraph::new(mesh, densities)?;
+    if *how == Cut::None || (graph.genus() == 0 && graph.loops.len() == 1) {
+        return Ok(Recipe::default());
+    }
+    let base = must_cut(&graph);
+    checked(&graph, &base)?;
+    let must = graph.mesh_edges(&base);
+    let all: Vec<usize> = (0..graph.loops.len()).collect();
+    if *how == Cut::All {
+        let loops = named(&graph, &all);
+        return Ok(Recipe { is_cut: true, base: must, loops, slits: Vec::new() });
+    }
+    let decision = Decision { graph: &graph, map };
+    let mut state = Trial::new(&graph, base, map);
+    let mut loops = Vec::new();
+    if graph.loops.len() > 1 && state.excess > GOOD {
+        if let Some((joined, better)) = decision.join_bad_loops(&state) {
+            (loops, state) = (named(&graph, &joined), better);
+        }
+    }
+    let slits = decision.slit_while_it_pays(&mut state);
+    Ok(Recipe { is_cut: !state.seam.is_empty(), base: must, loops, slits })
+}
+
+/// A vertex of each of these loops.
+fn named(graph: &SeamGraph<'_>, loops: &[usize]) -> Vec<VertexId> {
+    loops.iter().map(|&k| graph.loops[k][0]).collect()
+}
+
+struct Decision<'a, 'm> {
+    graph: &'a SeamGraph<'m>,
+    map: &'a TrialMap<'a>,
+}
+
+impl Decision<'_, '_> {
+    /// Joins the loops in distress to the longest one if that pays: all of them, or the longest of
+    /// them or the fewest of the most shrunk ones if these do nearly as well. Returns the joined loops too.
+    fn join_bad_loops(&self, before: &Trial) -> Option<(Vec<usize>, Trial)> {
+        let (longest, bad) = self.bad_loops(before);
+        if bad.is_empty() {
+            return None;
+        }
+        let joined = |chosen: &[usize]| {
+            let mut loops: Vec<usize> = std::iter::once(longest).chain(chosen.iter().copied()).collect();
+            loops.sort_unstable();
+            let seam = join_loops(self.graph, &before.seam, &loops);
+            (loops, Trial::new(self.graph, seam, self.map))
+        };
+        let all = joined(&bad);
+        if before.excess < FALL * all.1.excess || all.1.rate(before) < BEGIN {
+            return None;
+        }
+        let enough = (2.0 * all.1.excess).max(GOOD);
+        let length = |k: &usize| loop_length(self.graph.mesh, &self.graph.loops[*k]);
+        let other_end = bad.iter().copied().max_by(|a, b| length(a).total_cmp(&length(b)).then(b.cmp(a)));
+        let powers = std::iter::successors(Some(1), |count| Some(2 * count));
+        let fewer = powers.take_while(|count| *count < bad.len()).map(|count| bad[..count].to_vec());
+        let first = other_end.filter(|_| bad.len() > 1).map(|k| vec![k]);
+        let few = first.into_iter().chain(fewer).map(|chosen| joined(&chosen));
+        Some(few.into_iter().find(|few| few.1.excess <= enough).unwrap_or(all))
+    }
+
+    /// The longest loop, and the others that the map stretches or shrinks much, most shrunk first.
+    fn bad_loops(&self, state: &Trial) -> (usize, Vec<usize>) {
+        let Self { graph, .. } = self;
+        let lengths: Vec<f64> = graph.loops.iter().map(|walk| loop_length(graph.mesh, walk)).collect();
+        let longest = (0..lengths.len()).fold(0, |best, k| if lengths[k] > lengths[best] { k } else { best });
+        let stretch = |k: usize| {
+            let walk = &graph.loops[k];
+            let next = walk.iter().cycle().skip(1);
+            // A vertex of the seam lies at one of its places, near enough.
+            let on_map: f64 = walk.iter().zip(next).map(|(&a, &b)| state.uv[a].distance(state.uv[b])).sum();
+            (on_map / lengths[k]).ln()
+        };
+        if state.uv.is_empty() {
+            return (longest, (0..lengths.len()).filter(|&k| k != longest).collect());
+        }
+        let others = (0..lengths.len()).filter(|&k| k != longest).map(|k| (stretch(k), k));
+        let mut bad: Vec<(f64, usize)> = others.filter(|x| x.0.abs() > DISTRESS).collect();
+        bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        (longest, bad.into_iter().map(|x| x.1).collect())
+    }
+
+    /// Adds the best slit again and again while it lowers the excess energy fast enough; returns
+    /// where they end.
+    fn slit_while_it_pays(&self, state: &mut Trial) -> Vec<VertexId> {
+        let mut slits = Vec::new();
+        let curvature = spread_curvature(self.graph);
+        while state.excess > GOOD && slits.len() < MOST_SLITS {
+            let ends = slit_ends(self.graph, state, &curvature);
+            let trials =
+                par_map(&ends, |&end| Trial::new(self.graph, slit(self.graph, &state.seam, end), self.map));
+            let rated = ends.into_iter().zip(trials).map(|(end, trial)| (trial.rate(state), end, trial));
+            // Of equal rates the first.
+            let Some((rate, end, trial)) = rated.reduce(|a, b| if b.0 > a.0 { b } else { a }) else { break };
+            let least = if state.seam.is_empty() || state.excess <= NEARLY_GOOD { BEGIN } else { GO_ON };
+            if rate < least {
+                break;
+            }
+            slits.push(end);
+            *state = trial;
+        }
+        slits
+    }
+}

@@ -1,0 +1,88 @@
+//! Seams that every cut needs: handles opened, and loops joined.
+
+use std::{cmp::Reverse, collections::BTreeSet};
+
+use crate::{
+    cut::seam_graph::{EdgeId, Seam, SeamGraph},
+    id::{FaceId, IdVec, VertexId},
+    mesh::Halfedge,
+    numeric::DisjointSets,
+};
+
+/// Roots from which a system of loops is tried, evenly spread over the vertices' numbers.
+const ROOTS: usize = 4;
+
+/// Sweeps that look for two points far apart.
+const SWEEPS: usize = 4;
+
+/// A seam that opens all handles, the lightest of a few roots: what is left over between a tree of
+/// shortest ways and a spanning tree of the faces with the longest loops, and the ways back from it
+/// to the root (`(erickson2004)`). Nothing without handles.
+pub(super) fn open_handles(graph: &SeamGraph<'_>) -> Seam {
+    let last = graph.mesh.positions.len() - 1;
+    let roots = (0..ROOTS).map(|k| VertexId::new(k * last / (ROOTS - 1)));
+    let seams = roots.map(|root| from_root(graph, root));
+    seams.min_by_key(|seam| graph.weight(seam)).unwrap_or_default()
+}
+
+fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> Seam {
+    let tree = graph.paths.tree(&graph.weights, std::iter::once(root));
+    let in_tree: BTreeSet<_> = tree.parents.iter().flatten().map(|&(_, edge)| edge).collect();
+    let length = |e| {
+        let [a, b] = graph.ends[e];
+        tree.distances[a].saturating_add(tree.distances[b]).saturating_add(graph.weights[e])
+    };
+    let mut rest: Vec<_> = graph.ends.ids().filter(|e| !in_tree.contains(e)).collect();
+    rest.sort_by_key(|&e| (Reverse(length(e)), e));
+    let mut faces_of = IdVec::<EdgeId, _>::filled([FaceId::default(); 2], graph.ends.len());
+    for face in graph.closed.triangles.ids() {
+        for side in 0..3 {
+            if let Some(twin) = graph.adjacency.twin(Halfedge::new(face, side)) {
+                faces_of[graph.edge_of[face][side]] = [face, twin.face()];
+            }
+        }
+    }
+    let mut cotree = DisjointSets::<FaceId>::new(graph.closed.triangles.len());
+    let mut seam = Seam::new();
+    for e in rest {
+        let [f, g] = faces_of[e];
+        if cotree.root(f) != cotree.root(g) {
+            cotree.join(f, g);
+            continue;
+        }
+        seam.insert(e);
+        graph.ends[e].into_iter().for_each(|v| seam.extend(tree.way(v)));
+    }
+    graph.prune(&mut seam, &BTreeSet::new());
+    seam
+}
+
+/// Two vertices far apart: each the farthest from the one before, a few times.
+pub(super) fn far_pair(graph: &SeamGraph<'_>) -> [VertexId; 2] {
+    let mut pair = [VertexId::default(); 2];
+    for _ in 0..SWEEPS {
+        let distances = graph.distances(std::iter::once(pair[1]));
+        let farthest = distances.ids().max_by_key(|&v| (distances[v], Reverse(v)));
+        pair = [pair[1], farthest.unwrap_or_default()];
+    }
+    pair
+}
+
+/// The seam with `ends` joined to it: the nearest by a shortest way, until all hang together
+/// (`(takahashi1980)`).
+pub(super) fn join(graph: &SeamGraph<'_>, seam: &Seam, ends: &BTreeSet<VertexId>) -> Seam {
+    let mut seam = seam.clone();
+    let mut here = graph.vertices(&seam);
+    let mut left: BTreeSet<VertexId> = ends.difference(&here).copied().collect();
+    if here.is_empty() {
+        here.extend(left.pop_first());
+    }
+    while !left.is_empty() {
+        let Some(way) = graph.way(&here, &left) else { break };
+        let reached: BTreeSet<_> = way.iter().flat_map(|&e| graph.ends[e]).collect();
+        seam.extend(way);
+        left.retain(|v| !reached.contains(v));
+        here.extend(reached);
+    }
+    seam
+}

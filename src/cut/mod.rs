@@ -1,0 +1,56 @@
+//! Cutting: a short seam that makes any orientable surface a disk with holes, where that is needed
+//! or worth it.
+//!
+//! A closed patch or one with handles has no map at all, and a patch that bends round a limb has
+//! only a poor one: a sleeve becomes a flat ring. Cut open along a line it is unrolled without
+//! distortion. The mesh, its pyramid, fields and lookups stay those of the uncut patch; only the
+//! map has the taxels of the seam at several places.
+//!
+//! # The seam
+//!
+//! Every boundary loop is closed by a point whose spokes cost nothing, so that a loop counts as one
+//! point of a closed surface. On it
+//!
+//! 1. **handles are opened** by what is left over between a tree of shortest ways from one vertex
+//!    and a spanning tree of the faces (`(erickson2004)`); a closed surface without handles by the
+//!    way between two far points;
+//! 2. **loops are joined** to it, always the nearest by a shortest way (`(takahashi1980)`);
+//! 3. **it is shortened**: each part between two knots gives way to the shortest one that does the
+//!    same;
+//! 4. **slits** lead from peaks of distortion or curvature to it.
+//!
+//! Ways through dense taxels count as longer. All of it is `O(n log n)` a step and depends on
+//! neither the number of threads nor how the surface lies in space.
+//!
+//! # The rule
+//!
+//! What must be cut is cut. Loops are joined and slits added only where trial maps show that it
+//! pays (`decide`), never on a plain disk. The trials are made on a level of a few thousand faces;
+//! what they decide, a [`Recipe`], is then done on the skin itself.
+//!
+//! # Files, in reading order
+//!
+//! - `cut`, `error`: what is asked for, and why it may fail; `cut_mesh`: a mesh cut open
+//! - `seam_graph`: the closed surface and its shortest ways; `handles`, `shorten`: steps 1 to 3
+//! - `trial`: a seam with its map; `slits`: step 4; `recipe`: all steps; `decide`: the rule
+//! - `given`: seams from a user
+
+#[expect(clippy::module_inception, reason = "the file is named after its type")]
+mod cut;
+mod cut_mesh;
+mod decide;
+mod error;
+mod given;
+mod handles;
+mod recipe;
+mod seam_graph;
+mod shorten;
+mod slits;
+mod trial;
+
+pub use cut::Cut;
+pub use cut_mesh::CutMesh;
+pub(crate) use cut_mesh::seam_length;
+pub(crate) use decide::decide;
+pub use error::CutError;
+pub(crate) use given::{cut_along, pairs_by_patch};

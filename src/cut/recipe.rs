@@ -1,0 +1,122 @@
+//! What a seam is made of, so that the seam found on a coarse level can be laid on the skin.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{
+    cut::{
+        CutError, CutMesh,
+        cut_mesh::check_disk,
+        handles::{far_pair, join, open_handles},
+        seam_graph::{Seam, SeamGraph},
+        shorten::shorten,
+    },
+    id::{IdVec, VertexId},
+    mesh::TriMesh,
+};
+
+/// What must be cut, which loops are joined and where slits end.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Recipe {
+    /// Whether there is a seam at all.
+    pub(super) is_cut: bool,
+    /// The edges that must be cut: of closed surfaces and handles.
+    pub(super) base: Vec<[VertexId; 2]>,
+    /// A vertex of each loop to be joined.
+    pub(super) loops: Vec<VertexId>,
+    /// Where the slits end, in the order in which they are cut.
+    pub(super) slits: Vec<VertexId>,
+}
+
+impl Recipe {
+    /// The same for a finer mesh, on which `origins` says where the vertices are.
+    pub(crate) fn on_finer(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
+        let map = |vertices: &[VertexId]| vertices.iter().map(|&v| origins[v]).collect();
+        let base = self.base.iter().map(|ends| ends.map(|v| origins[v])).collect();
+        Self { is_cut: self.is_cut, base, loops: map(&self.loops), slits: map(&self.slits) }
+    }
+
+    /// Cuts a mesh, whose taxels have these densities (1/m^2); nothing where the recipe cuts
+    /// nothing.
+    ///
+    /// # Errors
+    /// If the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
+    pub(crate) fn cut(
+        &self,
+        mesh: &TriMesh,
+        densities: Option<&IdVec<VertexId, f64>>,
+    ) -> Result<Option<CutMesh>, CutError> {
+        if !self.is_cut {
+            return Ok(None);
+        }
+        let graph = SeamGraph::new(mesh, densities)?;
+        let mut seam = lay(&graph, &self.base).unwrap_or_else(|| must_cut(&graph));
+        let wanted = |walk: &Vec<VertexId>| walk.iter().any(|v| self.loops.contains(v));
+        let loops: Vec<usize> = (0..graph.loops.len()).filter(|&k| wanted(&graph.loops[k])).collect();
+        if !loops.is_empty() {
+            seam = join_loops(&graph, &seam, &loops);
+        }
+        for &end in &self.slits {
+            seam = slit(&graph, &seam, end);
+        }
+        checked(&graph, &seam).map(Some)
+    }
+}
+
+/// The seam of a coarser level, as short as it gets: the shortest ways between the ends of its
+/// edges; `None` if they do not open the surface.
+fn lay(graph: &SeamGraph<'_>, base: &[[VertexId; 2]]) -> Option<Seam> {
+    let mut seam = Seam::new();
+    let mut uses = BTreeMap::<VertexId, u32>::new();
+    for &[a, b] in base {
+        seam.extend(graph.way(&[a].into(), &[b].into())?);
+        [a, b].iter().for_each(|&v| *uses.entry(v).or_default() += 1);
+    }
+    let ends = uses.into_iter().filter(|x| x.1 == 1).map(|x| x.0).collect();
+    graph.prune(&mut seam, &ends);
+    checked(graph, &seam).ok()?;
+    Some(shorten(graph, seam, &ends))
+}
+
+/// The mesh cut along a seam, if that is one disk with holes.
+pub(super) fn checked(graph: &SeamGraph<'_>, seam: &Seam) -> Result<CutMesh, CutError> {
+    let cut = graph.cut(seam);
+    let first = graph.vertices(seam).first().copied().unwrap_or_default();
+    check_disk(&cut.mesh(&graph.mesh.positions), first)?;
+    Ok(cut)
+}
+
+/// The seam without which the surface has no map: handles are opened, and of a closed surface two
+/// far points are joined. Empty for a disk with holes.
+pub(super) fn must_cut(graph: &SeamGraph<'_>) -> Seam {
+    if graph.genus() > 0 {
+        let seam = shorten(graph, open_handles(graph), &BTreeSet::new());
+        // One loop at least hangs on it: the map has one outer boundary then.
+        let first = (!graph.loops.is_empty()).then(|| graph.apex(0));
+        return join(graph, &seam, &first.into_iter().collect());
+    }
+    if !graph.loops.is_empty() {
+        return Seam::new();
+    }
+    let seam = join(graph, &Seam::new(), &far_pair(graph).into_iter().collect());
+    if seam.len() > 1 {
+        return seam;
+    }
+    // A seam of one edge opens nothing: both its sides would have the same ends.
+    let ends = graph.vertices(&seam);
+    let next = graph.ends.ids().find(|&e| graph.ends[e].iter().filter(|v| ends.contains(v)).count() == 1);
+    seam.into_iter().chain(next).collect()
+}
+
+/// The seam with loops joined to it, as short as it gets.
+pub(super) fn join_loops(graph: &SeamGraph<'_>, seam: &Seam, loops: &[usize]) -> Seam {
+    let ends: BTreeSet<VertexId> = loops.iter().map(|&k| graph.apex(k)).collect();
+    shorten(graph, join(graph, seam, &ends), &ends)
+}
+
+/// The seam with a shortest way from a vertex to it, or to a loop.
+pub(super) fn slit(graph: &SeamGraph<'_>, seam: &Seam, end: VertexId) -> Seam {
+    let mut to = graph.vertices(seam);
+    to.extend((0..graph.loops.len()).map(|k| graph.apex(k)));
+    let way = graph.way(&[end].into(), &to).unwrap_or_default();
+    seam.iter().copied().chain(way).collect()
+}

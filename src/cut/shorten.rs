@@ -1,0 +1,96 @@
+//! Makes a seam shorter without changing what it opens.
+
+use std::{cmp::Reverse, collections::BTreeSet};
+
+use crate::{
+    cut::seam_graph::{EdgeId, Paths, Seam, SeamGraph},
+    id::VertexId,
+    mesh::boundary_loops,
+    numeric::DisjointSets,
+};
+
+/// A part of a seam between two knots: vertices where it ends or branches.
+#[derive(Debug)]
+struct Chain {
+    edges: Vec<EdgeId>,
+    ends: [VertexId; 2],
+}
+
+/// Replaces every chain of a seam by a shorter one, the longest first, until none gets shorter.
+/// Vertices to `keep` stay on the seam.
+///
+/// Without the chain the seam is two pieces, or the surface cut along the rest is an annulus: the
+/// shortest way between the pieces or across the annulus takes its place.
+pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: Seam, keep: &BTreeSet<VertexId>) -> Seam {
+    let mut done: BTreeSet<Vec<EdgeId>> = BTreeSet::new();
+    'changed: loop {
+        let mut all = chains(graph, &seam, keep);
+        all.retain(|chain| !done.contains(&chain.edges));
+        all.sort_by_cached_key(|chain| Reverse(chain.edges.iter().map(|&e| graph.weights[e]).sum::<u64>()));
+        for chain in all {
+            let mut other = seam.clone();
+            chain.edges.iter().for_each(|e| {
+                other.remove(e);
+            });
+            let way = replacement(graph, &other, &chain);
+            done.insert(chain.edges);
+            let Some(way) = way else { continue };
+            other.extend(way);
+            graph.prune(&mut other, keep);
+            if graph.weight(&other) < graph.weight(&seam) {
+                seam = other;
+                continue 'changed;
+            }
+        }
+        return seam;
+    }
+}
+
+/// The chains of a seam, each with its edges sorted.
+fn chains(graph: &SeamGraph<'_>, seam: &Seam, keep: &BTreeSet<VertexId>) -> Vec<Chain> {
+    let degrees = graph.degrees(seam);
+    let is_knot = |v: VertexId| degrees[v] != 2 || keep.contains(&v);
+    let mut at: Vec<(VertexId, EdgeId)> = seam.iter().flat_map(|&e| graph.ends[e].map(|v| (v, e))).collect();
+    at.sort_unstable();
+    let around = |v: VertexId| at[at.partition_point(|x| x.0 < v)..].iter().take_while(move |x| x.0 == v);
+    let other_end = |e: EdgeId, v: VertexId| graph.ends[e].into_iter().find(|&w| w != v).unwrap_or(v);
+    let (mut seen, mut chains) = (BTreeSet::new(), Vec::new());
+    for &(knot, first) in at.iter().filter(|x| is_knot(x.0)) {
+        if seen.contains(&first) {
+            continue;
+        }
+        let (mut edges, mut end) = (vec![first], other_end(first, knot));
+        while !is_knot(end) {
+            let last = edges[edges.len() - 1];
+            let Some(&(_, next)) = around(end).find(|x| x.1 != last) else { break };
+            edges.push(next);
+            end = other_end(next, end);
+        }
+        seen.extend(edges.iter().copied());
+        edges.sort_unstable();
+        chains.push(Chain { edges, ends: [knot, end] });
+    }
+    chains
+}
+
+/// The shortest way that does what `chain` does for the seam with the edges `other`.
+fn replacement(graph: &SeamGraph<'_>, other: &Seam, chain: &Chain) -> Option<Vec<EdgeId>> {
+    let mut pieces = DisjointSets::<VertexId>::new(graph.closed.positions.len());
+    other.iter().map(|&e| graph.ends[e]).for_each(|[a, b]| pieces.join(a, b));
+    let [a, b] = chain.ends.map(|v| pieces.root(v));
+    if a != b {
+        let mut piece = |root: VertexId, end: VertexId| -> BTreeSet<VertexId> {
+            let vertices = graph.vertices(other).into_iter().chain([end]);
+            vertices.filter(|&v| pieces.root(v) == root).collect()
+        };
+        let (from, to) = (piece(a, chain.ends[0]), piece(b, chain.ends[1]));
+        return graph.way(&from, &to);
+    }
+    let open = graph.open(other);
+    let mesh = open.mesh(&graph.closed.positions);
+    let rims = boundary_loops(&mesh);
+    let [from, to] = rims.as_slice() else { return None };
+    let paths = Paths::new(open.unsplit.len(), &open.triangles, &graph.edge_of);
+    let to: BTreeSet<VertexId> = to.iter().copied().collect();
+    paths.shortest(&graph.weights, from.iter().copied(), |v| to.contains(&v))
+}

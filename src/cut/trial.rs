@@ -1,0 +1,93 @@
+//! A seam with its map: how far from an isometry it is, and where.
+
+use glam::DVec2;
+
+use crate::{
+    cut::{
+        CutMesh,
+        seam_graph::{Seam, SeamGraph},
+    },
+    id::{FaceId, IdVec, VertexId},
+    mesh::{FlatTriangle, SingularValues, TriMesh},
+};
+
+/// Makes a map of a disk with holes (m) to judge a seam by; nothing if it has none.
+pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh) -> Option<IdVec<VertexId, DVec2>> + Sync + 'a;
+
+/// Symmetric Dirichlet energy of an isometry.
+pub(super) const ISOMETRY: f64 = 4.0;
+
+/// A seam and how good the map of the surface cut along it is.
+#[derive(Debug)]
+pub(super) struct Trial {
+    pub(super) seam: Seam,
+    /// Length of the seam over the square root of the area.
+    pub(super) length: f64,
+    /// Symmetric Dirichlet energy after the best scale, less that of an isometry; infinite without
+    /// a map.
+    pub(super) excess: f64,
+    /// Symmetric Dirichlet energy of each face at that scale; empty without a map.
+    pub(super) faces: IdVec<FaceId, f64>,
+    pub(super) cut: CutMesh,
+    /// Map positions at that scale, in m.
+    pub(super) uv: IdVec<VertexId, DVec2>,
+}
+
+impl Trial {
+    /// Maps the mesh of `graph` cut along `seam`.
+    pub(super) fn new(graph: &SeamGraph<'_>, seam: Seam, map: &TrialMap<'_>) -> Self {
+        let cut = graph.cut(&seam);
+        let mesh = cut.mesh(&graph.mesh.positions);
+        let mut trial = Self {
+            length: graph.length(&seam),
+            seam,
+            excess: f64::INFINITY,
+            faces: IdVec::new(),
+            cut,
+            uv: IdVec::new(),
+        };
+        if let Some(uv) = map(&mesh) {
+            trial.measure(&mesh, uv);
+        }
+        trial
+    }
+
+    fn measure(&mut self, mesh: &TriMesh, uv: IdVec<VertexId, DVec2>) {
+        let stretch = |face: FaceId| {
+            let flat = FlatTriangle::new(mesh.corners(face));
+            let SingularValues { s1, s2, .. } =
+                SingularValues::of(&flat.jacobian(mesh.triangles[face].map(|v| uv[v])));
+            (flat.area(), s1 * s1 + s2 * s2, 1.0 / (s1 * s1) + 1.0 / (s2 * s2), s2 > 0.0)
+        };
+        // Faces without area on the skin have no singular values.
+        let (mut area, mut stretched, mut shrunk, mut is_flipped) = (0.0, 0.0, 0.0, false);
+        for (a, p, q, is_upright) in mesh.triangles.ids().map(stretch).filter(|x| x.0 > 0.0) {
+            area += a;
+            stretched += a * p;
+            shrunk += a * q;
+            is_flipped |= !is_upright;
+        }
+        let excess = 2.0 * (stretched * shrunk).sqrt() / area - ISOMETRY;
+        if is_flipped || !excess.is_finite() {
+            return;
+        }
+        let scale = (shrunk / stretched).sqrt().sqrt();
+        let energy = |face| match stretch(face) {
+            (a, p, q, _) if a > 0.0 => p * scale * scale + q / (scale * scale),
+            _ => ISOMETRY,
+        };
+        self.excess = excess.max(0.0);
+        self.faces = mesh.triangles.ids().map(energy).collect();
+        self.uv = uv.map(|&p| p * scale);
+    }
+
+    /// How often the excess energy falls fourfold per seam of the square root of the area, if this
+    /// takes the place of `before`.
+    pub(super) fn rate(&self, before: &Self) -> f64 {
+        /// An isometry but for rounding.
+        const NOTHING: f64 = 1e-12;
+        let fall = (before.excess / self.excess.max(NOTHING)).log(4.0);
+        let rate = fall / (self.length - before.length).max(1e-9);
+        if rate.is_nan() { f64::NEG_INFINITY } else { rate }
+    }
+}
