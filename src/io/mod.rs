@@ -56,13 +56,16 @@ mod table;
 pub use self::gltf::{read_animation, read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use error::IoError;
-pub use file::replace::{replace_file, temporary_prefix};
+pub use file::replace::{replace_file, temporary_prefix, without_path};
 pub use image::{
     exr::write_images,
     frame::{FrameContent, frame_file_name, write_frame, write_raw_frame},
     read::{ImageLayer, read_images},
 };
-pub use mesh::formats::{read_draft, write_flat, write_skin};
+pub use mesh::{
+    formats::{read_draft, write_flat, write_skin},
+    skin_csv::triangles_path,
+};
 pub use observations::{
     builder::ObservationRemark,
     read_write::{read_observations, write_observations},

@@ -11,7 +11,7 @@ use std::{
 use anyhow::Context;
 use dermatome::{
     Error,
-    io::{IoError, replace_file},
+    io::{IoError, replace_file, without_path},
     pipeline::{BuildOptions, FILES, build_with_progress, write_files},
     report::{Report, Seconds, measure},
     skin::AssembleOptions,
@@ -22,7 +22,7 @@ use crate::{
     input::read_skin,
     notes::{note_distortion, note_overlaps},
     options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
-    outputs::{Outputs, cannot_write},
+    outputs::{self, Outputs, cannot_write},
     print::{json, print_json, print_levels},
     progress,
     signals::clean_when_stopped,
@@ -56,10 +56,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         flatten: args.flatten.options()?,
         pixel: args.pixel_mm * 1e-3,
     };
+    let files: Vec<PathBuf> = FILES.into_iter().chain([REPORT]).map(|name| args.output.join(name)).collect();
+    outputs::check_inputs(files.iter().map(PathBuf::as_path), [args.skin.as_path()])?;
     let start = Instant::now();
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
     let skin = read_skin(&args.skin, &assemble, common)?;
-    check_output(&args.output)?;
+    check_output(&args.output, &files)?;
     let read = start.elapsed().as_secs_f64();
 
     let bar = progress::bar(common);
@@ -98,16 +100,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 const REPORT: &str = "report.json";
 
 /// Makes the folder, and refuses before any work an output that could not be written after it.
-fn check_output(folder: &Path) -> Result<(), Error> {
+fn check_output(folder: &Path, files: &[PathBuf]) -> Result<(), Error> {
     fs::create_dir_all(folder)
         .map_err(|source| Error::from(IoError::Write { path: folder.to_owned(), source }))?;
-    let mut files = FILES.into_iter().chain([REPORT]).map(|name| folder.join(name));
-    if let Some(path) = files.find(|path| path.is_dir()) {
-        return Err(cannot_write(&path, ErrorKind::IsADirectory));
+    if let Some(path) = files.iter().find(|path| path.is_dir()) {
+        return Err(cannot_write(path, ErrorKind::IsADirectory.into()));
     }
     clean_when_stopped(folder);
     // A file without a name leaves nothing behind.
-    tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, e.kind()))?;
+    tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, without_path(&e)))?;
     Ok(())
 }
 

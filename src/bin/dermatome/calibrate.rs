@@ -26,6 +26,7 @@ use crate::{
     },
     common::Common,
     errors::advise,
+    notes::note,
     print::{print, print_json, print_table},
     progress,
 };
@@ -47,7 +48,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
                     None if *damping > 0.0 => format!(", damping {damping:.1e}"),
                     None => String::new(),
                 };
-                eprintln!("note: iteration {number}: cost {cost:.10e}, step {step:.2e}{control}");
+                note(common, format_args!("iteration {number}: cost {cost:.10e}, step {step:.2e}{control}"));
             });
         }
     };
@@ -60,9 +61,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             && found.loss == Loss::Truncated
             && found.rejected() != (Vec::new(), Vec::new())
         {
-            eprintln!("note: some observations were rejected as outliers (gnc); --robust none uses all");
+            note(common, "some observations were rejected as outliers (gnc); --robust none uses all");
         }
-        remark(&found, observations, args.verbose);
+        remark(&found, observations, args.verbose, common);
     }
     let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
     if !found.termination.is_converged() && !args.keep {
@@ -72,6 +73,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ));
     }
     results::write(&outputs, &found, &inputs, args, common)?;
+    if !found.termination.is_converged() {
+        note(common, format_args!("{}: what was written is not a minimum (exit code 2)", found.termination));
+    }
     let summary = Summary::new(&found, truth);
     if args.json {
         print_json(&summary)?;
@@ -85,7 +89,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 const MOST_COMPONENTS: usize = 8;
 
 /// Prints what a user should know about the result.
-fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
+fn remark(found: &Calibration, observations: &Observations, verbose: bool, common: &Common) {
     let shown = if verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
     for free in &found.free[..shown] {
         let FreeComponent { gauge, taxels, free_motions, rejected_contacts } = free;
@@ -95,30 +99,45 @@ fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
             Model::Poses => 6,
         };
         if *free_motions < all {
-            eprintln!("note: the contacts leave {free_motions} rigid motions of {these} undetermined");
+            note(
+                common,
+                format_args!("the contacts leave {free_motions} rigid motions of {these} undetermined"),
+            );
         } else if *rejected_contacts > 0 {
-            eprintln!("note: all contacts of {these} were rejected: its absolute position is arbitrary");
+            note(
+                common,
+                format_args!("all contacts of {these} were rejected: its absolute position is arbitrary"),
+            );
         } else {
-            eprintln!("note: no contact determines where {these} is: taxel {gauge} keeps its start");
+            note(
+                common,
+                format_args!("no contact determines where {these} is: taxel {gauge} keeps its start"),
+            );
         }
     }
     if shown < found.free.len() {
         let rest = &found.free[shown..];
         let taxels = rest.iter().map(|f| f.taxels).sum::<usize>();
-        eprintln!(
-            "note: nor where {taxels} taxels in {} more components are; --verbose names each component",
-            rest.len()
+        note(
+            common,
+            format_args!(
+                "nor where {taxels} taxels in {} more components are; --verbose names each component",
+                rest.len()
+            ),
         );
     }
     let fits = &found.diagnostics;
     let (edges, contacts) = found.rejected();
     if !edges.is_empty() || !contacts.is_empty() {
-        eprintln!(
-            "note: {} of {} edges and {} of {} contacts were rejected as outliers; --inliers lists them",
-            edges.len(),
-            fits.edges.len(),
-            contacts.len(),
-            fits.contacts.len()
+        note(
+            common,
+            format_args!(
+                "{} of {} edges and {} of {} contacts were rejected as outliers; --inliers lists them",
+                edges.len(),
+                fits.edges.len(),
+                contacts.len(),
+                fits.contacts.len()
+            ),
         );
     }
     if verbose {
@@ -127,11 +146,11 @@ fn remark(found: &Calibration, observations: &Observations, verbose: bool) {
             |fit: &ObservationDiagnostics| format!("{:.1} sigma, weight {:.3}", fit.chi2.sqrt(), fit.weight);
         for e in edges {
             let (edge, fit) = (&observations.edges[e], describe(&fits.edges[e]));
-            eprintln!("note: edge {} to {}: {fit}", id(edge.from), id(edge.to));
+            note(common, format_args!("edge {} to {}: {fit}", id(edge.from), id(edge.to)));
         }
         for c in contacts {
             let taxel = id(observations.contacts[c].taxel);
-            eprintln!("note: contact of taxel {taxel}: {}", describe(&fits.contacts[c]));
+            note(common, format_args!("contact of taxel {taxel}: {}", describe(&fits.contacts[c])));
         }
     }
 }
@@ -153,7 +172,7 @@ fn against_truth(truth: &Truth, found: &Calibration, common: &Common) -> anyhow:
         ));
     }
     if known < all && !common.quiet {
-        eprintln!("note: {path} has {known} of the {all} taxels; the others are not compared");
+        note(common, format_args!("{path} has {known} of the {all} taxels; the others are not compared"));
     }
     Ok(compare(&here, &there).map_err(Error::from)?)
 }

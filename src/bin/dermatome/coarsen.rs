@@ -43,6 +43,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }
     outputs::check([args.output.as_path()])?;
+    outputs::check_inputs([args.output.as_path()], [args.skin.as_path()])?;
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
     let skin = read_skin(&args.skin, &assemble, common)?;
     let options = args.coarsen.options();

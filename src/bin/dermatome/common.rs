@@ -2,6 +2,8 @@
 
 use clap::ValueEnum;
 
+use crate::errors::advise;
+
 /// Options that every subcommand takes.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Common {
@@ -18,6 +20,21 @@ pub(crate) struct Common {
     #[arg(long, global = true, default_value = "auto", value_name = "WHEN")]
     pub(crate) color: ColorChoice,
 }
+
+impl Common {
+    /// The number of worker threads: `--threads`, else the environment's; 0: one per processor.
+    pub(crate) fn workers(&self) -> anyhow::Result<usize> {
+        match std::env::var(THREADS_VARIABLE) {
+            Ok(text) if self.threads == 0 && !text.is_empty() => threads(&text).map_err(|needed| {
+                advise(format!("{THREADS_VARIABLE} is {text:?}; {needed}"), "correct it, or give --threads")
+            }),
+            _ => Ok(self.threads),
+        }
+    }
+}
+
+/// The variable that rayon reads for itself, without a limit.
+const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
 
 /// More threads than any machine gains from, and few enough that making them takes no time.
 const MOST_THREADS: usize = 512;

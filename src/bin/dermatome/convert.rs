@@ -21,6 +21,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check([args.output.as_path()])?;
+    outputs::check_inputs([args.output.as_path()], [args.input.as_path()])?;
     let skin = read_skin(&args.input, &args.bare.options(), common)?;
     write_skin(&args.output, &skin).map_err(Error::from)?;
     remark_lost(&args.output, &skin, common);

@@ -21,7 +21,10 @@ use dermatome::{
     skin::SkinError,
 };
 
-use crate::{common::ColorChoice, print::line};
+use crate::{
+    common::ColorChoice,
+    print::{line, print, say},
+};
 
 /// Exit code of bad usage and bad input.
 const BAD_INPUT: u8 = 2;
@@ -43,10 +46,38 @@ pub(crate) fn advise(what: impl fmt::Display, help: impl Into<String>) -> anyhow
     anyhow::Error::new(Advice(help.into())).context(what.to_string())
 }
 
-/// Prints what clap has to say: help on standard output, errors on standard error.
+/// Prints what clap has to say: help on standard output, an error in two lines on standard error.
 pub(crate) fn usage(error: &clap::Error) -> ExitCode {
-    let failed_to_print = error.print().is_err();
-    if error.use_stderr() || failed_to_print { ExitCode::from(BAD_INPUT) } else { ExitCode::SUCCESS }
+    let text = error.render().to_string();
+    if !error.use_stderr() {
+        return match print(&text) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(full) => report(&full, ColorChoice::Auto),
+        };
+    }
+    // clap's paragraphs: the error, tips, the usage, a pointer to --help.
+    let mut paragraphs =
+        text.split("\n\n").map(|lines| lines.split_whitespace().collect::<Vec<_>>().join(" "));
+    let what = paragraphs.next().unwrap_or_default();
+    let tips: Vec<String> = paragraphs
+        .filter_map(|p| {
+            p.strip_prefix("tip: ").or(p.strip_prefix("Usage: ").map(|_| p.as_str())).map(str::to_owned)
+        })
+        .collect();
+    let label = |text: &str, code| paint(text, code, ColorChoice::Auto);
+    say(format_args!("{} {}", label("error:", "31"), line(what.strip_prefix("error: ").unwrap_or(&what))));
+    say(format_args!("{} {}", label(" help:", "32"), line(&tips.join(". "))));
+    ExitCode::from(BAD_INPUT)
+}
+
+/// A label in colour where the terminal shows it.
+fn paint(text: &str, code: &str, color: ColorChoice) -> String {
+    let is_painted = match color {
+        ColorChoice::Always => true,
+        ColorChoice::Never => false,
+        ColorChoice::Auto => std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
+    };
+    if is_painted { format!("\u{1b}[1;{code}m{text}\u{1b}[0m") } else { text.to_owned() }
 }
 
 /// Prints an error; a closed pipe (`| head`) is not one.
@@ -54,14 +85,7 @@ pub(crate) fn report(error: &anyhow::Error, color: ColorChoice) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
         return ExitCode::SUCCESS;
     }
-    let paint = match color {
-        ColorChoice::Always => true,
-        ColorChoice::Never => false,
-        ColorChoice::Auto => std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
-    };
-    let label = |text: &str, code: &str| {
-        if paint { format!("\u{1b}[1;{code}m{text}\u{1b}[0m") } else { text.to_owned() }
-    };
+    let label = |text: &str, code| paint(text, code, color);
     let mut reasons: Vec<String> = Vec::new();
     for cause in error.chain().filter(|cause| !cause.is::<Advice>()).map(ToString::to_string) {
         // Most errors quote their source in their own sentence.
@@ -70,12 +94,12 @@ pub(crate) fn report(error: &anyhow::Error, color: ColorChoice) -> ExitCode {
         }
     }
     let what = reasons.first().cloned().unwrap_or_default();
-    eprintln!("{} {}", label("error:", "31"), line(&what));
+    say(format_args!("{} {}", label("error:", "31"), line(&what)));
     if reasons.len() > 1 {
-        eprintln!("{} {}", label("  why:", "33"), line(&reasons[1..].join(": ")));
+        say(format_args!("{} {}", label("  why:", "33"), line(&reasons[1..].join(": "))));
     }
     if let Some(help) = help(error) {
-        eprintln!("{} {}", label(" help:", "32"), line(&help));
+        say(format_args!("{} {}", label(" help:", "32"), line(&help)));
     }
     ExitCode::from(BAD_INPUT)
 }

@@ -53,6 +53,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check(args.output.iter().map(PathBuf::as_path))?;
+    outputs::check_inputs(args.output.iter().map(PathBuf::as_path), [args.mesh.as_path()])?;
     let options = args.flatten.options()?;
     let skin = read_skin(&args.mesh, &args.bare.options(), common)?;
     if skin.patches.len() != 1 {

@@ -177,19 +177,11 @@ fn write(
 
 /// Refuses an output that is not a table, or that is one of the inputs.
 fn check_outputs(args: &Args) -> anyhow::Result<()> {
-    let files: Vec<&Path> = [&args.output]
-        .into_iter()
-        .chain(&args.readings)
-        .map(PathBuf::as_path)
-        .filter(|p| !is_stream(p))
-        .collect();
     if !is_stream(&args.output) {
         outputs::check_table(&args.output)?;
     }
+    let files: Vec<&Path> = [&args.output].into_iter().chain(&args.readings).map(PathBuf::as_path).collect();
     outputs::check(files.iter().copied())?;
-    for file in files {
-        let inputs = [&args.map, &args.contacts].into_iter().chain(&args.pose);
-        outputs::check_inputs(file, inputs.map(PathBuf::as_path))?;
-    }
-    Ok(())
+    let inputs = [&args.map, &args.contacts].into_iter().chain(&args.pose);
+    outputs::check_inputs(files, inputs.map(PathBuf::as_path))
 }

@@ -31,7 +31,7 @@ mod signals {
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::common::Common;
 
@@ -83,7 +83,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let parsed = with_negative_numbers(Cli::command()).try_get_matches();
+    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(e) => return errors::usage(&e),
     };
@@ -93,10 +94,22 @@ fn main() -> ExitCode {
     }
 }
 
+/// Takes `-1` as the value of an option and never as an option, so that the option's own error says
+/// what is needed.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|arg| {
+            let takes_value = arg.get_action().takes_values();
+            arg.allow_negative_numbers(takes_value)
+        })
+        .mut_subcommands(with_negative_numbers)
+}
+
 fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     let common = &cli.common;
-    if common.threads > 0 {
-        rayon::ThreadPoolBuilder::new().num_threads(common.threads).build_global()?;
+    let threads = common.workers()?;
+    if threads > 0 {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
     match &cli.command {
         Command::Build(args) => build::run(args, common),

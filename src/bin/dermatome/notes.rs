@@ -11,13 +11,13 @@ use dermatome::{
 use crate::{
     common::Common,
     outputs,
-    print::{line, plain},
+    print::{line, plain, say},
 };
 
 /// Prints a note on standard error, unless the run is quiet.
 pub(crate) fn note(common: &Common, text: impl fmt::Display) {
     if !common.quiet {
-        eprintln!("note: {}", line(&text.to_string()));
+        say(format_args!("note: {}", line(&text.to_string())));
     }
 }
 

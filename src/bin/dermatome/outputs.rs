@@ -8,7 +8,7 @@ use std::{
 
 use dermatome::{
     Error,
-    io::{IoError, replace_file, temporary_prefix},
+    io::{IoError, replace_file, temporary_prefix, triangles_path, without_path},
 };
 use tempfile::TempDir;
 
@@ -48,15 +48,26 @@ pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Re
     Ok(())
 }
 
-/// Refuses an output that would take the place of an input.
-pub(crate) fn check_inputs<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
-    match inputs.into_iter().find(|input| !is_stream(input) && is_same(input, out)) {
+/// Refuses outputs that would take the place of an input.
+pub(crate) fn check_inputs<'a>(
+    outputs: impl IntoIterator<Item = &'a Path>,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> anyhow::Result<()> {
+    let inputs: Vec<PathBuf> = inputs.into_iter().filter(|input| !is_stream(input)).flat_map(files).collect();
+    let mut outputs = outputs.into_iter().filter(|out| !is_stream(out)).flat_map(files);
+    match outputs.find_map(|out| inputs.iter().find(|input| is_same(input, &out))) {
         None => Ok(()),
         Some(input) => Err(advise(
             format!("the result would replace an input, {}", input.display()),
             "write to another file",
         )),
     }
+}
+
+/// The files that belong to a name: a table of taxels has one of triangles.
+fn files(path: &Path) -> impl Iterator<Item = PathBuf> {
+    let triangles = (kind(path) == "csv").then(|| triangles_path(path));
+    [path.to_owned()].into_iter().chain(triangles)
 }
 
 pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
@@ -101,6 +112,8 @@ pub(crate) struct Outputs {
     staged: Vec<Staged>,
     /// Hidden folders with the staged files; they vanish with this.
     folders: Vec<TempDir>,
+    /// Tables of triangles of the tables that are replaced.
+    stale: Vec<PathBuf>,
 }
 
 /// A file that is complete but not in its place.
@@ -135,7 +148,7 @@ impl Outputs {
         let staging = tempfile::Builder::new()
             .prefix(temporary_prefix())
             .tempdir_in(folder)
-            .map_err(|e| cannot_write(folder, e.kind()))?;
+            .map_err(|e| cannot_write(folder, without_path(&e)))?;
         let written = write(staging.path()).map_err(|e| match e {
             Error::Io(e) => about(e, |file| folder.join(file.file_name().unwrap_or_default())).into(),
             other => other,
@@ -145,6 +158,17 @@ impl Outputs {
         }
         self.folders.push(staging);
         Ok(written)
+    }
+
+    /// Removes, when all is published, the triangles of an older table at `path`: readers would join
+    /// them to the new taxels. Returns their name, if there are any.
+    pub(crate) fn drop_triangles(&mut self, path: &Path) -> Option<&Path> {
+        let triangles = triangles_path(path);
+        if !triangles.is_file() {
+            return None;
+        }
+        self.stale.push(triangles);
+        self.stale.last().map(PathBuf::as_path)
     }
 
     pub(crate) fn publish(self) -> Result<(), Error> {
@@ -161,6 +185,9 @@ impl Outputs {
                     keep.and_then(|()| fs::rename(file, path)).map_err(fail)?;
                 }
             }
+        }
+        for path in &self.stale {
+            fs::remove_file(path).map_err(|e| cannot_write(path, e))?;
         }
         Ok(())
     }
@@ -183,8 +210,7 @@ fn about(mut error: IoError, name: impl FnOnce(&Path) -> PathBuf) -> IoError {
     error
 }
 
-/// An error about a place: only the kind is kept, since the system's text may name a temporary
-/// file.
-pub(crate) fn cannot_write(path: &Path, why: ErrorKind) -> Error {
-    IoError::Write { path: path.to_owned(), source: why.into() }.into()
+/// An error about a place.
+pub(crate) fn cannot_write(path: &Path, source: io::Error) -> Error {
+    IoError::Write { path: path.to_owned(), source }.into()
 }

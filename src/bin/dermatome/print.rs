@@ -1,6 +1,9 @@
 //! Results as a person or a program reads them.
 
-use std::io::{self, Write};
+use std::{
+    fmt::Display,
+    io::{self, ErrorKind, Write},
+};
 
 use dermatome::{
     Error,
@@ -17,13 +20,22 @@ pub(crate) fn line(text: &str) -> String {
     harmless(text, LONGEST_LINE)
 }
 
-/// Prints a text on standard output; a closed or full output is an error, not a panic.
+/// Prints a text on standard output. A full output is an error; a closed one (`| head`) is not: its
+/// reader has what it needs, and the run goes on to its own exit code.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .map_err(|source| Error::from(IoError::Write { path: "standard output".into(), source }))?;
-    Ok(())
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => {
+            Err(Error::from(IoError::Write { path: "standard output".into(), source }).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line on standard error. One that cannot be written (a full disk, a closed pipe) stops
+/// no run.
+pub(crate) fn say(text: impl Display) {
+    let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
 /// Pretty JSON and a newline.

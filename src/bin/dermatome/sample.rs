@@ -23,8 +23,9 @@ use serde_json::json;
 use crate::{
     common::Common,
     errors::advise,
+    notes::note,
     outputs::{self, is_stream},
-    print::{line, plain, print, print_json},
+    print::{plain, print, print_json},
     render::PixelArgs,
 };
 
@@ -77,7 +78,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs::check_table(&args.output)?;
         outputs::check([args.output.as_path()])?;
         let inputs = [&args.map].into_iter().chain(&args.images);
-        outputs::check_inputs(&args.output, inputs.map(PathBuf::as_path))?;
+        outputs::check_inputs([args.output.as_path()], inputs.map(PathBuf::as_path))?;
     }
     let map = read_map(&args.map).map_err(Error::from)?;
     let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
@@ -268,7 +269,7 @@ fn report(
         return Ok(());
     }
     if is_stream(&args.output) {
-        lines.lines().for_each(|text| eprintln!("note: {}", line(text)));
+        lines.lines().for_each(|text| note(common, text));
         return Ok(());
     }
     print(&lines)

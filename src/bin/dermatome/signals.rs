@@ -5,13 +5,13 @@ use std::{
     fs, io,
     path::{Path, PathBuf},
     process,
-    sync::{Mutex, Once, PoisonError},
+    sync::{Arc, Mutex, Once, PoisonError},
     thread,
 };
 
 use dermatome::io::temporary_prefix;
 use signal_hook::{
-    consts::{SIGHUP, SIGINT, SIGTERM},
+    consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ},
     iterator::Signals,
 };
 
@@ -30,6 +30,8 @@ pub(crate) fn clean_when_stopped(folder: &Path) {
     FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned());
     HANDLER.call_once(|| {
         // Without a handler a stopped run only leaves its files, so go on.
+        // A file beyond the limit of its size is then an error of its writer.
+        let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
         let Ok(mut signals) = Signals::new(signals()) else { return };
         thread::spawn(move || {
             let Some(signal) = signals.forever().next() else { return };

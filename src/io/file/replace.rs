@@ -61,7 +61,7 @@ enum Unpublished {
 impl Replacement {
     /// Creates the temporary file, or opens the device that is there.
     pub(crate) fn open(path: &Path) -> Result<Self, IoError> {
-        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let target = follow_links(path);
         let fail = cannot_write(path);
         if target.is_dir() {
             return Err(fail(io::Error::from(io::ErrorKind::IsADirectory)));
@@ -69,10 +69,11 @@ impl Replacement {
         let file = if target.exists() && !target.is_file() {
             Unpublished::Device(OpenOptions::new().write(true).open(&target).map_err(fail)?)
         } else {
-            // Users do not know the temporary file's name: only the kind of an error is passed on.
-            let temporary =
-                tempfile::Builder::new().prefix(temporary_prefix()).tempfile_in(folder_of(&target));
-            Unpublished::Temporary(temporary.map_err(|e| fail(e.kind().into()))?)
+            let mut builder = tempfile::Builder::new();
+            builder.prefix(temporary_prefix());
+            share_like_a_new_file(&mut builder);
+            let temporary = builder.tempfile_in(folder_of(&target));
+            Unpublished::Temporary(temporary.map_err(|e| fail(without_path(&e)))?)
         };
         Ok(Self { path: path.into(), target, file })
     }
@@ -87,24 +88,46 @@ impl Replacement {
     /// Puts the file in its place.
     pub(crate) fn publish(self) -> Result<(), IoError> {
         let Unpublished::Temporary(temporary) = self.file else { return Ok(()) };
-        match fs::metadata(&self.target) {
-            Ok(older) => temporary.as_file().set_permissions(older.permissions()),
-            Err(_) => share_like_a_new_file(temporary.as_file()),
-        }
-        .and_then(|()| temporary.persist(&self.target).map_err(|e| e.error))
-        .map_err(cannot_write(&self.path))?;
+        let keep = fs::metadata(&self.target)
+            .map_or(Ok(()), |older| temporary.as_file().set_permissions(older.permissions()));
+        keep.and_then(|()| temporary.persist(&self.target).map(drop).map_err(|e| e.error))
+            .map_err(cannot_write(&self.path))?;
         Ok(())
     }
 }
 
 /// A file without a name on the disk of `path`, which vanishes when it is closed or the run stops.
 pub(crate) fn spool_for(path: &Path) -> io::Result<File> {
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let target = follow_links(path);
     // The folder of a device is no place for files.
     if target.exists() && !target.is_file() {
         return tempfile::tempfile();
     }
     tempfile::tempfile_in(folder_of(&target))
+}
+
+/// A longer chain of links is a circle; systems give up after as many.
+const MOST_LINKS: usize = 40;
+
+/// The place that a name leads to: the target of a link, also of one whose target does not exist
+/// yet.
+fn follow_links(path: &Path) -> PathBuf {
+    let mut target = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        let Ok(next) = fs::read_link(&target) else { break };
+        target = folder_of(&target).join(next);
+    }
+    fs::canonicalize(&target).unwrap_or(target)
+}
+
+/// The system's words about a temporary file, without its name, which users do not know.
+#[must_use]
+pub fn without_path(error: &io::Error) -> io::Error {
+    let inner = error.get_ref().and_then(|e| e.source()).and_then(|e| e.downcast_ref::<io::Error>());
+    match inner.unwrap_or(error).raw_os_error() {
+        Some(code) => io::Error::from_raw_os_error(code),
+        None => error.kind().into(),
+    }
 }
 
 fn folder_of(target: &Path) -> &Path {
@@ -122,14 +145,12 @@ pub fn temporary_prefix() -> &'static str {
     &PREFIX
 }
 
-/// Temporary files are private; an output is as readable as any file the user makes.
+/// An output is as readable as any file the user makes: the system subtracts the umask.
 #[cfg(unix)]
-fn share_like_a_new_file(file: &File) -> io::Result<()> {
+fn share_like_a_new_file(builder: &mut tempfile::Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(fs::Permissions::from_mode(0o644))
+    builder.permissions(fs::Permissions::from_mode(0o666));
 }
 
 #[cfg(not(unix))]
-fn share_like_a_new_file(_: &File) -> io::Result<()> {
-    Ok(())
-}
+fn share_like_a_new_file(_: &mut tempfile::Builder<'_, '_>) {}

@@ -5,5 +5,5 @@ mod icub;
 mod obj;
 mod ply;
 mod robotskin;
-mod skin_csv;
+pub(super) mod skin_csv;
 mod stl;

@@ -35,8 +35,9 @@ const LINK: &str = "link";
 /// A column that a table of calibrated taxels has besides.
 const SIGMA: &str = "sigma";
 
-/// The table of triangles that belongs to the table of taxels `path`.
-fn companion(path: &Path) -> PathBuf {
+/// The table of triangles that is read and written with the table of taxels `path`.
+#[must_use]
+pub fn triangles_path(path: &Path) -> PathBuf {
     path.with_extension("triangles.csv")
 }
 
@@ -66,9 +67,9 @@ struct ColumnIndices {
 /// of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let (mut draft, homes) = read_taxels(source)?;
-    let triangles_path = companion(source.path());
-    if triangles_path.exists() {
-        read_triangles(&Source::open(&triangles_path)?, &homes, &mut draft.sheets)?;
+    let triangles = triangles_path(source.path());
+    if triangles.exists() {
+        read_triangles(&Source::open(&triangles)?, &homes, &mut draft.sheets)?;
     }
     Ok(draft)
 }
@@ -244,7 +245,7 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet])
 
 /// Writes the two tables, positions in the world. Of the links only their names are kept.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
-    let triangles_path = companion(path);
+    let triangles = triangles_path(path);
     replace_file(path, |taxels| {
         let fail = |e| table_write_error(path, e);
         let mut table = Writer::from_writer(taxels);
@@ -254,13 +255,13 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
         }
         table.flush().map_err(|e| fail(e.into()))?;
         // Both are complete before the first is renamed.
-        write_file(&triangles_path, |triangles| {
-            writeln!(triangles, "a,b,c")?;
+        write_file(&triangles, |table| {
+            writeln!(table, "a,b,c")?;
             let mut before = 0;
             for patch in &skin.patches {
                 for &corners in &skin.in_world(patch).mesh.triangles {
                     let [a, b, c] = corners.map(|v| before + v.index());
-                    writeln!(triangles, "{a},{b},{c}")?;
+                    writeln!(table, "{a},{b},{c}")?;
                 }
                 before += patch.mesh.positions.len();
             }

@@ -1,7 +1,7 @@
 //! What `calibrate` writes: its paths are checked before the solve, and all of it is written or
 //! nothing.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use dermatome::{
     Error,
@@ -59,22 +59,9 @@ pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
             ));
         }
     }
-    // A graph holds the observations it was made of; any other result in place of an input would
-    // lose that.
-    let tables = || args.triangles.iter().chain(&args.truth);
-    let loses = |path: &Path, is_graph: bool| {
-        tables().any(|input| outputs::is_same(input, path))
-            || (!is_graph && observations().any(|input| outputs::is_same(input, path)))
-    };
-    let results = outputs.iter().map(|&(path, kind)| (path, matches!(kind, Kind::Graph)));
-    for (path, is_graph) in results.chain(args.inliers.as_deref().map(|path| (path, false))) {
-        if loses(path, is_graph) {
-            return Err(advise(
-                format!("the result would replace an input, {}", path.display()),
-                "write to another file",
-            ));
-        }
-    }
+    let results = outputs.iter().map(|o| o.0).chain(args.inliers.as_deref());
+    let inputs = observations().chain(&args.triangles).chain(&args.truth);
+    outputs::check_inputs(results, inputs.map(PathBuf::as_path))?;
     Ok(outputs)
 }
 
@@ -90,7 +77,16 @@ pub(super) fn write(
     let mut skin = None;
     for &(path, kind) in paths {
         match kind {
-            Kind::Table => outputs.stage(path, |path| write_calibration(path, found))?,
+            Kind::Table => {
+                outputs.stage(path, |path| write_calibration(path, found))?;
+                if let Some(triangles) = outputs.drop_triangles(path) {
+                    let text = format!(
+                        "{} belonged to the table that is replaced, and is removed",
+                        triangles.display()
+                    );
+                    note(common, text);
+                }
+            }
             Kind::Graph => {
                 let mut solved = inputs.observations.clone();
                 for (taxel, pose) in solved.taxels.iter_mut().zip(&found.poses) {

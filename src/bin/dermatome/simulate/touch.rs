@@ -112,7 +112,7 @@ pub(super) fn run(
     common: &Common,
 ) -> anyhow::Result<ExitCode> {
     outputs::check([output].into_iter().chain(truth))?;
-    [output].into_iter().chain(truth).try_for_each(|path| outputs::check_inputs(path, [skin]))?;
+    outputs::check_inputs([output].into_iter().chain(truth), [skin])?;
     let skin = match read_map_if_any(skin)? {
         Some(map) => finest(&map),
         None => read_skin(skin, &AssembleOptions::default(), common)?,
