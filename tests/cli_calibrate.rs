@@ -212,9 +212,29 @@ fn outputs_appear_together_or_not_at_all() {
         .args(["calibrate", "e.csv", "-o", "k.csv", "-o", "k.glb", "-o", "k.g2o"])
         .assert()
         .success();
-    // A graph keeps its observations, so it may take the place of the one it came from.
-    dermatome(folder).args(["calibrate", "k.g2o", "-o", "k.g2o"]).assert().success();
+    dermatome(folder)
+        .args(["calibrate", "k.g2o", "-o", "k.g2o"])
+        .assert()
+        .code(2)
+        .stderr(contains("replace an input"));
     assert_eq!(files(folder), ["c.csv", "dir.csv", "e.csv", "k.csv", "k.g2o", "k.glb", "two.csv"]);
+}
+
+/// Readers would join the triangles of an older skin to the new taxels.
+#[test]
+fn an_older_table_of_triangles_goes_with_its_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("e.csv"), TRIANGLE).unwrap();
+    fs::write(folder.join("k.csv"), "id,x,y,z\n1,0,0,0\n2,1,0,0\n3,0,1,0\n").unwrap();
+    fs::write(folder.join("k.triangles.csv"), "a,b,c\n0,1,2\n").unwrap();
+    let words = ["calibrate", "e.csv", "-o", "k.csv"];
+    dermatome(folder)
+        .args(words)
+        .assert()
+        .success()
+        .stderr(contains("k.triangles.csv belonged to the table"));
+    assert_eq!(files(folder), ["e.csv", "k.csv"]);
 }
 
 #[test]

@@ -100,6 +100,147 @@ fn of_two_outputs_either_both_are_written_or_none() {
     assert_eq!(listing(folder.path()), ["c.csv", "cap.obj", "map.glb"]);
 }
 
+#[test]
+fn no_command_replaces_what_it_reads() {
+    let folder = folder();
+    dermatome(folder.path(), "convert cap.obj t.csv").assert().success();
+    dermatome(folder.path(), "build cap.obj -o M").assert().success();
+    let before = listing(folder.path());
+    for words in [
+        "build M/map.glb -o M",
+        "build M/map.glb -o ./M/",
+        "flatten cap.obj -o cap.obj",
+        "flatten cap.obj -o f.npz -o ../NAME/cap.obj",
+        "coarsen map.glb -o map.glb",
+        "convert cap.obj cap.obj",
+        "convert t.csv t.triangles.csv",
+        "convert t.csv t.CSV",
+    ] {
+        let name = folder.path().file_name().unwrap().to_str().unwrap();
+        let run = dermatome(folder.path(), &words.replace("NAME", name)).assert();
+        match words {
+            // Another file where names differ by case, but with the same triangles.
+            "convert t.csv t.CSV" => run.code(2),
+            _ => run.code(2).stderr(contains("would replace an input")),
+        };
+        assert_eq!(listing(folder.path()), before, "{words}");
+    }
+}
+
+/// A user reads what is wrong and what to do, and the option's own error where a number is negative.
+#[test]
+fn bad_usage_is_an_error_in_two_lines() {
+    let folder = folder();
+    for (words, said) in [
+        ("info cap.obj --jsn", "--json"),
+        ("flatten cap.obj", "--output"),
+        ("flatten cap.obj -o f.obj --angle -1", "a number of at least 0"),
+        ("build cap.obj -o M --gap -2", "a number from 1 to 20"),
+        ("build cap.obj -o M --levels -2", "invalid digit"),
+        ("nothing", "Usage:"),
+    ] {
+        let refused = dermatome(folder.path(), words).assert().code(2).stderr(contains(said));
+        let text = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+        assert_eq!(text.lines().count(), 2, "{words}: {text}");
+        assert!(text.starts_with("error: ") && text.contains("\n help: "), "{words}: {text}");
+    }
+    let refused = dermatome(folder.path(), "info cap.obj").env("RAYON_NUM_THREADS", "100000").assert();
+    refused.code(2).stderr(contains("RAYON_NUM_THREADS is \"100000\"; needed: a number from 0 to 512"));
+}
+
+#[cfg(target_os = "linux")]
+mod system {
+    use std::{
+        fs::File,
+        os::unix::fs::{PermissionsExt, symlink},
+        process::Stdio,
+    };
+
+    use super::*;
+
+    fn full() -> Stdio {
+        File::options().write(true).open("/dev/full").unwrap().into()
+    }
+
+    fn process(folder: &Path, words: &str) -> std::process::Command {
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+        command.current_dir(folder).args(words.split_whitespace());
+        command
+    }
+
+    #[test]
+    fn notes_that_cannot_be_written_stop_no_run() {
+        let folder = folder();
+        // Bare taxels: the run prints a note.
+        fs::write(folder.path().join("t.csv"), "x,y,z\n0,0,0\n1,0,0\n0,1,0\n1,1,0\n").unwrap();
+        let status = process(folder.path(), "build t.csv -o M").stderr(full()).stdout(Stdio::null()).status();
+        assert!(status.unwrap().success());
+        assert!(folder.path().join("M/map.glb").is_file());
+        let status = process(folder.path(), "info nothing.obj").stderr(full()).status();
+        assert_eq!(status.unwrap().code(), Some(2), "an error that nobody reads is still one");
+        let help = process(folder.path(), "help").stdout(full()).stderr(Stdio::piped()).output().unwrap();
+        assert_eq!(help.status.code(), Some(2));
+        assert!(String::from_utf8(help.stderr).unwrap().contains("standard output"));
+    }
+
+    /// `check FILE | true`
+    #[test]
+    fn a_closed_output_changes_no_exit_code() {
+        let folder = folder();
+        fs::write(folder.path().join("t.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n").unwrap();
+        assert_eq!(process(folder.path(), "check t.obj").output().unwrap().status.code(), Some(1));
+        let mut child = process(folder.path(), "check t.obj").stdout(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        assert_eq!(child.wait().unwrap().code(), Some(1));
+    }
+
+    #[test]
+    fn outputs_respect_the_umask_and_links() {
+        let folder = folder();
+        symlink("real.ply", folder.path().join("link.ply")).unwrap();
+        let run = "umask 077; \"$0\" convert cap.obj a.ply && \"$0\" convert cap.obj link.ply";
+        let status = std::process::Command::new("sh")
+            .args(["-c", run])
+            .arg(assert_cmd::cargo::cargo_bin!("dermatome"))
+            .current_dir(folder.path())
+            .status();
+        assert!(status.unwrap().success());
+        let mode = fs::metadata(folder.path().join("a.ply")).unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o600);
+        let target = fs::symlink_metadata(folder.path().join("real.ply")).unwrap();
+        assert!(
+            target.is_file() && fs::symlink_metadata(folder.path().join("link.ply")).unwrap().is_symlink()
+        );
+        fs::create_dir(folder.path().join("M")).unwrap();
+        symlink("../kept.glb", folder.path().join("M/map.glb")).unwrap();
+        dermatome(folder.path(), "build cap.obj -o M").assert().success();
+        assert!(folder.path().join("kept.glb").is_file(), "`build` follows a link to a file to come");
+    }
+
+    /// `ulimit -f` counts blocks of 512 or 1024 bytes.
+    #[test]
+    fn a_file_beyond_the_limit_of_sizes_is_an_error_and_leaves_nothing() {
+        let folder = folder();
+        let before = listing(folder.path());
+        for words in ["convert cap.obj a.ply", "build cap.obj -o .", "lookup map.glb c.csv -o l.csv"] {
+            let output = std::process::Command::new("sh")
+                .args(["-c", "ulimit -f 0; exec \"$0\" \"$@\""])
+                .arg(assert_cmd::cargo::cargo_bin!("dermatome"))
+                .args(words.split(' '))
+                .current_dir(folder.path())
+                .output()
+                .unwrap();
+            let text = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(2), "{words}: {text}");
+            assert!(
+                text.contains("cannot write") && text.to_lowercase().contains("large"),
+                "{words}: {text}"
+            );
+            assert_eq!(listing(folder.path()), before, "{words}");
+        }
+    }
+}
+
 #[cfg(target_os = "linux")]
 mod stopped {
     use std::{

@@ -57,6 +57,24 @@ pub struct Sheet {
 }
 
 impl Draft {
+    /// Multiplies all lengths by `metres`: those of a draft in another unit than m become m.
+    pub fn scale(&mut self, metres: f64) {
+        for link in self.links.iter_mut() {
+            link.pose.translation *= metres;
+        }
+        for sheet in &mut self.sheets {
+            let square = metres * metres;
+            sheet.positions.iter_mut().for_each(|x| *x *= metres);
+            sheet.areas.iter_mut().flatten().for_each(|a| *a *= square);
+            sheet.densities.iter_mut().flatten().for_each(|d| *d /= square);
+            sheet
+                .covariances
+                .iter_mut()
+                .flatten()
+                .for_each(|c| *c = Covariance::from_array(c.to_array().map(|x| x * square)));
+        }
+    }
+
     /// Whether it holds taxels, but no triangle.
     pub(super) fn is_bare(&self) -> bool {
         self.sheets.iter().all(|s| s.triangles.is_empty())

@@ -21,7 +21,7 @@ use crate::{
     common::Common,
     input::read_skin,
     notes::{note_distortion, note_overlaps},
-    options::{BareArgs, CoarsenArgs, FlattenArgs, length_mm},
+    options::{CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
     outputs::{self, Outputs, cannot_write},
     print::{json, print_json, print_levels},
     progress,
@@ -31,7 +31,7 @@ use crate::{
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
     skin: PathBuf,
     /// Folder for map.glb, map.exr and report.json; created if it does not exist
     #[arg(short, long, value_name = "DIR")]
@@ -47,7 +47,9 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    bare: BareArgs,
+    read: ReadArgs,
+    #[command(flatten)]
+    chosen: PatchArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -59,8 +61,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let files: Vec<PathBuf> = FILES.into_iter().chain([REPORT]).map(|name| args.output.join(name)).collect();
     outputs::check_inputs(files.iter().map(PathBuf::as_path), [args.skin.as_path()])?;
     let start = Instant::now();
-    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
-    let skin = read_skin(&args.skin, &assemble, common)?;
+    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.read.options() };
+    let skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     check_output(&args.output, &files)?;
     let read = start.elapsed().as_secs_f64();
 

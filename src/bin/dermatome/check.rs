@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use crate::{
     common::Common,
     notes::note,
-    options::BareArgs,
+    options::ReadArgs,
     print::{line, print, print_json},
 };
 
@@ -22,21 +22,22 @@ use crate::{
 /// That taxels are bare is a note on standard error, and is nothing wrong.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
     file: PathBuf,
     /// Print all elements of every finding as JSON.
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    bare: BareArgs,
+    read: ReadArgs,
 }
 
 /// A line holds no more elements; `--json` gives them all.
 const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let draft = read_draft(&args.file).map_err(Error::from)?;
-    let findings = check(&draft, &args.bare.options());
+    let mut draft = read_draft(&args.file).map_err(Error::from)?;
+    draft.scale(args.read.unit.metres());
+    let findings = check(&draft, &args.read.options());
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note(common, found));
     if args.json {

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use crate::{
     common::Common,
     input::read_skin,
-    options::{BareArgs, CoarsenArgs},
+    options::{CoarsenArgs, PatchArgs, ReadArgs},
     outputs,
     print::{plain, print_json, print_table},
 };
@@ -23,7 +23,7 @@ use crate::{
 /// Arguments of `coarsen`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
     skin: PathBuf,
     /// File for the levels, as in a map file but without maps: .glb
     #[arg(short, long, value_name = "OUT.glb")]
@@ -34,7 +34,9 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    bare: BareArgs,
+    read: ReadArgs,
+    #[command(flatten)]
+    chosen: PatchArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -44,8 +46,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     outputs::check([args.output.as_path()])?;
     outputs::check_inputs([args.output.as_path()], [args.skin.as_path()])?;
-    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.bare.options() };
-    let skin = read_skin(&args.skin, &assemble, common)?;
+    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.read.options() };
+    let skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     let options = args.coarsen.options();
     let coarsen = |patch: &Patch| {
         let coarsened = coarsen(&patch.mesh, &patch.taxels, &options).map_err(Error::from);

@@ -4,25 +4,33 @@ use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::{Error, io::write_skin};
 
-use crate::{common::Common, input::read_skin, notes::remark_lost, options::BareArgs, outputs};
+use crate::{
+    common::Common,
+    input::read_skin,
+    notes::remark_lost,
+    options::{PatchArgs, ReadArgs},
+    outputs,
+};
 
 /// Arguments of `convert`; the extensions determine the formats.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
+    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write: .glb, .gltf, .json, .obj, .ply, .stl or .csv
+    /// The file to write: .glb, .gltf, .json, .obj, .off, .ply, .stl or .csv
     #[arg(value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
-    bare: BareArgs,
+    read: ReadArgs,
+    #[command(flatten)]
+    chosen: PatchArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check([args.output.as_path()])?;
     outputs::check_inputs([args.output.as_path()], [args.input.as_path()])?;
-    let skin = read_skin(&args.input, &args.bare.options(), common)?;
+    let skin = read_skin(&args.input, &args.read, &args.chosen, &args.read.options(), common)?;
     write_skin(&args.output, &skin).map_err(Error::from)?;
     remark_lost(&args.output, &skin, common);
     Ok(ExitCode::SUCCESS)

@@ -4,6 +4,7 @@
 use std::{
     fmt,
     io::{ErrorKind, IsTerminal},
+    path::Path,
     process::ExitCode,
 };
 
@@ -23,6 +24,7 @@ use dermatome::{
 
 use crate::{
     common::ColorChoice,
+    outputs::kind,
     print::{line, print, say},
 };
 
@@ -308,7 +310,24 @@ fn io_help(error: &IoError) -> String {
         IoError::Unsupported { feature, .. } => unsupported_help(feature).into(),
         IoError::Unfit { .. } => "correct what is to be written, or choose a format that can hold it".into(),
         IoError::NoMap { .. } => BUILD_AGAIN.into(),
-        IoError::UnknownKind { known, .. } => format!("name a file that ends in one of: {known}"),
+        IoError::UnknownKind { path, known } => match converter(path) {
+            Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
+            None => format!("name a file that ends in one of: {known}"),
+        },
         _ => "correct the file, or export it again from the program that wrote it".into(),
     }
+}
+
+/// What converts a file of robots, scenes or CAD that is not read here.
+fn converter(path: &Path) -> Option<&'static str> {
+    Some(match kind(path).as_str() {
+        "urdf" | "xacro" | "sdf" => {
+            "give the mesh files that it names; if they are .dae, convert them with Blender or assimp"
+        }
+        "dae" | "fbx" | "3ds" | "blend" => "convert it with Blender or `assimp export`",
+        "step" | "stp" | "iges" | "igs" | "fcstd" => "convert it with FreeCAD (Mesh Design, Mesh from Shape)",
+        "usd" | "usda" | "usdc" | "usdz" => "convert it with Blender or `usdcat` and a glTF exporter",
+        "3mf" | "vtk" | "vtu" | "msh" => "convert it with `meshio convert`",
+        _ => return None,
+    })
 }

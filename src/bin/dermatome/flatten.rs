@@ -22,7 +22,7 @@ use crate::{
     errors::advise,
     input::read_skin,
     notes::{note_distortion, note_overlaps},
-    options::{BareArgs, FlattenArgs},
+    options::{FlattenArgs, PatchArgs, ReadArgs},
     outputs::{self, Outputs},
     print::{print_json, print_levels},
     progress,
@@ -31,7 +31,7 @@ use crate::{
 /// Arguments of `flatten`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt, with one connected sheet
+    /// The mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt, with one connected sheet
     mesh: PathBuf,
     /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; where the mesh is
     /// cut, V has the vertices of the seam once for each of their places; may be given twice
@@ -48,14 +48,16 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    bare: BareArgs,
+    read: ReadArgs,
+    #[command(flatten)]
+    chosen: PatchArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check(args.output.iter().map(PathBuf::as_path))?;
     outputs::check_inputs(args.output.iter().map(PathBuf::as_path), [args.mesh.as_path()])?;
     let options = args.flatten.options()?;
-    let skin = read_skin(&args.mesh, &args.bare.options(), common)?;
+    let skin = read_skin(&args.mesh, &args.read, &args.chosen, &args.read.options(), common)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
         return Err(advise(

@@ -12,24 +12,24 @@ use serde_json::{Value, json};
 use crate::{
     common::Common,
     input::read_skin,
-    options::BareArgs,
+    options::{PatchArgs, ReadArgs},
     print::{plain, print, print_json, print_table},
 };
 
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .ply, .stl, .csv or .txt
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
     file: PathBuf,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    bare: BareArgs,
+    read: ReadArgs,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.file, &args.bare.options(), common)?;
+    let skin = read_skin(&args.file, &args.read, &PatchArgs::default(), &args.read.options(), common)?;
     let rows = skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<Vec<_>, Error>>()?;
     if args.json {
         let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();

@@ -7,18 +7,40 @@ use dermatome::{
     Error,
     io::{IoError, read_draft, read_map},
     map::SkinMap,
-    skin::{AssembleOptions, Skin, assemble, joining_gap},
+    skin::{AssembleOptions, Patch, RemarkKind, Skin, assemble, joining_gap},
+};
+use glob::Pattern;
+
+use crate::{
+    common::Common,
+    errors::advise,
+    notes::note,
+    options::{PatchArgs, ReadArgs, Unit},
+    outputs,
 };
 
-use crate::{common::Common, notes::note, outputs};
-
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.
-pub(crate) fn read_skin(path: &Path, options: &AssembleOptions, common: &Common) -> anyhow::Result<Skin> {
-    let draft = read_draft(path).map_err(Error::from)?;
-    let assembled = assemble(&draft, options)
+pub(crate) fn read_skin(
+    path: &Path,
+    read: &ReadArgs,
+    chosen: &PatchArgs,
+    options: &AssembleOptions,
+    common: &Common,
+) -> anyhow::Result<Skin> {
+    let mut draft = read_draft(path).map_err(Error::from)?;
+    draft.scale(read.unit.metres());
+    // Patches that are not taken may be faulty. A piece of a sheet has a name of its own once it is
+    // assembled.
+    let sheets = select(&mut draft.sheets, &chosen.patches, |sheet| &sheet.name);
+    let mut assembled = assemble(&draft, options)
         .map_err(Error::from)
         .with_context(|| format!("{} holds no sound skin", path.display()))?;
     assembled.remarks.iter().for_each(|remark| note(common, remark));
+    if read.unit == Unit::M
+        && assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::DoubtfulUnit { .. }))
+    {
+        note(common, "--unit mm reads a file in millimetres");
+    }
     // Trials take time, so there are none for a quiet run.
     if !common.quiet
         && let Some((gap, patches)) = joining_gap(&draft, &assembled, options)
@@ -26,7 +48,30 @@ pub(crate) fn read_skin(path: &Path, options: &AssembleOptions, common: &Common)
         let now = assembled.skin.patches.len();
         note(common, format_args!("--gap {gap} would join pieces: {patches} instead of {now}"));
     }
+    if !sheets {
+        let mut patches: Vec<Patch> = assembled.skin.patches.into_iter().collect();
+        let names: Vec<String> = patches.iter().take(MOST_NAMES).map(|p| p.name.clone()).collect();
+        if !select(&mut patches, &chosen.patches, |patch| &patch.name) {
+            let what =
+                format!("{} has no patch of a name in --patch; it has {}", path.display(), names.join(", "));
+            return Err(advise(what, "give one of them; * stands for any characters"));
+        }
+        assembled.skin.patches = patches.into();
+    }
     Ok(assembled.skin)
+}
+
+/// More names than this are not listed.
+const MOST_NAMES: usize = 10;
+
+/// Keeps the items whose name fits one of the patterns, or all where there is no pattern. If a
+/// pattern fits none, all are kept, and the answer is false.
+fn select<T>(items: &mut Vec<T>, patterns: &[Pattern], name: impl Fn(&T) -> &str) -> bool {
+    let fits = patterns.iter().all(|pattern| items.iter().any(|item| pattern.matches(name(item))));
+    if fits && !patterns.is_empty() {
+        items.retain(|item| patterns.iter().any(|pattern| pattern.matches(name(item))));
+    }
+    fits
 }
 
 /// The map of a file, if it has one; otherwise it may be a skin.

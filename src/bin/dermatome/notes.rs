@@ -31,7 +31,7 @@ pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
 /// What a skin loses there: its frames and names, its tangents and its covariances.
 fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
     let kind = outputs::kind(path);
-    let is_plain = matches!(kind.as_str(), "json" | "obj" | "ply" | "stl");
+    let is_plain = matches!(kind.as_str(), "json" | "obj" | "off" | "ply" | "stl");
     let has = |known: fn(&Taxels) -> bool| is_plain && skin.patches.iter().any(|p| known(&p.taxels));
     let tangents = has(|taxels| taxels.tangents.is_some()).then_some("the tangents of the taxels are lost");
     let covariances =
@@ -47,6 +47,7 @@ fn lost_frames(kind: &str, skin: &Skin) -> Option<&'static str> {
         "json" if !is_one_body => Some("robotskinlib has one link: positions are in the world"),
         "json" if skin.patches.len() > 1 => Some("robotskinlib has one patch: its pieces lose their names"),
         "obj" => Some("OBJ keeps no taxel ids and no link frames: positions are in the world"),
+        "off" => Some("OFF keeps positions and triangles alone, in the world"),
         "ply" if !is_bare || skin.patches.len() > 1 => {
             Some("PLY keeps no names and no link frames: positions are in the world")
         }

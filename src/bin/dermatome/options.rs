@@ -6,23 +6,70 @@ use dermatome::{
     pyramid::CoarsenOptions,
     skin::AssembleOptions,
 };
+use glob::Pattern;
 
 use crate::errors::advise;
 
-/// How to join taxels that have no triangles.
+/// How to read a skin.
 #[derive(Debug, Clone, clap::Args)]
-#[command(next_help_heading = "Bare taxels")]
-pub(crate) struct BareArgs {
+#[command(next_help_heading = "Reading")]
+pub(crate) struct ReadArgs {
+    /// Unit of all lengths in the file, also of those in areas, densities and covariances
+    #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT")]
+    pub(crate) unit: Unit,
     /// Longest edge between taxels without triangles, divided by the local spacing; longer edges
     /// are real gaps and stay open
     #[arg(long, value_name = "K", default_value_t = AssembleOptions::default().gap, value_parser = gap)]
     gap: f64,
 }
 
-impl BareArgs {
+impl ReadArgs {
+    pub(crate) fn of(unit: Unit) -> Self {
+        Self { unit, gap: AssembleOptions::default().gap }
+    }
+
     pub(crate) fn options(&self) -> AssembleOptions {
         AssembleOptions { gap: self.gap, ..AssembleOptions::default() }
     }
+}
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Unit {
+    /// Metres
+    M,
+    /// Millimetres
+    Mm,
+    /// Centimetres
+    Cm,
+    /// Inches
+    In,
+}
+
+impl Unit {
+    /// Its length in m.
+    pub(crate) const fn metres(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Mm => 1e-3,
+            Self::Cm => 1e-2,
+            Self::In => 0.0254,
+        }
+    }
+}
+
+/// Which patches of a file to take.
+#[derive(Debug, Clone, Default, clap::Args)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct PatchArgs {
+    /// Take the patches of this name only, in which * and ? stand for any characters; may be given
+    /// more than once [default: all patches]
+    #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
+    pub(crate) patches: Vec<Pattern>,
+}
+
+fn pattern(text: &str) -> Result<Pattern, String> {
+    Pattern::new(text).map_err(|e| format!("needed: a name, * and ? for any characters ({})", e.msg))
 }
 
 /// How to coarsen.

@@ -21,7 +21,7 @@ use crate::{
     common::Common,
     errors::advise,
     input::{read_map_if_any, read_skin},
-    options::BareArgs,
+    options::{PatchArgs, ReadArgs},
     outputs::{self, Outputs, is_stream},
     print::print,
     render::{FramesArgs, Readings, ReadingsArgs, range},
@@ -57,7 +57,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
     width: u32,
     #[command(flatten)]
-    bare: BareArgs,
+    read: ReadArgs,
     #[command(flatten)]
     frame: FrameArgs,
     #[command(flatten)]
@@ -140,7 +140,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
         (None, None) => {
-            let skin = read_skin(&args.map, &args.bare.options(), common)?;
+            let skin = read_skin(&args.map, &args.read, &PatchArgs::default(), &args.read.options(), common)?;
             plot_skin(&skin, &options).map_err(Error::from)?
         }
     };

@@ -12,7 +12,7 @@ use crate::{
         arrays::{npy::Elements, writer::ArrayWriter},
         file::{Source, kind, unfit, write_file},
         gltf,
-        mesh::{icub, obj, ply, robotskin, skin_csv, stl},
+        mesh::{icub, obj, off, ply, robotskin, skin_csv, stl},
     },
     mesh::TriMesh,
     skin::{Draft, Skin},
@@ -25,6 +25,7 @@ use crate::{
 /// | `glb`, `gltf` | glTF 2.0: every mesh of the default scene is a sheet | all, as 32 bits |
 /// | `json` | robotskinlib, version 2 | ids, normals, link frame |
 /// | `obj` | Wavefront OBJ: every `o` or `g` is a sheet | normals |
+/// | `off` | OFF of Geomview, as text: one sheet | normals |
 /// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
 /// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
 /// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
@@ -51,12 +52,13 @@ pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
         "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?),
         "json" => robotskin::read,
         "obj" => obj::read,
+        "off" => off::read,
         "ply" => ply::read,
         "stl" => stl::read,
         "csv" => skin_csv::read,
         "txt" => icub::read,
         _ => {
-            let known = "glb, gltf, json, obj, ply, stl, csv, txt";
+            let known = "glb, gltf, json, obj, off, ply, stl, csv, txt";
             return Err(IoError::UnknownKind { path: path.into(), known });
         }
     };
@@ -66,7 +68,7 @@ pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
 /// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what
 /// each keeps.
 ///
-/// OBJ, PLY, STL and CSV know no frames: positions are written in the world, and reading them gives
+/// OBJ, OFF, PLY, STL and CSV know no frames: positions are written in the world, and reading them gives
 /// one frame at the origin. JSON has one frame, which it keeps if all patches share a link.
 /// Decimals are the shortest that read back as the same `f64`; glTF rounds to `f32`.
 ///
@@ -91,11 +93,12 @@ pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
         "glb" | "gltf" => gltf::write_skin,
         "json" => robotskin::write,
         "obj" => obj::write,
+        "off" => off::write,
         "ply" => ply::write,
         "stl" => stl::write,
         "csv" => skin_csv::write,
         _ => {
-            let known = "glb, gltf, json, obj, ply, stl, csv";
+            let known = "glb, gltf, json, obj, off, ply, stl, csv";
             return Err(IoError::UnknownKind { path: path.into(), known });
         }
     };

@@ -3,6 +3,7 @@
 pub(super) mod formats;
 mod icub;
 mod obj;
+mod off;
 mod ply;
 mod robotskin;
 pub(super) mod skin_csv;

@@ -16,7 +16,7 @@ pub(crate) struct Args {
     /// empty cells.
     pub(super) observations: PathBuf,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
-    /// .json, .obj, .ply, .stl; may be given more than once
+    /// .json, .obj, .off, .ply, .stl; may be given more than once
     #[arg(short, long, value_name = "SKIN", required = true)]
     pub(super) output: Vec<PathBuf>,
     /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose

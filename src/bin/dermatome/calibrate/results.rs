@@ -35,10 +35,10 @@ impl Kind {
         match outputs::kind(path).as_str() {
             "csv" => Ok(Self::Table),
             "g2o" => Ok(Self::Graph),
-            "glb" | "gltf" | "json" | "obj" | "ply" | "stl" => Ok(Self::Skin),
+            "glb" | "gltf" | "json" | "obj" | "off" | "ply" | "stl" => Ok(Self::Skin),
             _ => Err(IoError::UnknownKind {
                 path: path.to_owned(),
-                known: ".csv, .g2o, .glb, .gltf, .json, .obj, .ply, .stl",
+                known: ".csv, .g2o, .glb, .gltf, .json, .obj, .off, .ply, .stl",
             }),
         }
     }

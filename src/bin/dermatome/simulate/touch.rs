@@ -12,13 +12,14 @@ use dermatome::{
     io::{ReadingsWriter, write_touches},
     map::SkinMap,
     signal::{Quantity, Touch, TouchOptions, TouchSimulation},
-    skin::{AssembleOptions, Patch, Skin},
+    skin::{Patch, Skin},
 };
 
 use crate::{
     common::Common,
     input::{read_map_if_any, read_skin},
     notes::note,
+    options::{PatchArgs, ReadArgs, Unit},
     outputs::{self, Outputs},
 };
 
@@ -49,6 +50,9 @@ pub(super) struct TouchArgs {
     /// with a column for each taxel, or .npz
     #[arg(long, value_name = "SKIN", conflicts_with_all = OTHERS)]
     pub(super) touch: Option<PathBuf>,
+    /// Unit of all lengths in the file of the skin
+    #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT", requires = "touch")]
+    unit: Unit,
     /// Number of presses, one after the other, each at a random place
     #[arg(long, value_name = "N", default_value_t = 5, requires = "touch")]
     presses: usize,
@@ -115,7 +119,10 @@ pub(super) fn run(
     outputs::check_inputs([output].into_iter().chain(truth), [skin])?;
     let skin = match read_map_if_any(skin)? {
         Some(map) => finest(&map),
-        None => read_skin(skin, &AssembleOptions::default(), common)?,
+        None => {
+            let read = ReadArgs::of(args.unit);
+            read_skin(skin, &read, &PatchArgs::default(), &read.options(), common)?
+        }
     };
     let mut simulation = TouchSimulation::new(&skin, &args.options(common.seed)).map_err(Error::from)?;
     let mut touches = Vec::new();
