@@ -217,6 +217,24 @@ mod system {
         assert!(folder.path().join("kept.glb").is_file(), "`build` follows a link to a file to come");
     }
 
+    /// A killed run cannot remove its files; the next one does, when they are a day old.
+    #[test]
+    fn files_of_killed_runs_are_removed_when_they_are_old() {
+        let folder = folder();
+        // Numbers of processes end at 4194304.
+        let names = [".dermatome-99999999-1-old", ".dermatome-99999999-1-new", ".dermatome-1-1-running"];
+        let two_days_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(48 * 3600);
+        for name in names {
+            let file = File::create(folder.path().join(name)).unwrap();
+            if !name.ends_with("new") {
+                file.set_modified(two_days_ago).unwrap();
+            }
+        }
+        dermatome(folder.path(), "convert cap.obj a.ply").assert().success();
+        let left: Vec<_> = listing(folder.path()).into_iter().filter(|n| n.starts_with('.')).collect();
+        assert_eq!(left, [names[2], names[1]]);
+    }
+
     /// `ulimit -f` counts blocks of 512 or 1024 bytes.
     #[test]
     fn a_file_beyond_the_limit_of_sizes_is_an_error_and_leaves_nothing() {

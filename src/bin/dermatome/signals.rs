@@ -2,11 +2,13 @@
 
 use std::{
     collections::BTreeSet,
-    fs, io,
+    fs::{self, Metadata},
+    io,
     path::{Path, PathBuf},
     process,
     sync::{Arc, Mutex, Once, PoisonError},
     thread,
+    time::Duration,
 };
 
 use dermatome::io::temporary_prefix;
@@ -27,7 +29,10 @@ static FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 /// Registers a folder: if this run is stopped, its temporary files there are removed.
 pub(crate) fn clean_when_stopped(folder: &Path) {
     static HANDLER: Once = Once::new();
-    FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned());
+    if FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned()) {
+        // What cannot be listed or removed is no fault of this run.
+        let _ = sweep(folder, is_abandoned);
+    }
     HANDLER.call_once(|| {
         // Without a handler a stopped run only leaves its files, so go on.
         // A file beyond the limit of its size is then an error of its writer.
@@ -36,7 +41,7 @@ pub(crate) fn clean_when_stopped(folder: &Path) {
         thread::spawn(move || {
             let Some(signal) = signals.forever().next() else { return };
             for folder in FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
-                let _ = (0..MOST_SWEEPS).find(|_| sweep(folder).is_ok_and(|removed| removed == 0));
+                let _ = (0..MOST_SWEEPS).find(|_| sweep(folder, is_ours).is_ok_and(|removed| removed == 0));
             }
             process::exit(STOPPED + signal);
         });
@@ -52,12 +57,14 @@ fn signals() -> Vec<i32> {
     [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0).collect()
 }
 
-/// Removes the temporary files of this run in a folder; returns how many there were.
-fn sweep(folder: &Path) -> io::Result<usize> {
+/// Removes the temporary files in a folder that `goes` chooses; returns how many there were.
+fn sweep(folder: &Path, goes: fn(&str, &Metadata) -> bool) -> io::Result<usize> {
     let mut removed = 0;
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
-        if entry.file_name().to_string_lossy().starts_with(temporary_prefix()) {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with(ANY_PREFIX) && goes(&name, &entry.metadata()?) {
             let path = entry.path();
             if entry.file_type()?.is_dir() {
                 fs::remove_dir_all(path)?
@@ -68,4 +75,25 @@ fn sweep(folder: &Path) -> io::Result<usize> {
         }
     }
     Ok(removed)
+}
+
+/// How the names of the temporary files of all runs begin; a number of the process follows.
+const ANY_PREFIX: &str = ".dermatome-";
+
+fn is_ours(name: &str, _: &Metadata) -> bool {
+    name.starts_with(temporary_prefix())
+}
+
+/// A machine or container that shares a folder may have other processes, so that a number says
+/// nothing of a young file.
+const OLD: Duration = Duration::from_secs(24 * 60 * 60);
+
+/// Whether a file is old and of a process that does not exist: one that was killed.
+fn is_abandoned(name: &str, about: &Metadata) -> bool {
+    let process = name.strip_prefix(ANY_PREFIX).and_then(|rest| rest.split('-').next());
+    let process = process.and_then(|number| number.parse::<u32>().ok());
+    let is_old = about.modified().is_ok_and(|at| at.elapsed().is_ok_and(|age| age > OLD));
+    is_old
+        && process
+            .is_some_and(|id| Path::new("/proc/self").exists() && !Path::new(&format!("/proc/{id}")).exists())
 }
