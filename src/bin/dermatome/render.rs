@@ -128,7 +128,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let inputs = [args.map.as_path(), args.readings.as_path()];
     if matches!(kind, Kind::Array(_)) {
-        outputs::check_inputs(&args.output, inputs)?;
+        outputs::check_inputs([args.output.as_path()], inputs)?;
     }
     args.contacts.check(inputs)?;
     args.frames.check()?;

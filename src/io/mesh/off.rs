@@ -54,8 +54,7 @@ fn header<'a>(source: &Source, rows: &mut impl Rows<'a>) -> Result<[usize; 3], I
     let mut has_normals = 0;
     if let Some((kind, rest)) = text.split_once("OFF") {
         if rest.contains("BINARY") || kind.contains(['4', 'n']) {
-            let remedy = "write it as text, with three coordinates a vertex";
-            return Err(source.unsupported(format!("line {}", at.line), excerpt(text), remedy));
+            return Err(source.unsupported(format!("line {}", at.line), excerpt(text)));
         }
         if !["", "C", "N", "CN", "ST", "STC", "STN", "STCN"].contains(&kind) {
             return Err(at.invalid(excerpt(text), "OFF, or COFF, NOFF, STOFF"));

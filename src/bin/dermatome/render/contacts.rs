@@ -53,7 +53,7 @@ impl ContactsArgs {
     pub(super) fn check(&self, inputs: [&Path; 2]) -> anyhow::Result<()> {
         let Some(path) = &self.contacts else { return Ok(()) };
         outputs::check([path.as_path()])?;
-        outputs::check_inputs(path, inputs)
+        outputs::check_inputs([path.as_path()], inputs)
     }
 
     pub(super) fn open<'a>(
