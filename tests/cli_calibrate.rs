@@ -203,7 +203,7 @@ fn outputs_appear_together_or_not_at_all() {
         ("simulate --taxels 20 -o z.g2o --truth ./z.csv --triangles z.csv", "two outputs"),
         ("simulate --taxels 20 -o z.g2o --truth z.g2o", "known here: .csv"),
         ("simulate --taxels 20 --truth t.csv -o z.txt", "known here: .g2o, .csv"),
-        ("simulate --taxels 20 --truth t.csv -o z.csv --model poses", "write a .g2o file"),
+        ("simulate --taxels 20 --truth t.csv -o z.csv --model poses", "needed: a g2o file"),
     ] {
         dermatome(folder).args(args.split(' ')).assert().code(2).stderr(contains(told));
         assert_eq!(files(folder), before, "{args}");
