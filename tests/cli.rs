@@ -93,7 +93,8 @@ fn the_report_has_the_documented_keys() {
     assert_eq!(keys(&written["patches"][0]), "levels link name");
     assert_eq!(
         keys(&written["patches"][0]["levels"][0]),
-        "area_max area_mean boundary_loops crossings faces flips level qc_max qc_mean seam symmetric_dirichlet vertices"
+        "area_max area_mean boundary_loops converged crossings faces flips gradient level qc_max qc_mean seam \
+         symmetric_dirichlet vertices"
     );
 }
 

@@ -892,11 +892,11 @@ fn a_prescribed_circle_holds_the_outer_loop() {
     }
 }
 
-/// The corners of a lattice are its most convex places, so that on its own rectangle it is its own
-/// map.
+/// The corners of a sheet of squares are its most convex places, so that on its own rectangle it is
+/// its own map.
 #[test]
 fn a_flat_sheet_fits_its_own_rectangle() {
-    let mesh = shapes::lattice(13, 7, 0.01);
+    let mesh = shapes::sheet(13, 7, |column, row| 0.01 * DVec3::new(column.into(), row.into(), 0.0));
     let own = Boundary::Rectangle { width: 12.0, height: 6.0, corners: None };
     let error = rigid_distance(&mesh, &flatten(&mesh, &bounded(own)).unwrap());
     let turned = Boundary::Rectangle { width: 6.0, height: 12.0, corners: None };
@@ -940,7 +940,7 @@ fn a_boundary_that_cannot_be_is_refused_by_name() {
 /// Forty radii long: on coarse levels the map inside a circle has faces without area in 64 bits.
 #[test]
 fn coarse_levels_of_a_long_tube_are_left_out() {
-    let mesh = shapes::tube(8, 160, 0.01, 0.4);
+    let mesh = shapes::tube(24, 80, 0.01, 0.4);
     let pyramid = pyramid_of(&mesh);
     let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default()).unwrap();
     assert!(!maps.is_empty() && maps.len() <= pyramid.levels.len());

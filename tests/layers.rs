@@ -45,6 +45,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("clap", &["bin"]),
     ("clap_complete", &["bin"]),
     ("clap_mangen", &["bin"]),
+    ("glob", &["bin"]),
     ("indicatif", &["bin"]),
     ("signal_hook", &["bin"]),
 ];

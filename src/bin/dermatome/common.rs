@@ -23,7 +23,10 @@ pub(crate) struct Common {
 
 impl Common {
     /// The number of worker threads: `--threads`, else the environment's; 0: one per processor.
-    pub(crate) fn workers(&self) -> anyhow::Result<usize> {
+    ///
+    /// # Errors
+    /// What is wrong with the variable.
+    pub(crate) fn workers(&self) -> Result<usize, String> {
         match std::env::var(THREADS_VARIABLE) {
             Ok(text) if self.threads == 0 && !text.is_empty() => threads(&text).map_err(|needed| {
                 advise(format!("{THREADS_VARIABLE} is {text:?}; {needed}"), "correct it, or give --threads")

@@ -24,7 +24,6 @@ use dermatome::{
 
 use crate::{
     common::ColorChoice,
-    outputs::kind,
     print::{line, print, say},
 };
 
@@ -296,6 +295,7 @@ fn unsupported_help(feature: &str) -> &'static str {
         }
         "animated scale" => "animate translations and rotations alone",
         "cubic splines" => "export the animation again, sampled with linear keys",
+        _ if feature.contains("OFF") => "write it as text, with three coordinates a vertex",
         _ => {
             "export the file again without it: triangles with positions, morph targets applied, as glTF 2.0 with \
              its buffers"
@@ -320,7 +320,8 @@ fn io_help(error: &IoError) -> String {
 
 /// What converts a file of robots, scenes or CAD that is not read here.
 fn converter(path: &Path) -> Option<&'static str> {
-    Some(match kind(path).as_str() {
+    let kind = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    Some(match kind.as_str() {
         "urdf" | "xacro" | "sdf" => {
             "give the mesh files that it names; if they are .dae, convert them with Blender or assimp"
         }

@@ -337,10 +337,10 @@ mod tests {
     /// The vertex wants to go beyond the filler above its ring: it goes into it instead.
     #[test]
     fn a_filler_keeps_a_boundary_vertex_inside() {
-        let mut s = star(&[[1.0, 0.0], [0.0, -0.2], [-1.0, 0.0]], true);
-        s.skin = vec![DVec2::new(1.0, -2.0), DVec2::new(0.0, -2.2), DVec2::new(-1.0, -2.0)];
+        let mut s = star(&[[1.0, 0.0], [0.0, 0.2], [-1.0, 0.0]], true);
+        s.skin = vec![DVec2::new(1.0, 2.0), DVec2::new(0.0, 2.2), DVec2::new(-1.0, 2.0)];
         assert!(s.fits(s.transplanted()), "nothing is in the way");
-        s.apex = Some(DVec2::new(0.0, 0.5));
+        s.apex = Some(DVec2::new(0.0, -0.5));
         let wanted = s.transplanted();
         let p = s.kernel_centre(wanted).unwrap();
         assert!(wanted.y > 1.0 && !s.fits(wanted) && s.fits(p) && p.y < 0.5, "{p} instead of {wanted}");
