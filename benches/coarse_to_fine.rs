@@ -9,6 +9,7 @@
 //! table for each skin and size, and writes a picture of error against time to
 //! `target/coarse_to_fine.png`.
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used, reason = "a bench prints what it measured")]
+#![allow(clippy::cast_possible_truncation, reason = "shares of small numbers")]
 
 use std::{collections::BTreeMap, hint::black_box, time::Instant};
 
@@ -144,7 +145,7 @@ fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]
     let plain = ContactIndex::new(&map).unwrap();
     let seconds = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: false }).unwrap();
+    let index = ContactIndex::with(&map, &IndexOptions { levels: true, ..IndexOptions::default() }).unwrap();
     let with_levels = start.elapsed().as_secs_f64();
     let contacts = contacts(&map, &index);
     let exact: Vec<Hit> = contacts.iter().map(|&q| index.locate(q).unwrap()).collect();

@@ -31,7 +31,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let draft = read_draft(Path::new("meshes/robot.glb"))?;
     let skin = assemble(&draft, &AssembleOptions::default())?.skin;
     let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
-    let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true })?;
+    let mut index =
+        ContactIndex::with(&map, &IndexOptions { levels: true, fields: true, ..IndexOptions::default() })?;
 
     // The forearm turns about its elbow and passes its pose in the file after half a second.
     let forearm = map.links.enumerate().find(|(_, link)| link.name == "forearm");

@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use dermatome::{
     contact::{
-        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Motion, MotionFrame, Press,
-        Pressing, Query, Side, Spreader,
+        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Motion, MotionFrame, Packing,
+        Press, Pressing, Query, Side, Spreader,
     },
     map::SkinMap,
     mesh::shapes,
@@ -18,7 +18,7 @@ use dermatome::{
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};
 
-const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true };
+const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true, packing: Packing::Fast };
 
 fn skin() -> Skin {
     let mut skin = Skin::default();

@@ -29,7 +29,8 @@ fn frames_of_contacts_allocate_nothing() {
     let map = build(&robot(), &BuildOptions::default()).unwrap();
     let taxels: usize = map.patches.iter().map(|p| p.taxels.ids.len()).sum();
     assert!((7000..9000).contains(&taxels), "{taxels} taxels");
-    let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: false }).unwrap();
+    let mut index =
+        ContactIndex::with(&map, &IndexOptions { levels: true, ..IndexOptions::default() }).unwrap();
     let mut motion = Motion::default();
     for (id, link) in map.links.enumerate() {
         let turned = link.pose * DAffine3::from_rotation_z(0.3);

@@ -783,7 +783,8 @@ fn aligned_distance(pairs: &[(DVec2, DVec2)]) -> f64 {
 fn maps_of_finer_meshes_come_closer_at_least_linearly() {
     let cap = |x: f64, y: f64| DVec3::new(x, y, (1.6 - x * x - y * y).sqrt());
     let saddle = |x: f64, y: f64| DVec3::new(x, y, 0.5 * (x * x - y * y) + 0.1 * (3.0 * x).sin() * y);
-    let surfaces: [(&str, &dyn Fn(f64, f64) -> DVec3); 2] = [("cap", &cap), ("saddle", &saddle)];
+    type Surface<'a> = &'a dyn Fn(f64, f64) -> DVec3;
+    let surfaces: [(&str, Surface<'_>); 2] = [("cap", &cap), ("saddle", &saddle)];
     for (name, surface) in surfaces {
         for options in [FlattenOptions::default(), Energy::SymmetricDirichlet.into()] {
             let map = |cells: u32| {

@@ -27,7 +27,6 @@ impl ContactIndex {
             self.check(number, contact)?;
         }
         let order = self.along_curve(contacts);
-        #[expect(clippy::cast_possible_truncation, reason = "the number of an item of a slice")]
         let number = |word: u64| (word & ((1 << NUMBER) - 1)) as usize;
         // Each search starts anew: the first way down a tree costs less than measuring the last hit.
         let answers = order.par_iter().with_min_len(RUN);

@@ -8,7 +8,7 @@ use crate::{
         cell::PatchCells,
         coarse::{CoarseLevel, coarse_levels, mean_side},
         geometry::{RigidPose, pseudo_normal},
-        search::{Best, LARGEST, PatchBvh, PointTree, PosedBoxes, Search},
+        search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search},
     },
     id::{FaceId, IdVec},
     map::SkinMap,
@@ -26,6 +26,8 @@ pub struct IndexOptions {
     pub levels: bool,
     /// Searches for taxels and receptive fields.
     pub fields: bool,
+    /// What the trees keep of their triangles.
+    pub packing: Packing,
 }
 
 /// A map made ready for contacts.
@@ -75,6 +77,12 @@ impl ContactIndex {
         Self::with(map, &IndexOptions::default())
     }
 
+    /// Memory of the trees of level 0, in bytes: nodes, triangles, the mesh and who borders whom.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.patches.iter().map(|patch| patch.tree.bytes()).sum()
+    }
+
     /// The same, made ready for more than the nearest point of the skin.
     ///
     /// # Errors
@@ -83,7 +91,7 @@ impl ContactIndex {
         map.validate()?;
         let patches = par_map(map.patches.as_slice(), |patch| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
-            let tree = PatchBvh::new(&patch.name, mesh)?;
+            let tree = PatchBvh::packed(&patch.name, mesh, options.packing)?;
             let coarse = if options.levels { coarse_levels(patch, &tree)? } else { Vec::new() };
             let fields = patch.levels.iter().filter(|_| options.fields);
             let fields = fields.map(|map| PointTree::new(&map.level.mesh.positions)).collect();

@@ -105,4 +105,4 @@ pub use index::{ContactIndex, IndexOptions};
 pub use motion::{Motion, MotionFrame};
 pub use queries::{Area, FieldHit, Filter, Press, Pressing, Reactive, Refined, Spreader};
 pub use query::{Hit, Query};
-pub use search::Side;
+pub use search::{Packing, Side};

@@ -58,10 +58,11 @@ pub(crate) fn decide(
     let decision = Decision { graph: &graph, map };
     let mut state = Trial::new(&graph, base, map);
     let mut loops = Vec::new();
-    if graph.loops.len() > 1 && state.excess > GOOD {
-        if let Some((joined, better)) = decision.join_bad_loops(&state) {
-            (loops, state) = (named(&graph, &joined), better);
-        }
+    if graph.loops.len() > 1
+        && state.excess > GOOD
+        && let Some((joined, better)) = decision.join_bad_loops(&state)
+    {
+        (loops, state) = (named(&graph, &joined), better);
     }
     let slits = decision.slit_while_it_pays(&mut state);
     Ok(Recipe { is_cut: !state.seam.is_empty(), base: must, loops, slits })

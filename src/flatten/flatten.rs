@@ -152,7 +152,7 @@ pub fn flatten_pyramid_with_convergence(
     pyramid: &Pyramid,
     densities: Option<&IdVec<VertexId, f64>>,
     options: &FlattenOptions,
-) -> Result<IdVec<LevelId, (IdVec<VertexId, DVec2>, Convergence)>, FlattenError> {
+) -> Result<IdVec<LevelId, (Uv, Convergence)>, FlattenError> {
     options.validate()?;
     let Some(finest) = pyramid.levels.get(LevelId::new(0)) else {
         return Ok(IdVec::new());

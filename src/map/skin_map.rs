@@ -85,11 +85,11 @@ impl PatchMap {
         pixel: f64,
     ) -> Self {
         let mut taxels = patch.taxels.clone();
-        if let Some((level, uv)) = pyramid.levels.iter().zip(&maps).next() {
-            if taxels.tangents.is_none() {
-                let directions = directions_of_u(&level.mesh, uv);
-                taxels.tangents = Some(tangents_along(&level.mesh, &taxels.normals, &directions).0);
-            }
+        if let Some((level, uv)) = pyramid.levels.iter().zip(&maps).next()
+            && taxels.tangents.is_none()
+        {
+            let directions = directions_of_u(&level.mesh, uv);
+            taxels.tangents = Some(tangents_along(&level.mesh, &taxels.normals, &directions).0);
         }
         let mut levels: IdVec<LevelId, MapLevel> =
             pyramid.levels.into_iter().zip(maps).map(|(level, uv)| MapLevel::new(level, uv, pixel)).collect();

@@ -2,8 +2,6 @@
 
 use clap::ValueEnum;
 
-use crate::errors::advise;
-
 /// Options that every subcommand takes.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Common {
@@ -28,9 +26,9 @@ impl Common {
     /// What is wrong with the variable.
     pub(crate) fn workers(&self) -> Result<usize, String> {
         match std::env::var(THREADS_VARIABLE) {
-            Ok(text) if self.threads == 0 && !text.is_empty() => threads(&text).map_err(|needed| {
-                advise(format!("{THREADS_VARIABLE} is {text:?}; {needed}"), "correct it, or give --threads")
-            }),
+            Ok(text) if self.threads == 0 && !text.is_empty() => {
+                threads(&text).map_err(|needed| format!("{THREADS_VARIABLE} is {text:?}; {needed}"))
+            }
             _ => Ok(self.threads),
         }
     }

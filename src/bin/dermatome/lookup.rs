@@ -134,6 +134,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let options = IndexOptions {
         levels: question == Question::Reactive,
         fields: matches!(question, Question::Fields(_) | Question::Within(_)) || args.readings.is_some(),
+        ..IndexOptions::default()
     };
     let index = ContactIndex::with(&robot.map, &options).map_err(Error::from)?;
     if args.question.from_map {

@@ -107,7 +107,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 
 fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     let common = &cli.common;
-    let threads = common.workers()?;
+    let threads = common.workers().map_err(|why| errors::advise(why, "correct it, or give --threads"))?;
     if threads > 0 {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }

@@ -1,6 +1,5 @@
 //! Exact measurements in `f64`: nearest points of triangles, rays, volumes, sides of a surface,
 //! poses.
-#![allow(dead_code, unused_imports, reason = "queries of the module above are being built on it")]
 
 mod pseudo_normal;
 mod ray;

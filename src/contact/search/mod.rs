@@ -1,6 +1,5 @@
 //! The search for the nearest face: over the patches' boxes, then down the tree of each patch that
 //! may hold it.
-#![allow(dead_code, unused_imports, reason = "queries of the module above are being built on it")]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -24,9 +23,9 @@ mod within;
 
 pub(super) use facing::Facing;
 pub use facing::Side;
-pub(super) use first_hit::RayHit;
 pub(super) use nearest::{Best, Search};
-pub(super) use patch_bvh::{Packing, PatchBvh};
+pub use patch_bvh::Packing;
+pub(super) use patch_bvh::PatchBvh;
 pub(super) use points::PointTree;
 pub(super) use posed_boxes::PosedBoxes;
 pub(super) use rounding::LARGEST;

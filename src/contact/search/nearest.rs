@@ -58,21 +58,14 @@ pub(crate) struct Search<'a> {
     id: PatchId,
     /// The point, in m in the link's frame.
     q: DVec3,
-    /// No face farther than this is an answer, in m.
-    reach: f64,
 }
 
 impl<'a> Search<'a> {
     pub(crate) fn new(patch: &'a PatchBvh, id: PatchId, q: DVec3) -> Self {
-        Self { patch, id, q, reach: f64::INFINITY }
+        Self { patch, id, q }
     }
 
-    /// Only faces within `reach`, in m.
-    pub(in crate::contact) fn within(self, reach: f64) -> Self {
-        Self { reach, ..self }
-    }
-
-    /// Offers the nearest face of the patch, if it is neither farther than `best` nor out of reach.
+    /// Offers the nearest face of the patch, if it is not farther than `best`.
     #[inline(always)]
     pub(crate) fn run(self, best: &mut Option<Best>) {
         let local = self.patch.frame.point(self.q);
@@ -88,9 +81,8 @@ impl<'a> Search<'a> {
     #[cold]
     fn run_far(&self, local: DVec3, best: &mut Option<Best>) {
         let patch = self.patch;
-        let bound = |best: &Option<Best>| {
-            Best::squared(best.as_ref()).sqrt().min(self.reach) * patch.frame.scale * FAR_ROUND_UP
-        };
+        let bound =
+            |best: &Option<Best>| Best::squared(best.as_ref()).sqrt() * patch.frame.scale * FAR_ROUND_UP;
         patch.tree.walk(
             bound(best),
             |node| node.far_gaps(local),
@@ -103,10 +95,7 @@ impl<'a> Search<'a> {
 
     #[inline(always)]
     fn measure(&self, face: FaceId, best: &mut Option<Best>) {
-        let closest = self.patch.measure(self.q, face);
-        if self.reach == f64::INFINITY || closest.squared.sqrt() <= self.reach {
-            Best::offer(best, self.id, face, closest);
-        }
+        Best::offer(best, self.id, face, self.patch.measure(self.q, face));
     }
 }
 
@@ -129,7 +118,7 @@ impl Kernel for Walk<'_> {
     fn run<L: Lanes>(self, l: L) -> Option<Best> {
         let Self { search, local, away, best } = self;
         let slack = slack(away, 1.0);
-        let known = Best::squared(best.as_ref()).sqrt().min(search.reach);
+        let known = Best::squared(best.as_ref()).sqrt();
         let bound = squared_bound_f32(known * search.patch.frame.scale, slack);
         let mut descent = Descent::new(l, &search.patch.tree, local.as_vec3().to_array(), bound);
         let mut found = Found { search, slack, best, pending: [0; PENDING], noted: 0 };
@@ -266,20 +255,6 @@ mod tests {
         let mesh = TriMesh::from_arrays(positions, &vec![[0, 1, 2]; 5000]);
         for q in [DVec3::new(0.2, 0.2, 0.1), DVec3::new(-3.0, 0.1, 0.0), DVec3::splat(1e9)] {
             assert_finds_the_nearest(&mesh, q);
-        }
-    }
-
-    #[test]
-    fn nothing_out_of_reach_is_found() {
-        let mesh = shapes::cap(500, 0.1, 1.2);
-        let patch = PatchBvh::new("patch", &mesh).unwrap();
-        for (away, reach) in [(0.01, 0.011), (1e3, 1.1e3), (1e9, 1.1e9)] {
-            let q = DVec3::new(0.0, 0.0, -0.1 - away);
-            for (reach, expected) in [(reach, true), (0.5 * away, false)] {
-                let mut best = None;
-                Search::new(&patch, PatchId::new(0), q).within(reach).run(&mut best);
-                assert_eq!(best.is_some(), expected, "{away} m away, within {reach}");
-            }
         }
     }
 

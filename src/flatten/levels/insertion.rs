@@ -343,7 +343,7 @@ mod tests {
         s.apex = Some(DVec2::new(0.0, -0.5));
         let wanted = s.transplanted();
         let p = s.kernel_centre(wanted).unwrap();
-        assert!(wanted.y > 1.0 && !s.fits(wanted) && s.fits(p) && p.y < 0.5, "{p} instead of {wanted}");
+        assert!(wanted.y < -1.0 && !s.fits(wanted) && s.fits(p) && p.y > -0.5, "{p} instead of {wanted}");
     }
 
     /// A U has no place that sees all of it.
