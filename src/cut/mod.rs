@@ -26,7 +26,7 @@
 //!
 //! What must be cut is cut. Loops are joined and slits added only where trial maps show that it
 //! pays (`decide`), never on a plain disk. The trials are made on a level of a few thousand faces;
-//! what they decide, a [`Recipe`], is then done on the skin itself.
+//! what they decide, a recipe, is then done on the skin itself.
 //!
 //! # Files, in reading order
 //!
