@@ -33,7 +33,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("flate2", &["io/image", "io/readings"]),
     ("npyz", &["io/arrays", "io/readings"]),
     ("ply_rs_bw", &["io/mesh/ply.rs"]),
-    ("serde", &["flatten/distortion.rs", "io", "report.rs", "bin"]),
+    ("serde", &["flatten/convergence.rs", "flatten/distortion.rs", "io", "report.rs", "bin"]),
     ("serde_json", &["io", "bin"]),
     ("tempfile", &["io/file", "bin"]),
     ("zip", &["io/arrays", "io/readings"]),
