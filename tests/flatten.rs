@@ -778,6 +778,16 @@ fn aligned_distance(pairs: &[(DVec2, DVec2)]) -> f64 {
     (pairs.iter().map(square).sum::<f64>() / n).sqrt()
 }
 
+/// The posts of the frame that holds a coarse map apart are no vertices of the next level.
+#[test]
+fn a_level_after_a_framed_one_has_one_position_per_vertex() {
+    let pyramid = pyramid_of(&bumpy(7, 28, 0.9677245898833673, 0.0));
+    let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default()).unwrap();
+    for (level, uv) in maps.enumerate() {
+        assert_eq!(uv.len(), pyramid.levels[level].mesh.positions.len(), "level {level}");
+    }
+}
+
 /// Continuity: as a smooth surface is meshed finer, its maps converge.
 #[test]
 fn maps_of_finer_meshes_come_closer_at_least_linearly() {

@@ -96,6 +96,11 @@ impl<'l> Insertion<'l> {
         self.apex.get(&sides).copied().filter(|_| removal.boundary)
     }
 
+    /// The map of all vertices, once nothing is left to insert.
+    pub(crate) fn finished(self) -> Uv {
+        self.map.iter().take(self.mesh.positions.len()).copied().collect()
+    }
+
     /// Number of vertices on the map.
     pub(crate) fn present(&self) -> usize {
         self.mesh.positions.len() - self.left

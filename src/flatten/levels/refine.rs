@@ -73,13 +73,13 @@ fn insert(
 ) -> Result<Uv, FlattenError> {
     let mut at_once = start.clone();
     if at_once.undo_until(0) == 0 {
-        return Ok(at_once.map);
+        return Ok(at_once.finished());
     }
     let mut insertion = start;
     while insertion.left > 0 {
         insert_stage(&mut insertion, walls, magnification, goal)?;
     }
-    Ok(insertion.map)
+    Ok(insertion.finished())
 }
 
 /// Undoes a part of the removals and makes the map of what is there free of flips and roughly
