@@ -153,13 +153,13 @@ fn layer_of(layer: Layer<AnyChannels<FlatSamples>>) -> ImageLayer {
 
 /// The channels that the attribute of a frame tells of and that are there, by their names in the file.
 fn signals_of(note: &serde_json::Value, channels: &BTreeMap<String, Vec<f32>>) -> Vec<Channel> {
-    let told = note.get("channels").and_then(|told| told.as_array());
+    let listed = note.get("channels").and_then(|channels| channels.as_array());
     let named = |channel: Channel| {
         let names = [format!("signal.{}", channel.name), channel.name.clone()];
         let name = names.into_iter().find(|name| channels.contains_key(name))?;
         Some(Channel { name, ..channel })
     };
-    told.into_iter().flatten().filter_map(channel_of).filter_map(named).collect()
+    listed.into_iter().flatten().filter_map(channel_of).filter_map(named).collect()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "readings are measures; ids above 2^24 are not read as such")]
