@@ -104,11 +104,11 @@ def restrict(levels, values, extensive):
     return out
 
 
-def faces_of_pixels(level, mask):
-    """(rows, columns, corners, weights) of the covered pixels: the face that holds the centre of each."""
-    height, width = mask.shape
+def faces_of_centres(level, shape):
+    """Of each pixel the face that holds its centre, or is nearest to: its least weight, the face, the weights."""
+    height, width = shape
     points = level.texture * [width, height]
-    best, face_of, weights_of = np.full(mask.shape, -np.inf), np.full(mask.shape, -1), np.zeros((*mask.shape, 3))
+    best, face_of, weights_of = np.full(shape, -np.inf), np.full(shape, -1), np.zeros((*shape, 3))
     for face, corners in enumerate(points[level.triangles]):
         low = np.maximum(np.floor(corners.min(0)), 0).astype(int)
         high = np.minimum(np.ceil(corners.max(0)), [width, height]).astype(int)
@@ -122,6 +122,12 @@ def faces_of_pixels(level, mask):
         better = weights.min(1) > best[y.ravel(), x.ravel()]
         at = y.ravel()[better], x.ravel()[better]
         best[at], face_of[at], weights_of[at] = weights[better].min(1), face, weights[better]
+    return best, face_of, weights_of
+
+
+def faces_of_pixels(level, mask):
+    """(rows, columns, corners, weights) of the covered pixels: the face that holds the centre of each."""
+    best, face_of, weights_of = faces_of_centres(level, mask.shape)
     rows, columns = np.nonzero(mask)
     if np.any(best[rows, columns] < -0.05):
         sys.exit("a covered pixel lies in no face")

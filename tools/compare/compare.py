@@ -274,11 +274,14 @@ def pixel_matrices(path):
     """(D, R, L0) of a map: pixels of all levels from fields, fields of all levels from taxels, pixels of level 0 alone."""
     from scipy import sparse
     sys.path.insert(0, str(ROOT / "tools/checks"))
-    from check_frames import faces_of_pixels, read_levels
+    from check_frames import faces_of_centres, read_levels
     draw, carry = [], []
     for levels in read_levels(path).values():
         for k, level in enumerate(levels):
-            corners, weights = faces_of_pixels(level, *level.extras["map"]["pixels"])[2:]
+            width, height = level.extras["map"]["pixels"]
+            inside, faces, weights = faces_of_centres(level, (height, width))
+            covered = inside >= 0
+            corners, weights = level.unsplit[level.triangles[faces[covered]]], weights[covered]
             count = level.unsplit.max() + 1
             rows = np.repeat(np.arange(len(corners)), 3)
             draw.append((k, sparse.csr_matrix((weights.ravel(), (rows, corners.ravel())), (len(corners), count))))
