@@ -18,10 +18,10 @@ pub trait Id: Copy + Eq + Ord + fmt::Debug {
 
 /// Defines a dense index that counts one kind of thing, an [`Id`].
 macro_rules! define_id {
-    ($(#[$doc:meta])* $name:ident, $letter:literal) => {
+    ($(#[$doc:meta])* $vis:vis $name:ident, $letter:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-        pub struct $name(u32);
+        $vis struct $name(u32);
 
         impl $name {
             /// The id of the `index`-th thing.
@@ -30,21 +30,21 @@ macro_rules! define_id {
             /// If `index` does not fit into 32 bits; readers of files refuse such sizes first.
             #[inline]
             #[must_use]
-            pub fn new(index: usize) -> Self {
+            $vis fn new(index: usize) -> Self {
                 Self(u32::try_from(index).expect("more than 2^32 elements"))
             }
 
             /// Position in an [`IdVec`](crate::id::IdVec).
             #[inline]
             #[must_use]
-            pub const fn index(self) -> usize {
+            $vis const fn index(self) -> usize {
                 self.0 as usize
             }
 
             /// The id as it is stored in files.
             #[inline]
             #[must_use]
-            pub const fn raw(self) -> u32 {
+            $vis const fn raw(self) -> u32 {
                 self.0
             }
         }
@@ -83,11 +83,11 @@ macro_rules! define_id {
 
 define_id!(
     /// A vertex of one mesh.
-    VertexId, "v"
+    pub VertexId, "v"
 );
 define_id!(
     /// A triangle of one mesh.
-    FaceId, "f"
+    pub FaceId, "f"
 );
 pub(crate) use define_id;
 
@@ -133,6 +133,11 @@ impl<I: Id, T> IdVec<I, T> {
         let id = I::new(self.raw.len());
         self.raw.push(value);
         id
+    }
+
+    /// Removes the elements; keeps the memory.
+    pub(crate) fn clear(&mut self) {
+        self.raw.clear();
     }
 
     /// The element of `id`, if there is one.
@@ -188,9 +193,9 @@ impl<I: Id, T> IdVec<I, T> {
     }
 }
 
-impl<I: Id, T> Default for IdVec<I, T> {
+impl<I, T> Default for IdVec<I, T> {
     fn default() -> Self {
-        Self::new()
+        Vec::new().into()
     }
 }
 

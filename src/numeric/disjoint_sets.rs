@@ -1,4 +1,4 @@
-//! Disjoint sets (union-find, (tarjan1975) with path halving, and optionally with parity.
+//! Disjoint sets (union-find (tarjan1975) with path halving, and optionally with parity.
 
 use crate::id::{Id, IdVec};
 
@@ -47,7 +47,7 @@ impl Parity for Relation {
 ///
 /// The order of joins does not show in the roots. Without parity a member takes as much memory as
 /// its id.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct DisjointSets<I, P = ()> {
     /// A smaller member of the same set, or itself, and the relation to it.
     parents: IdVec<I, (I, P)>,
@@ -77,6 +77,16 @@ impl<I: Id, P: Parity> DisjointSets<I, P> {
 }
 
 impl<I: Id> DisjointSets<I> {
+    /// A new set of one member.
+    pub(crate) fn push(&mut self) -> I {
+        self.parents.push((I::new(self.parents.len()), ()))
+    }
+
+    /// No member; keeps the memory.
+    pub(crate) fn clear(&mut self) {
+        self.parents.clear();
+    }
+
     pub(crate) fn join(&mut self, a: I, b: I) {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b)] = (a.min(b), ());
@@ -121,6 +131,17 @@ mod tests {
         }
         let roots: Vec<_> = (0..6).map(|k| sets.root(v(k)).index()).collect();
         assert_eq!(roots, [0, 0, 2, 3, 2, 2]);
+    }
+
+    #[test]
+    fn members_are_added_one_by_one() {
+        let mut sets = DisjointSets::<VertexId>::default();
+        let (a, b) = (sets.push(), sets.push());
+        sets.join(a, b);
+        assert_eq!(sets.root(b), a);
+        sets.clear();
+        assert_eq!(sets.push(), a, "from the first again");
+        assert_eq!(sets.root(a), a, "alone");
     }
 
     #[test]

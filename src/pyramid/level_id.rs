@@ -4,5 +4,5 @@ use crate::id::define_id;
 
 define_id!(
     /// A level of one pyramid; 0 is the skin itself.
-    LevelId, "L"
+    pub LevelId, "L"
 );

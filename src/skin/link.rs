@@ -6,7 +6,7 @@ use crate::id::{IdVec, define_id};
 
 define_id!(
     /// A link of one robot.
-    LinkId, "link"
+    pub LinkId, "link"
 );
 
 /// A link of the robot: a frame that patches are fixed to.

@@ -12,7 +12,7 @@ use crate::{
 
 define_id!(
     /// A patch of one skin.
-    PatchId, "p"
+    pub PatchId, "p"
 );
 
 /// One connected sheet of taxels on one link.

@@ -16,11 +16,11 @@ use crate::{
 
 define_id!(
     /// A displacement observed between two taxels.
-    DisplacementId, "e"
+    pub DisplacementId, "e"
 );
 define_id!(
     /// An observed position of one taxel.
-    ContactObservationId, "c"
+    pub ContactObservationId, "c"
 );
 
 /// What is unknown of a taxel.

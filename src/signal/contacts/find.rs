@@ -104,11 +104,12 @@ impl Finder {
     ) {
         let patch = region.patch;
         let (marks, mesh) = (&mut self.marks[patch], (mesh, &self.around[patch]));
-        let has_parts = self.splitter.split(mesh, values, by, &region.taxels, marks);
+        let parts = self.splitter.split(mesh, values, by, &region.taxels, marks);
+        let has_parts = parts.len() > 1;
         if has_parts {
-            for part in self.splitter.roots() {
+            for part in parts {
                 let mut taxels = self.spare.pop().unwrap_or_default();
-                let of_part = |taxel: &&VertexId| self.splitter.root(marks[**taxel]) == part;
+                let of_part = |taxel: &&VertexId| marks[**taxel] == part.raw();
                 taxels.extend(region.taxels.iter().filter(of_part));
                 let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
                 if region.taxels.len() >= by.0.least {

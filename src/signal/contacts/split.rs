@@ -11,37 +11,41 @@
 //! *Heuristic*: half of the height, and four taxels. On recordings of 1 to 5 fingers on a cover of 642
 //! taxels 7 mm apart, 28 of 54 frames have as many contacts as fingers, 17 without splitting; shares
 //! from 0.3 to 0.65 give the same but for a frame. One finger has a second peak of up to three taxels
-//! that rises by 0.8 of its height, so the share alone does not tell fingers apart.
+//! that rises by 0.8 of its height, so the share alone does not separate fingers.
 
 use crate::{
-    id::{IdVec, VertexId},
+    id::{IdVec, VertexId, define_id},
     mesh::{TriMesh, VertexCorners},
+    numeric::DisjointSets,
     signal::TrackerOptions,
 };
+
+define_id!(
+    /// A part of a region, counted from the highest peak.
+    pub(super) PartId, "p"
+);
 
 /// Splits regions; owns its lists.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Splitter {
     order: Vec<VertexId>,
     /// The one with the highest peak first.
-    parts: Vec<Part>,
+    parts: IdVec<PartId, Part>,
+    /// Parts that have become one; the one of the highest peak is the root.
+    sets: DisjointSets<PartId>,
     /// The parts around a taxel.
-    meeting: Vec<u32>,
+    meeting: Vec<PartId>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Part {
     peak: f64,
     taxels: usize,
-    /// The part that has taken it in, or itself.
-    into: u32,
 }
 
 impl Splitter {
-    /// Splits the taxels of a region; each is marked with a part, and no other taxel of the patch is
-    /// marked below the number of taxels.
-    ///
-    /// Whether there is more than one part.
+    /// Splits the taxels of a region; each is marked with its part, and no other taxel of the patch is
+    /// marked below the number of taxels. Lists the parts, in order.
     pub(super) fn split(
         &mut self,
         (mesh, around): (&TriMesh, &VertexCorners),
@@ -49,8 +53,9 @@ impl Splitter {
         (options, high): (&TrackerOptions, f64),
         taxels: &[VertexId],
         marks: &mut IdVec<VertexId, u32>,
-    ) -> bool {
+    ) -> &[PartId] {
         self.parts.clear();
+        self.sets.clear();
         self.order.clear();
         self.order.extend_from_slice(taxels);
         self.order.sort_unstable_by(|&a, &b| values[b].total_cmp(&values[a]).then(a.cmp(&b)));
@@ -60,26 +65,18 @@ impl Splitter {
             let largest = self.meet((mesh, around), values, taxel, marks, count);
             self.merge(values[taxel], (options, high));
             let part = match largest {
-                Some(neighbour) => self.root(marks[neighbour]),
+                Some(neighbour) => self.sets.root(marks[neighbour].into()),
                 None => self.start(values[taxel]),
             };
-            marks[taxel] = part;
-            self.parts[part as usize].taxels += 1;
+            marks[taxel] = part.raw();
+            self.parts[part].taxels += 1;
         }
-        self.roots().nth(1).is_some()
-    }
-
-    /// The parts that are left.
-    pub(super) fn roots(&self) -> impl Iterator<Item = u32> {
-        self.parts.iter().zip(0..).filter(|(part, k)| part.into == *k).map(|(_, k)| k)
-    }
-
-    /// The part that has taken in a part.
-    pub(super) fn root(&self, mut part: u32) -> u32 {
-        while self.parts[part as usize].into != part {
-            part = self.parts[part as usize].into;
+        for &taxel in taxels {
+            marks[taxel] = self.sets.root(marks[taxel].into()).raw();
         }
-        part
+        self.meeting.clear();
+        self.meeting.extend(self.parts.ids().filter(|&part| self.sets.root(part) == part));
+        &self.meeting
     }
 
     /// Lists the parts around a taxel, the highest first; returns its largest neighbour.
@@ -95,7 +92,7 @@ impl Splitter {
         self.meeting.clear();
         let mut visit = |next: VertexId| {
             if marks[next] < count {
-                self.meeting.push(marks[next]);
+                self.meeting.push(marks[next].into());
                 if largest.is_none_or(|other| (values[next], other) > (values[other], next)) {
                     largest = Some(next);
                 }
@@ -109,32 +106,31 @@ impl Splitter {
                 corners(next).for_each(&mut visit);
             }
         }
-        for k in 0..self.meeting.len() {
-            self.meeting[k] = self.root(self.meeting[k]);
+        for part in &mut self.meeting {
+            *part = self.sets.root(*part);
         }
         self.meeting.sort_unstable();
         self.meeting.dedup();
         largest
     }
 
-    /// The parts that meet at a saddle: those that are no contacts of their own go into the highest.
+    /// The parts that meet at a saddle: those that are not contacts of their own go into the highest.
     fn merge(&mut self, saddle: f64, (options, high): (&TrackerOptions, f64)) {
         let Some((&highest, others)) = self.meeting.split_first() else { return };
         for &other in others {
-            let Part { peak, taxels, .. } = self.parts[other as usize];
+            let Part { peak, taxels } = self.parts[other];
             let rises = peak > high && peak - saddle >= options.prominence * peak;
-            let is_spike = self.parts[highest as usize].taxels < options.least;
+            let is_spike = self.parts[highest].taxels < options.least;
             if !rises || taxels < options.part || is_spike {
-                self.parts[other as usize].into = highest;
-                self.parts[highest as usize].taxels += taxels;
+                self.sets.join(highest, other);
+                self.parts[highest].taxels += taxels;
             }
         }
     }
 
     /// A new part.
-    fn start(&mut self, peak: f64) -> u32 {
-        let part = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
-        self.parts.push(Part { peak, taxels: 0, into: part });
-        part
+    fn start(&mut self, peak: f64) -> PartId {
+        self.sets.push();
+        self.parts.push(Part { peak, taxels: 0 })
     }
 }
