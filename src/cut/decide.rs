@@ -16,7 +16,7 @@ use crate::{
     parallel::par_map,
 };
 
-/// A map whose symmetric Dirichlet energy exceeds that of an isometry by no more is good enough.
+/// A map whose symmetric Dirichlet energy exceeds that of an isometry by at most this is good enough.
 const GOOD: f64 = 0.1;
 /// A loop is in distress if the map stretches or shrinks it by more than `e^0.2`.
 const DISTRESS: f64 = 0.2;

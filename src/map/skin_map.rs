@@ -167,7 +167,7 @@ fn directions_of_u(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> IdVec<VertexI
 }
 
 /// Whether a map of `faces` faces can have these measures. Whether it has them only measuring again
-/// would tell, which takes longer than all other checks. Measures are no numbers where no face has
+/// would tell, which takes longer than all other checks. Measures are not numbers where no face has
 /// an area, which lookups accept.
 fn is_possible(distortion: &Distortion, faces: usize) -> bool {
     let &Distortion { flips, qc_mean, qc_max, area_mean, area_max, .. } = distortion;

@@ -51,7 +51,7 @@ pub(super) fn measured_spacing(rings: &Rings, positions: &IdVec<VertexId, DVec3>
 /// Spacing of a triangular lattice of `densities` (1/m^2), `sqrt(2 / (sqrt3 rho))`, times the
 /// factor that makes its geometric mean that of the `measured` one, in m.
 ///
-/// On level 0 of a skin that tells the truth about itself the factor is about 1. It grows with the
+/// On level 0 of a skin whose densities are correct the factor is about 1. It grows with the
 /// levels, and it lets a density that only weighs places against each other (an acuity) coarsen as
 /// fast as any other.
 pub(super) fn spacing_of_densities(
@@ -59,7 +59,7 @@ pub(super) fn spacing_of_densities(
     measured: &IdVec<VertexId, f64>,
 ) -> IdVec<VertexId, f64> {
     let lattice = densities.map(|rho| (2.0 / (3.0_f64.sqrt() * rho)).sqrt());
-    // Where vertices coincide the measured spacing may be zero: such places have no say.
+    // Where vertices coincide the measured spacing may be zero: such places do not count.
     let (mut sum, mut count) = (0.0, 0.0);
     for (m, l) in measured.iter().zip(&lattice).filter(|(m, _)| **m > 0.0) {
         sum += (m / l).ln();

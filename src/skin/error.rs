@@ -11,7 +11,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkinError {
-    /// A patch whose triangles are no oriented manifold, or are no triangles at all.
+    /// A patch whose triangles are not an oriented manifold, or not triangles at all.
     #[error("patch {patch:?}: {source}")]
     Mesh {
         /// Name of the patch.

@@ -286,7 +286,7 @@ fn plot_help(error: &PlotError) -> &'static str {
     }
 }
 
-/// How to do without a glTF extension, which has a name, or without anything else that is not read.
+/// How to remove the need for a glTF extension, which has a name, or without anything else that is not read.
 fn unsupported_help(feature: &str) -> &'static str {
     match feature {
         "KHR_draco_mesh_compression" => "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`",

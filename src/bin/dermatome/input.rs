@@ -64,8 +64,8 @@ pub(crate) fn read_skin(
 /// More names than this are not listed.
 const MOST_NAMES: usize = 10;
 
-/// Keeps the items whose name fits one of the patterns, or all where there is no pattern. If a
-/// pattern fits none, all are kept, and the answer is false.
+/// Keeps the items whose name fits one of the patterns, or all items without patterns. If one of the
+/// patterns fits no name, all items are kept, and the answer is false.
 fn select<T>(items: &mut Vec<T>, patterns: &[Pattern], name: impl Fn(&T) -> &str) -> bool {
     let fits = patterns.iter().all(|pattern| items.iter().any(|item| pattern.matches(name(item))));
     if fits && !patterns.is_empty() {

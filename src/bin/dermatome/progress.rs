@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::common::Common;
 
-/// Time between two lines where standard error is no terminal.
+/// Time between two lines where standard error is not a terminal.
 const EVERY: Duration = Duration::from_secs(10);
 
 /// A bar on standard error, or lines where that is not a terminal; nothing in a quiet run.

@@ -381,7 +381,7 @@ fn remark(tally: &Tally, common: &Common) {
         (tally.missing as u64, "readings are missing, NaN or infinite, and masked"),
         (condition.clipped, "readings were clipped"),
         (backwards, "frames have a time before that of the frame before them"),
-        // Masked taxels have none either, which is no news.
+        // Masked taxels have none either, which is expected.
         (unknown_baselines as u64, "readings have no baseline and are masked"),
         (condition.unknown_gains as u64, "gains are of no taxel of the map"),
         (tally.dropped as u64, "frames came too fast and were dropped"),

@@ -30,7 +30,7 @@ static FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 pub(crate) fn clean_when_stopped(folder: &Path) {
     static HANDLER: Once = Once::new();
     if FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned()) {
-        // What cannot be listed or removed is no fault of this run.
+        // What cannot be listed or removed is not an error of this run.
         let _ = sweep(folder, is_abandoned);
     }
     HANDLER.call_once(|| {

@@ -23,7 +23,7 @@ pub(crate) type LogOdds = IdVec<DisplacementId, f64>;
 /// % wrong edges is the same to half a percent.
 const NEIGHBOURS: usize = 20;
 
-/// The squared bound of an edge is scaled by no less and no more than these: lengths may speak for
+/// The squared bound of an edge is scaled within these limits: lengths may speak for
 /// an edge or against it, but its residual counts, too.
 const MIN_FACTOR: f64 = 0.07;
 const MAX_FACTOR: f64 = 2.0;

@@ -152,7 +152,7 @@ fn free_components(
         let mut candidate = FreeBody { component, free_motions: 0, length, contacts, rejected_contacts };
         let (_, values, _) = candidate.anchoring(problem, poses);
         let motions = observations.model.unknowns();
-        // In the positions model the three rotations are no motions at all; their eigenvalues are
+        // In the positions model the three rotations change nothing; their eigenvalues are
         // zero.
         let determined = values.iter().filter(|&&x| x > RANK_TOLERANCE).count();
         candidate.free_motions = motions.saturating_sub(determined);

@@ -16,7 +16,7 @@ use crate::{
     skin::PatchId,
 };
 
-/// A bound that exceeds the distance at a corner by no more than this part is good enough.
+/// A bound that exceeds the distance at a corner by at most this part is good enough.
 const RATIO: f64 = 1.1;
 
 /// How often a triangle is halved at most, besides the halvings down to the size of the mesh's faces.

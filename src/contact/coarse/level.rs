@@ -37,9 +37,9 @@ pub(in crate::contact) struct CoarseLevel {
 /// stand for cover the skin.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::contact) struct Deviation {
-    /// No point of the part of the skin that the face stands for is farther from the face.
+    /// Largest distance from the face of the part of the skin that it stands for, in m.
     pub(in crate::contact) skin: f64,
-    /// No point of the face is farther from the skin.
+    /// Largest distance of the face from the skin, in m.
     pub(in crate::contact) face: f64,
     /// The largest `skin` of all faces whose skin may be nearest to a contact within `near` of this
     /// face.
@@ -151,7 +151,7 @@ impl CoarseLevel {
     }
 }
 
-/// How often a length must be halved to be no more than 1.
+/// How often a length must be halved to be at most 1.
 fn halvings(ratio: f64) -> u32 {
     (0..16).find(|&n| ratio <= f64::from(1 << n)).unwrap_or(16)
 }

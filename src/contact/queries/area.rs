@@ -53,7 +53,7 @@ impl Area {
         volume.ok_or(ContactError::NoVolume)
     }
 
-    /// No point of it is farther from its centre, in m.
+    /// Largest distance of its points from its centre, in m.
     pub(super) fn extent(&self) -> f64 {
         match *self {
             Self::Sphere { radius, .. } => radius,
@@ -66,7 +66,7 @@ impl Area {
 /// Which points of the skin may answer a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Filter {
-    /// No farther than this, in m.
+    /// Largest distance from the contact, in m.
     pub within: f64,
     /// The side of the faces' planes that the contact must be on.
     pub side: Option<Side>,

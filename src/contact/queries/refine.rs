@@ -41,7 +41,7 @@ struct Refinement<'a> {
     query: &'a Query,
     measured: usize,
     best: Option<Best>,
-    /// No nearest point is farther, in m.
+    /// Largest distance of the nearest point, in m.
     reach: f64,
 }
 

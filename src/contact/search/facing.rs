@@ -88,7 +88,7 @@ mod tests {
     use super::*;
     use crate::{contact::soup, mesh::shapes};
 
-    /// Two sheets a millimetre apart, back to back: the side tells which of them was touched.
+    /// Two sheets a millimetre apart, back to back: the side decides which of them was touched.
     #[test]
     fn a_thin_plate_has_two_sides() {
         let sheet = shapes::lattice(8, 8, 0.01);

@@ -191,6 +191,6 @@ mod tests {
         assert_eq!(elements.element_type(), ElementType::Text(2));
         assert!(elements.append(ElementType::Text(2), &mut bytes));
         assert_eq!(bytes, [97, 0, 0, 0, 98, 0, 0, 0, 0xe9, 0, 0, 0, 0, 0, 0, 0]);
-        assert!(!elements.append(ElementType::F32, &mut bytes), "a text is no number");
+        assert!(!elements.append(ElementType::F32, &mut bytes), "a text is not a number");
     }
 }

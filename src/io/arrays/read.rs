@@ -7,7 +7,7 @@ use crate::io::{IoError, file::source::Source};
 /// The shape of an array of `f32` or `f64`, and its elements as `f32`, the last index fastest.
 ///
 /// # Errors
-/// If the file is no such array, or has another number of bytes than its shape asks for.
+/// If the file is not such an array, or has another number of bytes than its shape asks for.
 pub(crate) fn read_array(source: &Source) -> Result<(Vec<u64>, Vec<f32>), IoError> {
     let fail = |e: std::io::Error| source.invalid("the file", e.to_string(), "a .npy array");
     let file = NpyFile::new(source.bytes()).map_err(fail)?;

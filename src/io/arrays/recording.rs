@@ -163,7 +163,7 @@ impl RecordingWriter {
             let units: Vec<String> = channels.iter().map(Channel::pixel_unit).collect();
             self.writer.constant("image_units", &[units.len()], Elements::Text(&units))?;
         }
-        /// Sizes that differ by no more than rounding are the same.
+        /// Sizes that differ by rounding only are the same.
         const ROUNDING: f64 = 1e-12;
         let first = parts.first().map(|(_, surface)| pixel_size(surface));
         let is_first = |size: f64| first.is_some_and(|first| (size - first).abs() <= ROUNDING * first);

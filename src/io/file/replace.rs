@@ -99,7 +99,7 @@ impl Replacement {
 /// A file without a name on the disk of `path`, which vanishes when it is closed or the run stops.
 pub(crate) fn spool_for(path: &Path) -> io::Result<File> {
     let target = follow_links(path);
-    // The folder of a device is no place for files.
+    // No file is created in the folder of a device.
     if target.exists() && !target.is_file() {
         return tempfile::tempfile();
     }

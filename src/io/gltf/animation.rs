@@ -91,7 +91,7 @@ pub fn read_animation(
                 moving[link].translation = keys(&document, &element, sampler, DVec3::from_array)?;
             }
             "rotation" => moving[link].rotation = keys(&document, &element, sampler, DQuat::from_array)?,
-            // Morph targets are no pose.
+            // Morph targets do not move links.
             "weights" => {}
             other => {
                 return Err(document.unsupported(&element, format!("animated {other}")));

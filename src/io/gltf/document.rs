@@ -1,7 +1,7 @@
 //! A document: the chunks of its file, its JSON, version and extensions, the budget of memory, and its
 //! buffers: the binary chunk, data URIs, and files next to the document.
 //!
-//! The GLB reader of the `gltf` crate is not used: it takes a header for granted whose length is too
+//! The GLB reader of the `gltf` crate is not used: it accepts a header whose length is too
 //! small, passes over bytes after the end, and does not say which chunk is broken. Neither is its
 //! import, which follows URIs out of the folder, and decodes images.
 

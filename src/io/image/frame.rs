@@ -80,7 +80,7 @@ fn note_of(channel: &Channel) -> Value {
     })
 }
 
-/// The channel that an attribute tells of, if it is one of [`write_frame`].
+/// The channel that an attribute describes, if [`write_frame`] wrote it.
 pub(super) fn channel_of(note: &Value) -> Option<Channel> {
     let text = |key: &str| note.get(key)?.as_str();
     let quantity = match text("quantity")? {

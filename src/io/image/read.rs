@@ -151,7 +151,7 @@ fn layer_of(layer: Layer<AnyChannels<FlatSamples>>) -> ImageLayer {
     ImageLayer { name, size_px, channels, signals }
 }
 
-/// The channels that the attribute of a frame tells of and that are there, by their names in the file.
+/// The channels that the attribute of a frame lists and that exist, by their names in the file.
 fn signals_of(note: &serde_json::Value, channels: &BTreeMap<String, Vec<f32>>) -> Vec<Channel> {
     let listed = note.get("channels").and_then(|channels| channels.as_array());
     let named = |channel: Channel| {

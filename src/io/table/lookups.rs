@@ -53,7 +53,7 @@ pub struct LookupPlace<'a> {
 /// and `frame`, then the one that a table adds.
 ///
 /// `fields` has `vertex:weight` for each receptive field that the contact lies in, with `;` between
-/// them. A contact off the skin has `off skin` as its patch, and besides only its distance. Decimals
+/// them. A contact off the skin has `off skin` as its patch, and otherwise only its distance. Decimals
 /// are the shortest that read back as the same `f64`.
 #[derive(Debug)]
 pub struct LookupWriter<'a, W> {

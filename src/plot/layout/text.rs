@@ -43,7 +43,7 @@ pub(super) fn short(x: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// A minus as wide as a figure before a negative number.
+/// A minus sign as wide as a digit before a negative number.
 pub(crate) fn minus(x: f64) -> &'static str {
     if x < 0.0 { "\u{2212}" } else { "" }
 }

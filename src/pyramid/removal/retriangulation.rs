@@ -59,7 +59,7 @@ impl Filler {
         let n = star.ring.len();
         let (fan, apex, bound) = self.best_fan(star, limits);
         let share = FAN_SHARE * FAN_SHARE;
-        // Up to five neighbours every filling is a fan, and mostly the bound tells that no filling
+        // Up to five neighbours every filling is a fan, and mostly the bound shows that no filling
         // is much better.
         let best = if n <= 5 || fan >= share * bound { fan } else { self.best_filling(star, limits) };
         if best <= 0.0 {

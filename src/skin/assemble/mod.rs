@@ -180,7 +180,7 @@ const WIDER: [f64; 6] = [3.0, 3.5, 4.0, 5.0, 6.0, 8.0];
 ///
 /// `assembled` is what `options` made of `draft`. `None` if no wider gap helps, and without trial
 /// for drafts with triangles, for bare sheets that are one patch each, and for more than 20 000
-/// taxels. Only a trial can tell.
+/// taxels. The gap is found by trying some.
 #[must_use]
 pub fn joining_gap(draft: &Draft, assembled: &Assembled, options: &AssembleOptions) -> Option<(f64, usize)> {
     let is_split = |r: &Remark| matches!(r.kind, RemarkKind::Components { .. });

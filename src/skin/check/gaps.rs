@@ -134,7 +134,7 @@ impl Grid {
 
 /// The power of two below a length; `None` where there is no such thing.
 fn level_of(length: f64) -> Option<i32> {
-    // Outside of this range squares of lengths are no numbers any more.
+    // Outside of this range squares of lengths overflow or underflow.
     let is_usable = length > 1e-100 && length < 1e100;
     #[expect(clippy::cast_possible_truncation, reason = "the logarithm is within 333 of zero")]
     is_usable.then(|| length.log2().floor() as i32)

@@ -19,7 +19,7 @@ use crate::{
 /// Ids that vendors write where they have none.
 const PLACEHOLDERS: [TaxelId; 2] = [TaxelId(0), TaxelId(u32::MAX)];
 
-/// Notes positions and corners that are no such thing; says which faces have neither.
+/// Notes positions and corners that are not valid; says which faces have neither.
 pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<FaceId, bool> {
     let finite: Vec<bool> = sheet.positions.iter().map(|p| p.is_finite()).collect();
     let not_finite = (0_u64..).zip(&finite).filter(|&(_, &ok)| !ok).map(|(v, _)| v);
@@ -113,7 +113,7 @@ pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
     };
     if let Some(normals) = &sheet.normals {
         let is_wrong = |v: usize| !is_unit(normals[v]);
-        note(FindingKind::NormalNotUnit, &is_wrong, "vertices have a normal that is no unit vector");
+        note(FindingKind::NormalNotUnit, &is_wrong, "vertices have a normal that is not a unit vector");
     }
     if let Some(tangents) = &sheet.tangents {
         let is_along = |v: usize| {
@@ -121,7 +121,7 @@ pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
             normal.is_some_and(|n| in_tangent_plane(tangents[v], n.normalize()).is_none())
         };
         let is_wrong = |v: usize| !is_unit(tangents[v]) || is_along(v);
-        let what = "vertices have a tangent that is no unit vector or is parallel to the normal";
+        let what = "vertices have a tangent that is not a unit vector or is parallel to the normal";
         note(FindingKind::UnusableTangent, &is_wrong, what);
     }
     if let Some(areas) = &sheet.areas {

@@ -25,7 +25,7 @@ use crate::{
 /// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.
 const BATCH: usize = 1 << 14;
 
-/// Coordinates of contacts are no larger, in m.
+/// Largest coordinate of a contact, in m.
 const FARTHEST: f64 = 1e12;
 
 /// Which frame contacts are in that name no link.
