@@ -37,6 +37,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("serde_json", &["io", "bin"]),
     ("tempfile", &["io/file", "bin"]),
     ("zip", &["io/arrays", "io/readings"]),
+    ("zmij", &["io/table"]),
     ("epaint_default_fonts", &["plot/picture/fonts.rs"]),
     ("png", &["plot/picture/png.rs"]),
     ("tiny_skia", &["plot/picture"]),

@@ -6,7 +6,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError, MapLevel, PatchMap},
     mesh::{SurfacePoint, TriMesh},
-    pyramid::{LevelId, Prolongation},
+    pyramid::{LevelId, Prolongation, PyramidError},
     skin::TaxelId,
 };
 
@@ -86,6 +86,30 @@ impl FieldWeights {
     }
 }
 
+/// A point of level 0, the same on every level.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Anchor {
+    at: SurfacePoint,
+    /// The corners of its face, and the nearest of them, the smallest of several.
+    corners: [VertexId; 3],
+    nearest: VertexId,
+}
+
+impl Anchor {
+    /// `None` if the mesh does not have the face.
+    pub(super) fn new(mesh: &TriMesh, at: &SurfacePoint) -> Option<Self> {
+        let corners = *mesh.triangles.get(at.face)?;
+        let here = mesh.point(at);
+        let key = |v: &VertexId| (mesh.positions[*v].distance_squared(here), *v);
+        let nearer = |a: &VertexId, b: &VertexId| {
+            let ((a, first), (b, second)) = (key(a), key(b));
+            a.total_cmp(&b).then(first.cmp(&second))
+        };
+        let nearest = corners.into_iter().min_by(nearer)?;
+        Some(Self { at: *at, corners, nearest })
+    }
+}
+
 /// What a lookup needs of the levels of one patch.
 #[derive(Debug, Clone)]
 pub(super) struct PatchCells {
@@ -102,15 +126,17 @@ struct LevelCells {
     /// The first face of each vertex.
     first_faces: IdVec<VertexId, FaceId>,
     /// `None` on level 0.
-    coarse: Option<Coarse>,
+    coarse: Option<IdVec<VertexId, Row>>,
 }
 
-/// How level 0 lies on a coarser level.
-#[derive(Debug, Clone)]
-struct Coarse {
-    to_finest: Prolongation,
+/// Where a vertex of level 0 lies on a coarser level: all that a lookup reads of it, side by side.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    /// The corners of `face`, and how much of the vertex each is.
+    fields: [VertexId; 3],
+    weights: [f64; 3],
     /// See [`MapLevel::row_faces`].
-    faces: IdVec<VertexId, FaceId>,
+    face: FaceId,
 }
 
 impl PatchCells {
@@ -124,30 +150,24 @@ impl PatchCells {
         self.levels.len()
     }
 
-    /// The cell of a level-0 point whose face has corners `corners`, the nearest of them being
-    /// `nearest`.
-    pub(super) fn cell(
-        &self,
-        level: LevelId,
-        at: &SurfacePoint,
-        corners: [VertexId; 3],
-        nearest: VertexId,
-    ) -> Option<Cell> {
+    /// The cell of a point of level 0.
+    pub(super) fn cell(&self, level: LevelId, anchor: &Anchor) -> Option<Cell> {
+        let Anchor { at, corners, nearest } = anchor;
         let cells = self.levels.get(level)?;
         let mut weights = FieldWeights::none();
-        for (corner, share) in corners.into_iter().zip(at.barycentric) {
-            match &cells.coarse {
-                None => weights.add(corner, share),
-                Some(Coarse { to_finest, .. }) => {
-                    for (field, weight) in
-                        to_finest.indices[corner].into_iter().zip(to_finest.weights[corner])
-                    {
-                        weights.add(field, share * weight);
+        let mut point = *at;
+        match &cells.coarse {
+            None => corners.iter().zip(at.barycentric).for_each(|(&v, share)| weights.add(v, share)),
+            Some(rows) => {
+                for (corner, share) in corners.iter().zip(at.barycentric) {
+                    let Row { fields, weights: row, face } = rows[*corner];
+                    fields.into_iter().zip(row).for_each(|(field, w)| weights.add(field, share * w));
+                    if corner == nearest {
+                        point = SurfacePoint { face, barycentric: row };
                     }
                 }
             }
         }
-        let point = cells.coarse.as_ref().map_or(*at, |coarse| coarse.point(&cells.triangles, nearest));
         let uv = weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum();
         let field = weights.strongest();
         let pixel = cells.frame.pixel(uv);
@@ -201,35 +221,35 @@ fn first_faces(mesh: &TriMesh) -> IdVec<VertexId, FaceId> {
     first
 }
 
-impl Coarse {
-    /// Where the direct prolongation puts a vertex of level 0.
-    fn point(&self, triangles: &IdVec<FaceId, [VertexId; 3]>, vertex: VertexId) -> SurfacePoint {
-        let face = self.faces[vertex];
-        let mut barycentric = [0.0; 3];
-        for (field, weight) in self.to_finest.indices[vertex].into_iter().zip(self.to_finest.weights[vertex])
-        {
-            if let Some(k) = triangles[face].iter().position(|&corner| corner == field) {
-                barycentric[k] += weight;
+/// The rows of a prolongation to level 0, each by the corners of the face that it lies in.
+fn rows(map: &MapLevel, to_finest: &Prolongation) -> Result<IdVec<VertexId, Row>, PyramidError> {
+    let faces = map.row_faces(to_finest)?;
+    let row = |vertex: VertexId| {
+        let face = faces[vertex];
+        let fields = map.level.mesh.triangles[face];
+        let mut weights = [0.0; 3];
+        for (field, weight) in to_finest.indices[vertex].into_iter().zip(to_finest.weights[vertex]) {
+            if let Some(k) = fields.iter().position(|&corner| corner == field) {
+                weights[k] += weight;
             }
         }
-        SurfacePoint { face, barycentric }
-    }
+        Row { fields, weights, face }
+    };
+    Ok(faces.ids().map(row).collect())
 }
 
 impl LevelCells {
     fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Result<Self, MapError> {
         let level = &map.level;
         let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
-        let coarse = |to_finest: Prolongation| {
-            map.row_faces(&to_finest).map(|faces| Coarse { to_finest, faces }).map_err(wrong)
-        };
+        let coarse = level.to_finest.as_ref().map(|to_finest| rows(map, to_finest).map_err(wrong));
         Ok(Self {
             uv: map.uv.clone(),
             frame: map.frame,
             taxels: level.origins.map(|&origin| patch.taxels.ids[origin]),
             triangles: level.mesh.triangles.clone(),
             first_faces: first_faces(&level.mesh),
-            coarse: level.to_finest.clone().map(coarse).transpose()?,
+            coarse: coarse.transpose()?,
         })
     }
 }

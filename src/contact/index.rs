@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3};
 use crate::{
     contact::{
         Cell, ContactError, Hit, Query,
-        cell::PatchCells,
+        cell::{Anchor, PatchCells},
         coarse::{CoarseLevel, coarse_levels, mean_side},
         geometry::{RigidPose, pseudo_normal},
         search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search},
@@ -329,25 +329,17 @@ impl ContactIndex {
     #[must_use]
     pub fn cell(&self, hit: &Hit, level: LevelId) -> Option<Cell> {
         let patch = self.patches.get(hit.patch)?;
-        let mesh = &patch.tree.mesh;
-        let corners = *mesh.triangles.get(hit.point.face)?;
-        let here = mesh.point(&hit.point);
-        let mut nearest = corners[0];
-        for v in corners {
-            let key = |v| (mesh.positions[v].distance_squared(here), v);
-            let ((old, first), (new, other)) = (key(nearest), key(v));
-            if new < old || (new == old && other < first) {
-                nearest = v;
-            }
-        }
-        patch.cells.cell(level, &hit.point, corners, nearest)
+        patch.cells.cell(level, &Anchor::new(&patch.tree.mesh, &hit.point)?)
     }
 
     /// Where a hit lies on the maps of all levels of its patch, finest first.
     pub fn cells(&self, hit: &Hit) -> impl Iterator<Item = Cell> + '_ {
-        let hit = *hit;
-        let levels = self.patches.get(hit.patch).map_or(0, |patch| patch.cells.len());
-        (0..levels).filter_map(move |level| self.cell(&hit, LevelId::new(level)))
+        let found = self.patches.get(hit.patch);
+        let found = found.and_then(|patch| Some((patch, Anchor::new(&patch.tree.mesh, &hit.point)?)));
+        found.into_iter().flat_map(|(patch, anchor)| {
+            let levels = (0..patch.cells.len()).map(LevelId::new);
+            levels.filter_map(move |level| patch.cells.cell(level, &anchor))
+        })
     }
 }
 

@@ -1,10 +1,12 @@
-//! Tables of lookups, written some rows at a time.
+//! Tables of lookups, written some rows at a time: a million rows in about a second, so the cells are
+//! written without the `csv` crate, into buffers that every thread keeps.
 
-use std::{fmt::Write as _, io::Write, path::Path};
+use std::{io::Write, path::Path};
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
+use rayon::prelude::*;
 
-use crate::{contact::Cell, io::IoError, parallel::par_collect, pyramid::LevelId};
+use crate::{contact::Cell, io::IoError, pyramid::LevelId};
 
 /// Columns of a table of lookups.
 const COLUMNS: [&str; 22] = [
@@ -14,6 +16,10 @@ const COLUMNS: [&str; 22] = [
 
 /// What stands in the column `patch` of a contact that touches none.
 const OFF_SKIN: &str = "off skin";
+
+/// Contacts whose rows are one text, and texts that wait to be written: a few megabytes in all.
+const RUN: usize = 64;
+const TEXTS: usize = 32;
 
 /// Where one contact is on one level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +66,7 @@ pub struct LookupWriter<'a, W> {
     path: &'a Path,
     output: W,
     has_extra: bool,
+    texts: Vec<Text>,
 }
 
 impl<'a, W: Write> LookupWriter<'a, W> {
@@ -71,7 +78,8 @@ impl<'a, W: Write> LookupWriter<'a, W> {
         let columns = COLUMNS.into_iter().chain(["frame"]).chain(extra);
         let header = columns.collect::<Vec<_>>().join(",") + "\n";
         output.write_all(header.as_bytes()).map_err(|source| IoError::Write { path: path.into(), source })?;
-        Ok(Self { path, output, has_extra: extra.is_some() })
+        let texts = (0..TEXTS).map(|_| Text::default()).collect();
+        Ok(Self { path, output, has_extra: extra.is_some(), texts })
     }
 
     /// Writes the rows of `contacts` contacts in their order; `rows` passes the rows of the contact
@@ -85,16 +93,21 @@ impl<'a, W: Write> LookupWriter<'a, W> {
         rows: impl Fn(usize, &mut dyn FnMut(&LookupRow<'_>)) + Sync,
     ) -> Result<(), IoError> {
         let has_extra = self.has_extra;
-        let text = par_collect(contacts, |range, text: &mut Vec<u8>| {
-            let mut table = csv::Writer::from_writer(text);
-            let mut fields = String::new();
-            for contact in range {
-                // Writing to memory does not fail.
-                rows(contact, &mut |row| _ = write_row(&mut table, &mut fields, row, has_extra));
+        for first in (0..contacts).step_by(RUN * TEXTS) {
+            let count = (contacts - first).div_ceil(RUN).min(TEXTS);
+            self.texts[..count].par_iter_mut().enumerate().for_each(|(k, text)| {
+                text.rows.clear();
+                let from = first + k * RUN;
+                for contact in from..contacts.min(from + RUN) {
+                    rows(contact, &mut |row| text.push(row, has_extra));
+                }
+            });
+            for text in &self.texts[..count] {
+                let fail = |source| IoError::Write { path: self.path.into(), source };
+                self.output.write_all(&text.rows).map_err(fail)?;
             }
-        });
-        let fail = |source| IoError::Write { path: self.path.into(), source };
-        self.output.write_all(&text).map_err(fail)
+        }
+        Ok(())
     }
 
     /// Ends the table.
@@ -106,36 +119,105 @@ impl<'a, W: Write> LookupWriter<'a, W> {
     }
 }
 
-fn write_row(
-    table: &mut csv::Writer<&mut Vec<u8>>,
-    fields: &mut String,
-    row: &LookupRow<'_>,
-    has_extra: bool,
-) -> csv::Result<()> {
-    let extra: &[f64] = if has_extra { &[row.extra] } else { &[] };
-    let level = row.level.raw();
-    let Some(LookupPlace { patch, link, cell, position, normal }) = row.place else {
-        let (before, after) = ([""; 10], [""; 8]);
-        return table.serialize((
-            row.contact,
-            level,
-            OFF_SKIN,
-            before,
-            row.distance,
-            after,
-            row.frame,
-            extra,
-        ));
-    };
-    fields.clear();
-    for (field, weight) in cell.weights.iter() {
-        let separator = if fields.is_empty() { "" } else { ";" };
-        _ = write!(fields, "{separator}{}:{weight:?}", field.raw());
+/// Rows as text.
+#[derive(Debug, Default)]
+struct Text {
+    rows: Vec<u8>,
+    /// The columns `x` to `nz` of the last place, which are the same on every level, and the bits of
+    /// their numbers.
+    skin: Vec<u8>,
+    skin_of: Option<[u64; 6]>,
+}
+
+impl Text {
+    fn push(&mut self, row: &LookupRow<'_>, has_extra: bool) {
+        let rows = &mut self.rows;
+        push_whole(rows, row.contact);
+        push_whole(rows, row.level.raw().into());
+        match &row.place {
+            Some(place) => self.push_place(row, place),
+            None => {
+                push_cell(rows, OFF_SKIN);
+                rows.extend([b','; 10]);
+                push_number(rows, row.distance);
+                rows.extend([b','; 8]);
+            }
+        }
+        let rows = &mut self.rows;
+        push_cell(rows, row.frame);
+        if has_extra {
+            push_number(rows, row.extra);
+        }
+        rows.pop();
+        rows.push(b'\n');
     }
-    let DVec2 { x: u, y: v } = cell.uv;
-    let (face, field) = (cell.point.face.raw(), cell.field.raw());
-    let map = (face, cell.point.barycentric, u, v, cell.pixel, field, cell.taxel.0);
-    let skin = (position.to_array(), normal.to_array(), fields.as_str());
-    // The crate prints numbers without allocating, and faster than `format!`.
-    table.serialize((row.contact, level, patch, map, row.distance, link, skin, row.frame, extra))
+
+    fn push_place(&mut self, row: &LookupRow<'_>, place: &LookupPlace<'_>) {
+        let LookupPlace { patch, link, cell, position, normal } = place;
+        let rows = &mut self.rows;
+        push_cell(rows, patch);
+        push_whole(rows, cell.point.face.raw().into());
+        cell.point.barycentric.into_iter().chain(cell.uv.to_array()).for_each(|x| push_number(rows, x));
+        cell.pixel.into_iter().for_each(|x| push_whole(rows, x.into()));
+        push_whole(rows, cell.field.raw().into());
+        push_whole(rows, cell.taxel.0.into());
+        push_number(rows, row.distance);
+        push_cell(rows, link);
+        let ([x, y, z], [nx, ny, nz]) = (position.to_array(), normal.to_array());
+        let numbers = [x, y, z, nx, ny, nz];
+        let shown = Some(numbers.map(f64::to_bits));
+        if self.skin_of != shown {
+            self.skin_of = shown;
+            self.skin.clear();
+            numbers.into_iter().for_each(|x| push_number(&mut self.skin, x));
+        }
+        rows.extend_from_slice(&self.skin);
+        for (k, (field, weight)) in cell.weights.iter().enumerate() {
+            rows.extend((k > 0).then_some(b';'));
+            push_whole(rows, field.raw().into());
+            rows.pop();
+            rows.push(b':');
+            push_number(rows, weight);
+            rows.pop();
+        }
+        rows.push(b',');
+    }
+}
+
+/// Appends a number and a comma.
+fn push_number(text: &mut Vec<u8>, number: f64) {
+    text.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
+    text.push(b',');
+}
+
+/// Appends a whole number and a comma.
+fn push_whole(text: &mut Vec<u8>, mut number: u64) {
+    let mut digits = [b','; 21];
+    let mut first = digits.len() - 1;
+    loop {
+        first -= 1;
+        digits[first] = b'0' + (number % 10) as u8;
+        number /= 10;
+        if number == 0 {
+            break;
+        }
+    }
+    text.extend_from_slice(&digits[first..]);
+}
+
+/// Appends a text and a comma, in quotes where it would else be several cells.
+fn push_cell(text: &mut Vec<u8>, cell: &str) {
+    if cell.contains([',', '"', '\n', '\r']) {
+        text.push(b'"');
+        for part in cell.split_inclusive('"') {
+            text.extend_from_slice(part.as_bytes());
+            if part.ends_with('"') {
+                text.push(b'"');
+            }
+        }
+        text.push(b'"');
+    } else {
+        text.extend_from_slice(cell.as_bytes());
+    }
+    text.push(b',');
 }
