@@ -7,6 +7,7 @@ mod boxes;
 mod descent;
 mod facing;
 mod first_hit;
+mod fit;
 mod frame;
 mod lanes;
 mod nearest;

@@ -46,7 +46,7 @@ impl Child {
 }
 
 /// Up to eight boxes, in whole steps of a frame of their own.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(super) struct Node8 {
     /// Columns of the way from the tree's frame into steps of the node's: three axes and the shift.
@@ -61,72 +61,47 @@ pub(super) struct Node8 {
     pub(super) count: u8,
 }
 
-/// A box along axes of its own, in the tree's units.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct OrientedBox {
-    /// Rows: the axes, of unit length.
-    pub(super) axes: DMat3,
-    /// Along the axes.
-    pub(super) lo: DVec3,
-    pub(super) hi: DVec3,
-}
-
-impl OrientedBox {
-    pub(super) fn around(axes: DMat3, points: impl IntoIterator<Item = DVec3>) -> Self {
-        let Self { mut lo, mut hi, .. } = Self::empty(axes);
-        for p in points {
-            let p = axes * p;
-            (lo, hi) = (lo.min(p), hi.max(p));
-        }
-        Self { axes, lo, hi }
-    }
-
-    pub(super) fn empty(axes: DMat3) -> Self {
-        Self { axes, lo: DVec3::INFINITY, hi: DVec3::NEG_INFINITY }
-    }
-
-    /// Grows around another box, whose axes may be turned.
-    pub(super) fn add(&mut self, other: &Self) {
-        let turn = self.axes * other.axes.transpose();
-        let centre = turn * other.lo.midpoint(other.hi);
-        let half = (other.hi - other.lo) * 0.5;
-        let half = turn.x_axis.abs() * half.x + turn.y_axis.abs() * half.y + turn.z_axis.abs() * half.z;
-        (self.lo, self.hi) = (self.lo.min(centre - half), self.hi.max(centre + half));
-    }
-}
-
 impl Node8 {
     /// A node without boxes, whose children begin at `first_node` and `first_packet`.
-    pub(super) fn new(first_node: u32, first_packet: u32, nodes: u8, count: u8) -> Self {
-        let frame = [[0.0; 4]; 4];
-        Self { frame, lo: [[0; LANES]; 3], hi: [[0; LANES]; 3], first_node, first_packet, nodes, count }
+    pub(super) fn new(first_node: u32, first_packet: u32, nodes: u8, count: u8, axes: &DMat3) -> Self {
+        let mut node = Self { first_node, first_packet, nodes, count, ..Self::default() };
+        node.place(axes, DVec3::ZERO, DVec3::ONE);
+        node
     }
 
-    /// Fits the boxes to those of the children, all along the same axes; they are rounded outwards.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "the frame's rounding is part of the search's slack; steps are clamped to a byte"
-    )]
-    pub(super) fn fit(&mut self, children: &[OrientedBox]) {
-        let Some(first) = children.first() else { return };
-        let lo = children.iter().fold(first.lo, |lo, b| lo.min(b.lo));
-        let hi = children.iter().fold(first.hi, |hi, b| hi.max(b.hi));
-        let step = ((hi - lo) / STEPS).max(DVec3::splat(THINNEST));
+    /// Lays the steps along `axes` (rows), from the corner `lo`.
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
+    fn place(&mut self, axes: &DMat3, lo: DVec3, step: DVec3) {
         for k in 0..3 {
-            let row = first.axes.row(k) / step[k];
+            let row = axes.row(k) / step[k];
             for c in 0..3 {
                 self.frame[c][k] = row[c] as f32;
             }
             self.frame[3][k] = (-lo[k] / step[k]) as f32;
             self.frame[k][3] = (step[k] * step[k]) as f32;
-            for lane in 0..LANES {
-                // An empty slot is a point of the first box, and so never the nearest.
-                let (low, high) = children.get(lane).map_or((first.lo, first.lo), |b| (b.lo, b.hi));
-                self.lo[k][lane] = ((low[k] - lo[k]) / step[k]).floor().clamp(0.0, 255.0) as u8;
-                let high = ((high[k] - lo[k]) / step[k]).ceil().clamp(0.0, 255.0) as u8;
-                self.hi[k][lane] = if lane < children.len() { high } else { self.lo[k][lane] };
-            }
+        }
+    }
+
+    /// Its axes: rows of about unit length, about at right angles.
+    pub(super) fn axes(&self) -> DMat3 {
+        let step = self.step();
+        DMat3::from_diagonal(step) * DMat3::from_cols(self.column(0), self.column(1), self.column(2))
+    }
+
+    /// Fits the boxes to those of the children, `lo` to `hi` along `axes` (rows); they are rounded
+    /// outwards.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
+    pub(super) fn fit(&mut self, axes: &DMat3, children: &[(DVec3, DVec3)]) {
+        let Some(&first) = children.first() else { return };
+        let (lo, hi) = children.iter().fold(first, |(lo, hi), b| (lo.min(b.0), hi.max(b.1)));
+        let step = ((hi - lo) / STEPS).max(DVec3::splat(THINNEST));
+        self.place(axes, lo, step);
+        for (lane, k) in (0..LANES).flat_map(|lane| [(lane, 0), (lane, 1), (lane, 2)]) {
+            // An empty slot is a point of the first box, and so never the nearest.
+            let (low, high) = children.get(lane).map_or((first.0, first.0), |b| *b);
+            self.lo[k][lane] = ((low[k] - lo[k]) / step[k]).floor().clamp(0.0, 255.0) as u8;
+            let high = ((high[k] - lo[k]) / step[k]).ceil().clamp(0.0, 255.0) as u8;
+            self.hi[k][lane] = if lane < children.len() { high } else { self.lo[k][lane] };
         }
     }
 

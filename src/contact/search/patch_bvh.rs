@@ -1,10 +1,10 @@
 //! Level 0 of one patch with its tree, in the frame of its link.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{
     boxes::Aabb,
+    fit::put,
     frame::Frame,
     lanes::Simd,
     rounding::{LARGEST, slack},
@@ -59,23 +59,20 @@ impl PatchBvh {
         if faces == 0 {
             return Err(ContactError::NoSkin);
         }
-        let frame = Frame::around(used(mesh));
+        let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
+        let frame = Frame::around(used(&mesh.positions, &corners));
         let primitives: Vec<_> = mesh.triangles.ids().map(|f| primitive(mesh, &frame, f)).collect();
-        let mut patch = Self {
-            corners: VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len()),
-            mesh: mesh.clone(),
-            tree: Tree::new(&primitives),
-            triangles: Vec::new(),
-            frame,
-            simd: Simd::detect(),
-        };
-        patch.fit(packing);
+        let tree = Tree::new(&primitives);
+        let packets = if packing == Packing::Fast { tree.packets.len() } else { 0 };
+        let triangles = vec![Triangle8::default(); packets];
+        let mut patch = Self { mesh: mesh.clone(), corners, tree, triangles, frame, simd: Simd::detect() };
+        patch.fit();
         Ok(patch)
     }
 
     /// Moves the vertices, one position (m, in the link's frame) per vertex of the mesh, and fits the
     /// tree to them: the faces stay in the packets they are in, which is cheaper than a new tree,
-    /// and as fast to search as long as neighbours stay neighbours.
+    /// and as fast to search as long as neighbours stay neighbours. Nothing is allocated.
     ///
     /// # Errors
     /// If a coordinate is too large or not a number; then nothing has moved.
@@ -90,20 +87,26 @@ impl PatchBvh {
     ) -> Result<(), ContactError> {
         check(patch, positions)?;
         self.mesh.positions.as_mut_slice().copy_from_slice(positions.as_slice());
-        self.frame = Frame::around(used(&self.mesh));
-        self.fit(if self.triangles.is_empty() { Packing::Compact } else { Packing::Fast });
+        self.frame = Frame::around(used(&self.mesh.positions, &self.corners));
+        self.fit();
         Ok(())
     }
 
-    fn fit(&mut self, packing: Packing) {
-        let (mesh, frame) = (&self.mesh, &self.frame);
-        let corners = |face: u32| mesh.corners(FaceId::from(face)).map(|p| frame.point(p));
-        self.tree.fit(|face| primitive(mesh, frame, FaceId::from(face)), corners);
-        self.triangles.clear();
-        if packing == Packing::Fast {
-            let packets = &self.tree.packets;
-            self.triangles.par_extend(packets.par_iter().map(|faces| Triangle8::new(&faces.map(corners))));
-        }
+    fn fit(&mut self) {
+        let Self { mesh, tree, triangles, frame, simd, .. } = self;
+        tree.fit(|packet, faces, points| {
+            let mut area = DVec3::ZERO;
+            for (lane, &face) in faces.iter().enumerate() {
+                let [a, b, c] = mesh.corners(FaceId::from(face));
+                let [a, b, c] = [frame.point(a), frame.point(b), frame.point(c)];
+                area += (b - a).cross(c - a);
+                put(points, lane, [a, b, c]);
+            }
+            if let Some(triangles) = triangles.get_mut(packet) {
+                triangles.set(*simd, points);
+            }
+            area
+        });
     }
 
     /// Memory of the index, in bytes: the tree, the mesh and who borders whom in it.
@@ -148,10 +151,15 @@ fn primitive(mesh: &TriMesh, frame: &Frame, face: FaceId) -> Primitive {
     Primitive { centre: (a + b + c) / 3.0, area: (b - a).cross(c - a) }
 }
 
-/// The corners of all faces.
-fn used(mesh: &TriMesh) -> impl Iterator<Item = DVec3> + Clone + '_ {
-    mesh.triangles.iter().flatten().map(|&v| mesh.positions[v])
+/// The corners of all faces, each once.
+fn used<'a>(
+    positions: &'a IdVec<VertexId, DVec3>,
+    corners: &'a VertexCorners,
+) -> impl Iterator<Item = DVec3> + Clone + 'a {
+    let vertices = (0..positions.len()).map(VertexId::new);
+    vertices.filter(|&v| !corners.range(v).is_empty()).map(|v| positions[v])
 }
+
 fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(), ContactError> {
     // Also true for NaN.
     let far = |p: &DVec3| !(p.is_finite() && p.abs().max_element() <= LARGEST);
@@ -161,12 +169,23 @@ fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(), ContactE
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::{
-        contact::search::{Best, Search},
+        contact::{
+            search::{Best, Search},
+            soup,
+        },
         mesh::shapes,
         skin::PatchId,
     };
+
+    fn nearest(patch: &PatchBvh, q: DVec3) -> Option<(FaceId, Closest)> {
+        let mut best: Option<Best> = None;
+        Search::new(patch, PatchId::new(0), q).run(&mut best);
+        best.map(|b| (b.face, b.closest))
+    }
 
     /// A sheet rolled up: the tree of the sheet, fitted to the roll, answers as a tree of the roll.
     #[test]
@@ -176,21 +195,52 @@ mod tests {
             positions: sheet.positions.map(|p| DVec3::new((8.0 * p.x).sin(), p.y + 7.0, (8.0 * p.x).cos())),
             ..sheet.clone()
         };
-        let mut fitted = PatchBvh::new("sheet", &sheet).unwrap();
-        fitted.refit("sheet", &rolled.positions).unwrap();
         let new = PatchBvh::new("roll", &rolled).unwrap();
-        for k in 0..500_u32 {
-            let q = rolled.positions[VertexId::from(k)] * (1.0 + 0.01 * f64::from(k % 7)) - DVec3::X * 0.003;
-            let ask = |patch: &PatchBvh| {
-                let mut best: Option<Best> = None;
-                Search::new(patch, PatchId::new(0), q).run(&mut best);
-                best.map(|b| (b.face, b.closest))
-            };
-            assert_eq!(ask(&fitted), ask(&new), "from {q}");
+        for packing in [Packing::Fast, Packing::Compact] {
+            let mut fitted = PatchBvh::packed("sheet", &sheet, packing).unwrap();
+            let allocated = allocation_counter::measure(|| {
+                fitted.refit("sheet", &rolled.positions).unwrap();
+            });
+            assert_eq!(allocated.count_total, 0, "a refit allocates nothing");
+            for k in 0..500_u32 {
+                let q =
+                    rolled.positions[VertexId::from(k)] * (1.0 + 0.01 * f64::from(k % 7)) - DVec3::X * 0.003;
+                assert_eq!(nearest(&fitted, q), nearest(&new, q), "from {q}");
+            }
         }
         let mut broken = rolled.positions.clone();
         broken[VertexId::new(3)].y = f64::NAN;
+        let mut fitted = new.clone();
         assert!(matches!(fitted.refit("sheet", &broken), Err(ContactError::TooLarge { .. })));
         assert_eq!(fitted.mesh.positions, rolled.positions, "nothing has moved");
+    }
+
+    proptest! {
+        #![proptest_config(soup::fixed(100, 10))]
+
+        /// However the triangles move, the answer is that of brute force; and moved back, that of
+        /// before.
+        #[test]
+        fn a_refitted_tree_finds_the_nearest(
+            before in prop::collection::vec(soup::triangle(), 70),
+            after in prop::collection::vec(soup::triangle(), 70),
+            size in prop_oneof![Just(1e-3), Just(1.0), Just(1e4)],
+            directions in prop::collection::vec(prop::array::uniform3(-1.0_f64..1.0), 4),
+        ) {
+            let (before, mut after) = (soup::mesh(&before), soup::mesh(&after));
+            after.positions = after.positions.map(|p| *p * size + DVec3::Y);
+            let mut patch = PatchBvh::new("soup", &before).unwrap();
+            for mesh in [&after, &before] {
+                patch.refit("soup", &mesh.positions).unwrap();
+                for direction in &directions {
+                    let q = mesh.positions[VertexId::new(0)] + DVec3::from(*direction) * size;
+                    let each = mesh.triangles.ids().map(|f| (f, patch.measure(q, f)));
+                    let first = |a: &(FaceId, Closest), b: &(FaceId, Closest)| {
+                        a.1.squared.total_cmp(&b.1.squared).then(a.0.cmp(&b.0))
+                    };
+                    prop_assert_eq!(nearest(&patch, q), each.min_by(first), "from {}", q);
+                }
+            }
+        }
     }
 }

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::{
     descent::{Descent, Visitor, bound_of},
+    fit::put,
     frame::Frame,
     lanes::{Kernel, Lanes, Simd},
     point8::Point8,
@@ -41,7 +42,10 @@ impl PointTree {
         let tree = (!points.is_empty()).then(|| {
             let primitives: Vec<_> = points.ids().map(|v| primitive(v.raw())).collect();
             let mut tree = Tree::new(&primitives);
-            tree.fit(primitive, |id| [at(id)]);
+            tree.fit(|_, ids, points| {
+                ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, [at(id)]));
+                DVec3::ZERO
+            });
             tree
         });
         let packets = tree.iter().flat_map(|tree: &Tree| &tree.packets);

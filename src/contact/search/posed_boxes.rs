@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::{
     boxes::Aabb,
+    fit::put,
     frame::Frame,
     tree::{Primitive, Tree, distinct},
 };
@@ -41,7 +42,11 @@ impl PosedBoxes {
                 |id: u32| Primitive { centre: frame.point(at(id).lo.midpoint(at(id).hi)), area: DVec3::ZERO };
             #[expect(clippy::cast_possible_truncation, reason = "patches have ids of 32 bits")]
             let mut tree = Tree::new(&(0..patches as u32).map(primitive).collect::<Vec<_>>());
-            tree.fit(primitive, |id| [at(id).lo, at(id).hi].map(|p| frame.point(p)));
+            let ends = |id: u32| [at(id).lo, at(id).hi].map(|p| frame.point(p));
+            tree.fit(|_, ids, points| {
+                ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, ends(id)));
+                DVec3::ZERO
+            });
             (tree, frame)
         });
     }

@@ -7,12 +7,8 @@
 use std::ops::Range;
 
 use glam::{DMat3, DVec2, DVec3};
-use rayon::prelude::*;
 
-use super::{
-    lanes::LANES,
-    node8::{Child, Node8, OrientedBox, Target},
-};
+use super::{lanes::LANES, node8::Node8};
 
 /// Primitives of one tree, at most: numbers of nodes and packets must stay clear of a child's top
 /// bit, and the tree of [`DEPTH`].
@@ -27,7 +23,7 @@ pub(super) const STACK: usize = 7 * DEPTH + 1;
 
 /// If the normals of a part cancel to less than this share of its area, there is no direction in
 /// which it is thin.
-const FLAT: f64 = 0.25;
+pub(super) const FLAT: f64 = 0.25;
 
 /// A tree whose packets are numbered, and what is in them.
 #[derive(Debug, Clone)]
@@ -53,11 +49,11 @@ pub(super) fn distinct(packet: &[u32; LANES]) -> impl Iterator<Item = u32> + '_ 
 }
 
 impl Tree {
-    /// A tree over at least one and at most [`MAX_PRIMITIVES`], whose boxes are still to be fitted.
+    /// A tree over at least one and at most [`MAX_PRIMITIVES`], whose boxes are still to be [fitted](Self::fit).
     #[expect(clippy::cast_possible_truncation, reason = "fewer nodes and packets than MAX_PRIMITIVES")]
     pub(super) fn new(primitives: &[Primitive]) -> Self {
         let mut order: Vec<u32> = (0..primitives.len() as u32).collect();
-        let mut tree = Self { nodes: vec![Node8::new(0, 0, 0, 0)], packets: Vec::new() };
+        let mut tree = Self { nodes: vec![Node8::default()], packets: Vec::new() };
         let mut open = vec![(0_usize, 0..primitives.len(), None)];
         while let Some((index, range, above)) = open.pop() {
             let axes =
@@ -68,8 +64,8 @@ impl Tree {
             let nodes = parts.iter().filter(|part| part.len() > LANES).count();
             let first = tree.nodes.len();
             tree.nodes[index] =
-                Node8::new(first as u32, tree.packets.len() as u32, nodes as u8, parts.len() as u8);
-            tree.nodes.resize(first + nodes, Node8::new(0, 0, 0, 0));
+                Node8::new(first as u32, tree.packets.len() as u32, nodes as u8, parts.len() as u8, &axes);
+            tree.nodes.resize(first + nodes, Node8::default());
             for (k, part) in parts.into_iter().enumerate() {
                 if k < nodes {
                     open.push((first + k, part, Some(axes)));
@@ -83,95 +79,10 @@ impl Tree {
         tree
     }
 
-    /// Fits all boxes to the primitives: `points` are the corners of one.
-    ///
-    /// A packet's box follows its corners; those of the nodes above follow the boxes of all packets
-    /// below them, not of the nodes in between, whose turned boxes would grow from level to level.
-    pub(super) fn fit<const N: usize>(
-        &mut self,
-        primitive: impl Fn(u32) -> Primitive + Sync,
-        points: impl Fn(u32) -> [DVec3; N] + Sync,
-    ) {
-        let Self { nodes, packets } = self;
-        let axes = axes(nodes, packets, primitive);
-        let mut axes_above = vec![DMat3::IDENTITY; packets.len()];
-        for (node, axes) in nodes.iter().zip(&axes) {
-            for child in node.children() {
-                if let Target::Packet(packet) = child.target() {
-                    axes_above[packet] = *axes;
-                }
-            }
-        }
-        let boxes: Vec<OrientedBox> = packets
-            .par_iter()
-            .zip(&axes_above)
-            .map(|(packet, axes)| OrientedBox::around(*axes, distinct(packet).flat_map(&points)))
-            .collect();
-        let below = packets_below(nodes);
-        nodes.par_iter_mut().zip(&axes).for_each(|(node, axes)| {
-            let mut fitted = [OrientedBox::empty(*axes); LANES];
-            for (child, fitted) in node.children().zip(&mut fitted) {
-                match child.target() {
-                    Target::Packet(packet) => *fitted = boxes[packet],
-                    Target::Node(below_child) => {
-                        boxes[below[below_child].clone()].iter().for_each(|b| fitted.add(b));
-                    }
-                }
-            }
-            node.fit(&fitted[..usize::from(node.count)]);
-        });
-    }
-
     /// Memory, in bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.packets.as_slice())
     }
-}
-
-/// Axes of all nodes: each along the normals of what is below it, and turned about them no more
-/// than needed from the node above.
-fn axes(
-    nodes: &[Node8],
-    packets: &[[u32; LANES]],
-    primitive: impl Fn(u32) -> Primitive + Sync,
-) -> Vec<DMat3> {
-    let of_packets: Vec<Moments> =
-        packets.par_iter().map(|packet| Moments::of(distinct(packet).map(&primitive))).collect();
-    let mut moments = vec![Moments::default(); nodes.len()];
-    for index in (0..nodes.len()).rev() {
-        let mut all = Moments::default();
-        for child in nodes[index].children() {
-            all.add(match child.target() {
-                Target::Node(below) => &moments[below],
-                Target::Packet(packet) => &of_packets[packet],
-            });
-        }
-        moments[index] = all;
-    }
-    let mut axes = vec![DMat3::IDENTITY; nodes.len()];
-    axes[0] = moments[0].axes(None);
-    for index in 0..nodes.len() {
-        for child in nodes[index].children() {
-            if let Target::Node(below) = child.target() {
-                axes[below] = moments[below].axes(Some(axes[index]));
-            }
-        }
-    }
-    axes
-}
-
-/// The packets below each node, which follow each other.
-fn packets_below(nodes: &[Node8]) -> Vec<Range<usize>> {
-    let first = |node: &Node8| node.first_packet as usize;
-    let mut below: Vec<_> = nodes.iter().map(|node| first(node)..first(node)).collect();
-    for index in (0..nodes.len()).rev() {
-        let end = |child: Child| match child.target() {
-            Target::Node(node) => below[node].end,
-            Target::Packet(packet) => packet + 1,
-        };
-        below[index].end = nodes[index].children().map(end).max().unwrap_or(below[index].end);
-    }
-    below
 }
 
 /// Splits a range of the order into up to eight parts, by reordering it.
@@ -187,8 +98,10 @@ fn split(
         let Some(largest) = largest.filter(|&k| parts[k].len() > LANES) else { break };
         let part = parts[largest].clone();
         let ids = &mut order[part.clone()];
-        let centres = OrientedBox::around(*axes, ids.iter().map(|&id| primitives[id as usize].centre));
-        let size = centres.hi - centres.lo;
+        let centres = ids.iter().map(|&id| *axes * primitives[id as usize].centre);
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (lo, hi) = centres.fold(empty, |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let size = hi - lo;
         let longest = if size.x >= size.y && size.x >= size.z {
             0
         } else if size.y >= size.z {
@@ -284,7 +197,13 @@ impl Moments {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{TriMesh, shapes};
+    use crate::{
+        contact::search::{
+            fit::put,
+            node8::{Child, Target},
+        },
+        mesh::{TriMesh, shapes},
+    };
 
     /// Primitives below a child, all of whose corners must lie in its boxes.
     fn below(tree: &Tree, child: Child, corners: &[[DVec3; 3]], found: &mut Vec<u32>) {
@@ -318,7 +237,10 @@ mod tests {
             };
             let count = u32::try_from(corners.len()).unwrap();
             let mut tree = Tree::new(&(0..count).map(primitive).collect::<Vec<_>>());
-            tree.fit(primitive, |id| corners[id as usize]);
+            tree.fit(|_, ids, points| {
+                ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, corners[id as usize]));
+                DVec3::Z
+            });
             let mut found = Vec::new();
             below(&tree, Child::ROOT, &corners, &mut found);
             found.sort_unstable();

@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 
-use super::lanes::{LANES, Lanes};
+use super::{
+    fit::Points,
+    lanes::{Kernel, LANES, Lanes, Simd},
+};
 
 /// Sides shorter than this (in the tree's units, squared) count as points: nothing is divided by
 /// zero.
@@ -14,64 +17,17 @@ const SHORTEST_SQUARED: f32 = 1e-30;
 /// third corner, `z` normal. In that frame the triangle is `(0, 0), (base, 0), apex`, and the
 /// distance to it needs no product that cancels: whatever its shape, the error is a few roundings of
 /// the coordinates.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(super) struct Triangle8 {
     /// Start, `x`, `y` (three rows each), base and apex (two rows).
     rows: [[f32; LANES]; 12],
 }
 
-struct Framed {
-    start: DVec3,
-    x: DVec3,
-    y: DVec3,
-    base: f64,
-    apex: [f64; 2],
-}
-
-impl Framed {
-    fn new(corners: [DVec3; 3]) -> Self {
-        let [a, b, c] = longest_side_first(corners);
-        let x = (b - a).try_normalize().unwrap_or(DVec3::X);
-        let across = (c - a).reject_from_normalized(x);
-        // Once more: what the first rejection left along `x` matters in a sliver.
-        let across = across.reject_from_normalized(x);
-        let y = across.try_normalize().unwrap_or_else(|| x.any_orthonormal_vector());
-        let y = y.reject_from_normalized(x).normalize_or(x.any_orthonormal_vector());
-        let apex = [(c - a).dot(x), (c - a).dot(y).max(0.0)];
-        Self { start: a, x, y, base: a.distance(b), apex }
-    }
-}
-
-/// The corners in the same cyclic order, the first two being ends of the longest side.
-fn longest_side_first([a, b, c]: [DVec3; 3]) -> [DVec3; 3] {
-    let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
-    if ab >= bc && ab >= ca {
-        [a, b, c]
-    } else if bc >= ca {
-        [b, c, a]
-    } else {
-        [c, a, b]
-    }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
-fn narrow(x: f64) -> f32 {
-    x as f32
-}
-
 impl Triangle8 {
-    /// A packet of the first eight of `triangles`, at least one: corners in the tree's units.
-    pub(super) fn new(triangles: &[[DVec3; 3]]) -> Self {
-        let mut rows = [[0.0; LANES]; 12];
-        for lane in 0..LANES {
-            let Framed { start, x, y, base, apex } = Framed::new(triangles[lane.min(triangles.len() - 1)]);
-            let values = [start.x, start.y, start.z, x.x, x.y, x.z, y.x, y.y, y.z, base, apex[0], apex[1]];
-            for (row, value) in rows.iter_mut().zip(values) {
-                row[lane] = narrow(value);
-            }
-        }
-        Self { rows }
+    /// Sets eight triangles by their corners, in the tree's units.
+    pub(super) fn set(&mut self, simd: Simd, corners: &Points<3>) {
+        simd.run(Framing(corners, &mut self.rows));
     }
 
     /// Squared distances of `q` to the triangles, wrong by less than the search's slack.
@@ -110,6 +66,73 @@ impl Triangle8 {
 }
 
 #[inline(always)]
+fn corner(point: &[[f64; LANES]; 3], lane: usize) -> DVec3 {
+    DVec3::new(point[0][lane], point[1][lane], point[2][lane])
+}
+
+/// The corners in the same cyclic order, the first two being ends of the longest side.
+#[inline(always)]
+fn longest_side_first(a: DVec3, b: DVec3, c: DVec3) -> (DVec3, DVec3, DVec3) {
+    let (ab, bc, ca) = (a.distance_squared(b), b.distance_squared(c), c.distance_squared(a));
+    if ab >= bc && ab >= ca {
+        (a, b, c)
+    } else if bc >= ca {
+        (b, c, a)
+    } else {
+        (c, a, b)
+    }
+}
+
+/// `v` without its part along the unit vector `x`.
+#[inline(always)]
+fn reject(v: DVec3, x: DVec3) -> DVec3 {
+    v - x * v.dot(x)
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
+fn put(rows: &mut [[f32; LANES]; 12], first: usize, lane: usize, v: DVec3) {
+    rows[first][lane] = v.x as f32;
+    rows[first + 1][lane] = v.y as f32;
+    rows[first + 2][lane] = v.z as f32;
+}
+
+/// The frames of eight triangles, side by side: without a branch, so that the compiler may compute
+/// several at a time.
+struct Framing<'a>(&'a Points<3>, &'a mut [[f32; LANES]; 12]);
+
+impl Kernel for Framing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self(corners, rows) = self;
+        for lane in 0..LANES {
+            let (a, b, c) = longest_side_first(
+                corner(&corners[0], lane),
+                corner(&corners[1], lane),
+                corner(&corners[2], lane),
+            );
+            let (side, base) = (b - a, a.distance(b));
+            let x = if base > 0.0 { side / base } else { DVec3::X };
+            // Twice: what the first rejection left along `x` matters in a sliver.
+            let across = reject(reject(c - a, x), x);
+            let height = across.length();
+            let y = if height > 0.0 { across / height } else { x.any_orthonormal_vector() };
+            let y = reject(y, x);
+            let y = y / y.length();
+            let apex_x = (c - a).dot(x);
+            let apex_y = (c - a).dot(y);
+            let apex_y = if apex_y > 0.0 { apex_y } else { 0.0 };
+            put(rows, 0, lane, a);
+            put(rows, 3, lane, x);
+            put(rows, 6, lane, y);
+            put(rows, 9, lane, DVec3::new(base, apex_x, apex_y));
+        }
+    }
+}
+
+#[inline(always)]
 fn dot<L: Lanes>(l: L, a: &[L::F; 3], b: &[L::F; 3]) -> L::F {
     l.mul_add(a[0], b[0], l.mul_add(a[1], b[1], l.mul(a[2], b[2])))
 }
@@ -140,10 +163,7 @@ mod tests {
     use super::*;
     use crate::{
         contact::{
-            search::{
-                lanes::{Kernel, Plain, Simd},
-                rounding::slack,
-            },
+            search::{fit, lanes::Plain, rounding::slack},
             soup,
         },
         id::VertexId,
@@ -162,7 +182,10 @@ mod tests {
 
     /// Distances to the triangles, computed in both ways.
     fn distances(triangles: &[[DVec3; 3]], q: DVec3) -> [[f32; LANES]; 2] {
-        let packet = Triangle8::new(triangles);
+        let mut corners = [[[0.0; LANES]; 3]; 3];
+        (0..LANES).for_each(|lane| fit::put(&mut corners, lane, triangles[lane.min(triangles.len() - 1)]));
+        let mut packet = Triangle8::default();
+        packet.set(Simd::detect(), &corners);
         let squared = [Distances(&packet, q).run(Plain), Simd::detect().run(Distances(&packet, q))];
         squared.map(|row| row.map(f32::sqrt))
     }
