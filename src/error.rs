@@ -54,6 +54,9 @@ pub enum Error {
         /// What is wrong with it.
         source: Box<Error>,
     },
+    /// Errors of several patches of a skin, in the order of these.
+    #[error("{} patches cannot be mapped: {}", .0.len(), .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+    Several(Vec<Error>),
 }
 
 impl Error {

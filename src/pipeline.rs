@@ -176,7 +176,7 @@ pub struct Progress {
 /// Coarsens and flattens every patch of a skin.
 ///
 /// # Errors
-/// The first patch, in their order, that is not an oriented manifold or not a disk with holes.
+/// All patches that are not an oriented manifold or not a disk with holes.
 pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
     build_with_progress(skin, options, &|_| ()).map(|(map, _)| map)
 }
@@ -242,7 +242,7 @@ pub fn write_files(
     Ok(Seconds { rasterise: rasterised.as_secs_f64(), write: written.as_secs_f64(), ..Seconds::default() })
 }
 
-/// Does `job` for every patch in parallel; the error is that of the first patch.
+/// Does `job` for every patch in parallel; the error names all patches that fail.
 fn each_patch<P: Send, T: Send>(
     stage: Stage,
     patches: Vec<P>,
@@ -259,5 +259,16 @@ fn each_patch<P: Send, T: Send>(
             Ok(made)
         })
         .collect();
-    made.into_iter().collect()
+    let (mut done, mut errors) = (Vec::with_capacity(total), Vec::new());
+    for result in made {
+        match result {
+            Ok(value) => done.push(value),
+            Err(error) => errors.push(error),
+        }
+    }
+    match errors.len() {
+        0 => Ok(done),
+        1 => Err(errors.remove(0)),
+        _ => Err(Error::Several(errors)),
+    }
 }

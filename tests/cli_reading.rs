@@ -132,3 +132,21 @@ fn other_formats_are_named_with_what_converts_them() {
         dermatome(folder.path(), &format!("info {name}")).assert().code(2).stderr(contains(said));
     }
 }
+
+/// Of four patches two are not valid: both are named, and the others are mapped if that is asked for.
+#[test]
+fn all_bad_patches_are_named_and_the_good_ones_mapped() {
+    let folder = tempfile::tempdir().unwrap();
+    let second =
+        "o worse\nv 19 0 0\nv 19.5 0 0\nv 19 1 0\nv 19 -1 0\nv 19 0 1\nf 13 14 15\nf 13 14 16\nf 13 14 17\n";
+    fs::write(folder.path().join("four.obj"), THREE.to_owned() + second).unwrap();
+    let both = contains("broken").and(contains("worse")).and(contains("--keep-going"));
+    dermatome(folder.path(), "build four.obj -o M").assert().code(2).stderr(both);
+    let output = dermatome(folder.path(), "build four.obj -o M --keep-going --json").assert().code(1);
+    let output =
+        output.stderr(contains("broken: left out").and(contains("worse: left out"))).get_output().clone();
+    let built: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let names: Vec<_> = built["patches"].as_array().unwrap().iter().map(|p| &p["name"]).collect();
+    assert_eq!(names, ["palm", "tip left"]);
+    dermatome(folder.path(), "build four.obj --patch palm -o M --keep-going").assert().success();
+}

@@ -10,7 +10,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::Edges,
     skin::{
-        AssembleOptions, Assembled, Draft, Patch, Remark, RemarkKind, Sheet, Skin, SkinError, TaxelId,
+        AssembleOptions, Assembled, Draft, Patch, Remark, RemarkKind, Sheet, Skin, SkinError, TaxelId, Weld,
         assemble,
     },
 };
@@ -138,19 +138,25 @@ fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assem
         ..Sheet::default()
     };
     let draft = Draft { sheets: vec![sheet], ..Draft::default() };
-    assemble(&draft, &AssembleOptions::default()).map_err(|error| match &error {
+    let options = AssembleOptions { weld: Weld::All, ..AssembleOptions::default() };
+    let made = assemble(&draft, &options).map_err(|error| match &error {
         SkinError::NonManifoldEdges { edges, .. } => {
             let [a, b] = edges[0].map(|v| ids[v]);
             format!("more than two triangles meet at the edge between taxels {a} and {b}")
-        }
-        SkinError::NonManifoldVertices { vertices, .. } => {
-            format!("the triangles around taxel {} do not form one fan", ids[vertices[0]])
         }
         SkinError::NotOrientable { edge: [a, b], .. } => {
             format!("the triangles around taxels {} and {} have only one side", ids[*a], ids[*b])
         }
         _ => error.to_string(),
-    })
+    })?;
+    let touching = made.remarks.iter().find_map(|remark| match &remark.kind {
+        RemarkKind::FansSplit { vertices } => vertices.first(),
+        _ => None,
+    });
+    match touching {
+        Some(&v) => Err(format!("the triangles around taxel {} do not form one fan", ids[v])),
+        None => Ok(made),
+    }
 }
 
 /// The skin of the triangles that edges form: of all, or without the rejected ones if that is not a

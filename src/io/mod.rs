@@ -63,7 +63,7 @@ pub use image::{
     read::{ImageLayer, read_images},
 };
 pub use mesh::{
-    formats::{read_draft, write_flat, write_skin},
+    formats::{read_draft, read_textured_draft, write_flat, write_skin},
     skin_csv::triangles_path,
 };
 pub use observations::{

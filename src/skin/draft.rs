@@ -1,6 +1,6 @@
 //! Drafts: skins as files hold them, before anything is repaired or refused.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
@@ -25,7 +25,8 @@ pub struct Draft {
 
 /// One sheet of triangles with their taxels, as written.
 ///
-/// The optional arrays are either absent or as long as `positions`. Nothing else is guaranteed:
+/// The optional arrays are either absent or as long as `positions`, that of the texture as
+/// `triangles`. Nothing else is guaranteed:
 /// corners may be out of range, positions not finite, vertices unused or duplicated, winding mixed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
@@ -35,8 +36,12 @@ pub struct Sheet {
     pub link: Option<LinkId>,
     /// Positions in the link's frame, in m.
     pub positions: Vec<DVec3>,
+    /// The numbers of the vertices in the file, where they are not their places in `positions`.
+    pub numbers: Option<Vec<u32>>,
     /// Corner indices into `positions`.
     pub triangles: Vec<[u32; 3]>,
+    /// Texture coordinates of the corners of each triangle, if the reader was asked for them.
+    pub texture: Option<Vec<[DVec2; 3]>>,
     /// Vendor ids.
     pub ids: Option<Vec<TaxelId>>,
     /// Normals in the link's frame.
@@ -140,7 +145,11 @@ impl Sheet {
 
     /// The first optional array that has not one entry per vertex, and its length.
     pub(super) fn wrong_length(&self) -> Option<(&'static str, usize)> {
+        if let Some(texture) = self.texture.as_ref().filter(|t| t.len() != self.triangles.len()) {
+            return Some(("texture", texture.len()));
+        }
         let lengths = [
+            ("numbers", self.numbers.as_ref().map(Vec::len)),
             ("ids", self.ids.as_ref().map(Vec::len)),
             ("normals", self.normals.as_ref().map(Vec::len)),
             ("tangents", self.tangents.as_ref().map(Vec::len)),
@@ -168,7 +177,9 @@ impl Sheet {
             name: self.name.clone(),
             link: self.link,
             positions: pick(&self.positions, kept),
+            numbers: self.numbers.as_ref().map(|x| pick(x, kept)),
             triangles: Vec::new(),
+            texture: None,
             ids: self.ids.as_ref().map(|x| pick(x, kept)),
             normals: self.normals.as_ref().map(|x| pick(x, kept)),
             tangents: self.tangents.as_ref().map(|x| pick(x, kept)),

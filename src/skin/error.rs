@@ -38,17 +38,6 @@ pub enum SkinError {
         /// The ends of every such edge; at least one.
         edges: Vec<[VertexId; 2]>,
     },
-    /// Vertices where sheets touch in a point.
-    #[error(
-        "patch {patch:?}: at {} vertices several fans of faces touch in a point, the first is vertex {}; \
-         the faces around a taxel must form one fan", vertices.len(), vertices[0]
-    )]
-    NonManifoldVertices {
-        /// Name of the patch.
-        patch: String,
-        /// The vertices; at least one.
-        vertices: Vec<VertexId>,
-    },
     /// A sheet with one side only, like a Möbius strip.
     #[error(
         "patch {patch:?} cannot be wound consistently: the faces around a closed strip contradict each other \
@@ -130,7 +119,18 @@ pub enum SkinError {
         /// The gap found.
         found: f64,
     },
+    /// Several patches that are not valid, each for its own reason.
+    #[error("{} patches are not valid: {}", errors.len(), joined(errors))]
+    Several {
+        /// What is wrong with each; at least two.
+        errors: Vec<SkinError>,
+    },
     /// No triangles at all.
     #[error("there is no triangle in it: a skin needs taxels joined by triangles")]
     NoTriangles,
+}
+
+/// The sentences of several errors.
+fn joined(errors: &[SkinError]) -> String {
+    errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }

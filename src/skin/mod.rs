@@ -28,7 +28,7 @@
 //! ```
 //!
 //! In the order to read: `link`, `taxels`, `patch` (the data); `draft`, `error`, `remark`;
-//! `welded`, `winding`, `normals`, `tangents` (what assembling and checking share); `assemble` with
+//! `weld`, `fans`, `opening`, `sheets`, `welded`, `winding`, `normals`, `tangents` (what assembling and checking share); `assemble` with
 //! `zero_area`; `triangulate`; `check`.
 //!
 //! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
@@ -43,7 +43,11 @@ mod error;
 mod link;
 mod normals;
 mod patch;
+mod fans;
+mod opening;
 mod remark;
+mod sheets;
+mod weld;
 mod welded;
 mod tangents;
 mod taxels;
@@ -62,3 +66,4 @@ pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
 pub(crate) use tangents::{in_tangent_plane, tangents_along};
 pub use taxels::{Presence, TaxelError, TaxelId, Taxels};
 pub use triangulate::triangulate_taxels;
+pub use weld::Weld;

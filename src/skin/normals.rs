@@ -103,16 +103,21 @@ impl NormalConsensus {
 }
 
 /// Unit normals, or tangents, of the taxels: the mean of those unit vectors of all file vertices
-/// that are this taxel, zero where there is none.
+/// that are this taxel, zero where there is none; then those of copies, as in the file.
 pub(super) fn mean_directions(
     directions: &[DVec3],
     taxel: &IdVec<VertexId, VertexId>,
+    copied: &[VertexId],
 ) -> IdVec<VertexId, DVec3> {
-    let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, taxel.len());
+    let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, taxel.len() + copied.len());
     for ((_, &v), &n) in taxel.enumerate().zip(directions) {
         if is_unit(n) {
             sums[v] += n;
         }
+    }
+    for (copy, v) in copied.iter().enumerate() {
+        let n = directions[v.index()];
+        sums[VertexId::new(taxel.len() + copy)] += if is_unit(n) { n } else { DVec3::ZERO };
     }
     sums.map(|n| n.normalize_or_zero())
 }

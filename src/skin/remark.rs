@@ -46,6 +46,33 @@ remark_kinds! {
         /// Taxels they became.
         taxels: usize,
     } => "{vertices} vertices were welded into {taxels} taxels";
+    /// The file cuts a surface open, and it stays so.
+    CutKept {
+        /// Edges of the cut.
+        edges: usize,
+    } => "the file cuts it open along {edges} edges; it stays cut, with the vertices of both sides";
+    /// Repair: faces with the same corners as an earlier one were dropped.
+    DuplicatesDropped {
+        /// The faces.
+        faces: Vec<FaceId>,
+    } => "{} faces have the same corners as an earlier one and were dropped: {}", faces.len(), first_few(faces);
+    /// Repair: edges of more than two faces were split into sheets.
+    EdgesParted {
+        /// Their ends.
+        edges: Vec<[VertexId; 2]>,
+    } => "{} edges had more than two faces; the two that continue each other most smoothly stay joined there: {}",
+        edges.len(), first_few(&edges.iter().map(|[a, b]| format!("{a}-{b}")).collect::<Vec<_>>());
+    /// Repair: vertices where several fans of faces touched were split.
+    FansSplit {
+        /// The vertices.
+        vertices: Vec<VertexId>,
+    } => "at {} vertices several fans of faces touched in a point; each fan has a taxel of its own now: {}",
+        vertices.len(), first_few(vertices);
+    /// A patch that is not valid was left out, as was asked for.
+    PatchLeftOut {
+        /// What is wrong with it.
+        reason: SkinError,
+    } => "left out: {reason}";
     /// Repair: taxels that no face uses were left out.
     LeftOut {
         /// The taxels.

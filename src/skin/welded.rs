@@ -2,43 +2,65 @@
 //! judges.
 //!
 //! Welding is exact: no tolerance merges vertices that a file keeps apart. It is undone where it
-//! would only make fans of faces touch in a point.
+//! would make sheets touch along an edge or fans of faces touch in a point, and where the file cuts
+//! a surface open (`opening`). Faces then hang together across edges (`sheets`), and every fan of
+//! faces gets a vertex of its own.
 
 use std::collections::HashMap;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, Halfedge, TriMesh},
+    mesh::{Edges, TriMesh},
     numeric::DisjointSets,
-    skin::{Sheet, TaxelId},
+    skin::{
+        Sheet, TaxelId,
+        fans::split_fans,
+        sheets::{Joints, fans},
+        weld::{Weld, WeldOptions},
+    },
 };
 
 /// The triangles of one sheet after welding.
 ///
-/// Vertices keep the numbers of the file; of those that are one taxel, faces use the first.
+/// Vertices keep the numbers of the file, copies follow after them; of vertices that are one taxel,
+/// faces use one.
 #[derive(Debug)]
 pub(super) struct WeldedMesh {
-    /// Positions as in the file; corners welded.
+    /// Positions as in the file, then those of the copies; corners welded.
     pub mesh: TriMesh,
-    /// For every vertex of the file the first vertex that is the same taxel.
+    /// The halfedges along each edge of `mesh`.
+    pub edges: Edges,
+    /// For every vertex of the file the first one at its place that has its id.
+    pub place: IdVec<VertexId, VertexId>,
+    /// For every vertex of the file the vertex that faces use for it.
     pub taxel: IdVec<VertexId, VertexId>,
+    /// The vertex of the file that each copy is.
+    pub copied: Vec<VertexId>,
     /// The number of each face of `mesh` in the file.
     pub file_faces: IdVec<FaceId, FaceId>,
     /// Faces of the file that are left out because they use a taxel twice.
     pub repeated: Vec<FaceId>,
+    /// Faces of the file that were dropped, since an earlier one has the same corners.
+    pub duplicates: Vec<FaceId>,
+    /// Vertices of the file around which several fans of faces touched.
+    pub touching: Vec<VertexId>,
+    /// Edges of more than two faces that were split into sheets, by vertices of the file.
+    pub parted: Vec<[VertexId; 2]>,
+    /// How many edges the file cuts open, which stayed so.
+    pub cut: usize,
 }
 
 impl WeldedMesh {
     /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite.
-    pub(super) fn new(sheet: &Sheet, usable: impl Fn(FaceId) -> bool) -> Self {
+    pub(super) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
         let triangles: IdVec<FaceId, [VertexId; 3]> =
             sheet.triangles.iter().map(|t| t.map(VertexId::from)).collect();
         let mut mesh = TriMesh { positions: sheet.positions.clone().into(), triangles: IdVec::new() };
         let usable: Vec<FaceId> = triangles.ids().filter(|&f| usable(f)).collect();
-        let taxel = weld(&mesh, sheet.ids.as_deref(), usable.iter().map(|&f| &triangles[f]));
+        let place = weld(&mesh, sheet.ids.as_deref(), usable.iter().map(|&f| &triangles[f]));
         let (mut file_faces, mut repeated) = (IdVec::new(), Vec::new());
         for face in usable {
-            let [a, b, c] = triangles[face].map(|v| taxel[v]);
+            let [a, b, c] = triangles[face].map(|v| place[v]);
             if a == b || b == c || c == a {
                 repeated.push(face);
             } else {
@@ -46,76 +68,83 @@ impl WeldedMesh {
                 file_faces.push(face);
             }
         }
-        Self { mesh, taxel, file_faces, repeated }
+        let duplicates =
+            if options.repair { drop_duplicates(&mut mesh, &mut file_faces) } else { Vec::new() };
+        let edges = Edges::new(&mesh.triangles, mesh.positions.len());
+        let mut this = Self {
+            taxel: place.clone(),
+            mesh,
+            edges,
+            place,
+            copied: Vec::new(),
+            file_faces,
+            repeated,
+            duplicates,
+            touching: Vec::new(),
+            parted: Vec::new(),
+            cut: 0,
+        };
+        this.split(sheet, options);
+        this
     }
 
-    /// Undoes every weld that made fans of faces touch in a point which are apart in the file.
-    ///
-    /// Returns the vertices where fans touch in the file too; if there are any, nothing is changed.
-    pub(super) fn split_touching_fans(&mut self, sheet: &Sheet, edges: &Edges) -> Vec<VertexId> {
-        let mut touching = Vec::new();
-        let mut splits = Vec::new();
-        for corners in self.corners_of_touching_fans(sheet, edges).chunk_by(|a, b| a.welded == b.welded) {
-            match split(corners) {
-                Some(vertices) => splits.extend(vertices),
-                None => touching.push(corners[0].welded),
-            }
+    /// Gives every fan of faces a vertex of its own.
+    fn split(&mut self, sheet: &Sheet, options: WeldOptions) {
+        let is_welded = self.place.enumerate().any(|(v, &first)| v != first);
+        let joints = Joints::new(sheet, &self.mesh, &self.edges, &self.file_faces, (options, is_welded));
+        let mut fans = fans(&self.mesh, &self.edges, &joints);
+        let split = split_fans(&self.mesh, &mut fans, |h| joints.in_file(h));
+        self.parted = joints.parted(&self.edges);
+        self.cut = joints.cut_edges(&self.edges);
+        if split.corners.is_empty() {
+            return;
         }
-        if touching.is_empty() && !splits.is_empty() {
-            for [in_file, first] in splits {
-                self.taxel[in_file] = first;
-            }
-            for face in self.mesh.triangles.ids() {
-                let in_file = sheet.triangles[self.file_faces[face].index()];
-                self.mesh.triangles[face] = in_file.map(|v| self.taxel[VertexId::from(v)]);
-            }
+        for (v, name) in split.names {
+            self.taxel[v] = name;
         }
-        touching
+        for &v in &split.copied {
+            self.mesh.positions.push(self.mesh.positions[v]);
+        }
+        for (corner, name) in split.corners {
+            self.mesh.triangles[corner.face()][corner.side()] = name;
+        }
+        self.copied = split.copied;
+        // A seam of the texture splits vertices on purpose.
+        if options.weld != Weld::Texture {
+            self.touching = split.touching;
+        }
+        self.edges = Edges::new(&self.mesh.triangles, self.mesh.positions.len());
     }
 
-    /// The corners at vertices with several fans, vertex by vertex, each once for every fan.
-    fn corners_of_touching_fans(&self, sheet: &Sheet, edges: &Edges) -> Vec<FanCorner> {
-        let mut fans = fans(&self.mesh, edges);
-        let mut fans_of_vertex = IdVec::<VertexId, u32>::filled(0, self.mesh.positions.len());
-        let corners_of = |face| [0, 1, 2].map(|side| Halfedge::new(face, side));
-        for (face, t) in self.mesh.triangles.enumerate() {
-            for (corner, &v) in corners_of(face).into_iter().zip(t) {
-                fans_of_vertex[v] += u32::from(fans.root(corner) == corner);
-            }
-        }
-        let mut corners = Vec::new();
-        for (face, t) in self.mesh.triangles.enumerate() {
-            let in_file = sheet.triangles[self.file_faces[face].index()].map(VertexId::from);
-            for ((corner, &welded), in_file) in corners_of(face).into_iter().zip(t).zip(in_file) {
-                if fans_of_vertex[welded] > 1 {
-                    corners.push(FanCorner { welded, in_file, fan: fans.root(corner) });
-                }
-            }
-        }
-        corners.sort_unstable();
-        corners.dedup();
-        corners
+    /// The vertex of the file that a vertex is.
+    pub(super) fn in_file(&self, v: VertexId) -> VertexId {
+        v.index().checked_sub(self.taxel.len()).map_or(v, |copy| self.copied[copy])
+    }
+
+    /// For every vertex the first one at its place that has its id.
+    pub(super) fn place_of(&self, v: VertexId) -> VertexId {
+        self.place[self.in_file(v)]
     }
 }
 
-/// A vertex of the file in a fan of faces around a welded vertex.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct FanCorner {
-    welded: VertexId,
-    in_file: VertexId,
-    /// The first corner of the fan.
-    fan: Halfedge,
-}
-
-/// For every vertex of the file around one welded vertex the first one of its fan; `None` if two
-/// fans have a vertex of the file in common. `corners` are sorted.
-fn split(corners: &[FanCorner]) -> Option<Vec<[VertexId; 2]>> {
-    if corners.windows(2).any(|pair| pair[0].in_file == pair[1].in_file) {
-        return None;
+/// Drops faces with the same three corners as an earlier one; returns them.
+fn drop_duplicates(mesh: &mut TriMesh, file_faces: &mut IdVec<FaceId, FaceId>) -> Vec<FaceId> {
+    let mut first = HashMap::with_capacity(mesh.triangles.len());
+    let (mut triangles, mut kept, mut dropped) = (IdVec::new(), IdVec::new(), Vec::new());
+    for (face, &corners) in mesh.triangles.enumerate() {
+        let mut sorted = corners;
+        sorted.sort_unstable();
+        if *first.entry(sorted).or_insert(face) == face {
+            triangles.push(corners);
+            kept.push(file_faces[face]);
+        } else {
+            dropped.push(file_faces[face]);
+        }
     }
-    let mut first_of_fan = HashMap::new();
-    let first = |c: &FanCorner| [c.in_file, *first_of_fan.entry(c.fan).or_insert(c.in_file)];
-    Some(corners.iter().map(first).collect())
+    if !dropped.is_empty() {
+        (mesh.triangles, *file_faces) = (triangles, kept);
+    }
+    dropped
 }
 
 /// For every vertex the first one that is the same taxel.
@@ -152,23 +181,4 @@ fn weld<'a>(
         taxel = taxel.map(|&v| sets.root(v));
     }
     taxel
-}
-
-/// The fans of faces: sets of corners that are joined across edges. A corner is named by the
-/// halfedge that leaves it.
-fn fans(mesh: &TriMesh, edges: &Edges) -> DisjointSets<Halfedge> {
-    let mut corners = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
-    for uses in edges.iter() {
-        let first = uses[0];
-        for &other in &uses[1..] {
-            let [a, b] = [first, first.next()];
-            let [mut c, mut d] = [other, other.next()];
-            if first.start(mesh) != other.start(mesh) {
-                (c, d) = (d, c);
-            }
-            corners.join(a, c);
-            corners.join(b, d);
-        }
-    }
-    corners
 }

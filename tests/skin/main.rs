@@ -10,8 +10,8 @@ use dermatome::{
     id::{FaceId, VertexId},
     mesh::{TriMesh, shapes},
     skin::{
-        self, AssembleOptions, Covariance, Draft, Finding, FindingKind, Presence, Sheet, SkinError, TaxelId,
-        Taxels,
+        self, AssembleOptions, Covariance, Draft, Finding, FindingKind, Presence, RemarkKind, Sheet,
+        SkinError, TaxelId, Taxels,
     },
 };
 use drafts::{assemble, cover, draft_of, kinds, only, sheet_of, soup, topology};
@@ -104,8 +104,8 @@ fn an_edge_without_length_is_welded_whatever_the_ids() {
     assert_eq!(kinds(&assembled), ["Welded", "RepeatedCorner"].map(String::from).into());
 }
 
-/// Two fans that touch in a point are two sheets if the file writes the point twice, and refused if
-/// once.
+/// Two fans that touch in a point are two sheets: with the vertices of the file if it writes the
+/// point twice, else with a copy, and a remark.
 #[test]
 fn a_weld_that_would_only_make_sheets_touch_is_undone() {
     let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
@@ -120,9 +120,11 @@ fn a_weld_that_would_only_make_sheets_touch_is_undone() {
     let mut touching = mesh;
     touching.triangles[FaceId::new(1)][0] = VertexId::new(0);
     let draft = draft_of(sheet_of("s", &touching));
-    let error = assemble(&draft).unwrap_err();
+    let split = assemble(&draft).unwrap();
     let vertices = vec![VertexId::new(0)];
-    assert_eq!(error, SkinError::NonManifoldVertices { patch: "s".into(), vertices });
+    assert_eq!(split.remarks[0].kind, RemarkKind::FansSplit { vertices });
+    let sizes: Vec<usize> = split.skin.patches.iter().map(|p| p.mesh.positions.len()).collect();
+    assert_eq!(sizes, [3, 3]);
     assert!(found_in(&draft).contains(&FindingKind::NonManifoldVertex));
 }
 
@@ -462,14 +464,14 @@ fn kinds_are_named_in_kebab_case() {
 }
 
 /// Two pairs of triangles that touch in a point: in the file the first pair shares its vertex, the
-/// second writes it twice. Since the first is refused every weld stays, for faces and taxels alike.
+/// second writes it twice. Both become two sheets; only the first is a finding.
 #[test]
-fn a_touching_vertex_leaves_every_weld_as_it_is() {
+fn only_vertices_that_touch_in_the_file_are_findings() {
     let bow_tie =
         |x: f64| [[0., 0.], [1., 0.], [0., 1.], [-1., 0.], [0., -1.]].map(|[a, b]| DVec3::new(a + x, b, 0.0));
     let mut positions = [bow_tie(0.0), bow_tie(9.0)].concat();
     positions.push(positions[5]);
-    let mut sheet =
+    let sheet =
         Sheet { positions, triangles: vec![[0, 1, 2], [0, 3, 4], [5, 6, 7], [10, 8, 9]], ..Sheet::default() };
     let findings = check(&draft_of(sheet.clone()));
     let touching: Vec<_> = findings.iter().filter(|f| f.kind == FindingKind::NonManifoldVertex).collect();
@@ -478,9 +480,9 @@ fn a_touching_vertex_leaves_every_weld_as_it_is() {
         findings.iter().all(|f| f.kind != FindingKind::DuplicatePosition),
         "the second pair is one taxel"
     );
-    sheet.triangles.remove(0);
     let assembled = assemble(&draft_of(sheet)).unwrap();
-    assert_eq!(assembled.skin.patches.len(), 3, "without the first, the weld is undone");
+    assert_eq!(assembled.skin.patches.len(), 4);
+    assert_eq!(assembled.remarks[0].kind, RemarkKind::FansSplit { vertices: vec![VertexId::new(0)] });
 }
 
 #[test]

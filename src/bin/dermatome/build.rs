@@ -1,6 +1,7 @@
 //! `build`: the main job.
 
 use std::{
+    collections::BTreeSet,
     fs,
     io::{ErrorKind, Write as _},
     path::{Path, PathBuf},
@@ -14,13 +15,13 @@ use dermatome::{
     io::{IoError, replace_file, without_path},
     pipeline::{BuildOptions, FILES, build_with_progress, write_files},
     report::{Report, Seconds, measure},
-    skin::AssembleOptions,
+    skin::{AssembleOptions, Patch, Skin},
 };
 
 use crate::{
     common::Common,
-    input::read_skin,
-    notes::{note_distortion, note_overlaps},
+    input::read_good_patches,
+    notes::{note, note_distortion, note_overlaps},
     options::{CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
     outputs::{self, Outputs, cannot_write},
     print::{json, print_json, print_levels},
@@ -43,6 +44,9 @@ pub(crate) struct Args {
     /// Side of a pixel of the images, in mm on the map
     #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = length_mm, help_heading = "Images")]
     pixel_mm: f64,
+    /// Map the patches that can be mapped; exit code 1 if others were left out
+    #[arg(long)]
+    keep_going: bool,
     /// Print report.json on standard output
     #[arg(long)]
     json: bool,
@@ -61,15 +65,25 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let files: Vec<PathBuf> = FILES.into_iter().chain([REPORT]).map(|name| args.output.join(name)).collect();
     outputs::check_inputs(files.iter().map(PathBuf::as_path), [args.skin.as_path()])?;
     let start = Instant::now();
-    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.read.options() };
-    let skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
+    let (fill_holes, keep_going) = (args.coarsen.fill_holes, args.keep_going);
+    let assemble = AssembleOptions { fill_holes, keep_going, ..args.read.options() };
+    let (mut skin, mut left_out) =
+        read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     check_output(&args.output, &files)?;
     let read = start.elapsed().as_secs_f64();
 
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);
-    let (map, built) = build_with_progress(&skin, &options, &on_progress)
-        .with_context(|| format!("cannot map {}", args.skin.display()))?;
+    let mut built = build_with_progress(&skin, &options, &on_progress);
+    while keep_going && let Err(error) = &built {
+        let bad = leave_out(&mut skin, error, common);
+        if bad == 0 || skin.patches.is_empty() {
+            break;
+        }
+        left_out += bad;
+        built = build_with_progress(&skin, &options, &on_progress);
+    }
+    let (map, built) = built.with_context(|| format!("cannot map {}", args.skin.display()))?;
     drop(skin);
     let mut outputs = Outputs::default();
     let written = outputs.stage_in(&args.output, &FILES, |folder| write_files(&map, folder, &on_progress))?;
@@ -95,7 +109,26 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else if !common.quiet {
         print_levels(&report.patches)?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(if left_out > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// Takes the patches that an error names out of a skin, with a note for each; returns how many.
+fn leave_out(skin: &mut Skin, error: &Error, common: &Common) -> usize {
+    let errors = match error {
+        Error::Several(errors) => errors.as_slice(),
+        one => std::slice::from_ref(one),
+    };
+    let mut bad = BTreeSet::new();
+    for error in errors {
+        if let Error::Patch { patch, .. } = error {
+            note(common, format_args!("{error}; left out"));
+            bad.insert(patch.as_str());
+        }
+    }
+    let before = skin.patches.len();
+    let kept: Vec<Patch> = skin.patches.iter().filter(|p| !bad.contains(p.name.as_str())).cloned().collect();
+    skin.patches = kept.into();
+    before - skin.patches.len()
 }
 
 /// The file of measures, next to [`FILES`].

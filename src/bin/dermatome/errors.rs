@@ -145,16 +145,27 @@ fn library_help(error: &Error) -> String {
         Error::Io(e) => io_help(e),
         Error::Plot(e) => plot_help(e).into(),
         Error::Patch { source, .. } => library_help(source),
+        Error::Several(errors) => {
+            let first = errors.first().map(library_help).unwrap_or_default();
+            format!("{first}; `dermatome build --keep-going` maps the other patches")
+        }
         _ => BUILD_AGAIN.into(),
     }
 }
 
 fn skin_help(error: &SkinError) -> &'static str {
     match error {
+        SkinError::Several { .. } => {
+            "`dermatome build --keep-going` maps the other patches, --patch takes some; `dermatome check` lists the \
+             findings of all"
+        }
         SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. } => {
             "give the taxels triangles, or normals that distinguish the sides of thin parts; check for mixed units"
         }
         SkinError::Gap { .. } => "change --gap",
+        SkinError::NonManifoldEdges { .. } => {
+            "--repair splits such edges into sheets; `dermatome check` lists them"
+        }
         _ => CHECK,
     }
 }

@@ -5,9 +5,9 @@ use std::path::Path;
 use anyhow::Context;
 use dermatome::{
     Error,
-    io::{IoError, read_draft, read_map},
+    io::{IoError, read_map},
     map::SkinMap,
-    skin::{AssembleOptions, Patch, RemarkKind, Skin, assemble, joining_gap},
+    skin::{AssembleOptions, Patch, Remark, RemarkKind, Skin, assemble, joining_gap},
 };
 use glob::Pattern;
 
@@ -27,8 +27,18 @@ pub(crate) fn read_skin(
     options: &AssembleOptions,
     common: &Common,
 ) -> anyhow::Result<Skin> {
-    let mut draft = read_draft(path).map_err(Error::from)?;
-    draft.scale(read.unit.metres());
+    Ok(read_good_patches(path, read, chosen, options, common)?.0)
+}
+
+/// The same, and how many patches that are not valid were left out, if that is asked for.
+pub(crate) fn read_good_patches(
+    path: &Path,
+    read: &ReadArgs,
+    chosen: &PatchArgs,
+    options: &AssembleOptions,
+    common: &Common,
+) -> anyhow::Result<(Skin, usize)> {
+    let mut draft = read.read(path)?;
     // Patches that are not taken may be faulty. A piece of a sheet has a name of its own once it is
     // assembled.
     let sheets = select(&mut draft.sheets, &chosen.patches, |sheet| &sheet.name);
@@ -40,6 +50,9 @@ pub(crate) fn read_skin(
         && assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::DoubtfulUnit { .. }))
     {
         note(common, "--unit mm reads a file in millimetres");
+    }
+    if assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::CutKept { .. })) && !read.has_seams() {
+        note(common, "--weld all closes the cut");
     }
     // Trials take time, so there are none for a quiet run.
     if !common.quiet
@@ -58,7 +71,9 @@ pub(crate) fn read_skin(
         }
         assembled.skin.patches = patches.into();
     }
-    Ok(assembled.skin)
+    let is_left_out = |remark: &&Remark| matches!(remark.kind, RemarkKind::PatchLeftOut { .. });
+    let left_out = assembled.remarks.iter().filter(is_left_out).count();
+    Ok((assembled.skin, left_out))
 }
 
 /// More names than this are not listed.

@@ -1,10 +1,14 @@
 //! Options that several subcommands share, and what they mean to the library.
 
+use std::path::Path;
+
 use clap::ValueEnum;
 use dermatome::{
+    Error,
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
+    io::{read_draft, read_textured_draft},
     pyramid::CoarsenOptions,
-    skin::AssembleOptions,
+    skin::{AssembleOptions, Draft, Weld},
 };
 use glob::Pattern;
 
@@ -21,15 +25,67 @@ pub(crate) struct ReadArgs {
     /// are real gaps and stay open
     #[arg(long, value_name = "K", default_value_t = AssembleOptions::default().gap, value_parser = gap)]
     gap: f64,
+    /// Which vertices at exactly the same place become one [default: auto]
+    #[arg(long, value_enum, value_name = "WHICH", conflicts_with = "seams")]
+    weld: Option<WeldArg>,
+    /// Cut along the seams of the texture of a glTF or OBJ file: where texture coordinates jump
+    #[arg(long, value_enum, value_name = "uv")]
+    seams: Option<SeamsArg>,
+    /// Drop faces with the same corners as an earlier one, and split edges with more than two faces
+    /// into sheets; each is listed
+    #[arg(long)]
+    repair: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum WeldArg {
+    /// Those split for normals or texture coordinates; a cut that opens a surface into a disk stays
+    Auto,
+    /// All of them: cuts close
+    All,
+    /// None: the mesh is taken as its indices join it (the corners of an .stl are always welded)
+    None,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SeamsArg {
+    /// Seams of the texture
+    Uv,
 }
 
 impl ReadArgs {
     pub(crate) fn of(unit: Unit) -> Self {
-        Self { unit, gap: AssembleOptions::default().gap }
+        Self { unit, gap: AssembleOptions::default().gap, weld: None, seams: None, repair: false }
     }
 
     pub(crate) fn options(&self) -> AssembleOptions {
-        AssembleOptions { gap: self.gap, ..AssembleOptions::default() }
+        let weld = match (self.seams, self.weld) {
+            (Some(SeamsArg::Uv), _) => Weld::Texture,
+            (None, Some(WeldArg::Auto) | None) => Weld::Auto,
+            (None, Some(WeldArg::All)) => Weld::All,
+            (None, Some(WeldArg::None)) => Weld::None,
+        };
+        AssembleOptions { gap: self.gap, weld, repair: self.repair, ..AssembleOptions::default() }
+    }
+
+    /// Whether cuts are asked for.
+    pub(crate) const fn has_seams(&self) -> bool {
+        self.seams.is_some()
+    }
+
+    /// Reads a file as written, lengths in m, with its texture coordinates where these make seams.
+    ///
+    /// # Errors
+    /// As [`read_draft`], or if there is no texture to make seams of.
+    pub(crate) fn read(&self, path: &Path) -> anyhow::Result<Draft> {
+        let read = if self.seams.is_some() { read_textured_draft } else { read_draft };
+        let mut draft = read(path).map_err(Error::from)?;
+        if self.seams.is_some() && draft.sheets.iter().all(|sheet| sheet.texture.is_none()) {
+            let what = format!("{} has no texture coordinates on all corners of a sheet", path.display());
+            return Err(advise(what, "leave out --seams uv; OBJ and glTF files may have a texture"));
+        }
+        draft.scale(self.unit.metres());
+        Ok(draft)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::DMat3;
+use glam::{DMat3, DVec2};
 use gltf::accessor::Dimensions;
 
 use crate::{
@@ -28,7 +28,7 @@ use crate::{
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
 /// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
 /// `map.glb` reads as the skin it is a map of.
-pub(crate) fn read_gltf(source: Source) -> Result<Draft> {
+pub(crate) fn read_gltf(source: Source, with_texture: bool) -> Result<Draft> {
     let document = Document::new(source)?;
     let tree = read_node_tree(&document)?;
     let mut draft = Draft { links: tree.links, ..Draft::default() };
@@ -36,7 +36,7 @@ pub(crate) fn read_gltf(source: Source) -> Result<Draft> {
         if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
             draft.sheets.clear();
             for placement in &tree.placements {
-                draft.sheets.extend(read_sheet(&document, placement, shape)?);
+                draft.sheets.extend(read_sheet(&document, placement, shape, with_texture)?);
             }
         }
     }
@@ -52,7 +52,12 @@ pub(crate) fn read_gltf(source: Source) -> Result<Draft> {
 }
 
 /// The sheet of one use of a mesh, of its primitives of this shape; `None` if it has none.
-fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Result<Option<Sheet>> {
+fn read_sheet(
+    document: &Document,
+    placement: &Placement,
+    shape: Shape,
+    with_texture: bool,
+) -> Result<Option<Sheet>> {
     let mesh = &document.root().meshes[placement.mesh];
     check_morphs(document, placement.mesh, mesh)?;
     let mut sheet = Sheet { link: Some(placement.link), ..Sheet::default() };
@@ -63,6 +68,7 @@ fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Resul
     // Where the vertices of each set of accessors start: primitives may share them all.
     let mut starts = BTreeMap::new();
     let mut points = BTreeSet::new();
+    let mut texture: Option<Vec<DVec2>> = None;
     for (p, primitive) in mesh.primitives.iter().enumerate().filter(|(_, p)| Shape::of(p) == shape) {
         let attributes = Attributes::of(document, placement.mesh, p, primitive)?;
         let start = match starts.get(&primitive.attributes) {
@@ -70,6 +76,12 @@ fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Resul
             None => {
                 let start = sheet.positions.len();
                 append_vertices(&attributes, &mut sheet, starts.is_empty())?;
+                if with_texture {
+                    let part = attributes.read("TEXCOORD_0", |a| a.reals(DVec2::from_array))?;
+                    if join(&mut texture, part, starts.is_empty()).is_err() {
+                        texture = None;
+                    }
+                }
                 starts.insert(&primitive.attributes, start);
                 start
             }
@@ -95,6 +107,11 @@ fn read_sheet(document: &Document, placement: &Placement, shape: Shape) -> Resul
     }
     if let Some(stretch) = placement.stretch {
         bake(&mut sheet, stretch);
+    }
+    let at = |v: u32| texture.as_ref().and_then(|all| all.get(v as usize).copied());
+    let corners = |&[a, b, c]: &[u32; 3]| Some([at(a)?, at(b)?, at(c)?]);
+    if with_texture {
+        sheet.texture = sheet.triangles.iter().map(corners).collect();
     }
     Ok(Some(sheet))
 }

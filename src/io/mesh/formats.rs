@@ -48,10 +48,25 @@ use crate::{
 /// If the file cannot be read, is longer than 4 GiB or of an unknown kind, or breaks a rule of its
 /// format.
 pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
+    read_parts(path, false)
+}
+
+/// The same as [`read_draft`], with the texture coordinates of OBJ and glTF in [`Sheet::texture`];
+/// other formats have none.
+///
+/// # Errors
+/// As [`read_draft`], or if texture coordinates are not finite numbers.
+///
+/// [`Sheet::texture`]: crate::skin::Sheet::texture
+pub fn read_textured_draft(path: &Path) -> Result<Draft, IoError> {
+    read_parts(path, true)
+}
+
+fn read_parts(path: &Path, with_texture: bool) -> Result<Draft, IoError> {
     let read = match kind(path).as_str() {
-        "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?),
+        "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?, with_texture),
+        "obj" => return obj::read(&Source::open(path)?, with_texture),
         "json" => robotskin::read,
-        "obj" => obj::read,
         "off" => off::read,
         "ply" => ply::read,
         "stl" => stl::read,

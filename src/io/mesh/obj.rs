@@ -6,7 +6,7 @@
 
 use std::{borrow::Cow, collections::HashMap, io::Write, path::Path};
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::{
     io::{
@@ -16,13 +16,14 @@ use crate::{
     skin::{Draft, Sheet, Skin},
 };
 
-/// Stands for "no normal" in a [`Corner`].
+/// Stands for "none" in a [`Corner`].
 const NONE: u32 = u32::MAX;
 
-/// A corner of a face: position and normal, counted from 0 over the whole file.
+/// A corner of a face: position, texture point and normal, counted from 0 over the whole file.
 #[derive(Clone, Copy)]
 struct Corner {
     position: u32,
+    texture: u32,
     normal: u32,
 }
 
@@ -40,6 +41,8 @@ struct Reader {
     declared_in: Vec<usize>,
     normals: Vec<DVec3>,
     texture_points: usize,
+    /// The texture points, if they are wanted.
+    texture: Option<Vec<DVec2>>,
     groups: Vec<Group>,
     /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
     known: HashMap<(String, String), usize>,
@@ -55,9 +58,10 @@ struct Reader {
 /// vertex disagree it is their mean, where a vertex has no corner it is zero. A sheet with a corner
 /// without a normal has none. Colours, texture coordinates, materials, lines and points are left
 /// out.
-pub(crate) fn read(source: &Source) -> Result<Draft> {
+pub(crate) fn read(source: &Source, with_texture: bool) -> Result<Draft> {
     let mut reader = Reader {
         stem: source.stem(),
+        texture: with_texture.then(Vec::new),
         groups: vec![Group { name: source.stem(), triangles: Vec::new() }],
         known: HashMap::from([(Default::default(), 0)]),
         ..Reader::default()
@@ -87,7 +91,14 @@ impl Reader {
                 self.declared_in.push(self.group);
             }
             "vn" => self.normals.push(vector(at, word, rest)?),
-            "vt" => self.texture_points += 1,
+            "vt" => {
+                self.texture_points += 1;
+                if let Some(texture) = &mut self.texture {
+                    let mut numbers = rest.split_whitespace().map(|word| at.number(word));
+                    let (u, v) = (numbers.next().transpose()?, numbers.next().transpose()?);
+                    texture.push(DVec2::new(u.unwrap_or_default(), v.unwrap_or_default()));
+                }
+            }
             "f" => self.face(at, rest)?,
             "o" => {
                 rest.trim().clone_into(&mut self.object);
@@ -150,13 +161,14 @@ impl Reader {
             let index = if index < 0 { counts[k] as i64 + 1 + index } else { index };
             *slot = Some(u64::try_from(index).ok().filter(|&i| i > 0).ok_or_else(broken)?);
         }
-        let [Some(position), _, normal] = indices else { return Err(broken()) };
+        let [Some(position), texture, normal] = indices else { return Err(broken()) };
         for (largest, index) in self.largest.iter_mut().zip(indices) {
             *largest = index.filter(|&i| i > largest.0).map_or(*largest, |index| (index, at.line));
         }
         // An index that does not fit is past the end, which `check_indices` will say.
         let narrow = |index: u64| u32::try_from(index - 1).unwrap_or(NONE);
-        Ok(Corner { position: narrow(position), normal: normal.map_or(NONE, narrow) })
+        let or_none = |index: Option<u64>| index.map_or(NONE, narrow);
+        Ok(Corner { position: narrow(position), texture: or_none(texture), normal: or_none(normal) })
     }
 
     fn check_indices(&self, source: &Source) -> Result<()> {
@@ -197,13 +209,22 @@ impl Reader {
             }
             sheets.push(Sheet {
                 name: group.name.clone(),
+                numbers: Some(members.iter().map(|&v| v.saturating_add(1)).collect()),
                 positions: members.iter().map(|&v| self.positions[v as usize]).collect(),
                 triangles: group.triangles.iter().map(|t| t.map(|c| places[c.position as usize])).collect(),
+                texture: self.corner_texture(group),
                 normals: self.vertex_normals(group, &places, members.len()),
                 ..Sheet::default()
             });
         }
         sheets
+    }
+
+    /// The texture coordinates of all corners, if they are wanted and every corner has them.
+    fn corner_texture(&self, group: &Group) -> Option<Vec<[DVec2; 3]>> {
+        let texture = self.texture.as_ref()?;
+        let of = |c: Corner| texture.get(c.texture as usize).copied();
+        group.triangles.iter().map(|&[a, b, c]| Some([of(a)?, of(b)?, of(c)?])).collect()
     }
 
     /// One normal per vertex, from those of its corners.

@@ -5,11 +5,12 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, TriMesh},
+    mesh::TriMesh,
     skin::{
         RemarkKind, Sheet, SkinError,
         assemble::zero_area::{Cleared, clear_zero_area},
         normals::mean_directions,
+        weld::WeldOptions,
         welded::WeldedMesh,
         winding::Winding,
     },
@@ -18,7 +19,9 @@ use crate::{
 /// One sheet, ready to be split into patches.
 pub(super) struct Components<'a> {
     pub sheet: &'a Sheet,
-    /// Unit normals of the taxels in the file, zero where there is none; `None` without normals.
+    /// The vertex of the file that each vertex is.
+    pub in_file: IdVec<VertexId, VertexId>,
+    /// Unit normals of the taxels, zero where there is none; `None` without normals.
     pub normals: Option<IdVec<VertexId, DVec3>>,
     /// The same of the tangents.
     pub tangents: Option<IdVec<VertexId, DVec3>>,
@@ -41,28 +44,32 @@ pub(super) struct Component {
 
 impl<'a> Components<'a> {
     /// Welds and winds a valid sheet.
-    pub(super) fn new(sheet: &'a Sheet, remarks: &mut Vec<RemarkKind>) -> Result<Self, SkinError> {
+    pub(super) fn new(
+        sheet: &'a Sheet,
+        welding: WeldOptions,
+        remarks: &mut Vec<RemarkKind>,
+    ) -> Result<Self, SkinError> {
         let patch = || sheet.title().to_owned();
-        let mut surface = WeldedMesh::new(sheet, |_| true);
-        let edges = Edges::new(&surface.mesh.triangles, surface.mesh.positions.len());
-        let crowded: Vec<[VertexId; 2]> = edges
+        let surface = WeldedMesh::new(sheet, welding, |_| true);
+        let crowded: Vec<[VertexId; 2]> = surface
+            .edges
             .iter()
             .filter(|uses| uses.len() > 2)
-            .map(|uses| [uses[0].start(&surface.mesh), uses[0].end(&surface.mesh)])
+            .map(|uses| {
+                [uses[0].start(&surface.mesh), uses[0].end(&surface.mesh)].map(|v| surface.in_file(v))
+            })
             .collect();
         if !crowded.is_empty() {
             return Err(SkinError::NonManifoldEdges { patch: patch(), edges: crowded });
         }
-        let vertices = surface.split_touching_fans(sheet, &edges);
-        if !vertices.is_empty() {
-            return Err(SkinError::NonManifoldVertices { patch: patch(), vertices });
-        }
-        let winding = Winding::new(&surface.mesh, &edges);
+        let winding = Winding::new(&surface.mesh, &surface.edges);
         if let Some(&edge) = winding.conflicting_edges.first() {
+            let edge = edge.map(|v| surface.in_file(v));
             return Err(SkinError::NotOrientable { patch: patch(), edge });
         }
-        drop(edges);
-        let WeldedMesh { mut mesh, taxel, file_faces, repeated } = surface;
+        report_splits(&surface, remarks);
+        let in_file = surface.mesh.positions.ids().map(|v| surface.in_file(v)).collect();
+        let WeldedMesh { mut mesh, taxel, copied, file_faces, repeated, .. } = surface;
         for (face, t) in mesh.triangles.iter_mut().enumerate() {
             if winding.reversed[FaceId::new(face)] {
                 t.swap(1, 2);
@@ -74,10 +81,10 @@ impl<'a> Components<'a> {
             component[face] = None;
         }
         report_faces(repeated, &cleared, &file_faces, remarks);
-        let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &taxel));
-        let tangents = sheet.tangents.as_deref().map(|t| mean_directions(t, &taxel));
+        let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &taxel, &copied));
+        let tangents = sheet.tangents.as_deref().map(|t| mean_directions(t, &taxel, &copied));
         let (turned, count) = (winding.reversed, winding.components);
-        let this = Self { sheet, normals, tangents, mesh, component, count, turned };
+        let this = Self { sheet, in_file, normals, tangents, mesh, component, count, turned };
         this.report_taxels(&taxel, remarks);
         Ok(this)
     }
@@ -88,7 +95,7 @@ impl<'a> Components<'a> {
         for &v in self.sheet.triangles.iter().flatten() {
             in_file[v as usize] = true;
         }
-        let mut used = IdVec::<VertexId, bool>::filled(false, taxel.len());
+        let mut used = IdVec::<VertexId, bool>::filled(false, self.mesh.positions.len());
         for (face, t) in self.mesh.triangles.enumerate() {
             if self.component[face].is_some() {
                 t.iter().for_each(|&v| used[v] = true);
@@ -104,7 +111,7 @@ impl<'a> Components<'a> {
             }
         }
         if merged > 0 {
-            let taxels = used.iter().filter(|&&u| u).count();
+            let taxels = used.iter().take(taxel.len()).filter(|&&u| u).count();
             remarks.push(RemarkKind::Welded { vertices: taxels + merged, taxels });
         }
         if !left_out.is_empty() {
@@ -136,6 +143,22 @@ impl<'a> Components<'a> {
         }
         components.retain(|c| !c.vertices.is_empty());
         components
+    }
+}
+
+/// Reports what was cut, dropped or split to make a manifold.
+fn report_splits(surface: &WeldedMesh, remarks: &mut Vec<RemarkKind>) {
+    if surface.cut > 0 {
+        remarks.push(RemarkKind::CutKept { edges: surface.cut });
+    }
+    if !surface.duplicates.is_empty() {
+        remarks.push(RemarkKind::DuplicatesDropped { faces: surface.duplicates.clone() });
+    }
+    if !surface.parted.is_empty() {
+        remarks.push(RemarkKind::EdgesParted { edges: surface.parted.clone() });
+    }
+    if !surface.touching.is_empty() {
+        remarks.push(RemarkKind::FansSplit { vertices: surface.touching.clone() });
     }
 }
 

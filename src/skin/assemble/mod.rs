@@ -15,6 +15,7 @@ use crate::{
         Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError,
         assemble::{components::Components, patch::patch_of},
         check_links, triangulate_taxels,
+        weld::{Weld, WeldOptions},
     },
 };
 
@@ -27,11 +28,24 @@ pub struct AssembleOptions {
     /// Holes whose boundary loop has at most this many edges are filled; the longest loop of a
     /// patch is its outer boundary and stays. 0 fills none.
     pub fill_holes: usize,
+    /// Which vertices at one place are one taxel.
+    pub weld: Weld,
+    /// Drop faces with the corners of an earlier one, and split edges with more than two faces into
+    /// sheets, those that continue each other most smoothly.
+    pub repair: bool,
+    /// Leave out the sheets that cannot be repaired, instead of refusing the draft.
+    pub keep_going: bool,
+}
+
+impl AssembleOptions {
+    pub(super) const fn welding(&self) -> WeldOptions {
+        WeldOptions { weld: self.weld, repair: self.repair }
+    }
 }
 
 impl Default for AssembleOptions {
     fn default() -> Self {
-        Self { gap: 2.5, fill_holes: 0 }
+        Self { gap: 2.5, fill_holes: 0, weld: Weld::Auto, repair: false, keep_going: false }
     }
 }
 
@@ -50,7 +64,10 @@ pub struct Assembled {
 /// - **Bare taxels**, a draft without any triangle, are joined first, by [`triangulate_taxels`].
 /// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or
 ///   there are no ids; with different ids they stay two taxels, unless one face has both. A weld
-///   that would only make sheets touch in a point is undone.
+///   that would make sheets touch is undone, and a surface that the file cuts open into a disk stays
+///   cut ([`Weld`]).
+/// - **Fans** of faces that touch in a vertex get a copy of it each. If asked for, faces with the
+///   corners of an earlier one are dropped and edges with more than two faces split into sheets.
 /// - **Faces** that use a taxel twice are left out; faces without area are dropped at the boundary
 ///   and flipped away elsewhere, so that no slit opens. Taxels without a face are left out.
 /// - **Patches** are the components joined across edges, in the order of their first faces: `name`,
@@ -82,8 +99,8 @@ pub struct Assembled {
 ///
 /// # Errors
 /// If links or arrays do not fit, a position is not finite, a corner, a density or the gap is out
-/// of range, bare taxels cannot be joined, more than two faces meet at an edge, fans of faces touch
-/// in a point, a sheet has only one side, or there is no face at all.
+/// of range, bare taxels cannot be joined, more than two faces meet at an edge, a sheet
+/// has only one side, or there is no face at all.
 pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
     let triangulated = if draft.is_bare() { Some(triangulate_taxels(draft, options.gap)?) } else { None };
     let draft = triangulated.as_ref().unwrap_or(draft);
@@ -94,27 +111,51 @@ pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, S
     let mut names = Names::new(&draft.sheets);
     let mut next_id = 1;
     let mut origin = None;
+    let mut errors = Vec::new();
     for sheet in &draft.sheets {
-        sheet.validate(draft.links.len())?;
         let of = |name: &str| {
             let patch = name.to_owned();
             move |kind| Remark { patch: patch.clone(), kind }
         };
         let mut kinds = Vec::new();
-        let components = Components::new(sheet, &mut kinds)?;
+        let valid = sheet.validate(draft.links.len());
+        let components = match valid.and_then(|()| Components::new(sheet, options.welding(), &mut kinds)) {
+            Ok(components) => components,
+            Err(reason) => {
+                errors.push((sheet.title(), reason));
+                continue;
+            }
+        };
         remarks.extend(kinds.drain(..).map(of(sheet.title())));
         let first = skin.patches.len();
         for component in components.split() {
             let link =
                 sheet.link.unwrap_or_else(|| *origin.get_or_insert_with(|| origin_of(&mut skin.links)));
-            let name = names.next(sheet.title());
-            let patch =
-                patch_of(&components, component, (name, link), options.fill_holes, &mut next_id, &mut kinds)?;
-            remarks.extend(kinds.drain(..).map(of(&patch.name)));
-            skin.patches.push(patch);
+            let place = (names.next(sheet.title()), link);
+            match patch_of(&components, component, place, options.fill_holes, &mut next_id, &mut kinds) {
+                Ok(patch) => {
+                    remarks.extend(kinds.drain(..).map(of(&patch.name)));
+                    skin.patches.push(patch);
+                }
+                Err(reason) => errors.push((sheet.title(), reason)),
+            }
         }
         let renamed = renamed(sheet, &skin.patches.as_slice()[first..]);
         remarks.extend(renamed.map(of(sheet.title())));
+    }
+    if options.keep_going && !skin.patches.is_empty() {
+        let left_out = |(patch, reason): (&str, _)| Remark {
+            patch: patch.to_owned(),
+            kind: RemarkKind::PatchLeftOut { reason },
+        };
+        remarks.extend(errors.drain(..).map(left_out));
+    }
+    let mut errors: Vec<SkinError> = errors.into_iter().map(|(_, reason)| reason).collect();
+    if errors.len() > 1 {
+        return Err(SkinError::Several { errors });
+    }
+    if let Some(error) = errors.pop() {
+        return Err(error);
     }
     if skin.patches.is_empty() {
         return Err(SkinError::NoTriangles);
@@ -189,7 +230,8 @@ pub fn joining_gap(draft: &Draft, assembled: &Assembled, options: &AssembleOptio
         return None;
     }
     WIDER.into_iter().filter(|&gap| gap > options.gap).find_map(|gap| {
-        let patches = assemble(draft, &AssembleOptions { gap, fill_holes: 0 }).ok()?.skin.patches.len();
+        let patches =
+            assemble(draft, &AssembleOptions { gap, fill_holes: 0, ..*options }).ok()?.skin.patches.len();
         (patches < assembled.skin.patches.len()).then_some((gap, patches))
     })
 }

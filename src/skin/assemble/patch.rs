@@ -48,6 +48,7 @@ pub(super) fn patch_of(
     let normals = choose_normals(&mesh, normals, remarks);
     let given = components.tangents.as_ref().map(|all| vertices.iter().map(|&v| all[v]).collect());
     let tangents = given.and_then(|given| choose_tangents(&mesh, &normals, &given, remarks));
+    let vertices: Vec<VertexId> = vertices.iter().map(|&v| components.in_file[v]).collect();
     let areas = areas(sheet, &vertices, &mesh, remarks);
     let ids = match &sheet.ids {
         Some(ids) => vertices.iter().map(|v| ids[v.index()]).collect(),

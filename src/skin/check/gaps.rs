@@ -30,9 +30,11 @@ type Ends = [VertexId; 2];
 /// with.
 pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
     let mesh = &subject.surface.mesh;
+    // Both sides of a cut are one place.
+    let place = |v| subject.surface.place_of(v);
     let mut boundary: Vec<Ends> = Vec::new();
     let mut on_boundary = IdVec::<VertexId, bool>::filled(false, mesh.positions.len());
-    for uses in subject.edges.iter() {
+    for uses in subject.surface.edges.iter() {
         if let &[h] = uses {
             let ends = [h.start(mesh), h.end(mesh)];
             ends.iter().for_each(|&v| on_boundary[v] = true);
@@ -43,7 +45,7 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
     // neighbours.
     let mut lengths = IdVec::<VertexId, (f64, u32)>::filled((0.0, 0), mesh.positions.len());
     let mut joined: HashSet<Ends> = HashSet::new();
-    for uses in subject.edges.iter() {
+    for uses in subject.surface.edges.iter() {
         let ends = [uses[0].start(mesh), uses[0].end(mesh)];
         let length = mesh.positions[ends[0]].distance(mesh.positions[ends[1]]);
         for v in ends {
@@ -51,6 +53,7 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
             lengths[v].1 += 1;
         }
         if ends.iter().all(|&v| on_boundary[v]) {
+            let ends = ends.map(place);
             joined.insert(ends);
             joined.insert([ends[1], ends[0]]);
         }
@@ -60,13 +63,14 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
     let mut narrowest = f64::INFINITY;
     for v in mesh.positions.ids().filter(|&v| on_boundary[v]) {
         let reach = SEAM * lengths[v].0 / f64::from(lengths[v].1);
-        let is_apart = |e: Ends| e.iter().all(|&w| w != v && !joined.contains(&[v, w]));
+        let is_apart =
+            |e: Ends| e.map(place).iter().all(|&w| w != place(v) && !joined.contains(&[place(v), w]));
         if let Some(distance) = grid.nearest(&mesh.positions, mesh.positions[v], reach, is_apart) {
             close.push(v);
             narrowest = narrowest.min(distance);
         }
     }
-    report.add(FindingKind::Gap, numbers(close.iter().map(|v| v.raw())), |n| {
+    report.add(FindingKind::Gap, numbers(close.iter().map(|&v| subject.surface.in_file(v).raw())), |n| {
         format!(
             "{n} boundary vertices lie within half the local spacing of a boundary they are not joined with, \
              the nearest at {:.3} mm: a seam that was not closed, or a part laid over another",

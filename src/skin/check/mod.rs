@@ -11,7 +11,6 @@ pub use finding::{Finding, FindingKind};
 
 use crate::{
     id::FaceId,
-    mesh::Edges,
     skin::{
         AssembleOptions, Draft, RemarkKind, Sheet, assemble,
         check::report::{Report, Subject},
@@ -63,7 +62,7 @@ pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
         findings.push(Finding { kind: FindingKind::LinkOrder, patch, elements: backward, message });
     }
     for sheet in &draft.sheets {
-        check_sheet(sheet, draft.links.len(), &mut findings);
+        check_sheet(sheet, draft.links.len(), options, &mut findings);
     }
     if let Some(remark) = draft.doubtful_unit() {
         findings.push(Finding::of_sheet(FindingKind::DoubtfulUnit, &remark.patch, remark.kind.to_string()));
@@ -124,7 +123,7 @@ fn check_bare(draft: &Draft, options: &AssembleOptions, findings: &mut Vec<Findi
     }
 }
 
-fn check_sheet(sheet: &Sheet, links: usize, findings: &mut Vec<Finding>) {
+fn check_sheet(sheet: &Sheet, links: usize, options: &AssembleOptions, findings: &mut Vec<Finding>) {
     let mut report = Report { patch: sheet.title(), findings: Vec::new() };
     if let Some(link) = sheet.link.filter(|l| l.index() >= links) {
         let message = format!("it is attached to link {link}, but there are {links} links");
@@ -140,21 +139,19 @@ fn check_sheet(sheet: &Sheet, links: usize, findings: &mut Vec<Finding>) {
             "it has more vertices or faces than 32-bit numbers count; nothing else was looked at".into();
         report.add_whole(FindingKind::TooLarge, message);
     } else {
-        check_surface(sheet, &mut report);
+        check_surface(sheet, options, &mut report);
     }
     report.findings.sort_by_key(|f| f.kind);
     findings.append(&mut report.findings);
 }
 
-fn check_surface(sheet: &Sheet, report: &mut Report<'_>) {
+fn check_surface(sheet: &Sheet, options: &AssembleOptions, report: &mut Report<'_>) {
     let usable = taxels::usable_faces(sheet, report);
-    let mut surface = WeldedMesh::new(sheet, |face: FaceId| usable[face]);
-    let edges = Edges::new(&surface.mesh.triangles, surface.mesh.positions.len());
-    let touching = surface.split_touching_fans(sheet, &edges);
-    let winding = Winding::new(&surface.mesh, &edges);
-    let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &surface.taxel));
-    let subject = Subject { sheet, surface, edges, winding, normals };
-    let is_manifold = topology::check_manifold(&subject, &touching, report);
+    let surface = WeldedMesh::new(sheet, options.welding(), |face: FaceId| usable[face]);
+    let winding = Winding::new(&surface.mesh, &surface.edges);
+    let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &surface.taxel, &surface.copied));
+    let subject = Subject { sheet, surface, winding, normals };
+    let is_manifold = topology::check_manifold(&subject, report);
     topology::check_components(&subject, report);
     if is_manifold {
         topology::check_loops(&subject, report);

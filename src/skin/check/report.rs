@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::Edges,
     skin::{
         Sheet,
         check::finding::{Finding, FindingKind},
@@ -17,7 +16,6 @@ use crate::{
 pub(super) struct Subject<'a> {
     pub sheet: &'a Sheet,
     pub surface: WeldedMesh,
-    pub edges: Edges,
     pub winding: Winding,
     /// Unit normals of the taxels, zero where there is none; `None` without normals.
     pub normals: Option<IdVec<VertexId, DVec3>>,

@@ -127,6 +127,7 @@ fn check_directions(
     qualities: &[NormalQuality],
     report: &mut Report<'_>,
 ) {
+    let in_file = |v| subject.surface.in_file(v).raw();
     let outward = surface_normals(wound);
     let [mut constant, mut unrelated, mut inward] = [const { Vec::<u32>::new() }; 3];
     let mut seen = outward.map(|_| false);
@@ -136,10 +137,10 @@ fn check_directions(
                 continue;
             }
             match qualities[subject.winding.component[face]] {
-                NormalQuality::Unreliable(UnreliableNormals::Constant) => constant.push(v.raw()),
-                NormalQuality::Unreliable(UnreliableNormals::Unrelated) => unrelated.push(v.raw()),
+                NormalQuality::Unreliable(UnreliableNormals::Constant) => constant.push(in_file(v)),
+                NormalQuality::Unreliable(UnreliableNormals::Unrelated) => unrelated.push(in_file(v)),
                 NormalQuality::Outward | NormalQuality::Inward if normals[v].dot(outward[v]) < 0.0 => {
-                    inward.push(v.raw())
+                    inward.push(in_file(v))
                 }
                 _ => {}
             }

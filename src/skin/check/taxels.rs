@@ -39,7 +39,7 @@ pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<Face
 /// Notes taxels without a face and taxels at the same place.
 pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { sheet, surface, .. } = subject;
-    let vertices = surface.taxel.len();
+    let vertices = surface.place.len();
     let mut in_file = IdVec::<VertexId, bool>::filled(false, vertices);
     for &v in sheet.triangles.iter().flatten() {
         if (v as usize) < vertices {
@@ -57,12 +57,12 @@ pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
     // not.
     let mut first: HashMap<[u64; 3], VertexId> = HashMap::with_capacity(vertices);
     let mut again = Vec::new();
-    for (v, p) in surface.mesh.positions.enumerate() {
+    for (v, p) in surface.mesh.positions.enumerate().take(vertices) {
         if !p.is_finite() || !(in_file[v] || is_isolated(v)) {
             continue;
         }
         let earlier = *first.entry((*p + 0.0).to_array().map(f64::to_bits)).or_insert(v);
-        let is_copy = surface.taxel[v] == surface.taxel[earlier] && in_file[v] && in_file[earlier];
+        let is_copy = surface.place[v] == surface.place[earlier] && in_file[v] && in_file[earlier];
         if earlier != v && !is_copy {
             again.push(v.raw());
         }
@@ -80,7 +80,7 @@ pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
     // Where each id is for the first time. Copies of one vertex have one place and are one taxel.
     let mut owners: HashMap<TaxelId, (VertexId, usize)> = HashMap::with_capacity(ids.len());
     let taxels: Vec<(VertexId, TaxelId)> = surface
-        .taxel
+        .place
         .enumerate()
         .zip(ids)
         .filter(|&((v, &first), _)| v == first && !is_absent(v))
@@ -104,9 +104,10 @@ pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
 /// Notes normals, areas and densities of taxels with a face that are out of range.
 pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { sheet, surface, .. } = subject;
-    let mut used = IdVec::<VertexId, bool>::filled(false, surface.taxel.len());
+    let mut used = IdVec::<VertexId, bool>::filled(false, surface.mesh.positions.len());
     surface.mesh.triangles.iter().flatten().for_each(|&v| used[v] = true);
-    let of_skin: Vec<u32> = used.ids().filter(|&v| used[surface.taxel[v]]).map(VertexId::raw).collect();
+    let of_skin: Vec<u32> =
+        surface.taxel.ids().filter(|&v| used[surface.taxel[v]]).map(VertexId::raw).collect();
     let mut note = |kind, is_wrong: &dyn Fn(usize) -> bool, what: &str| {
         let wrong = of_skin.iter().copied().filter(|&v| is_wrong(v as usize));
         report.add(kind, numbers(wrong), |n| format!("{n} {what}"));

@@ -14,23 +14,23 @@ const PIN_HOLE_EDGES: usize = 4;
 
 /// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether loops
 /// can be counted.
-pub(super) fn check_manifold(subject: &Subject<'_>, touching: &[VertexId], report: &mut Report<'_>) -> bool {
-    let Subject { surface, edges, winding, .. } = subject;
-    let mesh = &surface.mesh;
-    let ends = |[a, b]: [VertexId; 2]| [u64::from(a.raw()), u64::from(b.raw())];
+pub(super) fn check_manifold(subject: &Subject<'_>, report: &mut Report<'_>) -> bool {
+    let Subject { surface, winding, .. } = subject;
+    let (mesh, edges) = (&surface.mesh, &surface.edges);
+    let ends = |ends: [VertexId; 2]| ends.map(|v| u64::from(surface.in_file(v).raw()));
     let mut crowded = Vec::new();
     let mut most = 0;
     for uses in edges.iter().filter(|uses| uses.len() > 2) {
         crowded.extend(ends([uses[0].start(mesh), uses[0].end(mesh)]));
         most = most.max(uses.len());
     }
-    let is_manifold = crowded.is_empty() && touching.is_empty();
+    let is_manifold = crowded.is_empty();
     report.add(FindingKind::NonManifoldEdge, crowded, |n| {
         format!(
             "{n} edges (pairs of vertices) have more than two faces, one has {most}; a sheet has one or two"
         )
     });
-    report.add(FindingKind::NonManifoldVertex, numbers(touching.iter().map(|v| v.raw())), |n| {
+    report.add(FindingKind::NonManifoldVertex, numbers(surface.touching.iter().map(|v| v.raw())), |n| {
         format!("at {n} vertices several fans of faces touch in a point; the faces around a taxel must form one fan")
     });
     let conflicting_edges = winding.conflicting_edges.iter().copied().flat_map(ends).collect();
@@ -77,8 +77,8 @@ struct Loop {
 
 /// The boundary loops of a manifold sheet, by their smallest vertices.
 fn boundary_loops(subject: &Subject<'_>) -> Vec<Loop> {
-    let Subject { surface, edges, winding, .. } = subject;
-    let mesh = &surface.mesh;
+    let Subject { surface, winding, .. } = subject;
+    let (mesh, edges) = (&surface.mesh, &surface.edges);
     let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
     let mut boundary = Vec::new();
     for h in edges.iter().filter(|uses| uses.len() == 1).map(|uses| uses[0]) {
@@ -107,7 +107,8 @@ fn boundary_loops(subject: &Subject<'_>) -> Vec<Loop> {
 
 /// Vertices minus edges plus faces of each piece.
 fn euler_characteristics(subject: &Subject<'_>) -> Vec<i64> {
-    let Subject { surface, edges, winding, .. } = subject;
+    let Subject { surface, winding, .. } = subject;
+    let edges = &surface.edges;
     let mut euler = vec![0_i64; winding.components];
     let mut seen = IdVec::<VertexId, bool>::filled(false, surface.mesh.positions.len());
     for (face, t) in surface.mesh.triangles.enumerate() {
@@ -132,7 +133,7 @@ pub(super) fn check_loops(subject: &Subject<'_>, report: &mut Report<'_>) {
     let is_outer = |l: &Loop| longest[l.piece].is_some_and(|outer| std::ptr::eq(outer, l));
     let holes: Vec<&Loop> =
         loops.iter().filter(|l| l.vertices.len() <= PIN_HOLE_EDGES && !is_outer(l)).collect();
-    let vertices = holes.iter().flat_map(|l| l.vertices.iter().map(|v| v.raw()));
+    let vertices = holes.iter().flat_map(|l| l.vertices.iter().map(|&v| subject.surface.in_file(v).raw()));
     report.add(FindingKind::PinHole, numbers(vertices), |_| {
         let count = holes.len();
         format!("{count} holes have three or four edges: faces are missing there; listed are their vertices")

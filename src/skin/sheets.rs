@@ -1,0 +1,179 @@
+//! Across which edges the faces of a sheet hang together, and the vertices that follow from it: one
+//! for every fan of faces.
+//!
+//! Two faces at an edge hang together, unless the file cuts them apart. Of more than two faces
+//! those hang together that share both vertices in the file, and on request those that continue
+//! each other most smoothly.
+
+use glam::DVec3;
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::{Edges, Halfedge, TriMesh},
+    numeric::DisjointSets,
+    skin::{
+        Sheet,
+        fans::join,
+        opening::kept_open,
+        weld::{Weld, WeldOptions},
+    },
+};
+
+/// More faces than this at one edge are not paired: each is a sheet of its own.
+const MOST_PAIRED: usize = 16;
+
+/// Which faces hang together across each edge of a welded sheet.
+pub(super) struct Joints<'a> {
+    sheet: &'a Sheet,
+    mesh: &'a TriMesh,
+    file_faces: &'a IdVec<FaceId, FaceId>,
+    options: WeldOptions,
+    /// For every face whether its component stays as the file cuts it; empty: none does.
+    open: Vec<bool>,
+}
+
+impl<'a> Joints<'a> {
+    pub(super) fn new(
+        sheet: &'a Sheet,
+        mesh: &'a TriMesh,
+        edges: &Edges,
+        file_faces: &'a IdVec<FaceId, FaceId>,
+        (options, is_welded): (WeldOptions, bool),
+    ) -> Self {
+        let mut joints = Self { sheet, mesh, file_faces, options, open: Vec::new() };
+        if is_welded && options.weld == Weld::Auto {
+            let (is_cut, in_file) = (|uses: &[Halfedge]| joints.is_cut_in_file(uses), |h| joints.in_file(h));
+            joints.open = kept_open(mesh, edges, is_cut, in_file);
+        }
+        joints
+    }
+
+    /// The vertex of the file that a halfedge starts from.
+    pub(super) fn in_file(&self, h: Halfedge) -> VertexId {
+        VertexId::from(self.sheet.triangles[self.file_faces[h.face()].index()][h.side()])
+    }
+
+    /// The vertices of the file at the ends of a halfedge, that at the smaller welded vertex first.
+    fn ends_in_file(&self, h: Halfedge) -> [VertexId; 2] {
+        let ends = [self.in_file(h), self.in_file(h.next())];
+        if h.start(self.mesh) < h.end(self.mesh) { ends } else { [ends[1], ends[0]] }
+    }
+
+    /// Whether an edge has two faces that share no edge in the file.
+    pub(super) fn is_cut_in_file(&self, uses: &[Halfedge]) -> bool {
+        matches!(*uses, [a, b] if self.ends_in_file(a) != self.ends_in_file(b))
+    }
+
+    /// Whether an edge of two faces stays cut open.
+    fn is_cut(&self, uses: &[Halfedge]) -> bool {
+        match self.options.weld {
+            Weld::All => false,
+            Weld::None => self.is_cut_in_file(uses),
+            Weld::Auto => {
+                self.open.get(uses[0].face().index()).copied().unwrap_or(false) && self.is_cut_in_file(uses)
+            }
+            Weld::Texture => self.is_texture_seam(uses),
+        }
+    }
+
+    /// Whether the texture coordinates of two faces differ at their edge.
+    fn is_texture_seam(&self, uses: &[Halfedge]) -> bool {
+        let Some(texture) = &self.sheet.texture else { return false };
+        let at = |h: Halfedge| texture[self.file_faces[h.face()].index()][h.side()];
+        let ends = |h: Halfedge| {
+            let ends = [at(h), at(h.next())];
+            if h.start(self.mesh) < h.end(self.mesh) { ends } else { [ends[1], ends[0]] }
+        };
+        matches!(*uses, [a, b] if ends(a) != ends(b))
+    }
+
+    /// Calls `join` for all pairs of halfedges of an edge whose faces hang together.
+    pub(super) fn each_pair(&self, uses: &[Halfedge], mut join: impl FnMut(Halfedge, Halfedge)) {
+        match *uses {
+            [] | [_] => {}
+            [a, b] => {
+                if !self.is_cut(uses) {
+                    join(a, b);
+                }
+            }
+            _ => match self.sheets(uses) {
+                Some(pairs) => pairs.into_iter().for_each(|[a, b]| join(a, b)),
+                None => uses[1..].iter().for_each(|&other| join(uses[0], other)),
+            },
+        }
+    }
+
+    /// The pairs of faces that hang together across an edge of more than two; `None` if the edge
+    /// stays as it is.
+    fn sheets(&self, uses: &[Halfedge]) -> Option<Vec<[Halfedge; 2]>> {
+        if let Some(pairs) = self.sheets_in_file(uses) {
+            return Some(pairs);
+        }
+        self.options.repair.then(|| if uses.len() > MOST_PAIRED { Vec::new() } else { self.smoothest(uses) })
+    }
+
+    /// The pairs of faces that share both vertices in the file, if there is one and no third face
+    /// shares them.
+    fn sheets_in_file(&self, uses: &[Halfedge]) -> Option<Vec<[Halfedge; 2]>> {
+        let mut by_ends: Vec<([VertexId; 2], Halfedge)> =
+            uses.iter().map(|&h| (self.ends_in_file(h), h)).collect();
+        by_ends.sort_unstable();
+        let mut pairs = Vec::new();
+        for group in by_ends.chunk_by(|a, b| a.0 == b.0) {
+            match *group {
+                [_] => {}
+                [(_, a), (_, b)] => pairs.push([a, b]),
+                _ => return None,
+            }
+        }
+        (!pairs.is_empty()).then_some(pairs)
+    }
+
+    /// Pairs the faces that continue each other most smoothly, the smoothest first.
+    fn smoothest(&self, uses: &[Halfedge]) -> Vec<[Halfedge; 2]> {
+        let away = |h: Halfedge| {
+            let [a, b, c] = [h, h.next(), h.next().next()].map(|h| self.mesh.positions[h.start(self.mesh)]);
+            let along = (b - a).normalize_or_zero();
+            (c - a).reject_from(if along == DVec3::ZERO { DVec3::X } else { along }).normalize_or_zero()
+        };
+        let mut candidates = Vec::new();
+        for (i, &a) in uses.iter().enumerate() {
+            for &b in &uses[i + 1..] {
+                candidates.push((away(a).dot(away(b)), a, b));
+            }
+        }
+        candidates.sort_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
+        let mut pairs: Vec<[Halfedge; 2]> = Vec::new();
+        for (_, a, b) in candidates {
+            if !pairs.iter().flatten().any(|h| *h == a || *h == b) {
+                pairs.push([a, b]);
+            }
+        }
+        pairs
+    }
+
+    /// The edges of more than two faces that are split into sheets on request.
+    pub(super) fn parted(&self, edges: &Edges) -> Vec<[VertexId; 2]> {
+        if !self.options.repair {
+            return Vec::new();
+        }
+        let crowded = edges.iter().filter(|uses| uses.len() > 2 && self.sheets_in_file(uses).is_none());
+        crowded.map(|uses| self.ends_in_file(uses[0])).collect()
+    }
+
+    /// How many edges stay cut open as they are in the file.
+    pub(super) fn cut_edges(&self, edges: &Edges) -> usize {
+        let is_asked = self.options.weld == Weld::Texture || !self.open.is_empty();
+        if is_asked { edges.iter().filter(|uses| uses.len() == 2 && self.is_cut(uses)).count() } else { 0 }
+    }
+}
+
+/// The fans of faces: sets of corners that are joined across edges. A corner is named by the
+/// halfedge that leaves it.
+pub(super) fn fans(mesh: &TriMesh, edges: &Edges, joints: &Joints<'_>) -> DisjointSets<Halfedge> {
+    let mut corners = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
+    for uses in edges.iter() {
+        joints.each_pair(uses, |first, other| join(mesh, &mut corners, first, other));
+    }
+    corners
+}

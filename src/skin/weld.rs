@@ -1,0 +1,28 @@
+//! How vertices at one place are welded.
+
+/// Which vertices of a file that lie at exactly the same place are one taxel.
+///
+/// Vertices with different ids stay different, unless one face has both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Weld {
+    /// Those that an index buffer splits for normals or texture coordinates; a surface that the file
+    /// cuts open into a disk, closed or with handles or more boundary loops without the cut, stays
+    /// cut.
+    #[default]
+    Auto,
+    /// All of them.
+    All,
+    /// None: faces hang together where they have the same vertices in the file.
+    None,
+    /// All but where the texture coordinates of two faces differ at their edge.
+    Texture,
+}
+
+/// How to weld and what to repair.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WeldOptions {
+    /// Which vertices at one place are one.
+    pub weld: Weld,
+    /// Whether duplicate faces are dropped and edges of more than two faces split into sheets.
+    pub repair: bool,
+}
