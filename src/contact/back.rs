@@ -11,7 +11,7 @@ use crate::{
         Cell, ContactError, ContactIndex,
         cell::PatchCells,
         geometry::{Volume, pseudo_normal},
-        search::{Best, PatchBvh, Search},
+        search::{Best, LARGEST, PatchBvh, Search},
     },
     id::{FaceId, IdVec},
     map::{ImageFrame, SkinMap},
@@ -107,7 +107,7 @@ impl MapIndex {
     /// that lies there, the first face first; off the map the nearest one.
     ///
     /// # Errors
-    /// If the place is not finite, or there is no such patch or level.
+    /// If the place is not finite or farther than 1e12 m, or there is no such patch or level.
     pub fn places(
         &self,
         patch: PatchId,
@@ -118,7 +118,7 @@ impl MapIndex {
         let known = self.patches.get(patch).and_then(|map| Some((map, map.levels.get(level)?)));
         let (map, sheet) = known.ok_or(ContactError::NoMap { patch, level })?;
         let point = Volume::sphere(uv.extend(0.0), sheet.on_chart);
-        let Some(point) = point else {
+        let Some(point) = point.filter(|_| uv.abs().max_element() <= LARGEST) else {
             return Err(ContactError::NotFinite { contact: 0, point: uv.extend(0.0).to_array() });
         };
         let first = found.len();

@@ -24,7 +24,7 @@ use crate::{
     lookup::{
         answers::{Answers, Question},
         back::Back,
-        contacts::{Contacts, FrameArg},
+        contacts::{Contacts, FrameArg, LARGEST},
         readings::Readings,
         robot::Robot,
     },
@@ -77,7 +77,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.csv")]
     readings: Option<PathBuf>,
     /// Radius of the discs on which taxels feel, in mm
-    #[arg(long, value_name = "R", default_value_t = 2.0, value_parser = length)]
+    #[arg(long, value_name = "R", default_value_t = 2.0, value_parser = finite_length)]
     taxel_radius_mm: f64,
 }
 
@@ -90,11 +90,11 @@ struct QuestionArgs {
     #[arg(long)]
     reactive: bool,
     /// Give the N nearest taxels, and on other levels fields: `distance` is that of the centre
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     nearest: Option<usize>,
     /// Give all taxels, and on other levels fields, with their centre within R m of the contact, or
     /// of the sphere of its `radius`
-    #[arg(long, value_name = "R", value_parser = length)]
+    #[arg(long, value_name = "R", value_parser = finite_length)]
     within: Option<f64>,
     /// Follow the ray from the contact along `nx,ny,nz` to the skin: `distance` is its length
     #[arg(long)]
@@ -124,6 +124,14 @@ fn length(text: &str) -> Result<f64, String> {
         Ok(d) if d >= 0.0 => Ok(d),
         _ => Err("needed: a length, not negative".into()),
     }
+}
+
+fn finite_length(text: &str) -> Result<f64, String> {
+    length(text).ok().filter(|d| *d <= LARGEST).ok_or_else(|| "needed: a length, 0 to 1e12".into())
+}
+
+fn count(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "needed: a whole number above 0".into())
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {

@@ -78,6 +78,9 @@ pub(crate) struct Lines<R> {
     bytes: Vec<u8>,
     line: usize,
     ended: bool,
+    /// Whether a quote must close in its line: one that does not is read as an apostrophe, so that it
+    /// costs the rows after it nothing.
+    pub(crate) closes_quotes: bool,
     /// Bytes of the line that were handed out.
     given: usize,
     /// Bytes that may still be handed out.
@@ -92,7 +95,18 @@ impl<R: BufRead> Lines<R> {
         let (path, bytes) = (path.to_owned(), Vec::new());
         // Numbers of an edge fill 775 bytes; a cell of a table may hold a text.
         let longest = if comment.is_some() { 1 << 16 } else { LONGEST };
-        Self { input, path, comment, bytes, line: 0, ended: false, given: 0, left: LONGEST, longest }
+        Self {
+            input,
+            path,
+            comment,
+            bytes,
+            line: 0,
+            ended: false,
+            closes_quotes: false,
+            given: 0,
+            left: LONGEST,
+            longest,
+        }
     }
 
     /// The line without blanks around it, and where it is; `None` after the last one.
@@ -128,6 +142,9 @@ impl<R: BufRead> Lines<R> {
             }
             if self.line == 1 && self.bytes.starts_with(BYTE_ORDER_MARK) {
                 self.bytes.drain(..BYTE_ORDER_MARK.len());
+            }
+            if self.closes_quotes && self.bytes.iter().filter(|b| **b == b'"').count() % 2 == 1 {
+                self.bytes.iter_mut().filter(|b| **b == b'"').for_each(|b| *b = b'\'');
             }
             let first = self.bytes.trim_ascii_start().first();
             if first.is_some() && first != self.comment.as_ref() {

@@ -17,6 +17,13 @@ use crate::io::{
 /// Columns of a table of contacts.
 const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "time"];
 
+/// A table of which each row is one line: there may be many, and a bad one must not cost the others.
+fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> {
+    let mut lines = Lines::new(BufReader::new(input), path, None);
+    lines.closes_quotes = true;
+    Table::open(lines)
+}
+
 /// One contact of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactRow {
@@ -50,7 +57,7 @@ pub fn read_contacts<R: Read>(
     path: &Path,
     input: R,
 ) -> Result<(Vec<String>, impl Iterator<Item = Result<ContactRow, IoError>> + use<R>), IoError> {
-    let mut table = Table::open(Lines::new(BufReader::new(input), path, None))?;
+    let mut table = open(path, input)?;
     let columns = &table.columns;
     let unknown = columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();
     let position = columns.need_vector(["x", "y", "z"])?;
@@ -115,7 +122,7 @@ pub fn read_map_places<R: Read>(
     path: &Path,
     input: R,
 ) -> Result<(Vec<String>, impl Iterator<Item = Result<MapPlaceRow, IoError>> + use<R>), IoError> {
-    let mut table = Table::open(Lines::new(BufReader::new(input), path, None))?;
+    let mut table = open(path, input)?;
     let columns = &table.columns;
     let unknown = columns.unknown(&MAP_COLUMNS).map(|(_, name)| name.to_owned()).collect();
     let map = columns.find_vector(["u", "v"])?;

@@ -14,7 +14,7 @@ use glam::DVec2;
 use crate::{
     common::Common,
     lookup::{
-        contacts::{FrameArg, open},
+        contacts::{FrameArg, LARGEST, open},
         refusals::{Refusals, unanswered},
         robot::Robot,
     },
@@ -120,6 +120,10 @@ impl<'a> Back<'a> {
         }
         let level = LevelId::new(row.level);
         let uv = match row.position {
+            MapPosition::Map(uv) if uv.abs().max_element() > LARGEST => {
+                let (found, needed) = (format!("{:?}", uv.to_array()), "coordinates within 1e12 m");
+                return Err(self.refusals.invalid(row.line, ", columns u,v", found, needed));
+            }
             MapPosition::Map(uv) => uv,
             MapPosition::Pixel(pixel) => self.maps.pixel_centre(patch, level, pixel).ok_or_else(|| {
                 let [width, height] = patches[patch].levels[level].frame.size_px;

@@ -25,8 +25,8 @@ use crate::{
 /// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.
 const BATCH: usize = 1 << 14;
 
-/// Largest coordinate of a contact, in m.
-const FARTHEST: f64 = 1e12;
+/// Coordinates and radii of contacts are no larger, in m, nor are forces, in N.
+pub(super) const LARGEST: f64 = 1e12;
 
 /// Which frame contacts are in that name no link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -140,9 +140,15 @@ impl Contacts<'_> {
             let found = format!("{:?}, which carries no patch", robot.links[link]);
             return Err(self.refusals.invalid(row.line, LINK, found, "a link with skin, or none"));
         }
-        if row.position.abs().max_element() > FARTHEST {
+        if row.position.abs().max_element() > LARGEST {
             let found = format!("{:?}", row.position.to_array());
             return Err(self.refusals.invalid(row.line, "", found, "coordinates within 1e12 m"));
+        }
+        for (column, value) in [("radius", row.radius), ("force", row.force)] {
+            if let Some(value) = value.filter(|x| x.abs() > LARGEST) {
+                let (part, needed) = (format!(", column `{column}`"), "a number within 1e12");
+                return Err(self.refusals.invalid(row.line, &part, value.to_string(), needed));
+            }
         }
         if self.used[NORMAL] && row.normal.is_none_or(|n| n == DVec3::ZERO) {
             let found = "no direction".into();

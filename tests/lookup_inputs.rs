@@ -1,0 +1,226 @@
+//! Bad input of the `lookup` command: what is refused, what is answered all the same, and how it is
+//! named.
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{collections::HashMap, fs, path::PathBuf};
+
+use assert_cmd::Command;
+use dermatome::{
+    io::write_map,
+    mesh::shapes,
+    pipeline::{BuildOptions, build},
+    skin::{Link, Patch, Skin},
+};
+use glam::{DAffine3, DVec3};
+use tempfile::TempDir;
+
+/// A map of two caps on an arm 1 m above a base; the name of the second one has to be quoted.
+fn folder() -> TempDir {
+    let mut skin = Skin::default();
+    let base = skin.links.push(Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY });
+    let pose = DAffine3::from_translation(DVec3::Z);
+    let arm = skin.links.push(Link { name: "arm".into(), parent: Some(base), pose });
+    let mut aside = shapes::cap(200, 0.1, 0.6);
+    aside.positions.iter_mut().for_each(|p| p.x += 1.0);
+    skin.patches.push(Patch::from_mesh("cap", arm, shapes::cap(200, 0.1, 0.6)));
+    skin.patches.push(Patch::from_mesh("the \"other\", aside", arm, aside));
+    let folder = tempfile::tempdir().unwrap();
+    write_map(&folder.path().join("map.glb"), &build(&skin, &BuildOptions::default()).unwrap()).unwrap();
+    folder
+}
+
+struct Run {
+    code: i32,
+    error: String,
+    rows: Vec<HashMap<String, String>>,
+}
+
+impl Run {
+    fn number(&self, row: usize, column: &str) -> f64 {
+        self.rows[row][column].parse().unwrap()
+    }
+
+    fn contacts(&self) -> Vec<&str> {
+        self.rows.iter().map(|row| row["contact"].as_str()).collect()
+    }
+}
+
+/// Answers a table at level 0, unless the options say otherwise.
+fn lookup(folder: &TempDir, table: &str, options: &[&str]) -> Run {
+    let path = |name: &str| -> PathBuf { folder.path().join(name) };
+    fs::write(path("in.csv"), table).unwrap();
+    _ = fs::remove_file(path("out.csv"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    command.current_dir(folder).args(["lookup", "map.glb", "in.csv", "-o", "out.csv"]).args(options);
+    let output = command.timeout(std::time::Duration::from_secs(60)).output().unwrap();
+    let text = fs::read(path("out.csv")).unwrap_or_default();
+    let mut reader = csv::Reader::from_reader(text.as_slice());
+    let rows = reader.deserialize().map(Result::unwrap).collect();
+    Run { code: output.status.code().unwrap(), error: String::from_utf8(output.stderr).unwrap(), rows }
+}
+
+const LEVEL_0: &[&str] = &["--level", "0"];
+
+#[test]
+fn a_quote_that_is_not_closed_costs_its_row_alone() {
+    let folder = folder();
+    let rows = ["0,0,0.9,", "\"0,0,0.9,", "0,0,0.9,\"arm", "0,0,-0.1,\"arm\"", "", "  ", "0,\"0\",\"0.9\","];
+    let run = lookup(&folder, &format!("x,y,\"z\",link\r\n{}\r\n", rows.join("\r\n")), LEVEL_0);
+    assert_eq!((run.code, run.contacts()), (2, vec!["0", "3", "4"]), "{}", run.error);
+    assert!(run.error.contains("line 3, column `x`") && run.error.contains("line 4, column `link`"));
+    assert!((0..3).all(|row| run.number(row, "distance").abs() < 1e-3), "{:?}", run.rows);
+}
+
+#[test]
+fn names_that_have_to_be_quoted_come_back() {
+    let folder = folder();
+    let run = lookup(&folder, "x,y,z\n1,0,0.9\n", &[]);
+    assert!(run.rows.iter().all(|row| row["patch"] == "the \"other\", aside"), "{:?}", run.rows);
+    let text = fs::read_to_string(folder.path().join("out.csv")).unwrap();
+    let back = lookup(&folder, &text, &["--from-map"]);
+    assert_eq!((back.code, back.rows.len()), (0, run.rows.len()), "{}", back.error);
+    assert!((back.number(0, "x") - run.number(0, "x")).abs() < 1e-9);
+}
+
+/// Numbers that are none, too large, or of the wrong sign: each is named by line and column.
+#[test]
+fn wrong_numbers_are_named() {
+    let folder = folder();
+    for (columns, cells, options, expected) in [
+        ("x,y,z", "NaN,0,0", LEVEL_0, "column `x`: found \"NaN\""),
+        ("x,y,z", "0,0,-inf", LEVEL_0, "column `z`: found \"-inf\""),
+        ("x,y,z", "0,,0", LEVEL_0, "column `y`: found \"\""),
+        ("x,y,z", "0,0x1,0", LEVEL_0, "column `y`: found \"0x1\""),
+        ("x,y,z", "0,0", LEVEL_0, "found 2 cells"),
+        ("x,y,z", "0,0,1e13", LEVEL_0, "coordinates within 1e12 m"),
+        ("x,y,z,radius", "0,0,0,-1", LEVEL_0, "column `radius`: found \"-1\""),
+        ("x,y,z,radius", "0,0,0,1e200", LEVEL_0, "column `radius`"),
+        ("x,y,z,force", "0,0,0,1e300", LEVEL_0, "column `force`"),
+        ("x,y,z,time", "0,0,0,soon", LEVEL_0, "column `time`: found \"soon\""),
+        ("x,y,z,nx,ny,nz", "0,0,0,0,0,0", &["--ray"], "columns nx,ny,nz: found no direction"),
+        ("x,y,z,nx,ny,nz", "0,0,0,1,,0", &["--ray"], "column `ny`: found \"\""),
+        ("u,v,patch", "1e300,0,cap", &["--from-map"], "columns u,v"),
+        ("u,v,patch", "0,nan,cap", &["--from-map"], "column `v`: found \"nan\""),
+        ("u,v", "0,0", &["--from-map"], "column `patch`"),
+        ("px,py,patch", "-1,0,cap", &["--from-map"], "column `px`: found \"-1\""),
+        ("px,py,patch", "0,4294967295,cap", &["--from-map"], "columns px,py"),
+        ("u,v,patch,level", "0,0,cap,9", &["--from-map"], "column `level`"),
+    ] {
+        let run = lookup(&folder, &format!("{columns}\n{cells}\n"), options);
+        let named = run.error.contains("in.csv: line 2") && run.error.contains(expected);
+        assert!(run.code == 2 && named && run.rows.is_empty(), "{cells}: {}", run.error);
+    }
+    for (columns, expected) in [
+        ("x,y", "line 1: found columns \"x,y\"; needed: a column `z`"),
+        ("x,y,z,nx,ny", "needed: a column `nz`"),
+        ("x,y,z,x", "column 4: found \"x\" again"),
+        ("1,2,3", "needed: a column `x`"),
+    ] {
+        let run = lookup(&folder, &format!("{columns}\n0,0,0\n"), LEVEL_0);
+        assert!(run.code == 2 && run.error.contains(expected), "{columns}: {}", run.error);
+    }
+}
+
+#[test]
+fn options_without_an_answer_are_refused() {
+    let folder = folder();
+    for options in [
+        ["--nearest", "0"],
+        ["--nearest", "-1"],
+        ["--within", "inf"],
+        ["--within", "nan"],
+        ["--taxel-radius-mm", "inf"],
+        ["--max-distance", "nan"],
+        ["--level", "99"],
+        ["--pose", "absent.csv"],
+        ["--animation", "wave"],
+    ] {
+        let run = lookup(&folder, "x,y,z\n0,0,0.9\n", &options);
+        assert!(run.code == 2 && run.rows.is_empty(), "{options:?}: {}", run.error);
+    }
+}
+
+/// Very far contacts are answered, with any question.
+#[test]
+fn contacts_far_away_are_answered() {
+    let folder = folder();
+    let table = "x,y,z,nx,ny,nz\n1e9,0,0,-1e300,0,1e291\n-1e12,1e12,1e12,1e-310,0,0\n0,0,0,0,0,1e-320\n";
+    for options in [&["--max-distance", "inf"][..], &["--reactive"], &["--nearest", "2"], &["--within", "1"]] {
+        let run = lookup(&folder, table, options);
+        assert_eq!(run.code, 0, "{options:?}: {}", run.error);
+        let far = run.rows.iter().filter(|row| row["contact"] == "0");
+        let distances: Vec<f64> = far.map(|row| row["distance"].parse().unwrap()).collect();
+        let is_right = |d: &f64| (d.abs() - 1e9).abs() < 2.0;
+        assert!(!distances.is_empty() && distances.iter().all(is_right), "{options:?}: {distances:?}");
+        assert_eq!(run.rows.last().unwrap()["contact"], "2");
+    }
+    let run = lookup(&folder, table, &["--ray", "--level", "0"]);
+    assert_eq!((run.code, run.rows[2]["patch"].as_str()), (0, "cap"), "{}", run.error);
+    assert!((run.number(2, "distance") - 0.9).abs() < 1e-3, "the length of the direction does not count");
+}
+
+/// An empty column is as none; the frame of the one link with skin takes the names of others too.
+#[test]
+fn contacts_without_a_link_are_in_the_world() {
+    let folder = folder();
+    let run = lookup(&folder, "x,y,z,link,radius,force\n0,0,0.89,,,\n", LEVEL_0);
+    assert_eq!((run.code, run.error.as_str()), (0, ""));
+    assert_eq!((run.rows[0]["frame"].as_str(), run.rows[0]["link"].as_str()), ("world", "arm"));
+    let run = lookup(&folder, "x,y,z,link\n0,0,-0.11,\n", &["--level", "0", "--frame", "link"]);
+    assert!((run.number(0, "distance") - 0.01).abs() < 1e-3, "{:?}", run.rows);
+    let table = "x,y,z,link\n0,0,0,leg\n0,0,0,\"l,eg\"\n0,0,0.9,\n0,0,0,leg\n";
+    let run = lookup(&folder, table, LEVEL_0);
+    assert_eq!((run.code, run.contacts()), (2, vec!["2"]));
+    assert!(run.error.contains("rows of unknown links: \"l,eg\" 1, \"leg\" 2"), "{}", run.error);
+}
+
+#[test]
+fn poses_that_cannot_be_are_refused() {
+    let folder = folder();
+    let header = "time,link,x,y,z,qx,qy,qz,qw\n";
+    for (poses, expected) in [
+        ("0,arm,0,0,0,0,0,0,0\n", "line 2, column `qw`"),
+        ("0,arm,0,0,0,0,0,0,2\n", "a unit quaternion"),
+        ("0,arm,nan,0,0,0,0,0,1\n", "column `x`"),
+        ("0,arm,0,0,1e13,0,0,0,1\n", "rigid"),
+        ("inf,arm,0,0,0,0,0,0,1\n", "column `time`"),
+        ("0,leg,0,0,0,0,0,0,1\n", "column `link`"),
+        ("0,arm,0,0,0,0,0,0,1\n-0,arm,0,0,0,0,0,0,1\n", "line 3, column `link`"),
+        ("0,arm,0,0,0\n", "found 5 cells"),
+    ] {
+        fs::write(folder.path().join("p.csv"), header.to_owned() + poses).unwrap();
+        let run = lookup(&folder, "x,y,z\n0,0,0.9\n", &["--pose", "p.csv"]);
+        assert!(run.code == 2 && run.error.contains(expected), "{poses}: {}", run.error);
+        assert!(run.rows.is_empty());
+    }
+    // One pose for all times, and an empty table, which moves nothing.
+    for (poses, distance) in [("5,arm,0,0,2,0,0,0,1\n", 1.01), ("", 0.01)] {
+        fs::write(folder.path().join("p.csv"), header.to_owned() + poses).unwrap();
+        let run = lookup(&folder, "x,y,z,time\n0,0,0.89,7\n", &["--pose", "p.csv", "--level", "0"]);
+        assert!(run.code == 0 && (run.number(0, "distance") - distance).abs() < 1e-3, "{}", run.error);
+    }
+}
+
+/// Places off every chart are answered with the nearest one, and say how far off they are.
+#[test]
+fn places_off_the_map_say_so() {
+    let folder = folder();
+    let table = "u,v,patch\n1e9,0,cap\n0,0,cap\n0,-1e12,cap\n";
+    let run = lookup(&folder, table, &["--from-map"]);
+    assert_eq!((run.code, run.contacts()), (0, vec!["0", "1", "2"]), "{}", run.error);
+    assert!((run.number(0, "off_chart") - 1e9).abs() < 1.0 && run.number(1, "off_chart") == 0.0);
+    assert!(run.error.contains("2 places are off their map"), "{}", run.error);
+}
+
+#[test]
+fn a_file_without_a_map_is_refused() {
+    let folder = folder();
+    fs::write(folder.path().join("bare.gltf"), r#"{"asset":{"version":"2.0"}}"#).unwrap();
+    fs::copy(folder.path().join("map.glb"), folder.path().join("kept.glb")).unwrap();
+    for bad in ["bare.gltf", "in.csv"] {
+        fs::copy(folder.path().join(bad), folder.path().join("map.glb")).unwrap_or_default();
+        let run = lookup(&folder, "x,y,z\n0,0,0.9\n", &[]);
+        assert!(run.code == 2 && run.error.contains("map.glb"), "{bad}: {}", run.error);
+    }
+}
