@@ -146,7 +146,8 @@ fn options_without_an_answer_are_refused() {
 fn contacts_far_away_are_answered() {
     let folder = folder();
     let table = "x,y,z,nx,ny,nz\n1e9,0,0,-1e300,0,1e291\n-1e12,1e12,1e12,1e-310,0,0\n0,0,0,0,0,1e-320\n";
-    for options in [&["--max-distance", "inf"][..], &["--reactive"], &["--nearest", "2"], &["--within", "1"]] {
+    for options in [&["--max-distance", "inf"][..], &["--reactive"], &["--nearest", "2"], &["--within", "1"]]
+    {
         let run = lookup(&folder, table, options);
         assert_eq!(run.code, 0, "{options:?}: {}", run.error);
         let far = run.rows.iter().filter(|row| row["contact"] == "0");
