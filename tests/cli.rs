@@ -476,3 +476,32 @@ fn help_tells_what_holds() {
     let top = help(&[]);
     assert!(top.contains("`-` is standard input for"), "{top}");
 }
+
+/// The boundary of a first map, as a table, prescribes that of a second one.
+#[test]
+fn a_table_prescribes_the_boundary() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(
+        folder.join("square.obj"),
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .4 .5 .2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n",
+    )
+    .unwrap();
+    let table = "taxel_id,u,v\n1,0,0\n2,2,0\n3,2,1\n4,0,1\n";
+    std::fs::write(folder.join("canvas.csv"), table).unwrap();
+    let flatten = |boundary: &str| {
+        let args = ["flatten", "square.obj", "-o", "flat.obj", "--boundary", boundary];
+        dermatome().current_dir(folder).args(args).assert()
+    };
+    flatten("canvas.csv").success();
+    let flat = std::fs::read_to_string(folder.join("flat.obj")).unwrap();
+    let corners: Vec<&str> = flat.lines().filter(|line| line.starts_with("vt ")).take(4).collect();
+    assert_eq!(corners, ["vt 0.0 0.0", "vt 2.0 0.0", "vt 2.0 1.0", "vt 0.0 1.0"]);
+    flatten("rectangle:2:1:1:2:3:4").success();
+    flatten("rectangle:2:1:1:2:3:9")
+        .code(2)
+        .stderr(contains("0 taxels have the id 9").and(contains("help: correct --boundary")));
+    std::fs::write(folder.join("canvas.csv"), table.replace("4,0,1\n", "4,0,x\n")).unwrap();
+    flatten("canvas.csv").code(2).stderr(contains("canvas.csv").and(contains("line 5")));
+    flatten("oval").code(2).stderr(contains("needed: free, circle, rectangle"));
+}

@@ -11,7 +11,7 @@ use dermatome::{
     id::{IdVec, VertexId},
     mesh::{Adjacency, TriMesh, shapes},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
-    skin::Taxels,
+    skin::{TaxelId, Taxels},
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -571,7 +571,7 @@ fn a_ramp_with_a_hole_is_pulled_apart() {
 fn a_map_that_does_not_cross_itself_stays_as_it_is() {
     for mesh in [bumpy(16, 12, 0.6, 0.4), shapes::tube(20, 12, 0.05, 0.1), ramp(40, 6, 0.8)] {
         for options in all_methods() {
-            let with_overlaps = flatten(&mesh, &free(options)).unwrap();
+            let with_overlaps = flatten(&mesh, &free(options.clone())).unwrap();
             let crossings = distortion(&mesh, &with_overlaps).crossings;
             if crossings == 0 {
                 assert_eq!(flatten(&mesh, &options), Ok(with_overlaps), "{options:?}");
@@ -649,7 +649,7 @@ fn the_hole_of_a_sleeve_stays_a_hole_on_every_level() {
     {
         let pyramid = pyramid_of(&sleeve(around, radius, height, taper));
         let sum = FlattenOptions::default();
-        for options in [sum, free(sum), Energy::SymmetricDirichlet.into()] {
+        for options in [sum.clone(), free(sum), Energy::SymmetricDirichlet.into()] {
             let maps = flatten_pyramid(&pyramid, None, &options).unwrap();
             for (level, uv) in maps.enumerate() {
                 let mesh = &pyramid.levels[level].mesh;
@@ -931,6 +931,110 @@ fn every_level_keeps_the_prescribed_places_of_its_taxels() {
             assert!(uv[v].distance(maps[LevelId::new(0)][level.origins[v]]) < 1e-12);
         }
     }
+}
+
+/// The boundary of the free map, given as places of taxels, gives the free map again.
+#[test]
+fn the_boundary_of_a_map_gives_that_map() {
+    let mesh = bumpy(20, 14, 0.3, 0.2);
+    let ids: IdVec<VertexId, TaxelId> = mesh.positions.ids().map(|v| TaxelId(1000 + v.raw())).collect();
+    let free = flatten(&mesh, &FlattenOptions::default()).unwrap();
+    let walk = Adjacency::new(&mesh).unwrap().boundary_loops().concat();
+    let boundary = Boundary::through(&ids, walk.iter().map(|&v| (ids[v], free[v]))).unwrap();
+    let uv = flatten(&mesh, &bounded(boundary)).unwrap();
+    for (v, at) in uv.enumerate() {
+        assert!(at.distance(free[v]) < 1e-4 * mesh.area().sqrt(), "{v}: {at} is not {}", free[v]);
+    }
+}
+
+/// A sheet pushed into an L: springs alone would pull faces over the corner.
+#[test]
+fn a_boundary_that_is_not_convex_holds_a_map_without_flips() {
+    let mesh = shapes::sheet(21, 11, |column, row| 0.01 * DVec3::new(column.into(), row.into(), 0.0));
+    let ids: IdVec<VertexId, TaxelId> = mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
+    // Columns beyond the tenth go up instead of to the right.
+    let place = |v: VertexId| {
+        let (x, y) = (mesh.positions[v].x - 0.1, mesh.positions[v].y);
+        if x <= 0.0 {
+            DVec2::new(x, y)
+        } else {
+            DVec2::from_angle(x / 0.06).rotate(DVec2::new(0.0, y - 0.15)) + DVec2::new(0.0, 0.15)
+        }
+    };
+    let walk = Adjacency::new(&mesh).unwrap().boundary_loops().concat();
+    let boundary = Boundary::through(&ids, walk.iter().map(|&v| (ids[v], place(v)))).unwrap();
+    let uv = flatten(&mesh, &bounded(boundary.clone())).unwrap();
+    let d = distortion(&mesh, &uv);
+    assert_eq!((d.flips, d.crossings), (0, 0), "{d:?}");
+    assert!(walk.iter().all(|&v| uv[v].distance(place(v)) < 1e-12));
+    // The same on every level.
+    let maps = flatten_pyramid(&pyramid_of(&mesh), None, &bounded(boundary)).unwrap();
+    assert!(walk.iter().all(|&v| maps[LevelId::new(0)][v].distance(place(v)) < 1e-12));
+}
+
+#[test]
+fn places_that_are_no_boundary_are_refused_by_name() {
+    let mesh = shapes::lattice(5, 4, 0.01);
+    let ids: IdVec<VertexId, TaxelId> = mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
+    let walk = Adjacency::new(&mesh).unwrap().boundary_loops().concat();
+    let inner = mesh.positions.ids().find(|v| !walk.contains(v)).unwrap();
+    let places = |at: &dyn Fn(usize, VertexId) -> DVec2| -> Vec<(TaxelId, DVec2)> {
+        walk.iter().enumerate().map(|(k, &v)| (ids[v], at(k, v))).collect()
+    };
+    let flat =
+        |places: Vec<(TaxelId, DVec2)>| flatten(&mesh, &bounded(Boundary::through(&ids, places).unwrap()));
+    let own = |v: VertexId| mesh.positions[v].truncate();
+    assert!(flat(places(&|_, v| own(v))).is_ok());
+    assert_eq!(flat(places(&|_, v| own(v))[1..].to_vec()), Err(FlattenError::NoPlace { vertex: walk[0] }));
+    let nan = |k: usize, v| if k == 3 { DVec2::NAN } else { own(v) };
+    assert_eq!(flat(places(&nan)), Err(FlattenError::NoPlace { vertex: walk[3] }));
+    let mut more = places(&|_, v| own(v));
+    more.push((ids[inner], DVec2::ZERO));
+    assert_eq!(flat(more), Err(FlattenError::NotOnBoundary { vertex: inner }));
+    let mirrored = flat(places(&|_, v| own(v) * DVec2::new(-1.0, 1.0)));
+    assert!(
+        matches!(mirrored, Err(FlattenError::BoundaryShape { crossings: 0, area }) if area < 0.0),
+        "{mirrored:?}"
+    );
+    let swapped = flat(places(&|k, v| {
+        own(if k == 2 {
+            walk[6]
+        } else if k == 6 {
+            walk[2]
+        } else {
+            v
+        })
+    }));
+    assert!(matches!(swapped, Err(FlattenError::BoundaryShape { crossings: 1.., .. })), "{swapped:?}");
+    let found = Boundary::through(&ids, [(TaxelId(999), DVec2::ZERO)]);
+    assert_eq!(found, Err(FlattenError::Taxel { id: TaxelId(999), found: 0 }));
+    let found = Boundary::through(&ids, [(ids[inner], DVec2::ZERO); 2]);
+    assert_eq!(found, Err(FlattenError::TwoPlaces { id: ids[inner] }));
+    let other = Boundary::Places(IdVec::filled(None, 3));
+    assert_eq!(
+        flatten(&mesh, &bounded(other)),
+        Err(FlattenError::Places { found: 3, needed: mesh.positions.len() })
+    );
+}
+
+/// An ear in the middle of a straight side has no area there, whatever the inside does.
+#[test]
+fn a_face_without_room_on_a_straight_side_is_named() {
+    let mesh = shapes::lattice(6, 5, 0.01);
+    let ids: IdVec<VertexId, TaxelId> = mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
+    let loops = Adjacency::new(&mesh).unwrap().boundary_loops();
+    let walk = &loops[0];
+    let side = walk.len() / 4;
+    let ear = mesh.triangles.iter().find(|t| t.iter().all(|v| walk.contains(v))).unwrap();
+    let tip = walk.iter().position(|v| {
+        let before = walk[(walk.iter().position(|w| w == v).unwrap() + walk.len() - 1) % walk.len()];
+        let after = walk[(walk.iter().position(|w| w == v).unwrap() + 1) % walk.len()];
+        ear.contains(v) && ear.contains(&before) && ear.contains(&after)
+    });
+    let corner = |k: usize| ids[walk[(tip.unwrap() + 2 + k * side) % walk.len()]];
+    let boundary = Boundary::rectangle_through(&ids, [1.0, 1.0], [0, 1, 2, 3].map(corner)).unwrap();
+    let found = flatten(&mesh, &bounded(boundary));
+    assert!(matches!(found, Err(FlattenError::NoRoom { .. })), "{found:?}");
 }
 
 #[test]

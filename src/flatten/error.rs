@@ -4,6 +4,7 @@ use crate::{
     id::{FaceId, VertexId},
     mesh::MeshError,
     pyramid::PyramidError,
+    skin::TaxelId,
     sparse::SparseError,
 };
 
@@ -88,6 +89,59 @@ pub enum FlattenError {
     Corners {
         /// Vertices of the loop.
         found: usize,
+    },
+    /// Not one place per vertex for a boundary that is given.
+    #[error("the boundary has {found} places for {needed} vertices; each vertex needs a place or none")]
+    Places {
+        /// Places, given or left open.
+        found: usize,
+        /// Vertices.
+        needed: usize,
+    },
+    /// A vertex of the outer loop without a finite place on the boundary that is given.
+    #[error("vertex {vertex} is on the outer boundary loop and has no finite place on the boundary given")]
+    NoPlace {
+        /// The vertex.
+        vertex: VertexId,
+    },
+    /// A place for a vertex that is not on the outer loop.
+    #[error("vertex {vertex} has a place on the boundary given, but is not on the outer boundary loop")]
+    NotOnBoundary {
+        /// The vertex.
+        vertex: VertexId,
+    },
+    /// A taxel of a boundary that is not there, or not the only one of its id.
+    #[error("{found} taxels have the id {id}; one is needed")]
+    Taxel {
+        /// The id.
+        id: TaxelId,
+        /// Taxels that have it.
+        found: usize,
+    },
+    /// A taxel with two places on a boundary.
+    #[error("taxel {id} has two places on the boundary given")]
+    TwoPlaces {
+        /// Its id.
+        id: TaxelId,
+    },
+    /// A boundary that is not a polygon around the map.
+    #[error(
+        "the boundary given crosses or touches itself {crossings} times and encloses {area} m^2; it must not cross itself \
+         and run counter-clockwise, which makes the area positive"
+    )]
+    BoundaryShape {
+        /// Pairs of edges that cross or touch.
+        crossings: usize,
+        /// Area it encloses, in m^2; negative where it runs clockwise.
+        area: f64,
+    },
+    /// No map without flips was found within the boundary that is given.
+    #[error(
+        "face {face} has no area within the boundary given; an edge between two places on one straight side leaves none"
+    )]
+    NoRoom {
+        /// The first face without area on the map.
+        face: FaceId,
     },
     /// A linear system could not be solved.
     #[error("the system of the {method} map cannot be solved: {source}")]

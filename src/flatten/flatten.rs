@@ -94,7 +94,7 @@ fn prescribed_by(
     mesh: &TriMesh,
 ) -> Result<Option<IdVec<VertexId, Option<DVec2>>>, FlattenError> {
     match options.method {
-        Method::Intrinsic { .. } => prescribed(mesh, options.boundary),
+        Method::Intrinsic { .. } => prescribed(mesh, &options.boundary),
         Method::Conformal | Method::Linear { .. } => Ok(None),
     }
 }
@@ -183,7 +183,7 @@ pub fn flatten_pyramid_with_convergence(
         };
         let reached = match reached {
             // The next finer level may be less thin.
-            Err(FlattenError::NoStart { .. }) if id.index() > 0 => {
+            Err(FlattenError::NoStart { .. } | FlattenError::NoRoom { .. }) if id.index() > 0 => {
                 maps.clear();
                 convergences.clear();
                 continue;

@@ -1,7 +1,12 @@
 //! What a user chooses: how a map is computed, what it minimises, and whether it may overlap
 //! itself.
 
-use crate::{flatten::FlattenError, id::VertexId};
+use glam::DVec2;
+
+use crate::{
+    flatten::FlattenError,
+    id::{IdVec, VertexId},
+};
 
 /// How a map is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,7 +79,7 @@ pub enum Overlap {
 }
 
 /// Where the outer boundary of an intrinsic map lies. The other methods have boundaries of their own.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub enum Boundary {
     /// Where the energy is least.
     #[default]
@@ -90,10 +95,13 @@ pub enum Boundary {
         /// The corners, the first of them lower left; `None`: the four most convex places.
         corners: Option<[VertexId; 4]>,
     },
+    /// At these places (m), counter-clockwise: one for each vertex of the outer loop, `None` for all
+    /// other vertices.
+    Places(IdVec<VertexId, Option<DVec2>>),
 }
 
 /// Options of flattening.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct FlattenOptions {
     /// How the map is computed.
     pub method: Method,

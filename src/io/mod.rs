@@ -72,6 +72,7 @@ pub use observations::{
 };
 pub use readings::{arrays::ReadingsLayout, gains::read_gains, reader::ReadingsReader};
 pub use table::{
+    boundary::read_boundary,
     calibration::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
     },

@@ -57,7 +57,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let options = BuildOptions {
+    let mut options = BuildOptions {
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
         pixel: args.pixel_mm * 1e-3,
@@ -70,6 +70,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (mut skin, mut left_out) =
         read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     check_output(&args.output, &files)?;
+    options.flatten = args.flatten.options_for(&skin)?;
     let read = start.elapsed().as_secs_f64();
 
     let bar = progress::bar(common);

@@ -181,6 +181,18 @@ fn flatten_help(error: &FlattenError) -> &'static str {
         FlattenError::Density { .. } | FlattenError::Densities { .. } => {
             "correct the densities in the file, or remove them"
         }
+        FlattenError::NoPlace { .. } | FlattenError::NotOnBoundary { .. } => {
+            "correct the table of --boundary (vertices are counted from 0 in the order of the taxels)"
+        }
+        FlattenError::Taxel { .. }
+        | FlattenError::TwoPlaces { .. }
+        | FlattenError::Corner { .. }
+        | FlattenError::BoundaryShape { .. } => {
+            "correct --boundary: it names each taxel of the outer boundary once, counter-clockwise"
+        }
+        FlattenError::NoRoom { .. } | FlattenError::Corners { .. } => {
+            "choose other corners, use --boundary circle, or split the face"
+        }
         _ => "remesh the thin part, cut it into shorter pieces, or try another --method",
     }
 }

@@ -9,7 +9,7 @@ use anyhow::Context;
 use dermatome::{
     Error,
     cut::Cut,
-    flatten::distortion,
+    flatten::{Boundary, distortion},
     io::{read_seams, write_flat},
     mesh::Adjacency,
     pipeline::flatten_patch,
@@ -41,7 +41,7 @@ pub(crate) struct Args {
     flatten: FlattenArgs,
     /// Where to cut first: auto (what has no map otherwise, and where it makes the map much better),
     /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
-    /// of taxels)
+    /// of taxels); nothing is cut within a table of --boundary
     #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto", help_heading = "Map")]
     cut: String,
     /// Print the measures of the map as JSON
@@ -56,7 +56,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check(args.output.iter().map(PathBuf::as_path))?;
     outputs::check_inputs(args.output.iter().map(PathBuf::as_path), [args.mesh.as_path()])?;
-    let options = args.flatten.options()?;
+    args.flatten.options()?;
     let skin = read_skin(&args.mesh, &args.read, &args.chosen, &args.read.options(), common)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
@@ -71,9 +71,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ));
     }
     let patch = &skin.patches[PatchId::new(0)];
+    let options = args.flatten.options_for(&skin)?;
+    let cut = match (&options.boundary, args.cut.as_str()) {
+        (Boundary::Places(_), "auto" | "none") => Cut::None,
+        (Boundary::Places(_), _) => {
+            let why = "a table of --boundary has no places for the copies of taxels along a cut";
+            return Err(advise(why, "use --cut none, or a circle or rectangle"));
+        }
+        (_, text) => cut(text)?,
+    };
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let flat = flatten_patch(patch, &cut(&args.cut)?, &options)
+    let flat = flatten_patch(patch, &cut, &options)
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
     let mut outputs = Outputs::default();

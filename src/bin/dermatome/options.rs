@@ -1,14 +1,15 @@
 //! Options that several subcommands share, and what they mean to the library.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::ValueEnum;
 use dermatome::{
     Error,
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
-    io::{read_draft, read_textured_draft},
+    io::{read_boundary, read_draft, read_textured_draft},
     pyramid::CoarsenOptions,
-    skin::{AssembleOptions, Draft, Weld},
+    skin::{AssembleOptions, Draft, Skin, TaxelId, Weld},
 };
 use glob::Pattern;
 
@@ -181,10 +182,19 @@ pub(crate) struct FlattenArgs {
     /// The same as --overlap prevent
     #[arg(long, hide = true, conflicts_with = "overlap")]
     bijective: bool,
-    /// Where the outer boundary lies: free, circle, rectangle or rectangle:W:H, as large as the skin
-    /// [default: free]
-    #[arg(long, value_name = "SHAPE", value_parser = boundary)]
-    boundary: Option<Boundary>,
+    /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin;
+    /// rectangle:W:H:A:B:C:D with its corners at these taxels, counter-clockwise from the lower left
+    /// one; or a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
+    #[arg(long, value_name = "SHAPE|FILE.csv", value_parser = boundary)]
+    boundary: Option<BoundaryArg>,
+}
+
+/// Where the boundary lies; taxels are looked up once the skin is read.
+#[derive(Debug, Clone)]
+enum BoundaryArg {
+    Shape(Boundary),
+    Corners([f64; 2], [TaxelId; 4]),
+    Table(PathBuf),
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -214,6 +224,40 @@ enum EnergyArg {
 }
 
 impl FlattenArgs {
+    /// The options for a skin; those that name taxels need one with a single patch.
+    ///
+    /// # Errors
+    /// As [`Self::options`], and if a taxel or a table that is named cannot be used.
+    pub(crate) fn options_for(&self, skin: &Skin) -> anyhow::Result<FlattenOptions> {
+        let mut options = self.options()?;
+        let Some(boundary @ (BoundaryArg::Corners(..) | BoundaryArg::Table(_))) = &self.boundary else {
+            return Ok(options);
+        };
+        let [patch] = skin.patches.as_slice() else {
+            let found = skin.patches.len();
+            return Err(advise(
+                format!("the taxels of --boundary need a skin with one patch, not {found}"),
+                "choose one with --patch NAME, or prescribe a shape: circle or rectangle",
+            ));
+        };
+        let ids = &patch.taxels.ids;
+        options.boundary = match boundary {
+            BoundaryArg::Shape(shape) => shape.clone(),
+            BoundaryArg::Corners(size, corners) => {
+                Boundary::rectangle_through(ids, *size, *corners).map_err(Error::from)?
+            }
+            BoundaryArg::Table(path) => {
+                let places = read_boundary(path).map_err(Error::from)?;
+                Boundary::through(ids, places)
+                    .map_err(Error::from)
+                    .with_context(|| format!("cannot use {}", path.display()))?
+            }
+        };
+        Ok(options)
+    }
+
+    /// The options but for a boundary that names taxels.
+    ///
     /// # Errors
     /// If an option is given that has no effect with the others.
     pub(crate) fn options(&self) -> anyhow::Result<FlattenOptions> {
@@ -244,7 +288,11 @@ impl FlattenArgs {
             Some(OverlapArg::Allow) => Overlap::Allow,
             Some(OverlapArg::Prevent) | None => Overlap::Prevent,
         };
-        Ok(FlattenOptions { method, overlap, boundary: self.boundary.unwrap_or_default() })
+        let boundary = match &self.boundary {
+            Some(BoundaryArg::Shape(shape)) => shape.clone(),
+            Some(BoundaryArg::Corners(..) | BoundaryArg::Table(_)) | None => Boundary::Free,
+        };
+        Ok(FlattenOptions { method, overlap, boundary })
     }
 
     /// Refuses every given option that is not among `used`.
@@ -269,15 +317,23 @@ impl FlattenArgs {
 }
 
 /// The shape of the boundary: `rectangle:4:3` is a rectangle four wide and three high.
-fn boundary(text: &str) -> Result<Boundary, String> {
-    let rectangle = |width, height| Boundary::Rectangle { width, height, corners: None };
+fn boundary(text: &str) -> Result<BoundaryArg, String> {
+    let rectangle = |width, height| BoundaryArg::Shape(Boundary::Rectangle { width, height, corners: None });
     let side = |text: &str| number(text, "a width and a height above 0", |x| x > 0.0);
+    let taxel = |text: &str| text.parse().map(TaxelId).map_err(|_| "needed: the id of a taxel".to_owned());
     match *text.split(':').collect::<Vec<_>>() {
-        ["free"] => Ok(Boundary::Free),
-        ["circle"] => Ok(Boundary::Circle),
+        ["free"] => Ok(BoundaryArg::Shape(Boundary::Free)),
+        ["circle"] => Ok(BoundaryArg::Shape(Boundary::Circle)),
         ["rectangle"] => Ok(rectangle(1.0, 1.0)),
         ["rectangle", width, height] => Ok(rectangle(side(width)?, side(height)?)),
-        _ => Err("needed: free, circle, rectangle or rectangle:W:H".to_owned()),
+        ["rectangle", width, height, a, b, c, d] => Ok(BoundaryArg::Corners(
+            [side(width)?, side(height)?],
+            [taxel(a)?, taxel(b)?, taxel(c)?, taxel(d)?],
+        )),
+        _ if Path::new(text).extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) => {
+            Ok(BoundaryArg::Table(text.into()))
+        }
+        _ => Err("needed: free, circle, rectangle[:W:H[:A:B:C:D]] or a table FILE.csv".to_owned()),
     }
 }
 

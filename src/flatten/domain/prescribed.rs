@@ -1,5 +1,5 @@
 //! Places of the outer loop that are known before the map: a circle or a rectangle as large as the
-//! skin (eq. 2 of `(cannata)`, whose `m_j` of the boundary are given).
+//! skin, or places that are given (eq. 2 of `(cannata)`, whose `m_j` of the boundary are given).
 //!
 //! *Heuristic*: the corners of a rectangle are the four most convex places of the loop, turning
 //! summed over a part of it, so that a rounded corner counts like a sharp one.
@@ -9,10 +9,64 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec2;
 
 use crate::{
-    flatten::{Boundary, FlattenError, domain::disk::Disk},
+    flatten::{Boundary, FlattenError, bijective::crossings::boundary_crossings, domain::disk::Disk},
     id::{IdVec, VertexId},
     mesh::{TriMesh, angle},
+    skin::TaxelId,
 };
+
+impl Boundary {
+    /// The boundary through these places (m) of taxels, each named by its id; `ids` are those of the
+    /// vertices of the mesh.
+    ///
+    /// # Errors
+    /// If no taxel or several have one of the ids, or an id comes twice.
+    pub fn through(
+        ids: &IdVec<VertexId, TaxelId>,
+        places: impl IntoIterator<Item = (TaxelId, DVec2)>,
+    ) -> Result<Self, FlattenError> {
+        let vertices = Vertices::new(ids);
+        let mut at = IdVec::filled(None, ids.len());
+        for (id, place) in places {
+            if at[vertices.of(id)?].replace(place).is_some() {
+                return Err(FlattenError::TwoPlaces { id });
+            }
+        }
+        Ok(Self::Places(at))
+    }
+
+    /// A rectangle as large as the skin with these taxels at its corners, the first of them lower
+    /// left.
+    ///
+    /// # Errors
+    /// If no taxel or several have one of the ids.
+    pub fn rectangle_through(
+        ids: &IdVec<VertexId, TaxelId>,
+        [width, height]: [f64; 2],
+        corners: [TaxelId; 4],
+    ) -> Result<Self, FlattenError> {
+        let vertices = Vertices::new(ids);
+        let [a, b, c, d] = corners.map(|id| vertices.of(id));
+        Ok(Self::Rectangle { width, height, corners: Some([a?, b?, c?, d?]) })
+    }
+}
+
+/// The vertices of taxels, by id.
+struct Vertices(Vec<(TaxelId, VertexId)>);
+
+impl Vertices {
+    fn new(ids: &IdVec<VertexId, TaxelId>) -> Self {
+        let mut sorted: Vec<_> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
+        sorted.sort_unstable();
+        Self(sorted)
+    }
+
+    fn of(&self, id: TaxelId) -> Result<VertexId, FlattenError> {
+        let from = self.0.partition_point(|entry| entry.0 < id);
+        let found = self.0[from..].iter().take_while(|entry| entry.0 == id).count();
+        if found == 1 { Ok(self.0[from].1) } else { Err(FlattenError::Taxel { id, found }) }
+    }
+}
 
 /// Part of the loop over which the turning of a corner is summed.
 const CORNER: f64 = 1.0 / 40.0;
@@ -23,15 +77,16 @@ const CORNERS_APART: f64 = 1.0 / 12.0;
 /// Places (m) of the vertices of the outer loop, around the origin; none for a free boundary.
 pub(crate) fn prescribed(
     mesh: &TriMesh,
-    boundary: Boundary,
+    boundary: &Boundary,
 ) -> Result<Option<IdVec<VertexId, Option<DVec2>>>, FlattenError> {
-    if boundary == Boundary::Free {
+    if *boundary == Boundary::Free {
         return Ok(None);
     }
     let disk = Disk::new(mesh)?;
     let mut walk = disk.loops[0].clone();
-    let places = match boundary {
+    let places = match *boundary {
         Boundary::Free => Vec::new(),
+        Boundary::Places(ref places) => given_places(mesh, &walk, places)?,
         Boundary::Circle => {
             let radius = (mesh.area() / PI).sqrt();
             shares(mesh, &walk).iter().map(|&s| radius * DVec2::from_angle(TAU * s)).collect()
@@ -66,6 +121,36 @@ fn shares(mesh: &TriMesh, walk: &[VertexId]) -> Vec<f64> {
     shares
 }
 
+/// The given places of the vertices of the loop.
+fn given_places(
+    mesh: &TriMesh,
+    walk: &[VertexId],
+    given: &IdVec<VertexId, Option<DVec2>>,
+) -> Result<Vec<DVec2>, FlattenError> {
+    if given.len() != mesh.positions.len() {
+        return Err(FlattenError::Places { found: given.len(), needed: mesh.positions.len() });
+    }
+    let mut left = given.clone();
+    let places: Vec<DVec2> = walk
+        .iter()
+        .map(|&vertex| left[vertex].take().ok_or(FlattenError::NoPlace { vertex }))
+        .collect::<Result<_, _>>()?;
+    if let Some((vertex, _)) = left.enumerate().find(|(_, place)| place.is_some()) {
+        return Err(FlattenError::NotOnBoundary { vertex });
+    }
+    if let Some(k) = places.iter().position(|p| !p.is_finite()) {
+        return Err(FlattenError::NoPlace { vertex: walk[k] });
+    }
+    let corner = |k: usize| places[k % places.len()] - places[0];
+    let doubled: f64 = (1..places.len()).map(|k| corner(k).perp_dot(corner(k + 1))).sum();
+    let edges: Vec<[VertexId; 2]> = (0..walk.len()).map(|k| [walk[k], walk[(k + 1) % walk.len()]]).collect();
+    let crossings = boundary_crossings(&edges, &given.map(|place| place.unwrap_or_default()));
+    if crossings > 0 || !(doubled > 0.0 && doubled.is_finite()) {
+        return Err(FlattenError::BoundaryShape { crossings, area: 0.5 * doubled });
+    }
+    Ok(places)
+}
+
 /// Where the given corners lie in the loop, in its order from the first one.
 fn given_corners(walk: &[VertexId], given: [VertexId; 4]) -> Result<[usize; 4], FlattenError> {
     let mut at = [0; 4];
@@ -97,10 +182,14 @@ fn convex_corners(mesh: &TriMesh, walk: &[VertexId]) -> Option<[usize; 4]> {
         let d = (shares[i] - shares[j]).abs();
         d.min(1.0 - d)
     };
-    let convexity: Vec<f64> = (0..walk.len())
+    let count = walk.len();
+    let convexity: Vec<f64> = (0..count)
         .map(|i| {
-            let near = (0..walk.len()).filter(|&j| apart(i, j) <= CORNER);
-            near.map(|j| turning[walk[j]] * (1.0 - 0.5 * apart(i, j) / CORNER)).sum()
+            let share = |j: usize| turning[walk[j]] * (1.0 - 0.5 * apart(i, j) / CORNER);
+            let is_near = |j: &usize| apart(i, *j) <= CORNER;
+            let ahead = (1..count).map(|k| (i + k) % count).take_while(is_near);
+            let behind = (1..count).map(|k| (i + count - k) % count).take_while(is_near);
+            share(i) + ahead.map(share).sum::<f64>() + behind.map(share).sum::<f64>()
         })
         .collect();
     let mut order: Vec<usize> = (0..walk.len()).collect();

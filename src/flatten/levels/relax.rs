@@ -7,14 +7,20 @@ use crate::{
             fillers::Fillers,
             overlap::{has_no_branch_points, is_one_to_one, keeps_holes},
         },
-        domain::elements::Uv,
+        domain::elements::{Uv, keeps_orientation},
         domain::flatten_domain::FlattenDomain,
         energy::{
             newton::{Ended, NewtonLimits, Solver},
             objective::{Objective, dirichlet},
         },
-        start::{conformal::spectral_conformal, linear::linear, tutte::tutte, untangle::untangle},
+        start::{
+            conformal::spectral_conformal,
+            linear::linear,
+            tutte::{equal_springs, tutte},
+            untangle::untangle,
+        },
     },
+    id::FaceId,
     sparse::SparseError,
 };
 
@@ -105,7 +111,7 @@ pub(crate) fn solve_from_scratch(
 /// The map of least energy from the conformal start, or from inside a circle if that is a bad one.
 pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> Result<Relaxed, FlattenError> {
     if !domain.prescribed.is_empty() {
-        return relax(domain, Start::Far(tutte(domain)?), goal, None);
+        return relax(domain, Start::Far(start_within(domain)?), goal, None);
     }
     let conformal = spectral_conformal(domain)?;
     let is_good = domain.elements.is_flip_free(&conformal)
@@ -114,6 +120,21 @@ pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> R
         && dirichlet(&domain.elements, &conformal).0 < BAD_START;
     let start = if is_good { conformal } else { tutte(domain)? };
     relax(domain, Start::Far(start), goal, None)
+}
+
+/// A start within a prescribed boundary: by springs, which a convex one keeps apart; else the flips
+/// are removed.
+fn start_within(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
+    if let Ok(uv) = tutte(domain) {
+        return Ok(uv);
+    }
+    let mut uv = equal_springs(domain).map_err(failed)?;
+    untangle(domain, &mut uv).map_err(failed)?;
+    let flipped = domain.elements.map_areas(&uv).position(|area| !keeps_orientation(area));
+    match flipped {
+        None => Ok(uv),
+        Some(face) => Err(FlattenError::NoRoom { face: FaceId::new(face) }),
+    }
 }
 
 /// Removes flips locally if that is possible, else starts again inside a circle.

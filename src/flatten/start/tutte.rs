@@ -65,6 +65,13 @@ pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     best.map(|(_, uv)| uv).ok_or(FlattenError::NoStart { face: FaceId::default() })
 }
 
+/// The map of equal springs, which has flips where the boundary is not convex.
+pub(crate) fn equal_springs(domain: &FlattenDomain<'_>) -> Result<Uv, SparseError> {
+    let net = Net::new(domain);
+    let cholesky = Cholesky::new(&net.pattern, &net.coordinates)?;
+    net.solve(&cholesky, &vec![1.0; net.springs.len()])
+}
+
 /// How much the skin around each vertex has shrunk on the map, virtual vertices behind the real
 /// ones: the root of the mean of `1/s1^2 + 1/s2^2` over its faces.
 fn stretches(domain: &FlattenDomain<'_>, uv: &Uv) -> Vec<f64> {

@@ -23,7 +23,8 @@ use crate::{
 /// but leaves more room.
 const RINGS: [usize; 4] = [2, 4, 8, 16];
 
-/// Parts up to this many movable vertices are repaired; more are quicker to flatten anew.
+/// Parts up to this many movable vertices are repaired; more are quicker to flatten anew, unless the
+/// boundary is prescribed.
 const LARGEST_PART: usize = 20_000;
 
 /// The regularisation starts at this multiple of the worst area and is halved from round to round.
@@ -40,14 +41,16 @@ const ROUND: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 4 };
 /// Each part minimises the untangling energy while its `e` shrinks
 /// (escobar2003, garanzha2021). There is no proof that this always succeeds.
 pub(crate) fn untangle(domain: &FlattenDomain<'_>, uv: &mut Uv) -> Result<bool, SparseError> {
-    for rings in RINGS {
+    let everything = if domain.prescribed.is_empty() { None } else { Some(domain.vertices()) };
+    let largest = everything.unwrap_or(LARGEST_PART);
+    for rings in RINGS.into_iter().chain(everything) {
         let flipped: Vec<bool> = domain.elements.map_areas(uv).map(|area| !keeps_orientation(area)).collect();
         if !flipped.iter().any(|f| *f) {
             return Ok(true);
         }
         let movable = around(domain, &flipped, rings);
         for part in parts(domain, &movable) {
-            if part.vertices.len() <= LARGEST_PART {
+            if part.vertices.len() <= largest {
                 repair(domain, &part, uv)?;
             }
         }
@@ -68,9 +71,15 @@ fn around(domain: &FlattenDomain<'_>, flipped: &[bool], rings: usize) -> IdVec<V
         e.corners.into_iter().for_each(|v| enter(v, &mut front));
     }
     for _ in 0..rings {
+        if front.is_empty() {
+            break;
+        }
         for v in std::mem::take(&mut front) {
             domain.disk.adjacency.ring(v).iter().for_each(|&w| enter(w, &mut front));
         }
+    }
+    for (is_movable, place) in inside.iter_mut().zip(&domain.prescribed) {
+        *is_movable &= place.is_none();
     }
     inside
 }

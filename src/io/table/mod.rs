@@ -1,5 +1,6 @@
 //! Tables with a line of column names (CSV).
 
+pub(super) mod boundary;
 pub(super) mod calibration;
 pub(super) mod contacts;
 pub(super) mod csv_table;
