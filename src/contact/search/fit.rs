@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3};
 
 use super::{
-    lanes::LANES,
+    lanes::{Kernel, LANES, Lanes, Simd},
     node8::Target,
     tree::{FLAT, Tree},
 };
@@ -21,102 +21,100 @@ pub(super) fn put<const N: usize>(points: &mut Points<N>, lane: usize, primitive
     }
 }
 
-/// What the node above a node needs to know of it.
-#[derive(Clone, Copy)]
-struct Fitted {
-    /// Rows: the axes of its boxes.
-    axes: DMat3,
-    boxes: [(DVec3, DVec3); LANES],
-    count: usize,
-    /// Sum of the areas below it, with direction, and of the lengths of those of the packets.
-    area: DVec3,
-    total: f64,
-}
+/// A box, `(min, max)` along axes that belong to it.
+pub(super) type Extent = (DVec3, DVec3);
 
-const EMPTY: (DVec3, DVec3) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-
-impl Fitted {
-    const NONE: Self =
-        Self { axes: DMat3::IDENTITY, boxes: [EMPTY; LANES], count: 0, area: DVec3::ZERO, total: 0.0 };
-
-    /// The box along `axes` around its boxes.
-    fn along(&self, axes: &DMat3) -> (DVec3, DVec3) {
-        let turn = *axes * self.axes.transpose();
-        let size = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs()) * 0.5;
-        self.boxes[..self.count].iter().fold(EMPTY, |(lo, hi), b| {
-            let (centre, half) = (turn * b.0.midpoint(b.1), size * (b.1 - b.0));
-            (lo.min(centre - half), hi.max(centre + half))
-        })
-    }
-}
+const EMPTY: Extent = (DVec3::INFINITY, DVec3::NEG_INFINITY);
 
 impl Tree {
     /// Fits all boxes to the primitives. `gather` sets the points of those in a packet, and gives the
     /// sum of their areas with direction; each packet is asked for once. Nothing is allocated.
     ///
     /// The axes of a node turn with the mean normal of the skin below it. A packet's box follows its
-    /// points, and that of a node the boxes two levels below it: turned boxes grow, and those
-    /// nearer to the packets grow less.
+    /// points; those of the nodes above follow the boxes of all packets below them, not of the nodes
+    /// in between, whose turned boxes would grow from level to level.
     pub(super) fn fit<const N: usize>(
         &mut self,
+        simd: Simd,
         mut gather: impl FnMut(usize, &[u32; LANES], &mut Points<N>) -> DVec3,
     ) {
-        let mut root = Fitted::NONE;
-        self.fit_node(0, &mut gather, &mut root);
+        self.fit_node(simd, 0, &mut gather);
     }
 
+    /// Fits a node and what is below it: the sum of the areas there with direction, and of the
+    /// lengths of those of the packets.
     fn fit_node<const N: usize>(
         &mut self,
+        simd: Simd,
         index: usize,
         gather: &mut impl FnMut(usize, &[u32; LANES], &mut Points<N>) -> DVec3,
-        fitted: &mut Fitted,
-    ) {
+    ) -> (DVec3, f64) {
         let node = self.nodes[index];
-        let mut packets = [[[[0.0; LANES]; 3]; N]; LANES];
-        let mut nodes = [Fitted::NONE; LANES];
-        for (lane, child) in node.children().enumerate() {
-            let (area, total) = match child.target() {
-                Target::Node(below) => {
-                    self.fit_node(below, gather, &mut nodes[lane]);
-                    (nodes[lane].area, nodes[lane].total)
-                }
+        let mut points = [[[[0.0; LANES]; 3]; N]; LANES];
+        let (mut area, mut total) = (DVec3::ZERO, 0.0);
+        for (child, points) in node.children().zip(&mut points) {
+            let (below, length) = match child.target() {
+                Target::Node(below) => self.fit_node(simd, below, gather),
                 Target::Packet(packet) => {
-                    let area = gather(packet, &self.packets[packet], &mut packets[lane]);
+                    let area = gather(packet, &self.packets[packet], points);
                     (area, area.length())
                 }
             };
-            fitted.area += area;
-            fitted.total += total;
-            fitted.count += 1;
+            (area, total) = (area + below, total + length);
         }
-        fitted.axes = turned(node.axes(), fitted.area, fitted.total);
-        for (lane, child) in node.children().enumerate() {
-            fitted.boxes[lane] = match child.target() {
-                Target::Node(_) => nodes[lane].along(&fitted.axes),
-                Target::Packet(_) => around(&fitted.axes, &packets[lane]),
-            };
+        let axes = turned(node.axes(), area, total);
+        let mut boxes = [EMPTY; LANES];
+        for ((child, points), fitted) in node.children().zip(&points).zip(&mut boxes) {
+            match child.target() {
+                Target::Node(below) => self.add_packets(below, &axes, fitted),
+                Target::Packet(_) => *fitted = simd.run(Around(&axes, points)),
+            }
         }
-        self.nodes[index].fit(&fitted.axes, &fitted.boxes[..fitted.count]);
+        self.nodes[index].fit(&axes, &boxes[..usize::from(node.count)]);
+        (area, total)
+    }
+
+    /// Enlarges a box along `axes` (rows) by those of all packets below a node.
+    fn add_packets(&self, index: usize, axes: &DMat3, sum: &mut Extent) {
+        let node = &self.nodes[index];
+        for child in node.children().take(usize::from(node.nodes)) {
+            if let Target::Node(below) = child.target() {
+                self.add_packets(below, axes, sum);
+            }
+        }
+        if node.count > node.nodes {
+            node.add_packets(axes, sum);
+        }
     }
 }
 
-/// The box along `axes` (rows) around points.
-fn around<const N: usize>(axes: &DMat3, points: &Points<N>) -> (DVec3, DVec3) {
-    let (mut lo, mut hi) = EMPTY;
-    for k in 0..3 {
-        let row = axes.row(k);
-        let (mut least, mut most) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
-        for [x, y, z] in points {
+/// The box along axes (rows) around points.
+struct Around<'a, const N: usize>(&'a DMat3, &'a Points<N>);
+
+impl<const N: usize> Kernel for Around<'_, N> {
+    type Output = Extent;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> Extent {
+        let Self(axes, points) = self;
+        let (mut lo, mut hi) = EMPTY;
+        for k in 0..3 {
+            let (x, y, z) = (axes.x_axis[k], axes.y_axis[k], axes.z_axis[k]);
+            let (mut least, mut most) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+            for point in points {
+                for lane in 0..LANES {
+                    let along = x * point[0][lane] + y * point[1][lane] + z * point[2][lane];
+                    least[lane] = if along < least[lane] { along } else { least[lane] };
+                    most[lane] = if along > most[lane] { along } else { most[lane] };
+                }
+            }
             for lane in 0..LANES {
-                let along = row.x * x[lane] + row.y * y[lane] + row.z * z[lane];
-                least[lane] = if along < least[lane] { along } else { least[lane] };
-                most[lane] = if along > most[lane] { along } else { most[lane] };
+                lo[k] = if least[lane] < lo[k] { least[lane] } else { lo[k] };
+                hi[k] = if most[lane] > hi[k] { most[lane] } else { hi[k] };
             }
         }
-        lo[k] = least.into_iter().fold(f64::INFINITY, f64::min);
-        hi[k] = most.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        (lo, hi)
     }
-    (lo, hi)
 }
 
 /// Axes (rows) turned so that the third is along `area`, about no more than that needs; as they are

@@ -96,12 +96,33 @@ impl Node8 {
         let (lo, hi) = children.iter().fold(first, |(lo, hi), b| (lo.min(b.0), hi.max(b.1)));
         let step = ((hi - lo) / STEPS).max(DVec3::splat(THINNEST));
         self.place(axes, lo, step);
-        for (lane, k) in (0..LANES).flat_map(|lane| [(lane, 0), (lane, 1), (lane, 2)]) {
+        let per_step = step.recip();
+        for lane in 0..LANES {
             // An empty slot is a point of the first box, and so never the nearest.
             let (low, high) = children.get(lane).map_or((first.0, first.0), |b| *b);
-            self.lo[k][lane] = ((low[k] - lo[k]) / step[k]).floor().clamp(0.0, 255.0) as u8;
-            let high = ((high[k] - lo[k]) / step[k]).ceil().clamp(0.0, 255.0) as u8;
-            self.hi[k][lane] = if lane < children.len() { high } else { self.lo[k][lane] };
+            let (low, high) = ((low - lo) * per_step, (high - lo) * per_step);
+            for k in 0..3 {
+                let (down, up) = (low[k] as u8, high[k] as u8);
+                let is_cut = lane < children.len() && f64::from(up) < high[k];
+                self.lo[k][lane] = down;
+                self.hi[k][lane] = up.saturating_add(u8::from(is_cut));
+            }
+        }
+    }
+
+    /// Enlarges a box along `axes` (rows) by those of the packets.
+    pub(super) fn add_packets(&self, axes: &DMat3, (lo, hi): &mut (DVec3, DVec3)) {
+        let step = self.step();
+        // Rows of the frame are axes over steps.
+        let to_steps = DMat3::from_cols(self.column(0), self.column(1), self.column(2));
+        let from_steps = to_steps.transpose() * DMat3::from_diagonal(step * step);
+        let turn = *axes * from_steps;
+        let shift = turn * self.column(3);
+        let size = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
+        for lane in usize::from(self.nodes)..usize::from(self.count) {
+            let (low, high) = self.steps(lane);
+            let (centre, half) = (turn * ((low + high) * 0.5) - shift, size * ((high - low) * 0.5));
+            (*lo, *hi) = (lo.min(centre - half), hi.max(centre + half));
         }
     }
 

@@ -94,7 +94,7 @@ impl PatchBvh {
 
     fn fit(&mut self) {
         let Self { mesh, tree, triangles, frame, simd, .. } = self;
-        tree.fit(|packet, faces, points| {
+        tree.fit(*simd, |packet, faces, points| {
             let mut area = DVec3::ZERO;
             for (lane, &face) in faces.iter().enumerate() {
                 let [a, b, c] = mesh.corners(FaceId::from(face));

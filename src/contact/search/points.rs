@@ -42,7 +42,7 @@ impl PointTree {
         let tree = (!points.is_empty()).then(|| {
             let primitives: Vec<_> = points.ids().map(|v| primitive(v.raw())).collect();
             let mut tree = Tree::new(&primitives);
-            tree.fit(|_, ids, points| {
+            tree.fit(Simd::detect(), |_, ids, points| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, [at(id)]));
                 DVec3::ZERO
             });

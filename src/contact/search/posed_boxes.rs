@@ -7,6 +7,7 @@ use super::{
     boxes::Aabb,
     fit::put,
     frame::Frame,
+    lanes::Simd,
     tree::{Primitive, Tree, distinct},
 };
 use crate::skin::PatchId;
@@ -43,7 +44,7 @@ impl PosedBoxes {
             #[expect(clippy::cast_possible_truncation, reason = "patches have ids of 32 bits")]
             let mut tree = Tree::new(&(0..patches as u32).map(primitive).collect::<Vec<_>>());
             let ends = |id: u32| [at(id).lo, at(id).hi].map(|p| frame.point(p));
-            tree.fit(|_, ids, points| {
+            tree.fit(Simd::detect(), |_, ids, points| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, ends(id)));
                 DVec3::ZERO
             });

@@ -200,6 +200,7 @@ mod tests {
     use crate::{
         contact::search::{
             fit::put,
+            lanes::Simd,
             node8::{Child, Target},
         },
         mesh::{TriMesh, shapes},
@@ -237,7 +238,7 @@ mod tests {
             };
             let count = u32::try_from(corners.len()).unwrap();
             let mut tree = Tree::new(&(0..count).map(primitive).collect::<Vec<_>>());
-            tree.fit(|_, ids, points| {
+            tree.fit(Simd::detect(), |_, ids, points| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, corners[id as usize]));
                 DVec3::Z
             });

@@ -11,6 +11,9 @@ use super::{
 /// zero.
 const SHORTEST_SQUARED: f32 = 1e-30;
 
+/// Lengths below this (in the tree's units) have no direction.
+const SHORTEST: f64 = 1e-100;
+
 /// Up to eight triangles, side by side, in 384 bytes; empty lanes repeat the last one.
 ///
 /// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the
@@ -114,13 +117,13 @@ impl Kernel for Framing<'_> {
                 corner(&corners[2], lane),
             );
             let (side, base) = (b - a, a.distance(b));
-            let x = if base > 0.0 { side / base } else { DVec3::X };
+            let x = if base > SHORTEST { side * (1.0 / base) } else { DVec3::X };
             // Twice: what the first rejection left along `x` matters in a sliver.
             let across = reject(reject(c - a, x), x);
             let height = across.length();
-            let y = if height > 0.0 { across / height } else { x.any_orthonormal_vector() };
+            let y = if height > SHORTEST { across * (1.0 / height) } else { x.any_orthonormal_vector() };
             let y = reject(y, x);
-            let y = y / y.length();
+            let y = y * (1.0 / y.length());
             let apex_x = (c - a).dot(x);
             let apex_y = (c - a).dot(y);
             let apex_y = if apex_y > 0.0 { apex_y } else { 0.0 };
