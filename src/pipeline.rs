@@ -1,7 +1,8 @@
 //! The whole flow, from a skin to the files of its map.
 //!
-//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), maps
-//!    every level of it to the plane ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the [`SkinMap`].
+//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut
+//!    open where it needs a seam ([`cut_open`]), maps every level of it to the plane
+//!    ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the [`SkinMap`].
 //! 2. [`write_files`] rasterises the levels ([`skin_images`]) and writes `map.glb` and `map.exr`.
 //!
 //! Patches are independent: they are built in parallel, and the result does not depend on the
@@ -38,7 +39,7 @@ use crate::{
     io::{write_images, write_map},
     map::{PatchMap, SkinMap},
     mesh::TriMesh,
-    pyramid::{CoarsenOptions, coarsen},
+    pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
     report::Seconds,
     skin::{Patch, Skin, named_links},
 };
@@ -46,6 +47,8 @@ use crate::{
 /// Options of [`build`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BuildOptions {
+    /// Where to cut.
+    pub cut: Cut,
     /// How to coarsen.
     pub coarsen: CoarsenOptions,
     /// How to flatten.
@@ -56,7 +59,12 @@ pub struct BuildOptions {
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { coarsen: CoarsenOptions::default(), flatten: FlattenOptions::default(), pixel: 1e-3 }
+        Self {
+            cut: Cut::default(),
+            coarsen: CoarsenOptions::default(),
+            flatten: FlattenOptions::default(),
+            pixel: 1e-3,
+        }
     }
 }
 
@@ -192,29 +200,78 @@ pub fn build_with_progress(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<(SkinMap, Seconds), Error> {
     let start = Instant::now();
-    let patches: Vec<&Patch> = skin.patches.iter().collect();
-    let pyramids = each_patch(Stage::Coarsen, patches, progress, |patch| {
-        coarsen(&patch.mesh, &patch.taxels, &options.coarsen)
-            .map_err(|e| Error::from(e).in_patch(&patch.name))
+    let seams = given_seams(skin, &options.cut)?;
+    let jobs: Vec<_> = skin.patches.iter().zip(seams).collect();
+    let pyramids = each_patch(Stage::Coarsen, jobs, progress, |(patch, seam)| {
+        coarsen_patch(patch, &seam, options).map_err(|e| e.in_patch(&patch.name))
     })?;
     let coarsened = start.elapsed();
     // Every pyramid is taken once, by the thread that maps it.
     let jobs: Vec<_> = skin.patches.iter().zip(pyramids).collect();
     let maps = each_patch(Stage::Flatten, jobs, progress, |(patch, pyramid)| {
-        let densities = patch.taxels.densities.as_ref();
-        let maps = flatten_pyramid_with_convergence(&pyramid, densities, &options.flatten)
-            .map_err(|e| Error::from(e).in_patch(&patch.name))?;
-        let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
-        let mut map = PatchMap::new(patch, pyramid, maps.into(), options.pixel);
-        for (level, convergence) in map.levels.iter_mut().zip(convergences) {
-            level.convergence = Some(convergence);
-        }
-        Ok(map)
+        map_patch(patch, pyramid, options).map_err(|e| e.in_patch(&patch.name))
     })?;
     let flattened = start.elapsed() - coarsened;
     let seconds =
         Seconds { coarsen: coarsened.as_secs_f64(), flatten: flattened.as_secs_f64(), ..Seconds::default() };
     Ok((SkinMap { links: named_links(&skin.links), patches: maps.into() }, seconds))
+}
+
+/// Where each patch is cut, if the user says so.
+fn given_seams(skin: &Skin, cut: &Cut) -> Result<Vec<Seam>, Error> {
+    let Cut::Along(pairs) = cut else {
+        return Ok(skin.patches.iter().map(|_| Seam::Choose(cut.clone())).collect());
+    };
+    let edges = pairs_by_patch(pairs, skin.patches.iter().map(|patch| &patch.taxels))?;
+    let seam = |edges: Vec<_>| if edges.is_empty() { Seam::Choose(Cut::Auto) } else { Seam::Along(edges) };
+    Ok(edges.into_iter().map(seam).collect())
+}
+
+/// Where one patch is cut.
+enum Seam {
+    Choose(Cut),
+    Along(Vec<[VertexId; 2]>),
+}
+
+/// A pyramid, of a patch that is cut or not.
+enum Coarsened {
+    Whole(Pyramid),
+    Cut(Box<CutPyramid>),
+}
+
+fn coarsen_patch(patch: &Patch, seam: &Seam, options: &BuildOptions) -> Result<Coarsened, Error> {
+    let Patch { mesh, taxels, .. } = patch;
+    let cut = match seam {
+        Seam::Choose(cut) => cut_open(patch, cut)?,
+        Seam::Along(edges) => Some(cut_along(mesh, edges, &taxels.ids)?),
+    };
+    Ok(match cut {
+        None => Coarsened::Whole(coarsen(mesh, taxels, &options.coarsen)?),
+        Some(cut) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen)?)),
+    })
+}
+
+fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Result<PatchMap, Error> {
+    let densities = patch.taxels.densities.as_ref();
+    let (mut map, convergences) = match pyramid {
+        Coarsened::Whole(pyramid) => {
+            let maps = flatten_pyramid_with_convergence(&pyramid, densities, &options.flatten)?;
+            let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+            (PatchMap::new(patch, pyramid, maps.into(), options.pixel), convergences)
+        }
+        Coarsened::Cut(pyramid) => {
+            let unsplit = pyramid.cuts.iter().next().map(|cut| &cut.unsplit);
+            let densities = densities.zip(unsplit).map(|(rho, unsplit)| unsplit.map(|&v| rho[v]));
+            let maps =
+                flatten_pyramid_with_convergence(&pyramid.opened, densities.as_ref(), &options.flatten)?;
+            let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+            (PatchMap::new_cut(patch, *pyramid, maps.into(), options.pixel), convergences)
+        }
+    };
+    for (level, convergence) in map.levels.iter_mut().zip(convergences) {
+        level.convergence = Some(convergence);
+    }
+    Ok(map)
 }
 
 /// The files that [`write_files`] writes.

@@ -89,8 +89,8 @@ pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
         level: id.index(),
         vertices: map.level.mesh.positions.len(),
         faces: map.level.mesh.triangles.len(),
-        seam: 0.0,
-        boundary_loops: Adjacency::new(&map.level.mesh).map_or(0, |a| a.boundary_loops().len()),
+        seam: map.seam_length(),
+        boundary_loops: Adjacency::new(&map.opened()).map_or(0, |a| a.boundary_loops().len()),
         distortion: map.distortion,
         convergence: map.convergence,
     };

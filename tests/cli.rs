@@ -115,18 +115,21 @@ fn errors_say_what_why_and_what_to_do_and_exit_with_2() {
 }
 
 #[test]
-fn a_closed_skin_is_refused_with_its_euler_characteristic() {
+fn a_closed_skin_is_cut_open_unless_that_is_forbidden() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.glb");
     write_skin(&path, &Skin::from_mesh("ball", shapes::tetrahedron())).unwrap();
-    dermatome()
-        .arg("build")
-        .arg(&path)
-        .arg("-o")
-        .arg(folder.path().join("out"))
+    let build = || {
+        let mut command = dermatome();
+        command.arg("build").arg(&path).arg("-o").arg(folder.path().join("out"));
+        command
+    };
+    build()
+        .args(["--cut", "none"])
         .assert()
         .code(2)
-        .stderr(contains("Euler characteristic 2").and(contains("ball")));
+        .stderr(contains("Euler characteristic 2").and(contains("ball")).and(contains("--cut")));
+    build().assert().success();
 }
 
 #[test]

@@ -3,11 +3,16 @@
 
 use dermatome::{
     Error,
+    atlas::{Atlas, AtlasOptions},
+    contact::ContactIndex,
     cut::{Cut, CutError, CutMesh},
-    flatten::{Energy, distortion},
+    flatten::{Energy, distortion, flatten_pyramid},
     id::{FaceId, IdVec, VertexId},
+    io::{read_map, write_map},
+    map::{MapLevel, SkinMap},
     mesh::{Adjacency, TriMesh, shapes},
-    pipeline::{FlatMesh, cut_open, flatten_patch},
+    pipeline::{BuildOptions, FlatMesh, build, cut_open, flatten_patch},
+    pyramid::{CoarsenOptions, LevelId, coarsen_cut},
     skin::{Patch, PatchId, Skin, TaxelId},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -197,10 +202,171 @@ fn several_pieces_are_refused() {
     assert!(cut_open(&both, &Cut::Auto).is_err(), "a patch is one piece");
 }
 
+fn map_of(mesh: TriMesh, cut: Cut) -> SkinMap {
+    build(&Skin::from_mesh("skin", mesh), &BuildOptions { cut, ..BuildOptions::default() }).unwrap()
+}
+
+fn levels(map: &SkinMap) -> impl Iterator<Item = &MapLevel> {
+    map.patches.iter().flat_map(|patch| &patch.levels)
+}
+
+/// Shapes that are cut: closed, with a handle, round a limb.
+fn cut_shapes() -> [TriMesh; 4] {
+    [
+        shapes::ball(12, 0.1),
+        shapes::torus(40, 16, 0.1, 0.04),
+        shapes::frame(2, 4, 0.01),
+        shapes::tube(40, 24, 0.05, 0.2),
+    ]
+}
+
+/// Both sides of the seam go together: each level is a disk again, opened along the same seam.
+#[test]
+fn every_level_has_the_same_seam() {
+    for mesh in cut_shapes() {
+        let patch = patch(mesh.clone());
+        let cut = cut_open(&patch, &Cut::Auto).unwrap().unwrap();
+        let options = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
+        let made = coarsen_cut(&mesh, &patch.taxels, &cut, &options).unwrap();
+        made.pyramid.validate().unwrap();
+        made.opened.validate().unwrap();
+        assert!(made.pyramid.levels.len() > 2, "{} levels", made.pyramid.levels.len());
+        let whole = shape(&mesh, &cut);
+        for ((level, opened), cut) in made.pyramid.levels.iter().zip(&made.opened.levels).zip(&made.cuts) {
+            assert_eq!(shape(&level.mesh, cut), whole, "{} vertices", level.mesh.positions.len());
+            assert_eq!(opened.mesh.triangles, cut.triangles);
+            for (place, &v) in cut.unsplit.iter().enumerate() {
+                let origin = opened.origins[VertexId::new(place)];
+                assert_eq!(made.cuts[LevelId::new(0)].unsplit[origin], level.origins[v], "place {place}");
+            }
+        }
+        let maps = flatten_pyramid(&made.opened, None, &BuildOptions::default().flatten).unwrap();
+        for (level, uv) in made.opened.levels.iter().zip(&maps) {
+            assert_eq!(distortion(&level.mesh, uv).flips, 0);
+        }
+    }
+}
+
+#[test]
+fn a_cut_map_is_valid_and_survives_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    for (k, mesh) in cut_shapes().into_iter().enumerate() {
+        let map = map_of(mesh, Cut::Auto);
+        map.validate().unwrap();
+        assert!(levels(&map).all(|level| level.cut.is_some() && level.seam_length() > 0.0));
+        let path = folder.path().join(format!("{k}.glb"));
+        write_map(&path, &map).unwrap();
+        let again = read_map(&path).unwrap();
+        for (before, after) in levels(&map).zip(levels(&again)) {
+            assert_eq!(after.cut, before.cut);
+            assert_eq!(after.level.origins, before.level.origins);
+            assert_eq!(after.level.mesh.triangles, before.level.mesh.triangles);
+            assert!(after.uv.iter().zip(&before.uv).all(|(a, b)| a.distance(*b) < 1e-6), "rounded to f32");
+            assert_eq!(after.distortion.flips, 0);
+        }
+    }
+}
+
+#[test]
+fn a_cut_that_is_none_is_refused() {
+    let map = map_of(shapes::tube(12, 8, 0.05, 0.2), Cut::All);
+    let mut wrong = map.clone();
+    let level = &mut wrong.patches[PatchId::new(0)].levels[LevelId::new(0)];
+    let cut = level.cut.as_mut().unwrap();
+    let last = VertexId::new(cut.unsplit.len() - 1);
+    cut.unsplit[last] = VertexId::new(3);
+    assert!(wrong.validate().is_err(), "a face that hangs on another vertex");
+    let mut short = map;
+    let level = &mut short.patches[PatchId::new(0)].levels[LevelId::new(0)];
+    level.cut.as_mut().unwrap().unsplit = IdVec::new();
+    assert!(short.validate().is_err(), "no vertices");
+}
+
+/// Where a hit lies on the skin, and in which fields, does not depend on the cut: the same levels
+/// without it give the same answers. On level 0 the place on the map is that of the hit's face.
+#[test]
+fn lookups_are_those_of_the_uncut_patch() {
+    for mesh in cut_shapes() {
+        let map = map_of(mesh.clone(), Cut::Auto);
+        let mut uncut = map.clone();
+        for level in uncut.patches.iter_mut().flat_map(|patch| patch.levels.iter_mut()) {
+            let cut = level.cut.take().unwrap();
+            level.uv = level.uv.iter().take(level.level.mesh.positions.len()).copied().collect();
+            assert!(cut.unsplit.len() > level.uv.len());
+        }
+        let (index, plain) = (ContactIndex::new(&map).unwrap(), ContactIndex::new(&uncut).unwrap());
+        let finest = levels(&map).next().unwrap();
+        for face in mesh.triangles.ids() {
+            let [a, b, c] = mesh.corners(face);
+            let at = 0.6 * a + 0.3 * b + 0.1 * c;
+            let hit = index.locate(at).unwrap();
+            assert_eq!(hit, plain.locate(at).unwrap());
+            let places = finest.corners()[hit.point.face].into_iter().zip(hit.point.barycentric);
+            let uv: DVec2 = places.map(|(place, w)| w * finest.uv[place]).sum();
+            for (cell, same) in index.cells(&hit).zip(plain.cells(&hit)) {
+                assert_eq!((cell.point, cell.field, cell.taxel), (same.point, same.field, same.taxel));
+                assert_eq!(cell.weights, same.weights);
+                if cell.level == LevelId::new(0) {
+                    assert!(cell.uv.distance(uv) < 1e-12, "{} is not {uv}", cell.uv);
+                } else {
+                    assert!(cell.uv.distance(uv) < 0.35 * mesh.area().sqrt(), "far from {uv}: {}", cell.uv);
+                }
+            }
+        }
+    }
+}
+
+/// A pixel on either side of the seam is a place of the skin, and that place is this pixel again.
+#[test]
+fn from_the_map_to_the_skin_and_back() {
+    let map = map_of(shapes::tube(24, 16, 0.03, 0.1), Cut::Auto);
+    let index = ContactIndex::new(&map).unwrap();
+    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+    let (part, finest) = (&atlas.parts[0], levels(&map).next().unwrap());
+    let [width, height] = part.frame.size_px;
+    let mut seen = 0;
+    for (column, row) in (0..height).flat_map(|row| (0..width).map(move |column| (column, row))) {
+        let chart = &part.charts[0];
+        let Some(point) = chart.point(&map, column, row) else { continue };
+        let hit = index.locate(finest.level.mesh.point(&point)).unwrap();
+        let back = index.cell(&hit, LevelId::new(0)).unwrap().uv;
+        assert!(back.distance(chart.centre(column, row)) < 1e-6, "pixel {column} {row}");
+        seen += 1;
+    }
+    assert!(seen > 10_000, "{seen} pixels of 1 mm");
+}
+
 #[test]
 fn all_joins_every_loop() {
     let mesh = shapes::tube(24, 10, 0.03, 0.01);
     let made = |cut| cut_open(&patch(mesh.clone()), &cut).unwrap();
     let all = made(Cut::All).unwrap();
     assert_eq!(shape(&mesh, &all), (1, 1));
+}
+
+/// Every face of a cut surface is drawn once, on its own side of the seam.
+#[test]
+fn the_images_show_every_face_once() {
+    for mesh in cut_shapes() {
+        let pixel = 0.05 * (mesh.area() / mesh.triangles.len() as f64).sqrt();
+        let options = BuildOptions { pixel, ..BuildOptions::default() };
+        let map = build(&Skin::from_mesh("skin", mesh), &options).unwrap();
+        let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
+        for (part, level) in atlas.parts.iter().zip(levels(&map)) {
+            let [width, height] = part.frame.size_px;
+            let mut shown = IdVec::<FaceId, f64>::filled(0.0, level.level.mesh.triangles.len());
+            for (column, row) in (0..height).flat_map(|row| (0..width).map(move |column| (column, row))) {
+                if let Some(point) = part.charts[0].point(&map, column, row) {
+                    shown[point.face] += 1.0;
+                }
+            }
+            for (face, corners) in level.corners().enumerate() {
+                let [a, b, c] = corners.map(|place| level.uv[place] / pixel);
+                let (area, rim) =
+                    ((b - a).perp_dot(c - a) / 2.0, a.distance(b) + b.distance(c) + c.distance(a));
+                let off = (shown[face] - area).abs();
+                assert!(off <= rim + 1.0, "{face}: {} pixels, {area:.1} on the map", shown[face]);
+            }
+        }
+    }
 }

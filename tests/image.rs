@@ -23,12 +23,15 @@ use proptest::prelude::*;
 const ALL: [Interpolation; 4] =
     [Interpolation::Linear, Interpolation::Nearest, Interpolation::Natural, Interpolation::Field];
 
-/// A curved cover of a few hundred taxels on several levels, and a small one.
+/// A curved cover of a few hundred taxels on several levels, a small one, and a sleeve that is mapped
+/// cut open.
 fn cover() -> SkinMap {
     let mut skin = Skin::from_mesh("cover", shapes::cap(500, 0.06, 0.9));
     let mut finger = skin.patches[PatchId::new(0)].clone();
     finger = dermatome::skin::Patch::from_mesh("finger", finger.link, shapes::cap(120, 0.02, 1.1));
+    let sleeve = dermatome::skin::Patch::from_mesh("sleeve", finger.link, shapes::tube(16, 10, 0.02, 0.06));
     skin.patches.push(finger);
+    skin.patches.push(sleeve);
     build(&skin, &BuildOptions::default()).unwrap()
 }
 

@@ -51,7 +51,7 @@ impl Chart {
         let Place { patch, turns, frame, corner_px } = *place;
         check_size(&frame, image)?;
         let points = snap(&at.uv, turns, &frame, image)?;
-        let spans = rasterize(&points, &at.level.mesh.triangles, frame.size_px.map(|n| n as usize));
+        let spans = rasterize(&points, at.corners(), frame.size_px.map(|n| n as usize));
         Ok(Self { patch, level, turns, frame, corner_px, spans })
     }
 
@@ -168,7 +168,7 @@ struct Barycentric {
 
 impl Barycentric {
     fn new(chart: &Chart, level: &MapLevel, face: FaceId) -> Self {
-        Self { corners: level.level.mesh.triangles[face].map(|v| turned(level.uv[v], chart.turns)) }
+        Self { corners: level.uv_of(face).map(|at| turned(at, chart.turns)) }
     }
 
     /// Non-negative weights with sum 1. Snapping may have moved a centre out of its face by `2^-17`

@@ -25,7 +25,7 @@ pub(crate) struct Stretch {
 #[must_use]
 pub(crate) fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
     const NO_SKIN: Stretch = Stretch { angle: f64::INFINITY, area: f64::INFINITY };
-    let uv = level.level.mesh.triangles[face].map(|v| level.uv[v]);
+    let uv = level.uv_of(face);
     let flat = FlatTriangle::new(level.level.mesh.corners(face));
     if !(flat.area() > 0.0 && flat.area().is_finite()) {
         return NO_SKIN;
@@ -50,7 +50,7 @@ mod tests {
             let mesh = shapes::square();
             let uv = mesh.positions.map(|p| map(p.truncate()));
             let areas = mesh.vertex_areas();
-            face_stretch(&MapLevel::new(Level::finest(mesh, areas), uv, 0.1), FaceId::new(1))
+            face_stretch(&MapLevel::new(Level::finest(mesh, areas), None, uv, 0.1), FaceId::new(1))
         };
         let turned = stretch(&|p| 2.0 * DVec2::from_angle(0.7).rotate(p));
         assert!(

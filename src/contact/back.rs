@@ -82,7 +82,7 @@ impl MapIndex {
             let level = |map: &crate::map::MapLevel| {
                 let mesh = map.level.mesh.clone();
                 let plane =
-                    TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: mesh.triangles.clone() };
+                    TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: map.corners().clone() };
                 let tree = PatchBvh::new(&patch.name, &plane)?;
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
                 Ok(Sheet { tree, mesh, frame: map.frame, on_chart, same_point })

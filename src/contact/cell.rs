@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapError, MapLevel, PatchMap},
+    map::{ImageFrame, MapError, MapLevel, PatchMap, carried_places},
     mesh::{SurfacePoint, TriMesh},
     pyramid::{LevelId, Prolongation, PyramidError},
     skin::TaxelId,
@@ -21,7 +21,8 @@ pub struct Cell {
     /// The level's face and the barycentric coordinates in it: on level 0 those of the hit, on a
     /// coarser level those that the level's direct prolongation gives the hit's nearest corner.
     pub point: SurfacePoint,
-    /// Map position, in m: the mean of the fields' positions by their weights.
+    /// Map position, in m: the mean of the fields' positions by their weights. Where a map is cut, a
+    /// field of the seam counts with its place on the side of the hit.
     pub uv: DVec2,
     /// Pixel (column, row from the top) of the level's image.
     pub pixel: [u32; 2],
@@ -125,6 +126,10 @@ struct LevelCells {
     triangles: IdVec<FaceId, [VertexId; 3]>,
     /// The first face of each vertex.
     first_faces: IdVec<VertexId, FaceId>,
+    /// The corners as places of the map, where it is cut.
+    places: Option<IdVec<FaceId, [VertexId; 3]>>,
+    /// Where the places of level 0 lie on this map, where level 0 is cut; `None` on level 0.
+    carried: Option<IdVec<VertexId, DVec2>>,
     /// `None` on level 0.
     coarse: Option<IdVec<VertexId, Row>>,
 }
@@ -168,7 +173,15 @@ impl PatchCells {
                 }
             }
         }
-        let uv = weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum();
+        let finest = self.levels.get(LevelId::new(0)).and_then(|finest| finest.places.as_ref());
+        let uv = match finest {
+            // The corners of the face as they lie on its side of the seam.
+            Some(places) => {
+                let carried = cells.carried.as_ref().unwrap_or(&cells.uv);
+                places[at.face].iter().zip(at.barycentric).map(|(&place, w)| carried[place] * w).sum()
+            }
+            None => weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum(),
+        };
         let field = weights.strongest();
         let pixel = cells.frame.pixel(uv);
         Some(Cell { level, point, uv, pixel, field, taxel: cells.taxels[field], weights })
@@ -181,7 +194,12 @@ impl PatchCells {
         let cells = self.levels.get(level)?;
         let corners = *cells.triangles.get(at.face)?;
         let weights: FieldWeights = corners.into_iter().zip(at.barycentric).collect();
-        let uv = weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum();
+        let uv = match &cells.places {
+            Some(places) => {
+                places[at.face].iter().zip(at.barycentric).map(|(&place, w)| cells.uv[place] * w).sum()
+            }
+            None => weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum(),
+        };
         let (field, pixel) = (weights.strongest(), cells.frame.pixel(uv));
         Some(Cell { level, point: *at, uv, pixel, field, taxel: cells.taxels[field], weights })
     }
@@ -199,6 +217,7 @@ impl PatchCells {
         let face = *cells.first_faces.get(field)?;
         let corners = cells.triangles.get(face).copied().unwrap_or_default();
         let point = SurfacePoint { face, barycentric: corners.map(|v| f64::from(u8::from(v == field))) };
+        // Of the places of a field on a seam the first.
         let (uv, weights) = (cells.uv[field], [(field, 1.0)].into_iter().collect());
         Some(Cell {
             level,
@@ -242,6 +261,8 @@ impl LevelCells {
     fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Result<Self, MapError> {
         let level = &map.level;
         let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
+        let finest = patch.levels.iter().next().filter(|finest| finest.cut.is_some() && id.index() > 0);
+        let carried = finest.map(|finest| carried_places(finest, map));
         let coarse = level.to_finest.as_ref().map(|to_finest| rows(map, to_finest).map_err(wrong));
         Ok(Self {
             uv: map.uv.clone(),
@@ -249,6 +270,8 @@ impl LevelCells {
             taxels: level.origins.map(|&origin| patch.taxels.ids[origin]),
             triangles: level.mesh.triangles.clone(),
             first_faces: first_faces(&level.mesh),
+            places: map.cut.as_ref().map(|cut| cut.triangles.clone()),
+            carried,
             coarse: coarse.transpose()?,
         })
     }

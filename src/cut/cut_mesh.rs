@@ -65,12 +65,32 @@ impl CutMesh {
         TriMesh { positions: self.unsplit.map(|&v| positions[v]), triangles: self.triangles.clone() }
     }
 
+    /// A vertex of the cut mesh that breaks its rules; `None` if all are as they should be.
+    pub(crate) fn wrong_place(&self, uncut: &TriMesh) -> Option<VertexId> {
+        let count = uncut.positions.len();
+        let is_wrong = |(place, v): &(VertexId, &VertexId)| {
+            if place.index() < count { *v != place } else { v.index() >= count }
+        };
+        let of_face = |(corners, whole): (&[VertexId; 3], &[VertexId; 3])| {
+            (0..3).find(|&k| self.unsplit.get(corners[k]) != Some(&whole[k])).map(|k| corners[k])
+        };
+        if self.unsplit.len() < count || self.triangles.len() != uncut.triangles.len() {
+            return Some(VertexId::new(self.unsplit.len()));
+        }
+        let first = self.unsplit.enumerate().find(is_wrong).map(|(place, _)| place);
+        first.or_else(|| self.triangles.iter().zip(&uncut.triangles).find_map(of_face))
+    }
+
     /// The edges of the seam in the uncut mesh, smaller vertex first, sorted.
     ///
     /// # Errors
     /// If `uncut` is not an oriented manifold.
     pub(crate) fn seam(&self, uncut: &TriMesh) -> Result<Vec<[VertexId; 2]>, CutError> {
-        let adjacency = Adjacency::new(uncut)?;
+        Ok(self.seam_edges(uncut, &Adjacency::new(uncut)?))
+    }
+
+    /// The same for a mesh whose neighbours are known.
+    pub(crate) fn seam_edges(&self, uncut: &TriMesh, adjacency: &Adjacency) -> Vec<[VertexId; 2]> {
         let mut seam = Vec::new();
         for face in uncut.triangles.ids() {
             for h in [0, 1, 2].map(|side| Halfedge::new(face, side)) {
@@ -82,7 +102,7 @@ impl CutMesh {
             }
         }
         seam.sort_unstable();
-        Ok(seam)
+        seam
     }
 
     /// Whether two halfedges of one uncut edge are one edge of the cut mesh too.

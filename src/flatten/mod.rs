@@ -60,8 +60,8 @@
 //! - The minimum is local; nothing proves that it is the global one.
 //! - With [`Overlap::Allow`] a map may overlap itself. [`distortion()`] counts overlaps.
 //! - [`Method::Conformal`] and [`Method::Linear`] may flip faces and overlap.
-//! - Closed surfaces and handles are refused, not cut. Patches that bend round a limb stay rings,
-//!   far from isometric.
+//! - Closed surfaces and handles are refused, and patches that bend round a limb stay rings, far
+//!   from isometric: [`crate::cut`] finds a seam for them before.
 //!
 //! # Files, in reading order
 //!

@@ -27,7 +27,8 @@ impl FaceWeights {
     /// The faces of a level that `chart` shows.
     pub(super) fn of_chart(chart: &Chart, level: &MapLevel) -> Vec<Self> {
         let at: IdVec<VertexId, DVec2> = level.uv.map(|&uv| chart.pixel_position(uv));
-        level.level.mesh.triangles.iter().map(|&t| Self::new(t, t.map(|v| at[v]))).collect()
+        let faces = level.level.mesh.triangles.iter().zip(level.corners());
+        faces.map(|(&t, places)| Self::new(t, places.map(|place| at[place]))).collect()
     }
 
     /// A face with its corners in pixels, right and down.

@@ -67,7 +67,7 @@ impl Marked {
 impl Layer {
     /// A layer that shows nothing.
     pub(super) fn new(tile: &Tile<'_>, quantity: Quantity) -> Self {
-        let vertices = tile.surface.level.uv.len();
+        let vertices = tile.surface.level.level.mesh.positions.len();
         let mut layer = Self {
             quantity,
             last: vec![f64::NAN; tile.values],

@@ -67,7 +67,7 @@ impl<'a> Tile<'a> {
         lift: Option<(&'a Level, &'a Prolongation)>,
         pixel_area: f64,
     ) -> Self {
-        let vertices = surface.level.uv.len();
+        let vertices = surface.level.level.mesh.positions.len();
         let corners = surface.faces.iter().zip(0_u32..);
         let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.raw(), k)));
         let around = Lists::new(vertices, corners);

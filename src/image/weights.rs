@@ -155,7 +155,10 @@ impl<'a> Surface<'a> {
             let p = self.chart.pixel_position(self.level.uv[v]);
             DVec2::select(p.abs().cmplt(DVec2::splat(ZERO)), DVec2::ZERO, p)
         };
-        let mut vertices: Vec<VertexId> = self.level.uv.ids().filter(|v| live[v.index()]).collect();
+        // Where a map is cut, a vertex of the seam is a site at each of its places.
+        let vertex = |place: VertexId| self.level.unsplit().map_or(place, |unsplit| unsplit[place]);
+        let mut vertices: Vec<VertexId> =
+            self.level.uv.ids().filter(|&place| live[vertex(place).index()]).collect();
         // Of vertices at one place the first counts.
         vertices.sort_by(|a, b| {
             let [p, q] = [at(*a), at(*b)];
@@ -175,18 +178,25 @@ impl<'a> Surface<'a> {
             triangle_of[pixel] = u32::try_from(triangle).unwrap_or(u32::MAX);
         });
         let mut scratch = Scratch::default();
-        let (mut rows, mut near) = (Rows::default(), 0);
+        let (mut rows, mut near, mut named) = (Rows::default(), 0, Vec::new());
         for (pixel, _, [column, row]) in self.pixels() {
             let p = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
             match triangle_of[usize::from(row) * columns + usize::from(column)] {
                 u32::MAX => {
                     near = neighbours.nearest(p, near);
-                    rows.push(pixel, [(vertices[near].raw(), 1.0)]);
+                    rows.push(pixel, [(vertex(vertices[near]).raw(), 1.0)]);
                 }
                 triangle => {
                     neighbours.weights(p, triangle as usize, &mut scratch);
-                    let named = scratch.weights.iter().map(|&(s, w)| (vertices[s as usize].raw(), w));
-                    rows.push(pixel, named);
+                    named.clear();
+                    for &(s, w) in &scratch.weights {
+                        let v = vertex(vertices[s as usize]).raw();
+                        match named.iter_mut().find(|x: &&mut (u32, f64)| x.0 == v) {
+                            Some(known) => known.1 += w,
+                            None => named.push((v, w)),
+                        }
+                    }
+                    rows.push(pixel, named.iter().copied());
                 }
             }
         }

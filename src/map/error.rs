@@ -39,6 +39,19 @@ pub enum MapError {
         /// That of the taxel, in m^2.
         taxel: f64,
     },
+    /// A cut that is not one of its level.
+    #[error(
+        "{patch}/{level:?}: place {place} of the cut map is not the vertex of the level that its faces say; vertices \
+         are their own first places, and the faces of both are the same"
+    )]
+    Cut {
+        /// Name of the patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+        /// The place, a vertex of the cut level.
+        place: VertexId,
+    },
     /// A map position that is not finite.
     #[error("{patch}/{level:?}: vertex {vertex} lies at {at} m on the map, which is not finite")]
     NotFinite {

@@ -3,10 +3,12 @@
 //! A [`SkinMap`] is what `map.glb` holds and all that lookup and images need; it can be made from
 //! a skin or read back from a file.
 
+mod carried_places;
 mod error;
 mod frame;
 mod skin_map;
 
+pub(crate) use carried_places::carried_places;
 pub use error::MapError;
 pub use frame::ImageFrame;
 pub use skin_map::{MapLevel, PatchMap, SkinMap};

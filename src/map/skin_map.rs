@@ -1,13 +1,16 @@
 //! The maps of a skin, and the one judge of what is a map.
 
+use std::borrow::Cow;
+
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::{
+    cut::{CutMesh, seam_length},
     flatten::{Convergence, Distortion, distortion},
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError},
     mesh::{TriMesh, VertexCorners},
-    pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
+    pyramid::{CutPyramid, Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
     skin::{Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
 };
 
@@ -16,7 +19,10 @@ use crate::{
 pub struct MapLevel {
     /// The level: its mesh in the link's frame, and how it is joined to the others.
     pub level: Level,
-    /// Map positions, in m.
+    /// How the level is cut open on the map; `None` where it is not. Then its vertices are the
+    /// places of the map, else a vertex of the seam has several places there.
+    pub cut: Option<CutMesh>,
+    /// Map positions of the places, in m.
     pub uv: IdVec<VertexId, DVec2>,
     /// The rectangle its image shows.
     pub frame: ImageFrame,
@@ -30,11 +36,47 @@ impl MapLevel {
     /// A level with its map `uv` (m), which is measured; images have `pixel` metres per pixel.
     ///
     /// # Panics
-    /// If the map has not one position per vertex, or a triangle names a vertex that does not
-    /// exist.
-    pub(crate) fn new(level: Level, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
+    /// If the map has not one position per place, or a triangle names a vertex that does not exist.
+    pub(crate) fn new(level: Level, cut: Option<CutMesh>, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
         let frame = ImageFrame::around(&uv, pixel);
-        Self { distortion: distortion(&level.mesh, &uv), level, uv, frame, convergence: None }
+        let mut map = Self { level, cut, uv, frame, distortion: Distortion::default(), convergence: None };
+        map.measure();
+        map
+    }
+
+    /// Measures the distortion anew.
+    pub(crate) fn measure(&mut self) {
+        self.distortion = distortion(&self.opened(), &self.uv);
+    }
+
+    /// The corners of every face, as places of the map.
+    #[must_use]
+    pub fn corners(&self) -> &IdVec<FaceId, [VertexId; 3]> {
+        self.cut.as_ref().map_or(&self.level.mesh.triangles, |cut| &cut.triangles)
+    }
+
+    /// Where the corners of a face lie on the map, in m.
+    pub(crate) fn uv_of(&self, face: FaceId) -> [DVec2; 3] {
+        self.corners()[face].map(|place| self.uv[place])
+    }
+
+    /// The vertex of the level that each place of the map is; `None` where each is itself.
+    pub(crate) fn unsplit(&self) -> Option<&IdVec<VertexId, VertexId>> {
+        self.cut.as_ref().map(|cut| &cut.unsplit)
+    }
+
+    /// The mesh as it lies on the map: cut open.
+    pub(crate) fn opened(&self) -> Cow<'_, TriMesh> {
+        let mesh = &self.level.mesh;
+        self.cut.as_ref().map_or(Cow::Borrowed(mesh), |cut| Cow::Owned(cut.mesh(&mesh.positions)))
+    }
+
+    /// Length of the seam along which the level is cut, in m; 0 without one.
+    #[must_use]
+    pub fn seam_length(&self) -> f64 {
+        let mesh = &self.level.mesh;
+        let edges = self.cut.as_ref().and_then(|cut| cut.seam(mesh).ok());
+        edges.map_or(0.0, |edges| seam_length(mesh, &edges))
     }
 
     /// The face of the level that each row of its `to_finest` lies in: the smallest that holds all
@@ -84,15 +126,30 @@ impl PatchMap {
         maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
         pixel: f64,
     ) -> Self {
+        let levels = pyramid.levels.into_iter().zip(maps);
+        Self::of_levels(patch, levels.map(|(level, uv)| MapLevel::new(level, None, uv, pixel)).collect())
+    }
+
+    /// The same for a patch that is cut open: `maps` are those of the opened levels.
+    pub(crate) fn new_cut(
+        patch: &Patch,
+        pyramid: CutPyramid,
+        maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
+        pixel: f64,
+    ) -> Self {
+        let levels = pyramid.pyramid.levels.into_iter().zip(pyramid.cuts).zip(maps);
+        let level = |((level, cut), uv)| MapLevel::new(level, Some(cut), uv, pixel);
+        Self::of_levels(patch, levels.map(level).collect())
+    }
+
+    fn of_levels(patch: &Patch, mut levels: IdVec<LevelId, MapLevel>) -> Self {
         let mut taxels = patch.taxels.clone();
-        if let Some((level, uv)) = pyramid.levels.iter().zip(&maps).next()
+        if let Some(finest) = levels.iter().next()
             && taxels.tangents.is_none()
         {
-            let directions = directions_of_u(&level.mesh, uv);
-            taxels.tangents = Some(tangents_along(&level.mesh, &taxels.normals, &directions).0);
+            let directions = directions_of_u(finest);
+            taxels.tangents = Some(tangents_along(&finest.level.mesh, &taxels.normals, &directions).0);
         }
-        let mut levels: IdVec<LevelId, MapLevel> =
-            pyramid.levels.into_iter().zip(maps).map(|(level, uv)| MapLevel::new(level, uv, pixel)).collect();
         if let Some(last) = levels.iter_mut().last() {
             last.level.from_coarser = None;
         }
@@ -128,11 +185,14 @@ impl PatchMap {
         if let Some(((vertex, &found), &taxel)) = areas.find(|((_, a), b)| a != b) {
             return Err(MapError::Area { patch: self.name.clone(), vertex, found, taxel });
         }
-        for (level, MapLevel { level: Level { mesh, .. }, uv, frame, distortion, .. }) in
-            self.levels.enumerate()
-        {
+        for (level, map) in self.levels.enumerate() {
+            let MapLevel { level: Level { mesh, .. }, cut, uv, frame, distortion, .. } = map;
             let patch = || self.name.clone();
-            let (found, needed) = (uv.len(), mesh.positions.len());
+            if let Some(place) = cut.as_ref().and_then(|cut| cut.wrong_place(mesh)) {
+                return Err(MapError::Cut { patch: patch(), level, place });
+            }
+            let (found, needed) =
+                (uv.len(), cut.as_ref().map_or(mesh.positions.len(), |cut| cut.unsplit.len()));
             if found != needed {
                 let source = PyramidError::Length { what: "uv", found, needed };
                 return Err(MapError::Level { patch: patch(), level, source });
@@ -153,15 +213,17 @@ impl PatchMap {
 
 /// At each vertex the sum over its faces of area times gradient of `u`, twice, in m^2: zero where
 /// the gradients cancel or the faces have no area.
-fn directions_of_u(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> IdVec<VertexId, DVec3> {
+fn directions_of_u(finest: &MapLevel) -> IdVec<VertexId, DVec3> {
+    let mesh = &finest.level.mesh;
     let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, mesh.positions.len());
-    for (face, &[a, b, c]) in mesh.triangles.enumerate() {
+    for (face, corners) in mesh.triangles.enumerate() {
         let [x, y, z] = mesh.corners(face);
         let normal = mesh.face_cross(face).normalize_or_zero();
         // The gradient of a hat function is the opposite side, turned by a right angle inwards.
-        let side = (uv[b].x - uv[a].x) * (x - z) + (uv[c].x - uv[a].x) * (y - x);
+        let [a, b, c] = finest.uv_of(face);
+        let side = (b.x - a.x) * (x - z) + (c.x - a.x) * (y - x);
         let gradient = normal.cross(side);
-        [a, b, c].iter().for_each(|&v| sums[v] += gradient);
+        corners.iter().for_each(|&v| sums[v] += gradient);
     }
     sums
 }
@@ -219,7 +281,8 @@ impl SkinMap {
     /// Links come after their parents and have rigid poses, patches have names of their own and
     /// links that exist. Of each patch, the taxels keep the rules of [`Taxels::validate`], the levels
     /// those of a pyramid but for manifoldness and nesting (lookups accept any triangles), map
-    /// positions are finite, one per vertex, and image frames have a size.
+    /// positions are finite, one per vertex, or per place of a vertex on a map that is cut, and image
+    /// frames have a size.
     ///
     /// # Errors
     /// The first broken rule, with patch, level and element.

@@ -1,12 +1,13 @@
 //! Makes the pyramid of one patch, level by level; see the [module](crate::pyramid) for the steps.
 
 use crate::{
+    cut::CutMesh,
     id::{IdVec, VertexId},
     mesh::{HalfedgeMesh, Rings, TriMesh},
     pyramid::{
-        Level, Prolongation, Pyramid, PyramidError, RemovalLog,
+        Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog,
         independent_set::{ALPHA, Candidates, measured_spacing, priorities, spacing_of_densities},
-        removal::{Remover, TaxelLocations},
+        removal::{Remover, Seam, SeamRole, TaxelLocations},
     },
     skin::Taxels,
 };
@@ -57,20 +58,102 @@ impl Default for CoarsenOptions {
 /// is negative, a density not positive, or the ratio below 1.5.
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
-    let (surface, rings) = HalfedgeMesh::new(mesh)?;
-    let locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
-    let level = Level::finest(mesh.clone(), taxels.areas.clone());
-    let mut coarsener = Coarsener { taxels, options, level, surface, locations };
+    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, None)?;
     let (mut levels, mut removals) = (IdVec::new(), IdVec::new());
-    let mut finest_rings = Some(rings);
-    while levels.len() < options.levels.unwrap_or(usize::MAX) && coarsener.wants_coarser() {
-        let rings = finest_rings.take().unwrap_or_else(|| coarsener.surface.rings());
-        let Some((level, log)) = coarsener.step(rings) else { break };
+    coarsener.run(rings, |level, log, _| {
         levels.push(level);
         removals.push(log);
-    }
+    });
     levels.push(coarsener.level);
     Ok(Pyramid { levels, removals })
+}
+
+/// The pyramid of a patch that is mapped cut open, and the same levels cut open.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CutPyramid {
+    /// The pyramid of the uncut patch, with a centre wherever the seam ends or branches.
+    pub pyramid: Pyramid,
+    /// The levels cut open, to be mapped: level 0 is the patch after its cut, and vertices and
+    /// origins count those of cut levels. Areas are those of the whole taxel at each of its places.
+    pub opened: Pyramid,
+    /// How each level of the pyramid is cut into the one to be mapped.
+    pub cuts: IdVec<LevelId, CutMesh>,
+}
+
+/// The pyramid of a patch that is mapped after the cut `cut`. Every level has the same seam: it is
+/// coarsened like a boundary whose two sides go together.
+///
+/// # Errors
+/// As [`coarsen`].
+pub fn coarsen_cut(
+    mesh: &TriMesh,
+    taxels: &Taxels,
+    cut: &CutMesh,
+    options: &CoarsenOptions,
+) -> Result<CutPyramid, PyramidError> {
+    check(mesh, taxels, options)?;
+    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, Some(Seam::new(mesh, cut)?))?;
+    let (mut levels, mut cuts) = (IdVec::<LevelId, Level>::new(), IdVec::new());
+    let mut removals = [IdVec::new(), IdVec::new()];
+    // The vertices of level 0 after its cut that those of the next level are.
+    let mut origins: IdVec<VertexId, VertexId> = cut.unsplit.ids().collect();
+    let mut all_origins = vec![origins.clone()];
+    cuts.push(cut.clone());
+    coarsener.run(rings, |level, log, seam| {
+        levels.push(level);
+        removals[0].push(log);
+        if let Some((opened, places, cut)) = seam {
+            removals[1].push(opened);
+            origins = places.map(|&place| origins[place]);
+            all_origins.push(origins.clone());
+            cuts.push(cut);
+        }
+    });
+    levels.push(coarsener.level);
+    let opened = open_levels(&levels, &cuts, all_origins);
+    let [removals, opened_removals] = removals;
+    Ok(CutPyramid {
+        pyramid: Pyramid { levels, removals },
+        opened: Pyramid { levels: opened, removals: opened_removals },
+        cuts,
+    })
+}
+
+/// The levels after their cuts; `origins` are the vertices of level 0 after its cut that theirs are.
+fn open_levels(
+    levels: &IdVec<LevelId, Level>,
+    cuts: &IdVec<LevelId, CutMesh>,
+    origins: Vec<IdVec<VertexId, VertexId>>,
+) -> IdVec<LevelId, Level> {
+    let finest = &cuts[LevelId::new(0)].unsplit;
+    let mut opened = IdVec::<LevelId, Level>::new();
+    for ((level, cut), origins) in levels.iter().zip(cuts).zip(origins) {
+        let to_finest = level.to_finest.as_ref().map(|rows| {
+            let mut indices = finest.map(|&v| rows.indices[v]);
+            // A copy that is a vertex still is its own field.
+            for (vertex, &origin) in origins.enumerate() {
+                indices[origin][0] = vertex;
+            }
+            let weights = finest.map(|&v| rows.weights[v]);
+            Prolongation { indices, weights, coarse_len: origins.len() }
+        });
+        if let (Some(rows), Some(finer)) = (&to_finest, opened.iter_mut().last()) {
+            finer.from_coarser = Some(Prolongation {
+                indices: finer.origins.map(|&origin| rows.indices[origin]),
+                weights: finer.origins.map(|&origin| rows.weights[origin]),
+                coarse_len: rows.coarse_len,
+            });
+        }
+        let areas = cut.unsplit.map(|&v| level.areas[v]);
+        opened.push(Level {
+            mesh: cut.mesh(&level.mesh.positions),
+            origins,
+            areas,
+            from_coarser: None,
+            to_finest,
+        });
+    }
+    opened
 }
 
 fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<(), PyramidError> {
@@ -109,9 +192,41 @@ struct Coarsener<'a> {
     surface: HalfedgeMesh,
     /// Where the taxels of level 0 lie on it.
     locations: TaxelLocations,
+    /// Where it is cut for its map.
+    seam: Option<Seam>,
 }
 
-impl Coarsener<'_> {
+/// How the next coarser level is cut: the removals from the cut level, the vertex of that level that
+/// each of its own is, and the cut itself.
+type CutStep = (RemovalLog, IdVec<VertexId, VertexId>, CutMesh);
+
+impl<'a> Coarsener<'a> {
+    /// At level 0, whose rings are returned too.
+    fn new(
+        mesh: &TriMesh,
+        taxels: &'a Taxels,
+        options: &'a CoarsenOptions,
+        seam: Option<Seam>,
+    ) -> Result<(Self, Rings), PyramidError> {
+        let (surface, rings) = HalfedgeMesh::new(mesh)?;
+        let locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
+        let level = Level::finest(mesh.clone(), taxels.areas.clone());
+        Ok((Self { taxels, options, level, surface, locations, seam }, rings))
+    }
+
+    /// Goes on to the coarsest level, and hands out every level before it with the removals from it
+    /// and how the next one is cut.
+    fn run(&mut self, rings: Rings, mut done: impl FnMut(Level, RemovalLog, Option<CutStep>)) {
+        let mut finest_rings = Some(rings);
+        let mut count = 0;
+        while count < self.options.levels.unwrap_or(usize::MAX) && self.wants_coarser() {
+            let rings = finest_rings.take().unwrap_or_else(|| self.surface.rings());
+            let Some((level, log, cut)) = self.step(rings) else { break };
+            done(level, log, cut);
+            count += 1;
+        }
+    }
+
     /// Whether a further level comes nearer to the coarsest count, as a factor, than this one.
     fn wants_coarser(&self) -> bool {
         let ratio = self.options.ratio.unwrap_or(USUAL_RATIO);
@@ -120,25 +235,30 @@ impl Coarsener<'_> {
 
     /// Goes on to the next coarser level; returns the one before, with its `from_coarser`, and the
     /// removals between them. `None` if the level would not shrink enough.
-    fn step(&mut self, rings: Rings) -> Option<(Level, RemovalLog)> {
+    fn step(&mut self, rings: Rings) -> Option<(Level, RemovalLog, Option<CutStep>)> {
         let (kept, order) = self.choose(&rings);
         drop(rings);
-        let Self { level, surface, locations, .. } = self;
+        let Self { level, surface, locations, seam, .. } = self;
         let positions = &level.mesh.positions;
         let count = positions.len();
         let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
         if !is_small(kept.iter().filter(|k| **k).count()) {
             return None;
         }
-        let removals =
-            Remover { mesh: surface, locations, positions, origins: &level.origins }.remove(&kept, &order);
+        let remover =
+            Remover { mesh: surface, locations, positions, origins: &level.origins, seam: seam.as_mut() };
+        let removals = remover.remove(&kept, &order);
         if !is_small(count - removals.len()) {
             return None;
         }
         let compacted = surface.compact();
         locations.compact(&compacted.new_faces, compacted.mesh.face_count());
-        *surface = compacted.mesh;
         let parents = compacted.old_vertices;
+        let cut = seam.as_mut().map(|seam| {
+            let (log, places) = seam.compact(&parents, |face| surface.is_alive(face));
+            (log, places, seam.cut.clone())
+        });
+        *surface = compacted.mesh;
         let mesh = TriMesh { positions: parents.map(|&v| positions[v]), triangles: surface.triangles() };
         let origins = parents.map(|&v| level.origins[v]);
         let (indices, weights) = locations.rows(surface, &origins);
@@ -152,7 +272,7 @@ impl Coarsener<'_> {
         level.from_coarser = Some(from_coarser);
         let to_finest = Some(Prolongation { indices, weights, coarse_len });
         let next = Level { mesh, origins, areas, from_coarser: None, to_finest };
-        Some((std::mem::replace(level, next), removals))
+        Some((std::mem::replace(level, next), removals, cut))
     }
 
     /// Which vertices stay, and the order in which the others go.
@@ -163,11 +283,20 @@ impl Coarsener<'_> {
         if let Some(densities) = &taxels.densities {
             spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
         }
-        let order = priorities(rings, positions, &level.origins, taxels);
+        let roles = self.seam.as_ref().map(|seam| &seam.roles);
+        let order = priorities(rings, positions, &level.origins, taxels, roles);
+        let fixed = &|v: VertexId| roles.is_some_and(|roles| roles[v] == SeamRole::Fixed);
         let loops = rings.boundary_loops();
         let is_live = &|v: VertexId| taxels.presence[level.origins[v]].reads_pressure();
-        let candidates =
-            Candidates { rings, loops: &loops, positions, spacing: &spacing, priorities: &order, is_live };
+        let candidates = Candidates {
+            rings,
+            loops: &loops,
+            positions,
+            spacing: &spacing,
+            priorities: &order,
+            fixed,
+            is_live,
+        };
         let kept = match self.options.ratio {
             Some(ratio) => candidates.choose_about(positions.len() as f64 / ratio),
             None => candidates.choose(ALPHA),

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     mesh::{Rings, angle},
+    pyramid::removal::SeamRole,
     skin::Taxels,
 };
 
@@ -74,12 +75,14 @@ pub(super) fn spacing_of_densities(
 /// pads; of these, in the order of a hash of the taxel's id, so that neither the order in a file nor
 /// that of a vendor's numbering shows. Vertices of equal ids are ordered by number.
 ///
-/// `origins` says which of the taxels each vertex is.
+/// `origins` says which of the taxels each vertex is. A seam counts as a boundary, its ends and
+/// branchings as corners.
 pub(super) fn priorities(
     rings: &Rings,
     positions: &IdVec<VertexId, DVec3>,
     origins: &IdVec<VertexId, VertexId>,
     taxels: &Taxels,
+    seam: Option<&IdVec<VertexId, SeamRole>>,
 ) -> Vec<VertexId> {
     let mut keyed: Vec<(u64, u64, VertexId)> = origins
         .as_slice()
@@ -88,8 +91,11 @@ pub(super) fn priorities(
         .map(|(i, &taxel)| {
             let (v, id) = (VertexId::new(i), taxels.ids[taxel]);
             let is_silent = u64::from(!taxels.presence[taxel].reads_pressure());
+            let role = seam.map_or(SeamRole::Off, |roles| roles[v]);
             let class = match rings.on_boundary[v] {
-                true if is_corner(rings, positions, v) => 0_u64,
+                _ if role == SeamRole::Fixed => 0_u64,
+                _ if role == SeamRole::Along => 1,
+                true if is_corner(rings, positions, v) => 0,
                 true => 1,
                 false => 2,
             };
@@ -124,6 +130,8 @@ pub(super) struct Candidates<'a> {
     pub(super) spacing: &'a IdVec<VertexId, f64>,
     /// All vertices, most wanted first.
     pub(super) priorities: &'a [VertexId],
+    /// Whether each vertex is a centre in any case.
+    pub(super) fixed: &'a dyn Fn(VertexId) -> bool,
     /// Whether each vertex is a taxel that reads pressure.
     pub(super) is_live: &'a dyn Fn(VertexId) -> bool,
 }
@@ -133,7 +141,7 @@ impl Candidates<'_> {
     /// `alpha`: `i` and `j` conflict if `|x_i - x_j| <= alpha (h_i + h_j) / 2` and a path of such
     /// vertices leads from `i` to `j`. (Equality counts: where vertices coincide, `h` may be zero.)
     pub(super) fn choose(&self, alpha: f64) -> IdVec<VertexId, bool> {
-        let mut chosen = IdVec::filled(false, self.positions.len());
+        let mut chosen = self.positions.ids().map(self.fixed).collect();
         self.add(alpha, &mut chosen, usize::MAX);
         for walk in self.loops {
             keep_loop(walk, self.is_live, &mut chosen);

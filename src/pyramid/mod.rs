@@ -21,6 +21,9 @@
 //! Receptive areas are `a_coarse = P' a_fine`. The [`RemovalLog`] lets flattening undo the removals
 //! on the map.
 //!
+//! A patch that is mapped cut open ([`coarsen_cut`]) has the same seam on every level: its vertices
+//! are chosen like those of a boundary, and a star on the seam is filled on either side of it.
+//!
 //! Guaranteed: every level is an oriented manifold with the Euler characteristic and the boundary
 //! loops of the patch; no level folds where the patch does not; the result does not depend on the
 //! number of threads. Not guaranteed: a vertex that no rule
@@ -39,7 +42,7 @@ mod prolongation;
 mod removal;
 mod removal_log;
 
-pub use coarsen::{CoarsenOptions, coarsen};
+pub use coarsen::{CoarsenOptions, CutPyramid, coarsen, coarsen_cut};
 pub use error::PyramidError;
 pub(crate) use level::check_levels;
 pub use level::{Level, Pyramid};

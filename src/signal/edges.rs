@@ -53,7 +53,8 @@ impl<'a> Edges<'a> {
     /// Prepares for frames of these channels.
     #[must_use]
     pub fn new(map: &'a SkinMap, channels: &[Channel]) -> Self {
-        let vertices = map.patches.iter().flat_map(|patch| &patch.levels).map(|level| level.uv.len());
+        let vertices =
+            map.patches.iter().flat_map(|patch| &patch.levels).map(|level| level.level.mesh.positions.len());
         Self {
             map,
             quantities: channels.iter().map(|channel| channel.quantity).collect(),
@@ -101,17 +102,19 @@ impl<'a> Edges<'a> {
 /// Sums of area times gradient on the map plane, and of areas, at each vertex: of the faces all of
 /// whose corners have a value.
 fn gradients(level: &MapLevel, value: impl Fn(VertexId) -> f64, sums: &mut IdVec<VertexId, (DVec2, f64)>) {
-    sums.iter_mut().take(level.uv.len()).for_each(|sum| *sum = (DVec2::ZERO, 0.0));
-    for &corners in &level.level.mesh.triangles {
+    let mesh = &level.level.mesh;
+    sums.iter_mut().take(mesh.positions.len()).for_each(|sum| *sum = (DVec2::ZERO, 0.0));
+    for (face, &corners) in mesh.triangles.enumerate() {
         let [f, g, h] = corners.map(&value);
         if !(f.is_finite() && g.is_finite() && h.is_finite()) {
             continue;
         }
-        let [a, b, c] = corners.map(|v| level.uv[v]);
+        let [a, b, c] = level.uv_of(face);
         // `2 A grad` of a linear field: each rise times the normal of the edge across.
         let rise = (g - f) * (c - a).perp() - (h - f) * (b - a).perp();
         let area = 2.0 * signed_area([a, b, c]);
-        for v in corners {
+        // Across a seam the map is turned: vertices there count the faces at their first place.
+        for (v, _) in corners.into_iter().zip(level.corners()[face]).filter(|(v, place)| v == place) {
             sums[v].0 -= rise;
             sums[v].1 += area;
         }

@@ -112,6 +112,19 @@ impl Taxels {
         }
     }
 
+    /// The taxels of other vertices, each of which is one of these.
+    pub(crate) fn at(&self, vertices: &IdVec<VertexId, VertexId>) -> Self {
+        Self {
+            ids: vertices.map(|&v| self.ids[v]),
+            normals: vertices.map(|&v| self.normals[v]),
+            tangents: self.tangents.as_ref().map(|all| vertices.map(|&v| all[v])),
+            areas: vertices.map(|&v| self.areas[v]),
+            densities: self.densities.as_ref().map(|all| vertices.map(|&v| all[v])),
+            presence: vertices.map(|&v| self.presence[v]),
+            covariances: self.covariances.as_ref().map(|all| vertices.map(|&v| all[v])),
+        }
+    }
+
     /// Checks the length of every array and the values in it.
     ///
     /// # Errors

@@ -21,7 +21,7 @@ use dermatome::{
 use crate::{
     common::Common,
     input::read_good_patches,
-    notes::{note, note_distortion, note_overlaps},
+    notes::{note, note_distortion, note_overlaps, note_seams},
     options::{CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
     outputs::{self, Outputs, cannot_write},
     print::{json, print_json, print_levels},
@@ -58,6 +58,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut options = BuildOptions {
+        cut: args.flatten.cut()?,
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
         pixel: args.pixel_mm * 1e-3,
@@ -103,6 +104,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs
         .stage(&path, |staged| replace_file(staged, |file| file.write_all(text.as_bytes()).map_err(fail)))?;
     outputs.publish()?;
+    note_seams(&report.patches, common);
     note_overlaps(&report.patches, &options.flatten, common);
     note_distortion(&report.patches, common);
     if args.json {

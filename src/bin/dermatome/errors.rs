@@ -172,9 +172,7 @@ fn skin_help(error: &SkinError) -> &'static str {
 
 fn flatten_help(error: &FlattenError) -> &'static str {
     match error {
-        FlattenError::NotADisk { .. } => {
-            "`dermatome flatten` finds a seam with --cut auto; else give each piece a file of its own"
-        }
+        FlattenError::NotADisk { .. } => "leave out --cut none, or give each piece a file of its own",
         FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => CHECK,
         FlattenError::Option { .. } => "change the option: `dermatome help flatten` lists what each takes",
         FlattenError::Size { .. } => "give positions in metres",

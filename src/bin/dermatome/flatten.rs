@@ -1,16 +1,12 @@
 //! `flatten`: one mesh to the plane, at full precision.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{path::PathBuf, process::ExitCode};
 
 use anyhow::Context;
 use dermatome::{
     Error,
-    cut::Cut,
-    flatten::{Boundary, distortion},
-    io::{read_seams, write_flat},
+    flatten::distortion,
+    io::write_flat,
     mesh::Adjacency,
     pipeline::flatten_patch,
     report::{LevelReport, PatchReport},
@@ -21,7 +17,7 @@ use crate::{
     common::Common,
     errors::advise,
     input::read_skin,
-    notes::{note_distortion, note_overlaps},
+    notes::{note_distortion, note_overlaps, note_seams},
     options::{FlattenArgs, PatchArgs, ReadArgs},
     outputs::{self, Outputs},
     print::{print_json, print_levels},
@@ -39,11 +35,6 @@ pub(crate) struct Args {
     output: Vec<PathBuf>,
     #[command(flatten)]
     flatten: FlattenArgs,
-    /// Where to cut first: auto (what has no map otherwise, and where it makes the map much better),
-    /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
-    /// of taxels); nothing is cut within a table of --boundary
-    #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto", help_heading = "Map")]
-    cut: String,
     /// Print the measures of the map as JSON
     #[arg(long)]
     json: bool,
@@ -72,17 +63,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let patch = &skin.patches[PatchId::new(0)];
     let options = args.flatten.options_for(&skin)?;
-    let cut = match (&options.boundary, args.cut.as_str()) {
-        (Boundary::Places(_), "auto" | "none") => Cut::None,
-        (Boundary::Places(_), _) => {
-            let why = "a table of --boundary has no places for the copies of taxels along a cut";
-            return Err(advise(why, "use --cut none, or a circle or rectangle"));
-        }
-        (_, text) => cut(text)?,
-    };
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let flat = flatten_patch(patch, &cut, &options)
+    let flat = flatten_patch(patch, &args.flatten.cut()?, &options)
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
     let mut outputs = Outputs::default();
@@ -101,6 +84,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let link = skin.links[patch.link].name.clone();
     let report = [PatchReport { name: patch.name.clone(), link, levels: vec![level] }];
+    note_seams(&report, common);
     note_overlaps(&report, &options, common);
     note_distortion(&report, common);
     if args.json {
@@ -109,14 +93,4 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_levels(&report)?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Where to cut; reads the table if one is named.
-fn cut(text: &str) -> anyhow::Result<Cut> {
-    Ok(match text {
-        "auto" => Cut::Auto,
-        "none" => Cut::None,
-        "all" => Cut::All,
-        file => Cut::Along(read_seams(Path::new(file)).map_err(Error::from)?),
-    })
 }

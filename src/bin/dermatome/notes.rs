@@ -73,6 +73,15 @@ pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, c
     }
 }
 
+/// Prints which patches are cut open for their map.
+pub(crate) fn note_seams(patches: &[PatchReport], common: &Common) {
+    for patch in patches {
+        let Some(finest) = patch.levels.first().filter(|finest| finest.seam > 0.0) else { continue };
+        let (name, seam) = (plain(&patch.name), finest.seam * 1e3);
+        note(common, format_args!("{name}: the map is cut open along a seam of {seam:.0} mm"));
+    }
+}
+
 /// A map of more symmetric Dirichlet energy than this is far from isometric: faces are several times
 /// too small or too large.
 const FAR_FROM_ISOMETRIC: f64 = 50.0;

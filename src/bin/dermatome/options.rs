@@ -6,8 +6,9 @@ use anyhow::Context;
 use clap::ValueEnum;
 use dermatome::{
     Error,
+    cut::Cut,
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
-    io::{read_boundary, read_draft, read_textured_draft},
+    io::{read_boundary, read_draft, read_seams, read_textured_draft},
     pyramid::CoarsenOptions,
     skin::{AssembleOptions, Draft, Skin, TaxelId, Weld},
 };
@@ -182,6 +183,11 @@ pub(crate) struct FlattenArgs {
     /// The same as --overlap prevent
     #[arg(long, hide = true, conflicts_with = "overlap")]
     bijective: bool,
+    /// Where to cut first: auto (what has no map otherwise, and where it makes the map much better),
+    /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
+    /// of taxels); nothing is cut within a table of --boundary
+    #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto")]
+    cut: String,
     /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin;
     /// rectangle:W:H:A:B:C:D with its corners at these taxels, counter-clockwise from the lower left
     /// one; or a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
@@ -293,6 +299,24 @@ impl FlattenArgs {
             Some(BoundaryArg::Corners(..) | BoundaryArg::Table(_)) | None => Boundary::Free,
         };
         Ok(FlattenOptions { method, overlap, boundary })
+    }
+
+    /// Where to cut; reads the table if one is named.
+    pub(crate) fn cut(&self) -> anyhow::Result<Cut> {
+        let how = self.cut.as_str();
+        if matches!(self.boundary, Some(BoundaryArg::Table(_))) {
+            if how == "auto" || how == "none" {
+                return Ok(Cut::None);
+            }
+            let why = "a table of --boundary has no places for the copies of taxels along a cut";
+            return Err(advise(why, "use --cut none, or a circle or rectangle"));
+        }
+        Ok(match how {
+            "auto" => Cut::Auto,
+            "none" => Cut::None,
+            "all" => Cut::All,
+            file => Cut::Along(read_seams(Path::new(file)).map_err(Error::from)?),
+        })
     }
 
     /// Refuses every given option that is not among `used`.

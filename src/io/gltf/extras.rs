@@ -24,6 +24,10 @@ pub(super) struct LevelExtras {
     /// older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origins: Option<usize>,
+    /// Where the map is cut: number of the accessor of the vertex of the uncut level that each vertex
+    /// of the mesh is. All other numbers count those of uncut levels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unsplit: Option<usize>,
 }
 
 /// The rectangle of a [`crate::map::ImageFrame`].

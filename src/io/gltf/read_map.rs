@@ -9,7 +9,8 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::{
-    flatten::{Distortion, distortion},
+    cut::CutMesh,
+    flatten::Distortion,
     id::{IdVec, VertexId},
     io::{
         IoError,
@@ -69,7 +70,7 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     map.validate().map_err(|source| IoError::Map { path: path.into(), source })?;
     for patch in map.patches.iter_mut() {
         patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
-            map.distortion = distortion(&map.level.mesh, &map.uv);
+            map.measure();
         });
     }
     Ok(map)
@@ -182,8 +183,89 @@ fn read_level(
             covariances: read_covariances(&attributes)?.map(IdVec::from),
         };
     }
-    let level = Level { mesh, areas, ..Level::default() };
-    Ok(MapLevel { level, uv, frame, distortion: Distortion::default(), convergence: None })
+    let whole = MapLevel {
+        level: Level { mesh, areas, ..Level::default() },
+        cut: None,
+        uv,
+        frame,
+        distortion: Distortion::default(),
+        convergence: None,
+    };
+    match extras.unsplit {
+        None => Ok(whole),
+        Some(accessor) => {
+            let name = format!("{name} unsplit");
+            let unsplit = document.accessor(accessor, Role::Plain, &name)?.integers::<1>()?;
+            let unsplit = unsplit.into_iter().map(|[v]| VertexId::from(v)).collect();
+            let places = Places::new(document, &name, unsplit, whole.uv.len())?;
+            if extras.level == 0 {
+                *taxels = taxels.at(&places.first);
+            }
+            Ok(places.glue(whole))
+        }
+    }
+}
+
+/// How the vertices of a mesh that is cut open hang together.
+struct Places {
+    /// A vertex of the mesh for each vertex of the level.
+    first: IdVec<VertexId, VertexId>,
+    /// The place on the map that each vertex of the mesh is: those of `first` come first.
+    place: IdVec<VertexId, VertexId>,
+    /// The vertex of the level that each place is.
+    unsplit: IdVec<VertexId, VertexId>,
+}
+
+impl Places {
+    fn new(
+        document: &Document,
+        name: &str,
+        given: IdVec<VertexId, VertexId>,
+        vertices: usize,
+    ) -> Result<Self, IoError> {
+        if given.len() != vertices {
+            let needed = format!("{vertices}, one per vertex");
+            return Err(document.invalid(name, format!("{} entries", given.len()), needed));
+        }
+        let count = given.iter().map(|v| v.index() + 1).max().unwrap_or(0).min(vertices + 1);
+        let mut first = IdVec::<VertexId, Option<VertexId>>::filled(None, count);
+        for (at, &v) in given.enumerate() {
+            if v.index() < count {
+                first[v].get_or_insert(at);
+            }
+        }
+        if let Some(missing) = first.iter().position(Option::is_none) {
+            return Err(document.invalid(name, format!("no vertex {missing}"), "every vertex of the level"));
+        }
+        let first: IdVec<VertexId, VertexId> = first.into_iter().flatten().collect();
+        let mut place = given.clone();
+        let mut unsplit: IdVec<VertexId, VertexId> = first.ids().collect();
+        for (at, &v) in given.enumerate() {
+            if first[v] != at {
+                place[at] = unsplit.push(v);
+            }
+        }
+        Ok(Self { first, place, unsplit })
+    }
+
+    /// The level of a mesh that is cut open.
+    fn glue(self, opened: MapLevel) -> MapLevel {
+        let Self { first, place, unsplit } = self;
+        let Level { mesh, areas, .. } = opened.level;
+        let triangles: IdVec<_, _> = mesh.triangles.map(|t| t.map(|v| place[v]));
+        let whole = TriMesh {
+            positions: first.map(|&v| mesh.positions[v]),
+            triangles: triangles.map(|t| t.map(|v| unsplit[v])),
+        };
+        let mut uv = opened.uv.clone();
+        place.enumerate().for_each(|(v, &at)| uv[at] = opened.uv[v]);
+        MapLevel {
+            level: Level { mesh: whole, areas: first.map(|&v| areas[v]), ..Level::default() },
+            cut: Some(CutMesh { triangles, unsplit }),
+            uv,
+            ..opened
+        }
+    }
 }
 
 /// A normal of unit length: glTF allows normals of 8-bit integers, which are not.

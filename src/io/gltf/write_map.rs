@@ -1,6 +1,6 @@
 //! Writes maps and pyramids as glTF.
 
-use std::path::Path;
+use std::{borrow::Cow, path::Path};
 
 use glam::{DVec2, DVec3};
 use gltf::json::{Index, Mesh};
@@ -18,7 +18,7 @@ use crate::{
         },
     },
     map::{MapLevel, SkinMap},
-    mesh::FlatTriangle,
+    mesh::{FlatTriangle, TriMesh},
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError},
     skin::{Link, LinkId, Skin, Taxels},
 };
@@ -33,7 +33,9 @@ use crate::{
 /// low, high), `_PRESENT`, and `_DENSITY`, `_SIGMA` and `_COVARIANCE_0/1` where densities and
 /// covariances are known. The mesh's `extras.dermatome` holds the names of patch and level, the
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
-/// vertices of level 0 that its vertices are. Everything but the rectangle is rounded to `f32`.
+/// vertices of level 0 that its vertices are. Where a map is cut, the mesh has the vertices of the
+/// seam once for each of their places, and `unsplit` is the accessor of the vertex of the level that
+/// each of them is. Everything but the rectangle is rounded to `f32`.
 ///
 /// # Errors
 /// If [`SkinMap::validate`] refuses the map or it has no patch, if rounding would turn a triangle
@@ -117,17 +119,26 @@ fn level_name(patch: &PatchLevels<'_>, level: LevelId) -> String {
 fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: LevelId) -> Result<Index<Mesh>> {
     let name = level_name(patch, number);
     let (level, map) = patch.levels[number];
-    let mut sheet = SheetWriter::new(writer, name.clone(), &level.mesh)?;
+    let opened = map.map_or(Cow::Borrowed(&level.mesh), MapLevel::opened);
+    let unsplit = map.and_then(MapLevel::unsplit);
+    let mut sheet = SheetWriter::new(writer, name.clone(), &opened)?;
     if number.index() == 0 {
-        sheet.taxels(patch.taxels, level.mesh.positions.len())?;
+        let count = opened.positions.len();
+        match unsplit {
+            None => sheet.taxels(patch.taxels, count)?,
+            Some(at) => sheet.taxels(&patch.taxels.at(at), count)?,
+        }
     } else {
-        let of_level = |of_taxels: &IdVec<VertexId, DVec3>| level.origins.map(|&taxel| of_taxels[taxel]);
+        let taxel_of = unsplit.map_or_else(|| level.origins.clone(), |at| at.map(|&v| level.origins[v]));
+        let of_level = |of_taxels: &IdVec<VertexId, DVec3>| taxel_of.map(|&taxel| of_taxels[taxel]);
         let tangents = patch.taxels.tangents.as_ref().map(of_level);
         sheet.frames(&of_level(&patch.taxels.normals), tangents.as_ref());
-        sheet.positive("_AREA", &level.areas)?;
+        let areas = unsplit.map(|at| at.map(|&v| level.areas[v]));
+        sheet.positive("_AREA", areas.as_ref().unwrap_or(&level.areas))?;
     }
     if let Some(map) = map {
-        let texture = texture_coordinates(map).map_err(|(found, needed)| sheet.unfit(found, &needed))?;
+        let texture =
+            texture_coordinates(map, &opened).map_err(|(found, needed)| sheet.unfit(found, &needed))?;
         sheet.insert("TEXCOORD_0", texture.into_iter());
     }
     let primitive = sheet.finish();
@@ -144,6 +155,7 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         direct: level.to_finest.as_ref().map(|rows| add_rows(writer, rows)),
         origins: (number.index() > 0)
             .then(|| writer.array(None, level.origins.iter().map(|v| [v.raw()])).value()),
+        unsplit: unsplit.map(|at| writer.array(None, at.iter().map(|v| [v.raw()])).value()),
     };
     let mut mesh = mesh(name, primitive);
     mesh.extras = writer.extras(&content)?;
@@ -162,8 +174,8 @@ fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
 /// on the skin.
 ///
 /// A triangle that the map itself turns over, as a linear map may, is written as it is.
-fn texture_coordinates(map: &MapLevel) -> Result<Vec<[f32; 2]>, (String, String)> {
-    let MapLevel { level: Level { mesh, .. }, uv, frame, .. } = map;
+fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, (String, String)> {
+    let MapLevel { uv, frame, .. } = map;
     let texture: Vec<_> = uv.iter().map(|&at| frame.to_texture(at).to_array().map(narrow)).collect();
     if let Some(v) = texture.iter().position(|t| !t.iter().all(|x| (0.0..=1.0).contains(x))) {
         let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);

@@ -78,6 +78,11 @@ impl HalfedgeMesh {
         self.faces.map(|face| face.corners)
     }
 
+    /// Whether a face is one of the mesh still.
+    pub(crate) fn is_alive(&self, face: FaceId) -> bool {
+        self.alive[face]
+    }
+
     /// Number of faces, dead ones included.
     pub(crate) fn face_count(&self) -> usize {
         self.faces.len()

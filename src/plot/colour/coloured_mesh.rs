@@ -39,6 +39,7 @@ pub(crate) enum MeshOwner {
     Level,
 }
 
+#[derive(Debug, Clone)]
 pub(crate) enum Fill {
     Cells {
         groups: IdVec<VertexId, u32>,
@@ -120,7 +121,7 @@ impl<'a> ColouredMesh<'a> {
                 None => of_taxels(Fill::Faces(patch.mesh.triangles.map(|_| SKIN))),
                 Some(level) => {
                     let groups = dominant_fields(level);
-                    let colours = field_colours(&groups, patch.mesh, level.uv.len());
+                    let colours = field_colours(&groups, patch.mesh, level.level.mesh.positions.len());
                     of_taxels(Fill::Cells { groups, colours })
                 }
             },

@@ -1,12 +1,12 @@
 //! A level on its own map: coloured areas, triangles, boundary, and dots.
 
-use std::collections::BTreeMap;
+use std::{borrow::Cow, collections::BTreeMap};
 
 use glam::DVec2;
 
 use crate::{
     id::{IdVec, VertexId},
-    map::MapLevel,
+    map::{MapLevel, carried_places},
     mesh::{TriMesh, boundary_loops},
     plot::{
         colour::{Colour, ColouredMesh, Fill, MeshOwner},
@@ -18,6 +18,7 @@ use crate::{
         patch_view::PatchView,
         picture::{Path, Shape, Stroke},
     },
+    pyramid::LevelId,
 };
 
 /// Triangles with edges shorter than this on the picture are not drawn one by one, but pixel by
@@ -35,10 +36,21 @@ pub(crate) fn draw_map(
     coloured: &ColouredMesh<'_>,
     view: &View,
 ) -> Vec<Shape> {
-    let own = lay_out(&level.level.mesh, &level.uv, view);
+    let opened = level.opened();
+    let own = lay_out(&opened, &level.uv, view);
     let mut shapes = match coloured.owner {
-        MeshOwner::Level => areas(&own, coloured, view),
-        MeshOwner::Taxels => areas(&lay_out(coloured.mesh, &carry(level), view), coloured, view),
+        MeshOwner::Level => areas(&own, &on_places(&coloured.fill, level.unsplit()), coloured.is_scale, view),
+        MeshOwner::Taxels => match patch.level(LevelId::new(0)).filter(|finest| finest.cut.is_some()) {
+            None => {
+                let carried = lay_out(coloured.mesh, &carry(level), view);
+                areas(&carried, &coloured.fill, coloured.is_scale, view)
+            }
+            Some(finest) => {
+                let mesh = finest.opened();
+                let carried = lay_out(&mesh, &carried_places(finest, level), view);
+                areas(&carried, &on_places(&coloured.fill, finest.unsplit()), coloured.is_scale, view)
+            }
+        },
     };
     let mut lines = Path::default();
     for &[a, b] in &own.edges {
@@ -52,8 +64,9 @@ pub(crate) fn draw_map(
     }
     shapes.push(boundary_line(boundary));
     if let (true, Some(radius)) = (coloured.has_dots, dot_radius(own.edge_px)) {
-        let dot = |(v, &taxel): (VertexId, &VertexId)| (own.at(v), patch.is_live(taxel));
-        shapes.extend(taxel_dots(level.level.origins.enumerate().map(dot), radius, &coloured.fill));
+        let vertex = |place: VertexId| level.unsplit().map_or(place, |unsplit| unsplit[place]);
+        let dot = |place| (own.at(place), patch.is_live(level.level.origins[vertex(place)]));
+        shapes.extend(taxel_dots(level.uv.ids().map(dot), radius, &coloured.fill));
     }
     shapes
 }
@@ -71,11 +84,23 @@ fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
     to_finest.indices.enumerate().map(at).collect()
 }
 
+/// Colours of vertices as those of their places.
+fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<VertexId, VertexId>>) -> Cow<'a, Fill> {
+    match (fill, unsplit) {
+        (Fill::Cells { groups, colours }, Some(unsplit)) => {
+            Cow::Owned(Fill::Cells { groups: unsplit.map(|&v| groups[v]), colours: colours.clone() })
+        }
+        (&Fill::Values { ref values, scale, has_lines }, Some(unsplit)) => {
+            Cow::Owned(Fill::Values { values: unsplit.map(|&v| values[v]), scale, has_lines })
+        }
+        _ => Cow::Borrowed(fill),
+    }
+}
+
 /// A path for each colour, or an image if triangles are small or colours change within them.
 /// Neighbouring groups of one colour merge; white lines separate receptive fields.
-fn areas(canvas: &Canvas<'_>, coloured: &ColouredMesh<'_>, view: &View) -> Vec<Shape> {
-    let fill = &coloured.fill;
-    let is_separated = matches!(fill, Fill::Cells { .. }) && !coloured.is_scale;
+fn areas(canvas: &Canvas<'_>, fill: &Fill, is_scale: bool, view: &View) -> Vec<Shape> {
+    let is_separated = matches!(fill, Fill::Cells { .. }) && !is_scale;
     let image = || vec![canvas.image(&canvas.depth_buffer(view), view, fill, |_| 1.0)];
     let mut paths = BTreeMap::<Colour, Path>::new();
     match fill {

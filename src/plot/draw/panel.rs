@@ -112,7 +112,7 @@ fn carry_known(prolongation: &Prolongation, values: &IdVec<VertexId, f64>) -> Id
 }
 
 fn caption_of_map(name: &str, id: LevelId, level: &MapLevel) -> Caption {
-    let (d, count) = (&level.distortion, level.uv.len());
+    let (d, count) = (&level.distortion, level.level.mesh.positions.len());
     let kind = if id == LevelId::default() { "taxels" } else { "fields" };
     let stretch = format!("s1/s2 {} (max {})", number(d.qc_mean, 3), number(d.qc_max, 2));
     let area = format!("area {} (max {})", number(d.area_mean, 3), number(d.area_max, 2));

@@ -17,6 +17,7 @@ use crate::{
         patch_view::PatchView,
         picture::{Path, Shape},
     },
+    pyramid::LevelId,
 };
 
 /// Brightness of a surface that no light falls on; light from the viewer's upper left adds the
@@ -42,7 +43,8 @@ const PIECE_PX: f64 = 2.0;
 /// Most pieces of a line: no picture is wider.
 const MOST_PIECES: f64 = 4096.0;
 
-/// Draws a coloured skin as a camera sees it, with dots at some of its taxels.
+/// Draws a coloured skin as a camera sees it, with lines along its boundary and its seam, and dots at
+/// some of its taxels.
 pub(crate) fn draw_in_space(
     patch: &PatchView<'_>,
     coloured: &ColouredMesh<'_>,
@@ -59,7 +61,10 @@ pub(crate) fn draw_in_space(
         mesh.triangles.ids().map(|face| brightness(camera, mesh.face_cross(face), ambient)).collect();
     let mut shapes = vec![canvas.image(&buffer, view, &coloured.fill, |face| brightness[face])];
     shapes.extend(triangle_lines(unhidden(&canvas, &canvas.edges, &buffer), canvas.edge_px, &coloured.fill));
-    shapes.push(boundary_line(unhidden(&canvas, &boundary_edges(mesh), &buffer)));
+    let mut rims = boundary_edges(mesh);
+    let cut = patch.level(LevelId::new(0)).and_then(|finest| finest.cut.as_ref());
+    rims.extend(cut.and_then(|cut| cut.seam(mesh).ok()).unwrap_or_default());
+    shapes.push(boundary_line(unhidden(&canvas, &rims, &buffer)));
     if let (Some(radius), false) = (dot_radius(canvas.edge_px), dots.is_empty()) {
         let normals = mesh.vertex_normals();
         let is_seen = |v: &&VertexId| camera.sees(normals[**v]) && buffer.shows(canvas.places[**v], SLACK_PX);

@@ -3,8 +3,10 @@
 mod queue;
 mod remover;
 mod retriangulation;
+mod seam;
 mod star;
 mod taxel_locations;
 
 pub(super) use remover::Remover;
+pub(super) use seam::{Seam, SeamRole};
 pub(super) use taxel_locations::TaxelLocations;

@@ -1,4 +1,5 @@
-//! Removes the vertices of a level that are not kept, in rounds of independent stars.
+//! Removes the vertices of a level that are not kept, in rounds of independent stars. A vertex
+//! along a seam has two, one on each side, which are filled apart and go together.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,6 +12,7 @@ use crate::{
         removal::{
             queue::Queue,
             retriangulation::Filler,
+            seam::{Seam, SeamRole},
             star::{Limits, Star, folds_over},
             taxel_locations::{Move, TaxelLocations},
         },
@@ -39,6 +41,8 @@ pub(crate) struct Remover<'a> {
     pub(crate) positions: &'a IdVec<VertexId, DVec3>,
     /// The taxel that each vertex is.
     pub(crate) origins: &'a IdVec<VertexId, VertexId>,
+    /// Where the level is cut for its map.
+    pub(crate) seam: Option<&'a mut Seam>,
 }
 
 impl Remover<'_> {
@@ -47,7 +51,7 @@ impl Remover<'_> {
     ///
     /// Works in rounds: vertices of which no two are neighbours, so that their stars share no
     /// triangle, are planned in parallel and applied in order.
-    pub(crate) fn remove(&mut self, kept: &IdVec<VertexId, bool>, order: &[VertexId]) -> RemovalLog {
+    pub(crate) fn remove(mut self, kept: &IdVec<VertexId, bool>, order: &[VertexId]) -> RemovalLog {
         let mut log = RemovalLog::default();
         let mut queue = Queue::new(kept, order);
         // The round in which each face became part of a filling.
@@ -82,7 +86,14 @@ impl Remover<'_> {
     /// Plans the removal of each of `vertices`, on a mesh that rests.
     fn plan(&self, vertices: &[VertexId], limits: &Limits) -> Plans {
         let (mut star, mut filler, mut plans) = (Star::default(), Filler::default(), Plans::default());
+        let mut pair = Pair::default();
         for &v in vertices {
+            if let Some(seam) = self.seam.as_deref().filter(|seam| seam.roles[v] == SeamRole::Along) {
+                if !self.plan_pair(v, seam, limits, &mut pair, &mut filler, &mut plans) {
+                    plans.refused.push(v);
+                }
+                continue;
+            }
             let fits =
                 star.gather(self.mesh, self.positions, v, limits) && filler.fill(&star, self.mesh, limits);
             if !fits {
@@ -96,6 +107,70 @@ impl Remover<'_> {
             plans.ends.push((plans.stars.len(), plans.moves.len()));
         }
         plans
+    }
+
+    /// Plans the removal of a vertex along the seam: its star is filled on both sides of the edge
+    /// that the seam has then. `false` if that does not go.
+    fn plan_pair(
+        &self,
+        v: VertexId,
+        seam: &Seam,
+        limits: &Limits,
+        Pair { whole, half, filling, moves }: &mut Pair,
+        filler: &mut Filler,
+        plans: &mut Plans,
+    ) -> bool {
+        if !whole.gather_ring(self.mesh, v) {
+            return false;
+        }
+        let Some([first, second]) = seam.crossings(&whole.halfedges) else { return false };
+        whole.ring.rotate_left(first);
+        whole.halfedges.rotate_left(first);
+        let (count, middle) = (whole.ring.len(), second - first);
+        let sides = &whole.halfedges;
+        // An edge between two ends of the seam would be one edge of the cut mesh too: not open.
+        if seam.ends_at(sides[0], sides[count - 1]) && seam.ends_at(sides[middle], sides[middle - 1]) {
+            return false;
+        }
+        filling.clear();
+        moves.clear();
+        for (part, centre) in [(0..middle, Some(self.origins[v])), (middle..count, None)] {
+            let start = part.start;
+            if !half.gather_part(whole, part, self.mesh, self.positions, (v, limits)) {
+                return false;
+            }
+            if centre.is_none() {
+                // The other side's triangle at the new edge, which runs from its last corner to its
+                // first.
+                let closing = filling.iter().find(|t| t[0] == 0 && usize::from(t[2]) == middle);
+                half.look_across(closing, whole, self.positions);
+            }
+            if !filler.fill(half, self.mesh, limits) {
+                return false;
+            }
+            let before = moves.len();
+            match centre {
+                Some(centre) => self.locations.plan(half, centre, &filler.triangles, moves),
+                None => self.locations.plan_inside(half, &filler.triangles, moves),
+            }
+            let offset = filling.len();
+            for &t in &filler.triangles {
+                let [i, k, j] = t.map(|p| (start + usize::from(p)) % count);
+                // Ascending again where the last corner is the ring's first.
+                filling.push(if j == 0 { [j, i, k] } else { [i, k, j] }.map(small));
+            }
+            for step in &mut moves[before..] {
+                step.triangle += small(offset);
+                if filling[usize::from(step.triangle)][0] == 0 && start > 0 {
+                    step.weights.rotate_right(1);
+                }
+            }
+        }
+        plans.log.push(&Removal { vertex: v, ring: &whole.ring, boundary: false, triangles: filling });
+        plans.stars.extend_from_slice(&whole.halfedges);
+        plans.moves.append(moves);
+        plans.ends.push((plans.stars.len(), plans.moves.len()));
+        true
     }
 
     /// Whether nothing that was applied in this round forbids the plan: that another star has taken
@@ -132,9 +207,27 @@ impl Remover<'_> {
 
     fn apply(&mut self, plan: &Plan<'_>) {
         let Removal { vertex, ring, triangles, .. } = plan.removal;
+        if let Some(seam) = &mut self.seam {
+            seam.apply(&plan.removal, plan.star);
+        }
         self.mesh.replace_star(vertex, ring, plan.star, triangles);
         self.locations.carry(plan.star, plan.moves);
     }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "ring positions and fillings are below MAX_RING")]
+fn small(position: usize) -> u8 {
+    position as u8
+}
+
+/// Buffers for the star of a vertex along the seam.
+#[derive(Debug, Default)]
+struct Pair {
+    whole: Star,
+    /// One side of it.
+    half: Star,
+    filling: Vec<[u8; 3]>,
+    moves: Vec<Move>,
 }
 
 struct Plan<'a> {

@@ -58,9 +58,13 @@ impl Star {
         v: VertexId,
         limits: &Limits,
     ) -> bool {
+        self.gather_ring(surface, v) && self.prepare(surface, positions, v, limits)
+    }
+
+    /// The neighbours and the sides that lead to them; `false` if they are too few or too many.
+    pub(super) fn gather_ring(&mut self, surface: &HalfedgeMesh, v: VertexId) -> bool {
         self.ring.clear();
         self.halfedges.clear();
-        self.offsets.clear();
         self.closed = !surface.on_boundary[v];
         // A boundary vertex of one face alone would leave no polygon to fill. Vertices with more
         // than [`MAX_RING`] neighbours stay for now: filling their star costs the cube of that
@@ -73,11 +77,44 @@ impl Star {
             let side = ring.halfedge();
             let Some(w) = ring.next() else { break };
             self.ring.push(w);
-            self.offsets.push(positions[w] - positions[v]);
             if side != Halfedge::NONE {
                 self.halfedges.push(side);
             }
         }
+        true
+    }
+
+    /// The part of the closed star `whole` of `v` with these `sides`, as if it were on a boundary;
+    /// `false` if its shape forbids the removal.
+    pub(super) fn gather_part(
+        &mut self,
+        whole: &Self,
+        sides: std::ops::Range<usize>,
+        surface: &HalfedgeMesh,
+        positions: &IdVec<VertexId, DVec3>,
+        (v, limits): (VertexId, &Limits),
+    ) -> bool {
+        let last = whole.ring[sides.end % whole.ring.len()];
+        self.closed = false;
+        self.ring.clear();
+        self.ring.extend_from_slice(&whole.ring[sides.clone()]);
+        self.ring.push(last);
+        self.halfedges.clear();
+        self.halfedges.extend_from_slice(&whole.halfedges[sides]);
+        self.ring.len() >= 3 && self.prepare(surface, positions, v, limits)
+    }
+
+    /// Measures and flattens what was gathered around `v`; `false` if its shape forbids the
+    /// removal.
+    fn prepare(
+        &mut self,
+        surface: &HalfedgeMesh,
+        positions: &IdVec<VertexId, DVec3>,
+        v: VertexId,
+        limits: &Limits,
+    ) -> bool {
+        self.offsets.clear();
+        self.offsets.extend(self.ring.iter().map(|&w| positions[w] - positions[v]));
         let fits = if self.closed { self.has_depth(surface) } else { self.is_straight(surface, limits) };
         if !fits || !self.flatten() {
             return false;
@@ -131,6 +168,19 @@ impl Star {
         let sagitta = (a + edge * along).length();
         // Written so that the NaN of an edge without length refuses.
         sagitta <= limits.max_sagitta * edge.length() && !surface.has_edge(self.ring[0], self.ring[last])
+    }
+
+    /// Takes the face across the closing edge of a part of the star `whole` of `v`: a triangle of
+    /// its ring.
+    pub(super) fn look_across(
+        &mut self,
+        triangle: Option<&[u8; 3]>,
+        whole: &Self,
+        positions: &IdVec<VertexId, DVec3>,
+    ) {
+        let (Some(t), Some(last)) = (triangle, self.ring.len().checked_sub(1)) else { return };
+        let [a, b, c] = t.map(|i| positions[whole.ring[usize::from(i)]]);
+        self.beyond[last] = (b - a).cross(c - a);
     }
 
     fn outside(&self, surface: &HalfedgeMesh, i: usize) -> Halfedge {

@@ -62,6 +62,11 @@ impl TaxelLocations {
     /// triangles that fill it.
     pub(super) fn plan(&self, star: &Star, centre: VertexId, filling: &[[u8; 3]], moves: &mut Vec<Move>) {
         moves.push(locate(star, filling, centre, DVec2::ZERO));
+        self.plan_inside(star, filling, moves);
+    }
+
+    /// The same without the vertex of the star.
+    pub(super) fn plan_inside(&self, star: &Star, filling: &[[u8; 3]], moves: &mut Vec<Move>) {
         for (i, side) in star.halfedges.iter().enumerate() {
             let (a, b) = (star.flat[i], star.flat[(i + 1) % star.flat.len()]);
             for taxel in self.inside(side.face()) {

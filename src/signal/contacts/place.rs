@@ -48,7 +48,7 @@ impl Pressed<'_> {
             Some(at) => {
                 let corners = || level.level.mesh.triangles[at.face].into_iter().zip(at.barycentric);
                 let normal = corners().map(|(v, w)| w * normals[v]).sum::<DVec3>().try_normalize();
-                let map = corners().map(|(v, w)| w * level.uv[v]).sum();
+                let map = level.uv_of(at.face).into_iter().zip(at.barycentric).map(|(p, w)| w * p).sum();
                 (level.level.mesh.point(at), map, normal.unwrap_or(normals[peak_taxel]))
             }
             // A taxel without triangles.
@@ -112,7 +112,7 @@ impl Pressed<'_> {
 /// 0 if the face has no area.
 fn angle_on_map(level: &MapLevel, face: FaceId, along: DVec3) -> f64 {
     let [a, b, c] = level.level.mesh.corners(face);
-    let [p, q, r] = level.level.mesh.triangles[face].map(|v| level.uv[v]);
+    let [p, q, r] = level.uv_of(face);
     let (ab, ac) = (b - a, c - a);
     let (bb, bc, cc) = (ab.length_squared(), ab.dot(ac), ac.length_squared());
     let (along_b, along_c) = (along.dot(ab), along.dot(ac));

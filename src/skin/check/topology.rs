@@ -142,7 +142,7 @@ pub(super) fn check_loops(subject: &Subject<'_>, report: &mut Report<'_>) {
     let file_face = |piece: usize| subject.surface.file_faces[firsts[piece]].raw();
     let closed = (0..pieces).filter(|&p| count[p] == 0).map(file_face);
     report.add(FindingKind::ClosedPatch, numbers(closed), |n| {
-        format!("{n} pieces have no boundary and must be cut open to be flattened; listed is the first face of each")
+        format!("{n} pieces have no boundary: their map is cut open along a seam; listed is the first face of each")
     });
     if subject.winding.conflicting_edges.is_empty() {
         let euler = euler_characteristics(subject);
@@ -152,7 +152,7 @@ pub(super) fn check_loops(subject: &Subject<'_>, report: &mut Report<'_>) {
         let total: i64 = (0..pieces).map(handles).sum();
         report.add(FindingKind::Handle, numbers(with_handles.map(file_face)), |n| {
             format!(
-                "{n} pieces have {total} handles, like that of a cup, and must be cut open to be flattened; \
+                "{n} pieces have {total} handles, like that of a cup: their map is cut open along a seam; \
                  listed is the first face of each"
             )
         });

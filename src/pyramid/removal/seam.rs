@@ -1,0 +1,151 @@
+//! The seam of a patch that is mapped cut open, on its way from level to level: its two sides go
+//! together, so that every level has the same seam.
+//!
+//! The mesh that is coarsened is the uncut one. Next to it each corner of a face is named twice: as
+//! a vertex of the mesh, and as a vertex of the cut mesh. An edge belongs to the seam where the
+//! names in the cut mesh differ across it. A vertex along the seam may be removed if its star may
+//! on both sides, and the seam runs straight past it then; where the seam ends or branches, on the
+//! boundary too, vertices stay.
+
+use crate::{
+    cut::CutMesh,
+    id::{FaceId, IdVec, VertexId},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh, smallest_first},
+    pyramid::{Removal, RemovalLog},
+};
+
+/// What a vertex is to the seam.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SeamRole {
+    /// Not on it.
+    Off,
+    /// Between two of its edges.
+    Along,
+    /// Where it ends or branches, or meets the boundary.
+    Fixed,
+}
+
+/// The seam of the level at hand.
+#[derive(Debug, Clone)]
+pub(crate) struct Seam {
+    /// What each vertex of the level is to it.
+    pub(crate) roles: IdVec<VertexId, SeamRole>,
+    /// The level cut open: corners of every face, dead ones included, and what they are uncut.
+    pub(crate) cut: CutMesh,
+    /// The removals from the cut level.
+    pub(super) log: RemovalLog,
+}
+
+impl Seam {
+    /// The seam of a mesh that is cut into `cut`.
+    pub(crate) fn new(mesh: &TriMesh, cut: &CutMesh) -> Result<Self, MeshError> {
+        let adjacency = Adjacency::new(mesh)?;
+        let mut degrees = IdVec::<VertexId, u32>::filled(0, mesh.positions.len());
+        for [a, b] in cut.seam_edges(mesh, &adjacency) {
+            degrees[a] += 1;
+            degrees[b] += 1;
+        }
+        let role = |(v, &degree): (VertexId, &u32)| match degree {
+            0 => SeamRole::Off,
+            2 if !adjacency.is_boundary(v) => SeamRole::Along,
+            _ => SeamRole::Fixed,
+        };
+        let roles = degrees.enumerate().map(role).collect();
+        Ok(Self { roles, cut: cut.clone(), log: RemovalLog::default() })
+    }
+
+    fn corner(&self, h: Halfedge) -> VertexId {
+        self.cut.triangles[h.face()][h.side()]
+    }
+
+    /// The first position of a star, whose halfedges leave its vertex, that the seam leads to from
+    /// there, and the next one; `None` if there are not two.
+    pub(super) fn crossings(&self, star: &[Halfedge]) -> Option<[usize; 2]> {
+        let last = star.len().checked_sub(1)?;
+        let name = |k: usize| self.corner(star[k]);
+        let mut found = (0..star.len()).filter(|&k| name(k) != name(if k == 0 { last } else { k - 1 }));
+        let pair = [found.next()?, found.next()?];
+        found.next().is_none().then_some(pair)
+    }
+
+    /// Whether the seam ends at the neighbour that a halfedge of a star leads to: it has one name
+    /// on both sides then. `before` is the halfedge before it around the star.
+    pub(super) fn ends_at(&self, h: Halfedge, before: Halfedge) -> bool {
+        self.corner(h.next()) == self.corner(before.previous())
+    }
+
+    /// Follows the removal of a vertex, whose `star` becomes the removal's triangles in this order;
+    /// where the vertex is along the seam, it is that of one side, then of the other.
+    pub(super) fn apply(&mut self, removal: &Removal<'_>, star: &[Halfedge]) {
+        let Removal { vertex, ring, boundary, triangles } = *removal;
+        if self.roles[vertex] != SeamRole::Along {
+            let names = self.names(star, ring.len());
+            self.record(self.corner(star[0]), &names, boundary, triangles);
+            self.rename(star, &names, triangles);
+            return;
+        }
+        // The seam leads to the first vertex of the ring, and to this one.
+        let Some([_, middle]) = self.crossings(star) else { return };
+        let (left, right) = triangles.split_at(middle - 1);
+        let local = |p: u8| small(if p == 0 { ring.len() - middle } else { usize::from(p) - middle });
+        // In the order of the corners of faces, and ascending.
+        let right: Vec<[u8; 3]> = right.iter().map(|t| t.map(local)).collect();
+        let ascending: Vec<[u8; 3]> = right.iter().map(|&t| smallest_first(t)).collect();
+        let sides = [&star[..middle], &star[middle..]];
+        let [left_ring, right_ring] = sides.map(|side| self.names(side, side.len() + 1));
+        let [left_centre, right_centre] = sides.map(|side| self.corner(side[0]));
+        self.record(left_centre, &left_ring, true, left);
+        self.record(right_centre, &right_ring, true, &ascending);
+        let (slots, others) = star.split_at(middle - 1);
+        self.rename(slots, &left_ring, left);
+        self.rename(others, &right_ring, &right);
+    }
+
+    fn record(&mut self, vertex: VertexId, ring: &[VertexId], boundary: bool, triangles: &[[u8; 3]]) {
+        self.log.push(&Removal { vertex, ring, boundary, triangles });
+    }
+
+    /// The names of a ring of `count` vertices, from the faces of its star.
+    fn names(&self, star: &[Halfedge], count: usize) -> Vec<VertexId> {
+        let last = star.last().filter(|_| count > star.len()).map(|h| self.corner(h.previous()));
+        star.iter().map(|h| self.corner(h.next())).chain(last).collect()
+    }
+
+    fn rename(&mut self, slots: &[Halfedge], names: &[VertexId], triangles: &[[u8; 3]]) {
+        for (h, t) in slots.iter().zip(triangles) {
+            self.cut.triangles[h.face()] = t.map(|i| names[usize::from(i)]);
+        }
+    }
+
+    /// Goes on to the next level, on which the vertices `parents` and the faces `is_kept` are left.
+    /// Returns the removals, and the vertex of the cut level before that each one is.
+    pub(crate) fn compact(
+        &mut self,
+        parents: &IdVec<VertexId, VertexId>,
+        is_kept: impl Fn(FaceId) -> bool,
+    ) -> (RemovalLog, IdVec<VertexId, VertexId>) {
+        let kept: Vec<[VertexId; 3]> =
+            self.cut.triangles.enumerate().filter(|(f, _)| is_kept(*f)).map(|(_, t)| *t).collect();
+        let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, self.cut.unsplit.len());
+        kept.iter().flatten().for_each(|&v| number[v] = Some(v));
+        let mut places = IdVec::<VertexId, VertexId>::new();
+        for v in number.ids() {
+            number[v] = number[v].map(|v| places.push(v));
+        }
+        // Vertices of the mesh keep their names in it, which are the first ones.
+        let count = parents.len();
+        let mut of_parent = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.roles.len());
+        parents.enumerate().for_each(|(v, &parent)| of_parent[parent] = v);
+        let unsplit = places.map(|&place| of_parent[self.cut.unsplit[place]]);
+        debug_assert!(unsplit.enumerate().take(count).all(|(place, v)| place == *v), "the first ones");
+        let triangles = kept.iter().map(|t| t.map(|v| number[v].unwrap_or_default())).collect();
+        self.cut = CutMesh { triangles, unsplit };
+        self.roles = parents.map(|&parent| self.roles[parent]);
+        (std::mem::take(&mut self.log), places)
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "ring positions are below MAX_RING")]
+fn small(position: usize) -> u8 {
+    position as u8
+}
