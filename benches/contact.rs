@@ -6,7 +6,7 @@ use std::{hint::black_box, time::Duration};
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    contact::{ContactIndex, Query},
+    contact::{ContactIndex, Cursor, Query},
     map::SkinMap,
     mesh::{TriMesh, shapes},
 };
@@ -14,7 +14,10 @@ use glam::{DVec2, DVec3};
 
 const RADIUS: f64 = 0.1;
 const HALF_ANGLE: f64 = 1.92;
-const SIZES: [usize; 5] = [500, 10_000, 20_000, 100_000, 1_000_000];
+const SIZES: [usize; 3] = [20_000, 100_000, 1_000_000];
+
+/// Contacts that are asked in turn.
+const CONTACTS: usize = 1 << 15;
 
 /// A map of one patch and one level; the map positions do not matter here.
 fn flat(mesh: TriMesh) -> SkinMap {
@@ -62,27 +65,30 @@ fn contacts(c: &mut Criterion) {
         let map = flat(shapes::cap(faces, RADIUS, HALF_ANGLE));
         let index = ContactIndex::new(&map).unwrap();
         let mut group = c.benchmark_group(format!("contact/{faces}"));
-        group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
-        let scattered = scattered(1 << 15);
+        group
+            .warm_up_time(Duration::from_millis(300))
+            .measurement_time(Duration::from_secs(1))
+            .sample_size(10);
+        let scattered = scattered(CONTACTS);
         group.bench_function("single", |b| {
             let mut next = scattered.iter().cycle();
             b.iter(|| index.locate(black_box(next.next().unwrap().point)).unwrap());
         });
-        let path = path(1 << 15);
+        let path = path(CONTACTS);
         group.bench_function("path", |b| {
             let mut next = path.iter().cycle();
-            let mut last = index.locate(path[0]).unwrap();
-            b.iter(|| last = index.locate_from(&last, black_box(*next.next().unwrap())).unwrap());
+            let mut cursor = Cursor::default();
+            b.iter(|| index.locate_along(&mut cursor, black_box(*next.next().unwrap())).unwrap());
         });
         let hits = index.locate_all(&path).unwrap();
         group.bench_function("cells", |b| {
             let mut next = hits.iter().cycle();
             b.iter(|| index.cells(black_box(next.next().unwrap())).last().unwrap());
         });
-        group.throughput(Throughput::Elements(scattered.len() as u64)).sample_size(20);
+        group.throughput(Throughput::Elements(scattered.len() as u64));
         group.bench_function("batch", |b| b.iter(|| index.locate_all(&scattered).unwrap()));
-        group.sample_size(10);
         if faces <= 100_000 {
+            group.throughput(Throughput::Elements(faces as u64));
             group.bench_function("build", |b| {
                 b.iter_batched(
                     || map.clone(),

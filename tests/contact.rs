@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, Hit, Query},
+    contact::{ContactError, ContactIndex, Cursor, Hit, Query},
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
@@ -316,10 +316,9 @@ proptest! {
         let single: Vec<Hit> = contacts.iter().map(|c| index.locate(*c).unwrap()).collect();
         prop_assert_eq!(&index.locate_all(&contacts).unwrap(), &single);
 
-        let mut last = single[0];
+        let mut cursor = Cursor::default();
         for (contact, expected) in contacts.iter().zip(&single) {
-            last = index.locate_from(&last, *contact).unwrap();
-            prop_assert_eq!(&last, expected);
+            prop_assert_eq!(&index.locate_along(&mut cursor, *contact).unwrap(), expected);
         }
         let backwards: Vec<Query> = contacts.iter().rev().copied().collect();
         let mut hits = index.locate_all(&backwards).unwrap();
@@ -531,12 +530,19 @@ fn a_level_that_does_not_exist_has_no_cell() {
     let mut beyond = hit;
     beyond.point.face = FaceId::new(1 << 20);
     assert!(index.cell(&beyond, LevelId::new(0)).is_none());
-    assert_eq!(
-        index.locate_from(&foreign, Query::from(DVec3::ZERO)).unwrap(),
-        hit,
-        "a foreign hit is no hint"
-    );
-    assert_eq!(index.locate_from(&beyond, Query::from(DVec3::ZERO)).unwrap(), hit);
+}
+
+#[test]
+fn the_cursor_of_another_index_changes_no_answer() {
+    let small = ContactIndex::new(&square_and_its_midpoints()).unwrap();
+    let large = ContactIndex::new(&map_of(shapes::cap(3000, 0.1, 1.2))).unwrap();
+    let mut cursor = Cursor::default();
+    for turn in 0..20 {
+        let at = 0.1 * DVec3::new(f64::from(turn).cos(), f64::from(turn).sin(), -1.0);
+        for index in [&large, &small] {
+            assert_eq!(index.locate_along(&mut cursor, at).unwrap(), index.locate(at).unwrap());
+        }
+    }
 }
 
 // ---- refusals ----

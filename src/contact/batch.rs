@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    contact::{ContactError, ContactIndex, Hit, Query},
+    contact::{ContactError, ContactIndex, Cursor, Hit, Query},
     numeric::morton,
 };
 
@@ -28,15 +28,14 @@ impl ContactIndex {
         }
         let order = self.along_curve(contacts);
         let number = |word: u64| (word & ((1 << NUMBER) - 1)) as usize;
-        // Each search starts anew: the first way down a tree costs less than measuring the last hit.
-        let answers = order.par_iter().with_min_len(RUN);
-        let sorted: Vec<Hit> =
-            answers.map(|&word| self.answer(&contacts[number(word)], None)).collect::<Result<_, _>>()?;
-        let mut hits = sorted.clone();
-        for (&word, hit) in order.iter().zip(sorted) {
-            hits[number(word)] = hit;
-        }
-        Ok(hits)
+        let answers = order
+            .par_iter()
+            .with_min_len(RUN)
+            .map_with(Cursor::default(), |cursor, &word| self.answer_along(cursor, &contacts[number(word)]));
+        let sorted: Vec<Hit> = answers.collect::<Result<_, _>>()?;
+        let mut places = vec![0_usize; contacts.len()];
+        order.iter().enumerate().for_each(|(place, &word)| places[number(word)] = place);
+        Ok(places.par_iter().map(|&place| sorted[place]).collect())
     }
 
     /// For each contact its place along a Morton curve and, in the last [`NUMBER`] bits, its number;

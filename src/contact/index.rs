@@ -4,13 +4,13 @@ use glam::{DAffine3, DVec3};
 
 use crate::{
     contact::{
-        Cell, ContactError, Hit, Query,
+        Cell, ContactError, Cursor, Hit, Query,
         cell::{Anchor, PatchCells},
         coarse::{CoarseLevel, coarse_levels, mean_side},
         geometry::{RigidPose, pseudo_normal},
         search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search},
     },
-    id::{FaceId, IdVec},
+    id::IdVec,
     map::SkinMap,
     mesh::SurfacePoint,
     parallel::par_map,
@@ -201,18 +201,18 @@ impl ContactIndex {
     pub fn locate(&self, query: impl Into<Query>) -> Result<Hit, ContactError> {
         let query = query.into();
         self.check(0, &query)?;
-        self.answer(&query, None)
+        self.answer(&query)
     }
 
-    /// The same as [`Self::locate`], faster where the query is near the one that `last` answers:
-    /// along a path, pass each hit to the next search.
+    /// The same as [`Self::locate`], faster where the query is near the last one of the same cursor:
+    /// for contacts that move over the skin.
     ///
     /// # Errors
     /// As [`Self::locate`].
-    pub fn locate_from(&self, last: &Hit, query: impl Into<Query>) -> Result<Hit, ContactError> {
+    pub fn locate_along(&self, cursor: &mut Cursor, query: impl Into<Query>) -> Result<Hit, ContactError> {
         let query = query.into();
         self.check(0, &query)?;
-        self.answer(&query, Some((last.patch, last.point.face)))
+        self.answer_along(cursor, &query)
     }
 
     /// Whether a contact can be answered; errors call it `number`, its place in its batch.
@@ -241,14 +241,37 @@ impl ContactIndex {
         contact.link.map_or(contact.point, |link| self.links[link].pose.to_world(contact.point))
     }
 
-    /// The answer to a query that has been checked; `near` is measured first.
-    pub(super) fn answer(&self, query: &Query, near: Option<(PatchId, FaceId)>) -> Result<Hit, ContactError> {
-        let mut best = near.and_then(|(patch, face)| self.seed(query, patch, face));
-        let reached = |best: &Option<Best>| Best::squared(best.as_ref()).sqrt();
-        let distance = reached(&best);
-        self.each_patch(query, distance, |id, q| {
+    /// The answer to a query that has been checked.
+    pub(super) fn answer(&self, query: &Query) -> Result<Hit, ContactError> {
+        let mut best = None;
+        self.each_patch(query, f64::INFINITY, |id, q| {
             Search::new(&self.patches[id].tree, id, q).run(&mut best);
-            reached(&best)
+            Best::squared(best.as_ref()).sqrt()
+        });
+        best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
+    }
+
+    /// The same; what the cursor points to is searched first.
+    pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
+        let mut best = None;
+        let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);
+        let first = cursor.last.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
+        let mut search = |id: PatchId, q: DVec3, start: Option<u32>| {
+            if let Some(packet) = Search::new(&self.patches[id].tree, id, q).run_from(start, &mut best) {
+                cursor.last = Some((id, packet));
+            }
+            Best::squared(best.as_ref()).sqrt()
+        };
+        let mut reached = f64::INFINITY;
+        if let Some((id, packet)) = first {
+            reached = search(id, self.in_link(self.patches[id].link, query), Some(packet));
+        }
+        let first = first.map(|(id, _)| id);
+        self.each_patch(query, reached, |id, q| {
+            if Some(id) != first {
+                reached = search(id, q, None);
+            }
+            reached
         });
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
     }
@@ -277,18 +300,6 @@ impl ContactIndex {
                 distance = visit(id, query.point);
             }
         }
-    }
-
-    /// A face measured before the search, if it exists and the contact may lie on it.
-    fn seed(&self, contact: &Query, id: PatchId, face: FaceId) -> Option<Best> {
-        let patch = self.patches.get(id)?;
-        if contact.link.is_some_and(|link| link != patch.link)
-            || face.index() >= patch.tree.mesh.triangles.len()
-        {
-            return None;
-        }
-        let q = self.in_link(patch.link, contact);
-        Some(Best { patch: id, face, closest: patch.tree.measure(q, face) })
     }
 
     fn in_link(&self, link: LinkId, contact: &Query) -> DVec3 {

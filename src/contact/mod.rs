@@ -40,7 +40,7 @@
 //!   non-manifold meshes too.
 //! - Of equally near faces the first face of the first patch is the answer. It depends neither on
 //!   the order of the search nor on what was asked before: alone, along a path
-//!   ([`ContactIndex::locate_from`]) and in a batch ([`ContactIndex::locate_all`]) it is the same,
+//!   ([`ContactIndex::locate_along`]) and in a batch ([`ContactIndex::locate_all`]) it is the same,
 //!   with any number of threads.
 //! - Asking changes nothing in the index; share it among threads.
 //!
@@ -51,8 +51,8 @@
 //!
 //! `query` (what is asked and answered), `index` (patches, links, one query), `motion` (links over
 //! time), `search/posed_boxes` (which patches), `search/patch_bvh`, `search/tree`, `search/node8`,
-//! `search/triangle8` (the tree), `search/lanes` (eight numbers at a time), `search/rounding` (the
-//! bound), `search/nearest` (the walk), `search/{first_hit, within, facing, points}` (other
+//! `search/triangle8`, `search/fit` (the tree), `search/lanes` (eight numbers at a time), `search/rounding` (the
+//! bound), `search/{descent, nearest}` (the walk), `search/{first_hit, within, facing, points}` (other
 //! searches), `geometry` (exact measurements), `batch` (many queries), `cell` (from a hit to the
 //! map), `coarse` (levels with their own trees), `queries` (levels alone, fields, rays, filters,
 //! forces), `back` (from the map to the skin).
@@ -104,5 +104,5 @@ pub use error::ContactError;
 pub use index::{ContactIndex, IndexOptions};
 pub use motion::{Motion, MotionFrame};
 pub use queries::{Area, FieldHit, Filter, Press, Pressing, Reactive, Refined, Spreader};
-pub use query::{Hit, Query};
+pub use query::{Cursor, Hit, Query};
 pub use search::{Packing, Side};

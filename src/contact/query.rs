@@ -32,6 +32,14 @@ impl From<DVec3> for Query {
     }
 }
 
+/// Where the last search along a path of contacts ended. One for each path, empty at first; a
+/// cursor of another index makes searches slower, not wrong.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Cursor {
+    /// The patch, and the packet of its tree.
+    pub(super) last: Option<(PatchId, u32)>,
+}
+
 /// The point of the skin nearest to a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {

@@ -7,7 +7,8 @@
     .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [graphs] [skins] [build] [images] [frames]
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
-without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin. `graphs` reads the pose graphs sphere2500.g2o,
+without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin; sizes after it
+(`nearest 20000 100000`) leave out the others. `graphs` reads the pose graphs sphere2500.g2o,
 parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it.
 """
 import json, os, statistics, subprocess, sys, tempfile, time
@@ -167,36 +168,57 @@ def cover(times):
 
 
 def nearest():
-    print("\nns per contact 0 to 3 mm off the skin, one thread, engines in turn: `tools/contact-peers`, `tools/compare/embree_nearest.cpp` (g++ -O3,"
-          " Embree of Debian); single (path); in brackets the share of Embree's time; a batch of 1M on all threads\n")
-    row("mesh, triangles", "dermatome", "batch", "Embree", "parry3d", "obvhs, scalar")
-    row(*["---"] * 6)
     program = FOLDER / "embree_nearest"
     subprocess.run(["g++", "-O3", ROOT / "tools/compare/embree_nearest.cpp", "-lembree3", "-o", program], check=True)
     subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT / "tools/contact-peers", check=True)
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "tools/contact-peers/target"))
     peers = target / "release/contact-peers"
-    meshes = [(name, SHAPES[name](size)) for size in [20_000, 100_000, 1_000_000] for name in ["cap", "saddle"]]
-    meshes += [(f"cover refined {times} times", cover(times)) for times in [2, 3]]
-    for name, mesh in meshes:
-        if mesh is None:
-            row(name, *["skipped: no file"] * 5)
-            continue
-        write_obj(FOLDER / "mesh.obj", *mesh)
-        subprocess.run([peers, "contacts", FOLDER / "mesh.obj", FOLDER], check=True)
-        times = {engine: [] for engine in ["dermatome", "embree", "parry", "obvhs"]}
+    mesh_file = FOLDER / "mesh.obj"
+
+    def peer(engine):
+        command = [peers, engine, mesh_file, FOLDER]
+        if engine == "embree":
+            command = [program, mesh_file, FOLDER / "scattered.f32", FOLDER / "path.f32"]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+
+    def in_turn(engines):
+        runs = {engine: [] for engine in engines}
         for _ in range(3):
-            for engine, runs in times.items():
-                command = [peers, engine, FOLDER / "mesh.obj", FOLDER]
-                if engine == "embree":
-                    command = [program, FOLDER / "mesh.obj", FOLDER / "scattered.f32", FOLDER / "path.f32"]
-                runs.append(subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
-        ns = {engine: [median([float(run[k]) for run in runs]) for k in range(2)] for engine, runs in times.items()}
+            for engine, outputs in runs.items():
+                outputs.append(peer(engine))
+        number = lambda text: float("nan") if text == "-" else float(text)
+        return {engine: [median(column) for column in zip(*[map(number, out) for out in outputs])] for engine, outputs in runs.items()}
+
+    wanted = [int(word) for word in sys.argv[2:] if word.isdigit()] or [20_000, 100_000, 1_000_000]
+    shapes = [(f"{name}", lambda name=name, size=size: SHAPES[name](size)) for size in wanted for name in ["cap", "saddle"]]
+    shapes += [("cover refined twice", lambda: cover(2))] * (20_000 in wanted) + [("cover refined 5 times", lambda: cover(5))] * (1_000_000 in wanted)
+    print("\nns per contact 0 to 3 mm off the skin, one thread, engines in turn: `tools/contact-peers`, `tools/compare/embree_nearest.cpp` (g++ -O3,"
+          " Embree of Debian); along a path in brackets; then a batch of 1M contacts in no order on all threads; the index in bytes a triangle\n")
+    row("mesh, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar", "batch", "Embree one by one / batch", "bytes (compact)")
+    row(*["---"] * 9)
+    for name, make in shapes:
+        mesh = make()
+        if mesh is None:
+            row(name, *["skipped: no file"] * 8)
+            continue
+        write_obj(mesh_file, *mesh)
+        peer("contacts")
+        ns = in_turn(["dermatome", "embree", "parry", "obvhs"])
         cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
-        share = [own / other for own, other in zip(ns["dermatome"], ns["embree"])]
-        batch = median([float(run[2]) for run in times["dermatome"]])
-        row(f"{name}, {len(mesh[1])}", f"{cell('dermatome')} [{share[0]:.2f} ({share[1]:.2f})]", f"{batch:.0f}",
-            *map(cell, ["embree", "parry", "obvhs"]))
+        own, other = ns["dermatome"], ns["embree"]
+        index = [float(word) for word in peer("bytes")]
+        row(f"{name}, {len(mesh[1])}", cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"),
+            cell("obvhs"), f"{own[2]:.0f}", f"{other[0] / own[2]:.1f}", f"{index[0]:.0f} ({index[1]:.0f})")
+    print("\nns for the eight taxels nearest to a contact, with their distances in f64: dermatome `nearest_fields`, kiddo `ImmutableKdTree<f64, 3>`\n")
+    row("taxels on a cap", "dermatome", "kiddo", "share")
+    row(*["---"] * 4)
+    for taxels in [10_000, 100_000]:
+        write_obj(mesh_file, *SHAPES["cap"](2 * taxels))
+        peer("contacts")
+        found = in_turn(["dermatome8", "kiddo"])
+        own, other = found["dermatome8"], found["kiddo"]
+        assert abs(own[1] - other[1]) < 1e-6 * other[1], "both find the same"
+        row(str(taxels), f"{own[0]:.0f}", f"{other[0]:.0f}", f"{own[0] / other[0]:.2f}")
 
 
 def gtsam_seconds(path):
@@ -421,5 +443,5 @@ def pipes(cover, readings, ids):
 if __name__ == "__main__":
     processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "unknown")
     print(f"{processor}, {os.cpu_count()} threads")
-    for part in sys.argv[1:] or ["flatten", "coarsen", "nearest", "graphs", "skins", "build", "images", "frames"]:
+    for part in [word for word in sys.argv[1:] if not word.isdigit()] or ["flatten", "coarsen", "nearest", "graphs", "skins", "build", "images", "frames"]:
         globals()[part]()

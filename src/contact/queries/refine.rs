@@ -59,7 +59,7 @@ impl ContactIndex {
         // An answer to another query, or in another pose, may reach less far.
         let is_reached = |best: &Best| certified && Best::squared(Some(best)).sqrt() <= reach;
         let best = refinement.best.filter(is_reached);
-        let hit = best.map_or_else(|| self.answer(&query, None), |best| Ok(self.hit(&query, &best)))?;
+        let hit = best.map_or_else(|| self.answer(&query), |best| Ok(self.hit(&query, &best)))?;
         Ok(Refined { hit, certified: best.is_some() })
     }
 

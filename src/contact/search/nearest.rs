@@ -73,8 +73,23 @@ impl<'a> Search<'a> {
         if away > FAR {
             return self.run_far(local, best);
         }
-        let found = self.patch.simd.run(Walk { search: &self, local, away, best: *best });
-        *best = found;
+        (*best, _) = self.patch.simd.run(Walk { search: &self, local, away, best: *best, start: None });
+    }
+
+    /// The same, faster where the nearest face is in the packet `start` or near it; returns the packet
+    /// of the nearest face found, if it is one of this patch.
+    #[inline(always)]
+    pub(crate) fn run_from(self, start: Option<u32>, best: &mut Option<Best>) -> Option<u32> {
+        let local = self.patch.frame.point(self.q);
+        let away = local.length();
+        if away > FAR {
+            self.run_far(local, best);
+            return None;
+        }
+        let start = start.filter(|&packet| (packet as usize) < self.patch.tree.packets.len());
+        let packet;
+        (*best, packet) = self.patch.simd.run(Walk { search: &self, local, away, best: *best, start });
+        packet
     }
 
     /// The same from so far away that `f32` cannot distinguish the faces.
@@ -109,23 +124,35 @@ struct Walk<'a> {
     local: DVec3,
     away: f64,
     best: Option<Best>,
+    /// A packet that may hold the nearest face.
+    start: Option<u32>,
 }
 
 impl Kernel for Walk<'_> {
-    type Output = Option<Best>;
+    type Output = (Option<Best>, Option<u32>);
 
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) -> Option<Best> {
-        let Self { search, local, away, best } = self;
+    fn run<L: Lanes>(self, l: L) -> Self::Output {
+        let Self { search, local, away, best, start } = self;
         let slack = slack(away, 1.0);
         let known = Best::squared(best.as_ref()).sqrt();
         let bound = squared_bound_f32(known * search.patch.frame.scale, slack);
         let mut descent = Descent::new(l, &search.patch.tree, local.as_vec3().to_array(), bound);
-        let mut found = Found { search, slack, best, pending: [0; PENDING], noted: 0 };
-        descent.run(&mut found);
+        let (pending, packets) = ([0; PENDING], [0; PENDING]);
+        let mut found = Found { search, slack, best, packet: None, pending, packets, noted: 0 };
+        match start {
+            Some(packet) => descent.climb(packet, &mut found),
+            None => descent.run(&mut found),
+        }
         found.measure_pending(descent.bound);
-        found.best
+        (found.best, found.packet)
     }
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "fewer packets than MAX_PRIMITIVES")]
+fn number(packet: usize) -> u32 {
+    packet as u32
 }
 
 /// What a walk has found.
@@ -134,8 +161,11 @@ struct Found<'a> {
     /// What rounding may add to a distance or take from it.
     slack: f64,
     best: Option<Best>,
-    /// Triangles to be measured: squared distance and face.
+    /// The packet of `best`, if this walk found it.
+    packet: Option<u32>,
+    /// Triangles to be measured: squared distance and face; and their packets.
     pending: [u64; PENDING],
+    packets: [u32; PENDING],
     noted: usize,
 }
 
@@ -147,7 +177,7 @@ impl<L: Lanes> Visitor<L> for Found<'_> {
         let patch = self.search.patch;
         let faces = &patch.tree.packets[packet];
         let Some(triangles) = patch.triangles.get(packet) else {
-            return self.visit_compact(faces, bound);
+            return self.visit_compact(packet, faces, bound);
         };
         let squared = triangles.distance_squared(l, point);
         // The last three bits are the lane's: all set, they round up.
@@ -165,6 +195,7 @@ impl<L: Lanes> Visitor<L> for Found<'_> {
             }
             let face = faces[lane & 7];
             self.pending[self.noted] = entry(squared[lane & 7], face);
+            self.packets[self.noted] = number(packet);
             self.noted += 1;
             // Loaded into the cache for later, without waiting for it.
             black_box(patch.mesh.triangles[FaceId::from(face)][0]);
@@ -176,12 +207,20 @@ impl Found<'_> {
     /// Measures all triangles of a packet on the mesh.
     #[cold]
     #[inline(never)]
-    fn visit_compact(&mut self, faces: &[u32; LANES], bound: &mut f32) {
+    fn visit_compact(&mut self, packet: usize, faces: &[u32; LANES], bound: &mut f32) {
         for face in distinct(faces) {
-            self.search.measure(FaceId::from(face), &mut self.best);
+            self.measure(FaceId::from(face), number(packet));
         }
         let distance = Best::squared(self.best.as_ref()).sqrt() * self.search.patch.frame.scale;
         *bound = bound.min(squared_bound_f32(distance, self.slack));
+    }
+
+    #[inline(always)]
+    fn measure(&mut self, face: FaceId, packet: u32) {
+        self.search.measure(face, &mut self.best);
+        if self.best.is_some_and(|best| best.face == face && best.patch == self.search.id) {
+            self.packet = Some(packet);
+        }
     }
 
     /// Room for more: measures those that are still of interest.
@@ -197,7 +236,7 @@ impl Found<'_> {
         for k in 0..self.noted {
             let (squared, face) = parts(self.pending[k]);
             if squared <= bound {
-                self.search.measure(FaceId::from(face), &mut self.best);
+                self.measure(FaceId::from(face), self.packets[k]);
             }
         }
         self.noted = 0;
@@ -238,6 +277,14 @@ mod tests {
         let mut again = Some(found);
         Search::new(&patch, PatchId::new(0), q).run(&mut again);
         assert_eq!(again.unwrap().face, expected.face, "again from {q}");
+        // Nor does a packet to begin with.
+        for packet in 0..=patch.tree.packets.len() {
+            let (mut same, start) = (None, u32::try_from(packet).unwrap());
+            let near = Search::new(&patch, PatchId::new(0), q).run_from(Some(start), &mut same);
+            assert_eq!(same.unwrap().face, expected.face, "from {q} and packet {packet}");
+            let holds = |near: u32| patch.tree.packets[near as usize].contains(&expected.face.raw());
+            assert!(near.is_none_or(holds), "the packet of the answer");
+        }
     }
 
     #[test]

@@ -36,6 +36,11 @@ impl Child {
     pub(super) const ROOT: Self = Self(0);
 
     #[inline(always)]
+    pub(super) fn packet(packet: u32) -> Self {
+        Self(PACKET | packet)
+    }
+
+    #[inline(always)]
     pub(super) fn target(self) -> Target {
         if self.0 & PACKET == 0 {
             Target::Node(self.0 as usize)
@@ -56,15 +61,28 @@ pub(super) struct Node8 {
     hi: [[u8; LANES]; 3],
     pub(super) first_node: u32,
     pub(super) first_packet: u32,
+    /// The node above; the root's is the root.
+    pub(super) above: u32,
     /// The first `nodes` children are nodes, the others up to `count` are packets.
     pub(super) nodes: u8,
     pub(super) count: u8,
 }
 
 impl Node8 {
+    /// A node below another one, whose boxes and children are still to be set.
+    pub(super) fn below(above: u32) -> Self {
+        Self { above, ..Self::default() }
+    }
+
     /// A node without boxes, whose children begin at `first_node` and `first_packet`.
-    pub(super) fn new(first_node: u32, first_packet: u32, nodes: u8, count: u8, axes: &DMat3) -> Self {
-        let mut node = Self { first_node, first_packet, nodes, count, ..Self::default() };
+    pub(super) fn new(
+        above: u32,
+        [first_node, first_packet]: [u32; 2],
+        nodes: u8,
+        count: u8,
+        axes: &DMat3,
+    ) -> Self {
+        let mut node = Self { first_node, first_packet, above, nodes, count, ..Self::default() };
         node.place(axes, DVec3::ZERO, DVec3::ONE);
         node
     }
@@ -136,6 +154,17 @@ impl Node8 {
         } else {
             Child(PACKET | (self.first_packet + (lane - nodes)))
         }
+    }
+
+    /// One bit for the lane of a child.
+    #[inline(always)]
+    pub(super) fn lane_bit(&self, child: Child) -> u32 {
+        let lane = if child.0 & PACKET == 0 {
+            child.0 - self.first_node
+        } else {
+            u32::from(self.nodes) + (child.0 & !PACKET) - self.first_packet
+        };
+        1 << (lane & 7)
     }
 
     pub(super) fn children(&self) -> impl Iterator<Item = Child> + use<> {

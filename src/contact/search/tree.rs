@@ -32,6 +32,8 @@ pub(super) struct Tree {
     pub(super) nodes: Vec<Node8>,
     /// Primitives of each packet, ascending; the last one is repeated in empty lanes.
     pub(super) packets: Vec<[u32; LANES]>,
+    /// The node above each packet.
+    pub(super) owners: Vec<u32>,
 }
 
 /// A primitive as the tree sees it.
@@ -53,7 +55,7 @@ impl Tree {
     #[expect(clippy::cast_possible_truncation, reason = "fewer nodes and packets than MAX_PRIMITIVES")]
     pub(super) fn new(primitives: &[Primitive]) -> Self {
         let mut order: Vec<u32> = (0..primitives.len() as u32).collect();
-        let mut tree = Self { nodes: vec![Node8::default()], packets: Vec::new() };
+        let mut tree = Self { nodes: vec![Node8::default()], packets: Vec::new(), owners: Vec::new() };
         let mut open = vec![(0_usize, 0..primitives.len(), None)];
         while let Some((index, range, above)) = open.pop() {
             let axes =
@@ -63,9 +65,11 @@ impl Tree {
             parts.sort_by_key(|part| part.len() <= LANES);
             let nodes = parts.iter().filter(|part| part.len() > LANES).count();
             let first = tree.nodes.len();
-            tree.nodes[index] =
-                Node8::new(first as u32, tree.packets.len() as u32, nodes as u8, parts.len() as u8, &axes);
-            tree.nodes.resize(first + nodes, Node8::default());
+            let children = [first as u32, tree.packets.len() as u32];
+            let above = tree.nodes[index].above;
+            tree.nodes[index] = Node8::new(above, children, nodes as u8, parts.len() as u8, &axes);
+            tree.nodes.resize(first + nodes, Node8::below(index as u32));
+            tree.owners.resize(tree.packets.len() + parts.len() - nodes, index as u32);
             for (k, part) in parts.into_iter().enumerate() {
                 if k < nodes {
                     open.push((first + k, part, Some(axes)));
@@ -81,7 +85,9 @@ impl Tree {
 
     /// Memory, in bytes.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice()) + size_of_val(self.packets.as_slice())
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.packets.as_slice())
+            + size_of_val(self.owners.as_slice())
     }
 }
 

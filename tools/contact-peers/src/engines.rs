@@ -1,9 +1,16 @@
-//! Each engine on the same contacts: `single path batch build`.
+//! Each engine on the same contacts: `single path batch build`, and the eight nearest vertices.
 
-use std::time::{Duration, Instant};
+use std::{
+    num::NonZero,
+    time::{Duration, Instant},
+};
 
-use dermatome::contact::Query;
+use dermatome::{
+    contact::{Cursor, IndexOptions, Packing, Query},
+    pyramid::LevelId,
+};
 use glam::{DVec3, Vec3, Vec3A};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use obvhs::{
     BvhBuildParams,
     aabb::Aabb,
@@ -16,22 +23,22 @@ use crate::{Error, mesh::Mesh, nanoseconds};
 
 type Times = [Option<f64>; 4];
 
+/// How many vertices are looked for.
+const NEAREST: usize = 8;
+
 fn wide(p: &[f32; 3]) -> DVec3 {
     Vec3::from(*p).as_dvec3()
 }
 
 pub fn dermatome(mesh: &Mesh, scattered: &[[f32; 3]], path: &[[f32; 3]]) -> Result<Times, Error> {
     let start = Instant::now();
-    let index = mesh.index()?;
+    let index = mesh.index(&IndexOptions::default())?;
     let build = start.elapsed().as_secs_f64() * 1e3;
     let distance = |p: &[f32; 3]| index.locate(wide(p)).map_or(f64::NAN, |hit| hit.distance);
     let single = nanoseconds(scattered, |contacts| contacts.iter().map(distance).sum());
     let along = nanoseconds(path, |contacts| {
-        let Ok(mut last) = index.locate(wide(&contacts[0])) else { return f64::NAN };
-        let next = |p: &[f32; 3]| {
-            last = index.locate_from(&last, wide(p)).unwrap_or(last);
-            last.distance
-        };
+        let mut cursor = Cursor::default();
+        let next = |p: &[f32; 3]| index.locate_along(&mut cursor, wide(p)).map_or(f64::NAN, |hit| hit.distance);
         contacts.iter().map(next).sum()
     });
     let mut many: Vec<[f32; 3]> = Vec::with_capacity(1 << 20);
@@ -48,6 +55,37 @@ pub fn dermatome(mesh: &Mesh, scattered: &[[f32; 3]], path: &[[f32; 3]]) -> Resu
         batch = batch.min(start.elapsed().as_secs_f64() * 1e9 / queries.len() as f64);
     }
     Ok([Some(single), Some(along), Some(batch), Some(build)])
+}
+
+/// The eight vertices nearest to each contact, in nanoseconds, and a checksum of their distances.
+pub fn dermatome_nearest(mesh: &Mesh, scattered: &[[f32; 3]]) -> Result<[f64; 2], Error> {
+    let index = mesh.index(&IndexOptions { fields: true, ..IndexOptions::default() })?;
+    let level = LevelId::new(0);
+    let sum = |p: &[f32; 3]| match index.nearest_fields(wide(p), NEAREST, level) {
+        Ok(found) => found.iter().map(|field| field.distance).sum(),
+        Err(_) => f64::NAN,
+    };
+    Ok([nanoseconds(scattered, |c| c.iter().map(sum).sum()), scattered.iter().map(sum).sum()])
+}
+
+/// Bytes a triangle of the index of level 0, fast and compact.
+pub fn bytes(mesh: &Mesh) -> Result<[f64; 2], Error> {
+    let bytes = |packing: Packing| -> Result<f64, Error> {
+        let index = mesh.index(&IndexOptions { packing, ..IndexOptions::default() })?;
+        Ok(index.bytes() as f64 / mesh.triangles.len() as f64)
+    };
+    Ok([bytes(Packing::Fast)?, bytes(Packing::Compact)?])
+}
+
+pub fn kiddo(mesh: &Mesh, scattered: &[[f32; 3]]) -> Result<[f64; 2], Error> {
+    let points: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+    let tree = ImmutableKdTree::new_from_slice(&points)?;
+    let count = NonZero::new(NEAREST).ok_or("none are asked for")?;
+    let sum = |p: &[f32; 3]| {
+        let found = tree.query(&p.map(f64::from)).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+        found.iter().map(|item| item.distance.sqrt()).sum::<f64>()
+    };
+    Ok([nanoseconds(scattered, |c| c.iter().map(sum).sum()), scattered.iter().map(sum).sum()])
 }
 
 pub fn parry(mesh: &Mesh, scattered: &[[f32; 3]], path: &[[f32; 3]]) -> Result<Times, Error> {

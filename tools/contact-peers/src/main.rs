@@ -4,8 +4,10 @@
 //! off the skin, and a walk over it in steps of half a millimetre, 1 to 1.1 mm off.
 //! `contact-peers ENGINE MESH.obj FOLDER` prints `single path batch build` (three times in
 //! nanoseconds a contact, one in milliseconds) of `dermatome`, `obvhs` (ordered scalar traversal of its
-//! binary tree) or `parry`; a dash where an engine has none. `dermatome` answers the path with the last
-//! hit at hand, and a batch of a million contacts with all threads.
+//! binary tree) or `parry`; a dash where an engine has none. `dermatome` answers the path with a
+//! cursor, and a batch of a million contacts with all threads. `dermatome8` and `kiddo` print
+//! nanoseconds for the eight vertices nearest to a contact and the sum of all their distances; `bytes`
+//! the size of the index in bytes a triangle, fast and compact.
 
 mod engines;
 mod mesh;
@@ -39,7 +41,7 @@ pub fn nanoseconds(contacts: &[[f32; 3]], mut answer: impl FnMut(&[[f32; 3]]) ->
 fn main() -> Result<(), Error> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let [engine, file, folder] = args.as_slice() else {
-        return Err("usage: contact-peers contacts|dermatome|obvhs|parry MESH.obj FOLDER".into());
+        return Err("usage: contact-peers contacts|dermatome|obvhs|parry|dermatome8|kiddo|bytes MESH.obj FOLDER".into());
     };
     let (mesh, folder) = (Mesh::read(Path::new(file))?, Path::new(folder));
     if engine == "contacts" {
@@ -48,6 +50,16 @@ fn main() -> Result<(), Error> {
     }
     let scattered = mesh::read_contacts(&folder.join("scattered.f32"))?;
     let path = mesh::read_contacts(&folder.join("path.f32"))?;
+    let pair = match engine.as_str() {
+        "dermatome8" => Some(engines::dermatome_nearest(&mesh, &scattered)?),
+        "kiddo" => Some(engines::kiddo(&mesh, &scattered)?),
+        "bytes" => Some(engines::bytes(&mesh)?),
+        _ => None,
+    };
+    if let Some([first, second]) = pair {
+        println!("{first:.1} {second:.6}");
+        return Ok(());
+    }
     let times = match engine.as_str() {
         "dermatome" => engines::dermatome(&mesh, &scattered, &path)?,
         "obvhs" => engines::obvhs(&mesh, &scattered, &path),

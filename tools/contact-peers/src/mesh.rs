@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use dermatome::{contact::ContactIndex, map::SkinMap, mesh::TriMesh};
+use dermatome::{contact::{ContactIndex, IndexOptions}, map::SkinMap, mesh::TriMesh};
 use glam::DVec3;
 
 use crate::Error;
@@ -34,9 +34,9 @@ impl Mesh {
         Ok(Self { positions, triangles })
     }
 
-    pub fn index(&self) -> Result<ContactIndex, Error> {
+    pub fn index(&self, options: &IndexOptions) -> Result<ContactIndex, Error> {
         let mesh = TriMesh::from_arrays(self.positions.clone(), &self.triangles);
-        Ok(ContactIndex::new(&SkinMap::flat(mesh, 0.001))?)
+        Ok(ContactIndex::with(&SkinMap::flat(mesh, 0.001), options)?)
     }
 
     fn corners(&self, face: usize) -> [DVec3; 3] {
@@ -60,7 +60,7 @@ impl Mesh {
 
     /// A walk over the skin in steps of half a millimetre, turning slowly and turning back at borders.
     pub fn walk(&self, count: usize) -> Result<Vec<[f32; 3]>, Error> {
-        let (index, mut number) = (self.index()?, numbers());
+        let (index, mut number) = (self.index(&IndexOptions::default())?, numbers());
         let mut contacts = Vec::with_capacity(count);
         let mut at = self.corners(self.triangles.len() / 2)[0];
         let mut heading = DVec3::new(0.3, 0.8, 0.5).normalize();
