@@ -122,17 +122,22 @@ impl MapIndex {
             return Err(ContactError::NotFinite { contact: 0, point: uv.extend(0.0).to_array() });
         };
         let first = found.len();
-        let mut faces = Vec::new();
-        sheet.tree.faces_within(&point, &mut faces);
-        for &(face, _) in &faces {
-            let closest = sheet.tree.measure(point.centre, face);
-            let Some(place) = sheet.place(map, (patch, level), face, closest, 0.0) else { continue };
-            let is_new = |other: &MapPlace| other.position.distance(place.position) > sheet.same_point;
-            if found[first..].iter().all(is_new) {
-                found.push(place);
+        sheet.tree.each_around(point.centre, sheet.on_chart, |face, closest| {
+            found.extend(sheet.place(map, (patch, level), face, closest, 0.0));
+        });
+        if found.len() > first {
+            found[first..].sort_unstable_by_key(|place| place.cell.point.face);
+            // Where faces meet, the first one answers for all.
+            let mut kept = first;
+            for k in first..found.len() {
+                let is_new = |other: &MapPlace| other.position.distance(found[k].position) > sheet.same_point;
+                if found[first..kept].iter().all(is_new) {
+                    found.swap(kept, k);
+                    kept += 1;
+                }
             }
-        }
-        if faces.is_empty() {
+            found.truncate(kept);
+        } else {
             let mut best = None;
             Search::new(&sheet.tree, patch, point.centre).run(&mut best);
             let nearest = best.and_then(|Best { face, closest, .. }| {

@@ -1,7 +1,17 @@
 //! All faces within a sphere, a capsule or a box.
 
-use super::patch_bvh::PatchBvh;
-use crate::{contact::geometry::Volume, id::FaceId};
+use glam::DVec3;
+
+use super::{
+    descent::{Descent, Visitor},
+    lanes::{Kernel, LANES, Lanes},
+    patch_bvh::PatchBvh,
+    rounding::{slack, squared_bound_f32},
+};
+use crate::{contact::geometry::Volume, id::FaceId, mesh::Closest};
+
+/// From this many radii away, the slack is as large as the smallest faces.
+const FAR: f64 = 1000.0;
 
 impl PatchBvh {
     /// Appends every face that reaches into a volume (m, in the link's frame) with its distance
@@ -25,6 +35,73 @@ impl PatchBvh {
         );
         found[before..].sort_unstable_by_key(|&(face, _)| face);
     }
+
+    /// Calls `visit` with every face no farther than `radius` from a point (m, in the link's frame), in
+    /// no order, and the point of it that is nearest.
+    pub(in crate::contact) fn each_around(
+        &self,
+        q: DVec3,
+        radius: f64,
+        mut visit: impl FnMut(FaceId, Closest),
+    ) {
+        let mut offer = |face: FaceId| {
+            let closest = self.measure(q, face);
+            if closest.squared <= radius * radius {
+                visit(face, closest);
+            }
+        };
+        let (local, reach) = (self.frame.point(q), radius * self.frame.scale);
+        if local.length() <= FAR {
+            return self.simd.run(Around { patch: self, local, reach, offer: &mut offer });
+        }
+        self.tree.walk(
+            reach,
+            |node| node.gaps(local, &[DVec3::ZERO; 3]),
+            |packet| {
+                self.faces(packet).for_each(&mut offer);
+                reach
+            },
+        );
+    }
+}
+
+/// The walk to all faces within `reach`, with eight lanes.
+struct Around<'a, F> {
+    patch: &'a PatchBvh,
+    /// The point and the distance in the tree's frame and units.
+    local: DVec3,
+    reach: f64,
+    offer: &'a mut F,
+}
+
+impl<F: FnMut(FaceId)> Kernel for Around<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, l: L) {
+        let bound = squared_bound_f32(self.reach, slack(self.local.length(), 1.0));
+        Descent::new(l, &self.patch.tree, self.local.as_vec3().to_array(), bound).run(&mut self);
+    }
+}
+
+impl<L: Lanes, F: FnMut(FaceId)> Visitor<L> for Around<'_, F> {
+    /// Offers what is within the bound, which stays as it is.
+    #[inline(always)]
+    fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
+        let faces = &self.patch.tree.packets[packet];
+        let within = match self.patch.triangles.get(packet) {
+            Some(triangles) => l.le(triangles.distance_squared(l, point), l.splat(*bound)),
+            None => 0xff,
+        };
+        if within != 0 {
+            for lane in 0..LANES {
+                let is_repeated = lane > 0 && faces[lane] == faces[lane - 1];
+                if within >> lane & 1 != 0 && !is_repeated {
+                    (self.offer)(FaceId::from(faces[lane]));
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -33,7 +110,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::contact::soup;
+    use crate::contact::{search::Packing, soup};
 
     proptest! {
         #![proptest_config(soup::fixed(300, 32))]
@@ -60,6 +137,15 @@ mod tests {
                 let mut found = Vec::new();
                 patch.faces_within(&volume, &mut found);
                 prop_assert_eq!(found, expected);
+            }
+            for (q, packing) in [(a, Packing::Fast), (triangles[0][0], Packing::Compact), (a * 1e4, Packing::Fast)] {
+                let patch = PatchBvh::packed("patch", &mesh, packing).unwrap();
+                let all = mesh.triangles.ids().map(|f| (f, patch.measure(q, f)));
+                let expected: Vec<_> = all.filter(|(_, closest)| closest.squared <= radius * radius).collect();
+                let mut found = Vec::new();
+                patch.each_around(q, radius, |face, closest| found.push((face, closest)));
+                found.sort_unstable_by_key(|(face, _)| *face);
+                prop_assert_eq!(found, expected, "around {}", q);
             }
         }
     }
