@@ -150,3 +150,39 @@ fn all_bad_patches_are_named_and_the_good_ones_mapped() {
     assert_eq!(names, ["palm", "tip left"]);
     dermatome(folder.path(), "build four.obj --patch palm -o M --keep-going").assert().success();
 }
+
+/// Faces of a file are chosen by a list, by material and by a box.
+#[test]
+fn faces_are_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    // A strip of three squares, the middle one of another material.
+    let text = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\nv 3 1 0\nusemtl shell\n\
+                f 1 2 6 5\nusemtl rubber skin\nf 2 3 7 6\nusemtl shell\nf 3 4 8 7\n";
+    fs::write(path.join("strip.obj"), text).unwrap();
+    fs::write(path.join("two.txt"), "face\n0\n1\n\n").unwrap();
+    let size = |words: &str| {
+        dermatome(path, &format!("convert strip.obj out.off {words}")).assert().success();
+        let sheet = read_draft(&path.join("out.off")).unwrap().sheets.remove(0);
+        (sheet.positions.len(), sheet.triangles.len())
+    };
+    assert_eq!(size("--faces two.txt"), (4, 2));
+    assert_eq!(size("--material rubber*"), (4, 2));
+    assert_eq!(size("--material shell --box 3,2,1,1,-1,-1"), (4, 2), "the last square");
+    assert_eq!(size("--box 0,0,0,1.5,1,0"), (5, 3), "centres in the box");
+    for (words, said) in [
+        ("--material wood", "shell, rubber skin"),
+        ("--box 0,0,0,1,1", "six numbers"),
+        ("--box 5,5,5,6,6,6", "no face is left"),
+        ("--faces strip.obj", "the number of a face"),
+    ] {
+        dermatome(path, &format!("build strip.obj -o M {words}")).assert().code(2).stderr(contains(said));
+    }
+    fs::write(path.join("far.txt"), "6\n").unwrap();
+    dermatome(path, "build strip.obj -o M --faces far.txt").assert().code(2).stderr(contains("6 triangles"));
+    dermatome(path, "convert strip.obj strip.glb").assert().success();
+    dermatome(path, "info strip.glb").assert().success();
+    dermatome(path, "convert strip.glb x.off --material a").assert().code(2).stderr(contains("it has none"));
+    dermatome(path, "build strip.obj -o M --material rubber*").assert().success();
+    dermatome(path, "flatten strip.obj -o f.obj --faces two.txt").assert().success();
+}

@@ -63,7 +63,7 @@ pub use image::{
     read::{ImageLayer, read_images},
 };
 pub use mesh::{
-    formats::{read_draft, read_textured_draft, write_flat, write_skin},
+    formats::{ReadParts, read_draft, read_draft_with, write_flat, write_skin},
     skin_csv::triangles_path,
 };
 pub use observations::{
@@ -77,6 +77,7 @@ pub use table::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
     },
     contacts::{ContactRow, MapPlaceRow, MapPosition, read_contacts, read_map_places},
+    faces::read_faces,
     lookups::{LookupPlace, LookupRow, LookupWriter},
     poses::read_poses,
     regions::RegionWriter,

@@ -21,6 +21,8 @@ pub struct Draft {
     pub sheets: Vec<Sheet>,
     /// What the reader of the file changed or ignored.
     pub remarks: Vec<Remark>,
+    /// The names of the materials that [`Sheet::materials`] counts.
+    pub materials: Vec<String>,
 }
 
 /// One sheet of triangles with their taxels, as written.
@@ -42,6 +44,9 @@ pub struct Sheet {
     pub triangles: Vec<[u32; 3]>,
     /// Texture coordinates of the corners of each triangle, if the reader was asked for them.
     pub texture: Option<Vec<[DVec2; 3]>>,
+    /// The material of each triangle, if the reader was asked for it; [`u32::MAX`] where there is
+    /// none.
+    pub materials: Option<Vec<u32>>,
     /// Vendor ids.
     pub ids: Option<Vec<TaxelId>>,
     /// Normals in the link's frame.
@@ -78,6 +83,16 @@ impl Draft {
                 .flatten()
                 .for_each(|c| *c = Covariance::from_array(c.to_array().map(|x| x * square)));
         }
+    }
+
+    /// Keeps the triangles for which `keep` holds, of sheets that have some, and the taxels of the
+    /// others; sheets without any are dropped. `keep` takes the sheet and the number of the
+    /// triangle, or of the taxel, in it.
+    pub fn retain(&mut self, keep: impl Fn(&Sheet, usize) -> bool) {
+        for sheet in &mut self.sheets {
+            sheet.retain(&keep);
+        }
+        self.sheets.retain(|sheet| !sheet.positions.is_empty());
     }
 
     /// Whether it holds taxels, but no triangle.
@@ -168,6 +183,47 @@ impl Sheet {
         self.positions.len() >= u32::MAX as usize || self.triangles.len() >= (u32::MAX / 3) as usize
     }
 
+    /// Keeps triangles, or taxels, as [`Draft::retain`] does.
+    pub fn retain(&mut self, keep: impl Fn(&Self, usize) -> bool) {
+        *self = self.retained(keep);
+    }
+
+    /// The part of a sheet that [`Draft::retain`] keeps. Vertices that no triangle used stay.
+    fn retained(&self, keep: impl Fn(&Self, usize) -> bool) -> Self {
+        if self.triangles.is_empty() {
+            let kept: Vec<usize> = (0..self.positions.len()).filter(|&v| keep(self, v)).collect();
+            return self.select(&kept);
+        }
+        let faces: Vec<usize> = (0..self.triangles.len()).filter(|&f| keep(self, f)).collect();
+        if faces.is_empty() {
+            return Self::default();
+        }
+        let mut is_kept = vec![true; self.positions.len()];
+        let mut mark = |t: &[u32; 3], value| {
+            t.iter().for_each(|&v| {
+                if let Some(kept) = is_kept.get_mut(v as usize) {
+                    *kept = value;
+                }
+            });
+        };
+        self.triangles.iter().for_each(|t| mark(t, false));
+        faces.iter().for_each(|&f| mark(&self.triangles[f], true));
+        let kept: Vec<usize> = (0..self.positions.len()).filter(|&v| is_kept[v]).collect();
+        // Corners out of range stay so, and are refused later.
+        let mut places = vec![u32::MAX; self.positions.len()];
+        for (place, &v) in (0..).zip(&kept) {
+            places[v] = place;
+        }
+        let moved = |v: u32| places.get(v as usize).copied().unwrap_or(u32::MAX);
+        let mut part = self.select(&kept);
+        part.numbers =
+            Some(kept.iter().map(|&v| self.numbers.as_ref().map_or(number(v), |all| all[v])).collect());
+        part.triangles = faces.iter().map(|&f| self.triangles[f].map(moved)).collect();
+        part.texture = self.texture.as_ref().map(|all| faces.iter().map(|&f| all[f]).collect());
+        part.materials = self.materials.as_ref().map(|all| faces.iter().map(|&f| all[f]).collect());
+        part
+    }
+
     /// The taxels `kept`, in that order, without triangles.
     pub(crate) fn select(&self, kept: &[usize]) -> Self {
         fn pick<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
@@ -180,6 +236,7 @@ impl Sheet {
             numbers: self.numbers.as_ref().map(|x| pick(x, kept)),
             triangles: Vec::new(),
             texture: None,
+            materials: None,
             ids: self.ids.as_ref().map(|x| pick(x, kept)),
             normals: self.normals.as_ref().map(|x| pick(x, kept)),
             tangents: self.tangents.as_ref().map(|x| pick(x, kept)),
@@ -190,4 +247,9 @@ impl Sheet {
             covariances: self.covariances.as_ref().map(|x| pick(x, kept)),
         }
     }
+}
+
+/// The number of a vertex; drafts with more than 32 bits hold are refused.
+fn number(v: usize) -> u32 {
+    u32::try_from(v).unwrap_or(u32::MAX)
 }

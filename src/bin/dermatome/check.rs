@@ -31,7 +31,7 @@ pub(crate) struct Args {
 const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let draft = args.read.read(&args.file)?;
+    let draft = args.read.read(&args.file, false)?;
     let findings = check(&draft, &args.read.options());
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note(common, found));

@@ -38,7 +38,8 @@ pub(crate) fn read_good_patches(
     options: &AssembleOptions,
     common: &Common,
 ) -> anyhow::Result<(Skin, usize)> {
-    let mut draft = read.read(path)?;
+    let mut draft = read.read(path, chosen.wants_materials())?;
+    chosen.keep_faces(&mut draft, path)?;
     // Patches that are not taken may be faulty. A piece of a sheet has a name of its own once it is
     // assembled.
     let sheets = select(&mut draft.sheets, &chosen.patches, |sheet| &sheet.name);

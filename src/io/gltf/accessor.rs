@@ -57,6 +57,7 @@ impl Document {
             let needed = format!("one of the file's {}", self.gltf.accessors().len());
             self.invalid(asked_by, format!("accessor {index}"), needed)
         })?;
+        self.notes.check(self, "accessors", index)?;
         let mut accessor = Accessor { document: self, gltf, base: None, replaced: None };
         accessor.load(role)?;
         Ok(accessor)
@@ -92,14 +93,18 @@ impl<'a> Accessor<'a> {
         let gltf = &self.gltf;
         let component = gltf.data_type();
         if gltf.normalized() && matches!(component, DataType::F32 | DataType::U32) {
-            return Err(self.invalid("normalized floats or 32-bit integers", "8 or 16 bits"));
+            let fault = self.invalid("normalized floats or 32-bit integers", "8 or 16 bits");
+            if component == DataType::U32 {
+                return Err(fault);
+            }
+            self.document.notes.pass(fault)?;
         }
         if gltf.count() == 0 {
             return Err(self.invalid("count 0", "at least 1"));
         }
         if gltf.extension_value(QUANTIZATION).is_some() {
             let found = "a KHR_mesh_quantization object";
-            return Err(self.invalid(found, "none: it is declared at the top only"));
+            self.document.notes.pass(self.invalid(found, "none: it is declared at the top only"))?;
         }
         let (component, size) = (component.size(), row_size(gltf));
         if let Some(view) = gltf.view() {
@@ -116,6 +121,7 @@ impl<'a> Accessor<'a> {
     fn load_rows(&self, role: Role, rows: &Rows<'a>) -> Result<Bytes<'a>> {
         let Rows { element, view, offset, component, size, count } = rows;
         let (document, offset) = (self.document, *offset);
+        document.notes.check(document, "bufferViews", view.index())?;
         let buffer = document.buffer(view.buffer().index())?;
         let (start, length) = (view.offset(), view.length());
         let end = start.checked_add(length).filter(|&end| end <= buffer.len());
@@ -128,11 +134,11 @@ impl<'a> Accessor<'a> {
         let align = if role == Role::Vertex { 4 } else { *component };
         if !offset.is_multiple_of(align) || !stride.is_multiple_of(align) {
             let found = format!("byteOffset {offset} and rows {stride} bytes apart");
-            return Err(document.invalid(element, found, format!("multiples of {align}")));
+            document.notes.pass(document.invalid(element, found, format!("multiples of {align}")))?;
         }
         if !(start % 4 + offset % 4).is_multiple_of(*component) {
             let found = format!("offset {start} of its view plus its own {offset}");
-            return Err(document.invalid(element, found, format!("a multiple of {component}")));
+            document.notes.pass(document.invalid(element, found, format!("a multiple of {component}")))?;
         }
         let last = (count - 1).checked_mul(stride).and_then(|last| last.checked_add(*size));
         let end = last.and_then(|last| last.checked_add(offset)).filter(|&end| end <= bytes.len());
@@ -145,9 +151,10 @@ impl<'a> Accessor<'a> {
 
     /// The distance of the rows of a view, whose stride and target fit its role, its only one.
     fn check_view_use(&self, role: Role, Rows { element, view, size, .. }: &Rows<'_>) -> Result<usize> {
-        let refuse = |found: String, needed: &str| {
-            Err(self.document.invalid(format!("bufferView {}", view.index()), found, needed))
+        let fault = |found: String, needed: &str| {
+            self.document.invalid(format!("bufferView {}", view.index()), found, needed)
         };
+        let pass = |found, needed: &str| self.document.notes.pass(fault(found, needed));
         let wanted = match role {
             Role::Vertex => Some(Target::ArrayBuffer),
             Role::Index => Some(Target::ElementArrayBuffer),
@@ -156,28 +163,32 @@ impl<'a> Accessor<'a> {
         if let Some(target) = view.target().filter(|target| wanted.is_some_and(|wanted| wanted != *target)) {
             let code = if target == Target::ArrayBuffer { 34962 } else { 34963 };
             let found = format!("target {code}, used by {element}");
-            return refuse(found, "34962 for attributes, 34963 for indices");
+            pass(found, "34962 for attributes, 34963 for indices")?;
         }
         // The crate takes a stride of 0 for none.
         let stride = self.document.root().buffer_views[view.index()].byte_stride.map(|stride| stride.0);
         if let Some(stride) = stride {
             if role != Role::Vertex {
-                return refuse("byteStride".into(), "no byteStride but for vertex attributes");
+                return Err(fault("byteStride".into(), "no byteStride but for vertex attributes"));
             }
             if !(MIN_BYTE_STRIDE..=MAX_BYTE_STRIDE).contains(&stride) || stride % 4 != 0 || stride < *size {
                 let row = format!("a multiple of 4, at most 252 and at least the {size} bytes of a row");
-                return refuse(format!("byteStride {stride}, used by {element}"), &row);
+                let found = format!("byteStride {stride}, used by {element}");
+                if stride < *size {
+                    return Err(fault(found, &row));
+                }
+                pass(found, &row)?;
             }
         }
         let used = (role, self.gltf.index());
         let first = *self.document.views.borrow_mut().entry(view.index()).or_insert(used);
         if first.0 != role {
             let found = format!("used by accessor {} and {element} for different purposes", first.1);
-            return refuse(found, "either vertex attributes or indices or other data");
+            pass(found, "either vertex attributes or indices or other data")?;
         }
         if role == Role::Vertex && first != used && stride.is_none() {
             let found = format!("no byteStride, used by accessor {} and {element}", first.1);
-            return refuse(found, "a byteStride where several attributes share a view");
+            pass(found, "a byteStride where several attributes share a view")?;
         }
         Ok(stride.unwrap_or(*size))
     }
@@ -218,7 +229,7 @@ impl<'a> Accessor<'a> {
 
     /// All rows as finite numbers through `build`; normalized integers arrive between -1 and 1.
     pub(super) fn reals<const N: usize, T>(&self, build: impl Fn([f64; N]) -> T) -> Result<Vec<T>> {
-        let is_normalized = self.gltf.normalized();
+        let is_normalized = self.gltf.normalized() && self.gltf.data_type() != DataType::F32;
         // The smallest signed integer would come out below -1.
         let scaled = |x: f64, one: f64| if is_normalized { (x / one).max(-1.0) } else { x };
         let mut is_finite = true;

@@ -14,6 +14,7 @@ use crate::{
         gltf::{
             document::{Document, Role},
             nodes::read_node_tree,
+            notes::Notes,
         },
     },
     skin::{LinkId, link_names},
@@ -76,7 +77,7 @@ pub fn read_animation(
     name: Option<&str>,
     link_named: &dyn Fn(&str) -> Option<LinkId>,
 ) -> Result<Motion, IoError> {
-    let document = Document::new(Source::open(path)?)?;
+    let document = Document::new(Source::open(path)?, Notes::new(true))?;
     let (element, animation) = choose(&document, name)?;
     let tree = read_node_tree(&document)?;
     let names = link_names(&tree.links);

@@ -20,7 +20,10 @@ use crate::io::{
     IoError,
     error::Result,
     file::Source,
-    gltf::guard::{self, Transform},
+    gltf::{
+        guard::{self, Parsed, Transform},
+        notes::Notes,
+    },
 };
 
 /// Bytes that decoding may take whatever the size of the file: many nodes may use one mesh.
@@ -58,6 +61,10 @@ pub(super) struct Document {
     /// The animations as the file states them, unchecked.
     pub(super) animations: serde_json::Value,
     chunk: Option<Range<usize>>,
+    /// The names of the materials.
+    pub(super) materials: Vec<String>,
+    /// Faults that touch no triangle.
+    pub(super) notes: Notes,
     /// Buffers from elsewhere, by number, and the files they come from.
     loaded: Vec<OnceCell<Rc<Vec<u8>>>>,
     files: RefCell<BTreeMap<PathBuf, Rc<Vec<u8>>>>,
@@ -80,14 +87,16 @@ impl Deref for Document {
 
 impl Document {
     /// Reads the JSON of a file; buffers follow when they are asked for.
-    pub(super) fn new(source: Source) -> Result<Self> {
-        let (text, chunk) = split_chunks(&source)?;
+    pub(super) fn new(source: Source, notes: Notes) -> Result<Self> {
+        let (text, chunk) = split_chunks(&source, &notes)?;
         let text = &source.bytes()[text];
         check_marks(&source, text)?;
-        let (root, transforms, animations) = guard::parse(&source, text)?;
+        let Parsed { root, transforms, animations, materials } = guard::parse(&source, text, &notes)?;
         check_version(&source, &root)?;
         Ok(Self {
-            is_quantized: check_extensions(&source, &root)?,
+            is_quantized: check_extensions(&source, &root, &notes)?,
+            notes,
+            materials,
             loaded: root.buffers.iter().map(|_| OnceCell::new()).collect(),
             gltf: gltf::Document::from_json_without_validation(root),
             transforms,
@@ -128,6 +137,7 @@ impl Document {
 impl Document {
     /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
     pub(super) fn buffer(&self, index: usize) -> Result<&[u8]> {
+        self.notes.check(self, "buffers", index)?;
         let buffer = &self.root().buffers[index];
         let element = format!("buffer {index}");
         let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
@@ -239,10 +249,10 @@ fn percent_decode(uri: &str) -> Option<Vec<u8>> {
 }
 
 /// Where the JSON and the binary chunk lie; a file without the GLB magic is all JSON.
-fn split_chunks(source: &Source) -> Result<(Range<usize>, Option<Range<usize>>)> {
+fn split_chunks(source: &Source, notes: &Notes) -> Result<(Range<usize>, Option<Range<usize>>)> {
     const JSON: u32 = 0x4E4F_534A;
     const BIN: u32 = 0x004E_4942;
-    let bytes = source.bytes();
+    let mut bytes = source.bytes();
     if !bytes.starts_with(MAGIC) {
         return Ok((0..bytes.len(), None));
     }
@@ -256,7 +266,12 @@ fn split_chunks(source: &Source) -> Result<(Range<usize>, Option<Range<usize>>)>
     }
     if length as usize != bytes.len() {
         let found = format!("length {length} in a file of {} bytes", bytes.len());
-        return header(found, "the length of the file: it may be cut short");
+        let fault = source.invalid("GLB header", found, "the length of the file: it may be cut short");
+        if (length as usize) > bytes.len() || length < 12 {
+            return Err(fault);
+        }
+        notes.pass(fault)?;
+        bytes = &bytes[..length as usize];
     }
     let (mut at, mut text, mut bin) = (12, None, None);
     for number in 0.. {
@@ -269,14 +284,28 @@ fn split_chunks(source: &Source) -> Result<(Range<usize>, Option<Range<usize>>)>
             return refuse(format!("{} bytes", bytes.len() - at), "a header of 8 bytes".into());
         };
         let (start, length) = (at + 8, length as usize);
-        if length % 4 != 0 || length > bytes.len() - start {
-            let needed = format!("a multiple of 4, at most the {} bytes left", bytes.len() - start);
-            return refuse(format!("length {length}"), needed);
+        if length > bytes.len() - start {
+            return refuse(
+                format!("length {length}"),
+                format!("at most the {} bytes left", bytes.len() - start),
+            );
         }
         at = start + length;
+        if length % 4 != 0 {
+            let fault =
+                source.invalid(format!("GLB chunk {number}"), format!("length {length}"), "a multiple of 4");
+            notes.pass(fault)?;
+            // The next chunk follows at once, or after padding that is not counted.
+            let padded = bytes.len().min(start + length.next_multiple_of(4));
+            let is_next =
+                |at: usize| at == bytes.len() || bytes.get(at + 4..at + 8) == Some(&BIN.to_le_bytes());
+            if !is_next(at) && is_next(padded) {
+                at = padded;
+            }
+        }
         match (number, kind) {
-            (0, JSON) => text = Some(start..at),
-            (1, BIN) => bin = Some(start..at),
+            (0, JSON) => text = Some(start..start + length),
+            (1, BIN) => bin = Some(start..start + length),
             (0, _) | (_, JSON | BIN) => {
                 return refuse(format!("type {kind:#x}"), "JSON first, BIN second".into());
             }
@@ -327,13 +356,13 @@ fn check_version(source: &Source, root: &Root) -> Result<()> {
 }
 
 /// Whether the document is quantized.
-fn check_extensions(source: &Source, root: &Root) -> Result<bool> {
-    let used = names(source, "extensionsUsed", &root.extensions_used)?;
-    let required = names(source, "extensionsRequired", &root.extensions_required)?;
+fn check_extensions(source: &Source, root: &Root, notes: &Notes) -> Result<bool> {
+    let used = names(source, "extensionsUsed", &root.extensions_used, notes)?;
+    let required = names(source, "extensionsRequired", &root.extensions_required, notes)?;
     for name in &required {
         let element = "extensionsRequired";
         if !used.contains(name) {
-            return Err(source.invalid(element, format!("{name:?}"), "the same name in extensionsUsed"));
+            notes.pass(source.invalid(element, format!("{name:?}"), "the same name in extensionsUsed"))?;
         }
         if !is_harmless(name) {
             return Err(source.unsupported(element, *name));
@@ -341,18 +370,20 @@ fn check_extensions(source: &Source, root: &Root) -> Result<bool> {
     }
     if used.contains(QUANTIZATION) && !required.contains(QUANTIZATION) {
         let needed = "the same name in extensionsRequired";
-        return Err(source.invalid("extensionsUsed", format!("{QUANTIZATION:?}"), needed));
+        notes.pass(source.invalid("extensionsUsed", format!("{QUANTIZATION:?}"), needed))?;
     }
-    Ok(used.contains(QUANTIZATION))
+    Ok(used.contains(QUANTIZATION) || required.contains(QUANTIZATION))
 }
 
 /// The names of a list, each once.
-fn names<'a>(source: &Source, element: &str, list: &'a [String]) -> Result<BTreeSet<&'a str>> {
+fn names<'a>(source: &Source, element: &str, list: &'a [String], notes: &Notes) -> Result<BTreeSet<&'a str>> {
     let mut names = BTreeSet::new();
-    match list.iter().find(|name| !names.insert(name.as_str())) {
-        None => Ok(names),
-        Some(name) => Err(source.invalid(element, format!("{name:?} twice"), "each name once")),
+    for name in list {
+        if !names.insert(name.as_str()) {
+            notes.pass(source.invalid(element, format!("{name:?} twice"), "each name once"))?;
+        }
     }
+    Ok(names)
 }
 
 /// Integer positions and normals.
@@ -362,6 +393,19 @@ pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// Extensions that change how a surface looks, but not where it is.
 fn is_harmless(extension: &str) -> bool {
-    const LOOKS: &[&str] = &["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp"];
+    const LOOKS: &[&str] = &[
+        "KHR_materials_",
+        "KHR_texture_",
+        "EXT_texture_",
+        "MSFT_texture_",
+        "EXT_materials_",
+        "ADOBE_materials_",
+        "KHR_lights_",
+        "EXT_lights_",
+        "KHR_xmp",
+        "KHR_animation_pointer",
+        "KHR_audio",
+        "KHR_interactivity",
+    ];
     extension == QUANTIZATION || LOOKS.iter().any(|prefix| extension.starts_with(prefix))
 }

@@ -10,16 +10,19 @@
 //!   keeps `f64`.
 //! - A fault in a material or a texture would refuse the file: materials, skins and cameras are
 //!   only counted.
+//! - An accessor, view, buffer or mesh that is broken is an error when it is used, not before; what
+//!   touches no triangle is noted ([`Notes`]).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use gltf::json::{Asset, Index, Root};
 use serde::{Deserialize, de::DeserializeOwned};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use crate::io::{
     error::Result,
     file::{Source, excerpt},
+    gltf::notes::Notes,
 };
 
 /// The transform of a node as the file states it.
@@ -68,33 +71,43 @@ const OF_ACCESSOR: Rules = &[
 const OF_SPARSE_INDICES: Rules =
     &[("bufferView", Rule::Index(VIEWS)), ("componentType", Rule::Code(&[5121, 5123, 5125]))];
 const OF_SPARSE_VALUES: Rules = &[("bufferView", Rule::Index(VIEWS))];
-const OF_PRIMITIVE: Rules = &[
-    ("indices", Rule::Index(ACCESSORS)),
-    ("mode", Rule::Code(&[0, 1, 2, 3, 4, 5, 6])),
-    ("material", Rule::Index(MATERIALS)),
-];
-const OF_NODE: Rules = &[
-    ("children", Rule::Indices(NODES)),
-    ("mesh", Rule::Index(MESHES)),
-    ("skin", Rule::Index(SKINS)),
-    ("camera", Rule::Index(CAMERAS)),
-];
+const OF_PRIMITIVE: Rules =
+    &[("indices", Rule::Index(ACCESSORS)), ("mode", Rule::Code(&[0, 1, 2, 3, 4, 5, 6]))];
+const LOOKS_OF_PRIMITIVE: Rules = &[("material", Rule::Index(MATERIALS))];
+const OF_NODE: Rules = &[("children", Rule::Indices(NODES)), ("mesh", Rule::Index(MESHES))];
+const LOOKS_OF_NODE: Rules = &[("skin", Rule::Index(SKINS)), ("camera", Rule::Index(CAMERAS))];
 const OF_SCENE: Rules = &[("nodes", Rule::Indices(NODES))];
 
 const NEEDED: &str = "an object as glTF 2.0 describes it";
 
-/// Checks a document and hands it to the types of the crate; with the transform of each node, and the
-/// animations unchecked, since a skin does without them.
-pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform>, Value)> {
+/// A checked document.
+pub(super) struct Parsed {
+    pub root: Root,
+    /// The transform of each node.
+    pub transforms: Vec<Transform>,
+    /// The animations, unchecked, since a skin does without them.
+    pub animations: Value,
+    /// The names of the materials; one without a name is called `material` and its number.
+    pub materials: Vec<String>,
+}
+
+/// Checks a document and hands it to the types of the crate.
+pub(super) fn parse(source: &Source, text: &[u8], notes: &Notes) -> Result<Parsed> {
     let mut document: Value =
         serde_json::from_slice(text).map_err(|e| source.invalid("JSON", e.to_string(), NEEDED))?;
     rewrite_whole_numbers(&mut document);
-    let guard = Guard::new(source, &document)?;
-    guard.check("the file", &document, OF_DOCUMENT)?;
+    let guard = Guard::new(source, &mut document, notes)?;
+    guard.pass_over("the file", &mut document, OF_DOCUMENT)?;
+    guard.drop_second_parents(&mut document)?;
     let Value::Object(mut document) = document else {
         return Err(source.invalid("JSON", "no object", NEEDED));
     };
     let animations = document.remove("animations").unwrap_or_default();
+    let name = |(i, material): (usize, &Value)| {
+        material.get("name").and_then(Value::as_str).map_or_else(|| format!("material {i}"), str::to_owned)
+    };
+    let materials = document.get(MATERIALS.0).and_then(Value::as_array);
+    let materials = materials.map(|all| all.iter().enumerate().map(name).collect()).unwrap_or_default();
     let asset: Asset = guard.typed("asset", document.remove("asset").unwrap_or_default())?;
     let scene: Option<Index<_>> = guard.typed("scene", document.remove("scene").unwrap_or_default())?;
     let mut names =
@@ -106,17 +119,31 @@ pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform
         scene,
         extensions_used,
         extensions_required,
-        buffers: guard.elements(&mut document, BUFFERS, |_, _| Ok(()))?,
-        buffer_views: guard.elements(&mut document, VIEWS, |name, json| guard.check(name, json, OF_VIEW))?,
-        accessors: guard.elements(&mut document, ACCESSORS, |name, json| guard.check_accessor(name, json))?,
-        meshes: guard.elements(&mut document, MESHES, |name, json| guard.check_mesh(name, json))?,
+        buffers: guard.parts(&mut document, BUFFERS, json!({"byteLength": 0}), |_, _| Ok(()))?,
+        buffer_views: guard.parts(
+            &mut document,
+            VIEWS,
+            json!({"buffer": 0, "byteLength": 0}),
+            |name, json| guard.check(name, json, OF_VIEW),
+        )?,
+        accessors: guard.parts(
+            &mut document,
+            ACCESSORS,
+            json!({"componentType": 5126, "count": 0, "type": "SCALAR"}),
+            |name, json| guard.check_accessor(name, json),
+        )?,
+        meshes: guard.parts(&mut document, MESHES, json!({"primitives": []}), |name, json| {
+            guard.check_mesh(name, json)
+        })?,
         nodes: guard.elements(&mut document, NODES, |name, json| {
+            guard.pass_over(name, json, LOOKS_OF_NODE)?;
             guard.check(name, json, OF_NODE)?;
             let transform = Transform::deserialize(&*json);
             transforms.push(transform.map_err(|e| source.invalid(name, e.to_string(), NEEDED))?);
             Ok(())
         })?,
         scenes: guard.elements(&mut document, SCENES, |name, json| {
+            guard.drop_empty(name, json, "nodes")?;
             guard.check(name, json, OF_SCENE)?;
             if let Value::Object(scene) = json {
                 scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
@@ -125,7 +152,7 @@ pub(super) fn parse(source: &Source, text: &[u8]) -> Result<(Root, Vec<Transform
         })?,
         ..Root::default()
     };
-    Ok((root, transforms, animations))
+    Ok(Parsed { root, transforms, animations, materials })
 }
 
 /// Rewrites whole numbers that are not negative as integers, also those written `1.0` or `10e-1`.
@@ -153,20 +180,112 @@ fn rewrite_whole_numbers(value: &mut Value) {
 /// The lengths of the arrays that indices point into.
 struct Guard<'a> {
     source: &'a Source,
+    notes: &'a Notes,
     lengths: BTreeMap<&'static str, usize>,
 }
 
 impl<'a> Guard<'a> {
-    fn new(source: &'a Source, document: &Value) -> Result<Self> {
+    fn new(source: &'a Source, document: &mut Value, notes: &'a Notes) -> Result<Self> {
         let mut lengths = BTreeMap::new();
         for (key, name) in [BUFFERS, VIEWS, ACCESSORS, MESHES, NODES, SCENES, MATERIALS, SKINS, CAMERAS] {
             let Some(value) = document.get(key) else { continue };
-            let elements = value
-                .as_array()
-                .ok_or_else(|| source.invalid(key, "no array", format!("an array of {name} objects")))?;
+            let Some(elements) = value.as_array() else {
+                let fault = source.invalid(key, "no array", format!("an array of {name} objects"));
+                if ![MATERIALS, SKINS, CAMERAS].contains(&(key, name)) {
+                    return Err(fault);
+                }
+                notes.pass(fault)?;
+                continue;
+            };
             lengths.insert(key, elements.len());
         }
-        Ok(Self { source, lengths })
+        Ok(Self { source, notes, lengths })
+    }
+
+    /// Notes the properties that break their rule, and removes them.
+    fn pass_over(&self, element: &str, object: &mut Value, rules: Rules) -> Result<()> {
+        for rule in rules {
+            if let Err(fault) = self.check(element, object, std::slice::from_ref(rule)) {
+                self.notes.pass(fault)?;
+                if let Value::Object(object) = object {
+                    object.remove(rule.0);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes a list without elements, and removes it.
+    fn drop_empty(&self, element: &str, object: &mut Value, key: &str) -> Result<()> {
+        if object.get(key).and_then(Value::as_array).is_some_and(Vec::is_empty) {
+            let needed = "an element: an empty list must be left out";
+            self.notes.pass(self.source.invalid(element, format!("{key} []"), needed))?;
+            if let Value::Object(object) = object {
+                object.remove(key);
+            }
+        }
+        Ok(())
+    }
+
+    /// Leaves every node to the first node that lists it as a child; a scene lists a node once.
+    fn drop_second_parents(&self, document: &mut Value) -> Result<()> {
+        let mut parents: BTreeMap<u64, usize> = BTreeMap::new();
+        for (i, node) in elements_of(document, NODES.0).iter_mut().enumerate() {
+            self.drop_empty(&format!("node {i}"), node, "children")?;
+            let Some(Value::Array(children)) = node.get_mut("children") else { continue };
+            let mut faults = Vec::new();
+            children.retain(|child| {
+                let Some(index) = child.as_u64() else { return true };
+                match parents.get(&index) {
+                    None => {
+                        parents.insert(index, i);
+                        true
+                    }
+                    Some(first) => {
+                        let found = format!("a child of node {first} and again of node {i}");
+                        faults.push(self.source.invalid(format!("node {index}"), found, "one parent"));
+                        false
+                    }
+                }
+            });
+            let is_empty = children.is_empty();
+            faults.into_iter().try_for_each(|fault| self.notes.pass(fault))?;
+            if is_empty && let Value::Object(node) = node {
+                node.remove("children");
+            }
+        }
+        for (s, scene) in elements_of(document, SCENES.0).iter_mut().enumerate() {
+            let Some(Value::Array(nodes)) = scene.get_mut("nodes") else { continue };
+            let mut seen = BTreeSet::new();
+            let before = nodes.len();
+            nodes.retain(|node| node.as_u64().is_none_or(|index| seen.insert(index)));
+            if nodes.len() < before {
+                let found = "a node that is listed twice";
+                self.notes.pass(self.source.invalid(format!("scene {s}"), found, "every node once"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The elements of a top-level array whose faults count when they are used; `empty` stands for
+    /// those that have one.
+    fn parts<T: DeserializeOwned>(
+        &self,
+        document: &mut Map<String, Value>,
+        (key, name): Array,
+        empty: Value,
+        check: impl Fn(&str, &mut Value) -> Result<()>,
+    ) -> Result<Vec<T>> {
+        let mut index = 0;
+        self.elements(document, (key, name), |name, json| {
+            let sound = check(name, json).and_then(|()| self.typed::<T>(name, json.clone()));
+            if let Err(fault) = sound {
+                self.notes.hold(key, index, fault)?;
+                json.clone_from(&empty);
+            }
+            index += 1;
+            Ok(())
+        })
     }
 
     /// The elements of a top-level array, each checked, then read. An array that is there has some.
@@ -178,7 +297,7 @@ impl<'a> Guard<'a> {
     ) -> Result<Vec<T>> {
         let Some(Value::Array(elements)) = document.remove(key) else { return Ok(Vec::new()) };
         if elements.is_empty() {
-            return Err(self.source.invalid(key, "an empty list", format!("a {name}, or no list")));
+            self.notes.pass(self.source.invalid(key, "an empty list", format!("a {name}, or no list")))?;
         }
         let read = |(i, mut json)| {
             let name = format!("{name} {i}");
@@ -239,42 +358,67 @@ impl<'a> Guard<'a> {
         self.check(&format!("{element} sparse values"), sparse("values"), OF_SPARSE_VALUES)
     }
 
-    fn check_mesh(&self, element: &str, json: &Value) -> Result<()> {
-        if list(json, "primitives").is_empty() {
+    fn check_mesh(&self, element: &str, json: &mut Value) -> Result<()> {
+        let Some(Value::Array(primitives)) = json.get_mut("primitives").filter(|p| **p != json!([])) else {
             return Err(self.source.invalid(element, "no primitives", "at least one"));
-        }
-        for (p, primitive) in list(json, "primitives").iter().enumerate() {
+        };
+        for (p, primitive) in primitives.iter_mut().enumerate() {
             let element = format!("{element} primitive {p}");
             self.check(&element, primitive, OF_PRIMITIVE)?;
-            if let Some(attributes) = primitive.get("attributes") {
+            self.pass_over(&element, primitive, LOOKS_OF_PRIMITIVE)?;
+            if let Some(attributes) = primitive.get_mut("attributes") {
                 self.check_attributes(&element, attributes)?;
             }
-            for (t, target) in list(primitive, "targets").iter().enumerate() {
-                self.check_attributes(&format!("{element} target {t}"), target)?;
+            let mut faults = Vec::new();
+            for (t, target) in elements_of(primitive, "targets").iter_mut().enumerate() {
+                faults.extend(self.check_attributes(&format!("{element} target {t}"), target).err());
+            }
+            for fault in faults {
+                self.notes.pass(fault)?;
+                if let Value::Object(primitive) = primitive {
+                    primitive.remove("targets");
+                }
             }
         }
         Ok(())
     }
 
-    fn check_attributes(&self, element: &str, attributes: &Value) -> Result<()> {
+    /// Removes attributes that nothing needs and that do not exist; those that are needed have to.
+    fn check_attributes(&self, element: &str, attributes: &mut Value) -> Result<()> {
         let Value::Object(attributes) = attributes else {
             return Err(self.source.invalid(element, "attributes that are not an object", NEEDED));
         };
-        for (name, accessor) in attributes {
+        let mut faults = Vec::new();
+        attributes.retain(|name, accessor| {
             let element = format!("{element} {}", excerpt(name).trim_matches('"'));
-            let own = matches!(name.as_str(), "POSITION" | "NORMAL" | "TANGENT") || name.starts_with('_');
-            if !own && numbered(name).is_none() {
+            let is_own = matches!(name.as_str(), "POSITION" | "NORMAL" | "TANGENT") || name.starts_with('_');
+            let fault = if !is_own && numbered(name).is_none() {
                 let needed = "a name of glTF 2.0, or one that starts with _";
-                return Err(self.source.invalid(element, "an unknown attribute", needed));
-            }
-            self.check_index(&element, accessor, ACCESSORS)?;
-        }
-        Ok(())
+                Err(self.source.invalid(element, "an unknown attribute", needed))
+            } else {
+                self.check_index(&element, accessor, ACCESSORS)
+            };
+            let is_sound = fault.is_ok();
+            faults.extend(fault.err().map(|fault| (is_needed(name), fault)));
+            is_sound
+        });
+        faults.into_iter().try_for_each(
+            |(is_needed, fault)| {
+                if is_needed { Err(fault) } else { self.notes.pass(fault) }
+            },
+        )
     }
 }
 
-fn list<'a>(json: &'a Value, key: &str) -> &'a [Value] {
-    json.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
+fn elements_of<'a>(json: &'a mut Value, key: &str) -> &'a mut [Value] {
+    json.get_mut(key).and_then(Value::as_array_mut).map_or(&mut [], Vec::as_mut_slice)
+}
+
+/// Whether a skin needs an attribute: the others are looks, or are computed where they are wrong.
+pub(super) fn is_needed(attribute: &str) -> bool {
+    const OF_TAXELS: [&str; 6] =
+        ["_TAXEL_ID", "_AREA", "_DENSITY", "_PRESENT", "_COVARIANCE_0", "_COVARIANCE_1"];
+    attribute == "POSITION" || OF_TAXELS.contains(&attribute)
 }
 
 /// Splits `JOINTS_0`; the number is written without leading zeros.

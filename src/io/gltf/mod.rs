@@ -16,6 +16,7 @@ mod document;
 mod extras;
 mod guard;
 mod nodes;
+mod notes;
 mod primitive;
 mod read_map;
 mod read_skin;

@@ -22,6 +22,9 @@ use crate::{
 pub(super) const RIGID: f64 = 1e-6;
 /// How far a quaternion may be from unit length; the Khronos validator allows as much.
 const UNIT_ROTATION: f64 = 5e-5;
+/// A quaternion written with two decimals is this far from unit length at most: it is normalised,
+/// with a note.
+const ROUNDED_ROTATION: f64 = 0.01;
 /// Largest cosine between the axes of a node's matrix: more is shear, which glTF forbids.
 const SHEAR: f64 = 1e-4;
 
@@ -79,9 +82,10 @@ impl Nodes<'_> {
     /// Whether a node only carries a patch.
     fn is_patch(&self, i: usize) -> bool {
         let node = &self.document.root().nodes[i];
+        let has_parent = self.parents[i].is_some_and(|parent| self.shown[parent]);
         let is_bare = node.children.is_none() && node.skin.is_none();
         let is_plain = is_bare && is_identity(&self.document.transforms[i]);
-        node.mesh.is_some() && self.parents[i].is_some() && is_plain
+        node.mesh.is_some() && has_parent && is_plain
     }
 
     /// Whether a node is a camera or a light at an end of the tree.
@@ -97,7 +101,8 @@ impl Nodes<'_> {
     fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>> {
         let nodes = &self.document.root().nodes;
         let mut frames: Vec<Option<NodeFrame>> = vec![None; nodes.len()];
-        let roots = (0..nodes.len()).filter(|&i| self.shown[i] && self.parents[i].is_none());
+        let roots = (0..nodes.len())
+            .filter(|&i| self.shown[i] && self.parents[i].is_none_or(|parent| !self.shown[parent]));
         let mut ready: BinaryHeap<_> = roots.map(Reverse).collect();
         while let Some(Reverse(i)) = ready.pop() {
             if self.is_patch(i) || self.is_ornament(i) {
@@ -201,22 +206,24 @@ fn reach(nodes: &[Node], roots: Vec<usize>) -> Vec<bool> {
 
 fn check_meshes(document: &Document) -> Result<()> {
     for (i, node) in document.root().nodes.iter().enumerate() {
-        let refuse = |found: String, needed: &str| Err(document.invalid(format!("node {i}"), found, needed));
+        let pass = |found: String, needed: &str| {
+            document.notes.pass(document.invalid(format!("node {i}"), found, needed))
+        };
         let Some(mesh) = node.mesh.map(|mesh| &document.root().meshes[mesh.value()]) else {
             if node.skin.is_some() || node.weights.is_some() {
-                return refuse("a skin or weights without a mesh".into(), "a mesh");
+                pass("a skin or weights without a mesh".into(), "a mesh")?;
             }
             continue;
         };
         let joints = Checked::Valid(Semantic::Joints(0));
         if node.skin.is_some() && mesh.primitives.iter().any(|p| !p.attributes.contains_key(&joints)) {
-            return refuse("a skin on a mesh without JOINTS_0".into(), "JOINTS_0 and WEIGHTS_0");
+            pass("a skin on a mesh without JOINTS_0".into(), "JOINTS_0 and WEIGHTS_0")?;
         }
         if let Some(weights) = &node.weights {
             let targets = mesh.primitives.first().and_then(|p| p.targets.as_ref()).map_or(0, Vec::len);
             if weights.len() != targets {
                 let found = format!("{} weights for {targets} morph targets", weights.len());
-                return refuse(found, "one weight per target");
+                pass(found, "one weight per target")?;
             }
         }
     }
@@ -231,7 +238,8 @@ fn shown(document: &Document, parents: &[Option<usize>]) -> Result<Vec<bool>> {
             let again = listed_by[node].replace(s) == Some(s);
             if again || parents[node].is_some() {
                 let found = format!("node {node}, which is listed twice or has a parent");
-                return Err(document.invalid(format!("scene {s}"), found, "root nodes, once each"));
+                let fault = document.invalid(format!("scene {s}"), found, "root nodes, once each");
+                document.notes.pass(fault)?;
             }
         }
     }
@@ -272,11 +280,14 @@ fn rigid_pose(document: &Document, i: usize, above: Option<DMat3>) -> Result<(DA
         (matrix.w_axis.truncate(), rotation, stretch)
     } else {
         let quaternion = DQuat::from_array(node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
-        if (quaternion.length() - 1.0).abs() > UNIT_ROTATION {
-            return Err(invalid(
-                format!("a rotation of length {}", quaternion.length()),
-                "a unit quaternion",
-            ));
+        let off = (quaternion.length() - 1.0).abs();
+        if off > UNIT_ROTATION {
+            let found = format!("a rotation of length {}", quaternion.length());
+            let fault = invalid(found, "a unit quaternion");
+            if off > ROUNDED_ROTATION {
+                return Err(fault);
+            }
+            document.notes.pass(fault)?;
         }
         let scale = DVec3::from_array(node.scale.unwrap_or([1.0; 3]));
         if scale.cmpeq(DVec3::ZERO).any() {

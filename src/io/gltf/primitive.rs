@@ -21,7 +21,7 @@ use crate::io::{
     gltf::{
         accessor::{Accessor, kind_name},
         document::{DRACO, Document, Role},
-        guard::numbered,
+        guard::{is_needed, numbered},
     },
 };
 
@@ -62,36 +62,52 @@ impl<'a> Attributes<'a> {
         if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
             return Err(document.unsupported(element, "vertices without POSITION"));
         }
-        let mut by_name = BTreeMap::new();
-        let mut first: Option<(String, usize)> = None;
-        for (semantic, &index) in &primitive.attributes {
-            // The crate strips the underscore of a name and puts it back here.
-            let name = semantic.to_string();
-            let asked_by = format!("{element} {name}");
-            let accessor = document.accessor(index.value(), Role::Vertex, &asked_by)?;
-            let gltf = &accessor.gltf;
-            if let Err(needed) = check_format(&name, gltf, document.is_quantized) {
-                let normalized = if gltf.normalized() { ", normalized" } else { "" };
-                let (kind, code) = (kind_name(gltf.dimensions()), gltf.data_type().as_gl_enum());
-                let found = format!("{kind} of componentType {code}{normalized}");
-                return Err(document.invalid(asked_by, found, needed));
+        let mut attributes = Self { document, element, count: 0, by_name: BTreeMap::new() };
+        // The crate strips the underscore of a name and puts it back here. Positions come first: they
+        // count the vertices.
+        let mut named: Vec<_> =
+            primitive.attributes.iter().map(|(name, index)| (name.to_string(), index.value())).collect();
+        named.sort_by_key(|(name, _)| name != "POSITION");
+        for (name, index) in named {
+            match attributes.checked(&name, index) {
+                Ok(accessor) => {
+                    if name == "POSITION" {
+                        attributes.count = accessor.gltf.count();
+                    }
+                    attributes.by_name.insert(name, accessor);
+                }
+                Err(fault) if is_needed(&name) => return Err(fault),
+                Err(fault) => document.notes.pass(fault)?,
             }
-            let (other, count) = first.get_or_insert((name.clone(), gltf.count()));
-            if gltf.count() != *count {
-                let needed = format!("as many as {other}, {count}");
-                return Err(document.invalid(asked_by, format!("{} rows", gltf.count()), needed));
-            }
-            by_name.insert(name, accessor);
         }
-        let count = first.map_or(0, |(_, count)| count);
-        let attributes = Self { document, element, count, by_name };
         attributes.check_sets()?;
         let is_compressed = primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO));
         if is_compressed && attributes.by_name["POSITION"].gltf.view().is_none() {
             return Err(document.unsupported(attributes.element, DRACO));
         }
-        attributes.check_targets(primitive)?;
+        if let Err(fault) = attributes.check_targets(primitive) {
+            document.notes.pass(fault)?;
+        }
         Ok(attributes)
+    }
+
+    /// The accessor of one attribute, of the right format and length.
+    fn checked(&self, name: &str, index: usize) -> Result<Accessor<'a>> {
+        let document = self.document;
+        let asked_by = format!("{} {name}", self.element);
+        let accessor = document.accessor(index, Role::Vertex, &asked_by)?;
+        let gltf = &accessor.gltf;
+        if let Err(needed) = check_format(name, gltf, document.is_quantized) {
+            let normalized = if gltf.normalized() { ", normalized" } else { "" };
+            let (kind, code) = (kind_name(gltf.dimensions()), gltf.data_type().as_gl_enum());
+            let found = format!("{kind} of componentType {code}{normalized}");
+            return Err(document.invalid(asked_by, found, needed));
+        }
+        if name != "POSITION" && gltf.count() != self.count {
+            let needed = format!("as many as POSITION, {}", self.count);
+            return Err(document.invalid(asked_by, format!("{} rows", gltf.count()), needed));
+        }
+        Ok(accessor)
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&Accessor<'a>> {
@@ -119,7 +135,7 @@ impl<'a> Attributes<'a> {
     /// Positions in metres, checked against the declared bounds.
     pub(super) fn positions(&self) -> Result<Vec<DVec3>> {
         let accessor = self.need("POSITION")?;
-        let [min, max] = declared_bounds(accessor)?;
+        let declared = declared_bounds(accessor);
         let positions = accessor.reals(DVec3::from_array)?;
         // Bounds are of the numbers as they are stored, here not normalized; zeros have none.
         if accessor.gltf.normalized() || accessor.is_blank() {
@@ -128,9 +144,13 @@ impl<'a> Attributes<'a> {
         let bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (lo, hi) = positions.iter().fold(bounds, |(lo, hi), &p| (lo.min(p), hi.max(p)));
         // Both are f32 by nature: a decimal of few digits stands for the nearest one.
-        if (min.as_vec3(), max.as_vec3()) != (lo.as_vec3(), hi.as_vec3()) {
-            let needed = format!("the bounds of the positions, {lo} and {hi}");
-            return Err(accessor.invalid(format!("min {min} and max {max}"), needed));
+        match declared {
+            Err(fault) => self.document.notes.pass(fault)?,
+            Ok([min, max]) if (min.as_vec3(), max.as_vec3()) != (lo.as_vec3(), hi.as_vec3()) => {
+                let needed = format!("the bounds of the positions, {lo} and {hi}");
+                self.document.notes.pass(accessor.invalid(format!("min {min} and max {max}"), needed))?;
+            }
+            Ok(_) => {}
         }
         Ok(positions)
     }
@@ -138,14 +158,16 @@ impl<'a> Attributes<'a> {
     /// Unit normals; `None` without them, or where they are zeros by omission.
     pub(super) fn normals(&self) -> Result<Option<Vec<DVec3>>> {
         let Some(accessor) = self.get("NORMAL").filter(|a| !a.is_blank()) else { return Ok(None) };
-        let normals = accessor.reals(DVec3::from_array)?;
-        match normals.iter().position(|n| (n.length() - 1.0).abs() > UNIT_NORMAL) {
-            None => Ok(Some(normals)),
-            Some(row) => {
-                let found = format!("normal {row} of length {}", normals[row].length());
-                Err(accessor.invalid(found, "unit normals, or no NORMAL at all"))
-            }
+        let mut normals = match accessor.reals(DVec3::from_array) {
+            Ok(normals) => normals,
+            Err(fault) => return self.document.notes.pass(fault).map(|()| None),
+        };
+        if let Some(row) = normals.iter().position(|n| (n.length() - 1.0).abs() > UNIT_NORMAL) {
+            let found = format!("normal {row} of length {}", normals[row].length());
+            self.document.notes.pass(accessor.invalid(found, "unit normals, or no NORMAL at all"))?;
+            normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
         }
+        Ok(Some(normals))
     }
 
     /// Unit tangents; `None` without them or without normals (glTF has tangents ignored then), or
@@ -154,15 +176,22 @@ impl<'a> Attributes<'a> {
     /// for.
     pub(super) fn tangents(&self) -> Result<Option<Vec<DVec3>>> {
         let Some(accessor) = self.get("TANGENT").filter(|a| !a.is_blank()) else { return Ok(None) };
-        let rows = accessor.reals(|[x, y, z, w]: [f64; 4]| (DVec3::new(x, y, z), w))?;
+        let rows = match accessor.reals(|[x, y, z, w]: [f64; 4]| (DVec3::new(x, y, z), w)) {
+            Ok(rows) => rows,
+            Err(fault) => return self.document.notes.pass(fault).map(|()| None),
+        };
         let is_wrong = |(t, w): &(DVec3, f64)| (t.length() - 1.0).abs() > UNIT_NORMAL || w.abs() != 1.0;
         if let Some(row) = rows.iter().position(is_wrong) {
             let (t, w) = rows[row];
             let found = format!("tangent {row} of length {} with w = {w}", t.length());
-            return Err(accessor.invalid(found, "unit tangents with w = 1 or -1, or no TANGENT at all"));
+            let needed = "unit tangents with w = 1 or -1, or no TANGENT at all";
+            self.document.notes.pass(accessor.invalid(found, needed))?;
         }
         let has_normals = self.get("NORMAL").is_some_and(|a| !a.is_blank());
-        Ok(has_normals.then(|| rows.into_iter().map(|(t, _)| t).collect()))
+        let unit = |t: DVec3| {
+            if (t.length() - 1.0).abs() > UNIT_NORMAL { t.normalize_or_zero() } else { t }
+        };
+        Ok(has_normals.then(|| rows.into_iter().map(|(t, _)| unit(t)).collect()))
     }
 
     /// Numbered attributes count from 0 without gaps, and every set of joints has its weights.
@@ -177,7 +206,8 @@ impl<'a> Attributes<'a> {
             };
             for other in before.into_iter().chain(partner) {
                 if !self.by_name.contains_key(&other) {
-                    return Err(self.document.invalid(&self.element, name, format!("{other} next to it")));
+                    let fault = self.document.invalid(&self.element, name, format!("{other} next to it"));
+                    self.document.notes.pass(fault)?;
                 }
             }
         }
@@ -258,19 +288,22 @@ impl Attributes<'_> {
 
 /// Morph targets are as many in every primitive, and have no effect: their shapes are not read.
 pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<()> {
-    let refuse = |found: String, needed: &str| Err(document.invalid(format!("mesh {index}"), found, needed));
+    document.notes.check(document, "meshes", index)?;
+    let pass = |found: String, needed: &str| {
+        document.notes.pass(document.invalid(format!("mesh {index}"), found, needed))
+    };
     let count = |p: &Primitive| p.targets.as_ref().map_or(0, Vec::len);
     let targets = mesh.primitives.first().map_or(0, count);
     if let Some(other) = mesh.primitives.iter().map(count).find(|&n| n != targets) {
         let found = format!("primitives of {targets} and of {other} morph targets");
-        return refuse(found, "one number of targets");
+        pass(found, "one number of targets")?;
     }
     let Some(weights) = &mesh.weights else { return Ok(()) };
     if weights.len() != targets {
         let found = format!("{} weights for {targets} morph targets", weights.len());
-        return refuse(found, "one weight per target");
+        pass(found, "one weight per target")?;
     }
-    if weights.iter().any(|&w| w != 0.0) {
+    if targets > 0 && weights.iter().any(|&w| w != 0.0) {
         return Err(document.unsupported(format!("mesh {index}"), "morph weights"));
     }
     Ok(())

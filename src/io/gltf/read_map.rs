@@ -20,6 +20,7 @@ use crate::{
             document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
             nodes::read_node_tree,
+            notes::Notes,
             primitive::{Attributes, Shape},
             read_skin::{read_covariances, read_ids, read_presence},
         },
@@ -48,7 +49,7 @@ const PIXEL: f64 = 1e-3;
 /// [`IoError::NoMap`] for a glTF file without a map; if the file cannot be read, breaks a rule of
 /// glTF 2.0, or has a map that [`SkinMap::validate`] refuses.
 pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
-    let document = &Document::new(Source::open(path)?)?;
+    let document = &Document::new(Source::open(path)?, Notes::new(true))?;
     let found = levels_by_patch(document)?;
     if !found.iter().flat_map(|patch| &patch.levels).any(|(_, extras)| extras.map.is_some()) {
         return Err(IoError::NoMap { path: path.into() });

@@ -7,6 +7,7 @@ use gltf::accessor::Dimensions;
 
 use crate::{
     io::{
+        ReadParts,
         error::Result,
         file::Source,
         gltf::{
@@ -14,10 +15,11 @@ use crate::{
             document::Document,
             extras::LevelExtras,
             nodes::{Placement, read_node_tree},
+            notes::Notes,
             primitive::{Attributes, Shape, check_morphs},
         },
     },
-    skin::{Covariance, Draft, Presence, Sheet, TaxelId},
+    skin::{Covariance, Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
 };
 
 /// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of
@@ -28,15 +30,16 @@ use crate::{
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
 /// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
 /// `map.glb` reads as the skin it is a map of.
-pub(crate) fn read_gltf(source: Source, with_texture: bool) -> Result<Draft> {
-    let document = Document::new(source)?;
+pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
+    let stem = source.stem();
+    let document = Document::new(source, Notes::new(false))?;
     let tree = read_node_tree(&document)?;
     let mut draft = Draft { links: tree.links, ..Draft::default() };
     for shape in [Shape::Triangles, Shape::Points] {
         if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
             draft.sheets.clear();
             for placement in &tree.placements {
-                draft.sheets.extend(read_sheet(&document, placement, shape, with_texture)?);
+                draft.sheets.extend(read_sheet(&document, placement, shape, parts)?);
             }
         }
     }
@@ -48,6 +51,9 @@ pub(crate) fn read_gltf(source: Source, with_texture: bool) -> Result<Draft> {
         };
         return Err(document.invalid("the scene", found, "triangles that join the taxels, or points"));
     }
+    let remark = |what| Remark { patch: stem.clone(), kind: RemarkKind::PassedOver { what } };
+    draft.materials.clone_from(&document.materials);
+    draft.remarks = document.notes.texts().into_iter().map(remark).collect();
     Ok(draft)
 }
 
@@ -56,7 +62,7 @@ fn read_sheet(
     document: &Document,
     placement: &Placement,
     shape: Shape,
-    with_texture: bool,
+    parts: ReadParts,
 ) -> Result<Option<Sheet>> {
     let mesh = &document.root().meshes[placement.mesh];
     check_morphs(document, placement.mesh, mesh)?;
@@ -76,7 +82,7 @@ fn read_sheet(
             None => {
                 let start = sheet.positions.len();
                 append_vertices(&attributes, &mut sheet, starts.is_empty())?;
-                if with_texture {
+                if parts.texture {
                     let part = attributes.read("TEXCOORD_0", |a| a.reals(DVec2::from_array))?;
                     if join(&mut texture, part, starts.is_empty()).is_err() {
                         texture = None;
@@ -97,6 +103,11 @@ fn read_sheet(
         if shift > 0 {
             triangles.iter_mut().flatten().for_each(|corner| *corner = corner.saturating_add(shift));
         }
+        let material = primitive.material.and_then(|m| u32::try_from(m.value()).ok()).unwrap_or(u32::MAX);
+        if parts.materials {
+            let all = sheet.materials.get_or_insert_default();
+            all.resize(all.len() + triangles.len(), material);
+        }
         append(&mut sheet.triangles, triangles);
     }
     if starts.is_empty() {
@@ -110,7 +121,7 @@ fn read_sheet(
     }
     let at = |v: u32| texture.as_ref().and_then(|all| all.get(v as usize).copied());
     let corners = |&[a, b, c]: &[u32; 3]| Some([at(a)?, at(b)?, at(c)?]);
-    if with_texture {
+    if parts.texture {
         sheet.texture = sheet.triangles.iter().map(corners).collect();
     }
     Ok(Some(sheet))

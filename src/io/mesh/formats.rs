@@ -48,24 +48,26 @@ use crate::{
 /// If the file cannot be read, is longer than 4 GiB or of an unknown kind, or breaks a rule of its
 /// format.
 pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
-    read_parts(path, false)
+    read_draft_with(path, ReadParts::default())
 }
 
-/// The same as [`read_draft`], with the texture coordinates of OBJ and glTF in [`Sheet::texture`];
-/// other formats have none.
+/// What of a file a skin has no use for, but a choice of faces or seams may have.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ReadParts {
+    /// [`Sheet::texture`](crate::skin::Sheet::texture), of OBJ and glTF.
+    pub texture: bool,
+    /// [`Sheet::materials`](crate::skin::Sheet::materials), of OBJ and glTF.
+    pub materials: bool,
+}
+
+/// The same as [`read_draft`], with more parts of the file.
 ///
 /// # Errors
 /// As [`read_draft`], or if texture coordinates are not finite numbers.
-///
-/// [`Sheet::texture`]: crate::skin::Sheet::texture
-pub fn read_textured_draft(path: &Path) -> Result<Draft, IoError> {
-    read_parts(path, true)
-}
-
-fn read_parts(path: &Path, with_texture: bool) -> Result<Draft, IoError> {
+pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> {
     let read = match kind(path).as_str() {
-        "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?, with_texture),
-        "obj" => return obj::read(&Source::open(path)?, with_texture),
+        "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?, parts),
+        "obj" => return obj::read(&Source::open(path)?, parts),
         "json" => robotskin::read,
         "off" => off::read,
         "ply" => ply::read,

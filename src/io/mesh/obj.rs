@@ -10,6 +10,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     io::{
+        ReadParts,
         error::Result,
         file::{LineLocation, Source, excerpt, finite, write_file},
     },
@@ -30,6 +31,8 @@ struct Corner {
 struct Group {
     name: String,
     triangles: Vec<[Corner; 3]>,
+    /// The material of each triangle, where these are wanted.
+    materials: Vec<u32>,
 }
 
 #[derive(Default)]
@@ -43,6 +46,9 @@ struct Reader {
     texture_points: usize,
     /// The texture points, if they are wanted.
     texture: Option<Vec<DVec2>>,
+    /// The names of the materials, if they are wanted, and the one in use.
+    materials: Option<Vec<String>>,
+    material: u32,
     groups: Vec<Group>,
     /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
     known: HashMap<(String, String), usize>,
@@ -58,11 +64,13 @@ struct Reader {
 /// vertex disagree it is their mean, where a vertex has no corner it is zero. A sheet with a corner
 /// without a normal has none. Colours, texture coordinates, materials, lines and points are left
 /// out.
-pub(crate) fn read(source: &Source, with_texture: bool) -> Result<Draft> {
+pub(crate) fn read(source: &Source, parts: ReadParts) -> Result<Draft> {
     let mut reader = Reader {
         stem: source.stem(),
-        texture: with_texture.then(Vec::new),
-        groups: vec![Group { name: source.stem(), triangles: Vec::new() }],
+        texture: parts.texture.then(Vec::new),
+        materials: parts.materials.then(Vec::new),
+        material: NONE,
+        groups: vec![Group { name: source.stem(), triangles: Vec::new(), materials: Vec::new() }],
         known: HashMap::from([(Default::default(), 0)]),
         ..Reader::default()
     };
@@ -78,7 +86,8 @@ pub(crate) fn read(source: &Source, with_texture: bool) -> Result<Draft> {
         reader.statement(source, at, &line)?;
     }
     reader.check_indices(source)?;
-    Ok(Draft { sheets: reader.sheets(), ..Draft::default() })
+    let sheets = reader.sheets();
+    Ok(Draft { sheets, materials: reader.materials.unwrap_or_default(), ..Draft::default() })
 }
 
 impl Reader {
@@ -105,6 +114,7 @@ impl Reader {
                 self.enter("");
             }
             "g" => self.enter(rest.trim()),
+            "usemtl" => self.use_material(rest.trim()),
             "curv" | "curv2" | "surf" => {
                 return Err(source.unsupported(format!("line {}", at.line), "a free-form curve or surface"));
             }
@@ -121,9 +131,18 @@ impl Reader {
         let name = name.map_or_else(|| self.stem.clone(), str::to_owned);
         let groups = &mut self.groups;
         self.group = *self.known.entry(key).or_insert_with(|| {
-            groups.push(Group { name, triangles: Vec::new() });
+            groups.push(Group { name, triangles: Vec::new(), materials: Vec::new() });
             groups.len() - 1
         });
+    }
+
+    fn use_material(&mut self, name: &str) {
+        let Some(materials) = &mut self.materials else { return };
+        let place = materials.iter().position(|known| known == name).unwrap_or_else(|| {
+            materials.push(name.to_owned());
+            materials.len() - 1
+        });
+        self.material = u32::try_from(place).unwrap_or(NONE);
     }
 
     fn face(&mut self, at: LineLocation<'_>, rest: &str) -> Result<()> {
@@ -134,7 +153,11 @@ impl Reader {
             return Err(at.invalid_part("`f`", found, "at least 3 corners"));
         };
         loop {
-            self.groups[self.group].triangles.push([first, last, corner]);
+            let group = &mut self.groups[self.group];
+            group.triangles.push([first, last, corner]);
+            if self.materials.is_some() {
+                group.materials.push(self.material);
+            }
             last = corner;
             match next(self)? {
                 Some(further) => corner = further,
@@ -213,6 +236,7 @@ impl Reader {
                 positions: members.iter().map(|&v| self.positions[v as usize]).collect(),
                 triangles: group.triangles.iter().map(|t| t.map(|c| places[c.position as usize])).collect(),
                 texture: self.corner_texture(group),
+                materials: self.materials.as_ref().map(|_| group.materials.clone()),
                 normals: self.vertex_normals(group, &places, members.len()),
                 ..Sheet::default()
             });

@@ -4,6 +4,7 @@ pub(super) mod boundary;
 pub(super) mod calibration;
 pub(super) mod contacts;
 pub(super) mod csv_table;
+pub(super) mod faces;
 pub(super) mod lookups;
 pub(super) mod poses;
 pub(super) mod regions;

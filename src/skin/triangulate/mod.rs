@@ -110,7 +110,7 @@ pub fn triangulate_taxels(draft: &Draft, gap: f64) -> Result<Draft, SkinError> {
     if !GAPS.contains(&gap) {
         return Err(SkinError::Gap { found: gap });
     }
-    let mut result = Draft { links: draft.links.clone(), sheets: Vec::new(), remarks: draft.remarks.clone() };
+    let mut result = Draft { sheets: Vec::new(), ..draft.clone() };
     let mut refused = None;
     for sheet in &draft.sheets {
         let mut kinds = Vec::new();
