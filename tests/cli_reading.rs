@@ -186,3 +186,120 @@ fn faces_are_chosen() {
     dermatome(path, "build strip.obj -o M --material rubber*").assert().success();
     dermatome(path, "flatten strip.obj -o f.obj --faces two.txt").assert().success();
 }
+
+/// What numpy users have, and what they get back.
+#[test]
+fn arrays_of_numpy_are_read_and_flat_meshes_written() {
+    let folder = folder_of_caps();
+    let path = folder.path();
+    dermatome(path, "flatten m.obj -o flat.npz -o flat.glb -o flat.ply -o flat.off -o flat.obj")
+        .assert()
+        .success();
+    let of = |name: &str| read_draft(&path.join(name)).unwrap().sheets.remove(0);
+    let obj = of("m.obj");
+    for name in ["flat.npz", "flat.ply", "flat.off", "flat.obj"] {
+        assert_eq!(
+            (of(name).positions, of(name).triangles),
+            (obj.positions.clone(), obj.triangles.clone()),
+            "{name}"
+        );
+    }
+    assert_eq!(of("flat.glb").triangles, obj.triangles);
+    let text = fs::read_to_string(path.join("flat.off")).unwrap();
+    let vertex = text.lines().nth(2).unwrap().split(' ').count();
+    assert_eq!((text.lines().next(), vertex), (Some("STOFF"), 5));
+    dermatome(path, "build flat.npz -o M").assert().success();
+    fs::write(path.join("not.npz"), "x").unwrap();
+    dermatome(path, "info not.npz").assert().code(2).stderr(contains("zip"));
+}
+
+/// `V` and `F` as libigl saves them, quadrangles, and faces that name vertices that do not exist.
+#[test]
+fn arrays_are_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.npz");
+    let write = |v: &[[f64; 3]], f: &[i32], corners: usize| {
+        let mut zip = zip::ZipWriter::new(fs::File::create(&path).unwrap());
+        let options =
+            zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        let mut add = |name: &str, kind: &str, shape: String, bytes: Vec<u8>| {
+            use std::io::Write;
+            let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
+            let length = 118;
+            zip.start_file(name, options).unwrap();
+            zip.write_all(b"\x93NUMPY\x01\x00\x76\x00").unwrap();
+            zip.write_all(format!("{header:<width$}\n", width = length - 1).as_bytes()).unwrap();
+            zip.write_all(&bytes).unwrap();
+        };
+        let bytes = v.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+        add("V.npy", "<f8", format!("({}, 3)", v.len()), bytes);
+        let bytes = f.iter().flat_map(|x| x.to_le_bytes()).collect();
+        add("F.npy", "<i4", format!("({}, {corners})", f.len() / corners), bytes);
+        zip.finish().unwrap();
+    };
+    let square = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]];
+    write(&square, &[0, 1, 2, 3], 4);
+    assert_eq!(read_draft(&path).unwrap().sheets[0].triangles, [[0, 1, 2], [0, 2, 3]]);
+    for (f, said) in [([0, 1, 4], "from 0 to 3"), ([0, -1, 2], "-1")] {
+        write(&square, &f, 3);
+        dermatome(folder.path(), "info m.npz").assert().code(2).stderr(contains(said));
+    }
+    write(&[[0., 0., f64::NAN], [1., 0., 0.], [0., 1., 0.]], &[0, 1, 2], 3);
+    dermatome(folder.path(), "info m.npz").assert().code(2).stderr(contains("finite"));
+}
+
+/// Strips of triangles in PLY: every second one is turned, and -1 starts again.
+#[test]
+fn strips_of_ply_are_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let strip = |numbers: &str| {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
+             element tristrips 1\nproperty list int int vertex_indices\nend_header\n\
+             0 0 0\n1 0 0\n0 1 0\n1 1 0.2\n0 2 0\n1 2 0.1\n{numbers}\n"
+        );
+        fs::write(folder.path().join("strip.ply"), text).unwrap();
+    };
+    let triangles = || read_draft(&folder.path().join("strip.ply")).unwrap().sheets.remove(0).triangles;
+    strip("6 0 1 2 3 4 5");
+    assert_eq!(triangles(), [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]);
+    strip("7 0 1 2 -1 3 4 5");
+    assert_eq!(triangles(), [[0, 1, 2], [3, 4, 5]]);
+    strip("3 0 1 6");
+    dermatome(folder.path(), "info strip.ply").assert().code(2).stderr(contains("tristrips 0"));
+}
+
+/// The taxels of a fingertip of 12, with normals: too few for planes, but the normals bend with them.
+#[test]
+fn a_fingertip_of_few_taxels_is_meshed() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "id,x,y,z,nx,ny,nz\n11,-0.0209,0,0,-1,0,0\n10,-0.0187,0.0016,0.0025,-0.5,0.471671,0.72631\n\
+        9,-0.0187,0.00315,0,-0.5,0.866025,0\n8,-0.0187,0.0016,-0.0025,-0.5,0.471671,-0.72631\n\
+        7,-0.0141,0.0022,-0.0038,0,0.5,-0.866025\n6,-0.0141,0.0044,0,0,1,0\n\
+        5,-0.0141,0.0022,0.0038,0,0.5,0.866025\n4,-0.0125,-0.0014,-0.0044,0,0,-1\n\
+        3,-0.0125,-0.0014,0.0044,0,0,1\n2,-0.0103,0.0022,0.0038,0,0.5,0.866025\n\
+        1,-0.0103,0.0044,0,0,1,0\n0,-0.0103,0.0022,-0.0038,0,0.5,-0.866025\n";
+    fs::write(folder.path().join("tip.csv"), text).unwrap();
+    let found = info(folder.path(), "info tip.csv --json");
+    let patches = found["patches"].as_array().unwrap();
+    assert_eq!((patches.len(), patches[0]["vertices"].as_u64()), (1, Some(12)), "{found}");
+    dermatome(folder.path(), "build tip.csv -o M").assert().success();
+}
+
+/// A flat sheet of bare taxels bulges to neither side.
+#[test]
+fn the_outside_that_was_guessed_is_turned_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let taxels: String = (0..36).map(|k| format!("{k},{},{},0\n", k % 6, k / 6)).collect();
+    fs::write(folder.path().join("flat.csv"), format!("id,x,y,z\n{taxels}")).unwrap();
+    let normal = |words: &str| {
+        dermatome(folder.path(), &format!("convert flat.csv out.obj {words}")).assert().success();
+        read_draft(&folder.path().join("out.obj")).unwrap().sheets[0].normals.as_ref().unwrap()[0].z
+    };
+    dermatome(folder.path(), "info flat.csv").assert().success().stderr(contains("--outside"));
+    assert_eq!(
+        [normal(""), normal("--outside -z"), normal("--outside 0,0.1,-2"), normal("--outside z")],
+        [1., -1., -1., 1.]
+    );
+    dermatome(folder.path(), "info flat.csv --outside up").assert().code(2).stderr(contains("three numbers"));
+}

@@ -63,7 +63,8 @@ pub use image::{
     read::{ImageLayer, read_images},
 };
 pub use mesh::{
-    formats::{ReadParts, read_draft, read_draft_with, write_flat, write_skin},
+    flat::write_flat,
+    formats::{ReadParts, read_draft, read_draft_with, write_skin},
     skin_csv::triangles_path,
 };
 pub use observations::{

@@ -32,7 +32,7 @@ use crate::{
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
     skin: PathBuf,
     /// Folder for map.glb, map.exr and report.json; created if it does not exist
     #[arg(short, long, value_name = "DIR")]

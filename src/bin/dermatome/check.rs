@@ -18,7 +18,7 @@ use crate::{
 /// That taxels are bare is a note on standard error, and is nothing wrong.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
     file: PathBuf,
     /// Print all elements of every finding as JSON.
     #[arg(long)]

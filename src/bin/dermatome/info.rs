@@ -19,7 +19,7 @@ use crate::{
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .csv or .txt
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
     file: PathBuf,
     /// Print as JSON.
     #[arg(long)]

@@ -55,6 +55,12 @@ pub(crate) fn read_good_patches(
     if assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::CutKept { .. })) && !read.has_seams() {
         note(common, "--weld all closes the cut");
     }
+    let is_guessed = |remark: &Remark| {
+        matches!(remark.kind, RemarkKind::OutsideFromCentre { .. } | RemarkKind::OutsideFromAxis { .. })
+    };
+    if assembled.remarks.iter().any(is_guessed) {
+        note(common, "--outside DIR says where the outside is");
+    }
     // Trials take time, so there are none for a quiet run.
     if !common.quiet
         && let Some((gap, patches)) = joining_gap(&draft, &assembled, options)

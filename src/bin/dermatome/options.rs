@@ -38,6 +38,10 @@ pub(crate) struct ReadArgs {
     /// into sheets; each is listed
     #[arg(long)]
     repair: bool,
+    /// Direction of the outside of taxels without triangles, where nothing in the file tells it: x, -x,
+    /// y, -y, z, -z, or three numbers X,Y,Z
+    #[arg(long, value_name = "DIR", value_parser = direction, allow_negative_numbers = true)]
+    outside: Option<DVec3>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -58,7 +62,14 @@ enum SeamsArg {
 
 impl ReadArgs {
     pub(crate) fn of(unit: Unit) -> Self {
-        Self { unit, gap: AssembleOptions::default().gap, weld: None, seams: None, repair: false }
+        Self {
+            unit,
+            gap: AssembleOptions::default().gap,
+            weld: None,
+            seams: None,
+            repair: false,
+            outside: None,
+        }
     }
 
     pub(crate) fn options(&self) -> AssembleOptions {
@@ -68,7 +79,8 @@ impl ReadArgs {
             (None, Some(WeldArg::All)) => Weld::All,
             (None, Some(WeldArg::None)) => Weld::None,
         };
-        AssembleOptions { gap: self.gap, weld, repair: self.repair, ..AssembleOptions::default() }
+        let (gap, repair, outside) = (self.gap, self.repair, self.outside);
+        AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }
     }
 
     /// Whether cuts are asked for.
@@ -209,6 +221,23 @@ impl PatchArgs {
         }
         Ok(())
     }
+}
+
+/// A direction: an axis, or three numbers.
+fn direction(text: &str) -> Result<DVec3, String> {
+    let axis = match text.trim_start_matches('+') {
+        "x" => Some(DVec3::X),
+        "-x" => Some(DVec3::NEG_X),
+        "y" => Some(DVec3::Y),
+        "-y" => Some(DVec3::NEG_Y),
+        "z" => Some(DVec3::Z),
+        "-z" => Some(DVec3::NEG_Z),
+        _ => None,
+    };
+    let numbers: Vec<f64> = text.split(',').map_while(|word| word.trim().parse().ok()).collect();
+    let given = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array);
+    let direction = axis.or(given).and_then(DVec3::try_normalize);
+    direction.ok_or_else(|| "needed: x, -x, y, -y, z, -z, or three numbers X,Y,Z".to_owned())
 }
 
 /// Two corners of a box, in any order: the lower and the upper one.

@@ -8,7 +8,7 @@
 //!
 //! To read: `guard`, `document` (file to JSON and bytes), `accessor` (bytes to numbers), `nodes`,
 //! `primitive`, then `read_skin` and `read_map`, and `animation` for how links move. To write:
-//! `writer`, `write_skin`, `write_map`; `extras` is what a map adds to both.
+//! `writer`, `write_skin`, `write_flat`, `write_map`; `extras` is what a map adds to both.
 
 mod accessor;
 mod animation;
@@ -20,6 +20,7 @@ mod notes;
 mod primitive;
 mod read_map;
 mod read_skin;
+mod write_flat;
 mod write_map;
 mod write_skin;
 mod writer;
@@ -27,5 +28,6 @@ mod writer;
 pub use animation::read_animation;
 pub use read_map::read_map;
 pub(super) use read_skin::read_gltf;
+pub(super) use write_flat::write_flat;
 pub use write_map::{write_map, write_pyramids};
 pub(super) use write_skin::write_skin;

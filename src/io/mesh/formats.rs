@@ -1,20 +1,14 @@
-//! Skins in all formats: which extension is read and written by which file; and flat meshes, each a
-//! mesh with a position on the map for each vertex.
+//! Skins in all formats: which extension is read and written by which file.
 
-use std::{io::Write, path::Path};
-
-use glam::DVec2;
+use std::path::Path;
 
 use crate::{
-    id::{IdVec, VertexId},
     io::{
         IoError,
-        arrays::{npy::Elements, writer::ArrayWriter},
-        file::{Source, kind, unfit, write_file},
+        file::{Source, kind, unfit},
         gltf,
-        mesh::{icub, obj, off, ply, robotskin, skin_csv, stl},
+        mesh::{icub, npz, obj, off, ply, robotskin, skin_csv, stl},
     },
-    mesh::TriMesh,
     skin::{Draft, Skin},
 };
 
@@ -25,6 +19,7 @@ use crate::{
 /// | `glb`, `gltf` | glTF 2.0: every mesh of the default scene is a sheet | all, as 32 bits |
 /// | `json` | robotskinlib, version 2 | ids, normals, link frame |
 /// | `obj` | Wavefront OBJ: every `o` or `g` is a sheet | normals |
+/// | `npz` | arrays of numpy, `V`, `F`, `N` and `ids`: one sheet | ids, normals |
 /// | `off` | OFF of Geomview, as text: one sheet | normals |
 /// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
 /// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
@@ -68,6 +63,7 @@ pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> 
     let read = match kind(path).as_str() {
         "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?, parts),
         "obj" => return obj::read(&Source::open(path)?, parts),
+        "npz" => return npz::read(path),
         "json" => robotskin::read,
         "off" => off::read,
         "ply" => ply::read,
@@ -75,7 +71,7 @@ pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> 
         "csv" => skin_csv::read,
         "txt" => icub::read,
         _ => {
-            let known = "glb, gltf, json, obj, off, ply, stl, csv, txt";
+            let known = "glb, gltf, json, obj, off, ply, stl, csv, npz, txt";
             return Err(IoError::UnknownKind { path: path.into(), known });
         }
     };
@@ -121,51 +117,4 @@ pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
     };
     skin.validate().map_err(|e| unfit(path, "skin to write", e.to_string(), "a valid one"))?;
     write(path, skin)
-}
-
-/// Writes a mesh with its map at full precision: `uv` in m, `v` up, one per vertex.
-///
-/// `.npz` holds `V` (n x 3, `f64`), `F` (m x 3, `i64`) and `UV` (n x 2, `f64`), stored without
-/// compression. `.obj` holds the same as `v`, `f` and `vt`, in the shortest decimals that read back
-/// as the same `f64`; its `vt` point up as map positions do, so nothing is flipped.
-///
-/// # Errors
-/// If the mesh is broken, the map does not fit it, or the file cannot be written.
-pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
-    let kind = kind(path);
-    if !["obj", "npz"].contains(&kind.as_str()) {
-        return Err(IoError::UnknownKind { path: path.into(), known: "obj, npz" });
-    }
-    mesh.validate().map_err(|e| unfit(path, "mesh to write", e.to_string(), "a valid one"))?;
-    if uv.len() != mesh.positions.len() {
-        let needed = format!("{}, one per vertex", mesh.positions.len());
-        return Err(unfit(path, "map to write", format!("{} positions", uv.len()), needed));
-    }
-    if kind == "npz" {
-        return write_npz(path, mesh, uv);
-    }
-    write_file(path, |file| {
-        for p in &mesh.positions {
-            writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
-        }
-        for p in uv {
-            writeln!(file, "vt {:?} {:?}", p.x, p.y)?;
-        }
-        for &corners in &mesh.triangles {
-            let [a, b, c] = corners.map(|v| v.index() + 1);
-            writeln!(file, "f {a}/{a} {b}/{b} {c}/{c}")?;
-        }
-        Ok(())
-    })
-}
-
-fn write_npz(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
-    let positions: Vec<f64> = mesh.positions.iter().flat_map(|p| p.to_array()).collect();
-    let corners: Vec<i64> = mesh.triangles.iter().flatten().map(|v| i64::from(v.raw())).collect();
-    let map: Vec<f64> = uv.iter().flat_map(|p| p.to_array()).collect();
-    let mut file = ArrayWriter::create(path)?;
-    file.constant("V", &[mesh.positions.len(), 3], Elements::F64(&positions))?;
-    file.constant("F", &[mesh.triangles.len(), 3], Elements::I64(&corners))?;
-    file.constant("UV", &[uv.len(), 2], Elements::F64(&map))?;
-    file.finish()
 }

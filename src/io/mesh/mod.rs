@@ -1,7 +1,10 @@
-//! Skins and flat meshes in the formats of other programs; `formats.rs` lists what each keeps.
+//! Skins and flat meshes in the formats of other programs; `formats.rs` lists what each keeps. `flat.rs` writes
+//! flattened meshes.
 
+pub(super) mod flat;
 pub(super) mod formats;
 mod icub;
+mod npz;
 mod obj;
 mod off;
 mod ply;

@@ -61,8 +61,11 @@ impl PropertyAccess for VertexRow {
     }
 }
 
-/// The corners of one face; `None` if one of them is negative.
+/// The corners of one face or strip, [`NEGATIVE`] where one of them is negative; `None` without a list.
 struct FaceRow(Option<Vec<u32>>);
+
+/// A negative corner: a strip starts again after it.
+const NEGATIVE: u32 = u32::MAX;
 
 fn is_corner_list(property: &str) -> bool {
     matches!(property, "vertex_indices" | "vertex_index")
@@ -77,12 +80,18 @@ impl PropertyAccess for FaceRow {
         if !is_corner_list(name) {
             return PropertyAccessResult::Ignored;
         }
-        self.0 = property.to_u32_list();
+        let corner = |x: i64| u32::try_from(x).unwrap_or(NEGATIVE);
+        self.0 = match &property {
+            Property::ListChar(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
+            Property::ListShort(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
+            Property::ListInt(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
+            other => other.to_u32_list(),
+        };
         PropertyAccessResult::Set
     }
 }
 
-/// Reads a PLY file as one sheet named after it; polygons become fans.
+/// Reads a PLY file as one sheet named after it; polygons become fans, `tristrips` triangles.
 ///
 /// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; negative
 /// ones become the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
@@ -94,7 +103,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
     let header_len = source.bytes().len() - reader.get_ref().len();
     check_header(source, &header, header_len)?;
     let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
-    let mut corners = Vec::new();
+    let (mut corners, mut strips) = (Vec::new(), Vec::new());
     for element in header.elements.values() {
         if element.name == "vertex" {
             let rows = Parser::<VertexRow>::new().read_payload_for_element(&mut reader, element, &header);
@@ -104,12 +113,17 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
         // Other elements are passed over as faces: each further type of row costs all parsers again.
         let rows = Parser::<FaceRow>::new().read_payload_for_element(&mut reader, element, &header);
         let rows = rows.map_err(broken)?;
-        if element.name == "face" {
-            corners = rows;
+        match element.name.as_str() {
+            "face" => corners = rows,
+            "tristrips" => strips = rows,
+            _ => {}
         }
     }
     for (k, row) in corners.iter().enumerate() {
         read_face(source, k, row, &mut sheet)?;
+    }
+    for (k, row) in strips.iter().enumerate() {
+        read_strips(source, k, row, &mut sheet)?;
     }
     Ok(Draft { sheets: vec![sheet], ..Draft::default() })
 }
@@ -218,7 +232,7 @@ fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId> {
 
 fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Result<()> {
     let broken = |found: String, needed: &str| source.invalid(format!("face {k}"), found, needed);
-    let Some(corners) = &row.0 else {
+    let Some(corners) = row.0.as_ref().filter(|corners| !corners.contains(&NEGATIVE)) else {
         return Err(broken("no list `vertex_indices` of whole numbers from 0".into(), "one"));
     };
     if let Some(corner) = corners.iter().find(|&&v| v as usize >= sheet.positions.len()) {
@@ -230,6 +244,26 @@ fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Res
         return Err(broken(format!("{} corners", corners.len()), "at least 3"));
     }
     sheet.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    Ok(())
+}
+
+/// Strips of triangles, of which every second one is turned; a negative number ends a strip.
+fn read_strips(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Result<()> {
+    let broken = |found: String, needed: &str| source.invalid(format!("tristrips {k}"), found, needed);
+    let Some(corners) = &row.0 else {
+        return Err(broken("no list `vertex_indices` of whole numbers".into(), "one"));
+    };
+    let vertices = sheet.positions.len();
+    if let Some(corner) = corners.iter().find(|&&v| v != NEGATIVE && v as usize >= vertices) {
+        let needed = format!("one of {vertices} vertices, counted from 0, or -1");
+        return Err(broken(format!("vertex {corner}"), &needed));
+    }
+    let is_proper = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+    for strip in corners.split(|&v| v == NEGATIVE) {
+        let turned =
+            |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+        sheet.triangles.extend(strip.windows(3).enumerate().map(turned).filter(is_proper));
+    }
     Ok(())
 }
 

@@ -4,7 +4,7 @@
 //! In reading order: `text` reads lines of numbers (CySkin's text and CSV, from a file or a pipe),
 //! `header` says what their columns are; `npy` has headers and elements of numpy's arrays, `arrays`
 //! reads recordings of them, stored alone (`.npy`) or in an `archive` (`.npz`); `reader` is the one
-//! type for all of them. `gains` reads a table of factors.
+//! type for all of them. `gains` reads a table of factors, `whole` the arrays of meshes.
 
 mod archive;
 pub(super) mod arrays;
@@ -13,3 +13,4 @@ mod header;
 mod npy;
 pub(super) mod reader;
 mod text;
+pub(super) mod whole;

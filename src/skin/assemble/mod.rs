@@ -7,14 +7,15 @@ pub(in crate::skin) mod zero_area;
 
 use std::collections::{HashMap, HashSet};
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 
 use crate::{
     id::IdVec,
     skin::{
         Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError,
         assemble::{components::Components, patch::patch_of},
-        check_links, triangulate_taxels,
+        check_links,
+        triangulate::triangulate_with,
         weld::{Weld, WeldOptions},
     },
 };
@@ -33,6 +34,9 @@ pub struct AssembleOptions {
     /// Drop faces with the corners of an earlier one, and split edges with more than two faces into
     /// sheets, those that continue each other most smoothly.
     pub repair: bool,
+    /// Where the outside of bare taxels is, as a direction in the frame of their link, for components
+    /// of which neither normals nor anything else of the file tells it.
+    pub outside: Option<DVec3>,
     /// Leave out the sheets that cannot be repaired, instead of refusing the draft.
     pub keep_going: bool,
 }
@@ -45,7 +49,7 @@ impl AssembleOptions {
 
 impl Default for AssembleOptions {
     fn default() -> Self {
-        Self { gap: 2.5, fill_holes: 0, weld: Weld::Auto, repair: false, keep_going: false }
+        Self { gap: 2.5, fill_holes: 0, weld: Weld::Auto, repair: false, outside: None, keep_going: false }
     }
 }
 
@@ -61,7 +65,7 @@ pub struct Assembled {
 /// Welds, splits into patches and orients: whatever can be repaired without guessing is, and every
 /// change is reported.
 ///
-/// - **Bare taxels**, a draft without any triangle, are joined first, by [`triangulate_taxels`].
+/// - **Bare taxels**, a draft without any triangle, are joined first, by [`crate::skin::triangulate_taxels`].
 /// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or
 ///   there are no ids; with different ids they stay two taxels, unless one face has both. A weld
 ///   that would make sheets touch is undone, and a surface that the file cuts open into a disk stays
@@ -102,7 +106,8 @@ pub struct Assembled {
 /// of range, bare taxels cannot be joined, more than two faces meet at an edge, a sheet
 /// has only one side, or there is no face at all.
 pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
-    let triangulated = if draft.is_bare() { Some(triangulate_taxels(draft, options.gap)?) } else { None };
+    let triangulated =
+        if draft.is_bare() { Some(triangulate_with(draft, options.gap, options.outside)?) } else { None };
     let draft = triangulated.as_ref().unwrap_or(draft);
     let mut skin = Skin { links: draft.links.clone(), patches: IdVec::new() };
     check_links(&skin.links)?;

@@ -30,6 +30,8 @@ mod point_cloud;
 mod repair;
 mod unique_points;
 
+use glam::DVec3;
+
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::smallest_first,
@@ -104,6 +106,11 @@ const FEW: usize = 20;
 /// cloud rather than on a surface, or have no triangle within the gap. Such a sheet among others is
 /// left out, with a remark.
 pub fn triangulate_taxels(draft: &Draft, gap: f64) -> Result<Draft, SkinError> {
+    triangulate_with(draft, gap, None)
+}
+
+/// The same; what is guessed otherwise faces `outside`.
+pub(super) fn triangulate_with(draft: &Draft, gap: f64, outside: Option<DVec3>) -> Result<Draft, SkinError> {
     for sheet in &draft.sheets {
         sheet.validate(draft.links.len())?;
     }
@@ -117,7 +124,7 @@ pub fn triangulate_taxels(draft: &Draft, gap: f64) -> Result<Draft, SkinError> {
         if sheet.positions.is_empty() {
             result.sheets.push(sheet.clone());
         } else {
-            match triangulate_sheet(sheet, gap, &mut kinds) {
+            match triangulate_sheet(sheet, gap, outside, &mut kinds) {
                 Ok(sheet) => result.sheets.push(sheet),
                 Err(reason) => {
                     let taxels = sheet.positions.len();
@@ -135,7 +142,12 @@ pub fn triangulate_taxels(draft: &Draft, gap: f64) -> Result<Draft, SkinError> {
     }
 }
 
-fn triangulate_sheet(sheet: &Sheet, gap: f64, remarks: &mut Vec<RemarkKind>) -> Result<Sheet, SkinError> {
+fn triangulate_sheet(
+    sheet: &Sheet,
+    gap: f64,
+    outside: Option<DVec3>,
+    remarks: &mut Vec<RemarkKind>,
+) -> Result<Sheet, SkinError> {
     let patch = || sheet.title().to_owned();
     let points = UniquePoints::new(sheet);
     let positions = &points.positions;
@@ -155,7 +167,7 @@ fn triangulate_sheet(sheet: &Sheet, gap: f64, remarks: &mut Vec<RemarkKind>) -> 
     if triangles.is_empty() {
         return Err(SkinError::NoFace { patch: patch(), places });
     }
-    let outside = orient_outward(&mut triangles, positions, &normals.file);
+    let outside = orient_outward(&mut triangles, positions, &normals.file, outside);
     let (mut result, left_out) = sheet_of(&points, &triangles);
     if normals.refused.is_some() {
         result.normals = None;

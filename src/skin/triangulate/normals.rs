@@ -36,6 +36,13 @@ const AGREEMENT: f64 = 0.75;
 /// The same for normals that are all equal, as they are on a flat part.
 const FLAT_AGREEMENT: f64 = 0.99;
 
+/// Nearest taxels to which the chords of a bent surface are looked at.
+const BENT_NEIGHBOURS: usize = 4;
+
+/// Mean cosine between chords and mean normals up to which a surface bends with its normals: a
+/// fingertip of 12 taxels has 0.05, random normals 0.5.
+const BENT: f64 = 0.15;
+
 /// Normals of the file turned by more than 135 degrees may belong to two sides of a thin part;
 /// across a sharp edge it is less.
 const OPPOSED: f64 = -0.7;
@@ -78,6 +85,15 @@ impl PointNormals {
             let same_side = neighbours.filtered(|v, w| !is_across(v, w, points, &file, neighbours));
             let (mut normal, thickness) = planes(points, &same_side);
             refused = defect(&file, &normal);
+            if refused == Some(UnreliableNormals::Unrelated) && bend_with(&file, points, neighbours) {
+                // The planes are fitted across the part; the normals know better.
+                let is_known = |v: VertexId| file[v] != DVec3::ZERO;
+                for v in file.ids().filter(|&v| is_known(v)) {
+                    normal[v] = file[v];
+                }
+                *neighbours = same_side;
+                return Self { normal, file, thickness, refused: None };
+            }
             if refused.is_none() {
                 *neighbours = same_side;
                 for (n, &of_file) in normal.iter_mut().zip(&file) {
@@ -135,6 +151,25 @@ fn unit_or_zero(n: DVec3) -> DVec3 {
     if is_unit(n) { n.normalize() } else { DVec3::ZERO }
 }
 
+/// Whether the normals of the file belong to a surface that is bent between few taxels, as that of a
+/// fingertip: on a circle the chord between two points is perpendicular to the mean of their
+/// normals.
+fn bend_with(file: &IdVec<VertexId, DVec3>, points: &UniquePoints<'_>, neighbours: &Neighbours) -> bool {
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for v in file.ids() {
+        for &w in neighbours.of(v).iter().take(BENT_NEIGHBOURS) {
+            let mean = (file[v] + file[w]).normalize_or_zero();
+            let chord = (points.positions[w] - points.positions[v]).normalize_or_zero();
+            // Normals of two sides say nothing about the surface between them.
+            if file[v].dot(file[w]) > -0.2 {
+                sum += chord.dot(mean).abs();
+                count += 1;
+            }
+        }
+    }
+    2 * count > file.len() && sum < BENT * count as f64
+}
+
 /// The planes of all taxels, those of modules where there are any, and the median of the thickness.
 fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId, DVec3>, f64) {
     // Plane of least squares through a taxel and its nearest neighbours; any if there are too few.
@@ -152,7 +187,6 @@ fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId
     }
     (normal, thickness)
 }
-
 fn defect(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<UnreliableNormals> {
     let mut units = 0_usize;
     let (mut agreement, mut differs) = (0.0, false);

@@ -54,12 +54,15 @@ impl Component {
     }
 
     /// Whether its faces point inwards; counts in `outside` how that was decided.
-    fn is_inside_out(&self, outside: &mut Outside) -> bool {
+    fn is_inside_out(&self, direction: Option<DVec3>, outside: &mut Outside) -> bool {
         let normals = self.out + self.inward;
         outside.normals += normals;
         outside.opposed += self.out.min(self.inward);
         if normals > 0 && self.out.max(self.inward) as f64 >= MAJORITY * normals as f64 {
             return self.inward > self.out;
+        }
+        if let Some(direction) = direction.filter(|d| d.dot(self.direction).abs() > 0.0) {
+            return direction.dot(self.direction) < 0.0;
         }
         let away = [self.from_sheet, self.from_own].map(|away| away / self.area);
         if let Some(away) = away.into_iter().find(|away| away.abs() >= AMBIGUOUS) {
@@ -75,13 +78,15 @@ impl Component {
 /// Turns over the components that are inside out, by the first rule that decides:
 ///
 /// 1. two thirds of the file's normals point outward;
-/// 2. faces point away from the centre of the sheet;
-/// 3. faces point away from the centre of the component;
-/// 4. the vector area points to the positive side of its main axis.
+/// 2. the vector area points along `direction`, if there is one;
+/// 3. faces point away from the centre of the sheet;
+/// 4. faces point away from the centre of the component;
+/// 5. the vector area points to the positive side of its main axis.
 pub(super) fn orient_outward(
     triangles: &mut IdVec<FaceId, [VertexId; 3]>,
     positions: &IdVec<VertexId, DVec3>,
     file: &IdVec<VertexId, DVec3>,
+    direction: Option<DVec3>,
 ) -> Outside {
     let (of_face, count) = number_components(triangles, positions.len());
     let mut components = vec![Component::default(); count];
@@ -118,7 +123,8 @@ pub(super) fn orient_outward(
         }
     }
     let mut outside = Outside::default();
-    let turn: Vec<bool> = components.iter().map(|component| component.is_inside_out(&mut outside)).collect();
+    let turn: Vec<bool> =
+        components.iter().map(|component| component.is_inside_out(direction, &mut outside)).collect();
     for (t, &component) in triangles.iter_mut().zip(&of_face) {
         if turn[component] {
             t.swap(1, 2);
