@@ -158,3 +158,17 @@ fn repair_splits_crowded_edges_into_sheets() {
         .unwrap();
     dermatome(path, "build bow.obj -o M").assert().success().stderr(contains("touched in a point"));
 }
+
+/// Four faces at an edge around whose ends all of them hang together: two have to go.
+#[test]
+fn faces_that_cannot_be_split_off_are_dropped() {
+    let folder = tempfile::tempdir().unwrap();
+    let book = "v 0 0 0\nv 0 0 1\nv 1 .1 0\nv -1 0 0\nv .1 1 0\nv 0 -1 0\n\
+                f 1 2 3\nf 2 1 4\nf 1 2 5\nf 2 1 6\nf 1 3 5\nf 1 4 6\nf 2 3 5\nf 2 4 6\n";
+    fs::write(folder.path().join("book.obj"), book).unwrap();
+    dermatome(folder.path(), "info book.obj").assert().code(2);
+    dermatome(folder.path(), "info book.obj --repair")
+        .assert()
+        .success()
+        .stderr(contains("2 faces were dropped at edges of more than two"));
+}

@@ -56,7 +56,8 @@ pub enum CalibError {
     },
     /// The information matrix of an edge is not positive semi-definite.
     #[error(
-        "the information matrix of edge {edge} ({from} to {to}) has the eigenvalue {eigenvalue:e}; none may be negative"
+        "the information matrix of edge {edge} ({from} to {to}) has the eigenvalue {eigenvalue:e}; none may be negative; \
+         that of {count} of {of} edges is"
     )]
     IndefiniteEdge {
         /// The edge.
@@ -67,6 +68,10 @@ pub enum CalibError {
         to: TaxelId,
         /// The smallest eigenvalue.
         eigenvalue: f64,
+        /// How many edges have such information.
+        count: usize,
+        /// How many edges there are.
+        of: usize,
     },
     /// A contact holds a number that is not finite, a normal without direction, or indefinite
     /// information.

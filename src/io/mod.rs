@@ -64,7 +64,8 @@ pub use image::{
 };
 pub use mesh::{
     flat::write_flat,
-    formats::{ReadParts, read_draft, read_draft_with, write_skin},
+    formats::{read_draft, read_draft_with, write_skin},
+    parts::ReadParts,
     skin_csv::triangles_path,
 };
 pub use observations::{

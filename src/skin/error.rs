@@ -125,6 +125,14 @@ pub enum SkinError {
         /// What is wrong with each; at least two.
         errors: Vec<SkinError>,
     },
+    /// Triangles that are none: every one has two corners at one place, or all on a line.
+    #[error(
+        "its {faces} triangles have no area: corners lie at one place or on a line; a skin needs positions that differ"
+    )]
+    NoArea {
+        /// How many triangles.
+        faces: usize,
+    },
     /// No triangles at all.
     #[error("there is no triangle in it: a skin needs taxels joined by triangles")]
     NoTriangles,

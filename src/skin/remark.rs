@@ -56,6 +56,12 @@ remark_kinds! {
         /// The faces.
         faces: Vec<FaceId>,
     } => "{} faces have the same corners as an earlier one and were dropped: {}", faces.len(), first_few(faces);
+    /// Repair: faces were dropped at edges of more than two, which cannot be split into sheets.
+    ExtraFacesDropped {
+        /// The faces.
+        faces: Vec<FaceId>,
+    } => "{} faces were dropped at edges of more than two, around whose ends all of them hang together: {}",
+        faces.len(), first_few(faces);
     /// Repair: edges of more than two faces were split into sheets.
     EdgesParted {
         /// Their ends.

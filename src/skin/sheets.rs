@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// More faces than this at one edge are not paired: each is a sheet of its own.
-const MOST_PAIRED: usize = 16;
+pub(super) const MOST_PAIRED: usize = 16;
 
 /// Which faces hang together across each edge of a welded sheet.
 pub(super) struct Joints<'a> {
@@ -109,7 +109,9 @@ impl<'a> Joints<'a> {
         if let Some(pairs) = self.sheets_in_file(uses) {
             return Some(pairs);
         }
-        self.options.repair.then(|| if uses.len() > MOST_PAIRED { Vec::new() } else { self.smoothest(uses) })
+        self.options
+            .repair
+            .then(|| if uses.len() > MOST_PAIRED { Vec::new() } else { smoothest(self.mesh, uses) })
     }
 
     /// The pairs of faces that share both vertices in the file, if there is one and no third face
@@ -127,29 +129,6 @@ impl<'a> Joints<'a> {
             }
         }
         (!pairs.is_empty()).then_some(pairs)
-    }
-
-    /// Pairs the faces that continue each other most smoothly, the smoothest first.
-    fn smoothest(&self, uses: &[Halfedge]) -> Vec<[Halfedge; 2]> {
-        let away = |h: Halfedge| {
-            let [a, b, c] = [h, h.next(), h.next().next()].map(|h| self.mesh.positions[h.start(self.mesh)]);
-            let along = (b - a).normalize_or_zero();
-            (c - a).reject_from(if along == DVec3::ZERO { DVec3::X } else { along }).normalize_or_zero()
-        };
-        let mut candidates = Vec::new();
-        for (i, &a) in uses.iter().enumerate() {
-            for &b in &uses[i + 1..] {
-                candidates.push((away(a).dot(away(b)), a, b));
-            }
-        }
-        candidates.sort_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
-        let mut pairs: Vec<[Halfedge; 2]> = Vec::new();
-        for (_, a, b) in candidates {
-            if !pairs.iter().flatten().any(|h| *h == a || *h == b) {
-                pairs.push([a, b]);
-            }
-        }
-        pairs
     }
 
     /// The edges of more than two faces that are split into sheets on request.
@@ -176,4 +155,27 @@ pub(super) fn fans(mesh: &TriMesh, edges: &Edges, joints: &Joints<'_>) -> Disjoi
         joints.each_pair(uses, |first, other| join(mesh, &mut corners, first, other));
     }
     corners
+}
+
+/// Pairs the faces that continue each other most smoothly, the smoothest first.
+pub(super) fn smoothest(mesh: &TriMesh, uses: &[Halfedge]) -> Vec<[Halfedge; 2]> {
+    let away = |h: Halfedge| {
+        let [a, b, c] = [h, h.next(), h.next().next()].map(|h| mesh.positions[h.start(mesh)]);
+        let along = (b - a).normalize_or_zero();
+        (c - a).reject_from(if along == DVec3::ZERO { DVec3::X } else { along }).normalize_or_zero()
+    };
+    let mut candidates = Vec::new();
+    for (i, &a) in uses.iter().enumerate() {
+        for &b in &uses[i + 1..] {
+            candidates.push((away(a).dot(away(b)), a, b));
+        }
+    }
+    candidates.sort_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
+    let mut pairs: Vec<[Halfedge; 2]> = Vec::new();
+    for (_, a, b) in candidates {
+        if !pairs.iter().flatten().any(|h| *h == a || *h == b) {
+            pairs.push([a, b]);
+        }
+    }
+    pairs
 }

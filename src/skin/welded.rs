@@ -6,7 +6,7 @@
 //! a surface open (`opening`). Faces then hang together across edges (`sheets`), and every fan of
 //! faces gets a vertex of its own.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
@@ -15,10 +15,13 @@ use crate::{
     skin::{
         Sheet, TaxelId,
         fans::split_fans,
-        sheets::{Joints, fans},
+        sheets::{Joints, MOST_PAIRED, fans, smoothest},
         weld::{Weld, WeldOptions},
     },
 };
+
+/// Dropping faces can leave further edges that cannot be split; each round leaves fewer faces.
+const MOST_ROUNDS: usize = 16;
 
 /// The triangles of one sheet after welding.
 ///
@@ -44,6 +47,8 @@ pub(super) struct WeldedMesh {
     pub duplicates: Vec<FaceId>,
     /// Vertices of the file around which several fans of faces touched.
     pub touching: Vec<VertexId>,
+    /// Faces of the file that were dropped at edges that cannot be split into sheets.
+    pub dropped: Vec<FaceId>,
     /// Edges of more than two faces that were split into sheets, by vertices of the file.
     pub parted: Vec<[VertexId; 2]>,
     /// How many edges the file cuts open, which stayed so.
@@ -52,7 +57,37 @@ pub(super) struct WeldedMesh {
 
 impl WeldedMesh {
     /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite.
+    ///
+    /// On request, faces are dropped where sheets hang together around both ends of an edge of more
+    /// than two faces, so that it cannot be split: all but the two that continue each other most
+    /// smoothly.
     pub(super) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
+        let mut dropped = BTreeSet::new();
+        for _ in 0..MOST_ROUNDS {
+            let this = Self::without(sheet, options, |face| usable(face) && !dropped.contains(&face));
+            let extra = if options.repair { this.extra_faces() } else { Vec::new() };
+            if extra.is_empty() {
+                return Self { dropped: dropped.into_iter().collect(), ..this };
+            }
+            dropped.extend(extra);
+        }
+        Self::without(sheet, options, usable)
+    }
+
+    /// The faces to drop at edges that still have more than two.
+    fn extra_faces(&self) -> Vec<FaceId> {
+        let mut extra = Vec::new();
+        for uses in self.edges.iter().filter(|uses| uses.len() > 2) {
+            let kept =
+                if uses.len() > MOST_PAIRED { None } else { smoothest(&self.mesh, uses).first().copied() };
+            let kept = kept.unwrap_or([uses[0], uses[1]]);
+            let rest = uses.iter().filter(|h| !kept.contains(h));
+            extra.extend(rest.map(|h| self.file_faces[h.face()]));
+        }
+        extra
+    }
+
+    fn without(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
         let triangles: IdVec<FaceId, [VertexId; 3]> =
             sheet.triangles.iter().map(|t| t.map(VertexId::from)).collect();
         let mut mesh = TriMesh { positions: sheet.positions.clone().into(), triangles: IdVec::new() };
@@ -81,6 +116,7 @@ impl WeldedMesh {
             repeated,
             duplicates,
             touching: Vec::new(),
+            dropped: Vec::new(),
             parted: Vec::new(),
             cut: 0,
         };

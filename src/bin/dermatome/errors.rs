@@ -163,6 +163,9 @@ fn skin_help(error: &SkinError) -> &'static str {
             "give the taxels triangles, or normals that distinguish the sides of thin parts; check for mixed units"
         }
         SkinError::Gap { .. } => "change --gap",
+        SkinError::NoArea { .. } => {
+            "export the file again with its positions; glTF takes missing ones as zeros"
+        }
         SkinError::NonManifoldEdges { .. } => {
             "--repair splits such edges into sheets; `dermatome check` lists them"
         }
@@ -211,7 +214,8 @@ fn calib_help(error: &CalibError) -> &'static str {
             "add an edge or a contact of that taxel, or give its edges information in every direction"
         }
         CalibError::IndefiniteEdge { .. } => {
-            "write the inverse of the covariance, upper triangle row by row: x y z, then rotations"
+            "write the inverse of the covariance, upper triangle row by row: x y z, then rotations; or take the nearest \
+             matrices with --clip-information"
         }
         CalibError::BadTriangles { .. } => {
             "correct the triangles, or leave them out and let the edges form them"

@@ -35,7 +35,7 @@ pub(crate) struct ReadArgs {
     #[arg(long, value_enum, value_name = "uv")]
     seams: Option<SeamsArg>,
     /// Drop faces with the same corners as an earlier one, and split edges with more than two faces
-    /// into sheets; each is listed
+    /// into sheets, or drop the faces that cannot be split off; each is listed
     #[arg(long)]
     repair: bool,
     /// Direction of the outside of taxels without triangles, where nothing in the file tells it: x, -x,

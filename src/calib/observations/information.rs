@@ -107,6 +107,20 @@ impl<const N: usize> Information<N> {
             || self.correlations().is_some_and(|c| symmetric_eigen(&c).0.iter().all(|&x| x >= -ROUNDING))
     }
 
+    /// Whether it is finite, but not positive semi-definite.
+    pub(super) fn is_indefinite(&self) -> bool {
+        self.0.iter().flatten().all(|x| x.is_finite()) && !self.is_positive_semidefinite()
+    }
+
+    /// The nearest positive semi-definite matrix: negative eigenvalues become zero.
+    pub(crate) fn clipped(&self) -> Self {
+        let (values, vectors) = symmetric_eigen(&self.0);
+        let entry = |i: usize, j: usize| {
+            (0..N).map(|k| values[k].max(0.0) * (vectors[i][k] * vectors[j][k])).sum::<f64>()
+        };
+        Self(std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))))
+    }
+
     /// Number of directions that are observed at all.
     pub(crate) fn rank(&self) -> usize {
         if let Some(value) = self.as_isotropic() {

@@ -2,6 +2,7 @@
 
 pub(super) mod graph;
 pub(super) mod information;
+mod clip;
 mod validate;
 
 use std::fmt;

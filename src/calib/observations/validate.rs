@@ -79,7 +79,8 @@ impl Observations {
                 DisplacementMeasurement::Offset { information, .. } => information.eigenvalues()[0],
                 DisplacementMeasurement::Relative(m) => m.information.eigenvalues()[0],
             };
-            return Err(CalibError::IndefiniteEdge { edge, from, to, eigenvalue });
+            let (count, of) = (self.indefinite_edges(), self.edges.len());
+            return Err(CalibError::IndefiniteEdge { edge, from, to, eigenvalue, count, of });
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::{
     io::{
-        IoError,
+        IoError, ReadParts,
         file::{Source, kind, unfit},
         gltf,
         mesh::{icub, npz, obj, off, ply, robotskin, skin_csv, stl},
@@ -44,15 +44,6 @@ use crate::{
 /// format.
 pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
     read_draft_with(path, ReadParts::default())
-}
-
-/// What of a file a skin has no use for, but a choice of faces or seams may have.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct ReadParts {
-    /// [`Sheet::texture`](crate::skin::Sheet::texture), of OBJ and glTF.
-    pub texture: bool,
-    /// [`Sheet::materials`](crate::skin::Sheet::materials), of OBJ and glTF.
-    pub materials: bool,
 }
 
 /// The same as [`read_draft`], with more parts of the file.

@@ -7,6 +7,7 @@ mod icub;
 mod npz;
 mod obj;
 mod off;
+pub(super) mod parts;
 mod ply;
 mod robotskin;
 pub(super) mod skin_csv;

@@ -154,6 +154,9 @@ fn report_splits(surface: &WeldedMesh, remarks: &mut Vec<RemarkKind>) {
     if !surface.duplicates.is_empty() {
         remarks.push(RemarkKind::DuplicatesDropped { faces: surface.duplicates.clone() });
     }
+    if !surface.dropped.is_empty() {
+        remarks.push(RemarkKind::ExtraFacesDropped { faces: surface.dropped.clone() });
+    }
     if !surface.parted.is_empty() {
         remarks.push(RemarkKind::EdgesParted { edges: surface.parted.clone() });
     }

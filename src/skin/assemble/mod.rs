@@ -163,7 +163,8 @@ pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, S
         return Err(error);
     }
     if skin.patches.is_empty() {
-        return Err(SkinError::NoTriangles);
+        let faces = draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum();
+        return Err(if faces > 0 { SkinError::NoArea { faces } } else { SkinError::NoTriangles });
     }
     skin.validate()?;
     Ok(Assembled { skin, remarks })

@@ -45,6 +45,9 @@ pub(crate) struct Args {
     /// Most iterations of one solve; robust estimation solves several times
     #[arg(long, value_name = "N", default_value_t = CalibOptions::default().max_iterations, help_heading = "Solver")]
     pub(super) iterations: usize,
+    /// Replace information that is not positive semi-definite by the nearest that is
+    #[arg(long, help_heading = "Solver")]
+    pub(super) clip_information: bool,
     /// No covariances
     #[arg(long, help_heading = "Solver")]
     pub(super) no_covariance: bool,

@@ -28,8 +28,13 @@ pub(super) struct Truth {
 impl Inputs {
     pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
         let read = read_observations(&args.observations, &args.contacts);
-        let (observations, remarks) = read.map_err(Error::from)?;
+        let (mut observations, remarks) = read.map_err(Error::from)?;
         remarks.iter().for_each(|remark| note(common, remark));
+        if args.clip_information {
+            let (clipped, edges) = (observations.clip_information(), observations.edges.len());
+            let what = "information matrices were not positive semi-definite and were clipped";
+            note(common, format_args!("{clipped} {what} ({edges} edges)"));
+        }
         let ids = observations.taxels.map(|t| t.id);
         let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
         let truth = args
