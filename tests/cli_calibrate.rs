@@ -320,3 +320,18 @@ fn many_components_are_counted() {
     assert!(notes.contains("44 taxels in 22 more components"), "{notes}");
     assert_eq!(pieces(&["--verbose"]).0, 30);
 }
+
+/// One of three edges has the eigenvalues -1e6, 1e6 and 3e6: the refusal counts it, and on request
+/// the nearest matrix without the negative one is taken.
+#[test]
+fn indefinite_information_is_counted_and_clipped() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let table = "i,j,dx,dy,dz,ixx,ixy,ixz,iyy,iyz,izz\n1,2,1,0,0,1e6,0,0,1e6,2e6,1e6\n\
+                 2,3,-1,1,0,1e6,0,0,1e6,0,1e6\n3,1,0,-1,0,1e6,0,0,1e6,0,1e6\n";
+    fs::write(folder.join("e.csv"), table).unwrap();
+    let calibrate =
+        |words: &[&str]| dermatome(folder).args(["calibrate", "e.csv", "-o", "k.csv"]).args(words).assert();
+    calibrate(&[]).code(2).stderr(contains("1 of 3 edges").and(contains("--clip-information")));
+    calibrate(&["--clip-information"]).success().stderr(contains("1 information matrices"));
+}

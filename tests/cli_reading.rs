@@ -303,3 +303,23 @@ fn the_outside_that_was_guessed_is_turned_over() {
     );
     dermatome(folder.path(), "info flat.csv --outside up").assert().code(2).stderr(contains("three numbers"));
 }
+
+/// A part of 1e13 m, and one of which the area is no number.
+#[test]
+fn absurd_sizes_are_found_and_printed_short() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("big.obj");
+    for (size, is_read) in [("1e13", true), ("1e100", false), ("1e300", false)] {
+        fs::write(
+            &path,
+            format!("v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nv {size} {size} 0\nf 1 2 3\nf 2 4 3\n"),
+        )
+        .unwrap();
+        let found =
+            dermatome(folder.path(), "check big.obj").assert().code(1).stdout(contains("doubtful-unit"));
+        assert!(found.get_output().stdout.len() < 600, "{size}");
+        let read = dermatome(folder.path(), "info big.obj").assert();
+        assert_eq!(read.get_output().status.success(), is_read, "{size}");
+        assert!(read.get_output().stdout.len() < 400, "{size}");
+    }
+}

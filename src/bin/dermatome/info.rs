@@ -66,13 +66,19 @@ fn row(skin: &Skin, patch: &Patch) -> Result<Row, Error> {
     ])
 }
 
+/// Larger measures are printed with an exponent.
+const HUGE: f64 = 1e9;
+
 /// A value as text: words bare, measures with four decimals, ranges from lowest to highest.
 fn cell(value: &Value) -> String {
     match value {
         Value::String(text) => plain(text),
         Value::Null => "-".into(),
         Value::Array(range) => range.iter().map(cell).collect::<Vec<_>>().join(".."),
-        Value::Number(n) if n.is_f64() => format!("{:.4}", n.as_f64().unwrap_or(f64::NAN)),
+        Value::Number(n) if n.is_f64() => match n.as_f64().unwrap_or(f64::NAN) {
+            huge if huge.abs() >= HUGE => format!("{huge:.4e}"),
+            x => format!("{x:.4}"),
+        },
         other => other.to_string(),
     }
 }
