@@ -67,6 +67,9 @@ fn a_cut_that_was_written_is_read_back() {
     dermatome(path, "convert cut.obj welded.stl").assert().success();
     assert_eq!(size(path, "welded.stl"), [288, 576, 0], "STL has no indices");
     dermatome(path, "check cut.obj").assert().success();
+    // In a map the two sides of a seam are the same taxels, by their ids.
+    dermatome(path, "build torus.obj -o M").assert().success();
+    assert_eq!(size(path, "M/map.glb"), [288, 576, 0]);
 }
 
 /// A sleeve, cut open along a line, has fewer loops than welded.

@@ -41,7 +41,8 @@ impl<'a> Joints<'a> {
         (options, is_welded): (WeldOptions, bool),
     ) -> Self {
         let mut joints = Self { sheet, mesh, file_faces, options, open: Vec::new() };
-        if is_welded && options.weld == Weld::Auto {
+        // Vertices of one id are one taxel, at several places of a map: only the map is cut there.
+        if is_welded && options.weld == Weld::Auto && sheet.ids.is_none() {
             let (is_cut, in_file) = (|uses: &[Halfedge]| joints.is_cut_in_file(uses), |h| joints.in_file(h));
             joints.open = kept_open(mesh, edges, is_cut, in_file);
         }

@@ -7,7 +7,7 @@
 pub enum Weld {
     /// Those that an index buffer splits for normals or texture coordinates; a surface that the file
     /// cuts open into a disk, closed or with handles or more boundary loops without the cut, stays
-    /// cut.
+    /// cut, unless ids say that both sides are the same taxels.
     #[default]
     Auto,
     /// All of them.
