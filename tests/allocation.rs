@@ -105,8 +105,7 @@ fn stream(map: &SkinMap, skin: &Skin, touches: &TouchOptions) {
                 });
                 pushed.unwrap();
             });
-            // Its lists grow with the contacts.
-            regions += tracker.track(frame).len();
+            count("tracker", &mut || regions += tracker.track(frame).len());
             assert_eq!(time == 1, time == 1 && conditioned == Some(frame.time));
         }
     }

@@ -29,6 +29,9 @@ pub(super) struct Finder {
     splitter: Splitter,
     /// Lists of former regions, used again.
     spare: Vec<Vec<VertexId>>,
+    /// Taxels of the largest region so far, and taxels that all lists have room for.
+    largest: usize,
+    room: usize,
 }
 
 impl Finder {
@@ -44,6 +47,18 @@ impl Finder {
             open: Vec::new(),
             splitter: Splitter::default(),
             spare: Vec::new(),
+            largest: 0,
+            room: 0,
+        }
+    }
+
+    /// Gives all lists, those of these regions too, room for the largest region so far: the next one of
+    /// that size may come to any of them.
+    pub(super) fn make_room(&mut self, found: &mut [ContactRegion], last: &mut [ContactRegion]) {
+        if self.room < self.largest {
+            self.room = self.largest;
+            let lists = found.iter_mut().chain(last).map(|region| &mut region.taxels);
+            lists.chain(&mut self.spare).for_each(|list| list.reserve(self.room - list.len()));
         }
     }
 
@@ -75,8 +90,9 @@ impl Finder {
                 if !is_seed || self.marks[patch][seed] != FREE {
                     continue;
                 }
-                let mut taxels = self.spare.pop().unwrap_or_default();
+                let mut taxels = self.spare.pop().unwrap_or_else(|| Vec::with_capacity(self.room));
                 self.flood(patch, mesh, values, options.low * high, seed, &mut taxels);
+                self.largest = self.largest.max(taxels.len());
                 taxels.sort_unstable();
                 let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
                 if options.prominence < 1.0 && region.taxels.len() > options.part {
@@ -108,7 +124,7 @@ impl Finder {
         let has_parts = parts.len() > 1;
         if has_parts {
             for part in parts {
-                let mut taxels = self.spare.pop().unwrap_or_default();
+                let mut taxels = self.spare.pop().unwrap_or_else(|| Vec::with_capacity(self.room));
                 let of_part = |taxel: &&VertexId| marks[**taxel] == part.raw();
                 taxels.extend(region.taxels.iter().filter(of_part));
                 let region = ContactRegion { patch, taxels, ..ContactRegion::default() };

@@ -11,7 +11,8 @@ use crate::{
 
 /// Finds contacts in frames of readings and follows them from frame to frame.
 ///
-/// It owns its buffers: as long as contacts do not become larger or more, it allocates nothing.
+/// It owns its buffers: it allocates nothing unless a frame has more contacts, or a larger one, than
+/// all frames before.
 ///
 /// ```
 /// use dermatome::{
@@ -89,6 +90,7 @@ impl<'a> ContactTracker<'a> {
         self.keep_last();
         if let Some(high) = self.threshold.update(frame, self.options.channel) {
             self.find(frame, high);
+            self.finder.make_room(&mut self.found, &mut self.last);
         }
         self.finder.number(&self.found);
         let reach = self.options.reach;
