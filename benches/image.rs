@@ -1,6 +1,8 @@
 //! Frames drawn on caps of 642, 4336 (in 13 patches) and 100 000 taxels of 6 mm at 1 mm a pixel, on
 //! all levels. `frame` restricts and draws a frame in which all taxels change, `one_percent` one in
-//! which a hundredth does, `draw` only draws, `draw_L0` level 0 alone; `natural` and `field` draw in
+//! which a hundredth of those of each patch does, neighbours of each other, `one_contact` as many in
+//! all, on one patch, `one_percent_apart` every hundredth; the share of the pixels that this changes is
+//! printed. `draw` only draws, `draw_L0` level 0 alone; `natural` and `field` draw in
 //! these ways. The same of maps whose files DERMATOME_MAPS names, separated as in PATH, by the name
 //! of their folder. `rasterise` is an atlas of a million triangles in 2048 x 2048 pixels.
 #![allow(clippy::print_stdout, reason = "the share of changes belongs to the time")]
@@ -38,17 +40,38 @@ fn caps(patches: u32, taxels: u32) -> SkinMap {
     build(&skin, &BuildOptions::default()).unwrap()
 }
 
-/// Two frames that differ in the first `share` of the taxels of each patch, neighbours of each
-/// other.
-fn frames(map: &SkinMap, share: f64) -> [Frame; 2] {
+/// Which taxels change.
+#[derive(Clone, Copy)]
+enum Change {
+    All,
+    /// The first hundredth of the taxels of each patch, neighbours of each other.
+    OfEach,
+    /// As many as a hundredth of all taxels, the first of the first patch.
+    OfOne,
+    /// Every hundredth taxel.
+    Apart,
+}
+
+/// Two frames that differ in these taxels.
+fn frames(map: &SkinMap, change: Change) -> [Frame; 2] {
     let mut one = Frame::new(map, 1);
     for (x, k) in one.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).zip(0..) {
         *x = (f64::from(k) * 0.37).sin();
     }
     let mut other = one.clone();
-    for patch in other.values.iter_mut() {
-        let count = (share * patch[0].len() as f64).ceil() as usize;
-        patch[0].iter_mut().take(count).for_each(|x| *x += 1.0);
+    let all = other.values.iter().map(|patch| patch[0].len()).sum::<usize>();
+    let patches = match change {
+        Change::OfOne => 1,
+        Change::All | Change::OfEach | Change::Apart => other.values.len(),
+    };
+    for values in other.values.iter_mut().take(patches).map(|patch| &mut patch[0]) {
+        let (count, step) = match change {
+            Change::All => (values.len(), 1),
+            Change::OfEach => (values.len().div_ceil(100), 1),
+            Change::OfOne => (all.div_ceil(100), 1),
+            Change::Apart => (values.len(), 100),
+        };
+        values.iter_mut().take(count).step_by(step).for_each(|x| *x += 1.0);
     }
     [one, other]
 }
@@ -73,10 +96,15 @@ fn draw_map(c: &mut Criterion, name: &str, map: &SkinMap) {
         let options = RenderOptions { interpolation, level };
         Renderer::new(map, &atlas, &channels, &options).unwrap()
     };
-    for (what, share) in [("frame", 1.0), ("one_percent", 0.01)] {
+    for (what, change) in [
+        ("frame", Change::All),
+        ("one_percent", Change::OfEach),
+        ("one_contact", Change::OfOne),
+        ("one_percent_apart", Change::Apart),
+    ] {
         let (mut restrictor, mut renderer) =
             (Restrictor::new(map, &channels), renderer(Interpolation::Linear, None));
-        let frames = frames(map, share);
+        let frames = frames(map, change);
         let drawn = [0, 1].map(|k| renderer.render(restrictor.restrict(&frames[k])).to_vec());
         println!("image/{what}/{name}: {:.1} % of the pixels change", 100.0 * changed(&drawn));
         let mut k = 0;
@@ -87,7 +115,7 @@ fn draw_map(c: &mut Criterion, name: &str, map: &SkinMap) {
             });
         });
     }
-    let levels = frames(map, 1.0).map(|f| Restrictor::new(map, &channels).restrict(&f).clone());
+    let levels = frames(map, Change::All).map(|f| Restrictor::new(map, &channels).restrict(&f).clone());
     for (what, interpolation, level) in [
         ("draw", Interpolation::Linear, None),
         ("draw_L0", Interpolation::Linear, Some(LevelId::new(0))),

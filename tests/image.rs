@@ -5,6 +5,8 @@
 
 mod maps;
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use dermatome::{
     atlas::{Atlas, AtlasOptions, Resolution},
     id::{IdVec, VertexId},
@@ -13,7 +15,7 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    signal::{Channel, Frame, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
+    signal::{Channel, Edges, Frame, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
     skin::{PatchId, Presence, Skin},
 };
 use glam::DVec2;
@@ -523,6 +525,63 @@ proptest! {
             }
             let whole = bits(renderer(&map, &atlas, quantity, how).render(&frame));
             prop_assert!(bits(stream.render(&frame)) == whole, "{how:?}");
+        }
+    }
+}
+
+/// The direction of a linear field is the same in every pixel, whatever it is.
+#[test]
+fn a_linear_field_has_one_direction() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, false);
+    for (turn, dead) in [0.0, 1.0, FRAC_PI_2, 3.1, PI, 1e-3 - PI].into_iter().flat_map(|t| [(t, 0), (t, 4)]) {
+        let along = DVec2::from_angle(turn);
+        let mut linear = on_levels(&map, |at, _| 5.0 * at.dot(along));
+        if dead > 0 {
+            kill(&mut linear, dead);
+        }
+        let edges = Edges::new(&map, &[Channel::default()]).of(&linear).clone();
+        let mut directions = LevelFrame::new(&map, 1);
+        for (of_patch, edges) in directions.values.iter_mut().zip(&edges.values) {
+            of_patch[0] = edges[1].clone();
+        }
+        for how in ALL {
+            let mut renderer = renderer(&map, &atlas, Quantity::Direction, how);
+            for image in renderer.render(&directions) {
+                for angle in covered(image).filter(|x| !x.is_nan()) {
+                    let found = DVec2::from_angle(f64::from(angle));
+                    assert!((found - along).length() < 1e-5, "{how:?} {}: {angle} is not {turn}", image.name);
+                }
+            }
+        }
+    }
+}
+
+/// Between two directions on either side of the jump of angles are those between them, not zero; and
+/// sampled again they are nearly what they were.
+#[test]
+fn directions_turn_the_shorter_way() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, true);
+    let frame = on_levels(&map, |_, k| if k % 2 == 0 { PI - 0.1 } else { 0.1 - PI });
+    for how in [Interpolation::Linear, Interpolation::Field, Interpolation::Natural] {
+        let mut renderer = renderer(&map, &atlas, Quantity::Direction, how);
+        let images = renderer.render(&frame).to_vec();
+        for image in &images {
+            assert!(covered(image).all(|angle| f64::from(angle).abs() > PI - 0.1 - 1e-5), "{}", image.name);
+            let gutter = image.values.iter().zip(&image.coverage).filter(|(x, c)| **c == 0 && !x.is_nan());
+            assert!(gutter.clone().count() > 0);
+            assert!(gutter.into_iter().all(|(x, _)| f64::from(x.abs()) > PI - 0.1 - 1e-5), "the gutter");
+        }
+        assert_eq!(bits(&images), bits(renderer.render(&frame)), "a frame that does not change");
+        if how == Interpolation::Linear {
+            let sampled = sample(&renderer, &images).unwrap();
+            for (found, drawn) in sampled.values.values.iter().zip(&frame.values) {
+                let finest = LevelId::default();
+                let pairs = found[0][finest].iter().zip(&drawn[0][finest]);
+                let known = pairs.filter(|(found, _)| !found.is_nan());
+                assert!(known.into_iter().all(|(a, b)| (a - b).cos() > 0.999), "sampled");
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::{
     id::{IdVec, VertexId},
     image::{
-        runs::Plane,
+        runs::{Plane, narrow},
         tile::{Lists, Tile},
         weights::{Pattern, Surface},
     },
@@ -11,8 +11,9 @@ use crate::{
 };
 
 /// The whole chart is drawn if more than one in this many of its sources (faces, vertices or
-/// pixels) changed. *Heuristic*: at 2 a frame of 642 taxels of which a hundredth changed takes 0.29 of
-/// the time of a whole one, at 4 and at 1 it takes 0.4 (`benches/image.rs`).
+/// pixels) changed. *Heuristic*: a pixel of few changed faces costs more than one of many. At 2, a frame
+/// in which a hundredth of the taxels of each of 13 patches changed takes 0.30 of the time of a whole one,
+/// at 4/3 it takes 0.38; a single patch of 642 taxels takes 0.18 at both (`benches/image.rs`).
 const FEW: usize = 2;
 
 /// The state of one channel of a tile.
@@ -33,7 +34,8 @@ pub(super) struct Layer {
     /// Of a pattern of rows: those that each vertex takes part in.
     rows_of: Lists,
     planes: Vec<Plane>,
-    /// Faces with one live corner, and those with two, whose pixels follow no plane.
+    /// Large faces with one live corner, and those whose pixels follow no plane: all others with dead
+    /// corners.
     single: Vec<u32>,
     mixed: Vec<u32>,
     changed: Vec<u32>,
@@ -106,14 +108,24 @@ impl Layer {
             tile.surface.runs.all.iter().for_each(|run| Plane::constant(f64::NAN).fill_alone(run, pixels));
             self.remask(tile);
         }
-        for &v in &self.changed {
-            self.scaled[v as usize] = self.last[v as usize] * self.scale[v as usize];
-        }
+        self.scale();
         let few = !masks_changed && self.unseen.is_empty() && self.changed.len() * FEW < self.last.len();
         if !(few && self.draw_changed(tile, pixels)) {
             self.draw_all(tile, pixels);
         }
         true
+    }
+
+    /// Scales the changed values.
+    fn scale(&mut self) {
+        if self.changed.len() == self.last.len() {
+            let pairs = self.last.iter().zip(&self.scale);
+            self.scaled.iter_mut().zip(pairs).for_each(|(scaled, (x, scale))| *scaled = x * scale);
+        } else {
+            for &v in &self.changed {
+                self.scaled[v as usize] = self.last[v as usize] * self.scale[v as usize];
+            }
+        }
     }
 
     /// Takes values in, lists those that changed, and says whether any came or went.
@@ -128,14 +140,15 @@ impl Layer {
             if pairs.fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0 {
                 continue;
             }
-            for (at, &value) in values.iter().enumerate().take(end).skip(begin) {
+            let kept = self.last[begin..end].iter_mut().zip(&mut self.live[begin..end]);
+            for ((&value, (last, live)), at) in values[begin..end].iter().zip(kept).zip(begin..) {
                 // What is not finite is not there.
                 let value = if value.is_finite() { value } else { f64::NAN };
-                if value.to_bits() == self.last[at].to_bits() {
+                if value.to_bits() == last.to_bits() {
                     continue;
                 }
-                masks_changed |= value.is_nan() == self.live[at];
-                (self.last[at], self.live[at]) = (value, !value.is_nan());
+                masks_changed |= value.is_nan() == *live;
+                (*last, *live) = (value, !value.is_nan());
                 self.changed.push(u32::try_from(at).unwrap_or(u32::MAX));
             }
         }
@@ -165,8 +178,8 @@ impl Layer {
             self.mixed.clear();
             for (face, k) in tile.surface.faces.iter().zip(0..) {
                 match face.live_corners(|v| live[v.index()]) {
-                    1 => self.single.push(k),
-                    2 => self.mixed.push(k),
+                    1 if tile.surface.is_large(k as usize) => self.single.push(k),
+                    1 | 2 => self.mixed.push(k),
                     _ => {}
                 }
             }
@@ -233,12 +246,14 @@ impl Layer {
         let surface = &tile.surface;
         match &self.pattern {
             Pattern::Faces => {
-                let planes = self.planes.iter_mut().zip(&surface.faces);
-                planes.for_each(|(plane, face)| *plane = face.plane(&self.x));
+                for &face in &surface.large {
+                    self.planes[face as usize] = surface.faces[face as usize].plane(&self.x);
+                }
                 for &face in &self.single {
                     self.planes[face as usize] = surface.faces[face as usize].plane_of_one(&self.x);
                 }
                 surface.runs.fill(&self.planes, pixels);
+                surface.points.fill(&self.x, pixels);
                 self.mixed.iter().for_each(|&face| draw_mixed(surface, face, &self.x, pixels));
             }
             Pattern::Cells(cells) => {
@@ -256,6 +271,7 @@ impl Layer {
             let amount = self.last[value] / tile.pixel_area;
             *pixel = narrow(if pixel.is_nan() { amount } else { f64::from(*pixel) + amount });
         }
+        tile.gutter.fill(pixels);
     }
 
     /// Draws what the changed values reach, unless that is much of the chart.
@@ -294,6 +310,10 @@ impl Layer {
         for &source in &self.sources.all {
             self.draw_source(&tile.surface, source, pixels);
         }
+        match self.pattern {
+            Pattern::Faces => self.sources.all.iter().for_each(|&face| tile.gutter.fill_face(face, pixels)),
+            Pattern::Cells(_) | Pattern::Rows(_) => tile.gutter.fill(pixels),
+        }
         true
     }
 
@@ -303,16 +323,18 @@ impl Layer {
         match &self.pattern {
             Pattern::Faces => {
                 let face = &surface.faces[k];
+                let is_large = surface.is_large(k);
                 let plane = match face.live_corners(|v| !self.x[v.index()].is_nan()) {
-                    2 => return draw_mixed(surface, source, &self.x, pixels),
-                    1 => face.plane_of_one(&self.x),
-                    _ => face.plane(&self.x),
+                    1 if is_large => face.plane_of_one(&self.x),
+                    1 | 2 => return draw_mixed(surface, source, &self.x, pixels),
+                    _ if is_large => face.plane(&self.x),
+                    _ => return surface.points.fill_face(k, &self.x, pixels),
                 };
-                surface.runs.of_source(k).for_each(|run| plane.fill_alone(run, pixels));
+                surface.runs.of_source(k).iter().for_each(|run| plane.fill_alone(run, pixels));
             }
             Pattern::Cells(cells) => {
                 let plane = Plane::constant(self.x[k]);
-                cells.of_source(k).for_each(|run| plane.fill_alone(run, pixels));
+                cells.of_source(k).iter().for_each(|run| plane.fill_alone(run, pixels));
             }
             Pattern::Rows(rows) => pixels[rows.pixels[k] as usize] = narrow(rows.value(k, &self.x)),
         }
@@ -332,10 +354,4 @@ fn draw_mixed(surface: &Surface<'_>, face: u32, x: &[f64], pixels: &mut [f32]) {
             pixels[run.at as usize + usize::from(k)] = narrow(value);
         }
     }
-}
-
-/// Images are 32-bit floats.
-#[expect(clippy::cast_possible_truncation, reason = "images are 32-bit floats")]
-pub(super) fn narrow(x: f64) -> f32 {
-    x as f32
 }

@@ -2,8 +2,8 @@
 //!
 //! A pixel is a weighted sum of the values of a few vertices: [`Interpolation`] says which. In the
 //! linear case the sum is a plane over each face, so a frame costs one plane for each face and then
-//! one addition and one multiplication for each pixel. [`Renderer`] keeps what it drew and draws
-//! anew only the faces around the values that changed.
+//! one addition and one multiplication for each pixel; faces of few pixels are drawn pixel by pixel.
+//! [`Renderer`] keeps what it drew and draws anew only the faces around the values that changed.
 //!
 //! Intensive channels keep their values: a constant pressure is a constant image. Extensive channels
 //! are drawn per area and keep their total: with the weights `w` of the pixels, each of area `A`,
@@ -11,16 +11,20 @@
 //! the sum of all amounts, whatever the size of the pixels. An amount that no pixel shows is given
 //! to the nearest one.
 //!
+//! Directions are drawn as unit vectors.
+//!
 //! [`sample`] goes back: from images to the values that they show, by least squares.
 //!
-//! In the order to read: `options`, `tactile_image`; `face_weights`, `runs`, `natural`, `weights`
-//! (pixels in terms of vertices); `tile`, `layer` (what changed), `renderer`; `sample`.
+//! In the order to read: `options`, `tactile_image`; `face_weights`, `runs`, `points`, `natural`, `weights`
+//! (pixels in terms of vertices); `tile`, `layer` (what changed), `direction`, `renderer`; `sample`.
 
+mod direction;
 mod error;
 mod face_weights;
 mod layer;
 mod natural;
 mod options;
+mod points;
 mod renderer;
 mod runs;
 mod sample;

@@ -3,7 +3,10 @@
 use crate::{
     atlas::{Atlas, AtlasPart, Chart, LevelImage},
     image::{
-        ImageError, Interpolation, RenderOptions, TactileImage, layer::Layer, tile::Tile, weights::Surface,
+        ImageError, Interpolation, RenderOptions, TactileImage,
+        direction::{ChannelLayer, DirectionPixels},
+        tile::{Gutter, Tile},
+        weights::Surface,
     },
     map::SkinMap,
     pyramid::LevelId,
@@ -56,9 +59,9 @@ pub struct Renderer<'a> {
 pub(super) struct Canvas<'a> {
     pub(super) tiles: Vec<(PatchId, Tile<'a>)>,
     /// Of every tile, one for each channel.
-    layers: Vec<Vec<Layer>>,
-    /// Pixels of the gutter, and those that they repeat.
-    gutter: Vec<[u32; 2]>,
+    layers: Vec<Vec<ChannelLayer>>,
+    /// Of every channel.
+    directions: Vec<DirectionPixels>,
 }
 
 impl<'a> Renderer<'a> {
@@ -141,22 +144,35 @@ impl<'a> Canvas<'a> {
             tiles.push((*id, tile));
         }
         let image = blank(surface, part, &tiles, quantities.len());
-        let is_drawn = |[_, from]: &&[u32; 2]| image.coverage[*from as usize] == 1;
-        let gutter = surface.gutter.iter().filter(is_drawn).copied().collect();
-        let layers = tiles.iter().map(|(_, tile)| quantities.iter().map(|&q| Layer::new(tile, q)).collect());
-        Ok((Self { layers: layers.collect(), tiles, gutter }, image))
+        add_gutters(&surface.gutter, &mut tiles, image.coverage.len());
+        let layers =
+            tiles.iter().map(|(_, tile)| quantities.iter().map(|&q| ChannelLayer::new(tile, q)).collect());
+        let directions = quantities.iter().map(|quantity| match quantity {
+            Quantity::Direction => [0, 1].map(|_| vec![f32::NAN; image.coverage.len()]),
+            Quantity::Intensive | Quantity::Extensive => DirectionPixels::default(),
+        });
+        Ok((Self { layers: layers.collect(), directions: directions.collect(), tiles }, image))
     }
 
     fn draw(&mut self, frame: &LevelFrame, level: LevelId, channel: usize, pixels: &mut [f32]) {
-        let mut any = false;
         for ((patch, tile), layers) in self.tiles.iter().zip(&mut self.layers) {
-            any |= layers[channel].draw(tile, &frame.values[*patch][channel][level], pixels);
+            let values = &frame.values[*patch][channel][level];
+            layers[channel].draw(tile, values, &mut self.directions[channel], pixels);
         }
-        if any {
-            for &[to, from] in &self.gutter {
-                pixels[to as usize] = pixels[from as usize];
-            }
-        }
+    }
+}
+
+/// Gives the pixels of the gutter of an image of `count` pixels to the tiles whose pixels they repeat.
+fn add_gutters(gutter: &[[u32; 2]], tiles: &mut [(PatchId, Tile<'_>)], count: usize) {
+    let mut face_of = vec![u32::MAX; count];
+    for (_, tile) in tiles {
+        let runs = &tile.surface.runs.all;
+        let pixels = |at: u32, length: u16| at as usize..at as usize + usize::from(length);
+        runs.iter().for_each(|run| face_of[pixels(run.at, run.length)].fill(run.source));
+        let of_tile = gutter.iter().map(|&[to, from]| (face_of[from as usize], [to, from]));
+        let of_tile = of_tile.filter(|(face, _)| *face != u32::MAX).collect();
+        tile.gutter = Gutter::new(tile.surface.faces.len(), of_tile);
+        runs.iter().for_each(|run| face_of[pixels(run.at, run.length)].fill(u32::MAX));
     }
 }
 

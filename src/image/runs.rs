@@ -79,14 +79,15 @@ pub(super) struct Runs {
     blocks: Vec<Lanes>,
     /// The rests next to gaps, as positions in `all`.
     ends: Vec<u32>,
-    /// Where the runs of each source begin in `of`; one more entry than sources.
+    /// The same runs source by source, and where those of each begin; one more entry than sources.
+    by_source: Vec<Run>,
     starts: Vec<u32>,
-    of: Vec<u32>,
 }
 
 impl Runs {
-    /// The runs of a chart by face, in an image of `width` columns.
-    pub(super) fn of_faces(chart: &Chart, faces: usize, width: usize) -> Self {
+    /// The runs of a chart by face, in an image of `width` columns. [`Runs::fill`] leaves out faces of at
+    /// most `small` pixels.
+    pub(super) fn of_faces(chart: &Chart, faces: usize, width: usize, small: u32) -> Self {
         let mut all = Vec::new();
         for row in 0..chart.frame.size_px[1] {
             let at = row_start(chart, row, width);
@@ -101,17 +102,23 @@ impl Runs {
                 all.push(run);
             }
         }
-        Self::new(all, faces)
+        let mut pixels = vec![0_u32; faces];
+        all.iter().for_each(|run: &Run| pixels[run.source as usize] += u32::from(run.length));
+        Self::new(all, faces, |source| pixels[source as usize] > small)
     }
 
-    /// Runs of any length in the order of their pixels, of `sources` sources.
-    pub(super) fn new(runs: Vec<Run>, sources: usize) -> Self {
+    /// Runs of any length in the order of their pixels, of `sources` sources. [`Runs::fill`] fills those
+    /// of the sources that `is_filled` says.
+    pub(super) fn new(runs: Vec<Run>, sources: usize, is_filled: impl Fn(u32) -> bool) -> Self {
         let mut all: Vec<Run> = runs.iter().flat_map(Run::pieces).collect();
         all.shrink_to_fit();
         let (mut rests, mut blocks, mut ends) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (run, room)) in all.iter().zip(rooms(&all)).enumerate() {
             let (column, row) = (f32::from(run.column), f32::from(run.row));
             let lanes = Lanes { at: run.at, source: run.source, column, row };
+            if !is_filled(run.source) {
+                continue;
+            }
             match usize::from(run.length) {
                 BLOCK => blocks.push(lanes),
                 _ if room >= REST => rests.push(lanes),
@@ -123,13 +130,9 @@ impl Runs {
         for k in 1..starts.len() {
             starts[k] += starts[k - 1];
         }
-        let (mut next, mut of) = (starts.clone(), vec![0; all.len()]);
-        for (run, k) in all.iter().zip(0..) {
-            let slot = &mut next[run.source as usize];
-            of[*slot as usize] = k;
-            *slot += 1;
-        }
-        Self { all, rests, blocks, ends, starts, of }
+        let mut by_source = all.clone();
+        by_source.sort_by_key(|run| run.source);
+        Self { all, rests, blocks, ends, by_source, starts }
     }
 
     /// Number of sources.
@@ -138,12 +141,16 @@ impl Runs {
     }
 
     /// The runs of one source.
-    pub(super) fn of_source(&self, source: usize) -> impl Iterator<Item = &Run> {
-        let range = self.starts[source] as usize..self.starts[source + 1] as usize;
-        self.of[range].iter().map(|&k| &self.all[k as usize])
+    pub(super) fn of_source(&self, source: usize) -> &[Run] {
+        &self.by_source[self.starts[source] as usize..self.starts[source + 1] as usize]
     }
 
-    /// Fills all runs.
+    /// Number of pixels of one source.
+    pub(super) fn pixels_of(&self, source: usize) -> u32 {
+        self.of_source(source).iter().map(|run| u32::from(run.length)).sum()
+    }
+
+    /// Fills all runs but those that are left out.
     pub(super) fn fill(&self, planes: &[Plane], pixels: &mut [f32]) {
         for rest in &self.rests {
             planes[rest.source as usize].fill::<REST>(rest, pixels);
@@ -207,12 +214,26 @@ impl Plane {
     /// Fills a run and nothing else.
     pub(super) fn fill_alone(&self, run: &Run, pixels: &mut [f32]) {
         let (start, step) = self.along(f64::from(run.column), f64::from(run.row));
-        let at = run.at as usize;
-        let pixels = &mut pixels[at..at + usize::from(run.length)];
-        if let Some(block) = pixels.first_chunk_mut::<BLOCK>() {
+        let pixels = &mut pixels[run.at as usize..];
+        if run.length == BLOCK_LENGTH
+            && let Some(block) = pixels.first_chunk_mut::<BLOCK>()
+        {
             block.iter_mut().zip(STEPS).for_each(|(pixel, k)| *pixel = start + step * k);
+        } else if let Some(rest) = pixels.first_chunk_mut::<REST>() {
+            // All eight at once: those beyond the end are written as they are.
+            let length = f32::from(run.length);
+            for (pixel, k) in rest.iter_mut().zip(STEPS) {
+                *pixel = if k < length { start + step * k } else { *pixel };
+            }
         } else {
-            pixels.iter_mut().zip(STEPS).for_each(|(pixel, k)| *pixel = start + step * k);
+            let pixels = pixels.iter_mut().take(run.length.into());
+            pixels.zip(STEPS).for_each(|(pixel, k)| *pixel = start + step * k);
         }
     }
+}
+
+/// Images are 32-bit floats.
+#[expect(clippy::cast_possible_truncation, reason = "images are 32-bit floats")]
+pub(super) fn narrow(x: f64) -> f32 {
+    x as f32
 }

@@ -67,11 +67,22 @@ pub fn sample(renderer: &Renderer<'_>, images: &[TactileImage]) -> Result<Sample
             for (channel, &quantity) in renderer.quantities.iter().enumerate() {
                 let pixels = &image.values[channel * count..(channel + 1) * count];
                 let live = present(&renderer.map.patches[*patch], image.level);
-                let system = System::new(tile, quantity, live, pixels);
-                let (x, square) = system.solve();
+                let solve = |pixels: &[f32]| {
+                    let system = System::new(tile, quantity, live.clone(), pixels);
+                    (system.solve(), system.pixels.len())
+                };
+                let ((x, square), count) = match quantity {
+                    Quantity::Intensive | Quantity::Extensive => solve(pixels),
+                    Quantity::Direction => {
+                        let parts =
+                            [f32::cos, f32::sin].map(|part| pixels.iter().map(|&x| part(x)).collect());
+                        let [((x, a), count), ((y, b), _)] = parts.map(|part: Vec<f32>| solve(&part));
+                        ((x.iter().zip(y).map(|(x, y)| y.atan2(*x)).collect(), a + b), count)
+                    }
+                };
                 values.values[*patch][channel][image.level] = x.into();
                 sums[channel].0 += square;
-                sums[channel].1 += system.pixels.len();
+                sums[channel].1 += count;
             }
         }
     }

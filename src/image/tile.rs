@@ -14,10 +14,20 @@ pub(super) struct Tile<'a> {
     /// Number of values; from them to the vertices of the chart, where these are not the same.
     pub(super) values: usize,
     pub(super) lift: Option<Lift<'a>>,
-    /// The faces around each vertex of the chart.
+    /// The faces around each vertex of the chart that cover pixels.
     pub(super) around: Lists,
+    pub(super) gutter: Gutter,
     /// Area of a pixel, in m^2.
     pub(super) pixel_area: f64,
+}
+
+/// Pixels around the chart that repeat those of its faces.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Gutter {
+    /// Each pixel and the one it repeats, face by face.
+    pairs: Vec<[u32; 2]>,
+    /// Where those of each face begin; one more entry than faces.
+    starts: Vec<u32>,
 }
 
 /// From the values of a level to the vertices of level 0.
@@ -60,6 +70,28 @@ impl Lists {
     }
 }
 
+impl Gutter {
+    /// From face, pixel and repeated pixel of each.
+    pub(super) fn new(faces: usize, mut all: Vec<(u32, [u32; 2])>) -> Self {
+        all.sort_unstable();
+        let before = |face: usize| all.partition_point(|(of, _)| (*of as usize) < face);
+        let starts = (0..=faces).map(|face| u32::try_from(before(face)).unwrap_or(u32::MAX)).collect();
+        Self { pairs: all.into_iter().map(|(_, pair)| pair).collect(), starts }
+    }
+
+    /// Repeats all pixels.
+    pub(super) fn fill(&self, pixels: &mut [f32]) {
+        self.pairs.iter().for_each(|&[to, from]| pixels[to as usize] = pixels[from as usize]);
+    }
+
+    /// Repeats those of one face.
+    #[inline]
+    pub(super) fn fill_face(&self, face: u32, pixels: &mut [f32]) {
+        let range = self.starts[face as usize] as usize..self.starts[face as usize + 1] as usize;
+        self.pairs[range].iter().for_each(|&[to, from]| pixels[to as usize] = pixels[from as usize]);
+    }
+}
+
 impl<'a> Tile<'a> {
     pub(super) fn new(
         surface: Surface<'a>,
@@ -69,6 +101,7 @@ impl<'a> Tile<'a> {
     ) -> Self {
         let vertices = surface.level.level.mesh.positions.len();
         let corners = surface.faces.iter().zip(0_u32..);
+        let corners = corners.filter(|(_, k)| !surface.runs.of_source(*k as usize).is_empty());
         let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.raw(), k)));
         let around = Lists::new(vertices, corners);
         let values = lift.map_or(vertices, |(_, p)| p.coarse_len);
@@ -78,7 +111,7 @@ impl<'a> Tile<'a> {
                 rows.flat_map(|v| prolongation.row(v).map(move |(c, _)| (c.raw(), v.raw()))).collect();
             Lift { origins: &level.origins, prolongation, reached: Lists::new(values, rows.iter().copied()) }
         });
-        Self { interpolation, surface, values, lift, around, pixel_area }
+        Self { interpolation, surface, values, lift, around, gutter: Gutter::default(), pixel_area }
     }
 
     /// Which vertices of the chart have a value.

@@ -141,7 +141,7 @@ fn about(view: &ChannelView<'_>) -> Result<About, PlotError> {
     };
     let name = printable(&channel.name);
     let (name, unit) = match (channel.quantity, channel.unit.as_str()) {
-        (Quantity::Intensive, unit) => (name, printable(unit)),
+        (Quantity::Intensive | Quantity::Direction, unit) => (name, printable(unit)),
         (Quantity::Extensive, "N") => (format!("{name} per area"), "Pa".to_owned()),
         (Quantity::Extensive, "") => (format!("{name} per area"), "1/m²".to_owned()),
         (Quantity::Extensive, unit) => (format!("{name} per area"), format!("{}/m²", printable(unit))),
@@ -176,7 +176,7 @@ fn densities<'a>(
         return Err(other());
     }
     let densities = match view.channels[view.shown].quantity {
-        Quantity::Intensive => values.clone(),
+        Quantity::Intensive | Quantity::Direction => values.clone(),
         Quantity::Extensive => values.iter().zip(&shape.areas).map(|(x, area)| x / area).collect(),
     };
     Ok(Some(Drawn { level, values, densities }))

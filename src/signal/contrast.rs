@@ -55,13 +55,11 @@ impl<'a> Contrast<'a> {
     /// # Panics
     /// If the frame has not the patches, channels and levels that this was made for.
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
-        assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
+        frame.check(self.map, self.quantities.len());
         self.out.time = frame.time;
         for (id, patch) in self.map.patches.enumerate() {
-            let values = &frame.values[id];
-            assert_eq!(values.len(), self.quantities.len(), "one array per channel of {}", patch.name);
-            for ((&quantity, values), out) in self.quantities.iter().zip(values).zip(&mut self.out.values[id])
-            {
+            let channels = self.quantities.iter().zip(&frame.values[id]);
+            for ((&quantity, values), out) in channels.zip(&mut self.out.values[id]) {
                 for (values, out) in values.iter().zip(out.iter_mut()) {
                     out.as_mut_slice().copy_from_slice(values.as_slice());
                 }
@@ -83,9 +81,8 @@ impl<'a> Contrast<'a> {
 pub fn reconstruct(map: &SkinMap, channels: &[Channel], contrast: &LevelFrame) -> LevelFrame {
     let mut out = contrast.clone();
     let mut areas = LiveAreas::new(map);
-    assert_eq!(out.values.len(), map.patches.len(), "one entry per patch");
+    out.check(map, channels.len());
     for (id, patch) in map.patches.enumerate() {
-        assert_eq!(out.values[id].len(), channels.len(), "one array per channel of {}", patch.name);
         for (channel, values) in channels.iter().zip(&mut out.values[id]) {
             let areas = areas.update(id, &patch.levels, channel.quantity, &values[LevelId::new(0)]);
             for k in (1..patch.levels.len()).rev() {
@@ -118,7 +115,7 @@ impl LiveAreas {
         taxels: &IdVec<VertexId, f64>,
     ) -> &Values {
         let areas = &mut self.0[patch];
-        if quantity == Quantity::Intensive {
+        if quantity != Quantity::Extensive {
             return areas;
         }
         let live = taxels.iter().zip(&levels[LevelId::new(0)].level.areas);
@@ -155,7 +152,7 @@ fn combine(
     for (vertex, value) in finer.iter_mut().enumerate().filter(|(_, x)| !x.is_nan()) {
         let vertex = VertexId::new(vertex);
         let predicted: f64 = match quantity {
-            Quantity::Intensive => up.row(vertex).map(|(c, w)| w * coarser[c]).sum(),
+            Quantity::Intensive | Quantity::Direction => up.row(vertex).map(|(c, w)| w * coarser[c]).sum(),
             Quantity::Extensive => {
                 let density: f64 = up.row(vertex).map(|(c, w)| w * coarser[c] / areas[coarse][c]).sum();
                 areas[fine][vertex] * density

@@ -65,23 +65,23 @@ impl<'a> Edges<'a> {
     }
 
     /// The gradient of a frame on the map of every level, in two channels for each: its size in the
-    /// unit of the channel per m, for extensive channels per m^3, and its direction on the map in rad.
-    /// NaN where no face around a vertex has a value at all of its corners.
+    /// unit of the channel per m, for extensive channels per m^3, and its direction on the map in rad,
+    /// 0 where it has none; draw it as [`Quantity::Direction`]. NaN where no face around a vertex has a value at all of its corners.
     ///
     /// # Panics
     /// If the frame has not the patches, channels and levels that this was made for.
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
-        assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
+        frame.check(self.map, self.quantities.len());
         self.out.time = frame.time;
         for (id, patch) in self.map.patches.enumerate() {
-            let values = &frame.values[id];
-            assert_eq!(values.len(), self.quantities.len(), "one array per channel of {}", patch.name);
-            let pairs = self.out.values[id].chunks_exact_mut(2);
-            for ((&quantity, values), pair) in self.quantities.iter().zip(values).zip(pairs) {
+            let channels = self.quantities.iter().zip(&frame.values[id]);
+            for ((&quantity, values), pair) in channels.zip(self.out.values[id].chunks_exact_mut(2)) {
                 let areas = self.areas.update(id, &patch.levels, quantity, &values[LevelId::new(0)]);
                 for (k, level) in patch.levels.enumerate() {
                     match quantity {
-                        Quantity::Intensive => gradients(level, |v| values[k][v], &mut self.sums),
+                        Quantity::Intensive | Quantity::Direction => {
+                            gradients(level, |v| values[k][v], &mut self.sums)
+                        }
                         Quantity::Extensive => {
                             gradients(level, |v| values[k][v] / areas[k][v], &mut self.sums);
                         }

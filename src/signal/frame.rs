@@ -48,4 +48,13 @@ impl LevelFrame {
         });
         Self { time: 0.0, values }
     }
+
+    /// # Panics
+    /// If it has not one entry for each patch of `map` and one array for each channel.
+    pub(super) fn check(&self, map: &SkinMap, channels: usize) {
+        assert_eq!(self.values.len(), map.patches.len(), "one entry per patch");
+        for (patch, values) in map.patches.iter().zip(&self.values) {
+            assert_eq!(values.len(), channels, "one array per channel of {}", patch.name);
+        }
+    }
 }

@@ -4,9 +4,11 @@
 mod contacts;
 mod output;
 mod pixels;
+mod readings_args;
+mod rows;
 mod source;
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{f64::consts::PI, path::PathBuf, process::ExitCode};
 
 use dermatome::{
     Error,
@@ -30,12 +32,12 @@ use crate::{
     render::{
         contacts::ContactsArgs,
         output::{Array, Colours, Kind, Output, Pictures},
-        source::Tally,
     },
 };
 
 pub(crate) use pixels::PixelArgs;
-pub(crate) use source::{FramesArgs, Readings, ReadingsArgs, range};
+pub(crate) use readings_args::{FramesArgs, ReadingsArgs, range};
+pub(crate) use source::Readings;
 
 /// Draw readings as tactile images on every level: a recording, or a live stream.
 ///
@@ -85,8 +87,8 @@ struct ImageArgs {
     /// Draw what each level shows beyond the next coarser one
     #[arg(long)]
     contrast: bool,
-    /// Draw the edges of the values: the size of their gradient on the map and its direction, an angle,
-    /// which is best drawn with --interpolate nearest
+    /// Draw the edges of the values: the size of their gradient on the map and its direction, an angle
+    /// from the u axis towards the v axis
     #[arg(long, conflicts_with = "contrast")]
     edges: bool,
     /// Write into every EXR file also what its pixels show: places, normals, ids and stretch
@@ -182,10 +184,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         Ok(true)
     })?;
     bar.finish_and_clear();
-    args.frames.check_any(&tally)?;
+    args.frames.check_any(tally.read, tally.frames)?;
     output.finish()?;
     let found = contacts.map(contacts::Contacts::finish).transpose()?;
-    remark(&tally, common);
+    tally.remark(args.readings_args.baseline, common);
     if let Some((count, Some(threshold))) = found {
         note(common, format_args!("{count} contacts above {threshold:.4}"));
     }
@@ -289,14 +291,14 @@ impl<'a> Values<'a> {
 fn shown_channels(channels: &[Channel], shown: Shown) -> Vec<Channel> {
     let Shown::Edges = shown else { return channels.to_vec() };
     let of_edges = |channel: &Channel| {
-        let part = |part: &str, unit: String| Channel {
+        let part = |part: &str, unit: String, quantity: Quantity| Channel {
             name: format!("{}.{part}", channel.name),
             unit,
-            quantity: Quantity::Intensive,
+            quantity,
         };
         let unit = channel.pixel_unit();
         let size = if unit.is_empty() { unit } else { format!("{unit}/m") };
-        [part("edge", size), part("direction", "rad".into())]
+        [part("edge", size, Quantity::Intensive), part("direction", "rad".into(), Quantity::Direction)]
     };
     channels.iter().flat_map(of_edges).collect()
 }
@@ -329,7 +331,7 @@ fn colours(
             for ((range, channel), of_channel) in ranges.iter_mut().zip(&channels).zip(of_patch) {
                 for (level, x) in patch.levels.iter().zip(of_channel) {
                     match channel.quantity {
-                        Quantity::Intensive => range.add(x.iter().copied()),
+                        Quantity::Intensive | Quantity::Direction => range.add(x.iter().copied()),
                         // Amounts are drawn per area.
                         Quantity::Extensive => {
                             range.add(x.iter().zip(&level.level.areas).map(|(x, a)| x / a))
@@ -341,7 +343,8 @@ fn colours(
         Ok(true)
     })?;
     let [low, high] = args.colours.percentiles;
-    let ends = |range: &ValueRange| match shown {
+    let ends = |(range, channel): (&ValueRange, &Channel)| match shown {
+        _ if channel.quantity == Quantity::Direction => [-PI, PI],
         // Contrast has two signs, and most of it is zero.
         Shown::Contrast => {
             let [low, high] = range.percentiles(low.min(100.0 - high), high).unwrap_or([-1.0, 1.0]);
@@ -350,7 +353,7 @@ fn colours(
         }
         Shown::Readings | Shown::Edges => balanced(range.percentiles(low, high).unwrap_or([0.0, 1.0])),
     };
-    Ok(Colours { ranges: ranges.iter().map(ends).collect(), magnification })
+    Ok(Colours { ranges: ranges.iter().zip(&channels).map(ends).collect(), magnification })
 }
 
 /// Ends of a scale that do not mislead: noise below zero does not make a scale of two signs, and a scale
@@ -368,25 +371,3 @@ fn balanced([low, high]: [f64; 2]) -> [f64; 2] {
 
 /// Share of the highest value down to which values below zero count as noise.
 const NOISE: f64 = 0.25;
-
-/// Notes about readings that are not as they should be.
-fn remark(tally: &Tally, common: &Common) {
-    let condition = &tally.condition;
-    let unknown_baselines = condition.without_baseline.saturating_sub(tally.join.masked * tally.channels);
-    let backwards = if tally.has_times { condition.backwards } else { 0 };
-    if !tally.has_times {
-        note(common, format_args!("the frames have no times; --rate HZ gives them some"));
-    }
-    let counts = [
-        (tally.missing as u64, "readings are missing, NaN or infinite, and masked"),
-        (condition.clipped, "readings were clipped"),
-        (backwards, "frames have a time before that of the frame before them"),
-        // Masked taxels have none either, which is expected.
-        (unknown_baselines as u64, "readings have no baseline and are masked"),
-        (condition.unknown_gains as u64, "gains are of no taxel of the map"),
-        (tally.dropped as u64, "frames came too fast and were dropped"),
-    ];
-    for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
-        note(common, format_args!("{count} {what}"));
-    }
-}

@@ -71,6 +71,7 @@ fn note_of(channel: &Channel) -> Value {
     let quantity = match channel.quantity {
         Quantity::Intensive => "intensive",
         Quantity::Extensive => "extensive",
+        Quantity::Direction => "direction",
     };
     json!({
         "name": channel.name,
@@ -86,6 +87,7 @@ pub(super) fn channel_of(note: &Value) -> Option<Channel> {
     let quantity = match text("quantity")? {
         "extensive" => Quantity::Extensive,
         "intensive" => Quantity::Intensive,
+        "direction" => Quantity::Direction,
         _ => return None,
     };
     Some(Channel { name: text("name")?.into(), unit: text("value_unit")?.into(), quantity })

@@ -150,10 +150,9 @@ impl<'a> TouchSimulation<'a> {
     /// What the readings are: `force` in N, or `pressure` in Pa.
     #[must_use]
     pub fn channel(&self) -> Channel {
-        let quantity = self.options.quantity;
-        let (name, unit) = match quantity {
-            Quantity::Extensive => ("force", "N"),
-            Quantity::Intensive => ("pressure", "Pa"),
+        let (name, unit, quantity) = match self.options.quantity {
+            Quantity::Extensive => ("force", "N", Quantity::Extensive),
+            Quantity::Intensive | Quantity::Direction => ("pressure", "Pa", Quantity::Intensive),
         };
         Channel { name: name.into(), unit: unit.into(), quantity }
     }

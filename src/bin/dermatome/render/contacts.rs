@@ -12,7 +12,7 @@ use dermatome::{
 use crate::{
     errors::advise,
     outputs,
-    render::source::{ReadingsArgs, positive},
+    render::readings_args::{ReadingsArgs, positive},
 };
 
 /// Which contacts are found.

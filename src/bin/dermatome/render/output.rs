@@ -179,8 +179,8 @@ fn write_picture(
     let name = if channels > 1 { format!("{}.{}", image.name, channel.name) } else { image.name.clone() };
     let bar = (written == 0).then(|| match (channel.quantity, channel.pixel_unit().as_str()) {
         (Quantity::Extensive, unit) => format!("{} per area, {unit}", channel.name),
-        (Quantity::Intensive, "") => channel.name.clone(),
-        (Quantity::Intensive, unit) => format!("{}, {unit}", channel.name),
+        (_, "") => channel.name.clone(),
+        (_, unit) => format!("{}, {unit}", channel.name),
     });
     let options = FrameOptions { range: colours.ranges[k], bar, magnification: colours.magnification };
     let bytes = frame_png(image, k, &options)?;

@@ -6,7 +6,7 @@ use dermatome::{
     image::Interpolation,
 };
 
-use crate::render::source::positive;
+use crate::render::readings_args::positive;
 
 /// Which pixels images have.
 #[derive(Debug, Clone, clap::Args)]

@@ -1,134 +1,24 @@
 //! Where `render` gets its frames from: readings that are read, joined to the map and conditioned.
 
-use std::{
-    io::stdin,
-    path::{Path, PathBuf},
-    sync::{Arc, Condvar, Mutex, PoisonError},
-    thread,
-};
+use std::{io::stdin, path::Path};
 
-use clap::ValueEnum;
 use dermatome::{
     Error,
-    io::{IoError, ReadingsLayout, ReadingsReader, read_gains},
+    io::{ReadingsLayout, ReadingsReader, read_gains},
     map::SkinMap,
     signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Frame, Join, JoinReport},
 };
 
-use crate::{common::Common, errors::advise, notes::note, outputs::is_stream};
-
-/// How readings are read and made comparable.
-#[derive(Debug, Clone, clap::Args)]
-#[command(next_help_heading = "Readings")]
-pub(crate) struct ReadingsArgs {
-    /// Order of the axes of an array with three
-    #[arg(long, value_enum, default_value_t = LayoutArg::Tnc, requires = "readings")]
-    layout: LayoutArg,
-    /// Unit of the readings; force, charge and other amounts are summed over receptive fields, all
-    /// else is averaged; several channels: one unit each
-    #[arg(long = "unit", value_name = "UNIT", value_delimiter = ',', requires = "readings")]
-    units: Vec<String>,
-    /// Frames per second, for readings without times
-    #[arg(long, value_name = "HZ", value_parser = positive, requires = "readings")]
-    rate: Option<f64>,
-    /// What to do with a taxel id that several columns have
-    #[arg(long, value_enum, default_value_t = DuplicatesArg::Refuse, requires = "readings")]
-    duplicates: DuplicatesArg,
-    /// Subtract the mean of the first N frames from each taxel
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "readings")]
-    pub(crate) baseline: usize,
-    /// Multiply the readings of each taxel: a table with columns id,gain
-    #[arg(long, value_name = "F.csv", requires = "readings")]
-    gain: Option<PathBuf>,
-    /// Clip readings to these bounds; the number of clipped readings is printed
-    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true, requires = "readings")]
-    clip: Option<[f64; 2]>,
-    /// Split each channel into a slow and a fast part at this frequency
-    #[arg(long, value_name = "HZ", value_parser = positive, requires = "readings")]
-    split: Option<f64>,
-}
-
-/// Which frames are taken.
-#[derive(Debug, Clone, Copy, clap::Args)]
-#[command(next_help_heading = "Readings")]
-pub(crate) struct FramesArgs {
-    /// The first frame, counted from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    from: usize,
-    /// The last frame
-    #[arg(long, value_name = "N")]
-    to: Option<usize>,
-    /// Take every Nth frame only
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    every: u32,
-    /// Drop frames of a live stream that come faster than they are drawn; their number is printed
-    #[arg(long)]
-    drop: bool,
-}
-
-impl FramesArgs {
-    /// Refuses a range without frames.
-    pub(crate) fn check(&self) -> anyhow::Result<()> {
-        match self.to {
-            Some(to) if to < self.from => Err(advise(
-                format!("--to {to} is before --from {}", self.from),
-                "name the first and the last frame, counted from 0",
-            )),
-            _ => Ok(()),
-        }
-    }
-
-    /// Refuses readings that end before the first frame.
-    pub(crate) fn check_any(&self, tally: &Tally) -> anyhow::Result<()> {
-        if tally.frames > 0 {
-            return Ok(());
-        }
-        Err(advise(
-            format!("the readings have {} frames, none of them from frame {} on", tally.read, self.from),
-            "name an earlier frame with --from; frames are counted from 0",
-        ))
-    }
-
-    /// One frame alone.
-    pub(crate) fn one(number: usize) -> Self {
-        Self { from: number, to: Some(number), every: 1, drop: false }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum LayoutArg {
-    /// Frames, taxels, channels
-    Tnc,
-    /// Frames, channels, taxels
-    Tcn,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum DuplicatesArg {
-    /// Refuse the readings
-    Refuse,
-    /// Use the first column
-    First,
-    /// Use the mean of the columns
-    Mean,
-}
-
-/// A positive number.
-pub(crate) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
-        _ => Err("needed: a positive number".into()),
-    }
-}
-
-/// Two numbers, the lower one first.
-pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[low, high]) if low < high && f64::is_finite(low) && f64::is_finite(high) => Ok([low, high]),
-        _ => Err("needed: two numbers, the lower one first, as in 0,1000".into()),
-    }
-}
+use crate::{
+    common::Common,
+    errors::advise,
+    notes::note,
+    outputs::is_stream,
+    render::{
+        readings_args::{DuplicatesArg, FramesArgs, LayoutArg, ReadingsArgs},
+        rows::{Every, Latest, Rows},
+    },
+};
 
 /// What became of the readings.
 #[derive(Debug, Clone, Default)]
@@ -149,6 +39,34 @@ pub(crate) struct Tally {
     pub(crate) join: JoinReport,
     /// What was done to the readings.
     pub(crate) condition: ConditionReport,
+}
+
+impl Tally {
+    /// Notes about readings that are not as they should be; `baseline` frames were asked for.
+    pub(crate) fn remark(&self, baseline: usize, common: &Common) {
+        let condition = &self.condition;
+        let unknown_baselines = condition.without_baseline.saturating_sub(self.join.masked * self.channels);
+        let backwards = if self.has_times { condition.backwards } else { 0 };
+        if !self.has_times {
+            note(common, format_args!("the frames have no times; --rate HZ gives them some"));
+        }
+        if self.read < baseline {
+            let read = self.read;
+            note(common, format_args!("the baseline is the mean of {read} frames, there are no {baseline}"));
+        }
+        let counts = [
+            (self.missing as u64, "readings are missing, NaN or infinite, and masked"),
+            (condition.clipped, "readings were clipped"),
+            (backwards, "frames have a time before that of the frame before them"),
+            // Masked taxels have none either, which is expected.
+            (unknown_baselines as u64, "readings have no baseline and are masked"),
+            (condition.unknown_gains as u64, "gains are of no taxel of the map"),
+            (self.dropped as u64, "frames came too fast and were dropped"),
+        ];
+        for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
+            note(common, format_args!("{count} {what}"));
+        }
+    }
 }
 
 /// Readings of a map.
@@ -339,94 +257,3 @@ impl std::fmt::Display for Stop {
 }
 
 impl std::error::Error for Stop {}
-
-/// Rows of readings, one after the other.
-trait Rows {
-    /// The next row; false after the last.
-    fn next(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError>;
-
-    /// Number of rows that were dropped.
-    fn dropped(&self) -> usize {
-        0
-    }
-}
-
-/// Every row there is.
-struct Every(ReadingsReader);
-
-impl Rows for Every {
-    fn next(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
-        self.0.read(values, time)
-    }
-}
-
-/// The latest row, read by a thread of its own: rows that come while a frame is drawn replace each
-/// other.
-struct Latest {
-    shared: Arc<(Mutex<Slot>, Condvar)>,
-}
-
-#[derive(Default)]
-struct Slot {
-    row: Option<(Vec<f64>, f64)>,
-    ended: Option<Result<(), IoError>>,
-    dropped: usize,
-}
-
-impl Latest {
-    fn new(mut reader: ReadingsReader) -> Self {
-        let shared = Arc::new((Mutex::new(Slot::default()), Condvar::new()));
-        let theirs = Arc::clone(&shared);
-        thread::spawn(move || {
-            let (slot, changed) = &*theirs;
-            let (mut values, mut time) = (Vec::new(), f64::NAN);
-            loop {
-                let read = reader.read(&mut values, &mut time);
-                let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
-                let ended = match read {
-                    Ok(true) => {
-                        let row = slot.row.replace((std::mem::take(&mut values), time));
-                        slot.dropped += usize::from(row.is_some());
-                        // The buffer of a dropped row is used again.
-                        values = row.map_or_else(Vec::new, |(values, _)| values);
-                        false
-                    }
-                    Ok(false) => {
-                        slot.ended = Some(Ok(()));
-                        true
-                    }
-                    Err(e) => {
-                        slot.ended = Some(Err(e));
-                        true
-                    }
-                };
-                changed.notify_one();
-                if ended {
-                    return;
-                }
-            }
-        });
-        Self { shared }
-    }
-}
-
-impl Rows for Latest {
-    fn next(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
-        let (slot, changed) = &*self.shared;
-        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            if let Some((row, at)) = slot.row.take() {
-                (*values, *time) = (row, at);
-                return Ok(true);
-            }
-            if let Some(ended) = slot.ended.take() {
-                return ended.map(|()| false);
-            }
-            slot = changed.wait(slot).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-
-    fn dropped(&self) -> usize {
-        self.shared.0.lock().unwrap_or_else(PoisonError::into_inner).dropped
-    }
-}
