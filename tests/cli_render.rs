@@ -115,7 +115,7 @@ fn folders_and_archives_hold_all_levels() {
     let render =
         |args: &[&str]| dermatome(folder.path()).args(["render", "map/map.glb", "r.csv"]).args(args).assert();
     render(&["-o", "all.npz"]).success();
-    assert!(folder.path().join("features.json").is_file());
+    assert!(folder.path().join("all.features.json").is_file());
     render(&["-o", "exr", "--from", "2", "--to", "3"]).success();
     let mut names: Vec<_> = fs::read_dir(folder.path().join("exr"))
         .unwrap()
@@ -408,6 +408,11 @@ fn readings_are_conditioned() {
     let gains: String = (1..=120).fold("id,gain\n".into(), |text, id| text + &format!("{id},0.5\n"));
     fs::write(folder.path().join("g.csv"), gains).unwrap();
     assert_eq!(last(&["--gain", "g.csv"]), 2.0);
+    dermatome(folder.path())
+        .args(["render", "map/map.glb", "r.csv", "-o", "c.npz", "--baseline", "99"])
+        .assert()
+        .success()
+        .stderr(contains("frames, there are no 99"));
 }
 
 /// Presses of a simulated sphere are found one by one.

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fs, io::Read, path::Path};
 
 use dermatome::{
     atlas::{Atlas, AtlasOptions},
-    image::TactileImage,
+    image::{Interpolation, RenderOptions, Renderer, TactileImage},
     io::{
         FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, frame_file_name,
         read_images, write_frame, write_raw_frame, write_touches,
@@ -15,7 +15,7 @@ use dermatome::{
     pipeline::{BuildOptions, build},
     plot::{FrameOptions, frame_png},
     signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
-    skin::{PatchId, Presence, Skin},
+    skin::{LinkId, Patch, PatchId, Presence, Skin},
 };
 use npyz::NpyFile;
 
@@ -93,7 +93,7 @@ fn a_recording_holds_every_array_that_was_promised() {
     let layout = RecordingLayout {
         channels: &channels,
         atlas: Some(&atlas),
-        interpolation: dermatome::image::Interpolation::Linear,
+        interpolation: Interpolation::Linear,
         values: true,
         level: None,
     };
@@ -151,7 +151,7 @@ fn a_recording_holds_every_array_that_was_promised() {
         assert_eq!(mask.into_vec::<u8>().unwrap(), part.coverage());
     }
     let features: serde_json::Value =
-        serde_json::from_slice(&fs::read(folder.path().join("features.json")).unwrap()).unwrap();
+        serde_json::from_slice(&fs::read(path.with_extension("features.json")).unwrap()).unwrap();
     let [width, height] = atlas.parts[1].frame.size_px;
     let image = &features["observation.tactile.palm.L1"];
     assert_eq!(image["dtype"], "float32");
@@ -170,7 +170,7 @@ fn a_npy_holds_one_image_and_no_more() {
     let all = RecordingLayout {
         channels,
         atlas: Some(&atlas),
-        interpolation: dermatome::image::Interpolation::Linear,
+        interpolation: Interpolation::Linear,
         values: true,
         level: None,
     };
@@ -195,6 +195,94 @@ fn a_npy_holds_one_image_and_no_more() {
 
     let read = read_images(&path, &[]).unwrap();
     assert_eq!(read[0].channels["0"].len() as u64, width * height, "a line of the first frame")
+}
+
+/// An image in Fortran order is the image that numpy shows.
+#[test]
+fn images_in_fortran_order_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, is_fortran: &str, elements: [u8; 6]| {
+        let text =
+            format!("{{'descr': '<f4', 'fortran_order': {is_fortran}, 'shape': (1, 2, 3), }}{:>9}\n", "");
+        let length = u16::try_from(text.len()).unwrap().to_le_bytes();
+        let elements: Vec<u8> = elements.into_iter().flat_map(|x| f32::from(x).to_le_bytes()).collect();
+        let path = folder.path().join(name);
+        fs::write(&path, [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes(), &elements].concat()).unwrap();
+        read_images(&path, &[]).unwrap().remove(0)
+    };
+    let in_c = write("c.npy", "False", [1, 2, 3, 4, 5, 6]);
+    assert_eq!(in_c.channels["0"], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    assert_eq!(write("f.npy", "True", [1, 4, 2, 5, 3, 6]), in_c);
+}
+
+/// Each archive of a folder keeps its own features.
+#[test]
+fn two_archives_in_one_folder_keep_their_features() {
+    let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
+    for (name, level) in [("a.npz", 0), ("b.npz", 1)] {
+        let layout = RecordingLayout {
+            channels: &channels,
+            atlas: None,
+            interpolation: Interpolation::Linear,
+            values: true,
+            level: Some(level.into()),
+        };
+        let mut recording = RecordingWriter::create(&folder.path().join(name), &map, &layout).unwrap();
+        recording.write(&LevelFrame::new(&map, 2), &[]).unwrap();
+        recording.finish().unwrap();
+    }
+    for (name, level) in [("a", 0), ("b", 1)] {
+        let text = fs::read(folder.path().join(format!("{name}.features.json"))).unwrap();
+        let features: BTreeMap<String, serde_json::Value> = serde_json::from_slice(&text).unwrap();
+        let names: Vec<_> = features.into_keys().collect();
+        assert_eq!(names, [format!("observation.tactile.palm.L{level}.values")]);
+    }
+}
+
+/// Fields of packed patches are drawn on the map of level 0, and a patch that has no such level leaves
+/// its place empty: mask, ids and image agree.
+#[test]
+fn masks_of_packed_fields_are_those_of_their_images() {
+    let mut skin = skin();
+    skin.patches.push(Patch::from_mesh("tip", LinkId::new(0), shapes::cap(30, 0.01, 1.0)));
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let depths: Vec<_> = map.patches.iter().map(|patch| patch.levels.len()).collect();
+    assert!(depths[1] < depths[0], "{depths:?}");
+    let atlas = Atlas::new(&map, &AtlasOptions { packed: true, ..AtlasOptions::default() }).unwrap();
+    let channels = [Channel::default()];
+    let interpolation = Interpolation::Field;
+    let options = RenderOptions { interpolation, level: None };
+    let mut renderer = Renderer::new(&map, &atlas, &channels, &options).unwrap();
+    let mut frame = LevelFrame::new(&map, 1);
+    let values = frame.values.iter_mut().flatten().flat_map(|levels| levels.iter_mut());
+    values.for_each(|level| level.iter_mut().for_each(|x| *x = 1.0));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fields.npz");
+    let layout = RecordingLayout {
+        channels: &channels,
+        atlas: Some(&atlas),
+        interpolation,
+        values: false,
+        level: None,
+    };
+    let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
+    recording.write(&frame, renderer.render(&frame)).unwrap();
+    recording.finish().unwrap();
+    let arrays = arrays(&path);
+    let mut shown = Vec::new();
+    for image in renderer.images() {
+        let mask = NpyFile::new(&arrays[&format!("{}.mask", image.name)][..]).unwrap();
+        let mask = mask.into_vec::<u8>().unwrap();
+        assert_eq!(mask, image.coverage, "{}", image.name);
+        let (_, taxels) = ids(&arrays[&format!("{}.taxel_id", image.name)]);
+        let (_, pixels) = numbers(&arrays[&format!("{}.image", image.name)]);
+        for ((&is_shown, taxel), pixel) in mask.iter().zip(taxels).zip(pixels) {
+            assert_eq!(is_shown == 1, taxel != u32::MAX, "{}", image.name);
+            assert!(is_shown == 0 || pixel == 1.0, "{}: {pixel}", image.name);
+        }
+        shown.push(mask.iter().filter(|&&x| x == 1).count());
+    }
+    assert!(shown[depths[1]] < shown[0], "the tip is not on level {}: {shown:?}", depths[1]);
 }
 
 #[test]
@@ -383,7 +471,7 @@ fn the_same_recording_gives_the_same_bytes() {
         let layout = RecordingLayout {
             channels: &channels,
             atlas: None,
-            interpolation: dermatome::image::Interpolation::Linear,
+            interpolation: Interpolation::Linear,
             values: true,
             level: None,
         };

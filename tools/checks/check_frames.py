@@ -283,8 +283,8 @@ def check_level(key, levels, k, values, arrays, options):
     return None
 
 
-def check_features(folder, arrays):
-    features = json.load(open(os.path.join(folder, "features.json")))
+def check_features(recording, arrays):
+    features = json.load(open(os.path.splitext(recording)[0] + ".features.json"))
     for name, feature in features.items():
         array = arrays[feature["info"]["array"]]
         units = arrays["image_units" if feature["info"]["array"].endswith(".image") else "units"]
@@ -424,7 +424,7 @@ def main(options):
     if count == 0:
         return "no level is in the recording"
     print(f"numpy: {len(times)} frames of {count} levels agree with the map")
-    wrong = check_features(os.path.dirname(os.path.abspath(options.recording)), arrays)
+    wrong = check_features(options.recording, arrays)
     if wrong is None and options.npy:
         file, patch, level = options.npy
         image = arrays[f"{patch}.L{level}.image"]

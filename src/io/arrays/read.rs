@@ -12,9 +12,7 @@ pub(crate) fn read_array(source: &Source) -> Result<(Vec<u64>, Vec<f32>), IoErro
     let fail = |e: std::io::Error| source.invalid("the file", e.to_string(), "a .npy array");
     let file = NpyFile::new(source.bytes()).map_err(fail)?;
     let shape = file.shape().to_vec();
-    if file.order() != Order::C {
-        return Err(source.invalid("the array", "Fortran order", "C order"));
-    }
+    let order = file.order();
     let bytes = match file.dtype() {
         DType::Plain(kind) if kind.type_char() == TypeChar::Float && [4, 8].contains(&kind.size_field()) => {
             kind.size_field()
@@ -31,5 +29,26 @@ pub(crate) fn read_array(source: &Source) -> Result<(Vec<u64>, Vec<f32>), IoErro
         4 => file.into_vec::<f32>().map_err(fail)?,
         _ => file.into_vec::<f64>().map_err(fail)?.into_iter().map(super::npy::narrow).collect(),
     };
-    Ok((shape, elements))
+    match order {
+        Order::C => Ok((shape, elements)),
+        Order::Fortran => Ok((shape.clone(), last_index_fastest(&shape, &elements))),
+    }
+}
+
+/// The elements of an array whose first index is the fastest, in the other order.
+fn last_index_fastest(shape: &[u64], elements: &[f32]) -> Vec<f32> {
+    let mut index = vec![0_u64; shape.len()];
+    let mut ordered = Vec::with_capacity(elements.len());
+    for _ in elements {
+        let at = index.iter().zip(shape).rev().fold(0, |at, (&k, &side)| at * side + k);
+        ordered.push(usize::try_from(at).ok().and_then(|at| elements.get(at)).copied().unwrap_or(f32::NAN));
+        for (k, &side) in index.iter_mut().zip(shape).rev() {
+            *k += 1;
+            if *k < side {
+                break;
+            }
+            *k = 0;
+        }
+    }
+    ordered
 }

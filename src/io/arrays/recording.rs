@@ -84,7 +84,7 @@ pub struct RecordingLayout<'a> {
 ///     recording.write(restrictor.restrict(&Frame::new(&map, 1)), &[])?;
 /// }
 /// recording.finish()?;
-/// assert!(folder.join("features.json").exists());
+/// assert!(folder.join("touch.features.json").exists());
 /// # std::fs::remove_dir_all(&folder)?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -265,9 +265,9 @@ impl RecordingWriter {
         self.writer.end_frame()
     }
 
-    /// Puts the file in its place, and next to an `.npz` the file `features.json`: each image and
-    /// each level's values with `dtype`, `shape` and `names`, as datasets of `LeRobot` describe
-    /// their features.
+    /// Puts the file in its place, and next to an `.npz` the file that says what it holds, next to
+    /// `touch.npz` `touch.features.json`: each image and each level's values with `dtype`, `shape` and
+    /// `names`, as datasets of `LeRobot` describe their features.
     ///
     /// # Errors
     /// If the disk is full.
@@ -276,7 +276,7 @@ impl RecordingWriter {
         if kind(&self.path) == "npy" {
             return Ok(());
         }
-        let path = self.path.with_file_name("features.json");
+        let path = self.path.with_extension("features.json");
         replace_file(&path, |file| {
             serde_json::to_writer_pretty(file, &self.features)
                 .map_err(|e| IoError::Write { path: path.clone(), source: e.into() })

@@ -32,6 +32,9 @@ pub enum ReadingsLayout {
 /// Arrays that say something about the values.
 const ABOUT: [&str; 4] = ["ids", "timestamps", "channels", "units"];
 
+/// Bytes of an array in Fortran order, which is held in memory: its first frame ends near its end.
+const MAX_FORTRAN: u64 = 1 << 30;
+
 /// Readings that are read row by row.
 pub(super) struct ArrayReadings {
     path: PathBuf,
@@ -85,7 +88,9 @@ impl ArrayReadings {
     pub(super) fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
         let numbers = self.values.row;
         values.resize(numbers, f64::NAN);
-        let is_transposed = self.channels > 1 && self.layout == ReadingsLayout::TaxelsFirst;
+        // In Fortran order the first of the two axes of a frame is the fast one.
+        let taxels_first = (self.layout == ReadingsLayout::TaxelsFirst) != self.values.columns.is_some();
+        let is_transposed = self.channels > 1 && taxels_first;
         let read = if is_transposed { &mut self.row } else { &mut *values };
         read.resize(numbers, f64::NAN);
         if !self.values.read(&self.path, read)? {
@@ -143,9 +148,12 @@ fn check_shape(
     layout: ReadingsLayout,
 ) -> Result<(u64, usize, usize), IoError> {
     let found = || values.header.describe();
-    if values.header.is_fortran {
-        let needed = "C order: write it with numpy.ascontiguousarray";
-        return Err(invalid(path, values.element(), format!("{} in Fortran order", found()), needed));
+    let bytes = values.header.total_bytes().unwrap_or(u64::MAX);
+    if values.header.is_fortran && bytes > MAX_FORTRAN {
+        let found = format!("{} in Fortran order, {bytes} bytes", found());
+        let needed =
+            format!("at most {MAX_FORTRAN} bytes, or C order: write it with numpy.ascontiguousarray");
+        return Err(invalid(path, values.element(), found, needed));
     }
     let (frames, width, channels) = match (values.header.shape.as_slice(), layout) {
         (&[frames, width], _) => (frames, width, 1),
@@ -246,6 +254,26 @@ struct Rows {
     left: u64,
     done: u64,
     bytes: Vec<u8>,
+    /// The whole array if it is in Fortran order, column by column.
+    columns: Option<Columns>,
+}
+
+/// An array of rows, column by column.
+struct Columns {
+    bytes: Vec<u8>,
+    /// Number of rows, and bytes of an element.
+    rows: usize,
+    size: usize,
+}
+
+impl Columns {
+    /// Puts row `k` into `row`.
+    fn take(&self, k: usize, row: &mut Vec<u8>) {
+        row.clear();
+        for column in self.bytes.chunks_exact(self.rows * self.size) {
+            row.extend_from_slice(&column[k * self.size..(k + 1) * self.size]);
+        }
+    }
 }
 
 impl Rows {
@@ -254,7 +282,7 @@ impl Rows {
         // The product of the shape was compared with the bytes that are there.
         let count: u64 = array.header.shape.iter().product();
         let left = count / row.max(1) as u64;
-        Ok(Self {
+        let mut rows = Self {
             element: array.element(),
             input: array.open(path)?,
             elements,
@@ -262,7 +290,15 @@ impl Rows {
             left,
             done: 0,
             bytes: Vec::new(),
-        })
+            columns: None,
+        };
+        if array.header.is_fortran && array.header.shape.len() > 1 {
+            let (size, count) = (elements.size(), usize::try_from(left).unwrap_or(usize::MAX));
+            rows.fetch(path, size.saturating_mul(row).saturating_mul(count))?;
+            let bytes = std::mem::take(&mut rows.bytes);
+            rows.columns = Some(Columns { bytes, rows: count, size });
+        }
+        Ok(rows)
     }
 
     /// Reads a row of numbers; false after the last one.
@@ -283,8 +319,19 @@ impl Rows {
         Ok(texts)
     }
 
+    /// Takes the bytes of the next row.
     fn take(&mut self, path: &Path) -> Result<(), IoError> {
-        let size = self.elements.size() * self.row;
+        match &self.columns {
+            Some(columns) => columns.take(usize::try_from(self.done).unwrap_or(usize::MAX), &mut self.bytes),
+            None => self.fetch(path, self.elements.size() * self.row)?,
+        }
+        self.left = self.left.saturating_sub(1);
+        self.done += 1;
+        Ok(())
+    }
+
+    /// Reads `size` bytes.
+    fn fetch(&mut self, path: &Path, size: usize) -> Result<(), IoError> {
         // What an archive says of its sizes may be wrong: memory grows with what is there.
         self.bytes.clear();
         let read = (&mut self.input).take(size as u64).read_to_end(&mut self.bytes);
@@ -300,8 +347,6 @@ impl Rows {
             }
             Err(source) => return Err(IoError::Read { path: path.into(), source }),
         }
-        self.left = self.left.saturating_sub(1);
-        self.done += 1;
         Ok(())
     }
 }
