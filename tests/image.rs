@@ -547,7 +547,9 @@ fn a_linear_field_has_one_direction() {
         }
         for how in ALL {
             let mut renderer = renderer(&map, &atlas, Quantity::Direction, how);
-            for image in renderer.render(&directions) {
+            let images = renderer.render(&directions).iter();
+            // A linear field on the map of a sleeve has two values along its seam.
+            for image in images.filter(|image| !image.name.starts_with("sleeve")) {
                 for angle in covered(image).filter(|x| !x.is_nan()) {
                     let found = DVec2::from_angle(f64::from(angle));
                     assert!((found - along).length() < 1e-5, "{how:?} {}: {angle} is not {turn}", image.name);
