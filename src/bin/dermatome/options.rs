@@ -40,7 +40,7 @@ pub(crate) struct ReadArgs {
     repair: bool,
     /// Direction of the outside of taxels without triangles, where nothing in the file tells it: x, -x,
     /// y, -y, z, -z, or three numbers X,Y,Z
-    #[arg(long, value_name = "DIR", value_parser = direction, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
     outside: Option<DVec3>,
 }
 
@@ -147,7 +147,7 @@ pub(crate) struct PatchArgs {
     materials: Vec<Pattern>,
     /// Take the faces, or bare taxels, whose centre lies in this box only: two corners in m, in the
     /// world
-    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = corners, allow_negative_numbers = true)]
+    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = corners, allow_hyphen_values = true)]
     bounds: Option<[DVec3; 2]>,
 }
 
