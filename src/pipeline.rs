@@ -41,7 +41,7 @@ use crate::{
     mesh::TriMesh,
     pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
     report::Seconds,
-    skin::{Patch, Skin, named_links},
+    skin::{Patch, PatchId, Skin, named_links},
 };
 
 /// Options of [`build`].
@@ -186,7 +186,19 @@ pub struct Progress {
 /// # Errors
 /// All patches that are not an oriented manifold or not a disk with holes.
 pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
-    build_with_progress(skin, options, &|_| ()).map(|(map, _)| map)
+    build_with_progress(skin, options, &|_| ()).map(|built| built.map)
+}
+
+/// A map, and what its making was like.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Built {
+    /// The map.
+    pub map: SkinMap,
+    /// The time that the stages took.
+    pub seconds: Seconds,
+    /// How many of the coarsest levels of each patch are not in the map: they have none in 64-bit
+    /// numbers, as those of a long thin tube.
+    pub left_out: IdVec<PatchId, usize>,
 }
 
 /// The same as [`build`], with the time that its stages took; `progress` is called from any thread
@@ -198,7 +210,7 @@ pub fn build_with_progress(
     skin: &Skin,
     options: &BuildOptions,
     progress: &(dyn Fn(Progress) + Sync),
-) -> Result<(SkinMap, Seconds), Error> {
+) -> Result<Built, Error> {
     let start = Instant::now();
     let seams = given_seams(skin, &options.cut)?;
     let jobs: Vec<_> = skin.patches.iter().zip(seams).collect();
@@ -214,7 +226,9 @@ pub fn build_with_progress(
     let flattened = start.elapsed() - coarsened;
     let seconds =
         Seconds { coarsen: coarsened.as_secs_f64(), flatten: flattened.as_secs_f64(), ..Seconds::default() };
-    Ok((SkinMap { links: named_links(&skin.links), patches: maps.into() }, seconds))
+    let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let map = SkinMap { links: named_links(&skin.links), patches: patches.into() };
+    Ok(Built { map, seconds, left_out: left_out.into() })
 }
 
 /// Where each patch is cut, if the user says so.
@@ -251,7 +265,12 @@ fn coarsen_patch(patch: &Patch, seam: &Seam, options: &BuildOptions) -> Result<C
     })
 }
 
-fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Result<PatchMap, Error> {
+/// The map of a patch, and how many levels of its pyramid have none.
+fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Result<(PatchMap, usize), Error> {
+    let levels = match &pyramid {
+        Coarsened::Whole(pyramid) => pyramid.levels.len(),
+        Coarsened::Cut(pyramid) => pyramid.opened.levels.len(),
+    };
     let densities = patch.taxels.densities.as_ref();
     let (mut map, convergences) = match pyramid {
         Coarsened::Whole(pyramid) => {
@@ -271,7 +290,8 @@ fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Resul
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {
         level.convergence = Some(convergence);
     }
-    Ok(map)
+    let left_out = levels - map.levels.len();
+    Ok((map, left_out))
 }
 
 /// The files that [`write_files`] writes.

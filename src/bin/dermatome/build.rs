@@ -13,7 +13,7 @@ use anyhow::Context;
 use dermatome::{
     Error,
     io::{IoError, replace_file, without_path},
-    pipeline::{BuildOptions, FILES, build_with_progress, write_files},
+    pipeline::{BuildOptions, Built, FILES, build_with_progress, write_files},
     report::{Report, Seconds, measure},
     skin::{AssembleOptions, Patch, Skin},
 };
@@ -24,7 +24,7 @@ use crate::{
     notes::{note, note_distortion, note_overlaps, note_seams},
     options::{CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
     outputs::{self, Outputs, cannot_write},
-    print::{json, print_json, print_levels},
+    print::{json, plain, print_json, print_levels},
     progress,
     signals::clean_when_stopped,
 };
@@ -85,7 +85,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         left_out += bad;
         built = build_with_progress(&skin, &options, &on_progress);
     }
-    let (map, built) = built.with_context(|| format!("cannot map {}", args.skin.display()))?;
+    let Built { map, seconds, left_out: unmapped } =
+        built.with_context(|| format!("cannot map {}", args.skin.display()))?;
     drop(skin);
     let mut outputs = Outputs::default();
     let written = outputs.stage_in(&args.output, &FILES, |folder| write_files(&map, folder, &on_progress))?;
@@ -94,7 +95,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let report = Report {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         input: args.skin.display().to_string(),
-        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..built },
+        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..seconds },
         peak_memory_bytes: peak_memory_bytes(),
         patches: measure(&map),
     };
@@ -105,6 +106,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .stage(&path, |staged| replace_file(staged, |file| file.write_all(text.as_bytes()).map_err(fail)))?;
     outputs.publish()?;
     note_seams(&report.patches, common);
+    for (patch, count) in map.patches.iter().zip(&unmapped).filter(|(_, count)| **count > 0) {
+        let why = "too long and thin for a map in 64-bit numbers";
+        note(common, format_args!("{}: the coarsest {count} levels are left out: {why}", plain(&patch.name)));
+    }
     note_overlaps(&report.patches, &options.flatten, common);
     note_distortion(&report.patches, common);
     if args.json {

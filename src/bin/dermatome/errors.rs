@@ -194,6 +194,9 @@ fn flatten_help(error: &FlattenError) -> &'static str {
         FlattenError::NoRoom { .. } | FlattenError::Corners { .. } => {
             "choose other corners, use --boundary circle, or split the face"
         }
+        FlattenError::NoStart { .. } => {
+            "remesh the thin part, cut it into shorter pieces, or map the other patches with `dermatome build --keep-going`"
+        }
         _ => "remesh the thin part, cut it into shorter pieces, or try another --method",
     }
 }

@@ -118,8 +118,19 @@ pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> R
         && has_no_branch_points(domain, &conformal)
         && keeps_holes(domain, &conformal)
         && dirichlet(&domain.elements, &conformal).0 < BAD_START;
-    let start = if is_good { conformal } else { tutte(domain)? };
+    let start = if is_good { conformal } else { convex_start(domain, conformal)? };
     relax(domain, Start::Far(start), goal, None)
+}
+
+/// The map inside a circle; where needles leave faces without area there, the conformal map after its
+/// flips are removed.
+fn convex_start(domain: &FlattenDomain<'_>, mut conformal: Uv) -> Result<Uv, FlattenError> {
+    let convex = tutte(domain);
+    if !matches!(convex, Err(FlattenError::NoStart { .. })) {
+        return convex;
+    }
+    let is_flip_free = untangle(domain, &mut conformal).map_err(failed)?;
+    if is_flip_free && has_no_branch_points(domain, &conformal) { Ok(conformal) } else { convex }
 }
 
 /// A start within a prescribed boundary: by springs, which a convex one keeps apart; else the flips
