@@ -7,15 +7,15 @@ use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use dermatome::{
-    id::VertexId,
+    id::{IdVec, VertexId},
     io::write_map,
     map::{MapError, PatchMap, SkinMap},
     mesh::shapes,
     plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
-    skin::Presence,
+    skin::{PatchId, Presence, TaxelId},
 };
 use glam::DVec2;
-use maps::{flat_level, flat_patch, level_id, skin, square_pyramid};
+use maps::{flat_level, flat_patch, level_id, mapped_level, patch, skin, square_pyramid};
 use predicates::str::contains;
 use roxmltree::Document;
 use ttf_parser::Face;
@@ -99,7 +99,7 @@ fn absent_taxels_are_hollow() {
 
 #[test]
 fn levels_and_patches_are_those_asked_for() {
-    let map = skin(vec![palm(), flat_patch("tip", shapes::cap(100, 0.02, 1.0), 0.001)]);
+    let map = skin(vec![palm(), flat_patch("tip", shapes::lattice(5, 4, 0.004), 0.001)]);
     let panels = |patches: &[&str], levels: &[usize]| {
         let options = PlotOptions {
             patches: patches.iter().map(|&p| p.to_owned()).collect(),
@@ -294,6 +294,98 @@ fn scales_begin_and_end_where_they_should() {
     }
 }
 
+/// A mark at the end of a scale says that there are values beyond it, and only then.
+#[test]
+fn a_scale_says_where_values_are_beyond_it() {
+    let map = skin(vec![palm()]);
+    let texts = |paint, range| {
+        elements(&plot_map(&map, &PlotOptions { paint, range, ..PlotOptions::default() }).unwrap()).1
+    };
+    for paint in [Paint::Angle, Paint::Area] {
+        let own = texts(paint, None);
+        assert!(!own.iter().any(|t| t.contains(['≤', '≥'])), "a map without distortion: {own:?}");
+    }
+    let mesh = shapes::lattice(9, 8, 0.01);
+    let uv = mesh.positions.map(|p| DVec2::new(p.x * (1.0 + 5.0 * p.x), p.y));
+    let map = skin(vec![patch("palm", vec![mapped_level(mesh, uv, 0.001)])]);
+    let texts = |range| {
+        let options = PlotOptions { paint: Paint::Angle, range, ..PlotOptions::default() };
+        elements(&plot_map(&map, &options).unwrap()).1
+    };
+    let narrow = texts(Some([1.1, 1.2]));
+    assert!(narrow.contains(&"≤ 1.1".to_owned()) && narrow.contains(&"≥ 1.2".to_owned()), "{narrow:?}");
+    let wide = texts(Some([1.0, 9.0]));
+    assert!(wide.contains(&"1".to_owned()) && wide.contains(&"9".to_owned()), "{wide:?}");
+    for (paint, range) in [(Paint::Angle, [2.0, 1.0]), (Paint::Area, [1.5, 2.0]), (Paint::Fields, [0.0, 1.0])]
+    {
+        let options = PlotOptions { paint, range: Some(range), ..PlotOptions::default() };
+        assert!(matches!(plot_map(&map, &options), Err(PlotError::Range { .. })), "{paint:?}");
+    }
+}
+
+#[test]
+fn ids_are_numbered_and_placeholders_grey() {
+    let options = PlotOptions { paint: Paint::Taxel, ..PlotOptions::default() };
+    let mut map = skin(vec![palm()]);
+    let svg = plot_map(&map, &options).unwrap();
+    let (_, texts) = elements(&svg);
+    assert!(["100", "184", "268"].iter().all(|id| texts.iter().any(|t| t == id)), "{texts:?}");
+    assert!(!svg.contains("placeholder") && !svg.contains("#b8b8b8"));
+    let ids = &mut map.patches[PatchId::new(0)].taxels.ids;
+    ids.iter_mut().take(5).for_each(|id| *id = TaxelId(u32::MAX));
+    let svg = plot_map(&map, &options).unwrap();
+    assert!(svg.contains("placeholder id") && svg.contains("#b8b8b8"));
+    assert!(!svg.contains(&u32::MAX.to_string()));
+}
+
+/// A map with a fault is not to be taken for a good one.
+#[test]
+fn a_faulty_map_is_framed_in_red() {
+    let red = "#d01010";
+    let plot = |edit: &dyn Fn(&mut IdVec<VertexId, DVec2>)| {
+        let mesh = shapes::lattice(6, 5, 0.01);
+        let mut uv = mesh.positions.map(|p| p.truncate());
+        edit(&mut uv);
+        let map = skin(vec![patch("palm", vec![mapped_level(mesh, uv, 0.001)])]);
+        plot_map(&map, &PlotOptions::default()).unwrap()
+    };
+    let good = plot(&|_| ());
+    assert!(!good.contains(red) && good.contains("palm, level 0<"));
+    let flipped = plot(&|uv| uv.iter_mut().for_each(|p| p.x = -p.x));
+    assert!(flipped.contains(red) && flipped.contains("level 0: flipped triangles"), "{flipped}");
+    let thin = plot(&|uv| uv.iter_mut().for_each(|p| p.x *= 1e-3));
+    assert!(thin.contains(red) && thin.contains("level 0: far from isometric"));
+}
+
+/// Patches of a large robot stand side by side, so that the picture is seen at a glance.
+#[test]
+fn many_patches_are_drawn_on_two_screens() {
+    let patches = |count: usize| {
+        let patch = |k| square_pyramid(&format!("patch{k}"), &[7, 4], 0.06, 0.001);
+        skin((0..count).map(patch).collect())
+    };
+    for count in [1, 2, 5, 13, 30] {
+        let svg = plot_map(&patches(count), &PlotOptions::default()).unwrap();
+        let document = Document::parse(&svg).unwrap();
+        let side = |name| document.root_element().attribute(name).unwrap().parse::<f64>().unwrap();
+        assert!(side("height") <= 1.125 * side("width"), "{count}: {} high", side("height"));
+        for k in 0..count {
+            assert_eq!(svg.matches(&format!("patch{k}, level 1<")).count(), 1, "patch{k} of {count}");
+        }
+    }
+}
+
+/// On a fine mesh dots would hide the colours.
+#[test]
+fn fine_meshes_have_dots_on_request_only() {
+    let map = skin(vec![flat_patch("fine", shapes::lattice(80, 70, 0.001), 0.001)]);
+    let dots = |dots| {
+        let options = PlotOptions { dots, width_px: 4000, ..PlotOptions::default() };
+        plot_map(&map, &options).unwrap().matches("<circle").count()
+    };
+    assert_eq!((dots(false), dots(true)), (0, 5600));
+}
+
 /// Letters come with the crate: a PNG shows them whichever fonts the machine has.
 #[test]
 fn letters_are_drawn_without_fonts_of_the_machine() {
@@ -360,7 +452,7 @@ fn the_command_writes_the_kinds_that_its_outputs_name() {
         .success();
     let (_, texts) = elements(&fs::read_to_string(svg).unwrap());
     assert!(
-        texts.iter().any(|t| t == "palm, level 1") && texts.iter().any(|t| t == "area ratio"),
+        texts.iter().any(|t| t == "palm, level 1") && texts.iter().any(|t| t == "area on map / on skin"),
         "{texts:?}"
     );
     assert!(fs::read(png).unwrap().starts_with(b"\x89PNG"));

@@ -12,7 +12,7 @@ use dermatome::{
     map::SkinMap,
     mesh::{TriMesh, shapes},
     plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
-    skin::{Covariance, LinkId, Skin},
+    skin::{Covariance, Link, LinkId, Patch, Skin},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use maps::{level_id, skin, square_pyramid};
@@ -125,6 +125,30 @@ fn the_nearer_layer_hides_the_farther_one() {
         let (inside, outside) = (count(110..165), count(185..235));
         assert!(inside > 5 * outside, "from {elevation} degrees: {inside} pixels over {outside}");
     }
+}
+
+/// The patches of a robot stand where their links are, and hide each other.
+#[test]
+fn a_robot_is_one_picture() {
+    let square = |name: &str| {
+        Skin::from_mesh(name, shapes::sheet(5, 5, |i, j| DVec3::new(f64::from(i), f64::from(j), 0.0)))
+    };
+    let mut robot = square("front");
+    let back = square("back");
+    let pose = DAffine3::from_translation(DVec3::new(8.0, 0.0, 0.0));
+    let tip = robot.links.push(Link { name: "tip".into(), parent: Some(LinkId::default()), pose });
+    for patch in back.patches {
+        robot.patches.push(Patch { link: tip, ..patch });
+    }
+    let svg = plot_skin(&robot, &from(-90.0, 90.0)).unwrap();
+    assert!(svg.contains("2 patches, in space") && svg.contains("50 taxels"), "{svg}");
+    let dots = dots(&svg);
+    let step = dots[1].x - dots[0].x;
+    assert!((dots[25].x - dots[0].x - 8.0 * step).abs() < 0.5, "{} and {}", dots[0], dots[25]);
+    robot.links[tip].pose = DAffine3::from_translation(DVec3::new(0.0, 0.0, 1.0));
+    let hidden = plot_skin(&robot, &from(-90.0, 90.0)).unwrap();
+    let seen = hidden.matches("<circle").count();
+    assert!(seen <= 25 + 16, "{seen}: the inner taxels of the lower square are hidden");
 }
 
 #[test]
@@ -264,9 +288,10 @@ fn what_cannot_be_drawn_is_named() {
 fn uncertainty_has_a_scale_in_millimetres() {
     let svg = plot_skin(&calibrated_cap(800), &PlotOptions { paint: Paint::Sigma, ..PlotOptions::default() })
         .unwrap();
-    for word in ["sigma, mm", "≤ 1", "≥ 1.7"] {
+    for word in ["sigma, mm", ">1<", "≥ 1.7"] {
         assert!(svg.contains(word), "{word}");
     }
+    assert!(!svg.contains('≤'), "no taxel is known better");
 }
 
 fn plot(file: &Path) -> Command {

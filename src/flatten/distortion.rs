@@ -33,6 +33,15 @@ pub struct Distortion {
     pub symmetric_dirichlet: f64,
 }
 
+impl Distortion {
+    /// Whether faces are several times too small or too large: the symmetric Dirichlet energy is
+    /// beyond 50.
+    #[must_use]
+    pub fn is_far_from_isometric(&self) -> bool {
+        self.symmetric_dirichlet > 50.0
+    }
+}
+
 /// Measures the map `uv` (m) of `mesh`.
 ///
 /// ```

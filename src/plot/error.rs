@@ -89,6 +89,16 @@ pub enum PlotError {
         /// The values at the ends of the scale.
         range: [f64; 2],
     },
+    /// A range that the colours cannot show.
+    #[error(
+        "the colours cannot show values from {} to {}; a range rises, one of areas has 1 between its ends, and \
+         receptive fields and taxel ids have none",
+        range[0], range[1]
+    )]
+    Range {
+        /// The values at the ends of the scale.
+        range: [f64; 2],
+    },
     /// A frame of another map.
     #[error("the frame has not one value of the channel for each vertex of patch {patch:?}, level {level}")]
     FrameOfAnotherMap {

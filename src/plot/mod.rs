@@ -17,7 +17,7 @@
 //! ```
 //!
 //! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel
-//! of each (a level on its map, or the skin in space), `colour` chooses the colours, `layout`
+//! of each (a level on its map, or the skin in space; `robot` is all patches as one), `colour` chooses the colours, `layout`
 //! positions panels, captions and legends, and `picture` is the list of shapes that comes out.
 
 mod colour;
@@ -31,6 +31,7 @@ mod patch_view;
 mod picture;
 mod plot_frame;
 mod plot_map;
+mod robot;
 
 pub use curves::{Curve, plot_curves};
 pub use error::PlotError;

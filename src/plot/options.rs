@@ -10,7 +10,7 @@ pub enum Paint {
     Fields,
     /// `s1/s2` of each triangle.
     Angle,
-    /// `s1 s2` of each triangle.
+    /// `s1 s2` of each triangle: its area on the map over that on the skin.
     Area,
     /// Each taxel's id, from the lowest to the highest.
     Taxel,
@@ -38,13 +38,27 @@ pub struct PlotOptions {
     pub paint: Paint,
     /// From where the skin is drawn in space, next to its maps; `None`: the maps alone.
     pub space: Option<Viewpoint>,
+    /// Values at the ends of the scale of [`Paint::Angle`], [`Paint::Area`] or [`Paint::Sigma`] (m);
+    /// `None`: those of all but a hundredth of what is drawn. Frames of readings have a range of
+    /// their own.
+    pub range: Option<[f64; 2]>,
+    /// Whether meshes of more than 5000 vertices have dots too.
+    pub dots: bool,
     /// Width of the picture, in pixels.
     pub width_px: u32,
 }
 
 impl Default for PlotOptions {
     fn default() -> Self {
-        Self { patches: Vec::new(), levels: Vec::new(), paint: Paint::default(), space: None, width_px: 1600 }
+        Self {
+            patches: Vec::new(),
+            levels: Vec::new(),
+            paint: Paint::default(),
+            space: None,
+            range: None,
+            dots: false,
+            width_px: 1600,
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use crate::{
     mesh::TriMesh,
     plot::PlotError,
     pyramid::LevelId,
-    skin::{Covariance, Patch, Presence, Skin, TaxelId, world_pose},
+    skin::{Covariance, Patch, Presence, Skin, TaxelId, Taxels, world_pose},
 };
 
 pub(crate) struct PatchView<'a> {
@@ -17,35 +17,41 @@ pub(crate) struct PatchView<'a> {
     pub(crate) mesh: &'a TriMesh,
     pub(crate) pose: DAffine3,
     pub(crate) ids: &'a IdVec<VertexId, TaxelId>,
-    presence: &'a IdVec<VertexId, Presence>,
-    covariances: Option<&'a IdVec<VertexId, Covariance>>,
+    /// Ids that several taxels have because they have none.
+    placeholders: Vec<TaxelId>,
+    pub(crate) presence: &'a IdVec<VertexId, Presence>,
+    pub(crate) covariances: Option<&'a IdVec<VertexId, Covariance>>,
     /// The levels with their maps; `None` for a skin that has no map.
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
 }
 
 impl<'a> PatchView<'a> {
+    /// Taxels and the triangles between them, without a map.
+    pub(crate) fn new(
+        name: &'a str,
+        mesh: &'a TriMesh,
+        pose: DAffine3,
+        ids: &'a IdVec<VertexId, TaxelId>,
+        presence: &'a IdVec<VertexId, Presence>,
+        covariances: Option<&'a IdVec<VertexId, Covariance>>,
+    ) -> Self {
+        let is_shared = |id: &TaxelId| ids.iter().filter(|other| *other == id).nth(1).is_some();
+        let placeholders = TaxelId::PLACEHOLDERS.into_iter().filter(is_shared).collect();
+        Self { name, mesh, pose, ids, placeholders, presence, covariances, levels: None }
+    }
+
     pub(crate) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Result<Self, PlotError> {
-        Ok(Self {
-            name: &patch.name,
-            mesh: &patch.levels.get(LevelId::default()).ok_or(PlotError::Empty)?.level.mesh,
-            pose: world_pose(&map.links, patch.link),
-            ids: &patch.taxels.ids,
-            presence: &patch.taxels.presence,
-            covariances: patch.taxels.covariances.as_ref(),
-            levels: Some(&patch.levels),
-        })
+        let mesh = &patch.levels.get(LevelId::default()).ok_or(PlotError::Empty)?.level.mesh;
+        let pose = world_pose(&map.links, patch.link);
+        Ok(Self { levels: Some(&patch.levels), ..Self::of_taxels(&patch.name, mesh, pose, &patch.taxels) })
     }
 
     pub(crate) fn of_skin(skin: &'a Skin, patch: &'a Patch) -> Self {
-        Self {
-            name: &patch.name,
-            mesh: &patch.mesh,
-            pose: world_pose(&skin.links, patch.link),
-            ids: &patch.taxels.ids,
-            presence: &patch.taxels.presence,
-            covariances: patch.taxels.covariances.as_ref(),
-            levels: None,
-        }
+        Self::of_taxels(&patch.name, &patch.mesh, world_pose(&skin.links, patch.link), &patch.taxels)
+    }
+
+    fn of_taxels(name: &'a str, mesh: &'a TriMesh, pose: DAffine3, taxels: &'a Taxels) -> Self {
+        Self::new(name, mesh, pose, &taxels.ids, &taxels.presence, taxels.covariances.as_ref())
     }
 
     pub(crate) fn level(&self, level: LevelId) -> Option<&'a MapLevel> {
@@ -55,6 +61,16 @@ impl<'a> PatchView<'a> {
     /// This level, or the coarsest if there are fewer.
     pub(crate) fn level_at_most(&self, level: LevelId) -> Option<&'a MapLevel> {
         self.level(level).or_else(|| self.levels?.iter().last())
+    }
+
+    /// Whether an id is a placeholder here.
+    pub(crate) fn is_placeholder(&self, id: TaxelId) -> bool {
+        self.placeholders.contains(&id)
+    }
+
+    /// The ids that are not placeholders.
+    pub(crate) fn known_ids(&self) -> impl Iterator<Item = TaxelId> {
+        self.ids.iter().copied().filter(|&id| !self.is_placeholder(id))
     }
 
     /// Whether a taxel reads pressure.

@@ -10,10 +10,10 @@ use crate::{
         PlotError, PlotOptions,
         colour::Scale,
         draw::Panel,
-        layout::{Caption, Layout, printable, signed, ticks},
+        layout::{Caption, lay_out, printable, signed, slots, ticks},
         patch_view::PatchView,
         picture::Picture,
-        plot_map::{check_viewpoint, choose, choose_levels},
+        plot_map::{check_viewpoint, choose, choose_levels, title},
     },
     pyramid::LevelId,
     signal::{Channel, LevelFrame, Quantity},
@@ -95,11 +95,8 @@ pub fn plot_frame(
     for (panel, drawn) in rows.iter_mut().flatten().flatten() {
         panel.slot.caption = caption(&panel.slot.caption, drawn, channel, &about);
     }
-    let slots: Vec<_> = rows
-        .iter()
-        .map(|row| row.iter().map(|panel| panel.as_ref().map(|(p, _)| &p.slot)).collect())
-        .collect();
-    let layout = Layout::new(&slots, options.width_px)?;
+    let (rows, layout) = lay_out(rows, |(panel, _)| &panel.slot, options.width_px)?;
+    let slots = slots(&rows, |(panel, _)| &panel.slot);
     let mut groups = Vec::new();
     let mut has_gaps = false;
     for ((panel, drawn), view) in rows.iter().flatten().flatten().zip(layout.views(&slots)) {
@@ -107,16 +104,16 @@ pub fn plot_frame(
         let shares = drawn.densities.map(|x| (x - low) / (high - low));
         has_gaps |= shares.iter().any(|x| x.is_nan());
         groups.push(layout.caption(&panel.slot.caption, &view));
-        groups.push(panel.draw_values(&view, &shares, colours.scale));
+        groups.push(panel.draw_values(&view, &shares, colours.scale, options));
     }
     groups.push(layout.scale_bar());
     groups.push(layout.colour_bar(colours.scale, &about.label, &colours.labels(about.factor)));
     if has_gaps {
         groups.push(layout.hatch_key(&about.label));
     }
-    let names: Vec<_> = views.iter().map(|view| printable(view.name)).collect();
+    let what = format!("{} on", printable(&channel.channels[channel.shown].name));
     Ok(Picture {
-        title: format!("{} on {}", printable(&channel.channels[channel.shown].name), names.join(", ")),
+        title: title(&what, views.iter().map(|view| view.name)),
         size_px: [layout.width, layout.height],
         em: layout.em,
         groups,

@@ -4,12 +4,13 @@ use crate::{
     id::IdVec,
     map::{PatchMap, SkinMap},
     plot::{
-        PlotError, PlotOptions, Viewpoint,
+        Paint, PlotError, PlotOptions, Viewpoint,
         colour::ScaleLimits,
         draw::Panel,
-        layout::{Layout, printable},
+        layout::{lay_out, printable, slots},
         patch_view::PatchView,
         picture::{Picture, Shape},
+        robot::Robot,
     },
     pyramid::LevelId,
     skin::{PatchId, Skin},
@@ -51,10 +52,10 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotErr
         in_space.into_iter().chain(maps).collect()
     };
     let rows: Vec<Row<'_>> = views.iter().map(row).collect();
-    draw("Somatosensory maps of", &views, &rows, options)
+    draw(title("Somatosensory maps of", views.iter().map(|view| view.name)), &views, rows, options)
 }
 
-/// Draws patches in space, one below the other at one scale.
+/// Draws a skin in space, all of its patches where their links are.
 ///
 /// The projection is orthographic, so the scale bar holds for all lengths in the picture plane; z
 /// is up. Light falls from the upper left; the inside of the skin is darker. Triangles and dots,
@@ -73,41 +74,53 @@ pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<Picture, PlotErro
     }
     let viewpoint = options.space.unwrap_or_default();
     check_viewpoint(viewpoint)?;
+    let names = views.iter().map(|view| view.name);
+    let title = title("The skin of", names);
+    let robot;
+    let views = match &views[..] {
+        [_] => views,
+        several => {
+            robot = Robot::new(several);
+            vec![robot.view()]
+        }
+    };
     let row = |view| vec![Some(Panel::in_space(view, LevelId::default(), viewpoint))];
     let rows: Vec<Row<'_>> = views.iter().map(row).collect();
-    draw("The skin of", &views, &rows, options)
+    draw(title, &views, rows, options)
+}
+
+/// What a picture shows, and of which patches.
+pub(super) fn title<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> String {
+    format!("{what} {}", names.map(printable).collect::<Vec<_>>().join(", "))
 }
 
 fn draw(
-    title: &str,
+    title: String,
     patches: &[PatchView<'_>],
-    rows: &[Row<'_>],
+    rows: Vec<Row<'_>>,
     options: &PlotOptions,
 ) -> Result<Picture, PlotError> {
-    let slots: Vec<_> =
-        rows.iter().map(|row| row.iter().map(|panel| panel.as_ref().map(|p| &p.slot)).collect()).collect();
-    let layout = Layout::new(&slots, options.width_px)?;
+    let (rows, layout) = lay_out(rows, |panel| &panel.slot, options.width_px)?;
+    let slots = slots(&rows, |panel| &panel.slot);
     let panels: Vec<_> = rows.iter().flatten().flatten().collect();
     let levels: Vec<_> = panels.iter().filter_map(|panel| panel.level()).collect();
-    let limits = ScaleLimits::new(&levels, patches, options.paint)?;
-    let names: Vec<_> = patches.iter().map(|patch| printable(patch.name)).collect();
+    let limits = ScaleLimits::new(&levels, patches, options.paint, options.range)?;
     let mut groups = Vec::new();
     for (panel, view) in panels.into_iter().zip(layout.views(&slots)) {
         groups.push(layout.caption(&panel.slot.caption, &view));
-        groups.push(panel.draw(&view, options.paint, &limits)?);
+        groups.push(panel.draw(&view, options, &limits)?);
     }
     let has_hollow = groups.iter().flatten().any(|s| matches!(s, Shape::Dots { has_rim: true, .. }));
     groups.push(layout.scale_bar());
     groups.push(layout.legend(options.paint, &limits));
+    let has_placeholders = || patches.iter().any(|patch| patch.known_ids().count() < patch.ids.len());
+    if options.paint == Paint::Taxel && has_placeholders() {
+        groups.push(layout.legend_of_placeholders());
+    }
     if has_hollow {
         groups.push(layout.legend_of_hollow_dots(options.paint));
     }
-    Ok(Picture {
-        title: format!("{title} {}", names.join(", ")),
-        size_px: [layout.width, layout.height],
-        em: layout.em,
-        groups,
-    })
+    Ok(Picture { title, size_px: [layout.width, layout.height], em: layout.em, groups })
 }
 
 /// The patches of these names, in this order; without names all.

@@ -20,6 +20,11 @@ use crate::{
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct TaxelId(pub u32);
 
+impl TaxelId {
+    /// Ids that vendors write where they have none.
+    pub(crate) const PLACEHOLDERS: [Self; 2] = [Self(0), Self(u32::MAX)];
+}
+
 impl fmt::Debug for TaxelId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "taxel {}", self.0)

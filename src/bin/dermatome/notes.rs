@@ -82,16 +82,12 @@ pub(crate) fn note_seams(patches: &[PatchReport], common: &Common) {
     }
 }
 
-/// A map of more symmetric Dirichlet energy than this is far from isometric: faces are several times
-/// too small or too large.
-const FAR_FROM_ISOMETRIC: f64 = 50.0;
-
 /// Prints which finest maps are far from isometric or not at a minimum.
 pub(crate) fn note_distortion(patches: &[PatchReport], common: &Common) {
     for patch in patches {
         let Some(finest) = patch.levels.first() else { continue };
         let (name, energy) = (plain(&patch.name), finest.distortion.symmetric_dirichlet);
-        if energy > FAR_FROM_ISOMETRIC && energy.is_finite() {
+        if finest.distortion.is_far_from_isometric() && energy.is_finite() {
             note(
                 common,
                 format_args!(

@@ -53,6 +53,13 @@ pub(crate) struct Args {
     /// plane, in degrees [default: from outside, tilted so that its shape is visible]
     #[arg(long, value_name = "AZIMUTH,ELEVATION", value_parser = viewpoint, allow_hyphen_values = true)]
     from: Option<Viewpoint>,
+    /// Values at the ends of the colour scale: of --show angle or area, of --show sigma in mm, of
+    /// --readings in the unit of the channel, of a force per m^2 [default: those of what is drawn]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Draw dots also on meshes of more than 5000 vertices
+    #[arg(long)]
+    dots: bool,
     /// Width of the picture, in pixels
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
     width: u32,
@@ -78,16 +85,6 @@ struct FrameArgs {
     /// The channel that is drawn [default: the first]
     #[arg(long, value_name = "NAME", requires = "readings")]
     channel: Option<String>,
-    /// Values at the ends of the colour scale, in the unit of the channel, of a force per m^2
-    /// [default: those of the frame]
-    #[arg(
-        long,
-        value_name = "LOW,HIGH",
-        value_parser = range,
-        allow_hyphen_values = true,
-        requires = "readings"
-    )]
-    range: Option<[f64; 2]>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -98,7 +95,7 @@ enum Show {
     Angle,
     /// Area of each triangle on the map divided by that on the skin
     Area,
-    /// Ids of the taxels, from lowest to highest
+    /// Ids of the taxels, in their order
     Taxel,
     /// Standard deviation of each taxel's position, if the skin was calibrated
     Sigma,
@@ -133,6 +130,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
         paint: args.show.into(),
         space: args.from.or(args.space.then(Viewpoint::default)),
+        range: args
+            .range
+            .map(|range| if matches!(args.show, Show::Sigma) { range.map(|x| 1e-3 * x) } else { range }),
+        dots: args.dots,
         width_px: args.width,
     };
     let picture = match (read_map_if_any(&args.map)?, &args.frame.readings) {
@@ -168,7 +169,7 @@ fn picture_of_frame(
     options: &PlotOptions,
     common: &Common,
 ) -> anyhow::Result<Picture> {
-    let FrameArgs { frame, channel, range, .. } = &args.frame;
+    let FrameArgs { frame, channel, .. } = &args.frame;
     let pass = Readings::new(&args.readings_args, FramesArgs::one(*frame), path, map).open()?;
     let channels = pass.channels().to_vec();
     let shown = channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
@@ -177,7 +178,7 @@ fn picture_of_frame(
     let mut picture = None;
     pass.run(|_, frame| {
         let frame = restrictor.restrict(frame);
-        let view = ChannelView { frame, channels: &channels, shown, range: *range };
+        let view = ChannelView { frame, channels: &channels, shown, range: args.range };
         picture = Some(plot_frame(map, &view, options).map_err(Error::from)?);
         Ok(false)
     })?;

@@ -10,10 +10,11 @@ use crate::{
         colour::{
             ScaleLimits,
             field_colours::{dominant_fields, field_colours, largest},
-            scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, hatch},
+            scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, UNKNOWN, hatch},
         },
         patch_view::PatchView,
     },
+    skin::TaxelId,
 };
 
 /// A grey that can be seen on both ends of every scale.
@@ -77,12 +78,14 @@ impl Fill {
     }
 
     /// Colour and opacity of the lines between triangles, and from which length of their edges on
-    /// they are drawn, in pixels: shorter ones would only grey the picture.
-    pub(crate) fn lines(&self) -> Option<(Colour, f64, f64)> {
+    /// they are drawn, in pixels: shorter ones would only grey the picture. Those of a fine mesh are
+    /// faint.
+    pub(crate) fn lines(&self, is_fine: bool) -> Option<(Colour, f64, f64)> {
         match self {
             Self::Values { has_lines: false, .. } => None,
             // Over values, which change within triangles, the dots have to do earlier.
             Self::Values { .. } => Some((Colour::WHITE, 0.3, 12.0)),
+            _ if is_fine => Some((Colour(0, 0, 0), 0.1, 6.0)),
             _ => Some((Colour(0, 0, 0), 0.28, 6.0)),
         }
     }
@@ -111,12 +114,12 @@ impl<'a> ColouredMesh<'a> {
         let of_taxels =
             |fill| Ok(Self { mesh: patch.mesh, owner: MeshOwner::Taxels, fill, is_scale, has_dots });
         match paint {
-            Paint::Angle => Ok(by_stretch(need_map("angles")?, SEQUENTIAL, &|s| {
-                (s.angle.abs() - 1.0) / (limits.angle - 1.0)
-            })),
-            Paint::Area => Ok(by_stretch(need_map("areas")?, DIVERGING, &|s| {
-                0.5 + 0.5 * s.area.abs().ln() / limits.area.ln()
-            })),
+            Paint::Angle => {
+                Ok(by_stretch(need_map("angles")?, SEQUENTIAL, &|s| limits.place(paint, s.angle.abs())))
+            }
+            Paint::Area => {
+                Ok(by_stretch(need_map("areas")?, DIVERGING, &|s| limits.place(paint, s.area.abs())))
+            }
             Paint::Fields => match level.filter(|level| level.level.to_finest.is_some()) {
                 None => of_taxels(Fill::Faces(patch.mesh.triangles.map(|_| SKIN))),
                 Some(level) => {
@@ -125,11 +128,9 @@ impl<'a> ColouredMesh<'a> {
                     of_taxels(Fill::Cells { groups, colours })
                 }
             },
-            Paint::Taxel => of_taxels(by_value(&ranks_of_ids(patch), ORDER)),
+            Paint::Taxel => of_taxels(by_value(&ranks_of_ids(patch, limits), ORDER)),
             Paint::Sigma => {
-                let [least, most] = limits.sigma;
-                let values = patch.sigmas()?.map(|s| (s - least) / (most - least));
-                of_taxels(by_value(&values, SEQUENTIAL))
+                of_taxels(by_value(&patch.sigmas()?.map(|&s| limits.place(paint, s)), SEQUENTIAL))
             }
         }
     }
@@ -148,21 +149,19 @@ pub(crate) fn mean_of_known(weighted: impl Iterator<Item = (f64, f64)>) -> f64 {
     sum / weight
 }
 
-/// Cells coloured by values from 0 to 1.
+/// Cells coloured by values from 0 to 1; grey where the value is NaN.
 fn by_value(values: &IdVec<VertexId, f64>, scale: Scale) -> Fill {
     Fill::Cells {
-        groups: values.map(|&x| step(x)),
-        colours: (0..=STEPS).map(|k| step_colour(k, scale)).collect(),
+        groups: values.map(|&x| if x.is_nan() { STEPS + 1 } else { step(x) }),
+        colours: (0..=STEPS).map(|k| step_colour(k, scale)).chain([UNKNOWN]).collect(),
     }
 }
 
-/// Rank of each taxel's id among the ids, 0 to 1.
-fn ranks_of_ids(patch: &PatchView<'_>) -> IdVec<VertexId, f64> {
-    let mut sorted: Vec<_> = patch.ids.iter().copied().collect();
-    sorted.sort_unstable();
-    sorted.dedup();
-    let last = sorted.len().saturating_sub(1).max(1) as f64;
-    patch.ids.map(|id| sorted.partition_point(|other| other < id) as f64 / last)
+/// Rank of each taxel's id among the ids of the picture, 0 to 1; NaN for placeholders.
+fn ranks_of_ids(patch: &PatchView<'_>, limits: &ScaleLimits) -> IdVec<VertexId, f64> {
+    let last = limits.ids.len().saturating_sub(1).max(1) as f64;
+    let rank = |id: TaxelId| limits.ids.partition_point(|other| *other < id) as f64 / last;
+    patch.ids.map(|&id| if patch.is_placeholder(id) { f64::NAN } else { rank(id) })
 }
 
 fn step(x: f64) -> u32 {

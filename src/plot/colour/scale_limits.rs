@@ -1,67 +1,122 @@
-//! Ends of the colour scales of a picture, which all of its panels share.
+//! Ends of the colour scale of a picture, which all of its panels share.
 
 use crate::{
     atlas::face_stretch,
     map::MapLevel,
     plot::{Paint, PlotError, patch_view::PatchView},
+    skin::TaxelId,
 };
 
-#[derive(Debug, Clone, Copy)]
+/// Values that a scale shows, and the values that there are.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScaleLimits {
-    /// Largest `s1/s2` shown.
-    pub(crate) angle: f64,
-    /// Largest area ratio shown; its inverse is the smallest.
-    pub(crate) area: f64,
-    /// Smallest and largest standard deviation shown, in m.
-    pub(crate) sigma: [f64; 2],
+    /// At the ends of the scale: `s1/s2`; the area on the map over that on the skin, the low end the
+    /// inverse of the high one; a standard deviation in m.
+    pub(crate) range: [f64; 2],
+    /// Smallest and largest value drawn.
+    pub(crate) extremes: [f64; 2],
+    /// The taxel ids, ascending, placeholders left out.
+    pub(crate) ids: Vec<TaxelId>,
 }
 
 impl ScaleLimits {
-    /// What all but a hundredth of the triangles of the levels stay below, rounded; of the taxels'
-    /// standard deviations, if they are shown, all but a hundredth below and two above, rounded to
-    /// two digits.
+    /// A range that is asked for, or what all but a hundredth of the values lie in: of the triangles
+    /// of the levels, or of the taxels' standard deviations (two hundredths above). Ends are rounded
+    /// outwards to two digits.
+    ///
+    /// # Errors
+    /// If the paint needs what the patches lack, or the range does not rise.
     pub(crate) fn new(
         levels: &[&MapLevel],
         patches: &[PatchView<'_>],
         paint: Paint,
+        asked: Option<[f64; 2]>,
     ) -> Result<Self, PlotError> {
+        if let Some(range @ [low, high]) = asked {
+            let is_scale = matches!(paint, Paint::Angle | Paint::Area | Paint::Sigma);
+            let is_ratio = paint == Paint::Area && (low <= 0.0 || low >= 1.0 || high <= 1.0);
+            if !is_scale || is_ratio || !(low.is_finite() && high.is_finite() && low < high) {
+                return Err(PlotError::Range { range });
+            }
+        }
         let stretches =
             || levels.iter().flat_map(|l| l.level.mesh.triangles.ids().map(|f| face_stretch(l, f)));
-        let angle = share(stretches().map(|s| s.angle.abs() - 1.0).collect(), 99);
-        let area = share(stretches().map(|s| s.area.abs().ln().abs()).collect(), 99);
-        Ok(Self {
-            angle: 1.0 + round_up(angle.clamp(0.02, 100.0)),
-            area: 1.0 + round_up(area.clamp(0.02, 5.0).exp_m1()),
-            sigma: if paint == Paint::Sigma { limits_of_sigma(patches)? } else { [0.0, 1.0] },
-        })
+        let (values, range) = match paint {
+            Paint::Fields | Paint::Taxel => (Vec::new(), [0.0, 1.0]),
+            Paint::Angle => {
+                let values = sorted(stretches().map(|s| s.angle.abs()));
+                let most = share(&values, 99).unwrap_or(1.0).clamp(1.01, 100.0);
+                (values, [1.0, 1.0 + round_up(most - 1.0)])
+            }
+            Paint::Area => {
+                let values = sorted(stretches().map(|s| s.area.abs()));
+                let ratios = sorted(values.iter().map(|x| x.max(x.recip())));
+                let most = 1.0 + round_up(share(&ratios, 99).unwrap_or(1.0).clamp(1.01, 100.0) - 1.0);
+                (values, [most.recip(), most])
+            }
+            Paint::Sigma => {
+                let mut sigmas = Vec::new();
+                for patch in patches {
+                    sigmas.extend(patch.sigmas()?);
+                }
+                let values = sorted(sigmas.into_iter());
+                // The scale of exactly known positions is a nanometre wide.
+                let most = share(&values, 98).unwrap_or(0.0).max(1e-9);
+                let least = share(&values, 1).unwrap_or(0.0).min(most);
+                let digit = digit_of(most);
+                let [low, high] = [(least / digit).floor() * digit, (most / digit).ceil() * digit];
+                (values, [low, high.max(low + digit)])
+            }
+        };
+        let ends = [values.first(), values.last()].map(|x| x.copied().unwrap_or(f64::NAN));
+        let mut ids: Vec<_> = patches.iter().flat_map(PatchView::known_ids).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        Ok(Self { range: asked.unwrap_or(range), extremes: ends, ids })
+    }
+
+    /// Where a value lies on the scale, 0 to 1; a ratio on both sides of 1 by its logarithm.
+    pub(crate) fn place(&self, paint: Paint, value: f64) -> f64 {
+        let [low, high] = self.range;
+        match paint {
+            Paint::Area if value < 1.0 => 0.5 - 0.5 * value.ln() / low.ln(),
+            Paint::Area => 0.5 + 0.5 * value.ln() / high.ln(),
+            _ => (value - low) / (high - low),
+        }
+    }
+
+    /// Signs before the values at the ends, where there are values beyond them.
+    pub(crate) fn marks(&self) -> [&'static str; 2] {
+        let [low, high] = self.range;
+        // What rounding alone puts beyond an end is not.
+        let slack = 1e-9 * (high - low);
+        [
+            if self.extremes[0] < low - slack { "≤ " } else { "" },
+            if self.extremes[1] > high + slack { "≥ " } else { "" },
+        ]
     }
 }
 
-fn limits_of_sigma(patches: &[PatchView<'_>]) -> Result<[f64; 2], PlotError> {
-    let mut sigmas = Vec::new();
-    for patch in patches {
-        sigmas.extend(patch.sigmas()?);
-    }
-    // The scale of exactly known positions is a nanometre wide.
-    let most = share(sigmas.clone(), 98).max(1e-9);
-    let least = share(sigmas, 1).min(most);
-    let digit = 10_f64.powf(most.log10().floor() - 1.0);
-    let [low, high] = [(least / digit).floor() * digit, (most / digit).ceil() * digit];
-    Ok([low, high.max(low + digit)])
-}
-
-/// The value that this percentage of the values stays below; 0 without values.
-fn share(values: Vec<f64>, percent: usize) -> f64 {
-    let mut values: Vec<f64> = values.into_iter().filter(|x| x.is_finite()).collect();
+fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.filter(|x| x.is_finite()).collect();
     values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() * percent / 100).map_or(0.0, |x| *x)
+    values
 }
 
-/// The smallest of 1, 2, 5 and 10 times a power of ten that is not below a positive `x`.
+/// The value that this percentage of ascending values stays below; `None` without values.
+fn share(values: &[f64], percent: usize) -> Option<f64> {
+    values.get(values.len() * percent / 100).copied()
+}
+
+/// The second digit of a positive `x`.
+fn digit_of(x: f64) -> f64 {
+    10_f64.powf(x.log10().floor() - 1.0)
+}
+
+/// The least number of two digits that is not below a positive `x`, but for rounding.
 fn round_up(x: f64) -> f64 {
-    let power = 10_f64.powf(x.log10().floor());
-    let digit = [1.0, 2.0, 5.0].into_iter().find(|d| d * power >= x).unwrap_or(10.0);
-    digit * power
+    let digit = digit_of(x);
+    (x / digit - 1e-9).ceil() * digit
 }
 
 #[cfg(test)]
@@ -69,7 +124,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn round_numbers_are_not_below() {
-        assert_eq!([0.37, 5.0, 99.0].map(round_up), [0.5, 5.0, 100.0]);
+    fn two_digits_are_not_below() {
+        for (x, expected) in [(0.371, 0.38), (5.0, 5.0), (99.1, 100.0), (0.01, 0.01)] {
+            assert!((round_up(x) - expected).abs() < 1e-12, "{} for {x}", round_up(x));
+        }
     }
 }

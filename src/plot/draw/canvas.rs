@@ -22,6 +22,9 @@ const FINENESS: usize = 2;
 /// this size fill a gigabyte.
 const LARGE_PX: usize = 4096;
 
+/// Above this many vertices lines are faint, and dots are drawn on request only.
+pub(crate) const FINE: usize = 5000;
+
 /// Dots are drawn if their distance on the picture is at least this, in pixels.
 const LEAST_DOT_PX: f64 = 7.0;
 
@@ -83,9 +86,10 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// Lines between triangles whose edges are this long on the picture, in pixels, if they are drawn.
-pub(crate) fn triangle_lines(path: Path, edge_px: f64, fill: &Fill) -> Option<Shape> {
-    let (colour, opacity, least_px) = fill.lines()?;
+/// Lines between the triangles of a canvas, if they are drawn.
+pub(crate) fn triangle_lines(canvas: &Canvas<'_>, path: Path, fill: &Fill) -> Option<Shape> {
+    let edge_px = canvas.edge_px;
+    let (colour, opacity, least_px) = fill.lines(canvas.mesh.positions.len() > FINE)?;
     let stroke = Stroke { colour, width: 0.7, opacity };
     (edge_px >= least_px).then_some(Shape::Path { path, fill: None, stroke: Some(stroke) })
 }

@@ -57,7 +57,7 @@ pub(crate) fn draw_map(
         lines.move_to(own.at(a));
         lines.line_to(own.at(b));
     }
-    shapes.extend(triangle_lines(lines, own.edge_px, &coloured.fill));
+    shapes.extend(triangle_lines(&own, lines, &coloured.fill));
     let mut boundary = Path::default();
     for walk in boundary_loops(own.mesh) {
         boundary.polygon(walk.into_iter().map(|v| own.at(v)));

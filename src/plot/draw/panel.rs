@@ -5,12 +5,12 @@ use crate::{
     map::MapLevel,
     mesh::rectangle_around,
     plot::{
-        Paint, PlotError, Viewpoint,
-        colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, mean_of_known},
-        draw::{camera::Camera, map_view::draw_map, view_3d::draw_in_space},
+        Paint, PlotError, PlotOptions, Viewpoint,
+        colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, WARNING, mean_of_known},
+        draw::{camera::Camera, canvas::FINE, map_view::draw_map, view_3d::draw_in_space},
         layout::{Caption, Slot, View, minus, number, printable},
         patch_view::PatchView,
-        picture::Shape,
+        picture::{Path, Shape, Stroke},
     },
     pyramid::{LevelId, Prolongation},
 };
@@ -57,19 +57,25 @@ impl<'a> Panel<'a> {
     pub(crate) fn draw(
         &self,
         view: &View,
-        paint: Paint,
+        options: &PlotOptions,
         limits: &ScaleLimits,
     ) -> Result<Vec<Shape>, PlotError> {
-        let coloured = ColouredMesh::new(self.patch, self.level(), paint, limits)?;
+        let mut coloured = ColouredMesh::new(self.patch, self.level(), options.paint, limits)?;
         Ok(match &self.look {
-            Look::OnMap(level) => draw_map(self.patch, level, &coloured, view),
+            Look::OnMap(level) => {
+                coloured.has_dots &= options.dots || level.uv.len() <= FINE;
+                let mut shapes = draw_map(self.patch, level, &coloured, view);
+                shapes.extend(fault(level).map(|_| warning(view)));
+                shapes
+            }
             Look::InSpace(camera, level) => {
-                let dots = match paint {
+                let dots = match options.paint {
                     Paint::Fields => self.centres(*level),
                     _ if coloured.has_dots => self.centres(None),
                     _ => Vec::new(),
                 };
-                draw_in_space(self.patch, &coloured, camera, view, &dots)
+                let dots = if options.dots || dots.len() <= FINE { &dots[..] } else { &[] };
+                draw_in_space(self.patch, &coloured, camera, view, dots)
             }
         })
     }
@@ -84,22 +90,32 @@ impl<'a> Panel<'a> {
 
     /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots where they
     /// are.
-    pub(crate) fn draw_values(&self, view: &View, values: &IdVec<VertexId, f64>, scale: Scale) -> Vec<Shape> {
+    pub(crate) fn draw_values(
+        &self,
+        view: &View,
+        values: &IdVec<VertexId, f64>,
+        scale: Scale,
+        options: &PlotOptions,
+    ) -> Vec<Shape> {
+        let has_dots = options.dots || values.len() <= FINE;
         let coloured = |mesh, owner, values, has_lines| {
             let fill = Fill::Values { values, scale, has_lines };
-            ColouredMesh { mesh, owner, fill, is_scale: true, has_dots: true }
+            ColouredMesh { mesh, owner, fill, is_scale: true, has_dots }
         };
         match &self.look {
             Look::OnMap(level) => {
                 let coloured = coloured(&level.level.mesh, MeshOwner::Level, values.clone(), true);
-                draw_map(self.patch, level, &coloured, view)
+                let mut shapes = draw_map(self.patch, level, &coloured, view);
+                shapes.extend(fault(level).map(|_| warning(view)));
+                shapes
             }
             Look::InSpace(camera, level) => {
                 let prolongation = level.and_then(|level| level.level.to_finest.as_ref());
                 let on_taxels = prolongation.map_or_else(|| values.clone(), |p| carry_known(p, values));
                 let coloured =
                     coloured(self.patch.mesh, MeshOwner::Taxels, on_taxels, prolongation.is_none());
-                draw_in_space(self.patch, &coloured, camera, view, &self.centres(*level))
+                let dots = if has_dots { self.centres(*level) } else { Vec::new() };
+                draw_in_space(self.patch, &coloured, camera, view, &dots)
             }
         }
     }
@@ -111,14 +127,33 @@ fn carry_known(prolongation: &Prolongation, values: &IdVec<VertexId, f64>) -> Id
     prolongation.indices.ids().map(mean).collect()
 }
 
+/// What is wrong with a map, in a word or two.
+fn fault(level: &MapLevel) -> Option<&'static str> {
+    let d = &level.distortion;
+    if d.flips > 0 {
+        Some("flipped triangles")
+    } else if d.crossings > 0 {
+        Some("overlaps itself")
+    } else {
+        d.is_far_from_isometric().then_some("far from isometric")
+    }
+}
+
+/// A frame around a map that cannot be trusted.
+fn warning(view: &View) -> Shape {
+    let path = Path::rectangle(view.corner, view.size);
+    let stroke = Stroke { colour: WARNING, width: 3.0, opacity: 1.0 };
+    Shape::Path { path, fill: None, stroke: Some(stroke) }
+}
+
 fn caption_of_map(name: &str, id: LevelId, level: &MapLevel) -> Caption {
     let (d, count) = (&level.distortion, level.level.mesh.positions.len());
     let kind = if id == LevelId::default() { "taxels" } else { "fields" };
     let stretch = format!("s1/s2 {} (max {})", number(d.qc_mean, 3), number(d.qc_max, 2));
-    let area = format!("area {} (max {})", number(d.area_mean, 3), number(d.area_max, 2));
+    let area = format!("area ratio {} (max {})", number(d.area_mean, 3), number(d.area_max, 2));
     Caption {
         name: printable(name),
-        which: format!(", level {id}"),
+        which: format!(", level {id}{}", fault(level).map_or_else(String::new, |word| format!(": {word}"))),
         about: [format!("{count} {kind}, {} flips", d.flips), format!("{stretch}, {area}")],
     }
 }

@@ -60,7 +60,8 @@ pub(crate) fn draw_in_space(
     let brightness: IdVec<FaceId, f64> =
         mesh.triangles.ids().map(|face| brightness(camera, mesh.face_cross(face), ambient)).collect();
     let mut shapes = vec![canvas.image(&buffer, view, &coloured.fill, |face| brightness[face])];
-    shapes.extend(triangle_lines(unhidden(&canvas, &canvas.edges, &buffer), canvas.edge_px, &coloured.fill));
+    let lines = unhidden(&canvas, &canvas.edges, &buffer);
+    shapes.extend(triangle_lines(&canvas, lines, &coloured.fill));
     let mut rims = boundary_edges(mesh);
     let cut = patch.level(LevelId::new(0)).and_then(|finest| finest.cut.as_ref());
     rims.extend(cut.and_then(|cut| cut.seam(mesh).ok()).unwrap_or_default());

@@ -19,7 +19,7 @@ const MARGINS: f64 = 0.15;
 const MARGIN: f64 = 0.015;
 
 /// Width of a panel over the height of its letters: the longest line of most captions fits.
-const CAPTION_EMS: f64 = 25.0;
+const CAPTION_EMS: f64 = 28.0;
 
 /// Least height of letters, in pixels: smaller ones are not legible.
 const MIN_LETTERS: f64 = 6.0;
@@ -62,6 +62,58 @@ pub(crate) struct Slot {
 
 /// The slots of a patch's panels; `None` where it lacks a level.
 type Row<'a> = Vec<Option<&'a Slot>>;
+
+/// Height over width of a picture above which rows are put side by side: two screens.
+const TWO_SCREENS: f64 = 2.0 * 9.0 / 16.0;
+
+/// Lays rows of panels out; where many of them make the picture higher than two screens, several
+/// stand side by side.
+pub(crate) fn lay_out<P>(
+    mut rows: Vec<Vec<Option<P>>>,
+    slot: impl Fn(&P) -> &Slot,
+    width: u32,
+) -> Result<(Vec<Vec<Option<P>>>, Layout), PlotError> {
+    let fits = |layout: &Layout| f64::from(layout.height) <= TWO_SCREENS * f64::from(width);
+    let mut beside = 1;
+    for count in 1..=rows.len() {
+        match Layout::new(&blocks(&slots(&rows, &slot), count), width) {
+            // More columns are narrower still.
+            Err(PlotError::Width { .. }) => break,
+            Ok(layout) if fits(&layout) => {
+                beside = count;
+                break;
+            }
+            _ => beside = count,
+        }
+    }
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    if beside > 1 {
+        rows.iter_mut().for_each(|row| row.resize_with(columns, || None));
+        let mut left = rows.into_iter().peekable();
+        rows = Vec::new();
+        while left.peek().is_some() {
+            rows.push(left.by_ref().take(beside).flatten().collect());
+        }
+    }
+    let layout = Layout::new(&slots(&rows, &slot), width)?;
+    Ok((rows, layout))
+}
+
+/// The slots of all panels, row by row.
+pub(crate) fn slots<P>(rows: &[Vec<Option<P>>], slot: impl Fn(&P) -> &Slot) -> Vec<Row<'_>> {
+    rows.iter().map(|row| row.iter().map(|panel| panel.as_ref().map(&slot)).collect()).collect()
+}
+
+/// Rows with `beside` rows side by side in each.
+fn blocks<'a>(rows: &[Row<'a>], beside: usize) -> Vec<Row<'a>> {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let padded = |row: &Row<'a>| {
+        let mut row = row.clone();
+        row.resize(columns, None);
+        row
+    };
+    rows.chunks(beside).map(|chunk| chunk.iter().flat_map(padded).collect()).collect()
+}
 
 /// Positions of all panels: a row per patch, a column per level, one scale.
 pub(crate) struct Layout {

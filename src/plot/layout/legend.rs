@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::plot::{
     Paint,
-    colour::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, Scale, ScaleLimits, hatch},
+    colour::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, Scale, ScaleLimits, UNKNOWN, hatch},
     layout::{
         Layout,
         caption::width,
@@ -15,6 +15,14 @@ use crate::plot::{
 
 /// Width of the legend of the colours with its name, in heights of letters.
 const WIDTH_OF_COLOURS: f64 = 20.0;
+
+/// The values at the ends and in the middle, times `factor`, with marks where there are values
+/// beyond an end.
+fn ends(limits: &ScaleLimits, factor: f64, middle: Option<&str>) -> [String; 3] {
+    let ([low, high], [below, above]) = (limits.range.map(|x| factor * x), limits.marks());
+    let middle = middle.map_or_else(|| short(0.5 * (low + high)), str::to_owned);
+    [format!("{below}{}", short(low)), middle, format!("{above}{}", short(high))]
+}
 
 impl Layout {
     /// A bar of a round length, at the lower left.
@@ -32,6 +40,17 @@ impl Layout {
         vec![bar(0.0, -2.0, length, 4.0), bar(0.0, -7.0, 2.0, 14.0), end, label]
     }
 
+    /// What grey cells mean, to the left of the legend of the colours.
+    pub(crate) fn legend_of_placeholders(&self) -> Vec<Shape> {
+        let side = 0.8 * self.em;
+        let right = f64::from(self.width) - self.margin - WIDTH_OF_COLOURS * self.em;
+        let corner = DVec2::new(right - side, self.foot() - 0.9 * self.em);
+        let path = Path::rectangle(corner, DVec2::splat(side));
+        let square = Shape::Path { path, fill: Some(UNKNOWN), stroke: None };
+        let beside = corner + DVec2::new(-0.4 * self.em, 0.7 * self.em);
+        vec![square, Shape::text("placeholder id", beside, Anchor::End)]
+    }
+
     /// What hollow dots mean, at the lower right, to the left of the legend of the colours.
     pub(crate) fn legend_of_hollow_dots(&self, paint: Paint) -> Vec<Shape> {
         let colours = if paint == Paint::Fields { 0.0 } else { WIDTH_OF_COLOURS * self.em };
@@ -46,20 +65,16 @@ impl Layout {
     pub(crate) fn legend(&self, paint: Paint, limits: &ScaleLimits) -> Vec<Shape> {
         let (scale, name, labels): (Scale, _, [String; 3]) = match paint {
             Paint::Fields => return Vec::new(),
-            Paint::Angle => {
-                let middle = 0.5 * (1.0 + limits.angle);
-                (SEQUENTIAL, "s1/s2", ["1".into(), short(middle), format!("≥ {}", short(limits.angle))])
+            Paint::Angle => (SEQUENTIAL, "s1/s2", ends(limits, 1.0, None)),
+            Paint::Area => (DIVERGING, "area on map / on skin", ends(limits, 1.0, Some("1"))),
+            Paint::Sigma => (SEQUENTIAL, "sigma, mm", ends(limits, 1e3, None)),
+            Paint::Taxel => {
+                let [Some(low), Some(high)] = [limits.ids.first(), limits.ids.last()] else {
+                    return Vec::new();
+                };
+                let middle = limits.ids[limits.ids.len() / 2];
+                (ORDER, "taxel id", [low, &middle, high].map(ToString::to_string))
             }
-            Paint::Area => {
-                let low = format!("≤ {}", short(1.0 / limits.area));
-                (DIVERGING, "area ratio", [low, "1".into(), format!("≥ {}", short(limits.area))])
-            }
-            Paint::Sigma => {
-                let [low, high] = limits.sigma.map(|s| 1e3 * s);
-                let middle = short(0.5 * (low + high));
-                (SEQUENTIAL, "sigma, mm", [format!("≤ {}", short(low)), middle, format!("≥ {}", short(high))])
-            }
-            Paint::Taxel => (ORDER, "taxel id", ["lowest".into(), String::new(), "highest".into()]),
         };
         self.colour_bar(scale, name, &labels)
     }

@@ -6,5 +6,5 @@ mod legend;
 mod text;
 
 pub(crate) use caption::Caption;
-pub(crate) use grid::{Layout, Slot, View};
+pub(crate) use grid::{Layout, Slot, View, lay_out, slots};
 pub(crate) use text::{minus, number, printable, signed, ticks};

@@ -16,9 +16,6 @@ use crate::{
     },
 };
 
-/// Ids that vendors write where they have none.
-const PLACEHOLDERS: [TaxelId; 2] = [TaxelId(0), TaxelId(u32::MAX)];
-
 /// Notes positions and corners that are not valid; says which faces have neither.
 pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<FaceId, bool> {
     let finite: Vec<bool> = sheet.positions.iter().map(|p| p.is_finite()).collect();
@@ -91,7 +88,7 @@ pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
     }
     let shared = |id: TaxelId| owners.get(&id).map_or(0, |owner| owner.1) > 1;
     let (placeholders, repeated): (Vec<_>, Vec<_>) =
-        taxels.iter().filter(|(_, id)| shared(*id)).partition(|(_, id)| PLACEHOLDERS.contains(id));
+        taxels.iter().filter(|(_, id)| shared(*id)).partition(|(_, id)| TaxelId::PLACEHOLDERS.contains(id));
     report.add(FindingKind::PlaceholderId, numbers(placeholders.iter().map(|(v, _)| v.raw())), |n| {
         format!("{n} taxels have a placeholder id: 0 or {}", u32::MAX)
     });
