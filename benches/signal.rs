@@ -33,7 +33,11 @@ fn caps(patches: u32, taxels: u32) -> SkinMap {
         let maps = pyramid.levels.map(|level| level.mesh.positions.map(|x| x.truncate()));
         PatchMap::new(&patch, pyramid, maps, 1e-3)
     });
-    SkinMap { links: Skin::from_mesh("p", mesh.clone()).links, patches: patches.collect() }
+    SkinMap {
+        links: Skin::from_mesh("p", mesh.clone()).links,
+        patches: patches.collect(),
+        ..SkinMap::default()
+    }
 }
 
 /// Two frames of noise of size 1 that differ by `rise` in the taxels nearest to one of each patch.

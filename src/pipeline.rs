@@ -227,7 +227,8 @@ pub fn build_with_progress(
     let seconds =
         Seconds { coarsen: coarsened.as_secs_f64(), flatten: flattened.as_secs_f64(), ..Seconds::default() };
     let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
-    let map = SkinMap { links: named_links(&skin.links), patches: patches.into() };
+    let (links, animations) = (named_links(&skin.links), skin.animations.clone());
+    let map = SkinMap { links, patches: patches.into(), animations };
     Ok(Built { map, seconds, left_out: left_out.into() })
 }
 

@@ -36,7 +36,7 @@ fn link_of(name: &str, parent: Option<usize>, pose: DAffine3) -> Link {
 /// One patch with one level on one link at the origin.
 fn map_of(mesh: TriMesh) -> SkinMap {
     let links = vec![link_of("base", None, DAffine3::IDENTITY)].into();
-    SkinMap { links, patches: vec![patch_of("skin", 0, vec![level_of(mesh)])].into() }
+    SkinMap { links, patches: vec![patch_of("skin", 0, vec![level_of(mesh)])].into(), ..SkinMap::default() }
 }
 
 /// The unit square in two triangles as the coarse level, its midpoint subdivision (nine vertices,
@@ -63,6 +63,7 @@ fn square_and_its_midpoints() -> SkinMap {
     SkinMap {
         links: vec![link_of("base", None, DAffine3::IDENTITY)].into(),
         patches: vec![patch_of("square", 0, levels)].into(),
+        ..SkinMap::default()
     }
 }
 
@@ -222,7 +223,7 @@ fn robot(shapes: [TriMesh; 4], poses: [DAffine3; 3]) -> SkinMap {
     let patches = shapes.into_iter().enumerate();
     let patches =
         patches.map(|(k, mesh)| patch_of(&format!("patch {k}"), homes[k], vec![level_of(mesh)])).collect();
-    SkinMap { links, patches }
+    SkinMap { links, patches, ..SkinMap::default() }
 }
 
 // ---- exactness ----
@@ -376,7 +377,7 @@ fn on_the_medial_axis_the_first_patch_is_hit() {
             patch_of("a", 0, vec![level_of(sheet(first))]),
             patch_of("b", 0, vec![level_of(sheet(second))]),
         ];
-        let map = SkinMap { links: links.clone().into(), patches: patches.into() };
+        let map = SkinMap { links: links.clone().into(), patches: patches.into(), ..SkinMap::default() };
         let index = ContactIndex::new(&map).unwrap();
         for k in 0..40 {
             let point = DVec3::new(0.1 * f64::from(k), 1.7, 0.0);

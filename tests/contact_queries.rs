@@ -6,14 +6,14 @@ use std::sync::LazyLock;
 
 use dermatome::{
     contact::{
-        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Motion, MotionFrame, Packing,
-        Press, Pressing, Query, Side, Spreader,
+        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Packing, Press, Pressing, Query,
+        Side, Spreader,
     },
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Link, LinkId, Patch, PatchId, Presence, Skin},
+    skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Presence, Skin},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};

@@ -3,11 +3,11 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::{
-    contact::{ContactIndex, IndexOptions, Motion, MotionFrame, Query},
+    contact::{ContactIndex, IndexOptions, Query},
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Link, LinkId, Patch, Skin},
+    skin::{Link, LinkId, Motion, MotionFrame, Patch, Skin},
 };
 use glam::{DAffine3, DQuat, DVec3};
 

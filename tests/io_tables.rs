@@ -5,13 +5,13 @@
 use std::{fs, io::Read, path::Path};
 
 use dermatome::{
-    contact::{Cell, ContactIndex, Motion},
+    contact::{Cell, ContactIndex},
     id::{FaceId, VertexId},
     io::{ContactRow, IoError, LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, read_poses},
     map::SkinMap,
     mesh::{SurfacePoint, shapes},
     pyramid::LevelId,
-    skin::{Link, LinkId, PatchId, TaxelId},
+    skin::{Link, LinkId, Motion, PatchId, TaxelId},
 };
 use glam::{DAffine3, DVec2, DVec3};
 

@@ -12,12 +12,12 @@ use assert_cmd::Command;
 use dermatome::{
     contact::{ContactIndex, Query},
     id::VertexId,
-    io::{read_map, write_map, write_skin},
+    io::{read_draft, read_map, write_map, write_skin},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Link, Patch, PatchId, Presence, Skin},
+    skin::{Animation, AssembleOptions, Link, Motion, MotionFrame, Patch, PatchId, Presence, Skin, assemble},
 };
 use glam::{DAffine3, DVec3};
 use tempfile::TempDir;
@@ -476,6 +476,50 @@ fn contacts_are_matched_with_poses_by_their_time() {
         let bad = fixture.file("bad.gltf", &gltf.replace(from, to));
         fixture.lookup(&contacts).arg("--pose").arg(&bad).assert().code(2);
     }
+}
+
+/// An animation of the skin is in its map too: written, read, listed and looked up.
+#[test]
+fn animations_travel_with_the_skin() {
+    let mut fixture = Fixture::new();
+    let arm = fixture.skin.links.ids().nth(1).unwrap();
+    let up = |z: f64| DAffine3::from_translation(DVec3::Z * z);
+    let turned = up(2.0) * DAffine3::from_rotation_z(0.5);
+    let mut motion = Motion::default();
+    // At 2 s it jumps.
+    let keys = [(1.0, up(1.0)), (2.0, up(2.0)), (2.0, turned), (3.0, up(3.0))];
+    motion.set(arm, MotionFrame::Parent, &keys).unwrap();
+    fixture.skin.animations.push(Animation { name: "up".into(), motion });
+    let glb = fixture.path("skin.glb");
+    write_skin(&glb, &fixture.skin).unwrap();
+    let draft = read_draft(&glb).unwrap();
+    let skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    write_map(&fixture.path("map.glb"), &map).unwrap();
+    let map = read_map(&fixture.path("map.glb")).unwrap();
+    let mut index = ContactIndex::new(&map).unwrap();
+    for read in [&draft.animations, &skin.animations, &map.animations] {
+        assert_eq!((read.len(), read[0].name.as_str()), (1, "up"));
+        assert_eq!(read[0].motion.times(), Some([1.0, 3.0]));
+        for (time, expected) in [(0.0, up(1.0)), (1.75, up(1.75)), (2.0, turned), (9.0, up(3.0))] {
+            index.set_motion(&read[0].motion, time).unwrap();
+            assert!(index.poses()[arm].abs_diff_eq(expected, 1e-5), "at {time} s");
+        }
+    }
+    let contacts = fixture.file("c.csv", "time,x,y,z\n1.5,0,0,1.39\n3,0,0,2.89\n");
+    for options in [vec!["--animation", "up"], vec!["--animation", "up", "--reactive"]] {
+        let table = output(fixture.lookup(&contacts).args(["--level", "0"]).args(options));
+        for row in rows(&table) {
+            assert!((number(&row, "distance") - 0.01).abs() < 1e-5, "{row:?}");
+        }
+    }
+    let mut info = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let text = output(info.arg("info").arg(fixture.path("map.glb")));
+    assert!(text.contains("animation up: 1 to 3 s"), "{text}");
+    let mut in_world = Motion::default();
+    in_world.set(arm, MotionFrame::World, &keys).unwrap();
+    fixture.skin.animations[0].motion = in_world;
+    assert!(write_skin(&glb, &fixture.skin).is_err(), "glTF has poses relative to the link above");
 }
 
 /// The forces of contacts become a recording that `render` reads, and none of them is lost.

@@ -23,7 +23,7 @@
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
 //!   fields near a point or in a sphere, capsule or box; [`ContactIndex::first_hit`] follows a ray;
 //!   [`ContactIndex::locate_admitted`] leaves out what a contact cannot have touched.
-//! - [`ContactIndex::set_motion`] poses the links by a [`Motion`] over time.
+//! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
 //! - [`Spreader`] makes readings of taxels from the forces of contacts.
 //!
@@ -102,7 +102,6 @@ pub use back::{MapIndex, MapPlace};
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
 pub use index::{ContactIndex, IndexOptions};
-pub use motion::{Motion, MotionFrame};
 pub use queries::{Area, FieldHit, Filter, Press, Pressing, Reactive, Refined, Spreader};
 pub use query::{Cursor, Hit, Query};
 pub use search::{Packing, Side};

@@ -11,7 +11,7 @@ use crate::{
     map::{ImageFrame, MapError},
     mesh::{TriMesh, VertexCorners},
     pyramid::{CutPyramid, Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
-    skin::{Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
+    skin::{Animation, Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
 };
 
 /// One level of a patch with its map.
@@ -244,6 +244,8 @@ pub struct SkinMap {
     pub links: IdVec<LinkId, Link>,
     /// The patches.
     pub patches: IdVec<PatchId, PatchMap>,
+    /// How the links may move.
+    pub animations: Vec<Animation>,
 }
 
 impl SkinMap {
@@ -273,7 +275,7 @@ impl SkinMap {
         let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
         let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, taxels };
         let patch = PatchMap::new(&patch, pyramid, vec![uv].into(), pixel);
-        Self { links: vec![link].into(), patches: vec![patch].into() }
+        Self { links: vec![link].into(), patches: vec![patch].into(), ..Self::default() }
     }
 
     /// Checks that this is a map: the only place that judges one, in time linear in its size.

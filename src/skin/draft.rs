@@ -5,7 +5,9 @@ use glam::{DVec2, DVec3};
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::MeshError,
-    skin::{Covariance, Link, LinkId, Presence, Remark, RemarkKind, SkinError, TaxelError, TaxelId},
+    skin::{
+        Animation, Covariance, Link, LinkId, Presence, Remark, RemarkKind, SkinError, TaxelError, TaxelId,
+    },
 };
 
 /// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times
@@ -19,6 +21,8 @@ pub struct Draft {
     pub links: IdVec<LinkId, Link>,
     /// The sheets of taxels and triangles.
     pub sheets: Vec<Sheet>,
+    /// How the links may move.
+    pub animations: Vec<Animation>,
     /// What the reader of the file changed or ignored.
     pub remarks: Vec<Remark>,
     /// The names of the materials that [`Sheet::materials`] counts.
@@ -72,6 +76,7 @@ impl Draft {
         for link in self.links.iter_mut() {
             link.pose.translation *= metres;
         }
+        self.animations.iter_mut().for_each(|animation| animation.motion.scale(metres));
         for sheet in &mut self.sheets {
             let square = metres * metres;
             sheet.positions.iter_mut().for_each(|x| *x *= metres);

@@ -11,6 +11,12 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkinError {
+    /// A motion with a pose that is not rigid, or at a time that is not a number.
+    #[error("{link} moves to a pose that is not rigid, or at a time that is not finite")]
+    Pose {
+        /// The link.
+        link: LinkId,
+    },
     /// A patch whose triangles are not an oriented manifold, or not triangles at all.
     #[error("patch {patch:?}: {source}")]
     Mesh {

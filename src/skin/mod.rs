@@ -27,7 +27,7 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In the order to read: `link`, `taxels`, `patch` (the data); `draft`, `error`, `remark`;
+//! In the order to read: `link`, `motion`, `taxels`, `patch` (the data); `draft`, `error`, `remark`;
 //! `weld`, `fans`, `opening`, `sheets`, `welded`, `winding`, `normals`, `tangents` (what assembling and checking share); `assemble` with
 //! `zero_area`; `triangulate`; `check`.
 //!
@@ -41,6 +41,7 @@ mod check;
 mod draft;
 mod error;
 mod link;
+mod motion;
 mod normals;
 mod patch;
 mod fans;
@@ -60,6 +61,8 @@ pub use draft::{Draft, Sheet};
 pub use error::SkinError;
 pub(crate) use link::named_links;
 pub use link::{Link, LinkId, link_names, world_pose};
+pub(crate) use motion::Track;
+pub use motion::{Animation, Motion, MotionFrame};
 pub use patch::{Patch, PatchId, Skin};
 pub(crate) use patch::{check_links, check_patches};
 pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};

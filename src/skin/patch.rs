@@ -7,7 +7,7 @@ use glam::DAffine3;
 use crate::{
     id::{IdVec, define_id},
     mesh::{Adjacency, TriMesh, is_rigid},
-    skin::{Link, LinkId, SkinError, Taxels, link::before_parents, world_pose},
+    skin::{Animation, Link, LinkId, SkinError, Taxels, link::before_parents, world_pose},
 };
 
 define_id!(
@@ -65,6 +65,8 @@ pub struct Skin {
     pub links: IdVec<LinkId, Link>,
     /// The patches.
     pub patches: IdVec<PatchId, Patch>,
+    /// How the links may move.
+    pub animations: Vec<Animation>,
 }
 
 impl Skin {

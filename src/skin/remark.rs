@@ -79,6 +79,11 @@ remark_kinds! {
         /// What is wrong with it.
         reason: SkinError,
     } => "left out: {reason}";
+    /// An animation that does more than move links rigidly was left out.
+    AnimationLeftOut {
+        /// What it does.
+        reason: String,
+    } => "left out: {reason}";
     /// Repair: taxels that no face uses were left out.
     LeftOut {
         /// The taxels.

@@ -60,7 +60,7 @@ pub(crate) fn flat_patch(name: &str, mesh: TriMesh, pixel: f64) -> PatchMap {
 /// The patches on one link at the origin.
 pub(crate) fn skin(patches: Vec<PatchMap>) -> SkinMap {
     let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
-    SkinMap { links: vec![link].into(), patches: patches.into() }
+    SkinMap { links: vec![link].into(), patches: patches.into(), ..SkinMap::default() }
 }
 
 /// A square of `side` metres with a lattice of `columns[k]` columns on level `k`.

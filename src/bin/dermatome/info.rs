@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     mesh::{Adjacency, mean_edge_length},
-    skin::{Patch, Presence, Skin, link_names},
+    skin::{Animation, Patch, Presence, Skin, link_names},
 };
 use serde_json::{Value, json};
 
@@ -33,13 +33,29 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let rows = skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<Vec<_>, Error>>()?;
     if args.json {
         let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
-        print_json(&json!({ "patches": rows.into_iter().map(object).collect::<Vec<Value>>() }))?;
+        let animations: Vec<_> = skin.animations.iter().map(animation).collect();
+        print_json(&json!({
+            "patches": rows.into_iter().map(object).collect::<Vec<Value>>(),
+            "animations": animations
+        }))?;
     } else {
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
+        for (name, [from, to]) in skin.animations.iter().filter_map(times) {
+            print(&format!("animation {}: {from} to {to} s\n", plain(name)))?;
+        }
         print("contacts of `lookup` are in the world; with --frame link, or a link named, in its frame\n")?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The name of an animation, and its first and last time.
+fn times(animation: &Animation) -> Option<(&str, [f64; 2])> {
+    Some((&animation.name, animation.motion.times()?))
+}
+
+fn animation(animation: &Animation) -> Value {
+    json!({ "name": animation.name, "seconds": animation.motion.times() })
 }
 
 type Row = [(&'static str, Value); 12];

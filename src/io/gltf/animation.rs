@@ -6,23 +6,22 @@ use glam::{DAffine3, DQuat, DVec3};
 use serde::Deserialize;
 
 use crate::{
-    contact::{Motion, MotionFrame},
     id::IdVec,
     io::{
         IoError,
         file::source::Source,
         gltf::{
             document::{Document, Role},
-            nodes::read_node_tree,
+            nodes::{Tree, read_node_tree},
             notes::Notes,
         },
     },
-    skin::{LinkId, link_names},
+    skin::{Animation, LinkId, Motion, MotionFrame, link_names},
 };
 
 /// What is read of an animation.
 #[derive(Deserialize)]
-struct Animation {
+struct AnimationJson {
     channels: Vec<Channel>,
     samplers: Vec<Sampler>,
 }
@@ -78,9 +77,52 @@ pub fn read_animation(
     link_named: &dyn Fn(&str) -> Option<LinkId>,
 ) -> Result<Motion, IoError> {
     let document = Document::new(Source::open(path)?, Notes::new(true))?;
-    let (element, animation) = choose(&document, name)?;
     let tree = read_node_tree(&document)?;
+    let all = listed(&document);
+    let at = match name {
+        Some(name) => all.iter().position(|(other, _)| other == name),
+        None => (all.len() == 1).then_some(0),
+    };
+    let Some(at) = at else {
+        let names: Vec<_> = all.iter().map(|(name, _)| name).collect();
+        let found = if names.is_empty() { "none".into() } else { format!("those called {names:?}") };
+        let needed = name
+            .map_or("exactly one, or the name of one of them".into(), |name| format!("one called {name:?}"));
+        return Err(document.invalid("animations", found, needed));
+    };
     let names = link_names(&tree.links);
+    let known = |link: LinkId| link_named(names.get(link)?);
+    Ok(motion(&document, &tree, at, all[at].1)?.of_links(known))
+}
+
+/// All animations, and those that do more than move links with the reason.
+pub(super) fn read_animations(document: &Document, tree: &Tree) -> (Vec<Animation>, Vec<(String, IoError)>) {
+    let (mut animations, mut others) = (Vec::new(), Vec::new());
+    for (at, (name, json)) in listed(document).into_iter().enumerate() {
+        match motion(document, tree, at, json) {
+            Ok(motion) => animations.push(Animation { name, motion }),
+            Err(error) => others.push((name, error)),
+        }
+    }
+    (animations, others)
+}
+
+/// The animations of a document with their names; one without a name has its number.
+fn listed(document: &Document) -> Vec<(String, &serde_json::Value)> {
+    let all = document.animations.as_array().map_or(&[][..], Vec::as_slice);
+    let named = |(k, json): (usize, &serde_json::Value)| {
+        let name = json.get("name").and_then(|name| name.as_str()).filter(|name| !name.is_empty());
+        name.map_or_else(|| format!("animation{k}"), str::to_owned)
+    };
+    all.iter().enumerate().map(|(k, json)| (named((k, json)), json)).collect()
+}
+
+/// How an animation moves the links of a document.
+fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value) -> Result<Motion, IoError> {
+    let element = format!("animation {at}");
+    let animation = AnimationJson::deserialize(json);
+    let animation =
+        animation.map_err(|e| document.invalid(&element, e.to_string(), "channels and samplers"))?;
     let mut moving = IdVec::<LinkId, Moving>::filled(Moving::default(), tree.links.len());
     for channel in &animation.channels {
         let Some(link) = channel.target.node.and_then(|node| *tree.nodes.get(node)?) else { continue };
@@ -89,10 +131,10 @@ pub fn read_animation(
             sampler.ok_or_else(|| document.invalid(&element, "a sampler that is not there", "its own"))?;
         match channel.target.path.as_str() {
             "translation" => {
-                moving[link].translation = keys(&document, &element, sampler, DVec3::from_array)?;
+                moving[link].translation = keys(document, &element, sampler, DVec3::from_array)?;
             }
-            "rotation" => moving[link].rotation = keys(&document, &element, sampler, DQuat::from_array)?,
-            // Morph targets do not move links.
+            "rotation" => moving[link].rotation = keys(document, &element, sampler, DQuat::from_array)?,
+            // Morph targets are no pose.
             "weights" => {}
             other => {
                 return Err(document.unsupported(&element, format!("animated {other}")));
@@ -103,34 +145,10 @@ pub fn read_animation(
     for (link, moving) in
         moving.enumerate().filter(|(_, m)| !m.translation.is_empty() || !m.rotation.is_empty())
     {
-        let Some(known) = link_named(&names[link]) else { continue };
         let invalid = |error| document.invalid(&element, format!("{error}"), "rigid poses at finite times");
-        motion.set(known, MotionFrame::Parent, &moving.poses(tree.links[link].pose)).map_err(invalid)?;
+        motion.set(link, MotionFrame::Parent, &moving.poses(tree.links[link].pose)).map_err(invalid)?;
     }
     Ok(motion)
-}
-
-/// The animation that is asked for, and what it is called in errors.
-fn choose(document: &Document, name: Option<&str>) -> Result<(String, Animation), IoError> {
-    let all = Vec::<serde_json::Value>::deserialize(&document.animations).unwrap_or_default();
-    let named =
-        |json: &serde_json::Value| json.get("name").and_then(|n| n.as_str()).unwrap_or_default().to_owned();
-    let names: Vec<String> = all.iter().map(named).collect();
-    let at = match name {
-        Some(name) => names.iter().position(|other| other == name),
-        None => (all.len() == 1).then_some(0),
-    };
-    let Some(at) = at else {
-        let found = if names.is_empty() { "none".into() } else { format!("those called {names:?}") };
-        let needed = name
-            .map_or("exactly one, or the name of one of them".into(), |name| format!("one called {name:?}"));
-        return Err(document.invalid("animations", found, needed));
-    };
-    let element = format!("animation {at}");
-    let animation = Animation::deserialize(&all[at]);
-    let animation =
-        animation.map_err(|e| document.invalid(&element, e.to_string(), "channels and samplers"))?;
-    Ok((element, animation))
 }
 
 fn keys<const N: usize, T: Copy>(

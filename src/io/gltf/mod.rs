@@ -8,7 +8,8 @@
 //!
 //! To read: `guard`, `document` (file to JSON and bytes), `accessor` (bytes to numbers), `nodes`,
 //! `primitive`, then `read_skin` and `read_map`, and `animation` for how links move. To write:
-//! `writer`, `write_skin`, `write_flat`, `write_map`; `extras` is what a map adds to both.
+//! `writer`, `write_skin`, `write_flat`, `write_map`, `write_animations`; `extras` is what a map adds
+//! to both.
 
 mod accessor;
 mod animation;
@@ -20,6 +21,7 @@ mod notes;
 mod primitive;
 mod read_map;
 mod read_skin;
+mod write_animations;
 mod write_flat;
 mod write_map;
 mod write_skin;

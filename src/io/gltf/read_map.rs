@@ -17,6 +17,7 @@ use crate::{
         error::Result,
         file::Source,
         gltf::{
+            animation::read_animations,
             document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
             nodes::read_node_tree,
@@ -64,7 +65,8 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
         }
         links.insert(placement.mesh, placement.link);
     }
-    let mut map = SkinMap { links: tree.links, ..SkinMap::default() };
+    let mut map =
+        SkinMap { animations: read_animations(document, &tree).0, links: tree.links, ..SkinMap::default() };
     for patch in found {
         map.patches.push(read_patch(document, &links, patch)?);
     }

@@ -7,11 +7,12 @@ use gltf::accessor::Dimensions;
 
 use crate::{
     io::{
-        ReadParts,
+        IoError, ReadParts,
         error::Result,
         file::Source,
         gltf::{
             accessor::Accessor,
+            animation::read_animations,
             document::Document,
             extras::LevelExtras,
             nodes::{Placement, read_node_tree},
@@ -34,7 +35,13 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
     let stem = source.stem();
     let document = Document::new(source, Notes::new(false))?;
     let tree = read_node_tree(&document)?;
-    let mut draft = Draft { links: tree.links, ..Draft::default() };
+    let (animations, others) = read_animations(&document, &tree);
+    let left_out = |(name, reason): (String, IoError)| {
+        let kind = RemarkKind::AnimationLeftOut { reason: reason.to_string() };
+        Remark { patch: name, kind }
+    };
+    let remarks = others.into_iter().map(left_out).collect();
+    let mut draft = Draft { links: tree.links, animations, remarks, ..Draft::default() };
     for shape in [Shape::Triangles, Shape::Points] {
         if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
             draft.sheets.clear();

@@ -20,7 +20,7 @@ use crate::{
     map::{MapLevel, SkinMap},
     mesh::{FlatTriangle, TriMesh},
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError},
-    skin::{Link, LinkId, Skin, Taxels},
+    skin::{Animation, Link, LinkId, Skin, Taxels},
 };
 
 /// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
@@ -51,7 +51,7 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
             PatchLevels { name: &patch.name, link: patch.link, taxels: &patch.taxels, levels }
         })
         .collect();
-    write_levels(path, &map.links, &patches)
+    write_levels(path, (&map.links, &map.animations), &patches)
 }
 
 /// Writes pyramids alone: as [`write_map`], without maps.
@@ -75,7 +75,7 @@ pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<
         let levels = pyramid.levels.iter().map(|level| (level, None)).collect();
         patches.push(PatchLevels { name: &patch.name, link: patch.link, taxels: &patch.taxels, levels });
     }
-    write_levels(path, &skin.links, &patches)
+    write_levels(path, (&skin.links, &skin.animations), &patches)
 }
 
 /// A patch with its levels, and their maps if there are any; all valid.
@@ -86,7 +86,11 @@ struct PatchLevels<'a> {
     levels: IdVec<LevelId, (&'a Level, Option<&'a MapLevel>)>,
 }
 
-fn write_levels(path: &Path, links: &IdVec<LinkId, Link>, patches: &[PatchLevels<'_>]) -> Result<()> {
+fn write_levels(
+    path: &Path,
+    (links, animations): (&IdVec<LinkId, Link>, &[Animation]),
+    patches: &[PatchLevels<'_>],
+) -> Result<()> {
     if patches.is_empty() {
         return Err(unfit(path, "the map", "no patch", "at least one"));
     }
@@ -108,6 +112,7 @@ fn write_levels(path: &Path, links: &IdVec<LinkId, Link>, patches: &[PatchLevels
         let name = Some(format!("level {level}"));
         writer.add_scene(name, links, &wanted, nodes)?;
     }
+    writer.add_animations(animations)?;
     writer.finish(Form::Glb)
 }
 

@@ -44,6 +44,7 @@ pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
         nodes.push((patch.link, node(patch.name.clone(), writer.root.push(mesh))));
     }
     writer.add_scene(None, &skin.links, &skin.links.map(|_| true), nodes)?;
+    writer.add_animations(&skin.animations)?;
     writer.finish(if kind(path) == "gltf" { Form::Text } else { Form::Glb })
 }
 

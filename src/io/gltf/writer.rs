@@ -61,13 +61,15 @@ pub(super) struct SceneWriter<'p> {
     pub(super) path: &'p Path,
     pub(super) root: Root,
     bytes: Vec<u8>,
+    /// The nodes of each link, one for each scene that shows it.
+    pub(super) link_nodes: Vec<(LinkId, Index<Node>)>,
 }
 
 impl<'p> SceneWriter<'p> {
     pub(super) fn new(path: &'p Path) -> Self {
         let mut root = Root::default();
         root.asset.generator = Some(format!("dermatome {}", env!("CARGO_PKG_VERSION")));
-        Self { path, root, bytes: Vec::new() }
+        Self { path, root, bytes: Vec::new(), link_nodes: Vec::new() }
     }
 
     /// Adds rows for vertices, for triangles, or without a target for readers of `extras`. Rows of
@@ -145,6 +147,7 @@ impl<'p> SceneWriter<'p> {
             let node = self.node_of(link, description)?;
             let node = self.root.push(node);
             nodes[link] = Some(node);
+            self.link_nodes.push((link, node));
             match description.parent.and_then(|p| nodes.get(p).copied().flatten()) {
                 Some(parent) => self.adopt(parent, node),
                 None if description.parent.is_some() => {

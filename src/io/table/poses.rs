@@ -5,10 +5,9 @@ use std::{collections::HashSet, path::Path};
 use glam::DAffine3;
 
 use crate::{
-    contact::{Motion, MotionFrame},
     id::IdVec,
     io::{IoError, file::source::Source, table::csv_table::Table},
-    skin::LinkId,
+    skin::{LinkId, Motion, MotionFrame},
 };
 
 /// Reads a table of link poses in the world: columns `link,x,y,z,qx,qy,qz,qw` and optionally `time`,

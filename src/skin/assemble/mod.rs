@@ -109,7 +109,8 @@ pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, S
     let triangulated =
         if draft.is_bare() { Some(triangulate_with(draft, options.gap, options.outside)?) } else { None };
     let draft = triangulated.as_ref().unwrap_or(draft);
-    let mut skin = Skin { links: draft.links.clone(), patches: IdVec::new() };
+    let mut skin =
+        Skin { links: draft.links.clone(), animations: draft.animations.clone(), ..Skin::default() };
     check_links(&skin.links)?;
     let mut remarks = draft.remarks.clone();
     remarks.extend(draft.doubtful_unit());

@@ -7,9 +7,10 @@ use std::{
 };
 
 use dermatome::{
-    contact::{Area, ContactIndex, FieldHit, Hit, Motion, Query},
+    contact::{Area, ContactIndex, FieldHit, Hit, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
+    skin::Motion,
 };
 use glam::DVec3;
 

@@ -4,10 +4,10 @@ use std::{io::Write, path::Path};
 
 use dermatome::{
     Error,
-    contact::{ContactIndex, MapIndex, MapPlace, Motion},
+    contact::{ContactIndex, MapIndex, MapPlace},
     io::{IoError, LookupPlace, LookupRow, LookupWriter, MapPlaceRow, MapPosition, read_map_places},
     pyramid::LevelId,
-    skin::PatchId,
+    skin::{Motion, PatchId},
 };
 use glam::DVec2;
 

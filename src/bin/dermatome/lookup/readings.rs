@@ -29,7 +29,7 @@ impl<'a> Readings<'a> {
             mesh: patch.levels[LevelId::new(0)].level.mesh.clone(),
             taxels: patch.taxels.clone(),
         });
-        let skin = Skin { links: robot.map.links.clone(), patches: patches.collect() };
+        let skin = Skin { links: robot.map.links.clone(), patches: patches.collect(), ..Skin::default() };
         let writer = ReadingsWriter::create(path, &skin, &Channel::new("force", "N"))?;
         Ok(Self { writer, spreader: Spreader::new(&robot.map, disc), frame: None, untouched: 0 })
     }

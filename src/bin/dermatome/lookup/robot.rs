@@ -4,12 +4,11 @@ use std::path::Path;
 
 use dermatome::{
     Error,
-    contact::Motion,
     id::{IdVec, VertexId},
     io::{read_animation, read_map, read_poses},
     map::{MapLevel, PatchMap, SkinMap},
     pyramid::LevelId,
-    skin::{LinkId, PatchId, Presence, link_names},
+    skin::{LinkId, Motion, PatchId, Presence, link_names},
 };
 
 use crate::{common::Common, errors::advise, notes::note, outputs, print::plain};

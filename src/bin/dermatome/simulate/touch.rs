@@ -159,7 +159,7 @@ fn finest(map: &SkinMap) -> Skin {
         let mesh = patch.levels.iter().next()?.level.mesh.clone();
         Some(Patch { name: patch.name.clone(), link: patch.link, mesh, taxels: patch.taxels.clone() })
     });
-    Skin { links: map.links.clone(), patches: patches.collect() }
+    Skin { links: map.links.clone(), patches: patches.collect(), ..Skin::default() }
 }
 
 impl TouchArgs {
