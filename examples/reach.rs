@@ -10,13 +10,13 @@
 use std::path::Path;
 
 use dermatome::{
-    contact::{Area, ContactIndex, IndexOptions, Motion, MotionFrame, Press, Pressing, Spreader},
+    contact::{Area, ContactIndex, IndexOptions, Press, Pressing, Spreader},
     io::read_draft,
     pipeline,
-    plot::{ChannelView, PlotOptions, plot_frame},
+    plot::{ChannelView, PlotOptions, Viewpoint, plot_frame},
     pyramid::LevelId,
     signal::{Channel, Restrictor},
-    skin::{AssembleOptions, LinkId, PatchId, assemble},
+    skin::{AssembleOptions, LinkId, Motion, MotionFrame, PatchId, assemble},
 };
 use glam::{DAffine3, DQuat};
 
@@ -102,8 +102,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let view =
         ChannelView { frame: restrictor.restrict(&strongest.1), channels: &channels, shown: 0, range: None };
     let levels = (0..map.patches[pad].levels.len()).map(LevelId::new).collect();
-    let options =
-        PlotOptions { patches: vec![patch.name.clone()], levels, width_px: 1000, ..PlotOptions::default() };
+    let options = PlotOptions {
+        patches: vec![patch.name.clone()],
+        levels,
+        space: Some(Viewpoint::Outside),
+        width_px: 1000,
+        ..PlotOptions::default()
+    };
     std::fs::write("reach.png", plot_frame(&map, &view, &options)?.to_png()?)?;
     println!("wrote reach.png: the touched taxels and fields of {}", patch.name);
     Ok(())
