@@ -119,10 +119,11 @@ fn lines_are_counted_as_an_editor_counts_them() {
     for text in [text.to_owned(), text.replace('\n', "\r\n")] {
         let rows = read(&text);
         let lines: Vec<_> = rows.iter().flatten().map(|row| row.line).collect();
-        assert_eq!(lines, [3, 8], "a row ends on its line: {text:?}");
+        assert_eq!(lines, [3, 7], "a contact is one line, whatever its quotes: {text:?}");
         let errors: Vec<_> = rows.into_iter().filter_map(Result::err).map(|e| e.to_string()).collect();
         assert!(errors[0].contains("line 6, column `z`"), "{text:?}: {}", errors[0]);
-        assert!(errors[1].contains("line 9, column `y`"), "{text:?}: {}", errors[1]);
+        assert!(errors[1].contains("line 8: found 1 cells"), "{text:?}: {}", errors[1]);
+        assert!(errors[2].contains("line 9, column `y`"), "{text:?}: {}", errors[2]);
         let path = folder.path().join("skin.csv");
         fs::write(&path, text.replace("link", "patch")).unwrap();
         let found = message(read_draft(&path));

@@ -79,6 +79,31 @@ pub enum ContactError {
         /// The level asked for.
         level: LevelId,
     },
+    /// Not one row of joints per vertex.
+    #[error("there are joints for {found} vertices; patch {patch} has {needed}")]
+    JointCount {
+        /// The patch.
+        patch: PatchId,
+        /// Rows given.
+        found: usize,
+        /// Vertices of its level 0.
+        needed: usize,
+    },
+    /// A vertex that follows no link, or links that do not exist.
+    #[error(
+        "vertex {vertex} of patch {patch} follows {joints:?}; up to four of the {links} links are needed, \
+         with weights of at least 0 and sum 1"
+    )]
+    Joints {
+        /// The patch.
+        patch: PatchId,
+        /// The vertex.
+        vertex: VertexId,
+        /// The links given, and their weights.
+        joints: [(LinkId, f64); 4],
+        /// Number of links.
+        links: usize,
+    },
     /// A vertex lies too far from the origin to be measured from.
     #[error("patch {patch:?}: vertex {vertex} is at {position:?}; coordinates within 1e12 m are needed")]
     TooLarge {

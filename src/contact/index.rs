@@ -5,12 +5,13 @@ use glam::{DAffine3, DVec3};
 use crate::{
     contact::{
         Cell, ContactError, Cursor, Hit, Query,
+        blend::Blend,
         cell::{Anchor, PatchCells},
         coarse::{CoarseLevel, coarse_levels, mean_side},
         geometry::{RigidPose, pseudo_normal},
         search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search},
     },
-    id::IdVec,
+    id::{IdVec, VertexId},
     map::SkinMap,
     mesh::SurfacePoint,
     parallel::par_map,
@@ -65,6 +66,11 @@ pub(super) struct IndexedPatch {
     pub(super) fields: Vec<PointTree>,
     /// Mean length of the sides of its faces, in m.
     spacing: f64,
+    /// The vertex of level 0 that each field is the centre of, on each level; none if the index has no
+    /// fields.
+    origins: Vec<IdVec<VertexId, VertexId>>,
+    /// How its vertices follow several links; `None`: it is rigid.
+    pub(super) blend: Option<Box<Blend>>,
 }
 
 impl ContactIndex {
@@ -96,7 +102,9 @@ impl ContactIndex {
             let fields = patch.levels.iter().filter(|_| options.fields);
             let fields = fields.map(|map| PointTree::new(&map.level.mesh.positions)).collect();
             let (cells, spacing) = (PatchCells::new(patch)?, mean_side(mesh));
-            Ok(IndexedPatch { link: patch.link, tree, cells, coarse, fields, spacing })
+            let origins = patch.levels.iter().filter(|_| options.fields);
+            let origins = origins.map(|map| map.level.origins.clone()).collect();
+            Ok(IndexedPatch { link: patch.link, tree, cells, coarse, fields, spacing, origins, blend: None })
         });
         let patches: IdVec<PatchId, _> =
             patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into();
@@ -164,9 +172,19 @@ impl ContactIndex {
             let parent = link.parent.map(|parent| self.links[parent].next.pose());
             self.links[id].next = rigid(&link.name, &pose(id, parent, link.rest))?;
         }
+        for (patch, IndexedPatch { link, blend, .. }) in self.patches.iter_mut().enumerate() {
+            if let Some(blend) = blend {
+                let far = |(vertex, position): (VertexId, DVec3)| {
+                    let patch = PatchId::new(patch).to_string();
+                    ContactError::TooLarge { patch, vertex, position: position.to_array() }
+                };
+                blend.follow(*link, |link| self.links[link].next.pose()).map_err(far)?;
+            }
+        }
         for link in self.links.iter_mut() {
             link.pose = link.next;
         }
+        self.patches.iter_mut().try_for_each(IndexedPatch::bend)?;
         self.update_posed_boxes();
         Ok(())
     }
@@ -355,6 +373,16 @@ impl ContactIndex {
 }
 
 impl IndexedPatch {
+    /// Fits the trees of a patch that follows several links to where its vertices are.
+    fn bend(&mut self) -> Result<(), ContactError> {
+        let Some(blend) = &self.blend else { return Ok(()) };
+        self.tree.refit("", &blend.positions)?;
+        for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
+            *fields = PointTree::new(&origins.map(|&vertex| blend.positions[vertex]));
+        }
+        Ok(())
+    }
+
     /// The level that answers for `level`: the coarsest, if the patch does not reach up to it.
     pub(super) fn nearest_level(&self, level: LevelId) -> LevelId {
         level.min(LevelId::new(self.coarse.len()))

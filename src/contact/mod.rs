@@ -23,6 +23,7 @@
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
 //!   fields near a point or in a sphere, capsule or box; [`ContactIndex::first_hit`] follows a ray;
 //!   [`ContactIndex::locate_admitted`] leaves out what a contact cannot have touched.
+//! - [`ContactIndex::blend`] lets the vertices of a patch follow several links.
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
 //! - [`Spreader`] makes readings of taxels from the forces of contacts.
@@ -50,12 +51,13 @@
 //! # Files in reading order
 //!
 //! `query` (what is asked and answered), `index` (patches, links, one query), `motion` (links over
-//! time), `search/posed_boxes` (which patches), `search/patch_bvh`, `search/tree`, `search/node8`,
-//! `search/triangle8`, `search/fit` (the tree), `search/lanes` (eight numbers at a time), `search/rounding` (the
-//! bound), `search/{descent, nearest}` (the walk), `search/{first_hit, within, facing, points}` (other
-//! searches), `geometry` (exact measurements), `batch` (many queries), `cell` (from a hit to the
-//! map), `coarse` (levels with their own trees), `queries` (levels alone, fields, rays, filters,
-//! forces), `back` (from the map to the skin).
+//! time), `blend` (patches that follow several links), `search/posed_boxes` (which patches),
+//! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
+//! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
+//! nearest}` (the walk), `search/{first_hit, within, facing, points}` (other searches), `geometry`
+//! (exact measurements), `batch` (many queries), `cell` (from a hit to the map), `coarse` (levels
+//! with their own trees), `queries` (levels alone, fields, rays, filters, forces), `back` (from the
+//! map to the skin).
 //!
 //! The module is the only one that uses pulp and wide.
 //!
@@ -86,6 +88,7 @@
 
 mod back;
 mod batch;
+mod blend;
 mod cell;
 mod coarse;
 mod error;

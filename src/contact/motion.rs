@@ -1,11 +1,16 @@
-//! Links posed by a motion.
+//! Links posed by a motion, and patches that follow several links.
 
 use glam::DAffine3;
 
 use crate::{
-    contact::{ContactError, ContactIndex},
-    skin::{LinkId, Motion, MotionFrame},
+    contact::{ContactError, ContactIndex, blend::Blend},
+    id::{IdVec, VertexId},
+    pyramid::LevelId,
+    skin::{LinkId, Motion, MotionFrame, PatchId},
 };
+
+/// How far weights may be from a sum of 1 before they are scaled to it: files hold them in 8 bits.
+const SUM_TOLERANCE: f64 = 0.02;
 
 impl ContactIndex {
     /// Moves the links to where a motion has them at a time (s). Links without poses keep the one
@@ -23,5 +28,55 @@ impl ContactIndex {
             }
         };
         self.set_links(pose)
+    }
+
+    /// Lets the vertices of a patch follow up to four links each from now on (linear blend skinning):
+    /// a vertex moves to the mean of where its links take it, by their weights. Moving links fits the
+    /// patch's tree to its vertices; that costs some 50 ns a vertex. Coarse levels of such a patch are
+    /// not searched alone: level 0 gives their [reactive](Self::reactive) answers.
+    ///
+    /// The links must be where the map has them, and so are the vertices. Weights are scaled to sum 1.
+    ///
+    /// # Errors
+    /// If there is no such patch, not one row per vertex of its level 0, a link does not exist, or the
+    /// weights of a vertex are negative, not finite or do not sum to 1 within 0.02.
+    pub fn blend(
+        &mut self,
+        id: PatchId,
+        joints: &IdVec<VertexId, [(LinkId, f64); 4]>,
+    ) -> Result<(), ContactError> {
+        let Some(patch) = self.patches.get(id) else {
+            return Err(ContactError::NoMap { patch: id, level: LevelId::new(0) });
+        };
+        let rest = patch.tree.mesh.positions.clone();
+        let (found, needed) = (joints.len(), rest.len());
+        if found != needed {
+            return Err(ContactError::JointCount { patch: id, found, needed });
+        }
+        let links = self.links.len();
+        let mut scaled = joints.clone();
+        for (vertex, row) in joints.enumerate() {
+            let sum: f64 = row.iter().map(|joint| joint.1).sum();
+            let is_wrong = |(joint, weight): &(LinkId, f64)| {
+                // Also true for NaN.
+                !(*weight >= 0.0) || (*weight > 0.0 && joint.index() >= links)
+            };
+            if row.iter().any(is_wrong) || !((sum - 1.0).abs() <= SUM_TOLERANCE) {
+                return Err(ContactError::Joints { patch: id, vertex, joints: *row, links });
+            }
+            scaled[vertex] = row.map(|(joint, weight)| (joint, weight / sum));
+        }
+        let own = self.links[patch.link].pose.pose();
+        let blend = Blend {
+            positions: rest.clone(),
+            rest,
+            joints: scaled,
+            to_joint: self.links.map(|link| link.pose.pose().inverse() * own),
+            carried: self.links.map(|_| DAffine3::IDENTITY),
+        };
+        let patch = &mut self.patches[id];
+        patch.blend = Some(Box::new(blend));
+        patch.coarse.clear();
+        Ok(())
     }
 }

@@ -79,7 +79,6 @@ impl PatchBvh {
     ///
     /// # Panics
     /// If there is not one position per vertex.
-    #[cfg_attr(not(test), expect(dead_code, reason = "patches that bend are not read yet"))]
     pub(in crate::contact) fn refit(
         &mut self,
         patch: &str,

@@ -1,0 +1,194 @@
+//! Patches that follow several links: a linear blend of their motions.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use dermatome::{
+    contact::{ContactError, ContactIndex, IndexOptions, Query},
+    id::{IdVec, VertexId},
+    map::SkinMap,
+    mesh::{TriMesh, shapes},
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    skin::{Link, LinkId, Patch, PatchId, Skin},
+};
+use glam::{DAffine3, DQuat, DVec3};
+use proptest::prelude::*;
+
+/// Three links in a chain, and a patch on each of the last two.
+fn robot() -> SkinMap {
+    let mut skin = Skin::default();
+    for k in 0..3_usize {
+        let pose =
+            DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.3 * k as f64), DVec3::Z * 0.1);
+        skin.links.push(Link { name: format!("{k}"), parent: k.checked_sub(1).map(LinkId::new), pose });
+    }
+    skin.patches.push(Patch::from_mesh("soft", LinkId::new(1), shapes::cap(150, 0.1, 0.6)));
+    skin.patches.push(Patch::from_mesh("rigid", LinkId::new(2), shapes::cap(60, 0.05, 0.9)));
+    build(&skin, &BuildOptions::default()).unwrap()
+}
+
+fn mesh(map: &SkinMap, patch: usize) -> &TriMesh {
+    &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh
+}
+
+type Joints = IdVec<VertexId, [(LinkId, f64); 4]>;
+
+/// The vertices of the first patch in the world, written down again.
+fn blended(
+    map: &SkinMap,
+    joints: &Joints,
+    [rest, posed]: [&IdVec<LinkId, DAffine3>; 2],
+) -> IdVec<VertexId, DVec3> {
+    let own = rest[LinkId::new(1)];
+    let place = |(p, row): (&DVec3, &[(LinkId, f64); 4])| {
+        let part = |&(j, w): &(LinkId, f64)| w * (posed[j] * rest[j].inverse() * own).transform_point3(*p);
+        row.iter().map(part).sum::<DVec3>()
+    };
+    mesh(map, 0).positions.iter().zip(joints).map(place).collect()
+}
+
+fn distance_to_triangle(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let to_segment = |a: DVec3, b: DVec3| {
+        let t = ((q - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        q.distance(a.lerp(b, t))
+    };
+    let n = (b - a).cross(c - a).normalize();
+    let p = q - n * (q - a).dot(n);
+    let inside = [(a, b), (b, c), (c, a)].iter().all(|(a, b)| (*b - *a).cross(p - *a).dot(n) >= 0.0);
+    if inside { q.distance(p) } else { to_segment(a, b).min(to_segment(b, c)).min(to_segment(c, a)) }
+}
+
+fn any_pose() -> impl Strategy<Value = DAffine3> {
+    let turn = prop::array::uniform4(-1.0..1.0_f64)
+        .prop_filter("no direction", |q| DQuat::from_array(*q).length() > 0.1);
+    let place = prop::array::uniform3(-0.2..0.2_f64);
+    (turn, place).prop_map(|(q, t)| {
+        DAffine3::from_rotation_translation(DQuat::from_array(q).normalize(), DVec3::from(t))
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 24, failure_persistence: None, ..ProptestConfig::default()
+    })]
+
+    /// However links move, contacts are answered as brute force on the blended mesh answers them.
+    #[test]
+    fn answers_are_those_of_the_blended_mesh(
+        weights in prop::collection::vec(prop::array::uniform4(0.0..1.0_f64), 150),
+        poses in prop::array::uniform3(any_pose()),
+        contacts in prop::collection::vec(prop::array::uniform3(-0.4..0.4_f64), 8),
+    ) {
+        let map = robot();
+        let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true, ..Default::default() }).unwrap();
+        let rest = index.poses();
+        let joints: Joints = mesh(&map, 0).positions.ids().map(|v| {
+            let row = weights[v.index() % weights.len()];
+            let sum: f64 = row.iter().sum();
+            [0, 1, 2, 1].map(LinkId::new).iter().zip(row).map(|(j, w)| (*j, w / sum)).collect::<Vec<_>>().try_into().unwrap()
+        }).collect();
+        index.blend(PatchId::new(0), &joints).unwrap();
+        let posed: IdVec<LinkId, DAffine3> = poses.to_vec().into();
+        index.set_poses(&posed).unwrap();
+        let positions = blended(&map, &joints, [&rest, &posed]);
+        let soft = TriMesh { positions, triangles: mesh(&map, 0).triangles.clone() };
+        let rigid = TriMesh {
+            positions: mesh(&map, 1).positions.map(|p| posed[LinkId::new(2)].transform_point3(*p)),
+            triangles: mesh(&map, 1).triangles.clone(),
+        };
+        for contact in contacts.into_iter().map(DVec3::from) {
+            let distances = [&soft, &rigid].map(|mesh| {
+                let each = mesh.triangles.ids().map(|f| distance_to_triangle(contact, mesh.corners(f)));
+                each.fold(f64::INFINITY, f64::min)
+            });
+            let hit = index.locate(contact).unwrap();
+            let expected = distances[0].min(distances[1]);
+            prop_assert!((hit.distance.abs() - expected).abs() < 1e-9, "{} instead of {expected}", hit.distance);
+            let on = [&soft, &rigid][hit.patch.index()].point(&hit.point);
+            prop_assert!(hit.position.distance(on) < 1e-9);
+            if hit.patch == PatchId::new(0) {
+                let first = index.reactive(contact, LevelId::new(1)).unwrap();
+                prop_assert!((first.distance.abs() - expected).abs() <= first.error + 1e-9);
+            }
+            let taxel = index.nearest_fields(contact, 1, LevelId::new(0)).unwrap()[0];
+            let vertices = soft.positions.iter().chain(&rigid.positions);
+            let nearest = vertices.map(|p| p.distance(contact)).fold(f64::INFINITY, f64::min);
+            prop_assert!((taxel.distance - nearest).abs() < 1e-9);
+        }
+        index.set_poses(&rest).unwrap();
+        let back = index.locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
+        let new = ContactIndex::new(&map).unwrap().locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
+        prop_assert!((back.distance - new.distance).abs() < 1e-12, "moved back");
+    }
+}
+
+/// A patch that follows one link alone moves as if it were on that link.
+#[test]
+fn one_joint_is_a_rigid_pose() {
+    let map = robot();
+    let mut index = ContactIndex::new(&map).unwrap();
+    let other = LinkId::new(2);
+    let joints: Joints =
+        mesh(&map, 0).positions.map(|_| [(other, 1.0), (other, 0.0), (LinkId::new(99), 0.0), (other, 0.0)]);
+    let rest = index.poses();
+    let contact = DVec3::new(0.02, 0.03, 0.25);
+    let before = index.locate(Query::on_link(LinkId::new(1), contact)).unwrap();
+    index.blend(PatchId::new(0), &joints).unwrap();
+    let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_y(1.0), DVec3::new(0.3, -0.2, 1.0));
+    index.move_links(&[(other, turned * rest[other])]).unwrap();
+    let world = rest[LinkId::new(1)].transform_point3(contact);
+    // The link of the patch has not moved: it sees the contact elsewhere.
+    let seen = rest[LinkId::new(1)].inverse().transform_point3(turned.transform_point3(world));
+    let found = index.locate(Query::on_link(LinkId::new(1), seen)).unwrap();
+    assert_eq!((found.patch, found.point.face), (before.patch, before.point.face));
+    assert!((found.distance - before.distance).abs() < 1e-12, "{} {}", found.distance, before.distance);
+    let left = index.locate(Query::on_link(LinkId::new(1), contact)).unwrap();
+    assert!(left.distance.abs() > 0.1, "there is nothing left where it was");
+}
+
+#[test]
+fn posing_a_blended_patch_allocates_nothing() {
+    let map = robot();
+    let mut index = ContactIndex::new(&map).unwrap();
+    let half = [(LinkId::new(1), 0.5), (LinkId::new(2), 0.5), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
+    index.blend(PatchId::new(0), &mesh(&map, 0).positions.map(|_| half)).unwrap();
+    let poses = index.poses();
+    let moved = poses.map(|pose| DAffine3::from_rotation_z(0.3) * *pose);
+    let mut frame = || {
+        index.set_poses(&moved).unwrap();
+        index.set_poses(&poses).unwrap();
+        assert!(index.locate(DVec3::ZERO).unwrap().distance.is_finite());
+    };
+    frame();
+    assert_eq!(allocation_counter::measure(frame).count_total, 0);
+}
+
+#[test]
+fn wrong_joints_are_named() {
+    let map = robot();
+    let mut index = ContactIndex::new(&map).unwrap();
+    let (patch, link) = (PatchId::new(0), LinkId::new(1));
+    let good: Joints = mesh(&map, 0).positions.map(|_| [(link, 1.0), (link, 0.0), (link, 0.0), (link, 0.0)]);
+    assert!(matches!(index.blend(PatchId::new(7), &good), Err(ContactError::NoMap { .. })));
+    let few: Joints = good.iter().copied().skip(1).collect();
+    assert!(matches!(index.blend(patch, &few), Err(ContactError::JointCount { .. })));
+    for row in [
+        [(link, -0.5), (link, 1.5), (link, 0.0), (link, 0.0)],
+        [(link, f64::NAN), (link, 1.0), (link, 0.0), (link, 0.0)],
+        [(link, f64::INFINITY), (link, 0.0), (link, 0.0), (link, 0.0)],
+        [(link, 0.4), (link, 0.4), (link, 0.0), (link, 0.0)],
+        [(link, 0.0); 4],
+        [(LinkId::new(3), 1.0), (link, 0.0), (link, 0.0), (link, 0.0)],
+    ] {
+        let mut bad = good.clone();
+        bad[VertexId::new(5)] = row;
+        let error = index.blend(patch, &bad).unwrap_err();
+        assert!(
+            matches!(error, ContactError::Joints { .. })
+                && error.to_string().starts_with("vertex 5 of patch 0 follows"),
+            "{error}"
+        );
+    }
+    index.blend(patch, &good).unwrap();
+    let far = DAffine3::from_translation(DVec3::splat(1e11));
+    assert!(index.move_links(&[(LinkId::new(0), far)]).is_ok(), "what moves as a whole stays together");
+}
