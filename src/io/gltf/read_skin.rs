@@ -60,7 +60,7 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
     }
     let remark = |what| Remark { patch: stem.clone(), kind: RemarkKind::PassedOver { what } };
     draft.materials.clone_from(&document.materials);
-    draft.remarks = document.notes.texts().into_iter().map(remark).collect();
+    draft.remarks.extend(document.notes.texts().into_iter().map(remark));
     Ok(draft)
 }
 
