@@ -53,11 +53,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         index.set_motion(&motion, frame as f64 / FRAMES as f64)?;
         posing.push(start.elapsed().as_nanos());
         for (contact, hit) in contacts.iter().zip(&mut hits) {
-            // Each contact goes on from where it was in the last frame.
-            let found = match hit {
-                Some(last) => index.locate_from(last, *contact)?,
-                None => index.locate(*contact)?,
-            };
+            let found = index.locate(*contact)?;
             cells += index.cells(&found).count();
             *hit = Some(found);
         }
