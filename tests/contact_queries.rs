@@ -144,7 +144,7 @@ proptest! {
                 let face = mesh.triangles.ids().nth(face.index(mesh.triangles.len())).unwrap();
                 let [a, b, c] = if *on_side { [*s, 1.0 - s, 0.0] } else { [1.0 - s.max(*t), (s - t).abs(), s.min(*t)] };
                 let mix3 = |p: [DVec3; 3]| p[0] * a + p[1] * b + p[2] * c;
-                let corners = mesh.triangles[face];
+                let corners = flat.corners()[face];
                 let uv = flat.uv[corners[0]] * a + flat.uv[corners[1]] * b + flat.uv[corners[2]] * c;
                 let place = mix3(mesh.corners(face));
                 let mut found = Vec::new();
@@ -156,7 +156,13 @@ proptest! {
                 }
                 if level == LevelId::new(0) {
                     let hit = index.locate(Query::on_link(LinkId::new(patch), place)).unwrap();
-                    prop_assert!(index.cell(&hit, level).unwrap().uv.distance(uv) < 1e-8, "skin to map");
+                    let back = index.cell(&hit, level).unwrap().uv;
+                    found.clear();
+                    maps.places(id, level, back, &mut found).unwrap();
+                    let is_same = found.iter().any(|p| p.position.distance(place) < 1e-8);
+                    // Along a seam a point of the skin has two places on the map.
+                    let is_cut = flat.corners() != &mesh.triangles;
+                    prop_assert!(back.distance(uv) < 1e-8 || is_cut && is_same, "skin to map");
                 }
             }
         }
