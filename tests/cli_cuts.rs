@@ -30,8 +30,11 @@ fn write(folder: &Path, name: &str, mesh: TriMesh) {
     write_skin(&folder.join(name), &Skin::from_mesh("s", mesh)).unwrap();
 }
 
+/// The corners of the faces, and how many vertices lie at each place; coordinates as bits.
+type Places = (Vec<[[u64; 3]; 3]>, BTreeMap<[u64; 3], usize>);
+
 /// The triangles of a file by the positions of their corners, and how many vertices each place has.
-fn places(path: &Path) -> (Vec<[[u64; 3]; 3]>, BTreeMap<[u64; 3], usize>) {
+fn places(path: &Path) -> Places {
     let sheet = read_draft(path).unwrap().sheets.remove(0);
     #[allow(clippy::cast_possible_truncation, reason = "glTF rounds to f32, so that is what is compared")]
     let place = |p: &DVec3| p.to_array().map(|x| u64::from((x as f32 + 0.0).to_bits()));

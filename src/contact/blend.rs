@@ -49,8 +49,7 @@ impl Blend {
             let part =
                 |&(joint, weight): &(LinkId, f64)| weight * self.carried[joint].transform_point3(*rest);
             *position = joints.iter().filter(|joint| joint.1 > 0.0).map(part).sum();
-            // Also true for NaN.
-            if !(position.abs().max_element() <= LARGEST) {
+            if !position.is_finite() || position.abs().max_element() > LARGEST {
                 return Err((VertexId::new(vertex), *position));
             }
         }

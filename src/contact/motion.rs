@@ -58,10 +58,9 @@ impl ContactIndex {
         for (vertex, row) in joints.enumerate() {
             let sum: f64 = row.iter().map(|joint| joint.1).sum();
             let is_wrong = |(joint, weight): &(LinkId, f64)| {
-                // Also true for NaN.
-                !(*weight >= 0.0) || (*weight > 0.0 && joint.index() >= links)
+                weight.is_nan() || *weight < 0.0 || (*weight > 0.0 && joint.index() >= links)
             };
-            if row.iter().any(is_wrong) || !((sum - 1.0).abs() <= SUM_TOLERANCE) {
+            if row.iter().any(is_wrong) || sum.is_nan() || (sum - 1.0).abs() > SUM_TOLERANCE {
                 return Err(ContactError::Joints { patch: id, vertex, joints: *row, links });
             }
             scaled[vertex] = row.map(|(joint, weight)| (joint, weight / sum));

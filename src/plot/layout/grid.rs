@@ -63,16 +63,19 @@ pub(crate) struct Slot {
 /// The slots of a patch's panels; `None` where it lacks a level.
 type Row<'a> = Vec<Option<&'a Slot>>;
 
+/// Panels row by row; `None` where a patch lacks a level.
+type Rows<P> = Vec<Vec<Option<P>>>;
+
 /// Height over width of a picture above which rows are put side by side: two screens.
 const TWO_SCREENS: f64 = 2.0 * 9.0 / 16.0;
 
 /// Lays rows of panels out; where many of them make the picture higher than two screens, several
 /// stand side by side.
 pub(crate) fn lay_out<P>(
-    mut rows: Vec<Vec<Option<P>>>,
+    mut rows: Rows<P>,
     slot: impl Fn(&P) -> &Slot,
     width: u32,
-) -> Result<(Vec<Vec<Option<P>>>, Layout), PlotError> {
+) -> Result<(Rows<P>, Layout), PlotError> {
     let fits = |layout: &Layout| f64::from(layout.height) <= TWO_SCREENS * f64::from(width);
     let mut beside = 1;
     for count in 1..=rows.len() {
