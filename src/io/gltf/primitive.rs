@@ -135,22 +135,22 @@ impl<'a> Attributes<'a> {
     /// Positions in metres, checked against the declared bounds.
     pub(super) fn positions(&self) -> Result<Vec<DVec3>> {
         let accessor = self.need("POSITION")?;
-        let declared = declared_bounds(accessor);
         let positions = accessor.reals(DVec3::from_array)?;
+        let declared = match declared_bounds(accessor) {
+            Ok(declared) => declared,
+            Err(fault) => return self.document.notes.pass(fault).map(|()| positions),
+        };
         // Bounds are of the numbers as they are stored, here not normalized; zeros have none.
         if accessor.gltf.normalized() || accessor.is_blank() {
             return Ok(positions);
         }
         let bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (lo, hi) = positions.iter().fold(bounds, |(lo, hi), &p| (lo.min(p), hi.max(p)));
+        let [min, max] = declared;
         // Both are f32 by nature: a decimal of few digits stands for the nearest one.
-        match declared {
-            Err(fault) => self.document.notes.pass(fault)?,
-            Ok([min, max]) if (min.as_vec3(), max.as_vec3()) != (lo.as_vec3(), hi.as_vec3()) => {
-                let needed = format!("the bounds of the positions, {lo} and {hi}");
-                self.document.notes.pass(accessor.invalid(format!("min {min} and max {max}"), needed))?;
-            }
-            Ok(_) => {}
+        if (min.as_vec3(), max.as_vec3()) != (lo.as_vec3(), hi.as_vec3()) {
+            let needed = format!("the bounds of the positions, {lo} and {hi}");
+            self.document.notes.pass(accessor.invalid(format!("min {min} and max {max}"), needed))?;
         }
         Ok(positions)
     }

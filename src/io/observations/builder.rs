@@ -249,11 +249,6 @@ fn check_information<const N: usize>(
         let needed = format!("at most {MOST_INFORMATION:e}, a standard deviation of 1 nm or 1e-9 rad");
         return Err(at.invalid(found, needed));
     }
-    if !information.is_positive_semidefinite() {
-        let (name, least) = (name(), information.eigenvalues()[0]);
-        let found = format!("an information matrix of {name} with the negative eigenvalue {least:e}");
-        return Err(at.invalid(found, "a positive semi-definite matrix, upper triangle row by row"));
-    }
     Ok(())
 }
 

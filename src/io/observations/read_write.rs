@@ -37,7 +37,9 @@ const KINDS: &str = ".g2o, .csv";
 /// The observations of `more` files are appended, as contacts come in a table of their own. A pose
 /// that one of them fixes is fixed; its initial value is used where there is none yet.
 ///
-/// Returns the observations, and what was changed, left out or assumed.
+/// Returns the observations, and what was changed, left out or assumed. Information that is not
+/// positive semi-definite is returned as it is: [`Observations::validate`] refuses it, and
+/// [`Observations::clip_information`] mends it.
 ///
 /// # Errors
 /// The first line that breaks a rule of its format, with its number; a further file that observes
