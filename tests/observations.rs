@@ -76,6 +76,21 @@ fn unknown_lines_are_counted_and_named() {
 }
 
 #[test]
+fn indefinite_information_is_counted_with_its_first_line() {
+    let graph = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\nEDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1\n\
+                 EDGE_POINTXYZ 0 1 1 0 0 1 0 0 -1 0 1\nEDGE_POINTXYZ_PRIOR 1 1 0 0 1 0 0 -1 0 1\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.g2o");
+    fs::write(&path, graph).unwrap();
+    let (mut observations, remarks) = read_observations(&path, &[]).unwrap();
+    let said: Vec<String> = remarks.iter().map(ToString::to_string).collect();
+    assert_eq!(said, ["line 4: the information of edge 0 to 1 is not positive semi-definite; 1 more is not"]);
+    assert!(observations.validate().is_err());
+    assert_eq!(observations.clip_information(), 2);
+    observations.validate().unwrap();
+}
+
+#[test]
 fn broken_graphs_are_refused_with_their_line() {
     let vertices = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\n";
     for (line, needed) in [

@@ -47,6 +47,8 @@ pub(super) struct ObservationsBuilder {
     unknown_tags: BTreeMap<String, usize>,
     normalised: usize,
     worst: f64,
+    /// Line and name of the first indefinite information, and how many there are.
+    indefinite: Option<(usize, String, usize)>,
     pub(super) assumed_sigma: Option<f64>,
 }
 
@@ -87,11 +89,30 @@ impl ObservationsBuilder {
         match &motion {
             DisplacementMeasurement::Offset { offset, information } => {
                 check_length(*offset, at)?;
-                check_information(information, name, at)?;
+                self.check_information(information, name, at)?;
             }
-            DisplacementMeasurement::Relative(m) => check_information(&m.information, name, at)?,
+            DisplacementMeasurement::Relative(m) => self.check_information(&m.information, name, at)?,
         }
         self.edges.push((from, to, at.line, motion));
+        Ok(())
+    }
+
+    /// Refuses information that is too large, and counts what is not positive semi-definite.
+    fn check_information<const N: usize>(
+        &mut self,
+        information: &Information<N>,
+        name: impl Fn() -> String,
+        at: &LineLocation<'_>,
+    ) -> Result<()> {
+        let largest = information.upper().fold(0.0, |most: f64, x| most.max(x.abs()));
+        if largest > MOST_INFORMATION {
+            let found = format!("an information of {largest:e} for {}", name());
+            let needed = format!("at most {MOST_INFORMATION:e}, a standard deviation of 1 nm or 1e-9 rad");
+            return Err(at.invalid(found, needed));
+        }
+        if !information.is_positive_semidefinite() {
+            self.indefinite.get_or_insert_with(|| (at.line, name(), 0)).2 += 1;
+        }
         Ok(())
     }
 
@@ -106,9 +127,9 @@ impl ObservationsBuilder {
             ContactMeasurement::Position { position, information }
             | ContactMeasurement::PositionNormal { position, information, .. } => {
                 check_length(*position, at)?;
-                check_information(information, name, at)?;
+                self.check_information(information, name, at)?;
             }
-            ContactMeasurement::Pose { seen, .. } => check_information(&seen.information, name, at)?,
+            ContactMeasurement::Pose { seen, .. } => self.check_information(&seen.information, name, at)?,
         }
         self.contacts.push((id, at.line, touch));
         Ok(())
@@ -193,6 +214,11 @@ impl ObservationsBuilder {
         if self.normalised > 0 {
             remarks.push(ObservationRemark::Normalised { quaternions: self.normalised, worst: self.worst });
         }
+        remarks.extend(self.indefinite.map(|(line, name, count)| ObservationRemark::Indefinite {
+            line,
+            name,
+            count,
+        }));
         remarks.extend(self.assumed_sigma.map(|sigma| ObservationRemark::AssumedSigma { sigma }));
         Ok((observations, remarks))
     }
@@ -238,20 +264,6 @@ fn check_length(vector: DVec3, at: &LineLocation<'_>) -> Result<()> {
     }
 }
 
-fn check_information<const N: usize>(
-    information: &Information<N>,
-    name: impl Fn() -> String,
-    at: &LineLocation<'_>,
-) -> Result<()> {
-    let largest = information.upper().fold(0.0, |most: f64, x| most.max(x.abs()));
-    if largest > MOST_INFORMATION {
-        let found = format!("an information of {largest:e} for {}", name());
-        let needed = format!("at most {MOST_INFORMATION:e}, a standard deviation of 1 nm or 1e-9 rad");
-        return Err(at.invalid(found, needed));
-    }
-    Ok(())
-}
-
 /// The information of a standard deviation in m or rad, if that is within [`SIGMA_RANGE`].
 pub(super) fn information_of(sigma: f64) -> Option<f64> {
     // 1e-9 squared and inverted is not quite 1e18.
@@ -279,6 +291,15 @@ pub enum ObservationRemark {
         /// The length farthest from 1.
         worst: f64,
     },
+    /// Information matrices that are not positive semi-definite.
+    Indefinite {
+        /// Line of the first one, from 1.
+        line: usize,
+        /// What it is the information of.
+        name: String,
+        /// How many there are.
+        count: usize,
+    },
     /// A table gives no uncertainty.
     AssumedSigma {
         /// The standard deviation assumed instead, in m.
@@ -295,6 +316,14 @@ impl fmt::Display for ObservationRemark {
             }
             Self::Normalised { quaternions, worst } => {
                 write!(f, "{quaternions} quaternions were normalised, the worst had length {worst}")
+            }
+            Self::Indefinite { line, name, count } => {
+                write!(f, "line {line}: the information of {name} is not positive semi-definite")?;
+                match count {
+                    1 => Ok(()),
+                    2 => write!(f, "; 1 more is not"),
+                    _ => write!(f, "; {} more are not", count - 1),
+                }
             }
             Self::AssumedSigma { sigma } => {
                 write!(f, "the table gives no uncertainty; {} mm per axis was assumed", sigma * 1e3)

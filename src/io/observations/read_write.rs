@@ -38,8 +38,8 @@ const KINDS: &str = ".g2o, .csv";
 /// that one of them fixes is fixed; its initial value is used where there is none yet.
 ///
 /// Returns the observations, and what was changed, left out or assumed. Information that is not
-/// positive semi-definite is returned as it is: [`Observations::validate`] refuses it, and
-/// [`Observations::clip_information`] mends it.
+/// positive semi-definite is returned as it is, with a remark: [`Observations::validate`] refuses it,
+/// and [`Observations::clip_information`] mends it.
 ///
 /// # Errors
 /// The first line that breaks a rule of its format, with its number; a further file that observes
