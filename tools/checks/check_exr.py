@@ -45,7 +45,12 @@ def read_glb(path):
             pair = accessor(attributes["_TAXEL_ID"]).astype(np.uint32)
             ids = pair[:, 0] + (pair[:, 1] << 16 if pair.shape[1] == 2 else 0)
         triangles = accessor(mesh["primitives"][0]["indices"]).reshape(-1, 3).astype(np.int64)
-        yield mesh["name"], accessor(attributes["TEXCOORD_0"]).astype(float), triangles, ids
+        texture = accessor(attributes["TEXCOORD_0"]).astype(float)
+        unsplit = mesh["extras"]["dermatome"].get("unsplit")
+        if ids is None:
+            # Fields are numbered as the vertices of the uncut level.
+            ids = np.arange(len(texture)) if unsplit is None else accessor(unsplit)[:, 0].astype(np.int64)
+        yield mesh["name"], texture, triangles, ids
 
 
 def part_name(name):
@@ -107,7 +112,7 @@ def check(name, texture, triangles, ids, part):
             reach = np.hypot(*(corners[:, (k + 1) % 3] - corners[:, k]).T)
             if np.any(side < -1e-3 * np.maximum(reach, 1e-9)):
                 return "face.id names a face that does not hold the pixel"
-        names = triangles[face[covered]] if ids is None else ids[triangles[face[covered]]]
+        names = ids[triangles[face[covered]]]
         if not np.all((names == taxel[covered][:, None]).any(1)):
             return "taxel.id is no corner of its face"
     return None
