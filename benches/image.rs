@@ -80,7 +80,8 @@ fn draw(c: &mut Criterion) {
     for (patches, taxels) in [(1, 642), (13, 4336), (1, 100_000)] {
         draw_map(c, &taxels.to_string(), &caps(patches, taxels));
     }
-    for path in env::split_paths(&env::var_os("DERMATOME_MAPS").unwrap_or_default()) {
+    let maps = env::var_os("DERMATOME_MAPS");
+    for path in maps.iter().flat_map(env::split_paths) {
         let name = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
         draw_map(c, name, &read_map(&path).unwrap());
     }
