@@ -915,6 +915,18 @@ fn a_header_that_lies_is_refused() {
     assert!(read_bytes(&Glb::container(b"\xFF\xFE", b"")).is_err(), "no UTF-8");
 }
 
+/// Views that name a buffer, in a file that has none.
+#[test]
+fn views_of_no_buffer_are_refused() {
+    let text = String::from_utf8_lossy(&Glb::square().bytes()).into_owned();
+    assert_eq!(text.matches("\"buffers\"").count(), 1);
+    let mut bytes = Glb::square().bytes();
+    let at = bytes.windows(9).position(|w| w == b"\"buffers\"").unwrap();
+    bytes[at + 1] = b'B';
+    let found = read_bytes(&bytes).unwrap_err().to_string();
+    assert!(found.contains("bufferView") && found.contains("buffer 0"), "{found}");
+}
+
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(512))]
 

@@ -114,7 +114,7 @@ pub(super) fn parse(source: &Source, text: &[u8], notes: &Notes) -> Result<Parse
         |key: &str| document.remove(key).map_or_else(|| Ok(Vec::new()), |list| guard.typed(key, list));
     let (extensions_used, extensions_required) = (names("extensionsUsed")?, names("extensionsRequired")?);
     let mut transforms = Vec::new();
-    let root = Root {
+    let mut root = Root {
         asset,
         scene,
         extensions_used,
@@ -152,6 +152,10 @@ pub(super) fn parse(source: &Source, text: &[u8], notes: &Notes) -> Result<Parse
         })?,
         ..Root::default()
     };
+    // The crate looks a view's buffer up before anyone can ask whether the view is broken.
+    if root.buffers.is_empty() && !root.buffer_views.is_empty() {
+        root.buffers.push(guard.typed("buffers", json!({"byteLength": 0}))?);
+    }
     Ok(Parsed { root, transforms, animations, materials })
 }
 
