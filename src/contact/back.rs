@@ -88,7 +88,7 @@ impl MapIndex {
                 Ok(Sheet { tree, mesh, frame: map.frame, on_chart, same_point })
             };
             let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?.into();
-            Ok(IndexedMap { link: patch.link, levels, cells: PatchCells::new(patch)? })
+            Ok(IndexedMap { link: patch.link, levels, cells: PatchCells::without_rows(patch) })
         });
         Ok(Self { patches: patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into() })
     }

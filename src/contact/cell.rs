@@ -6,7 +6,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError, MapLevel, PatchMap, carried_places},
     mesh::{SurfacePoint, TriMesh},
-    pyramid::{LevelId, Prolongation, PyramidError},
+    pyramid::LevelId,
     skin::TaxelId,
 };
 
@@ -48,15 +48,60 @@ impl FromIterator<(VertexId, f64)> for FieldWeights {
     /// # Panics
     /// If there are more than nine fields.
     fn from_iter<I: IntoIterator<Item = (VertexId, f64)>>(fields: I) -> Self {
-        let mut weights = Self::none();
-        fields.into_iter().for_each(|(field, weight)| weights.add(field, weight));
-        weights
+        let mut all: Vec<_> = fields.into_iter().filter(|(_, weight)| *weight != 0.0).collect();
+        all.sort_by_key(|(field, _)| *field);
+        let mut sum = Self::none();
+        for (field, weight) in all {
+            if sum.len == 0 || sum.fields[sum.len - 1] != field {
+                sum.fields[sum.len] = field;
+                sum.len += 1;
+            }
+            sum.weights[sum.len - 1] += weight;
+        }
+        sum
     }
+}
+
+/// Fields, ids rising and ended by [`none`], and their weights.
+type Part = ([VertexId; 4], [f64; 4]);
+
+/// Ends a [`Part`]: larger than every vertex.
+fn none() -> VertexId {
+    VertexId::from(u32::MAX)
+}
+
+fn single((field, weight): (VertexId, f64)) -> Part {
+    ([field, none(), none(), none()], [weight, 0.0, 0.0, 0.0])
 }
 
 impl FieldWeights {
     fn none() -> Self {
         Self { len: 0, fields: [VertexId::default(); MOST_FIELDS], weights: [0.0; MOST_FIELDS] }
+    }
+
+    /// The sums of the weights of each field of three parts.
+    fn merged([a, b, c]: [Part; 3]) -> Self {
+        let mut sum =
+            Self { len: 0, fields: [VertexId::default(); MOST_FIELDS], weights: [0.0; MOST_FIELDS] };
+        let (mut i, mut j, mut k) = (0, 0, 0);
+        loop {
+            // Never beyond the fourth; the mask spares the test.
+            let (x, y, z) = (i & 3, j & 3, k & 3);
+            let field = a.0[x].min(b.0[y]).min(c.0[z]);
+            if field == none() {
+                return sum;
+            }
+            let (in_a, in_b, in_c) = (a.0[x] == field, b.0[y] == field, c.0[z] == field);
+            let part = |is_in: bool, weight: f64| if is_in { weight } else { 0.0 };
+            let weight = part(in_a, a.1[x]) + part(in_b, b.1[y]) + part(in_c, c.1[z]);
+            if weight != 0.0
+                && let Some(slot) = sum.fields.get_mut(sum.len)
+            {
+                (*slot, sum.weights[sum.len]) = (field, weight);
+                sum.len += 1;
+            }
+            (i, j, k) = (i + usize::from(in_a), j + usize::from(in_b), k + usize::from(in_c));
+        }
     }
 
     /// Fields and weights, smallest id first.
@@ -68,22 +113,6 @@ impl FieldWeights {
     fn strongest(&self) -> VertexId {
         let best = self.iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
         best.map_or(VertexId::default(), |(field, _)| field)
-    }
-
-    fn add(&mut self, field: VertexId, weight: f64) {
-        if weight == 0.0 {
-            return;
-        }
-        match self.fields[..self.len].binary_search(&field) {
-            Ok(at) => self.weights[at] += weight,
-            Err(at) if self.len < MOST_FIELDS => {
-                self.fields.copy_within(at..self.len, at + 1);
-                self.weights.copy_within(at..self.len, at + 1);
-                (self.fields[at], self.weights[at]) = (field, weight);
-                self.len += 1;
-            }
-            Err(_) => unreachable!("three rows of three fields"),
-        }
     }
 }
 
@@ -115,40 +144,104 @@ impl Anchor {
 #[derive(Debug, Clone)]
 pub(super) struct PatchCells {
     levels: IdVec<LevelId, LevelCells>,
+    /// For each vertex of level 0 its rows on the coarser levels, side by side: they are read together.
+    rows: Vec<Row>,
 }
 
+/// What a lookup needs of one level.
 #[derive(Debug, Clone)]
 struct LevelCells {
-    uv: IdVec<VertexId, DVec2>,
     frame: ImageFrame,
-    /// Vendor id of the taxel at the centre of each field.
-    taxels: IdVec<VertexId, TaxelId>,
-    triangles: IdVec<FaceId, [VertexId; 3]>,
+    fields: IdVec<VertexId, Field>,
+    triangles: IdVec<FaceId, Corners>,
     /// The first face of each vertex.
     first_faces: IdVec<VertexId, FaceId>,
-    /// The corners as places of the map, where it is cut.
-    places: Option<IdVec<FaceId, [VertexId; 3]>>,
+    cut: Option<Opened>,
     /// Where the places of level 0 lie on this map, where level 0 is cut; `None` on level 0.
     carried: Option<IdVec<VertexId, DVec2>>,
-    /// `None` on level 0.
-    coarse: Option<IdVec<VertexId, Row>>,
 }
 
-/// Where a vertex of level 0 lies on a coarser level: all that a lookup reads of it, side by side.
+#[derive(Debug, Clone, Copy)]
+struct Field {
+    /// The first of its places.
+    uv: DVec2,
+    taxel: TaxelId,
+}
+
+/// The corners of a face, ids rising.
+#[derive(Debug, Clone, Copy)]
+struct Corners {
+    fields: [VertexId; 3],
+    /// Which corner of the face each of them is.
+    order: [u8; 3],
+}
+
+/// A map that is cut open.
+#[derive(Debug, Clone)]
+struct Opened {
+    /// The corners of the faces as places of the map.
+    triangles: IdVec<FaceId, [VertexId; 3]>,
+    uv: IdVec<VertexId, DVec2>,
+}
+
+/// Where a vertex of level 0 lies on a coarser level.
 #[derive(Debug, Clone, Copy)]
 struct Row {
-    /// The corners of `face`, and how much of the vertex each is.
-    fields: [VertexId; 3],
+    /// How much of each corner of the face it is, ids of the corners rising.
     weights: [f64; 3],
     /// See [`MapLevel::row_faces`].
     face: FaceId,
 }
 
+impl Corners {
+    fn of(corners: [VertexId; 3]) -> Self {
+        let mut order = [0, 1, 2];
+        order.sort_by_key(|&k: &u8| corners[usize::from(k)]);
+        Self { fields: order.map(|k| corners[usize::from(k)]), order }
+    }
+
+    /// Numbers for the corners as the face has them, of numbers for rising ids.
+    fn in_face<T: Copy>(&self, rising: [T; 3]) -> [T; 3] {
+        let mut corners = rising;
+        self.order.into_iter().zip(rising).for_each(|(corner, x)| corners[usize::from(corner)] = x);
+        corners
+    }
+
+    /// The fields of a row in this face, each with a share of its weight.
+    fn part(&self, weights: [f64; 3], share: f64) -> Part {
+        let ([a, b, c], [x, y, z]) = (self.fields, weights);
+        ([a, b, c, none()], [share * x, share * y, share * z, 0.0])
+    }
+}
+
 impl PatchCells {
     /// From a patch of a valid map.
     pub(super) fn new(patch: &PatchMap) -> Result<Self, MapError> {
+        let mut cells = Self::without_rows(patch);
+        let above = patch.levels.len() - 1;
+        let blank = Row { weights: [0.0; 3], face: FaceId::default() };
+        cells.rows = vec![blank; above * cells.levels[LevelId::new(0)].fields.len()];
+        for (id, map) in patch.levels.enumerate() {
+            let Some(to_finest) = &map.level.to_finest else { continue };
+            let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
+            for (vertex, &face) in map.row_faces(to_finest).map_err(wrong)?.enumerate() {
+                let fields = cells.levels[id].triangles[face].fields;
+                let mut weights = [0.0; 3];
+                for (field, weight) in to_finest.indices[vertex].into_iter().zip(to_finest.weights[vertex]) {
+                    if let Some(k) = fields.iter().position(|&corner| corner == field) {
+                        weights[k] += weight;
+                    }
+                }
+                cells.rows[vertex.index() * above + id.index() - 1] = Row { weights, face };
+            }
+        }
+        Ok(cells)
+    }
+
+    /// The same for points on a level's own mesh alone.
+    pub(super) fn without_rows(patch: &PatchMap) -> Self {
         let levels = patch.levels.enumerate().map(|(id, map)| LevelCells::new(patch, id, map));
-        Ok(Self { levels: levels.collect::<Result<Vec<_>, _>>()?.into() })
+        Self { levels: levels.collect(), rows: Vec::new() }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -159,75 +252,52 @@ impl PatchCells {
     pub(super) fn cell(&self, level: LevelId, anchor: &Anchor) -> Option<Cell> {
         let Anchor { at, corners, nearest } = anchor;
         let cells = self.levels.get(level)?;
-        let mut weights = FieldWeights::none();
         let mut point = *at;
-        match &cells.coarse {
-            None => corners.iter().zip(at.barycentric).for_each(|(&v, share)| weights.add(v, share)),
-            Some(rows) => {
-                for (corner, share) in corners.iter().zip(at.barycentric) {
-                    let Row { fields, weights: row, face } = rows[*corner];
-                    fields.into_iter().zip(row).for_each(|(field, w)| weights.add(field, share * w));
-                    if corner == nearest {
-                        point = SurfacePoint { face, barycentric: row };
-                    }
+        let weights = match level.index().checked_sub(1) {
+            None => FieldWeights::merged([0, 1, 2].map(|k| single((corners[k], at.barycentric[k])))),
+            Some(above) => FieldWeights::merged([0, 1, 2].map(|k| {
+                let Row { weights, face } = self.rows[corners[k].index() * (self.levels.len() - 1) + above];
+                let triangle = &cells.triangles[face];
+                if corners[k] == *nearest {
+                    point = SurfacePoint { face, barycentric: triangle.in_face(weights) };
                 }
-            }
-        }
-        let finest = self.levels.get(LevelId::new(0)).and_then(|finest| finest.places.as_ref());
-        let uv = match finest {
-            // The corners of the face as they lie on its side of the seam.
-            Some(places) => {
-                let carried = cells.carried.as_ref().unwrap_or(&cells.uv);
-                places[at.face].iter().zip(at.barycentric).map(|(&place, w)| carried[place] * w).sum()
-            }
-            None => weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum(),
+                triangle.part(weights, at.barycentric[k])
+            })),
         };
-        let field = weights.strongest();
-        let pixel = cells.frame.pixel(uv);
-        Some(Cell { level, point, uv, pixel, field, taxel: cells.taxels[field], weights })
+        let finest = self.levels.get(LevelId::new(0)).and_then(|finest| finest.cut.as_ref());
+        let uv = finest.map(|finest| {
+            // The corners of the face as they lie on its side of the seam.
+            let carried = cells.carried.as_ref().unwrap_or(&finest.uv);
+            finest.triangles[at.face].iter().zip(at.barycentric).map(|(&place, w)| carried[place] * w).sum()
+        });
+        Some(cells.cell(level, point, weights, uv))
     }
-}
 
-impl PatchCells {
     /// The cell of a point on a level's own mesh; its fields are the corners of its face.
     pub(super) fn own_cell(&self, level: LevelId, at: &SurfacePoint) -> Option<Cell> {
         let cells = self.levels.get(level)?;
-        let corners = *cells.triangles.get(at.face)?;
-        let weights: FieldWeights = corners.into_iter().zip(at.barycentric).collect();
-        let uv = match &cells.places {
-            Some(places) => {
-                places[at.face].iter().zip(at.barycentric).map(|(&place, w)| cells.uv[place] * w).sum()
-            }
-            None => weights.iter().map(|(field, weight)| cells.uv[field] * weight).sum(),
-        };
-        let (field, pixel) = (weights.strongest(), cells.frame.pixel(uv));
-        Some(Cell { level, point: *at, uv, pixel, field, taxel: cells.taxels[field], weights })
+        let triangle = cells.triangles.get(at.face)?;
+        let corners = triangle.in_face(triangle.fields);
+        let weights = FieldWeights::merged([0, 1, 2].map(|k| single((corners[k], at.barycentric[k]))));
+        let uv = cells.cut.as_ref().map(|cut| {
+            cut.triangles[at.face].iter().zip(at.barycentric).map(|(&place, w)| cut.uv[place] * w).sum()
+        });
+        Some(cells.cell(level, *at, weights, uv))
     }
-}
 
-impl PatchCells {
     /// Vendor id of the taxel at the centre of a field that exists.
     pub(super) fn taxel(&self, level: LevelId, field: VertexId) -> TaxelId {
-        self.levels[level].taxels[field]
+        self.levels[level].fields[field].taxel
     }
 
-    /// The cell of the centre of a field.
+    /// The cell of the centre of a field; of the places of a field on a seam the first.
     pub(super) fn field_cell(&self, level: LevelId, field: VertexId) -> Option<Cell> {
         let cells = self.levels.get(level)?;
         let face = *cells.first_faces.get(field)?;
-        let corners = cells.triangles.get(face).copied().unwrap_or_default();
-        let point = SurfacePoint { face, barycentric: corners.map(|v| f64::from(u8::from(v == field))) };
-        // Of the places of a field on a seam the first.
-        let (uv, weights) = (cells.uv[field], [(field, 1.0)].into_iter().collect());
-        Some(Cell {
-            level,
-            point,
-            uv,
-            pixel: cells.frame.pixel(uv),
-            field,
-            taxel: cells.taxels[field],
-            weights,
-        })
+        let triangle = cells.triangles.get(face)?;
+        let barycentric = triangle.in_face(triangle.fields.map(|v| f64::from(u8::from(v == field))));
+        let weights = FieldWeights::merged([(field, 1.0), (none(), 0.0), (none(), 0.0)].map(single));
+        Some(cells.cell(level, SurfacePoint { face, barycentric }, weights, None))
     }
 }
 
@@ -240,39 +310,26 @@ fn first_faces(mesh: &TriMesh) -> IdVec<VertexId, FaceId> {
     first
 }
 
-/// The rows of a prolongation to level 0, each by the corners of the face that it lies in.
-fn rows(map: &MapLevel, to_finest: &Prolongation) -> Result<IdVec<VertexId, Row>, PyramidError> {
-    let faces = map.row_faces(to_finest)?;
-    let row = |vertex: VertexId| {
-        let face = faces[vertex];
-        let fields = map.level.mesh.triangles[face];
-        let mut weights = [0.0; 3];
-        for (field, weight) in to_finest.indices[vertex].into_iter().zip(to_finest.weights[vertex]) {
-            if let Some(k) = fields.iter().position(|&corner| corner == field) {
-                weights[k] += weight;
-            }
-        }
-        Row { fields, weights, face }
-    };
-    Ok(faces.ids().map(row).collect())
-}
-
 impl LevelCells {
-    fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Result<Self, MapError> {
-        let level = &map.level;
-        let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
+    fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Self {
         let finest = patch.levels.iter().next().filter(|finest| finest.cut.is_some() && id.index() > 0);
-        let carried = finest.map(|finest| carried_places(finest, map));
-        let coarse = level.to_finest.as_ref().map(|to_finest| rows(map, to_finest).map_err(wrong));
-        Ok(Self {
-            uv: map.uv.clone(),
+        let field =
+            |(v, &origin): (VertexId, &VertexId)| Field { uv: map.uv[v], taxel: patch.taxels.ids[origin] };
+        Self {
             frame: map.frame,
-            taxels: level.origins.map(|&origin| patch.taxels.ids[origin]),
-            triangles: level.mesh.triangles.clone(),
-            first_faces: first_faces(&level.mesh),
-            places: map.cut.as_ref().map(|cut| cut.triangles.clone()),
-            carried,
-            coarse: coarse.transpose()?,
-        })
+            fields: map.level.origins.enumerate().map(field).collect(),
+            triangles: map.level.mesh.triangles.map(|corners| Corners::of(*corners)),
+            first_faces: first_faces(&map.level.mesh),
+            cut: map.cut.as_ref().map(|cut| Opened { triangles: cut.triangles.clone(), uv: map.uv.clone() }),
+            carried: finest.map(|finest| carried_places(finest, map)),
+        }
+    }
+
+    /// The cell at a point; its map position is the mean of the fields' if `uv` is not known.
+    fn cell(&self, level: LevelId, point: SurfacePoint, weights: FieldWeights, uv: Option<DVec2>) -> Cell {
+        let mean = || weights.iter().map(|(field, weight)| self.fields[field].uv * weight).sum();
+        let (uv, field) = (uv.unwrap_or_else(mean), weights.strongest());
+        let (pixel, taxel) = (self.frame.pixel(uv), self.fields[field].taxel);
+        Cell { level, point, uv, pixel, field, taxel, weights }
     }
 }
