@@ -30,9 +30,9 @@ use rayon::prelude::*;
 use crate::{
     Error,
     atlas::skin_images,
-    cut::{Cut, CutMesh, cut_along, decide, pairs_by_patch, seam_length},
+    cut::{AreaLimit, Cut, CutError, CutMesh, MOST_SLITS, cut_along, decide, pairs_by_patch, seam_length},
     flatten::{
-        Convergence, Energy, FlattenOptions, flatten, flatten_pyramid_with_convergence,
+        Convergence, FlattenOptions, distortion, flatten, flatten_pyramid_with_convergence, flatten_roughly,
         flatten_with_convergence,
     },
     id::{IdVec, VertexId},
@@ -72,12 +72,36 @@ impl Default for BuildOptions {
 /// second, and its seam differs little from that of the skin.
 const DECIDED_ON: usize = 2000;
 
+/// Slits are decided on a coarser level, whose map is a little better than that of the skin: by these
+/// shares of the logarithm of an area ratio they aim lower until the map of the skin keeps it.
+const AIMS: [f64; 3] = [0.95, 0.8, 0.6];
+
 /// Cuts a patch open where that is needed or worth it, from trial maps; `None` for a patch that is
-/// mapped as it is.
+/// mapped as it is. `options` are those of its map, for [`Cut::AreaRatio`].
 ///
 /// # Errors
-/// If the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
-pub fn cut_open(patch: &Patch, cut: &Cut) -> Result<Option<CutMesh>, Error> {
+/// If the mesh is not an oriented manifold in one piece, not a disk with holes after the cut, or no
+/// cut keeps the area ratio asked for.
+pub fn cut_open(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Result<Option<CutMesh>, Error> {
+    let Cut::AreaRatio(wanted) = *cut else { return cut_within(patch, cut, None) };
+    let map = |mesh: &TriMesh, _: Option<&_>| flatten(mesh, options).ok();
+    let mut found = f64::INFINITY;
+    for aim in AIMS {
+        let limit = AreaLimit { ratio: wanted.powf(aim), map: &map };
+        let made = cut_within(patch, cut, Some(&limit))?;
+        let mesh = made.as_ref().map_or_else(|| patch.mesh.clone(), |made| made.mesh(&patch.mesh.positions));
+        let taxels = made.as_ref().map(|made| patch.taxels.select(&made.unsplit));
+        let (uv, _) = flatten_with_convergence(&mesh, taxels.as_ref().or(Some(&patch.taxels)), options)?;
+        found = distortion(&mesh, &uv).area_max.min(found);
+        if found <= wanted {
+            return Ok(made);
+        }
+    }
+    Err(CutError::AreaRatio { found, slits: MOST_SLITS, wanted }.into())
+}
+
+/// The same with a limit for trial maps.
+fn cut_within(patch: &Patch, cut: &Cut, limit: Option<&AreaLimit<'_>>) -> Result<Option<CutMesh>, Error> {
     let Patch { mesh, taxels, .. } = patch;
     let cut = match cut {
         Cut::None => return Ok(None),
@@ -90,13 +114,13 @@ pub fn cut_open(patch: &Patch, cut: &Cut) -> Result<Option<CutMesh>, Error> {
         }
         cut => cut,
     };
-    let energy = FlattenOptions::from(Energy::SymmetricDirichlet);
-    let trial = |mesh: &TriMesh| flatten(mesh, &energy).ok();
-    let densities = taxels.densities.as_ref();
+    // A seam is as good as the best map after it, which may overlap itself: the final one may not.
+    let trial = |mesh: &TriMesh, start: Option<&_>| flatten_roughly(mesh, start).ok();
+    let densities = taxels.wanted_densities();
     // A level of `DECIDED_ON` vertices, in steps of a factor of about four.
     let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
     let recipe = if factor < 1.6 {
-        decide(mesh, densities, cut, &trial)?
+        decide(mesh, densities.as_ref(), cut, &trial, limit)?
     } else {
         let steps = factor.log(4.0).ceil().max(1.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
@@ -107,10 +131,10 @@ pub fn cut_open(patch: &Patch, cut: &Cut) -> Result<Option<CutMesh>, Error> {
         };
         let pyramid = coarsen(mesh, taxels, &options)?;
         let Some(level) = pyramid.levels.iter().last() else { return Ok(None) };
-        let densities = densities.map(|all| level.origins.map(|&v| all[v]));
-        decide(&level.mesh, densities.as_ref(), cut, &trial)?.on_finer(&level.origins)
+        let of_level = densities.as_ref().map(|all| level.origins.map(|&v| all[v]));
+        decide(&level.mesh, of_level.as_ref(), cut, &trial, limit)?.on_finer(&level.origins)
     };
-    Ok(recipe.cut(mesh, densities)?)
+    Ok(recipe.cut(mesh, densities.as_ref())?)
 }
 
 /// A mesh with its map, cut open where that was needed.
@@ -145,7 +169,7 @@ pub struct FlatMesh {
 /// If the patch cannot be cut as asked, or not be flattened.
 pub fn flatten_patch(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Result<FlatMesh, Error> {
     options.validate()?;
-    let opened = cut_open(patch, cut)?;
+    let opened = cut_open(patch, cut, options)?;
     let (mesh, unsplit, seam) = match opened {
         None => (patch.mesh.clone(), patch.mesh.positions.ids().collect(), 0.0),
         Some(cut) => {
@@ -153,7 +177,8 @@ pub fn flatten_patch(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Resu
             (cut.mesh(&patch.mesh.positions), cut.unsplit, seam)
         }
     };
-    let (uv, convergence) = flatten_with_convergence(&mesh, options)?;
+    let taxels = patch.taxels.select(&unsplit);
+    let (uv, convergence) = flatten_with_convergence(&mesh, Some(&taxels), options)?;
     Ok(FlatMesh { mesh, unsplit, uv, seam, convergence })
 }
 
@@ -257,7 +282,7 @@ enum Coarsened {
 fn coarsen_patch(patch: &Patch, seam: &Seam, options: &BuildOptions) -> Result<Coarsened, Error> {
     let Patch { mesh, taxels, .. } = patch;
     let cut = match seam {
-        Seam::Choose(cut) => cut_open(patch, cut)?,
+        Seam::Choose(cut) => cut_open(patch, cut, &options.flatten)?,
         Seam::Along(edges) => Some(cut_along(mesh, edges, &taxels.ids)?),
     };
     Ok(match cut {
@@ -272,18 +297,16 @@ fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Resul
         Coarsened::Whole(pyramid) => pyramid.levels.len(),
         Coarsened::Cut(pyramid) => pyramid.opened.levels.len(),
     };
-    let densities = patch.taxels.densities.as_ref();
     let (mut map, convergences) = match pyramid {
         Coarsened::Whole(pyramid) => {
-            let maps = flatten_pyramid_with_convergence(&pyramid, densities, &options.flatten)?;
+            let maps = flatten_pyramid_with_convergence(&pyramid, Some(&patch.taxels), &options.flatten)?;
             let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
             (PatchMap::new(patch, pyramid, maps.into(), options.pixel), convergences)
         }
         Coarsened::Cut(pyramid) => {
             let unsplit = pyramid.cuts.iter().next().map(|cut| &cut.unsplit);
-            let densities = densities.zip(unsplit).map(|(rho, unsplit)| unsplit.map(|&v| rho[v]));
-            let maps =
-                flatten_pyramid_with_convergence(&pyramid.opened, densities.as_ref(), &options.flatten)?;
+            let taxels = unsplit.map(|unsplit| patch.taxels.select(unsplit));
+            let maps = flatten_pyramid_with_convergence(&pyramid.opened, taxels.as_ref(), &options.flatten)?;
             let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
             (PatchMap::new_cut(patch, *pyramid, maps.into(), options.pixel), convergences)
         }

@@ -6,7 +6,7 @@ use dermatome::{
     atlas::{Atlas, AtlasOptions},
     contact::ContactIndex,
     cut::{Cut, CutError, CutMesh},
-    flatten::{Energy, distortion, flatten_pyramid},
+    flatten::{Energy, FlattenOptions, distortion, flatten_pyramid},
     id::{FaceId, IdVec, VertexId},
     io::{read_map, write_map},
     map::{MapLevel, SkinMap},
@@ -22,7 +22,7 @@ fn patch(mesh: TriMesh) -> Patch {
 }
 
 fn auto(mesh: &TriMesh) -> Option<CutMesh> {
-    cut_open(&patch(mesh.clone()), &Cut::Auto).unwrap()
+    cut_open(&patch(mesh.clone()), &Cut::Auto, &FlattenOptions::default()).unwrap()
 }
 
 fn flat(mesh: &TriMesh) -> FlatMesh {
@@ -67,8 +67,14 @@ fn a_closed_surface_becomes_a_disk() {
 #[test]
 fn a_disk_is_never_cut() {
     assert_eq!(auto(&shapes::cap(900, 0.1, 2.6)), None, "however round it is");
-    assert_eq!(cut_open(&patch(shapes::cap(300, 0.1, 1.0)), &Cut::All).unwrap(), None);
-    assert_eq!(cut_open(&patch(shapes::torus(12, 8, 0.1, 0.04)), &Cut::None).unwrap(), None);
+    assert_eq!(
+        cut_open(&patch(shapes::cap(300, 0.1, 1.0)), &Cut::All, &FlattenOptions::default()).unwrap(),
+        None
+    );
+    assert_eq!(
+        cut_open(&patch(shapes::torus(12, 8, 0.1, 0.04)), &Cut::None, &FlattenOptions::default()).unwrap(),
+        None
+    );
 }
 
 /// A cylinder cut along a generator is its rectangle.
@@ -136,7 +142,7 @@ fn a_seam_avoids_dense_taxels() {
     let mut patch = patch(mesh.clone());
     let is_dense = |p: DVec3| p.x > 0.02;
     patch.taxels.densities = Some(mesh.positions.map(|&p| if is_dense(p) { 1e6 } else { 1e4 }));
-    let cut = cut_open(&patch, &Cut::Auto).unwrap().unwrap();
+    let cut = cut_open(&patch, &Cut::Auto, &FlattenOptions::default()).unwrap().unwrap();
     let copies = cut.unsplit.iter().skip(mesh.positions.len());
     assert!(copies.copied().all(|v| !is_dense(mesh.positions[v])), "the seam runs through none of them");
 }
@@ -148,7 +154,7 @@ fn line(mesh: &TriMesh, columns: usize) -> Vec<TaxelId> {
 }
 
 fn along(mesh: &TriMesh, pairs: Vec<[TaxelId; 2]>) -> Result<Option<CutMesh>, Error> {
-    cut_open(&patch(mesh.clone()), &Cut::Along(pairs))
+    cut_open(&patch(mesh.clone()), &Cut::Along(pairs), &FlattenOptions::default())
 }
 
 #[test]
@@ -199,7 +205,7 @@ fn several_pieces_are_refused() {
     let mut both = patch(shapes::triangle());
     both.taxels = dermatome::skin::Taxels::of_mesh(&mesh);
     (both.taxels.ids, both.mesh) = (ids, mesh);
-    assert!(cut_open(&both, &Cut::Auto).is_err(), "a patch is one piece");
+    assert!(cut_open(&both, &Cut::Auto, &FlattenOptions::default()).is_err(), "a patch is one piece");
 }
 
 fn map_of(mesh: TriMesh, cut: Cut) -> SkinMap {
@@ -225,7 +231,7 @@ fn cut_shapes() -> [TriMesh; 4] {
 fn every_level_has_the_same_seam() {
     for mesh in cut_shapes() {
         let patch = patch(mesh.clone());
-        let cut = cut_open(&patch, &Cut::Auto).unwrap().unwrap();
+        let cut = cut_open(&patch, &Cut::Auto, &FlattenOptions::default()).unwrap().unwrap();
         let options = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
         let made = coarsen_cut(&mesh, &patch.taxels, &cut, &options).unwrap();
         made.pyramid.validate().unwrap();
@@ -339,7 +345,7 @@ fn from_the_map_to_the_skin_and_back() {
 #[test]
 fn all_joins_every_loop() {
     let mesh = shapes::tube(24, 10, 0.03, 0.01);
-    let made = |cut| cut_open(&patch(mesh.clone()), &cut).unwrap();
+    let made = |cut| cut_open(&patch(mesh.clone()), &cut, &FlattenOptions::default()).unwrap();
     let all = made(Cut::All).unwrap();
     assert_eq!(shape(&mesh, &all), (1, 1));
 }

@@ -11,7 +11,7 @@ use dermatome::{
     id::{IdVec, VertexId},
     mesh::{Adjacency, TriMesh, shapes},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
-    skin::{TaxelId, Taxels},
+    skin::{TaxelError, TaxelId, Taxels},
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -20,6 +20,11 @@ const LINEAR: Method = Method::Linear { angle: 1.0, area: 1.0 };
 
 fn sum(angle: f64, area: f64, perimeter: f64) -> FlattenOptions {
     Energy::Sum { angle, area, perimeter }.into()
+}
+
+/// The taxels of a mesh with these densities, in 1/m^2.
+fn dense(mesh: &TriMesh, densities: IdVec<VertexId, f64>) -> Taxels {
+    Taxels { densities: Some(densities), ..Taxels::of_mesh(mesh) }
 }
 
 fn magnified(energy: Energy, magnify: f64) -> FlattenOptions {
@@ -312,16 +317,16 @@ fn holes_stay_holes() {
 #[test]
 fn magnification_gives_dense_skin_a_larger_share() {
     let mesh = shapes::lattice(20, 20, 0.01);
-    let dense = |p: &DVec3| p.x < 0.1;
-    let densities = mesh.positions.map(|p| if dense(p) { 4e4 } else { 1e4 });
+    let is_dense = |p: &DVec3| p.x < 0.1;
+    let densities = mesh.positions.map(|p| if is_dense(p) { 4e4 } else { 1e4 });
     let pyramid = pyramid_of(&mesh);
     let share = |magnify: f64| {
         let options = magnified(Energy::default(), magnify);
-        let maps = flatten_pyramid(&pyramid, Some(&densities), &options).unwrap();
+        let maps = flatten_pyramid(&pyramid, Some(&dense(&mesh, densities.clone())), &options).unwrap();
         let uv = &maps[LevelId::new(0)];
         assert_eq!(distortion(&mesh, uv).flips, 0);
         let map = TriMesh { positions: uv.map(|p| p.extend(0.0)), ..mesh.clone() };
-        let inside = mesh.triangles.ids().filter(|&f| mesh.corners(f).iter().all(&dense));
+        let inside = mesh.triangles.ids().filter(|&f| mesh.corners(f).iter().all(&is_dense));
         inside.map(|f| map.face_area(f)).sum::<f64>() / map.area()
     };
     let (isometric, equal) = (share(0.0), share(1.0));
@@ -339,7 +344,7 @@ fn magnification_does_not_depend_on_the_levels_above() {
         let level_0 = |levels: Option<usize>| {
             let levels = CoarsenOptions { levels, ..CoarsenOptions::default() };
             let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &levels).unwrap();
-            let maps = flatten_pyramid(&pyramid, Some(&densities), &options).unwrap();
+            let maps = flatten_pyramid(&pyramid, Some(&dense(&mesh, densities.clone())), &options).unwrap();
             (pyramid.levels.len(), maps[LevelId::new(0)].clone())
         };
         let (_, alone) = level_0(Some(0));
@@ -356,10 +361,12 @@ fn densities_are_checked() {
     let mesh = shapes::square();
     let pyramid = pyramid_of(&mesh);
     let options = magnified(Energy::default(), 1.0);
-    let with = |d: Vec<f64>| flatten_pyramid(&pyramid, Some(&d.into()), &options).err();
-    assert_eq!(with(vec![1.0]), Some(FlattenError::Densities { found: 1, needed: 4 }));
-    let found = with(vec![1.0, 1.0, -2.0, 1.0]);
-    assert_eq!(found, Some(FlattenError::Density { vertex: VertexId::new(2), found: -2.0 }));
+    let with = |d: Vec<f64>| flatten_pyramid(&pyramid, Some(&dense(&mesh, d.into())), &options).err();
+    let refused = |e: TaxelError| Some(FlattenError::Taxels(e));
+    let length = TaxelError::Length { what: "densities", found: 1, needed: 4 };
+    assert_eq!(with(vec![1.0]), refused(length));
+    let density = TaxelError::Density { vertex: VertexId::new(2), found: -2.0 };
+    assert_eq!(with(vec![1.0, 1.0, -2.0, 1.0]), refused(density));
 }
 
 #[test]

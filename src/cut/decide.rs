@@ -8,7 +8,7 @@ use crate::{
         Cut, CutError,
         recipe::{Recipe, checked, join_loops, must_cut, slit},
         seam_graph::SeamGraph,
-        slits::{slit_ends, spread_curvature},
+        slits::{LONG, SHORT, slit_ends, spread_curvature},
         trial::{Trial, TrialMap},
     },
     id::{IdVec, VertexId},
@@ -31,9 +31,17 @@ const GO_ON: f64 = 0.5;
 /// get half a seam more for a map that is hardly better.
 const NEARLY_GOOD: f64 = 0.15;
 /// Slits at most: a further one is a sign of a surface that no map fits.
-const MOST_SLITS: usize = 24;
+pub(crate) const MOST_SLITS: usize = 24;
 
-/// Decides how to cut a mesh, whose taxels have these densities (1/m^2). `map` makes trial maps.
+/// A map whose area ratio shall stay below a limit.
+pub(crate) struct AreaLimit<'a> {
+    pub(crate) ratio: f64,
+    /// Makes the map of which that is asked.
+    pub(crate) map: &'a TrialMap<'a>,
+}
+
+/// Decides how to cut a mesh, whose taxels have these densities (1/m^2). `map` makes trial maps;
+/// slits go on until `limit` holds, or no slit helps.
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold in one piece.
@@ -42,9 +50,11 @@ pub(crate) fn decide(
     densities: Option<&IdVec<VertexId, f64>>,
     how: &Cut,
     map: &TrialMap<'_>,
+    limit: Option<&AreaLimit<'_>>,
 ) -> Result<Recipe, CutError> {
     let graph = SeamGraph::new(mesh, densities)?;
-    if *how == Cut::None || (graph.genus() == 0 && graph.loops.len() == 1) {
+    let is_disk = graph.genus() == 0 && graph.loops.len() == 1;
+    if *how == Cut::None || (is_disk && limit.is_none()) {
         return Ok(Recipe::default());
     }
     let base = must_cut(&graph);
@@ -64,7 +74,10 @@ pub(crate) fn decide(
     {
         (loops, state) = (named(&graph, &joined), better);
     }
-    let slits = decision.slit_while_it_pays(&mut state);
+    let mut slits = if is_disk { Vec::new() } else { decision.slit_while_it_pays(&mut state) };
+    if let Some(limit) = limit {
+        decision.slit_below(limit, &mut state, &mut slits);
+    }
     Ok(Recipe { is_cut: !state.seam.is_empty(), base: must, loops, slits })
 }
 
@@ -133,9 +146,11 @@ impl Decision<'_, '_> {
         let mut slits = Vec::new();
         let curvature = spread_curvature(self.graph);
         while state.excess > GOOD && slits.len() < MOST_SLITS {
-            let ends = slit_ends(self.graph, state, &curvature);
-            let trials =
-                par_map(&ends, |&end| Trial::new(self.graph, slit(self.graph, &state.seam, end), self.map));
+            let ends = slit_ends(self.graph, state, &curvature, LONG);
+            let with = |&end: &VertexId| {
+                Trial::after(self.graph, Some(state), slit(self.graph, &state.seam, end), self.map)
+            };
+            let trials = par_map(&ends, with);
             let rated = ends.into_iter().zip(trials).map(|(end, trial)| (trial.rate(state), end, trial));
             // Of equal rates the first.
             let Some((rate, end, trial)) = rated.reduce(|a, b| if b.0 > a.0 { b } else { a }) else { break };
@@ -147,5 +162,26 @@ impl Decision<'_, '_> {
             *state = trial;
         }
         slits
+    }
+
+    /// Adds the slits that lower the area ratio most until it is below the limit, or none lowers it.
+    fn slit_below(&self, limit: &AreaLimit<'_>, state: &mut Trial, slits: &mut Vec<VertexId>) {
+        let curvature = spread_curvature(self.graph);
+        *state = Trial::new(self.graph, std::mem::take(&mut state.seam), limit.map);
+        while state.area_ratio > limit.ratio && slits.len() < MOST_SLITS {
+            let ends = slit_ends(self.graph, state, &curvature, SHORT);
+            let trials =
+                par_map(&ends, |&end| Trial::new(self.graph, slit(self.graph, &state.seam, end), limit.map));
+            let best = ends.into_iter().zip(trials);
+            let best = best.reduce(|a, b| if b.1.area_ratio < a.1.area_ratio { b } else { a });
+            match best {
+                // A worst face that stays may need a second slit: less energy is progress as well.
+                Some((end, trial)) if trial.area_ratio < state.area_ratio || trial.excess < state.excess => {
+                    slits.push(end);
+                    *state = trial;
+                }
+                _ => return,
+            }
+        }
     }
 }

@@ -41,6 +41,19 @@ pub enum CutError {
         /// Pieces.
         components: usize,
     },
+    /// An area ratio that no cut of one chart reaches.
+    #[error(
+        "the largest area ratio of the map is {found:.3} after {slits} slits; {wanted} was asked for, and a patch has one \
+         chart"
+    )]
+    AreaRatio {
+        /// The least ratio reached.
+        found: f64,
+        /// Slits that were made for it at most.
+        slits: usize,
+        /// The ratio asked for.
+        wanted: f64,
+    },
     /// A surface that is not a disk with holes after the cut.
     #[error(
         "after the cut the surface has Euler characteristic {euler} and {loops} boundary loops; a disk with holes is \

@@ -25,8 +25,9 @@
 //! # The rule
 //!
 //! What must be cut is cut. Loops are joined and slits added only where trial maps show that it
-//! pays (`decide`), never on a plain disk. The trials are made on a level of a few thousand faces;
-//! what they decide, a recipe, is then done on the skin itself.
+//! pays (`decide`), on a plain disk only where a limit of the area ratio asks for it. The trials are
+//! made on a level of a few thousand faces, each slit from the map before it; what they decide, a
+//! recipe, is then done on the skin itself.
 //!
 //! # Files, in reading order
 //!
@@ -51,6 +52,6 @@ mod trial;
 pub use cut::Cut;
 pub use cut_mesh::CutMesh;
 pub(crate) use cut_mesh::seam_length;
-pub(crate) use decide::decide;
+pub(crate) use decide::{AreaLimit, MOST_SLITS, decide};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};

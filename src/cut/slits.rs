@@ -19,10 +19,11 @@ use crate::{
 
 /// Peaks of each kind that are tried.
 const PEAKS: usize = 2;
-/// A slit ends at least this far from boundary and seam, over the square root of the area.
-const LEAST_LENGTH: f64 = 0.12;
-/// Ends of slits are at least this far apart.
-const APART: f64 = 0.25;
+/// A slit ends at least 0.12 from boundary and seam, over the square root of the area, and ends of
+/// slits are 0.25 apart.
+pub(super) const LONG: [f64; 2] = [0.12, 0.25];
+/// The same where one face may not be worse than a limit: short slits count too.
+pub(super) const SHORT: [f64; 2] = [0.04, 0.1];
 /// Rounds in which the distortion is averaged over neighbours.
 const ROUNDS: usize = 6;
 /// Time for which curvature spreads as heat, in areas of the surface: about 0.13 wide.
@@ -33,11 +34,13 @@ const LEAST_CURVATURE: f64 = 0.3;
 /// taken, however the surface is turned.
 const EQUAL: f64 = 1e-6;
 
-/// Vertices of the mesh at which a slit may end, the most promising ones.
+/// Vertices of the mesh at which a slit may end, the most promising ones, at least `apart` from the
+/// others and `least` from boundary and seam, over the square root of the area.
 pub(super) fn slit_ends(
     graph: &SeamGraph<'_>,
     state: &Trial,
     curvature: &IdVec<VertexId, f64>,
+    [least_length, apart]: [f64; 2],
 ) -> Vec<VertexId> {
     let own = |v: &VertexId| v.index() < graph.mesh.positions.len();
     let seam = graph.vertices(&state.seam).into_iter().filter(own);
@@ -48,7 +51,7 @@ pub(super) fn slit_ends(
     let mut ends = Vec::new();
     for (mut height, least) in [(weighed, 0.0), (curvature.clone(), LEAST_CURVATURE)] {
         for (v, h) in (0..).map(VertexId::new).zip(height.iter_mut()) {
-            if distance(v) <= LEAST_LENGTH {
+            if distance(v) <= least_length {
                 *h = 0.0;
             }
         }
@@ -59,7 +62,7 @@ pub(super) fn slit_ends(
             }
             let around = graph.distances(std::iter::once(peak));
             for (v, h) in (0..).map(VertexId::new).zip(height.iter_mut()) {
-                if (around[v] as f64) * RESOLUTION < APART {
+                if (around[v] as f64) * RESOLUTION < apart {
                     *h = 0.0;
                 }
             }

@@ -11,8 +11,12 @@ use crate::{
     mesh::{FlatTriangle, SingularValues, TriMesh},
 };
 
-/// Makes a map of a disk with holes (m) to judge a seam by; nothing if it has none.
-pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh) -> Option<IdVec<VertexId, DVec2>> + Sync + 'a;
+/// Map positions, in m.
+type Uv = IdVec<VertexId, DVec2>;
+
+/// Makes a map of a disk with holes (m) to judge a seam by, from one of the same faces if there is one;
+/// nothing if it has none.
+pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh, Option<&Uv>) -> Option<Uv> + Sync + 'a;
 
 /// Symmetric Dirichlet energy of an isometry.
 pub(super) const ISOMETRY: f64 = 4.0;
@@ -26,47 +30,72 @@ pub(super) struct Trial {
     /// Symmetric Dirichlet energy after the best scale, less that of an isometry; infinite without
     /// a map.
     pub(super) excess: f64,
+    /// Largest ratio between the areas of a face on the map and on the skin, either way, after both
+    /// total areas are made equal; infinite without a map.
+    pub(super) area_ratio: f64,
     /// Symmetric Dirichlet energy of each face at that scale; empty without a map.
     pub(super) faces: IdVec<FaceId, f64>,
     pub(super) cut: CutMesh,
     /// Map positions at that scale, in m.
-    pub(super) uv: IdVec<VertexId, DVec2>,
+    pub(super) uv: Uv,
 }
 
 impl Trial {
     /// Maps the mesh of `graph` cut along `seam`.
     pub(super) fn new(graph: &SeamGraph<'_>, seam: Seam, map: &TrialMap<'_>) -> Self {
+        Self::after(graph, None, seam, map)
+    }
+
+    /// The same, from the map before more was cut: it is one of the cut surface too, whose new
+    /// boundary is still closed.
+    pub(super) fn after(
+        graph: &SeamGraph<'_>,
+        before: Option<&Self>,
+        seam: Seam,
+        map: &TrialMap<'_>,
+    ) -> Self {
         let cut = graph.cut(&seam);
+        let start = before.filter(|before| !before.uv.is_empty()).map(|before| {
+            let mut uv = Uv::filled(DVec2::ZERO, cut.unsplit.len());
+            for (corners, places) in cut.triangles.iter().zip(&before.cut.triangles) {
+                corners.iter().zip(places).for_each(|(&v, &place)| uv[v] = before.uv[place]);
+            }
+            uv
+        });
         let mesh = cut.mesh(&graph.mesh.positions);
         let mut trial = Self {
             length: graph.length(&seam),
             seam,
             excess: f64::INFINITY,
+            area_ratio: f64::INFINITY,
             faces: IdVec::new(),
             cut,
             uv: IdVec::new(),
         };
-        if let Some(uv) = map(&mesh) {
+        if let Some(uv) = map(&mesh, start.as_ref()) {
             trial.measure(&mesh, uv);
         }
         trial
     }
 
-    fn measure(&mut self, mesh: &TriMesh, uv: IdVec<VertexId, DVec2>) {
+    fn measure(&mut self, mesh: &TriMesh, uv: Uv) {
         let stretch = |face: FaceId| {
             let flat = FlatTriangle::new(mesh.corners(face));
             let SingularValues { s1, s2, .. } =
                 SingularValues::of(&flat.jacobian(mesh.triangles[face].map(|v| uv[v])));
-            (flat.area(), s1 * s1 + s2 * s2, 1.0 / (s1 * s1) + 1.0 / (s2 * s2), s2 > 0.0)
+            (flat.area(), s1 * s1 + s2 * s2, 1.0 / (s1 * s1) + 1.0 / (s2 * s2), s1 * s2)
         };
         // Faces without area on the skin have no singular values.
-        let (mut area, mut stretched, mut shrunk, mut is_flipped) = (0.0, 0.0, 0.0, false);
-        for (a, p, q, is_upright) in mesh.triangles.ids().map(stretch).filter(|x| x.0 > 0.0) {
+        let (mut area, mut stretched, mut shrunk, mut on_map) = (0.0, 0.0, 0.0, 0.0);
+        let mut ratios = [f64::INFINITY, 0.0_f64];
+        for (a, p, q, r) in mesh.triangles.ids().map(stretch).filter(|x| x.0 > 0.0) {
             area += a;
             stretched += a * p;
             shrunk += a * q;
-            is_flipped |= !is_upright;
+            on_map += a * r;
+            ratios = [ratios[0].min(r), ratios[1].max(r)];
         }
+        let is_flipped = ratios[0] <= 0.0;
         let excess = 2.0 * (stretched * shrunk).sqrt() / area - ISOMETRY;
         if is_flipped || !excess.is_finite() {
             return;
@@ -77,6 +106,8 @@ impl Trial {
             _ => ISOMETRY,
         };
         self.excess = excess.max(0.0);
+        let mean = on_map / area;
+        self.area_ratio = (ratios[1] / mean).max(mean / ratios[0]);
         self.faces = mesh.triangles.ids().map(energy).collect();
         self.uv = uv.map(|&p| p * scale);
     }

@@ -4,7 +4,7 @@ use crate::{
     id::{FaceId, VertexId},
     mesh::MeshError,
     pyramid::PyramidError,
-    skin::TaxelId,
+    skin::{TaxelError, TaxelId},
     sparse::SparseError,
 };
 
@@ -61,14 +61,9 @@ pub enum FlattenError {
         /// The density found.
         found: f64,
     },
-    /// Not one density per vertex.
-    #[error("there are {found} densities; {needed} are needed, one per vertex of level 0")]
-    Densities {
-        /// Densities found.
-        found: usize,
-        /// Vertices.
-        needed: usize,
-    },
+    /// Densities, weights or acuities out of range, or not one per vertex of level 0.
+    #[error(transparent)]
+    Taxels(#[from] TaxelError),
     /// No start without flips could be computed, not even with a convex boundary.
     #[error(
         "face {face} has no area left on the map inside a circle; the mesh is too long and thin there for 64-bit numbers, \

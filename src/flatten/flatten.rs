@@ -4,20 +4,21 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        Boundary, Convergence, FlattenError, FlattenOptions, Method,
+        Boundary, Convergence, Energy, FlattenError, FlattenOptions, Method, Overlap,
         bijective::fillers::Fillers,
         domain::{
             disk::Disk, elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification,
             prescribed::prescribed,
         },
+        energy::newton::NewtonLimits,
         levels::{
             insertion::Insertion,
             refine::refine,
-            relax::{Goal, Relaxed, Walls, solve_from_scratch},
+            relax::{Goal, Relaxed, Start, Walls, minimise_from_scratch, relax, solve_from_scratch},
         },
         placement::{direction_like, main_direction, normalise_map},
     },
-    id::{IdVec, VertexId},
+    id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
     pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen},
     skin::Taxels,
@@ -55,15 +56,17 @@ const TOO_COARSE: usize = 16;
 /// If the mesh is not a disk with holes, an option is out of range or a face is too degenerate to be
 /// mapped.
 pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
-    flatten_with_convergence(mesh, options).map(|(uv, _)| uv)
+    flatten_with_convergence(mesh, None, options).map(|(uv, _)| uv)
 }
 
-/// The same as [`flatten`], and how far the minimisation came.
+/// The same as [`flatten`], and how far the minimisation came. The densities, weights and acuities
+/// of the taxels at the vertices drive the intrinsic method.
 ///
 /// # Errors
-/// As [`flatten`].
+/// As [`flatten`], and if one of them is out of range.
 pub fn flatten_with_convergence(
     mesh: &TriMesh,
+    taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<(IdVec<VertexId, DVec2>, Convergence), FlattenError> {
     options.validate()?;
@@ -71,11 +74,11 @@ pub fn flatten_with_convergence(
     if is_free && matches!(options.method, Method::Intrinsic { .. }) && mesh.positions.len() > AT_ONCE {
         // Refuse a mesh that is not a disk before the work of coarsening it.
         Disk::new(mesh)?;
-        let maps = flatten_pyramid_with_convergence(&pyramid_of(mesh)?, None, options)?;
+        let maps = flatten_pyramid_with_convergence(&pyramid_of(mesh)?, taxels, options)?;
         return maps.into_iter().next().ok_or(FlattenError::Size { area: mesh.area() });
     }
-    let magnification = Magnification::new(options.method, None, &mesh.vertex_areas())?;
-    let mut domain = FlattenDomain::new(mesh)?.magnified(&magnification.of_faces(mesh));
+    let magnification = Magnification::new(options.method, taxels, &mesh.vertex_areas())?;
+    let mut domain = FlattenDomain::new(mesh)?.magnified(&magnification);
     let prescribed = prescribed_by(options, mesh)?;
     if let Some(places) = &prescribed {
         domain = domain.prescribed(places.iter().copied());
@@ -83,9 +86,31 @@ pub fn flatten_with_convergence(
     let Relaxed { uv, convergence, .. } = solve_from_scratch(&domain, options)?;
     let placed = match prescribed {
         Some(_) => domain.to_metres(&uv),
-        None => normalise_map(mesh, &uv, main_direction(mesh, &uv)),
+        None => {
+            let weights = magnification.face_weights(mesh);
+            normalise_map(mesh, &uv, main_direction(mesh, &uv), weights.as_ref())
+        }
     };
     Ok((placed, convergence))
+}
+
+/// Newton steps of a map by which a seam is judged: what it still gains does not change the judgement.
+const ROUGH: NewtonLimits = NewtonLimits { decrement: 1e-4, steps: 60 };
+
+/// About the map (m) of least symmetric Dirichlet energy, which may overlap itself, to judge a seam by:
+/// from a map of the same faces without flips, if one is given.
+///
+/// # Errors
+/// As [`flatten`].
+pub(crate) fn flatten_roughly(mesh: &TriMesh, start: Option<&Uv>) -> Result<Uv, FlattenError> {
+    let domain = FlattenDomain::new(mesh)?;
+    let goal = Goal { energy: Energy::SymmetricDirichlet, overlap: Overlap::Allow };
+    let start = start.map(|uv| domain.to_units(uv)).filter(|uv| domain.elements.is_flip_free(uv));
+    let reached = match start {
+        Some(uv) => relax(&domain, Start::Far(uv), goal, Some(ROUGH))?,
+        None => minimise_from_scratch(&domain, goal, Some(ROUGH))?,
+    };
+    Ok(domain.to_metres(&reached.uv))
 }
 
 /// Places of the outer loop, where the options prescribe them.
@@ -108,8 +133,9 @@ fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
     Ok(coarsen(mesh, &taxels, &CoarsenOptions::default())?)
 }
 
-/// Flattens every level of a pyramid, coarse to fine. `densities` of the level-0 vertices drive the
-/// magnification of [`Method::Intrinsic`]; without them the areas do.
+/// Flattens every level of a pyramid, coarse to fine. The weights and acuities of the taxels, its
+/// level-0 vertices, drive [`Method::Intrinsic`], and so do their densities its magnification; without
+/// densities the areas do.
 ///
 /// All levels are aligned: what is left on a coarse map is left on the fine one. Where a coarse level
 /// of a long thin tube has no map in 64-bit numbers, it and all coarser ones are left out: there are
@@ -133,14 +159,14 @@ fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
 /// ```
 ///
 /// # Errors
-/// If the patch is not a disk with holes, an option or a density is out of range, or a face is too
+/// If the patch is not a disk with holes, an option, density, weight or acuity is out of range, or a face is too
 /// degenerate to be mapped.
 pub fn flatten_pyramid(
     pyramid: &Pyramid,
-    densities: Option<&IdVec<VertexId, f64>>,
+    taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<IdVec<LevelId, IdVec<VertexId, DVec2>>, FlattenError> {
-    let maps = flatten_pyramid_with_convergence(pyramid, densities, options)?;
+    let maps = flatten_pyramid_with_convergence(pyramid, taxels, options)?;
     Ok(maps.into_iter().map(|(uv, _)| uv).collect())
 }
 
@@ -150,7 +176,7 @@ pub fn flatten_pyramid(
 /// As [`flatten_pyramid`].
 pub fn flatten_pyramid_with_convergence(
     pyramid: &Pyramid,
-    densities: Option<&IdVec<VertexId, f64>>,
+    taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<IdVec<LevelId, (Uv, Convergence)>, FlattenError> {
     options.validate()?;
@@ -161,13 +187,13 @@ pub fn flatten_pyramid_with_convergence(
     if found != needed {
         return Err(PyramidError::Length { what: "removals", found, needed }.into());
     }
-    let magnification = Magnification::new(options.method, densities, &finest.areas)?;
+    let magnification = Magnification::new(options.method, taxels, &finest.areas)?;
     let prescribed = prescribed_by(options, &finest.mesh)?;
-    let (mut maps, mut convergences) = (Vec::<Uv>::new(), Vec::new());
+    let (mut maps, mut weights, mut convergences) = (Vec::<Uv>::new(), Vec::new(), Vec::new());
     let (mut walls, mut fillers) = (Walls::None, Fillers::default());
     for (id, level) in pyramid.levels.enumerate().rev() {
         let magnification = magnification.restricted(level, &finest.areas);
-        let mut domain = FlattenDomain::new(&level.mesh)?.magnified(&magnification.of_faces(&level.mesh));
+        let mut domain = FlattenDomain::new(&level.mesh)?.magnified(&magnification);
         if let Some(places) = &prescribed {
             domain = domain.prescribed(level.origins.iter().map(|&v| places[v]));
         }
@@ -185,6 +211,7 @@ pub fn flatten_pyramid_with_convergence(
             // The next finer level may be less thin.
             Err(FlattenError::NoStart { .. } | FlattenError::NoRoom { .. }) if id.index() > 0 => {
                 maps.clear();
+                weights.clear();
                 convergences.clear();
                 continue;
             }
@@ -195,23 +222,29 @@ pub fn flatten_pyramid_with_convergence(
         walls = reached.walls;
         fillers = walls.fillers(&domain, &uv).unwrap_or_default();
         maps.push(uv);
+        weights.push(magnification.face_weights(&level.mesh));
         convergences.push(reached.convergence);
     }
     maps.reverse();
-    let placed = if prescribed.is_some() { maps.into() } else { align_levels(pyramid, &maps) };
+    weights.reverse();
+    let placed = if prescribed.is_some() { maps.into() } else { align_levels(pyramid, &maps, &weights) };
     Ok(placed.into_iter().zip(convergences.into_iter().rev()).collect())
 }
 
 /// Normalises level 0 and turns the coarser maps so that their vertices lie near the same taxels of
 /// level 0.
-fn align_levels(pyramid: &Pyramid, maps: &[Uv]) -> IdVec<LevelId, Uv> {
+fn align_levels(
+    pyramid: &Pyramid,
+    maps: &[Uv],
+    weights: &[Option<IdVec<FaceId, f64>>],
+) -> IdVec<LevelId, Uv> {
     let mut placed: IdVec<LevelId, Uv> = IdVec::new();
-    for (level, uv) in pyramid.levels.iter().zip(maps) {
+    for ((level, uv), weights) in pyramid.levels.iter().zip(maps).zip(weights) {
         let direction = match placed.get(LevelId::new(0)) {
             None => main_direction(&level.mesh, uv),
             Some(finest) => direction_like(uv.iter().zip(level.origins.iter().map(|&v| &finest[v]))),
         };
-        placed.push(normalise_map(&level.mesh, uv, direction));
+        placed.push(normalise_map(&level.mesh, uv, direction, weights.as_ref()));
     }
     placed
 }

@@ -19,8 +19,9 @@
 //!
 //! Each term is 1 at an isometry, and a face that collapses costs infinitely much, so a descent
 //! never flips one. There are no pins, and the boundary is free unless [`Boundary`] prescribes it. The alternative is the symmetric
-//! Dirichlet energy, `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`. *Magnification* makes each face aim at `(rho
-//! / mean rho)^gamma` times its area, with `rho` the density of taxels.
+//! Dirichlet energy, `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`. *Magnification* makes each face aim at `a^2
+//! (rho / mean rho)^gamma` times its area, with `rho` the density of taxels and `a` their acuity, and
+//! a face counts by the mean weight of its taxels.
 //!
 //! # The algorithm
 //!
@@ -93,5 +94,6 @@ mod start;
 pub use convergence::Convergence;
 pub use distortion::{Distortion, distortion};
 pub use error::FlattenError;
+pub(crate) use flatten::flatten_roughly;
 pub use flatten::{flatten, flatten_pyramid, flatten_pyramid_with_convergence, flatten_with_convergence};
 pub use options::{Boundary, Energy, FlattenOptions, Method, Overlap};

@@ -7,6 +7,7 @@ use glam::DVec2;
 
 use crate::{
     flatten::domain::elements::Uv,
+    id::{FaceId, IdVec},
     mesh::{TriMesh, signed_area},
 };
 
@@ -75,10 +76,18 @@ pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv) -> DVec2 {
 }
 
 /// Moves, turns and scales a map, in m: its centre at the origin, `direction` along x, as large as
-/// the skin.
-pub(super) fn normalise_map(mesh: &TriMesh, uv: &Uv, direction: DVec2) -> Uv {
-    let map_area: f64 = mesh.triangles.iter().map(|t| signed_area(t.map(|v| uv[v])).abs()).sum();
-    let scale = if map_area > 0.0 { (mesh.area() / map_area).sqrt() } else { 1.0 };
+/// the skin, where faces count by their weights.
+pub(super) fn normalise_map(
+    mesh: &TriMesh,
+    uv: &Uv,
+    direction: DVec2,
+    weights: Option<&IdVec<FaceId, f64>>,
+) -> Uv {
+    let weight = |face| weights.map_or(1.0, |weights| weights[face]);
+    let map_area: f64 =
+        mesh.triangles.enumerate().map(|(f, t)| weight(f) * signed_area(t.map(|v| uv[v])).abs()).sum();
+    let skin_area: f64 = mesh.triangles.ids().map(|f| weight(f) * mesh.face_area(f)).sum();
+    let scale = if map_area > 0.0 { (skin_area / map_area).sqrt() } else { 1.0 };
     let centre = moments(mesh, uv).centre;
     let back = DVec2::new(direction.x, -direction.y);
     uv.map(|&p| back.rotate(p - centre) * scale)

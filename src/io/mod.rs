@@ -74,6 +74,7 @@ pub use observations::{
 };
 pub use readings::{arrays::ReadingsLayout, gains::read_gains, reader::ReadingsReader};
 pub use table::{
+    acuity::read_acuities,
     boundary::read_boundary,
     calibration::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,

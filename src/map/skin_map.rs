@@ -106,6 +106,8 @@ pub struct PatchMap {
     pub name: String,
     /// The link it is fixed to.
     pub link: LinkId,
+    /// How many of the last triangles of level 0 close pin-holes: they are no skin.
+    pub filled: usize,
     /// What is known of the taxels, the vertices of level 0.
     pub taxels: Taxels,
     /// The levels, finest first; at least one.
@@ -153,7 +155,7 @@ impl PatchMap {
         if let Some(last) = levels.iter_mut().last() {
             last.level.from_coarser = None;
         }
-        Self { name: patch.name.clone(), link: patch.link, taxels, levels }
+        Self { name: patch.name.clone(), link: patch.link, filled: patch.filled, taxels, levels }
     }
 
     /// The normals of a level of this patch: those of the taxels that its vertices are.
@@ -273,7 +275,7 @@ impl SkinMap {
         let level = Level::finest(mesh.clone(), taxels.areas.clone());
         let pyramid = Pyramid { levels: vec![level].into(), removals: IdVec::new() };
         let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
-        let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, taxels };
+        let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, filled: 0, taxels };
         let patch = PatchMap::new(&patch, pyramid, vec![uv].into(), pixel);
         Self { links: vec![link].into(), patches: vec![patch].into(), ..Self::default() }
     }

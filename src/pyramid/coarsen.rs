@@ -6,7 +6,7 @@ use crate::{
     mesh::{HalfedgeMesh, Rings, TriMesh},
     pyramid::{
         Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog,
-        independent_set::{ALPHA, Candidates, measured_spacing, priorities, spacing_of_densities},
+        independent_set::{ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing},
         removal::{Remover, Seam, SeamRole, TaxelLocations},
     },
     skin::Taxels,
@@ -175,6 +175,7 @@ fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<()
     if let Some((vertex, &found)) = densities.find(|(_, rho)| !rho.is_finite() || **rho <= 0.0) {
         return Err(PyramidError::Density { vertex, found });
     }
+    taxels.check_demands(needed)?;
     match options.ratio {
         Some(found) if !found.is_finite() || found < LEAST_RATIO => {
             Err(PyramidError::Ratio { found, least: LEAST_RATIO })
@@ -194,6 +195,8 @@ struct Coarsener<'a> {
     locations: TaxelLocations,
     /// Where it is cut for its map.
     seam: Option<Seam>,
+    /// The spacing that densities and acuities ask for at each vertex of level 0, in m.
+    wanted_spacing: Option<IdVec<VertexId, f64>>,
 }
 
 /// How the next coarser level is cut: the removals from the cut level, the vertex of that level that
@@ -211,7 +214,8 @@ impl<'a> Coarsener<'a> {
         let (surface, rings) = HalfedgeMesh::new(mesh)?;
         let locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
         let level = Level::finest(mesh.clone(), taxels.areas.clone());
-        Ok((Self { taxels, options, level, surface, locations, seam }, rings))
+        let wanted_spacing = wanted_spacing(taxels, || measured_spacing(&rings, &mesh.positions));
+        Ok((Self { taxels, options, level, surface, locations, seam, wanted_spacing }, rings))
     }
 
     /// Goes on to the coarsest level, and hands out every level before it with the removals from it
@@ -280,8 +284,8 @@ impl<'a> Coarsener<'a> {
         let Self { level, taxels, .. } = self;
         let positions = &level.mesh.positions;
         let mut spacing = measured_spacing(rings, positions);
-        if let Some(densities) = &taxels.densities {
-            spacing = spacing_of_densities(&level.origins.map(|&taxel| densities[taxel]), &spacing);
+        if let Some(wanted) = &self.wanted_spacing {
+            spacing = scaled_spacing(&level.origins.map(|&taxel| wanted[taxel]), &spacing);
         }
         let roles = self.seam.as_ref().map(|seam| &seam.roles);
         let order = priorities(rings, positions, &level.origins, taxels, roles);

@@ -1,6 +1,6 @@
 //! Errors of this module.
 
-use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId};
+use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId, skin::TaxelError};
 
 /// Why a patch has no pyramid, or data is not a valid pyramid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -35,6 +35,9 @@ pub enum PyramidError {
         /// Its density, in 1/m^2.
         found: f64,
     },
+    /// Weights or acuities out of range, or not one per vertex.
+    #[error(transparent)]
+    Taxels(#[from] TaxelError),
     /// A ratio that shrinks too little to make levels.
     #[error("a ratio of {found} between levels; at least {least} is needed")]
     Ratio {

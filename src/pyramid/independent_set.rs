@@ -1,5 +1,5 @@
 //! Chooses the centres of receptive fields: a maximal independent set at a distance that follows
-//! the local spacing, which is measured or follows from stated densities.
+//! the local spacing, which is measured or follows from stated densities and acuities.
 
 use std::f64::consts::PI;
 
@@ -49,25 +49,42 @@ pub(super) fn measured_spacing(rings: &Rings, positions: &IdVec<VertexId, DVec3>
     spacing
 }
 
-/// Spacing of a triangular lattice of `densities` (1/m^2), `sqrt(2 / (sqrt3 rho))`, times the
-/// factor that makes its geometric mean that of the `measured` one, in m.
+/// The spacing that densities and acuities ask for on level 0, in m: that of a triangular lattice of
+/// the densities `rho` (1/m^2), `sqrt(2 / (sqrt3 rho))`, or else the measured one, over the acuity.
+/// `None` where the measured one is all there is.
+pub(super) fn wanted_spacing(
+    taxels: &Taxels,
+    measured: impl FnOnce() -> IdVec<VertexId, f64>,
+) -> Option<IdVec<VertexId, f64>> {
+    let lattice = |rho: &f64| (2.0 / (3.0_f64.sqrt() * rho)).sqrt();
+    match (&taxels.densities, &taxels.acuities) {
+        (None, None) => None,
+        (Some(densities), None) => Some(densities.map(lattice)),
+        (densities, Some(acuities)) => {
+            let spacing = densities.as_ref().map_or_else(measured, |densities| densities.map(lattice));
+            Some(spacing.iter().zip(acuities).map(|(h, acuity)| h / acuity).collect())
+        }
+    }
+}
+
+/// The spacing `wanted`, times the factor that makes its geometric mean that of the `measured` one,
+/// in m.
 ///
 /// On level 0 of a skin whose densities are correct the factor is about 1. It grows with the
-/// levels, and it lets a density that only weighs places against each other (an acuity) coarsen as
-/// fast as any other.
-pub(super) fn spacing_of_densities(
-    densities: &IdVec<VertexId, f64>,
+/// levels, and it lets acuities, which only weigh places against each other, coarsen as fast as
+/// anything else.
+pub(super) fn scaled_spacing(
+    wanted: &IdVec<VertexId, f64>,
     measured: &IdVec<VertexId, f64>,
 ) -> IdVec<VertexId, f64> {
-    let lattice = densities.map(|rho| (2.0 / (3.0_f64.sqrt() * rho)).sqrt());
-    // Where vertices coincide the measured spacing may be zero: such places do not count.
+    // Where vertices coincide a spacing may be zero: such places do not count.
     let (mut sum, mut count) = (0.0, 0.0);
-    for (m, l) in measured.iter().zip(&lattice).filter(|(m, _)| **m > 0.0) {
-        sum += (m / l).ln();
+    for (m, w) in measured.iter().zip(wanted).filter(|(m, w)| **m > 0.0 && **w > 0.0) {
+        sum += (m / w).ln();
         count += 1.0;
     }
     let factor = if count > 0.0 { f64::exp(sum / count) } else { 1.0 };
-    lattice.map(|l| l * factor)
+    wanted.map(|w| w * factor)
 }
 
 /// The vertices of one level in the order in which they may become centres: corners, then the

@@ -62,6 +62,8 @@ pub struct Sheet {
     pub areas: Option<Vec<f64>>,
     /// Taxels per m^2.
     pub densities: Option<Vec<f64>>,
+    /// How much distortion of the map counts at each taxel, at least 0.
+    pub weights: Option<Vec<f64>>,
     /// What each slot holds.
     pub presence: Option<Vec<Presence>>,
     /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
@@ -175,6 +177,7 @@ impl Sheet {
             ("tangents", self.tangents.as_ref().map(Vec::len)),
             ("areas", self.areas.as_ref().map(Vec::len)),
             ("densities", self.densities.as_ref().map(Vec::len)),
+            ("weights", self.weights.as_ref().map(Vec::len)),
             ("presence", self.presence.as_ref().map(Vec::len)),
             ("covariances", self.covariances.as_ref().map(Vec::len)),
             ("modules", self.modules.as_ref().map(Vec::len)),
@@ -247,6 +250,7 @@ impl Sheet {
             tangents: self.tangents.as_ref().map(|x| pick(x, kept)),
             areas: self.areas.as_ref().map(|x| pick(x, kept)),
             densities: self.densities.as_ref().map(|x| pick(x, kept)),
+            weights: self.weights.as_ref().map(|x| pick(x, kept)),
             presence: self.presence.as_ref().map(|x| pick(x, kept)),
             modules: self.modules.as_ref().map(|x| pick(x, kept)),
             covariances: self.covariances.as_ref().map(|x| pick(x, kept)),

@@ -1,10 +1,19 @@
 //! Why a draft or skin is refused.
 
 use crate::{
-    id::VertexId,
+    id::{FaceId, VertexId},
     mesh::MeshError,
     skin::{LinkId, TaxelError},
 };
+
+/// The first of some faces, and how many there are.
+fn listed(faces: &[FaceId]) -> String {
+    /// Faces that are named at most.
+    const NAMED: usize = 12;
+    let named: Vec<String> = faces.iter().take(NAMED).map(ToString::to_string).collect();
+    let more = if faces.len() > NAMED { format!(", ... ({} in all)", faces.len()) } else { String::new() };
+    named.join(", ") + &more
+}
 
 /// Why a draft is not a valid skin. Vertices and faces are numbered as the sheet of the draft, or
 /// the patch of the skin, numbers them.
@@ -46,14 +55,16 @@ pub enum SkinError {
     },
     /// A sheet with one side only, like a Möbius strip.
     #[error(
-        "patch {patch:?} cannot be wound consistently: the faces around a closed strip contradict each other \
-         at the edge between vertices {} and {}", edge[0], edge[1]
+        "patch {patch:?} cannot be wound consistently: the closed strip of the faces {} contradicts itself at the edge \
+         between vertices {} and {}", listed(faces), edge[0], edge[1]
     )]
     NotOrientable {
         /// Name of the patch.
         patch: String,
         /// An edge where the contradiction shows.
         edge: [VertexId; 2],
+        /// The faces of the shortest strip through it that is turned over once around, in order.
+        faces: Vec<FaceId>,
     },
     /// Two patches of one name.
     #[error("two patches are named {patch:?}; names must differ")]

@@ -25,6 +25,8 @@ pub struct Patch {
     /// Taxel positions in the link's frame and triangles seen from outside: manifold, one
     /// component, no vertex without a face.
     pub mesh: TriMesh,
+    /// How many of the last triangles close pin-holes: they are no skin, and no taxel lies in them.
+    pub filled: usize,
     /// What is known of each vertex of the mesh.
     pub taxels: Taxels,
 }
@@ -33,7 +35,7 @@ impl Patch {
     /// A patch of a bare mesh: ids count from 1, normals and areas come from the triangles.
     #[must_use]
     pub fn from_mesh(name: impl Into<String>, link: LinkId, mesh: TriMesh) -> Self {
-        Self { name: name.into(), link, taxels: Taxels::of_mesh(&mesh), mesh }
+        Self { name: name.into(), link, taxels: Taxels::of_mesh(&mesh), mesh, filled: 0 }
     }
 
     /// Checks every promise that concerns this patch alone.
@@ -54,7 +56,13 @@ impl Patch {
     fn posed(&self, pose: &DAffine3) -> Self {
         let positions = self.mesh.positions.map(|x| pose.transform_point3(*x));
         let mesh = TriMesh { positions, triangles: self.mesh.triangles.clone() };
-        Self { name: self.name.clone(), link: self.link, mesh, taxels: self.taxels.posed(pose) }
+        Self {
+            name: self.name.clone(),
+            link: self.link,
+            mesh,
+            filled: self.filled,
+            taxels: self.taxels.posed(pose),
+        }
     }
 }
 

@@ -87,6 +87,12 @@ pub struct Taxels {
     pub areas: IdVec<VertexId, f64>,
     /// Taxels per m^2, positive; `None`: as the spacing says.
     pub densities: Option<IdVec<VertexId, f64>>,
+    /// How much distortion of the map counts at each taxel, at least 0; only ratios matter. `None`:
+    /// the same everywhere.
+    pub weights: Option<IdVec<VertexId, f64>>,
+    /// How many times finer than elsewhere the fields are at each taxel, and how many times longer
+    /// lengths on the map, positive; only ratios matter. `None`: the same everywhere.
+    pub acuities: Option<IdVec<VertexId, f64>>,
     /// What each slot holds.
     pub presence: IdVec<VertexId, Presence>,
     /// How uncertain the positions are, in the link's frame; `None`: unknown.
@@ -112,21 +118,10 @@ impl Taxels {
             tangents: None,
             areas: mesh.vertex_areas(),
             densities: None,
+            weights: None,
+            acuities: None,
             presence: IdVec::filled(Presence::Present, mesh.positions.len()),
             covariances: None,
-        }
-    }
-
-    /// The taxels of other vertices, each of which is one of these.
-    pub(crate) fn at(&self, vertices: &IdVec<VertexId, VertexId>) -> Self {
-        Self {
-            ids: vertices.map(|&v| self.ids[v]),
-            normals: vertices.map(|&v| self.normals[v]),
-            tangents: self.tangents.as_ref().map(|all| vertices.map(|&v| all[v])),
-            areas: vertices.map(|&v| self.areas[v]),
-            densities: self.densities.as_ref().map(|all| vertices.map(|&v| all[v])),
-            presence: vertices.map(|&v| self.presence[v]),
-            covariances: self.covariances.as_ref().map(|all| vertices.map(|&v| all[v])),
         }
     }
 
@@ -141,13 +136,13 @@ impl Taxels {
             ("normals", self.normals.len()),
             ("tangents", self.tangents.as_ref().map_or(vertices, IdVec::len)),
             ("areas", self.areas.len()),
-            ("densities", self.densities.as_ref().map_or(vertices, IdVec::len)),
             ("presence", self.presence.len()),
             ("covariances", self.covariances.as_ref().map_or(vertices, IdVec::len)),
         ];
         if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != vertices) {
             return Err(TaxelError::Length { what, found, needed: vertices });
         }
+        self.check_demands(vertices)?;
         if let Some((vertex, &found)) = self.areas.enumerate().find(|&(_, &a)| !is_positive(a)) {
             return Err(TaxelError::Area { vertex, found });
         }
@@ -164,14 +159,48 @@ impl Taxels {
                 return Err(TaxelError::Tangent { vertex, length, along });
             }
         }
-        let mut densities = self.densities.iter().flat_map(IdVec::enumerate);
-        if let Some((vertex, &found)) = densities.find(|&(_, &d)| !is_positive(d)) {
-            return Err(TaxelError::Density { vertex, found });
-        }
         let mut covariances = self.covariances.iter().flat_map(IdVec::enumerate);
         match covariances.find(|(_, c)| !is_covariance(c)) {
             Some((vertex, &found)) => Err(TaxelError::Covariance { vertex, found }),
             None => Ok(()),
+        }
+    }
+
+    /// Checks what regions ask of fields and maps: densities, weights and acuities.
+    pub(crate) fn check_demands(&self, vertices: usize) -> Result<(), TaxelError> {
+        let Self { densities, weights, acuities, .. } = self;
+        for (what, values) in [("densities", densities), ("weights", weights), ("acuities", acuities)] {
+            if let Some(found) = values.as_ref().map(IdVec::len).filter(|found| *found != vertices) {
+                return Err(TaxelError::Length { what, found, needed: vertices });
+            }
+        }
+        let first = |values: &Option<IdVec<VertexId, f64>>, is_wrong: fn(f64) -> bool| {
+            let mut all = values.iter().flat_map(IdVec::enumerate);
+            all.find(|(_, x)| is_wrong(**x)).map(|(vertex, &found)| (vertex, found))
+        };
+        if let Some((vertex, found)) = first(densities, |x| !is_positive(x)) {
+            return Err(TaxelError::Density { vertex, found });
+        }
+        if let Some((vertex, found)) = first(acuities, |x| !is_positive(x)) {
+            return Err(TaxelError::Acuity { vertex, found });
+        }
+        if let Some((vertex, found)) = first(weights, |x| !is_weight(x)) {
+            return Err(TaxelError::Weight { vertex, found });
+        }
+        match weights {
+            Some(weights) if vertices > 0 && weights.iter().all(|w| *w == 0.0) => {
+                Err(TaxelError::NoWeight { found: vertices })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Densities (1/m^2) as the acuities want them, for places that depend on them alone.
+    pub(crate) fn wanted_densities(&self) -> Option<IdVec<VertexId, f64>> {
+        match (&self.densities, &self.acuities) {
+            (densities, None) => densities.clone(),
+            (None, Some(a)) => Some(a.iter().zip(&self.areas).map(|(a, area)| a * a / area).collect()),
+            (Some(rho), Some(a)) => Some(a.iter().zip(rho).map(|(a, rho)| a * a * rho).collect()),
         }
     }
 
@@ -187,6 +216,8 @@ impl Taxels {
             tangents: self.tangents.as_ref().map(|t| origins.map(|&v| t[v])),
             areas: origins.map(|&v| self.areas[v]),
             densities: self.densities.as_ref().map(|d| origins.map(|&v| d[v])),
+            weights: self.weights.as_ref().map(|w| origins.map(|&v| w[v])),
+            acuities: self.acuities.as_ref().map(|a| origins.map(|&v| a[v])),
             presence: origins.map(|&v| self.presence[v]),
             covariances: self.covariances.as_ref().map(|c| origins.map(|&v| c[v])),
         }
@@ -210,6 +241,11 @@ impl Taxels {
 /// Whether a number can be an area or a density.
 pub(super) fn is_positive(x: f64) -> bool {
     x.is_finite() && x > 0.0
+}
+
+/// Whether a number can be a weight.
+pub(super) fn is_weight(x: f64) -> bool {
+    x.is_finite() && x >= 0.0
 }
 
 /// Whether all principal minors are non-negative but for rounding: then no direction has a negative
@@ -272,6 +308,28 @@ pub enum TaxelError {
         /// The vertex.
         vertex: VertexId,
         /// The density found.
+        found: f64,
+    },
+    /// A weight that is negative or not finite.
+    #[error("vertex {vertex} has a weight of {found}; a number of at least 0 is needed")]
+    Weight {
+        /// The vertex.
+        vertex: VertexId,
+        /// The weight found.
+        found: f64,
+    },
+    /// Weights that are all zero.
+    #[error("all {found} weights are 0; at least one above 0 is needed")]
+    NoWeight {
+        /// The number of weights.
+        found: usize,
+    },
+    /// An acuity that is not positive and finite.
+    #[error("vertex {vertex} has an acuity of {found}; a positive number is needed")]
+    Acuity {
+        /// The vertex.
+        vertex: VertexId,
+        /// The acuity found.
         found: f64,
     },
     /// A matrix that is not the covariance of a position.

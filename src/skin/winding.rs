@@ -1,8 +1,10 @@
 //! Consistent winding: the components of a sheet and which of their faces are turned over.
 
+use std::collections::VecDeque;
+
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, TriMesh},
+    mesh::{Edges, Halfedge, TriMesh},
     numeric::{DisjointSets, Relation},
 };
 
@@ -49,5 +51,67 @@ impl Winding {
             reversed.push(relation.is_reversed());
         }
         Self { component, components, reversed, conflicting_edges }
+    }
+}
+
+/// The shortest closed strip of faces, each next to the one before and the last to the first, that is
+/// turned over once around. It passes through an edge of `conflicting_edges`; empty without such a
+/// strip there.
+pub(super) fn one_sided_strip(mesh: &TriMesh, edges: &Edges, through: [VertexId; 2]) -> Vec<FaceId> {
+    // Across each side of a face: the other face, and whether it is wound against this one.
+    let mut across = IdVec::<FaceId, [Option<(FaceId, usize)>; 3]>::filled([None; 3], mesh.triangles.len());
+    let mut start = None;
+    for uses in edges.iter() {
+        if let &[a, b] = uses {
+            let turn = usize::from(a.start(mesh) == b.start(mesh));
+            let mut join = |a: Halfedge, b: Halfedge| across[a.face()][a.side()] = Some((b.face(), turn));
+            join(a, b);
+            join(b, a);
+            if [a.start(mesh), a.end(mesh)] == through {
+                start = Some(a.face());
+            }
+        }
+    }
+    let Some(start) = start else { return Vec::new() };
+    // Faces seen from either side.
+    let mut before = IdVec::<FaceId, [Option<(FaceId, usize)>; 2]>::filled([None; 2], mesh.triangles.len());
+    let mut queue = VecDeque::from([(start, 0)]);
+    while let Some((face, side)) = queue.pop_front() {
+        for &(next, turn) in across[face].iter().flatten() {
+            let seen = (next, side ^ turn);
+            if seen != (start, 0) && before[next][seen.1].is_none() {
+                before[next][seen.1] = Some((face, side));
+                queue.push_back(seen);
+            }
+        }
+    }
+    let back = std::iter::successors(before[start][1], |&(face, side)| {
+        before[face][side].filter(|_| (face, side) != (start, 0))
+    });
+    back.map(|(face, _)| face).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    /// A strip of seven squares, closed with half a turn: all its faces, once around.
+    #[test]
+    fn the_strip_goes_round_once() {
+        let v = |k: u32| if k < 14 { k } else { [1, 0][(k - 14) as usize] };
+        let squares = (0..7).map(|k| [2 * k, 2 * k + 1, 2 * k + 2, 2 * k + 3].map(v));
+        let triangles: Vec<[u32; 3]> = squares.flat_map(|[a, b, c, d]| [[a, c, b], [b, c, d]]).collect();
+        let mesh = TriMesh::from_arrays(vec![glam::DVec3::ZERO; 14], &triangles);
+        let edges = Edges::new(&mesh.triangles, mesh.positions.len());
+        let conflict = Winding::new(&mesh, &edges).conflicting_edges[0];
+        let mut strip = one_sided_strip(&mesh, &edges, conflict);
+        assert_eq!(strip.len(), 14);
+        strip.sort_unstable();
+        strip.dedup();
+        assert_eq!(strip.len(), 14, "every face once");
+        let square = shapes::square();
+        let edges = Edges::new(&square.triangles, 4);
+        assert_eq!(one_sided_strip(&square, &edges, [0, 1].map(VertexId::new)), []);
     }
 }

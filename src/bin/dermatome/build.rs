@@ -22,7 +22,7 @@ use crate::{
     common::Common,
     input::read_good_patches,
     notes::{note, note_distortion, note_overlaps, note_seams},
-    options::{CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
+    options::{AcuityArgs, CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
     outputs::{self, Outputs, cannot_write},
     print::{json, plain, print_json, print_levels},
     progress,
@@ -39,6 +39,8 @@ pub(crate) struct Args {
     output: PathBuf,
     #[command(flatten)]
     coarsen: CoarsenArgs,
+    #[command(flatten)]
+    acuity: AcuityArgs,
     #[command(flatten)]
     flatten: FlattenArgs,
     /// Side of a pixel of the images, in mm on the map
@@ -71,6 +73,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (mut skin, mut left_out) =
         read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     check_output(&args.output, &files)?;
+    args.acuity.apply(&mut skin)?;
     options.flatten = args.flatten.options_for(&skin)?;
     let read = start.elapsed().as_secs_f64();
 

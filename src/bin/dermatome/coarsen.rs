@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use crate::{
     common::Common,
     input::read_skin,
-    options::{CoarsenArgs, PatchArgs, ReadArgs},
+    options::{AcuityArgs, CoarsenArgs, PatchArgs, ReadArgs},
     outputs,
     print::{plain, print_json, print_table},
 };
@@ -30,6 +30,8 @@ pub(crate) struct Args {
     output: PathBuf,
     #[command(flatten)]
     coarsen: CoarsenArgs,
+    #[command(flatten)]
+    acuity: AcuityArgs,
     /// Print the levels as JSON
     #[arg(long)]
     json: bool,
@@ -47,7 +49,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check([args.output.as_path()])?;
     outputs::check_inputs([args.output.as_path()], [args.skin.as_path()])?;
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.read.options() };
-    let skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
+    let mut skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
+    args.acuity.apply(&mut skin)?;
     let options = args.coarsen.options();
     let coarsen = |patch: &Patch| {
         let coarsened = coarsen(&patch.mesh, &patch.taxels, &options).map_err(Error::from);

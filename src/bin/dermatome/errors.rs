@@ -179,8 +179,8 @@ fn flatten_help(error: &FlattenError) -> &'static str {
         FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => CHECK,
         FlattenError::Option { .. } => "change the option: `dermatome help flatten` lists what each takes",
         FlattenError::Size { .. } => "give positions in metres",
-        FlattenError::Density { .. } | FlattenError::Densities { .. } => {
-            "correct the densities in the file, or remove them"
+        FlattenError::Density { .. } | FlattenError::Taxels(_) => {
+            "correct the densities, weights or acuities in the file, or remove them"
         }
         FlattenError::NoPlace { .. } | FlattenError::NotOnBoundary { .. } => {
             "correct the table of --boundary (vertices are counted from 0 in the order of the taxels)"
@@ -204,6 +204,7 @@ fn flatten_help(error: &FlattenError) -> &'static str {
 fn cut_help(error: &CutError) -> &'static str {
     match error {
         CutError::Mesh(_) => CHECK,
+        CutError::AreaRatio { .. } => "raise --max-area-ratio, or split the patch into several",
         _ => {
             "correct the table of seams: `from,to` are the ids of taxels that an edge joins; --cut auto finds a seam"
         }

@@ -18,7 +18,7 @@ use crate::{
     errors::advise,
     input::read_skin,
     notes::{note_distortion, note_overlaps, note_seams},
-    options::{FlattenArgs, PatchArgs, ReadArgs},
+    options::{AcuityArgs, FlattenArgs, PatchArgs, ReadArgs},
     outputs::{self, Outputs},
     print::{print_json, print_levels},
     progress,
@@ -36,6 +36,8 @@ pub(crate) struct Args {
     output: Vec<PathBuf>,
     #[command(flatten)]
     flatten: FlattenArgs,
+    #[command(flatten)]
+    acuity: AcuityArgs,
     /// Print the measures of the map as JSON
     #[arg(long)]
     json: bool,
@@ -49,7 +51,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check(args.output.iter().map(PathBuf::as_path))?;
     outputs::check_inputs(args.output.iter().map(PathBuf::as_path), [args.mesh.as_path()])?;
     args.flatten.options()?;
-    let skin = read_skin(&args.mesh, &args.read, &args.chosen, &args.read.options(), common)?;
+    let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &args.read.options(), common)?;
+    args.acuity.apply(&mut skin)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
         return Err(advise(

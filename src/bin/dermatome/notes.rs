@@ -28,7 +28,7 @@ pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
     }
 }
 
-/// What a skin loses there: its frames and names, its tangents and its covariances.
+/// What a skin loses there: its frames and names, its tangents, covariances and weights.
 fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
     let kind = outputs::kind(path);
     let is_plain = matches!(kind.as_str(), "json" | "obj" | "off" | "ply" | "stl");
@@ -36,7 +36,9 @@ fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
     let tangents = has(|taxels| taxels.tangents.is_some()).then_some("the tangents of the taxels are lost");
     let covariances =
         has(|taxels| taxels.covariances.is_some()).then_some("the covariances of the taxels are lost");
-    lost_frames(&kind, skin).into_iter().chain(tangents).chain(covariances).collect()
+    // CSV and glTF keep them.
+    let weights = has(|taxels| taxels.weights.is_some()).then_some("the weights of the taxels are lost");
+    lost_frames(&kind, skin).into_iter().chain(tangents).chain(covariances).chain(weights).collect()
 }
 
 fn lost_frames(kind: &str, skin: &Skin) -> Option<&'static str> {

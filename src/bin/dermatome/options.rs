@@ -8,7 +8,7 @@ use dermatome::{
     Error,
     cut::Cut,
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
-    io::{ReadParts, read_boundary, read_draft_with, read_faces, read_seams},
+    io::{ReadParts, read_acuities, read_boundary, read_draft_with, read_faces, read_seams},
     pyramid::CoarsenOptions,
     skin::{AssembleOptions, Draft, Skin, TaxelId, Weld, world_pose},
 };
@@ -270,9 +270,26 @@ pub(crate) struct CoarsenArgs {
     /// Stop at about this many vertices per patch
     #[arg(long, value_name = "N", default_value_t = CoarsenOptions::default().coarsest)]
     coarsest: usize,
-    /// Fill holes of at most this many edges first; the outer boundary stays
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = hole)]
+    /// Fill holes of at most this many edges first, 0 for none; the outer boundary stays
+    #[arg(long, value_name = "N", default_value_t = PIN_HOLE, value_parser = hole)]
     pub fill_holes: usize,
+}
+
+/// Where the skin is finer than elsewhere.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Pyramid")]
+pub(crate) struct AcuityArgs {
+    /// Where fields are finer and lengths on the map longer than elsewhere, as at fingertips: a table
+    /// with the columns taxel_id,factor; taxels that it does not name have the factor 1
+    #[arg(long, value_name = "FILE.csv")]
+    acuity: Option<PathBuf>,
+}
+
+impl AcuityArgs {
+    /// Reads the table, if one is named, into the taxels of a skin.
+    pub(crate) fn apply(&self, skin: &mut Skin) -> Result<(), Error> {
+        self.acuity.as_ref().map_or(Ok(()), |path| read_acuities(path, skin).map_err(Error::from))
+    }
 }
 
 impl CoarsenArgs {
@@ -314,6 +331,10 @@ pub(crate) struct FlattenArgs {
     /// of taxels); nothing is cut within a table of --boundary
     #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto")]
     cut: String,
+    /// Cut more, a plain disk too, until no triangle of the map is larger or smaller than on the skin
+    /// by more than this factor; an error if no cut does that
+    #[arg(long, value_name = "X", value_parser = area_ratio)]
+    max_area_ratio: Option<f64>,
     /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin;
     /// rectangle:W:H:A:B:C:D with its corners at these taxels, counter-clockwise from the lower left
     /// one; or a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
@@ -430,7 +451,17 @@ impl FlattenArgs {
     /// Where to cut; reads the table if one is named.
     pub(crate) fn cut(&self) -> anyhow::Result<Cut> {
         let how = self.cut.as_str();
-        if matches!(self.boundary, Some(BoundaryArg::Table(_))) {
+        let table = matches!(self.boundary, Some(BoundaryArg::Table(_)));
+        match self.max_area_ratio {
+            Some(ratio) if how == "auto" && !table => return Ok(Cut::AreaRatio(ratio)),
+            Some(_) => {
+                let with = if table { "a table of --boundary" } else { "--cut other than auto" };
+                let why = format!("--max-area-ratio changes nothing with {with}");
+                return Err(advise(why, "leave out one of the two"));
+            }
+            None => {}
+        }
+        if table {
             if how == "auto" || how == "none" {
                 return Ok(Cut::None);
             }
@@ -495,6 +526,10 @@ fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, Str
     }
 }
 
+/// Edges of a pin-hole at most: where a reader of scans dropped a sliver, not where a screw sits.
+/// Three vertices of every loop stay on every level, so that many small holes stall a pyramid.
+const PIN_HOLE: usize = 5;
+
 /// Larger holes are intended boundaries, and filling one costs the cube of its number of edges.
 const LARGEST_HOLE: usize = 200;
 
@@ -507,6 +542,10 @@ fn hole(text: &str) -> Result<usize, String> {
 
 fn ratio(text: &str) -> Result<f64, String> {
     number(text, "a number from 1.6 to 1000", |x| (1.6..=1000.0).contains(&x))
+}
+
+fn area_ratio(text: &str) -> Result<f64, String> {
+    number(text, "a number above 1", |x| x > 1.0)
 }
 
 fn gap(text: &str) -> Result<f64, String> {

@@ -7,8 +7,9 @@ use crate::{
         FlattenError,
         domain::disk::Disk,
         domain::elements::{BoundaryEdge, Element, ElementMesh, Uv},
+        domain::magnification::Magnification,
     },
-    id::{FaceId, IdVec, VertexId},
+    id::VertexId,
     mesh::{FlatTriangle, TriMesh, mean_edge_length},
 };
 
@@ -65,13 +66,18 @@ impl<'m> FlattenDomain<'m> {
         Ok(Self { mesh, disk, unit, elements, prescribed: Vec::new() })
     }
 
-    /// The same with energies that aim at `factors` times the true area of each face.
+    /// The same with energies that aim at the area that `magnification` asks for of each face, and
+    /// that count its distortion as much.
     ///
-    /// The faces' weights stay: a magnified face does not count more than it did.
-    pub(crate) fn magnified(mut self, factors: &IdVec<FaceId, f64>) -> Self {
-        for (e, factor) in self.elements.faces.iter_mut().zip(factors) {
+    /// A magnified face does not count more than it did.
+    pub(crate) fn magnified(mut self, magnification: &Magnification) -> Self {
+        let faces = &mut self.elements.faces;
+        for (e, factor) in faces.iter_mut().zip(magnification.area_factors(self.mesh).iter().flatten()) {
             let shrink = factor.sqrt().recip();
             e.gradients = e.gradients.map(|g| g * shrink);
+        }
+        for (e, weight) in faces.iter_mut().zip(magnification.face_weights(self.mesh).iter().flatten()) {
+            e.weight *= weight;
         }
         self
     }

@@ -1,92 +1,117 @@
-//! Magnification: the area that each face aims at, from the densities of the taxels.
+//! What regions ask of the map: the area that each face aims at, from the densities and acuities of
+//! the taxels, and how much its distortion counts.
 
 use crate::{
     flatten::{FlattenError, Method},
     id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
     pyramid::Level,
+    skin::Taxels,
 };
 
 /// Largest area factor, and its inverse the smallest: beyond, neighbouring faces could not meet
 /// without extreme angles.
 const LARGEST_FACTOR: f64 = 1e3;
 
-/// How many times larger than on the skin each part of the map should be: `(rho / mean rho)^gamma`,
-/// as the cortex gives densely innervated skin a larger share.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Magnification {
-    /// `gamma = 0`: areas as they are.
-    None,
-    /// Densities `rho` of the vertices, in 1/m^2, and the exponent.
-    Density(IdVec<VertexId, f64>, f64),
+/// Least weight of a face over the mean: one of weight 0 still must not flip, which its energy sees
+/// to.
+const LEAST_WEIGHT: f64 = 1e-3;
+
+/// One number per vertex, where there is one.
+type Values = Option<IdVec<VertexId, f64>>;
+
+/// How many times larger than on the skin each part of the map should be, `a^2 (rho / mean rho)^gamma`
+/// with the acuity `a`, as the cortex gives densely innervated skin a larger share; and how much its
+/// distortion counts.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Magnification {
+    /// Densities `rho` of the vertices, in 1/m^2, unless `gamma = 0`.
+    densities: Values,
+    /// The exponent.
+    gamma: f64,
+    /// Squares of the acuities.
+    shares: Values,
+    weights: Values,
 }
 
 impl Magnification {
-    /// From the densities of the vertices, or else their receptive areas.
+    /// From what is known of the taxels, of the receptive areas `areas` (m^2). Without densities, the
+    /// areas give them.
     pub(crate) fn new(
         method: Method,
-        densities: Option<&IdVec<VertexId, f64>>,
+        taxels: Option<&Taxels>,
         areas: &IdVec<VertexId, f64>,
     ) -> Result<Self, FlattenError> {
-        let gamma = match method {
-            Method::Intrinsic { magnify, .. } if magnify != 0.0 => magnify,
-            _ => return Ok(Self::None),
-        };
-        let rho = match densities {
-            Some(given) if given.len() != areas.len() => {
-                return Err(FlattenError::Densities { found: given.len(), needed: areas.len() });
-            }
-            Some(given) => given.clone(),
-            None => areas.map(|a| a.recip()),
-        };
-        if let Some((vertex, &found)) = rho.enumerate().find(|(_, r)| !(r.is_finite() && **r > 0.0)) {
+        let Method::Intrinsic { magnify: gamma, .. } = method else { return Ok(Self::default()) };
+        taxels.map_or(Ok(()), |taxels| taxels.check_demands(areas.len()))?;
+        let densities = taxels.and_then(|taxels| taxels.densities.clone());
+        let densities = (gamma != 0.0).then(|| densities.unwrap_or_else(|| areas.map(|a| a.recip())));
+        let is_wrong = |r: &f64| !(r.is_finite() && *r > 0.0);
+        let wrong = densities.iter().flat_map(IdVec::enumerate).find(|(_, r)| is_wrong(r));
+        if let Some((vertex, &found)) = wrong {
             return Err(FlattenError::Density { vertex, found });
         }
-        Ok(Self::Density(rho, gamma))
+        let shares = taxels.and_then(|taxels| Some(taxels.acuities.as_ref()?.map(|a| a * a)));
+        let weights = taxels.and_then(|taxels| taxels.weights.clone());
+        Ok(Self { densities, gamma, shares, weights })
     }
 
-    /// The same on a coarser level: each field has the mean density of its taxels, weighted with
-    /// their areas.
+    /// The same with other values.
+    fn map(&self, values: impl Fn(&IdVec<VertexId, f64>) -> IdVec<VertexId, f64>) -> Self {
+        let map = |of: &Values| of.as_ref().map(&values);
+        let Self { densities, gamma, shares, weights } = self;
+        Self { densities: map(densities), gamma: *gamma, shares: map(shares), weights: map(weights) }
+    }
+
+    /// The same on a coarser level: each field has the mean of its taxels, weighted with their
+    /// areas.
     pub(crate) fn restricted(&self, level: &Level, areas: &IdVec<VertexId, f64>) -> Self {
-        match (self, &level.to_finest) {
-            (Self::Density(rho, gamma), Some(to_finest)) => {
-                let taxels = to_finest.restrict(&areas.iter().zip(rho).map(|(a, r)| a * r).collect());
-                let served = to_finest.restrict(areas);
-                Self::Density(taxels.iter().zip(&served).map(|(t, a)| t / a).collect(), *gamma)
-            }
-            _ => self.clone(),
-        }
+        let Some(to_finest) = &level.to_finest else { return self.clone() };
+        let served = to_finest.restrict(areas);
+        self.map(|values| {
+            let sums = to_finest.restrict(&areas.iter().zip(values).map(|(a, x)| a * x).collect());
+            sums.iter().zip(&served).map(|(sum, a)| sum / a).collect()
+        })
     }
 
     /// The same for a mesh of some of the vertices.
     pub(crate) fn of_vertices(&self, vertices: &[VertexId]) -> Self {
-        match self {
-            Self::None => Self::None,
-            Self::Density(rho, gamma) => Self::Density(vertices.iter().map(|&v| rho[v]).collect(), *gamma),
-        }
+        self.map(|values| vertices.iter().map(|&v| values[v]).collect())
     }
 
-    /// The factor of each face, so that the whole map keeps its area.
-    pub(crate) fn of_faces(&self, mesh: &TriMesh) -> IdVec<FaceId, f64> {
-        let Self::Density(rho, gamma) = self else {
-            return IdVec::filled(1.0, mesh.triangles.len());
-        };
-        let mean_of_logs = rho.iter().map(|r| r.ln()).sum::<f64>() / rho.len() as f64;
-        let bound = LARGEST_FACTOR.ln();
-        let raw: IdVec<FaceId, f64> = mesh
-            .triangles
-            .iter()
-            .map(|t| {
-                let log = t.map(|v| rho[v].ln() - mean_of_logs).iter().sum::<f64>() / 3.0;
-                (gamma * log).clamp(-bound, bound).exp()
-            })
-            .collect();
-        let (mut area, mut magnified) = (0.0, 0.0);
-        for (face, factor) in raw.enumerate() {
-            area += mesh.face_area(face);
-            magnified += mesh.face_area(face) * factor;
+    /// The area factor of each face, so that the whole map keeps its area; `None` where all are 1.
+    pub(crate) fn area_factors(&self, mesh: &TriMesh) -> Option<IdVec<FaceId, f64>> {
+        let parts = [(&self.densities, self.gamma), (&self.shares, 1.0)];
+        let mut logs: Option<IdVec<FaceId, f64>> = None;
+        for (values, exponent) in parts {
+            let Some(values) = values else { continue };
+            let mean = values.iter().map(|x| x.ln()).sum::<f64>() / values.len() as f64;
+            let log =
+                |t: &[VertexId; 3]| exponent * t.map(|v| values[v].ln() - mean).iter().sum::<f64>() / 3.0;
+            let all = logs.get_or_insert_with(|| mesh.triangles.map(|_| 0.0));
+            all.iter_mut().zip(&mesh.triangles).for_each(|(sum, t)| *sum += log(t));
         }
-        let same_area = area / magnified;
-        raw.map(|f| f * if same_area.is_finite() && same_area > 0.0 { same_area } else { 1.0 })
+        let bound = LARGEST_FACTOR.ln();
+        let raw = logs?.map(|log| log.clamp(-bound, bound).exp());
+        Some(with_mean_one(mesh, raw))
     }
+
+    /// The weight of each face, 1 on the mean by area; `None` where all are 1.
+    pub(crate) fn face_weights(&self, mesh: &TriMesh) -> Option<IdVec<FaceId, f64>> {
+        let weights = self.weights.as_ref()?;
+        let raw = mesh.triangles.map(|t| t.map(|v| weights[v]).iter().sum::<f64>() / 3.0);
+        let raised = with_mean_one(mesh, raw).map(|w| w.max(LEAST_WEIGHT));
+        Some(with_mean_one(mesh, raised))
+    }
+}
+
+/// Factors of faces over their mean by area.
+fn with_mean_one(mesh: &TriMesh, factors: IdVec<FaceId, f64>) -> IdVec<FaceId, f64> {
+    let (mut area, mut sum) = (0.0, 0.0);
+    for (face, factor) in factors.enumerate() {
+        area += mesh.face_area(face);
+        sum += mesh.face_area(face) * factor;
+    }
+    let mean = sum / area;
+    if mean.is_finite() && mean > 0.0 { factors.map(|f| f / mean) } else { factors.map(|_| 1.0) }
 }

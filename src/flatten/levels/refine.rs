@@ -59,7 +59,7 @@ pub(crate) fn refine(
     }
     let objective = Objective::new(&domain.elements, goal.energy);
     let rank = |map: &Relaxed| (overlaps(domain.mesh, &map.uv), objective.energy(&map.uv));
-    let fresh = minimise_from_scratch(domain, goal)?;
+    let fresh = minimise_from_scratch(domain, goal, None)?;
     Ok(if rank(&fresh) < rank(&inherited) { fresh } else { inherited })
 }
 
@@ -102,8 +102,7 @@ fn insert_stage(
         return Ok(());
     }
     let (mesh, vertices) = insertion.mesh();
-    let factors = magnification.of_vertices(&vertices).of_faces(&mesh);
-    let domain = FlattenDomain::new(&mesh)?.magnified(&factors);
+    let domain = FlattenDomain::new(&mesh)?.magnified(&magnification.of_vertices(&vertices));
     let uv = domain.to_units(&vertices.iter().map(|&v| insertion.map[v]).collect());
     let start = make_locally_injective(&domain, uv)?;
     let relaxed = relax(&domain, Start::Near(start, walls), goal, Some(STAGE))?;

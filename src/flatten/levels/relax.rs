@@ -103,15 +103,20 @@ pub(crate) fn solve_from_scratch(
         Method::Conformal => spectral_conformal(domain).map(linear_map),
         Method::Linear { angle, area } => linear(domain, angle, area).map(linear_map),
         Method::Intrinsic { energy, .. } => {
-            minimise_from_scratch(domain, Goal { energy, overlap: options.overlap })
+            minimise_from_scratch(domain, Goal { energy, overlap: options.overlap }, None)
         }
     }
 }
 
-/// The map of least energy from the conformal start, or from inside a circle if that is a bad one.
-pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> Result<Relaxed, FlattenError> {
+/// The map of least energy from the conformal start, or from inside a circle if that is a bad one;
+/// `limits` instead of the usual ones for the size.
+pub(crate) fn minimise_from_scratch(
+    domain: &FlattenDomain<'_>,
+    goal: Goal,
+    limits: Option<NewtonLimits>,
+) -> Result<Relaxed, FlattenError> {
     if !domain.prescribed.is_empty() {
-        return relax(domain, Start::Far(start_within(domain)?), goal, None);
+        return relax(domain, Start::Far(start_within(domain)?), goal, limits);
     }
     let conformal = spectral_conformal(domain)?;
     let is_good = domain.elements.is_flip_free(&conformal)
@@ -119,7 +124,7 @@ pub(crate) fn minimise_from_scratch(domain: &FlattenDomain<'_>, goal: Goal) -> R
         && keeps_holes(domain, &conformal)
         && dirichlet(&domain.elements, &conformal).0 < BAD_START;
     let start = if is_good { conformal } else { convex_start(domain, conformal)? };
-    relax(domain, Start::Far(start), goal, None)
+    relax(domain, Start::Far(start), goal, limits)
 }
 
 /// The map inside a circle; where needles leave faces without area there, the conformal map after its

@@ -28,6 +28,14 @@ pub(super) struct LevelExtras {
     /// of the mesh is. All other numbers count those of uncut levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unsplit: Option<usize>,
+    /// How many of the last triangles of level 0 close pin-holes.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub filled: usize,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
+const fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// The rectangle of a [`crate::map::ImageFrame`].

@@ -420,8 +420,16 @@ fn elements_of<'a>(json: &'a mut Value, key: &str) -> &'a mut [Value] {
 
 /// Whether a skin needs an attribute: the others are looks, or are computed where they are wrong.
 pub(super) fn is_needed(attribute: &str) -> bool {
-    const OF_TAXELS: [&str; 6] =
-        ["_TAXEL_ID", "_AREA", "_DENSITY", "_PRESENT", "_COVARIANCE_0", "_COVARIANCE_1"];
+    const OF_TAXELS: [&str; 8] = [
+        "_TAXEL_ID",
+        "_AREA",
+        "_DENSITY",
+        "_WEIGHT",
+        "_ACUITY",
+        "_PRESENT",
+        "_COVARIANCE_0",
+        "_COVARIANCE_1",
+    ];
     attribute == "POSITION" || OF_TAXELS.contains(&attribute)
 }
 

@@ -145,7 +145,13 @@ fn read_patch(document: &Document, links: &BTreeMap<usize, LinkId>, patch: Patch
         let level = &mut levels[number].level;
         (level.from_coarser, level.to_finest, level.origins) = (from_coarser, to_finest, origins);
     }
-    Ok(PatchMap { name: patch.name, link, taxels, levels })
+    let filled = patch.levels.first().map_or(0, |(_, extras)| extras.filled);
+    let faces = levels.iter().next().map_or(0, |finest| finest.level.mesh.triangles.len());
+    if filled > faces {
+        let (element, found) = (format!("patch {:?} filled", patch.name), filled.to_string());
+        return Err(document.invalid(element, found, format!("at most {faces}, its triangles")));
+    }
+    Ok(PatchMap { name: patch.name, link, filled, taxels, levels })
 }
 
 /// The mesh and the map of one level, not yet measured nor joined; level 0 fills in the taxels.
@@ -182,6 +188,8 @@ fn read_level(
             tangents,
             areas: areas.clone(),
             densities: attributes.scalars("_DENSITY")?.map(IdVec::from),
+            weights: attributes.scalars("_WEIGHT")?.map(IdVec::from),
+            acuities: attributes.scalars("_ACUITY")?.map(IdVec::from),
             presence: presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from),
             covariances: read_covariances(&attributes)?.map(IdVec::from),
         };
@@ -202,7 +210,7 @@ fn read_level(
             let unsplit = unsplit.into_iter().map(|[v]| VertexId::from(v)).collect();
             let places = Places::new(document, &name, unsplit, whole.uv.len())?;
             if extras.level == 0 {
-                *taxels = taxels.at(&places.first);
+                *taxels = taxels.select(&places.first);
             }
             Ok(places.glue(whole))
         }

@@ -27,7 +27,7 @@ use crate::{
 /// triangles; in a scene without any triangle, one sheet of bare taxels per node that carries points.
 ///
 /// The primitives of a mesh become one sheet; points next to triangles, and lines, are passed over. `_TAXEL_ID` may be
-/// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2)
+/// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2), `_WEIGHT`
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
 /// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
 /// `map.glb` reads as the skin it is a map of.
@@ -152,6 +152,7 @@ fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) 
     all_or_none("_PRESENT", join(&mut sheet.presence, presence, first))?;
     all_or_none("_AREA", join(&mut sheet.areas, attributes.scalars("_AREA")?, first))?;
     all_or_none("_DENSITY", join(&mut sheet.densities, attributes.scalars("_DENSITY")?, first))?;
+    all_or_none("_WEIGHT", join(&mut sheet.weights, attributes.scalars("_WEIGHT")?, first))?;
     all_or_none("_COVARIANCE_0", join(&mut sheet.covariances, read_covariances(attributes)?, first))?;
 
     // A primitive without normals is flat by the rules of glTF, so its triangles know better.

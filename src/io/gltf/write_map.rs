@@ -30,8 +30,8 @@ use crate::{
 /// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
 /// image, `TANGENT` with `w` 1 the tangents of the taxels that the vertices are, `_AREA` the receptive
 /// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16:
-/// low, high), `_PRESENT`, and `_DENSITY`, `_SIGMA` and `_COVARIANCE_0/1` where densities and
-/// covariances are known. The mesh's `extras.dermatome` holds the names of patch and level, the
+/// low, high), `_PRESENT`, and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1` where they
+/// are known. The mesh's `extras.dermatome` holds the names of patch and level, the
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
 /// vertices of level 0 that its vertices are. Where a map is cut, the mesh has the vertices of the
 /// seam once for each of their places, and `unsplit` is the accessor of the vertex of the level that
@@ -48,7 +48,13 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
         .iter()
         .map(|patch| {
             let levels = patch.levels.iter().map(|map| (&map.level, Some(map))).collect();
-            PatchLevels { name: &patch.name, link: patch.link, taxels: &patch.taxels, levels }
+            PatchLevels {
+                name: &patch.name,
+                link: patch.link,
+                filled: patch.filled,
+                taxels: &patch.taxels,
+                levels,
+            }
         })
         .collect();
     write_levels(path, (&map.links, &map.animations), &patches)
@@ -73,7 +79,13 @@ pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<
         };
         pyramid.validate().map_err(broken)?;
         let levels = pyramid.levels.iter().map(|level| (level, None)).collect();
-        patches.push(PatchLevels { name: &patch.name, link: patch.link, taxels: &patch.taxels, levels });
+        patches.push(PatchLevels {
+            name: &patch.name,
+            link: patch.link,
+            filled: patch.filled,
+            taxels: &patch.taxels,
+            levels,
+        });
     }
     write_levels(path, (&skin.links, &skin.animations), &patches)
 }
@@ -82,6 +94,7 @@ pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<
 struct PatchLevels<'a> {
     name: &'a str,
     link: LinkId,
+    filled: usize,
     taxels: &'a Taxels,
     levels: IdVec<LevelId, (&'a Level, Option<&'a MapLevel>)>,
 }
@@ -131,7 +144,7 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         let count = opened.positions.len();
         match unsplit {
             None => sheet.taxels(patch.taxels, count)?,
-            Some(at) => sheet.taxels(&patch.taxels.at(at), count)?,
+            Some(at) => sheet.taxels(&patch.taxels.select(at), count)?,
         }
     } else {
         let taxel_of = unsplit.map_or_else(|| level.origins.clone(), |at| at.map(|&v| level.origins[v]));
@@ -151,6 +164,7 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
     let content = LevelExtras {
         patch: patch.name.to_owned(),
         level: number.index(),
+        filled: if number.index() == 0 { patch.filled } else { 0 },
         map: map.map(|map| FrameExtras {
             origin: map.frame.origin.to_array(),
             size: map.frame.size.to_array(),

@@ -28,7 +28,7 @@ use crate::{
 /// node for each link, and under it one for each of its patches.
 ///
 /// Tangents become `TANGENT` with `w` 1, ids `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
-/// (1/m^2), presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
+/// (1/m^2), weights `_WEIGHT`, acuities `_ACUITY`, presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
 /// yz, zz), in m^2. Everything is rounded to `f32`.
 pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
@@ -114,6 +114,12 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         if let Some(densities) = &taxels.densities {
             self.positive("_DENSITY", densities)?;
         }
+        if let Some(weights) = &taxels.weights {
+            self.scalars(("_WEIGHT", "an f32 of at least 0"), weights, |x| x >= 0.0)?;
+        }
+        if let Some(acuities) = &taxels.acuities {
+            self.positive("_ACUITY", acuities)?;
+        }
         self.insert("_PRESENT", taxels.presence.iter().map(|&p| [p.code()]));
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
     }
@@ -132,9 +138,18 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
 
     /// A positive scalar.
     pub(super) fn positive(&mut self, name: &str, values: &IdVec<VertexId, f64>) -> Result<()> {
-        let fits = |x: f64| narrow(x) > 0.0 && narrow(x).is_finite();
+        self.scalars((name, "a positive f32"), values, |x| x > 0.0)
+    }
+
+    fn scalars(
+        &mut self,
+        (name, needed): (&str, &str),
+        values: &IdVec<VertexId, f64>,
+        is_good: fn(f32) -> bool,
+    ) -> Result<()> {
+        let fits = |x: f64| is_good(narrow(x)) && narrow(x).is_finite();
         if let Some((v, x)) = values.enumerate().find(|(_, x)| !fits(**x)) {
-            return Err(self.unfit(format!("{name} {x} of vertex {v}"), "a positive f32"));
+            return Err(self.unfit(format!("{name} {x} of vertex {v}"), needed));
         }
         self.insert(name, values.iter().map(|&x| [narrow(x)]));
         Ok(())

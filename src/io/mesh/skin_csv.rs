@@ -20,9 +20,9 @@ use crate::{
 };
 
 /// Columns of the table of taxels.
-const COLUMNS: [&str; 22] = [
-    "id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw", "area", "density", "present", "patch",
-    ON_LINK, "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
+const COLUMNS: [&str; 23] = [
+    "id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw", "area", "density", "weight", "present",
+    "patch", ON_LINK, "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
 ];
 
 /// The link that a taxel is on, where positions are in the world: in a table of contacts `link`
@@ -47,6 +47,7 @@ struct ColumnIndices {
     id: Option<usize>,
     area: Option<usize>,
     density: Option<usize>,
+    weight: Option<usize>,
     present: Option<usize>,
     patch: Option<usize>,
     link: Option<usize>,
@@ -57,7 +58,7 @@ struct ColumnIndices {
 
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
-/// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `present` (0
+/// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `weight`, `present` (0
 /// absent, 1 present, 2 thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a
 /// sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; ids below zero become the
 /// placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
@@ -87,9 +88,22 @@ impl ColumnIndices {
         let normal = columns.find_vector(["nx", "ny", "nz"])?;
         let covariance = columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?;
         let rotation = columns.find_vector(["qx", "qy", "qz", "qw"])?;
-        let [id, area, density, present, patch, sigma] =
-            ["id", "area", "density", "present", "patch", SIGMA].map(|name| columns.find(name));
-        Ok(Self { position, normal, id, area, density, present, patch, link, sigma, covariance, rotation })
+        let [id, area, density, weight, present, patch, sigma] =
+            ["id", "area", "density", "weight", "present", "patch", SIGMA].map(|name| columns.find(name));
+        Ok(Self {
+            position,
+            normal,
+            id,
+            area,
+            density,
+            weight,
+            present,
+            patch,
+            link,
+            sigma,
+            covariance,
+            rotation,
+        })
     }
 }
 
@@ -170,7 +184,11 @@ impl Sheets {
         if let Some(column) = indices.sigma {
             row.number_if_any(column)?;
         }
-        for (column, numbers) in [(indices.area, &mut sheet.areas), (indices.density, &mut sheet.densities)] {
+        for (column, numbers) in [
+            (indices.area, &mut sheet.areas),
+            (indices.density, &mut sheet.densities),
+            (indices.weight, &mut sheet.weights),
+        ] {
             let Some(column) = column else { continue };
             push((row, column, place), numbers, row.number_if_any(column)?)?;
         }
@@ -274,6 +292,7 @@ fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> c
     for (v, x) in patch.mesh.positions.enumerate() {
         let n = patch.taxels.normals[v];
         let density = patch.taxels.densities.as_ref().map(|d| d[v]);
+        let weight = patch.taxels.weights.as_ref().map(|w| w[v]);
         let covariance = match &patch.taxels.covariances {
             Some(c) => c[v].to_array().map(Some),
             None => [None; 6],
@@ -287,6 +306,7 @@ fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> c
             place,
             patch.taxels.areas[v],
             density,
+            weight,
             patch.taxels.presence[v].code(),
             &patch.name,
             link,

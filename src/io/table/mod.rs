@@ -1,5 +1,6 @@
 //! Tables with a line of column names (CSV).
 
+pub(super) mod acuity;
 pub(super) mod boundary;
 pub(super) mod calibration;
 pub(super) mod contacts;

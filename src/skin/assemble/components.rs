@@ -12,7 +12,7 @@ use crate::{
         normals::mean_directions,
         weld::WeldOptions,
         welded::WeldedMesh,
-        winding::Winding,
+        winding::{Winding, one_sided_strip},
     },
 };
 
@@ -64,8 +64,10 @@ impl<'a> Components<'a> {
         }
         let winding = Winding::new(&surface.mesh, &surface.edges);
         if let Some(&edge) = winding.conflicting_edges.first() {
+            let strip = one_sided_strip(&surface.mesh, &surface.edges, edge);
+            let faces = strip.into_iter().map(|face| surface.file_faces[face]).collect();
             let edge = edge.map(|v| surface.in_file(v));
-            return Err(SkinError::NotOrientable { patch: patch(), edge });
+            return Err(SkinError::NotOrientable { patch: patch(), edge, faces });
         }
         report_splits(&surface, remarks);
         let in_file = surface.mesh.positions.ids().map(|v| surface.in_file(v)).collect();

@@ -14,7 +14,7 @@ use crate::{
         },
         normals::NormalConsensus,
         tangents_along,
-        taxels::is_positive,
+        taxels::{is_positive, is_weight},
     },
 };
 
@@ -38,6 +38,7 @@ pub(super) fn patch_of(
     });
     turn_outward(&mut component, normals.as_ref().map(|n| n.1), remarks);
     let Component { vertices, mut mesh, .. } = component;
+    let own = mesh.triangles.len();
     if max_hole_edges > 0 {
         let filled = fill_holes(&mut mesh, max_hole_edges);
         let holes = filled.map_err(|source| SkinError::Mesh { patch: name.clone(), source })?.len();
@@ -58,15 +59,14 @@ pub(super) fn patch_of(
         Some(presence) => vertices.iter().map(|v| presence[v.index()]).collect(),
         None => IdVec::filled(Presence::Present, vertices.len()),
     };
-    let is_bad = |&&v: &&VertexId| sheet.densities.as_ref().is_some_and(|d| !is_positive(d[v.index()]));
-    if let (Some(&vertex), Some(densities)) = (vertices.iter().find(is_bad), &sheet.densities) {
-        let source = TaxelError::Density { vertex, found: densities[vertex.index()] };
-        return Err(SkinError::Taxels { patch: name, source });
-    }
-    let densities = sheet.densities.as_ref().map(|d| vertices.iter().map(|v| d[v.index()]).collect());
+    let demands = densities_and_weights(sheet, &vertices);
+    let [densities, weights] = demands.map_err(|source| SkinError::Taxels { patch: name.clone(), source })?;
     let covariances = sheet.covariances.as_ref().map(|c| vertices.iter().map(|v| c[v.index()]).collect());
-    let taxels = Taxels { ids, normals, tangents, areas, densities, presence, covariances };
-    Ok(Patch { name, link, mesh, taxels })
+    let acuities = None;
+    let taxels =
+        Taxels { ids, normals, tangents, areas, densities, weights, acuities, presence, covariances };
+    let filled = mesh.triangles.len() - own;
+    Ok(Patch { name, link, mesh, filled, taxels })
 }
 
 /// The tangents of the file in the tangent planes of the normals chosen; `None` where most of them
@@ -86,6 +86,27 @@ fn choose_tangents(
         remarks.push(RemarkKind::TangentsReplaced { taxels: replaced });
     }
     Some(tangents)
+}
+
+/// The densities and the weights of the file, if it has them; errors count its vertices.
+fn densities_and_weights(
+    sheet: &Sheet,
+    vertices: &[VertexId],
+) -> Result<[Option<IdVec<VertexId, f64>>; 2], TaxelError> {
+    let first = |values: &Option<Vec<f64>>, is_good: fn(f64) -> bool| {
+        let mut all = values.iter().flat_map(|all| vertices.iter().map(|&v| (v, all[v.index()])));
+        all.find(|x| !is_good(x.1))
+    };
+    if let Some((vertex, found)) = first(&sheet.densities, is_positive) {
+        return Err(TaxelError::Density { vertex, found });
+    }
+    if let Some((vertex, found)) = first(&sheet.weights, is_weight) {
+        return Err(TaxelError::Weight { vertex, found });
+    }
+    let of = |values: &Option<Vec<f64>>| {
+        values.as_ref().map(|all| vertices.iter().map(|v| all[v.index()]).collect())
+    };
+    Ok([of(&sheet.densities), of(&sheet.weights)])
 }
 
 /// The areas of the file where they are positive, else those of the faces.

@@ -79,6 +79,8 @@ pub enum FindingKind {
     AreaNotPositive,
     /// A density that is not positive.
     DensityNotPositive,
+    /// A weight that is negative or not a number, or weights that are all zero.
+    WeightUnusable,
 }
 
 impl FindingKind {

@@ -12,7 +12,7 @@ use crate::{
         },
         in_tangent_plane,
         normals::is_unit,
-        taxels::is_positive,
+        taxels::{is_positive, is_weight},
     },
 };
 
@@ -129,5 +129,17 @@ pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
     if let Some(densities) = &sheet.densities {
         let is_wrong = |v: usize| !is_positive(densities[v]);
         note(FindingKind::DensityNotPositive, &is_wrong, "vertices have a density that is not positive");
+    }
+    if let Some(weights) = &sheet.weights {
+        let is_wrong = |v: usize| !is_weight(weights[v]);
+        note(
+            FindingKind::WeightUnusable,
+            &is_wrong,
+            "vertices have a weight that is negative or not a number",
+        );
+        let is_zero = |v: usize| weights[v] == 0.0;
+        if (0..weights.len()).all(is_zero) {
+            note(FindingKind::WeightUnusable, &is_zero, "vertices have the weight 0: all of them");
+        }
     }
 }

@@ -27,6 +27,7 @@ impl<'a> Readings<'a> {
             name: patch.name.clone(),
             link: patch.link,
             mesh: patch.levels[LevelId::new(0)].level.mesh.clone(),
+            filled: patch.filled,
             taxels: patch.taxels.clone(),
         });
         let skin = Skin { links: robot.map.links.clone(), patches: patches.collect(), ..Skin::default() };

@@ -157,7 +157,13 @@ pub(super) fn run(
 fn finest(map: &SkinMap) -> Skin {
     let patches = map.patches.iter().filter_map(|patch| {
         let mesh = patch.levels.iter().next()?.level.mesh.clone();
-        Some(Patch { name: patch.name.clone(), link: patch.link, mesh, taxels: patch.taxels.clone() })
+        Some(Patch {
+            name: patch.name.clone(),
+            link: patch.link,
+            mesh,
+            filled: patch.filled,
+            taxels: patch.taxels.clone(),
+        })
     });
     Skin { links: map.links.clone(), patches: patches.collect(), ..Skin::default() }
 }

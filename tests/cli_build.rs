@@ -1,0 +1,196 @@
+//! What `build` promises of surfaces that no map fits as they are: pin-holes, area ratios, long tubes,
+//! seams from a table, surfaces with one side.
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used, reason = "a test may stop at a surprise")]
+
+use std::{f64::consts::PI, fs, path::Path};
+
+use assert_cmd::Command;
+use dermatome::{
+    id::FaceId,
+    io::{read_map, write_skin},
+    mesh::{TriMesh, shapes},
+    skin::{PatchId, Skin},
+};
+use glam::DVec3;
+use predicates::{prelude::PredicateBooleanExt, str::contains};
+use serde_json::Value;
+
+fn dermatome(folder: &Path, words: &str) -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.current_dir(folder).args(words.split_whitespace());
+    command
+}
+
+fn write(folder: &Path, name: &str, mesh: TriMesh) {
+    write_skin(&folder.join(name), &Skin::from_mesh("s", mesh)).unwrap();
+}
+
+/// The levels of the first patch in the report of `build` with these words, and its notes.
+fn levels(folder: &Path, words: &str) -> (Vec<Value>, String) {
+    let made = dermatome(folder, &format!("build {words} --json")).assert().success();
+    let output = made.get_output();
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let levels = report["patches"][0]["levels"].as_array().unwrap().clone();
+    (levels, String::from_utf8(output.stderr.clone()).unwrap())
+}
+
+/// A lattice without two triangles here and there, so with holes of four edges.
+fn sieve() -> TriMesh {
+    let mut mesh = shapes::lattice(40, 40, 0.005);
+    let rows = 2 * 39;
+    let is_hole = |face: usize| {
+        let (row, k) = (face / rows, face % rows);
+        row % 5 == 2 && k % 10 / 2 == 2
+    };
+    mesh.triangles =
+        mesh.triangles.enumerate().filter(|(f, _)| !is_hole(f.index())).map(|(_, t)| *t).collect();
+    mesh
+}
+
+/// Pin-holes keep three vertices each on every level, so they stall a pyramid: by default they are
+/// closed, and the map file marks the triangles that do it. No taxel is added.
+#[test]
+fn pin_holes_are_closed_and_marked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mesh = sieve();
+    let faces = mesh.triangles.len();
+    write(path, "sieve.csv", mesh);
+    let (open, _) = levels(path, "sieve.csv -o open --fill-holes 0");
+    let (closed, notes) = levels(path, "sieve.csv -o closed");
+    assert!(notes.contains("holes"), "{notes}");
+    let number = |level: &Value, what: &str| level[what].as_u64().unwrap();
+    let holes = number(&open[0], "boundary_loops") - 1;
+    assert!(holes > 20, "{holes}");
+    assert_eq!(number(&closed[0], "boundary_loops"), 1);
+    assert_eq!(number(&closed[0], "vertices"), number(&open[0], "vertices"), "no taxel is added");
+    let last = |levels: &[Value]| number(&levels[levels.len() - 1], "vertices");
+    assert!(last(&open) > 3 * holes && last(&closed) < 60, "{} and {} fields", last(&open), last(&closed));
+    let filled = |name: &str| read_map(&path.join(name)).unwrap().patches[PatchId::new(0)].filled;
+    assert_eq!(filled("open/map.glb"), 0);
+    assert_eq!(filled("closed/map.glb"), 2 * usize::try_from(holes).unwrap());
+    let map = read_map(&path.join("closed/map.glb")).unwrap();
+    let finest = &map.patches[PatchId::new(0)].levels.iter().next().unwrap().level.mesh;
+    assert_eq!(finest.triangles.len(), faces + filled("closed/map.glb"));
+    assert!(
+        finest.triangles.ids().all(|f| finest.face_area(f) > 0.0)
+            && finest.triangles.get(FaceId::new(faces)).is_some()
+    );
+}
+
+/// A cap of more than a hemisphere cannot be flat without a cut: slits go in until every triangle
+/// keeps the ratio. What one chart cannot do is refused.
+#[test]
+fn an_area_ratio_is_kept_by_more_cuts_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write(path, "cap.csv", shapes::cap(600, 0.05, 2.0));
+    let ratio = |levels: &[Value]| levels[0]["area_max"].as_f64().unwrap();
+    let (whole, _) = levels(path, "cap.csv -o M");
+    assert_eq!(whole[0]["seam"], 0.0);
+    assert!(ratio(&whole) > 1.35, "{}", ratio(&whole));
+    let mut seam = 0.0;
+    for wanted in [1.3, 1.2] {
+        let (cut, _) = levels(path, &format!("cap.csv -o M --max-area-ratio {wanted}"));
+        assert!(ratio(&cut) <= wanted, "{} for {wanted}", ratio(&cut));
+        assert!(cut[0]["seam"].as_f64().unwrap() > seam, "{wanted}");
+        seam = cut[0]["seam"].as_f64().unwrap();
+    }
+    let refused = dermatome(path, "build cap.csv -o M --max-area-ratio 1.0001").assert().code(2);
+    refused.stderr(
+        contains("1.0001 was asked for").and(contains("one chart")).and(contains("--max-area-ratio")),
+    );
+    let with =
+        |words: &str| dermatome(path, &format!("flatten cap.csv -o f.obj --max-area-ratio {words}")).assert();
+    with("1.2").success();
+    with("1.2 --cut none").code(2).stderr(contains("changes nothing"));
+    for bad in ["1", "0.5", "NaN", "-2", "x"] {
+        with(bad).code(2).stderr(contains("a number above 1"));
+    }
+}
+
+/// A tube of forty radii, closed at one end, whose coarse levels have no map in 64 bits: they are left
+/// out, with a note, and the build goes on.
+#[test]
+fn levels_without_a_map_are_left_out_with_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let (around, along, radius) = (24_u32, 40_u32, 0.01);
+    let tube = shapes::tube(around, along, radius, 40.0 * radius);
+    let mut mesh = tube.clone();
+    let height = tube.positions.iter().map(|p| p.z).fold(f64::MIN, f64::max);
+    let tip = mesh.positions.push(DVec3::new(0.0, 0.0, height + radius));
+    let rim: Vec<_> = tube.positions.ids().filter(|&v| tube.positions[v].z > height - 1e-9).collect();
+    let angle = |v| f64::atan2(tube.positions[v].y, tube.positions[v].x);
+    let mut rim = rim;
+    rim.sort_by(|&a, &b| angle(a).total_cmp(&angle(b)));
+    for (k, &a) in rim.iter().enumerate() {
+        mesh.triangles.push([a, rim[(k + 1) % rim.len()], tip]);
+    }
+    write(path, "finger.csv", mesh);
+    let (levels, notes) = levels(path, "finger.csv -o M --cut none");
+    assert!(notes.contains("s: the coarsest") && notes.contains("left out"), "{notes}");
+    assert!(levels.iter().all(|level| level["flips"] == 0), "{levels:?}");
+    dermatome(path, "info M/map.glb").assert().success();
+}
+
+/// Every bad row of a table of seams is refused with what is wrong.
+#[test]
+fn bad_seams_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write(path, "sheet.csv", shapes::lattice(9, 9, 0.01));
+    // Taxels count from 1, nine a row; this closed walk cuts a piece out.
+    let around = "31,32\n32,41\n41,40\n40,31";
+    for (rows, what) in [
+        ("40,9999", "9999"),
+        ("40,60", "no edge joins them"),
+        ("1,2", "on the boundary already"),
+        (around, "pieces"),
+        ("40,40", "another taxel than `from`"),
+        ("a,40", "the number of a taxel"),
+        ("-1,40", "the number of a taxel"),
+    ] {
+        fs::write(path.join("cut.csv"), format!("from,to\n{rows}\n")).unwrap();
+        for words in ["build sheet.csv -o M", "flatten sheet.csv -o f.obj"] {
+            dermatome(path, &format!("{words} --cut cut.csv")).assert().code(2).stderr(contains(what));
+        }
+    }
+    fs::write(path.join("cut.csv"), "a,b\n1,2\n").unwrap();
+    dermatome(path, "build sheet.csv -o M --cut cut.csv").assert().code(2).stderr(contains("one of from,to"));
+    dermatome(path, "build sheet.csv -o M --cut none.csv").assert().code(2).stderr(contains("none.csv"));
+    fs::write(path.join("cut.csv"), "from,to\n5,14\n14,23\n").unwrap();
+    let (slit, _) = levels(path, "sheet.csv -o M --cut cut.csv");
+    assert!(
+        (slit[0]["seam"].as_f64().unwrap() - 0.02).abs() < 2e-3,
+        "a slit from the boundary: {}",
+        slit[0]["seam"]
+    );
+}
+
+/// A Möbius strip is refused, with the faces once around it.
+#[test]
+fn a_surface_with_one_side_is_refused_with_the_loop() {
+    let folder = tempfile::tempdir().unwrap();
+    let n = 12_u32;
+    let at = |i: u32, side: f64| {
+        let turn = 2.0 * PI * f64::from(i) / f64::from(n);
+        let r = 0.05 + 0.01 * side * (0.5 * turn).cos();
+        DVec3::new(r * turn.cos(), r * turn.sin(), 0.01 * side * (0.5 * turn).sin())
+    };
+    let positions = (0..n).flat_map(|i| [at(i, -1.0), at(i, 1.0)]);
+    let mut text: String = positions.map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect();
+    for i in 1..=n {
+        let [a, b] = [2 * i - 1, 2 * i];
+        let [c, d] = if i == n { [2, 1] } else { [a + 2, b + 2] };
+        text += &format!("f {a} {c} {d}\nf {a} {d} {b}\n");
+    }
+    fs::write(folder.path().join("m.obj"), text).unwrap();
+    let refused = dermatome(folder.path(), "build m.obj -o M").assert().code(2);
+    refused.stderr(
+        contains("cannot be wound consistently")
+            .and(contains("closed strip of the faces"))
+            .and(contains("(24 in all)")),
+    );
+}

@@ -1,0 +1,237 @@
+//! Laws of regions that ask for more than others: weights and acuities, from their files to the map.
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{fs, path::Path};
+
+use assert_cmd::Command;
+use dermatome::{
+    flatten::{Energy, FlattenOptions, distortion, flatten_pyramid, flatten_with_convergence},
+    id::{IdVec, VertexId},
+    io::{read_acuities, read_draft, read_map, write_map, write_skin},
+    mesh::{TriMesh, shapes},
+    pipeline::{BuildOptions, build},
+    pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
+    skin::{AssembleOptions, PatchId, Skin, TaxelError, TaxelId, Taxels, assemble},
+};
+use glam::DVec2;
+use predicates::{prelude::PredicateBooleanExt, str::contains};
+
+fn dermatome(folder: &Path, words: &str) -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.current_dir(folder).args(words.split_whitespace());
+    command
+}
+
+/// A flat sheet whose left half asks for `left` and whose right half for 1.
+fn halves(columns: u32, left: f64) -> (TriMesh, IdVec<VertexId, f64>) {
+    let mesh = shapes::lattice(columns, columns, 0.01);
+    let middle = 0.5 * mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
+    let values = mesh.positions.map(|p| if p.x < middle { left } else { 1.0 });
+    (mesh, values)
+}
+
+fn sharp(mesh: &TriMesh, acuities: &IdVec<VertexId, f64>) -> Taxels {
+    Taxels { acuities: Some(acuities.clone()), ..Taxels::of_mesh(mesh) }
+}
+
+/// Levels of a pyramid as an acuity has them: where it is twice as high, fields are half as far
+/// apart, so four of them are where else is one. Only ratios count.
+#[test]
+fn acuity_halves_the_spacing_of_fields() {
+    let (mesh, acuities) = halves(90, 2.0);
+    let middle = 0.5 * mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
+    let pyramid = |taxels: &Taxels| coarsen(&mesh, taxels, &CoarsenOptions::default()).unwrap();
+    let counts = |pyramid: &Pyramid, level: usize| {
+        let level = &pyramid.levels[LevelId::new(level)].mesh;
+        let left = level.positions.iter().filter(|p| p.x < middle).count();
+        (left as f64, (level.positions.len() - left) as f64)
+    };
+    let sharp_pyramid = pyramid(&sharp(&mesh, &acuities));
+    for level in [2, 3] {
+        let (left, right) = counts(&sharp_pyramid, level);
+        assert!((3.2..4.8).contains(&(left / right)), "{left} fields to {right} on level {level}");
+        let (left, right) = counts(&pyramid(&Taxels::of_mesh(&mesh)), level);
+        assert!((0.8..1.25).contains(&(left / right)), "{left} fields to {right} without");
+    }
+    assert_eq!(sharp_pyramid, pyramid(&sharp(&mesh, &acuities.map(|a| 4.0 * a))));
+}
+
+/// Lengths on the map follow the acuity too, so that fields are equally large there: areas on the left
+/// are four times those on the right. Near the middle angles would suffer: areas alone count here.
+#[test]
+fn acuity_doubles_lengths_on_the_map() {
+    let (mesh, acuities) = halves(24, 2.0);
+    let flat = |taxels: Option<&Taxels>, angle: f64| {
+        let energy = Energy::Sum { angle, area: 1.0, perimeter: 0.0 };
+        flatten_with_convergence(&mesh, taxels, &energy.into()).unwrap().0
+    };
+    let ratio = |uv: &IdVec<VertexId, DVec2>| {
+        let map = TriMesh { positions: uv.map(|p| p.extend(0.0)), ..mesh.clone() };
+        let mean = |wanted: f64| {
+            let inside = mesh.triangles.enumerate().filter(|(_, t)| t.iter().all(|&v| acuities[v] == wanted));
+            let sums = inside.map(|(f, _)| (map.face_area(f), mesh.face_area(f)));
+            let (on_map, on_skin) = sums.fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
+            on_map / on_skin
+        };
+        mean(2.0) / mean(1.0)
+    };
+    let taxels = sharp(&mesh, &acuities);
+    let found = ratio(&flat(Some(&taxels), 1e-3));
+    assert!((3.6..4.1).contains(&found), "{found}");
+    let balanced = ratio(&flat(Some(&taxels), 1.0));
+    assert!((2.0..4.0).contains(&balanced), "{balanced} where angles count as much");
+    let same = sharp(&mesh, &acuities.map(|_| 3.0));
+    let off =
+        flat(Some(&same), 1.0).iter().zip(&flat(None, 1.0)).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
+    assert!(off < 1e-9, "{off} m where all are as sharp");
+}
+
+/// Where distortion weighs more there is less of it; only ratios count, and a weight of 0 does not
+/// let a face flip.
+#[test]
+fn weights_move_distortion_to_where_it_counts_less() {
+    let mesh = shapes::cap(900, 0.1, 1.9);
+    let top = mesh.positions.iter().map(|p| p.z).fold(f64::MIN, f64::max);
+    let is_near = |v: VertexId| mesh.positions[v].z > top - 0.05;
+    let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &CoarsenOptions::default()).unwrap();
+    let flat = |near: f64, far: f64| {
+        let weights = mesh.positions.ids().map(|v| if is_near(v) { near } else { far }).collect();
+        let taxels = Taxels { weights: Some(weights), ..Taxels::of_mesh(&mesh) };
+        let mut maps =
+            flatten_pyramid(&pyramid, Some(&taxels), &FlattenOptions::default()).unwrap().into_iter();
+        maps.next().unwrap()
+    };
+    // Angle distortion and area distortion there, each 0 at an isometry.
+    let near = |uv: &IdVec<VertexId, DVec2>| {
+        let inside = mesh.triangles.iter().filter(|t| t.iter().all(|&v| is_near(v))).copied();
+        let part = TriMesh { triangles: inside.collect(), ..mesh.clone() };
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (face, t) in part.triangles.enumerate() {
+            let [a, b, c] = t.map(|v| uv[v]);
+            let on_map = 0.5 * (b - a).perp_dot(c - a);
+            assert!(on_map > 0.0, "face {face} flips");
+            let r = on_map / part.face_area(face);
+            sum += r.max(1.0 / r) - 1.0;
+            count += 1.0;
+        }
+        sum / count + distortion(&part, uv).qc_mean - 1.0
+    };
+    let [even, heavy, all] = [(1.0, 1.0), (100.0, 1.0), (1.0, 0.0)].map(|(n, f)| near(&flat(n, f)));
+    assert!(heavy < 0.7 * even, "{even} falls to {heavy}");
+    assert!(all < 0.75 * even, "{even} falls to {all} where nothing else counts");
+    let off = |a: &IdVec<VertexId, DVec2>, b: &IdVec<VertexId, DVec2>| {
+        a.iter().zip(b).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max)
+    };
+    let scaled = off(&flat(100.0, 1.0), &flat(25.0, 0.25));
+    assert!(scaled < 1e-9, "{scaled} m");
+}
+
+#[test]
+fn what_no_map_can_follow_is_refused_by_name() {
+    let mesh = shapes::square();
+    let v = VertexId::new;
+    let bad = |set: &dyn Fn(&mut Taxels)| {
+        let mut taxels = Taxels::of_mesh(&mesh);
+        set(&mut taxels);
+        taxels.validate(4).unwrap_err()
+    };
+    let weights = |w: [f64; 4]| bad(&|taxels| taxels.weights = Some(w.to_vec().into()));
+    assert_eq!(weights([1.0, -1.0, 0.0, 0.0]), TaxelError::Weight { vertex: v(1), found: -1.0 });
+    assert!(matches!(weights([f64::NAN, 1.0, 0.0, 0.0]), TaxelError::Weight { .. }));
+    assert!(matches!(weights([f64::INFINITY, 1.0, 0.0, 0.0]), TaxelError::Weight { .. }));
+    assert_eq!(weights([0.0; 4]), TaxelError::NoWeight { found: 4 });
+    let acuities = |a: Vec<f64>| bad(&|taxels| taxels.acuities = Some(a.clone().into()));
+    assert_eq!(acuities(vec![1.0, 1.0, 0.0, 1.0]), TaxelError::Acuity { vertex: v(2), found: 0.0 });
+    assert_eq!(acuities(vec![1.0]), TaxelError::Length { what: "acuities", found: 1, needed: 4 });
+}
+
+/// Weights go through a skin file, both through a map file.
+#[test]
+fn weights_and_acuities_travel() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mesh, weights) = halves(12, 0.25);
+    let mut skin = Skin::from_mesh("palm", mesh);
+    let palm = PatchId::new(0);
+    skin.patches[palm].taxels.weights = Some(weights.clone());
+    for name in ["skin.glb", "skin.csv"] {
+        let path = folder.path().join(name);
+        write_skin(&path, &skin).unwrap();
+        let back = assemble(&read_draft(&path).unwrap(), &AssembleOptions::default()).unwrap().skin;
+        assert_eq!(back.patches[palm].taxels.weights, Some(weights.clone()), "{name}");
+    }
+    let table = folder.path().join("acuity.csv");
+    fs::write(&table, "taxel_id,factor\n7,2\n9,0.5\n").unwrap();
+    read_acuities(&table, &mut skin).unwrap();
+    let acuities = skin.patches[palm].taxels.acuities.clone().unwrap();
+    let expected = skin.patches[palm].taxels.ids.map(|id| match id {
+        TaxelId(7) => 2.0,
+        TaxelId(9) => 0.5,
+        _ => 1.0,
+    });
+    assert_eq!(acuities, expected);
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let path = folder.path().join("map.glb");
+    write_map(&path, &map).unwrap();
+    let back = read_map(&path).unwrap();
+    assert_eq!(back.patches[palm].taxels.weights, Some(weights));
+    assert_eq!(back.patches[palm].taxels.acuities, Some(acuities));
+}
+
+/// A table of acuities with one bad line is refused with the file, the line and what is needed; the
+/// others change fields and map.
+#[test]
+fn the_command_reads_acuities() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write_skin(&path.join("skin.csv"), &Skin::from_mesh("s", shapes::cap(600, 0.05, 1.0))).unwrap();
+    for (row, what) in [
+        ("9999,2", "the id of a taxel of the skin"),
+        ("3,2", "an id that no earlier line names"),
+        ("4,-1", "a number above 0"),
+        ("4,0", "a number above 0"),
+        ("4,NaN", "a finite number"),
+        ("x,1", "the number of a taxel"),
+    ] {
+        fs::write(path.join("a.csv"), format!("taxel_id,factor\n3,2\n{row}\n")).unwrap();
+        for words in ["build skin.csv -o M", "coarsen skin.csv -o c.glb", "flatten skin.csv -o f.obj"] {
+            let refused = dermatome(path, &format!("{words} --acuity a.csv")).assert().code(2);
+            refused.stderr(contains("a.csv").and(contains("line 3")).and(contains(what)));
+        }
+    }
+    let counts = |words: &str| {
+        let made = dermatome(path, &format!("build skin.csv -o M --json -q {words}")).assert().success();
+        let report: serde_json::Value = serde_json::from_slice(&made.get_output().stdout).unwrap();
+        let level = |k: usize| report["patches"][0]["levels"][k].clone();
+        (level(1)["vertices"].as_u64().unwrap(), level(0)["area_mean"].as_f64().unwrap())
+    };
+    let rows: String = (1..60).map(|id| format!("{id},3\n")).collect();
+    fs::write(path.join("a.csv"), format!("taxel_id,factor\n{rows}")).unwrap();
+    let (plain, sharp) = (counts(""), counts("--acuity a.csv"));
+    assert!(sharp.0 > plain.0 && sharp.1 > plain.1 + 0.01, "{plain:?}, then {sharp:?}");
+}
+
+/// Bad weights of a file are named, by the vertex.
+#[test]
+fn the_command_refuses_bad_weights() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let table = |weights: [&str; 3]| {
+        let [a, b, c] = weights;
+        let rows = format!("id,x,y,z,weight\n1,0,0,0,{a}\n2,0.01,0,0,{b}\n3,0,0.01,0,{c}\n");
+        fs::write(path.join("s.csv"), rows).unwrap();
+        fs::write(path.join("s.triangles.csv"), "a,b,c\n0,1,2\n").unwrap();
+    };
+    for (weights, what) in [
+        (["1", "-2", "1"], "vertex 1 has a weight of -2"),
+        (["0", "0", "0"], "all 3 weights are 0"),
+        (["1", "nan", "1"], "a finite number"),
+    ] {
+        table(weights);
+        dermatome(path, "build s.csv -o M").assert().code(2).stderr(contains(what));
+    }
+    table(["1", "0", "0"]);
+    dermatome(path, "build s.csv -o M -q").assert().success();
+    table(["1", "-2", "1"]);
+    dermatome(path, "check s.csv").assert().code(1).stdout(contains("weight-unusable"));
+}
