@@ -1059,9 +1059,9 @@ fn a_boundary_that_cannot_be_is_refused_by_name() {
     assert_eq!(found, Err(FlattenError::Corners { found: 3 }));
 }
 
-/// Forty radii long: on coarse levels the map inside a circle has faces without area in 64 bits.
+/// Forty radii long: on coarse levels a map inside a circle has faces without area in 64 bits.
 #[test]
-fn coarse_levels_of_a_long_tube_are_left_out() {
+fn coarse_levels_of_a_long_tube_are_mapped_or_left_out() {
     let mesh = shapes::tube(24, 80, 0.01, 0.4);
     let pyramid = pyramid_of(&mesh);
     let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default()).unwrap();

@@ -5,7 +5,7 @@ use glam::DVec2;
 use crate::{
     flatten::{bijective::overlap::overlaps, domain::elements::keeps_orientation},
     id::{IdVec, VertexId},
-    mesh::{FlatTriangle, SingularValues, TriMesh, signed_area},
+    mesh::{FlatTriangle, SingularValues, TriMesh},
 };
 
 /// Ratios are cut off here, so that one face without area on the map does not make a mean infinite.
@@ -67,7 +67,7 @@ pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
     let mut flips = 0;
     for (face, corners) in mesh.triangles.enumerate() {
         let at = corners.map(|v| uv[v]);
-        flips += usize::from(!keeps_orientation(signed_area(at)));
+        flips += usize::from(!keeps_orientation(at));
         let flat = FlatTriangle::new(mesh.corners(face));
         if flat.area() > 0.0 {
             sums.add(&flat, at);

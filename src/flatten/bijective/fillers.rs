@@ -82,7 +82,7 @@ impl Fillers {
             let area = signed_area(at);
             // What rounding alone holds open has no shape to keep.
             let longest = (0..3).map(|k| at[k].distance_squared(at[(k + 1) % 3])).fold(0.0, f64::max);
-            if !keeps_orientation(area) || !keeps_orientation(area / longest) {
+            if !keeps_orientation(at) || area.is_nan() || area / longest <= 0.0 {
                 return None;
             }
             let height = 2.0 * area / longest;

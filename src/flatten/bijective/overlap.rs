@@ -8,7 +8,9 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        bijective::crossings::boundary_crossings, domain::elements::Uv, domain::flatten_domain::FlattenDomain,
+        bijective::{crossings::boundary_crossings, orientation::orientation},
+        domain::elements::Uv,
+        domain::flatten_domain::FlattenDomain,
     },
     id::{IdVec, VertexId},
     mesh::{TriMesh, boundary_edges, boundary_loops},
@@ -75,8 +77,8 @@ fn is_counter_clockwise(walk: &[VertexId], uv: &Uv) -> bool {
 
 /// Number of inner vertices about which the faces wind more than once.
 ///
-/// Counted by the edges opposite to a vertex that pass it on its right: signs of differences, so
-/// nothing is rounded.
+/// Counted by the edges opposite to a vertex that pass it on its right: signs of differences and of
+/// exact areas, so nothing is rounded.
 fn count_branch_points(
     faces: impl Iterator<Item = [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
@@ -85,11 +87,11 @@ fn count_branch_points(
     let mut winding = IdVec::<VertexId, i32>::filled(0, uv.len());
     let below = |a: VertexId, b: VertexId| (uv[a].y, uv[a].x) < (uv[b].y, uv[b].x);
     for [a, b, c] in faces {
-        let area = (uv[b] - uv[a]).perp_dot(uv[c] - uv[a]);
+        let side = orientation([uv[a], uv[b], uv[c]]);
         for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
-            if area > 0.0 && below(from, v) && below(v, to) {
+            if side > 0.0 && below(from, v) && below(v, to) {
                 winding[v] += 1;
-            } else if area < 0.0 && below(to, v) && below(v, from) {
+            } else if side < 0.0 && below(to, v) && below(v, from) {
                 winding[v] -= 1;
             }
         }

@@ -4,6 +4,7 @@
 use glam::{DMat2, DVec2, DVec3};
 
 use crate::{
+    flatten::bijective::orientation::orientation,
     id::{FaceId, IdVec, VertexId},
     mesh::{Halfedge, SingularValues, VertexCorners, signed_area},
     sparse::Pattern,
@@ -42,9 +43,9 @@ pub(crate) fn outer(a: DVec2, b: DVec2) -> DMat2 {
     DMat2::from_cols(a * b.x, a * b.y)
 }
 
-/// Whether a face of this signed area keeps its orientation; NaN does not.
-pub(crate) fn keeps_orientation(area: f64) -> bool {
-    area > 0.0
+/// Whether a face with these corners keeps its orientation, exactly; what is not finite does not.
+pub(crate) fn keeps_orientation(corners: [DVec2; 3]) -> bool {
+    orientation(corners) > 0.0
 }
 
 /// A boundary edge between movable vertices.
@@ -109,8 +110,18 @@ impl ElementMesh {
         self.faces.iter().map(|e| signed_area(e.corners.map(|v| uv[v])))
     }
 
+    /// Whether each face is flipped on the map or has no area there.
+    pub(crate) fn flips<'a>(&'a self, uv: &'a Uv) -> impl Iterator<Item = bool> + 'a {
+        self.faces.iter().map(|e| !keeps_orientation(e.corners.map(|v| uv[v])))
+    }
+
+    /// The first face that is flipped on the map or has no area there.
+    pub(crate) fn first_flip(&self, uv: &Uv) -> Option<FaceId> {
+        self.flips(uv).position(|is_flipped| is_flipped).map(FaceId::new)
+    }
+
     pub(crate) fn is_flip_free(&self, uv: &Uv) -> bool {
-        self.map_areas(uv).all(keeps_orientation)
+        self.first_flip(uv).is_none()
     }
 }
 

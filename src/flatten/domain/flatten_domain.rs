@@ -14,9 +14,12 @@ use crate::{
 };
 
 /// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were
-/// that high: exact slivers still flatten to themselves down to a millionth, and a face without
-/// area still has an orientation to keep, at a negligible weight.
-const LEAST_HEIGHT: f64 = 1e-6;
+/// that high: exact slivers still flatten to themselves down to a hundred-millionth, and a face
+/// without area still has an orientation to keep, at a negligible weight.
+const LEAST_HEIGHT: f64 = 1e-8;
+
+/// Area of a mesh over that with flat triangles treated so, at least: what is less is rounding.
+const LEAST_AREA: f64 = 1e-6;
 
 /// A disk with holes and its finite elements.
 ///
@@ -28,7 +31,7 @@ pub(crate) struct FlattenDomain<'m> {
     pub(crate) mesh: &'m TriMesh,
     pub(crate) disk: Disk,
     /// The unit, in m.
-    unit: f64,
+    pub(crate) unit: f64,
     pub(crate) elements: ElementMesh,
     /// Prescribed places, in units; empty for a free boundary.
     pub(crate) prescribed: Vec<Option<DVec2>>,
@@ -43,8 +46,9 @@ impl<'m> FlattenDomain<'m> {
             flat.push(healed.ok_or(FlattenError::PointFace { face })?);
         }
         let total: f64 = flat.iter().map(FlatTriangle::area).sum();
-        if !(total.is_finite() && total > 0.0) {
-            return Err(FlattenError::Size { area: total });
+        let area = mesh.area();
+        if !(total.is_finite() && area > LEAST_AREA * total) {
+            return Err(FlattenError::Size { area });
         }
         let unit = total.sqrt();
         let faces = mesh
@@ -64,6 +68,24 @@ impl<'m> FlattenDomain<'m> {
         elements.boundary = disk.boundary_edges().map(boundary_edge).collect();
         elements.mean_edge = mean_edge_length(mesh, &disk.adjacency) / unit;
         Ok(Self { mesh, disk, unit, elements, prescribed: Vec::new() })
+    }
+
+    /// The elements with every face at least this high over its longest edge at rest, as heavy as
+    /// before; nothing if all are. Needles then do not stop a far start at each step.
+    pub(crate) fn fattened(&self, least: f64) -> Option<ElementMesh> {
+        let mut elements = self.elements.clone();
+        let mut is_same = true;
+        for (e, corners) in
+            elements.faces.iter_mut().zip(self.mesh.triangles.ids().map(|f| self.mesh.corners(f)))
+        {
+            let flat = FlatTriangle::new(corners);
+            let fat = flat.healed(corners, least)?;
+            if fat != flat {
+                e.gradients = fat.gradients().map(|g| g * self.unit);
+                is_same = false;
+            }
+        }
+        (!is_same).then_some(elements)
     }
 
     /// The same with energies that aim at the area that `magnification` asks for of each face, and

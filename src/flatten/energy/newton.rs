@@ -16,8 +16,19 @@ use crate::{
 /// nothing, so the Hessian alone is singular. It fixes the gauge without pinning a vertex.
 const GAUGE: f64 = 1e-9;
 
+/// Mean of that diagonal over the energy, at most: about that of well-shaped faces. Needles have
+/// more by their aspect, and a gauge term of that size would hold back all other faces.
+const WELL_SHAPED: f64 = 4.0;
+
 /// How much the gauge term grows when rounding still makes a pivot negative.
 const GAUGE_GROWTH: f64 = 1e3;
+
+/// Share of the decrease promised by a step that the gauge term may take; beyond it holds the step
+/// back, and the error does not fall quadratically.
+const HELD_BACK: f64 = 1e-3;
+
+/// Decrement over the energy at which the minimisation ends even so.
+const LEAST_DECREMENT: f64 = 1e-20;
 
 /// Share of the decrease promised by the gradient that a step must reach (Armijo 1966).
 const ARMIJO: f64 = 1e-4;
@@ -94,9 +105,9 @@ impl Objective<'_> {
         for _ in 0..limits.steps {
             let gradient = self.assemble(uv, &mut hessian);
             let downhill: Vec<DVec2> = gradient.iter().map(|g| -*g).collect();
-            let mut d = match &direct {
-                Some(cholesky) => factored_step(cholesky, &mut hessian, &downhill)?,
-                None => iterated_step(&mut hessian, &downhill, iterations),
+            let (mut d, gauge) = match &direct {
+                Some(cholesky) => factored_step(cholesky, &mut hessian, &downhill, energy)?,
+                None => iterated_step(&mut hessian, &downhill, iterations, energy),
             };
             for (d, _) in d.iter_mut().zip(&self.elements.held).filter(|(_, held)| **held) {
                 *d = DVec2::ZERO;
@@ -111,8 +122,10 @@ impl Objective<'_> {
                 return Ok(Ended::Stopped);
             }
             // After the step, not before: convergence is quadratic, so the last step squares the
-            // error.
-            if decrement <= limits.decrement * energy {
+            // error, unless the gauge term holds it back.
+            let is_free =
+                gauge * dot(&d, &d) <= HELD_BACK * decrement || decrement <= LEAST_DECREMENT * energy;
+            if decrement <= limits.decrement * energy && is_free {
                 return Ok(Ended::Converged);
             }
             if decrement.is_nan() {
@@ -153,38 +166,102 @@ impl Objective<'_> {
     }
 }
 
-/// Adds `gauge` times the mean diagonal to the diagonal.
-fn add_gauge(hessian: &mut Matrix<'_, DMat2>, gauge: f64) {
+/// Adds `gauge` times the mean diagonal, or `most` if that is less, to the diagonal, and returns what
+/// it added.
+fn add_gauge(hessian: &mut Matrix<'_, DMat2>, gauge: f64, most: f64) -> f64 {
     let rows = hessian.pattern().rows();
     let trace: f64 = (0..rows).map(|i| hessian.diagonal(i)).map(|b| b.x_axis.x + b.y_axis.y).sum();
-    let added = DMat2::IDENTITY * (gauge * trace / (2 * rows) as f64);
+    let added = gauge * (trace / (2 * rows) as f64).min(most);
     for i in 0..rows {
-        *hessian.at(i, i) += added;
+        *hessian.at(i, i) += DMat2::IDENTITY * added;
     }
+    added
 }
 
+/// The step that minimises the model, and the gauge term of its diagonal.
 fn factored_step(
     cholesky: &Cholesky,
     hessian: &mut Matrix<'_, DMat2>,
     rhs: &[DVec2],
-) -> Result<Vec<DVec2>, SparseError> {
-    let mut gauge = GAUGE;
+    energy: f64,
+) -> Result<(Vec<DVec2>, f64), SparseError> {
+    let (mut gauge, mut most, mut added) = (GAUGE, WELL_SHAPED * energy, 0.0);
     loop {
-        add_gauge(hessian, gauge);
+        added += add_gauge(hessian, gauge, most);
         match cholesky.factor_blocks(hessian) {
             Ok(factor) => {
                 let mut x: Vec<f64> = rhs.iter().flat_map(|v| v.to_array()).collect();
                 factor.solve(&mut x)?;
-                return Ok(x.chunks_exact(2).map(|c| DVec2::new(c[0], c[1])).collect());
+                return Ok((x.chunks_exact(2).map(|c| DVec2::new(c[0], c[1])).collect(), added));
             }
-            Err(SparseError::NotPositiveDefinite { .. }) if gauge < 1.0 => gauge *= GAUGE_GROWTH,
+            Err(SparseError::NotPositiveDefinite { .. }) if gauge < 1.0 => {
+                (gauge, most) = (gauge * GAUGE_GROWTH, f64::INFINITY);
+            }
             Err(other) => return Err(other),
         }
     }
 }
 
-fn iterated_step(hessian: &mut Matrix<'_, DMat2>, rhs: &[DVec2], iterations: usize) -> Vec<DVec2> {
-    add_gauge(hessian, GAUGE);
+/// The same by conjugate gradients.
+fn iterated_step(
+    hessian: &mut Matrix<'_, DMat2>,
+    rhs: &[DVec2],
+    iterations: usize,
+    energy: f64,
+) -> (Vec<DVec2>, f64) {
+    let added = add_gauge(hessian, GAUGE, WELL_SHAPED * energy);
     let options = CgOptions { relative_residual: RESIDUAL, iterations };
-    conjugate_gradients(hessian, &BlockJacobi::new(hessian), rhs, options).0
+    (conjugate_gradients(hessian, &BlockJacobi::new(hessian), rhs, options).0, added)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        flatten::{Energy, domain::flatten_domain::FlattenDomain, start::tutte::tutte},
+        mesh::shapes,
+    };
+
+    const LIMITS: NewtonLimits = NewtonLimits { decrement: 1e-12, steps: 60 };
+
+    /// From a far start, with both solvers and every term.
+    #[test]
+    fn the_energy_never_rises_and_no_face_flips() {
+        let mesh = shapes::cap(600, 0.1, 2.4);
+        let domain = FlattenDomain::new(&mesh).unwrap();
+        let start = tutte(&domain).unwrap();
+        for energy in [
+            Energy::SymmetricDirichlet,
+            Energy::Sum { angle: 1.0, area: 0.5, perimeter: 0.3 },
+            Energy::default(),
+        ] {
+            let objective = Objective::new(&domain.elements, energy);
+            for solver in [Solver::Direct, Solver::Iterative] {
+                let (mut uv, mut last) = (start.clone(), objective.energy(&start));
+                let ended = objective.minimise(&mut uv, solver, LIMITS, &mut |uv| {
+                    let reached = objective.energy(uv);
+                    assert!(reached <= last * (1.0 + ROUNDING), "{last} rises to {reached}");
+                    assert!(domain.elements.is_flip_free(uv));
+                    last = reached;
+                    true
+                });
+                assert!(solver == Solver::Iterative || ended == Ok(Ended::Converged), "{ended:?}");
+                assert!(last < objective.energy(&start));
+            }
+        }
+    }
+
+    #[test]
+    fn the_limit_of_steps_is_reported() {
+        let mesh = shapes::cap(600, 0.1, 2.4);
+        let domain = FlattenDomain::new(&mesh).unwrap();
+        let objective = Objective::new(&domain.elements, Energy::SymmetricDirichlet);
+        let mut uv = tutte(&domain).unwrap();
+        let limits = NewtonLimits { steps: 2, ..LIMITS };
+        assert_eq!(objective.minimise(&mut uv, Solver::Direct, limits, &mut |_| true), Ok(Ended::Short));
+        assert!(objective.relative_gradient(&uv) > 1e-6);
+        assert_eq!(objective.minimise(&mut uv, Solver::Direct, limits, &mut |_| false), Ok(Ended::Stopped));
+        assert_eq!(objective.minimise(&mut uv, Solver::Direct, LIMITS, &mut |_| true), Ok(Ended::Converged));
+        assert!(objective.relative_gradient(&uv) < 1e-6);
+    }
 }

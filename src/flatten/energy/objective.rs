@@ -183,3 +183,51 @@ fn collapse(e: &Element, uv: &Uv, d: &[DVec2]) -> f64 {
     let half = -0.5 * (c1 + discriminant.sqrt().copysign(c1));
     [half / c2, c0 / half].into_iter().filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{flatten::domain::flatten_domain::FlattenDomain, id::VertexId, mesh::shapes};
+
+    /// A saddle, pressed flat and sheared, so that nothing is stationary.
+    #[test]
+    fn gradient_and_hessian_are_those_of_differences() {
+        let mesh = shapes::saddle(8);
+        let domain = FlattenDomain::new(&mesh).unwrap();
+        // Near an isometry the model is the Hessian but for what is clamped: of the order of the strain.
+        let uv: Uv = (0..domain.vertices())
+            .map(|v| domain.position(VertexId::new(v)).truncate())
+            .map(|p| p + 0.05 * DVec2::new(p.y * p.y, p.x * p.y))
+            .collect();
+        for energy in [Energy::SymmetricDirichlet, Energy::Sum { angle: 1.0, area: 0.4, perimeter: 0.2 }] {
+            let objective = Objective::new(&domain.elements, energy);
+            let mut hessian = Matrix::zero(&domain.elements.pattern);
+            let gradient = objective.assemble(&uv, &mut hessian);
+            let scale = gradient.iter().map(|g| g.length()).fold(0.0, f64::max);
+            let step = 1e-6;
+            for v in (0..domain.vertices()).step_by(7).map(VertexId::new) {
+                for axis in [DVec2::X, DVec2::Y] {
+                    let moved = |by: f64| {
+                        let mut moved = uv.clone();
+                        moved[v] += by * axis;
+                        moved
+                    };
+                    let slope =
+                        (objective.energy(&moved(step)) - objective.energy(&moved(-step))) / (2.0 * step);
+                    let found = gradient[v.index()].dot(axis);
+                    assert!((found - slope).abs() < 1e-6 * scale, "{energy:?} {v}: {found} is {slope}");
+                    let mut unused = Matrix::zero(&domain.elements.pattern);
+                    let up = objective.assemble(&moved(step), &mut unused);
+                    let down = objective.assemble(&moved(-step), &mut unused);
+                    let curvature = (up[v.index()] - down[v.index()]) / (2.0 * step);
+                    let found = *hessian.at(v.index(), v.index()) * axis;
+                    let size = found.length();
+                    // Clamping only adds curvature.
+                    let added = (found - curvature).dot(axis);
+                    assert!(added > -1e-6 * size, "{energy:?} {v}: {found} is {curvature}");
+                    assert!(added < 0.6 * size, "{energy:?} {v}: {found} is {curvature}");
+                }
+            }
+        }
+    }
+}

@@ -7,7 +7,7 @@ use crate::{
             fillers::Fillers,
             overlap::{has_no_branch_points, is_one_to_one, keeps_holes},
         },
-        domain::elements::{Uv, keeps_orientation},
+        domain::elements::Uv,
         domain::flatten_domain::FlattenDomain,
         energy::{
             newton::{Ended, NewtonLimits, Solver},
@@ -20,7 +20,6 @@ use crate::{
             untangle::untangle,
         },
     },
-    id::FaceId,
     sparse::SparseError,
 };
 
@@ -40,6 +39,13 @@ const TRUNCATED: NewtonLimits = NewtonLimits { decrement: 1e-6, steps: 100 };
 /// A start of more energy than this at its best scale is worse than the one inside a circle: the
 /// conformal map of a bunny with holes has 1e4, and Newton needs 40 steps from it instead of 8.
 const BAD_START: f64 = 50.0;
+
+/// Heights of faces over their longest edges, at least, one after the other, on the way from a start
+/// that is worse.
+const FAT: [f64; 3] = [1e-1, 1e-2, 1e-3];
+
+/// Newton steps with each of them.
+const FATTENED: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 60 };
 
 /// Weights of all fillers together, round by round, of a surface that weighs 1: heavy fillers make
 /// room early, light ones do not hinder a rim that slides. The last one stays.
@@ -124,7 +130,22 @@ pub(crate) fn minimise_from_scratch(
         && keeps_holes(domain, &conformal)
         && dirichlet(&domain.elements, &conformal).0 < BAD_START;
     let start = if is_good { conformal } else { convex_start(domain, conformal)? };
-    relax(domain, Start::Far(start), goal, limits)
+    relax(domain, Start::Far(with_fat_needles(domain, start, goal.energy)?), goal, limits)
+}
+
+/// A better start from a bad one: needles stop each Newton step where they collapse, so the map is
+/// minimised with fatter ones first.
+fn with_fat_needles(domain: &FlattenDomain<'_>, mut uv: Uv, energy: Energy) -> Result<Uv, FlattenError> {
+    for least in FAT {
+        if dirichlet(&domain.elements, &uv).0 < BAD_START {
+            break;
+        }
+        if let Some(elements) = domain.fattened(least) {
+            let objective = Objective::new(&elements, energy);
+            objective.minimise(&mut uv, Solver::Direct, FATTENED, &mut |_| true).map_err(failed)?;
+        }
+    }
+    Ok(uv)
 }
 
 /// The map inside a circle; where needles leave faces without area there, the conformal map after its
@@ -146,11 +167,7 @@ fn start_within(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     }
     let mut uv = equal_springs(domain).map_err(failed)?;
     untangle(domain, &mut uv).map_err(failed)?;
-    let flipped = domain.elements.map_areas(&uv).position(|area| !keeps_orientation(area));
-    match flipped {
-        None => Ok(uv),
-        Some(face) => Err(FlattenError::NoRoom { face: FaceId::new(face) }),
-    }
+    domain.elements.first_flip(&uv).map_or(Ok(uv), |face| Err(FlattenError::NoRoom { face }))
 }
 
 /// Removes flips locally if that is possible, else starts again inside a circle.

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use crate::{
     flatten::{
-        domain::elements::{Element, ElementMesh, Uv, keeps_orientation},
+        domain::elements::{Element, ElementMesh, Uv},
         domain::flatten_domain::FlattenDomain,
         energy::face_energy::DistortionEnergy,
         energy::newton::{NewtonLimits, Solver},
@@ -44,7 +44,7 @@ pub(crate) fn untangle(domain: &FlattenDomain<'_>, uv: &mut Uv) -> Result<bool, 
     let everything = if domain.prescribed.is_empty() { None } else { Some(domain.vertices()) };
     let largest = everything.unwrap_or(LARGEST_PART);
     for rings in RINGS.into_iter().chain(everything) {
-        let flipped: Vec<bool> = domain.elements.map_areas(uv).map(|area| !keeps_orientation(area)).collect();
+        let flipped: Vec<bool> = domain.elements.flips(uv).collect();
         if !flipped.iter().any(|f| *f) {
             return Ok(true);
         }
