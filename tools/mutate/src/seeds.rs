@@ -1,0 +1,87 @@
+//! Sound files of every kind that the command reads, made by the command itself.
+
+use std::{error::Error, fmt::Write as _, fs, path::Path, process::Command};
+
+/// How the files are made of `cap.obj`, in the folder.
+const STEPS: &[&str] = &[
+    "convert cap.obj skin.glb",
+    "convert cap.obj skin.gltf",
+    "convert cap.obj skin.json",
+    "convert cap.obj skin.ply",
+    "convert cap.obj skin.stl",
+    "convert cap.obj skin.off",
+    "convert cap.obj skin.csv",
+    "flatten cap.obj -o flat.npz -o flat.obj -o flat.glb",
+    "build cap.obj -o map",
+    "simulate -o graph.g2o --taxels 25 --anchors 5",
+    "simulate -o poses.g2o --taxels 20 --model poses --anchors 5",
+    "simulate -o observations.csv --taxels 25",
+    "simulate --touch cap.obj -o readings.csv --presses 1 --rate-hz 5",
+    "render map/map.glb readings.csv -o readings.npz --to 2",
+    "render map/map.glb readings.csv -o frame.npy --to 0 --level 0",
+];
+
+/// What is mutated.
+const SEEDS: &[&str] = &[
+    "cap.obj",
+    "skin.glb",
+    "skin.gltf",
+    "skin.json",
+    "skin.ply",
+    "skin.stl",
+    "skin.off",
+    "skin.csv",
+    "flat.npz",
+    "flat.obj",
+    "flat.glb",
+    "map.glb",
+    "map.exr",
+    "graph.g2o",
+    "poses.g2o",
+    "observations.csv",
+    "readings.csv",
+    "readings.npz",
+    "frame.npy",
+    "contacts.csv",
+    "seams.csv",
+];
+
+/// Makes the files; returns their names and contents.
+pub(crate) fn make_seeds(command: &Path, folder: &Path) -> Result<Vec<(String, Vec<u8>)>, Box<dyn Error>> {
+    fs::write(folder.join("cap.obj"), cap()?)?;
+    fs::write(
+        folder.join("contacts.csv"),
+        "x,y,z,nx,ny,nz,force,time\n0,0,0.01,0,0,1,2.5,0\n0.02,0,0,0,0,1,1,0.1\n",
+    )?;
+    fs::write(folder.join("seams.csv"), "from,to\n40,41\n41,42\n")?;
+    for step in STEPS {
+        let words: Vec<&str> = step.split(' ').collect();
+        let run = Command::new(command).args(&words).current_dir(folder).output()?;
+        if !run.status.success() {
+            return Err(format!("{step}: {}", String::from_utf8_lossy(&run.stderr)).into());
+        }
+    }
+    for name in ["map.glb", "map.exr"] {
+        fs::copy(folder.join("map").join(name), folder.join(name))?;
+    }
+    SEEDS.iter().map(|name| Ok(((*name).to_owned(), fs::read(folder.join(name))?))).collect()
+}
+
+/// A curved sheet of 9 x 9 vertices with texture coordinates.
+fn cap() -> Result<String, std::fmt::Error> {
+    let mut text = String::new();
+    let places = || (0..81_i32).map(|k| (k % 9, k / 9));
+    for (i, j) in places() {
+        let (x, y) = (0.005 * f64::from(i - 4), 0.005 * f64::from(j - 4));
+        writeln!(text, "v {x} {y} {}", -10.0 * (x * x + y * y))?;
+    }
+    for (i, j) in places() {
+        writeln!(text, "vt {} {}", f64::from(i) / 8.0, f64::from(j) / 8.0)?;
+    }
+    for (i, j) in places().filter(|&(i, j)| i < 8 && j < 8) {
+        let a = 9 * j + i + 1;
+        let [a, b, c, d] = [a, a + 1, a + 10, a + 9].map(|v| format!("{v}/{v}"));
+        writeln!(text, "f {a} {b} {c} {d}")?;
+    }
+    Ok(text)
+}
