@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 use crate::{
     Error,
-    atlas::skin_images,
+    atlas::{fitting_pixel, pixels_of, skin_images},
     cut::{AreaLimit, Cut, CutError, CutMesh, MOST_SLITS, cut_along, decide, pairs_by_patch, seam_length},
     flatten::{
         Convergence, FlattenOptions, distortion, flatten, flatten_pyramid_with_convergence, flatten_roughly,
@@ -53,9 +53,13 @@ pub struct BuildOptions {
     pub coarsen: CoarsenOptions,
     /// How to flatten.
     pub flatten: FlattenOptions,
-    /// Side of a pixel of the images, in m.
-    pub pixel: f64,
+    /// Side of a pixel of the images, in m; `None`: 1 mm, or larger where that would make more
+    /// pixels than the taxels need.
+    pub pixel: Option<f64>,
 }
+
+/// Side of a pixel, in m, unless another is asked for or needed.
+const PIXEL: f64 = 1e-3;
 
 impl Default for BuildOptions {
     fn default() -> Self {
@@ -63,7 +67,7 @@ impl Default for BuildOptions {
             cut: Cut::default(),
             coarsen: CoarsenOptions::default(),
             flatten: FlattenOptions::default(),
-            pixel: 1e-3,
+            pixel: None,
         }
     }
 }
@@ -224,6 +228,17 @@ pub struct Built {
     /// How many of the coarsest levels of each patch are not in the map: they have none in 64-bit
     /// numbers, as those of a long thin tube.
     pub left_out: IdVec<PatchId, usize>,
+    /// What became of the pixels, if they had to be larger than 1 mm.
+    pub enlarged: Option<Enlarged>,
+}
+
+/// Pixels that are larger than by default.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Enlarged {
+    /// Side of a pixel of the images, in mm.
+    pub pixel_mm: f64,
+    /// How many pixels the images would have had.
+    pub pixels: u64,
 }
 
 /// The same as [`build`], with the time that its stages took; `progress` is called from any thread
@@ -253,8 +268,19 @@ pub fn build_with_progress(
         Seconds { coarsen: coarsened.as_secs_f64(), flatten: flattened.as_secs_f64(), ..Seconds::default() };
     let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
-    let map = SkinMap { links, patches: patches.into(), animations };
-    Ok(Built { map, seconds, left_out: left_out.into() })
+    let mut map = SkinMap { links, patches: patches.into(), animations };
+    let enlarged = if options.pixel.is_none() { enlarge_pixels(&mut map) } else { None };
+    Ok(Built { map, seconds, left_out: left_out.into(), enlarged })
+}
+
+/// Gives a map larger pixels where its images would have too many.
+fn enlarge_pixels(map: &mut SkinMap) -> Option<Enlarged> {
+    let pixel_mm = fitting_pixel(map)?;
+    let pixels = pixels_of(map);
+    for level in map.patches.iter_mut().flat_map(|patch| patch.levels.iter_mut()) {
+        level.set_pixel(1e-3 * pixel_mm);
+    }
+    Some(Enlarged { pixel_mm, pixels })
 }
 
 /// Where each patch is cut, if the user says so.
@@ -297,18 +323,19 @@ fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Resul
         Coarsened::Whole(pyramid) => pyramid.levels.len(),
         Coarsened::Cut(pyramid) => pyramid.opened.levels.len(),
     };
+    let pixel = options.pixel.unwrap_or(PIXEL);
     let (mut map, convergences) = match pyramid {
         Coarsened::Whole(pyramid) => {
             let maps = flatten_pyramid_with_convergence(&pyramid, Some(&patch.taxels), &options.flatten)?;
             let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
-            (PatchMap::new(patch, pyramid, maps.into(), options.pixel), convergences)
+            (PatchMap::new(patch, pyramid, maps.into(), pixel), convergences)
         }
         Coarsened::Cut(pyramid) => {
             let unsplit = pyramid.cuts.iter().next().map(|cut| &cut.unsplit);
             let taxels = unsplit.map(|unsplit| patch.taxels.select(unsplit));
             let maps = flatten_pyramid_with_convergence(&pyramid.opened, taxels.as_ref(), &options.flatten)?;
             let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
-            (PatchMap::new_cut(patch, *pyramid, maps.into(), options.pixel), convergences)
+            (PatchMap::new_cut(patch, *pyramid, maps.into(), pixel), convergences)
         }
     };
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {

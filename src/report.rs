@@ -1,5 +1,5 @@
-//! `report.json`: what a build measured, level by level ([`measure`]), and how long each stage
-//! took.
+//! `report.json`: what a build measured, level by level ([`measure`]); `timings.json`: how long each
+//! stage took, apart from it, so that the same input gives the same report.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, report, skin::Skin};
@@ -27,12 +27,17 @@ pub struct Report {
     pub version: String,
     /// The file it was made from.
     pub input: String,
+    /// The patches, in the order of the map.
+    pub patches: Vec<PatchReport>,
+}
+
+/// What `timings.json` holds: what differs from run to run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Timings {
     /// Wall-clock seconds by stage, in the order of the stages.
     pub seconds: Seconds,
     /// Largest resident memory of the process, where the system reports it.
     pub peak_memory_bytes: Option<u64>,
-    /// The patches, in the order of the map.
-    pub patches: Vec<PatchReport>,
 }
 
 /// Wall-clock seconds of the stages of a build; 0 for a stage that was not run.

@@ -194,7 +194,9 @@ fn the_gap_is_an_option_and_its_range_is_told() {
     let check = |args: &[&str]| dermatome().args(["check", "--quiet"]).arg(&path).args(args).assert();
     check(&[]).code(1).stdout(predicate::str::starts_with("two: bare-pieces: ")).stderr("");
     check(&["--gap", "4"]).success().stdout("no findings\n").stderr("");
-    check(&["--gap", "4", "--json"]).success().stdout("{\n  \"findings\": []\n}\n");
+    check(&["--gap", "4", "--json"])
+        .success()
+        .stdout("{\n  \"schema\": \"dermatome.check/1\",\n  \"findings\": []\n}\n");
     dermatome()
         .arg("convert")
         .arg(&path)

@@ -6,7 +6,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use assert_cmd::Command;
 use dermatome::{
-    io::{read_draft, write_skin},
+    io::{read_draft, read_map, write_skin},
     mesh::{TriMesh, shapes},
     skin::Skin,
 };
@@ -159,7 +159,7 @@ fn repair_splits_crowded_edges_into_sheets() {
     fs::write(path.join("twice.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\nf 3 1 2\n")
         .unwrap();
     dermatome(path, "info twice.obj").assert().code(2);
-    dermatome(path, "info twice.obj --repair").assert().success().stderr(contains("were dropped: 2"));
+    dermatome(path, "info twice.obj --repair").assert().success().stderr(contains("1 face was dropped"));
     fs::write(path.join("bow.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv -1 0 0\nv 0 -1 0\nf 1 2 3\nf 1 4 5\n")
         .unwrap();
     dermatome(path, "build bow.obj -o M").assert().success().stderr(contains("touched in a point"));
@@ -177,4 +177,22 @@ fn faces_that_cannot_be_split_off_are_dropped() {
         .assert()
         .success()
         .stderr(contains("2 faces were dropped at edges of more than two"));
+}
+
+/// A map is a skin too: its map is the same but for the rounding of the file's numbers.
+#[test]
+fn the_map_of_a_map_is_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write(path, "cap.obj", shapes::cap(500, 0.1, 1.0));
+    dermatome(path, "build cap.obj -o A").assert().success();
+    dermatome(path, "build A/map.glb -o B").assert().success();
+    let [first, second] = ["A", "B"].map(|folder| read_map(&path.join(folder).join("map.glb")).unwrap());
+    for (a, b) in first.patches.iter().zip(&second.patches) {
+        assert_eq!((&a.name, &a.taxels.ids), (&b.name, &b.taxels.ids));
+        let (a, b) = (&a.levels[0.into()], &b.levels[0.into()]);
+        assert!(a.level.mesh == b.level.mesh, "the same mesh");
+        let gap = a.uv.iter().zip(&b.uv).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(gap < 1e-4, "{gap} m");
+    }
 }

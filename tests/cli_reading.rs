@@ -323,3 +323,77 @@ fn absurd_sizes_are_found_and_printed_short() {
         assert!(read.get_output().stdout.len() < 400, "{size}");
     }
 }
+
+/// Many remarks of one kind are one note, and one of a kind is in the singular.
+#[test]
+fn notes_are_gathered() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    // Squares of two triangles whose corners are split, as for normals.
+    let square = |k: usize| {
+        let corners = [[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]];
+        let vertices: String = corners.iter().map(|[x, y]| format!("v {} {y} 0\n", x + 3 * k)).collect();
+        let v = 6 * k;
+        format!("o part{k}\n{vertices}f {} {} {}\nf {} {} {}\n", v + 1, v + 2, v + 3, v + 4, v + 5, v + 6)
+    };
+    fs::write(path.join("many.obj"), (0..6).map(square).collect::<String>()).unwrap();
+    let notes = |words: &str| {
+        let run = dermatome(path, words).assert().success();
+        String::from_utf8(run.get_output().stderr.clone()).unwrap()
+    };
+    let gathered = notes("info many.obj");
+    assert_eq!(gathered.matches("welded").count(), 2, "{gathered}");
+    assert!(
+        gathered.contains("6 meshes were welded, as part0: 6 vertices were welded into 4 taxels"),
+        "{gathered}"
+    );
+    assert_eq!(notes("info many.obj -v").matches("were welded into 4 taxels").count(), 6);
+    fs::write(path.join("one.csv"), "id,x,y,z\n1,0,0,0\n2,.01,0,0\n3,0,.01,0\n4,.01,.01,0\n5,9,9,9\n")
+        .unwrap();
+    assert!(notes("info one.csv").contains("1 taxel was left out"));
+}
+
+/// Every command names what it wrote, and `build` counts ids that say nothing.
+#[test]
+fn commands_name_what_they_wrote() {
+    let folder = folder_of_caps();
+    let path = folder.path();
+    let wrote = |words: &str, names: &[&str]| {
+        let run = dermatome(path, words).assert().success();
+        let said = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+        let line = said.lines().find_map(|line| line.strip_prefix("wrote ")).unwrap_or_default();
+        assert_eq!(line.split(", ").collect::<Vec<_>>(), names, "{words}: {said}");
+        said
+    };
+    fs::write(path.join("a.csv"), "id,x,y,z\n0,0,0,0\n0,.01,0,0\n4294967295,0,.01,0\n7,.01,.01,0\n").unwrap();
+    fs::write(path.join("c.csv"), "x,y,z\n0,0,0\n").unwrap();
+    wrote("convert a.csv a.glb", &["a.glb"]);
+    wrote("convert a.glb b.csv", &["b.csv", "b.triangles.csv"]);
+    let said = wrote("build a.csv -o M", &["M/map.glb", "M/map.exr", "M/report.json", "M/timings.json"]);
+    assert!(said.contains("3 of 4 taxels have a placeholder id"), "{said}");
+    wrote("coarsen a.glb -o l.glb", &["l.glb"]);
+    wrote("flatten a.glb -o f.obj -o f.npz", &["f.obj", "f.npz"]);
+    wrote("lookup M/map.glb c.csv -o o.csv", &["o.csv"]);
+    wrote("plot M/map.glb -o p.svg", &["p.svg"]);
+    wrote("simulate -o s.g2o --taxels 20 --anchors 5", &["s.g2o"]);
+    wrote("calibrate s.g2o -o s.csv", &["s.csv"]);
+    dermatome(path, "convert a.glb q.ply --quiet").assert().success().stderr("");
+}
+
+/// A mesh that is not a valid skin is drawn with what is wrong in red; a sound one on request.
+#[test]
+fn findings_are_drawn() {
+    let folder = folder_of_caps();
+    let path = folder.path();
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 2 5\nf 3 1 2\n";
+    fs::write(path.join("book.obj"), text).unwrap();
+    let drawn = dermatome(path, "plot book.obj -o -").assert().success();
+    let said = String::from_utf8(drawn.get_output().stderr.clone()).unwrap();
+    assert!(said.contains("drawn in red"), "{said}");
+    let picture = String::from_utf8(drawn.get_output().stdout.clone()).unwrap();
+    assert!(picture.contains("1 non-manifold-edge") && picture.contains("#d01010"), "{picture:.2000}");
+    let sound = dermatome(path, "plot m.obj -o - --show findings").assert().success().stderr("");
+    sound.stdout(contains("no findings"));
+    fs::write(path.join("points.obj"), "v 0 0 nan\n").unwrap();
+    dermatome(path, "plot points.obj -o -").assert().code(2);
+}

@@ -626,5 +626,9 @@ fn broken_maps_are_refused_by_name() {
     check("vertex 99 of level 0", &|map| level(map, 1).level.origins[v(2)] = v(99));
     check("row 5", &|map| level(map, 1).level.to_finest.as_mut().unwrap().indices[v(5)][1] = v(40));
     check("row 5", &|map| level(map, 1).level.to_finest.as_mut().unwrap().weights[v(5)][1] = f64::NAN);
-    check("row 4", &|map| level(map, 1).level.to_finest.as_mut().unwrap().indices[v(4)] = [v(1), v(3), v(3)]);
+    check("row 4", &|map| {
+        let far = [v(1), v(3), v(3)];
+        level(map, 1).level.to_finest.as_mut().unwrap().indices[v(4)] = far;
+        level(map, 0).level.from_coarser.as_mut().unwrap().indices[v(4)] = far;
+    });
 }

@@ -355,7 +355,7 @@ fn all_joins_every_loop() {
 fn the_images_show_every_face_once() {
     for mesh in cut_shapes() {
         let pixel = 0.05 * (mesh.area() / mesh.triangles.len() as f64).sqrt();
-        let options = BuildOptions { pixel, ..BuildOptions::default() };
+        let options = BuildOptions { pixel: Some(pixel), ..BuildOptions::default() };
         let map = build(&Skin::from_mesh("skin", mesh), &options).unwrap();
         let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
         for (part, level) in atlas.parts.iter().zip(levels(&map)) {

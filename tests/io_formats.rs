@@ -487,6 +487,10 @@ fn broken_tables_are_refused_by_line_and_column() {
     let taxels = "id,x,y,z\n1,0,0,0\n2,1,0,0\n3,0,1,0\n";
     let good = "a,b,c\n0,1,2\n";
     assert_sound(&read_tables(taxels, good).unwrap());
+    for (same, remarks) in [("row0,row1,row2\n0,1,2\n", 0), ("id0,id1,id2\n1,2,3\n", 0), (good, 1)] {
+        let draft = read_tables(taxels, same).unwrap();
+        assert_eq!((draft.sheets[0].triangles.as_slice(), draft.remarks.len()), (&[[0, 1, 2]][..], remarks));
+    }
     let cases = [
         ("id,x,y\n1,0,0\n", good, "a column `z`"),
         ("id,x,y,z,x\n", good, "line 1, column 5"),
@@ -503,6 +507,10 @@ fn broken_tables_are_refused_by_line_and_column() {
         ("id,x,y,z,patch\n1,0,0,0,p\n2,0,0,0,q\n3,0,0,0,q\n", good, "line 2, column `b`"),
         (taxels, "a,b\n", "a column `c`"),
         (taxels, "a,b,c\n0,1,3\n", "line 2, column `c`"),
+        (taxels, "row0,row1,row2\n0,1,3\n", "line 2, column `row2`"),
+        (taxels, "id0,id1,id2\n1,2,4\n", "line 2, column `id2`"),
+        (taxels, "id0,id1,id2,d\n1,2,3,4\n", "line 1, column 4"),
+        ("id,x,y,z\n1,0,0,0\n1,1,0,0\n3,0,1,0\n", "id0,id1,id2\n1,1,3\n", "an id of one taxel, not of 2"),
         (taxels, "a,b,c\n0,1,-1\n", "line 2, column `c`"),
         (taxels, "\n", "line 1"),
     ];

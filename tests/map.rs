@@ -157,6 +157,14 @@ fn every_broken_field_is_refused_by_name() {
     // Maps.
     refused(&["palm/L1", "uv has 0"], &|m| mapped(m, 1).uv = IdVec::new());
     refused(&["palm/L1", "vertex 3", "finite"], &|m| mapped(m, 1).uv[v(3)] = DVec2::NAN);
+    refused(&["palm/L1", "1e12 m"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| *at *= 1e300));
+    refused(&["palm/L1", "one point"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| *at = DVec2::ONE));
+    refused(&["palm/L1", "mirrored"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| at.x = -at.x));
+    refused(&["palm/L0", "vertex 7", "`up`", "`direct`"], &|m| {
+        let up = level(m, 0).from_coarser.as_mut().unwrap();
+        up.indices[v(7)] = up.indices[v(80)];
+        up.weights[v(7)] = up.weights[v(80)];
+    });
     for size in [DVec2::ZERO, DVec2::NAN, DVec2::NEG_ONE] {
         refused(&["palm/L1", "frame"], &|m| mapped(m, 1).frame.size = size);
     }

@@ -7,8 +7,9 @@ use glam::DVec2;
 use crate::{
     atlas::{
         AtlasError,
+        bound::check_size,
         layout::{Place, turned},
-        rasterize::{MAX_SIDE, PIXEL, Snapped, Span, Spans, rasterize},
+        rasterize::{PIXEL, Snapped, Span, Spans, rasterize},
     },
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapLevel, SkinMap},
@@ -16,9 +17,6 @@ use crate::{
     pyramid::LevelId,
     skin::PatchId,
 };
-
-/// Largest number of pixels: a chart of 1 GiB.
-const MAX_PIXELS: u64 = 1 << 28;
 
 /// One level of a patch as it lies in an image: which face each pixel shows, and where in it.
 ///
@@ -45,7 +43,7 @@ impl Chart {
     /// covered pixels and the triangles.
     ///
     /// # Errors
-    /// If the image would be larger than 16384 pixels a side or `2^28` in all, or if the map does
+    /// If the image would be larger than 16384 pixels a side or `2^26` in all, or if the map does
     /// not lie in its frame.
     pub(super) fn new(image: &str, at: &MapLevel, level: LevelId, place: &Place) -> Result<Self, AtlasError> {
         let Place { patch, turns, frame, corner_px } = *place;
@@ -186,57 +184,6 @@ impl Barycentric {
 /// The corner with the largest weight; the first of equal ones.
 pub(super) fn largest(weights: [f64; 3]) -> usize {
     (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
-}
-
-/// Whether an image keeps to the largest size.
-///
-/// # Errors
-/// If not, with a pixel size that would.
-pub(super) fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {
-    let (size, size_px) = (frame.size, frame.size_px);
-    let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
-    if size_px.iter().any(|&n| n > MAX_SIDE) || pixels > MAX_PIXELS {
-        let by_side = size.max_element() / f64::from(MAX_SIDE - 2);
-        let by_area = (size.x * size.y / MAX_PIXELS as f64).sqrt();
-        // A tenth more for the margin.
-        let fits_mm = two_digits_up(1.1e3 * by_side.max(by_area));
-        return Err(AtlasError::TooLarge {
-            image: image.into(),
-            size,
-            size_px,
-            max_side: MAX_SIDE,
-            max_pixels: MAX_PIXELS,
-            fits_mm,
-        });
-    }
-    Ok(())
-}
-
-/// Whether all images together keep to what one may have.
-///
-/// # Errors
-/// If not, with a pixel size that would.
-pub(super) fn check_total<'a>(frames: impl Iterator<Item = &'a ImageFrame>) -> Result<(), AtlasError> {
-    let (mut images, mut pixels, mut area) = (0, 0_u64, 0.0);
-    for frame in frames {
-        let [width, height] = frame.size_px.map(u64::from);
-        images += 1;
-        pixels = pixels.saturating_add(width.saturating_mul(height));
-        area += frame.size.x * frame.size.y;
-    }
-    if pixels > MAX_PIXELS {
-        let fits_mm = two_digits_up(1.1e3 * (area / MAX_PIXELS as f64).sqrt());
-        return Err(AtlasError::TooManyPixels { images, pixels, max_pixels: MAX_PIXELS, fits_mm });
-    }
-    Ok(())
-}
-
-/// The next number with two digits.
-fn two_digits_up(x: f64) -> f64 {
-    let exponent = x.log10().floor() - 1.0;
-    let digits = (x / 10_f64.powf(exponent)).ceil();
-    // Through text, which has no 4.800000000000001.
-    format!("{digits}e{exponent}").parse().unwrap_or(x)
 }
 
 /// Map positions in the rasteriser's integers.

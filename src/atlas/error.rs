@@ -33,14 +33,17 @@ pub enum AtlasError {
     },
     /// More pixels in all than a skin's images may have.
     #[error(
-        "the {images} images of the skin would have {pixels} pixels together; at most {max_pixels} are drawn, which \
-         {fits_mm} mm a pixel would keep to"
+        "the {images} {} of the skin would have {pixels} pixels together, {bytes} bytes of samples; at most \
+         {max_pixels} pixels are drawn for its number of taxels, which {fits_mm} mm a pixel would keep to",
+        if *images == 1 { "image" } else { "images" }
     )]
     TooManyPixels {
         /// Number of images: patches times levels.
         images: usize,
         /// Pixels in all.
         pixels: u64,
+        /// Bytes of their samples before compression.
+        bytes: u64,
         /// Largest number of pixels.
         max_pixels: u64,
         /// A pixel size that fits, in mm.

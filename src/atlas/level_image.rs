@@ -8,7 +8,8 @@ use glam::DVec3;
 use crate::{
     atlas::{
         AtlasError, AtlasPart, Chart, ImageRows, SampleKind, Samples, Stretch,
-        chart::{check_total, largest},
+        bound::check_map,
+        chart::largest,
         face_stretch,
         layout::{Place, image_name},
     },
@@ -194,10 +195,11 @@ fn light(mesh: &TriMesh) -> DVec3 {
 ///
 /// # Errors
 /// If the map breaks a rule of [`SkinMap::validate`], if an image would be larger than 16384 pixels
-/// a side or all together than `2^28` pixels, or if a map does not lie in its frame.
+/// a side or all together than 4096 pixels a taxel (at least `2^20`, at most `2^26`), or if a map
+/// does not lie in its frame.
 pub fn skin_images(map: &SkinMap) -> Result<Vec<LevelImage<'_>>, AtlasError> {
     map.validate()?;
-    check_total(map.patches.iter().flat_map(|patch| patch.levels.iter().map(|level| &level.frame)))?;
+    check_map(map, (MEASURES.len() + IDS.len()) as u64)?;
     let all = map.patches.enumerate().flat_map(|patch| patch.1.levels.ids().map(move |level| (patch, level)));
     all.map(|(patch, level)| LevelImage::new(patch, level)).collect()
 }

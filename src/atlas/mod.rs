@@ -6,9 +6,10 @@
 //! of `map.exr`, a band of rows at a time, so that an image of a whole skin need never be in memory
 //! at once.
 //!
-//! In the order to read: `rasterize`, `layout`, `chart`, `parts`; `image`, `stretch`,
+//! In the order to read: `rasterize`, `layout`, `bound`, `chart`, `parts`; `image`, `stretch`,
 //! `level_image`.
 
+mod bound;
 mod chart;
 mod error;
 mod image;
@@ -18,6 +19,7 @@ mod parts;
 mod rasterize;
 mod stretch;
 
+pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
 pub use error::AtlasError;
 pub use image::{ImageRows, SampleKind, Samples};

@@ -5,7 +5,8 @@ use std::borrow::Cow;
 use crate::{
     atlas::{
         AtlasError, AtlasOptions, Chart,
-        chart::{check_size, check_total, largest},
+        bound::{check_size, check_total},
+        chart::largest,
         layout::{PartLayout, Place, image_name, layout},
         rasterize::Span,
     },
@@ -55,20 +56,23 @@ pub struct AtlasPart {
     pub(crate) gutter: Vec<[u32; 2]>,
 }
 
+/// Every image of readings has one channel and its coverage.
+const LEAST_SAMPLES: u64 = 2;
+
 impl Atlas {
     /// Rasterises every level of a map.
     ///
     /// # Errors
     /// If the map breaks a rule of [`SkinMap::validate`], the options make no sense, the charts do
     /// not fit into the canvas, or an image would be larger than 16384 pixels a side or all
-    /// together than `2^28` pixels.
+    /// together than `2^26` pixels.
     pub fn new(map: &SkinMap, options: &AtlasOptions) -> Result<Self, AtlasError> {
         map.validate()?;
         let layouts = layout(map, options)?;
         for part in &layouts {
             check_size(&part.frame, &part.name)?;
         }
-        check_total(layouts.iter().map(|part| &part.frame))?;
+        check_total(layouts.iter().map(|part| &part.frame), LEAST_SAMPLES)?;
         let parts = layouts.into_iter().map(|part| AtlasPart::new(map, part, options.gutter));
         Ok(Self { parts: parts.collect::<Result<_, _>>()? })
     }

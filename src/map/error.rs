@@ -64,6 +64,56 @@ pub enum MapError {
         /// Its map position, in m.
         at: DVec2,
     },
+    /// A map position that is too far away for the precision of 64-bit numbers.
+    #[error(
+        "{patch}/{level:?}: vertex {vertex} lies at {at} m on the map; coordinates within 1e12 m are needed"
+    )]
+    TooFar {
+        /// Name of the patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+        /// The vertex.
+        vertex: VertexId,
+        /// Its map position, in m.
+        at: DVec2,
+    },
+    /// A map without extent.
+    #[error(
+        "{patch}/{level:?}: all vertices lie at one point of the map, {at} m; each needs a place of its own"
+    )]
+    OnePoint {
+        /// Name of the patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+        /// Where they lie, in m.
+        at: DVec2,
+    },
+    /// A map as seen in a mirror.
+    #[error(
+        "{patch}/{level:?}: the map is mirrored: all its triangles run clockwise, but from outside of the skin they run \
+         counter-clockwise"
+    )]
+    Mirrored {
+        /// Name of the patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+    },
+    /// Two levels that are joined in two ways.
+    #[error(
+        "{patch}/{level:?}: vertex {vertex} has other weights in `up` (`from_coarser`) than the row of its taxel in \
+         `direct` (`to_finest`) of the next coarser level; both say where it lies there"
+    )]
+    Contradiction {
+        /// Name of the patch.
+        patch: String,
+        /// The level.
+        level: LevelId,
+        /// The vertex.
+        vertex: VertexId,
+    },
     /// An image frame without a size.
     #[error(
         "{patch}/{level:?}: the image frame is {} m at {} in {:?} pixels; it must be finite, with a positive size",

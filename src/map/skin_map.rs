@@ -9,10 +9,13 @@ use crate::{
     flatten::{Convergence, Distortion, distortion},
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError},
-    mesh::{TriMesh, VertexCorners},
+    mesh::{TriMesh, VertexCorners, signed_area},
     pyramid::{CutPyramid, Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
     skin::{Animation, Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
 };
+
+/// Farther away, contacts and skins are refused too.
+const FARTHEST: f64 = 1e12;
 
 /// One level of a patch with its map.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +45,24 @@ impl MapLevel {
         let mut map = Self { level, cut, uv, frame, distortion: Distortion::default(), convergence: None };
         map.measure();
         map
+    }
+
+    /// Gives its image `pixel` metres per pixel.
+    pub(crate) fn set_pixel(&mut self, pixel: f64) {
+        self.frame = ImageFrame::around(&self.uv, pixel);
+    }
+
+    /// The same level with another map.
+    fn with_map(&self, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
+        Self::new(self.level.clone(), self.cut.clone(), uv, pixel)
+    }
+
+    /// Whether all faces that have an area on the skin are mirrored on the map.
+    fn is_mirrored(&self) -> bool {
+        let mesh = &self.level.mesh;
+        let faces = mesh.triangles.ids().filter(|&face| mesh.face_cross(face) != DVec3::ZERO);
+        let mut areas = faces.map(|face| signed_area(self.uv_of(face))).peekable();
+        areas.peek().is_some() && areas.all(|area| area < 0.0)
     }
 
     /// Measures the distortion anew.
@@ -187,27 +208,44 @@ impl PatchMap {
         if let Some(((vertex, &found), &taxel)) = areas.find(|((_, a), b)| a != b) {
             return Err(MapError::Area { patch: self.name.clone(), vertex, found, taxel });
         }
-        for (level, map) in self.levels.enumerate() {
-            let MapLevel { level: Level { mesh, .. }, cut, uv, frame, distortion, .. } = map;
-            let patch = || self.name.clone();
-            if let Some(place) = cut.as_ref().and_then(|cut| cut.wrong_place(mesh)) {
-                return Err(MapError::Cut { patch: patch(), level, place });
-            }
-            let (found, needed) =
-                (uv.len(), cut.as_ref().map_or(mesh.positions.len(), |cut| cut.unsplit.len()));
-            if found != needed {
-                let source = PyramidError::Length { what: "uv", found, needed };
-                return Err(MapError::Level { patch: patch(), level, source });
-            }
-            if let Some((vertex, &at)) = uv.enumerate().find(|(_, at)| !at.is_finite()) {
-                return Err(MapError::NotFinite { patch: patch(), level, vertex, at });
-            }
-            if !frame.is_valid() {
-                return Err(MapError::Frame { patch: patch(), level, frame: *frame });
-            }
-            if !is_possible(distortion, mesh.triangles.len()) {
-                return Err(MapError::Distortion { patch: patch(), level, distortion: *distortion });
-            }
+        self.levels.enumerate().try_for_each(|(level, map)| self.check_map(level, map, finest))
+    }
+
+    /// Checks the map of one level, whose mesh is known to be valid.
+    fn check_map(&self, level: LevelId, map: &MapLevel, finest: &Level) -> Result<(), MapError> {
+        let MapLevel { level: Level { mesh, .. }, cut, uv, frame, distortion, .. } = map;
+        let patch = || self.name.clone();
+        if let Some(place) = cut.as_ref().and_then(|cut| cut.wrong_place(mesh)) {
+            return Err(MapError::Cut { patch: patch(), level, place });
+        }
+        let (found, needed) = (uv.len(), cut.as_ref().map_or(mesh.positions.len(), |cut| cut.unsplit.len()));
+        if found != needed {
+            let source = PyramidError::Length { what: "uv", found, needed };
+            return Err(MapError::Level { patch: patch(), level, source });
+        }
+        if let Some((vertex, &at)) = uv.enumerate().find(|(_, at)| !at.is_finite()) {
+            return Err(MapError::NotFinite { patch: patch(), level, vertex, at });
+        }
+        if let Some((vertex, &at)) = uv.enumerate().find(|(_, at)| at.abs().max_element() > FARTHEST) {
+            return Err(MapError::TooFar { patch: patch(), level, vertex, at });
+        }
+        if !frame.is_valid() {
+            return Err(MapError::Frame { patch: patch(), level, frame: *frame });
+        }
+        let has_area = mesh.triangles.ids().any(|face| mesh.face_cross(face) != DVec3::ZERO);
+        let at = uv.iter().next().copied().unwrap_or_default();
+        if has_area && uv.iter().all(|other| *other == at) {
+            return Err(MapError::OnePoint { patch: patch(), level, at });
+        }
+        if map.is_mirrored() {
+            return Err(MapError::Mirrored { patch: patch(), level });
+        }
+        let coarser = self.levels.get(LevelId::new(level.index() + 1));
+        if let Some(vertex) = coarser.and_then(|coarser| map.level.contradiction(&coarser.level, finest)) {
+            return Err(MapError::Contradiction { patch: patch(), level, vertex });
+        }
+        if !is_possible(distortion, mesh.triangles.len()) {
+            return Err(MapError::Distortion { patch: patch(), level, distortion: *distortion });
         }
         Ok(())
     }
@@ -251,8 +289,8 @@ pub struct SkinMap {
 }
 
 impl SkinMap {
-    /// The map of a mesh seen from above, along z: one patch of one level, on one link at the
-    /// origin. Images have `pixel` metres per pixel.
+    /// The map of a mesh seen along z, from above, or from below where all of it faces down: one
+    /// patch of one level, on one link at the origin. Images have `pixel` metres per pixel.
     ///
     /// A vertex whose triangles have no area gets the normal z and an area of 1 square micrometre.
     ///
@@ -276,7 +314,11 @@ impl SkinMap {
         let pyramid = Pyramid { levels: vec![level].into(), removals: IdVec::new() };
         let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
         let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, filled: 0, taxels };
-        let patch = PatchMap::new(&patch, pyramid, vec![uv].into(), pixel);
+        let mut patch = PatchMap::new(&patch, pyramid, vec![uv.clone()].into(), pixel);
+        if patch.levels.iter().any(MapLevel::is_mirrored) {
+            let turned = uv.map(|at| DVec2::new(-at.x, at.y));
+            patch.levels.iter_mut().for_each(|level| *level = level.with_map(turned.clone(), pixel));
+        }
         Self { links: vec![link].into(), patches: vec![patch].into(), ..Self::default() }
     }
 
@@ -285,8 +327,9 @@ impl SkinMap {
     /// Links come after their parents and have rigid poses, patches have names of their own and
     /// links that exist. Of each patch, the taxels keep the rules of [`Taxels::validate`], the levels
     /// those of a pyramid but for manifoldness and nesting (lookups accept any triangles), map
-    /// positions are finite, one per vertex, or per place of a vertex on a map that is cut, and image
-    /// frames have a size.
+    /// positions are finite and within 1e12 m, one per vertex, or per place of a vertex on a map that
+    /// is cut, not all the same nor all mirrored, `from_coarser` and the `to_finest` of the next level
+    /// agree, and image frames have a size.
     ///
     /// # Errors
     /// The first broken rule, with patch, level and element.

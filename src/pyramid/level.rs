@@ -6,6 +6,9 @@ use crate::{
     pyramid::{LevelId, Prolongation, PyramidError, RemovalLog},
 };
 
+/// Weights that differ by less are the same but for the rounding of other programs.
+const SAME_WEIGHT: f64 = 1e-3;
+
 /// One level of a pyramid: a mesh whose vertices are the centres of receptive fields.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Level {
@@ -93,6 +96,27 @@ impl Level {
             at.ok_or(PyramidError::NotNested { vertex, what, found, count })
         };
         Ok(self.origins.enumerate().map(find).collect::<Result<Vec<_>, _>>()?.into())
+    }
+
+    /// The first vertex at the place of its taxel on `finest` whose row of `from_coarser` has other
+    /// weights than that taxel's row in the `to_finest` of the next coarser level; all arrays are known
+    /// to fit.
+    pub(crate) fn contradiction(&self, coarser: &Self, finest: &Self) -> Option<VertexId> {
+        let (up, direct) = (self.from_coarser.as_ref()?, coarser.to_finest.as_ref()?);
+        let differ = |(v, &origin): (VertexId, &VertexId)| {
+            let weight = |rows: &Prolongation, row, of| -> f64 {
+                rows.row(row).filter(|(at, _)| *at == of).map(|(_, w)| w).sum()
+            };
+            let both = up.row(v).chain(direct.row(origin));
+            let mut gaps = both.map(|(of, _)| (weight(up, v, of) - weight(direct, origin, of)).abs());
+            gaps.any(|gap| gap > SAME_WEIGHT)
+        };
+        let is_there =
+            |v: VertexId, origin: VertexId| self.mesh.positions[v] == finest.mesh.positions[origin];
+        self.origins
+            .enumerate()
+            .find(|&(v, origin)| is_there(v, *origin) && differ((v, origin)))
+            .map(|(v, _)| v)
     }
 
     /// Checks the arrays of one level against its neighbours; `finest` and `finer` are `None` on

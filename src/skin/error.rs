@@ -44,8 +44,10 @@ pub enum SkinError {
     },
     /// Edges where more than two faces meet.
     #[error(
-        "patch {patch:?}: {} edges have more than two faces, the first joins vertices {} and {}; \
-         a skin is a sheet, with one or two faces at each edge", edges.len(), edges[0][0], edges[0][1]
+        "patch {patch:?}: {} more than two faces, the first joins vertices {} and {}; \
+         a skin is a sheet, with one or two faces at each edge",
+        if edges.len() == 1 { "1 edge has".to_owned() } else { format!("{} edges have", edges.len()) },
+        edges[0][0], edges[0][1]
     )]
     NonManifoldEdges {
         /// Name of the patch.
@@ -144,7 +146,8 @@ pub enum SkinError {
     },
     /// Triangles that are none: every one has two corners at one place, or all on a line.
     #[error(
-        "its {faces} triangles have no area: corners lie at one place or on a line; a skin needs positions that differ"
+        "{} no area: corners lie at one place or on a line; a skin needs positions that differ",
+        if *faces == 1 { "its only triangle has".to_owned() } else { format!("its {faces} triangles have") }
     )]
     NoArea {
         /// How many triangles.

@@ -45,35 +45,35 @@ remark_kinds! {
         vertices: usize,
         /// Taxels they became.
         taxels: usize,
-    } => "{vertices} vertices were welded into {taxels} taxels";
+    } => "{vertices} vertices were welded into {}", count(*taxels, "taxel", "taxels");
     /// The file cuts a surface open, and it stays so.
     CutKept {
         /// Edges of the cut.
         edges: usize,
-    } => "the file cuts it open along {edges} edges; it stays cut, with the vertices of both sides";
+    } => "the file cuts it open along {}; it stays cut, with the vertices of both sides", count(*edges, "edge", "edges");
     /// Repair: faces with the same corners as an earlier one were dropped.
     DuplicatesDropped {
         /// The faces.
         faces: Vec<FaceId>,
-    } => "{} faces have the same corners as an earlier one and were dropped: {}", faces.len(), first_few(faces);
+    } => "{} dropped, with the same corners as an earlier one: {}", count(faces.len(), "face was", "faces were"), first_few(faces);
     /// Repair: faces were dropped at edges of more than two, which cannot be split into sheets.
     ExtraFacesDropped {
         /// The faces.
         faces: Vec<FaceId>,
-    } => "{} faces were dropped at edges of more than two, around whose ends all of them hang together: {}",
-        faces.len(), first_few(faces);
+    } => "{} dropped at edges of more than two, around whose ends all of them hang together: {}",
+        count(faces.len(), "face was", "faces were"), first_few(faces);
     /// Repair: edges of more than two faces were split into sheets.
     EdgesParted {
         /// Their ends.
         edges: Vec<[VertexId; 2]>,
-    } => "{} edges had more than two faces; the two that continue each other most smoothly stay joined there: {}",
-        edges.len(), first_few(&edges.iter().map(|[a, b]| format!("{a}-{b}")).collect::<Vec<_>>());
+    } => "{} had more than two faces; the two that continue each other most smoothly stay joined there: {}",
+        count(edges.len(), "edge", "edges"), first_few(&edges.iter().map(|[a, b]| format!("{a}-{b}")).collect::<Vec<_>>());
     /// Repair: vertices where several fans of faces touched were split.
     FansSplit {
         /// The vertices.
         vertices: Vec<VertexId>,
-    } => "at {} vertices several fans of faces touched in a point; each fan has a taxel of its own now: {}",
-        vertices.len(), first_few(vertices);
+    } => "at {} several fans of faces touched in a point; each fan has a taxel of its own now: {}",
+        count(vertices.len(), "vertex", "vertices"), first_few(vertices);
     /// A patch that is not valid was left out, as was asked for.
     PatchLeftOut {
         /// What is wrong with it.
@@ -88,34 +88,34 @@ remark_kinds! {
     LeftOut {
         /// The taxels.
         vertices: Vec<VertexId>,
-    } => "{} taxels found no place in a triangle and were left out: {}", vertices.len(), first_few(vertices);
+    } => "{} left out, without a place in a triangle: {}", count(vertices.len(), "taxel was", "taxels were"), first_few(vertices);
     /// Repair: a sheet of bare taxels that cannot be triangulated was left out.
     SheetLeftOut {
         /// How many taxels it has.
         taxels: usize,
         /// Why it cannot be triangulated.
         reason: SkinError,
-    } => "{taxels} taxels were left out: {reason}";
+    } => "{} left out: {reason}", count(*taxels, "taxel was", "taxels were");
     /// Repair: faces that use a taxel twice were left out.
     RepeatedCorner {
         /// The faces.
         faces: Vec<FaceId>,
-    } => "{} faces use a taxel twice and were left out: {}", faces.len(), first_few(faces);
+    } => "{} left out, with the same taxel twice: {}", count(faces.len(), "face was", "faces were"), first_few(faces);
     /// Repair: faces without area at the boundary were left out.
     ZeroAreaDropped {
         /// The faces.
         faces: Vec<FaceId>,
-    } => "{} faces without area at the boundary were left out: {}", faces.len(), first_few(faces);
+    } => "{} left out, without area at the boundary: {}", count(faces.len(), "face was", "faces were"), first_few(faces);
     /// Repair: faces without area inside the patch had their longest edge flipped.
     ZeroAreaFlipped {
         /// The faces.
         faces: Vec<FaceId>,
-    } => "{} faces without area had their longest edge flipped: {}", faces.len(), first_few(faces);
+    } => "{} without area had the longest edge flipped: {}", count(faces.len(), "face", "faces"), first_few(faces);
     /// Warning: faces without area stayed, since dropping or flipping them would make things worse.
     ZeroAreaKept {
         /// The faces.
         faces: Vec<FaceId>,
-    } => "{} faces without area were kept, since leaving them out would open a slit: {}", faces.len(), first_few(faces);
+    } => "{} kept without area, since a slit would open otherwise: {}", count(faces.len(), "face was", "faces were"), first_few(faces);
     /// Repair: faces were turned over.
     Turned {
         /// How many faces were turned over.
@@ -139,7 +139,7 @@ remark_kinds! {
     NormalsReplaced {
         /// How many.
         taxels: usize,
-    } => "{taxels} normals are not unit vectors or point inwards; those of the faces replace them";
+    } => "{} not of unit length or not outwards; that of the faces is used instead", count(*taxels, "normal is", "normals are");
     /// Repair: all normals were replaced by those of the faces.
     NormalsIgnored {
         /// What is wrong with them.
@@ -157,15 +157,16 @@ remark_kinds! {
     TangentsReplaced {
         /// How many.
         taxels: usize,
-    } => "{taxels} tangents are not unit vectors or are parallel to the normal; the directions of their \
-          neighbours replace them";
+    } => "{} not of unit length or along the normal; the direction of the neighbours is used instead",
+        count(*taxels, "tangent is", "tangents are");
     /// Repair: no tangent was used.
     TangentsIgnored {} => "most tangents are not unit vectors or are parallel to the normal; none is used";
     /// Repair: areas that are not positive were replaced by those of the faces.
     AreasReplaced {
         /// The taxels.
         vertices: Vec<VertexId>,
-    } => "{} areas are not positive; those of the faces replace them: vertices {}", vertices.len(), first_few(vertices);
+    } => "{} not positive; those of the faces are used instead, at {} {}", count(vertices.len(), "area is", "areas are"),
+        if vertices.len() == 1 { "vertex" } else { "vertices" }, first_few(vertices);
     /// Repair: bare taxels were joined by triangles.
     Triangulated {
         /// Taxels joined.
@@ -184,19 +185,19 @@ remark_kinds! {
         vertices: Vec<VertexId>,
         /// The largest distance between merged taxels, in m; 0 where they coincide exactly.
         distance: f64,
-    } => "{} and were merged with it: {}", coincident(vertices.len(), *distance), first_few(vertices);
+    } => "{}; merged with it: {}", coincident(vertices.len(), *distance), first_few(vertices);
     /// Repair: slots without a taxel were left out.
     EmptySlots {
         /// How many.
         slots: usize,
-    } => "{slots} empty slots were left out";
+    } => "{} left out", count(*slots, "empty slot was", "empty slots were");
     /// Repair: small holes were filled with triangles.
     HolesFilled {
         /// How many.
         holes: usize,
         /// Longest boundary loop that counts as a hole, in edges.
         max_edges: usize,
-    } => "{holes} holes of at most {max_edges} edges were filled";
+    } => "{} of at most {max_edges} edges", count(*holes, "hole was filled", "holes were filled, each");
     /// Something in the file was ignored; the words are those of its reader.
     PassedOver {
         /// What was ignored.
@@ -207,14 +208,15 @@ remark_kinds! {
     OutsideFromCentre {
         /// For how many components.
         components: usize,
-    } => "no normals tell the outside; for {components} components it was assumed to be away from the \
-          centre of the part";
+    } => "no normals tell the outside; for {} it was assumed to be away from the \
+          centre of the part", count(*components, "component", "components");
     /// Warning: neither normals nor curvature tell the outside; a side was chosen.
     OutsideFromAxis {
         /// For how many components.
         components: usize,
-    } => "no normals tell the outside, and {components} components bulge to neither side; of their two \
-          sides the one that faces most towards +x, +y or +z was assumed";
+    } => "no normals tell the outside, and {} to neither side; of the two \
+          sides the one that faces most towards +x, +y or +z was assumed",
+        count(*components, "component bulges", "components bulge");
     /// Warning: the skin is so large that the file is probably not in metres.
     DoubtfulUnit {
         /// Longest side of the box around the taxels, without outliers, in m.
@@ -282,10 +284,15 @@ fn turned(faces: usize, of: usize, outside: OutsideFrom) -> String {
     }
 }
 
+/// A number of things, with the words for one and for several.
+fn count(number: usize, one: &str, several: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { several })
+}
+
 /// The words for taxels at one place, up to `distance` (m) apart, as a remark and as a finding.
 pub(super) fn coincident(taxels: usize, distance: f64) -> String {
     let beside = if distance > 0.0 { format!(" (up to {distance:.1e} m beside it)") } else { String::new() };
-    format!("{taxels} taxels lie where another one lies{beside}")
+    format!("{} where another one lies{beside}", count(taxels, "taxel lies", "taxels lie"))
 }
 
 /// A size in m of what CAD and scanners wrote in millimetres.

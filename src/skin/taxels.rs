@@ -22,7 +22,7 @@ pub struct TaxelId(pub u32);
 
 impl TaxelId {
     /// Ids that vendors write where they have none.
-    pub(crate) const PLACEHOLDERS: [Self; 2] = [Self(0), Self(u32::MAX)];
+    pub const PLACEHOLDERS: [Self; 2] = [Self(0), Self(u32::MAX)];
 }
 
 impl fmt::Debug for TaxelId {

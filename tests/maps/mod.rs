@@ -13,8 +13,12 @@ use dermatome::{
 };
 use glam::{DAffine3, DVec2, DVec3};
 
-/// A level whose map is its shape seen from above.
-pub(crate) fn flat_level(mesh: TriMesh, pixel: f64) -> MapLevel {
+/// A level whose map is its shape seen from above; one that faces down is turned over, since its map
+/// would be mirrored.
+pub(crate) fn flat_level(mut mesh: TriMesh, pixel: f64) -> MapLevel {
+    if mesh.triangles.ids().all(|face| mesh.face_cross(face).z < 0.0) {
+        mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    }
     let uv = mesh.positions.map(|p| p.truncate());
     mapped_level(mesh, uv, pixel)
 }

@@ -13,15 +13,15 @@ use anyhow::Context;
 use dermatome::{
     Error,
     io::{IoError, replace_file, without_path},
-    pipeline::{BuildOptions, Built, FILES, build_with_progress, write_files},
-    report::{Report, Seconds, measure},
+    pipeline::{BuildOptions, Built, Enlarged, FILES, build_with_progress, write_files},
+    report::{Report, Seconds, Timings, measure},
     skin::{AssembleOptions, Patch, Skin},
 };
 
 use crate::{
     common::Common,
     input::read_good_patches,
-    notes::{note, note_distortion, note_overlaps, note_seams},
+    notes::{note, note_distortion, note_overlaps, note_placeholders, note_seams},
     options::{AcuityArgs, CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
     outputs::{self, Outputs, cannot_write},
     print::{json, plain, print_json, print_levels},
@@ -34,7 +34,7 @@ use crate::{
 pub(crate) struct Args {
     /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
     skin: PathBuf,
-    /// Folder for map.glb, map.exr and report.json; created if it does not exist
+    /// Folder for map.glb, map.exr, report.json and timings.json; created if it does not exist
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
@@ -43,9 +43,10 @@ pub(crate) struct Args {
     acuity: AcuityArgs,
     #[command(flatten)]
     flatten: FlattenArgs,
-    /// Side of a pixel of the images, in mm on the map
-    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = length_mm, help_heading = "Images")]
-    pixel_mm: f64,
+    /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
+    /// more than 4096 pixels a taxel]
+    #[arg(long, value_name = "MM", value_parser = length_mm, help_heading = "Images")]
+    pixel_mm: Option<f64>,
     /// Map the patches that can be mapped; exit code 1 if others were left out
     #[arg(long)]
     keep_going: bool,
@@ -63,15 +64,17 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         cut: args.flatten.cut()?,
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
-        pixel: args.pixel_mm * 1e-3,
+        pixel: args.pixel_mm.map(|mm| 1e-3 * mm),
     };
-    let files: Vec<PathBuf> = FILES.into_iter().chain([REPORT]).map(|name| args.output.join(name)).collect();
+    let files: Vec<PathBuf> =
+        FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| args.output.join(name)).collect();
     outputs::check_inputs(files.iter().map(PathBuf::as_path), [args.skin.as_path()])?;
     let start = Instant::now();
     let (fill_holes, keep_going) = (args.coarsen.fill_holes, args.keep_going);
     let assemble = AssembleOptions { fill_holes, keep_going, ..args.read.options() };
     let (mut skin, mut left_out) =
         read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
+    note_placeholders(&skin, common);
     check_output(&args.output, &files)?;
     args.acuity.apply(&mut skin)?;
     options.flatten = args.flatten.options_for(&skin)?;
@@ -88,7 +91,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         left_out += bad;
         built = build_with_progress(&skin, &options, &on_progress);
     }
-    let Built { map, seconds, left_out: unmapped } =
+    let Built { map, seconds, left_out: unmapped, enlarged } =
         built.with_context(|| format!("cannot map {}", args.skin.display()))?;
     drop(skin);
     let mut outputs = Outputs::default();
@@ -98,25 +101,40 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let report = Report {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         input: args.skin.display().to_string(),
-        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..seconds },
-        peak_memory_bytes: peak_memory_bytes(),
         patches: measure(&map),
     };
-    let text = json(&report)?;
-    let path = args.output.join(REPORT);
-    let fail = |source| IoError::Write { path: path.clone(), source };
-    outputs
-        .stage(&path, |staged| replace_file(staged, |file| file.write_all(text.as_bytes()).map_err(fail)))?;
-    outputs.publish()?;
+    let timings = Timings {
+        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..seconds },
+        peak_memory_bytes: peak_memory_bytes(),
+    };
+    let texts = [(REPORT, json(SCHEMA, &report)?), (TIMINGS, json("dermatome.timings/1", &timings)?)];
+    for (name, text) in texts {
+        let path = args.output.join(name);
+        let fail = |source| IoError::Write { path: path.clone(), source };
+        let write =
+            |staged: &Path| replace_file(staged, |file| file.write_all(text.as_bytes()).map_err(fail));
+        outputs.stage(&path, write)?;
+    }
+    outputs.publish(common)?;
     note_seams(&report.patches, common);
     for (patch, count) in map.patches.iter().zip(&unmapped).filter(|(_, count)| **count > 0) {
         let why = "too long and thin for a map in 64-bit numbers";
         note(common, format_args!("{}: the coarsest {count} levels are left out: {why}", plain(&patch.name)));
     }
+    if let Some(Enlarged { pixel_mm, pixels }) = enlarged {
+        let more = pixels as f64 / 1e6;
+        note(
+            common,
+            format_args!(
+                "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
+                 megapixels, more than 4096 a taxel"
+            ),
+        );
+    }
     note_overlaps(&report.patches, &options.flatten, common);
     note_distortion(&report.patches, common);
     if args.json {
-        print_json(&report)?;
+        print_json(SCHEMA, &report)?;
     } else if !common.quiet {
         print_levels(&report.patches)?;
     }
@@ -144,6 +162,12 @@ fn leave_out(skin: &mut Skin, error: &Error, common: &Common) -> usize {
 
 /// The file of measures, next to [`FILES`].
 const REPORT: &str = "report.json";
+
+/// What the keys of [`REPORT`] mean.
+const SCHEMA: &str = "dermatome.build/1";
+
+/// The file of what differs from run to run.
+const TIMINGS: &str = "timings.json";
 
 /// Makes the folder, and refuses before any work an output that could not be written after it.
 fn check_output(folder: &Path, files: &[PathBuf]) -> Result<(), Error> {

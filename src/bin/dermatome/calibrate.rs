@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     bar.set_length(args.iterations as u64);
     let watch = |number: usize, iteration: &Iteration| {
         bar.set_position(number as u64);
-        if args.verbose && !common.quiet {
+        if common.verbose && !common.quiet {
             bar.suspend(|| {
                 let Iteration { cost, step, damping, graduation } = iteration;
                 let control = match graduation {
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         {
             note(common, "some observations were rejected as outliers (gnc); --robust none uses all");
         }
-        remark(&found, observations, args.verbose, common);
+        remark(&found, observations, common);
     }
     let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
     if !found.termination.is_converged() && !args.keep {
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let summary = Summary::new(&found, truth);
     if args.json {
-        print_json(&summary)?;
+        print_json("dermatome.calibrate/1", &summary)?;
     } else if !common.quiet {
         print_summary(&summary)?;
     }
@@ -89,7 +89,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 const MOST_COMPONENTS: usize = 8;
 
 /// Prints what a user should know about the result.
-fn remark(found: &Calibration, observations: &Observations, verbose: bool, common: &Common) {
+fn remark(found: &Calibration, observations: &Observations, common: &Common) {
+    let verbose = common.verbose;
     let shown = if verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
     for free in &found.free[..shown] {
         let FreeComponent { gauge, taxels, free_motions, rejected_contacts } = free;

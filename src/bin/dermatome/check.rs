@@ -36,7 +36,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note(common, found));
     if args.json {
-        print_json(&as_json(&findings, &draft))?;
+        print_json("dermatome.check/1", &as_json(&findings, &draft))?;
     } else if findings.is_empty() {
         print("no findings\n")?;
     } else {

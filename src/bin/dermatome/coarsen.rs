@@ -59,9 +59,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let made: Vec<_> = skin.patches.as_slice().par_iter().map(coarsen).collect();
     let pyramids: Vec<Pyramid> = made.into_iter().collect::<Result<_, _>>()?;
     write_pyramids(&args.output, &skin, &pyramids).map_err(Error::from)?;
+    outputs::wrote([args.output.as_path()], common);
     let (summary, rows) = summarise(&skin, &pyramids)?;
     if args.json {
-        print_json(&summary)?;
+        print_json("dermatome.coarsen/1", &summary)?;
     } else if !common.quiet {
         print_table(1, &rows)?;
     }

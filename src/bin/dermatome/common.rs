@@ -14,6 +14,9 @@ pub(crate) struct Common {
     /// Print errors only: no progress and no notes.
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
+    /// Print every note by itself; with `calibrate` also every iteration and outlier.
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    pub(crate) verbose: bool,
     /// When to use colours.
     #[arg(long, global = true, default_value = "auto", value_name = "WHEN")]
     pub(crate) color: ColorChoice,

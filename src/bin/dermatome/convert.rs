@@ -2,10 +2,14 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use dermatome::{Error, io::write_skin};
+use dermatome::{
+    Error,
+    io::{IoError, triangles_path, write_skin},
+};
 
 use crate::{
     common::Common,
+    errors::advise,
     input::read_skin,
     notes::remark_lost,
     options::{PatchArgs, ReadArgs},
@@ -31,7 +35,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check([args.output.as_path()])?;
     outputs::check_inputs([args.output.as_path()], [args.input.as_path()])?;
     let skin = read_skin(&args.input, &args.read, &args.chosen, &args.read.options(), common)?;
-    write_skin(&args.output, &skin).map_err(Error::from)?;
+    write_skin(&args.output, &skin).map_err(|e| match e {
+        IoError::UnknownKind { .. } => {
+            advise(e, "write .glb, .obj, .ply or .stl, which other programs convert")
+        }
+        e => Error::from(e).into(),
+    })?;
+    let triangles = (outputs::kind(&args.output) == "csv").then(|| triangles_path(&args.output));
+    outputs::wrote([args.output.as_path()].into_iter().chain(triangles.as_deref()), common);
     remark_lost(&args.output, &skin, common);
     Ok(ExitCode::SUCCESS)
 }

@@ -3,11 +3,12 @@
 
 use std::{
     fmt,
-    io::{ErrorKind, IsTerminal},
+    io::{self, IsTerminal},
     path::Path,
     process::ExitCode,
 };
 
+use clap::error::ErrorKind;
 use dermatome::{
     Error,
     atlas::AtlasError,
@@ -56,15 +57,25 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
             Err(full) => report(&full, ColorChoice::Auto),
         };
     }
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        let label = |text: &str, code| paint(text, code, ColorChoice::Auto);
+        say(format_args!("{} a subcommand is needed", label("error:", "31")));
+        let help = "`dermatome help` lists them; `dermatome build SKIN -o DIR` is the main one";
+        say(format_args!("{} {help}", label(" help:", "32")));
+        return ExitCode::from(BAD_INPUT);
+    }
     // clap's paragraphs: the error, tips, the usage, a pointer to --help.
     let mut paragraphs =
         text.split("\n\n").map(|lines| lines.split_whitespace().collect::<Vec<_>>().join(" "));
     let what = paragraphs.next().unwrap_or_default();
     let tips: Vec<String> = paragraphs
         .filter_map(|p| {
-            p.strip_prefix("tip: ").or(p.strip_prefix("Usage: ").map(|_| p.as_str())).map(str::to_owned)
+            // No option is meant as a value.
+            let tip = p.strip_prefix("tip: ").filter(|tip| !tip.starts_with("to pass "));
+            tip.or(p.strip_prefix("Usage: ").map(|_| p.as_str())).map(str::to_owned)
         })
         .collect();
+    let tips = if tips.is_empty() { vec!["--help lists what each option takes".to_owned()] } else { tips };
     let label = |text: &str, code| paint(text, code, ColorChoice::Auto);
     say(format_args!("{} {}", label("error:", "31"), line(what.strip_prefix("error: ").unwrap_or(&what))));
     say(format_args!("{} {}", label(" help:", "32"), line(&tips.join(". "))));
@@ -106,7 +117,7 @@ pub(crate) fn report(error: &anyhow::Error, color: ColorChoice) -> ExitCode {
 }
 
 fn is_broken_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
-    cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == ErrorKind::BrokenPipe)
+    cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
 }
 
 /// What a user can do about an error, as a sentence.
@@ -147,6 +158,9 @@ fn library_help(error: &Error) -> String {
         Error::Patch { source, .. } => library_help(source),
         Error::Several(errors) => {
             let first = errors.first().map(library_help).unwrap_or_default();
+            if first.contains("--keep-going") {
+                return first;
+            }
             format!("{first}; `dermatome build --keep-going` maps the other patches")
         }
         _ => BUILD_AGAIN.into(),

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
                 names.len(),
                 names.join(", ")
             ),
-            "use `dermatome build`, which maps every patch, or give each piece a file of its own",
+            "take one with --patch NAME, or use `dermatome build`, which maps every patch",
         ));
     }
     let patch = &skin.patches[PatchId::new(0)];
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     for path in &args.output {
         outputs.stage(path, |path| write_flat(path, &flat.mesh, &flat.uv))?;
     }
-    outputs.publish()?;
+    outputs.publish(common)?;
     let level = LevelReport {
         level: 0,
         vertices: patch.mesh.positions.len(),
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     note_overlaps(&report, &options, common);
     note_distortion(&report, common);
     if args.json {
-        print_json(&level)?;
+        print_json("dermatome.flatten/1", &level)?;
     } else if !common.quiet {
         print_levels(&report)?;
     }

@@ -34,10 +34,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if args.json {
         let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let animations: Vec<_> = skin.animations.iter().map(animation).collect();
-        print_json(&json!({
-            "patches": rows.into_iter().map(object).collect::<Vec<Value>>(),
-            "animations": animations
-        }))?;
+        let patches: Vec<Value> = rows.into_iter().map(object).collect();
+        print_json("dermatome.info/1", &json!({ "patches": patches, "animations": animations }))?;
     } else {
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;

@@ -14,7 +14,7 @@ use glob::Pattern;
 use crate::{
     common::Common,
     errors::advise,
-    notes::note,
+    notes::{note, note_remarks},
     options::{PatchArgs, ReadArgs, Unit},
     outputs,
 };
@@ -46,7 +46,7 @@ pub(crate) fn read_good_patches(
     let mut assembled = assemble(&draft, options)
         .map_err(Error::from)
         .with_context(|| format!("{} holds no sound skin", path.display()))?;
-    assembled.remarks.iter().for_each(|remark| note(common, remark));
+    note_remarks(&assembled.remarks, common);
     if read.unit == Unit::M
         && assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::DoubtfulUnit { .. }))
     {

@@ -148,6 +148,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if args.question.from_map {
         let mut back = Back::open(&args.contacts, &robot, index, (args.frame, motion.as_ref()), common)?;
         write(&args.output, &mut |path, output| back.answer(path, output))?;
+        outputs::wrote([args.output.as_path()], common);
         back.note(common);
         back.refusals.finish()?;
         return Ok(ExitCode::SUCCESS);
@@ -165,6 +166,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut answers =
         Answers::new(&robot, index, question, args.max_distance, motion).with_readings(readings);
     write(&args.output, &mut |path, output| answers.answer(&mut contacts, path, output))?;
+    outputs::wrote([args.output.as_path()].into_iter().chain(args.readings.as_deref()), common);
     contacts.note_unused(common);
     answers.note(&contacts, common);
     contacts.refusals.finish()?;

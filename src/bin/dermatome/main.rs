@@ -21,6 +21,7 @@ mod render;
 mod sample;
 mod shell;
 mod simulate;
+mod terms;
 #[cfg(unix)]
 mod signals;
 /// On other systems a stopped run leaves its temporary files.
@@ -52,25 +53,32 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Build the maps of a skin: writes map.glb, map.exr and report.json.
+    /// Build the maps of a skin: writes map.glb, map.exr, report.json and timings.json.
+    #[command(after_long_help = terms::OF_MAPS)]
     Build(build::Args),
     /// Calibrate taxel poses from observations: writes a skin with covariances.
     Calibrate(calibrate::Args),
     /// List the problems of a skin: exit code 1 if there are any.
     Check(check::Args),
     /// Build the pyramid of receptive fields, without maps.
+    #[command(after_long_help = terms::OF_LEVELS)]
     Coarsen(coarsen::Args),
     /// Convert a skin or mesh to another file format.
     Convert(convert::Args),
     /// Map one mesh to the plane, at full precision.
+    #[command(after_long_help = terms::OF_MAPS)]
     Flatten(flatten::Args),
     /// List the patches of a skin, their size and shape.
+    #[command(after_long_help = terms::OF_PATCHES)]
     Info(info::Args),
     /// Find the map cells under contacts, on every level.
+    #[command(after_long_help = terms::OF_ANSWERS)]
     Lookup(lookup::Args),
     /// Draw maps and their receptive fields.
+    #[command(after_long_help = terms::OF_MAPS)]
     Plot(plot::Args),
     /// Draw readings as tactile images on every level.
+    #[command(after_long_help = terms::OF_LEVELS)]
     Render(render::Args),
     /// Carry tactile images back to taxels and receptive fields.
     Sample(sample::Args),
@@ -78,8 +86,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Print a completion script.
     Completions(shell::CompletionsArgs),
-    /// Print the manual page.
-    Man,
+    /// Print the manual page, of the whole command or of a subcommand.
+    Man(shell::ManArgs),
 }
 
 fn main() -> ExitCode {
@@ -125,6 +133,6 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Sample(args) => sample::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut Cli::command()),
-        Command::Man => shell::manual(Cli::command()),
+        Command::Man(args) => shell::manual(args, Cli::command()),
     }
 }

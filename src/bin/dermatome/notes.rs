@@ -1,11 +1,11 @@
 //! Notes on standard error: what a kind of file loses of a skin, which maps overlap themselves.
 
-use std::{fmt, path::Path};
+use std::{collections::HashMap, fmt, mem, path::Path};
 
 use dermatome::{
     flatten::{FlattenOptions, Method, Overlap},
     report::PatchReport,
-    skin::{Skin, Taxels},
+    skin::{Remark, RemarkKind, Skin, TaxelId, Taxels},
 };
 
 use crate::{
@@ -18,6 +18,68 @@ use crate::{
 pub(crate) fn note(common: &Common, text: impl fmt::Display) {
     if !common.quiet {
         say(format_args!("note: {}", line(&text.to_string())));
+    }
+}
+
+/// More remarks of one kind than this become one note.
+const MOST_ALIKE: usize = 3;
+
+/// Prints remarks in their order; many of one kind as one note, unless all are asked for.
+pub(crate) fn note_remarks(remarks: &[Remark], common: &Common) {
+    let kind = |remark: &Remark| mem::discriminant(&remark.kind);
+    let mut counts = HashMap::new();
+    remarks.iter().for_each(|remark| *counts.entry(kind(remark)).or_insert(0) += 1);
+    for remark in remarks {
+        match counts.get_mut(&kind(remark)) {
+            Some(count) if *count > MOST_ALIKE && !common.verbose => {
+                let done = in_common(&remark.kind);
+                note(common, format_args!("{count} meshes {done}, as {remark}; -v lists them"));
+                // The others of this kind are said.
+                *count = 0;
+            }
+            Some(0) => {}
+            _ => note(common, remark),
+        }
+    }
+}
+
+/// What remarks of one kind say of all their meshes.
+const fn in_common(kind: &RemarkKind) -> &'static str {
+    match kind {
+        RemarkKind::Welded { .. } => "were welded",
+        RemarkKind::CutKept { .. } => "stay cut open as the file has them",
+        RemarkKind::DuplicatesDropped { .. } | RemarkKind::ExtraFacesDropped { .. } => "lost faces",
+        RemarkKind::EdgesParted { .. } | RemarkKind::FansSplit { .. } => "were taken apart where they touch",
+        RemarkKind::PatchLeftOut { .. } | RemarkKind::SheetLeftOut { .. } => "were left out",
+        RemarkKind::LeftOut { .. } | RemarkKind::EmptySlots { .. } => "lost vertices or slots",
+        RemarkKind::RepeatedCorner { .. } | RemarkKind::ZeroAreaDropped { .. } => "lost faces without area",
+        RemarkKind::Turned { .. } => "had faces turned over",
+        RemarkKind::Components { .. } => "fall into pieces",
+        RemarkKind::Renamed { .. } => "got other names",
+        RemarkKind::NormalsReplaced { .. } | RemarkKind::NormalsIgnored { .. } => {
+            "got normals of their faces"
+        }
+        RemarkKind::Triangulated { .. } => "were made of bare taxels",
+        RemarkKind::Merged { .. } => "had taxels at one place",
+        RemarkKind::HolesFilled { .. } => "had holes filled",
+        RemarkKind::DoubtfulUnit { .. } => "are very large",
+        _ => "have a remark",
+    }
+}
+
+/// Prints how many taxels have an id that says nothing.
+pub(crate) fn note_placeholders(skin: &Skin, common: &Common) {
+    let ids = || skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
+    let without = ids().filter(|id| TaxelId::PLACEHOLDERS.contains(id)).count();
+    if without > 1 {
+        let all = ids().count();
+        note(
+            common,
+            format_args!(
+                "{without} of {all} taxels have a placeholder id, 0 or {}: readings by id do not reach them",
+                u32::MAX
+            ),
+        );
     }
 }
 

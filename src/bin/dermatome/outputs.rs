@@ -12,7 +12,12 @@ use dermatome::{
 };
 use tempfile::TempDir;
 
-use crate::{errors::advise, signals::clean_when_stopped};
+use crate::{
+    common::Common,
+    errors::advise,
+    print::{line, say},
+    signals::clean_when_stopped,
+};
 
 /// Standard input or output, where a command takes that in place of a file.
 pub(crate) fn is_stream(path: &Path) -> bool {
@@ -106,6 +111,15 @@ fn place(path: &Path) -> PathBuf {
     })
 }
 
+/// Prints what was written where, on standard error.
+pub(crate) fn wrote<'a>(paths: impl IntoIterator<Item = &'a Path>, common: &Common) {
+    let files = paths.into_iter().filter(|path| !is_stream(path));
+    let names: Vec<String> = files.map(|path| path.display().to_string()).collect();
+    if !names.is_empty() && !common.quiet {
+        say(line(&format!("wrote {}", names.join(", "))));
+    }
+}
+
 /// Complete files on their way to the places they are meant for.
 #[derive(Default)]
 pub(crate) struct Outputs {
@@ -131,10 +145,15 @@ impl Outputs {
     ) -> Result<(), Error> {
         // Writers choose by extension, so the name stays.
         let name = path.file_name().unwrap_or_default();
-        self.stage_in(folder(path), &[name], |folder| Ok(write(&folder.join(name))?)).map_err(|e| match e {
-            Error::Io(e) => about(e, |_| path.to_owned()).into(),
-            other => other,
-        })
+        self.stage_in(folder(path), &[name], |folder| Ok(write(&folder.join(name))?)).map_err(
+            |e| match e {
+                Error::Io(e) => about(e, |_| path.to_owned()).into(),
+                other => other,
+            },
+        )?;
+        // As the user wrote it, without the folder `.` in front.
+        self.staged.iter_mut().next_back().into_iter().for_each(|staged| path.clone_into(&mut staged.path));
+        Ok(())
     }
 
     /// Lets `write` write files of these names, which do not appear in `folder` before
@@ -171,7 +190,8 @@ impl Outputs {
         self.stale.last().map(PathBuf::as_path)
     }
 
-    pub(crate) fn publish(self) -> Result<(), Error> {
+    /// Puts all files in their places, and prints which.
+    pub(crate) fn publish(self, common: &Common) -> Result<(), Error> {
         for Staged { file, path } in &self.staged {
             let fail = |source| IoError::Write { path: path.clone(), source };
             match fs::symlink_metadata(path) {
@@ -189,6 +209,7 @@ impl Outputs {
         for path in &self.stale {
             fs::remove_file(path).map_err(|e| cannot_write(path, e))?;
         }
+        wrote(self.staged.iter().map(|staged| staged.path.as_path()), common);
         Ok(())
     }
 }

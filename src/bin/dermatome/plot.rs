@@ -12,15 +12,19 @@ use dermatome::{
     Error,
     io::{IoError, replace_file},
     map::SkinMap,
-    plot::{ChannelView, Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin},
+    plot::{
+        ChannelView, Paint, Picture, PlotOptions, Viewpoint, plot_findings, plot_frame, plot_map, plot_skin,
+    },
     pyramid::LevelId,
     signal::{Channel, Restrictor},
+    skin::check,
 };
 
 use crate::{
     common::Common,
     errors::advise,
     input::{read_map_if_any, read_skin},
+    notes::note,
     options::{PatchArgs, ReadArgs},
     outputs::{self, Outputs, is_stream},
     print::print,
@@ -99,12 +103,14 @@ enum Show {
     Taxel,
     /// Standard deviation of each taxel's position, if the skin was calibrated
     Sigma,
+    /// What `check` finds in a skin or mesh, in red; a file that is not a valid skin is drawn so anyway
+    Findings,
 }
 
 impl From<Show> for Paint {
     fn from(show: Show) -> Self {
         match show {
-            Show::Fields => Self::Fields,
+            Show::Fields | Show::Findings => Self::Fields,
             Show::Angle => Self::Angle,
             Show::Area => Self::Area,
             Show::Taxel => Self::Taxel,
@@ -136,14 +142,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         dots: args.dots,
         width_px: args.width,
     };
-    let picture = match (read_map_if_any(&args.map)?, &args.frame.readings) {
+    let shows_findings = matches!(args.show, Show::Findings);
+    let map = if shows_findings { None } else { read_map_if_any(&args.map)? };
+    let picture = match (map, &args.frame.readings) {
         (Some(map), Some(readings)) => picture_of_frame(args, &map, readings, &options, common)?,
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
-        (None, None) => {
-            let skin = read_skin(&args.map, &args.read, &PatchArgs::default(), &args.read.options(), common)?;
-            plot_skin(&skin, &options).map_err(Error::from)?
-        }
+        (None, None) => picture_of_skin(args, &options, common)?,
     };
     let mut files = Outputs::default();
     for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
@@ -154,11 +159,30 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let fail = |source| IoError::Write { path: path.clone(), source };
         files.stage(path, |staged| replace_file(staged, |file| file.write_all(&bytes).map_err(fail)))?;
     }
-    files.publish()?;
+    files.publish(common)?;
     if args.outputs.iter().any(|path| is_stream(path)) {
         print(&picture.to_svg())?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Draws a skin without a map, or the findings of what is not a valid skin.
+fn picture_of_skin(args: &Args, options: &PlotOptions, common: &Common) -> anyhow::Result<Picture> {
+    if !matches!(args.show, Show::Findings) {
+        match read_skin(&args.map, &args.read, &PatchArgs::default(), &args.read.options(), common) {
+            Ok(skin) => return Ok(plot_skin(&skin, options).map_err(Error::from)?),
+            Err(error) if !error.chain().any(|cause| cause.is::<Error>()) => return Err(error),
+            Err(error) => match args.read.read(&args.map, false) {
+                Ok(draft) if draft.sheets.iter().any(|sheet| !sheet.triangles.is_empty()) => {
+                    note(common, format_args!("{error:#}; what `check` finds is drawn in red"));
+                }
+                _ => return Err(error),
+            },
+        }
+    }
+    let draft = args.read.read(&args.map, false)?;
+    let findings = check(&draft, &args.read.options());
+    Ok(plot_findings(&draft, &findings, options).map_err(Error::from)?)
 }
 
 /// Draws one frame of readings.

@@ -38,14 +38,23 @@ pub(crate) fn say(text: impl Display) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
-/// Pretty JSON and a newline.
-pub(crate) fn json(value: &impl Serialize) -> serde_json::Result<String> {
-    Ok(serde_json::to_string_pretty(value)? + "\n")
+/// An object of JSON that says what it is: its keys mean the same as long as the number in `schema`
+/// is the same, and further keys may join them. `docs/json.md` lists the keys of each.
+#[derive(Serialize)]
+struct Described<'a, T> {
+    schema: &'a str,
+    #[serde(flatten)]
+    object: &'a T,
 }
 
-/// Prints pretty JSON.
-pub(crate) fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
-    print(&json(value)?)
+/// Pretty JSON of an object, with its schema, and a newline.
+pub(crate) fn json(schema: &str, object: &impl Serialize) -> serde_json::Result<String> {
+    Ok(serde_json::to_string_pretty(&Described { schema, object })? + "\n")
+}
+
+/// Prints pretty JSON of an object, with its schema.
+pub(crate) fn print_json(schema: &str, object: &impl Serialize) -> anyhow::Result<()> {
+    print(&json(schema, object)?)
 }
 
 /// Longest name a table shows; what follows is cut off.

@@ -186,6 +186,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     bar.finish_and_clear();
     args.frames.check_any(tally.read, tally.frames)?;
     output.finish()?;
+    outputs::wrote([args.output.as_path()], common);
     let found = contacts.map(contacts::Contacts::finish).transpose()?;
     tally.remark(args.readings_args.baseline, common);
     if let Some((count, Some(threshold))) = found {
@@ -213,7 +214,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             report["contacts"] = json!(contacts);
             report["threshold"] = json!(threshold);
         }
-        print_json(&report)?;
+        print_json("dermatome.render/1", &report)?;
     }
     Ok(ExitCode::SUCCESS)
 }

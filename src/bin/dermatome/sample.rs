@@ -96,6 +96,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         write(&mut stdout().lock(), Path::new("standard output")).map_err(Error::from)?;
     } else {
         replace_file(&args.output, |file| write(file, &args.output)).map_err(Error::from)?;
+        outputs::wrote([args.output.as_path()], common);
     }
     report(args, &map, &sampled, (&channels, &levels), &images, common)?;
     Ok(ExitCode::SUCCESS)
@@ -263,7 +264,8 @@ fn report(
     if args.json {
         let names: Vec<_> = images.iter().map(|image| &image.name).collect();
         let patches: BTreeSet<_> = levels.iter().map(|(patch, _)| &map.patches[*patch].name).collect();
-        return print_json(&json!({ "images": names, "patches": patches, "channels": of_channels }));
+        let report = json!({ "images": names, "patches": patches, "channels": of_channels });
+        return print_json("dermatome.sample/1", &report);
     }
     if common.quiet {
         return Ok(());

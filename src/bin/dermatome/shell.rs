@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Command;
 
-use crate::print::print;
+use crate::{errors::advise, print::print};
 
 /// Arguments of `completions`.
 #[derive(Debug, clap::Args)]
@@ -20,9 +20,28 @@ pub(crate) fn completions(args: &CompletionsArgs, command: &mut Command) -> anyh
     Ok(ExitCode::SUCCESS)
 }
 
-pub(crate) fn manual(command: Command) -> anyhow::Result<ExitCode> {
+/// Arguments of `man`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ManArgs {
+    /// The subcommand, as build [default: the whole command]
+    subcommand: Option<String>,
+}
+
+pub(crate) fn manual(args: &ManArgs, mut command: Command) -> anyhow::Result<ExitCode> {
+    command.build();
+    if let Some(name) = &args.subcommand {
+        let Some(found) = command.find_subcommand(name) else {
+            let names: Vec<_> = command.get_subcommands().map(Command::get_name).collect();
+            return Err(advise(
+                format!("there is no subcommand {name:?}"),
+                format!("name one of {}", names.join(", ")),
+            ));
+        };
+        command = found.clone();
+    }
+    let title = command.get_display_name().unwrap_or("dermatome").to_owned();
     let mut page = Vec::new();
-    clap_mangen::Man::new(command).render(&mut page)?;
+    clap_mangen::Man::new(command).title(title).render(&mut page)?;
     print(&String::from_utf8(page)?)?;
     Ok(ExitCode::SUCCESS)
 }

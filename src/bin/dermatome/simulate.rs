@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else {
         outputs.stage(&args.output, |path| write_observations(path, &observations))?;
     }
-    outputs.publish()?;
+    outputs.publish(common)?;
     let Simulation { observations, mesh, outliers, .. } = &simulation;
     let (edges, contacts) = (observations.edges.len(), observations.contacts.len());
     let (wrong, triangles) = (outliers.len(), mesh.triangles.len());

@@ -123,11 +123,9 @@ fn follow_links(path: &Path) -> PathBuf {
 /// The system's words about a temporary file, without its name, which users do not know.
 #[must_use]
 pub fn without_path(error: &io::Error) -> io::Error {
-    let inner = error.get_ref().and_then(|e| e.source()).and_then(|e| e.downcast_ref::<io::Error>());
-    match inner.unwrap_or(error).raw_os_error() {
-        Some(code) => io::Error::from_raw_os_error(code),
-        None => error.kind().into(),
-    }
+    let text = error.to_string();
+    let words = text.split(" at path ").next().unwrap_or_default();
+    io::Error::new(error.kind(), words)
 }
 
 fn folder_of(target: &Path) -> &Path {

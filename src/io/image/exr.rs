@@ -37,9 +37,13 @@ use crate::{
 /// a hash map, and their order in the file would change from run to run.
 pub(super) const ATTRIBUTE: &str = "dermatome";
 
-/// Blocks of 16 rows that are compressed before any of them is written, per thread: what bounds the
-/// memory, and enough that no thread waits long for the last one.
+/// Blocks of 16 rows that are compressed before any of them is written, per thread: enough that no
+/// thread waits long for the last one.
 const BLOCKS_PER_THREAD: usize = 8;
+
+/// Bytes of samples in the blocks that are compressed at once, whatever the number of threads; the
+/// work on a block takes up to four times its samples.
+const IN_FLIGHT: usize = 1 << 26;
 
 /// Largest width or height: far from where the format's 32-bit coordinates end.
 const MAX_SIDE: u32 = 1 << 24;
@@ -96,7 +100,9 @@ pub(super) fn write_parts<I: ImageRows>(
     replace_file(path, |file: &mut io::BufWriter<&File>| {
         exr::block::write(file, headers, true, |meta, writer| {
             let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
-            for batch in blocks.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
+            let largest = parts.iter().map(Part::block_bytes).max().unwrap_or(1);
+            let at_once = (IN_FLIGHT / largest).clamp(1, BLOCKS_PER_THREAD * rayon::current_num_threads());
+            for batch in blocks.chunks(at_once) {
                 let compress =
                     |&(at, block): &(usize, BlockIndex)| Ok((at, parts[block.layer].chunk(block)?));
                 let chunks: Vec<_> = batch.par_iter().map(compress).collect::<exr::error::Result<_>>()?;
@@ -137,6 +143,11 @@ impl<'a, I: ImageRows> Part<'a, I> {
     fn size(&self) -> Vec2<usize> {
         let [width, height] = self.image.frame().size_px;
         Vec2(width as usize, height as usize)
+    }
+
+    /// Bytes of the samples of 16 rows.
+    fn block_bytes(&self) -> usize {
+        16 * self.size().x() * 4 * self.channels.len()
     }
 
     fn header(&self, display: Vec2<usize>, note: Vec<u8>) -> io::Result<Header> {

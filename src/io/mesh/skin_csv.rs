@@ -14,9 +14,12 @@ use crate::{
     io::{
         error::Result,
         file::{Source, replace_file, write_file},
-        table::csv_table::{Columns, Row, Table, table_write_error},
+        table::{
+            csv_table::{Columns, Row, Table, table_write_error},
+            triangles::{BY_ROW, Corners, Taxels},
+        },
     },
-    skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
+    skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Remark, RemarkKind, Sheet, Skin, TaxelId},
 };
 
 /// Columns of the table of taxels.
@@ -64,13 +67,13 @@ struct ColumnIndices {
 /// placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
 /// there is no `nx,ny,nz`, its x axis the tangent. Tables of calibrated taxels are read, too: `sigma`
 /// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
-/// all normals given are +z. Triangles: `a,b,c`, the places
-/// of taxels in their table, counted from 0. The tables know no frames: links lie at the origin.
+/// all normals given are +z. Triangles: `row0,row1,row2`, the rows
+/// of taxels in their table, counted from 0, or `id0,id1,id2`, their ids. The tables know no frames: links lie at the origin.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let (mut draft, homes) = read_taxels(source)?;
     let triangles = triangles_path(source.path());
     if triangles.exists() {
-        read_triangles(&Source::open(&triangles)?, &homes, &mut draft.sheets)?;
+        read_triangles(&Source::open(&triangles)?, &homes, &mut draft)?;
     }
     Ok(draft)
 }
@@ -237,28 +240,28 @@ fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId> {
     id.map(TaxelId).ok_or_else(|| row.invalid(column, format!("a whole number up to {}", u32::MAX)))
 }
 
-fn read_triangles(source: &Source, homes: &[(usize, u32)], sheets: &mut [Sheet]) -> Result<()> {
-    const CORNERS: [&str; 3] = ["a", "b", "c"];
+fn read_triangles(source: &Source, homes: &[(usize, u32)], draft: &mut Draft) -> Result<()> {
     let table = Table::of(source)?;
-    table.refuse_unknown(&CORNERS)?;
-    let columns = table.columns.need_vector(CORNERS)?;
+    let corners = Corners::new(&table.columns)?;
+    table.refuse_unknown(&corners.names)?;
+    let sheets = &draft.sheets;
+    let id = |&(sheet, place): &(usize, u32)| sheets[sheet].ids.as_ref().map(|ids| ids[place as usize]);
+    let taxels = Taxels::new(homes.len(), homes.iter().filter_map(id));
     table.each_row(&mut |row| {
-        let mut triangle = [0; 3];
-        let mut home = None;
-        for (corner, column) in triangle.iter_mut().zip(columns) {
-            let taxel = row.text(column).parse::<usize>().ok().and_then(|k| homes.get(k));
-            let needed = || format!("the place of one of {} taxels, counted from 0", homes.len());
-            let &(sheet, place) = taxel.ok_or_else(|| row.invalid(column, needed()))?;
-            *corner = place;
-            if *home.get_or_insert(sheet) != sheet {
-                return Err(row.invalid(column, "a taxel of the same patch as the other corners"));
-            }
+        let homes = corners.rows_of(row, &taxels)?.map(|row| homes[row]);
+        let [(sheet, _), ..] = homes;
+        if let Some(other) = homes.iter().position(|home| home.0 != sheet) {
+            let needed = "a taxel of the same patch as the other corners";
+            return Err(row.invalid(corners.columns[other], needed));
         }
-        if let Some(sheet) = home {
-            sheets[sheet].triangles.push(triangle);
-        }
+        draft.sheets[sheet].triangles.push(homes.map(|home| home.1));
         Ok(())
-    })
+    })?;
+    if let Some(what) = corners.remark {
+        let file = source.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+        draft.remarks.push(Remark { patch: file, kind: RemarkKind::PassedOver { what } });
+    }
+    Ok(())
 }
 
 /// Writes the two tables, positions in the world. Of the links only their names are kept.
@@ -274,7 +277,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
         table.flush().map_err(|e| fail(e.into()))?;
         // Both are complete before the first is renamed.
         write_file(&triangles, |table| {
-            writeln!(table, "a,b,c")?;
+            writeln!(table, "{}", BY_ROW.join(","))?;
             let mut before = 0;
             for patch in &skin.patches {
                 for &corners in &skin.in_world(patch).mesh.triangles {

@@ -1,9 +1,6 @@
 //! Tables of calibrated taxels, of their truth, and of triangles between them.
 
-use std::{
-    collections::{HashMap, HashSet},
-    path::Path,
-};
+use std::{collections::HashSet, path::Path};
 
 use glam::{DQuat, DVec3};
 
@@ -13,7 +10,10 @@ use crate::{
     io::{
         IoError,
         file::Source,
-        table::csv_table::{Table, decimals, labelled, write_table},
+        table::{
+            csv_table::{Table, decimals, labelled, write_table},
+            triangles::{BY_ID, Corners, Taxels},
+        },
     },
     skin::TaxelId,
 };
@@ -60,7 +60,7 @@ pub fn write_truth(
     write_table(path, &HEADER, &mut rows)
 }
 
-/// Writes triangles between taxels by their ids: `i,j,k`, counter-clockwise seen from outside.
+/// Writes triangles between taxels by their ids: `id0,id1,id2`, counter-clockwise seen from outside.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
@@ -71,7 +71,7 @@ pub fn write_triangles(
 ) -> Result<(), IoError> {
     let id = |&v: &VertexId| ids.get(v).map(ToString::to_string);
     let mut rows = triangles.iter().map(|corners| Ok(corners.iter().filter_map(id).collect()));
-    write_table(path, &["i", "j", "k"], &mut rows)
+    write_table(path, &BY_ID, &mut rows)
 }
 
 /// Writes how well every observation fits: `i,j,sigmas,weight,inlier`, edges first, then contacts
@@ -100,26 +100,26 @@ pub fn write_inliers(
     write_table(path, &["i", "j", "sigmas", "weight", "inlier"], &mut rows)
 }
 
-/// Reads triangles `i,j,k` between taxels that are named by their ids.
+/// Reads triangles between taxels that are named by their ids (`id0,id1,id2`) or rows
+/// (`row0,row1,row2`, counted from 0); with a remark about names of columns that were in use once.
 ///
 /// # Errors
 /// The first cell that names no taxel, by line and column.
-pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec<[VertexId; 3]>, IoError> {
-    let known: HashMap<TaxelId, VertexId> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
+pub fn read_triangles(
+    path: &Path,
+    ids: &IdVec<VertexId, TaxelId>,
+) -> Result<(Vec<[VertexId; 3]>, Option<String>), IoError> {
+    let taxels = Taxels::new(ids.len(), ids.iter().copied());
     let mut triangles = Vec::new();
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
-    let columns = table.columns.need_vector(["i", "j", "k"])?;
+    let corners = Corners::new(&table.columns)?;
     table.each_row(&mut |row| {
-        let vertex = |column| {
-            let vertex = row.text(column).parse().ok().and_then(|id| known.get(&TaxelId(id)).copied());
-            vertex.ok_or_else(|| row.invalid(column, "the id of a taxel that was observed"))
-        };
-        let [i, j, k] = columns.map(vertex);
-        triangles.push([i?, j?, k?]);
+        triangles.push(corners.rows_of(row, &taxels)?.map(VertexId::new));
         Ok(())
     })?;
-    Ok(triangles)
+    let remark = corners.remark.map(|remark| format!("{}: {remark}", path.display()));
+    Ok((triangles, remark))
 }
 
 /// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left

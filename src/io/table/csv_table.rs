@@ -184,7 +184,8 @@ pub(crate) struct Row<'a> {
 
 impl<'a> Row<'a> {
     pub(crate) fn invalid(&self, column: usize, needed: impl Into<String>) -> IoError {
-        let part = format!("column `{}`", self.columns.names[column]);
+        let name = excerpt(&self.columns.names[column]);
+        let part = format!("column `{}`", name.trim_matches('"'));
         self.at.invalid_part(part, excerpt(self.text(column)), needed)
     }
 

@@ -11,4 +11,5 @@ pub(super) mod poses;
 pub(super) mod regions;
 pub(super) mod seams;
 pub(super) mod touches;
+pub(super) mod triangles;
 pub(super) mod values;

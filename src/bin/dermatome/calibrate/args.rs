@@ -23,7 +23,7 @@ pub(crate) struct Args {
     /// FIX lines and initial values count, too
     #[arg(long, value_name = "C.csv")]
     pub(super) contacts: Vec<PathBuf>,
-    /// Triangles of the skin by taxel ids, i,j,k [default: those that the edges form]
+    /// Triangles of the skin: a table of taxel ids, id0,id1,id2 [default: those that the edges form]
     #[arg(long, value_name = "TRI.csv")]
     pub(super) triangles: Option<PathBuf>,
     /// Compare with where the taxels truly are: id,x,y,z[,qx,qy,qz,qw]
@@ -54,9 +54,6 @@ pub(crate) struct Args {
     /// Write the result even if the solve did not converge
     #[arg(long)]
     pub(super) keep: bool,
-    /// Print every iteration, and every outlier
-    #[arg(long, short)]
-    pub(super) verbose: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(super) json: bool,

@@ -37,13 +37,17 @@ impl Inputs {
         }
         let ids = observations.taxels.map(|t| t.id);
         let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
+        let triangles = triangles.transpose().map_err(Error::from)?;
+        if let Some((_, Some(remark))) = &triangles {
+            note(common, remark);
+        }
         let truth = args
             .truth
             .as_ref()
             .map(|path| Ok(Truth { path: path.clone(), poses: read_truth(path)?.into_iter().collect() }));
         Ok(Self {
             observations,
-            triangles: triangles.transpose().map_err(Error::from)?,
+            triangles: triangles.map(|(triangles, _)| triangles),
             truth: truth.transpose().map_err(|e: IoError| Error::from(e))?,
         })
     }

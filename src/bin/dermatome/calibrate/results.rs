@@ -14,7 +14,7 @@ use crate::{
     calibrate::{args::Args, inputs::Inputs},
     common::Common,
     errors::advise,
-    notes::{note, remark_lost},
+    notes::{note, note_remarks, remark_lost},
     outputs::{self, Outputs},
 };
 
@@ -107,7 +107,7 @@ pub(super) fn write(
     if let Some(path) = &args.inliers {
         outputs.stage(path, |path| write_inliers(path, &inputs.observations, found))?;
     }
-    Ok(outputs.publish()?)
+    Ok(outputs.publish(common)?)
 }
 
 /// Makes the skin, and prints what was left out or assumed.
@@ -124,7 +124,7 @@ fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result
         let triangles = format!("the triangles of {} patches", made.turned);
         note(common, triangles + " contradicted the taxels' frames or normals and were reversed");
     }
-    made.remarks.iter().for_each(|remark| note(common, remark));
+    note_remarks(&made.remarks, common);
     if !made.left_out.is_empty() {
         let count = made.left_out.len();
         note(common, format_args!("{count} taxels are in no triangle and are left out of the skin"));

@@ -138,7 +138,7 @@ pub(super) fn run(
     if let Some(path) = truth {
         outputs.stage(path, |path| write_touches(path, &skin, &touches))?;
     }
-    outputs.publish()?;
+    outputs.publish(common)?;
     let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<BTreeSet<_>>().len();
     let most = touches.iter().map(|touch| touch.force).fold(0.0, f64::max);
     note(

@@ -1,0 +1,124 @@
+//! What the commands print as JSON, against `docs/json.md`.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+};
+
+use assert_cmd::Command;
+use dermatome::{io::write_skin, mesh::shapes, skin::Skin};
+use serde_json::Value;
+
+fn dermatome(folder: &Path, words: &str) -> Vec<u8> {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    command.current_dir(folder).args(words.split_whitespace()).output().unwrap().stdout
+}
+
+/// The keys of each schema as the page lists them, and whether they are always there.
+fn documented() -> BTreeMap<String, BTreeMap<String, bool>> {
+    let page = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/json.md")).unwrap();
+    let mut schemas = BTreeMap::new();
+    for section in page.split("\n## ").skip(1) {
+        let (name, text) = section.split_once('\n').unwrap();
+        let mut keys = BTreeMap::new();
+        for row in text.lines().filter(|line| line.starts_with("| `")) {
+            let cells: Vec<&str> = row.trim_matches('|').split(" | ").map(str::trim).collect();
+            let when = row.trim_end_matches(" |").rsplit('|').next().unwrap().trim();
+            for key in cells[0].split('`').skip(1).step_by(2) {
+                keys.insert(key.to_owned(), when == "always");
+            }
+        }
+        schemas.insert(name.to_owned(), keys);
+    }
+    schemas
+}
+
+/// The paths of all values that are neither objects nor lists of objects.
+fn paths(value: &Value, at: &str, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(object) => {
+            for (key, inner) in object {
+                // The names of images are keys too.
+                let key = if at == "size" { "*" } else { key };
+                paths(inner, &if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") }, found);
+            }
+        }
+        Value::Array(list) if list.first().is_some_and(Value::is_object) => {
+            list.iter().for_each(|inner| paths(inner, &format!("{at}[]"), found));
+        }
+        _ => {
+            found.insert(at.to_owned());
+        }
+    }
+}
+
+/// Every object says its schema, holds the keys that are documented as always there, and no others
+/// than are documented.
+#[test]
+fn every_object_keeps_to_its_schema() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_skin(&at.join("cap.glb"), &Skin::from_mesh("cap", shapes::cap(300, 0.1, 1.2))).unwrap();
+    write_skin(&at.join("ring.obj"), &Skin::from_mesh("ring", shapes::torus(12, 8, 0.05, 0.02))).unwrap();
+    fs::write(
+        at.join("two.obj"),
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 2 5\n",
+    )
+    .unwrap();
+    dermatome(at, "simulate -o o.g2o --truth t.csv --taxels 30 --anchors 10");
+    let mut printed = BTreeMap::new();
+    let mut keep = |name: &str, bytes: &[u8]| {
+        let text = std::str::from_utf8(bytes).unwrap();
+        assert!(text.starts_with("{\n  \"schema\": \"dermatome."), "{name} begins with its schema: {text}");
+        let value: Value = serde_json::from_slice(bytes).unwrap();
+        assert_eq!(value["schema"], format!("dermatome.{name}/1"));
+        printed.insert(format!("dermatome.{name}/1"), value);
+    };
+    keep("build", &dermatome(at, "build cap.glb -o map --json"));
+    keep("timings", &fs::read(at.join("map/timings.json")).unwrap());
+    dermatome(at, "simulate --touch map/map.glb -o r.csv --presses 1 --rate-hz 20");
+    keep("calibrate", &dermatome(at, "calibrate o.g2o -o s.csv --truth t.csv --json"));
+    keep("check", &dermatome(at, "check two.obj --json"));
+    keep("coarsen", &dermatome(at, "coarsen ring.obj -o c.glb --json"));
+    keep("flatten", &dermatome(at, "flatten ring.obj -o f.obj --json"));
+    keep("info", &dermatome(at, "info cap.glb --json"));
+    keep("render", &dermatome(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));
+    let image = fs::read_dir(at.join("frames")).unwrap().next().unwrap().unwrap().path();
+    let image = image.strip_prefix(at).unwrap().display();
+    keep("sample", &dermatome(at, &format!("sample map/map.glb {image} -o back.csv --json")));
+
+    let documented = documented();
+    assert_eq!(printed.keys().collect::<Vec<_>>(), documented.keys().collect::<Vec<_>>());
+    for (schema, value) in printed {
+        let keys = &documented[&schema];
+        let mut found = BTreeSet::new();
+        paths(&value, "", &mut found);
+        found.remove("schema");
+        for (key, _) in keys.iter().filter(|(_, always)| **always) {
+            assert!(found.contains(key), "{schema} has no {key}");
+        }
+        for key in found {
+            let is_empty =
+                value.pointer(&format!("/{key}")).is_some_and(|list| list == &Value::Array(vec![]));
+            assert!(keys.contains_key(&key) || is_empty, "{key} of {schema} is not in docs/json.md");
+        }
+    }
+}
+
+/// What differs from run to run is in `timings.json` alone.
+#[test]
+fn the_same_input_gives_the_same_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_skin(&at.join("cap.glb"), &Skin::from_mesh("cap", shapes::cap(300, 0.1, 1.2))).unwrap();
+    dermatome(at, "build cap.glb -o a --threads 1");
+    dermatome(at, "build cap.glb -o b --threads 2");
+    for name in ["map.glb", "map.exr", "report.json"] {
+        assert!(
+            fs::read(at.join("a").join(name)).unwrap() == fs::read(at.join("b").join(name)).unwrap(),
+            "{name}"
+        );
+    }
+}
