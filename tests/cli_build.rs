@@ -79,6 +79,28 @@ fn pin_holes_are_closed_and_marked() {
     );
 }
 
+/// A closed body with one triangle missing is not a disk: its pin-hole is closed too, and the body cut.
+#[test]
+fn a_body_with_a_pin_hole_is_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut ball = shapes::ball(12, 0.05);
+    ball.triangles = ball.triangles.iter().skip(1).copied().collect();
+    write(path, "ball.csv", ball);
+    let (open, _) = levels(path, "ball.csv -o M --fill-holes 0");
+    let (closed, _) = levels(path, "ball.csv -o M");
+    assert_eq!((&open[0]["seam"] == 0.0, closed[0]["seam"].as_f64() > Some(0.05)), (true, true));
+    let energy = |levels: &[Value]| levels[0]["symmetric_dirichlet"].as_f64().unwrap();
+    assert!(energy(&open) > 2.0 * energy(&closed), "{} and {}", energy(&open), energy(&closed));
+    // A disk of few edges stays one.
+    for (name, mesh) in [("square.csv", shapes::square()), ("fan.csv", shapes::fan(5))] {
+        write(path, name, mesh);
+        assert_eq!(levels(path, &format!("{name} -o M")).0[0]["seam"], 0.0, "{name}");
+    }
+    write(path, "finger.csv", shapes::tube(5, 30, 0.01, 0.2));
+    assert_eq!(levels(path, "finger.csv -o M --cut none").0[0]["boundary_loops"], 2, "ends stay open");
+}
+
 /// A cap of more than a hemisphere cannot be flat without a cut: slits go in until every triangle
 /// keeps the ratio. What one chart cannot do is refused.
 #[test]

@@ -6,7 +6,9 @@ use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use dermatome::{
-    flatten::{Energy, FlattenOptions, distortion, flatten_pyramid, flatten_with_convergence},
+    flatten::{
+        Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid, flatten_with_convergence,
+    },
     id::{IdVec, VertexId},
     io::{read_acuities, read_draft, read_map, write_map, write_skin},
     mesh::{TriMesh, shapes},
@@ -143,6 +145,7 @@ fn what_no_map_can_follow_is_refused_by_name() {
     assert_eq!(weights([0.0; 4]), TaxelError::NoWeight { found: 4 });
     let acuities = |a: Vec<f64>| bad(&|taxels| taxels.acuities = Some(a.clone().into()));
     assert_eq!(acuities(vec![1.0, 1.0, 0.0, 1.0]), TaxelError::Acuity { vertex: v(2), found: 0.0 });
+    assert_eq!(acuities(vec![1.0, 1e9, 1.0, 1.0]), TaxelError::Acuity { vertex: v(1), found: 1e9 });
     assert_eq!(acuities(vec![1.0]), TaxelError::Length { what: "acuities", found: 1, needed: 4 });
 }
 
@@ -188,8 +191,9 @@ fn the_command_reads_acuities() {
     for (row, what) in [
         ("9999,2", "the id of a taxel of the skin"),
         ("3,2", "an id that no earlier line names"),
-        ("4,-1", "a number above 0"),
-        ("4,0", "a number above 0"),
+        ("4,-1", "a number from 0.01 to 100"),
+        ("4,0", "a number from 0.01 to 100"),
+        ("4,1e300", "a number from 0.01 to 100"),
         ("4,NaN", "a finite number"),
         ("x,1", "the number of a taxel"),
     ] {
@@ -234,4 +238,32 @@ fn the_command_refuses_bad_weights() {
     dermatome(path, "build s.csv -o M -q").assert().success();
     table(["1", "-2", "1"]);
     dermatome(path, "check s.csv").assert().code(1).stdout(contains("weight-unusable"));
+}
+
+/// Extreme but valid demands, on surfaces of one triangle, with handles, and within a boundary: a map
+/// without flips every time.
+#[test]
+fn extreme_demands_still_make_a_map() {
+    let meshes = [shapes::triangle(), shapes::cap(200, 0.05, 1.5), shapes::torus(16, 8, 0.05, 0.02)];
+    let energies = [Energy::default(), Energy::SymmetricDirichlet];
+    for mesh in meshes {
+        for energy in energies {
+            for boundary in [Boundary::Free, Boundary::Circle] {
+                let mut skin = Skin::from_mesh("s", mesh.clone());
+                let taxels = &mut skin.patches[PatchId::new(0)].taxels;
+                taxels.weights = Some(taxels.ids.map(|id| if id.0 == 1 { 1e300 } else { 0.0 }));
+                taxels.acuities = Some(taxels.ids.map(|id| if id.0 % 3 == 0 { 1e3 } else { 1e-3 }));
+                let flatten = FlattenOptions {
+                    method: Method::Intrinsic { energy, magnify: 1.0 },
+                    boundary: boundary.clone(),
+                    ..FlattenOptions::default()
+                };
+                let map = build(&skin, &BuildOptions { flatten, ..BuildOptions::default() }).unwrap();
+                map.validate().unwrap();
+                let all = map.patches.iter().flat_map(|patch| &patch.levels);
+                let flips: usize = all.map(|level| level.distortion.flips).sum();
+                assert_eq!(flips, 0, "{} taxels, {energy:?}, {boundary:?}", mesh.positions.len());
+            }
+        }
+    }
 }

@@ -7,12 +7,16 @@ use crate::{
     mesh::{Adjacency, MeshError, TriMesh, loop_length},
 };
 
+/// A loop is no outer boundary if its squared length is below this share of the area: a disk has at
+/// least 12.6 times its area, the open end of a finger ten times as long as it is thick 0.3 times.
+const NEARLY_CLOSED: f64 = 0.1;
+
 /// Closes every hole whose boundary loop has at most `max_edges` edges, with triangles between its
 /// own vertices.
 ///
 /// Each hole gets its triangulation of least area (barequet1995), without edges that
 /// the mesh already has; a hole that has none stays open. The longest loop is the outer boundary
-/// and is never closed. Returns the loops closed. Time grows with the cube of `max_edges` per hole.
+/// and stays, unless the surface is closed but for it. Returns the loops closed. Time grows with the cube of `max_edges` per hole.
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold.
@@ -21,7 +25,7 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec
     let mut loops = adjacency.boundary_loops();
     let length = |i: usize| loop_length(mesh, &loops[i]);
     let outer = (0..loops.len()).max_by(|&i, &j| length(i).total_cmp(&length(j)).then(j.cmp(&i)));
-    if let Some(outer) = outer {
+    if let Some(outer) = outer.filter(|&i| length(i).powi(2) >= NEARLY_CLOSED * mesh.area()) {
         loops.remove(outer);
     }
     loops.retain(|walk| walk.len() <= max_edges);

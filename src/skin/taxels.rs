@@ -91,7 +91,7 @@ pub struct Taxels {
     /// the same everywhere.
     pub weights: Option<IdVec<VertexId, f64>>,
     /// How many times finer than elsewhere the fields are at each taxel, and how many times longer
-    /// lengths on the map, positive; only ratios matter. `None`: the same everywhere.
+    /// lengths on the map, from 0.001 to 1000; only ratios matter. `None`: the same everywhere.
     pub acuities: Option<IdVec<VertexId, f64>>,
     /// What each slot holds.
     pub presence: IdVec<VertexId, Presence>,
@@ -181,7 +181,7 @@ impl Taxels {
         if let Some((vertex, found)) = first(densities, |x| !is_positive(x)) {
             return Err(TaxelError::Density { vertex, found });
         }
-        if let Some((vertex, found)) = first(acuities, |x| !is_positive(x)) {
+        if let Some((vertex, found)) = first(acuities, |x| !(1e-3..=1e3).contains(&x)) {
             return Err(TaxelError::Acuity { vertex, found });
         }
         if let Some((vertex, found)) = first(weights, |x| !is_weight(x)) {
@@ -324,8 +324,8 @@ pub enum TaxelError {
         /// The number of weights.
         found: usize,
     },
-    /// An acuity that is not positive and finite.
-    #[error("vertex {vertex} has an acuity of {found}; a positive number is needed")]
+    /// An acuity out of range.
+    #[error("vertex {vertex} has an acuity of {found}; a number from 0.001 to 1000 is needed")]
     Acuity {
         /// The vertex.
         vertex: VertexId,

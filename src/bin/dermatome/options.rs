@@ -270,7 +270,8 @@ pub(crate) struct CoarsenArgs {
     /// Stop at about this many vertices per patch
     #[arg(long, value_name = "N", default_value_t = CoarsenOptions::default().coarsest)]
     coarsest: usize,
-    /// Fill holes of at most this many edges first, 0 for none; the outer boundary stays
+    /// Fill holes of at most this many edges first, 0 for none; the outer boundary stays, but for a
+    /// pin-hole of a closed body
     #[arg(long, value_name = "N", default_value_t = PIN_HOLE, value_parser = hole)]
     pub fill_holes: usize,
 }

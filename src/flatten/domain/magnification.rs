@@ -52,7 +52,11 @@ impl Magnification {
             return Err(FlattenError::Density { vertex, found });
         }
         let shares = taxels.and_then(|taxels| Some(taxels.acuities.as_ref()?.map(|a| a * a)));
-        let weights = taxels.and_then(|taxels| taxels.weights.clone());
+        // Only ratios matter: the largest is 1, so that no sum of weights overflows.
+        let weights = taxels.and_then(|taxels| taxels.weights.as_ref()).map(|weights| {
+            let most = weights.iter().copied().fold(0.0, f64::max);
+            weights.map(|w| w / most)
+        });
         Ok(Self { densities, gamma, shares, weights })
     }
 

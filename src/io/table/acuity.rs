@@ -9,11 +9,15 @@ use crate::{
     skin::{PatchId, Skin, TaxelId},
 };
 
+/// No skin is sharper: two points of a fingertip are told apart at a tenth of the distance of two of
+/// the forearm.
+const FACTORS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
+
 /// Reads a table of acuities, columns `taxel_id,factor`, into the taxels of a skin; those that it does
 /// not name get the factor 1.
 ///
 /// # Errors
-/// If the file cannot be read, a column is missing or unknown, a factor is not a positive number, or
+/// If the file cannot be read, a column is missing or unknown, a factor is not a number from 0.01 to 100, or
 /// an id is named twice or is not that of exactly one taxel. Errors name the line.
 pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
     let source = Source::open(path)?;
@@ -34,8 +38,8 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
             return Err(row.invalid(id, format!("the id of one taxel, not of {count}")));
         }
         let found = row.number(factor)?;
-        if found <= 0.0 {
-            return Err(row.invalid(factor, "a number above 0"));
+        if !FACTORS.contains(&found) {
+            return Err(row.invalid(factor, "a number from 0.01 to 100"));
         }
         match acuities[patch][vertex].replace(found) {
             None => Ok(()),

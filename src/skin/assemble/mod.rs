@@ -27,7 +27,7 @@ pub struct AssembleOptions {
     /// What is longer spans a real gap, and a boundary stays there.
     pub gap: f64,
     /// Holes whose boundary loop has at most this many edges are filled; the longest loop of a
-    /// patch is its outer boundary and stays. 0 fills none.
+    /// patch is its outer boundary and stays, but for a pin-hole of a closed body. 0 fills none.
     pub fill_holes: usize,
     /// Which vertices at one place are one taxel.
     pub weld: Weld,

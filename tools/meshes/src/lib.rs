@@ -6,6 +6,7 @@
 
 mod delaunay;
 pub mod forearm;
+pub mod glove;
 pub mod grid;
 pub mod hand;
 pub mod robot;
@@ -18,10 +19,11 @@ use dermatome::skin::Skin;
 pub type Generator = fn() -> Skin;
 
 /// Every skin with the stem of its file.
-pub const ALL: [(&str, Generator); 5] = [
+pub const ALL: [(&str, Generator); 6] = [
     ("sphere_cap", sphere_cap::sphere_cap),
     ("forearm", forearm::forearm),
     ("hand", hand::hand),
+    ("glove", glove::glove),
     ("saddle", saddle::saddle),
     ("robot", robot::robot),
 ];
