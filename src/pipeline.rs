@@ -36,7 +36,7 @@ use crate::{
         flatten_with_convergence,
     },
     id::{IdVec, VertexId},
-    io::{write_images, write_map},
+    io::{fits_map_file, write_images, write_map},
     map::{PatchMap, SkinMap},
     mesh::TriMesh,
     pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
@@ -226,7 +226,7 @@ pub struct Built {
     /// The time that the stages took.
     pub seconds: Seconds,
     /// How many of the coarsest levels of each patch are not in the map: they have none in 64-bit
-    /// numbers, as those of a long thin tube.
+    /// numbers, or in the 32-bit ones of a file, as those of a long thin tube.
     pub left_out: IdVec<PatchId, usize>,
     /// What became of the pixels, if they had to be larger than 1 mm.
     pub enlarged: Option<Enlarged>,
@@ -341,6 +341,9 @@ fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Resul
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {
         level.convergence = Some(convergence);
     }
+    // What a file cannot hold is no map either; level 0 is refused when it is written.
+    let coarse = map.levels.iter().skip(1).take_while(|level| fits_map_file(level)).count();
+    map.keep_finest(1 + coarse);
     let left_out = levels - map.levels.len();
     Ok((map, left_out))
 }

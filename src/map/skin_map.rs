@@ -165,7 +165,7 @@ impl PatchMap {
         Self::of_levels(patch, levels.map(level).collect())
     }
 
-    fn of_levels(patch: &Patch, mut levels: IdVec<LevelId, MapLevel>) -> Self {
+    fn of_levels(patch: &Patch, levels: IdVec<LevelId, MapLevel>) -> Self {
         let mut taxels = patch.taxels.clone();
         if let Some(finest) = levels.iter().next()
             && taxels.tangents.is_none()
@@ -173,10 +173,18 @@ impl PatchMap {
             let directions = directions_of_u(finest);
             taxels.tangents = Some(tangents_along(&finest.level.mesh, &taxels.normals, &directions).0);
         }
-        if let Some(last) = levels.iter_mut().last() {
+        let (name, count) = (patch.name.clone(), levels.len());
+        let mut map = Self { name, link: patch.link, filled: patch.filled, taxels, levels };
+        map.keep_finest(count);
+        map
+    }
+
+    /// Leaves out all but the finest levels.
+    pub(crate) fn keep_finest(&mut self, count: usize) {
+        self.levels = std::mem::take(&mut self.levels).into_iter().take(count).collect();
+        if let Some(last) = self.levels.iter_mut().last() {
             last.level.from_coarser = None;
         }
-        Self { name: patch.name.clone(), link: patch.link, filled: patch.filled, taxels, levels }
     }
 
     /// The normals of a level of this patch: those of the taxels that its vertices are.

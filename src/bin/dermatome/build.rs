@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs.publish(common)?;
     note_seams(&report.patches, common);
     for (patch, count) in map.patches.iter().zip(&unmapped).filter(|(_, count)| **count > 0) {
-        let why = "too long and thin for a map in 64-bit numbers";
+        let why = "too long and thin for a map in 64-bit numbers, or in the 32-bit ones of its file";
         note(common, format_args!("{}: the coarsest {count} levels are left out: {why}", plain(&patch.name)));
     }
     if let Some(Enlarged { pixel_mm, pixels }) = enlarged {

@@ -188,6 +188,11 @@ fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
     RowsExtras { indices: indices.value(), weights: weights.value() }
 }
 
+/// Whether the map of a level keeps its triangles in the `f32` of a file.
+pub(crate) fn fits_map_file(map: &MapLevel) -> bool {
+    texture_coordinates(map, &map.opened()).is_ok()
+}
+
 /// Map positions in the unit square of the image, as they are written; else what rounding breaks,
 /// and what is needed instead. It neither turns a triangle of the map over nor takes the area of one
 /// on the skin.
