@@ -195,16 +195,14 @@ fn a_png_has_the_size_of_its_picture() {
     }
 }
 
-/// Left, right, top and bottom of the texts of a picture in the fonts that come with the crate.
+/// Left, right, top and bottom of the texts of a picture in the font that comes with the crate.
 fn text_boxes(svg: &str) -> Vec<[f32; 4]> {
-    let fonts = [epaint_default_fonts::UBUNTU_LIGHT, epaint_default_fonts::HACK_REGULAR]
-        .map(|data| Face::parse(data, 0).unwrap());
+    let font = Face::parse(epaint_default_fonts::UBUNTU_LIGHT, 0).unwrap();
     let document = Document::parse(svg).unwrap();
     let number = |node: roxmltree::Node<'_, '_>, name| node.attribute(name).unwrap().parse::<f32>().unwrap();
     let em = number(document.root_element(), "font-size");
     let boxes = document.descendants().filter(|node| node.has_tag_name("text")).map(|node| {
         let letter_width = |c| {
-            let font = fonts.iter().find(|font| font.glyph_index(c).is_some()).unwrap_or(&fonts[0]);
             let glyph = font.glyph_index(c).unwrap_or_default();
             em * f32::from(font.glyph_hor_advance(glyph).unwrap()) / f32::from(font.units_per_em())
         };
@@ -215,8 +213,8 @@ fn text_boxes(svg: &str) -> Vec<[f32; 4]> {
             _ => 0.0,
         };
         let (left, base) = (number(node, "x") - share * width, number(node, "y"));
-        let [top, bottom] = [fonts[0].ascender(), fonts[0].descender()]
-            .map(|y| base - em * f32::from(y) / f32::from(fonts[0].units_per_em()));
+        let [top, bottom] = [font.ascender(), font.descender()]
+            .map(|y| base - em * f32::from(y) / f32::from(font.units_per_em()));
         [left, left + width, top, bottom]
     });
     boxes.collect()

@@ -1,10 +1,10 @@
 //! A picture as a list of shapes, which is written as SVG text or drawn as a PNG.
 //!
 //! Both forms show the same shapes at the same places, in pixels to the right and down. Texts stay
-//! texts in an SVG and are drawn with the fonts of the crate in a PNG, so that a PNG has the same
+//! texts in an SVG and are drawn with the font of the crate in a PNG, so that a PNG has the same
 //! bytes on every machine. Shapes lie over those before them.
 
-mod fonts;
+mod font;
 mod path;
 mod png;
 mod svg;

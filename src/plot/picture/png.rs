@@ -9,7 +9,7 @@ use tiny_skia::{
 use crate::plot::{
     PlotError,
     colour::Colour,
-    picture::{Anchor, INK, MAX_SIDE, Path, Picture, Pixels, Shape, Stroke, fonts::Fonts},
+    picture::{Anchor, INK, MAX_SIDE, Path, Picture, Pixels, Shape, Stroke, font::Font},
 };
 
 impl Picture {
@@ -27,7 +27,7 @@ impl Picture {
         let [width, height] = self.size_px;
         let pixels =
             Pixmap::new(width, height).ok_or(PlotError::Size { width, height, least: 1, most: MAX_SIDE })?;
-        let mut canvas = Canvas { pixels, fonts: Fonts::new(), em: self.em };
+        let mut canvas = Canvas { pixels, font: Font::new(), em: self.em };
         canvas.pixels.fill(Color::WHITE);
         self.groups.iter().flatten().for_each(|shape| canvas.draw(shape));
         let colour = |p: &PremultipliedColorU8| Colour(p.red(), p.green(), p.blue());
@@ -62,7 +62,7 @@ fn write([width, height]: [u32; 2], colours: png::ColorType, filter: png::Filter
 
 struct Canvas {
     pixels: Pixmap,
-    fonts: Fonts,
+    font: Font,
     em: f64,
 }
 
@@ -83,7 +83,7 @@ impl Canvas {
                 self.draw_path(path.finish().as_ref(), Some(*colour), rim, Transform::identity());
             }
             Shape::Text { text, at, anchor, is_bold } => {
-                let (path, width) = self.fonts.outline(text, self.em);
+                let (path, width) = self.font.outline(text, self.em);
                 let share = match anchor {
                     Anchor::Start => 0.0,
                     Anchor::Middle => 0.5,

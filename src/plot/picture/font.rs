@@ -1,38 +1,30 @@
-//! Outlines of letters, from the fonts that come with the crate: none of the machine is used, so
-//! that a PNG is the same everywhere.
+//! Outlines of letters, from a font that comes with the crate: none of the machine is used, so that
+//! a PNG is the same everywhere.
 
 use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
-/// The fonts in the order in which they are tried. Together they have Latin, Greek and Cyrillic.
-const FONTS: [&[u8]; 2] = [epaint_default_fonts::UBUNTU_LIGHT, epaint_default_fonts::HACK_REGULAR];
+/// Ubuntu Light, which has Latin, Greek and Cyrillic letters.
+pub(crate) struct Font(Face<'static>);
 
-pub(crate) struct Fonts(Vec<Face<'static>>);
-
-impl Fonts {
+impl Font {
     pub(crate) fn new() -> Self {
-        Self(FONTS.iter().filter_map(|data| Face::parse(data, 0).ok()).collect())
+        Self(Face::parse(epaint_default_fonts::UBUNTU_LIGHT, 0).expect("the font is part of the program"))
     }
 
     /// The outline of a line of text that begins at the origin, y down, and its width, in pixels.
-    /// Letters are not kerned.
+    /// Letters are not kerned; a letter that the font lacks becomes its sign for such letters.
     pub(crate) fn outline(&self, text: &str, em: f64) -> (Option<Path>, f32) {
-        let mut pen = Pen { path: PathBuilder::new(), x: 0.0, scale: 1.0 };
+        let Self(face) = self;
+        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+        let scale = em as f32 / f32::from(face.units_per_em());
+        let mut pen = Pen { path: PathBuilder::new(), x: 0.0, scale };
         for letter in text.chars() {
-            let Some((face, glyph)) = self.glyph(letter) else { continue };
-            #[expect(clippy::cast_possible_truncation, reason = "pixels")]
-            let em = em as f32;
-            pen.scale = em / f32::from(face.units_per_em());
+            let glyph = face.glyph_index(letter).unwrap_or(GlyphId(0));
             face.outline_glyph(glyph, &mut pen);
-            pen.x += pen.scale * f32::from(face.glyph_hor_advance(glyph).unwrap_or_default());
+            pen.x += scale * f32::from(face.glyph_hor_advance(glyph).unwrap_or_default());
         }
         (pen.path.finish(), pen.x)
-    }
-
-    /// A letter that no font has becomes the first font's sign for such letters.
-    fn glyph(&self, letter: char) -> Option<(&Face<'static>, GlyphId)> {
-        let find = |face| Some((face, Face::glyph_index(face, letter)?));
-        self.0.iter().find_map(find).or_else(|| Some((self.0.first()?, GlyphId(0))))
     }
 }
 
