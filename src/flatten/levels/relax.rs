@@ -42,10 +42,14 @@ const BAD_START: f64 = 50.0;
 
 /// Heights of faces over their longest edges, at least, one after the other, on the way from a start
 /// that is worse.
-const FAT: [f64; 3] = [1e-1, 1e-2, 1e-3];
+const FAT: [f64; 2] = [1e-2, 1e-3];
 
 /// Newton steps with each of them.
 const FATTENED: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 60 };
+
+/// Steps with a free boundary that a map may take until its holes are holes: after an insertion a rim
+/// may cross itself, which two or three steps mend or none.
+const UNKEPT: usize = 6;
 
 /// Weights of all fillers together, round by round, of a surface that weighs 1: heavy fillers make
 /// room early, light ones do not hinder a rim that slides. The last one stays.
@@ -58,7 +62,7 @@ const FRAMED_ROUND: usize = 2;
 
 /// Relative decrease of the energy in a round at which the minimisation with fillers ends. Rims
 /// slide along each other for long after, by what is not visible.
-const ENOUGH: f64 = 1e-4;
+const ENOUGH: f64 = 3e-4;
 
 /// What the intrinsic method minimises, and what it must keep.
 #[derive(Debug, Clone, Copy)]
@@ -140,10 +144,18 @@ fn with_fat_needles(domain: &FlattenDomain<'_>, mut uv: Uv, energy: Energy) -> R
         if dirichlet(&domain.elements, &uv).0 < BAD_START {
             break;
         }
-        if let Some(elements) = domain.fattened(least) {
-            let objective = Objective::new(&elements, energy);
-            objective.minimise(&mut uv, Solver::Direct, FATTENED, &mut |_| true).map_err(failed)?;
-        }
+        let Some(elements) = domain.fattened(least) else { continue };
+        let mut kept = uv.clone();
+        let mut go_on = |uv: &Uv| {
+            let is_kept = keeps_holes(domain, uv);
+            if is_kept {
+                kept.clone_from(uv);
+            }
+            is_kept
+        };
+        let objective = Objective::new(&elements, energy);
+        objective.minimise(&mut uv, Solver::Direct, FATTENED, &mut go_on).map_err(failed)?;
+        uv = kept;
     }
     Ok(uv)
 }
@@ -280,16 +292,17 @@ impl<'d> Descent<'d> {
         [is_kept, is_apart]
     }
 
-    /// With a free boundary, for as long as the map keeps what the start kept: its holes, and with
-    /// `walls` around it also that it does not overlap itself.
+    /// With a free boundary, for as long as the map keeps its holes, once it has them, and with `walls`
+    /// around it also that it does not overlap itself if the start did not.
     fn free(&self, start: Uv, walls: Walls) -> Result<Reached, FlattenError> {
         let mut reached = self.start(start, Walls::None);
         let Reached { relaxed, kept, apart } = &mut reached;
-        let must_keep = kept.is_some();
         let must_be_apart = walls == Walls::Framed && apart.is_some();
+        let mut steps = 0;
         let mut go_on = |uv: &Uv| {
             let [is_kept, is_apart] = self.note(uv, kept, apart);
-            (is_kept || !must_keep) && (is_apart || !must_be_apart)
+            steps += 1;
+            (is_kept || kept.is_none() && steps < UNKEPT) && (is_apart || !must_be_apart)
         };
         let ended = self.objective.minimise(&mut relaxed.uv, self.solver, self.limits, &mut go_on);
         relaxed.convergence.converged = ended.map_err(failed)? == Ended::Converged;

@@ -21,6 +21,7 @@ mod notes;
 mod primitive;
 mod read_map;
 mod read_skin;
+mod upright;
 mod write_animations;
 mod write_flat;
 mod write_map;

@@ -6,13 +6,14 @@ use glam::{DVec2, DVec3};
 use gltf::json::{Index, Mesh};
 
 use crate::{
-    id::{IdVec, VertexId},
+    id::{FaceId, IdVec, VertexId},
     io::{
         IoError,
         error::Result,
         file::unfit,
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
+            upright::keep_upright,
             write_skin::{SheetWriter, mesh, node},
             writer::{Form, SceneWriter, narrow},
         },
@@ -195,31 +196,41 @@ pub(crate) fn fits_map_file(map: &MapLevel) -> bool {
 
 /// Map positions in the unit square of the image, as they are written; else what rounding breaks,
 /// and what is needed instead. It neither turns a triangle of the map over nor takes the area of one
-/// on the skin.
+/// on the skin. Needles that rounding would turn over stay upright by a few units of it.
 ///
 /// A triangle that the map itself turns over, as a linear map may, is written as it is.
 fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, (String, String)> {
     let MapLevel { uv, frame, .. } = map;
-    let texture: Vec<_> = uv.iter().map(|&at| frame.to_texture(at).to_array().map(narrow)).collect();
+    let mut texture: Vec<_> = uv.iter().map(|&at| frame.to_texture(at).to_array().map(narrow)).collect();
+    let is_upright = |face: FaceId| {
+        let [a, b, c] = mesh.triangles[face].map(|v| uv[v]);
+        (b - a).perp_dot(c - a) > 0.0
+    };
+    let rounded = |face: FaceId, texture: &[[f32; 2]]| {
+        mesh.triangles[face].map(|v| frame.map_position(DVec2::from_array(texture[v.index()].map(f64::from))))
+    };
+    let area = |[a, b, c]: [DVec2; 3]| (b - a).perp_dot(c - a) / 2.0;
+    // As readers will compute it; a triangle without area on the skin has none.
+    let keeps_shape = |face: FaceId, texture: &[[f32; 2]]| -> Option<bool> {
+        let flat = FlatTriangle::new(mesh.triangles[face].map(|v| mesh.positions[v].as_vec3().as_dvec3()));
+        (flat.area() > 0.0).then(|| flat.jacobian(rounded(face, texture)).determinant() > 0.0)
+    };
+    let stays = |face: FaceId, texture: &[[f32; 2]]| {
+        !is_upright(face) || area(rounded(face, texture)) > 0.0 && keeps_shape(face, texture).unwrap_or(true)
+    };
+    keep_upright(&mut texture, mesh, &stays);
     if let Some(v) = texture.iter().position(|t| !t.iter().all(|x| (0.0..=1.0).contains(x))) {
         let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
         return Err((format!("vertex {v} at {} on the map", uv[VertexId::new(v)]), needed));
     }
-    for (face, corners) in mesh.triangles.enumerate() {
-        let [a, b, c] =
-            corners.map(|v| frame.map_position(DVec2::from_array(texture[v.index()].map(f64::from))));
-        let exact = corners.map(|v| uv[v]);
-        let flat = FlatTriangle::new(corners.map(|v| mesh.positions[v].as_vec3().as_dvec3()));
-        // As readers will compute it; a triangle without area on the skin has none.
-        let shape = (flat.area() > 0.0).then(|| flat.jacobian([a, b, c]).determinant());
-        if shape.is_none() && mesh.face_area(face) > 0.0 {
+    for face in mesh.triangles.ids() {
+        if keeps_shape(face, &texture).is_none() && mesh.face_area(face) > 0.0 {
             let needed = "an area above 0: f32 keeps seven digits, so the link's frame must be near";
             let found = format!("face {face} without area after rounding its positions to f32");
             return Err((found, needed.into()));
         }
-        let area = (b - a).perp_dot(c - a) / 2.0;
-        let is_upright = (exact[1] - exact[0]).perp_dot(exact[2] - exact[0]) > 0.0;
-        if is_upright && !(area > 0.0 && shape.is_none_or(|d| d > 0.0)) {
+        if !stays(face, &texture) {
+            let area = area(rounded(face, &texture));
             let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
             let needed = "a positive area: no sliver, and an image not much larger than the map";
             return Err((found, needed.into()));
