@@ -397,3 +397,82 @@ fn findings_are_drawn() {
     fs::write(path.join("points.obj"), "v 0 0 nan\n").unwrap();
     dermatome(path, "plot points.obj -o -").assert().code(2);
 }
+
+/// The JSON and the binary chunk of a `.glb`.
+fn chunks(path: &Path) -> (serde_json::Value, Vec<u8>) {
+    let bytes = fs::read(path).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), bytes[28 + length..].to_vec())
+}
+
+fn write_chunks(path: &Path, json: &serde_json::Value, bin: &[u8]) {
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let word = |n: usize| u32::try_from(n).unwrap().to_le_bytes();
+    let total = 28 + text.len() + bin.len();
+    let parts = [
+        b"glTF",
+        &word(2)[..],
+        &word(total),
+        &word(text.len()),
+        b"JSON",
+        &text,
+        &word(bin.len()),
+        b"BIN\0",
+        bin,
+    ];
+    fs::write(path, parts.concat()).unwrap();
+}
+
+/// A map whose numbers contradict each other is refused by name, where it is looked up and drawn.
+#[test]
+fn faulty_maps_are_refused_by_name() {
+    let folder = folder_of_caps();
+    let path = folder.path();
+    dermatome(path, "build m.obj -o M").assert().success();
+    fs::write(path.join("c.csv"), "x,y,z\n0,0,0\n").unwrap();
+    let (json, bin) = chunks(&path.join("M/map.glb"));
+    // Where the values of an accessor of `width` numbers begin, their stride and how many there are.
+    let values = |accessor: &serde_json::Value, width: usize| {
+        let number = |value: &serde_json::Value| value.as_u64().map(|n| usize::try_from(n).unwrap());
+        let accessor = &json["accessors"][number(accessor).unwrap()];
+        let view = &json["bufferViews"][number(&accessor["bufferView"]).unwrap()];
+        let start = number(&view["byteOffset"]).unwrap_or(0) + number(&accessor["byteOffset"]).unwrap_or(0);
+        (start, number(&view["byteStride"]).unwrap_or(4 * width), number(&accessor["count"]).unwrap())
+    };
+    let texture = values(&json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"], 2);
+    let set_u = |u: &dyn Fn(f32) -> f32| {
+        let mut bin = bin.clone();
+        let (start, stride, count) = texture;
+        for at in (0..count).map(|k| start + k * stride) {
+            let old = f32::from_le_bytes(bin[at..at + 4].try_into().unwrap());
+            bin[at..at + 4].copy_from_slice(&u(old).to_le_bytes());
+        }
+        bin
+    };
+    let extras = &json["meshes"][0]["extras"]["dermatome"];
+    let mut contradicting = bin.clone();
+    for what in ["indices", "weights"] {
+        let (start, stride, count) = values(&extras["up"][what], 3);
+        let last = start + (count - 1) * stride;
+        contradicting.copy_within(last..last + 12, start);
+    }
+    let mut huge = json.clone();
+    for what in ["origin", "size"] {
+        huge["meshes"][0]["extras"]["dermatome"]["map"][what] = serde_json::json!([1e300, 1e300]);
+    }
+    let mut one = set_u(&|_| 0.5);
+    let (start, stride, count) = texture;
+    (0..count).for_each(|k| one[start + k * stride + 4..][..4].copy_from_slice(&0.5_f32.to_le_bytes()));
+    for (json, bin, said) in [
+        (&json, set_u(&|u| 1.0 - u), "is mirrored"),
+        (&json, one, "one point"),
+        (&json, contradicting, "`direct`"),
+        (&huge, bin.clone(), "1e12 m"),
+    ] {
+        write_chunks(&path.join("bad.glb"), json, &bin);
+        for words in ["lookup bad.glb c.csv", "plot bad.glb -o -"] {
+            dermatome(path, words).assert().code(2).stderr(contains(said).and(contains("/L0")));
+        }
+    }
+}

@@ -351,7 +351,11 @@ fn io_help(error: &IoError) -> String {
         IoError::Read { .. } => "check that the file exists and may be read".into(),
         IoError::Write { .. } => "check that the folder exists, may be written to and has space".into(),
         IoError::Unsupported { feature, .. } => unsupported_help(feature).into(),
-        IoError::Unfit { .. } => "correct what is to be written, or choose a format that can hold it".into(),
+        IoError::Unfit { .. } => {
+            "correct what is to be written: remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or \
+             choose a format that can hold it"
+                .into()
+        },
         IoError::NoMap { .. } => BUILD_AGAIN.into(),
         IoError::UnknownKind { path, known } => match converter(path) {
             Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
