@@ -45,7 +45,7 @@ use crate::{
 };
 
 /// Options of [`build`].
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct BuildOptions {
     /// Where to cut.
     pub cut: Cut,
@@ -60,17 +60,6 @@ pub struct BuildOptions {
 
 /// Side of a pixel, in m, unless another is asked for or needed.
 const PIXEL: f64 = 1e-3;
-
-impl Default for BuildOptions {
-    fn default() -> Self {
-        Self {
-            cut: Cut::default(),
-            coarsen: CoarsenOptions::default(),
-            flatten: FlattenOptions::default(),
-            pixel: None,
-        }
-    }
-}
 
 /// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
 /// second, and its seam differs little from that of the skin.
