@@ -1,8 +1,8 @@
 //! The way back: from a place on the map of any level to the surface.
 //!
-//! Each level has a tree over the triangles of its map, laid in a plane. Where a map overlaps itself
-//! a place lies on several sheets, and each is answered; a place off every triangle is answered with
-//! the nearest place on the map.
+//! Each level has a grid over its map, which finds the triangles at a place, and a tree over them, laid
+//! in a plane, for the nearest place where there is none and for crowds. Where a map overlaps itself a
+//! place lies on several sheets, and each is answered.
 
 use glam::{DVec2, DVec3};
 
@@ -10,8 +10,9 @@ use crate::{
     contact::{
         Cell, ContactError, ContactIndex,
         cell::PatchCells,
-        geometry::{Volume, pseudo_normal},
-        search::{Best, LARGEST, PatchBvh, Search},
+        geometry::pseudo_normal,
+        plane_grid::PlaneGrid,
+        search::{Best, LARGEST, Packing, PatchBvh, Search},
     },
     id::{FaceId, IdVec},
     map::{ImageFrame, SkinMap},
@@ -44,6 +45,7 @@ struct IndexedMap {
 /// The map of a level.
 #[derive(Debug, Clone)]
 struct Sheet {
+    grid: PlaneGrid,
     /// The triangles of the map at height 0.
     tree: PatchBvh,
     /// The level itself, whose faces they are.
@@ -83,9 +85,10 @@ impl MapIndex {
                 let mesh = map.level.mesh.clone();
                 let plane =
                     TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: map.corners().clone() };
-                let tree = PatchBvh::new(&patch.name, &plane)?;
+                let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
-                Ok(Sheet { tree, mesh, frame: map.frame, on_chart, same_point })
+                let grid = PlaneGrid::new(&map.uv, map.corners(), on_chart);
+                Ok(Sheet { grid, tree, mesh, frame: map.frame, on_chart, same_point })
             };
             let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?.into();
             Ok(IndexedMap { link: patch.link, levels, cells: PatchCells::without_rows(patch) })
@@ -117,14 +120,23 @@ impl MapIndex {
     ) -> Result<(), ContactError> {
         let known = self.patches.get(patch).and_then(|map| Some((map, map.levels.get(level)?)));
         let (map, sheet) = known.ok_or(ContactError::NoMap { patch, level })?;
-        let point = Volume::sphere(uv.extend(0.0), sheet.on_chart);
-        let Some(point) = point.filter(|_| uv.abs().max_element() <= LARGEST) else {
-            return Err(ContactError::NotFinite { contact: 0, point: uv.extend(0.0).to_array() });
-        };
+        let point = uv.extend(0.0);
+        // Also true for NaN.
+        if !(uv.is_finite() && uv.abs().max_element() <= LARGEST) {
+            return Err(ContactError::NotFinite { contact: 0, point: point.to_array() });
+        }
         let first = found.len();
-        sheet.tree.each_around(point.centre, sheet.on_chart, |face, closest| {
-            found.extend(sheet.place(map, (patch, level), face, closest, 0.0));
+        let is_listed = sheet.grid.each_at(uv, |face| {
+            let closest = sheet.tree.measure(point, face);
+            if closest.squared <= sheet.on_chart * sheet.on_chart {
+                found.extend(sheet.place(map, (patch, level), face, closest, 0.0));
+            }
         });
+        if !is_listed {
+            sheet.tree.each_around(point, sheet.on_chart, |face, closest| {
+                found.extend(sheet.place(map, (patch, level), face, closest, 0.0));
+            });
+        }
         if found.len() > first {
             found[first..].sort_unstable_by_key(|place| place.cell.point.face);
             // Where faces meet, the first one answers for all.
@@ -139,7 +151,7 @@ impl MapIndex {
             found.truncate(kept);
         } else {
             let mut best = None;
-            Search::new(&sheet.tree, patch, point.centre).run(&mut best);
+            Search::new(&sheet.tree, patch, point).run(&mut best);
             let nearest = best.and_then(|Best { face, closest, .. }| {
                 sheet.place(map, (patch, level), face, closest, closest.squared.sqrt())
             });

@@ -56,8 +56,8 @@
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
 //! nearest}` (the walk), `search/{first_hit, within, facing, points}` (other searches), `geometry`
 //! (exact measurements), `batch` (many queries), `cell` (from a hit to the map), `coarse` (levels
-//! with their own trees), `queries` (levels alone, fields, rays, filters, forces), `back` (from the
-//! map to the skin).
+//! with their own trees), `queries` (levels alone, fields, rays, filters, forces), `plane_grid` and
+//! `back` (from the map to the skin).
 //!
 //! The module is the only one that uses pulp and wide.
 //!
@@ -95,6 +95,7 @@ mod error;
 mod geometry;
 mod index;
 mod motion;
+mod plane_grid;
 mod queries;
 mod query;
 mod search;

@@ -1,0 +1,299 @@
+//! Which triangles of a map lie at a place: a grid over the plane with about one cell a triangle.
+//!
+//! A cell lists the triangles that reach into it, each with two of its barycentric coordinates as
+//! functions of the place. They are in `f32`, and compared with what rounding may add, so that no
+//! triangle at a place is left out; what remains is measured in `f64`. Where too many triangles meet, the
+//! cell lists none, and a tree has to be searched.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+
+use crate::id::{FaceId, IdVec, VertexId};
+
+/// Cells of a grid, at most: this many for each triangle, where the map fills little of its
+/// rectangle.
+const MOST_CELLS: f64 = 4.0;
+
+/// Cells that the rectangles around all triangles may overlap, for each triangle: few large triangles
+/// among many small ones must not fill the memory.
+const MOST_OVERLAPS: f64 = 32.0;
+
+/// A cell with more triangles lists none (*heuristic*: the walk down a tree takes about as long).
+const CROWD: usize = 32;
+
+/// What stands for the number of triangles in such a cell.
+const CROWDED: u32 = u32::MAX;
+
+/// What rounding may add to a barycentric coordinate, as a part of its gradient and of its value at
+/// the corner of the cell: some ten units of `f32`.
+const ROUNDING: f64 = 1.0 / 1_048_576.0;
+
+/// The triangles of a map by place.
+#[derive(Debug, Clone)]
+pub(super) struct PlaneGrid {
+    /// The corner of the first cell, in m.
+    lo: DVec2,
+    /// Cells per m.
+    scale: f64,
+    /// Columns and rows.
+    size: [usize; 2],
+    /// For each cell where its entries begin, and how many they are or [`CROWDED`].
+    cells: Vec<[u32; 2]>,
+    entries: Vec<Entry>,
+}
+
+/// A triangle in a cell, in 32 bytes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Entry {
+    /// The first two barycentric coordinates: growth along the cell's two sides, and value in its
+    /// corner.
+    rows: [[f32; 3]; 2],
+    /// How far below 0 the coordinates of a place on the triangle may seem to be.
+    slack: f32,
+    face: FaceId,
+}
+
+impl Entry {
+    /// Whether a place in the cell may be on the triangle.
+    #[inline(always)]
+    fn may_hold(&self, [x, y]: [f32; 2]) -> bool {
+        let [a, b] = self.rows.map(|[along_x, along_y, corner]| along_x * x + along_y * y + corner);
+        a.min(b).min(1.0 - a - b) >= -self.slack
+    }
+}
+
+/// The barycentric coordinates of a triangle over the plane, in cells.
+struct Affine {
+    /// See [`Entry::rows`], from the first cell's corner.
+    rows: [DVec3; 2],
+    face: FaceId,
+}
+
+impl Affine {
+    fn new(face: FaceId, [a, b, c]: [DVec2; 3]) -> Self {
+        let area = (b - a).perp_dot(c - a);
+        let row = |from: DVec2, to: DVec2| {
+            let side = (to - from).perp() / area;
+            side.extend(-side.dot(from))
+        };
+        Self { rows: [row(b, c), row(c, a)], face }
+    }
+
+    /// The entry of a cell; `None` if the triangle, enlarged by `margin` cells, does not reach into it.
+    #[expect(clippy::cast_possible_truncation, reason = "the slack covers the rounding")]
+    fn entry(&self, cell: [usize; 2], margin: f64) -> Option<Entry> {
+        let corner = DVec2::from(cell.map(|k| k as f64));
+        let rows = self.rows.map(|row| row.truncate().extend(row.z + row.truncate().dot(corner)));
+        let size = |row: &DVec3| row.x.abs() + row.y.abs();
+        let slack: f64 =
+            rows.iter().map(|row| (margin + ROUNDING) * size(row) + ROUNDING * (row.z.abs() + 1.0)).sum();
+        // Slivers and triangles without area may hold every place.
+        if !(slack * 2.0 < f64::from(f32::MAX)) {
+            return Some(Entry { rows: [[0.0; 3]; 2], slack: 1.0, face: self.face });
+        }
+        let third = DVec3::new(0.0, 0.0, 1.0) - rows[0] - rows[1];
+        let most = |row: DVec3| row.z + row.x.max(0.0) + row.y.max(0.0);
+        let reaches = [rows[0], rows[1], third].into_iter().all(|row| most(row) >= -slack);
+        let rows = rows.map(|row| row.to_array().map(|x| x as f32));
+        reaches.then_some(Entry { rows, slack: slack as f32, face: self.face })
+    }
+}
+
+/// A triangle and the columns and rows of the cells that the rectangle around it overlaps.
+type Placed = (Affine, [Range<usize>; 2]);
+
+impl PlaneGrid {
+    /// A grid over at least one triangle of finite coordinates, in m; places no farther than `margin` (m)
+    /// from a triangle are on it.
+    pub(super) fn new(
+        positions: &IdVec<VertexId, DVec2>,
+        triangles: &IdVec<FaceId, [VertexId; 3]>,
+        margin: f64,
+    ) -> Self {
+        let corners = |face: FaceId| triangles[face].map(|v| positions[v]);
+        let around = |face: FaceId| {
+            let [a, b, c] = corners(face);
+            (a.min(b).min(c) - margin, a.max(b).max(c) + margin)
+        };
+        let empty = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        let join = |(lo, hi): (DVec2, DVec2), b: (DVec2, DVec2)| (lo.min(b.0), hi.max(b.1));
+        let (lo, hi) = triangles.ids().map(around).fold(empty, join);
+        let (extent, faces) = ((hi - lo).max(DVec2::ZERO), triangles.len().max(1) as f64);
+        let doubled = |[a, b, c]: [DVec2; 3]| (b - a).perp_dot(c - a).abs();
+        let mean = triangles.ids().map(|face| doubled(corners(face))).sum::<f64>() / (2.0 * faces);
+        let most = MOST_CELLS * faces;
+        let side = mean.max(extent.element_product() / most).sqrt().max(extent.max_element() / most);
+        let scale = Some(side.recip()).filter(|scale| scale.is_finite()).unwrap_or(1.0);
+        let mut grid = Self { lo, scale, size: [1, 1], cells: Vec::new(), entries: Vec::new() };
+        grid.resize(extent);
+        let overlaps = |grid: &Self| -> f64 {
+            let count = |[columns, rows]: [Range<usize>; 2]| columns.len() as f64 * rows.len() as f64;
+            triangles.ids().map(|face| count(grid.range(around(face)))).sum()
+        };
+        while grid.size != [1, 1] && overlaps(&grid) > MOST_OVERLAPS * faces {
+            grid.scale *= 0.5;
+            grid.resize(extent);
+        }
+        let place = |face: FaceId| {
+            let in_cells = corners(face).map(|p| (p - grid.lo) * grid.scale);
+            (Affine::new(face, in_cells), grid.range(around(face)))
+        };
+        let placed: Vec<Placed> = triangles.ids().map(place).collect();
+        grid.fill(&placed, margin * grid.scale);
+        grid
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and few")]
+    fn resize(&mut self, extent: DVec2) {
+        self.size = (extent * self.scale).to_array().map(|n| n as usize + 1);
+    }
+
+    /// Columns and rows of the cells that a rectangle overlaps.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
+    fn range(&self, (lo, hi): (DVec2, DVec2)) -> [Range<usize>; 2] {
+        let at = |p: DVec2, k: usize| ((p - self.lo) * self.scale)[k].max(0.0) as usize;
+        [0, 1].map(|k| at(lo, k).min(self.size[k] - 1)..at(hi, k).min(self.size[k] - 1) + 1)
+    }
+
+    /// Lists the triangles of each cell, in the order of the faces.
+    #[expect(clippy::cast_possible_truncation, reason = "MOST_OVERLAPS a triangle, and few of these")]
+    fn fill(&mut self, placed: &[Placed], margin: f64) {
+        let columns = self.size[0];
+        let each = |visit: &mut dyn FnMut(usize, Entry)| {
+            for (affine, [across, down]) in placed {
+                for (row, column) in down.clone().flat_map(|row| across.clone().map(move |k| (row, k))) {
+                    if let Some(entry) = affine.entry([column, row], margin) {
+                        visit(row * columns + column, entry);
+                    }
+                }
+            }
+        };
+        let mut counts = vec![0_usize; columns * self.size[1]];
+        each(&mut |cell, _| counts[cell] += 1);
+        let mut first = 0;
+        for count in &counts {
+            let listed = if *count > CROWD { 0 } else { *count };
+            self.cells.push([first as u32, if *count > CROWD { CROWDED } else { 0 }]);
+            first += listed;
+        }
+        let mut entries = vec![Entry::default(); first];
+        each(&mut |cell, entry| {
+            let [first, listed] = &mut self.cells[cell];
+            if *listed != CROWDED {
+                entries[(*first + *listed) as usize] = entry;
+                *listed += 1;
+            }
+        });
+        self.entries = entries;
+    }
+
+    /// Calls `visit` with every triangle that a place (m) may be on, and some near it, in the order of
+    /// the faces; false, without a call, where too many meet.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside of the grid")]
+    pub(super) fn each_at(&self, at: DVec2, mut visit: impl FnMut(FaceId)) -> bool {
+        let p = (at - self.lo) * self.scale;
+        let size = DVec2::from(self.size.map(|n| n as f64));
+        if !(p.min_element() >= 0.0 && p.x < size.x && p.y < size.y) {
+            return true;
+        }
+        let [column, row] = [p.x as usize, p.y as usize];
+        let [first, listed] = self.cells[row * self.size[0] + column];
+        if listed == CROWDED {
+            return false;
+        }
+        // Between 0 and 1: the slack of an entry covers the rounding.
+        let within = [(p.x - column as f64) as f32, (p.y - row as f64) as f32];
+        for entry in &self.entries[first as usize..(first + listed) as usize] {
+            if entry.may_hold(within) {
+                visit(entry.face);
+            }
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{
+        contact::soup,
+        mesh::{TriMesh, closest_point, shapes},
+    };
+
+    fn flat(mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
+        mesh.positions.map(|p| p.truncate())
+    }
+
+    /// Triangles that hold a place.
+    fn brute(mesh: &TriMesh, at: DVec2, margin: f64) -> Vec<FaceId> {
+        let plane = mesh.positions.map(|p| p.truncate().extend(0.0));
+        let squared = |face: FaceId| {
+            let ids = mesh.triangles[face];
+            closest_point(at.extend(0.0), ids.map(|v| plane[v]), ids).squared
+        };
+        mesh.triangles.ids().filter(|&face| squared(face) <= margin * margin).collect()
+    }
+
+    proptest! {
+        #![proptest_config(soup::fixed(300, 51))]
+
+        /// No triangle at a place is left out, be it a sliver, a point or far larger than the others.
+        #[test]
+        fn every_triangle_at_a_place_is_visited(
+            triangles in prop::collection::vec(soup::triangle(), 1..60),
+            scale in prop_oneof![Just(1e-6), Just(1.0), Just(1e6)],
+            large in prop::bool::ANY,
+            places in prop::collection::vec((any::<prop::sample::Index>(), 0.0_f64..1.0, 0.0_f64..1.0), 40),
+        ) {
+            let mut mesh = soup::mesh(&triangles);
+            if large {
+                mesh.positions[VertexId::new(0)] *= 200.0;
+            }
+            mesh.positions.iter_mut().for_each(|p| *p *= scale);
+            let margin = 1e-12 * scale;
+            let grid = PlaneGrid::new(&flat(&mesh), &mesh.triangles, margin);
+            for (face, s, t) in places {
+                let [a, b, c] = mesh.corners(FaceId::new(face.index(triangles.len())));
+                let at = (a * (1.0 - s.max(t)) + b * (s - t).abs() + c * s.min(t)).truncate();
+                let mut found = Vec::new();
+                let is_listed = grid.each_at(at, |face| found.push(face));
+                prop_assert!(is_listed || triangles.len() > CROWD);
+                for face in brute(&mesh, at, margin) {
+                    prop_assert!(!is_listed || found.contains(&face), "{face:?} at {at} in {found:?}");
+                }
+            }
+        }
+    }
+
+    /// On a map few triangles are left to be measured, and the grid is not much larger than the map.
+    #[test]
+    fn a_place_of_a_map_leaves_few_triangles() {
+        let mesh = shapes::lattice(60, 40, 0.004);
+        let grid = PlaneGrid::new(&flat(&mesh), &mesh.triangles, 1e-12);
+        let mut visited = 0;
+        for k in 0..1000_u32 {
+            let at = DVec2::new(0.1 + 0.1 * f64::from(k).sin(), 0.05 + 0.05 * f64::from(k).cos());
+            assert!(grid.each_at(at, |_| visited += 1));
+        }
+        assert!((900..1100).contains(&visited), "{visited} for 1000 places");
+        assert!(grid.entries.len() < 8 * mesh.triangles.len(), "{} entries", grid.entries.len());
+        assert!(grid.each_at(DVec2::splat(-1.0), |_| visited += 1) && visited < 1100);
+    }
+
+    /// Triangles that coincide, and many small ones under a large one, are built in no time.
+    #[test]
+    fn crowds_are_left_to_the_tree() {
+        let corners = shapes::triangle().positions;
+        let stacked = vec![[0, 1, 2].map(VertexId::new); 20_000];
+        let grid = PlaneGrid::new(&corners.map(|p| p.truncate()), &stacked.into(), 1e-12);
+        assert!(!grid.each_at(DVec2::splat(0.2), |_| ()) && grid.entries.is_empty());
+        let points = IdVec::from(vec![DVec2::ONE; 3]);
+        let grid = PlaneGrid::new(&points, &vec![[0, 1, 2].map(VertexId::new)].into(), 0.0);
+        let mut found = 0;
+        assert!(grid.each_at(DVec2::ONE, |_| found += 1) && found == 1, "a map that is one point");
+        assert!(grid.cells.len() < 10);
+    }
+}
