@@ -6,11 +6,13 @@
 //! ```
 //!
 //! Contacts lie 0 to 3 mm off the skin. A time is the mean over 2^13 contacts, of the fastest of nine
-//! passes for every 128 of them. Prints a table for each skin and size, and writes a picture of error
-//! against time to
+//! passes for every 128 of them. All levels of a contact count from an answer with its cell of level
+//! 0. Prints a table for each skin and size, and writes a picture of error against time to
 //! `meshes/coarse_to_fine.png`: the sizes of the first skin.
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used, reason = "a bench prints what it measured")]
 #![allow(clippy::cast_possible_truncation, reason = "shares of small numbers")]
+
+mod numbers;
 
 use std::{collections::BTreeMap, hint::black_box, time::Instant};
 
@@ -26,6 +28,7 @@ use dermatome::{
     skin::{AssembleOptions, Patch, Skin, assemble},
 };
 use glam::DVec3;
+use numbers::numbers;
 
 const CONTACTS: usize = 1 << 13;
 const PASSES: usize = 9;
@@ -98,13 +101,7 @@ fn halved(mesh: &TriMesh) -> TriMesh {
 
 /// Contacts 0 to 3 mm off the skin, in no order.
 fn contacts(map: &SkinMap, index: &ContactIndex) -> Vec<Query> {
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut number = move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut number = numbers();
     let patches: Vec<_> = map.patches.iter().collect();
     let poses = index.poses();
     let weights: Vec<usize> =
@@ -155,18 +152,38 @@ fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]
     let start = Instant::now();
     let index = ContactIndex::with(&map, &IndexOptions { levels: true, ..IndexOptions::default() }).unwrap();
     let with_levels = start.elapsed().as_secs_f64();
-    let contacts = contacts(&map, &index);
-    let exact: Vec<Hit> = contacts.iter().map(|&q| index.locate(q).unwrap()).collect();
-    let locate = time(&contacts, |&q| _ = black_box(plain.locate(q).unwrap()));
-    let cells = time(&exact, |hit| index.cells(hit).for_each(|cell| _ = black_box(cell)));
-    let mut cursor = Cursor::default();
-    let near: Vec<Query> = path(&exact);
-    let along = time(&near, |&q| _ = black_box(plain.locate_along(&mut cursor, q).unwrap()));
-    let batch = time(&[()], |()| _ = black_box(plain.locate_all(&contacts).unwrap())) / CONTACTS as f64;
     let found: usize = map.patches.iter().map(|p| p.levels[LevelId::new(0)].level.mesh.triangles.len()).sum();
     println!("\n{name}, {found} faces, index {seconds:.2} s, with levels {with_levels:.2} s");
-    let back = MapIndex::new(&map).unwrap();
+    let contacts = contacts(&map, &index);
+    let exact: Vec<Hit> = contacts.iter().map(|&q| index.locate(q).unwrap()).collect();
+    let locate = measure_exact(&map, &plain, &contacts, &exact);
+    println!(
+        "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm | refine ns | certified |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap();
+    for level in (1..levels).map(LevelId::new) {
+        let count =
+            |p: &dermatome::map::PatchMap| p.levels.get(level).map_or(0, |l| l.level.mesh.triangles.len());
+        print!("| {} | {} ", level.raw(), map.patches.iter().map(count).sum::<usize>());
+        let point = measure_level(&index, level, locate, &contacts, &exact);
+        curves.entry(level).or_default().push(point);
+    }
+}
+
+/// Exact answers, all levels of them, and the way back. Returns the time of an exact answer, in ns.
+fn measure_exact(map: &SkinMap, index: &ContactIndex, contacts: &[Query], exact: &[Hit]) -> f64 {
     let finest = LevelId::new(0);
+    let locate = time(contacts, |&q| _ = black_box(index.locate(q).unwrap()));
+    let one = time(contacts, |&q| _ = black_box(index.cell(&index.locate(q).unwrap(), finest)));
+    let all = time(contacts, |&q| {
+        index.cells(&index.locate(q).unwrap()).for_each(|cell| _ = black_box(cell));
+    });
+    let mut cursor = Cursor::default();
+    let near: Vec<Query> = path(exact);
+    let along = time(&near, |&q| _ = black_box(index.locate_along(&mut cursor, q).unwrap()));
+    let batch = time(&[()], |()| _ = black_box(index.locate_all(contacts).unwrap())) / CONTACTS as f64;
+    let back = MapIndex::new(map).unwrap();
     let on_map: Vec<_> =
         exact.iter().filter_map(|hit| Some((hit.patch, index.cell(hit, finest)?.uv))).collect();
     let mut places = Vec::new();
@@ -176,50 +193,48 @@ fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]
         black_box(&places);
     });
     println!(
-        "level 0: {locate:.0} ns, all levels +{cells:.0} ns; path {along:.0} ns; batch {batch:.0} ns; way back {way_back:.0} ns\n"
+        "level 0: {locate:.0} ns, with its cell {one:.0} ns, all levels +{:.0} ns; path {along:.0} ns; batch {batch:.0} ns; way back {way_back:.0} ns\n",
+        all - one
     );
+    locate
+}
+
+/// Answers of one level alone, compared with the exact ones. Returns their time in ns, and the 99th
+/// percentile of their error in mm.
+fn measure_level(
+    index: &ContactIndex,
+    level: LevelId,
+    locate: f64,
+    contacts: &[Query],
+    exact: &[Hit],
+) -> [f64; 2] {
+    let answers: Vec<Reactive> = contacts.iter().map(|&q| index.reactive(q, level).unwrap()).collect();
+    let reactive = time(contacts, |&q| _ = black_box(index.reactive(q, level).unwrap()));
+    let pairs: Vec<(Query, Reactive)> = contacts.iter().copied().zip(answers.iter().copied()).collect();
+    let refine = time(&pairs, |(q, answer)| _ = black_box(index.refine(*q, answer).unwrap()));
+    let certified = pairs.iter().filter(|(q, answer)| index.refine(*q, answer).unwrap().certified).count();
+    let bounds: Vec<f64> = answers.iter().map(|answer| answer.error).collect();
+    let errors = answers.iter().zip(exact).map(|(a, b)| (a.distance.abs() - b.distance.abs()).abs());
+    let errors: Vec<f64> = errors.collect();
+    assert!(errors.iter().zip(&bounds).all(|(error, bound)| *error <= bound + 1e-12), "every bound holds");
+    let percent = |count: usize| 100.0 * count as f64 / CONTACTS as f64;
+    let suffices = [0.002, 0.005, 0.01].map(|mm| percent(bounds.iter().filter(|b| **b <= mm).count()));
+    let (bound, error) = (spread(bounds), spread(errors));
     println!(
-        "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm | refine ns | certified |"
+        "| {reactive:.0} | {:.1} | {:.3}, {:.3}, {:.3} | {:.3}, {:.3}, {:.3} | {:.0} %, {:.0} %, {:.0} % | {refine:.0} | {:.0} % |",
+        locate / reactive,
+        bound[0],
+        bound[1],
+        bound[2],
+        error[0],
+        error[1],
+        error[2],
+        suffices[0],
+        suffices[1],
+        suffices[2],
+        percent(certified),
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
-    let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap();
-    for level in (1..levels).map(LevelId::new) {
-        let answers: Vec<Reactive> = contacts.iter().map(|&q| index.reactive(q, level).unwrap()).collect();
-        let reactive = time(&contacts, |&q| _ = black_box(index.reactive(q, level).unwrap()));
-        let pairs: Vec<(Query, Reactive)> = contacts.iter().copied().zip(answers.iter().copied()).collect();
-        let refine = time(&pairs, |(q, answer)| _ = black_box(index.refine(*q, answer).unwrap()));
-        let certified =
-            pairs.iter().filter(|(q, answer)| index.refine(*q, answer).unwrap().certified).count();
-        let bounds: Vec<f64> = answers.iter().map(|answer| answer.error).collect();
-        let errors = answers.iter().zip(&exact).map(|(a, b)| (a.distance.abs() - b.distance.abs()).abs());
-        let errors: Vec<f64> = errors.collect();
-        assert!(
-            errors.iter().zip(&bounds).all(|(error, bound)| *error <= bound + 1e-12),
-            "every bound holds"
-        );
-        let percent = |count: usize| 100.0 * count as f64 / CONTACTS as f64;
-        let suffices = [0.002, 0.005, 0.01].map(|mm| percent(bounds.iter().filter(|b| **b <= mm).count()));
-        let (bound, error) = (spread(bounds), spread(errors));
-        let count =
-            |p: &dermatome::map::PatchMap| p.levels.get(level).map_or(0, |l| l.level.mesh.triangles.len());
-        println!(
-            "| {} | {} | {reactive:.0} | {:.1} | {:.3}, {:.3}, {:.3} | {:.3}, {:.3}, {:.3} | {:.0} %, {:.0} %, {:.0} % | {refine:.0} | {:.0} % |",
-            level.raw(),
-            map.patches.iter().map(count).sum::<usize>(),
-            locate / reactive,
-            bound[0],
-            bound[1],
-            bound[2],
-            error[0],
-            error[1],
-            error[2],
-            suffices[0],
-            suffices[1],
-            suffices[2],
-            percent(certified),
-        );
-        curves.entry(level).or_default().push([reactive, error[1]]);
-    }
+    [reactive, error[1]]
 }
 
 /// Contacts that follow each other: each hit and three steps of half a millimetre from it.

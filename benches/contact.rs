@@ -2,6 +2,8 @@
 //! index.
 #![allow(missing_docs, clippy::unwrap_used, reason = "benches")]
 
+mod numbers;
+
 use std::{hint::black_box, time::Duration};
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
@@ -11,6 +13,7 @@ use dermatome::{
     mesh::{TriMesh, shapes},
 };
 use glam::{DVec2, DVec3};
+use numbers::numbers;
 
 const RADIUS: f64 = 0.1;
 const HALF_ANGLE: f64 = 1.92;
@@ -22,17 +25,6 @@ const CONTACTS: usize = 1 << 15;
 /// A map of one patch and one level; the map positions do not matter here.
 fn flat(mesh: TriMesh) -> SkinMap {
     SkinMap::flat(mesh, 0.001)
-}
-
-/// Numbers in [0, 1) that are the same in every run.
-fn numbers() -> impl FnMut() -> f64 {
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    }
 }
 
 fn at(polar: f64, turn: f64, height: f64) -> DVec3 {
@@ -66,8 +58,8 @@ fn contacts(c: &mut Criterion) {
         let index = ContactIndex::new(&map).unwrap();
         let mut group = c.benchmark_group(format!("contact/{faces}"));
         group
-            .warm_up_time(Duration::from_millis(300))
-            .measurement_time(Duration::from_secs(1))
+            .warm_up_time(Duration::from_millis(100))
+            .measurement_time(Duration::from_millis(500))
             .sample_size(10);
         let scattered = scattered(CONTACTS);
         group.bench_function("single", |b| {

@@ -7,8 +7,10 @@ use std::{collections::HashMap, fs, path::PathBuf};
 
 use assert_cmd::Command;
 use dermatome::{
+    contact::{ContactError, ContactIndex},
     io::write_map,
-    mesh::shapes,
+    map::SkinMap,
+    mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     skin::{Link, Patch, Skin},
 };
@@ -224,4 +226,80 @@ fn a_file_without_a_map_is_refused() {
         let run = lookup(&folder, "x,y,z\n0,0,0.9\n", &[]);
         assert!(run.code == 2 && run.error.contains("map.glb"), "{bad}: {}", run.error);
     }
+}
+
+/// The map of a mesh seen from above, as a file.
+fn flat(mesh: TriMesh) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_map(&folder.path().join("map.glb"), &SkinMap::flat(mesh, 1e-3)).unwrap();
+    folder
+}
+
+/// Triangles that are a side or a point are never nearer than one with an area.
+#[test]
+fn triangles_without_area_are_not_hit_first() {
+    let mut mesh = shapes::lattice(6, 5, 0.01);
+    let [a, b, c] = mesh.triangles.as_slice()[0];
+    let [pa, pb, pc] = [a, b, c].map(|v| mesh.positions[v]);
+    for corners in [[pa, pa.midpoint(pb), pb], [pc; 3]] {
+        let corners = corners.map(|p| mesh.positions.push(p));
+        mesh.triangles.push(corners);
+    }
+    let first = u32::try_from(mesh.triangles.len()).unwrap() - 2;
+    let folder = tempfile::tempdir().unwrap();
+    let map = SkinMap::flat(mesh, 1e-3);
+    if write_map(&folder.path().join("map.glb"), &map).is_err() {
+        // A writer may refuse them; the library answers all the same.
+        let index = ContactIndex::new(&map).unwrap();
+        for k in 0..50 {
+            let q = DVec3::new(0.001 * f64::from(k), 0.0005 * f64::from(k), 0.002);
+            let hit = index.locate(q).unwrap();
+            assert!(hit.point.face.raw() < first && hit.normal == DVec3::Z, "{hit:?}");
+        }
+        return;
+    }
+    let rows: String =
+        (0..50).map(|k| format!("{},{},0.002\n", 0.001 * f64::from(k), 0.0005 * f64::from(k))).collect();
+    let run = lookup(&folder, &format!("x,y,z\n{rows}"), LEVEL_0);
+    assert_eq!((run.code, run.rows.len()), (0, 50), "{}", run.error);
+    for row in 0..50 {
+        assert!(
+            run.number(row, "face") < f64::from(first) && run.number(row, "nz") == 1.0,
+            "{:?}",
+            run.rows[row]
+        );
+    }
+}
+
+/// Thousands of triangles at one place: the first is the answer, there and back, in no time.
+#[test]
+fn triangles_at_one_place_are_answered() {
+    let corners: Vec<DVec3> = shapes::triangle().positions.iter().copied().collect();
+    let stacked = (0..1000).flat_map(|_| corners.iter().map(|p| *p * 0.1)).collect();
+    let triangles: Vec<_> = (0_u32..1000).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let folder = flat(TriMesh::from_arrays(stacked, &triangles));
+    let run = lookup(
+        &folder,
+        "x,y,z\n0.02,0.02,0.001\n-1,0.3,0.2\n1e9,0,0\n",
+        &["--level", "0", "--max-distance", "inf"],
+    );
+    assert_eq!((run.code, run.rows.len()), (0, 3), "{}", run.error);
+    assert!((0..3).all(|row| run.rows[row]["face"] == "0"), "{:?}", run.rows);
+    assert!((run.number(2, "distance").abs() / 1e9 - 1.0).abs() < 1e-6);
+    let back = lookup(&folder, "level,u,v\n0,0.02,0.02\n0,-0.5,0.02\n", &["--from-map"]);
+    assert_eq!((back.code, back.rows.len()), (0, 2), "{}", back.error);
+    assert!((back.number(0, "x") - 0.02).abs() < 1e-9 && back.number(0, "off_chart") == 0.0);
+    assert!((back.number(1, "off_chart") - 0.5).abs() < 1e-9);
+}
+
+#[test]
+fn skins_without_a_patch_are_refused() {
+    assert!(matches!(ContactIndex::new(&SkinMap::default()), Err(ContactError::NoSkin)));
+    let mut empty = SkinMap::flat(shapes::square(), 1e-3);
+    let patch = empty.patches.iter_mut().next().unwrap();
+    patch.levels.iter_mut().for_each(|map| map.level.mesh = TriMesh::default());
+    assert!(ContactIndex::new(&empty).is_err());
+    let folder = folder();
+    let run = lookup(&folder, "x,y,z\n", LEVEL_0);
+    assert_eq!((run.code, run.rows.len()), (0, 0), "no contact, no answer: {}", run.error);
 }

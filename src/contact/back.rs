@@ -9,14 +9,14 @@ use glam::{DVec2, DVec3};
 use crate::{
     contact::{
         Cell, ContactError, ContactIndex,
-        cell::PatchCells,
+        cell::{OwnFace, PatchCells},
         geometry::pseudo_normal,
         plane_grid::PlaneGrid,
         search::{Best, LARGEST, Packing, PatchBvh, Search},
     },
-    id::{FaceId, IdVec},
+    id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, SkinMap},
-    mesh::{Closest, SurfacePoint, TriMesh},
+    mesh::{Closest, Feature, SurfacePoint, TriMesh, closest_point},
     parallel::par_map,
     pyramid::LevelId,
     skin::{LinkId, PatchId},
@@ -39,13 +39,14 @@ pub struct MapIndex {
 struct IndexedMap {
     link: LinkId,
     levels: IdVec<LevelId, Sheet>,
-    cells: PatchCells,
 }
 
 /// The map of a level.
 #[derive(Debug, Clone)]
 struct Sheet {
     grid: PlaneGrid,
+    /// What the answer reads of each face, side by side.
+    faces: IdVec<FaceId, SheetFace>,
     /// The triangles of the map at height 0.
     tree: PatchBvh,
     /// The level itself, whose faces they are.
@@ -54,6 +55,15 @@ struct Sheet {
     /// What counts as on the map, and as the same point, in m.
     on_chart: f64,
     same_point: f64,
+}
+
+#[derive(Debug, Clone)]
+struct SheetFace {
+    own: OwnFace,
+    /// Its corners as vertices of the tree.
+    places: [VertexId; 3],
+    /// And in space, in m.
+    corners: [DVec3; 3],
 }
 
 /// A place on the map of a level, and the point of the surface that it shows.
@@ -81,17 +91,23 @@ impl MapIndex {
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
         map.validate()?;
         let patches = par_map(map.patches.as_slice(), |patch| {
-            let level = |map: &crate::map::MapLevel| {
+            let cells = PatchCells::without_rows(patch);
+            let level = |(id, map): (LevelId, &crate::map::MapLevel)| {
                 let mesh = map.level.mesh.clone();
                 let plane =
                     TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: map.corners().clone() };
                 let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
                 let grid = PlaneGrid::new(&map.uv, map.corners(), on_chart);
-                Ok(Sheet { grid, tree, mesh, frame: map.frame, on_chart, same_point })
+                let face = |f: FaceId| {
+                    let (places, corners) = (plane.triangles[f], mesh.corners(f));
+                    cells.own_face(id, f).map(|own| SheetFace { own, places, corners })
+                };
+                let faces = mesh.triangles.ids().filter_map(face).collect();
+                Ok(Sheet { grid, faces, tree, mesh, frame: map.frame, on_chart, same_point })
             };
-            let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?.into();
-            Ok(IndexedMap { link: patch.link, levels, cells: PatchCells::without_rows(patch) })
+            let levels = patch.levels.enumerate().map(level).collect::<Result<Vec<_>, ContactError>>()?;
+            Ok(IndexedMap { link: patch.link, levels: levels.into() })
         });
         Ok(Self { patches: patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into() })
     }
@@ -127,14 +143,15 @@ impl MapIndex {
         }
         let first = found.len();
         let is_listed = sheet.grid.each_at(uv, |face| {
-            let closest = sheet.tree.measure(point, face);
+            let SheetFace { own, places, .. } = &sheet.faces[face];
+            let closest = closest_point(point, own.uv.map(|uv| uv.extend(0.0)), *places);
             if closest.squared <= sheet.on_chart * sheet.on_chart {
-                found.extend(sheet.place(map, (patch, level), face, closest, 0.0));
+                found.push(sheet.place(map, (patch, level), face, closest, 0.0));
             }
         });
         if !is_listed {
             sheet.tree.each_around(point, sheet.on_chart, |face, closest| {
-                found.extend(sheet.place(map, (patch, level), face, closest, 0.0));
+                found.push(sheet.place(map, (patch, level), face, closest, 0.0));
             });
         }
         if found.len() > first {
@@ -152,7 +169,7 @@ impl MapIndex {
         } else {
             let mut best = None;
             Search::new(&sheet.tree, patch, point).run(&mut best);
-            let nearest = best.and_then(|Best { face, closest, .. }| {
+            let nearest = best.map(|Best { face, closest, .. }| {
                 sheet.place(map, (patch, level), face, closest, closest.squared.sqrt())
             });
             found.extend(nearest);
@@ -169,12 +186,16 @@ impl Sheet {
         face: FaceId,
         Closest { barycentric, feature, .. }: Closest,
         off_chart: f64,
-    ) -> Option<MapPlace> {
+    ) -> MapPlace {
         let point = SurfacePoint { face, barycentric };
-        let normal = pseudo_normal(&self.tree.corners, &self.mesh, face, feature).normalize_or_zero();
-        let position = self.mesh.point(&point);
-        let cell = map.cells.own_cell(level, &point)?;
-        Some(MapPlace { patch, link: map.link, off_chart, cell, position, normal })
+        let SheetFace { own, corners: [a, b, c], .. } = &self.faces[face];
+        let normal = match feature {
+            Feature::Inside => (*b - *a).cross(*c - *a),
+            _ => pseudo_normal(&self.tree.corners, &self.mesh, face, feature),
+        };
+        let position = *a * barycentric[0] + *b * barycentric[1] + *c * barycentric[2];
+        let (cell, normal) = (own.cell(level, point, &self.frame), normal.normalize_or_zero());
+        MapPlace { patch, link: map.link, off_chart, cell, position, normal }
     }
 }
 

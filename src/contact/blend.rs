@@ -6,11 +6,8 @@ use glam::{DAffine3, DVec3};
 use crate::{
     contact::search::LARGEST,
     id::{IdVec, VertexId},
-    skin::LinkId,
+    skin::{Joints, LinkId},
 };
-
-/// The links that a vertex follows, and how much; weights that are 0 have no effect.
-type Joints = [(LinkId, f64); 4];
 
 /// How the vertices of a patch follow links.
 #[derive(Debug, Clone)]

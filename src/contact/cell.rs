@@ -80,6 +80,7 @@ impl FieldWeights {
     }
 
     /// The sums of the weights of each field of three parts.
+    #[inline(always)]
     fn merged([a, b, c]: [Part; 3]) -> Self {
         let mut sum =
             Self { len: 0, fields: [VertexId::default(); MOST_FIELDS], weights: [0.0; MOST_FIELDS] };
@@ -127,15 +128,15 @@ pub(super) struct Anchor {
 
 impl Anchor {
     /// `None` if the mesh does not have the face.
+    #[inline]
     pub(super) fn new(mesh: &TriMesh, at: &SurfacePoint) -> Option<Self> {
         let corners = *mesh.triangles.get(at.face)?;
-        let here = mesh.point(at);
-        let key = |v: &VertexId| (mesh.positions[*v].distance_squared(here), *v);
-        let nearer = |a: &VertexId, b: &VertexId| {
-            let ((a, first), (b, second)) = (key(a), key(b));
-            a.total_cmp(&b).then(first.cmp(&second))
-        };
-        let nearest = corners.into_iter().min_by(nearer)?;
+        let [a, b, c] = corners.map(|v| mesh.positions[v]);
+        let here = a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2];
+        let away = [a, b, c].map(|p| p.distance_squared(here));
+        let is_nearer = |k: usize, than: usize| (away[k], corners[k]) < (away[than], corners[than]);
+        let first = usize::from(is_nearer(1, 0));
+        let nearest = corners[if is_nearer(2, first) { 2 } else { first }];
         Some(Self { at: *at, corners, nearest })
     }
 }
@@ -191,6 +192,25 @@ struct Row {
     weights: [f64; 3],
     /// See [`MapLevel::row_faces`].
     face: FaceId,
+}
+
+/// A face of a level: its corners in their order, where they lie on its map (m), and the taxels that they are.
+#[derive(Debug, Clone)]
+pub(super) struct OwnFace {
+    fields: [VertexId; 3],
+    taxels: [TaxelId; 3],
+    pub(super) uv: [DVec2; 3],
+}
+
+impl OwnFace {
+    /// The cell of a point of the face.
+    pub(super) fn cell(&self, level: LevelId, point: SurfacePoint, frame: &ImageFrame) -> Cell {
+        let [a, b, c] = point.barycentric;
+        let weights = FieldWeights::merged([0, 1, 2].map(|k| single((self.fields[k], point.barycentric[k]))));
+        let (uv, field) = (self.uv[0] * a + self.uv[1] * b + self.uv[2] * c, weights.strongest());
+        let corner = self.fields.iter().position(|other| *other == field).unwrap_or_default();
+        Cell { level, point, uv, pixel: frame.pixel(uv), field, taxel: self.taxels[corner], weights }
+    }
 }
 
 impl Corners {
@@ -249,6 +269,7 @@ impl PatchCells {
     }
 
     /// The cell of a point of level 0.
+    #[inline]
     pub(super) fn cell(&self, level: LevelId, anchor: &Anchor) -> Option<Cell> {
         let Anchor { at, corners, nearest } = anchor;
         let cells = self.levels.get(level)?;
@@ -275,14 +296,21 @@ impl PatchCells {
 
     /// The cell of a point on a level's own mesh; its fields are the corners of its face.
     pub(super) fn own_cell(&self, level: LevelId, at: &SurfacePoint) -> Option<Cell> {
+        let face = self.own_face(level, at.face)?;
+        Some(face.cell(level, *at, &self.levels[level].frame))
+    }
+
+    /// A face of a level's own mesh.
+    pub(super) fn own_face(&self, level: LevelId, face: FaceId) -> Option<OwnFace> {
         let cells = self.levels.get(level)?;
-        let triangle = cells.triangles.get(at.face)?;
-        let corners = triangle.in_face(triangle.fields);
-        let weights = FieldWeights::merged([0, 1, 2].map(|k| single((corners[k], at.barycentric[k]))));
-        let uv = cells.cut.as_ref().map(|cut| {
-            cut.triangles[at.face].iter().zip(at.barycentric).map(|(&place, w)| cut.uv[place] * w).sum()
-        });
-        Some(cells.cell(level, *at, weights, uv))
+        let triangle = cells.triangles.get(face)?;
+        let fields = triangle.in_face(triangle.fields);
+        let uv = cells.cut.as_ref().map(|cut| cut.triangles[face].map(|place| cut.uv[place]));
+        Some(OwnFace {
+            fields,
+            taxels: fields.map(|field| cells.fields[field].taxel),
+            uv: uv.unwrap_or_else(|| fields.map(|field| cells.fields[field].uv)),
+        })
     }
 
     /// Vendor id of the taxel at the centre of a field that exists.
@@ -326,6 +354,7 @@ impl LevelCells {
     }
 
     /// The cell at a point; its map position is the mean of the fields' if `uv` is not known.
+    #[inline(always)]
     fn cell(&self, level: LevelId, point: SurfacePoint, weights: FieldWeights, uv: Option<DVec2>) -> Cell {
         let mean = || weights.iter().map(|(field, weight)| self.fields[field].uv * weight).sum();
         let (uv, field) = (uv.unwrap_or_else(mean), weights.strongest());

@@ -123,6 +123,11 @@ impl ContactIndex {
             links[patch.link].patches.push(id);
         }
         let mut index = Self { links, patches, boxes: PosedBoxes::default(), options: *options };
+        for (id, patch) in map.patches.enumerate() {
+            if let Some(joints) = &patch.taxels.joints {
+                index.blend(id, joints)?;
+            }
+        }
         index.update_posed_boxes();
         Ok(index)
     }
@@ -365,9 +370,10 @@ impl ContactIndex {
     pub fn cells(&self, hit: &Hit) -> impl Iterator<Item = Cell> + '_ {
         let found = self.patches.get(hit.patch);
         let found = found.and_then(|patch| Some((patch, Anchor::new(&patch.tree.mesh, &hit.point)?)));
-        found.into_iter().flat_map(|(patch, anchor)| {
-            let levels = (0..patch.cells.len()).map(LevelId::new);
-            levels.filter_map(move |level| patch.cells.cell(level, &anchor))
+        let levels = found.map_or(0, |(patch, _)| patch.cells.len());
+        (0..levels).filter_map(move |level| {
+            let (patch, anchor) = found.as_ref()?;
+            patch.cells.cell(LevelId::new(level), anchor)
         })
     }
 }

@@ -6,11 +6,8 @@ use crate::{
     contact::{ContactError, ContactIndex, blend::Blend},
     id::{IdVec, VertexId},
     pyramid::LevelId,
-    skin::{LinkId, Motion, MotionFrame, PatchId},
+    skin::{Joints, LinkId, Motion, MotionFrame, PatchId, scaled_joints},
 };
-
-/// How far weights may be from a sum of 1 before they are scaled to it: files hold them in 8 bits.
-const SUM_TOLERANCE: f64 = 0.02;
 
 impl ContactIndex {
     /// Moves the links to where a motion has them at a time (s). Links without poses keep the one
@@ -30,7 +27,8 @@ impl ContactIndex {
         self.set_links(pose)
     }
 
-    /// Lets the vertices of a patch follow up to four links each from now on (linear blend skinning):
+    /// Lets the vertices of a patch follow up to four links each from now on (linear blend skinning), as
+    /// those of a map with [joints](crate::skin::Taxels::joints) do from the start:
     /// a vertex moves to the mean of where its links take it, by their weights. Moving links fits the
     /// patch's tree to its vertices; that costs some 50 ns a vertex. Coarse levels of such a patch are
     /// not searched alone: level 0 gives their [reactive](Self::reactive) answers.
@@ -40,11 +38,7 @@ impl ContactIndex {
     /// # Errors
     /// If there is no such patch, not one row per vertex of its level 0, a link does not exist, or the
     /// weights of a vertex are negative, not finite or do not sum to 1 within 0.02.
-    pub fn blend(
-        &mut self,
-        id: PatchId,
-        joints: &IdVec<VertexId, [(LinkId, f64); 4]>,
-    ) -> Result<(), ContactError> {
+    pub fn blend(&mut self, id: PatchId, joints: &IdVec<VertexId, Joints>) -> Result<(), ContactError> {
         let Some(patch) = self.patches.get(id) else {
             return Err(ContactError::NoMap { patch: id, level: LevelId::new(0) });
         };
@@ -56,14 +50,13 @@ impl ContactIndex {
         let links = self.links.len();
         let mut scaled = joints.clone();
         for (vertex, row) in joints.enumerate() {
-            let sum: f64 = row.iter().map(|joint| joint.1).sum();
-            let is_wrong = |(joint, weight): &(LinkId, f64)| {
-                weight.is_nan() || *weight < 0.0 || (*weight > 0.0 && joint.index() >= links)
-            };
-            if row.iter().any(is_wrong) || sum.is_nan() || (sum - 1.0).abs() > SUM_TOLERANCE {
-                return Err(ContactError::Joints { patch: id, vertex, joints: *row, links });
-            }
-            scaled[vertex] = row.map(|(joint, weight)| (joint, weight / sum));
+            let is_known = |row: &Joints| row.iter().all(|joint| joint.0.index() < links);
+            scaled[vertex] = scaled_joints(row).filter(is_known).ok_or(ContactError::Joints {
+                patch: id,
+                vertex,
+                joints: *row,
+                links,
+            })?;
         }
         let own = self.links[patch.link].pose.pose();
         let blend = Blend {

@@ -6,7 +6,8 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::MeshError,
     skin::{
-        Animation, Covariance, Link, LinkId, Presence, Remark, RemarkKind, SkinError, TaxelError, TaxelId,
+        Animation, Covariance, Joints, Link, LinkId, Presence, Remark, RemarkKind, SkinError, TaxelError,
+        TaxelId,
     },
 };
 
@@ -70,6 +71,8 @@ pub struct Sheet {
     pub modules: Option<Vec<u32>>,
     /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
     pub covariances: Option<Vec<Covariance>>,
+    /// The links that each taxel follows; `None`: the sheet's.
+    pub joints: Option<Vec<Joints>>,
 }
 
 impl Draft {
@@ -180,6 +183,7 @@ impl Sheet {
             ("weights", self.weights.as_ref().map(Vec::len)),
             ("presence", self.presence.as_ref().map(Vec::len)),
             ("covariances", self.covariances.as_ref().map(Vec::len)),
+            ("joints", self.joints.as_ref().map(Vec::len)),
             ("modules", self.modules.as_ref().map(Vec::len)),
         ];
         let mut given = lengths.into_iter().filter_map(|(what, n)| Some((what, n?)));
@@ -254,6 +258,7 @@ impl Sheet {
             presence: self.presence.as_ref().map(|x| pick(x, kept)),
             modules: self.modules.as_ref().map(|x| pick(x, kept)),
             covariances: self.covariances.as_ref().map(|x| pick(x, kept)),
+            joints: self.joints.as_ref().map(|x| pick(x, kept)),
         }
     }
 }

@@ -67,6 +67,7 @@ pub use patch::{Patch, PatchId, Skin};
 pub(crate) use patch::{check_links, check_patches};
 pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
 pub(crate) use tangents::{in_tangent_plane, tangents_along};
-pub use taxels::{Presence, TaxelError, TaxelId, Taxels};
+pub(crate) use taxels::scaled_joints;
+pub use taxels::{Joints, Presence, TaxelError, TaxelId, Taxels};
 pub use triangulate::triangulate_taxels;
 pub use weld::Weld;

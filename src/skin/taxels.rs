@@ -12,6 +12,7 @@ use crate::{
     id::{IdVec, VertexId},
     mesh::TriMesh,
     numeric::Covariance,
+    skin::LinkId,
 };
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
@@ -97,6 +98,35 @@ pub struct Taxels {
     pub presence: IdVec<VertexId, Presence>,
     /// How uncertain the positions are, in the link's frame; `None`: unknown.
     pub covariances: Option<IdVec<VertexId, Covariance>>,
+    /// The links that each taxel follows; `None`: all are fixed to the link of their patch.
+    pub joints: Option<IdVec<VertexId, Joints>>,
+}
+
+/// Up to four links that a point follows, and how much: it moves to the mean of where they take it, by
+/// their weights (linear blend skinning). Weights are at least 0 with sum 1; one that is 0 has no effect.
+pub type Joints = [(LinkId, f64); 4];
+
+/// How far the weights of [`Joints`] may be from a sum of 1 before they are scaled to it: files hold
+/// them in 8 bits.
+const JOINTS_TOLERANCE: f64 = 0.02;
+
+/// Joints whose weights have the sum 1, none of them twice, the others 0; `None` if a weight is negative or
+/// not a number, or the sum is another one.
+pub(crate) fn scaled_joints(joints: &Joints) -> Option<Joints> {
+    let sum: f64 = joints.iter().map(|joint| joint.1).sum();
+    // Also true for NaN.
+    if !(joints.iter().all(|joint| joint.1 >= 0.0) && (sum - 1.0).abs() <= JOINTS_TOLERANCE) {
+        return None;
+    }
+    let mut scaled: Joints = [(LinkId::default(), 0.0); 4];
+    let mut count = 0;
+    for &(link, weight) in joints.iter().filter(|joint| joint.1 > 0.0) {
+        let known = scaled[..count].iter().position(|other| other.0 == link);
+        let slot = known.unwrap_or(count);
+        count = count.max(slot + 1);
+        scaled[slot] = (link, scaled[slot].1 + weight / sum);
+    }
+    Some(scaled)
 }
 
 /// Normals and tangents go through `f32` in files, which keeps seven digits: lengths, and the cosine
@@ -122,6 +152,7 @@ impl Taxels {
             acuities: None,
             presence: IdVec::filled(Presence::Present, mesh.positions.len()),
             covariances: None,
+            joints: None,
         }
     }
 
@@ -138,6 +169,7 @@ impl Taxels {
             ("areas", self.areas.len()),
             ("presence", self.presence.len()),
             ("covariances", self.covariances.as_ref().map_or(vertices, IdVec::len)),
+            ("joints", self.joints.as_ref().map_or(vertices, IdVec::len)),
         ];
         if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != vertices) {
             return Err(TaxelError::Length { what, found, needed: vertices });
@@ -158,6 +190,10 @@ impl Taxels {
             if !is_tangent {
                 return Err(TaxelError::Tangent { vertex, length, along });
             }
+        }
+        let mut joints = self.joints.iter().flat_map(IdVec::enumerate);
+        if let Some((vertex, &found)) = joints.find(|(_, joints)| scaled_joints(joints).is_none()) {
+            return Err(TaxelError::Joints { vertex, found });
         }
         let mut covariances = self.covariances.iter().flat_map(IdVec::enumerate);
         match covariances.find(|(_, c)| !is_covariance(c)) {
@@ -220,6 +256,7 @@ impl Taxels {
             acuities: self.acuities.as_ref().map(|a| origins.map(|&v| a[v])),
             presence: origins.map(|&v| self.presence[v]),
             covariances: self.covariances.as_ref().map(|c| origins.map(|&v| c[v])),
+            joints: self.joints.as_ref().map(|all| origins.map(|&v| all[v])),
         }
     }
 
@@ -331,6 +368,14 @@ pub enum TaxelError {
         vertex: VertexId,
         /// The acuity found.
         found: f64,
+    },
+    /// Weights of joints that are negative, not finite or do not have the sum 1.
+    #[error("vertex {vertex} follows {found:?}; weights of at least 0 with sum 1 are needed")]
+    Joints {
+        /// The vertex.
+        vertex: VertexId,
+        /// Links and weights found.
+        found: Joints,
     },
     /// A matrix that is not the covariance of a position.
     #[error(

@@ -280,7 +280,8 @@ impl<'a> Accessor<'a> {
         mut convert: impl FnMut([u8; B]) -> T,
     ) -> Result<Vec<[T; N]>> {
         let kind = self.gltf.dimensions();
-        let wanted = [Dimensions::Scalar, Dimensions::Vec2, Dimensions::Vec3, Dimensions::Vec4][N - 1];
+        let wanted = [Dimensions::Scalar, Dimensions::Vec2, Dimensions::Vec3, Dimensions::Vec4];
+        let wanted = wanted.get(N - 1).copied().unwrap_or(Dimensions::Mat4);
         if kind != wanted {
             return Err(self.invalid(format!("type {}", kind_name(kind)), kind_name(wanted)));
         }

@@ -60,6 +60,8 @@ pub(super) struct Document {
     pub(super) transforms: Vec<Transform>,
     /// The animations as the file states them, unchecked.
     pub(super) animations: serde_json::Value,
+    /// The skins, unchecked too.
+    pub(super) skins: serde_json::Value,
     chunk: Option<Range<usize>>,
     /// The names of the materials.
     pub(super) materials: Vec<String>,
@@ -91,7 +93,7 @@ impl Document {
         let (text, chunk) = split_chunks(&source, &notes)?;
         let text = &source.bytes()[text];
         check_marks(&source, text)?;
-        let Parsed { root, transforms, animations, materials } = guard::parse(&source, text, &notes)?;
+        let Parsed { root, transforms, animations, skins, materials } = guard::parse(&source, text, &notes)?;
         check_version(&source, &root)?;
         Ok(Self {
             is_quantized: check_extensions(&source, &root, &notes)?,
@@ -101,6 +103,7 @@ impl Document {
             gltf: gltf::Document::from_json_without_validation(root),
             transforms,
             animations,
+            skins,
             chunk,
             files: RefCell::default(),
             views: RefCell::default(),

@@ -8,8 +8,8 @@
 //! - A scene needs no list of nodes: it gets an empty one.
 //! - Transforms of nodes are `f32` there, which would move links given in decimals: [`Transform`]
 //!   keeps `f64`.
-//! - A fault in a material or a texture would refuse the file: materials, skins and cameras are
-//!   only counted.
+//! - A fault in a material or a texture would refuse the file: materials and cameras are
+//!   only counted, animations and skins checked where they are read.
 //! - An accessor, view, buffer or mesh that is broken is an error when it is used, not before; what
 //!   touches no triangle is noted ([`Notes`]).
 
@@ -87,6 +87,8 @@ pub(super) struct Parsed {
     pub transforms: Vec<Transform>,
     /// The animations, unchecked, since a skin does without them.
     pub animations: Value,
+    /// The skins, unchecked.
+    pub skins: Value,
     /// The names of the materials; one without a name is called `material` and its number.
     pub materials: Vec<String>,
 }
@@ -103,6 +105,7 @@ pub(super) fn parse(source: &Source, text: &[u8], notes: &Notes) -> Result<Parse
         return Err(source.invalid("JSON", "no object", NEEDED));
     };
     let animations = document.remove("animations").unwrap_or_default();
+    let skins = document.remove(SKINS.0).unwrap_or_default();
     let name = |(i, material): (usize, &Value)| {
         material.get("name").and_then(Value::as_str).map_or_else(|| format!("material {i}"), str::to_owned)
     };
@@ -156,7 +159,7 @@ pub(super) fn parse(source: &Source, text: &[u8], notes: &Notes) -> Result<Parse
     if root.buffers.is_empty() && !root.buffer_views.is_empty() {
         root.buffers.push(guard.typed("buffers", json!({"byteLength": 0}))?);
     }
-    Ok(Parsed { root, transforms, animations, materials })
+    Ok(Parsed { root, transforms, animations, skins, materials })
 }
 
 /// Rewrites whole numbers that are not negative as integers, also those written `1.0` or `10e-1`.
@@ -420,7 +423,7 @@ fn elements_of<'a>(json: &'a mut Value, key: &str) -> &'a mut [Value] {
 
 /// Whether a skin needs an attribute: the others are looks, or are computed where they are wrong.
 pub(super) fn is_needed(attribute: &str) -> bool {
-    const OF_TAXELS: [&str; 8] = [
+    const OF_TAXELS: [&str; 10] = [
         "_TAXEL_ID",
         "_AREA",
         "_DENSITY",
@@ -429,6 +432,8 @@ pub(super) fn is_needed(attribute: &str) -> bool {
         "_PRESENT",
         "_COVARIANCE_0",
         "_COVARIANCE_1",
+        "_JOINTS",
+        "_JOINT_WEIGHTS",
     ];
     attribute == "POSITION" || OF_TAXELS.contains(&attribute)
 }

@@ -16,6 +16,7 @@ mod animation;
 mod document;
 mod extras;
 mod guard;
+mod joints;
 mod nodes;
 mod notes;
 mod primitive;

@@ -36,6 +36,8 @@ pub(super) struct Placement {
     pub(super) name: String,
     /// What the node's transform has besides the link's rigid frame: scale, or a mirror.
     pub(super) stretch: Option<DMat3>,
+    /// The skin that joins the mesh to its joints.
+    pub(super) skin: Option<usize>,
 }
 
 #[derive(Debug, Default)]
@@ -52,7 +54,7 @@ pub(super) struct Tree {
 /// and without a transform of its own belongs to the link above it. (Cameras and lights at the ends
 /// are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
 /// skinned to joints ignores its node's transform, as glTF has it, and lies in its bind pose on a
-/// link at the origin.
+/// link of its own at the origin, unless [`Binding`](super::joints::Binding) knows better.
 ///
 /// The scene is the default scene, else the first. A file without scenes is a library: its root
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
@@ -128,7 +130,8 @@ impl Nodes<'_> {
             // A skinned mesh ignores the transform of its node.
             let skinned = node.skin.as_ref().map(|_| NodeFrame::at_origin(tree, node.name.clone()));
             let (frame, name) = (skinned.unwrap_or(frame), self.patch_name(i, mesh));
-            tree.placements.push(Placement { mesh, link: frame.link, name, stretch: frame.stretch });
+            let (link, stretch, skin) = (frame.link, frame.stretch, node.skin.map(|skin| skin.value()));
+            tree.placements.push(Placement { mesh, link, name, stretch, skin });
         }
     }
 
@@ -150,7 +153,7 @@ fn place_library(document: &Document, tree: &mut Tree) {
     for (mesh, json) in root.meshes.iter().enumerate().filter(|(i, _)| !carried.contains(i)) {
         let frame = *origin.get_or_insert_with(|| NodeFrame::at_origin(tree, None));
         let name = json.name.clone().unwrap_or_else(|| format!("mesh {mesh}"));
-        tree.placements.push(Placement { mesh, link: frame.link, name, stretch: None });
+        tree.placements.push(Placement { mesh, link: frame.link, name, stretch: None, skin: None });
     }
 }
 

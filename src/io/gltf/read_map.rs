@@ -20,6 +20,7 @@ use crate::{
             animation::read_animations,
             document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
+            joints::read_own_joints,
             nodes::read_node_tree,
             notes::Notes,
             primitive::{Attributes, Shape},
@@ -68,7 +69,7 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     let mut map =
         SkinMap { animations: read_animations(document, &tree).0, links: tree.links, ..SkinMap::default() };
     for patch in found {
-        map.patches.push(read_patch(document, &links, patch)?);
+        map.patches.push(read_patch(document, (&links, &tree.nodes), patch)?);
     }
     map.validate().map_err(|source| IoError::Map { path: path.into(), source })?;
     for patch in map.patches.iter_mut() {
@@ -115,7 +116,11 @@ fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>> {
     Ok(patches)
 }
 
-fn read_patch(document: &Document, links: &BTreeMap<usize, LinkId>, patch: PatchFound) -> Result<PatchMap> {
+fn read_patch(
+    document: &Document,
+    (links, nodes): (&BTreeMap<usize, LinkId>, &[Option<LinkId>]),
+    patch: PatchFound,
+) -> Result<PatchMap> {
     let Some(&link) = patch.levels.first().and_then(|(mesh, _)| links.get(mesh)) else {
         let (found, needed) = ("no node in the default scene", "a node that carries its level 0");
         return Err(document.invalid(format!("patch {:?}", patch.name), found, needed));
@@ -123,7 +128,7 @@ fn read_patch(document: &Document, links: &BTreeMap<usize, LinkId>, patch: Patch
     let mut taxels = Taxels::default();
     let mut levels = IdVec::<LevelId, MapLevel>::new();
     for (mesh, extras) in &patch.levels {
-        levels.push(read_level(document, *mesh, extras, &mut taxels)?);
+        levels.push(read_level(document, (*mesh, extras), nodes, &mut taxels)?);
     }
     let sizes: Vec<_> = levels.iter().map(|map| map.level.mesh.positions.len()).collect();
     for (number, (_, extras)) in levels.ids().zip(&patch.levels) {
@@ -157,8 +162,8 @@ fn read_patch(document: &Document, links: &BTreeMap<usize, LinkId>, patch: Patch
 /// The mesh and the map of one level, not yet measured nor joined; level 0 fills in the taxels.
 fn read_level(
     document: &Document,
-    index: usize,
-    extras: &LevelExtras,
+    (index, extras): (usize, &LevelExtras),
+    nodes: &[Option<LinkId>],
     taxels: &mut Taxels,
 ) -> Result<MapLevel> {
     let name = format!("{}/L{}", extras.patch, extras.level);
@@ -192,6 +197,7 @@ fn read_level(
             acuities: attributes.scalars("_ACUITY")?.map(IdVec::from),
             presence: presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from),
             covariances: read_covariances(&attributes)?.map(IdVec::from),
+            joints: read_own_joints(&attributes, nodes)?.map(IdVec::from),
         };
     }
     let whole = MapLevel {

@@ -15,6 +15,7 @@ use crate::{
             animation::read_animations,
             document::Document,
             extras::LevelExtras,
+            joints::{Binding, Followed},
             nodes::{Placement, read_node_tree},
             notes::Notes,
             primitive::{Attributes, Shape, check_morphs},
@@ -29,12 +30,21 @@ use crate::{
 /// The primitives of a mesh become one sheet; points next to triangles, and lines, are passed over. `_TAXEL_ID` may be
 /// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2), `_WEIGHT`
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
-/// of a mesh or to none. Joints, weights, materials and morph targets are checked but not kept; a
-/// `map.glb` reads as the skin it is a map of.
+/// of a mesh or to none, as do the joints of a mesh that is skinned. Materials and morph targets are
+/// checked but not kept; a `map.glb` reads as the skin it is a map of.
 pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
     let stem = source.stem();
     let document = Document::new(source, Notes::new(false))?;
-    let tree = read_node_tree(&document)?;
+    let mut tree = read_node_tree(&document)?;
+    let mut bindings = Vec::new();
+    for placement in &tree.placements {
+        bindings.push(Binding::of(&document, &tree, placement)?);
+    }
+    for (placement, binding) in tree.placements.iter().zip(&bindings) {
+        if let Some(Binding { pose, .. }) = binding {
+            tree.links[placement.link].pose = *pose;
+        }
+    }
     let (animations, others) = read_animations(&document, &tree);
     let left_out = |(name, reason): (String, IoError)| {
         let kind = RemarkKind::AnimationLeftOut { reason: reason.to_string() };
@@ -45,8 +55,9 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
     for shape in [Shape::Triangles, Shape::Points] {
         if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
             draft.sheets.clear();
-            for placement in &tree.placements {
-                draft.sheets.extend(read_sheet(&document, placement, shape, parts)?);
+            for (placement, binding) in tree.placements.iter().zip(&bindings) {
+                let followed = Followed { nodes: &tree.nodes, binding: binding.as_ref() };
+                draft.sheets.extend(read_sheet(&document, placement, &followed, (shape, parts))?);
             }
         }
     }
@@ -68,8 +79,8 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
 fn read_sheet(
     document: &Document,
     placement: &Placement,
-    shape: Shape,
-    parts: ReadParts,
+    followed: &Followed<'_>,
+    (shape, parts): (Shape, ReadParts),
 ) -> Result<Option<Sheet>> {
     let mesh = &document.root().meshes[placement.mesh];
     check_morphs(document, placement.mesh, mesh)?;
@@ -88,7 +99,7 @@ fn read_sheet(
             Some(&start) => start,
             None => {
                 let start = sheet.positions.len();
-                append_vertices(&attributes, &mut sheet, starts.is_empty())?;
+                append_vertices(&attributes, followed, &mut sheet, starts.is_empty())?;
                 if parts.texture {
                     let part = attributes.read("TEXCOORD_0", |a| a.reals(DVec2::from_array))?;
                     if join(&mut texture, part, starts.is_empty()).is_err() {
@@ -139,7 +150,12 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) {
     if whole.is_empty() { *whole = part } else { whole.append(&mut part) }
 }
 
-fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) -> Result<()> {
+fn append_vertices(
+    attributes: &Attributes<'_>,
+    followed: &Followed<'_>,
+    sheet: &mut Sheet,
+    first: bool,
+) -> Result<()> {
     append(&mut sheet.positions, attributes.positions()?);
     let all_or_none = |name: &str, joined: Result<(), &str>| {
         let needed = "the attribute in every primitive of the mesh, or in none";
@@ -154,6 +170,7 @@ fn append_vertices(attributes: &Attributes<'_>, sheet: &mut Sheet, first: bool) 
     all_or_none("_DENSITY", join(&mut sheet.densities, attributes.scalars("_DENSITY")?, first))?;
     all_or_none("_WEIGHT", join(&mut sheet.weights, attributes.scalars("_WEIGHT")?, first))?;
     all_or_none("_COVARIANCE_0", join(&mut sheet.covariances, read_covariances(attributes)?, first))?;
+    all_or_none("JOINTS_0", join(&mut sheet.joints, followed.joints(attributes)?, first))?;
 
     // A primitive without normals is flat by the rules of glTF, so its triangles know better.
     for (all, part) in

@@ -31,8 +31,8 @@ use crate::{
 /// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
 /// image, `TANGENT` with `w` 1 the tangents of the taxels that the vertices are, `_AREA` the receptive
 /// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16:
-/// low, high), `_PRESENT`, and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1` where they
-/// are known. The mesh's `extras.dermatome` holds the names of patch and level, the
+/// low, high), `_PRESENT`, and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1`, `_JOINTS` and
+/// `_JOINT_WEIGHTS` where they are known. The mesh's `extras.dermatome` holds the names of patch and level, the
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
 /// vertices of level 0 that its vertices are. Where a map is cut, the mesh has the vertices of the
 /// seam once for each of their places, and `unsplit` is the accessor of the vertex of the level that

@@ -21,7 +21,7 @@ use crate::{
         gltf::writer::{Form, SceneWriter, Stored, narrow},
     },
     mesh::TriMesh,
-    skin::{Covariance, Skin, TaxelId, Taxels},
+    skin::{Covariance, Joints, LinkId, Skin, TaxelId, Taxels, scaled_joints},
 };
 
 /// Writes a skin as one file, binary or, if it ends in `gltf`, text with the arrays in a data URI: a
@@ -30,7 +30,8 @@ use crate::{
 /// Tangents become `TANGENT` with `w` 1, ids `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
 /// (1/m^2), weights `_WEIGHT`, acuities `_ACUITY`, presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
-/// yz, zz), in m^2. Everything is rounded to `f32`.
+/// yz, zz), in m^2. Joints become `_JOINTS` (VEC4 of u16: the nodes of the links) and `_JOINT_WEIGHTS`. Everything
+/// is rounded to `f32`.
 pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
     if skin.patches.is_empty() {
         return Err(unfit(path, "the skin", "no patch", "at least one"));
@@ -121,7 +122,24 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
             self.positive("_ACUITY", acuities)?;
         }
         self.insert("_PRESENT", taxels.presence.iter().map(|&p| [p.code()]));
+        if let Some(joints) = &taxels.joints {
+            self.joints(joints)?;
+        }
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
+    }
+
+    /// The links that taxels follow, by the numbers of their nodes, which are the first of a file in
+    /// the order of the links; those without weight are 0.
+    fn joints(&mut self, joints: &IdVec<VertexId, Joints>) -> Result<()> {
+        let most = joints.iter().flatten().filter(|joint| joint.1 > 0.0).map(|joint| joint.0).max();
+        if let Some(link) = most.filter(|link| u16::try_from(link.raw()).is_err()) {
+            return Err(self.unfit(format!("a taxel that follows link {link}"), "less than 2^16 links"));
+        }
+        let rows: Vec<_> = joints.iter().map(|row| scaled_joints(row).unwrap_or(*row)).collect();
+        let number = |(link, _): (LinkId, f64)| u16::try_from(link.raw()).unwrap_or_default();
+        self.insert("_JOINTS", rows.iter().map(|row| row.map(number)));
+        self.insert("_JOINT_WEIGHTS", rows.iter().map(|row| row.map(|joint| narrow(joint.1))));
+        Ok(())
     }
 
     /// Unit normals and tangents; `n x t` is the bitangent, so `w` is 1.

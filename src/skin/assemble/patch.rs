@@ -62,9 +62,10 @@ pub(super) fn patch_of(
     let demands = densities_and_weights(sheet, &vertices);
     let [densities, weights] = demands.map_err(|source| SkinError::Taxels { patch: name.clone(), source })?;
     let covariances = sheet.covariances.as_ref().map(|c| vertices.iter().map(|v| c[v.index()]).collect());
+    let joints = sheet.joints.as_ref().map(|all| vertices.iter().map(|v| all[v.index()]).collect());
     let acuities = None;
     let taxels =
-        Taxels { ids, normals, tangents, areas, densities, weights, acuities, presence, covariances };
+        Taxels { ids, normals, tangents, areas, densities, weights, acuities, presence, covariances, joints };
     let filled = mesh.triangles.len() - own;
     Ok(Patch { name, link, mesh, filled, taxels })
 }

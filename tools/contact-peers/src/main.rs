@@ -11,6 +11,8 @@
 
 mod engines;
 mod mesh;
+#[path = "../../../benches/numbers/mod.rs"]
+mod numbers;
 
 use std::{hint::black_box, path::Path, time::Instant};
 

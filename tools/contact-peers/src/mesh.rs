@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use dermatome::{contact::{ContactIndex, IndexOptions}, map::SkinMap, mesh::TriMesh};
 use glam::DVec3;
 
-use crate::Error;
+use crate::{Error, numbers::numbers};
 
 pub struct Mesh {
     pub positions: Vec<DVec3>,
@@ -77,17 +77,6 @@ impl Mesh {
             contacts.push((at + normal * (0.001 + 0.0001 * number())).as_vec3().to_array());
         }
         Ok(contacts)
-    }
-}
-
-/// Numbers in [0, 1) that are the same in every run.
-fn numbers() -> impl FnMut() -> f64 {
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 

@@ -1,0 +1,288 @@
+//! Joints and weights of files: a tube that bends between two links, from glTF to answers.
+#![cfg(feature = "cli")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_possible_truncation,
+    reason = "a test may stop at the first surprise"
+)]
+
+#[allow(dead_code, reason = "other tests use the rest")]
+mod gltf_files;
+
+use std::{fmt::Write as _, fs};
+
+use assert_cmd::Command;
+use dermatome::{
+    contact::{ContactIndex, Query},
+    id::{IdVec, VertexId},
+    io::{read_draft, read_map, write_map, write_skin},
+    map::SkinMap,
+    mesh::{TriMesh, shapes},
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    skin::{AssembleOptions, Joints, LinkId, PatchId, Skin, assemble},
+};
+use glam::{DAffine3, DQuat, DVec3};
+use gltf_files::{Glb, f32s, u16s};
+use serde_json::json;
+use tempfile::TempDir;
+
+/// How the file stores weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Stored {
+    Floats,
+    Bytes,
+    Shorts,
+}
+
+/// How much a point follows the lower link, which begins in the middle.
+fn share(z: f64) -> f64 {
+    ((z - 0.08) / 0.04).clamp(0.0, 1.0)
+}
+
+fn tube() -> TriMesh {
+    shapes::tube(16, 24, 0.02, 0.2)
+}
+
+/// The tube on the joints `upper` and, below it, `lower`; the mesh was bound in the pose of the nodes.
+fn file(stored: Stored) -> Glb {
+    let mesh = tube();
+    let mut glb = Glb::square();
+    glb.json["accessors"] = json!([]);
+    glb.json["bufferViews"] = json!([]);
+    glb.bin.clear();
+    let count = mesh.positions.len();
+    let positions: Vec<f32> = mesh.positions.iter().flat_map(|p| p.as_vec3().to_array()).collect();
+    let bound = |pick: fn(f32, f32) -> f32, from: f32| {
+        (0..3).map(|k| positions.iter().skip(k).step_by(3).copied().fold(from, pick)).collect::<Vec<_>>()
+    };
+    let (lo, hi) = (bound(f32::min, f32::INFINITY), bound(f32::max, f32::NEG_INFINITY));
+    let position = glb.array(5126, "VEC3", count, &f32s(&positions));
+    glb.json["accessors"][position]["min"] = json!(lo);
+    glb.json["accessors"][position]["max"] = json!(hi);
+    let corners: Vec<u16> =
+        mesh.triangles.iter().flatten().map(|v| u16::try_from(v.raw()).unwrap()).collect();
+    let indices = glb.array(5123, "SCALAR", corners.len(), &u16s(&corners));
+    let shares: Vec<[f64; 4]> =
+        mesh.positions.iter().map(|p| [1.0 - share(p.z), share(p.z), 0.0, 0.0]).collect();
+    let whole = |one: f64| shares.iter().flatten().map(move |w| (w * one).round());
+    let joints = glb.array(5121, "VEC4", count, &[0, 1, 0, 0].repeat(count));
+    let weights = match stored {
+        Stored::Floats => {
+            let floats: Vec<f32> = shares.iter().flatten().map(|w| *w as f32).collect();
+            glb.array(5126, "VEC4", count, &f32s(&floats))
+        }
+        Stored::Bytes => glb.array(5121, "VEC4", count, &whole(255.0).map(|w| w as u8).collect::<Vec<_>>()),
+        Stored::Shorts => {
+            glb.array(5123, "VEC4", count, &u16s(&whole(65535.0).map(|w| w as u16).collect::<Vec<_>>()))
+        }
+    };
+    if stored != Stored::Floats {
+        glb.json["accessors"][weights]["normalized"] = json!(true);
+    }
+    // The lower joint begins at a height of 0.1.
+    let columns = |z: f32| [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., z, 1.];
+    let inverse = glb.array(5126, "MAT4", 2, &f32s(&[columns(0.0), columns(-0.1)].concat()));
+    glb.json["skins"] = json!([{"joints": [0, 1], "inverseBindMatrices": inverse}]);
+    glb.json["nodes"] = json!([
+        {"name": "upper", "children": [1]},
+        {"name": "lower", "translation": [0, 0, 0.1]},
+        {"name": "tube", "mesh": 0, "skin": 0, "translation": [7, 7, 7]},
+    ]);
+    glb.json["scenes"] = json!([{"nodes": [0, 2]}]);
+    let attributes = json!({"POSITION": position, "JOINTS_0": joints, "WEIGHTS_0": weights});
+    glb.json["meshes"][0]["primitives"][0] = json!({"attributes": attributes, "indices": indices});
+    glb
+}
+
+fn skin(glb: &Glb, folder: &TempDir) -> Skin {
+    let draft = read_draft(&glb.write(folder.path())).unwrap();
+    assemble(&draft, &AssembleOptions::default()).unwrap().skin
+}
+
+/// The map as its file holds it.
+fn map(skin: &Skin, folder: &TempDir) -> SkinMap {
+    let path = folder.path().join("map.glb");
+    write_map(&path, &build(skin, &BuildOptions::default()).unwrap()).unwrap();
+    read_map(&path).unwrap()
+}
+
+fn level_0(map: &SkinMap) -> &TriMesh {
+    &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh
+}
+
+fn assert_shares(joints: &IdVec<VertexId, Joints>, positions: &IdVec<VertexId, DVec3>, rounding: f64) {
+    for (joints, p) in joints.iter().zip(positions) {
+        let of = |link: usize| {
+            let joints = joints.iter().filter(|joint| joint.0 == LinkId::new(link));
+            joints.map(|joint| joint.1).sum::<f64>()
+        };
+        assert!((of(0) + of(1) - 1.0).abs() < 1e-6, "{joints:?}");
+        assert!((of(1) - share(p.z)).abs() < rounding, "{joints:?} at {p}");
+    }
+}
+
+fn distance_to_triangle(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let to_segment = |a: DVec3, b: DVec3| {
+        let t = ((q - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        q.distance(a.lerp(b, t))
+    };
+    let n = (b - a).cross(c - a).normalize();
+    let p = q - n * (q - a).dot(n);
+    let inside = [(a, b), (b, c), (c, a)].iter().all(|(a, b)| (*b - *a).cross(p - *a).dot(n) >= 0.0);
+    if inside { q.distance(p) } else { to_segment(a, b).min(to_segment(b, c)).min(to_segment(c, a)) }
+}
+
+/// Distance of a point from the blended mesh, by every triangle.
+fn brute(mesh: &TriMesh, q: DVec3) -> f64 {
+    mesh.triangles.ids().map(|f| distance_to_triangle(q, mesh.corners(f))).fold(f64::INFINITY, f64::min)
+}
+
+/// The links of the tube, the lower one turned by an angle about x.
+fn turned(map: &SkinMap, angle: f64) -> IdVec<LinkId, DAffine3> {
+    let bent = DAffine3::from_rotation_translation(DQuat::from_rotation_x(angle), DVec3::Z * 0.1);
+    map.links.enumerate().map(|(id, link)| if id == LinkId::new(1) { bent } else { link.pose }).collect()
+}
+
+/// The mesh as glTF moves it: each joint takes a vertex as far as it has moved since the mesh was bound.
+fn blended(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>) -> TriMesh {
+    let rest = turned(map, 0.0);
+    let joints = map.patches[PatchId::new(0)].taxels.joints.as_ref().unwrap();
+    let mesh = level_0(map);
+    let place = |(v, p): (VertexId, &DVec3)| {
+        let part = |&(j, w): &(LinkId, f64)| w * (poses[j] * rest[j].inverse()).transform_point3(*p);
+        joints[v].iter().map(part).sum()
+    };
+    TriMesh { positions: mesh.positions.enumerate().map(place).collect(), ..mesh.clone() }
+}
+
+fn contacts() -> Vec<DVec3> {
+    let at = |k: u32| {
+        let k = f64::from(k);
+        DVec3::new(0.03 * (1.7 * k).sin(), 0.06 * (0.9 * k).cos(), 0.09 + 0.09 * (0.53 * k).sin())
+    };
+    (0..60).map(at).collect()
+}
+
+#[test]
+fn joints_are_read_kept_and_written() {
+    for (stored, rounding) in [(Stored::Floats, 1e-6), (Stored::Bytes, 0.003), (Stored::Shorts, 2e-5)] {
+        let folder = tempfile::tempdir().unwrap();
+        let skin = skin(&file(stored), &folder);
+        let patch = &skin.patches[PatchId::new(0)];
+        assert_eq!(skin.links[patch.link].pose, DAffine3::IDENTITY, "the pose of its node has no effect");
+        assert_shares(patch.taxels.joints.as_ref().unwrap(), &patch.mesh.positions, rounding);
+        let map = map(&skin, &folder);
+        assert_shares(
+            map.patches[PatchId::new(0)].taxels.joints.as_ref().unwrap(),
+            &level_0(&map).positions,
+            rounding,
+        );
+        // Skins keep them too, and a map is a skin.
+        let path = folder.path().join("again.glb");
+        write_skin(&path, &skin).unwrap();
+        for path in [path, folder.path().join("map.glb")] {
+            let again = assemble(&read_draft(&path).unwrap(), &AssembleOptions::default()).unwrap().skin;
+            let patch = &again.patches[PatchId::new(0)];
+            assert_shares(patch.taxels.joints.as_ref().unwrap(), &patch.mesh.positions, rounding);
+        }
+    }
+}
+
+#[test]
+fn contacts_on_the_bent_tube_are_those_of_the_blended_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = map(&skin(&file(Stored::Shorts), &folder), &folder);
+    let mut index = ContactIndex::new(&map).unwrap();
+    for angle in [0.0, 0.4, 1.2] {
+        let poses = turned(&map, angle);
+        index.set_poses(&poses).unwrap();
+        let mesh = blended(&map, &poses);
+        for q in contacts() {
+            let hit = index.locate(Query::from(q)).unwrap();
+            assert!((hit.distance.abs() - brute(&mesh, q)).abs() < 1e-12, "bent by {angle}, from {q}");
+            assert!(mesh.point(&hit.point).distance(hit.position) < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn the_command_poses_the_tube() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = map(&skin(&file(Stored::Floats), &folder), &folder);
+    let turn = DQuat::from_rotation_x(0.8);
+    let poses =
+        format!("link,x,y,z,qx,qy,qz,qw\nlower,0,0,0.1,{},{},{},{}\n", turn.x, turn.y, turn.z, turn.w);
+    let mut table = "x,y,z\n".to_owned();
+    contacts().iter().for_each(|q| writeln!(table, "{},{},{}", q.x, q.y, q.z).unwrap());
+    fs::write(folder.path().join("poses.csv"), poses).unwrap();
+    fs::write(folder.path().join("in.csv"), table).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    command.current_dir(&folder).args(["lookup", "map.glb", "in.csv", "--pose", "poses.csv", "--level", "0"]);
+    let output = command.args(["--max-distance", "inf"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut reader = csv::Reader::from_reader(output.stdout.as_slice());
+    let at = reader.headers().unwrap().iter().position(|name| name == "distance").unwrap();
+    let mesh = blended(&map, &turned(&map, 0.8));
+    let distances: Vec<f64> = reader.records().map(|row| row.unwrap()[at].parse().unwrap()).collect();
+    assert_eq!(distances.len(), contacts().len());
+    for (found, q) in distances.iter().zip(contacts()) {
+        assert!((found.abs() - brute(&mesh, q)).abs() < 1e-9, "{found} from {q}");
+    }
+}
+
+#[test]
+fn wrong_joints_and_weights_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let attribute = |glb: &Glb, name: &str| {
+        usize::try_from(glb.json["meshes"][0]["primitives"][0]["attributes"][name].as_u64().unwrap()).unwrap()
+    };
+    let start = |glb: &Glb, accessor: usize| {
+        usize::try_from(glb.json["bufferViews"][accessor]["byteOffset"].as_u64().unwrap()).unwrap()
+    };
+    let broken = |name: &str, row: usize, bytes: &[u8]| {
+        let mut glb = file(Stored::Floats);
+        let size = if name == "JOINTS_0" { 4 } else { 16 };
+        let at = start(&glb, attribute(&glb, name)) + row * size;
+        glb.bin[at..at + bytes.len()].copy_from_slice(bytes);
+        glb
+    };
+    for (glb, expected) in [
+        (broken("JOINTS_0", 5, &[9, 1, 0, 0]), "joint 9 of vertex 5"),
+        (broken("WEIGHTS_0", 3, &f32s(&[0.5, 0.0, 0.0, 0.0])), "of vertex 3"),
+        (broken("WEIGHTS_0", 4, &f32s(&[1.5, -0.5, 0.0, 0.0])), "of vertex 4"),
+        (broken("WEIGHTS_0", 6, &f32s(&[f32::NAN, 0.0, 0.0, 0.0])), "NaN or infinity in row 6"),
+        (broken("WEIGHTS_0", 7, &f32s(&[0.0; 4])), "of vertex 7"),
+    ] {
+        let error = read_draft(&glb.write(folder.path())).unwrap_err().to_string();
+        assert!(error.contains(expected) && error.contains("skin.glb"), "{error}");
+    }
+    // What has no weight may be any number, and weights may be rounded.
+    let glb = broken("JOINTS_0", 0, &[0, 1, 200, 200]);
+    assert!(skin(&glb, &folder).patches[PatchId::new(0)].taxels.joints.is_some());
+    let glb = broken("WEIGHTS_0", 0, &f32s(&[0.99, 0.0, 0.0, 0.0]));
+    let joints = skin(&glb, &folder).patches[PatchId::new(0)].taxels.joints.clone().unwrap();
+    assert!(joints.iter().all(|row| (row.iter().map(|joint| joint.1).sum::<f64>() - 1.0).abs() < 1e-12));
+}
+
+/// Files that show another pose than the bind pose, or joints that do not exist, are read without joints.
+#[test]
+fn joints_away_from_the_bind_pose_are_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = || file(Stored::Floats);
+    for glb in [
+        file().with("/nodes/1/translation", json!([0, 0, 0.2])),
+        file().with("/skins/0/joints", json!([0, 77])),
+        file().with("/skins/0", json!({})),
+    ] {
+        let draft = read_draft(&glb.write(folder.path())).unwrap();
+        assert!(draft.sheets[0].joints.is_none());
+        assert!(draft.remarks.iter().any(|r| r.kind.to_string().contains("skin 0")), "{:?}", draft.remarks);
+    }
+    // Both joints moved by the same: so is the mesh.
+    let glb = file().with("/nodes/0/translation", json!([1, 2, 3]));
+    let skin = skin(&glb, &folder);
+    let patch = &skin.patches[PatchId::new(0)];
+    assert!(patch.taxels.joints.is_some());
+    assert!(skin.links[patch.link].pose.translation.distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-6);
+}
