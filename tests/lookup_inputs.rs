@@ -254,7 +254,7 @@ fn triangles_without_area_are_not_hit_first() {
         for k in 0..50 {
             let q = DVec3::new(0.001 * f64::from(k), 0.0005 * f64::from(k), 0.002);
             let hit = index.locate(q).unwrap();
-            assert!(hit.point.face.raw() < first && hit.normal == DVec3::Z, "{hit:?}");
+            assert!(hit.point.face.raw() < first && hit.normal.distance(DVec3::Z) < 1e-12, "{hit:?}");
         }
         return;
     }
@@ -264,19 +264,19 @@ fn triangles_without_area_are_not_hit_first() {
     assert_eq!((run.code, run.rows.len()), (0, 50), "{}", run.error);
     for row in 0..50 {
         assert!(
-            run.number(row, "face") < f64::from(first) && run.number(row, "nz") == 1.0,
+            run.number(row, "face") < f64::from(first) && (run.number(row, "nz") - 1.0).abs() < 1e-12,
             "{:?}",
             run.rows[row]
         );
     }
 }
 
-/// Thousands of triangles at one place: the first is the answer, there and back, in no time.
+/// Hundreds of triangles at one place: the first is the answer, there and back, in no time.
 #[test]
 fn triangles_at_one_place_are_answered() {
     let corners: Vec<DVec3> = shapes::triangle().positions.iter().copied().collect();
-    let stacked = (0..1000).flat_map(|_| corners.iter().map(|p| *p * 0.1)).collect();
-    let triangles: Vec<_> = (0_u32..1000).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let stacked = (0..300).flat_map(|_| corners.iter().map(|p| *p * 0.1)).collect();
+    let triangles: Vec<_> = (0_u32..300).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
     let folder = flat(TriMesh::from_arrays(stacked, &triangles));
     let run = lookup(
         &folder,

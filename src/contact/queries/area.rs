@@ -151,7 +151,8 @@ impl ContactIndex {
         let query = query.into();
         self.check(0, &query)?;
         let mut hits: Vec<FieldHit> = Vec::new();
-        let mut found = Vec::new();
+        // Room for what is left of a walk as a rule: growing step by step takes longer than the rest of it.
+        let mut found = Vec::with_capacity(64);
         self.each_points(&query, level, f64::INFINITY, |id, points, q| {
             let farthest = |hits: &[FieldHit]| match hits.last() {
                 Some(last) if hits.len() >= count => last.distance,
