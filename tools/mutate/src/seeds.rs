@@ -46,8 +46,11 @@ const SEEDS: &[&str] = &[
     "seams.csv",
 ];
 
-/// Makes the files; returns their names and contents.
-pub(crate) fn make_seeds(command: &Path, folder: &Path) -> Result<Vec<(String, Vec<u8>)>, Box<dyn Error>> {
+/// The name of a file and its content.
+pub(crate) type Seed = (String, Vec<u8>);
+
+/// Makes the files.
+pub(crate) fn make_seeds(command: &Path, folder: &Path) -> Result<Vec<Seed>, Box<dyn Error>> {
     fs::write(folder.join("cap.obj"), cap()?)?;
     fs::write(
         folder.join("contacts.csv"),
