@@ -16,9 +16,9 @@ const LARGEST: f64 = 1e12;
 pub struct Distortion {
     /// Triangles whose map is mirrored or has no area.
     pub flips: usize,
-    /// Places where the map overlaps itself: pairs of boundary edges that cross or touch, and
-    /// vertices about which the map winds more than once. A map without flips and crossings is one
-    /// to one.
+    /// Places where the map overlaps itself: pairs of boundary edges that cross or touch (counted
+    /// up to a million), and vertices about which the map winds more than once. A map without flips
+    /// and crossings is one to one.
     pub crossings: usize,
     /// Mean `s1/s2`, 1 at a conformal map.
     pub qc_mean: f64,

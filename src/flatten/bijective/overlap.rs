@@ -8,7 +8,10 @@ use glam::DVec2;
 
 use crate::{
     flatten::{
-        bijective::{crossings::boundary_crossings, orientation::orientation},
+        bijective::{
+            crossings::{boundary_crosses_itself, boundary_crossings},
+            orientation::orientation,
+        },
         domain::elements::Uv,
         domain::flatten_domain::FlattenDomain,
     },
@@ -54,13 +57,13 @@ pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     // A disk's only loop is the outer one, even where it runs across itself.
     loops.len() == 1
         || (loops.iter().filter(is_outer).count() == 1
-            && loops.iter().all(|walk| is_outer(&walk) || boundary_crossings(&loop_edges(walk), uv) == 0))
+            && loops.iter().all(|walk| is_outer(&walk) || !boundary_crosses_itself(&loop_edges(walk), uv)))
 }
 
 /// Whether a map without flips and branch points is one to one.
 pub(crate) fn is_one_to_one(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     let edges: Vec<[VertexId; 2]> = domain.disk.boundary_edges().collect();
-    keeps_holes(domain, uv) && boundary_crossings(&edges, uv) == 0
+    keeps_holes(domain, uv) && !boundary_crosses_itself(&edges, uv)
 }
 
 fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {
