@@ -962,6 +962,21 @@ proptest::proptest! {
     }
 }
 
+/// One that f32 would turn over, though the map does not.
+#[test]
+fn a_needle_of_a_map_is_written_upright() {
+    let mut map = map();
+    let level = &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)];
+    let [a, b, c] = level.level.mesh.triangles[dermatome::id::FaceId::new(0)];
+    level.uv[c] = level.uv[a] + (level.uv[b] - level.uv[a]).perp() * 1e-13;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.glb");
+    write_map(&path, &map).unwrap();
+    let read = read_map_bytes(&fs::read(&path).unwrap()).unwrap();
+    let uv = &read.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)].uv;
+    assert!((uv[b] - uv[a]).perp_dot(uv[c] - uv[a]) > 0.0, "{} {} {}", uv[a], uv[b], uv[c]);
+}
+
 /// What the writer cannot tell a reader, it says instead of writing it.
 #[test]
 fn what_no_file_can_hold_is_refused_before_anything_is_written() {
@@ -1000,14 +1015,14 @@ fn what_no_file_can_hold_is_refused_before_anything_is_written() {
         &|map| palm(map).level.to_finest.as_mut().unwrap().weights[VertexId::new(3)] = [2.0, -1.0, 0.0],
         &["palm/L1", "to_finest", "row 3"],
     );
-    // A triangle so thin on the map that f32 cannot tell two of its corners apart.
+    // A map so small in its image that f32 cannot tell its corners apart.
     write(
         &|map| {
-            let level = palm(map);
-            let [a, b, c] = level.level.mesh.triangles[dermatome::id::FaceId::new(0)];
-            level.uv[c] = level.uv[a] + (level.uv[b] - level.uv[a]).perp() * 1e-13;
+            let level = &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(0)];
+            let middle = level.uv[VertexId::new(0)];
+            level.uv.iter_mut().for_each(|p| *p = middle + (*p - middle) * 1e-12);
         },
-        &["palm/L1", "face", "map area"],
+        &["palm/L0", "face", "map area"],
     );
 }
 
