@@ -32,8 +32,8 @@
 //!    fails, the map winds twice about a vertex, a hole is not a hole or its energy is beyond 50:
 //!    the outer loop on a circle and holes closed by a vertex each (`(tutte1963)`), which cannot
 //!    flip in exact arithmetic, solved again with springs that are stiff where the map is too large
-//!    (`(yoshizawa2004)`). From a start that is still bad, faces flatter than a tenth, a hundredth,
-//!    a thousandth are minimised as if they were so high first: needles would stop every step.
+//!    (`(yoshizawa2004)`). From a start that is still bad, faces flatter than a hundredth, then a
+//!    thousandth are minimised as if they were so high first: needles would stop every step.
 //! 3. **Minimise** by projected Newton: the Hessian of each face, clamped to be positive
 //!    semi-definite along its four known eigenvectors (`(smith2019)`, `(teran2005)`), a step below
 //!    the first collapse of a face (`(smith2015)`), a line search. Up to 10 000 vertices systems

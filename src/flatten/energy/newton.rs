@@ -31,7 +31,7 @@ const HELD_BACK: f64 = 1e-3;
 const LINEAR: f64 = 0.1;
 
 /// Decrement over the energy at which such a minimisation ends, which would take hundreds of steps
-/// to a smaller one (200 at 4400 vertices of a head); the energy changes by some 1e-9 in all of them.
+/// to a smaller one (200 at 4400 vertices of a head).
 const LINEAR_DECREMENT: f64 = 1e-10;
 
 /// Decrement over the energy at which the minimisation ends even so.

@@ -28,12 +28,12 @@ const SOLVES: usize = 8;
 /// Solves with more energy than the least so far before the end.
 const WORSE: usize = 2;
 
-/// Solves with springs by edges at most, where equal springs leave faces without area. Tubes and thin
-/// plates of CAD, a thousand of whose faces have none at first, need 3 and are best after 6 to 9.
+/// Solves with springs by edges at most, where equal springs leave faces without area. Of two thin
+/// plates of CAD, a thousand of whose faces have none at first, the third solve is the first with
+/// areas and the fifth the best.
 const EDGE_SOLVES: usize = 16;
 
-/// Exponent of the stretch by which the spring of an edge gets stiffer: with 1 the springs swing, and
-/// faces of the same plates collapse again.
+/// Exponent of the stretch by which the spring of an edge gets stiffer.
 const EDGE_DAMPING: f64 = 0.5;
 
 /// Length of a spring in units, at least: some vertices lie on one another.
