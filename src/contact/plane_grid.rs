@@ -89,7 +89,7 @@ impl Affine {
         let slack: f64 =
             rows.iter().map(|row| (margin + ROUNDING) * size(row) + ROUNDING * (row.z.abs() + 1.0)).sum();
         // Slivers and triangles without area may hold every place.
-        if !(slack * 2.0 < f64::from(f32::MAX)) {
+        if slack.is_nan() || slack * 2.0 >= f64::from(f32::MAX) {
             return Some(Entry { rows: [[0.0; 3]; 2], slack: 1.0, face: self.face });
         }
         let third = DVec3::new(0.0, 0.0, 1.0) - rows[0] - rows[1];

@@ -45,7 +45,7 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
         /// The rule.
-        source: MapError,
+        source: Box<MapError>,
     },
     /// What is to be written does not fit the format; an older file is left as it was.
     #[error("cannot write {}: {element}: found {found}; needed: {needed}", path.display())]

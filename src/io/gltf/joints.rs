@@ -139,6 +139,9 @@ fn read_joints(
     let (Some(joints), Some(weights)) = (attributes.get(joints), attributes.get(weights)) else {
         return Ok(None);
     };
+    if weights.is_blank() {
+        return Ok(None);
+    }
     let (numbers, shares) = (joints.integers::<4>()?, weights.reals(|row: [f64; 4]| row)?);
     let mut rows = Vec::with_capacity(numbers.len());
     for (vertex, (numbers, shares)) in numbers.into_iter().zip(shares).enumerate() {

@@ -71,7 +71,7 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     for patch in found {
         map.patches.push(read_patch(document, (&links, &tree.nodes), patch)?);
     }
-    map.validate().map_err(|source| IoError::Map { path: path.into(), source })?;
+    map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     for patch in map.patches.iter_mut() {
         patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
             map.measure();

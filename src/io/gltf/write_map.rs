@@ -43,7 +43,7 @@ use crate::{
 /// of the map over or a texture coordinate leaves the unit square, or if the file cannot be
 /// written. Errors name patch, level and face or vertex.
 pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
-    map.validate().map_err(|source| IoError::Map { path: path.into(), source })?;
+    map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     let patches: Vec<_> = map
         .patches
         .iter()
