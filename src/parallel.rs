@@ -30,6 +30,11 @@ pub(crate) fn par_collect<U: Send>(
     count: usize,
     extend: impl Fn(Range<usize>, &mut Vec<U>) + Sync,
 ) -> Vec<U> {
+    collect_chunks(count, &extend)
+}
+
+/// [`par_collect`], compiled once for each type of result.
+fn collect_chunks<U: Send>(count: usize, extend: &(dyn Fn(Range<usize>, &mut Vec<U>) + Sync)) -> Vec<U> {
     let chunks = count.min(CHUNKS_PER_THREAD * rayon::current_num_threads());
     let parts: Vec<Mutex<Vec<U>>> = (0..chunks).map(|_| Mutex::default()).collect();
     for_each_chunk(count, chunks, &|k, range| {

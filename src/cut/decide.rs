@@ -136,7 +136,7 @@ impl Decision<'_, '_> {
         }
         let others = (0..lengths.len()).filter(|&k| k != longest).map(|k| (stretch(k), k));
         let mut bad: Vec<(f64, usize)> = others.filter(|x| x.0.abs() > DISTRESS).collect();
-        bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        bad.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         (longest, bad.into_iter().map(|x| x.1).collect())
     }
 

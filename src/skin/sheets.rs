@@ -171,7 +171,7 @@ pub(super) fn smoothest(mesh: &TriMesh, uses: &[Halfedge]) -> Vec<[Halfedge; 2]>
             candidates.push((away(a).dot(away(b)), a, b));
         }
     }
-    candidates.sort_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
+    candidates.sort_unstable_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
     let mut pairs: Vec<[Halfedge; 2]> = Vec::new();
     for (_, a, b) in candidates {
         if !pairs.iter().flatten().any(|h| *h == a || *h == b) {

@@ -126,7 +126,7 @@ fn lattice(count: usize) -> (Vec<(i32, i32)>, Vec<DVec2>) {
     let mut cells: Vec<(i32, i32)> =
         (-reach..=reach).flat_map(|b| (-reach..=reach).map(move |a| (a, b))).collect();
     let distance = |&cell: &(i32, i32)| place(cell).length_squared();
-    cells.sort_by(|p, q| distance(p).total_cmp(&distance(q)).then((p.1, p.0).cmp(&(q.1, q.0))));
+    cells.sort_unstable_by(|p, q| distance(p).total_cmp(&distance(q)).then((p.1, p.0).cmp(&(q.1, q.0))));
     cells.truncate(count);
     cells.sort_unstable_by_key(|&(a, b)| (b, a));
     let plane = cells.iter().map(|&cell| place(cell)).collect();

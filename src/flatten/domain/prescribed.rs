@@ -193,7 +193,7 @@ fn convex_corners(mesh: &TriMesh, walk: &[VertexId]) -> Option<[usize; 4]> {
         })
         .collect();
     let mut order: Vec<usize> = (0..walk.len()).collect();
-    order.sort_by(|&i, &j| convexity[j].total_cmp(&convexity[i]).then(i.cmp(&j)));
+    order.sort_unstable_by(|&i, &j| convexity[j].total_cmp(&convexity[i]).then(i.cmp(&j)));
     let mut chosen: Vec<usize> = Vec::new();
     for i in order {
         if chosen.len() < 4 && chosen.iter().all(|&j| apart(i, j) >= CORNERS_APART) {

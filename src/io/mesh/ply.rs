@@ -44,6 +44,8 @@ impl PropertyAccess for VertexRow {
         Self([0.0; VERTEX_PROPERTIES.len()])
     }
 
+    // Its callers in the parser are a dozen a type of row.
+    #[inline(never)]
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
         let Some(slot) = vertex_slot(name) else { return PropertyAccessResult::Ignored };
         self.0[slot] = match property {

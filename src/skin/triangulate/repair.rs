@@ -64,7 +64,7 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
         let count = rim.len();
         let ear = |k: usize| [rim[k], rim[(k + 1) % count], rim[(k + count - 1) % count]];
         let mut ears: Vec<(f64, usize)> = (0..count).map(|k| (cloud.circumradius(ear(k)), k)).collect();
-        ears.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        ears.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         // One pass cuts ears that do not touch each other; the next one works on the hole that is
         // left.
         let mut keep = vec![true; count];
@@ -140,7 +140,7 @@ fn join_to_boundary(mesh: &mut GrowingMesh<'_>, v: VertexId, cloud: &PointCloud<
         // The hole lies left of the edge from `w` to `from`.
         faces.extend(mesh.openings(w).iter().map(|o| [v, w, o.from]).map(|t| (cloud.circumradius(t), t)));
     }
-    faces.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    faces.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     faces.iter().any(|&(_, t)| mesh.try_insert(t))
 }
 
