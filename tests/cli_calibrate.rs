@@ -321,6 +321,52 @@ fn many_components_are_counted() {
     assert_eq!(pieces(&["--verbose"]).0, 30);
 }
 
+/// The same observations in metres and in millimetres give the same taxels.
+#[test]
+fn observations_may_be_in_millimetres() {
+    let folder = tempfile::tempdir().unwrap();
+    let lengths = |unit: f64, noise: f64| {
+        let place = |x: f64, y: f64| format!("{} {} 0", unit * x, unit * y);
+        let stated = format!("{0} 0 0 {0} 0 {0}", 1.0 / (noise * unit).powi(2));
+        let edge =
+            |i: u32, j: u32, x: f64, y: f64| format!("EDGE_POINTXYZ {i} {j} {} {stated}\n", place(x, y));
+        let vertices: String = [(0.0, 0.0), (5e-3, 0.0), (0.0, 5e-3)]
+            .iter()
+            .enumerate()
+            .map(|(k, &(x, y))| format!("VERTEX_TRACKXYZ {k} {}\n", place(x, y)))
+            .collect();
+        vertices + "FIX 0\n" + &edge(0, 1, 5.1e-3, 0.0) + &edge(0, 2, 0.0, 5e-3) + &edge(1, 2, -5e-3, 5e-3)
+    };
+    let run = |text: String, unit: &str| {
+        std::fs::write(folder.path().join("a.g2o"), text).unwrap();
+        let mut command = dermatome(folder.path());
+        command.args(["calibrate", "a.g2o", "-o", "a.csv", "--unit", unit, "--json"]);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let table = std::fs::read_to_string(folder.path().join("a.csv")).unwrap();
+        let numbers = table.lines().skip(1).flat_map(|row| row.split(',').map(str::parse::<f64>));
+        (json(&output.stdout)["chi2"].as_f64(), numbers.filter_map(Result::ok).collect::<Vec<_>>())
+    };
+    let (metres, millimetres) = (run(lengths(1.0, 1e-4), "m"), run(lengths(1e3, 1e-4), "mm"));
+    let [a, b] = [metres.0.unwrap(), millimetres.0.unwrap()];
+    assert!((a - b).abs() < 1e-6 * a && a > 0.1, "chi-square {a} and {b}");
+    assert_eq!(metres.1.len(), millimetres.1.len());
+    for (a, b) in metres.1.iter().zip(&millimetres.1) {
+        assert!((a - b).abs() <= 1e-9 * a.abs().max(1e-3), "{a} and {b}");
+    }
+}
+
+/// What is assumed is 1 mm, not a thousandth of the unit.
+#[test]
+fn another_unit_needs_a_stated_uncertainty() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.csv"), "i,j,dx,dy,dz\n0,1,5,0,0\n").unwrap();
+    let mut command = dermatome(folder.path());
+    let output = command.args(["calibrate", "a.csv", "-o", "b.csv", "--unit", "mm"]).output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && error.contains("add a column sigma"), "{error}");
+}
+
 /// One of three edges has the eigenvalues -1e6, 1e6 and 3e6: the refusal counts it, and on request
 /// the nearest matrix without the negative one is taken.
 #[test]

@@ -85,6 +85,40 @@ fn names_that_have_to_be_quoted_come_back() {
     assert!((back.number(0, "x") - run.number(0, "x")).abs() < 1e-9);
 }
 
+#[test]
+fn contacts_may_be_in_millimetres() {
+    let folder = folder();
+    let options = ["--level", "0", "--within", "0.03"];
+    let metres = lookup(&folder, "x,y,z,radius\n0.01,0.02,0.9,0.005\n", &options);
+    let millimetres =
+        lookup(&folder, "x,y,z,radius\n10,20,900,5\n", &["--level", "0", "--within", "0.03", "--unit", "mm"]);
+    assert!(metres.rows.len() > 3 && metres.rows.len() == millimetres.rows.len(), "{}", millimetres.error);
+    for row in 0..metres.rows.len() {
+        let [a, b] = [&metres, &millimetres].map(|run| run.number(row, "distance"));
+        assert!((a - b).abs() < 1e-12, "{a} and {b} m");
+    }
+    let back = ["--from-map", "--unit", "cm"];
+    let [u, v] = ["u", "v"].map(|column| 100.0 * metres.number(0, column));
+    let back = lookup(&folder, &format!("patch,u,v\ncap,{u},{v}\n"), &back);
+    let [a, b] = [&metres, &back].map(|run| run.number(0, "u"));
+    assert!((a - b).abs() < 1e-9, "{a} and {b} m");
+}
+
+#[test]
+fn some_patches_of_a_map_answer() {
+    let folder = folder();
+    let table = "x,y,z\n0,0,0.9\n1,0,0.9\n";
+    let run = lookup(&folder, table, &["--level", "0", "--patch", "the*", "--max-distance", "inf"]);
+    assert_eq!((run.code, run.rows.len()), (0, 2), "{}", run.error);
+    assert!(run.rows.iter().all(|row| row["patch"] == "the \"other\", aside"), "{:?}", run.rows);
+    let run = lookup(&folder, table, &["--patch", "palm"]);
+    assert!(
+        run.code == 2 && run.error.contains("no patch of a name in --patch; it has cap"),
+        "{}",
+        run.error
+    );
+}
+
 /// Numbers that are none, too large, or of the wrong sign: each is named by line and column.
 #[test]
 fn wrong_numbers_are_named() {

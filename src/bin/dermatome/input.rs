@@ -7,7 +7,7 @@ use dermatome::{
     Error,
     io::{IoError, read_map},
     map::SkinMap,
-    skin::{AssembleOptions, Patch, Remark, RemarkKind, Skin, assemble, joining_gap},
+    skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble, joining_gap},
 };
 use glob::Pattern;
 
@@ -69,14 +69,8 @@ pub(crate) fn read_good_patches(
         note(common, format_args!("--gap {gap} would join pieces: {patches} instead of {now}"));
     }
     if !sheets {
-        let mut patches: Vec<Patch> = assembled.skin.patches.into_iter().collect();
-        let names: Vec<String> = patches.iter().take(MOST_NAMES).map(|p| p.name.clone()).collect();
-        if !select(&mut patches, &chosen.patches, |patch| &patch.name) {
-            let what =
-                format!("{} has no patch of a name in --patch; it has {}", path.display(), names.join(", "));
-            return Err(advise(what, "give one of them; * stands for any characters"));
-        }
-        assembled.skin.patches = patches.into();
+        let patches = assembled.skin.patches.into_iter().collect();
+        assembled.skin.patches = select_patches(path, patches, &chosen.patches, |patch| &patch.name)?.into();
     }
     let is_left_out = |remark: &&Remark| matches!(remark.kind, RemarkKind::PatchLeftOut { .. });
     let left_out = assembled.remarks.iter().filter(is_left_out).count();
@@ -85,6 +79,25 @@ pub(crate) fn read_good_patches(
 
 /// More names than this are not listed.
 const MOST_NAMES: usize = 10;
+
+/// The patches of a file whose name fits one of the patterns, or all of them without patterns.
+///
+/// # Errors
+/// If one of the patterns fits no name.
+pub(crate) fn select_patches<T>(
+    path: &Path,
+    mut patches: Vec<T>,
+    patterns: &[Pattern],
+    name: impl Fn(&T) -> &str,
+) -> anyhow::Result<Vec<T>> {
+    if !select(&mut patches, patterns, &name) {
+        let names: Vec<&str> = patches.iter().take(MOST_NAMES).map(name).collect();
+        let what =
+            format!("{} has no patch of a name in --patch; it has {}", path.display(), names.join(", "));
+        return Err(advise(what, "give one of them; * stands for any characters"));
+    }
+    Ok(patches)
+}
 
 /// Keeps the items whose name fits one of the patterns, or all items without patterns. If one of the
 /// patterns fits no name, all items are kept, and the answer is false.

@@ -18,6 +18,7 @@ use dermatome::{
     contact::{ContactIndex, IndexOptions},
     io::{IoError, replace_file},
 };
+use glob::Pattern;
 
 use crate::{
     common::Common,
@@ -28,6 +29,7 @@ use crate::{
         readings::Readings,
         robot::Robot,
     },
+    options::{Unit, pattern},
     outputs::{self, is_stream},
 };
 
@@ -54,6 +56,13 @@ pub(crate) struct Args {
     /// Give the rows of this level only; may be given more than once [default: all levels]
     #[arg(long = "level", value_name = "K")]
     levels: Vec<usize>,
+    /// Unit of the lengths in CONTACTS.csv: places and radii; answers are in m
+    #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT")]
+    unit: Unit,
+    /// Take the patches of this name only, in which * and ? stand for any characters; may be given
+    /// more than once [default: all patches]
+    #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
+    patches: Vec<Pattern>,
     /// Frame of the contacts that name no link
     #[arg(long, value_enum, default_value_t = FrameArg::World)]
     frame: FrameArg,
@@ -136,7 +145,7 @@ fn count(text: &str) -> Result<usize, String> {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     check_outputs(args)?;
-    let robot = Robot::read(&args.map, &args.levels, common)?;
+    let robot = Robot::read(&args.map, &args.patches, &args.levels, common)?;
     let motion = robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref())?;
     let question = args.question.question();
     let options = IndexOptions {
@@ -146,7 +155,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let index = ContactIndex::with(&robot.map, &options).map_err(Error::from)?;
     if args.question.from_map {
-        let mut back = Back::open(&args.contacts, &robot, index, (args.frame, motion.as_ref()), common)?;
+        let frame = (args.frame, motion.as_ref());
+        let mut back = Back::open(&args.contacts, args.unit, &robot, index, frame, common)?;
         write(&args.output, &mut |path, output| back.answer(path, output))?;
         outputs::wrote([args.output.as_path()], common);
         back.note(common);
@@ -161,7 +171,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         used.extend(["force", "radius", "time"]);
         Readings::create(path, &robot, 1e-3 * args.taxel_radius_mm)
     });
-    let mut contacts = Contacts::open(&args.contacts, args.frame, &used, common)?;
+    let mut contacts = Contacts::open(&args.contacts, args.unit, args.frame, &used, common)?;
     let readings = readings.transpose().map_err(Error::from)?;
     let mut answers =
         Answers::new(&robot, index, question, args.max_distance, motion).with_readings(readings);

@@ -252,7 +252,7 @@ fn corners(text: &str) -> Result<[DVec3; 2], String> {
     }
 }
 
-fn pattern(text: &str) -> Result<Pattern, String> {
+pub(crate) fn pattern(text: &str) -> Result<Pattern, String> {
     Pattern::new(text).map_err(|e| format!("needed: a name, * and ? for any characters ({})", e.msg))
 }
 

@@ -3,6 +3,7 @@
 pub(super) mod graph;
 pub(super) mod information;
 mod clip;
+mod scale;
 mod validate;
 
 use std::fmt;

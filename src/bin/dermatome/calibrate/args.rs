@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 
+use crate::options::Unit;
+
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -23,6 +25,10 @@ pub(crate) struct Args {
     /// FIX lines and initial values count, too
     #[arg(long, value_name = "C.csv")]
     pub(super) contacts: Vec<PathBuf>,
+    /// Unit of all lengths in the observations, contacts and truth, also of those in information;
+    /// results are in m
+    #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT")]
+    pub(super) unit: Unit,
     /// Triangles of the skin: a table of taxel ids, id0,id1,id2 [default: those that the edges form]
     #[arg(long, value_name = "TRI.csv")]
     pub(super) triangles: Option<PathBuf>,

@@ -6,11 +6,11 @@ use dermatome::{
     Error,
     calib::{Observations, Pose},
     id::VertexId,
-    io::{IoError, read_observations, read_triangles, read_truth},
+    io::{IoError, ObservationRemark, read_observations, read_triangles, read_truth},
     skin::TaxelId,
 };
 
-use crate::{calibrate::args::Args, common::Common, notes::note};
+use crate::{calibrate::args::Args, common::Common, errors::advise, notes::note, options::Unit};
 
 /// What is read before the solve, so that no broken file wastes one.
 pub(super) struct Inputs {
@@ -30,6 +30,15 @@ impl Inputs {
         let read = read_observations(&args.observations, &args.contacts);
         let (mut observations, remarks) = read.map_err(Error::from)?;
         remarks.iter().for_each(|remark| note(common, remark));
+        // What is assumed is a length in metres, which must not become one in the unit of the file.
+        let is_assumed =
+            |remark: &ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });
+        if args.unit != Unit::M && remarks.iter().any(is_assumed) {
+            let what = "a table gives no uncertainty, and none is assumed with --unit";
+            return Err(advise(what, "add a column sigma, in the unit of the file"));
+        }
+        let metres = args.unit.metres();
+        observations.scale(metres);
         if args.clip_information {
             let (clipped, edges) = (observations.clip_information(), observations.edges.len());
             let what = "information matrices were not positive semi-definite and were clipped";
@@ -41,10 +50,11 @@ impl Inputs {
         if let Some((_, Some(remark))) = &triangles {
             note(common, remark);
         }
-        let truth = args
-            .truth
-            .as_ref()
-            .map(|path| Ok(Truth { path: path.clone(), poses: read_truth(path)?.into_iter().collect() }));
+        let truth = args.truth.as_ref().map(|path| {
+            let mut poses: HashMap<_, Pose> = read_truth(path)?.into_iter().collect();
+            poses.values_mut().for_each(|pose| pose.position *= metres);
+            Ok(Truth { path: path.clone(), poses })
+        });
         Ok(Self {
             observations,
             triangles: triangles.map(|(triangles, _)| triangles),

@@ -188,7 +188,7 @@ impl<'a> Answers<'a> {
                 (_, Some(limit)) => format!("by more than {limit} m"),
                 _ => format!("by more than {SPACINGS} spacings of its taxels"),
             };
-            let ask = "are they in metres, and in the frame of the world? (--frame, --max-distance)";
+            let ask = "are they in metres, and in the frame of the world? (--unit, --frame, --max-distance)";
             note(common, format_args!("{far} of {answered} contacts are off the skin, {limit}: {ask}"));
         }
         if self.held > 0 {

@@ -19,6 +19,7 @@ use crate::{
         robot::Robot,
     },
     notes::note,
+    options::Unit,
 };
 
 /// Places answered and written at a time.
@@ -30,6 +31,7 @@ pub(super) struct Back<'a> {
     index: ContactIndex,
     maps: MapIndex,
     frame: FrameArg,
+    unit: Unit,
     rows: Box<dyn Iterator<Item = Result<MapPlaceRow, IoError>> + 'a>,
     pub(super) refusals: Refusals,
     /// Places off every triangle of their map.
@@ -47,6 +49,7 @@ struct Place {
 impl<'a> Back<'a> {
     pub(super) fn open(
         path: &'a Path,
+        unit: Unit,
         robot: &'a Robot,
         mut index: ContactIndex,
         (frame, motion): (FrameArg, Option<&Motion>),
@@ -63,7 +66,7 @@ impl<'a> Back<'a> {
             note(common, format_args!("{}: columns not used: {columns}", name.display()));
         }
         let refusals = Refusals::new(name.to_owned());
-        Ok(Self { robot, index, maps, frame, rows: Box::new(rows), refusals, off_chart: 0 })
+        Ok(Self { robot, index, maps, frame, unit, rows: Box::new(rows), refusals, off_chart: 0 })
     }
 
     pub(super) fn answer(&mut self, path: &Path, output: impl Write) -> Result<(), IoError> {
@@ -119,7 +122,11 @@ impl<'a> Back<'a> {
             return Err(self.refusals.invalid(row.line, ", column `level`", found, &needed));
         }
         let level = LevelId::new(row.level);
-        let uv = match row.position {
+        let position = match row.position {
+            MapPosition::Map(uv) => MapPosition::Map(uv * self.unit.metres()),
+            pixel => pixel,
+        };
+        let uv = match position {
             MapPosition::Map(uv) if uv.abs().max_element() > LARGEST => {
                 let (found, needed) = (format!("{:?}", uv.to_array()), "coordinates within 1e12 m");
                 return Err(self.refusals.invalid(row.line, ", columns u,v", found, needed));

@@ -18,6 +18,7 @@ use crate::{
     common::Common,
     lookup::{refusals::Refusals, robot::Robot},
     notes::note,
+    options::Unit,
     outputs::is_stream,
     print::plain,
 };
@@ -65,6 +66,7 @@ const NORMAL: usize = 0;
 
 pub(super) struct Contacts<'a> {
     rows: Box<dyn Iterator<Item = Result<ContactRow, IoError>> + Send + 'a>,
+    unit: Unit,
     frame: FrameArg,
     /// Which of [`OPTIONAL`] change the answer.
     used: [bool; OPTIONAL.len()],
@@ -84,7 +86,13 @@ pub(super) fn open(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + Send>)>
 
 impl Contacts<'_> {
     /// Opens a table of which the columns `used` change the answer besides `x,y,z` and `link`.
-    pub(super) fn open(path: &Path, frame: FrameArg, used: &[&str], common: &Common) -> anyhow::Result<Self> {
+    pub(super) fn open(
+        path: &Path,
+        unit: Unit,
+        frame: FrameArg,
+        used: &[&str],
+        common: &Common,
+    ) -> anyhow::Result<Self> {
         let (name, input) = open(path)?;
         let (unknown, rows) = read_contacts(name, input).map_err(Error::from)?;
         for column in unknown {
@@ -92,6 +100,7 @@ impl Contacts<'_> {
         }
         Ok(Self {
             rows: Box::new(rows),
+            unit,
             frame,
             used: OPTIONAL.map(|column| used.contains(&column)),
             given: [false; OPTIONAL.len()],
@@ -107,7 +116,11 @@ impl Contacts<'_> {
         let mut batch = Batch::default();
         while batch.contacts.len() < BATCH {
             let Some(row) = self.rows.next() else { break };
-            let row = row.and_then(|row| Ok((self.query(robot, &row)?, row)));
+            let row = row.and_then(|mut row| {
+                row.position *= self.unit.metres();
+                row.radius = row.radius.map(|radius| radius * self.unit.metres());
+                Ok((self.query(robot, &row)?, row))
+            });
             let Some((number, (query, row))) = self.refusals.sort(row)? else { continue };
             let ContactRow { normal, force, radius, time, .. } = row;
             batch.contacts.push(Contact { number, normal, force, radius, time });

@@ -11,7 +11,9 @@ use dermatome::{
     skin::{LinkId, Motion, PatchId, Presence, link_names},
 };
 
-use crate::{common::Common, errors::advise, notes::note, outputs, print::plain};
+use glob::Pattern;
+
+use crate::{common::Common, errors::advise, input::select_patches, notes::note, outputs, print::plain};
 
 pub(super) struct Robot {
     pub(super) map: SkinMap,
@@ -42,9 +44,16 @@ impl PatchFacts {
 }
 
 impl Robot {
-    /// Reads a map, and chooses among its levels; none: all.
-    pub(super) fn read(path: &Path, chosen: &[usize], common: &Common) -> anyhow::Result<Self> {
-        let map = read_map(path).map_err(Error::from)?;
+    /// Reads a map, and chooses among its patches and levels; none: all.
+    pub(super) fn read(
+        path: &Path,
+        patches: &[Pattern],
+        chosen: &[usize],
+        common: &Common,
+    ) -> anyhow::Result<Self> {
+        let mut map = read_map(path).map_err(Error::from)?;
+        let all = map.patches.into_iter().collect();
+        map.patches = select_patches(path, all, patches, |patch| &patch.name)?.into();
         let most = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
         if let Some(level) = chosen.iter().find(|&&level| level >= most) {
             let last = most.saturating_sub(1);
