@@ -235,6 +235,11 @@ fn an_older_table_of_triangles_goes_with_its_taxels() {
         .success()
         .stderr(contains("k.triangles.csv belonged to the table"));
     assert_eq!(files(folder), ["e.csv", "k.csv"]);
+    let words = ["simulate", "-o", "a.g2o", "--truth", "k.csv", "--triangles", "k.triangles.csv"];
+    dermatome(folder).args(words).assert().success();
+    assert_eq!(files(folder), ["a.g2o", "e.csv", "k.csv", "k.triangles.csv"], "both are new");
+    dermatome(folder).args(&words[..5]).assert().success().stderr(contains("belonged to the table"));
+    assert_eq!(files(folder), ["a.g2o", "e.csv", "k.csv"]);
 }
 
 #[test]

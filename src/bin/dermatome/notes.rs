@@ -146,6 +146,14 @@ pub(crate) fn note_seams(patches: &[PatchReport], common: &Common) {
     }
 }
 
+/// Names triangles that are removed with the older table of taxels that they belonged to.
+pub(crate) fn note_dropped(triangles: Option<&Path>, common: &Common) {
+    if let Some(triangles) = triangles {
+        let what = "belonged to the table that is replaced, and is removed";
+        note(common, format_args!("{} {what}", triangles.display()));
+    }
+}
+
 /// Prints which finest maps are far from isometric or not at a minimum.
 pub(crate) fn note_distortion(patches: &[PatchReport], common: &Common) {
     for patch in patches {

@@ -180,10 +180,10 @@ impl Outputs {
     }
 
     /// Removes, when all is published, the triangles of an older table at `path`: readers would join
-    /// them to the new taxels. Returns their name, if there are any.
+    /// them to the new taxels. Triangles that are staged stay. Returns the name of those removed.
     pub(crate) fn drop_triangles(&mut self, path: &Path) -> Option<&Path> {
         let triangles = triangles_path(path);
-        if !triangles.is_file() {
+        if !triangles.is_file() || self.staged.iter().any(|staged| is_same(&staged.path, &triangles)) {
             return None;
         }
         self.stale.push(triangles);

@@ -19,7 +19,7 @@ use dermatome::{
 use self::touch::TouchArgs;
 use crate::{
     common::Common,
-    notes::note,
+    notes::{note, note_dropped},
     outputs::{self, Outputs},
 };
 
@@ -118,6 +118,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         write_observations(&args.output, &observations).map_err(Error::from)?;
     } else {
         outputs.stage(&args.output, |path| write_observations(path, &observations))?;
+    }
+    if let Some(path) = &args.truth {
+        note_dropped(outputs.drop_triangles(path), common);
     }
     outputs.publish(common)?;
     let Simulation { observations, mesh, outliers, .. } = &simulation;

@@ -14,7 +14,7 @@ use crate::{
     calibrate::{args::Args, inputs::Inputs},
     common::Common,
     errors::advise,
-    notes::{note, note_remarks, remark_lost},
+    notes::{note, note_dropped, note_remarks, remark_lost},
     outputs::{self, Outputs},
 };
 
@@ -79,13 +79,7 @@ pub(super) fn write(
         match kind {
             Kind::Table => {
                 outputs.stage(path, |path| write_calibration(path, found))?;
-                if let Some(triangles) = outputs.drop_triangles(path) {
-                    let text = format!(
-                        "{} belonged to the table that is replaced, and is removed",
-                        triangles.display()
-                    );
-                    note(common, text);
-                }
+                note_dropped(outputs.drop_triangles(path), common);
             }
             Kind::Graph => {
                 let mut solved = inputs.observations.clone();
