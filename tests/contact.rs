@@ -2,6 +2,8 @@
 //! number of threads.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod triangle_distance;
+
 use std::f64::consts::TAU;
 
 use dermatome::{
@@ -14,6 +16,7 @@ use dermatome::{
 };
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};
+use triangle_distance::distance_to_triangle;
 
 // ---- maps made by hand ----
 
@@ -68,25 +71,6 @@ fn square_and_its_midpoints() -> SkinMap {
 }
 
 // ---- brute force, written without a look at the room ----
-
-fn distance_to_segment(q: DVec3, a: DVec3, b: DVec3) -> f64 {
-    let ab = b - a;
-    let t = if ab == DVec3::ZERO { 0.0 } else { ((q - a).dot(ab) / ab.length_squared()).clamp(0.0, 1.0) };
-    q.distance(a + ab * t)
-}
-
-fn distance_to_triangle(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let sides =
-        distance_to_segment(q, a, b).min(distance_to_segment(q, b, c)).min(distance_to_segment(q, c, a));
-    let cross = (b - a).cross(c - a);
-    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-    if cross.length() < 1e-9 * longest {
-        return sides; // a segment: its normal is noise
-    }
-    let normal = cross.normalize();
-    let over = [(a, b), (b, c), (c, a)].iter().all(|&(s, e)| normal.dot((e - s).cross(q - s)) > 0.0);
-    if over { (q - a).dot(normal).abs().min(sides) } else { sides }
-}
 
 /// The nearest distance on level 0 of those patches that `contact` may touch, in m.
 fn brute(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>, contact: &Query) -> f64 {

@@ -1,6 +1,8 @@
 //! Patches that follow several links: a linear blend of their motions.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod triangle_distance;
+
 use dermatome::{
     contact::{ContactError, ContactIndex, IndexOptions, Query},
     id::{IdVec, VertexId},
@@ -12,6 +14,7 @@ use dermatome::{
 };
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
+use triangle_distance::distance_to_triangle;
 
 /// Three links in a chain, and a patch on each of the last two.
 fn robot() -> SkinMap {
@@ -44,17 +47,6 @@ fn blended(
         row.iter().map(part).sum::<DVec3>()
     };
     mesh(map, 0).positions.iter().zip(joints).map(place).collect()
-}
-
-fn distance_to_triangle(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let to_segment = |a: DVec3, b: DVec3| {
-        let t = ((q - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
-        q.distance(a.lerp(b, t))
-    };
-    let n = (b - a).cross(c - a).normalize();
-    let p = q - n * (q - a).dot(n);
-    let inside = [(a, b), (b, c), (c, a)].iter().all(|(a, b)| (*b - *a).cross(p - *a).dot(n) >= 0.0);
-    if inside { q.distance(p) } else { to_segment(a, b).min(to_segment(b, c)).min(to_segment(c, a)) }
 }
 
 fn any_pose() -> impl Strategy<Value = DAffine3> {

@@ -8,6 +8,7 @@
 
 #[allow(dead_code, reason = "other tests use the rest")]
 mod gltf_files;
+mod triangle_distance;
 
 use std::{fmt::Write as _, fs};
 
@@ -26,6 +27,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use gltf_files::{Glb, f32s, u16s};
 use serde_json::json;
 use tempfile::TempDir;
+use triangle_distance::distance_to_triangle;
 
 /// How the file stores weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,17 +122,6 @@ fn assert_shares(joints: &IdVec<VertexId, Joints>, positions: &IdVec<VertexId, D
         assert!((of(0) + of(1) - 1.0).abs() < 1e-6, "{joints:?}");
         assert!((of(1) - share(p.z)).abs() < rounding, "{joints:?} at {p}");
     }
-}
-
-fn distance_to_triangle(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let to_segment = |a: DVec3, b: DVec3| {
-        let t = ((q - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
-        q.distance(a.lerp(b, t))
-    };
-    let n = (b - a).cross(c - a).normalize();
-    let p = q - n * (q - a).dot(n);
-    let inside = [(a, b), (b, c), (c, a)].iter().all(|(a, b)| (*b - *a).cross(p - *a).dot(n) >= 0.0);
-    if inside { q.distance(p) } else { to_segment(a, b).min(to_segment(b, c)).min(to_segment(c, a)) }
 }
 
 /// Distance of a point from the blended mesh, by every triangle.

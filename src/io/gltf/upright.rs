@@ -1,5 +1,5 @@
 //! Keeps the triangles of a map upright when its positions are rounded to f32: a needle may be
-//! thinner than what f32 tells apart.
+//! thinner than the spacing of f32 numbers.
 //!
 //! *Heuristic*: a corner of a triangle that rounding turned over moves by a few units of rounding, to
 //! the nearest place where all triangles around it are upright. A thin plate of CAD with 3548 faces
@@ -10,7 +10,7 @@ use crate::{
     mesh::{TriMesh, VertexCorners},
 };
 
-/// What f32 tells apart just below 1.
+/// Spacing of f32 numbers just below 1.
 const UNIT: f32 = f32::EPSILON / 2.0;
 
 /// Units that a corner moves, at most, in both directions.
@@ -77,7 +77,7 @@ mod tests {
 
     use super::*;
 
-    /// The tip of a needle lies below its base by less than f32 tells apart.
+    /// The tip of a needle lies below its base by less than the spacing of f32 numbers.
     #[test]
     fn a_needle_that_rounding_turned_over_stands_up() {
         let mut texture = [[0.1, 0.5], [0.9, 0.9], [0.5, 0.7 - UNIT], [0.2, 0.95], [0.8, 0.1]];

@@ -9,8 +9,8 @@ use crate::{
     skin::{PatchId, Skin, TaxelId},
 };
 
-/// No skin is sharper: two points of a fingertip are told apart at a tenth of the distance of two of
-/// the forearm.
+/// No skin is sharper: a fingertip distinguishes two points at a tenth of the distance that a forearm
+/// needs.
 const FACTORS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
 /// Reads a table of acuities, columns `taxel_id,factor`, into the taxels of a skin; those that it does
