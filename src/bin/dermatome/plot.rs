@@ -168,19 +168,21 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
 /// Draws a skin without a map, or the findings of what is not a valid skin.
 fn picture_of_skin(args: &Args, options: &PlotOptions, common: &Common) -> anyhow::Result<Picture> {
-    if !matches!(args.show, Show::Findings) {
+    let draft = if matches!(args.show, Show::Findings) {
+        args.read.read(&args.map, false)?
+    } else {
         match read_skin(&args.map, &args.read, &PatchArgs::default(), &args.read.options(), common) {
             Ok(skin) => return Ok(plot_skin(&skin, options).map_err(Error::from)?),
             Err(error) if !error.chain().any(|cause| cause.is::<Error>()) => return Err(error),
             Err(error) => match args.read.read(&args.map, false) {
                 Ok(draft) if draft.sheets.iter().any(|sheet| !sheet.triangles.is_empty()) => {
                     note(common, format_args!("{error:#}; what `check` finds is drawn in red"));
+                    draft
                 }
                 _ => return Err(error),
             },
         }
-    }
-    let draft = args.read.read(&args.map, false)?;
+    };
     let findings = check(&draft, &args.read.options());
     Ok(plot_findings(&draft, &findings, options).map_err(Error::from)?)
 }
