@@ -54,7 +54,9 @@
 //! # Convex model
 //!
 //! Newton needs a positive semi-definite Hessian: the four curvatures (the two of the stretches
-//! after a rotation that makes `h12` vanish) are clamped to at least 0 (`(teran2005)`).
+//! after a rotation that makes `h12` vanish) are clamped to at least 0 (`(teran2005)`). Near a
+//! minimum the whole Hessian is positive although some faces are not, and clamping only makes steps
+//! too short: a share of the negative curvatures can be kept.
 
 use glam::{DMat2, DVec2};
 
@@ -231,7 +233,7 @@ fn symmetric_dirichlet_derivatives(s: &SingularValues) -> Derivatives {
     }
 }
 
-/// Gradient of one face and its Hessian, projected to be positive semi-definite, by corner.
+/// Gradient of one face and its Hessian, projected towards a positive semi-definite one, by corner.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LocalModel {
     pub(crate) gradient: [DVec2; 3],
@@ -242,8 +244,15 @@ pub(crate) struct LocalModel {
 }
 
 impl LocalModel {
-    /// The model of a face of weight `weight` with hat gradients `hats`.
-    pub(crate) fn new(energy: &DistortionEnergy, s: &SingularValues, hats: &[DVec2; 3], weight: f64) -> Self {
+    /// The model of a face of weight `weight` with hat gradients `hats`, with this share of its negative
+    /// curvatures.
+    pub(crate) fn new(
+        energy: &DistortionEnergy,
+        s: &SingularValues,
+        hats: &[DVec2; 3],
+        weight: f64,
+        kept: f64,
+    ) -> Self {
         let d = energy.derivatives(s);
         let quarter_turn = |v: DVec2| DVec2::new(-v.y, v.x);
         let rotate = |g: DVec2| s.rotation.rotate(g);
@@ -272,7 +281,7 @@ impl LocalModel {
             Self { gradient: [DVec2::ZERO; 3], diagonal: [DMat2::ZERO; 3], off_diagonal: [DMat2::ZERO; 3] };
         let modes = [(mean + radius, first), (mean - radius, second), (d.twist, twists), (d.flip, flips)];
         for (curvature, mode) in modes {
-            let c = weight * curvature.max(0.0);
+            let c = weight * curvature.max(kept * curvature.min(0.0));
             for k in 0..3 {
                 model.diagonal[k] += outer(c * mode[k], mode[k]);
                 model.off_diagonal[k] += outer(c * mode[k], mode[(k + 1) % 3]);
@@ -316,7 +325,7 @@ mod tests {
     }
 
     fn model(energy: &DistortionEnergy, uv: &[DVec2; 3]) -> LocalModel {
-        LocalModel::new(energy, &SingularValues::of(&jacobian(uv)), &HATS, 0.7)
+        LocalModel::new(energy, &SingularValues::of(&jacobian(uv)), &HATS, 0.7, 0.0)
     }
 
     /// Unflipped, stretched and turned.

@@ -79,10 +79,11 @@ impl<'e> Objective<'e> {
         self.elements.boundary.iter().map(term).sum()
     }
 
-    /// Gradient by the movable vertices, and projected Hessian, at `uv`.
-    pub(crate) fn assemble(&self, uv: &Uv, hessian: &mut Matrix<'_, DMat2>) -> Vec<DVec2> {
+    /// Gradient by the movable vertices, and Hessian, at `uv`, with a share `kept` of the negative
+    /// curvatures of the faces.
+    pub(crate) fn assemble(&self, uv: &Uv, hessian: &mut Matrix<'_, DMat2>, kept: f64) -> Vec<DVec2> {
         let model =
-            |e: &Element| LocalModel::new(&self.energy, &e.singular_values(uv), &e.gradients, e.weight);
+            |e: &Element| LocalModel::new(&self.energy, &e.singular_values(uv), &e.gradients, e.weight, kept);
         let models: Vec<LocalModel> =
             self.elements.faces.as_slice().par_iter().with_min_len(FACES_PER_TASK).map(model).collect();
         let pattern = hessian.pattern();
@@ -189,6 +190,40 @@ mod tests {
     use super::*;
     use crate::{flatten::domain::flatten_domain::FlattenDomain, id::VertexId, mesh::shapes};
 
+    /// Far from an isometry, where many faces have negative curvatures.
+    #[test]
+    fn with_all_negative_curvatures_the_model_is_the_hessian() {
+        let mesh = shapes::saddle(6);
+        let domain = FlattenDomain::new(&mesh).unwrap();
+        let uv: Uv = (0..domain.vertices())
+            .map(|v| 0.6 * domain.position(VertexId::new(v)).truncate())
+            .map(|p| p + 0.2 * DVec2::new(p.y * p.y, p.x * p.y))
+            .collect();
+        let objective = Objective::new(&domain.elements, Energy::SymmetricDirichlet);
+        let assembled = |uv: &Uv, kept: f64| {
+            let mut hessian = Matrix::zero(&domain.elements.pattern);
+            let gradient = objective.assemble(uv, &mut hessian, kept);
+            (gradient, hessian)
+        };
+        let (_, mut whole) = assembled(&uv, 1.0);
+        let (_, mut clamped) = assembled(&uv, 0.0);
+        let mut left_out = 0.0_f64;
+        for v in (0..domain.vertices()).step_by(5).map(VertexId::new) {
+            for axis in [DVec2::X, DVec2::Y] {
+                let gradient = |by: f64| {
+                    let mut moved = uv.clone();
+                    moved[v] += by * axis;
+                    assembled(&moved, 0.0).0[v.index()]
+                };
+                let curvature = (gradient(1e-6) - gradient(-1e-6)) / 2e-6;
+                let found = *whole.at(v.index(), v.index()) * axis;
+                assert!((found - curvature).length() < 1e-5 * found.length(), "{v}: {found} is {curvature}");
+                left_out = left_out.max((*clamped.at(v.index(), v.index()) * axis - found).length());
+            }
+        }
+        assert!(left_out > 0.1, "the convex model leaves out {left_out}");
+    }
+
     /// A saddle, pressed flat and sheared, so that nothing is stationary.
     #[test]
     fn gradient_and_hessian_are_those_of_differences() {
@@ -202,7 +237,7 @@ mod tests {
         for energy in [Energy::SymmetricDirichlet, Energy::Sum { angle: 1.0, area: 0.4, perimeter: 0.2 }] {
             let objective = Objective::new(&domain.elements, energy);
             let mut hessian = Matrix::zero(&domain.elements.pattern);
-            let gradient = objective.assemble(&uv, &mut hessian);
+            let gradient = objective.assemble(&uv, &mut hessian, 0.0);
             let scale = gradient.iter().map(|g| g.length()).fold(0.0, f64::max);
             let step = 1e-6;
             for v in (0..domain.vertices()).step_by(7).map(VertexId::new) {
@@ -217,8 +252,8 @@ mod tests {
                     let found = gradient[v.index()].dot(axis);
                     assert!((found - slope).abs() < 1e-6 * scale, "{energy:?} {v}: {found} is {slope}");
                     let mut unused = Matrix::zero(&domain.elements.pattern);
-                    let up = objective.assemble(&moved(step), &mut unused);
-                    let down = objective.assemble(&moved(-step), &mut unused);
+                    let up = objective.assemble(&moved(step), &mut unused, 0.0);
+                    let down = objective.assemble(&moved(-step), &mut unused, 0.0);
                     let curvature = (up[v.index()] - down[v.index()]) / (2.0 * step);
                     let found = *hessian.at(v.index(), v.index()) * axis;
                     let size = found.length();
