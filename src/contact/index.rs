@@ -100,7 +100,7 @@ impl ContactIndex {
             let tree = PatchBvh::packed(&patch.name, mesh, options.packing)?;
             let coarse = if options.levels { coarse_levels(patch, &tree)? } else { Vec::new() };
             let fields = patch.levels.iter().filter(|_| options.fields);
-            let fields = fields.map(|map| PointTree::new(&map.level.mesh.positions)).collect();
+            let fields = fields.map(|map| PointTree::of_mesh(&map.level.mesh)).collect();
             let (cells, spacing) = (PatchCells::new(patch)?, mean_side(mesh));
             let origins = patch.levels.iter().filter(|_| options.fields);
             let origins = origins.map(|map| map.level.origins.clone()).collect();
@@ -384,7 +384,7 @@ impl IndexedPatch {
         let Some(blend) = &self.blend else { return Ok(()) };
         self.tree.refit("", &blend.positions)?;
         for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
-            *fields = PointTree::new(&origins.map(|&vertex| blend.positions[vertex]));
+            *fields = PointTree::new(&origins.map(|&vertex| blend.positions[vertex]), |_| DVec3::ZERO);
         }
         Ok(())
     }

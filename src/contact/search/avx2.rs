@@ -31,6 +31,11 @@ impl Lanes for V3 {
     }
 
     #[inline(always)]
+    fn add(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_add_ps(a, b)
+    }
+
+    #[inline(always)]
     fn sub(self, a: __m256, b: __m256) -> __m256 {
         self.avx._mm256_sub_ps(a, b)
     }
@@ -43,6 +48,11 @@ impl Lanes for V3 {
     #[inline(always)]
     fn div(self, a: __m256, b: __m256) -> __m256 {
         self.avx._mm256_div_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn sqrt(self, a: __m256) -> __m256 {
+        self.avx._mm256_sqrt_ps(a)
     }
 
     #[inline(always)]

@@ -4,31 +4,29 @@
 use glam::{DMat3, DVec3};
 
 use super::{
-    lanes::{Kernel, LANES, Lanes, Simd},
-    node8::Target,
+    lanes::{Kernel, LANES, Lanes, Simd, least_of, most_of},
+    node8::{Extent, Target},
     tree::{FLAT, Tree},
 };
 
 /// Points of the primitives of a packet, in the tree's units: coordinate `c` of point `k` of every
 /// primitive is in `[k][c]`.
-pub(super) type Points<const N: usize> = [[[f64; LANES]; 3]; N];
+pub(super) type Points<const N: usize> = [[[f32; LANES]; 3]; N];
 
 /// Sets the points of the primitive in one lane.
 #[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
 pub(super) fn put<const N: usize>(points: &mut Points<N>, lane: usize, primitive: [DVec3; N]) {
     for (point, p) in points.iter_mut().zip(primitive) {
-        (point[0][lane], point[1][lane], point[2][lane]) = (p.x, p.y, p.z);
+        (point[0][lane], point[1][lane], point[2][lane]) = (p.x as f32, p.y as f32, p.z as f32);
     }
 }
-
-/// A box, `(min, max)` along axes that belong to it.
-pub(super) type Extent = (DVec3, DVec3);
 
 const EMPTY: Extent = (DVec3::INFINITY, DVec3::NEG_INFINITY);
 
 impl Tree {
-    /// Fits all boxes to the primitives. `gather` sets the points of those in a packet, and gives the
-    /// sum of their areas with direction; each packet is asked for once. Nothing is allocated.
+    /// Fits all boxes to the primitives. `gather` sets the points of those in a packet, from which `area`
+    /// gives the sum of their areas with direction; each packet is asked for once. Nothing is allocated.
     ///
     /// The axes of a node turn with the mean normal of the skin below it. A packet's box follows its
     /// points; those of the nodes above follow the boxes of all packets below them, not of the nodes
@@ -36,9 +34,10 @@ impl Tree {
     pub(super) fn fit<const N: usize>(
         &mut self,
         simd: Simd,
-        mut gather: impl FnMut(usize, &[u32; LANES], &mut Points<N>) -> DVec3,
+        gather: impl Fn(&[u32; LANES], &mut Points<N>),
+        mut area: impl FnMut(usize, &Points<N>) -> DVec3,
     ) {
-        self.fit_node(simd, 0, &mut gather);
+        self.fit_node(simd, 0, &gather, &mut area);
     }
 
     /// Fits a node and what is below it: the sum of the areas there with direction, and of the
@@ -47,16 +46,23 @@ impl Tree {
         &mut self,
         simd: Simd,
         index: usize,
-        gather: &mut impl FnMut(usize, &[u32; LANES], &mut Points<N>) -> DVec3,
+        gather: &impl Fn(&[u32; LANES], &mut Points<N>),
+        area_of: &mut impl FnMut(usize, &Points<N>) -> DVec3,
     ) -> (DVec3, f64) {
         let node = self.nodes[index];
         let mut points = [[[[0.0; LANES]; 3]; N]; LANES];
-        let (mut area, mut total) = (DVec3::ZERO, 0.0);
+        // All first: points just written one by one cannot be read at once without waiting.
         for (child, points) in node.children().zip(&mut points) {
+            if let Target::Packet(packet) = child.target() {
+                gather(&self.packets[packet], points);
+            }
+        }
+        let (mut area, mut total) = (DVec3::ZERO, 0.0);
+        for (child, points) in node.children().zip(&points) {
             let (below, length) = match child.target() {
-                Target::Node(below) => self.fit_node(simd, below, gather),
+                Target::Node(below) => self.fit_node(simd, below, gather, area_of),
                 Target::Packet(packet) => {
-                    let area = gather(packet, &self.packets[packet], points);
+                    let area = area_of(packet, points);
                     (area, area.length())
                 }
             };
@@ -66,7 +72,7 @@ impl Tree {
         let mut boxes = [EMPTY; LANES];
         for ((child, points), fitted) in node.children().zip(&points).zip(&mut boxes) {
             match child.target() {
-                Target::Node(below) => self.add_packets(below, &axes, fitted),
+                Target::Node(below) => self.add_packets(simd, below, &axes, fitted),
                 Target::Packet(_) => *fitted = simd.run(Around(&axes, points)),
             }
         }
@@ -75,15 +81,16 @@ impl Tree {
     }
 
     /// Enlarges a box along `axes` (rows) by those of all packets below a node.
-    fn add_packets(&self, index: usize, axes: &DMat3, sum: &mut Extent) {
+    fn add_packets(&self, simd: Simd, index: usize, axes: &DMat3, sum: &mut Extent) {
         let node = &self.nodes[index];
         for child in node.children().take(usize::from(node.nodes)) {
             if let Target::Node(below) = child.target() {
-                self.add_packets(below, axes, sum);
+                self.add_packets(simd, below, axes, sum);
             }
         }
         if node.count > node.nodes {
-            node.add_packets(axes, sum);
+            let (lo, hi) = node.around_packets(simd, axes);
+            *sum = (sum.0.min(lo), sum.1.max(hi));
         }
     }
 }
@@ -95,23 +102,19 @@ impl<const N: usize> Kernel for Around<'_, N> {
     type Output = Extent;
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) -> Extent {
+    fn run<L: Lanes>(self, l: L) -> Extent {
         let Self(axes, points) = self;
         let (mut lo, mut hi) = EMPTY;
         for k in 0..3 {
-            let (x, y, z) = (axes.x_axis[k], axes.y_axis[k], axes.z_axis[k]);
-            let (mut least, mut most) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+            let row = axes.row(k).as_vec3();
+            let (x, y, z) = (l.splat(row.x), l.splat(row.y), l.splat(row.z));
+            let (mut least, mut most) = (l.splat(f32::INFINITY), l.splat(f32::NEG_INFINITY));
             for point in points {
-                for lane in 0..LANES {
-                    let along = x * point[0][lane] + y * point[1][lane] + z * point[2][lane];
-                    least[lane] = if along < least[lane] { along } else { least[lane] };
-                    most[lane] = if along > most[lane] { along } else { most[lane] };
-                }
+                let (px, py, pz) = (l.load(&point[0]), l.load(&point[1]), l.load(&point[2]));
+                let along = l.mul_add(x, px, l.mul_add(y, py, l.mul(z, pz)));
+                (least, most) = (l.min(least, along), l.max(most, along));
             }
-            for lane in 0..LANES {
-                lo[k] = if least[lane] < lo[k] { least[lane] } else { lo[k] };
-                hi[k] = if most[lane] > hi[k] { most[lane] } else { hi[k] };
-            }
+            (lo[k], hi[k]) = (f64::from(least_of(&l.store(least))), f64::from(most_of(&l.store(most))));
         }
         (lo, hi)
     }

@@ -22,7 +22,7 @@ impl Frame {
         let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let bounds = points.clone().fold(empty, |(lo, hi), p| (lo.min(p), hi.max(p)));
         let origin = if bounds == empty { DVec3::ZERO } else { bounds.0.midpoint(bounds.1) };
-        let radius = points.map(|p| p.distance(origin)).fold(0.0, f64::max);
+        let radius = points.map(|p| p.distance_squared(origin)).fold(0.0, f64::max).sqrt();
         Self { origin, scale: unit_scale(radius), bounds }
     }
 

@@ -21,9 +21,11 @@ pub(super) trait Lanes: Copy {
     fn load(self, x: &[f32; LANES]) -> Self::F;
     fn bytes(self, x: &[u8; LANES]) -> Self::F;
     fn store(self, a: Self::F) -> [f32; LANES];
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    fn sqrt(self, a: Self::F) -> Self::F;
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// `a * b + c`, rounded once or twice.
@@ -68,6 +70,11 @@ impl Lanes for Plain {
     }
 
     #[inline(always)]
+    fn add(self, a: f32x8, b: f32x8) -> f32x8 {
+        a + b
+    }
+
+    #[inline(always)]
     fn sub(self, a: f32x8, b: f32x8) -> f32x8 {
         a - b
     }
@@ -80,6 +87,11 @@ impl Lanes for Plain {
     #[inline(always)]
     fn div(self, a: f32x8, b: f32x8) -> f32x8 {
         a / b
+    }
+
+    #[inline(always)]
+    fn sqrt(self, a: f32x8) -> f32x8 {
+        a.sqrt()
     }
 
     #[inline(always)]
@@ -132,6 +144,26 @@ impl Lanes for Plain {
     fn affine(self, m: &[[f32; 4]; 4], p: [f32; 3]) -> [f32x8; 3] {
         [0, 1, 2].map(|k| f32x8::splat(m[0][k] * p[0] + m[1][k] * p[1] + m[2][k] * p[2] + m[3][k]))
     }
+}
+
+/// The least of some numbers.
+#[inline(always)]
+pub(super) fn least_of(numbers: &[f32]) -> f32 {
+    let mut least = f32::INFINITY;
+    for &x in numbers {
+        least = if x < least { x } else { least };
+    }
+    least
+}
+
+/// The largest of some numbers.
+#[inline(always)]
+pub(super) fn most_of(numbers: &[f32]) -> f32 {
+    let mut most = f32::NEG_INFINITY;
+    for &x in numbers {
+        most = if x > most { x } else { most };
+    }
+    most
 }
 
 /// What is computed with one way or another.

@@ -8,7 +8,7 @@
 use glam::{DMat3, DVec3};
 
 use super::{
-    lanes::{LANES, Lanes},
+    lanes::{Kernel, LANES, Lanes, Simd, least_of, most_of},
     rounding::slack,
 };
 use crate::contact::geometry::Ray;
@@ -18,6 +18,9 @@ const STEPS: f64 = 254.0;
 
 /// Boxes are at least this thick in all, in the tree's units: a step's inverse stays in `f32`.
 const THINNEST: f64 = 1e-7;
+
+/// A box, `(min, max)` along axes that belong to it.
+pub(super) type Extent = (DVec3, DVec3);
 
 /// Where a child of a node leads: to a node or to a packet.
 pub(super) enum Target {
@@ -128,20 +131,9 @@ impl Node8 {
         }
     }
 
-    /// Enlarges a box along `axes` (rows) by those of the packets.
-    pub(super) fn add_packets(&self, axes: &DMat3, (lo, hi): &mut (DVec3, DVec3)) {
-        let step = self.step();
-        // Rows of the frame are axes over steps.
-        let to_steps = DMat3::from_cols(self.column(0), self.column(1), self.column(2));
-        let from_steps = to_steps.transpose() * DMat3::from_diagonal(step * step);
-        let turn = *axes * from_steps;
-        let shift = turn * self.column(3);
-        let size = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
-        for lane in usize::from(self.nodes)..usize::from(self.count) {
-            let (low, high) = self.steps(lane);
-            let (centre, half) = (turn * ((low + high) * 0.5) - shift, size * ((high - low) * 0.5));
-            (*lo, *hi) = (lo.min(centre - half), hi.max(centre + half));
-        }
+    /// The box along `axes` (rows) around those of the packets.
+    pub(super) fn around_packets(&self, simd: Simd, axes: &DMat3) -> Extent {
+        simd.run(AroundPackets(self, axes))
     }
 
     #[inline(always)]
@@ -187,6 +179,42 @@ impl Node8 {
         let z = outside(l, &self.lo[2], &self.hi[2], p[2]);
         let (xx, yy, zz) = (l.splat(self.frame[0][3]), l.splat(self.frame[1][3]), l.splat(self.frame[2][3]));
         l.mul_add(l.mul(xx, x), x, l.mul_add(l.mul(yy, y), y, l.mul(l.mul(zz, z), z)))
+    }
+}
+
+struct AroundPackets<'a>(&'a Node8, &'a DMat3);
+
+impl Kernel for AroundPackets<'_> {
+    type Output = Extent;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, l: L) -> Extent {
+        let Self(node, axes) = self;
+        let step = node.step();
+        // Rows of the frame are axes over steps.
+        let to_steps = DMat3::from_cols(node.column(0), node.column(1), node.column(2));
+        let turn = *axes * (to_steps.transpose() * DMat3::from_diagonal(step * step));
+        let shift = (turn * node.column(3)).as_vec3();
+        let packets = usize::from(node.nodes)..usize::from(node.count);
+        let half = l.splat(0.5);
+        let (mut centre, mut size) = ([half; 3], [half; 3]);
+        for k in 0..3 {
+            let (lo, hi) = (l.bytes(&node.lo[k]), l.bytes(&node.hi[k]));
+            (centre[k], size[k]) = (l.mul(half, l.add(lo, hi)), l.mul(half, l.sub(hi, lo)));
+        }
+        let (mut lo, mut hi) = (DVec3::ZERO, DVec3::ZERO);
+        for k in 0..3 {
+            let row = turn.row(k).as_vec3();
+            let (x, y, z) = (l.splat(row.x), l.splat(row.y), l.splat(row.z));
+            let middle = l.mul_add(x, centre[0], l.mul_add(y, centre[1], l.mul(z, centre[2])));
+            let middle = l.sub(middle, l.splat(shift[k]));
+            let (x, y, z) = (l.splat(row.x.abs()), l.splat(row.y.abs()), l.splat(row.z.abs()));
+            let extent = l.mul_add(x, size[0], l.mul_add(y, size[1], l.mul(z, size[2])));
+            let (low, high) = (l.store(l.sub(middle, extent)), l.store(l.add(middle, extent)));
+            lo[k] = f64::from(least_of(&low[packets.clone()]));
+            hi[k] = f64::from(most_of(&high[packets.clone()]));
+        }
+        (lo, hi)
     }
 }
 

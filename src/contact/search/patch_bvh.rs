@@ -4,12 +4,12 @@ use glam::DVec3;
 
 use super::{
     boxes::Aabb,
-    fit::put,
+    fit::{Points, put},
     frame::Frame,
-    lanes::Simd,
+    lanes::{LANES, Simd},
     rounding::{LARGEST, slack},
     tree::{MAX_PRIMITIVES, Primitive, Tree, distinct},
-    triangle8::Triangle8,
+    triangle8::{Normals, Triangle8},
 };
 use crate::{
     contact::ContactError,
@@ -93,18 +93,17 @@ impl PatchBvh {
 
     fn fit(&mut self) {
         let Self { mesh, tree, triangles, frame, simd, .. } = self;
-        tree.fit(*simd, |packet, faces, points| {
-            let mut area = DVec3::ZERO;
-            for (lane, &face) in faces.iter().enumerate() {
-                let [a, b, c] = mesh.corners(FaceId::from(face));
-                let [a, b, c] = [frame.point(a), frame.point(b), frame.point(c)];
-                area += (b - a).cross(c - a);
-                put(points, lane, [a, b, c]);
+        let gather = |faces: &[u32; LANES], points: &mut Points<3>| {
+            let corners = faces.map(|face| mesh.triangles[FaceId::from(face)]);
+            for (lane, ids) in corners.into_iter().enumerate() {
+                put(points, lane, ids.map(|v| frame.point(mesh.positions[v])));
             }
+        };
+        tree.fit(*simd, gather, |packet, points| {
             if let Some(triangles) = triangles.get_mut(packet) {
                 triangles.set(*simd, points);
             }
-            area
+            simd.run(Normals(points))
         });
     }
 

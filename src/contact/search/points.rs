@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::{
     descent::{Descent, Visitor, bound_of},
-    fit::put,
+    fit::{Points, put},
     frame::Frame,
-    lanes::{Kernel, Lanes, Simd},
+    lanes::{Kernel, LANES, Lanes, Simd},
     point8::Point8,
     rounding::{slack, squared_bound_f32},
     tree::{Primitive, Tree, distinct},
@@ -14,6 +14,7 @@ use super::{
 use crate::{
     contact::geometry::Volume,
     id::{IdVec, VertexId},
+    mesh::TriMesh,
 };
 
 /// Points of one patch, in m in the frame of its link.
@@ -30,27 +31,45 @@ pub(in crate::contact) struct PointTree {
 /// More points than this are looked for in `f64`, one by one.
 const MOST: usize = 64;
 
+/// Up to this many points are kept in order faster.
+const FEW: usize = 8;
+
 /// From this many radii away, `f32` cannot distinguish the points.
 const FAR: f64 = 1000.0;
 
 impl PointTree {
-    /// A tree over finite points; there may be none.
-    pub(in crate::contact) fn new(points: &IdVec<VertexId, DVec3>) -> Self {
+    /// A tree over finite points; there may be none. The normals of the skin there, of any length, turn
+    /// its boxes; they may be 0.
+    pub(in crate::contact) fn new(
+        points: &IdVec<VertexId, DVec3>,
+        normal: impl Fn(VertexId) -> DVec3,
+    ) -> Self {
         let frame = Frame::around(points.iter().copied());
         let at = |id: u32| frame.point(points[VertexId::from(id)]);
-        let primitive = |id: u32| Primitive { centre: at(id), area: DVec3::ZERO };
+        let normal = |id: u32| normal(VertexId::from(id));
+        let primitive = |id: u32| Primitive { centre: at(id), area: normal(id) };
         let tree = (!points.is_empty()).then(|| {
             let primitives: Vec<_> = points.ids().map(|v| primitive(v.raw())).collect();
             let mut tree = Tree::new(&primitives);
-            tree.fit(Simd::detect(), |_, ids, points| {
+            let gather = |ids: &[u32; LANES], points: &mut Points<1>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, [at(id)]));
-                DVec3::ZERO
-            });
+            };
+            let packets = tree.packets.clone();
+            tree.fit(Simd::detect(), gather, |packet, _| packets[packet].iter().map(|&id| normal(id)).sum());
             tree
         });
         let packets = tree.iter().flat_map(|tree: &Tree| &tree.packets);
         let packets = packets.map(|ids| Point8::new(&ids.map(at))).collect();
         Self { points: points.clone(), tree, packets, frame, simd: Simd::detect() }
+    }
+
+    /// A tree over the vertices of a mesh.
+    pub(in crate::contact) fn of_mesh(mesh: &TriMesh) -> Self {
+        let mut normals = IdVec::filled(DVec3::ZERO, mesh.positions.len());
+        for (face, corners) in mesh.triangles.enumerate() {
+            corners.iter().for_each(|&v| normals[v] += mesh.face_cross(face));
+        }
+        Self::new(&mesh.positions, |v| normals[v])
     }
 
     /// Where a point is.
@@ -73,7 +92,11 @@ impl PointTree {
             return self.nearest_in_f64(tree, q, k, reach, found);
         }
         let first = found.len();
-        self.simd.run(Walk { points: self, tree, local, k, reach, found });
+        if k <= FEW {
+            self.simd.run(Walk::<FEW> { points: self, tree, local, k, reach, found });
+        } else {
+            self.simd.run(Walk::<MOST> { points: self, tree, local, k, reach, found });
+        }
         for (vertex, distance) in &mut found[first..] {
             *distance = self.points[*vertex].distance(q);
         }
@@ -132,8 +155,8 @@ impl PointTree {
 /// Bounds in `f64` from far away are enlarged by this: some hundred roundings.
 const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
 
-/// The walk with eight lanes: leaves everything in `found` that may be among the nearest.
-struct Walk<'a> {
+/// The walk with eight lanes: leaves everything in `found` that may be among the nearest `k`, at most `N`.
+struct Walk<'a, const N: usize> {
     points: &'a PointTree,
     tree: &'a Tree,
     local: DVec3,
@@ -142,7 +165,7 @@ struct Walk<'a> {
     found: &'a mut Vec<(VertexId, f64)>,
 }
 
-impl Kernel for Walk<'_> {
+impl<const N: usize> Kernel for Walk<'_, N> {
     type Output = ();
 
     #[inline(always)]
@@ -152,7 +175,9 @@ impl Kernel for Walk<'_> {
         let bound = squared_bound_f32(reach * points.frame.scale, slack);
         let mut descent = Descent::new(l, tree, local.as_vec3().to_array(), bound);
         let first = found.len();
-        let mut nearest = Nearest { points, tree, slack, k, squares: [f32::MAX; MOST], found };
+        let mut squares = [f32::MAX; N];
+        squares[..N - k].fill(f32::NEG_INFINITY);
+        let mut nearest = Nearest { points, tree, slack, squares, found };
         descent.run(&mut nearest);
         let mut kept = first;
         for n in first..found.len() {
@@ -165,18 +190,17 @@ impl Kernel for Walk<'_> {
     }
 }
 
-struct Nearest<'a> {
+struct Nearest<'a, const N: usize> {
     points: &'a PointTree,
     tree: &'a Tree,
     slack: f64,
-    k: usize,
-    /// The `k` least squares, ascending.
-    squares: [f32; MOST],
+    /// The least squares, as many as points are looked for, ascending, after lower numbers.
+    squares: [f32; N],
     /// Points and their squares.
     found: &'a mut Vec<(VertexId, f64)>,
 }
 
-impl<L: Lanes> Visitor<L> for Nearest<'_> {
+impl<L: Lanes, const N: usize> Visitor<L> for Nearest<'_, N> {
     #[inline(always)]
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
         let ids = &self.tree.packets[packet];
@@ -186,7 +210,6 @@ impl<L: Lanes> Visitor<L> for Nearest<'_> {
             return;
         }
         let squared = l.store(squared);
-        let last = self.k - 1;
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & 7;
             mask &= mask - 1;
@@ -196,17 +219,16 @@ impl<L: Lanes> Visitor<L> for Nearest<'_> {
             }
             let square = squared[lane];
             self.found.push((VertexId::from(ids[lane]), f64::from(square)));
-            if square < self.squares[last] {
-                let mut slot = last;
-                while slot > 0 && self.squares[slot - 1] > square {
-                    self.squares[slot] = self.squares[slot - 1];
-                    slot -= 1;
-                }
-                self.squares[slot] = square;
+            // Without a branch: where it belongs cannot be foreseen.
+            let before = self.squares;
+            for slot in 0..N {
+                let lower = if slot == 0 { f32::NEG_INFINITY } else { before[slot - 1] };
+                let least = if lower > square { lower } else { square };
+                self.squares[slot] = if before[slot] < least { before[slot] } else { least };
             }
         }
-        if self.squares[last] < f32::MAX {
-            *bound = bound.min(bound_of(self.squares[last], self.slack));
+        if self.squares[N - 1] < f32::MAX {
+            *bound = bound.min(bound_of(self.squares[N - 1], self.slack));
         }
     }
 }
@@ -236,7 +258,7 @@ mod tests {
             for _ in 0..copies {
                 points.push(DVec3::ONE * 0.5);
             }
-            let (tree, q) = (PointTree::new(&points), DVec3::from(q) * away);
+            let (tree, q) = (PointTree::new(&points, |v| points[v]), DVec3::from(q) * away);
             let mut expected: Vec<_> = points.enumerate().map(|(v, p)| (v, p.distance(q))).collect();
             expected.retain(|&(_, distance)| distance <= reach);
             expected.sort_by(|a, b| (a.1, a.0).partial_cmp(&(b.1, b.0)).unwrap());

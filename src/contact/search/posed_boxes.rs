@@ -5,9 +5,9 @@ use glam::DVec3;
 
 use super::{
     boxes::Aabb,
-    fit::put,
+    fit::{Points, put},
     frame::Frame,
-    lanes::Simd,
+    lanes::{LANES, Simd},
     tree::{Primitive, Tree, distinct},
 };
 use crate::skin::PatchId;
@@ -44,10 +44,10 @@ impl PosedBoxes {
             #[expect(clippy::cast_possible_truncation, reason = "patches have ids of 32 bits")]
             let mut tree = Tree::new(&(0..patches as u32).map(primitive).collect::<Vec<_>>());
             let ends = |id: u32| [at(id).lo, at(id).hi].map(|p| frame.point(p));
-            tree.fit(Simd::detect(), |_, ids, points| {
+            let gather = |ids: &[u32; LANES], points: &mut Points<2>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, ends(id)));
-                DVec3::ZERO
-            });
+            };
+            tree.fit(Simd::detect(), gather, |_, _| DVec3::ZERO);
             (tree, frame)
         });
     }

@@ -205,7 +205,7 @@ mod tests {
     use super::*;
     use crate::{
         contact::search::{
-            fit::put,
+            fit::{Points, put},
             lanes::Simd,
             node8::{Child, Target},
         },
@@ -244,10 +244,10 @@ mod tests {
             };
             let count = u32::try_from(corners.len()).unwrap();
             let mut tree = Tree::new(&(0..count).map(primitive).collect::<Vec<_>>());
-            tree.fit(Simd::detect(), |_, ids, points| {
+            let gather = |ids: &[u32; LANES], points: &mut Points<3>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, corners[id as usize]));
-                DVec3::Z
-            });
+            };
+            tree.fit(Simd::detect(), gather, |_, _| DVec3::Z);
             let mut found = Vec::new();
             below(&tree, Child::ROOT, &corners, &mut found);
             found.sort_unstable();

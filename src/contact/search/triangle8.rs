@@ -11,9 +11,6 @@ use super::{
 /// zero.
 const SHORTEST_SQUARED: f32 = 1e-30;
 
-/// Lengths below this (in the tree's units) have no direction.
-const SHORTEST: f64 = 1e-100;
-
 /// Up to eight triangles, side by side, in 384 bytes; empty lanes repeat the last one.
 ///
 /// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the
@@ -68,71 +65,108 @@ impl Triangle8 {
     }
 }
 
-#[inline(always)]
-fn corner(point: &[[f64; LANES]; 3], lane: usize) -> DVec3 {
-    DVec3::new(point[0][lane], point[1][lane], point[2][lane])
-}
-
-/// The corners in the same cyclic order, the first two being ends of the longest side.
-#[inline(always)]
-fn longest_side_first(a: DVec3, b: DVec3, c: DVec3) -> (DVec3, DVec3, DVec3) {
-    let (ab, bc, ca) = (a.distance_squared(b), b.distance_squared(c), c.distance_squared(a));
-    if ab >= bc && ab >= ca {
-        (a, b, c)
-    } else if bc >= ca {
-        (b, c, a)
-    } else {
-        (c, a, b)
-    }
-}
-
-/// `v` without its part along the unit vector `x`.
-#[inline(always)]
-fn reject(v: DVec3, x: DVec3) -> DVec3 {
-    v - x * v.dot(x)
-}
-
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
-fn put(rows: &mut [[f32; LANES]; 12], first: usize, lane: usize, v: DVec3) {
-    rows[first][lane] = v.x as f32;
-    rows[first + 1][lane] = v.y as f32;
-    rows[first + 2][lane] = v.z as f32;
-}
-
-/// The frames of eight triangles, side by side: without a branch, so that the compiler may compute
-/// several at a time.
+/// The frames of eight triangles. What rounding does to them moves their corners by a few units of the
+/// coordinates, however thin they are.
 struct Framing<'a>(&'a Points<3>, &'a mut [[f32; LANES]; 12]);
 
 impl Kernel for Framing<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
+    fn run<L: Lanes>(self, l: L) {
         let Self(corners, rows) = self;
-        for lane in 0..LANES {
-            let (a, b, c) = longest_side_first(
-                corner(&corners[0], lane),
-                corner(&corners[1], lane),
-                corner(&corners[2], lane),
-            );
-            let (side, base) = (b - a, a.distance(b));
-            let x = if base > SHORTEST { side * (1.0 / base) } else { DVec3::X };
-            // Twice: what the first rejection left along `x` matters in a sliver.
-            let across = reject(reject(c - a, x), x);
-            let height = across.length();
-            let y = if height > SHORTEST { across * (1.0 / height) } else { x.any_orthonormal_vector() };
-            let y = reject(y, x);
-            let y = y * (1.0 / y.length());
-            let apex_x = (c - a).dot(x);
-            let apex_y = (c - a).dot(y);
-            let apex_y = if apex_y > 0.0 { apex_y } else { 0.0 };
-            put(rows, 0, lane, a);
-            put(rows, 3, lane, x);
-            put(rows, 6, lane, y);
-            put(rows, 9, lane, DVec3::new(base, apex_x, apex_y));
-        }
+        let (zero, one, shortest) = (l.splat(0.0), l.splat(1.0), l.splat(SHORTEST_SQUARED));
+        let always = (zero, zero);
+        let (a, b, c) = (load(l, &corners[0]), load(l, &corners[1]), load(l, &corners[2]));
+        let (ab, bc, ca) = (minus(l, &b, &a), minus(l, &c, &b), minus(l, &a, &c));
+        let (ab, bc, ca) = (dot(l, &ab, &ab), dot(l, &bc, &bc), dot(l, &ca, &ca));
+        // The corners in the same cyclic order, the first two being ends of the longest side.
+        let (is_ab, is_bc) = ([(bc, ab), (ca, ab), always, always], [(ca, bc), always, always, always]);
+        let start = select(l, is_ab, &a, &select(l, is_bc, &b, &c));
+        let end = select(l, is_ab, &b, &select(l, is_bc, &c, &a));
+        let apex = select(l, is_ab, &c, &select(l, is_bc, &a, &b));
+
+        let (side, third) = (minus(l, &end, &start), minus(l, &apex, &start));
+        let squared = dot(l, &side, &side);
+        let base = l.sqrt(squared);
+        let unit = scaled(l, &side, l.div(one, l.sqrt(l.max(squared, shortest))));
+        let x = select(l, [(shortest, squared), always, always, always], &unit, &[one, zero, zero]);
+        // Twice: what the first rejection left along `x` matters in a sliver.
+        let across = reject(l, &reject(l, &third, &x), &x);
+        let height = dot(l, &across, &across);
+        let unit = scaled(l, &across, l.div(one, l.sqrt(l.max(height, shortest))));
+        let y = select(l, [(shortest, height), always, always, always], &unit, &any_across(l, &x));
+        let y = reject(l, &y, &x);
+        let y = scaled(l, &y, l.div(one, l.sqrt(dot(l, &y, &y))));
+        put(l, rows, 0, &start);
+        put(l, rows, 3, &x);
+        put(l, rows, 6, &y);
+        put(l, rows, 9, &[base, dot(l, &third, &x), l.max(dot(l, &third, &y), zero)]);
     }
+}
+
+/// The sum of the normals of eight triangles, each twice as long as its area.
+pub(super) struct Normals<'a>(pub(super) &'a Points<3>);
+
+impl Kernel for Normals<'_> {
+    type Output = DVec3;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, l: L) -> DVec3 {
+        let (a, b, c) = (load(l, &self.0[0]), load(l, &self.0[1]), load(l, &self.0[2]));
+        let normals = cross(l, &minus(l, &b, &a), &minus(l, &c, &a));
+        let mut sum = DVec3::ZERO;
+        for k in 0..3 {
+            for x in l.store(normals[k]) {
+                sum[k] += f64::from(x);
+            }
+        }
+        sum
+    }
+}
+
+#[inline(always)]
+fn load<L: Lanes>(l: L, point: &[[f32; LANES]; 3]) -> [L::F; 3] {
+    [l.load(&point[0]), l.load(&point[1]), l.load(&point[2])]
+}
+
+#[inline(always)]
+fn put<L: Lanes>(l: L, rows: &mut [[f32; LANES]; 12], first: usize, v: &[L::F; 3]) {
+    for k in 0..3 {
+        rows[first + k] = l.store(v[k]);
+    }
+}
+
+#[inline(always)]
+fn minus<L: Lanes>(l: L, a: &[L::F; 3], b: &[L::F; 3]) -> [L::F; 3] {
+    [l.sub(a[0], b[0]), l.sub(a[1], b[1]), l.sub(a[2], b[2])]
+}
+
+#[inline(always)]
+fn scaled<L: Lanes>(l: L, a: &[L::F; 3], by: L::F) -> [L::F; 3] {
+    [l.mul(a[0], by), l.mul(a[1], by), l.mul(a[2], by)]
+}
+
+/// `yes` where all four numbers are not above their partners, else `no`.
+#[inline(always)]
+fn select<L: Lanes>(l: L, le: [(L::F, L::F); 4], yes: &[L::F; 3], no: &[L::F; 3]) -> [L::F; 3] {
+    [l.select(le, yes[0], no[0]), l.select(le, yes[1], no[1]), l.select(le, yes[2], no[2])]
+}
+
+/// `v` without its part along the unit vector `x`.
+#[inline(always)]
+fn reject<L: Lanes>(l: L, v: &[L::F; 3], x: &[L::F; 3]) -> [L::F; 3] {
+    let along = dot(l, v, x);
+    [l.sub_mul(v[0], x[0], along), l.sub_mul(v[1], x[1], along), l.sub_mul(v[2], x[2], along)]
+}
+
+/// A unit vector at right angles to the unit vector `x`.
+#[inline(always)]
+fn any_across<L: Lanes>(l: L, x: &[L::F; 3]) -> [L::F; 3] {
+    let (zero, one) = (l.splat(0.0), l.splat(1.0));
+    let sign = l.select([(zero, x[2]), (zero, zero), (zero, zero), (zero, zero)], one, l.splat(-1.0));
+    let per = l.div(l.splat(-1.0), l.add(sign, x[2]));
+    [l.mul(l.mul(x[0], x[1]), per), l.mul_add(l.mul(x[1], x[1]), per, sign), l.sub(zero, x[1])]
 }
 
 #[inline(always)]
