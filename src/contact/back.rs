@@ -9,17 +9,17 @@ use glam::{DVec2, DVec3};
 use crate::{
     contact::{
         Cell, ContactError, ContactIndex,
-        cell::{OwnFace, PatchCells},
+        cell::OwnFace,
         geometry::pseudo_normal,
         plane_grid::PlaneGrid,
         search::{Best, LARGEST, Packing, PatchBvh, Search},
     },
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, SkinMap},
+    map::{ImageFrame, MapLevel, SkinMap},
     mesh::{Closest, Feature, SurfacePoint, TriMesh, closest_point},
     parallel::par_map,
     pyramid::LevelId,
-    skin::{LinkId, PatchId},
+    skin::{LinkId, PatchId, TaxelId},
 };
 
 /// A place this near to a triangle is on it, as a part of the size of the map: rounding.
@@ -45,8 +45,8 @@ struct IndexedMap {
 #[derive(Debug, Clone)]
 struct Sheet {
     grid: PlaneGrid,
-    /// What the answer reads of each face, side by side.
-    faces: IdVec<FaceId, SheetFace>,
+    /// What the answer reads of each place of the map, side by side.
+    places: IdVec<VertexId, Place>,
     /// The triangles of the map at height 0.
     tree: PatchBvh,
     /// The level itself, whose faces they are.
@@ -57,13 +57,14 @@ struct Sheet {
     same_point: f64,
 }
 
-#[derive(Debug, Clone)]
-struct SheetFace {
-    own: OwnFace,
-    /// Its corners as vertices of the tree.
-    places: [VertexId; 3],
-    /// And in space, in m.
-    corners: [DVec3; 3],
+/// A vertex of a map.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    /// On the map and in space, in m.
+    uv: DVec2,
+    position: DVec3,
+    field: VertexId,
+    taxel: TaxelId,
 }
 
 /// A place on the map of a level, and the point of the surface that it shows.
@@ -91,22 +92,24 @@ impl MapIndex {
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
         map.validate()?;
         let patches = par_map(map.patches.as_slice(), |patch| {
-            let cells = PatchCells::without_rows(patch);
-            let level = |(id, map): (LevelId, &crate::map::MapLevel)| {
+            let level = |map: &MapLevel| {
                 let mesh = map.level.mesh.clone();
                 let plane =
                     TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: map.corners().clone() };
                 let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
                 let grid = PlaneGrid::new(&map.uv, map.corners(), on_chart);
-                let face = |f: FaceId| {
-                    let (places, corners) = (plane.triangles[f], mesh.corners(f));
-                    cells.own_face(id, f).map(|own| SheetFace { own, places, corners })
-                };
-                let faces = mesh.triangles.ids().filter_map(face).collect();
-                Ok(Sheet { grid, faces, tree, mesh, frame: map.frame, on_chart, same_point })
+                let mut places = IdVec::filled(Place::default(), map.uv.len());
+                for (of_face, fields) in map.corners().iter().zip(&mesh.triangles) {
+                    for (&place, &field) in of_face.iter().zip(fields) {
+                        let taxel = patch.taxels.ids[map.level.origins[field]];
+                        let (uv, position) = (map.uv[place], mesh.positions[field]);
+                        places[place] = Place { uv, position, field, taxel };
+                    }
+                }
+                Ok(Sheet { grid, places, tree, mesh, frame: map.frame, on_chart, same_point })
             };
-            let levels = patch.levels.enumerate().map(level).collect::<Result<Vec<_>, ContactError>>()?;
+            let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?;
             Ok(IndexedMap { link: patch.link, levels: levels.into() })
         });
         Ok(Self { patches: patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into() })
@@ -143,8 +146,12 @@ impl MapIndex {
         }
         let first = found.len();
         let is_listed = sheet.grid.each_at(uv, |face| {
-            let SheetFace { own, places, .. } = &sheet.faces[face];
-            let closest = closest_point(point, own.uv.map(|uv| uv.extend(0.0)), *places);
+            let ids = sheet.tree.mesh.triangles[face];
+            let corners = ids.map(|place| sheet.places[place].uv);
+            if is_beyond(uv, corners, sheet.on_chart) {
+                return;
+            }
+            let closest = closest_point(point, corners.map(|uv| uv.extend(0.0)), ids);
             if closest.squared <= sheet.on_chart * sheet.on_chart {
                 found.push(sheet.place(map, (patch, level), face, closest, 0.0));
             }
@@ -188,15 +195,33 @@ impl Sheet {
         off_chart: f64,
     ) -> MapPlace {
         let point = SurfacePoint { face, barycentric };
-        let SheetFace { own, corners: [a, b, c], .. } = &self.faces[face];
+        let corners = self.tree.mesh.triangles[face].map(|place| self.places[place]);
+        let own = OwnFace {
+            fields: corners.map(|corner| corner.field),
+            taxels: corners.map(|corner| corner.taxel),
+            uv: corners.map(|corner| corner.uv),
+        };
+        let [a, b, c] = corners.map(|corner| corner.position);
         let normal = match feature {
-            Feature::Inside => (*b - *a).cross(*c - *a),
+            Feature::Inside => (b - a).cross(c - a),
             _ => pseudo_normal(&self.tree.corners, &self.mesh, face, feature),
         };
-        let position = *a * barycentric[0] + *b * barycentric[1] + *c * barycentric[2];
+        let position = a * barycentric[0] + b * barycentric[1] + c * barycentric[2];
         let (cell, normal) = (own.cell(level, point, &self.frame), normal.normalize_or_zero());
         MapPlace { patch, link: map.link, off_chart, cell, position, normal }
     }
+}
+
+/// Whether a place is farther than `margin` beyond a side of a triangle. What rounding adds is less than
+/// the margin.
+fn is_beyond(at: DVec2, [a, b, c]: [DVec2; 3], margin: f64) -> bool {
+    let area = (b - a).perp_dot(c - a);
+    let is_beyond = |from: DVec2, to: DVec2| {
+        let side = to - from;
+        let height = side.perp_dot(at - from) * area.signum();
+        (height < 0.0) & (height * height > 4.0 * margin * margin * side.length_squared())
+    };
+    (area != 0.0) & (is_beyond(a, b) | is_beyond(b, c) | is_beyond(c, a))
 }
 
 impl ContactIndex {

@@ -1,17 +1,17 @@
 //! [`Cell`]: where a hit lies on the map of a level, and what an index keeps of a map for it.
 
+use std::hint::black_box;
+
 use glam::DVec2;
 
 use crate::{
+    contact::field_weights::{FieldWeights, MOST_FIELDS, Union},
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError, MapLevel, PatchMap, carried_places},
     mesh::{SurfacePoint, TriMesh},
     pyramid::LevelId,
     skin::TaxelId,
 };
-
-/// Fields that a contact can lie in: each of a face's three corners lies in up to three.
-const MOST_FIELDS: usize = 9;
 
 /// Where a contact lies on the map of one level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,96 +34,13 @@ pub struct Cell {
     pub weights: FieldWeights,
 }
 
-/// The receptive fields a contact lies in: ids rising, weights positive with sum 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FieldWeights {
-    len: usize,
-    fields: [VertexId; MOST_FIELDS],
-    weights: [f64; MOST_FIELDS],
-}
-
-impl FromIterator<(VertexId, f64)> for FieldWeights {
-    /// The sums of the weights of each field.
-    ///
-    /// # Panics
-    /// If there are more than nine fields.
-    fn from_iter<I: IntoIterator<Item = (VertexId, f64)>>(fields: I) -> Self {
-        let mut all: Vec<_> = fields.into_iter().filter(|(_, weight)| *weight != 0.0).collect();
-        all.sort_by_key(|(field, _)| *field);
-        let mut sum = Self::none();
-        for (field, weight) in all {
-            if sum.len == 0 || sum.fields[sum.len - 1] != field {
-                sum.fields[sum.len] = field;
-                sum.len += 1;
-            }
-            sum.weights[sum.len - 1] += weight;
-        }
-        sum
-    }
-}
-
-/// Fields, ids rising and ended by [`none`], and their weights.
-type Part = ([VertexId; 4], [f64; 4]);
-
-/// Ends a [`Part`]: larger than every vertex.
-fn none() -> VertexId {
-    VertexId::from(u32::MAX)
-}
-
-fn single((field, weight): (VertexId, f64)) -> Part {
-    ([field, none(), none(), none()], [weight, 0.0, 0.0, 0.0])
-}
-
-impl FieldWeights {
-    fn none() -> Self {
-        Self { len: 0, fields: [VertexId::default(); MOST_FIELDS], weights: [0.0; MOST_FIELDS] }
-    }
-
-    /// The sums of the weights of each field of three parts.
-    #[inline(always)]
-    fn merged([a, b, c]: [Part; 3]) -> Self {
-        let mut sum =
-            Self { len: 0, fields: [VertexId::default(); MOST_FIELDS], weights: [0.0; MOST_FIELDS] };
-        let (mut i, mut j, mut k) = (0, 0, 0);
-        loop {
-            // Never beyond the fourth; the mask spares the test.
-            let (x, y, z) = (i & 3, j & 3, k & 3);
-            let field = a.0[x].min(b.0[y]).min(c.0[z]);
-            if field == none() {
-                return sum;
-            }
-            let (in_a, in_b, in_c) = (a.0[x] == field, b.0[y] == field, c.0[z] == field);
-            let part = |is_in: bool, weight: f64| if is_in { weight } else { 0.0 };
-            let weight = part(in_a, a.1[x]) + part(in_b, b.1[y]) + part(in_c, c.1[z]);
-            if weight != 0.0
-                && let Some(slot) = sum.fields.get_mut(sum.len)
-            {
-                (*slot, sum.weights[sum.len]) = (field, weight);
-                sum.len += 1;
-            }
-            (i, j, k) = (i + usize::from(in_a), j + usize::from(in_b), k + usize::from(in_c));
-        }
-    }
-
-    /// Fields and weights, smallest id first.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = (VertexId, f64)> + '_ {
-        self.fields[..self.len].iter().copied().zip(self.weights[..self.len].iter().copied())
-    }
-
-    /// The field of the largest weight, the smallest of several.
-    fn strongest(&self) -> VertexId {
-        let best = self.iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
-        best.map_or(VertexId::default(), |(field, _)| field)
-    }
-}
-
 /// A point of level 0, the same on every level.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Anchor {
     at: SurfacePoint,
-    /// The corners of its face, and the nearest of them, the smallest of several.
+    /// The corners of its face, and which of them is the nearest, the smallest of several.
     corners: [VertexId; 3],
-    nearest: VertexId,
+    nearest: usize,
 }
 
 impl Anchor {
@@ -136,7 +53,7 @@ impl Anchor {
         let away = [a, b, c].map(|p| p.distance_squared(here));
         let is_nearer = |k: usize, than: usize| (away[k], corners[k]) < (away[than], corners[than]);
         let first = usize::from(is_nearer(1, 0));
-        let nearest = corners[if is_nearer(2, first) { 2 } else { first }];
+        let nearest = if is_nearer(2, first) { 2 } else { first };
         Some(Self { at: *at, corners, nearest })
     }
 }
@@ -147,6 +64,8 @@ pub(super) struct PatchCells {
     levels: IdVec<LevelId, LevelCells>,
     /// For each vertex of level 0 its rows on the coarser levels, side by side: they are read together.
     rows: Vec<Row>,
+    /// For each face of level 0 how its rows add up on the coarser levels, side by side.
+    unions: Vec<Union>,
 }
 
 /// What a lookup needs of one level.
@@ -197,8 +116,8 @@ struct Row {
 /// A face of a level: its corners in their order, where they lie on its map (m), and the taxels that they are.
 #[derive(Debug, Clone)]
 pub(super) struct OwnFace {
-    fields: [VertexId; 3],
-    taxels: [TaxelId; 3],
+    pub(super) fields: [VertexId; 3],
+    pub(super) taxels: [TaxelId; 3],
     pub(super) uv: [DVec2; 3],
 }
 
@@ -206,8 +125,8 @@ impl OwnFace {
     /// The cell of a point of the face.
     pub(super) fn cell(&self, level: LevelId, point: SurfacePoint, frame: &ImageFrame) -> Cell {
         let [a, b, c] = point.barycentric;
-        let weights = FieldWeights::merged([0, 1, 2].map(|k| single((self.fields[k], point.barycentric[k]))));
-        let (uv, field) = (self.uv[0] * a + self.uv[1] * b + self.uv[2] * c, weights.strongest());
+        let (weights, field) = FieldWeights::of_corners(self.fields, point.barycentric);
+        let uv = self.uv[0] * a + self.uv[1] * b + self.uv[2] * c;
         let corner = self.fields.iter().position(|other| *other == field).unwrap_or_default();
         Cell { level, point, uv, pixel: frame.pixel(uv), field, taxel: self.taxels[corner], weights }
     }
@@ -226,21 +145,18 @@ impl Corners {
         self.order.into_iter().zip(rising).for_each(|(corner, x)| corners[usize::from(corner)] = x);
         corners
     }
-
-    /// The fields of a row in this face, each with a share of its weight.
-    fn part(&self, weights: [f64; 3], share: f64) -> Part {
-        let ([a, b, c], [x, y, z]) = (self.fields, weights);
-        ([a, b, c, none()], [share * x, share * y, share * z, 0.0])
-    }
 }
 
 impl PatchCells {
     /// From a patch of a valid map.
     pub(super) fn new(patch: &PatchMap) -> Result<Self, MapError> {
-        let mut cells = Self::without_rows(patch);
-        let above = patch.levels.len() - 1;
+        let levels = patch.levels.enumerate().map(|(id, map)| LevelCells::new(patch, id, map));
+        let levels: IdVec<_, _> = levels.collect();
+        let faces = &patch.levels[LevelId::new(0)].level.mesh.triangles;
+        let above = levels.len() - 1;
         let blank = Row { weights: [0.0; 3], face: FaceId::default() };
-        cells.rows = vec![blank; above * cells.levels[LevelId::new(0)].fields.len()];
+        let rows = vec![blank; above * levels[LevelId::new(0)].fields.len()];
+        let mut cells = Self { levels, rows, unions: Vec::with_capacity(above * faces.len()) };
         for (id, map) in patch.levels.enumerate() {
             let Some(to_finest) = &map.level.to_finest else { continue };
             let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
@@ -255,35 +171,53 @@ impl PatchCells {
                 cells.rows[vertex.index() * above + id.index() - 1] = Row { weights, face };
             }
         }
+        for corners in faces {
+            for (level, above) in cells.levels.iter().skip(1).zip(0..) {
+                let rows = corners.map(|v| &cells.rows[v.index() * cells.above() + above]);
+                cells.unions.push(Union::new(&level.parts(rows, [1.0; 3])));
+            }
+        }
         Ok(cells)
     }
 
-    /// The same for points on a level's own mesh alone.
-    pub(super) fn without_rows(patch: &PatchMap) -> Self {
-        let levels = patch.levels.enumerate().map(|(id, map)| LevelCells::new(patch, id, map));
-        Self { levels: levels.collect(), rows: Vec::new() }
+    /// How many levels there are above level 0.
+    fn above(&self) -> usize {
+        self.levels.len() - 1
     }
 
     pub(super) fn len(&self) -> usize {
         self.levels.len()
     }
 
+    /// Loads what the cells of a point need on all levels into the cache, so that they wait for memory
+    /// together, not one after another.
+    #[inline]
+    pub(super) fn touch(&self, anchor: &Anchor) {
+        let mut sum = self.unions.get(anchor.at.face.index() * self.above()).map_or(0, |union| union.0);
+        for (above, level) in self.levels.iter().skip(1).enumerate() {
+            for (k, v) in anchor.corners.into_iter().enumerate() {
+                let row = &self.rows[v.index() * self.above() + above];
+                sum ^= u64::from(level.fields[level.triangles[row.face].fields[k]].taxel.0);
+            }
+        }
+        black_box(sum);
+    }
+
     /// The cell of a point of level 0.
     #[inline]
     pub(super) fn cell(&self, level: LevelId, anchor: &Anchor) -> Option<Cell> {
-        let Anchor { at, corners, nearest } = anchor;
+        let Anchor { at, corners, nearest } = *anchor;
         let cells = self.levels.get(level)?;
-        let mut point = *at;
-        let weights = match level.index().checked_sub(1) {
-            None => FieldWeights::merged([0, 1, 2].map(|k| single((corners[k], at.barycentric[k])))),
-            Some(above) => FieldWeights::merged([0, 1, 2].map(|k| {
-                let Row { weights, face } = self.rows[corners[k].index() * (self.levels.len() - 1) + above];
-                let triangle = &cells.triangles[face];
-                if corners[k] == *nearest {
-                    point = SurfacePoint { face, barycentric: triangle.in_face(weights) };
-                }
-                triangle.part(weights, at.barycentric[k])
-            })),
+        let mut point = at;
+        let (weights, field) = match level.index().checked_sub(1) {
+            None => FieldWeights::of_corners(corners, at.barycentric),
+            Some(above) => {
+                let rows = corners.map(|v| &self.rows[v.index() * self.above() + above]);
+                let Row { weights, face } = *rows[nearest % 3];
+                point = SurfacePoint { face, barycentric: cells.triangles[face].in_face(weights) };
+                let parts = cells.parts(rows, at.barycentric);
+                self.unions[at.face.index() * self.above() + above].sums(&parts)
+            }
         };
         let finest = self.levels.get(LevelId::new(0)).and_then(|finest| finest.cut.as_ref());
         let uv = finest.map(|finest| {
@@ -291,7 +225,7 @@ impl PatchCells {
             let carried = cells.carried.as_ref().unwrap_or(&finest.uv);
             finest.triangles[at.face].iter().zip(at.barycentric).map(|(&place, w)| carried[place] * w).sum()
         });
-        Some(cells.cell(level, point, weights, uv))
+        Some(cells.cell(level, point, (weights, field), uv))
     }
 
     /// The cell of a point on a level's own mesh; its fields are the corners of its face.
@@ -324,7 +258,7 @@ impl PatchCells {
         let face = *cells.first_faces.get(field)?;
         let triangle = cells.triangles.get(face)?;
         let barycentric = triangle.in_face(triangle.fields.map(|v| f64::from(u8::from(v == field))));
-        let weights = FieldWeights::merged([(field, 1.0), (none(), 0.0), (none(), 0.0)].map(single));
+        let weights = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
         Some(cells.cell(level, SurfacePoint { face, barycentric }, weights, None))
     }
 }
@@ -353,11 +287,38 @@ impl LevelCells {
         }
     }
 
-    /// The cell at a point; its map position is the mean of the fields' if `uv` is not known.
+    /// The fields of three rows and their weights, those of each row times its share.
     #[inline(always)]
-    fn cell(&self, level: LevelId, point: SurfacePoint, weights: FieldWeights, uv: Option<DVec2>) -> Cell {
-        let mean = || weights.iter().map(|(field, weight)| self.fields[field].uv * weight).sum();
-        let (uv, field) = (uv.unwrap_or_else(mean), weights.strongest());
+    fn parts(&self, rows: [&Row; 3], shares: [f64; 3]) -> [(VertexId, f64); MOST_FIELDS] {
+        let mut parts = [(VertexId::default(), 0.0); MOST_FIELDS];
+        for ((row, share), parts) in rows.into_iter().zip(shares).zip(parts.chunks_exact_mut(3)) {
+            let fields = self.triangles[row.face].fields;
+            for k in 0..3 {
+                parts[k] = (fields[k], share * row.weights[k]);
+            }
+        }
+        parts
+    }
+
+    /// The cell at a point, of its fields and the strongest of them; its map position is the mean of the
+    /// fields' if `uv` is not known.
+    #[inline(always)]
+    fn cell(
+        &self,
+        level: LevelId,
+        point: SurfacePoint,
+        (weights, field): (FieldWeights, VertexId),
+        uv: Option<DVec2>,
+    ) -> Cell {
+        let mean = || {
+            let mut mean = DVec2::ZERO;
+            // The last of three may be one beyond the fields: field 0, of no weight.
+            for k in 0..weights.len.div_ceil(3) * 3 {
+                mean += self.fields[weights.fields[k]].uv * weights.weights[k];
+            }
+            mean
+        };
+        let uv = uv.unwrap_or_else(mean);
         let (pixel, taxel) = (self.frame.pixel(uv), self.fields[field].taxel);
         Cell { level, point, uv, pixel, field, taxel, weights }
     }

@@ -370,7 +370,10 @@ impl ContactIndex {
     pub fn cells(&self, hit: &Hit) -> impl Iterator<Item = Cell> + '_ {
         let found = self.patches.get(hit.patch);
         let found = found.and_then(|patch| Some((patch, Anchor::new(&patch.tree.mesh, &hit.point)?)));
-        let levels = found.map_or(0, |(patch, _)| patch.cells.len());
+        if let Some((patch, anchor)) = &found {
+            patch.cells.touch(anchor);
+        }
+        let levels = found.as_ref().map_or(0, |(patch, _)| patch.cells.len());
         (0..levels).filter_map(move |level| {
             let (patch, anchor) = found.as_ref()?;
             patch.cells.cell(LevelId::new(level), anchor)

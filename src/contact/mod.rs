@@ -92,6 +92,7 @@ mod blend;
 mod cell;
 mod coarse;
 mod error;
+mod field_weights;
 mod geometry;
 mod index;
 mod motion;
@@ -103,8 +104,9 @@ mod search;
 mod soup;
 
 pub use back::{MapIndex, MapPlace};
-pub use cell::{Cell, FieldWeights};
+pub use cell::Cell;
 pub use error::ContactError;
+pub use field_weights::FieldWeights;
 pub use index::{ContactIndex, IndexOptions};
 pub use queries::{Area, FieldHit, Filter, Press, Pressing, Reactive, Refined, Spreader};
 pub use query::{Cursor, Hit, Query};

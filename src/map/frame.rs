@@ -60,8 +60,8 @@ impl ImageFrame {
         let t = self.to_texture(at);
         let px = |unit: f64, count: u32| {
             let last = f64::from(count.saturating_sub(1));
-            #[expect(clippy::cast_possible_truncation, reason = "clamped to the image first")]
-            let px = (unit * f64::from(count)).floor().clamp(0.0, last) as u32;
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the image: rounds down")]
+            let px = (unit * f64::from(count)).clamp(0.0, last) as u32;
             px
         };
         [px(t.x, self.size_px[0]), px(t.y, self.size_px[1])]
