@@ -5,7 +5,7 @@
 //! cargo bench --bench coarse_to_fine -- cap 10000 100000    # default: cap forearm robot, 10000 100000 1000000
 //! ```
 //!
-//! Contacts lie 0 to 3 mm off the skin. A time is the mean over 2^13 contacts, of the fastest of nine
+//! Contacts lie 0 to 3 mm off the skin. A time is the mean over 2^13 contacts, of the fastest of 25
 //! passes for every 128 of them. All levels of a contact count from an answer with its cell of level
 //! 0. Prints a table for each skin and size, and writes a picture of error against time to
 //! `meshes/coarse_to_fine.png`: the sizes of the first skin.
@@ -31,7 +31,7 @@ use glam::DVec3;
 use numbers::numbers;
 
 const CONTACTS: usize = 1 << 13;
-const PASSES: usize = 9;
+const PASSES: usize = 25;
 /// Contacts that are timed together.
 const FEW: usize = 128;
 const SKINS: [&str; 3] = ["cap", "forearm", "robot"];

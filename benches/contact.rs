@@ -1,5 +1,5 @@
-//! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, a path, a batch, and making the
-//! index.
+//! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, a path, a batch, making the index, and
+//! bending the cap between two links.
 #![allow(missing_docs, clippy::unwrap_used, reason = "benches")]
 
 mod numbers;
@@ -9,10 +9,12 @@ use std::{hint::black_box, time::Duration};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     contact::{ContactIndex, Cursor, Query},
+    id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
+    skin::{Link, LinkId, PatchId},
 };
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use numbers::numbers;
 
 const RADIUS: f64 = 0.1;
@@ -52,6 +54,18 @@ fn path(count: usize) -> Vec<Query> {
     (0..count).map(place).collect()
 }
 
+/// The index of a cap that follows two links, one of them less and less from its bottom up.
+fn bending(mut map: SkinMap) -> ContactIndex {
+    let base = LinkId::new(0);
+    map.links.push(Link { name: "tip".into(), parent: Some(base), pose: DAffine3::IDENTITY });
+    let taxels = &mut map.patches[PatchId::new(0)].taxels;
+    let share = |v: usize| v as f64 / taxels.ids.len() as f64;
+    let joints = |v: usize| [(base, share(v)), (LinkId::new(1), 1.0 - share(v)), (base, 0.0), (base, 0.0)];
+    let joints: IdVec<VertexId, _> = (0..taxels.ids.len()).map(joints).collect();
+    taxels.joints = Some(joints);
+    ContactIndex::new(&map).unwrap()
+}
+
 fn contacts(c: &mut Criterion) {
     for faces in SIZES {
         let map = flat(shapes::cap(faces, RADIUS, HALF_ANGLE));
@@ -87,6 +101,13 @@ fn contacts(c: &mut Criterion) {
                     |map| ContactIndex::new(&map).unwrap(),
                     BatchSize::PerIteration,
                 );
+            });
+            let (mut index, mut turn) = (bending(map), 0.0);
+            group.bench_function("bend", |b| {
+                b.iter(|| {
+                    turn += 0.01;
+                    index.move_links(&[(LinkId::new(1), DAffine3::from_rotation_x(turn))]).unwrap();
+                });
             });
         }
         group.finish();
