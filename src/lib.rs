@@ -30,7 +30,6 @@ pub mod id;
 mod parallel;
 mod numeric;
 pub mod mesh;
-mod delaunay;
 pub mod skin;
 pub mod calib;
 pub mod cut;
@@ -47,6 +46,7 @@ pub mod report;
 pub mod error;
 pub mod pipeline;
 
+use dermatome_delaunay as delaunay;
 use dermatome_sparse as sparse;
 pub use error::Error;
 pub use sparse::SparseError;

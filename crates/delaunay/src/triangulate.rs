@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::DVec2;
 use spade::{DelaunayTriangulation, HasPosition, MIN_ALLOWED_VALUE, Point2, Triangulation};
 
-use crate::{delaunay::DelaunayError, mesh::smallest_first};
+use crate::DelaunayError;
 
 /// Coordinates above this are refused, well before the exact predicates overflow.
 const MAX_COORDINATE: f64 = 1e60;
@@ -34,7 +34,7 @@ impl HasPosition for Site {
 /// # Errors
 /// If a coordinate is out of range or two points coincide: merging them is left to the caller, who
 /// knows what they are.
-pub(crate) fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayError> {
+pub fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayError> {
     let sites = sites(points)?;
     let triangulation = DelaunayTriangulation::<Site>::bulk_load(sites)
         .map_err(|e| DelaunayError::Refused { reason: e.to_string() })?;
@@ -44,6 +44,13 @@ pub(crate) fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayE
         .collect();
     triangles.sort_unstable();
     Ok(triangles)
+}
+
+/// The same triangle, the same way round, from its smallest corner on.
+pub(super) fn smallest_first(mut corners: [usize; 3]) -> [usize; 3] {
+    let smallest = (0..3).min_by_key(|&k| corners[k]).unwrap_or(0);
+    corners.rotate_left(smallest);
+    corners
 }
 
 /// The points as `spade` takes them, all different.

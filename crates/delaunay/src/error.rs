@@ -1,8 +1,9 @@
-//! Errors of this module.
+//! Errors of this crate.
 
 /// Why points have no Delaunay triangulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(crate) enum DelaunayError {
+#[non_exhaustive]
+pub enum DelaunayError {
     /// A coordinate is NaN or out of range.
     #[error("point {point} lies at {position:?}; coordinates must be finite and below 1e60 m")]
     OutOfRange {

@@ -1,15 +1,11 @@
 //! The constrained Delaunay triangulation of a region between closed polygons, without new points.
 
+use glam::DVec2;
 use spade::{ConstrainedDelaunayTriangulation, Triangulation};
 
-use glam::DVec2;
-
 use crate::{
-    delaunay::{
-        DelaunayError,
-        triangulate::{Site, sites},
-    },
-    mesh::smallest_first,
+    DelaunayError,
+    triangulate::{Site, sites, smallest_first},
 };
 
 /// Counter-clockwise triangles of indices of `points` that cover what lies on the left of `edges`:
@@ -20,10 +16,7 @@ use crate::{
 ///
 /// # Errors
 /// If a coordinate is out of range, two points coincide, or edges cross or touch.
-pub(crate) fn triangulate_region(
-    points: &[DVec2],
-    edges: &[[usize; 2]],
-) -> Result<Vec<[usize; 3]>, DelaunayError> {
+pub fn triangulate_region(points: &[DVec2], edges: &[[usize; 2]]) -> Result<Vec<[usize; 3]>, DelaunayError> {
     let refused = |e: spade::InsertionError| DelaunayError::Refused { reason: e.to_string() };
     let mut crossed = None;
     let triangulation =
