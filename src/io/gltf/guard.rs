@@ -15,12 +15,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use gltf::json::{Asset, Index, Root};
-use serde::{Deserialize, de::DeserializeOwned};
+use gltf::json::Root;
+use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use crate::io::{
-    error::Result,
+    error::{IoError, Result},
     file::{Source, excerpt},
     gltf::notes::Notes,
 };
@@ -46,6 +46,22 @@ const SCENES: Array = ("scenes", "scene");
 const MATERIALS: Array = ("materials", "material");
 const SKINS: Array = ("skins", "skin");
 const CAMERAS: Array = ("cameras", "camera");
+
+const ARRAYS: [Array; 9] = [BUFFERS, VIEWS, ACCESSORS, MESHES, NODES, SCENES, MATERIALS, SKINS, CAMERAS];
+
+/// What the types of the crate are read for.
+const READ: [&str; 10] = [
+    "asset",
+    "extensionsUsed",
+    "extensionsRequired",
+    "buffers",
+    "bufferViews",
+    "accessors",
+    "meshes",
+    "nodes",
+    "scene",
+    "scenes",
+];
 
 /// What a property must be, where it is there; counts, sizes and offsets are checked by their type.
 enum Rule {
@@ -111,55 +127,42 @@ pub(super) fn parse(source: &Source, text: &[u8], notes: &Notes) -> Result<Parse
     };
     let materials = document.get(MATERIALS.0).and_then(Value::as_array);
     let materials = materials.map(|all| all.iter().enumerate().map(name).collect()).unwrap_or_default();
-    let asset: Asset = guard.typed("asset", document.remove("asset").unwrap_or_default())?;
-    let scene: Option<Index<_>> = guard.typed("scene", document.remove("scene").unwrap_or_default())?;
-    let mut names =
-        |key: &str| document.remove(key).map_or_else(|| Ok(Vec::new()), |list| guard.typed(key, list));
-    let (extensions_used, extensions_required) = (names("extensionsUsed")?, names("extensionsRequired")?);
     let mut transforms = Vec::new();
-    let mut root = Root {
-        asset,
-        scene,
-        extensions_used,
-        extensions_required,
-        buffers: guard.parts(&mut document, BUFFERS, json!({"byteLength": 0}), |_, _| Ok(()))?,
-        buffer_views: guard.parts(
-            &mut document,
-            VIEWS,
-            json!({"buffer": 0, "byteLength": 0}),
-            |name, json| guard.check(name, json, OF_VIEW),
-        )?,
-        accessors: guard.parts(
-            &mut document,
-            ACCESSORS,
-            json!({"componentType": 5126, "count": 0, "type": "SCALAR"}),
-            |name, json| guard.check_accessor(name, json),
-        )?,
-        meshes: guard.parts(&mut document, MESHES, json!({"primitives": []}), |name, json| {
-            guard.check_mesh(name, json)
-        })?,
-        nodes: guard.elements(&mut document, NODES, |name, json| {
-            guard.pass_over(name, json, LOOKS_OF_NODE)?;
-            guard.check(name, json, OF_NODE)?;
-            let transform = Transform::deserialize(&*json);
-            transforms.push(transform.map_err(|e| source.invalid(name, e.to_string(), NEEDED))?);
-            Ok(())
-        })?,
-        scenes: guard.elements(&mut document, SCENES, |name, json| {
-            guard.drop_empty(name, json, "nodes")?;
-            guard.check(name, json, OF_SCENE)?;
-            if let Value::Object(scene) = json {
-                scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
-            }
-            Ok(())
-        })?,
-        ..Root::default()
-    };
+    guard.parts(&mut document, BUFFERS, |_, _| Ok(()))?;
+    guard.parts(&mut document, VIEWS, |name, json| guard.check(name, json, OF_VIEW))?;
+    guard.parts(&mut document, ACCESSORS, |name, json| guard.check_accessor(name, json))?;
+    guard.parts(&mut document, MESHES, |name, json| guard.check_mesh(name, json))?;
+    guard.elements(&mut document, NODES, |name, json| {
+        guard.pass_over(name, json, LOOKS_OF_NODE)?;
+        guard.check(name, json, OF_NODE)?;
+        let transform = Transform::deserialize(&*json);
+        transforms.push(transform.map_err(|e| source.invalid(name, e.to_string(), NEEDED))?);
+        Ok(())
+    })?;
+    guard.elements(&mut document, SCENES, |name, json| {
+        guard.drop_empty(name, json, "nodes")?;
+        guard.check(name, json, OF_SCENE)?;
+        if let Value::Object(scene) = json {
+            scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+        }
+        Ok(())
+    })?;
     // The crate looks a view's buffer up before anyone can ask whether the view is broken.
-    if root.buffers.is_empty() && !root.buffer_views.is_empty() {
-        root.buffers.push(guard.typed("buffers", json!({"byteLength": 0}))?);
+    if !document.contains_key(BUFFERS.0) && document.contains_key(VIEWS.0) {
+        document.insert(BUFFERS.0.into(), json!([empty_part(BUFFERS)]));
     }
+    let root = guard.read(document)?;
     Ok(Parsed { root, transforms, animations, skins, materials })
+}
+
+/// Stands for an element whose fault counts when it is used.
+fn empty_part((key, _): Array) -> Value {
+    match key {
+        "buffers" => json!({"byteLength": 0}),
+        "bufferViews" => json!({"buffer": 0, "byteLength": 0}),
+        "accessors" => json!({"componentType": 5126, "count": 0, "type": "SCALAR"}),
+        _ => json!({"primitives": []}),
+    }
 }
 
 /// Rewrites whole numbers that are not negative as integers, also those written `1.0` or `10e-1`.
@@ -194,7 +197,7 @@ struct Guard<'a> {
 impl<'a> Guard<'a> {
     fn new(source: &'a Source, document: &mut Value, notes: &'a Notes) -> Result<Self> {
         let mut lengths = BTreeMap::new();
-        for (key, name) in [BUFFERS, VIEWS, ACCESSORS, MESHES, NODES, SCENES, MATERIALS, SKINS, CAMERAS] {
+        for (key, name) in ARRAYS {
             let Some(value) = document.get(key) else { continue };
             let Some(elements) = value.as_array() else {
                 let fault = source.invalid(key, "no array", format!("an array of {name} objects"));
@@ -274,48 +277,74 @@ impl<'a> Guard<'a> {
         Ok(())
     }
 
-    /// The elements of a top-level array whose faults count when they are used; `empty` stands for
-    /// those that have one.
-    fn parts<T: DeserializeOwned>(
+    /// Checks the elements of a top-level array whose faults count when they are used.
+    fn parts(
         &self,
         document: &mut Map<String, Value>,
-        (key, name): Array,
-        empty: Value,
+        array: Array,
         check: impl Fn(&str, &mut Value) -> Result<()>,
-    ) -> Result<Vec<T>> {
+    ) -> Result<()> {
         let mut index = 0;
-        self.elements(document, (key, name), |name, json| {
-            let sound = check(name, json).and_then(|()| self.typed::<T>(name, json.clone()));
-            if let Err(fault) = sound {
-                self.notes.hold(key, index, fault)?;
-                json.clone_from(&empty);
+        self.elements(document, array, |name, json| {
+            if let Err(fault) = check(name, json) {
+                self.hold(array, index, fault, json)?;
             }
             index += 1;
             Ok(())
         })
     }
 
-    /// The elements of a top-level array, each checked, then read. An array that is there has some.
-    fn elements<T: DeserializeOwned>(
+    fn hold(&self, array: Array, index: usize, fault: IoError, json: &mut Value) -> Result<()> {
+        self.notes.hold(array.0, index, fault)?;
+        *json = empty_part(array);
+        Ok(())
+    }
+
+    /// Checks the elements of a top-level array. An array that is there has some.
+    fn elements(
         &self,
         document: &mut Map<String, Value>,
         (key, name): Array,
         mut check: impl FnMut(&str, &mut Value) -> Result<()>,
-    ) -> Result<Vec<T>> {
-        let Some(Value::Array(elements)) = document.remove(key) else { return Ok(Vec::new()) };
+    ) -> Result<()> {
+        let Some(Value::Array(elements)) = document.get_mut(key) else { return Ok(()) };
         if elements.is_empty() {
             self.notes.pass(self.source.invalid(key, "an empty list", format!("a {name}, or no list")))?;
+            document.remove(key);
+            return Ok(());
         }
-        let read = |(i, mut json)| {
-            let name = format!("{name} {i}");
-            check(&name, &mut json)?;
-            self.typed(&name, json)
-        };
-        elements.into_iter().enumerate().map(read).collect()
+        let mut elements = elements.iter_mut().enumerate();
+        elements.try_for_each(|(i, json)| check(&format!("{name} {i}"), json))
     }
 
-    fn typed<T: DeserializeOwned>(&self, element: &str, json: Value) -> Result<T> {
-        serde_json::from_value(json).map_err(|e| self.source.invalid(element, e.to_string(), NEEDED))
+    /// Hands a checked document to the crate. What it refuses is then looked for in the elements,
+    /// one by one.
+    fn read(&self, mut document: Map<String, Value>) -> Result<Root> {
+        document.entry("asset").or_insert_with(|| Value::Null);
+        document.retain(|key, _| READ.contains(&key.as_str()));
+        if let Ok(root) = root_of(&document) {
+            return Ok(root);
+        }
+        for (key, value) in &mut document {
+            let read = |value: &Value| {
+                let alone = [("asset", json!({"version": "2.0"})), (key, value.clone())];
+                root_of(&alone.map(|(key, value)| (key.to_owned(), value)).into_iter().collect())
+            };
+            let array = ARRAYS.into_iter().find(|array| array.0 == key);
+            let Some((array, elements)) = array.zip(value.as_array_mut()) else {
+                read(value).map_err(|found| self.source.invalid(key, found, NEEDED))?;
+                continue;
+            };
+            for (i, json) in elements.iter_mut().enumerate() {
+                let Err(found) = read(&json!([json])) else { continue };
+                let fault = self.source.invalid(format!("{} {i}", array.1), found, NEEDED);
+                if [NODES, SCENES].contains(&array) {
+                    return Err(fault);
+                }
+                self.hold(array, i, fault, json)?;
+            }
+        }
+        root_of(&document).map_err(|found| self.source.invalid("JSON", found, NEEDED))
     }
 
     fn check(&self, element: &str, object: &Value, rules: Rules) -> Result<()> {
@@ -415,6 +444,16 @@ impl<'a> Guard<'a> {
             },
         )
     }
+}
+
+/// A document as the crate's own function reads it: what reads any type is compiled once a type.
+fn root_of(document: &Map<String, Value>) -> std::result::Result<Root, String> {
+    let found = |e: serde_json::Error| {
+        let text = e.to_string();
+        text.rsplit_once(" at line ").map_or(text.as_str(), |(found, _)| found).to_owned()
+    };
+    let text = serde_json::to_vec(document).map_err(found)?;
+    Root::from_slice(&text).map_err(found)
 }
 
 fn elements_of<'a>(json: &'a mut Value, key: &str) -> &'a mut [Value] {

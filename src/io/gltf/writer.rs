@@ -7,7 +7,7 @@ use glam::DQuat;
 use gltf::{
     binary::{Glb, Header},
     json::{
-        self, Index, Node, Root, Scene, Value,
+        Index, Node, Root, Scene, Value,
         accessor::{Accessor, ComponentType, GenericComponentType, Type},
         buffer::{Buffer, Stride, Target, View},
         extras::{Extras, RawValue},
@@ -211,7 +211,7 @@ impl<'p> SceneWriter<'p> {
         };
         let byte_length = USize64::from(bytes.len());
         self.root.push(Buffer { byte_length, name: None, uri, extensions: None, extras: None });
-        let text = json::serialize::to_vec(&self.root).map_err(|e| cannot_write(self.path)(e.into()))?;
+        let text = self.root.to_vec().map_err(|e| cannot_write(self.path)(e.into()))?;
         // The crate lets the length of a larger file wrap around.
         let length = 12 + 8 + text.len() + 8 + bytes.len();
         if form == Form::Glb && u32::try_from(length + 4).is_err() {
