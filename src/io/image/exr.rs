@@ -31,6 +31,7 @@ use crate::{
         error::Result,
         file::{replace_file, unfit},
     },
+    numeric::order_by,
 };
 
 /// The one custom attribute of each part. There must not be a second: the crate keeps attributes in
@@ -64,19 +65,22 @@ const MAX_SIDE: u32 = 1 << 24;
 /// If there is no image, an image has no pixels or no channels or fewer samples than pixels, two
 /// have the same name, or the file cannot be written.
 pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoError> {
-    write_parts(path, images, &|image| {
+    let note = |image: &I| {
         let frame = image.frame();
         let map = Rectangle { origin: frame.origin.to_array(), size: frame.size.to_array() };
-        serde_json::to_vec(&Note { version: env!("CARGO_PKG_VERSION"), name: image.name(), map })
-    })
+        serde_json::to_string(&Note { version: env!("CARGO_PKG_VERSION"), name: image.name(), map })
+    };
+    let notes: Vec<_> = images
+        .iter()
+        .map(note)
+        .collect::<Result<_, _>>()
+        .map_err(|e| IoError::Write { path: path.to_owned(), source: e.into() })?;
+    let images: Vec<_> = images.iter().map(|image| image as &dyn ImageRows).collect();
+    write_parts(path, &images, &notes)
 }
 
 /// [`write_images`], with the JSON text of each part's attribute.
-pub(super) fn write_parts<I: ImageRows>(
-    path: &Path,
-    images: &[I],
-    note: &dyn Fn(&I) -> serde_json::Result<Vec<u8>>,
-) -> Result<()> {
+pub(super) fn write_parts(path: &Path, images: &[&dyn ImageRows], notes: &[String]) -> Result<()> {
     // Images that do not keep their promises are found before and while they are written.
     let fail = |source: io::Error| match source.kind() {
         io::ErrorKind::InvalidInput => {
@@ -84,16 +88,13 @@ pub(super) fn write_parts<I: ImageRows>(
         }
         _ => IoError::Write { path: path.to_owned(), source },
     };
-    let parts: Vec<_> = images.iter().map(Part::new).collect::<Result<_, _>>().map_err(fail)?;
+    let parts: Vec<_> =
+        images.iter().map(|&image| Part::new(image)).collect::<Result<_, _>>().map_err(fail)?;
     let display = parts.iter().fold(Vec2(1, 1), |Vec2(w, h), part| {
         let Vec2(x, y) = part.size();
         Vec2(w.max(x), h.max(y))
     });
-    let headers: Headers = parts
-        .iter()
-        .map(|part| part.header(display, note(part.image)?))
-        .collect::<Result<_, _>>()
-        .map_err(fail)?;
+    let headers: Headers = parts.iter().zip(notes).map(|(part, note)| part.header(display, note)).collect();
     if headers.is_empty() {
         return Err(fail(invalid("there is no image to write".into())));
     }
@@ -117,15 +118,15 @@ pub(super) fn write_parts<I: ImageRows>(
 }
 
 /// An image with its channels in the order of the file.
-struct Part<'a, I> {
-    image: &'a I,
+struct Part<'a> {
+    image: &'a dyn ImageRows,
     channels: Vec<(String, SampleKind)>,
     /// Channels sorted by name, as positions in `channels`.
     order: Vec<usize>,
 }
 
-impl<'a, I: ImageRows> Part<'a, I> {
-    fn new(image: &'a I) -> io::Result<Self> {
+impl<'a> Part<'a> {
+    fn new(image: &'a dyn ImageRows) -> io::Result<Self> {
         let size = image.frame().size_px;
         if !size.iter().all(|n| (1..=MAX_SIDE).contains(n)) {
             let [width, height] = size;
@@ -135,8 +136,7 @@ impl<'a, I: ImageRows> Part<'a, I> {
             )));
         }
         let channels = image.channels();
-        let mut order: Vec<_> = (0..channels.len()).collect();
-        order.sort_by(|&a, &b| channels[a].0.cmp(&channels[b].0));
+        let order = order_by(channels.len(), &|a, b| channels[a].0.cmp(&channels[b].0));
         Ok(Self { image, channels, order })
     }
 
@@ -150,7 +150,7 @@ impl<'a, I: ImageRows> Part<'a, I> {
         16 * self.size().x() * 4 * self.channels.len()
     }
 
-    fn header(&self, display: Vec2<usize>, note: Vec<u8>) -> io::Result<Header> {
+    fn header(&self, display: Vec2<usize>, note: &str) -> Header {
         let describe = |&at: &usize| {
             let (name, kind) = &self.channels[at];
             let sample_type = match kind {
@@ -165,9 +165,9 @@ impl<'a, I: ImageRows> Part<'a, I> {
         let mut header = Header::new(name, self.size(), channels)
             .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
             .with_display_window(IntegerBounds::from_dimensions(display));
-        let note = AttributeValue::Text(Text::from_slice_unchecked(&note));
+        let note = AttributeValue::Text(Text::from_slice_unchecked(note.as_bytes()));
         header.own_attributes.other.insert(ascii(ATTRIBUTE), note);
-        Ok(header)
+        header
     }
 
     fn chunk(&self, index: BlockIndex) -> exr::error::Result<Chunk> {

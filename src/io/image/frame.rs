@@ -62,8 +62,7 @@ pub fn write_frame(path: &Path, image: &TactileImage, content: &FrameContent<'_>
         "time": time,
         "channels": about,
     });
-    let note = note.to_string().into_bytes();
-    write_parts(path, &[FrameRows { image, channels, shown }], &|_| Ok(note.clone()))
+    write_parts(path, &[&FrameRows { image, channels, shown }], &[note.to_string()])
 }
 
 /// What the attribute says of a channel.

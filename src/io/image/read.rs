@@ -6,6 +6,7 @@
 use std::{collections::BTreeMap, io::Cursor, path::Path};
 
 use exr::{
+    io::Tracking,
     meta::{
         MetaData,
         attribute::{AttributeValue, Text},
@@ -79,7 +80,9 @@ pub fn read_images(path: &Path, channels: &[String]) -> Result<Vec<ImageLayer>, 
 
 fn read_exr(source: &Source) -> Result<Vec<ImageLayer>, IoError> {
     let fail = |e: exr::error::Error| source.invalid("the file", e.to_string(), "a sound OpenEXR file");
-    let meta = MetaData::read_from_buffered(Cursor::new(source.bytes()), false).map_err(fail)?;
+    // As the crate wraps its readers: one type of reader is compiled once.
+    let head = Tracking::new(Cursor::new(source.bytes()));
+    let meta = MetaData::read_from_buffered(head, false).map_err(fail)?;
     check_sizes(source, &meta.headers)?;
     let reader =
         read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
@@ -133,16 +136,16 @@ fn check_sizes(source: &Source, headers: &[Header]) -> Result<(), IoError> {
 
 fn layer_of(layer: Layer<AnyChannels<FlatSamples>>) -> ImageLayer {
     let name = layer.attributes.layer_name.map(|name| decoded(&name.to_string())).unwrap_or_default();
-    let channels = layer.channel_data.list.into_iter().map(|channel| {
+    let mut channels = BTreeMap::new();
+    for channel in layer.channel_data.list {
         let values = match channel.sample_data {
             FlatSamples::F32(x) => x,
             FlatSamples::F16(x) => x.into_iter().map(f32::from).collect(),
             FlatSamples::U32(x) => x.into_iter().map(approximate).collect(),
         };
-        (decoded(&channel.name.to_string()), values)
-    });
+        channels.insert(decoded(&channel.name.to_string()), values);
+    }
     let size_px = [layer.size.0, layer.size.1].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
-    let channels: BTreeMap<_, _> = channels.collect();
     let note = layer.attributes.other.get(&Text::from(ATTRIBUTE)).and_then(|note| match note {
         AttributeValue::Text(text) => serde_json::from_str(&text.to_string()).ok(),
         _ => None,

@@ -20,7 +20,7 @@ use crate::{
     skin::{Draft, Presence, Sheet, Skin, TaxelId},
 };
 
-/// What is known of a vertex; the place in this list is the place in a [`VertexRow`].
+/// What is known of a vertex; the place in this list is that in the numbers of a [`Row`].
 const VERTEX_PROPERTIES: [&str; 10] =
     ["x", "y", "z", "nx", "ny", "nz", "taxel_id", "area", "density", "present"];
 
@@ -30,41 +30,20 @@ const AREA: usize = 7;
 const DENSITY: usize = 8;
 const PRESENT: usize = 9;
 
-/// The numbers of one vertex. Every scalar type of the format fits into `f64` exactly.
-struct VertexRow([f64; VERTEX_PROPERTIES.len()]);
+/// What is kept of one element. One type for every element: the parser is compiled once a type.
+#[derive(Default)]
+struct Row {
+    /// Of a vertex. Every scalar type of the format fits into `f64` exactly.
+    numbers: Box<[f64]>,
+    /// Of a face or strip, [`NEGATIVE`] where one of them is negative; `None` without a list.
+    corners: Option<Vec<u32>>,
+}
 
 /// The place of a vertex property, under any of its names.
 fn vertex_slot(property: &str) -> Option<usize> {
     let property = if property == "id" { "taxel_id" } else { property };
     VERTEX_PROPERTIES.iter().position(|&name| name == property)
 }
-
-impl PropertyAccess for VertexRow {
-    fn new() -> Self {
-        Self([0.0; VERTEX_PROPERTIES.len()])
-    }
-
-    // Its callers in the parser are a dozen a type of row.
-    #[inline(never)]
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let Some(slot) = vertex_slot(name) else { return PropertyAccessResult::Ignored };
-        self.0[slot] = match property {
-            Property::Char(x) => x.into(),
-            Property::UChar(x) => x.into(),
-            Property::Short(x) => x.into(),
-            Property::UShort(x) => x.into(),
-            Property::Int(x) => x.into(),
-            Property::UInt(x) => x.into(),
-            Property::Float(x) => x.into(),
-            Property::Double(x) => x,
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
-    }
-}
-
-/// The corners of one face or strip, [`NEGATIVE`] where one of them is negative; `None` without a list.
-struct FaceRow(Option<Vec<u32>>);
 
 /// A negative corner: a strip starts again after it.
 const NEGATIVE: u32 = u32::MAX;
@@ -73,22 +52,40 @@ fn is_corner_list(property: &str) -> bool {
     matches!(property, "vertex_indices" | "vertex_index")
 }
 
-impl PropertyAccess for FaceRow {
+impl PropertyAccess for Row {
     fn new() -> Self {
-        Self(None)
+        Self::default()
     }
 
+    // Its callers in the parser are a dozen.
+    #[inline(never)]
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        if !is_corner_list(name) {
-            return PropertyAccessResult::Ignored;
-        }
-        let corner = |x: i64| u32::try_from(x).unwrap_or(NEGATIVE);
-        self.0 = match &property {
-            Property::ListChar(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
-            Property::ListShort(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
-            Property::ListInt(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
-            other => other.to_u32_list(),
+        let number = match property {
+            Property::Char(x) => x.into(),
+            Property::UChar(x) => x.into(),
+            Property::Short(x) => x.into(),
+            Property::UShort(x) => x.into(),
+            Property::Int(x) => x.into(),
+            Property::UInt(x) => x.into(),
+            Property::Float(x) => x.into(),
+            Property::Double(x) => x,
+            list if is_corner_list(name) => {
+                let corner = |x: i64| u32::try_from(x).unwrap_or(NEGATIVE);
+                self.corners = match &list {
+                    Property::ListChar(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
+                    Property::ListShort(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
+                    Property::ListInt(all) => Some(all.iter().map(|&x| corner(x.into())).collect()),
+                    other => other.to_u32_list(),
+                };
+                return PropertyAccessResult::Set;
+            }
+            _ => return PropertyAccessResult::Ignored,
         };
+        let Some(slot) = vertex_slot(name) else { return PropertyAccessResult::Ignored };
+        if self.numbers.is_empty() {
+            self.numbers = Box::new([0.0; VERTEX_PROPERTIES.len()]);
+        }
+        self.numbers[slot] = number;
         PropertyAccessResult::Set
     }
 }
@@ -101,21 +98,16 @@ impl PropertyAccess for FaceRow {
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let broken = |e: ParseError| parse_error(source, &e);
     let mut reader = Reader::new(source.bytes());
-    let header = Parser::<FaceRow>::new().read_header(&mut reader).map_err(broken)?;
+    let header = Parser::<Row>::new().read_header(&mut reader).map_err(broken)?;
     let header_len = source.bytes().len() - reader.get_ref().len();
     check_header(source, &header, header_len)?;
     let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
     let (mut corners, mut strips) = (Vec::new(), Vec::new());
     for element in header.elements.values() {
-        if element.name == "vertex" {
-            let rows = Parser::<VertexRow>::new().read_payload_for_element(&mut reader, element, &header);
-            read_vertices(source, element, &rows.map_err(broken)?, &mut sheet)?;
-            continue;
-        }
-        // Other elements are passed over as faces: each further type of row costs all parsers again.
-        let rows = Parser::<FaceRow>::new().read_payload_for_element(&mut reader, element, &header);
+        let rows = Parser::<Row>::new().read_payload_for_element(&mut reader, element, &header);
         let rows = rows.map_err(broken)?;
         match element.name.as_str() {
+            "vertex" => read_vertices(source, element, &rows, &mut sheet)?,
             "face" => corners = rows,
             "tristrips" => strips = rows,
             _ => {}
@@ -158,6 +150,13 @@ fn check_header(source: &Source, header: &Header, header_len: usize) -> Result<(
     }
     let vertex = header.elements.get("vertex");
     let has = |name: &&str| vertex.is_some_and(|e| e.properties.contains_key(*name));
+    let mut lists = vertex.into_iter().flat_map(|e| &e.properties).filter(|(name, property)| {
+        vertex_slot(name).is_some() && matches!(property.data_type, PropertyType::List(..))
+    });
+    if let Some((name, _)) = lists.next() {
+        let found = format!("a list as property `{name}`");
+        return Err(source.invalid("header, element \"vertex\"", found, "a number"));
+    }
     if let Some(name) = ["x", "y", "z"].into_iter().find(|name| !has(name)) {
         let found = format!("no property `{name}`");
         return Err(source.invalid("header, element \"vertex\"", found, "properties x, y and z"));
@@ -195,16 +194,16 @@ fn least_bytes(element: &ElementDef, encoding: Encoding) -> usize {
     element.properties.values().map(|p| property(&p.data_type)).sum()
 }
 
-fn read_vertices(source: &Source, element: &ElementDef, rows: &[VertexRow], sheet: &mut Sheet) -> Result<()> {
-    for (k, VertexRow(row)) in rows.iter().enumerate() {
-        if let Some(slot) = (0..row.len()).find(|&slot| !row[slot].is_finite()) {
+fn read_vertices(source: &Source, element: &ElementDef, rows: &[Row], sheet: &mut Sheet) -> Result<()> {
+    for (k, row) in rows.iter().enumerate() {
+        if let Some(slot) = row.numbers.iter().position(|x| !x.is_finite()) {
             let element = format!("vertex {k}, property `{}`", VERTEX_PROPERTIES[slot]);
-            return Err(source.invalid(element, row[slot].to_string(), "a finite number"));
+            return Err(source.invalid(element, row.numbers[slot].to_string(), "a finite number"));
         }
     }
     let slots: Vec<usize> = element.properties.keys().filter_map(|name| vertex_slot(name)).collect();
-    let column = |slot: usize| slots.contains(&slot).then(|| rows.iter().map(move |row| row.0[slot]));
-    let vector = |at: usize| rows.iter().map(move |VertexRow(row)| DVec3::from_slice(&row[at..]));
+    let column = |slot: usize| slots.contains(&slot).then(|| rows.iter().map(move |row| row.numbers[slot]));
+    let vector = |at: usize| rows.iter().map(move |row| DVec3::from_slice(&row.numbers[at..]));
     sheet.positions = vector(0).collect();
     sheet.normals = (3..6).all(|slot| slots.contains(&slot)).then(|| vector(3).collect());
     sheet.areas = column(AREA).map(Iterator::collect);
@@ -232,9 +231,9 @@ fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId> {
     Ok(TaxelId(value as u32))
 }
 
-fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Result<()> {
+fn read_face(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Result<()> {
     let broken = |found: String, needed: &str| source.invalid(format!("face {k}"), found, needed);
-    let Some(corners) = row.0.as_ref().filter(|corners| !corners.contains(&NEGATIVE)) else {
+    let Some(corners) = row.corners.as_ref().filter(|corners| !corners.contains(&NEGATIVE)) else {
         return Err(broken("no list `vertex_indices` of whole numbers from 0".into(), "one"));
     };
     if let Some(corner) = corners.iter().find(|&&v| v as usize >= sheet.positions.len()) {
@@ -250,9 +249,9 @@ fn read_face(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Res
 }
 
 /// Strips of triangles, of which every second one is turned; a negative number ends a strip.
-fn read_strips(source: &Source, k: usize, row: &FaceRow, sheet: &mut Sheet) -> Result<()> {
+fn read_strips(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Result<()> {
     let broken = |found: String, needed: &str| source.invalid(format!("tristrips {k}"), found, needed);
-    let Some(corners) = &row.0 else {
+    let Some(corners) = &row.corners else {
         return Err(broken("no list `vertex_indices` of whole numbers".into(), "one"));
     };
     let vertices = sheet.positions.len();
