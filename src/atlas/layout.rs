@@ -16,6 +16,7 @@ use crate::{
     atlas::{AtlasError, rasterize::MAX_SIDE},
     id::IdVec,
     map::{ImageFrame, PatchMap, SkinMap},
+    numeric::order_by,
     pyramid::LevelId,
     skin::{Link, LinkId, PatchId},
 };
@@ -351,8 +352,7 @@ impl Shelves {
     /// A new shelf begins with each depth, and where the next rectangle would end beyond `width`.
     fn new(items: &[Item], sizes: &[[u64; 2]], gap: u64, width: u64) -> Self {
         let mut positions = vec![[0, 0]; items.len()];
-        let mut order: Vec<usize> = (0..items.len()).collect();
-        order.sort_by_key(|&k| items[k].depth);
+        let order = order_by(items.len(), &|a, b| items[a].depth.cmp(&items[b].depth));
         let (mut left, mut bottom, mut top, mut right) = (0, 0, 0, 0);
         let mut depth = None;
         for k in order {

@@ -13,6 +13,7 @@ use crate::{
     },
     id::{IdVec, VertexId},
     mesh::{TriMesh, loop_length},
+    numeric::argsort,
     parallel::par_map,
 };
 
@@ -134,10 +135,9 @@ impl Decision<'_, '_> {
         if state.uv.is_empty() {
             return (longest, (0..lengths.len()).filter(|&k| k != longest).collect());
         }
-        let others = (0..lengths.len()).filter(|&k| k != longest).map(|k| (stretch(k), k));
-        let mut bad: Vec<(f64, usize)> = others.filter(|x| x.0.abs() > DISTRESS).collect();
-        bad.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        (longest, bad.into_iter().map(|x| x.1).collect())
+        let stretches: Vec<f64> = (0..lengths.len()).map(stretch).collect();
+        let is_bad = |&k: &usize| k != longest && stretches[k].abs() > DISTRESS;
+        (longest, argsort(&stretches).into_iter().filter(is_bad).collect())
     }
 
     /// Adds the best slit again and again while it lowers the excess energy fast enough; returns

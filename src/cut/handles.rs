@@ -6,7 +6,7 @@ use crate::{
     cut::seam_graph::{EdgeId, Seam, SeamGraph},
     id::{FaceId, IdVec, VertexId},
     mesh::Halfedge,
-    numeric::DisjointSets,
+    numeric::{DisjointSets, order_by},
 };
 
 /// Roots from which a system of loops is tried, evenly spread over the vertices' numbers.
@@ -32,8 +32,8 @@ fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> Seam {
         let [a, b] = graph.ends[e];
         tree.distances[a].saturating_add(tree.distances[b]).saturating_add(graph.weights[e])
     };
-    let mut rest: Vec<_> = graph.ends.ids().filter(|e| !in_tree.contains(e)).collect();
-    rest.sort_by_key(|&e| (Reverse(length(e)), e));
+    let rest: Vec<_> = graph.ends.ids().filter(|e| !in_tree.contains(e)).collect();
+    let lengths: Vec<_> = rest.iter().map(|&e| length(e)).collect();
     let mut faces_of = IdVec::<EdgeId, _>::filled([FaceId::default(); 2], graph.ends.len());
     for face in graph.closed.triangles.ids() {
         for side in 0..3 {
@@ -44,7 +44,7 @@ fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> Seam {
     }
     let mut cotree = DisjointSets::<FaceId>::new(graph.closed.triangles.len());
     let mut seam = Seam::new();
-    for e in rest {
+    for e in order_by(rest.len(), &|a, b| lengths[b].cmp(&lengths[a])).into_iter().map(|k| rest[k]) {
         let [f, g] = faces_of[e];
         if cotree.root(f) != cotree.root(g) {
             cotree.join(f, g);

@@ -1,12 +1,12 @@
 //! Makes a seam shorter without changing what it opens.
 
-use std::{cmp::Reverse, collections::BTreeSet};
+use std::collections::BTreeSet;
 
 use crate::{
     cut::seam_graph::{EdgeId, Paths, Seam, SeamGraph},
     id::VertexId,
     mesh::boundary_loops,
-    numeric::DisjointSets,
+    numeric::{DisjointSets, order_by},
 };
 
 /// A part of a seam between two knots: vertices where it ends or branches.
@@ -26,14 +26,16 @@ pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: Seam, keep: &BTreeSet<Ver
     'changed: loop {
         let mut all = chains(graph, &seam, keep);
         all.retain(|chain| !done.contains(&chain.edges));
-        all.sort_by_cached_key(|chain| Reverse(chain.edges.iter().map(|&e| graph.weights[e]).sum::<u64>()));
-        for chain in all {
+        let weight = |chain: &Chain| chain.edges.iter().map(|&e| graph.weights[e]).sum::<u64>();
+        let weights: Vec<u64> = all.iter().map(weight).collect();
+        for k in order_by(all.len(), &|a, b| weights[b].cmp(&weights[a])) {
+            let chain = &all[k];
             let mut other = seam.clone();
             chain.edges.iter().for_each(|e| {
                 other.remove(e);
             });
-            let way = replacement(graph, &other, &chain);
-            done.insert(chain.edges);
+            let way = replacement(graph, &other, chain);
+            done.insert(chain.edges.clone());
             let Some(way) = way else { continue };
             other.extend(way);
             graph.prune(&mut other, keep);

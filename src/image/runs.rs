@@ -104,12 +104,12 @@ impl Runs {
         }
         let mut pixels = vec![0_u32; faces];
         all.iter().for_each(|run: &Run| pixels[run.source as usize] += u32::from(run.length));
-        Self::new(all, faces, |source| pixels[source as usize] > small)
+        Self::new(all, faces, &|source| pixels[source as usize] > small)
     }
 
     /// Runs of any length in the order of their pixels, of `sources` sources. [`Runs::fill`] fills those
     /// of the sources that `is_filled` says.
-    pub(super) fn new(runs: Vec<Run>, sources: usize, is_filled: impl Fn(u32) -> bool) -> Self {
+    pub(super) fn new(runs: Vec<Run>, sources: usize, is_filled: &dyn Fn(u32) -> bool) -> Self {
         let mut all: Vec<Run> = runs.iter().flat_map(Run::pieces).collect();
         all.shrink_to_fit();
         let (mut rests, mut blocks, mut ends) = (Vec::new(), Vec::new(), Vec::new());

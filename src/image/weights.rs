@@ -1,6 +1,8 @@
 //! Which vertices every pixel of a chart shows, and with what weights: the plain matrix behind each
 //! interpolation, for a given set of live vertices.
 
+use std::collections::HashSet;
+
 use glam::DVec2;
 
 use crate::{
@@ -163,7 +165,7 @@ impl<'a> Surface<'a> {
                 }
             }
         }
-        Runs::new(all, live.len(), |_| true)
+        Runs::new(all, live.len(), &|_| true)
     }
 
     /// Natural neighbours of the live vertices.
@@ -179,12 +181,8 @@ impl<'a> Surface<'a> {
         let mut vertices: Vec<VertexId> =
             self.level.uv.ids().filter(|&place| live[vertex(place).index()]).collect();
         // Of vertices at one place the first counts.
-        vertices.sort_by(|a, b| {
-            let [p, q] = [at(*a), at(*b)];
-            p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y)).then(a.cmp(b))
-        });
-        vertices.dedup_by(|b, a| at(*a) == at(*b));
-        vertices.sort_unstable();
+        let mut places = HashSet::with_capacity(vertices.len());
+        vertices.retain(|&v| places.insert(at(v).to_array().map(f64::to_bits)));
         if vertices.is_empty() {
             return Rows::default();
         }

@@ -72,18 +72,6 @@ pub(crate) fn quantile(share: f64, degrees: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The number that `rank` others precede in ascending order; `None` if there are fewer.
-pub(crate) fn nth_smallest(mut numbers: Vec<f64>, rank: usize) -> Option<f64> {
-    (rank < numbers.len()).then(|| *numbers.select_nth_unstable_by(rank, f64::total_cmp).1)
-}
-
-/// The median, of an even number the upper one; `None` without numbers.
-pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
-    let numbers: Vec<f64> = numbers.collect();
-    let middle = numbers.len() / 2;
-    nth_smallest(numbers, middle)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,13 +5,15 @@ mod covariance;
 mod disjoint_sets;
 mod matrix6;
 mod morton;
+mod order;
 mod random;
 mod symmetric_eigen;
 
-pub(crate) use chi_square::{chi_square_tail, median, nth_smallest, quantile};
+pub(crate) use chi_square::{chi_square_tail, quantile};
 pub use covariance::Covariance;
 pub(crate) use disjoint_sets::{DisjointSets, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use morton::morton;
+pub(crate) use order::{argsort, median, nth_smallest, order_by};
 pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;

@@ -5,6 +5,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use crate::{
     id::IdVec,
     mesh::is_rigid,
+    numeric::argsort,
     skin::{LinkId, SkinError},
 };
 
@@ -54,8 +55,8 @@ impl Motion {
         frame: MotionFrame,
         keys: &[(f64, DAffine3)],
     ) -> Result<(), SkinError> {
-        let mut keys = keys.to_vec();
-        keys.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let times: Vec<f64> = keys.iter().map(|key| key.0).collect();
+        let keys: Vec<_> = argsort(&times).into_iter().map(|k| keys[k]).collect();
         if !keys.iter().all(|(time, pose)| time.is_finite() && is_rigid(pose)) {
             return Err(SkinError::Pose { link });
         }

@@ -13,6 +13,7 @@ use crate::{
         Verdict,
     },
     id::IdVec,
+    numeric::argsort,
 };
 
 /// How much likelier than others each edge is to be an inlier, as the logarithm of the ratio of
@@ -35,13 +36,12 @@ pub(crate) fn length_prior(
     verdicts: &PerObservation<Verdict>,
 ) -> Option<LogOdds> {
     let is_inlier = |e: DisplacementId| verdicts.edges[e] == Verdict::Inlier;
-    let mut by_length: Vec<(f64, DisplacementId)> =
-        observations.edges.enumerate().map(|(e, d)| (length(&d.measurement), e)).collect();
-    by_length.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let lengths: Vec<f64> = observations.edges.iter().map(|d| length(&d.measurement)).collect();
+    let by_length: Vec<_> = argsort(&lengths).into_iter().map(DisplacementId::new).collect();
     // Inliers among the first k.
     let mut inliers_before = vec![0_usize];
-    for (k, (_, e)) in by_length.iter().enumerate() {
-        inliers_before.push(inliers_before[k] + usize::from(is_inlier(*e)));
+    for (k, &e) in by_length.iter().enumerate() {
+        inliers_before.push(inliers_before[k] + usize::from(is_inlier(e)));
     }
     let (edges, inliers) = (by_length.len(), inliers_before[by_length.len()]);
     let rejected = edges - inliers;
@@ -51,7 +51,7 @@ pub(crate) fn length_prior(
     }
     let share = inliers as f64 / edges as f64;
     let mut odds = observations.edges.map(|_| 0.0);
-    for (k, &(_, e)) in by_length.iter().enumerate() {
+    for (k, &e) in by_length.iter().enumerate() {
         // At either end as many, those that are nearest in rank.
         let first = k.saturating_sub(NEIGHBOURS).min(edges.saturating_sub(2 * NEIGHBOURS + 1));
         let end = (first + 2 * NEIGHBOURS + 1).min(edges);

@@ -125,10 +125,17 @@ fn lattice(count: usize) -> (Vec<(i32, i32)>, Vec<DVec2>) {
     };
     let mut cells: Vec<(i32, i32)> =
         (-reach..=reach).flat_map(|b| (-reach..=reach).map(move |a| (a, b))).collect();
-    let distance = |&cell: &(i32, i32)| place(cell).length_squared();
-    cells.sort_unstable_by(|p, q| distance(p).total_cmp(&distance(q)).then((p.1, p.0).cmp(&(q.1, q.0))));
-    cells.truncate(count);
-    cells.sort_unstable_by_key(|&(a, b)| (b, a));
+    let mut distances: Vec<f64> = cells.iter().map(|&cell| place(cell).length_squared()).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let farthest = distances[count - 1];
+    // Of those that are equally far the first ones.
+    let mut left = count - distances.partition_point(|&d| d < farthest);
+    cells.retain(|&cell| {
+        let distance = place(cell).length_squared();
+        let is_one_of_them = distance == farthest && left > 0;
+        left -= usize::from(is_one_of_them);
+        distance < farthest || is_one_of_them
+    });
     let plane = cells.iter().map(|&cell| place(cell)).collect();
     (cells, plane)
 }

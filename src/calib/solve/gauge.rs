@@ -14,7 +14,7 @@ use crate::{
         SMALLEST_WEIGHT, components,
     },
     id::VertexId,
-    numeric::{Matrix6, Twist, symmetric_eigen},
+    numeric::{Matrix6, Twist, argsort, symmetric_eigen},
     skin::TaxelId,
     sparse::{BlockMatrix, BlockSlot},
 };
@@ -268,15 +268,14 @@ fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [RigidMotion; 6]) {
     let scale: [f64; 6] = std::array::from_fn(|k| if holds(k) { sum[k][k].sqrt().recip() } else { 0.0 });
     let scaled = std::array::from_fn(|i| std::array::from_fn(|j| sum[i][j] * scale[i] * scale[j]));
     let (values, vectors) = symmetric_eigen::<6>(&scaled);
-    let mut order = [0, 1, 2, 3, 4, 5];
-    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let order = argsort(&values);
     let motion = |k: usize| -> RigidMotion {
         let unscaled: RigidMotion =
             std::array::from_fn(|i| vectors[i][k] * if holds(i) { scale[i] } else { 1.0 });
         let length = unscaled.iter().map(|x| x * x).sum::<f64>().sqrt();
         unscaled.map(|x| x / length)
     };
-    (order.map(|k| values[k]), order.map(motion))
+    (std::array::from_fn(|k| values[order[k]]), std::array::from_fn(|k| motion(order[k])))
 }
 
 /// Gram and Schmidt; a column that is spanned by the others becomes zero.

@@ -5,6 +5,7 @@ use crate::{
     flatten::FlattenError,
     id::VertexId,
     mesh::{Adjacency, TriMesh, loop_length},
+    numeric::argsort,
 };
 
 /// A disk with holes: the neighbours of its vertices, and its boundary loops.
@@ -22,14 +23,15 @@ impl Disk {
             return Err(FlattenError::NotADisk { euler: 0, loops: 0, components: 0 });
         }
         let adjacency = Adjacency::new(mesh)?;
-        let mut loops = adjacency.boundary_loops();
+        let loops = adjacency.boundary_loops();
         let (euler, components) = (adjacency.euler_characteristic(), adjacency.component_count());
         let holes_explain = i64::try_from(loops.len()).is_ok_and(|n| euler == 2 - n);
         if components != 1 || loops.is_empty() || !holes_explain {
             return Err(FlattenError::NotADisk { euler, loops: loops.len(), components });
         }
-        // A stable sort: loops of equal length stay in the order of their smallest vertices.
-        loops.sort_by(|a, b| loop_length(mesh, b).total_cmp(&loop_length(mesh, a)));
+        // The longest first; loops of equal length stay in the order of their smallest vertices.
+        let lengths: Vec<f64> = loops.iter().map(|walk| -loop_length(mesh, walk)).collect();
+        let loops = argsort(&lengths).into_iter().map(|k| loops[k].clone()).collect();
         Ok(Self { adjacency, loops })
     }
 

@@ -12,6 +12,7 @@ use crate::{
     flatten::{Boundary, FlattenError, bijective::crossings::boundary_crossings, domain::disk::Disk},
     id::{IdVec, VertexId},
     mesh::{TriMesh, angle},
+    numeric::argsort,
     skin::TaxelId,
 };
 
@@ -183,19 +184,17 @@ fn convex_corners(mesh: &TriMesh, walk: &[VertexId]) -> Option<[usize; 4]> {
         d.min(1.0 - d)
     };
     let count = walk.len();
-    let convexity: Vec<f64> = (0..count)
+    let concavity: Vec<f64> = (0..count)
         .map(|i| {
             let share = |j: usize| turning[walk[j]] * (1.0 - 0.5 * apart(i, j) / CORNER);
             let is_near = |j: &usize| apart(i, *j) <= CORNER;
             let ahead = (1..count).map(|k| (i + k) % count).take_while(is_near);
             let behind = (1..count).map(|k| (i + count - k) % count).take_while(is_near);
-            share(i) + ahead.map(share).sum::<f64>() + behind.map(share).sum::<f64>()
+            -(share(i) + ahead.map(share).sum::<f64>() + behind.map(share).sum::<f64>())
         })
         .collect();
-    let mut order: Vec<usize> = (0..walk.len()).collect();
-    order.sort_unstable_by(|&i, &j| convexity[j].total_cmp(&convexity[i]).then(i.cmp(&j)));
     let mut chosen: Vec<usize> = Vec::new();
-    for i in order {
+    for i in argsort(&concavity) {
         if chosen.len() < 4 && chosen.iter().all(|&j| apart(i, j) >= CORNERS_APART) {
             chosen.push(i);
         }

@@ -187,7 +187,7 @@ impl Moving {
     fn poses(&self, rest: DAffine3) -> Vec<(f64, DAffine3)> {
         let mut times: Vec<f64> = self.translation.iter().map(|key| key.0).collect();
         times.extend(self.rotation.iter().map(|key| key.0));
-        times.sort_by(f64::total_cmp);
+        times.sort_unstable_by(f64::total_cmp);
         // Two of one time are kept where a part jumps.
         let jumps = |t: f64| {
             self.translation.iter().filter(|key| key.0 == t).count() > 1

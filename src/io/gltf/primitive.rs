@@ -65,10 +65,9 @@ impl<'a> Attributes<'a> {
         let mut attributes = Self { document, element, count: 0, by_name: BTreeMap::new() };
         // The crate strips the underscore of a name and puts it back here. Positions come first: they
         // count the vertices.
-        let mut named: Vec<_> =
-            primitive.attributes.iter().map(|(name, index)| (name.to_string(), index.value())).collect();
-        named.sort_by_key(|(name, _)| name != "POSITION");
-        for (name, index) in named {
+        let named = primitive.attributes.iter().map(|(name, index)| (name.to_string(), index.value()));
+        let (positions, others): (Vec<_>, Vec<_>) = named.partition(|(name, _)| name == "POSITION");
+        for (name, index) in positions.into_iter().chain(others) {
             match attributes.checked(&name, index) {
                 Ok(accessor) => {
                     if name == "POSITION" {

@@ -30,9 +30,9 @@ pub(super) fn keep_upright(
         return;
     }
     let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
-    let mut offsets: Vec<[i16; 2]> =
-        (-REACH..=REACH).flat_map(|i| (-REACH..=REACH).map(move |j| [i, j])).collect();
-    offsets.sort_by_key(|[i, j]| i * i + j * j);
+    let all = || (-REACH..=REACH).flat_map(|i| (-REACH..=REACH).map(move |j| [i, j]));
+    let at_square = |square: i16| all().filter(move |[i, j]| i * i + j * j == square);
+    let offsets: Vec<[i16; 2]> = (0..=2 * REACH * REACH).flat_map(at_square).collect();
     for _ in 0..PASSES {
         for &face in &fallen {
             for v in mesh.triangles[face] {

@@ -81,7 +81,8 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         let position = writer.positions(&positions);
         let corners = mesh.triangles.as_slice().as_flattened().iter().map(|v| [v.raw()]);
         let corners = writer.array(Some(Target::ElementArrayBuffer), corners);
-        let attributes = BTreeMap::from([(Checked::Valid(Semantic::Positions), position)]);
+        let mut attributes = BTreeMap::new();
+        attributes.insert(Checked::Valid(Semantic::Positions), position);
         Ok(Self { writer, name, attributes, corners })
     }
 

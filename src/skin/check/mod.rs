@@ -11,6 +11,7 @@ pub use finding::{Finding, FindingKind};
 
 use crate::{
     id::FaceId,
+    numeric::order_by,
     skin::{
         AssembleOptions, Draft, RemarkKind, Sheet, assemble,
         check::report::{Report, Subject},
@@ -141,8 +142,9 @@ fn check_sheet(sheet: &Sheet, links: usize, options: &AssembleOptions, findings:
     } else {
         check_surface(sheet, options, &mut report);
     }
-    report.findings.sort_by_key(|f| f.kind);
-    findings.append(&mut report.findings);
+    let found = report.findings;
+    let order = order_by(found.len(), &|a, b| found[a].kind.cmp(&found[b].kind));
+    findings.extend(order.into_iter().map(|k| found[k].clone()));
 }
 
 fn check_surface(sheet: &Sheet, options: &AssembleOptions, report: &mut Report<'_>) {

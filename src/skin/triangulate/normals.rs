@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    numeric::{median, symmetric_eigen},
+    numeric::{argsort, median, symmetric_eigen},
     parallel::{par_collect, par_ids},
     skin::{
         UnreliableNormals,
@@ -245,9 +245,12 @@ fn fit(points: impl Iterator<Item = DVec3> + Clone) -> Option<(DVec3, [f64; 3])>
             row.iter_mut().zip(d).for_each(|(sum, y)| *sum += x * y);
         }
     }
-    let (variances, axes) = symmetric_eigen(&moments);
-    let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| variances[i].total_cmp(&variances[j]));
+    Some(smallest_axis(&moments))
+}
+
+fn smallest_axis(moments: &[[f64; 3]; 3]) -> (DVec3, [f64; 3]) {
+    let (variances, axes) = symmetric_eigen(moments);
+    let order = argsort(&variances);
     let normal = DVec3::from(axes.map(|row| row[order[0]])).normalize_or(DVec3::Z);
-    Some((normal, order.map(|k| variances[k].max(0.0))))
+    (normal, std::array::from_fn(|k| variances[order[k]].max(0.0)))
 }

@@ -4,6 +4,7 @@
 
 use crate::{
     id::{FaceId, VertexId},
+    numeric::argsort,
     skin::triangulate::{
         growing_mesh::{GrowingMesh, Opening},
         point_cloud::PointCloud,
@@ -63,13 +64,12 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
     while rim.len() > 2 {
         let count = rim.len();
         let ear = |k: usize| [rim[k], rim[(k + 1) % count], rim[(k + count - 1) % count]];
-        let mut ears: Vec<(f64, usize)> = (0..count).map(|k| (cloud.circumradius(ear(k)), k)).collect();
-        ears.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let radii: Vec<f64> = (0..count).map(|k| cloud.circumradius(ear(k))).collect();
         // One pass cuts ears that do not touch each other; the next one works on the hole that is
         // left.
         let mut keep = vec![true; count];
         let mut touched = vec![false; count];
-        for (_, k) in ears {
+        for k in argsort(&radii) {
             let [before, after] = [(k + count - 1) % count, (k + 1) % count];
             if !touched[k]
                 && !touched[before]

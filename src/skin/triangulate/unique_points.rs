@@ -45,13 +45,13 @@ impl<'a> UniquePoints<'a> {
             presence == Presence::Absent && sheet.positions[k] == DVec3::ZERO && !has_normal
         };
         let count = sheet.positions.len();
-        let mut taxels: Vec<usize> = (0..count).filter(|&k| !is_empty(k)).collect();
+        let taxels: Vec<usize> = (0..count).filter(|&k| !is_empty(k)).collect();
         let absent = count - taxels.len();
         let frame = Frame::around(taxels.iter().map(|&k| sheet.positions[k]));
         // Of several taxels at one place the first stays.
         let reads = |k: usize| sheet.presence.as_ref().is_none_or(|p| p[k] == Presence::Present);
-        taxels.sort_by_key(|&k| !reads(k));
-        let taxels: IdVec<VertexId, usize> = taxels.into();
+        let (reading, others): (Vec<usize>, Vec<usize>) = taxels.into_iter().partition(|&k| reads(k));
+        let taxels: IdVec<VertexId, usize> = [reading, others].concat().into();
         let positions = taxels.map(|&k| frame.scaled(sheet.positions[k]));
         let normals = taxels.map(|&k| sheet.normals.as_ref().map_or(DVec3::ZERO, |n| n[k]));
         let first = first_at_place(&positions, &normals, frame.unit);
