@@ -64,7 +64,6 @@ impl Union {
     /// The sums of the weights of each field, added in their order; and the field of the largest sum, the
     /// smallest of several.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "four bits")]
     pub(super) fn sums(self, parts: &[(VertexId, f64); MOST_FIELDS]) -> (FieldWeights, VertexId) {
         let (mut fields, mut weights) = ([VertexId::default(); 16], [0.0; 16]);
         let mut code = self.0;

@@ -64,7 +64,6 @@ impl Entry {
     }
 
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "28 bits")]
     fn face(self) -> FaceId {
         FaceId::from((self.0 & ((1 << Self::FACE_BITS) - 1)) as u32)
     }
@@ -102,14 +101,12 @@ impl Affine {
         // The most in a part: along its rows and columns.
         let most =
             |growth: f64, k: usize| (growth * k as f64).max(growth * (k + 1) as f64) * (1.0 / PARTS as f64);
-        let along = rows.map(|row| std::array::from_fn::<_, PARTS, _>(|k| most(row.x, k) + row.z + slack));
+        let along: [_; PARTS] = std::array::from_fn(|k| rows.map(|row| most(row.x, k) + row.z + slack));
         let mut parts = 0;
         for k in 0..PARTS {
             let down = rows.map(|row| most(row.y, k));
-            for column in 0..PARTS {
-                let least = (along[0][column] + down[0])
-                    .min(along[1][column] + down[1])
-                    .min(along[2][column] + down[2]);
+            for (column, along) in along.iter().enumerate() {
+                let least = (along[0] + down[0]).min(along[1] + down[1]).min(along[2] + down[2]);
                 parts |= u64::from(least >= 0.0) << (k * PARTS + column);
             }
         }
