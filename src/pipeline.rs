@@ -30,10 +30,13 @@ use rayon::prelude::*;
 use crate::{
     Error,
     atlas::{fitting_pixel, pixels_of, skin_images},
-    cut::{AreaLimit, Cut, CutError, CutMesh, MOST_SLITS, cut_along, decide, pairs_by_patch, seam_length},
+    cut::{
+        AreaLimit, Cut, CutError, CutMesh, MOST_SLITS, TrialMaps, cut_along, decide, pairs_by_patch,
+        seam_length,
+    },
     flatten::{
-        Convergence, FlattenOptions, distortion, flatten, flatten_pyramid_with_convergence, flatten_roughly,
-        flatten_with_convergence,
+        Convergence, FlattenOptions, Method, Overlap, distortion, flatten, flatten_pyramid_with_convergence,
+        flatten_roughly, flatten_with_convergence,
     },
     id::{IdVec, VertexId},
     io::{fits_map_file, write_images, write_map},
@@ -76,12 +79,12 @@ const AIMS: [f64; 3] = [0.95, 0.8, 0.6];
 /// If the mesh is not an oriented manifold in one piece, not a disk with holes after the cut, or no
 /// cut keeps the area ratio asked for.
 pub fn cut_open(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Result<Option<CutMesh>, Error> {
-    let Cut::AreaRatio(wanted) = *cut else { return cut_within(patch, cut, None) };
-    let map = |mesh: &TriMesh, _: Option<&_>| flatten(mesh, options).ok();
+    let Cut::AreaRatio(wanted) = *cut else { return cut_within(patch, cut, options, None) };
+    let map = |mesh: &TriMesh, _: Option<&_>, _: f64| flatten(mesh, options).ok();
     let mut found = f64::INFINITY;
     for aim in AIMS {
         let limit = AreaLimit { ratio: wanted.powf(aim), map: &map };
-        let made = cut_within(patch, cut, Some(&limit))?;
+        let made = cut_within(patch, cut, options, Some(&limit))?;
         let mesh = made.as_ref().map_or_else(|| patch.mesh.clone(), |made| made.mesh(&patch.mesh.positions));
         let taxels = made.as_ref().map(|made| patch.taxels.select(&made.unsplit));
         let (uv, _) = flatten_with_convergence(&mesh, taxels.as_ref().or(Some(&patch.taxels)), options)?;
@@ -94,7 +97,12 @@ pub fn cut_open(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Result<Op
 }
 
 /// The same with a limit for trial maps.
-fn cut_within(patch: &Patch, cut: &Cut, limit: Option<&AreaLimit<'_>>) -> Result<Option<CutMesh>, Error> {
+fn cut_within(
+    patch: &Patch,
+    cut: &Cut,
+    options: &FlattenOptions,
+    limit: Option<&AreaLimit<'_>>,
+) -> Result<Option<CutMesh>, Error> {
     let Patch { mesh, taxels, .. } = patch;
     let cut = match cut {
         Cut::None => return Ok(None),
@@ -107,13 +115,20 @@ fn cut_within(patch: &Patch, cut: &Cut, limit: Option<&AreaLimit<'_>>) -> Result
         }
         cut => cut,
     };
-    // A seam is as good as the best map after it, which may overlap itself: the final one may not.
-    let trial = |mesh: &TriMesh, start: Option<&_>| flatten_roughly(mesh, start).ok();
+    // A seam is as good as the best map after it, which may overlap itself, at first.
+    let free = |mesh: &TriMesh, start: Option<&_>, most: f64| {
+        flatten_roughly(mesh, start, Overlap::Allow, most).ok()
+    };
+    let apart = |mesh: &TriMesh, start: Option<&_>, most: f64| {
+        flatten_roughly(mesh, start, Overlap::Prevent, most).ok()
+    };
+    let is_apart = options.overlap == Overlap::Prevent && matches!(options.method, Method::Intrinsic { .. });
+    let maps = TrialMaps { free: &free, apart: if is_apart { Some(&apart) } else { None } };
     let densities = taxels.wanted_densities();
     // A level of `DECIDED_ON` vertices, in steps of a factor of about four.
     let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
     let recipe = if factor < 1.6 {
-        decide(mesh, densities.as_ref(), cut, &trial, limit)?
+        decide(mesh, densities.as_ref(), cut, &maps, limit)?
     } else {
         let steps = factor.log(4.0).ceil().max(1.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
@@ -125,7 +140,7 @@ fn cut_within(patch: &Patch, cut: &Cut, limit: Option<&AreaLimit<'_>>) -> Result
         let pyramid = coarsen(mesh, taxels, &options)?;
         let Some(level) = pyramid.levels.iter().last() else { return Ok(None) };
         let of_level = densities.as_ref().map(|all| level.origins.map(|&v| all[v]));
-        decide(&level.mesh, of_level.as_ref(), cut, &trial, limit)?.on_finer(&level.origins)
+        decide(&level.mesh, of_level.as_ref(), cut, &maps, limit)?.on_finer(&level.origins)
     };
     Ok(recipe.cut(mesh, densities.as_ref())?)
 }

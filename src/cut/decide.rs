@@ -6,10 +6,11 @@
 use crate::{
     cut::{
         Cut, CutError,
-        recipe::{Recipe, checked, join_loops, must_cut, slit},
+        pairs::{MOST_LOOPS, Pairs},
+        recipe::{Recipe, join_loops, must_cut, slit},
         seam_graph::SeamGraph,
         slits::{LONG, SHORT, slit_ends, spread_curvature},
-        trial::{Trial, TrialMap},
+        trial::{FALL, Trial, TrialMap},
     },
     id::{IdVec, VertexId},
     mesh::{TriMesh, loop_length},
@@ -21,8 +22,6 @@ use crate::{
 const GOOD: f64 = 0.1;
 /// A loop is in distress if the map stretches or shrinks it by more than `e^0.2`.
 const DISTRESS: f64 = 0.2;
-/// By this factor the excess energy must fall where a surface is cut that need not be.
-const FALL: f64 = 4.0;
 /// Least rate (see [`Trial::rate`]) to begin cutting a surface that need not be cut.
 const BEGIN: f64 = 1.0;
 /// Least rate of further slits. Slits help each other: at rate 1 several shapes would miss half of
@@ -41,8 +40,16 @@ pub(crate) struct AreaLimit<'a> {
     pub(crate) map: &'a TrialMap<'a>,
 }
 
-/// Decides how to cut a mesh, whose taxels have these densities (1/m^2). `map` makes trial maps;
-/// slits go on until `limit` holds, or no slit helps.
+/// What makes trial maps.
+pub(crate) struct TrialMaps<'a> {
+    /// Maps that may overlap themselves.
+    pub(crate) free: &'a TrialMap<'a>,
+    /// Maps that may not, if the final one may not.
+    pub(crate) apart: Option<&'a TrialMap<'a>>,
+}
+
+/// Decides how to cut a mesh, whose taxels have these densities (1/m^2), by trial maps; slits go on
+/// until `limit` holds, or no slit helps.
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold in one piece.
@@ -50,7 +57,7 @@ pub(crate) fn decide(
     mesh: &TriMesh,
     densities: Option<&IdVec<VertexId, f64>>,
     how: &Cut,
-    map: &TrialMap<'_>,
+    maps: &TrialMaps<'_>,
     limit: Option<&AreaLimit<'_>>,
 ) -> Result<Recipe, CutError> {
     let graph = SeamGraph::new(mesh, densities)?;
@@ -59,27 +66,32 @@ pub(crate) fn decide(
         return Ok(Recipe::default());
     }
     let base = must_cut(&graph);
-    checked(&graph, &base)?;
+    graph.checked(&base)?;
     let must = graph.mesh_edges(&base);
     let all: Vec<usize> = (0..graph.loops.len()).collect();
     if *how == Cut::All {
         let loops = named(&graph, &all);
-        return Ok(Recipe { is_cut: true, base: must, loops, slits: Vec::new() });
+        return Ok(Recipe { is_cut: true, base: must, loops, ..Recipe::default() });
     }
-    let decision = Decision { graph: &graph, map };
-    let mut state = Trial::new(&graph, base, map);
+    let decision = Decision { graph: &graph, map: maps.free };
+    let mut state = Trial::new(&graph, base, maps.free);
     let mut loops = Vec::new();
     if graph.loops.len() > 1
         && state.excess > GOOD
         && let Some((joined, better)) = decision.join_bad_loops(&state)
     {
-        (loops, state) = (named(&graph, &joined), better);
+        (loops, state) = (joined, better);
     }
     let mut slits = if is_disk { Vec::new() } else { decision.slit_while_it_pays(&mut state) };
+    let mut through = Vec::new();
     if let Some(limit) = limit {
         decision.slit_below(limit, &mut state, &mut slits);
+    } else if let Some(better) = maps.apart.and_then(|map| decision.pair_up(&loops, &state, map)) {
+        through = graph.mesh_edges(&better.seam);
+        state = better;
     }
-    Ok(Recipe { is_cut: !state.seam.is_empty(), base: must, loops, slits })
+    let is_cut = !state.seam.is_empty();
+    Ok(Recipe { is_cut, base: must, loops: named(&graph, &loops), through, slits })
 }
 
 /// A vertex of each of these loops.
@@ -100,13 +112,13 @@ impl Decision<'_, '_> {
         if bad.is_empty() {
             return None;
         }
-        let joined = |chosen: &[usize]| {
+        let joined = |chosen: &[usize], most: f64| {
             let mut loops: Vec<usize> = std::iter::once(longest).chain(chosen.iter().copied()).collect();
             loops.sort_unstable();
             let seam = join_loops(self.graph, &before.seam, &loops);
-            (loops, Trial::new(self.graph, seam, self.map))
+            (loops, Trial::after(self.graph, None, seam, self.map, most))
         };
-        let all = joined(&bad);
+        let all = joined(&bad, f64::INFINITY);
         if before.excess < FALL * all.1.excess || all.1.rate(before) < BEGIN {
             return None;
         }
@@ -116,8 +128,13 @@ impl Decision<'_, '_> {
         let powers = std::iter::successors(Some(1), |count| Some(2 * count));
         let fewer = powers.take_while(|count| *count < bad.len()).map(|count| bad[..count].to_vec());
         let first = other_end.filter(|_| bad.len() > 1).map(|k| vec![k]);
-        let few = first.into_iter().chain(fewer).map(|chosen| joined(&chosen));
-        Some(few.into_iter().find(|few| few.1.excess <= enough).unwrap_or(all))
+        let is_enough = |few: &(_, Trial)| few.1.excess <= enough;
+        let first = first.map(|chosen| joined(&chosen, enough)).filter(is_enough);
+        let others = || {
+            let fewer = fewer.collect::<Vec<_>>();
+            par_map(&fewer, |chosen| joined(chosen, enough)).into_iter().find(is_enough)
+        };
+        Some(first.or_else(others).unwrap_or(all))
     }
 
     /// The longest loop, and the others that the map stretches or shrinks much, most shrunk first.
@@ -148,7 +165,8 @@ impl Decision<'_, '_> {
         while state.excess > GOOD && slits.len() < MOST_SLITS {
             let ends = slit_ends(self.graph, state, &curvature, LONG);
             let with = |&end: &VertexId| {
-                Trial::after(self.graph, Some(state), slit(self.graph, &state.seam, end), self.map)
+                let seam = slit(self.graph, &state.seam, end);
+                Trial::after(self.graph, Some(state), seam, self.map, f64::INFINITY)
             };
             let trials = par_map(&ends, with);
             let rated = ends.into_iter().zip(trials).map(|(end, trial)| (trial.rate(state), end, trial));
@@ -162,6 +180,23 @@ impl Decision<'_, '_> {
             *state = trial;
         }
         slits
+    }
+
+    /// Joins these loops pair by pair instead, where the map is poor because it may not overlap itself.
+    fn pair_up(&self, loops: &[usize], state: &Trial, map: &TrialMap<'_>) -> Option<Trial> {
+        if loops.len() < 3 || loops.len() > MOST_LOOPS {
+            return None;
+        }
+        let now = Trial::after(self.graph, Some(state), state.seam.clone(), map, f64::INFINITY);
+        if now.excess <= GOOD {
+            return None;
+        }
+        let curvature = spread_curvature(self.graph);
+        let promising = Pairs::new(self.graph, &curvature).promising(loops);
+        let trials = par_map(&promising, |seam| Trial::new(self.graph, seam.clone(), map));
+        // Of equal ones the first.
+        let best = trials.into_iter().reduce(|a, b| if b.cost() < a.cost() { b } else { a });
+        best.filter(|trial| trial.cost() < now.cost())
     }
 
     /// Adds the slits that lower the area ratio most until it is below the limit, or none lowers it.

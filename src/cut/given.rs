@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use crate::{
     cut::{
         CutError, CutMesh,
-        recipe::checked,
         seam_graph::{EdgeId, Seam, SeamGraph},
     },
     id::{Id, IdVec, VertexId},
@@ -67,5 +66,5 @@ pub(crate) fn cut_along(
         }
         seam.insert(edge);
     }
-    checked(&graph, &seam)
+    graph.checked(&seam)
 }

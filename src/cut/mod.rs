@@ -17,7 +17,9 @@
 //! 2. **loops are joined** to it, always the nearest by a shortest way (`(takahashi1980)`);
 //! 3. **it is shortened**: each part between two knots gives way to the shortest one that does the
 //!    same;
-//! 4. **slits** lead from peaks of distortion or curvature to it.
+//! 4. **slits** lead from peaks of distortion or curvature to it;
+//! 5. or loops are joined **pair by pair** through what is curved between them, where the map would
+//!    overlap itself otherwise.
 //!
 //! Ways through dense taxels count as longer. All of it is `O(n log n)` a step and depends on
 //! neither the number of threads nor how the surface lies in space.
@@ -33,7 +35,8 @@
 //!
 //! - `cut`, `error`: what is asked for, and why it may fail; `cut_mesh`: a mesh cut open
 //! - `seam_graph`: the closed surface and its shortest ways; `handles`, `shorten`: steps 1 to 3
-//! - `trial`: a seam with its map; `slits`: step 4; `recipe`: all steps; `decide`: the rule
+//! - `trial`: a seam with its map; `slits`, `pairs`: steps 4 and 5; `recipe`: all steps; `decide`: the
+//!   rule
 //! - `given`: seams from a user
 
 #[expect(clippy::module_inception, reason = "the file is named after its type")]
@@ -43,6 +46,7 @@ mod decide;
 mod error;
 mod given;
 mod handles;
+mod pairs;
 mod recipe;
 mod seam_graph;
 mod shorten;
@@ -52,6 +56,6 @@ mod trial;
 pub use cut::Cut;
 pub use cut_mesh::CutMesh;
 pub(crate) use cut_mesh::seam_length;
-pub(crate) use decide::{AreaLimit, MOST_SLITS, decide};
+pub(crate) use decide::{AreaLimit, MOST_SLITS, TrialMaps, decide};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};

@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     cut::{
         CutError, CutMesh,
-        cut_mesh::check_disk,
         handles::{far_pair, join, open_handles},
         seam_graph::{Seam, SeamGraph},
         shorten::shorten,
@@ -23,6 +22,9 @@ pub(crate) struct Recipe {
     pub(super) base: Vec<[VertexId; 2]>,
     /// A vertex of each loop to be joined.
     pub(super) loops: Vec<VertexId>,
+    /// The edges that join pairs of loops through what is curved between them, instead of all that, if
+    /// there are any.
+    pub(super) through: Vec<[VertexId; 2]>,
     /// Where the slits end, in the order in which they are cut.
     pub(super) slits: Vec<VertexId>,
 }
@@ -31,8 +33,14 @@ impl Recipe {
     /// The same for a finer mesh, on which `origins` says where the vertices are.
     pub(crate) fn on_finer(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
         let map = |vertices: &[VertexId]| vertices.iter().map(|&v| origins[v]).collect();
-        let base = self.base.iter().map(|ends| ends.map(|v| origins[v])).collect();
-        Self { is_cut: self.is_cut, base, loops: map(&self.loops), slits: map(&self.slits) }
+        let edges = |edges: &[[VertexId; 2]]| edges.iter().map(|ends| ends.map(|v| origins[v])).collect();
+        Self {
+            is_cut: self.is_cut,
+            base: edges(&self.base),
+            loops: map(&self.loops),
+            through: edges(&self.through),
+            slits: map(&self.slits),
+        }
     }
 
     /// Cuts a mesh, whose taxels have these densities (1/m^2); nothing where the recipe cuts
@@ -49,6 +57,11 @@ impl Recipe {
             return Ok(None);
         }
         let graph = SeamGraph::new(mesh, densities)?;
+        if !self.through.is_empty()
+            && let Some(cut) = self.cut_through(&graph)
+        {
+            return Ok(Some(cut));
+        }
         let mut seam = lay(&graph, &self.base).unwrap_or_else(|| must_cut(&graph));
         let wanted = |walk: &Vec<VertexId>| walk.iter().any(|v| self.loops.contains(v));
         let loops: Vec<usize> = (0..graph.loops.len()).filter(|&k| wanted(&graph.loops[k])).collect();
@@ -58,7 +71,14 @@ impl Recipe {
         for &end in &self.slits {
             seam = slit(&graph, &seam, end);
         }
-        checked(&graph, &seam).map(Some)
+        graph.checked(&seam).map(Some)
+    }
+
+    /// The mesh cut along the seam that joins pairs of loops; `None` if that does not open it.
+    fn cut_through(&self, graph: &SeamGraph<'_>) -> Option<CutMesh> {
+        let way = |&[a, b]: &[VertexId; 2]| graph.way(&[a].into(), &[b].into());
+        let ways: Vec<_> = self.through.iter().map(way).collect::<Option<_>>()?;
+        graph.checked(&graph.tree_of(ways.into_iter().flatten().collect())).ok()
     }
 }
 
@@ -73,16 +93,8 @@ fn lay(graph: &SeamGraph<'_>, base: &[[VertexId; 2]]) -> Option<Seam> {
     }
     let ends = uses.into_iter().filter(|x| x.1 == 1).map(|x| x.0).collect();
     graph.prune(&mut seam, &ends);
-    checked(graph, &seam).ok()?;
+    graph.checked(&seam).ok()?;
     Some(shorten(graph, seam, &ends))
-}
-
-/// The mesh cut along a seam, if that is one disk with holes.
-pub(super) fn checked(graph: &SeamGraph<'_>, seam: &Seam) -> Result<CutMesh, CutError> {
-    let cut = graph.cut(seam);
-    let first = graph.vertices(seam).first().copied().unwrap_or_default();
-    check_disk(&cut.mesh(&graph.mesh.positions), first)?;
-    Ok(cut)
 }
 
 /// The seam without which the surface has no map: handles are opened, and of a closed surface two

@@ -7,9 +7,10 @@ use std::{
 };
 
 use crate::{
-    cut::CutMesh,
+    cut::{CutError, CutMesh, cut_mesh::check_disk},
     id::{FaceId, Id, IdVec, VertexId},
     mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh},
+    numeric::DisjointSets,
 };
 
 /// An edge of a [`SeamGraph`].
@@ -154,6 +155,37 @@ impl<'m> SeamGraph<'m> {
             twin.filter(|_| !seam.contains(&self.edge_of[h.face()][h.side()]))
         };
         CutMesh::new(&self.mesh.triangles, self.mesh.positions.len(), across)
+    }
+
+    /// The mesh cut along a seam, if that is one disk with holes.
+    ///
+    /// # Errors
+    /// If it is not.
+    pub(super) fn checked(&self, seam: &Seam) -> Result<CutMesh, CutError> {
+        let cut = self.cut(seam);
+        let first = self.vertices(seam).first().copied().unwrap_or_default();
+        check_disk(&cut.mesh(&self.mesh.positions), first)?;
+        Ok(cut)
+    }
+
+    /// The seam without the heaviest edge of every ring, and what ends nowhere then: ways that meet twice
+    /// would enclose a piece. A loop counts as one point.
+    pub(super) fn tree_of(&self, seam: Seam) -> Seam {
+        let mut pieces = DisjointSets::<VertexId>::new(self.closed.positions.len());
+        for (k, walk) in self.loops.iter().enumerate() {
+            walk.iter().for_each(|&v| pieces.join(v, self.apex(k)));
+        }
+        let mut edges: Vec<EdgeId> = seam.into_iter().collect();
+        edges.sort_by_key(|&e| (self.weights[e], e));
+        let joins = |e: &EdgeId| {
+            let [a, b] = self.ends[*e];
+            let is_new = pieces.root(a) != pieces.root(b);
+            pieces.join(a, b);
+            is_new
+        };
+        let mut tree: Seam = edges.into_iter().filter(joins).collect();
+        self.prune(&mut tree, &self.loops.iter().flatten().copied().collect());
+        tree
     }
 
     /// Removes edges that end nowhere, but at the vertices to `keep`.

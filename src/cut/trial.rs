@@ -15,8 +15,12 @@ use crate::{
 type Uv = IdVec<VertexId, DVec2>;
 
 /// Makes a map of a disk with holes (m) to judge a seam by, from one of the same faces if there is one;
-/// nothing if it has none.
-pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh, Option<&Uv>) -> Option<Uv> + Sync + 'a;
+/// nothing if it has none. A map whose excess energy is likely to stay above the number need not be good.
+pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh, Option<&Uv>, f64) -> Option<Uv> + Sync + 'a;
+
+/// By this factor the excess energy must fall where a surface is cut that need not be, for each seam of
+/// the square root of the area.
+pub(super) const FALL: f64 = 4.0;
 
 /// Symmetric Dirichlet energy of an isometry.
 pub(super) const ISOMETRY: f64 = 4.0;
@@ -43,16 +47,17 @@ pub(super) struct Trial {
 impl Trial {
     /// Maps the mesh of `graph` cut along `seam`.
     pub(super) fn new(graph: &SeamGraph<'_>, seam: Seam, map: &TrialMap<'_>) -> Self {
-        Self::after(graph, None, seam, map)
+        Self::after(graph, None, seam, map, f64::INFINITY)
     }
 
     /// The same, from the map before more was cut: it is one of the cut surface too, whose new
-    /// boundary is still closed.
+    /// boundary is still closed. Where the excess is likely to stay above `most`, it is not exact.
     pub(super) fn after(
         graph: &SeamGraph<'_>,
         before: Option<&Self>,
         seam: Seam,
         map: &TrialMap<'_>,
+        most: f64,
     ) -> Self {
         let cut = graph.cut(&seam);
         let start = before.filter(|before| !before.uv.is_empty()).map(|before| {
@@ -72,7 +77,7 @@ impl Trial {
             cut,
             uv: IdVec::new(),
         };
-        if let Some(uv) = map(&mesh, start.as_ref()) {
+        if let Some(uv) = map(&mesh, start.as_ref(), most) {
             trial.measure(&mesh, uv);
         }
         trial
@@ -112,12 +117,18 @@ impl Trial {
         self.uv = uv.map(|&p| p * scale);
     }
 
+    /// The excess energy, fourfold for a seam of the square root of the area: the least of several
+    /// trials pays best.
+    pub(super) fn cost(&self) -> f64 {
+        self.excess * FALL.powf(self.length)
+    }
+
     /// How often the excess energy falls fourfold per seam of the square root of the area, if this
     /// takes the place of `before`.
     pub(super) fn rate(&self, before: &Self) -> f64 {
         /// An isometry but for rounding.
         const NOTHING: f64 = 1e-12;
-        let fall = (before.excess / self.excess.max(NOTHING)).log(4.0);
+        let fall = (before.excess / self.excess.max(NOTHING)).log(FALL);
         let rate = fall / (self.length - before.length).max(1e-9);
         if rate.is_nan() { f64::NEG_INFINITY } else { rate }
     }

@@ -5,7 +5,7 @@ use glam::DVec2;
 use crate::{
     flatten::{
         Boundary, Convergence, Energy, FlattenError, FlattenOptions, Method, Overlap,
-        bijective::fillers::Fillers,
+        bijective::{fillers::Fillers, overlap::is_one_to_one},
         domain::{
             disk::Disk, elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification,
             prescribed::prescribed,
@@ -17,6 +17,7 @@ use crate::{
             relax::{Goal, Relaxed, Start, Walls, minimise_from_scratch, relax, solve_from_scratch},
         },
         placement::{direction_like, main_direction, normalise_map},
+        start::tutte::tutte,
     },
     id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
@@ -95,20 +96,33 @@ pub fn flatten_with_convergence(
 }
 
 /// Newton steps of a map by which a seam is judged: what it still gains does not change the judgement.
-const ROUGH: NewtonLimits = NewtonLimits { decrement: 1e-4, steps: 60 };
+const ROUGH: NewtonLimits = NewtonLimits { decrement: 1e-4, steps: 60, gain: 3e-3, most: f64::INFINITY };
 
-/// About the map (m) of least symmetric Dirichlet energy, which may overlap itself, to judge a seam by:
-/// from a map of the same faces without flips, if one is given.
+/// Symmetric Dirichlet energy of an isometry.
+const ISOMETRY: f64 = 4.0;
+
+/// About the map (m) of least symmetric Dirichlet energy, to judge a seam by: from a map of the same
+/// faces without flips, if one is given. A map that will hardly get closer to the energy of an isometry
+/// than `most` is given up.
 ///
 /// # Errors
 /// As [`flatten`].
-pub(crate) fn flatten_roughly(mesh: &TriMesh, start: Option<&Uv>) -> Result<Uv, FlattenError> {
+pub(crate) fn flatten_roughly(
+    mesh: &TriMesh,
+    start: Option<&Uv>,
+    overlap: Overlap,
+    most: f64,
+) -> Result<Uv, FlattenError> {
     let domain = FlattenDomain::new(mesh)?;
-    let goal = Goal { energy: Energy::SymmetricDirichlet, overlap: Overlap::Allow };
+    let goal = Goal { energy: Energy::SymmetricDirichlet, overlap };
+    let limits = NewtonLimits { most: ISOMETRY + most, ..ROUGH };
     let start = start.map(|uv| domain.to_units(uv)).filter(|uv| domain.elements.is_flip_free(uv));
     let reached = match start {
-        Some(uv) => relax(&domain, Start::Far(uv), goal, Some(ROUGH))?,
-        None => minimise_from_scratch(&domain, goal, Some(ROUGH))?,
+        Some(uv) if overlap == Overlap::Allow => relax(&domain, Start::Far(uv), goal, Some(limits))?,
+        Some(uv) if is_one_to_one(&domain, &uv) => return Ok(domain.to_metres(&uv)),
+        // The free map overlaps itself: a frame is needed in any case.
+        Some(_) => relax(&domain, Start::Near(tutte(&domain)?, Walls::Framed), goal, Some(limits))?,
+        None => minimise_from_scratch(&domain, goal, Some(limits))?,
     };
     Ok(domain.to_metres(&reached.uv))
 }

@@ -145,17 +145,38 @@ pub fn frame(windows: u32, fine: u32, edge: f64) -> TriMesh {
         let inside = x >= 0 && x < (2 * w + 1) * f && y >= 0 && y < 3 * f && z >= 0 && z < f;
         inside && !(x / f % 2 == 1 && y / f == 1)
     };
+    blocks([(2 * w + 1) * f, 3 * f, f], edge, is_solid, |_| false)
+}
+
+/// Four square tubes that meet in a plane, open at their ends and twice as long as wide. Every side is
+/// `fine` edges of `edge` metres.
+#[must_use]
+pub fn cross(fine: u32, edge: f64) -> TriMesh {
+    let f = fine.cast_signed();
+    let is_solid = |[x, y, z]: [i32; 3]| {
+        let is_inside = |p: i32, size: i32| p >= 0 && p < size * f;
+        is_inside(x, 5) && is_inside(y, 5) && is_inside(z, 1) && (x / f == 2 || y / f == 2)
+    };
+    blocks([5 * f, 5 * f, f], edge, is_solid, |[x, y, _]| x.min(y) < 0 || x.max(y) >= 5 * f)
+}
+
+/// The surface of the solid cells of `edge` metres within `size`, but not towards open cells.
+fn blocks(
+    size: [i32; 3],
+    edge: f64,
+    is_solid: impl Fn([i32; 3]) -> bool,
+    is_open: impl Fn([i32; 3]) -> bool,
+) -> TriMesh {
     let mut lattice = Lattice::default();
-    let cells = (0..(2 * w + 1) * f)
-        .flat_map(|x| (0..3 * f).flat_map(move |y| (0..f).map(move |z| [x, y, z])))
-        .filter(|&cell| is_solid(cell));
-    for cell in cells {
+    let cells =
+        (0..size[0]).flat_map(|x| (0..size[1]).flat_map(move |y| (0..size[2]).map(move |z| [x, y, z])));
+    for cell in cells.filter(|&cell| is_solid(cell)) {
         for axis in 0..3 {
             for (step, side) in [(1, 1), (-1, 0)] {
                 let (mut beyond, mut from) = (cell, cell);
                 beyond[axis] += step;
                 from[axis] += side;
-                if is_solid(beyond) {
+                if is_solid(beyond) || is_open(beyond) {
                     continue;
                 }
                 let corner = |along: i32, across: i32| {

@@ -49,6 +49,9 @@ const SLOW_STEPS: u32 = 2;
 /// Share of them that is left out at first; each step that goes well leaves out a tenth of the last.
 const LEFT_OUT: f64 = 0.1;
 
+/// Steps like the last one that a map may be above an energy of use.
+const HOPE: f64 = 4.0;
+
 /// Decrement over the energy at which the minimisation ends even so.
 const LEAST_DECREMENT: f64 = 1e-20;
 
@@ -93,6 +96,10 @@ pub(crate) struct NewtonLimits {
     /// Decrease promised by a step, over the energy.
     pub(crate) decrement: f64,
     pub(crate) steps: usize,
+    /// Relative decrease of the energy in a round with fillers at which the rounds end.
+    pub(crate) gain: f64,
+    /// Energy above which a map is of no use: the minimisation ends where it is not likely to get there.
+    pub(crate) most: f64,
 }
 
 /// How a minimisation ended.
@@ -104,6 +111,8 @@ pub(crate) enum Ended {
     Short,
     /// Where the caller wanted.
     Stopped,
+    /// Far above an energy of use.
+    Hopeless,
 }
 
 impl Objective<'_> {
@@ -148,6 +157,9 @@ impl Objective<'_> {
             let enough = if decrement > LINEAR * last { LINEAR_DECREMENT } else { limits.decrement };
             if decrement <= enough.max(limits.decrement) * energy && is_free {
                 return Ok(Ended::Converged);
+            }
+            if energy - HOPE * decrement > limits.most {
+                return Ok(Ended::Hopeless);
             }
             if decrement.is_nan() {
                 break;
@@ -331,7 +343,8 @@ mod tests {
         mesh::shapes,
     };
 
-    const LIMITS: NewtonLimits = NewtonLimits { decrement: 1e-12, steps: 60 };
+    const LIMITS: NewtonLimits =
+        NewtonLimits { decrement: 1e-12, steps: 60, gain: 1e-3, most: f64::INFINITY };
 
     /// From a far start, with both solvers and every term.
     #[test]
