@@ -12,8 +12,8 @@ use glam::{DVec2, DVec3};
 
 use crate::id::{FaceId, IdVec, VertexId};
 
-/// The area of a cell, in mean areas of a triangle (*heuristic*: of 1, 2 and 4 the fastest on a cap of
-/// 100k triangles).
+/// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in fewer than
+/// four cells, and a cell with one or two triangles around a place).
 const CELL_AREA: f64 = 2.0;
 
 /// Cells of a grid, at most: this many for each triangle, where the map fills little of its
