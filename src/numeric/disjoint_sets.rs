@@ -87,12 +87,14 @@ impl<I: Id> DisjointSets<I> {
         self.parents.clear();
     }
 
+    #[inline]
     pub(crate) fn join(&mut self, a: I, b: I) {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b)] = (a.min(b), ());
     }
 
     /// The smallest member of the set of `member`.
+    #[inline]
     pub(crate) fn root(&mut self, member: I) -> I {
         self.find(member).0
     }
@@ -101,6 +103,7 @@ impl<I: Id> DisjointSets<I> {
 impl<I: Id> DisjointSets<I, Relation> {
     /// Joins the sets of `a` and `b`; `false` if they are one set already, in which the two are
     /// related otherwise.
+    #[inline]
     pub(crate) fn join(&mut self, a: I, b: I, relation: Relation) -> bool {
         let ((root_a, to_a), (root_b, to_b)) = (self.root(a), self.root(b));
         let roots = to_a.then(relation).then(to_b);
@@ -112,6 +115,7 @@ impl<I: Id> DisjointSets<I, Relation> {
     }
 
     /// The smallest member of the set of `member`, and the parity between them.
+    #[inline]
     pub(crate) fn root(&mut self, member: I) -> (I, Relation) {
         self.find(member)
     }

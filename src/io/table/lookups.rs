@@ -185,12 +185,14 @@ impl Text {
 }
 
 /// Appends a number and a comma.
+#[inline]
 fn push_number(text: &mut Vec<u8>, number: f64) {
     text.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
     text.push(b',');
 }
 
 /// Appends a whole number and a comma.
+#[inline]
 fn push_whole(text: &mut Vec<u8>, mut number: u64) {
     let mut digits = [b','; 21];
     let mut first = digits.len() - 1;

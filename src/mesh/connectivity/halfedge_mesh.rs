@@ -117,12 +117,14 @@ impl HalfedgeMesh {
     }
 
     /// Whether `a` and `b` are, or may be, neighbours; walks around the one that has fewer.
+    #[inline]
     pub(crate) fn has_edge(&self, a: VertexId, b: VertexId) -> bool {
         let (few, other) = if self.degree[a] <= self.degree[b] { (a, b) } else { (b, a) };
         self.degree[few] > MAX_WALK || self.ring(few).any(|w| w == other)
     }
 
     /// Vector normal to `face` whose length is twice its area, in m^2.
+    #[inline]
     pub(crate) fn face_cross(&self, face: FaceId, positions: &IdVec<VertexId, DVec3>) -> DVec3 {
         let [a, b, c] = self.faces[face].corners.map(|v| positions[v]);
         (b - a).cross(c - a)

@@ -127,6 +127,7 @@ impl TaxelLocations {
 
 /// The triangle of `filling` that holds `point` (or is nearest to holding it, by rounding) and its
 /// weights there.
+#[inline]
 fn locate(star: &Star, filling: &[[u8; 3]], taxel: VertexId, point: DVec2) -> Move {
     let mut best = (f64::NEG_INFINITY, 0, [1.0, 0.0, 0.0]);
     for (triangle, corners) in (0_u8..).zip(filling) {
