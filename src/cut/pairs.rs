@@ -14,13 +14,14 @@ use crate::{
         trial::FALL,
     },
     id::{IdVec, VertexId},
+    numeric::argsort,
 };
 
 /// Loops at most: five have 125 trees.
 pub(super) const MOST_LOOPS: usize = 5;
 
 /// Trees that are mapped.
-const TRIED: usize = 3;
+const TRIED: usize = 2;
 
 /// Ways between loops that curvature (rad) attracts.
 pub(super) struct Pairs<'a, 'm> {
@@ -54,15 +55,14 @@ impl<'a, 'm> Pairs<'a, 'm> {
     /// The most promising seams that join these loops, at most five, pair by pair: best first.
     pub(super) fn promising(&self, loops: &[usize]) -> Vec<Seam> {
         let mut seen = BTreeSet::new();
-        let mut rated = Vec::new();
+        let (mut costs, mut seams) = (Vec::new(), Vec::new());
         for pairs in trees(loops) {
             let Some(seam) = self.seam(&pairs).filter(|seam| seen.insert(seam.clone())) else { continue };
             let excess = self.moment(&seam).powi(2);
-            rated.push((excess * FALL.powf(self.graph.length(&seam)), seam));
+            costs.push(excess * FALL.powf(self.graph.length(&seam)));
+            seams.push(seam);
         }
-        // Of equal ones the first.
-        rated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        rated.into_iter().take(TRIED).map(|(_, seam)| seam).collect()
+        argsort(&costs).into_iter().take(TRIED).map(|k| seams[k].clone()).collect()
     }
 
     /// Second moment of the curvature about the seam and the loops.
