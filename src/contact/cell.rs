@@ -9,6 +9,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError, MapLevel, PatchMap, carried_places},
     mesh::{SurfacePoint, TriMesh},
+    parallel::par_collect,
     pyramid::LevelId,
     skin::TaxelId,
 };
@@ -156,7 +157,7 @@ impl PatchCells {
         let above = levels.len() - 1;
         let blank = Row { weights: [0.0; 3], face: FaceId::default() };
         let rows = vec![blank; above * levels[LevelId::new(0)].fields.len()];
-        let mut cells = Self { levels, rows, unions: Vec::with_capacity(above * faces.len()) };
+        let mut cells = Self { levels, rows, unions: Vec::new() };
         for (id, map) in patch.levels.enumerate() {
             let Some(to_finest) = &map.level.to_finest else { continue };
             let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
@@ -171,12 +172,14 @@ impl PatchCells {
                 cells.rows[vertex.index() * above + id.index() - 1] = Row { weights, face };
             }
         }
-        for corners in faces {
-            for (level, above) in cells.levels.iter().skip(1).zip(0..) {
-                let rows = corners.map(|v| &cells.rows[v.index() * cells.above() + above]);
-                cells.unions.push(Union::new(&level.parts(rows, [1.0; 3])));
+        cells.unions = par_collect(faces.len(), |range, unions| {
+            for face in range.map(FaceId::new) {
+                for (k, level) in cells.levels.iter().skip(1).enumerate() {
+                    let rows = faces[face].map(|v| &cells.rows[v.index() * above + k]);
+                    unions.push(Union::new(&level.parts(rows, [1.0; 3])));
+                }
             }
-        }
+        });
         Ok(cells)
     }
 

@@ -44,6 +44,11 @@ impl Union {
     const NOWHERE: usize = 15;
 
     pub(super) fn new(parts: &[(VertexId, f64); MOST_FIELDS]) -> Self {
+        let is_one_face = (3..MOST_FIELDS).all(|k| parts[k].0 == parts[k % 3].0);
+        if is_one_face {
+            let [a, b] = [0, 1].map(|k| usize::from((k..MOST_FIELDS).step_by(3).any(|k| parts[k].1 != 0.0)));
+            return Self::coded(parts, |k| [0, a, a + b][k % 3]);
+        }
         let mut fields = [VertexId::from(u32::MAX); MOST_FIELDS + 1];
         let mut len = 0;
         for &(field, _) in parts.iter().filter(|(_, weight)| *weight != 0.0) {
@@ -54,11 +59,12 @@ impl Union {
                 len += 1;
             }
         }
-        let place = |&(field, weight): &(VertexId, f64)| match weight {
-            0.0 => Self::NOWHERE,
-            _ => fields.iter().take_while(|&&other| other < field).count(),
-        };
-        Self(parts.iter().rev().fold(0, |code, part| code << 4 | place(part) as u64))
+        Self::coded(parts, |k| fields.iter().take_while(|&&other| other < parts[k].0).count())
+    }
+
+    fn coded(parts: &[(VertexId, f64); MOST_FIELDS], place: impl Fn(usize) -> usize) -> Self {
+        let place = |k: usize| if parts[k].1 == 0.0 { Self::NOWHERE } else { place(k) };
+        Self((0..MOST_FIELDS).rev().fold(0, |code, k| code << 4 | place(k) as u64))
     }
 
     /// The sums of the weights of each field, added in their order; and the field of the largest sum, the
