@@ -391,6 +391,17 @@ fn binary_stl_with_a_comment_that_says_solid_is_binary() {
     assert_eq!(read_draft(&path).unwrap().sheets[0].triangles.len(), 12);
 }
 
+/// Faces may have properties that vertices have, too, and lists that nothing here needs.
+#[test]
+fn properties_of_ply_faces_are_passed_over() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty float nx\nproperty list uchar int vertex_indices\nproperty float area\n\
+        property list uchar float id\nend_header\n0 0 0\n1 0 0\n0 1 0\n7 3 0 1 2 9 2 5 6\n";
+    let sheet = read_text("ply", text).unwrap().sheets.remove(0);
+    assert_eq!(sheet.triangles.as_slice().len(), 1);
+    assert!(sheet.normals.is_none() && sheet.areas.is_none() && sheet.ids.is_none());
+}
+
 fn read_bytes(kind: &str, bytes: &[u8]) -> Result<Draft, IoError> {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join(format!("file.{kind}"));
@@ -427,6 +438,11 @@ fn lies_are_refused_by_name() {
             "line or record 10",
         ),
         ("ply", ply(""), "no property `x`"),
+        (
+            "ply",
+            ply(&format!("element vertex 1\n{xyz}property list uchar float nx\n")) + "0 0 0 1 5\n",
+            "a list as property `nx`",
+        ),
         ("stl", "x".repeat(80) + "\u{1}\u{2}\u{3}\u{4}", "67305985 triangles in 84 bytes"),
         ("stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 nan\n".into(), "line 1, facet 0"),
         ("stl", "solid a\n".into(), "facet 0"),

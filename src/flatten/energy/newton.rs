@@ -373,7 +373,7 @@ mod tests {
         }
     }
 
-    /// The convex model alone takes three times as many: its steps are too short.
+    /// At sharp features faces have negative curvatures, without which steps are too short.
     #[test]
     fn spikes_take_few_steps() {
         let mut mesh = shapes::cap(900, 0.1, 2.6);
