@@ -31,8 +31,8 @@ use crate::{
     Error,
     atlas::{fitting_pixel, pixels_of, skin_images},
     cut::{
-        AreaLimit, Cut, CutError, CutMesh, MOST_SLITS, TrialMaps, cut_along, decide, pairs_by_patch,
-        seam_length,
+        AreaLimit, Cut, CutError, CutMesh, MOST_SLITS, TrialMaps, cut_along, decide, is_plain_disk,
+        pairs_by_patch, seam_length,
     },
     flatten::{
         Convergence, FlattenOptions, Method, Overlap, distortion, flatten, flatten_pyramid_with_convergence,
@@ -115,6 +115,10 @@ fn cut_within(
         }
         cut => cut,
     };
+    // Nothing is decided on a disk, so it need not be coarsened for that.
+    if limit.is_none() && is_plain_disk(mesh) {
+        return Ok(None);
+    }
     // A seam is as good as the best map after it, which may overlap itself, at first.
     let free = |mesh: &TriMesh, start: Option<&_>, most: f64| {
         flatten_roughly(mesh, start, Overlap::Allow, most).ok()

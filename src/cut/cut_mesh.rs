@@ -117,6 +117,15 @@ pub(crate) fn seam_length(mesh: &TriMesh, edges: &[[VertexId; 2]]) -> f64 {
     edges.iter().map(|&[a, b]| mesh.positions[a].distance(mesh.positions[b])).sum()
 }
 
+/// Whether a mesh is one disk without holes.
+pub(crate) fn is_plain_disk(mesh: &TriMesh) -> bool {
+    Adjacency::new(mesh).is_ok_and(|adjacency| {
+        adjacency.euler_characteristic() == 1
+            && adjacency.boundary_loops().len() == 1
+            && adjacency.component_count() == 1
+    })
+}
+
 /// Refuses a mesh that is not one disk with holes. `vertex` is one of the seam, to name it.
 pub(super) fn check_disk(mesh: &TriMesh, vertex: VertexId) -> Result<(), CutError> {
     let adjacency = Adjacency::new(mesh)?;

@@ -55,7 +55,7 @@ mod trial;
 
 pub use cut::Cut;
 pub use cut_mesh::CutMesh;
-pub(crate) use cut_mesh::seam_length;
+pub(crate) use cut_mesh::{is_plain_disk, seam_length};
 pub(crate) use decide::{AreaLimit, MOST_SLITS, TrialMaps, decide};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};
