@@ -4,7 +4,7 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     mesh::{TriMesh, shapes},
-    skin::{AssembleOptions, Draft, Sheet, assemble, check, triangulate_taxels},
+    skin::{AssembleOptions, Draft, Sheet, assemble, check},
 };
 
 /// A healthy sheet with normals.
@@ -39,8 +39,8 @@ fn bare(c: &mut Criterion) {
     for count in [500_usize, 10_000, 100_000, 1_000_000] {
         group.throughput(Throughput::Elements(count as u64));
         let draft = taxels(count);
-        group.bench_with_input(BenchmarkId::new("mesh", count), &draft, |b, draft| {
-            b.iter(|| triangulate_taxels(draft, 2.5));
+        group.bench_with_input(BenchmarkId::new("assemble", count), &draft, |b, draft| {
+            b.iter(|| assemble(draft, &AssembleOptions::default()));
         });
     }
 }

@@ -25,12 +25,9 @@ pub enum Error {
     /// Data that is not a valid map.
     #[error(transparent)]
     Map(#[from] crate::map::MapError),
-    /// Readings that cannot be used with a map.
+    /// Readings that cannot be used with a map, or not be simulated.
     #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),
-    /// A recording that cannot be simulated.
-    #[error(transparent)]
-    Touch(#[from] crate::signal::TouchError),
     /// A map that cannot be searched, or a query that cannot be answered.
     #[error(transparent)]
     Contact(#[from] crate::contact::ContactError),

@@ -8,8 +8,8 @@
 //! The modules of the crate follow the order of that flow; each uses only those before it:
 //!
 //! 1. [`io::read_draft`] reads a file as it was written; [`skin::assemble()`] turns it into a sound
-//!    [`skin::Skin`] and says what it changed; taxels without triangles it joins
-//!    ([`skin::triangulate_taxels()`]). [`skin::check()`] lists what is wrong with it.
+//!    [`skin::Skin`] and says what it changed; taxels without triangles it joins. [`skin::check()`]
+//!    lists what is wrong with it.
 //!    [`calib::calibrate()`] makes one from noisy observations, with a covariance per taxel.
 //! 2. [`pyramid::coarsen`] makes every patch a [`pyramid::Pyramid`] of receptive fields, joined by
 //!    [`pyramid::Prolongation`]s.

@@ -1,5 +1,5 @@
-//! `report.json`: what a build measured, level by level ([`measure`]); `timings.json`: how long each
-//! stage took, apart from it, so that the same input gives the same report.
+//! What a build measured, level by level ([`measure`]), as `report.json` lists it; and how long each of
+//! its stages took.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, report, skin::Skin};
@@ -20,26 +20,6 @@ use crate::{
     pyramid::LevelId,
 };
 
-/// What `report.json` holds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
-    /// Version of dermatome that made the map.
-    pub version: String,
-    /// The file it was made from.
-    pub input: String,
-    /// The patches, in the order of the map.
-    pub patches: Vec<PatchReport>,
-}
-
-/// What `timings.json` holds: what differs from run to run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Timings {
-    /// Wall-clock seconds by stage, in the order of the stages.
-    pub seconds: Seconds,
-    /// Largest resident memory of the process, where the system reports it.
-    pub peak_memory_bytes: Option<u64>,
-}
-
 /// Wall-clock seconds of the stages of a build; 0 for a stage that was not run.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Seconds {
@@ -55,7 +35,7 @@ pub struct Seconds {
     pub write: f64,
 }
 
-/// One patch of a [`Report`].
+/// One patch of a map.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PatchReport {
     /// Name of the patch.
@@ -87,7 +67,7 @@ pub struct LevelReport {
     pub convergence: Option<Convergence>,
 }
 
-/// The patches of a map, as a [`Report`] lists them.
+/// The measures of every patch of a map, in its order.
 #[must_use]
 pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
     let level = |(id, map): (LevelId, &MapLevel)| LevelReport {

@@ -7,8 +7,8 @@ use dermatome::{
     atlas::{Atlas, AtlasOptions},
     image::{Interpolation, RenderOptions, Renderer, TactileImage},
     io::{
-        FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, frame_file_name,
-        read_images, write_frame, write_raw_frame, write_touches,
+        FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, read_images, write_frame,
+        write_raw_frame, write_touches,
     },
     map::SkinMap,
     mesh::shapes,
@@ -290,7 +290,7 @@ fn a_frame_is_read_back_from_openexr() {
     let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     for image in images(&map, &atlas, 2, 0.25) {
-        let path = folder.path().join(frame_file_name(&image.name, 12, "exr"));
+        let path = folder.path().join(format!("L{}.exr", image.level));
         let content = FrameContent { channels: &channels, time: 1.5, shown: None };
         write_frame(&path, &image, &content).unwrap();
         let layers = read_images(&path, &[]).unwrap();
@@ -416,7 +416,9 @@ fn readings_are_written_as_a_table_and_as_arrays() {
     for path in [&table, &archive] {
         touches.clear();
         let mut simulation = TouchSimulation::new(&skin, &options).unwrap();
-        let mut writer = ReadingsWriter::create(path, &skin, &simulation.channel()).unwrap();
+        let mut writer =
+            ReadingsWriter::create(path, skin.patches.iter().map(|p| &p.taxels), &simulation.channel())
+                .unwrap();
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame).unwrap();
             touches.extend_from_slice(now);
@@ -453,7 +455,10 @@ fn readings_are_written_as_a_table_and_as_arrays() {
 
     skin.patches[PatchId::new(0)].taxels.ids[0.into()].0 = 2;
     let channel = Channel::default();
-    let message = ReadingsWriter::create(&table, &skin, &channel).err().unwrap().to_string();
+    let message = ReadingsWriter::create(&table, skin.patches.iter().map(|p| &p.taxels), &channel)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(message.contains("taxel 2"), "{message}");
 }
 

@@ -7,7 +7,7 @@ use std::{fs, io::Read, path::Path};
 use dermatome::{
     contact::{Cell, ContactIndex},
     id::{FaceId, VertexId},
-    io::{ContactRow, IoError, LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, read_poses},
+    io::{ContactRow, IoError, LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, read_motion},
     map::SkinMap,
     mesh::{SurfacePoint, shapes},
     pyramid::LevelId,
@@ -183,7 +183,7 @@ fn read_links(text: &str) -> Result<Motion, IoError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("poses.csv");
     fs::write(&path, text).unwrap();
-    read_poses(&path, &|name| (name.len() == 1 || name == "arm").then_some(LinkId::new(7)))
+    read_motion(&path, None, &|name| (name.len() == 1 || name == "arm").then_some(LinkId::new(7)))
 }
 
 #[test]

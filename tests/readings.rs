@@ -332,7 +332,8 @@ fn what_the_writer_of_readings_writes_is_read_back() {
     let folder = TempDir::new().unwrap();
     for name in ["a.csv", "a.npz"] {
         let path = folder.path().join(name);
-        let mut writer = ReadingsWriter::create(&path, &skin, &channel).unwrap();
+        let mut writer =
+            ReadingsWriter::create(&path, skin.patches.iter().map(|p| &p.taxels), &channel).unwrap();
         frames.iter().for_each(|frame| writer.write(frame).unwrap());
         writer.finish().unwrap();
         let found = drain(ReadingsReader::open(&path, ReadingsLayout::default()).unwrap()).unwrap();

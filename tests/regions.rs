@@ -6,15 +6,14 @@ use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use dermatome::{
-    flatten::{
-        Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid, flatten_with_convergence,
-    },
+    cut::Cut,
+    flatten::{Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid},
     id::{IdVec, VertexId},
     io::{read_acuities, read_draft, read_map, write_map, write_skin},
     mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build},
+    pipeline::{BuildOptions, build, flatten_patch},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
-    skin::{AssembleOptions, PatchId, Skin, TaxelError, TaxelId, Taxels, assemble},
+    skin::{AssembleOptions, LinkId, Patch, PatchId, Skin, TaxelError, TaxelId, Taxels, assemble},
 };
 use glam::DVec2;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
@@ -34,7 +33,7 @@ fn halves(columns: u32, left: f64) -> (TriMesh, IdVec<VertexId, f64>) {
 }
 
 fn sharp(mesh: &TriMesh, acuities: &IdVec<VertexId, f64>) -> Taxels {
-    Taxels { acuities: Some(acuities.clone()), ..Taxels::of_mesh(mesh) }
+    Taxels { acuities: Some(acuities.clone()), ..Taxels::from_mesh(mesh) }
 }
 
 /// Levels of a pyramid as an acuity has them: where it is twice as high, fields are half as far
@@ -53,7 +52,7 @@ fn acuity_halves_the_spacing_of_fields() {
     for level in [2, 3] {
         let (left, right) = counts(&sharp_pyramid, level);
         assert!((3.2..4.8).contains(&(left / right)), "{left} fields to {right} on level {level}");
-        let (left, right) = counts(&pyramid(&Taxels::of_mesh(&mesh)), level);
+        let (left, right) = counts(&pyramid(&Taxels::from_mesh(&mesh)), level);
         assert!((0.8..1.25).contains(&(left / right)), "{left} fields to {right} without");
     }
     assert_eq!(sharp_pyramid, pyramid(&sharp(&mesh, &acuities.map(|a| 4.0 * a))));
@@ -64,9 +63,10 @@ fn acuity_halves_the_spacing_of_fields() {
 #[test]
 fn acuity_doubles_lengths_on_the_map() {
     let (mesh, acuities) = halves(24, 2.0);
-    let flat = |taxels: Option<&Taxels>, angle: f64| {
+    let flat = |taxels: Taxels, angle: f64| {
         let energy = Energy::Sum { angle, area: 1.0, perimeter: 0.0 };
-        flatten_with_convergence(&mesh, taxels, &energy.into()).unwrap().0
+        let patch = Patch { taxels, ..Patch::from_mesh("halves", LinkId::new(0), mesh.clone()) };
+        flatten_patch(&patch, &Cut::None, &energy.into()).unwrap().uv
     };
     let ratio = |uv: &IdVec<VertexId, DVec2>| {
         let map = TriMesh { positions: uv.map(|p| p.extend(0.0)), ..mesh.clone() };
@@ -79,13 +79,13 @@ fn acuity_doubles_lengths_on_the_map() {
         mean(2.0) / mean(1.0)
     };
     let taxels = sharp(&mesh, &acuities);
-    let found = ratio(&flat(Some(&taxels), 1e-3));
+    let found = ratio(&flat(taxels.clone(), 1e-3));
     assert!((3.6..4.1).contains(&found), "{found}");
-    let balanced = ratio(&flat(Some(&taxels), 1.0));
+    let balanced = ratio(&flat(taxels, 1.0));
     assert!((2.0..4.0).contains(&balanced), "{balanced} where angles count as much");
-    let same = sharp(&mesh, &acuities.map(|_| 3.0));
-    let off =
-        flat(Some(&same), 1.0).iter().zip(&flat(None, 1.0)).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
+    let same = flat(sharp(&mesh, &acuities.map(|_| 3.0)), 1.0);
+    let plain = flat(Taxels::from_mesh(&mesh), 1.0);
+    let off = same.iter().zip(&plain).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
     assert!(off < 1e-9, "{off} m where all are as sharp");
 }
 
@@ -96,10 +96,10 @@ fn weights_move_distortion_to_where_it_counts_less() {
     let mesh = shapes::cap(900, 0.1, 1.9);
     let top = mesh.positions.iter().map(|p| p.z).fold(f64::MIN, f64::max);
     let is_near = |v: VertexId| mesh.positions[v].z > top - 0.05;
-    let pyramid = coarsen(&mesh, &Taxels::of_mesh(&mesh), &CoarsenOptions::default()).unwrap();
+    let pyramid = coarsen(&mesh, &Taxels::from_mesh(&mesh), &CoarsenOptions::default()).unwrap();
     let flat = |near: f64, far: f64| {
         let weights = mesh.positions.ids().map(|v| if is_near(v) { near } else { far }).collect();
-        let taxels = Taxels { weights: Some(weights), ..Taxels::of_mesh(&mesh) };
+        let taxels = Taxels { weights: Some(weights), ..Taxels::from_mesh(&mesh) };
         let mut maps =
             flatten_pyramid(&pyramid, Some(&taxels), &FlattenOptions::default()).unwrap().into_iter();
         maps.next().unwrap()
@@ -134,7 +134,7 @@ fn what_no_map_can_follow_is_refused_by_name() {
     let mesh = shapes::square();
     let v = VertexId::new;
     let bad = |set: &dyn Fn(&mut Taxels)| {
-        let mut taxels = Taxels::of_mesh(&mesh);
+        let mut taxels = Taxels::from_mesh(&mesh);
         set(&mut taxels);
         taxels.validate(4).unwrap_err()
     };

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use dermatome::{
     mesh::shapes,
-    signal::{Frame, Quantity, Touch, TouchError, TouchOptions, TouchSimulation},
+    signal::{Frame, Quantity, SignalError, Touch, TouchOptions, TouchSimulation},
     skin::{PatchId, Presence, Skin},
 };
 use glam::DVec3;
@@ -175,11 +175,11 @@ fn numbers_that_make_no_recording_are_refused() {
         TouchOptions { touches: 101, ..d },
     ] {
         let refused = TouchSimulation::new(&skin, &options);
-        assert!(matches!(refused, Err(TouchError::BadOption { .. })), "{options:?}");
+        assert!(matches!(refused, Err(SignalError::TouchOption { .. })), "{options:?}");
     }
     let mut none = skin;
     for presence in none.patches[PatchId::new(0)].taxels.presence.iter_mut() {
         *presence = Presence::Absent;
     }
-    assert!(matches!(TouchSimulation::new(&none, &d), Err(TouchError::NoTaxels)));
+    assert!(matches!(TouchSimulation::new(&none, &d), Err(SignalError::NoTaxels)));
 }

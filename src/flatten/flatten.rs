@@ -62,10 +62,7 @@ pub fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexI
 
 /// The same as [`flatten`], and how far the minimisation came. The densities, weights and acuities
 /// of the taxels at the vertices drive the intrinsic method.
-///
-/// # Errors
-/// As [`flatten`], and if one of them is out of range.
-pub fn flatten_with_convergence(
+pub(crate) fn flatten_with_convergence(
     mesh: &TriMesh,
     taxels: Option<&Taxels>,
     options: &FlattenOptions,
@@ -140,7 +137,7 @@ fn prescribed_by(
 
 /// The pyramid of a mesh with a taxel at every vertex.
 fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
-    let mut taxels = Taxels::of_mesh(mesh);
+    let mut taxels = Taxels::from_mesh(mesh);
     // A vertex between faces without area still needs a field.
     let least = mesh.area() / mesh.positions.len() as f64 * f64::EPSILON;
     taxels.areas.iter_mut().for_each(|a| *a = a.max(least));
@@ -164,7 +161,7 @@ fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
 /// };
 ///
 /// let skin = shapes::cap(500, 8e-3, 1.9);
-/// let pyramid = coarsen(&skin, &Taxels::of_mesh(&skin), &CoarsenOptions::default())?;
+/// let pyramid = coarsen(&skin, &Taxels::from_mesh(&skin), &CoarsenOptions::default())?;
 /// let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default())?;
 /// for (level, uv) in pyramid.levels.iter().zip(&maps) {
 ///     assert_eq!(distortion(&level.mesh, uv).flips, 0);
@@ -185,10 +182,7 @@ pub fn flatten_pyramid(
 }
 
 /// The same as [`flatten_pyramid`], and how far the minimisation of each level came.
-///
-/// # Errors
-/// As [`flatten_pyramid`].
-pub fn flatten_pyramid_with_convergence(
+pub(crate) fn flatten_pyramid_with_convergence(
     pyramid: &Pyramid,
     taxels: Option<&Taxels>,
     options: &FlattenOptions,

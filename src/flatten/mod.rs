@@ -95,6 +95,6 @@ mod start;
 pub use convergence::Convergence;
 pub use distortion::{Distortion, distortion};
 pub use error::FlattenError;
-pub(crate) use flatten::flatten_roughly;
-pub use flatten::{flatten, flatten_pyramid, flatten_pyramid_with_convergence, flatten_with_convergence};
+pub use flatten::{flatten, flatten_pyramid};
+pub(crate) use flatten::{flatten_pyramid_with_convergence, flatten_roughly, flatten_with_convergence};
 pub use options::{Boundary, Energy, FlattenOptions, Method, Overlap};

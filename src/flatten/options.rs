@@ -126,10 +126,7 @@ impl From<Energy> for FlattenOptions {
 
 impl FlattenOptions {
     /// Checks that every number is in range and that something is left to minimise.
-    ///
-    /// # Errors
-    /// [`FlattenError::Option`] with the field, the value found and what is needed.
-    pub fn validate(&self) -> Result<(), FlattenError> {
+    pub(crate) fn validate(&self) -> Result<(), FlattenError> {
         if let Boundary::Rectangle { width, height, .. } = self.boundary {
             for (name, found) in [("width", width), ("height", height)] {
                 if !(found.is_finite() && found > 0.0) {

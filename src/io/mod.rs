@@ -7,7 +7,7 @@
 //! | `gltf` | [`read_map`], skins | [`write_map`], [`write_pyramids`], skins |
 //! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
 //! | `observations` | [`read_observations`] | [`write_observations`] |
-//! | `table` | [`read_contacts`], [`read_poses`], ... | [`LookupWriter`], [`write_calibration`], ... |
+//! | `table` | [`read_contacts`], [`read_motion`], ... | [`LookupWriter`], [`write_calibration`], ... |
 //! | `readings` | [`ReadingsReader`], [`read_gains`] | |
 //! | `image` | | [`write_images`]: OpenEXR |
 //! | `file` | what all of them need: whole files, lines, replacing | |
@@ -54,13 +54,13 @@ mod readings;
 mod table;
 
 pub(crate) use self::gltf::fits_map_file;
-pub use self::gltf::{read_animation, read_map, write_map, write_pyramids};
+pub use self::gltf::{read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use error::IoError;
 pub use file::replace::{replace_file, temporary_prefix, without_path};
 pub use image::{
     exr::write_images,
-    frame::{FrameContent, frame_file_name, write_frame, write_raw_frame},
+    frame::{FrameContent, write_frame, write_raw_frame},
     read::{ImageLayer, read_images},
 };
 pub use mesh::{
@@ -83,7 +83,7 @@ pub use table::{
     contacts::{ContactRow, MapPlaceRow, MapPosition, read_contacts, read_map_places},
     faces::read_faces,
     lookups::{LookupPlace, LookupRow, LookupWriter},
-    poses::read_poses,
+    poses::read_motion,
     regions::RegionWriter,
     seams::read_seams,
     touches::{ReadingsWriter, write_touches},

@@ -314,7 +314,7 @@ impl SkinMap {
     /// ```
     #[must_use]
     pub fn flat(mesh: TriMesh, pixel: f64) -> Self {
-        let mut taxels = Taxels::of_mesh(&mesh);
+        let mut taxels = Taxels::from_mesh(&mesh);
         taxels.normals.iter_mut().filter(|n| **n == DVec3::ZERO).for_each(|n| *n = DVec3::Z);
         taxels.areas.iter_mut().filter(|a| **a == 0.0).for_each(|a| *a = 1e-12);
         let uv = mesh.positions.map(|p| p.truncate());

@@ -1,8 +1,8 @@
-//! Why readings cannot be used with a map.
+//! Why readings cannot be used with a map, or not be simulated.
 
-use crate::skin::TaxelId;
+use crate::skin::{SkinError, TaxelId};
 
-/// Why readings cannot be used with a map.
+/// Why readings cannot be used with a map, or not be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SignalError {
@@ -91,4 +91,20 @@ pub enum SignalError {
         /// What it must be.
         needed: &'static str,
     },
+    /// An option of a simulated recording that is out of range.
+    #[error("{option} is {found}; {needed} is needed")]
+    TouchOption {
+        /// Which.
+        option: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// A skin without a working taxel, on which touches were to be simulated.
+    #[error("the skin has no working taxel that could feel a touch")]
+    NoTaxels,
+    /// Data that is not a valid skin.
+    #[error(transparent)]
+    Skin(#[from] SkinError),
 }

@@ -32,4 +32,4 @@ pub use frame::{Frame, LevelFrame};
 pub use join::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;
 pub(crate) use touch::Sphere;
-pub use touch::{Touch, TouchError, TouchOptions, TouchSimulation};
+pub use touch::{Touch, TouchOptions, TouchSimulation};

@@ -97,10 +97,10 @@ impl Draft {
 
     /// Keeps the triangles for which `keep` holds, of sheets that have some, and the taxels of the
     /// others; sheets without any are dropped. `keep` takes the sheet and the number of the
-    /// triangle, or of the taxel, in it.
-    pub fn retain(&mut self, keep: impl Fn(&Sheet, usize) -> bool) {
+    /// triangle, or of the taxel, in it; it is called for each of them in their order.
+    pub fn retain(&mut self, mut keep: impl FnMut(&Sheet, usize) -> bool) {
         for sheet in &mut self.sheets {
-            sheet.retain(&keep);
+            *sheet = sheet.retained(&mut keep);
         }
         self.sheets.retain(|sheet| !sheet.positions.is_empty());
     }
@@ -195,13 +195,8 @@ impl Sheet {
         self.positions.len() >= u32::MAX as usize || self.triangles.len() >= (u32::MAX / 3) as usize
     }
 
-    /// Keeps triangles, or taxels, as [`Draft::retain`] does.
-    pub fn retain(&mut self, keep: impl Fn(&Self, usize) -> bool) {
-        *self = self.retained(keep);
-    }
-
     /// The part of a sheet that [`Draft::retain`] keeps. Vertices that no triangle used stay.
-    fn retained(&self, keep: impl Fn(&Self, usize) -> bool) -> Self {
+    fn retained(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         if self.triangles.is_empty() {
             let kept: Vec<usize> = (0..self.positions.len()).filter(|&v| keep(self, v)).collect();
             return self.select(&kept);

@@ -3,8 +3,8 @@
 //! A file holds a [`Draft`]: sheets of triangles as they were written, with whatever is wrong with
 //! them. [`assemble`] turns a draft into a [`Skin`], whose patches are oriented manifold disks with
 //! holes, and reports in [`Remark`]s what it changed. [`check`] lists everything that is wrong with
-//! a draft, without changing it. Bare taxels, a draft without any triangle, are joined by
-//! [`triangulate_taxels`], which `assemble` calls.
+//! a draft, without changing it. Bare taxels, a draft without any triangle, are joined first
+//! (`triangulate`).
 //!
 //! ```
 //! use dermatome::{
@@ -69,5 +69,4 @@ pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
 pub(crate) use tangents::{in_tangent_plane, tangents_along};
 pub(crate) use taxels::scaled_joints;
 pub use taxels::{Joints, Presence, TaxelError, TaxelId, Taxels};
-pub use triangulate::triangulate_taxels;
 pub use weld::Weld;

@@ -35,7 +35,7 @@ impl Patch {
     /// A patch of a bare mesh: ids count from 1, normals and areas come from the triangles.
     #[must_use]
     pub fn from_mesh(name: impl Into<String>, link: LinkId, mesh: TriMesh) -> Self {
-        Self { name: name.into(), link, taxels: Taxels::of_mesh(&mesh), mesh, filled: 0 }
+        Self { name: name.into(), link, taxels: Taxels::from_mesh(&mesh), mesh, filled: 0 }
     }
 
     /// Checks every promise that concerns this patch alone.

@@ -141,7 +141,7 @@ impl Taxels {
     /// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas
     /// come from the triangles, and there are no tangents.
     #[must_use]
-    pub fn of_mesh(mesh: &TriMesh) -> Self {
+    pub fn from_mesh(mesh: &TriMesh) -> Self {
         Self {
             ids: mesh.positions.ids().map(|v| TaxelId(v.raw() + 1)).collect(),
             normals: mesh.vertex_normals(),

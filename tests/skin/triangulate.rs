@@ -14,7 +14,7 @@ use dermatome::{
     pipeline, report,
     skin::{
         self, AssembleOptions, Assembled, Draft, Finding, FindingKind, Patch, Presence, Remark, RemarkKind,
-        Sheet, SkinError, TaxelId, triangulate_taxels,
+        Sheet, SkinError, TaxelId,
     },
 };
 use glam::{DAffine3, DQuat, DVec3};
@@ -58,6 +58,11 @@ fn merged(assembled: &Assembled) -> &[VertexId] {
 
 fn meshed(sheet: Sheet) -> Assembled {
     assemble(&draft_of(sheet)).unwrap()
+}
+
+/// What comes of a sheet whose taxels are joined within this gap.
+fn within(sheet: Sheet, gap: f64) -> Result<Assembled, SkinError> {
+    skin::assemble(&draft_of(sheet), &AssembleOptions { gap, ..AssembleOptions::default() })
 }
 
 /// The triangles of all patches, by the ids of their taxels, each from its smallest on.
@@ -168,17 +173,13 @@ fn no_edge_is_longer_than_the_gap() {
                 *p += 0.001 * DVec3::new(scatter(2 * k + 7) - 0.5, scatter(2 * k + 8) - 0.5, 0.0);
             }
             let spacing = spacing(&sheet.positions);
-            let draft = triangulate_taxels(&draft_of(sheet), gap).unwrap();
-            let sheet = &draft.sheets[0];
-            assert_eq!(
-                sheet.positions.len(),
-                128,
-                "gap {gap}: every taxel is used, so numbers are those of before"
-            );
-            for [a, b] in sheet.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]) {
+            let positions = sheet.positions.clone();
+            let faces = faces(&within(sheet, gap).unwrap());
+            let used: BTreeSet<u32> = faces.iter().flatten().copied().collect();
+            assert_eq!(used.len(), 128, "gap {gap}: every taxel is in a face");
+            for [a, b] in faces.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]) {
                 let [a, b] = [a as usize, b as usize];
-                let over =
-                    sheet.positions[a].distance(sheet.positions[b]) / (0.5 * (spacing[a] + spacing[b]));
+                let over = positions[a].distance(positions[b]) / (0.5 * (spacing[a] + spacing[b]));
                 assert!(
                     over <= gap * (1.0 + 1e-12),
                     "gap {gap}, islands {apart} of it apart: an edge of {over} spacings"
@@ -226,8 +227,8 @@ fn a_gap_wider_than_the_limit_stays_open_and_a_narrower_one_is_bridged() {
     let open = meshed(two_islands(2.8));
     assert_eq!(open.skin.patches.len(), 2);
     assert!(kinds(&open).contains("Components"), "that there are two is told");
-    let wide = triangulate_taxels(&draft_of(two_islands(2.8)), 3.5).unwrap();
-    assert_eq!(assemble(&wide).unwrap().skin.patches.len(), 1, "a wider limit bridges it");
+    let wide = within(two_islands(2.8), 3.5).unwrap();
+    assert_eq!(wide.skin.patches.len(), 1, "a wider limit bridges it");
 }
 
 #[test]
@@ -567,7 +568,7 @@ fn what_is_no_surface_is_refused_by_name() {
     }
     let sheet = taxels_of(&shapes::lattice(3, 3, 1.0));
     for gap in [0.5, f64::NAN, f64::INFINITY, -1.0] {
-        let error = triangulate_taxels(&draft_of(sheet.clone()), gap).unwrap_err();
+        let error = within(sheet.clone(), gap).unwrap_err();
         assert!(matches!(error, SkinError::Gap { .. }));
     }
 }
@@ -599,8 +600,7 @@ fn a_coordinate_that_stands_for_none_merges_nothing() {
 fn a_wide_gap_joins_the_same_taxels() {
     let mesh = shaken(&shapes::cap(1500, 0.1, 1.2), 0.0005);
     for gap in [2.5, 20.0] {
-        let draft = triangulate_taxels(&draft_of(taxels_of(&mesh)), gap).unwrap();
-        let assembled = assemble(&draft).unwrap();
+        let assembled = within(taxels_of(&mesh), gap).unwrap();
         let patch = only(&assembled);
         assert_eq!(topology(&patch.mesh), (1, 1), "gap {gap}");
         let joined: BTreeSet<u32> = patch.taxels.ids.iter().map(|id| id.0).collect();

@@ -14,9 +14,10 @@ use dermatome::{
     Error,
     io::{IoError, replace_file, without_path},
     pipeline::{BuildOptions, Built, Enlarged, FILES, build_with_progress, write_files},
-    report::{Report, Seconds, Timings, measure},
+    report::{PatchReport, Seconds, measure},
     skin::{AssembleOptions, Patch, Skin},
 };
+use serde::Serialize;
 
 use crate::{
     common::Common,
@@ -99,7 +100,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     bar.finish_and_clear();
 
     let report = Report {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: env!("CARGO_PKG_VERSION"),
         input: args.skin.display().to_string(),
         patches: measure(&map),
     };
@@ -158,6 +159,25 @@ fn leave_out(skin: &mut Skin, error: &Error, common: &Common) -> usize {
     let kept: Vec<Patch> = skin.patches.iter().filter(|p| !bad.contains(p.name.as_str())).cloned().collect();
     skin.patches = kept.into();
     before - skin.patches.len()
+}
+
+/// What `report.json` holds: the same input gives the same report.
+#[derive(Debug, Serialize)]
+struct Report {
+    /// Version of dermatome that made the map.
+    version: &'static str,
+    /// The file it was made from.
+    input: String,
+    patches: Vec<PatchReport>,
+}
+
+/// What `timings.json` holds: what differs from run to run.
+#[derive(Debug, Serialize)]
+struct Timings {
+    /// By stage, in their order.
+    seconds: Seconds,
+    /// Largest resident memory of the process, where the system reports it.
+    peak_memory_bytes: Option<u64>,
 }
 
 /// The file of measures, next to [`FILES`].

@@ -10,17 +10,8 @@ use std::{
 
 use clap::error::ErrorKind;
 use dermatome::{
-    Error,
-    atlas::AtlasError,
-    calib::CalibError,
-    contact::ContactError,
-    cut::CutError,
-    flatten::FlattenError,
-    image::ImageError,
-    io::IoError,
-    plot::PlotError,
-    signal::{SignalError, TouchError},
-    skin::SkinError,
+    Error, atlas::AtlasError, calib::CalibError, contact::ContactError, cut::CutError, flatten::FlattenError,
+    image::ImageError, io::IoError, plot::PlotError, signal::SignalError, skin::SkinError,
 };
 
 use crate::{
@@ -145,11 +136,6 @@ fn library_help(error: &Error) -> String {
         Error::Cut(e) => cut_help(e).into(),
         Error::Calib(e) => calib_help(e).into(),
         Error::Contact(e) => contact_help(e).into(),
-        Error::Touch(TouchError::Skin(e)) => skin_help(e).into(),
-        Error::Touch(TouchError::NoTaxels) => {
-            "mark the taxels that work as present in the file of the skin".into()
-        }
-        Error::Touch(_) => "change the option: `dermatome help simulate` lists what each takes".into(),
         Error::Signal(e) => signal_help(e).into(),
         Error::Atlas(e) => atlas_help(e),
         Error::Image(e) => image_help(e),
@@ -288,7 +274,15 @@ fn signal_help(error: &SignalError) -> &'static str {
         SignalError::Baseline { .. } => "give --baseline fewer frames",
         SignalError::Gain { .. } => "correct the table of --gain",
         SignalError::Clip { .. } => "give --clip two numbers, the lower one first",
+        SignalError::TrackerOption { .. } => {
+            "change the option: `dermatome help render` lists what each takes"
+        }
         SignalError::Cutoff { .. } => "give --split a positive frequency",
+        SignalError::TouchOption { .. } => {
+            "change the option: `dermatome help simulate` lists what each takes"
+        }
+        SignalError::NoTaxels => "mark the taxels that work as present in the file of the skin",
+        SignalError::Skin(e) => skin_help(e),
         _ => "correct the readings",
     }
 }

@@ -174,12 +174,8 @@ impl PatchArgs {
                 };
                 *chosen = true;
             }
-            let mut first = 0;
-            for sheet in &mut draft.sheets {
-                let count = sheet.triangles.len();
-                sheet.retain(|_, face| chosen.get(first + face).copied().unwrap_or(false));
-                first += count;
-            }
+            let mut chosen = chosen.into_iter();
+            draft.retain(|sheet, _| !sheet.triangles.is_empty() && chosen.next().unwrap_or(false));
         }
         if self.wants_materials() {
             let is_chosen = |name: &String| self.materials.iter().any(|pattern| pattern.matches(name));

@@ -4,8 +4,7 @@ use crate::calib::{ContactMeasurement, Displacement, DisplacementMeasurement, In
 
 impl Observations {
     /// How many edges have finite information that is not positive semi-definite.
-    #[must_use]
-    pub fn indefinite_edges(&self) -> usize {
+    pub(super) fn indefinite_edges(&self) -> usize {
         self.edges.iter().filter(|edge| edge.is_indefinite()).count()
     }
 

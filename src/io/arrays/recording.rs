@@ -290,6 +290,6 @@ fn pixel_size(part: &AtlasPart) -> f64 {
 }
 
 /// The name of an image as a part of a key: `palm/L0` becomes `palm.L0`.
-pub(crate) fn key(image: &str) -> String {
+fn key(image: &str) -> String {
     image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"))
 }

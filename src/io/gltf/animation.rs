@@ -67,11 +67,7 @@ struct Moving {
 
 /// Reads the animation called `name` of a glTF file, or its only one, as a motion of the links that
 /// `link_named` knows: nodes are found by their names. Nodes that are not known are left out.
-///
-/// # Errors
-/// If the file cannot be read, has no such animation, or the animation does more than move links
-/// rigidly with linear or constant pieces.
-pub fn read_animation(
+pub(in crate::io) fn read_animation(
     path: &Path,
     name: Option<&str>,
     link_named: &dyn Fn(&str) -> Option<LinkId>,

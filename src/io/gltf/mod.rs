@@ -29,7 +29,7 @@ mod write_map;
 mod write_skin;
 mod writer;
 
-pub use animation::read_animation;
+pub(super) use animation::read_animation;
 pub use read_map::read_map;
 pub(super) use read_skin::read_gltf;
 pub(super) use write_flat::write_flat;

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::{
     atlas::{ImageRows, LevelImage, SampleKind, Samples},
     image::TactileImage,
-    io::{IoError, arrays::recording::key, file::source::unfit, image::exr::write_parts},
+    io::{IoError, file::source::unfit, image::exr::write_parts},
     map::ImageFrame,
     signal::{Channel, Quantity},
 };
@@ -159,31 +159,4 @@ pub fn write_raw_frame(output: &mut impl Write, images: &[TactileImage]) -> io::
         }
     }
     output.flush()
-}
-
-/// The name of a file of a sequence: `palm.L0.000123.exr` for frame 123 of `palm/L0`. What file
-/// systems do not allow in a name is written as `%` and two hexadecimal digits.
-#[must_use]
-pub fn frame_file_name(image: &str, frame: usize, extension: &str) -> String {
-    let mut name = String::new();
-    for c in key(image).chars() {
-        if c.is_ascii_control() || r#"/\:*?"<>|%"#.contains(c) {
-            name += &format!("%{:02X}", u32::from(c));
-        } else {
-            name.push(c);
-        }
-    }
-    format!("{name}.{frame:06}.{extension}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_files_are_allowed_everywhere() {
-        assert_eq!(frame_file_name("palm/L0", 123, "exr"), "palm.L0.000123.exr");
-        assert_eq!(frame_file_name("L2", 1_234_567, "png"), "L2.1234567.png");
-        assert_eq!(frame_file_name("../a b/c%\u{e9}/L1", 0, "exr"), "..%2Fa b%2Fc%25\u{e9}.L1.000000.exr");
-    }
 }

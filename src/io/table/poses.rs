@@ -1,4 +1,4 @@
-//! Tables of link poses.
+//! How links move: tables of their poses, or animations of glTF files.
 
 use std::{collections::HashSet, path::Path};
 
@@ -6,19 +6,42 @@ use glam::DAffine3;
 
 use crate::{
     id::IdVec,
-    io::{IoError, file::source::Source, table::csv_table::Table},
+    io::{
+        IoError,
+        file::source::{Source, kind},
+        gltf::read_animation,
+        table::csv_table::Table,
+    },
     skin::{LinkId, Motion, MotionFrame},
 };
 
-/// Reads a table of link poses in the world: columns `link,x,y,z,qx,qy,qz,qw` and optionally `time`,
-/// in any order, in m, s and unit quaternions. Without `time` a link has one pose for all times.
-/// `link_named` knows the links.
+/// Reads how the links that `link_named` knows move.
+///
+/// A glTF file (`.glb`, `.gltf`) has animations: the one called `animation` is read, or its only one.
+/// Nodes are found by their names; those that are not known are left out.
+///
+/// Any other file is a table of poses in the world: columns `link,x,y,z,qx,qy,qz,qw` and optionally
+/// `time`, in any order, in m, s and unit quaternions. Without `time` a link has one pose for all
+/// times.
 ///
 /// # Errors
-/// If the file cannot be read, a column is missing, a cell is not a finite number, a quaternion is
-/// not of unit length, or a link is unknown or comes twice at one time.
-pub fn read_poses(path: &Path, link_named: &dyn Fn(&str) -> Option<LinkId>) -> Result<Motion, IoError> {
+/// If the file cannot be read. Of an animation, if it is not there, or does more than move links
+/// rigidly with linear or constant pieces. Of a table, if an animation is asked for, a column is
+/// missing, a cell is not a finite number, a quaternion is not of unit length, or a link is unknown
+/// or comes twice at one time.
+pub fn read_motion(
+    path: &Path,
+    animation: Option<&str>,
+    link_named: &dyn Fn(&str) -> Option<LinkId>,
+) -> Result<Motion, IoError> {
+    if matches!(kind(path).as_str(), "glb" | "gltf") {
+        return read_animation(path, animation, link_named);
+    }
     let source = Source::open(path)?;
+    if let Some(name) = animation {
+        let needed = format!("a .glb or .gltf with the animation {name:?}");
+        return Err(source.invalid("the file", "a table of poses", needed));
+    }
     let table = Table::of(&source)?;
     let link = table.columns.need("link")?;
     let time = table.columns.find("time");

@@ -21,7 +21,7 @@ use crate::{
         table::csv_table::{decimals, write_table},
     },
     signal::{Channel, Frame, Touch},
-    skin::{PatchId, Presence, Skin},
+    skin::{PatchId, Presence, Skin, Taxels},
 };
 
 /// Writes readings of one channel frame by frame: a table `.csv` or arrays `.npz`.
@@ -45,18 +45,23 @@ enum Output {
 const TEXT_BYTES: usize = 1 << 18;
 
 impl ReadingsWriter {
-    /// Starts a file of readings of the taxels of `skin` that are present, patch by patch.
+    /// Starts a file of readings of the taxels that are present, given patch by patch.
     ///
     /// # Errors
     /// If the file is of another kind or cannot be created, no taxel is present, or two have the
     /// same id: readings are found by their ids.
-    pub fn create(path: &Path, skin: &Skin, channel: &Channel) -> Result<Self, IoError> {
-        let present = skin.patches.enumerate().flat_map(|(id, patch)| {
-            let present = patch.taxels.presence.enumerate().filter(|(_, p)| **p == Presence::Present);
-            present.map(move |(taxel, _)| (id, taxel))
-        });
-        let taxels: Vec<_> = present.collect();
-        let ids: Vec<u32> = taxels.iter().map(|&(p, v)| skin.patches[p].taxels.ids[v].0).collect();
+    pub fn create<'a>(
+        path: &Path,
+        patches: impl IntoIterator<Item = &'a Taxels>,
+        channel: &Channel,
+    ) -> Result<Self, IoError> {
+        let (mut taxels, mut ids) = (Vec::new(), Vec::new());
+        for (patch, of_patch) in patches.into_iter().enumerate() {
+            for (taxel, _) in of_patch.presence.enumerate().filter(|(_, p)| **p == Presence::Present) {
+                taxels.push((PatchId::new(patch), taxel));
+                ids.push(of_patch.ids[taxel].0);
+            }
+        }
         let mut seen = HashSet::new();
         if let Some(id) = ids.iter().find(|id| !seen.insert(**id)) {
             return Err(unfit(
@@ -98,7 +103,7 @@ impl ReadingsWriter {
     /// If the disk is full.
     ///
     /// # Panics
-    /// If the frame is not one of this skin.
+    /// If the frame is not one of these taxels.
     pub fn write(&mut self, frame: &Frame) -> Result<(), IoError> {
         self.row.clear();
         self.row.extend(self.taxels.iter().map(|&(patch, taxel)| frame.values[patch][0][taxel]));

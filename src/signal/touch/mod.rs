@@ -12,6 +12,6 @@ mod path;
 mod simulation;
 mod sphere;
 
-pub use options::{TouchError, TouchOptions};
+pub use options::TouchOptions;
 pub use simulation::{Touch, TouchSimulation};
 pub(crate) use sphere::Sphere;

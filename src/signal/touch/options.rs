@@ -1,6 +1,6 @@
 //! What a simulated recording of touches is made of, and which numbers make one.
 
-use crate::{signal::Quantity, skin::SkinError};
+use crate::signal::{Quantity, SignalError};
 
 /// Spheres that press and roll on a skin, and the taxels that feel them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,37 +65,13 @@ impl Default for TouchOptions {
     }
 }
 
-/// Why there is no simulated recording.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum TouchError {
-    /// A number that makes no recording.
-    #[error("{option} is {found}; {needed} is needed")]
-    BadOption {
-        /// Which.
-        option: &'static str,
-        /// What it is.
-        found: String,
-        /// What it must be.
-        needed: &'static str,
-    },
-    /// A skin without a working taxel.
-    #[error("the skin has no working taxel that could feel a touch")]
-    NoTaxels,
-    /// Data that is not a valid skin.
-    #[error(transparent)]
-    Skin(#[from] SkinError),
-}
-
 /// The most frames of a recording: hours at any rate.
 const MOST_FRAMES: f64 = 1e7;
 
 impl TouchOptions {
     /// Checks every number.
-    pub(super) fn validate(&self) -> Result<(), TouchError> {
-        let bad = |option, found: f64, needed| {
-            Err(TouchError::BadOption { option, found: found.to_string(), needed })
-        };
+    pub(super) fn validate(&self) -> Result<(), SignalError> {
+        let bad = |option, found: f64, needed| Err(SignalError::TouchOption { option, found, needed });
         for (option, metres) in [
             ("the radius of the sphere in m", self.radius),
             ("the depth in m", self.depth),

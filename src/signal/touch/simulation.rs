@@ -7,8 +7,8 @@ use crate::{
     mesh::Adjacency,
     numeric::Random,
     signal::{
-        Channel, Frame, Quantity,
-        touch::{TouchError, TouchOptions, path::Walker, sphere::Sphere},
+        Channel, Frame, Quantity, SignalError,
+        touch::{TouchOptions, path::Walker, sphere::Sphere},
     },
     skin::{Patch, PatchId, Presence, Skin},
 };
@@ -56,7 +56,7 @@ pub struct Touch {
 /// }
 /// assert_eq!(frames, recording.frames());
 /// assert!(touched > 400, "five presses of a second at 100 Hz");
-/// # Ok::<(), dermatome::signal::TouchError>(())
+/// # Ok::<(), dermatome::signal::SignalError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct TouchSimulation<'a> {
@@ -116,7 +116,7 @@ impl<'a> TouchSimulation<'a> {
     ///
     /// # Errors
     /// If a number makes no recording, the skin is not valid or has no working taxel.
-    pub fn new(skin: &'a Skin, options: &TouchOptions) -> Result<Self, TouchError> {
+    pub fn new(skin: &'a Skin, options: &TouchOptions) -> Result<Self, SignalError> {
         options.validate()?;
         skin.validate()?;
         let mut dead = Random::new(options.seed, stream::DEAD);
@@ -128,7 +128,7 @@ impl<'a> TouchSimulation<'a> {
         };
         let live: IdVec<PatchId, Vec<_>> = skin.patches.iter().map(&mut live_of).collect();
         if live.iter().all(Vec::is_empty) {
-            return Err(TouchError::NoTaxels);
+            return Err(SignalError::NoTaxels);
         }
         let values = skin.patches.map(|patch| vec![IdVec::filled(f64::NAN, patch.mesh.positions.len())]);
         Ok(Self {

@@ -15,7 +15,7 @@ use crate::{
         Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError,
         assemble::{components::Components, patch::patch_of},
         check_links,
-        triangulate::triangulate_with,
+        triangulate::triangulate_taxels,
         weld::{Weld, WeldOptions},
     },
 };
@@ -65,7 +65,10 @@ pub struct Assembled {
 /// Welds, splits into patches and orients: whatever can be repaired without guessing is, and every
 /// change is reported.
 ///
-/// - **Bare taxels**, a draft without any triangle, are joined first, by [`crate::skin::triangulate_taxels`].
+/// - **Bare taxels**, a draft without any triangle, are joined first: by the triangles of the
+///   Delaunay triangulations in their tangent planes whose edges are no longer than the gap
+///   ([`AssembleOptions::gap`]). Taxels closer than a fiftieth of the spacing become one. The result
+///   does not depend on the order of the taxels, but for which diagonal a square gets.
 /// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or
 ///   there are no ids; with different ids they stay two taxels, unless one face has both. A weld
 ///   that would make sheets touch is undone, and a surface that the file cuts open into a disk stays
@@ -107,7 +110,7 @@ pub struct Assembled {
 /// has only one side, or there is no face at all.
 pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
     let triangulated =
-        if draft.is_bare() { Some(triangulate_with(draft, options.gap, options.outside)?) } else { None };
+        if draft.is_bare() { Some(triangulate_taxels(draft, options.gap, options.outside)?) } else { None };
     let draft = triangulated.as_ref().unwrap_or(draft);
     let mut skin =
         Skin { links: draft.links.clone(), animations: draft.animations.clone(), ..Skin::default() };

@@ -64,7 +64,7 @@ const THICKEST: f64 = 0.25;
 const FEW: usize = 20;
 
 /// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was
-/// done; [`crate::skin::assemble`] calls it. `gap` is [`crate::skin::AssembleOptions::gap`].
+/// done. `gap` and `outside` are those of [`crate::skin::AssembleOptions`].
 ///
 /// - **Taxels** at one place become one (the first that reads pressure), and so do taxels closer
 ///   than a fiftieth of the spacing: the same place, rounded otherwise. Slots that hold nothing are
@@ -87,30 +87,15 @@ const FEW: usize = 20;
 /// The result does not depend on the order of the taxels, up to the order of their names, nor on
 /// frame and unit, except for which diagonal a square gets. Time and memory are near-linear.
 ///
-/// ```
-/// use dermatome::{
-///     mesh::shapes,
-///     skin::{Draft, Sheet, triangulate_taxels},
-/// };
-///
-/// let positions = shapes::lattice(5, 4, 0.005).positions.as_slice().to_vec();
-/// let sheet = Sheet { positions, ..Sheet::default() };
-/// let draft = triangulate_taxels(&Draft { sheets: vec![sheet], ..Draft::default() }, 2.5)?;
-/// assert_eq!(draft.sheets[0].positions.len(), 20, "every taxel is in a triangle");
-/// assert!(draft.sheets[0].triangles.len() >= 2 * 4 * 3);
-/// # Ok::<(), dermatome::Error>(())
-/// ```
-///
 /// # Errors
 /// If the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a
 /// cloud rather than on a surface, or have no triangle within the gap. Such a sheet among others is
 /// left out, with a remark.
-pub fn triangulate_taxels(draft: &Draft, gap: f64) -> Result<Draft, SkinError> {
-    triangulate_with(draft, gap, None)
-}
-
-/// The same; what is guessed otherwise faces `outside`.
-pub(super) fn triangulate_with(draft: &Draft, gap: f64, outside: Option<DVec3>) -> Result<Draft, SkinError> {
+pub(super) fn triangulate_taxels(
+    draft: &Draft,
+    gap: f64,
+    outside: Option<DVec3>,
+) -> Result<Draft, SkinError> {
     for sheet in &draft.sheets {
         sheet.validate(draft.links.len())?;
     }

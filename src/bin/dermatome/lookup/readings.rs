@@ -5,9 +5,7 @@ use std::path::Path;
 use dermatome::{
     contact::{Area, ContactIndex, Press, Pressing, Query, Spreader},
     io::{IoError, ReadingsWriter},
-    pyramid::LevelId,
     signal::{Channel, Frame},
-    skin::{Patch, Skin},
 };
 
 use crate::lookup::{contacts::Contact, refusals::unanswered, robot::Robot};
@@ -23,15 +21,8 @@ pub(super) struct Readings<'a> {
 impl<'a> Readings<'a> {
     /// Begins a .csv or .npz; taxels feel on discs of this radius, in m.
     pub(super) fn create(path: &Path, robot: &'a Robot, disc: f64) -> Result<Self, IoError> {
-        let patches = robot.map.patches.iter().map(|patch| Patch {
-            name: patch.name.clone(),
-            link: patch.link,
-            mesh: patch.levels[LevelId::new(0)].level.mesh.clone(),
-            filled: patch.filled,
-            taxels: patch.taxels.clone(),
-        });
-        let skin = Skin { links: robot.map.links.clone(), patches: patches.collect(), ..Skin::default() };
-        let writer = ReadingsWriter::create(path, &skin, &Channel::new("force", "N"))?;
+        let taxels = robot.map.patches.iter().map(|patch| &patch.taxels);
+        let writer = ReadingsWriter::create(path, taxels, &Channel::new("force", "N"))?;
         Ok(Self { writer, spreader: Spreader::new(&robot.map, disc), frame: None, untouched: 0 })
     }
 

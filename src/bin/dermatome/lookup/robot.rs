@@ -5,7 +5,7 @@ use std::path::Path;
 use dermatome::{
     Error,
     id::{IdVec, VertexId},
-    io::{read_animation, read_map, read_poses},
+    io::{read_map, read_motion},
     map::{MapLevel, PatchMap, SkinMap},
     pyramid::LevelId,
     skin::{LinkId, Motion, PatchId, Presence, link_names},
@@ -86,18 +86,15 @@ impl Robot {
         animation: Option<&str>,
     ) -> anyhow::Result<Option<Motion>> {
         let named = |name: &str| self.link(name);
-        let motion = match pose {
+        let path = match pose {
             None if animation.is_none() => return Ok(None),
-            Some(path) if !matches!(outputs::kind(path).as_str(), "glb" | "gltf") => {
-                if animation.is_some() {
-                    let what = format!("{} has no animation", path.display());
-                    return Err(advise(what, "give --pose a .glb or .gltf, or leave out --animation"));
-                }
-                read_poses(path, &named)
+            Some(path) if animation.is_some() && !matches!(outputs::kind(path).as_str(), "glb" | "gltf") => {
+                let what = format!("{} has no animation", path.display());
+                return Err(advise(what, "give --pose a .glb or .gltf, or leave out --animation"));
             }
-            path => read_animation(path.unwrap_or(map), animation, &named),
+            path => path.unwrap_or(map),
         };
-        Ok(Some(motion.map_err(Error::from)?))
+        Ok(Some(read_motion(path, animation, &named).map_err(Error::from)?))
     }
 
     /// The first link of this name.

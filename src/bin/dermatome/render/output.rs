@@ -12,8 +12,7 @@ use dermatome::{
     atlas::{Atlas, LevelImage},
     image::{RenderOptions, TactileImage, static_images},
     io::{
-        FrameContent, IoError, RecordingLayout, RecordingWriter, frame_file_name, replace_file, write_frame,
-        write_raw_frame,
+        FrameContent, IoError, RecordingLayout, RecordingWriter, replace_file, write_frame, write_raw_frame,
     },
     map::SkinMap,
     plot::{FrameOptions, frame_png},
@@ -195,4 +194,32 @@ fn write_picture(
 fn after(written: usize, error: Error) -> anyhow::Error {
     let frames = if written == 1 { "1 frame is" } else { &*format!("{written} frames are") };
     anyhow::Error::new(error).context(format!("{frames} written; the next one could not be"))
+}
+
+/// The name of a file of a sequence: `palm.L0.000123.exr` for frame 123 of `palm/L0`. What file
+/// systems do not allow in a name is written as `%` and two hexadecimal digits.
+fn frame_file_name(image: &str, frame: usize, extension: &str) -> String {
+    let mut name = String::new();
+    let image =
+        image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"));
+    for c in image.chars() {
+        if c.is_ascii_control() || r#"/\:*?"<>|%"#.contains(c) {
+            name += &format!("%{:02X}", u32::from(c));
+        } else {
+            name.push(c);
+        }
+    }
+    format!("{name}.{frame:06}.{extension}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_files_are_allowed_everywhere() {
+        assert_eq!(frame_file_name("palm/L0", 123, "exr"), "palm.L0.000123.exr");
+        assert_eq!(frame_file_name("L2", 1_234_567, "png"), "L2.1234567.png");
+        assert_eq!(frame_file_name("../a b/c%\u{e9}/L1", 0, "exr"), "..%2Fa b%2Fc%25\u{e9}.L1.000000.exr");
+    }
 }

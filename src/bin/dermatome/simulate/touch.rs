@@ -128,7 +128,8 @@ pub(super) fn run(
     let mut touches = Vec::new();
     let mut outputs = Outputs::default();
     outputs.stage(output, |path| {
-        let mut writer = ReadingsWriter::create(path, &skin, &simulation.channel())?;
+        let taxels = skin.patches.iter().map(|patch| &patch.taxels);
+        let mut writer = ReadingsWriter::create(path, taxels, &simulation.channel())?;
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame)?;
             touches.extend_from_slice(now);
