@@ -3,7 +3,7 @@
 use std::{
     collections::BTreeSet,
     fs,
-    io::{ErrorKind, Write as _},
+    io::ErrorKind,
     path::{Path, PathBuf},
     process::ExitCode,
     time::Instant,
@@ -12,7 +12,7 @@ use std::{
 use anyhow::Context;
 use dermatome::{
     Error,
-    io::{IoError, replace_file, without_path},
+    io::{IoError, without_path},
     pipeline::{BuildOptions, Built, Enlarged, FILES, build_with_progress, write_files},
     report::{PatchReport, Seconds, measure},
     skin::{AssembleOptions, Patch, Skin},
@@ -20,14 +20,17 @@ use dermatome::{
 use serde::Serialize;
 
 use crate::{
-    common::Common,
-    input::read_good_patches,
-    notes::{note, note_distortion, note_overlaps, note_placeholders, note_seams},
-    options::{AcuityArgs, CoarsenArgs, FlattenArgs, PatchArgs, ReadArgs, length_mm},
-    outputs::{self, Outputs, cannot_write},
-    print::{json, plain, print_json, print_levels},
-    progress,
-    signals::clean_when_stopped,
+    console::{
+        notes::{note, note_distortion, note_overlaps, note_placeholders, note_seams},
+        print::{json, plain, print_json, print_levels},
+        progress,
+    },
+    files::{
+        input::read_good_patches,
+        outputs::{self, Outputs, cannot_write},
+        signals::clean_when_stopped,
+    },
+    options::{AcuityArgs, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, length_mm},
 };
 
 /// Arguments of `build`.
@@ -92,46 +95,29 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         left_out += bad;
         built = build_with_progress(&skin, &options, &on_progress);
     }
-    let Built { map, seconds, left_out: unmapped, enlarged } =
-        built.with_context(|| format!("cannot map {}", args.skin.display()))?;
+    let built = built.with_context(|| format!("cannot map {}", args.skin.display()))?;
     drop(skin);
     let mut outputs = Outputs::default();
-    let written = outputs.stage_in(&args.output, &FILES, |folder| write_files(&map, folder, &on_progress))?;
+    let written =
+        outputs.stage_in(&args.output, &FILES, |folder| write_files(&built.map, folder, &on_progress))?;
     bar.finish_and_clear();
 
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
         input: args.skin.display().to_string(),
-        patches: measure(&map),
+        patches: measure(&built.map),
     };
     let timings = Timings {
-        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..seconds },
+        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..built.seconds },
         peak_memory_bytes: peak_memory_bytes(),
     };
     let texts = [(REPORT, json(SCHEMA, &report)?), (TIMINGS, json("dermatome.timings/1", &timings)?)];
     for (name, text) in texts {
-        let path = args.output.join(name);
-        let fail = |source| IoError::Write { path: path.clone(), source };
-        let write =
-            |staged: &Path| replace_file(staged, |file| file.write_all(text.as_bytes()).map_err(fail));
-        outputs.stage(&path, write)?;
+        outputs.stage_bytes(&args.output.join(name), text.as_bytes())?;
     }
     outputs.publish(common)?;
     note_seams(&report.patches, common);
-    for (patch, count) in map.patches.iter().zip(&unmapped).filter(|(_, count)| **count > 0) {
-        let why = "too long and thin for a map in 64-bit numbers, or in the 32-bit ones of its file";
-        note(common, format_args!("{}: the coarsest {count} levels are left out: {why}", plain(&patch.name)));
-    }
-    if let Some(Enlarged { pixel_mm, pixels }) = enlarged {
-        let more = pixels as f64 / 1e6;
-        note(
-            common,
-            format_args!(
-                "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
-                 megapixels, more than 4096 a taxel"
-            ),
-        );
-    }
+    note_built(&built, common);
     note_overlaps(&report.patches, &options.flatten, common);
     note_distortion(&report.patches, common);
     if args.json {
@@ -140,6 +126,25 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_levels(&report.patches)?;
     }
     Ok(if left_out > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// Prints which levels have no map, and which pixels were chosen.
+fn note_built(built: &Built, common: &Common) {
+    let Built { map, left_out, enlarged, .. } = built;
+    for (patch, count) in map.patches.iter().zip(left_out).filter(|(_, count)| **count > 0) {
+        let why = "too long and thin for a map in 64-bit numbers, or in the 32-bit ones of its file";
+        note(common, format_args!("{}: the coarsest {count} levels are left out: {why}", plain(&patch.name)));
+    }
+    if let Some(Enlarged { pixel_mm, pixels }) = enlarged {
+        let more = *pixels as f64 / 1e6;
+        note(
+            common,
+            format_args!(
+                "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
+                 megapixels, more than 4096 a taxel"
+            ),
+        );
+    }
 }
 
 /// Takes the patches that an error names out of a skin, with a note for each; returns how many.

@@ -24,11 +24,13 @@ use crate::{
         args::RobustArg,
         inputs::{Inputs, Truth},
     },
-    common::Common,
-    errors::advise,
-    notes::note,
-    print::{print, print_json, print_table},
-    progress,
+    console::{
+        errors::advise,
+        notes::note,
+        print::{print, print_json, print_table},
+        progress,
+    },
+    options::Common,
 };
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -63,7 +65,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         {
             note(common, "some observations were rejected as outliers (gnc); --robust none uses all");
         }
-        remark(&found, observations, common);
+        remark_free(&found, common);
+        remark_rejected(&found, observations, common);
     }
     let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
     if !found.termination.is_converged() && !args.keep {
@@ -88,10 +91,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 /// A skin in more components than this is hardly intended: the rest is counted.
 const MOST_COMPONENTS: usize = 8;
 
-/// Prints what a user should know about the result.
-fn remark(found: &Calibration, observations: &Observations, common: &Common) {
-    let verbose = common.verbose;
-    let shown = if verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
+/// Prints which components have no place of their own.
+fn remark_free(found: &Calibration, common: &Common) {
+    let shown = if common.verbose { found.free.len() } else { found.free.len().min(MOST_COMPONENTS) };
     for free in &found.free[..shown] {
         let FreeComponent { gauge, taxels, free_motions, rejected_contacts } = free;
         let these = format!("the component of {taxels} taxels around taxel {gauge}");
@@ -127,6 +129,10 @@ fn remark(found: &Calibration, observations: &Observations, common: &Common) {
             ),
         );
     }
+}
+
+/// Prints how many observations were rejected, and if it is asked for, which.
+fn remark_rejected(found: &Calibration, observations: &Observations, common: &Common) {
     let fits = &found.diagnostics;
     let (edges, contacts) = found.rejected();
     if !edges.is_empty() || !contacts.is_empty() {
@@ -141,7 +147,7 @@ fn remark(found: &Calibration, observations: &Observations, common: &Common) {
             ),
         );
     }
-    if verbose {
+    if common.verbose {
         let id = |v: VertexId| observations.taxels[v].id;
         let describe =
             |fit: &ObservationDiagnostics| format!("{:.1} sigma, weight {:.3}", fit.chi2.sqrt(), fit.weight);

@@ -7,10 +7,11 @@ use dermatome::skin::{Draft, Finding, FindingKind, Sheet, check};
 use serde_json::{Value, json};
 
 use crate::{
-    common::Common,
-    notes::note,
-    options::ReadArgs,
-    print::{line, print, print_json},
+    console::{
+        notes::note,
+        print::{line, print, print_json},
+    },
+    options::{Common, ReadArgs},
 };
 
 /// List everything that is wrong with a skin; exit code 1 if there is anything.

@@ -13,11 +13,9 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::{
-    common::Common,
-    input::read_skin,
-    options::{AcuityArgs, CoarsenArgs, PatchArgs, ReadArgs},
-    outputs,
-    print::{plain, print_json, print_table},
+    console::print::{plain, print_json, print_table},
+    files::{input::read_skin, outputs},
+    options::{AcuityArgs, CoarsenArgs, Common, PatchArgs, ReadArgs},
 };
 
 /// Arguments of `coarsen`.

@@ -8,12 +8,9 @@ use dermatome::{
 };
 
 use crate::{
-    common::Common,
-    errors::advise,
-    input::read_skin,
-    notes::remark_lost,
-    options::{PatchArgs, ReadArgs},
-    outputs,
+    console::{errors::advise, notes::remark_lost},
+    files::{input::read_skin, outputs},
+    options::{Common, PatchArgs, ReadArgs},
 };
 
 /// Arguments of `convert`; the extensions determine the formats.

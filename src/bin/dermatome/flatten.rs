@@ -14,14 +14,17 @@ use dermatome::{
 };
 
 use crate::{
-    common::Common,
-    errors::advise,
-    input::read_skin,
-    notes::{note_distortion, note_overlaps, note_seams},
-    options::{AcuityArgs, FlattenArgs, PatchArgs, ReadArgs},
-    outputs::{self, Outputs},
-    print::{print_json, print_levels},
-    progress,
+    console::{
+        errors::advise,
+        notes::{note_distortion, note_overlaps, note_seams},
+        print::{print_json, print_levels},
+        progress,
+    },
+    files::{
+        input::read_skin,
+        outputs::{self, Outputs},
+    },
+    options::{AcuityArgs, Common, FlattenArgs, PatchArgs, ReadArgs},
 };
 
 /// Arguments of `flatten`.

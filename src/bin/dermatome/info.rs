@@ -10,10 +10,9 @@ use dermatome::{
 use serde_json::{Value, json};
 
 use crate::{
-    common::Common,
-    input::read_skin,
-    options::{PatchArgs, ReadArgs},
-    print::{plain, print, print_json, print_table},
+    console::print::{plain, print, print_json, print_table},
+    files::input::read_skin,
+    options::{Common, PatchArgs, ReadArgs},
 };
 
 /// Arguments of `info`.

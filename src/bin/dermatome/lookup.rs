@@ -21,7 +21,7 @@ use dermatome::{
 use glob::Pattern;
 
 use crate::{
-    common::Common,
+    files::outputs::{self, is_stream},
     lookup::{
         answers::{Answers, Question},
         back::Back,
@@ -29,8 +29,7 @@ use crate::{
         readings::Readings,
         robot::Robot,
     },
-    options::{Unit, pattern},
-    outputs::{self, is_stream},
+    options::{Common, Unit, pattern},
 };
 
 /// Find the map cells under contacts, on every level.

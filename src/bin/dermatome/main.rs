@@ -4,37 +4,25 @@ mod build;
 mod calibrate;
 mod check;
 mod coarsen;
-mod common;
+mod console;
 mod convert;
-mod errors;
+mod files;
 mod flatten;
 mod info;
-mod input;
 mod lookup;
-mod notes;
 mod options;
-mod outputs;
 mod plot;
-mod print;
-mod progress;
 mod render;
 mod sample;
 mod shell;
 mod simulate;
 mod terms;
-#[cfg(unix)]
-mod signals;
-/// On other systems a stopped run leaves its temporary files.
-#[cfg(not(unix))]
-mod signals {
-    pub(crate) fn clean_when_stopped(_: &std::path::Path) {}
-}
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use crate::common::Common;
+use crate::{console::errors, options::Common};
 
 /// Somatosensory maps of robot skin.
 ///

@@ -2,7 +2,6 @@
 //! fields, or with a frame of readings, and the skin in space.
 
 use std::{
-    io::Write,
     path::{Path, PathBuf},
     process::ExitCode,
 };
@@ -10,7 +9,7 @@ use std::{
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    io::{IoError, replace_file},
+    io::IoError,
     map::SkinMap,
     plot::{
         ChannelView, Paint, Picture, PlotOptions, Viewpoint, plot_findings, plot_frame, plot_map, plot_skin,
@@ -21,13 +20,12 @@ use dermatome::{
 };
 
 use crate::{
-    common::Common,
-    errors::advise,
-    input::{read_map_if_any, read_skin},
-    notes::note,
-    options::{PatchArgs, ReadArgs},
-    outputs::{self, Outputs, is_stream},
-    print::print,
+    console::{errors::advise, notes::note, print::print},
+    files::{
+        input::{read_map_if_any, read_skin},
+        outputs::{self, Outputs, is_stream},
+    },
+    options::{Common, PatchArgs, ReadArgs},
     render::{FramesArgs, Readings, ReadingsArgs, range},
 };
 
@@ -156,8 +154,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             Kind::Svg => picture.to_svg().into_bytes(),
             Kind::Png => picture.to_png().map_err(Error::from)?,
         };
-        let fail = |source| IoError::Write { path: path.clone(), source };
-        files.stage(path, |staged| replace_file(staged, |file| file.write_all(&bytes).map_err(fail)))?;
+        files.stage_bytes(path, &bytes)?;
     }
     files.publish(common)?;
     if args.outputs.iter().any(|path| is_stream(path)) {

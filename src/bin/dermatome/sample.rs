@@ -21,11 +21,13 @@ use glam::DVec2;
 use serde_json::json;
 
 use crate::{
-    common::Common,
-    errors::advise,
-    notes::note,
-    outputs::{self, is_stream},
-    print::{plain, print, print_json},
+    console::{
+        errors::advise,
+        notes::note,
+        print::{plain, print, print_json},
+    },
+    files::outputs::{self, is_stream},
+    options::Common,
     render::PixelArgs,
 };
 

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Command;
 
-use crate::{errors::advise, print::print};
+use crate::console::{errors::advise, print::print};
 
 /// Arguments of `completions`.
 #[derive(Debug, clap::Args)]

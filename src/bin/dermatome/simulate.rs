@@ -18,9 +18,9 @@ use dermatome::{
 
 use self::touch::TouchArgs;
 use crate::{
-    common::Common,
-    notes::{note, note_dropped},
-    outputs::{self, Outputs},
+    console::notes::{note, note_dropped},
+    files::outputs::{self, Outputs},
+    options::Common,
 };
 
 /// Arguments of `simulate`.

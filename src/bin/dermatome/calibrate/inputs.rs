@@ -10,7 +10,11 @@ use dermatome::{
     skin::TaxelId,
 };
 
-use crate::{calibrate::args::Args, common::Common, errors::advise, notes::note, options::Unit};
+use crate::{
+    calibrate::args::Args,
+    console::{errors::advise, notes::note},
+    options::{Common, Unit},
+};
 
 /// What is read before the solve, so that no broken file wastes one.
 pub(super) struct Inputs {

@@ -12,10 +12,12 @@ use dermatome::{
 
 use crate::{
     calibrate::{args::Args, inputs::Inputs},
-    common::Common,
-    errors::advise,
-    notes::{note, note_dropped, note_remarks, remark_lost},
-    outputs::{self, Outputs},
+    console::{
+        errors::advise,
+        notes::{note, note_dropped, note_remarks, remark_lost},
+    },
+    files::outputs::{self, Outputs},
+    options::Common,
 };
 
 /// What an output holds.

@@ -15,14 +15,14 @@ use dermatome::{
 use glam::DVec3;
 
 use crate::{
-    common::Common,
+    console::notes::note,
     lookup::{
         contacts::{Batch, Contact, Contacts},
         readings::Readings,
         refusals::unanswered,
         robot::Robot,
     },
-    notes::note,
+    options::Common,
 };
 
 /// Spacings of taxels up to which a contact is on the skin.

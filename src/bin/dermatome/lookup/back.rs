@@ -12,14 +12,13 @@ use dermatome::{
 use glam::DVec2;
 
 use crate::{
-    common::Common,
+    console::notes::note,
     lookup::{
         contacts::{FrameArg, LARGEST, open},
         refusals::{Refusals, unanswered},
         robot::Robot,
     },
-    notes::note,
-    options::Unit,
+    options::{Common, Unit},
 };
 
 /// Places answered and written at a time.

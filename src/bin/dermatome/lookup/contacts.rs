@@ -15,12 +15,10 @@ use dermatome::{
 use glam::DVec3;
 
 use crate::{
-    common::Common,
+    console::{notes::note, print::plain},
+    files::outputs::is_stream,
     lookup::{refusals::Refusals, robot::Robot},
-    notes::note,
-    options::Unit,
-    outputs::is_stream,
-    print::plain,
+    options::{Common, Unit},
 };
 
 /// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.

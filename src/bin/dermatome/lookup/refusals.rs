@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use dermatome::{contact::ContactError, io::IoError};
 
-use crate::errors::advise;
+use crate::console::errors::advise;
 
 /// Refused rows that are quoted.
 const QUOTED: usize = 5;

@@ -13,7 +13,11 @@ use dermatome::{
 
 use glob::Pattern;
 
-use crate::{common::Common, errors::advise, input::select_patches, notes::note, outputs, print::plain};
+use crate::{
+    console::{errors::advise, notes::note, print::plain},
+    files::{input::select_patches, outputs},
+    options::Common,
+};
 
 pub(super) struct Robot {
     pub(super) map: SkinMap,

@@ -10,8 +10,8 @@ use dermatome::{
 };
 
 use crate::{
-    errors::advise,
-    outputs,
+    console::errors::advise,
+    files::outputs,
     render::readings_args::{ReadingsArgs, positive},
 };
 

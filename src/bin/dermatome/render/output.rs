@@ -20,8 +20,8 @@ use dermatome::{
 };
 
 use crate::{
-    errors::advise,
-    outputs::{self, is_stream},
+    console::errors::advise,
+    files::outputs::{self, is_stream},
 };
 
 /// What a folder holds.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-use crate::errors::advise;
+use crate::console::errors::advise;
 
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]

@@ -10,10 +10,9 @@ use dermatome::{
 };
 
 use crate::{
-    common::Common,
-    errors::advise,
-    notes::note,
-    outputs::is_stream,
+    console::{errors::advise, notes::note},
+    files::outputs::is_stream,
+    options::Common,
     render::{
         readings_args::{DuplicatesArg, FramesArgs, LayoutArg, ReadingsArgs},
         rows::{Every, Latest, Rows},

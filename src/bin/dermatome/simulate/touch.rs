@@ -16,11 +16,12 @@ use dermatome::{
 };
 
 use crate::{
-    common::Common,
-    input::{read_map_if_any, read_skin},
-    notes::note,
-    options::{PatchArgs, ReadArgs, Unit},
-    outputs::{self, Outputs},
+    console::notes::note,
+    files::{
+        input::{read_map_if_any, read_skin},
+        outputs::{self, Outputs},
+    },
+    options::{Common, PatchArgs, ReadArgs, Unit},
 };
 
 /// Options of the simulated calibration alone.

@@ -6,7 +6,7 @@ use std::{io::IsTerminal, thread, time::Duration};
 use dermatome::pipeline::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::common::Common;
+use crate::options::Common;
 
 /// Time between two lines where standard error is not a terminal.
 const EVERY: Duration = Duration::from_secs(10);

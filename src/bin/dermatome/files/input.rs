@@ -12,11 +12,12 @@ use dermatome::{
 use glob::Pattern;
 
 use crate::{
-    common::Common,
-    errors::advise,
-    notes::{note, note_remarks},
-    options::{PatchArgs, ReadArgs, Unit},
-    outputs,
+    console::{
+        errors::advise,
+        notes::{note, note_remarks},
+    },
+    files::outputs,
+    options::{Common, PatchArgs, ReadArgs, Unit},
 };
 
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.

@@ -13,10 +13,12 @@ use dermatome::{
 use tempfile::TempDir;
 
 use crate::{
-    common::Common,
-    errors::advise,
-    print::{line, say},
-    signals::clean_when_stopped,
+    console::{
+        errors::advise,
+        print::{line, say},
+    },
+    files::signals::clean_when_stopped,
+    options::Common,
 };
 
 /// Standard input or output, where a command takes that in place of a file.
@@ -154,6 +156,14 @@ impl Outputs {
         // As the user wrote it, without the folder `.` in front.
         self.staged.iter_mut().next_back().into_iter().for_each(|staged| path.clone_into(&mut staged.path));
         Ok(())
+    }
+
+    /// Writes a file of these bytes that does not appear in its place before [`Self::publish`].
+    pub(crate) fn stage_bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
+        let write = |staged: &Path| {
+            fs::write(staged, bytes).map_err(|source| IoError::Write { path: staged.to_owned(), source })
+        };
+        self.stage(path, write)
     }
 
     /// Lets `write` write files of these names, which do not appear in `folder` before

@@ -9,9 +9,9 @@ use dermatome::{
 };
 
 use crate::{
-    common::Common,
-    outputs,
-    print::{line, plain, say},
+    console::print::{line, plain, say},
+    files::outputs,
+    options::Common,
 };
 
 /// Prints a note on standard error, unless the run is quiet.

@@ -15,8 +15,8 @@ use dermatome::{
 };
 
 use crate::{
-    common::ColorChoice,
-    print::{line, print, say},
+    console::print::{line, print, say},
+    options::ColorChoice,
 };
 
 /// Exit code of bad usage and bad input.

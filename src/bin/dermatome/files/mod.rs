@@ -1,0 +1,11 @@
+//! Inputs as every subcommand reads them, and outputs that are written together or not at all.
+
+pub(crate) mod input;
+pub(crate) mod outputs;
+#[cfg(unix)]
+pub(crate) mod signals;
+/// On other systems a stopped run leaves its temporary files.
+#[cfg(not(unix))]
+pub(crate) mod signals {
+    pub(crate) fn clean_when_stopped(_: &std::path::Path) {}
+}

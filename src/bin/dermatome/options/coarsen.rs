@@ -1,0 +1,67 @@
+//! How to coarsen, and where the skin is finer than elsewhere.
+
+use std::path::PathBuf;
+
+use dermatome::{Error, io::read_acuities, pyramid::CoarsenOptions, skin::Skin};
+
+use crate::options::numbers::number;
+
+/// How to coarsen.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Pyramid")]
+pub(crate) struct CoarsenArgs {
+    /// Number of vertices of a level divided by that of the next coarser one [default: about 4, the
+    /// value that keeps the fields even]
+    #[arg(long, value_name = "R", value_parser = ratio)]
+    ratio: Option<f64>,
+    /// At most this many levels above level 0 [default: as many as --coarsest allows]
+    #[arg(long, value_name = "N")]
+    levels: Option<usize>,
+    /// Stop at about this many vertices per patch
+    #[arg(long, value_name = "N", default_value_t = CoarsenOptions::default().coarsest)]
+    coarsest: usize,
+    /// Fill holes of at most this many edges first, 0 for none; the outer boundary stays, but for a
+    /// pin-hole of a closed body
+    #[arg(long, value_name = "N", default_value_t = PIN_HOLE, value_parser = hole)]
+    pub fill_holes: usize,
+}
+
+/// Where the skin is finer than elsewhere.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Pyramid")]
+pub(crate) struct AcuityArgs {
+    /// Where fields are finer and lengths on the map longer than elsewhere, as at fingertips: a table
+    /// with the columns taxel_id,factor; taxels that it does not name have the factor 1
+    #[arg(long, value_name = "FILE.csv")]
+    acuity: Option<PathBuf>,
+}
+
+impl AcuityArgs {
+    /// Reads the table, if one is named, into the taxels of a skin.
+    pub(crate) fn apply(&self, skin: &mut Skin) -> Result<(), Error> {
+        self.acuity.as_ref().map_or(Ok(()), |path| read_acuities(path, skin).map_err(Error::from))
+    }
+}
+
+impl CoarsenArgs {
+    pub(crate) fn options(&self) -> CoarsenOptions {
+        CoarsenOptions { ratio: self.ratio, levels: self.levels, coarsest: self.coarsest }
+    }
+}
+/// Edges of a pin-hole at most: where a reader of scans dropped a sliver, not where a screw sits.
+/// Three vertices of every loop stay on every level, so that many small holes stall a pyramid.
+const PIN_HOLE: usize = 5;
+
+/// Larger holes are intended boundaries, and filling one costs the cube of its number of edges.
+const LARGEST_HOLE: usize = 200;
+
+fn hole(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if n <= LARGEST_HOLE => Ok(n),
+        _ => Err(format!("needed: a number of edges from 0 to {LARGEST_HOLE}")),
+    }
+}
+
+fn ratio(text: &str) -> Result<f64, String> {
+    number(text, "a number from 1.6 to 1000", |x| (1.6..=1000.0).contains(&x))
+}

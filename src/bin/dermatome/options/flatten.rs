@@ -1,0 +1,247 @@
+//! How to cut and flatten.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::ValueEnum;
+use dermatome::{
+    Error,
+    cut::Cut,
+    flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
+    io::{read_boundary, read_seams},
+    skin::{Skin, TaxelId},
+};
+
+use crate::{console::errors::advise, options::numbers::number};
+
+/// How to flatten.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Map")]
+pub(crate) struct FlattenArgs {
+    /// Method that computes the map
+    #[arg(long, value_enum, default_value_t = MethodArg::Intrinsic)]
+    method: MethodArg,
+    /// What the intrinsic method minimises [default: sum]
+    #[arg(long, value_enum)]
+    energy: Option<EnergyArg>,
+    /// Weight of the angle term [default: 1]
+    #[arg(long, value_name = "W", value_parser = weight)]
+    angle: Option<f64>,
+    /// Weight of the area term [default: 1]
+    #[arg(long, value_name = "W", value_parser = weight)]
+    area: Option<f64>,
+    /// Weight of the perimeter term [default: 0]
+    #[arg(long, value_name = "W", value_parser = weight)]
+    perimeter: Option<f64>,
+    /// Magnification of dense skin: 0 true to the area, 1 equal map area per taxel [default: 0]
+    #[arg(long, value_name = "GAMMA", value_parser = finite, allow_negative_numbers = true)]
+    magnify: Option<f64>,
+    /// What to do where the map of least distortion overlaps itself [default: prevent]
+    #[arg(long, value_enum)]
+    overlap: Option<OverlapArg>,
+    /// The same as --overlap prevent
+    #[arg(long, hide = true, conflicts_with = "overlap")]
+    bijective: bool,
+    /// Where to cut first: auto (what has no map otherwise, and where it makes the map much better),
+    /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
+    /// of taxels); nothing is cut within a table of --boundary
+    #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto")]
+    cut: String,
+    /// Cut more, a plain disk too, until no triangle of the map is larger or smaller than on the skin
+    /// by more than this factor; an error if no cut does that
+    #[arg(long, value_name = "X", value_parser = area_ratio)]
+    max_area_ratio: Option<f64>,
+    /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin;
+    /// rectangle:W:H:A:B:C:D with its corners at these taxels, counter-clockwise from the lower left
+    /// one; or a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
+    #[arg(long, value_name = "SHAPE|FILE.csv", value_parser = boundary)]
+    boundary: Option<BoundaryArg>,
+}
+
+/// Where the boundary lies; taxels are looked up once the skin is read.
+#[derive(Debug, Clone)]
+enum BoundaryArg {
+    Shape(Boundary),
+    Corners([f64; 2], [TaxelId; 4]),
+    Table(PathBuf),
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum OverlapArg {
+    /// Map it one to one, at more distortion
+    Prevent,
+    /// Keep it
+    Allow,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MethodArg {
+    /// Least distortion, no flips
+    Intrinsic,
+    /// Spectral natural conformal map
+    Conformal,
+    /// Linear mix of conformal and authalic rows; on curved skin --area 0 distorts least
+    Linear,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum EnergyArg {
+    /// Weighted sum of angle, area and perimeter
+    Sum,
+    /// Symmetric Dirichlet
+    SymmetricDirichlet,
+}
+
+impl FlattenArgs {
+    /// The options for a skin; those that name taxels need one with a single patch.
+    ///
+    /// # Errors
+    /// As [`Self::options`], and if a taxel or a table that is named cannot be used.
+    pub(crate) fn options_for(&self, skin: &Skin) -> anyhow::Result<FlattenOptions> {
+        let mut options = self.options()?;
+        let Some(boundary @ (BoundaryArg::Corners(..) | BoundaryArg::Table(_))) = &self.boundary else {
+            return Ok(options);
+        };
+        let [patch] = skin.patches.as_slice() else {
+            let found = skin.patches.len();
+            return Err(advise(
+                format!("the taxels of --boundary need a skin with one patch, not {found}"),
+                "choose one with --patch NAME, or prescribe a shape: circle or rectangle",
+            ));
+        };
+        let ids = &patch.taxels.ids;
+        options.boundary = match boundary {
+            BoundaryArg::Shape(shape) => shape.clone(),
+            BoundaryArg::Corners(size, corners) => {
+                Boundary::rectangle_through(ids, *size, *corners).map_err(Error::from)?
+            }
+            BoundaryArg::Table(path) => {
+                let places = read_boundary(path).map_err(Error::from)?;
+                Boundary::through(ids, places)
+                    .map_err(Error::from)
+                    .with_context(|| format!("cannot use {}", path.display()))?
+            }
+        };
+        Ok(options)
+    }
+
+    /// The options but for a boundary that names taxels.
+    ///
+    /// # Errors
+    /// If an option is given that has no effect with the others.
+    pub(crate) fn options(&self) -> anyhow::Result<FlattenOptions> {
+        let (angle, area) = (self.angle.unwrap_or(1.0), self.area.unwrap_or(1.0));
+        let magnify = self.magnify.unwrap_or(0.0);
+        let method = match (self.method, self.energy) {
+            (MethodArg::Conformal, _) => {
+                self.allow_only(&[], "--method conformal")?;
+                Method::Conformal
+            }
+            (MethodArg::Linear, _) => {
+                self.allow_only(&["--angle", "--area"], "--method linear")?;
+                Method::Linear { angle, area }
+            }
+            (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
+                self.allow_only(
+                    &["--energy", "--magnify", "--overlap", "--bijective", "--boundary"],
+                    "--energy symmetric-dirichlet",
+                )?;
+                Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify }
+            }
+            (MethodArg::Intrinsic, Some(EnergyArg::Sum) | None) => {
+                let perimeter = self.perimeter.unwrap_or(0.0);
+                Method::Intrinsic { energy: Energy::Sum { angle, area, perimeter }, magnify }
+            }
+        };
+        let overlap = match self.overlap {
+            Some(OverlapArg::Allow) => Overlap::Allow,
+            Some(OverlapArg::Prevent) | None => Overlap::Prevent,
+        };
+        let boundary = match &self.boundary {
+            Some(BoundaryArg::Shape(shape)) => shape.clone(),
+            Some(BoundaryArg::Corners(..) | BoundaryArg::Table(_)) | None => Boundary::Free,
+        };
+        Ok(FlattenOptions { method, overlap, boundary })
+    }
+
+    /// Where to cut; reads the table if one is named.
+    pub(crate) fn cut(&self) -> anyhow::Result<Cut> {
+        let how = self.cut.as_str();
+        let table = matches!(self.boundary, Some(BoundaryArg::Table(_)));
+        match self.max_area_ratio {
+            Some(ratio) if how == "auto" && !table => return Ok(Cut::AreaRatio(ratio)),
+            Some(_) => {
+                let with = if table { "a table of --boundary" } else { "--cut other than auto" };
+                let why = format!("--max-area-ratio changes nothing with {with}");
+                return Err(advise(why, "leave out one of the two"));
+            }
+            None => {}
+        }
+        if table {
+            if how == "auto" || how == "none" {
+                return Ok(Cut::None);
+            }
+            let why = "a table of --boundary has no places for the copies of taxels along a cut";
+            return Err(advise(why, "use --cut none, or a circle or rectangle"));
+        }
+        Ok(match how {
+            "auto" => Cut::Auto,
+            "none" => Cut::None,
+            "all" => Cut::All,
+            file => Cut::Along(read_seams(Path::new(file)).map_err(Error::from)?),
+        })
+    }
+
+    /// Refuses every given option that is not among `used`.
+    fn allow_only(&self, used: &[&str], with: &str) -> anyhow::Result<()> {
+        let given = [
+            ("--energy", self.energy.is_some()),
+            ("--angle", self.angle.is_some()),
+            ("--area", self.area.is_some()),
+            ("--perimeter", self.perimeter.is_some()),
+            ("--magnify", self.magnify.is_some()),
+            ("--overlap", self.overlap.is_some()),
+            ("--bijective", self.bijective),
+            ("--boundary", self.boundary.is_some()),
+        ];
+        match given.into_iter().find(|(name, given)| *given && !used.contains(name)) {
+            None => Ok(()),
+            Some((name, _)) => {
+                Err(advise(format!("{name} changes nothing with {with}"), "leave out one of the two"))
+            }
+        }
+    }
+}
+
+/// The shape of the boundary: `rectangle:4:3` is a rectangle four wide and three high.
+fn boundary(text: &str) -> Result<BoundaryArg, String> {
+    let rectangle = |width, height| BoundaryArg::Shape(Boundary::Rectangle { width, height, corners: None });
+    let side = |text: &str| number(text, "a width and a height above 0", |x| x > 0.0);
+    let taxel = |text: &str| text.parse().map(TaxelId).map_err(|_| "needed: the id of a taxel".to_owned());
+    match *text.split(':').collect::<Vec<_>>() {
+        ["free"] => Ok(BoundaryArg::Shape(Boundary::Free)),
+        ["circle"] => Ok(BoundaryArg::Shape(Boundary::Circle)),
+        ["rectangle"] => Ok(rectangle(1.0, 1.0)),
+        ["rectangle", width, height] => Ok(rectangle(side(width)?, side(height)?)),
+        ["rectangle", width, height, a, b, c, d] => Ok(BoundaryArg::Corners(
+            [side(width)?, side(height)?],
+            [taxel(a)?, taxel(b)?, taxel(c)?, taxel(d)?],
+        )),
+        _ if Path::new(text).extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) => {
+            Ok(BoundaryArg::Table(text.into()))
+        }
+        _ => Err("needed: free, circle, rectangle[:W:H[:A:B:C:D]] or a table FILE.csv".to_owned()),
+    }
+}
+
+fn area_ratio(text: &str) -> Result<f64, String> {
+    number(text, "a number above 1", |x| x > 1.0)
+}
+
+fn weight(text: &str) -> Result<f64, String> {
+    number(text, "a number of at least 0", |x| x >= 0.0)
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    number(text, "a finite number", |_| true)
+}

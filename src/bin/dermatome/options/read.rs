@@ -1,0 +1,145 @@
+//! How to read a skin.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+use dermatome::{
+    Error,
+    io::{ReadParts, read_draft_with},
+    skin::{AssembleOptions, Draft, Weld},
+};
+use glam::DVec3;
+
+use crate::{console::errors::advise, options::numbers::number};
+
+/// How to read a skin.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct ReadArgs {
+    /// Unit of all lengths in the file, also of those in areas, densities and covariances
+    #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT")]
+    pub(crate) unit: Unit,
+    /// Longest edge between taxels without triangles, divided by the local spacing; longer edges
+    /// are real gaps and stay open
+    #[arg(long, value_name = "K", default_value_t = AssembleOptions::default().gap, value_parser = gap)]
+    gap: f64,
+    /// Which vertices at exactly the same place become one [default: auto]
+    #[arg(long, value_enum, value_name = "WHICH", conflicts_with = "seams")]
+    weld: Option<WeldArg>,
+    /// Cut along the seams of the texture of a glTF or OBJ file: where texture coordinates jump
+    #[arg(long, value_enum, value_name = "uv")]
+    seams: Option<SeamsArg>,
+    /// Drop faces with the same corners as an earlier one, and split edges with more than two faces
+    /// into sheets, or drop the faces that cannot be split off; each is listed
+    #[arg(long)]
+    repair: bool,
+    /// Direction of the outside of taxels without triangles, where nothing in the file tells it: x, -x,
+    /// y, -y, z, -z, or three numbers X,Y,Z
+    #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
+    outside: Option<DVec3>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum WeldArg {
+    /// Those split for normals or texture coordinates; a cut that opens a surface into a disk stays
+    Auto,
+    /// All of them: cuts close
+    All,
+    /// None: the mesh is taken as its indices join it (the corners of an .stl are always welded)
+    None,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SeamsArg {
+    /// Seams of the texture
+    Uv,
+}
+
+impl ReadArgs {
+    pub(crate) fn of(unit: Unit) -> Self {
+        Self {
+            unit,
+            gap: AssembleOptions::default().gap,
+            weld: None,
+            seams: None,
+            repair: false,
+            outside: None,
+        }
+    }
+
+    pub(crate) fn options(&self) -> AssembleOptions {
+        let weld = match (self.seams, self.weld) {
+            (Some(SeamsArg::Uv), _) => Weld::Texture,
+            (None, Some(WeldArg::Auto) | None) => Weld::Auto,
+            (None, Some(WeldArg::All)) => Weld::All,
+            (None, Some(WeldArg::None)) => Weld::None,
+        };
+        let (gap, repair, outside) = (self.gap, self.repair, self.outside);
+        AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }
+    }
+
+    /// Whether cuts are asked for.
+    pub(crate) const fn has_seams(&self) -> bool {
+        self.seams.is_some()
+    }
+
+    /// Reads a file as written, lengths in m, with its texture coordinates where these make seams.
+    ///
+    /// # Errors
+    /// As [`read_draft_with`]; also if no sheet has texture coordinates to make seams of.
+    pub(crate) fn read(&self, path: &Path, materials: bool) -> anyhow::Result<Draft> {
+        let parts = ReadParts { texture: self.seams.is_some(), materials };
+        let mut draft = read_draft_with(path, parts).map_err(Error::from)?;
+        if self.seams.is_some() && draft.sheets.iter().all(|sheet| sheet.texture.is_none()) {
+            let what = format!("{} has no texture coordinates on all corners of a sheet", path.display());
+            return Err(advise(what, "leave out --seams uv; OBJ and glTF files may have a texture"));
+        }
+        draft.scale(self.unit.metres());
+        Ok(draft)
+    }
+}
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Unit {
+    /// Metres
+    M,
+    /// Millimetres
+    Mm,
+    /// Centimetres
+    Cm,
+    /// Inches
+    In,
+}
+
+impl Unit {
+    /// Its length in m.
+    pub(crate) const fn metres(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Mm => 1e-3,
+            Self::Cm => 1e-2,
+            Self::In => 0.0254,
+        }
+    }
+}
+/// A direction: an axis, or three numbers.
+fn direction(text: &str) -> Result<DVec3, String> {
+    let axis = match text.trim_start_matches('+') {
+        "x" => Some(DVec3::X),
+        "-x" => Some(DVec3::NEG_X),
+        "y" => Some(DVec3::Y),
+        "-y" => Some(DVec3::NEG_Y),
+        "z" => Some(DVec3::Z),
+        "-z" => Some(DVec3::NEG_Z),
+        _ => None,
+    };
+    let numbers: Vec<f64> = text.split(',').map_while(|word| word.trim().parse().ok()).collect();
+    let given = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array);
+    let direction = axis.or(given).and_then(DVec3::try_normalize);
+    direction.ok_or_else(|| "needed: x, -x, y, -y, z, -z, or three numbers X,Y,Z".to_owned())
+}
+
+fn gap(text: &str) -> Result<f64, String> {
+    number(text, "a number from 1 to 20", |x| (1.0..=20.0).contains(&x))
+}
