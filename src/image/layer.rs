@@ -3,9 +3,11 @@
 use crate::{
     id::{IdVec, VertexId},
     image::{
-        runs::{Plane, narrow},
         tile::{Lists, Tile},
-        weights::{Pattern, Surface},
+        weights::{
+            runs::{Plane, narrow},
+            surface::{Pattern, Surface},
+        },
     },
     signal::Quantity,
 };

@@ -15,18 +15,13 @@
 //!
 //! [`sample`] goes back: from images to the values that they show, by least squares.
 //!
-//! In the order to read: `options`, `tactile_image`; `face_weights`, `runs`, `points`, `natural`, `weights`
-//! (pixels in terms of vertices); `tile`, `layer` (what changed), `direction`, `renderer`; `sample`.
+//! In reading order: `options`, `tactile_image`; `weights` (pixels in terms of vertices); `tile`, `layer` (what changed), `direction`, `renderer`; `sample`.
 
 mod direction;
 mod error;
-mod face_weights;
 mod layer;
-mod natural;
 mod options;
-mod points;
 mod renderer;
-mod runs;
 mod sample;
 mod tactile_image;
 mod tile;

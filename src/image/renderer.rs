@@ -6,7 +6,7 @@ use crate::{
         ImageError, Interpolation, RenderOptions, TactileImage,
         direction::{ChannelLayer, DirectionPixels},
         tile::{Gutter, Tile},
-        weights::Surface,
+        weights::surface::Surface,
     },
     map::SkinMap,
     pyramid::LevelId,

@@ -2,7 +2,7 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    image::{Interpolation, weights::Surface},
+    image::{Interpolation, weights::surface::Surface},
     pyramid::{Level, Prolongation},
 };
 

@@ -27,9 +27,8 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In the order to read: `link`, `motion`, `taxels`, `patch` (the data); `draft`, `error`, `remark`;
-//! `weld`, `fans`, `opening`, `sheets`, `welded`, `winding`, `normals`, `tangents` (what assembling and checking share); `assemble` with
-//! `zero_area`; `triangulate`; `check`.
+//! In reading order: `link`, `motion`, `taxels`, `patch` (the data); `draft`, `error`, `remark`; `weld`,
+//! `normals`, `tangents` (what assembling and checking share); `triangulate`; `assemble`; `check`.
 //!
 //! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
 //! is right (sizes beyond 10 m are reported), or that the outside is right where neither normals
@@ -44,15 +43,10 @@ mod link;
 mod motion;
 mod normals;
 mod patch;
-mod fans;
-mod opening;
 mod remark;
-mod sheets;
 mod weld;
-mod welded;
 mod tangents;
 mod taxels;
-mod winding;
 
 pub use crate::numeric::Covariance;
 pub use assemble::{AssembleOptions, Assembled, assemble, joining_gap};
@@ -69,4 +63,4 @@ pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
 pub(crate) use tangents::{in_tangent_plane, tangents_along};
 pub(crate) use taxels::scaled_joints;
 pub use taxels::{Joints, Presence, TaxelError, TaxelId, Taxels};
-pub use weld::Weld;
+pub use weld::options::Weld;

@@ -10,9 +10,11 @@ use crate::{
         RemarkKind, Sheet, SkinError,
         assemble::zero_area::{Cleared, clear_zero_area},
         normals::mean_directions,
-        weld::WeldOptions,
-        welded::WeldedMesh,
-        winding::{Winding, one_sided_strip},
+        weld::{
+            options::WeldOptions,
+            welded_mesh::WeldedMesh,
+            winding::{Winding, one_sided_strip},
+        },
     },
 };
 

@@ -7,8 +7,7 @@ use crate::{
     skin::{
         Sheet,
         check::finding::{Finding, FindingKind},
-        welded::WeldedMesh,
-        winding::Winding,
+        weld::{welded_mesh::WeldedMesh, winding::Winding},
     },
 };
 

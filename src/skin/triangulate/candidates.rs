@@ -12,7 +12,7 @@ use crate::{
     id::VertexId,
     mesh::smallest_first,
     parallel::par_collect,
-    skin::triangulate::{delaunay_star::DelaunayStar, point_cloud::PointCloud},
+    skin::triangulate::{delaunay_star::DelaunayStar, points::point_cloud::PointCloud},
 };
 
 /// Circumradii that differ by less than this part are equal, as those of the triangles of a square

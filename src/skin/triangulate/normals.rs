@@ -14,7 +14,7 @@ use crate::{
     skin::{
         UnreliableNormals,
         normals::{SAME_DIRECTION, is_unit},
-        triangulate::{neighbours::Neighbours, unique_points::UniquePoints},
+        triangulate::points::{neighbours::Neighbours, unique_points::UniquePoints},
     },
 };
 

@@ -8,7 +8,7 @@ use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, Relation},
     parallel::par_collect,
-    skin::triangulate::{neighbours::Neighbours, normals::PointNormals},
+    skin::triangulate::{normals::PointNormals, points::neighbours::Neighbours},
 };
 
 /// Orientation spreads along the edges to this many nearest neighbours; more only cost time.

@@ -7,7 +7,7 @@ use crate::{
     numeric::argsort,
     skin::triangulate::{
         growing_mesh::{GrowingMesh, Opening},
-        point_cloud::PointCloud,
+        points::point_cloud::PointCloud,
     },
 };
 

@@ -9,7 +9,12 @@ use crate::{
 };
 
 /// Joins the corners at both ends of two halfedges along one edge.
-pub(super) fn join(mesh: &TriMesh, corners: &mut DisjointSets<Halfedge>, first: Halfedge, other: Halfedge) {
+pub(in crate::skin) fn join(
+    mesh: &TriMesh,
+    corners: &mut DisjointSets<Halfedge>,
+    first: Halfedge,
+    other: Halfedge,
+) {
     let [a, b] = [first, first.next()];
     let [mut c, mut d] = [other, other.next()];
     if first.start(mesh) != other.start(mesh) {
@@ -21,7 +26,7 @@ pub(super) fn join(mesh: &TriMesh, corners: &mut DisjointSets<Halfedge>, first: 
 
 /// What becomes of vertices with several fans of faces.
 #[derive(Debug, Default)]
-pub(super) struct Split {
+pub(in crate::skin) struct Split {
     /// The corners at such vertices, and their new vertices.
     pub corners: Vec<(Halfedge, VertexId)>,
     /// Vertices of the file, and those that stand for them now.
@@ -34,7 +39,7 @@ pub(super) struct Split {
 
 /// Gives every fan around a vertex with several of them a vertex of its own: one of those that it
 /// has in the file (`in_file`), or a copy.
-pub(super) fn split_fans(
+pub(in crate::skin) fn split_fans(
     mesh: &TriMesh,
     fans: &mut DisjointSets<Halfedge>,
     in_file: impl Fn(Halfedge) -> VertexId,

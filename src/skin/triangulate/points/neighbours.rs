@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::{
     id::{IdVec, VertexId},
     parallel::{par_collect, par_ids},
-    skin::triangulate::kd_tree::{KdTree, Neighbour},
+    skin::triangulate::points::kd_tree::{KdTree, Neighbour},
 };
 
 /// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on
@@ -26,7 +26,7 @@ const DENSEST: f64 = 10.0;
 
 /// The taxels within the gap of each taxel, and the local spacing.
 #[derive(Debug)]
-pub(super) struct Neighbours {
+pub(in crate::skin::triangulate) struct Neighbours {
     /// Local distance between taxels; positive.
     pub spacing: IdVec<VertexId, f64>,
     /// Nearest first.
@@ -36,7 +36,7 @@ pub(super) struct Neighbours {
 impl Neighbours {
     /// Joins taxels that are at most `gap` times the mean of their spacings apart. There must be at
     /// least two taxels, all at different places.
-    pub(super) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
+    pub(in crate::skin::triangulate) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
         let tree = KdTree::new(positions);
         let spacing = spacing(&tree, positions);
         let count = positions.len();
@@ -73,13 +73,16 @@ impl Neighbours {
     }
 
     /// The pairs for which `keep` holds; it must be symmetric.
-    pub(super) fn filtered(&self, keep: impl Fn(VertexId, VertexId) -> bool + Sync) -> Self {
+    pub(in crate::skin::triangulate) fn filtered(
+        &self,
+        keep: impl Fn(VertexId, VertexId) -> bool + Sync,
+    ) -> Self {
         let kept = |v: VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
         Self { spacing: self.spacing.clone(), lists: par_ids(self.spacing.len(), kept).into_vec() }
     }
 
     /// The neighbours of `v`, nearest first.
-    pub(super) fn of(&self, v: VertexId) -> &[VertexId] {
+    pub(in crate::skin::triangulate) fn of(&self, v: VertexId) -> &[VertexId] {
         &self.lists[v.index()]
     }
 }
@@ -110,7 +113,7 @@ fn max_neighbours(gap: f64) -> usize {
 }
 
 /// The distance of a taxel to the third nearest, of those that were found; 1 if it is alone.
-pub(super) fn distance_around(nearest: &[Neighbour]) -> f64 {
+pub(in crate::skin::triangulate) fn distance_around(nearest: &[Neighbour]) -> f64 {
     nearest.get(SPACING_RANK - 1).or(nearest.last()).map_or(1.0, |near| near.0.sqrt())
 }
 

@@ -3,7 +3,7 @@
 //! A plane and a run cost as much as several pixels, so faces of a few pixels are drawn pixel by pixel,
 //! as rows of a sparse matrix with three entries each. Faces without pixels cost nothing.
 
-use crate::image::{
+use crate::image::weights::{
     face_weights::FaceWeights,
     runs::{Runs, narrow},
 };
@@ -21,7 +21,7 @@ struct Point {
 
 /// The pixels of small faces, face by face.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Points {
+pub(in crate::image) struct Points {
     all: Vec<Point>,
     /// Where the pixels of each face begin; one more entry than faces.
     starts: Vec<u32>,
@@ -29,7 +29,11 @@ pub(super) struct Points {
 
 impl Points {
     /// The pixels of the faces that `is_small` says.
-    pub(super) fn new(faces: &[FaceWeights], runs: &Runs, is_small: impl Fn(usize) -> bool) -> Self {
+    pub(in crate::image) fn new(
+        faces: &[FaceWeights],
+        runs: &Runs,
+        is_small: impl Fn(usize) -> bool,
+    ) -> Self {
         let (mut all, mut starts) = (Vec::new(), vec![0]);
         for (k, face) in faces.iter().enumerate() {
             let corners = face.corners.map(|v| v.raw());
@@ -46,17 +50,17 @@ impl Points {
     }
 
     /// Whether it draws the pixels of a face.
-    pub(super) fn has(&self, face: usize) -> bool {
+    pub(in crate::image) fn has(&self, face: usize) -> bool {
         self.starts[face] < self.starts[face + 1]
     }
 
     /// Draws all pixels.
-    pub(super) fn fill(&self, x: &[f64], pixels: &mut [f32]) {
+    pub(in crate::image) fn fill(&self, x: &[f64], pixels: &mut [f32]) {
         self.all.iter().for_each(|point| point.draw(x, pixels));
     }
 
     /// Draws the pixels of one face.
-    pub(super) fn fill_face(&self, face: usize, x: &[f64], pixels: &mut [f32]) {
+    pub(in crate::image) fn fill_face(&self, face: usize, x: &[f64], pixels: &mut [f32]) {
         let range = self.starts[face] as usize..self.starts[face + 1] as usize;
         self.all[range].iter().for_each(|point| point.draw(x, pixels));
     }

@@ -20,7 +20,7 @@ pub enum Weld {
 
 /// How to weld and what to repair.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct WeldOptions {
+pub(in crate::skin) struct WeldOptions {
     /// Which vertices at one place are one.
     pub weld: Weld,
     /// Whether duplicate faces are dropped and edges of more than two faces split into sheets.

@@ -11,7 +11,7 @@ use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, median},
     parallel::par_collect,
-    skin::triangulate::{
+    skin::triangulate::points::{
         kd_tree::{KdTree, Neighbour},
         neighbours::distance_around,
     },
@@ -40,7 +40,7 @@ const CELLS: usize = 8;
 /// length of 1, in m.
 ///
 /// The relation does not depend on the order of the taxels, and is transitive.
-pub(super) fn first_at_place(
+pub(in crate::skin::triangulate) fn first_at_place(
     positions: &IdVec<VertexId, DVec3>,
     normals: &IdVec<VertexId, DVec3>,
     unit: f64,

@@ -24,16 +24,16 @@ const STEPS: [f32; BLOCK] =
 
 /// Pixels of one row that follow one plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Run {
+pub(in crate::image) struct Run {
     /// Index of the first pixel in the image.
-    pub(super) at: u32,
+    pub(in crate::image) at: u32,
     /// Whose plane it is: a face, or a vertex.
-    pub(super) source: u32,
+    pub(in crate::image) source: u32,
     /// Column and row of the first pixel in the chart.
-    pub(super) column: u16,
-    pub(super) row: u16,
+    pub(in crate::image) column: u16,
+    pub(in crate::image) row: u16,
     /// Number of pixels.
-    pub(super) length: u16,
+    pub(in crate::image) length: u16,
 }
 
 /// What it takes to fill as many pixels as all of its kind.
@@ -48,7 +48,7 @@ struct Lanes {
 
 impl Run {
     /// Pixel `k` of the run, of another source.
-    pub(super) fn pixel(&self, k: u16, source: u32) -> Self {
+    pub(in crate::image) fn pixel(&self, k: u16, source: u32) -> Self {
         Self { at: self.at + u32::from(k), column: self.column + k, source, length: 1, ..*self }
     }
 
@@ -73,8 +73,8 @@ impl Run {
 
 /// The runs of a chart, row by row, and those of each source.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Runs {
-    pub(super) all: Vec<Run>,
+pub(in crate::image) struct Runs {
+    pub(in crate::image) all: Vec<Run>,
     rests: Vec<Lanes>,
     blocks: Vec<Lanes>,
     /// The rests next to gaps, as positions in `all`.
@@ -87,7 +87,7 @@ pub(super) struct Runs {
 impl Runs {
     /// The runs of a chart by face, in an image of `width` columns. [`Runs::fill`] leaves out faces of at
     /// most `small` pixels.
-    pub(super) fn of_faces(chart: &Chart, faces: usize, width: usize, small: u32) -> Self {
+    pub(in crate::image) fn of_faces(chart: &Chart, faces: usize, width: usize, small: u32) -> Self {
         let mut all = Vec::new();
         for row in 0..chart.frame.size_px[1] {
             let at = row_start(chart, row, width);
@@ -109,7 +109,7 @@ impl Runs {
 
     /// Runs of any length in the order of their pixels, of `sources` sources. [`Runs::fill`] fills those
     /// of the sources that `is_filled` says.
-    pub(super) fn new(runs: Vec<Run>, sources: usize, is_filled: &dyn Fn(u32) -> bool) -> Self {
+    pub(in crate::image) fn new(runs: Vec<Run>, sources: usize, is_filled: &dyn Fn(u32) -> bool) -> Self {
         let mut all: Vec<Run> = runs.iter().flat_map(Run::pieces).collect();
         all.shrink_to_fit();
         let (mut rests, mut blocks, mut ends) = (Vec::new(), Vec::new(), Vec::new());
@@ -136,22 +136,22 @@ impl Runs {
     }
 
     /// Number of sources.
-    pub(super) fn sources(&self) -> usize {
+    pub(in crate::image) fn sources(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
 
     /// The runs of one source.
-    pub(super) fn of_source(&self, source: usize) -> &[Run] {
+    pub(in crate::image) fn of_source(&self, source: usize) -> &[Run] {
         &self.by_source[self.starts[source] as usize..self.starts[source + 1] as usize]
     }
 
     /// Number of pixels of one source.
-    pub(super) fn pixels_of(&self, source: usize) -> u32 {
+    pub(in crate::image) fn pixels_of(&self, source: usize) -> u32 {
         self.of_source(source).iter().map(|run| u32::from(run.length)).sum()
     }
 
     /// Fills all runs but those that are left out.
-    pub(super) fn fill(&self, planes: &[Plane], pixels: &mut [f32]) {
+    pub(in crate::image) fn fill(&self, planes: &[Plane], pixels: &mut [f32]) {
         for rest in &self.rests {
             planes[rest.source as usize].fill::<REST>(rest, pixels);
         }
@@ -176,7 +176,7 @@ fn rooms(all: &[Run]) -> Vec<usize> {
 }
 
 /// Index of the first pixel of a chart's row, in an image of `width` columns.
-pub(super) fn row_start(chart: &Chart, row: u32, width: usize) -> u32 {
+pub(in crate::image) fn row_start(chart: &Chart, row: u32, width: usize) -> u32 {
     let at = (chart.corner_px[1] + row) as usize * width + chart.corner_px[0] as usize;
     u32::try_from(at).unwrap_or(u32::MAX)
 }
@@ -184,10 +184,10 @@ pub(super) fn row_start(chart: &Chart, row: u32, width: usize) -> u32 {
 /// A linear function of column and row of a chart: its value at the first pixel, the steps right and
 /// down, and nothing; four numbers are computed at once.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Plane(pub(super) [f64; 4]);
+pub(in crate::image) struct Plane(pub(in crate::image) [f64; 4]);
 
 impl Plane {
-    pub(super) const fn constant(value: f64) -> Self {
+    pub(in crate::image) const fn constant(value: f64) -> Self {
         Self([value, 0.0, 0.0, 0.0])
     }
 
@@ -212,7 +212,7 @@ impl Plane {
     }
 
     /// Fills a run and nothing else.
-    pub(super) fn fill_alone(&self, run: &Run, pixels: &mut [f32]) {
+    pub(in crate::image) fn fill_alone(&self, run: &Run, pixels: &mut [f32]) {
         let (start, step) = self.along(f64::from(run.column), f64::from(run.row));
         let pixels = &mut pixels[run.at as usize..];
         if run.length == BLOCK_LENGTH
@@ -234,6 +234,6 @@ impl Plane {
 
 /// Images are 32-bit floats.
 #[expect(clippy::cast_possible_truncation, reason = "images are 32-bit floats")]
-pub(super) fn narrow(x: f64) -> f32 {
+pub(in crate::image) fn narrow(x: f64) -> f32 {
     x as f32
 }

@@ -14,9 +14,11 @@ use crate::{
     numeric::DisjointSets,
     skin::{
         Sheet, TaxelId,
-        fans::split_fans,
-        sheets::{Joints, MOST_PAIRED, fans, smoothest},
-        weld::{Weld, WeldOptions},
+        weld::{
+            fans::split_fans,
+            options::{Weld, WeldOptions},
+            sheets::{Joints, MOST_PAIRED, fans, smoothest},
+        },
     },
 };
 
@@ -28,7 +30,7 @@ const MOST_ROUNDS: usize = 16;
 /// Vertices keep the numbers of the file, copies follow after them; of vertices that are one taxel,
 /// faces use one.
 #[derive(Debug)]
-pub(super) struct WeldedMesh {
+pub(in crate::skin) struct WeldedMesh {
     /// Positions as in the file, then those of the copies; corners welded.
     pub mesh: TriMesh,
     /// The halfedges along each edge of `mesh`.
@@ -61,7 +63,7 @@ impl WeldedMesh {
     /// On request, faces are dropped where sheets hang together around both ends of an edge of more
     /// than two faces, so that it cannot be split: all but the two that continue each other most
     /// smoothly.
-    pub(super) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
+    pub(in crate::skin) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
         let mut dropped = BTreeSet::new();
         for _ in 0..MOST_ROUNDS {
             let this = Self::without(sheet, options, |face| usable(face) && !dropped.contains(&face));
@@ -153,12 +155,12 @@ impl WeldedMesh {
     }
 
     /// The vertex of the file that a vertex is.
-    pub(super) fn in_file(&self, v: VertexId) -> VertexId {
+    pub(in crate::skin) fn in_file(&self, v: VertexId) -> VertexId {
         v.index().checked_sub(self.taxel.len()).map_or(v, |copy| self.copied[copy])
     }
 
     /// For every vertex the first one at its place that has its id.
-    pub(super) fn place_of(&self, v: VertexId) -> VertexId {
+    pub(in crate::skin) fn place_of(&self, v: VertexId) -> VertexId {
         self.place[self.in_file(v)]
     }
 }

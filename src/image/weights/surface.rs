@@ -10,10 +10,12 @@ use crate::{
     id::VertexId,
     image::{
         Interpolation,
-        face_weights::FaceWeights,
-        natural::{Neighbours, Scratch},
-        points::Points,
-        runs::{Run, Runs, row_start},
+        weights::{
+            face_weights::FaceWeights,
+            natural::{Neighbours, Scratch},
+            points::Points,
+            runs::{Run, Runs, row_start},
+        },
     },
     map::MapLevel,
 };
@@ -26,23 +28,23 @@ const SMALL: u32 = 8;
 
 /// What is fixed of a chart: its faces and the pixels that they cover.
 #[derive(Debug, Clone)]
-pub(super) struct Surface<'a> {
-    pub(super) chart: &'a Chart,
-    pub(super) level: &'a MapLevel,
+pub(in crate::image) struct Surface<'a> {
+    pub(in crate::image) chart: &'a Chart,
+    pub(in crate::image) level: &'a MapLevel,
     /// Columns of the image.
-    pub(super) width: usize,
-    pub(super) faces: Vec<FaceWeights>,
-    pub(super) runs: Runs,
+    pub(in crate::image) width: usize,
+    pub(in crate::image) faces: Vec<FaceWeights>,
+    pub(in crate::image) runs: Runs,
     /// The pixels of small faces, and the other faces.
-    pub(super) points: Points,
-    pub(super) large: Vec<u32>,
+    pub(in crate::image) points: Points,
+    pub(in crate::image) large: Vec<u32>,
 }
 
 /// Sparse rows: pixels in terms of vertices.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Rows {
+pub(in crate::image) struct Rows {
     /// Index of each row's pixel in the image.
-    pub(super) pixels: Vec<u32>,
+    pub(in crate::image) pixels: Vec<u32>,
     /// Where each row ends.
     ends: Vec<u32>,
     entries: Vec<(u32, f64)>,
@@ -50,7 +52,7 @@ pub(super) struct Rows {
 
 /// How pixels follow from the live vertices, where that is not a plane per face.
 #[derive(Debug, Clone, Default)]
-pub(super) enum Pattern {
+pub(in crate::image) enum Pattern {
     /// Planes through the corners of faces.
     #[default]
     Faces,
@@ -61,27 +63,27 @@ pub(super) enum Pattern {
 }
 
 impl Rows {
-    pub(super) fn push(&mut self, pixel: u32, row: impl IntoIterator<Item = (u32, f64)>) {
+    pub(in crate::image) fn push(&mut self, pixel: u32, row: impl IntoIterator<Item = (u32, f64)>) {
         self.pixels.push(pixel);
         self.entries.extend(row.into_iter().filter(|(_, w)| *w != 0.0));
         self.ends.push(u32::try_from(self.entries.len()).unwrap_or(u32::MAX));
     }
 
     #[inline]
-    pub(super) fn row(&self, row: usize) -> &[(u32, f64)] {
+    pub(in crate::image) fn row(&self, row: usize) -> &[(u32, f64)] {
         let start = if row == 0 { 0 } else { self.ends[row - 1] };
         &self.entries[start as usize..self.ends[row] as usize]
     }
 
     /// Value of a row.
     #[inline]
-    pub(super) fn value(&self, row: usize, x: &[f64]) -> f64 {
+    pub(in crate::image) fn value(&self, row: usize, x: &[f64]) -> f64 {
         self.row(row).iter().map(|&(v, w)| w * x[v as usize]).sum()
     }
 }
 
 impl<'a> Surface<'a> {
-    pub(super) fn new(chart: &'a Chart, level: &'a MapLevel, width: usize) -> Self {
+    pub(in crate::image) fn new(chart: &'a Chart, level: &'a MapLevel, width: usize) -> Self {
         let faces = FaceWeights::of_chart(chart, level);
         let runs = Runs::of_faces(chart, faces.len(), width, SMALL);
         let is_small = |k: usize| runs.pixels_of(k) <= SMALL;
@@ -91,12 +93,12 @@ impl<'a> Surface<'a> {
     }
 
     /// Whether a face is drawn by its plane.
-    pub(super) fn is_large(&self, face: usize) -> bool {
+    pub(in crate::image) fn is_large(&self, face: usize) -> bool {
         !self.points.has(face)
     }
 
     /// The pattern of an interpolation for these live vertices.
-    pub(super) fn pattern(&self, interpolation: Interpolation, live: &[bool]) -> Pattern {
+    pub(in crate::image) fn pattern(&self, interpolation: Interpolation, live: &[bool]) -> Pattern {
         match interpolation {
             Interpolation::Linear | Interpolation::Field => Pattern::Faces,
             Interpolation::Nearest => Pattern::Cells(self.cells(live)),
@@ -105,7 +107,7 @@ impl<'a> Surface<'a> {
     }
 
     /// Calls `visit(pixel, row)` for every pixel with a live vertex, in the order of the runs.
-    pub(super) fn each_row(
+    pub(in crate::image) fn each_row(
         &self,
         pattern: &Pattern,
         live: &[bool],
@@ -222,7 +224,7 @@ impl<'a> Surface<'a> {
 
     /// The covered pixel whose centre is nearest to a vertex; the first of equal ones. `None` if
     /// there is none.
-    pub(super) fn nearest_pixel(&self, vertex: VertexId) -> Option<u32> {
+    pub(in crate::image) fn nearest_pixel(&self, vertex: VertexId) -> Option<u32> {
         let p = self.chart.pixel_position(self.level.uv[vertex]);
         let size = self.chart.frame.size_px;
         #[expect(

@@ -10,14 +10,14 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Edges, Halfedge, TriMesh},
     numeric::DisjointSets,
-    skin::fans::{join, split_fans},
+    skin::weld::fans::{join, split_fans},
 };
 
 /// For every face whether its component stays cut as in the file; empty if none does.
 ///
 /// `is_cut` tells the edges of two faces that share no edge in the file, `in_file` the vertex of the
 /// file that a halfedge starts from.
-pub(super) fn kept_open(
+pub(in crate::skin) fn kept_open(
     mesh: &TriMesh,
     edges: &Edges,
     is_cut: impl Fn(&[Halfedge]) -> bool,

@@ -10,7 +10,7 @@ use crate::{
 
 /// The components of a mesh across edges, and which faces to turn so that each is wound one way.
 #[derive(Debug)]
-pub(super) struct Winding {
+pub(in crate::skin) struct Winding {
     /// The component of every face, numbered in the order of their first faces.
     pub component: IdVec<FaceId, usize>,
     /// Number of components.
@@ -24,7 +24,7 @@ pub(super) struct Winding {
 impl Winding {
     /// Follows the edges of two faces; edges of more faces join components too, but say nothing
     /// about their winding.
-    pub(super) fn new(mesh: &TriMesh, edges: &Edges) -> Self {
+    pub(in crate::skin) fn new(mesh: &TriMesh, edges: &Edges) -> Self {
         let mut faces = DisjointSets::<FaceId, Relation>::new(mesh.triangles.len());
         let mut conflicting_edges = Vec::new();
         for uses in edges.iter() {
@@ -57,7 +57,7 @@ impl Winding {
 /// The shortest closed strip of faces, each next to the one before and the last to the first, that is
 /// turned over once around. It passes through an edge of `conflicting_edges`; empty without such a
 /// strip there.
-pub(super) fn one_sided_strip(mesh: &TriMesh, edges: &Edges, through: [VertexId; 2]) -> Vec<FaceId> {
+pub(in crate::skin) fn one_sided_strip(mesh: &TriMesh, edges: &Edges, through: [VertexId; 2]) -> Vec<FaceId> {
     // Across each side of a face: the other face, and whether it is wound against this one.
     let mut across = IdVec::<FaceId, [Option<(FaceId, usize)>; 3]>::filled([None; 3], mesh.triangles.len());
     let mut start = None;

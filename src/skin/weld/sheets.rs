@@ -13,17 +13,19 @@ use crate::{
     numeric::DisjointSets,
     skin::{
         Sheet,
-        fans::join,
-        opening::kept_open,
-        weld::{Weld, WeldOptions},
+        weld::{
+            fans::join,
+            opening::kept_open,
+            options::{Weld, WeldOptions},
+        },
     },
 };
 
 /// More faces than this at one edge are not paired: each is a sheet of its own.
-pub(super) const MOST_PAIRED: usize = 16;
+pub(in crate::skin) const MOST_PAIRED: usize = 16;
 
 /// Which faces hang together across each edge of a welded sheet.
-pub(super) struct Joints<'a> {
+pub(in crate::skin) struct Joints<'a> {
     sheet: &'a Sheet,
     mesh: &'a TriMesh,
     file_faces: &'a IdVec<FaceId, FaceId>,
@@ -33,7 +35,7 @@ pub(super) struct Joints<'a> {
 }
 
 impl<'a> Joints<'a> {
-    pub(super) fn new(
+    pub(in crate::skin) fn new(
         sheet: &'a Sheet,
         mesh: &'a TriMesh,
         edges: &Edges,
@@ -50,7 +52,7 @@ impl<'a> Joints<'a> {
     }
 
     /// The vertex of the file that a halfedge starts from.
-    pub(super) fn in_file(&self, h: Halfedge) -> VertexId {
+    pub(in crate::skin) fn in_file(&self, h: Halfedge) -> VertexId {
         VertexId::from(self.sheet.triangles[self.file_faces[h.face()].index()][h.side()])
     }
 
@@ -61,7 +63,7 @@ impl<'a> Joints<'a> {
     }
 
     /// Whether an edge has two faces that share no edge in the file.
-    pub(super) fn is_cut_in_file(&self, uses: &[Halfedge]) -> bool {
+    pub(in crate::skin) fn is_cut_in_file(&self, uses: &[Halfedge]) -> bool {
         matches!(*uses, [a, b] if self.ends_in_file(a) != self.ends_in_file(b))
     }
 
@@ -89,7 +91,7 @@ impl<'a> Joints<'a> {
     }
 
     /// Calls `join` for all pairs of halfedges of an edge whose faces hang together.
-    pub(super) fn each_pair(&self, uses: &[Halfedge], mut join: impl FnMut(Halfedge, Halfedge)) {
+    pub(in crate::skin) fn each_pair(&self, uses: &[Halfedge], mut join: impl FnMut(Halfedge, Halfedge)) {
         match *uses {
             [] | [_] => {}
             [a, b] => {
@@ -133,7 +135,7 @@ impl<'a> Joints<'a> {
     }
 
     /// The edges of more than two faces that are split into sheets on request.
-    pub(super) fn parted(&self, edges: &Edges) -> Vec<[VertexId; 2]> {
+    pub(in crate::skin) fn parted(&self, edges: &Edges) -> Vec<[VertexId; 2]> {
         if !self.options.repair {
             return Vec::new();
         }
@@ -142,7 +144,7 @@ impl<'a> Joints<'a> {
     }
 
     /// How many edges stay cut open as they are in the file.
-    pub(super) fn cut_edges(&self, edges: &Edges) -> usize {
+    pub(in crate::skin) fn cut_edges(&self, edges: &Edges) -> usize {
         let is_asked = self.options.weld == Weld::Texture || !self.open.is_empty();
         if is_asked { edges.iter().filter(|uses| uses.len() == 2 && self.is_cut(uses)).count() } else { 0 }
     }
@@ -150,7 +152,7 @@ impl<'a> Joints<'a> {
 
 /// The fans of faces: sets of corners that are joined across edges. A corner is named by the
 /// halfedge that leaves it.
-pub(super) fn fans(mesh: &TriMesh, edges: &Edges, joints: &Joints<'_>) -> DisjointSets<Halfedge> {
+pub(in crate::skin) fn fans(mesh: &TriMesh, edges: &Edges, joints: &Joints<'_>) -> DisjointSets<Halfedge> {
     let mut corners = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
     for uses in edges.iter() {
         joints.each_pair(uses, |first, other| join(mesh, &mut corners, first, other));
@@ -159,7 +161,7 @@ pub(super) fn fans(mesh: &TriMesh, edges: &Edges, joints: &Joints<'_>) -> Disjoi
 }
 
 /// Pairs the faces that continue each other most smoothly, the smoothest first.
-pub(super) fn smoothest(mesh: &TriMesh, uses: &[Halfedge]) -> Vec<[Halfedge; 2]> {
+pub(in crate::skin) fn smoothest(mesh: &TriMesh, uses: &[Halfedge]) -> Vec<[Halfedge; 2]> {
     let away = |h: Halfedge| {
         let [a, b, c] = [h, h.next(), h.next().next()].map(|h| mesh.positions[h.start(mesh)]);
         let along = (b - a).normalize_or_zero();

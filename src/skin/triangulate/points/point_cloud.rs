@@ -4,12 +4,12 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    skin::triangulate::neighbours::Neighbours,
+    skin::triangulate::points::neighbours::Neighbours,
 };
 
 /// What is known about the taxels before there are triangles.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct PointCloud<'a> {
+pub(in crate::skin::triangulate) struct PointCloud<'a> {
     pub positions: &'a IdVec<VertexId, DVec3>,
     /// Unit normals; those of neighbours point to the same side.
     pub normals: &'a IdVec<VertexId, DVec3>,
@@ -19,18 +19,18 @@ pub(super) struct PointCloud<'a> {
 }
 
 impl PointCloud<'_> {
-    pub(super) fn is_within_gap(&self, v: VertexId, w: VertexId) -> bool {
+    pub(in crate::skin::triangulate) fn is_within_gap(&self, v: VertexId, w: VertexId) -> bool {
         let spacing = 0.5 * (self.neighbours.spacing[v] + self.neighbours.spacing[w]);
         self.positions[v].distance(self.positions[w]) <= self.gap * spacing
     }
 
     /// Unit normal of a triangle; zero if it has no area.
-    pub(super) fn normal(&self, t: [VertexId; 3]) -> DVec3 {
+    pub(in crate::skin::triangulate) fn normal(&self, t: [VertexId; 3]) -> DVec3 {
         let [a, b, c] = t.map(|v| self.positions[v]);
         (b - a).cross(c - a).normalize_or_zero()
     }
 
-    pub(super) fn circumradius(&self, t: [VertexId; 3]) -> f64 {
+    pub(in crate::skin::triangulate) fn circumradius(&self, t: [VertexId; 3]) -> f64 {
         let [a, b, c] = t.map(|v| self.positions[v]);
         let (x, y, z) = (b - a, c - b, a - c);
         x.length() * y.length() * z.length() / (2.0 * x.cross(y).length())
