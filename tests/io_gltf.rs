@@ -263,6 +263,20 @@ fn read_bytes(bytes: &[u8]) -> Result<dermatome::skin::Draft, IoError> {
     read_draft(&path)
 }
 
+/// A length in the header that ends within a chunk's header used to be subtracted from.
+#[test]
+fn a_stated_length_within_a_chunk_header_is_refused() {
+    let json = br#"{"asset":{"version":"2.0"}} "#;
+    for stated in [13_u32, 16, 19] {
+        let mut bytes = b"glTF".to_vec();
+        let words = [2, stated, json.len() as u32, 0x4E4F_534A];
+        bytes.extend(words.into_iter().flat_map(u32::to_le_bytes).chain(json.iter().copied()));
+        let error = read_bytes(&bytes).unwrap_err().to_string();
+        let expected = format!("GLB chunk 0: found {} bytes", stated - 12);
+        assert!(error.contains(&expected), "{stated}: {error}");
+    }
+}
+
 fn sheet(glb: &Glb) -> Sheet {
     let mut draft = read_bytes(&glb.bytes()).unwrap();
     assert_eq!(draft.sheets.len(), 1, "one sheet");

@@ -7,9 +7,10 @@
 //! | `gltf` | [`read_map`], skins | [`write_map`], [`write_pyramids`], skins |
 //! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
 //! | `observations` | [`read_observations`] | [`write_observations`] |
-//! | `table` | [`read_contacts`], [`read_motion`], ... | [`LookupWriter`], [`write_calibration`], ... |
-//! | `readings` | [`ReadingsReader`], [`read_gains`] | |
-//! | `image` | | [`write_images`]: OpenEXR |
+//! | `table` | [`read_contacts`], [`read_motion`], [`read_gains`], ... | [`LookupWriter`], [`write_calibration`], ... |
+//! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] (in `table`) |
+//! | `arrays` | | [`RecordingWriter`]: `.npz`, `.npy` |
+//! | `image` | [`read_images`]: OpenEXR | [`write_images`], [`write_frame`] |
 //! | `file` | what all of them need: whole files, lines, replacing | |
 //!
 //! What every reader keeps:
@@ -66,26 +67,23 @@ pub use image::{
 pub use mesh::{
     flat::write_flat,
     formats::{read_draft, read_draft_with, write_skin},
-    parts::ReadParts,
+    parts::{ReadParts, read_faces},
     skin_csv::triangles_path,
 };
 pub use observations::{
     builder::ObservationRemark,
     read_write::{read_observations, write_observations},
 };
-pub use readings::{arrays::ReadingsLayout, gains::read_gains, reader::ReadingsReader};
+pub use readings::{arrays::ReadingsLayout, reader::ReadingsReader};
 pub use table::{
-    acuity::read_acuities,
-    boundary::read_boundary,
+    by_taxel::{read_acuities, read_boundary, read_gains, read_seams},
     calibration::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
     },
     contacts::{ContactRow, MapPlaceRow, MapPosition, read_contacts, read_map_places},
-    faces::read_faces,
     lookups::{LookupPlace, LookupRow, LookupWriter},
-    poses::read_motion,
+    motion::read_motion,
     regions::RegionWriter,
-    seams::read_seams,
     touches::{ReadingsWriter, write_touches},
     values::write_values,
 };

@@ -13,7 +13,7 @@ use anyhow::Context;
 use dermatome::{
     Error,
     io::{IoError, without_path},
-    pipeline::{BuildOptions, Built, Enlarged, FILES, build_with_progress, write_files},
+    pipeline::{BuildOptions, Built, Enlarged, FILES, Progress, build_with_progress, write_files},
     report::{PatchReport, Seconds, measure},
     skin::{AssembleOptions, Patch, Skin},
 };
@@ -76,8 +76,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let start = Instant::now();
     let (fill_holes, keep_going) = (args.coarsen.fill_holes, args.keep_going);
     let assemble = AssembleOptions { fill_holes, keep_going, ..args.read.options() };
-    let (mut skin, mut left_out) =
-        read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
+    let (mut skin, left_out) = read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);
     check_output(&args.output, &files)?;
     args.acuity.apply(&mut skin)?;
@@ -86,17 +85,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);
-    let mut built = build_with_progress(&skin, &options, &on_progress);
-    while keep_going && let Err(error) = &built {
-        let bad = leave_out(&mut skin, error, common);
-        if bad == 0 || skin.patches.is_empty() {
-            break;
-        }
-        left_out += bad;
-        built = build_with_progress(&skin, &options, &on_progress);
-    }
-    let built = built.with_context(|| format!("cannot map {}", args.skin.display()))?;
-    drop(skin);
+    let (built, unmapped) = build_good_patches(skin, &options, keep_going, &on_progress, common)
+        .with_context(|| format!("cannot map {}", args.skin.display()))?;
     let mut outputs = Outputs::default();
     let written =
         outputs.stage_in(&args.output, &FILES, |folder| write_files(&built.map, folder, &on_progress))?;
@@ -125,7 +115,29 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else if !common.quiet {
         print_levels(&report.patches)?;
     }
-    Ok(if left_out > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    Ok(if left_out + unmapped > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// Maps a skin, or what can be mapped of it; returns how many patches were left out.
+fn build_good_patches(
+    mut skin: Skin,
+    options: &BuildOptions,
+    keep_going: bool,
+    on_progress: &(dyn Fn(Progress) + Sync),
+    common: &Common,
+) -> Result<(Built, usize), Error> {
+    let mut left_out = 0;
+    loop {
+        let error = match build_with_progress(&skin, options, on_progress) {
+            Ok(built) => return Ok((built, left_out)),
+            Err(error) => error,
+        };
+        let bad = if keep_going { leave_out(&mut skin, &error, common) } else { 0 };
+        if bad == 0 || skin.patches.is_empty() {
+            return Err(error);
+        }
+        left_out += bad;
+    }
 }
 
 /// Prints which levels have no map, and which pixels were chosen.

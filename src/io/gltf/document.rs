@@ -21,6 +21,7 @@ use crate::io::{
     error::Result,
     file::Source,
     gltf::{
+        chunks::{MAGIC, split_chunks},
         guard::{self, Parsed, Transform},
         notes::Notes,
     },
@@ -36,9 +37,6 @@ const GROWTH: u64 = 8;
 /// memory may stand behind each, so a file of ten megabytes could otherwise ask for gigabytes. A
 /// robot has some hundred nodes.
 const MAX_JSON_MARKS: usize = 1 << 21;
-
-/// How a GLB begins.
-const MAGIC: &[u8] = b"glTF";
 
 /// What an accessor is read for; a view may serve one role only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -249,73 +247,6 @@ fn percent_decode(uri: &str) -> Option<Vec<u8>> {
         out.push(digit()? << 4 | digit()?);
     }
     Some(out)
-}
-
-/// Where the JSON and the binary chunk lie; a file without the GLB magic is all JSON.
-fn split_chunks(source: &Source, notes: &Notes) -> Result<(Range<usize>, Option<Range<usize>>)> {
-    const JSON: u32 = 0x4E4F_534A;
-    const BIN: u32 = 0x004E_4942;
-    let mut bytes = source.bytes();
-    if !bytes.starts_with(MAGIC) {
-        return Ok((0..bytes.len(), None));
-    }
-    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-    let header = |found: String, needed: &str| Err(source.invalid("GLB header", found, needed));
-    let (Some(version), Some(length)) = (word(4), word(8)) else {
-        return header(format!("{} bytes", bytes.len()), "12 bytes");
-    };
-    if version != 2 {
-        return header(format!("version {version}"), "version 2");
-    }
-    if length as usize != bytes.len() {
-        let found = format!("length {length} in a file of {} bytes", bytes.len());
-        let fault = source.invalid("GLB header", found, "the length of the file: it may be cut short");
-        if (length as usize) > bytes.len() || length < 12 {
-            return Err(fault);
-        }
-        notes.pass(fault)?;
-        bytes = &bytes[..length as usize];
-    }
-    let (mut at, mut text, mut bin) = (12, None, None);
-    for number in 0.. {
-        if at == bytes.len() {
-            break;
-        }
-        let refuse =
-            |found: String, needed: String| Err(source.invalid(format!("GLB chunk {number}"), found, needed));
-        let (Some(length), Some(kind)) = (word(at), word(at + 4)) else {
-            return refuse(format!("{} bytes", bytes.len() - at), "a header of 8 bytes".into());
-        };
-        let (start, length) = (at + 8, length as usize);
-        if length > bytes.len() - start {
-            return refuse(
-                format!("length {length}"),
-                format!("at most the {} bytes left", bytes.len() - start),
-            );
-        }
-        at = start + length;
-        if length % 4 != 0 {
-            let fault =
-                source.invalid(format!("GLB chunk {number}"), format!("length {length}"), "a multiple of 4");
-            notes.pass(fault)?;
-            // The next chunk follows at once, or after padding that is not counted.
-            let padded = bytes.len().min(start + length.next_multiple_of(4));
-            let is_next =
-                |at: usize| at == bytes.len() || bytes.get(at + 4..at + 8) == Some(&BIN.to_le_bytes());
-            if !is_next(at) && is_next(padded) {
-                at = padded;
-            }
-        }
-        match (number, kind) {
-            (0, JSON) => text = Some(start..start + length),
-            (1, BIN) => bin = Some(start..start + length),
-            (0, _) | (_, JSON | BIN) => {
-                return refuse(format!("type {kind:#x}"), "JSON first, BIN second".into());
-            }
-            _ => {}
-        }
-    }
-    Ok((text.ok_or_else(|| source.invalid("GLB", "no chunk", "a JSON chunk"))?, bin))
 }
 
 /// Refuses a text with more structure than a robot needs.

@@ -6,13 +6,14 @@
 //! the bytes that are there, and keeps a budget so that a small file cannot ask for much memory;
 //! node trees, attributes and triangles are checked where they are read.
 //!
-//! To read: `guard`, `document` (file to JSON and bytes), `accessor` (bytes to numbers), `nodes`,
+//! To read: `guard`, `chunks`, `document` (file to JSON and bytes), `accessor` (bytes to numbers), `nodes`,
 //! `primitive`, then `read_skin` and `read_map`, and `animation` for how links move. To write:
 //! `writer`, `write_skin`, `write_flat`, `write_map`, `write_animations`; `extras` is what a map adds
 //! to both.
 
 mod accessor;
 mod animation;
+mod chunks;
 mod document;
 mod extras;
 mod guard;

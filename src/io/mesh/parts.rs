@@ -1,4 +1,11 @@
-//! Parts of files that a skin has no use for.
+//! Which parts of a file are read beyond what a skin needs, and which of its faces are taken.
+
+use std::path::Path;
+
+use crate::io::{
+    IoError,
+    file::{Source, excerpt},
+};
 
 /// What of a file a skin has no use for, but a choice of faces or seams may have.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -7,4 +14,23 @@ pub struct ReadParts {
     pub texture: bool,
     /// [`Sheet::materials`](crate::skin::Sheet::materials), of OBJ and glTF.
     pub materials: bool,
+}
+
+/// Reads a list of faces: a number on each line, counted from 0 through all triangles of a file; a
+/// first line `face` may stand before them.
+///
+/// # Errors
+/// If the file cannot be read, or a line is not such a number.
+pub fn read_faces(path: &Path) -> Result<Vec<usize>, IoError> {
+    let source = Source::open(path)?;
+    let mut faces = Vec::new();
+    for (at, line) in source.lines()? {
+        let line = line.trim();
+        if line.is_empty() || (faces.is_empty() && line.eq_ignore_ascii_case("face")) {
+            continue;
+        }
+        let face = line.parse().map_err(|_| at.invalid(excerpt(line), "the number of a face, from 0"))?;
+        faces.push(face);
+    }
+    Ok(faces)
 }

@@ -4,11 +4,10 @@
 //! In reading order: `text` reads lines of numbers (CySkin's text and CSV, from a file or a pipe),
 //! `header` says what their columns are; `npy` has headers and elements of numpy's arrays, `arrays`
 //! reads recordings of them, stored alone (`.npy`) or in an `archive` (`.npz`); `reader` is the one
-//! type for all of them. `gains` reads a table of factors, `whole` the arrays of meshes.
+//! type for all of them. `whole` reads the arrays of meshes.
 
 mod archive;
 pub(super) mod arrays;
-pub(super) mod gains;
 mod header;
 mod npy;
 pub(super) mod reader;

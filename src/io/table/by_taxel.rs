@@ -1,0 +1,120 @@
+//! Tables of what a user says of single taxels: how sharp they are, how much their readings are
+//! multiplied, where they lie on the boundary of a map, and which edges between them are a seam.
+
+use std::{
+    collections::{HashMap, HashSet},
+    path::Path,
+};
+
+use glam::DVec2;
+
+use crate::{
+    id::{IdVec, VertexId},
+    io::{IoError, file::source::Source, table::csv_table::Table},
+    skin::{PatchId, Skin, TaxelId},
+};
+
+/// No skin is sharper: a fingertip distinguishes two points at a tenth of the distance that a forearm
+/// needs.
+const FACTORS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
+
+/// Reads a table of acuities, columns `taxel_id,factor`, into the taxels of a skin; those that it does
+/// not name get the factor 1.
+///
+/// # Errors
+/// If the file cannot be read, a column is missing or unknown, a factor is not a number from 0.01 to 100, or
+/// an id is named twice or is not that of exactly one taxel. Errors name the line.
+pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
+    let source = Source::open(path)?;
+    let table = Table::of(&source)?;
+    table.refuse_unknown(&["taxel_id", "factor"])?;
+    let (id, factor) = (table.columns.need("taxel_id")?, table.columns.need("factor")?);
+    let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
+    for (patch, known) in skin.patches.enumerate() {
+        for (vertex, id) in known.taxels.ids.enumerate() {
+            homes.entry(*id).or_insert((patch, vertex, 0)).2 += 1;
+        }
+    }
+    let mut acuities = skin.patches.map(|patch| IdVec::filled(None, patch.taxels.ids.len()));
+    table.each_row(&mut |row| {
+        let &(patch, vertex, count) =
+            homes.get(&row.taxel(id)?).ok_or_else(|| row.invalid(id, "the id of a taxel of the skin"))?;
+        if count > 1 {
+            return Err(row.invalid(id, format!("the id of one taxel, not of {count}")));
+        }
+        let found = row.number(factor)?;
+        if !FACTORS.contains(&found) {
+            return Err(row.invalid(factor, "a number from 0.01 to 100"));
+        }
+        match acuities[patch][vertex].replace(found) {
+            None => Ok(()),
+            Some(_) => Err(row.invalid(id, "an id that no earlier line names")),
+        }
+    })?;
+    for (patch, acuities) in skin.patches.iter_mut().zip(acuities) {
+        patch.taxels.acuities = Some(acuities.map(|acuity| acuity.unwrap_or(1.0)));
+    }
+    Ok(())
+}
+
+/// Reads a table of gains: columns `id,gain`.
+///
+/// # Errors
+/// If the file cannot be read, a column is missing, a cell is not a number, or an id comes twice.
+pub fn read_gains(path: &Path) -> Result<Vec<(TaxelId, f64)>, IoError> {
+    let source = Source::open(path)?;
+    let table = Table::of(&source)?;
+    table.refuse_unknown(&["id", "gain"])?;
+    let (id, gain) = (table.columns.need("id")?, table.columns.need("gain")?);
+    let (mut gains, mut seen) = (Vec::new(), HashSet::new());
+    table.each_row(&mut |row| {
+        let taxel = row.taxel(id)?;
+        if !seen.insert(taxel) {
+            return Err(row.invalid(id, "each id once"));
+        }
+        gains.push((taxel, row.number(gain)?));
+        Ok(())
+    })?;
+    Ok(gains)
+}
+
+/// Reads the places of boundary taxels: columns `taxel_id,u,v`, map positions in m.
+///
+/// # Errors
+/// If the file cannot be read, a column is missing or unknown, or a cell is not an id or a finite
+/// number.
+pub fn read_boundary(path: &Path) -> Result<Vec<(TaxelId, DVec2)>, IoError> {
+    let source = Source::open(path)?;
+    let table = Table::of(&source)?;
+    table.refuse_unknown(&["taxel_id", "u", "v"])?;
+    let id = table.columns.need("taxel_id")?;
+    let uv = [table.columns.need("u")?, table.columns.need("v")?];
+    let mut places = Vec::new();
+    table.each_row(&mut |row| {
+        places.push((row.taxel(id)?, DVec2::from_array(row.numbers(uv)?)));
+        Ok(())
+    })?;
+    Ok(places)
+}
+
+/// Reads a table of seams: columns `from,to`, the ids of the taxels that an edge joins.
+///
+/// # Errors
+/// If the file cannot be read, a column is missing or unknown, a cell is not an id, or an edge has
+/// one end twice.
+pub fn read_seams(path: &Path) -> Result<Vec<[TaxelId; 2]>, IoError> {
+    let source = Source::open(path)?;
+    let table = Table::of(&source)?;
+    table.refuse_unknown(&["from", "to"])?;
+    let (from, to) = (table.columns.need("from")?, table.columns.need("to")?);
+    let mut seams = Vec::new();
+    table.each_row(&mut |row| {
+        let ends = [row.taxel(from)?, row.taxel(to)?];
+        if ends[0] == ends[1] {
+            return Err(row.invalid(to, "another taxel than `from`"));
+        }
+        seams.push(ends);
+        Ok(())
+    })?;
+    Ok(seams)
+}
