@@ -13,7 +13,7 @@ use dermatome::{
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
-    plot::{FrameOptions, frame_png},
+    plot::{ImageOptions, image_png},
     signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
     skin::{LinkId, Patch, PatchId, Presence, Skin},
 };
@@ -374,15 +374,15 @@ fn a_picture_shows_what_is_not_known_as_no_value() {
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let mut image = images(&map, &atlas, 1, 0.0).remove(0);
     image.values.iter_mut().filter(|x| !x.is_nan()).for_each(|x| *x = 0.0);
-    let plain = FrameOptions::default();
+    let plain = ImageOptions::default();
     for (options, height) in [
         (plain.clone(), image.size_px[1]),
         (
-            FrameOptions { bar: Some("force, N".into()), magnification: 5, ..plain.clone() },
+            ImageOptions { bar: Some("force, N".into()), magnification: 5, ..plain.clone() },
             5 * image.size_px[1] + 56,
         ),
     ] {
-        let png = frame_png(&image, 0, &options).unwrap();
+        let png = image_png(&image, 0, &options).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(&png)).read_info().unwrap();
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut bytes).unwrap();
@@ -397,11 +397,11 @@ fn a_picture_shows_what_is_not_known_as_no_value() {
                 (_, false) => assert_eq!(pixel, [0x44, 0x01, 0x54, 255], "the dark end"),
             }
         }
-        assert_eq!(png, frame_png(&image, 0, &options).unwrap(), "the same bytes");
+        assert_eq!(png, image_png(&image, 0, &options).unwrap(), "the same bytes");
     }
-    assert!(frame_png(&image, 1, &plain).is_err());
-    assert!(frame_png(&image, 0, &FrameOptions { range: [1.0, 1.0], ..plain.clone() }).is_err());
-    assert!(frame_png(&image, 0, &FrameOptions { magnification: u32::MAX, ..plain }).is_err());
+    assert!(image_png(&image, 1, &plain).is_err());
+    assert!(image_png(&image, 0, &ImageOptions { range: [1.0, 1.0], ..plain.clone() }).is_err());
+    assert!(image_png(&image, 0, &ImageOptions { magnification: u32::MAX, ..plain }).is_err());
 }
 
 /// The table and the arrays of a simulated recording hold the same readings, and no absent taxel.

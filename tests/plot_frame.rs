@@ -94,7 +94,7 @@ fn what_cannot_be_drawn_is_said() {
         ChannelView { range: Some([1.0, 1.0]), ..good },
         ChannelView { range: Some([f64::NAN, 1.0]), ..good },
     ] {
-        assert!(matches!(draw(&bad), Err(PlotError::Frame { channels: 1, .. })));
+        assert!(matches!(draw(&bad), Err(PlotError::Channel { channels: 1, .. })));
     }
     let empty = LevelFrame::default();
     assert!(matches!(draw(&view(&empty, &channel)), Err(PlotError::FrameOfAnotherMap { .. })));

@@ -81,7 +81,7 @@ pub enum PlotError {
         "channel {channel} of {channels} cannot be drawn from {} to {}; the channels count from 0, and a range rises",
         range[0], range[1]
     )]
-    Frame {
+    Channel {
         /// The channel asked for.
         channel: usize,
         /// Number of channels.

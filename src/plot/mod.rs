@@ -3,7 +3,8 @@
 //! A picture shows levels side by side at one scale, with their receptive fields or their
 //! distortion, and the skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does
 //! [`plot_frame`] with the readings of one moment; [`Picture::to_svg`] and [`Picture::to_png`] write
-//! it. [`plot_findings`] draws what is not a valid skin.
+//! it. [`plot_findings`] draws what is not a valid skin; [`image_png`] gives the pixels of a tactile image
+//! their colours.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};
@@ -17,14 +18,15 @@
 //! ```
 //!
 //! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel
-//! of each (a level on its map, or the skin in space; `robot` is all patches as one), `colour` chooses the colours, `layout`
-//! positions panels, captions and legends, and `picture` is the list of shapes that comes out.
+//! of each (a level on its map, or the skin in space; `robot` is all patches as one), `colour` chooses
+//! the colours, `layout` positions panels, captions and legends, and `picture` is the list of shapes
+//! that comes out.
 
 mod colour;
 mod curves;
 mod draw;
 mod error;
-mod frame;
+mod image_png;
 mod layout;
 mod options;
 mod patch_view;
@@ -33,12 +35,14 @@ mod plot_findings;
 mod plot_frame;
 mod plot_map;
 mod robot;
+mod value_range;
 
 pub use curves::{Curve, plot_curves};
 pub use error::PlotError;
-pub use frame::{FrameOptions, ValueRange, frame_png};
+pub use image_png::{ImageOptions, image_png};
 pub use options::{Paint, PlotOptions, Viewpoint};
 pub use picture::Picture;
 pub use plot_findings::plot_findings;
 pub use plot_frame::{ChannelView, plot_frame};
 pub use plot_map::{plot_map, plot_skin};
+pub use value_range::ValueRange;

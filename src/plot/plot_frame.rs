@@ -134,7 +134,7 @@ fn about(view: &ChannelView<'_>) -> Result<About, PlotError> {
     let [low, high] = range.unwrap_or([0.0, 1.0]);
     let rises = low.is_finite() && high.is_finite() && low < high;
     let Some(channel) = channels.get(shown).filter(|_| rises) else {
-        return Err(PlotError::Frame { channel: shown, channels: channels.len(), range: [low, high] });
+        return Err(PlotError::Channel { channel: shown, channels: channels.len(), range: [low, high] });
     };
     let name = printable(&channel.name);
     let (name, unit) = match (channel.quantity, channel.unit.as_str()) {

@@ -309,7 +309,9 @@ fn plot_help(error: &PlotError) -> &'static str {
     match error {
         PlotError::Skin(_) => CHECK,
         PlotError::NoMap { .. } => "make a map with `dermatome build`, and draw that",
-        PlotError::Frame { .. } | PlotError::Range { .. } => "give --range two numbers, the lower one first",
+        PlotError::Channel { .. } | PlotError::Range { .. } => {
+            "give --range two numbers, the lower one first"
+        }
         PlotError::NoCovariances { .. } => {
             "calibrate the skin with covariances, or use --show fields or taxel"
         }

@@ -15,7 +15,7 @@ use dermatome::{
         FrameContent, IoError, RecordingLayout, RecordingWriter, replace_file, write_frame, write_raw_frame,
     },
     map::SkinMap,
-    plot::{FrameOptions, frame_png},
+    plot::{ImageOptions, image_png},
     signal::{Channel, LevelFrame, Quantity},
 };
 
@@ -181,8 +181,8 @@ fn write_picture(
         (_, "") => channel.name.clone(),
         (_, unit) => format!("{}, {unit}", channel.name),
     });
-    let options = FrameOptions { range: colours.ranges[k], bar, magnification: colours.magnification };
-    let bytes = frame_png(image, k, &options)?;
+    let options = ImageOptions { range: colours.ranges[k], bar, magnification: colours.magnification };
+    let bytes = image_png(image, k, &options)?;
     let path = folder.join(frame_file_name(&name, number, "png"));
     replace_file(&path, |file| {
         file.write_all(&bytes).map_err(|source| IoError::Write { path: path.clone(), source })

@@ -1,10 +1,8 @@
-//! Frames of readings as pictures: one pixel or a block of them for each pixel of a tactile image,
+//! Tactile images as pictures: one pixel or a block of them for each pixel of a tactile image,
 //! in a scale of colours that every kind of colour vision can read, with a colour bar on request.
 //!
 //! Where the skin is not shown the picture is transparent. Where the skin is shown but nothing is
 //! known it is hatched in greys, which no scale has.
-
-use std::collections::BTreeMap;
 
 use glam::DVec2;
 
@@ -20,7 +18,7 @@ use crate::{
 
 /// How values become colours.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FrameOptions {
+pub struct ImageOptions {
     /// The values at the two ends of the scale; those beyond have the colour of the end.
     pub range: [f64; 2],
     /// What the colour bar under the picture says, as `pressure, Pa`; `None`: no bar.
@@ -29,7 +27,7 @@ pub struct FrameOptions {
     pub magnification: u32,
 }
 
-impl Default for FrameOptions {
+impl Default for ImageOptions {
     fn default() -> Self {
         Self { range: [0.0, 1.0], bar: None, magnification: 1 }
     }
@@ -58,22 +56,22 @@ const STRIP_PX: u32 = 56;
 ///
 /// ```no_run
 /// # fn draw(image: &dermatome::image::TactileImage) -> Result<(), Box<dyn std::error::Error>> {
-/// use dermatome::plot::{FrameOptions, frame_png};
+/// use dermatome::plot::{ImageOptions, image_png};
 ///
-/// let options = FrameOptions {
+/// let options = ImageOptions {
 ///     range: [0.0, 20e3],
 ///     bar: Some("pressure, Pa".into()),
 ///     magnification: 4,
 /// };
-/// std::fs::write("frame.png", frame_png(image, 0, &options)?)?;
+/// std::fs::write("frame.png", image_png(image, 0, &options)?)?;
 /// # Ok(())
 /// # }
 /// ```
-pub fn frame_png(image: &TactileImage, channel: usize, options: &FrameOptions) -> Result<Vec<u8>, PlotError> {
+pub fn image_png(image: &TactileImage, channel: usize, options: &ImageOptions) -> Result<Vec<u8>, PlotError> {
     let [low, high] = options.range;
     let has_length = low.is_finite() && high.is_finite() && low < high;
     if channel >= image.channels || !has_length {
-        return Err(PlotError::Frame { channel, channels: image.channels, range: options.range });
+        return Err(PlotError::Channel { channel, channels: image.channels, range: options.range });
     }
     let scale = Scale::of_range(options.range);
     let [width, height] = image.size_px.map(|n| n.saturating_mul(options.magnification.max(1)));
@@ -123,69 +121,4 @@ fn bar(width: u32, label: &str, range: [f64; 2], scale: Scale) -> Picture {
         shapes.push(text(value, margin + share * size.x, 3.5 * EM));
     }
     Picture { title: label.to_owned(), size_px: [width, STRIP_PX], em: EM, groups: vec![shapes] }
-}
-
-/// Ends of a scale for a whole recording: percentiles of all that was added, in bounded memory.
-///
-/// Values are counted in bins of equal ratio, 50 to an octave, so a percentile is exact to 1.4 %.
-///
-/// ```
-/// let mut range = dermatome::plot::ValueRange::default();
-/// range.add((0..=1000).map(f64::from));
-/// let [low, high] = range.percentiles(1.0, 99.0).unwrap();
-/// assert!((low / 10.0 - 1.0).abs() < 0.02 && (high / 990.0 - 1.0).abs() < 0.02);
-/// ```
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct ValueRange {
-    /// Number of values in each bin, by sign and logarithm.
-    bins: BTreeMap<i64, u64>,
-}
-
-/// Bins for each factor of two.
-const BINS_PER_OCTAVE: f64 = 50.0;
-
-/// Added to the bin of a magnitude, so that those of positive numbers are positive.
-const BIN_OF_ONE: f64 = 60_000.0;
-
-impl ValueRange {
-    /// Counts values; NaN and infinite ones are left out.
-    pub fn add(&mut self, values: impl IntoIterator<Item = f64>) {
-        for value in values.into_iter().filter(|x| x.is_finite()) {
-            *self.bins.entry(bin_of(value)).or_default() += 1;
-        }
-    }
-
-    /// The values that `low` and `high` percent of all are not above; `None` without values, or if
-    /// both are the same.
-    #[must_use]
-    pub fn percentiles(&self, low: f64, high: f64) -> Option<[f64; 2]> {
-        let total: u64 = self.bins.values().sum();
-        let value_at = |percent: f64| {
-            let mut left = (percent / 100.0).clamp(0.0, 1.0) * total as f64;
-            let bin = self.bins.iter().find(|(_, count)| {
-                left -= **count as f64;
-                left <= 0.0
-            });
-            bin.map(|(&bin, _)| value_of(bin))
-        };
-        let [low, high] = [value_at(low)?, value_at(high)?];
-        (low < high).then_some([low, high])
-    }
-}
-
-fn bin_of(value: f64) -> i64 {
-    if value == 0.0 {
-        return 0;
-    }
-    #[expect(clippy::cast_possible_truncation, reason = "at most 120 000")]
-    let bin = (BIN_OF_ONE + BINS_PER_OCTAVE * value.abs().log2()).round() as i64;
-    if value < 0.0 { -bin } else { bin }
-}
-
-fn value_of(bin: i64) -> f64 {
-    if bin == 0 {
-        return 0.0;
-    }
-    let magnitude = ((bin.abs() as f64 - BIN_OF_ONE) / BINS_PER_OCTAVE).exp2();
-    if bin < 0 { -magnitude } else { magnitude }
 }
