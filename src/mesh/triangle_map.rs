@@ -81,6 +81,7 @@ pub(crate) struct SingularValues {
 }
 
 impl SingularValues {
+    #[inline(always)]
     pub(crate) fn of(j: &DMat2) -> Self {
         let (a, b, c, d) = (j.x_axis.x, j.y_axis.x, j.x_axis.y, j.y_axis.y);
         let (turn, mirror) = (DVec2::new(a + d, c - b), DVec2::new(a - d, c + b));

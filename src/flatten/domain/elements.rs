@@ -31,6 +31,7 @@ impl Element {
     }
 
     /// Singular values of the map of this face.
+    #[inline(always)]
     pub(crate) fn singular_values(&self, uv: &Uv) -> SingularValues {
         let [a, b, c] = self.corners.map(|v| uv[v]);
         let [g0, g1, g2] = self.gradients;

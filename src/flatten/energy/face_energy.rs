@@ -254,19 +254,12 @@ impl LocalModel {
         kept: f64,
     ) -> Self {
         let d = energy.derivatives(s);
-        let quarter_turn = |v: DVec2| DVec2::new(-v.y, v.x);
-        let rotate = |g: DVec2| s.rotation.rotate(g);
-        // [c, s; s, -c] g, and the same for the vector turned by a quarter.
-        let reflect = |m: DVec2, g: DVec2| DVec2::new(m.dot(g), DVec2::new(m.y, -m.x).dot(g));
-        let flip = quarter_turn(s.reflection);
         // Modes applied to each hat gradient, of unit Frobenius norm: stretch along the first and
         // second singular direction, twist, flip.
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        let stretch = hats.map(|g| {
-            let (r, m) = (rotate(g), reflect(s.reflection, g));
-            [0.5 * (r + m), 0.5 * (r - m)]
-        });
-        let twists = hats.map(|g| half * quarter_turn(rotate(g)));
+        let stretch = stretches(s, hats);
+        let flip = quarter_turn(s.reflection);
+        let twists = hats.map(|g| half * quarter_turn(s.rotation.rotate(g)));
         let flips = hats.map(|g| half * reflect(flip, g));
 
         let [h11, h22, h12] = d.stretch;
@@ -287,9 +280,40 @@ impl LocalModel {
                 model.off_diagonal[k] += outer(c * mode[k], mode[(k + 1) % 3]);
             }
         }
-        model.gradient = stretch.map(|[d1, d2]| weight * (d.gradient[0] * d1 + d.gradient[1] * d2));
+        model.gradient = gradient(&d, &stretch, weight);
         model
     }
+}
+
+/// Gradient of one face by corner; see [`LocalModel::new`].
+pub(crate) fn face_gradient(
+    energy: &DistortionEnergy,
+    s: &SingularValues,
+    hats: &[DVec2; 3],
+    weight: f64,
+) -> [DVec2; 3] {
+    gradient(&energy.derivatives(s), &stretches(s, hats), weight)
+}
+
+fn gradient(d: &Derivatives, stretch: &[[DVec2; 2]; 3], weight: f64) -> [DVec2; 3] {
+    stretch.map(|[d1, d2]| weight * (d.gradient[0] * d1 + d.gradient[1] * d2))
+}
+
+/// The stretches along the first and second singular direction, applied to each hat gradient.
+fn stretches(s: &SingularValues, hats: &[DVec2; 3]) -> [[DVec2; 2]; 3] {
+    hats.map(|g| {
+        let (r, m) = (s.rotation.rotate(g), reflect(s.reflection, g));
+        [0.5 * (r + m), 0.5 * (r - m)]
+    })
+}
+
+fn quarter_turn(v: DVec2) -> DVec2 {
+    DVec2::new(-v.y, v.x)
+}
+
+/// `[c, s; s, -c] g` of `m = (c, s)`.
+fn reflect(m: DVec2, g: DVec2) -> DVec2 {
+    DVec2::new(m.dot(g), DVec2::new(m.y, -m.x).dot(g))
 }
 
 /// Cosine and sine of half the angle of the vector `(x, y)`.

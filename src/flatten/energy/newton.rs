@@ -13,7 +13,10 @@
 use glam::{DMat2, DVec2};
 
 use crate::{
-    flatten::{domain::elements::Uv, energy::objective::Objective},
+    flatten::{
+        domain::elements::Uv,
+        energy::objective::{Objective, System},
+    },
     sparse::{BlockJacobi, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
 };
 
@@ -126,7 +129,7 @@ impl Objective<'_> {
         limits: NewtonLimits,
         go_on: &mut dyn FnMut(&Uv) -> bool,
     ) -> Result<Ended, SparseError> {
-        let mut hessian = Matrix::zero(&self.elements.pattern);
+        let mut system = System::zero(self.elements);
         let direct = match solver {
             Solver::Direct => Some(Cholesky::of_blocks(&self.elements.pattern, &self.elements.positions)?),
             Solver::Iterative => None,
@@ -136,7 +139,7 @@ impl Objective<'_> {
         let mut kept = Kept::default();
         for _ in 0..limits.steps {
             let Step { downhill, d, gauge } =
-                self.step(uv, &mut hessian, direct.as_ref(), (energy, iterations), &mut kept)?;
+                self.step(uv, &mut system, direct.as_ref(), (energy, iterations), &mut kept)?;
             let decrement = dot(&downhill, &d);
             match self.line_search(uv, &d, energy, decrement) {
                 Some(reached) => energy = reached,
@@ -177,17 +180,19 @@ impl Objective<'_> {
     fn step(
         &self,
         uv: &Uv,
-        hessian: &mut Matrix<'_, DMat2>,
+        system: &mut System<'_>,
         direct: Option<&Cholesky>,
         (energy, iterations): (f64, usize),
         kept: &mut Kept,
     ) -> Result<Step, SparseError> {
         loop {
-            let gradient = self.assemble(uv, hessian, kept.share());
+            let gradient = self.assemble(uv, system, kept.share());
             let downhill: Vec<DVec2> = gradient.iter().map(|g| -*g).collect();
             let found = match direct {
-                Some(cholesky) => factored_step(cholesky, hessian, &downhill, energy, kept.gauge()),
-                None => Ok(iterated_step(hessian, &downhill, iterations, energy)),
+                Some(cholesky) => {
+                    factored_step(cholesky, &mut system.hessian, &downhill, energy, kept.gauge())
+                }
+                None => Ok(iterated_step(&mut system.hessian, &downhill, iterations, energy)),
             };
             let (mut d, gauge) = match found {
                 Ok((_, _, false)) | Err(SparseError::NotPositiveDefinite { .. }) if kept.is_on() => {
@@ -206,7 +211,7 @@ impl Objective<'_> {
     /// Length of the gradient at `uv` over the energy: 0 at a minimum. Lengths are those of the
     /// elements.
     pub(crate) fn relative_gradient(&self, uv: &Uv) -> f64 {
-        let gradient = self.assemble(uv, &mut Matrix::zero(&self.elements.pattern), 0.0);
+        let gradient = self.gradient(uv);
         dot(&gradient, &gradient).sqrt() / self.energy(uv)
     }
 

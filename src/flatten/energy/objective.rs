@@ -16,8 +16,10 @@ use crate::{
     flatten::{
         Energy,
         domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED, Uv, outer},
-        energy::face_energy::{DistortionEnergy, LocalModel},
+        energy::face_energy::{DistortionEnergy, LocalModel, face_gradient},
     },
+    mesh::Halfedge,
+    parallel::{par_collect, par_map},
     sparse::Matrix,
 };
 
@@ -38,6 +40,20 @@ pub(crate) struct Objective<'e> {
     /// Weight of the perimeter term, `l3`.
     perimeter: f64,
     slots: CornerSlots,
+}
+
+/// The Hessian of a Newton step, and the models of the faces that it is the sum of: memory for all
+/// steps.
+#[derive(Debug)]
+pub(crate) struct System<'e> {
+    pub(crate) hessian: Matrix<'e, DMat2>,
+    models: Vec<LocalModel>,
+}
+
+impl<'e> System<'e> {
+    pub(crate) fn zero(elements: &'e ElementMesh) -> Self {
+        Self { hessian: Matrix::zero(&elements.pattern), models: Vec::new() }
+    }
 }
 
 impl<'e> Objective<'e> {
@@ -79,13 +95,14 @@ impl<'e> Objective<'e> {
         self.elements.boundary.iter().map(term).sum()
     }
 
-    /// Gradient by the movable vertices, and Hessian, at `uv`, with a share `kept` of the negative
-    /// curvatures of the faces.
-    pub(crate) fn assemble(&self, uv: &Uv, hessian: &mut Matrix<'_, DMat2>, kept: f64) -> Vec<DVec2> {
+    /// Gradient by the movable vertices at `uv`; `system` gets the Hessian, with a share `kept` of the
+    /// negative curvatures of the faces.
+    pub(crate) fn assemble(&self, uv: &Uv, system: &mut System<'_>, kept: f64) -> Vec<DVec2> {
+        let System { hessian, models } = system;
         let model =
             |e: &Element| LocalModel::new(&self.energy, &e.singular_values(uv), &e.gradients, e.weight, kept);
-        let models: Vec<LocalModel> =
-            self.elements.faces.as_slice().par_iter().with_min_len(FACES_PER_TASK).map(model).collect();
+        let faces = self.elements.faces.as_slice().par_iter().with_min_len(FACES_PER_TASK);
+        faces.map(model).collect_into_vec(models);
         let pattern = hessian.pattern();
         hessian.fill_rows(|row, blocks| {
             let first = pattern.slots(row).start;
@@ -99,35 +116,58 @@ impl<'e> Objective<'e> {
                 }
             }
         });
-        let force = |row: usize| -> DVec2 {
-            self.slots.of(row).map(|c| models[c.at.face().index()].gradient[c.at.side()]).sum()
-        };
-        let mut gradient: Vec<DVec2> =
-            (0..self.elements.free()).into_par_iter().with_min_len(FACES_PER_TASK).map(force).collect();
-        self.add_perimeter(uv, &mut gradient, hessian);
-        self.hold(&mut gradient, hessian);
+        for (ends @ [a, b], _, block) in self.perimeter_terms(uv) {
+            for i in ends {
+                *hessian.at(i, i) += block;
+            }
+            *hessian.at(a, b) -= block;
+            *hessian.at(b, a) -= block;
+        }
+        self.hold(hessian);
+        self.sum_gradient(uv, |h| models[h.face().index()].gradient[h.side()])
+    }
+
+    /// Gradient by the movable vertices alone.
+    pub(crate) fn gradient(&self, uv: &Uv) -> Vec<DVec2> {
+        let of_face =
+            |e: &Element| face_gradient(&self.energy, &e.singular_values(uv), &e.gradients, e.weight);
+        let faces = par_map(self.elements.faces.as_slice(), of_face);
+        self.sum_gradient(uv, |h| faces[h.face().index()][h.side()])
+    }
+
+    /// The gradient of the corners `of_corner` of all faces and of the perimeter.
+    fn sum_gradient(&self, uv: &Uv, of_corner: impl Fn(Halfedge) -> DVec2 + Sync) -> Vec<DVec2> {
+        let mut gradient = par_collect(self.elements.free(), |rows, out| {
+            out.extend(rows.map(|row| self.slots.of(row).map(|c| of_corner(c.at)).sum::<DVec2>()));
+        });
+        for ([a, b], force, _) in self.perimeter_terms(uv) {
+            gradient[b] += force;
+            gradient[a] -= force;
+        }
+        for (g, _) in gradient.iter_mut().zip(&self.elements.held).filter(|(_, held)| **held) {
+            *g = DVec2::ZERO;
+        }
         gradient
     }
 
     /// Makes the rows of held vertices so stiff that they do not move.
-    fn hold(&self, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
+    fn hold(&self, hessian: &mut Matrix<'_, DMat2>) {
         if self.elements.held.is_empty() {
             return;
         }
         let rows = 0..hessian.pattern().rows();
         let largest = rows.map(|i| hessian.diagonal(i)).map(|b| b.x_axis.x + b.y_axis.y).fold(0.0, f64::max);
         for (i, _) in self.elements.held.iter().enumerate().filter(|(_, held)| **held) {
-            gradient[i] = DVec2::ZERO;
             *hessian.at(i, i) += DMat2::IDENTITY * (HOLD * largest);
         }
     }
 
-    fn add_perimeter(&self, uv: &Uv, gradient: &mut [DVec2], hessian: &mut Matrix<'_, DMat2>) {
-        if self.perimeter == 0.0 {
-            return;
-        }
+    /// What each boundary edge adds if there is a perimeter term: its ends, the force that its second
+    /// end feels and its first end against it, and the block of the Hessian for each end.
+    fn perimeter_terms(&self, uv: &Uv) -> impl Iterator<Item = ([usize; 2], DVec2, DMat2)> {
         let scale = 0.5 * self.perimeter * self.elements.mean_edge;
-        for &BoundaryEdge { ends: [a, b], length } in &self.elements.boundary {
+        let edges = self.elements.boundary.iter().filter(|_| self.perimeter != 0.0);
+        edges.map(move |&BoundaryEdge { ends: [a, b], length }| {
             let edge = uv[b] - uv[a];
             let stretched = edge.length();
             let (r, along) = (stretched / length, edge / stretched);
@@ -136,14 +176,8 @@ impl<'e> Objective<'e> {
             let curvature = scale * 2.0 / (r * r * r) / length;
             let across = (slope / stretched).max(0.0);
             let block = outer(along, along) * (curvature - across) + DMat2::IDENTITY * across;
-            let (a, b) = (a.index(), b.index());
-            gradient[b] += slope * along;
-            gradient[a] -= slope * along;
-            *hessian.at(a, a) += block;
-            *hessian.at(b, b) += block;
-            *hessian.at(a, b) -= block;
-            *hessian.at(b, a) -= block;
-        }
+            ([a.index(), b.index()], slope * along, block)
+        })
     }
 
     /// The largest share of the step `d` of the movable vertices that collapses no face, at most 1.
@@ -201,9 +235,9 @@ mod tests {
             .collect();
         let objective = Objective::new(&domain.elements, Energy::SymmetricDirichlet);
         let assembled = |uv: &Uv, kept: f64| {
-            let mut hessian = Matrix::zero(&domain.elements.pattern);
-            let gradient = objective.assemble(uv, &mut hessian, kept);
-            (gradient, hessian)
+            let mut system = System::zero(&domain.elements);
+            let gradient = objective.assemble(uv, &mut system, kept);
+            (gradient, system.hessian)
         };
         let (_, mut whole) = assembled(&uv, 1.0);
         let (_, mut clamped) = assembled(&uv, 0.0);
@@ -236,8 +270,9 @@ mod tests {
             .collect();
         for energy in [Energy::SymmetricDirichlet, Energy::Sum { angle: 1.0, area: 0.4, perimeter: 0.2 }] {
             let objective = Objective::new(&domain.elements, energy);
-            let mut hessian = Matrix::zero(&domain.elements.pattern);
-            let gradient = objective.assemble(&uv, &mut hessian, 0.0);
+            let mut system = System::zero(&domain.elements);
+            let gradient = objective.assemble(&uv, &mut system, 0.0);
+            assert_eq!(gradient, objective.gradient(&uv), "{energy:?}: the same without the Hessian");
             let scale = gradient.iter().map(|g| g.length()).fold(0.0, f64::max);
             let step = 1e-6;
             for v in (0..domain.vertices()).step_by(7).map(VertexId::new) {
@@ -251,11 +286,11 @@ mod tests {
                         (objective.energy(&moved(step)) - objective.energy(&moved(-step))) / (2.0 * step);
                     let found = gradient[v.index()].dot(axis);
                     assert!((found - slope).abs() < 1e-6 * scale, "{energy:?} {v}: {found} is {slope}");
-                    let mut unused = Matrix::zero(&domain.elements.pattern);
+                    let mut unused = System::zero(&domain.elements);
                     let up = objective.assemble(&moved(step), &mut unused, 0.0);
                     let down = objective.assemble(&moved(-step), &mut unused, 0.0);
                     let curvature = (up[v.index()] - down[v.index()]) / (2.0 * step);
-                    let found = *hessian.at(v.index(), v.index()) * axis;
+                    let found = *system.hessian.at(v.index(), v.index()) * axis;
                     let size = found.length();
                     // Clamping only adds curvature.
                     let added = (found - curvature).dot(axis);
