@@ -18,8 +18,13 @@ const CHUNKS_PER_THREAD: usize = 8;
 
 /// Calls `task` with the number and the range of each of the chunks of `0..count`.
 fn for_each_chunk(count: usize, chunks: usize, task: &(dyn Fn(usize, Range<usize>) + Sync)) {
+    (0..chunks).into_par_iter().for_each(|k| task(k, chunk(count, chunks, k)));
+}
+
+/// The range of chunk `k` of `chunks` of `0..count`.
+fn chunk(count: usize, chunks: usize, k: usize) -> Range<usize> {
     let begin = |k: usize| k * (count / chunks) + k.min(count % chunks);
-    (0..chunks).into_par_iter().for_each(|k| task(k, begin(k)..begin(k + 1)));
+    begin(k)..begin(k + 1)
 }
 
 /// What `extend` appends for consecutive ranges of `0..count`, one after the other.
@@ -45,6 +50,36 @@ fn collect_chunks<U: Send>(count: usize, extend: &(dyn Fn(Range<usize>, &mut Vec
     let parts = parts.into_iter().map(|part| part.into_inner().unwrap_or_else(PoisonError::into_inner));
     let mut all = Vec::with_capacity(count);
     parts.for_each(|mut part| all.append(&mut part));
+    all
+}
+
+/// Rows of items one after the other as `fill` writes them, row `k` from `starts[k]` to
+/// `starts[k + 1]`; `starts` begins with 0.
+pub(crate) fn par_rows<U: Send + Clone + Default>(
+    starts: &[u32],
+    fill: impl Fn(usize, &mut [U]) + Sync,
+) -> Vec<U> {
+    fill_rows(starts, &fill)
+}
+
+/// [`par_rows`], compiled once for each type of item.
+fn fill_rows<U: Send + Clone + Default>(starts: &[u32], fill: &(dyn Fn(usize, &mut [U]) + Sync)) -> Vec<U> {
+    let rows = starts.len() - 1;
+    let mut all = vec![U::default(); starts[rows] as usize];
+    let chunks = rows.min(CHUNKS_PER_THREAD * rayon::current_num_threads());
+    let (mut tasks, mut rest) = (Vec::with_capacity(chunks), all.as_mut_slice());
+    for range in (0..chunks).map(|k| chunk(rows, chunks, k)) {
+        let (part, behind) = rest.split_at_mut((starts[range.end] - starts[range.start]) as usize);
+        tasks.push((range, part));
+        rest = behind;
+    }
+    tasks.into_par_iter().for_each(|(range, mut part)| {
+        for row in range {
+            let (items, behind) = part.split_at_mut((starts[row + 1] - starts[row]) as usize);
+            fill(row, items);
+            part = behind;
+        }
+    });
     all
 }
 

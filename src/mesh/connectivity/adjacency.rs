@@ -1,5 +1,7 @@
 //! Who borders whom in a mesh that rests.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{
@@ -30,6 +32,53 @@ pub struct Adjacency {
     pub(super) rings: Rings,
 }
 
+/// The faces around a vertex as they are counted.
+#[derive(Debug, Clone, Copy)]
+struct Fan {
+    first: Halfedge,
+    faces: u32,
+    is_open: bool,
+}
+
+impl Default for Fan {
+    fn default() -> Self {
+        Self { first: Halfedge::NONE, faces: 0, is_open: false }
+    }
+}
+
+impl Fan {
+    /// Number of neighbours if all faces are of one fan.
+    fn neighbours(&self) -> u32 {
+        self.faces + u32::from(self.is_open)
+    }
+}
+
+/// Writes the neighbours around the fan of halfedge `first` into `ring`, counter-clockwise; whether
+/// they fill it.
+fn walk(
+    mesh: &TriMesh,
+    twins: &IdVec<FaceId, [Halfedge; 3]>,
+    first: Halfedge,
+    ring: &mut [VertexId],
+) -> bool {
+    let mut here = first;
+    let mut ring = ring.iter_mut();
+    while let Some(neighbour) = ring.next() {
+        let (corners, back) = (&mesh.triangles[here.face()], here.previous());
+        *neighbour = corners[here.next().side()];
+        let twin = twins[back.face()][back.side()];
+        if twin == Halfedge::NONE {
+            let last = ring.next().map(|last| *last = corners[back.side()]);
+            return last.is_some() && ring.len() == 0;
+        }
+        if twin == first {
+            return ring.len() == 0;
+        }
+        here = twin;
+    }
+    false
+}
+
 impl Adjacency {
     /// Finds the neighbours of every vertex and face.
     ///
@@ -45,59 +94,44 @@ impl Adjacency {
     pub(super) fn with_starts(mesh: &TriMesh) -> Result<(Self, IdVec<VertexId, Halfedge>), MeshError> {
         mesh.validate()?;
         let vertices = mesh.positions.len();
-        let mut adjacency = Self {
-            twins: pair_halfedges(&mesh.triangles, vertices)?,
-            rings: Rings {
-                starts: Vec::with_capacity(vertices + 1),
-                neighbours: Vec::with_capacity(3 * mesh.triangles.len() + vertices),
-                on_boundary: IdVec::filled(false, vertices),
-            },
-        };
-        let mut first = IdVec::<VertexId, Halfedge>::filled(Halfedge::NONE, vertices);
-        let mut degrees = IdVec::<VertexId, u32>::filled(0, vertices);
+        let twins = pair_halfedges(&mesh.triangles, vertices)?;
+        // One array, so that a corner waits for memory once.
+        let mut fans = IdVec::<VertexId, Fan>::filled(Fan::default(), vertices);
         for (face, corners) in mesh.triangles.enumerate() {
             for (side, &v) in corners.iter().enumerate() {
-                degrees[v] += 1;
-                let is_open = adjacency.twins[face][side] == Halfedge::NONE;
-                if is_open || first[v] == Halfedge::NONE {
-                    first[v] = Halfedge::new(face, side);
+                let fan = &mut fans[v];
+                let is_open = twins[face][side] == Halfedge::NONE;
+                if is_open || fan.faces == 0 {
+                    fan.first = Halfedge::new(face, side);
                 }
-                adjacency.rings.on_boundary[v] |= is_open;
+                fan.faces += 1;
+                fan.is_open |= is_open;
             }
         }
-        adjacency.rings.starts.push(0);
-        for v in mesh.positions.ids() {
-            if degrees[v] == 0 {
-                return Err(MeshError::IsolatedVertex { vertex: v });
+        let is_broken = AtomicBool::new(false);
+        let rings = Rings::fill(fans.map(|fan| fan.is_open), &fans.map(Fan::neighbours), |v, ring| {
+            if !walk(mesh, &twins, fans[v].first, ring) {
+                is_broken.store(true, Ordering::Relaxed);
             }
-            if adjacency.push_ring(mesh, first[v]) != degrees[v] {
-                return Err(MeshError::NonManifoldVertex { vertex: v, fans: adjacency.count_fans(mesh, v) });
-            }
+        });
+        let adjacency = Self { twins, rings };
+        if is_broken.into_inner() {
+            return Err(adjacency.broken_vertex(mesh, &fans));
         }
-        Ok((adjacency, first))
+        Ok((adjacency, fans.map(|fan| fan.first)))
     }
 
-    /// Walks the fan of halfedge `first` counter-clockwise, and says how many faces it has.
-    fn push_ring(&mut self, mesh: &TriMesh, first: Halfedge) -> u32 {
-        let mut here = first;
-        let mut faces = 0;
-        loop {
-            let corners = &mesh.triangles[here.face()];
-            let back = here.previous();
-            self.rings.neighbours.push(corners[here.next().side()]);
-            faces += 1;
-            let twin = self.twins[back.face()][back.side()];
-            if twin == Halfedge::NONE {
-                self.rings.neighbours.push(corners[back.side()]);
-                break;
+    /// The first vertex without a face or with several fans.
+    fn broken_vertex(&self, mesh: &TriMesh, fans: &IdVec<VertexId, Fan>) -> MeshError {
+        let is_broken = |&(v, fan): &(VertexId, &Fan)| {
+            !walk(mesh, &self.twins, fan.first, &mut vec![v; fan.neighbours() as usize])
+        };
+        match fans.enumerate().find(is_broken) {
+            Some((vertex, fan)) if fan.faces > 0 => {
+                MeshError::NonManifoldVertex { vertex, fans: self.count_fans(mesh, vertex) }
             }
-            if twin == first {
-                break;
-            }
-            here = twin;
+            found => MeshError::IsolatedVertex { vertex: found.map(|(v, _)| v).unwrap_or_default() },
         }
-        self.rings.starts.push(VertexId::new(self.rings.neighbours.len()).raw());
-        faces
     }
 
     /// Number of fans around `v`; looks through the whole mesh, for an error message alone.
@@ -156,7 +190,8 @@ impl Adjacency {
     pub(crate) fn component_count(&self) -> usize {
         let mut sets = DisjointSets::<FaceId>::new(self.twins.len());
         for face in self.twins.ids() {
-            self.neighbours(face).into_iter().flatten().for_each(|other| sets.join(face, other));
+            let smaller = self.neighbours(face).into_iter().flatten().filter(|other| *other < face);
+            smaller.for_each(|other| sets.join(face, other));
         }
         self.twins.ids().filter(|&face| sets.root(face) == face).count()
     }

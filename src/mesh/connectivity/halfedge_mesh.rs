@@ -5,7 +5,6 @@ use glam::DVec3;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Adjacency, Halfedge, MeshError, TriMesh, connectivity::rings::Rings},
-    parallel::par_collect,
 };
 
 /// Two vertices with more neighbours than this are taken for neighbours without looking: between
@@ -103,17 +102,9 @@ impl HalfedgeMesh {
 
     /// The one-rings of a mesh without removed vertices.
     pub(crate) fn rings(&self) -> Rings {
-        let mut starts = Vec::with_capacity(self.degree.len() + 1);
-        let mut end = 0;
-        starts.push(end);
-        for degree in &self.degree {
-            end += degree;
-            starts.push(end);
-        }
-        let neighbours = par_collect(self.degree.len(), |range, neighbours| {
-            range.map(VertexId::new).for_each(|v| neighbours.extend(self.ring(v)));
-        });
-        Rings { starts, neighbours, on_boundary: self.on_boundary.clone() }
+        Rings::fill(self.on_boundary.clone(), &self.degree, |v, ring| {
+            ring.iter_mut().zip(self.ring(v)).for_each(|(to, w)| *to = w);
+        })
     }
 
     /// Whether `a` and `b` are, or may be, neighbours; walks around the one that has fewer.

@@ -2,7 +2,7 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    parallel::par_ids,
+    parallel::{par_ids, par_rows},
 };
 
 /// The one-rings of an oriented manifold that rests, in the order of [`crate::mesh::Adjacency`].
@@ -16,6 +16,23 @@ pub(crate) struct Rings {
 }
 
 impl Rings {
+    /// Rings of these numbers of neighbours, which `fill` writes, in parallel.
+    pub(super) fn fill(
+        on_boundary: IdVec<VertexId, bool>,
+        degrees: &IdVec<VertexId, u32>,
+        fill: impl Fn(VertexId, &mut [VertexId]) + Sync,
+    ) -> Self {
+        let mut starts = Vec::with_capacity(degrees.len() + 1);
+        let mut end = 0;
+        starts.push(end);
+        for degree in degrees {
+            end += degree;
+            starts.push(end);
+        }
+        let neighbours = par_rows(&starts, |row, ring| fill(VertexId::new(row), ring));
+        Self { starts, neighbours, on_boundary }
+    }
+
     #[inline]
     pub(crate) fn of(&self, v: VertexId) -> &[VertexId] {
         &self.neighbours[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
