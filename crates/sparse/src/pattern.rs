@@ -21,22 +21,46 @@ impl Pattern {
     #[must_use]
     pub fn new(rows: usize, pairs: impl IntoIterator<Item = (usize, usize)>) -> Self {
         let index = |i: usize| u32::try_from(i).expect("more than 2^32 entries");
-        let mut entries: Vec<(u32, u32)> = (0..index(rows)).map(|i| (i, i)).collect();
-        for (i, j) in pairs {
+        let check = |(i, j): (usize, usize)| {
             assert!(i.max(j) < rows, "entry ({i}, {j}) of a pattern of {rows} rows");
-            entries.extend([(index(i), index(j)), (index(j), index(i))]);
+            [index(i), index(j)]
+        };
+        let pairs: Vec<[u32; 2]> = pairs.into_iter().map(check).collect();
+        // Every row with its repeated entries; only within rows, which are short, is there to sort.
+        let mut ends = vec![1; rows];
+        pairs.as_flattened().iter().for_each(|&i| ends[i as usize] += 1);
+        let mut total = 0_usize;
+        for end in &mut ends {
+            total += std::mem::replace(end, total);
         }
-        entries.sort_unstable();
-        entries.dedup();
-        let mut starts = vec![0_u32; rows + 1];
-        for &(i, _) in &entries {
-            starts[i as usize + 1] += 1;
+        let mut columns = vec![0; total];
+        let mut put = |row: u32, column: u32| {
+            let at = &mut ends[row as usize];
+            columns[*at] = column;
+            *at += 1;
+        };
+        (0..index(rows)).for_each(|i| put(i, i));
+        for &[i, j] in &pairs {
+            put(i, j);
+            put(j, i);
         }
-        for i in 0..rows {
-            starts[i + 1] += starts[i];
+        let mut starts = Vec::with_capacity(rows + 1);
+        starts.push(0);
+        let (mut kept, mut from) = (0, 0);
+        for to in ends {
+            columns[from..to].sort_unstable();
+            let first = kept;
+            for k in from..to {
+                if kept == first || columns[kept - 1] != columns[k] {
+                    columns[kept] = columns[k];
+                    kept += 1;
+                }
+            }
+            starts.push(index(kept));
+            from = to;
         }
-        index(entries.len());
-        Self { starts, columns: entries.into_iter().map(|e| e.1).collect() }
+        columns.truncate(kept);
+        Self { starts, columns }
     }
 
     /// Number of rows, and of columns.
