@@ -38,6 +38,17 @@ pub struct RemovalLog {
 }
 
 impl RemovalLog {
+    /// No removals yet, and memory for about this many of stars of six faces.
+    pub(crate) fn with_capacity(removals: usize) -> Self {
+        Self {
+            vertices: Vec::with_capacity(removals),
+            ring_ends: Vec::with_capacity(removals),
+            rings: Vec::with_capacity(6 * removals),
+            triangle_ends: Vec::with_capacity(removals),
+            triangles: Vec::with_capacity(4 * removals),
+        }
+    }
+
     pub(crate) fn push(&mut self, removal: &Removal<'_>) {
         self.vertices.push((removal.vertex, removal.boundary));
         self.rings.extend_from_slice(removal.ring);

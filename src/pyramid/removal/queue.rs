@@ -29,6 +29,8 @@ pub(super) struct Queue<'a> {
     woken: Vec<VertexId>,
     /// The last round in which a vertex was chosen or next to a chosen one.
     blocked: IdVec<VertexId, u32>,
+    /// The last round in which a neighbour of each vertex was removed.
+    changed: IdVec<VertexId, u32>,
     /// The round at hand, from 1.
     pub(super) round: u32,
 }
@@ -47,6 +49,7 @@ impl<'a> Queue<'a> {
             waiting: order.iter().copied().filter(|&v| !kept[v]).collect(),
             woken: Vec::new(),
             blocked: IdVec::filled(0, kept.len()),
+            changed: IdVec::filled(0, kept.len()),
             round: 0,
         }
     }
@@ -90,8 +93,14 @@ impl<'a> Queue<'a> {
     pub(super) fn removed(&mut self, v: VertexId, ring: &[VertexId]) {
         self.standing[v] = Standing::Settled;
         for &w in ring {
+            self.changed[w] = self.round;
             self.wake(w);
         }
+    }
+
+    /// Whether the neighbours of `v` may be others than at the beginning of the round.
+    pub(super) fn has_changed(&self, v: VertexId) -> bool {
+        self.changed[v] == self.round
     }
 
     /// The rules have changed: everybody may try again.

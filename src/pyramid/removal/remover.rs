@@ -52,7 +52,7 @@ impl Remover<'_> {
     /// Works in rounds: vertices of which no two are neighbours, so that their stars share no
     /// triangle, are planned in parallel and applied in order.
     pub(crate) fn remove(mut self, kept: &IdVec<VertexId, bool>, order: &[VertexId]) -> RemovalLog {
-        let mut log = RemovalLog::default();
+        let mut log = RemovalLog::with_capacity(kept.iter().filter(|kept| !**kept).count());
         let mut queue = Queue::new(kept, order);
         // The round in which each face became part of a filling.
         let mut filled = IdVec::filled(0, self.mesh.face_count());
@@ -178,7 +178,10 @@ impl Remover<'_> {
     fn still_fits(&self, plan: &Plan<'_>, queue: &Queue<'_>, filled: &IdVec<FaceId, u32>) -> bool {
         let Removal { ring, boundary, triangles, .. } = plan.removal;
         let last = ring.len() - 1;
-        let exists = |[i, j]: [usize; 2]| self.mesh.has_edge(ring[i], ring[j]);
+        let exists = |[i, j]: [usize; 2]| {
+            let [a, b] = [ring[i], ring[j]];
+            queue.has_changed(a) && queue.has_changed(b) && self.mesh.has_edge(a, b)
+        };
         let is_taken = diagonals(triangles, ring.len()).any(exists) || boundary && exists([0, last]);
         !is_taken && !self.folds(plan, |face| filled[face] == queue.round)
     }
