@@ -11,7 +11,7 @@
 
 use std::{collections::HashMap, f64::consts::TAU};
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use crate::{
     flatten::{bijective::fillers::Fillers, domain::elements::Uv},
@@ -109,10 +109,10 @@ impl<'l> Insertion<'l> {
     /// Undoes removals until this many are left, and returns how many vertices found no place
     /// without a flip.
     pub(crate) fn undo_until(&mut self, left: usize) -> usize {
-        let mut unplaced = 0;
+        let (mut unplaced, mut ring) = (0, RingMap::default());
         for removal in self.removals.iter().take(self.left).skip(left).rev() {
             let apex = self.apex_of(&removal);
-            let ring = RingMap::new(self.mesh, &self.map, &removal, apex);
+            ring.take(self.mesh, &self.map, &removal, apex);
             let wanted = ring.transplanted();
             let at = if ring.fits(wanted) { Some(wanted) } else { ring.kernel_centre(wanted) };
             unplaced += usize::from(at.is_none());
@@ -142,7 +142,13 @@ impl<'l> Insertion<'l> {
     }
 }
 
-/// The ring of a removed vertex, on the skin around the vertex and on the map.
+/// An open ring, around a boundary vertex, is narrowed to this share of a turn if its angles add up
+/// to more: its first and last vertex would meet, or change sides.
+const WIDEST_OPEN: f64 = 0.9;
+
+/// The ring of a removed vertex, on the skin around the vertex and on the map; its buffers are used
+/// again for the next one.
+#[derive(Default)]
 struct RingMap {
     /// The ring laid flat around the vertex: true lengths, angles scaled to a full turn inside.
     skin: Vec<DVec2>,
@@ -150,15 +156,42 @@ struct RingMap {
     boundary: bool,
     /// Where the ring of a boundary vertex is closed by a filler, the corner of that.
     apex: Option<DVec2>,
+    angles: Vec<f64>,
 }
 
 impl RingMap {
-    fn new(mesh: &TriMesh, uv: &Uv, removal: &Removal<'_>, apex: Option<VertexId>) -> Self {
-        Self {
-            skin: lay_flat(mesh, removal),
-            map: removal.ring.iter().map(|&v| uv[v]).collect(),
-            boundary: removal.boundary,
-            apex: apex.map(|v| uv[v]),
+    fn take(&mut self, mesh: &TriMesh, uv: &Uv, removal: &Removal<'_>, apex: Option<VertexId>) {
+        self.boundary = removal.boundary;
+        self.apex = apex.map(|v| uv[v]);
+        self.map.clear();
+        self.map.extend(removal.ring.iter().map(|&v| uv[v]));
+        self.lay_flat(mesh, removal);
+    }
+
+    /// Lays the ring around the removed vertex in the plane, the vertex at the origin: true distances,
+    /// angles added up; those of a closed ring scaled to a full turn.
+    ///
+    /// An open ring keeps its angles: the vertex shall go back to where it was, outside of an edge
+    /// between its first and last neighbour. (The star that `pyramid::removal` retriangulates is scaled
+    /// to half a turn instead, because there the boundary shall run straight past the removed vertex.)
+    fn lay_flat(&mut self, mesh: &TriMesh, removal: &Removal<'_>) {
+        let centre = mesh.positions[removal.vertex];
+        let count = removal.ring.len();
+        let at = |k: usize| mesh.positions[removal.ring[if k == count { 0 } else { k }]];
+        let gaps = count - usize::from(removal.boundary);
+        self.angles.clear();
+        self.angles.extend((0..gaps).map(|k| angle(centre, at(k), at(k + 1))));
+        let sum: f64 = self.angles.iter().sum();
+        let scale = match removal.boundary {
+            false if sum > 0.0 => TAU / sum,
+            true if sum > WIDEST_OPEN * TAU => WIDEST_OPEN * TAU / sum,
+            _ => 1.0,
+        };
+        let mut turn = 0.0;
+        self.skin.clear();
+        for k in 0..count {
+            self.skin.push(DVec2::from_angle(turn) * centre.distance(at(k)));
+            turn += scale * self.angles.get(k).copied().unwrap_or(0.0);
         }
     }
 
@@ -191,7 +224,7 @@ impl RingMap {
         }
         // Mean value coordinates of the centre (Floater 2003): exact for affine maps, and smooth.
         let (mut sum, mut total) = (DVec2::ZERO, 0.0);
-        for (k, weight) in mean_value_weights(&self.skin).into_iter().enumerate() {
+        for (k, weight) in mean_value_weights(&self.skin).enumerate() {
             sum += weight * self.map[k];
             total += weight;
         }
@@ -200,9 +233,9 @@ impl RingMap {
 
     /// Whether every face of the star has a fair share of area with the vertex at `p`.
     fn fits(&self, p: DVec2) -> bool {
-        let areas: Vec<f64> = self.edges().map(|(a, b)| (a - p).perp_dot(b - p)).collect();
-        let mean = areas.iter().map(|a| a.abs()).sum::<f64>() / areas.len() as f64;
-        areas.iter().all(|&a| a > WELL_INSIDE * mean)
+        let areas = || self.edges().map(|(a, b)| (a - p).perp_dot(b - p));
+        let (sum, count) = areas().fold((0.0, 0.0), |(sum, count), a| (sum + a.abs(), count + 1.0));
+        areas().all(|a| a > WELL_INSIDE * (sum / count))
     }
 
     /// The middle of the places from which the whole ring is seen; `None` if there is none.
@@ -231,48 +264,16 @@ impl RingMap {
     }
 }
 
-/// An open ring, around a boundary vertex, is narrowed to this share of a turn if its angles add up
-/// to more: its first and last vertex would meet, or change sides.
-const WIDEST_OPEN: f64 = 0.9;
-
-/// The ring around a removed vertex in the plane, the vertex at the origin: true distances, angles
-/// added up; those of a closed ring scaled to a full turn.
-///
-/// An open ring keeps its angles: the vertex shall go back to where it was, outside of an edge
-/// between its first and last neighbour. (The star that `pyramid::removal` retriangulates is scaled
-/// to half a turn instead, because there the boundary shall run straight past the removed vertex.)
-fn lay_flat(mesh: &TriMesh, removal: &Removal<'_>) -> Vec<DVec2> {
-    let centre = mesh.positions[removal.vertex];
-    let ring: Vec<DVec3> = removal.ring.iter().map(|&v| mesh.positions[v]).collect();
-    let count = ring.len();
-    let gaps = count - usize::from(removal.boundary);
-    let angles: Vec<f64> = (0..gaps).map(|k| angle(centre, ring[k], ring[(k + 1) % count])).collect();
-    let sum: f64 = angles.iter().sum();
-    let scale = match removal.boundary {
-        false if sum > 0.0 => TAU / sum,
-        true if sum > WIDEST_OPEN * TAU => WIDEST_OPEN * TAU / sum,
-        _ => 1.0,
-    };
-    let mut turn = 0.0;
-    (0..count)
-        .map(|k| {
-            let at = DVec2::from_angle(turn) * centre.distance(ring[k]);
-            turn += scale * angles.get(k).copied().unwrap_or(0.0);
-            at
-        })
-        .collect()
-}
-
 /// Mean value weights of the origin in a polygon around it.
-fn mean_value_weights(ring: &[DVec2]) -> Vec<f64> {
+fn mean_value_weights(ring: &[DVec2]) -> impl Iterator<Item = f64> {
     let count = ring.len();
     // tan(a/2) = (1 - cos a) / sin a, with lengths kept in.
-    let half_tangent = |k: usize| {
+    let half_tangent = move |k: usize| {
         let (p, q) = (ring[k], ring[(k + 1) % count]);
         let sine = p.perp_dot(q);
         (p.length() * q.length() - p.dot(q)) / sine
     };
-    (0..count).map(|k| (half_tangent((k + count - 1) % count) + half_tangent(k)) / ring[k].length()).collect()
+    (0..count).map(move |k| (half_tangent((k + count - 1) % count) + half_tangent(k)) / ring[k].length())
 }
 
 /// The part of a convex polygon on the left of the line from `a` to `b`.
@@ -311,7 +312,7 @@ mod tests {
 
     fn star(map: &[[f64; 2]], boundary: bool) -> RingMap {
         let map: Vec<DVec2> = map.iter().map(|&p| p.into()).collect();
-        RingMap { skin: map.clone(), map, boundary, apex: None }
+        RingMap { skin: map.clone(), map, boundary, ..RingMap::default() }
     }
 
     #[test]
