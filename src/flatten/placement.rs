@@ -28,15 +28,21 @@ fn each_mass(mesh: &TriMesh, uv: &Uv, mut visit: impl FnMut(f64, DVec2)) {
     let total = mesh.area();
     for (face, corners) in mesh.triangles.enumerate() {
         let [a, b, c] = corners.map(|v| uv[v]);
+        let mass = mesh.face_area(face) / (3.0 * total);
         for middle in [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0] {
-            visit(mesh.face_area(face) / (3.0 * total), middle);
+            visit(mass, middle);
         }
     }
 }
 
-fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
+fn centre(mesh: &TriMesh, uv: &Uv) -> DVec2 {
     let mut centre = DVec2::ZERO;
     each_mass(mesh, uv, |m, p| centre += m * p);
+    centre
+}
+
+fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
+    let centre = centre(mesh, uv);
     let mut second = [0.0; 3];
     each_mass(mesh, uv, |m, p| {
         let q = p - centre;
@@ -88,7 +94,7 @@ pub(super) fn normalise_map(
         mesh.triangles.enumerate().map(|(f, t)| weight(f) * signed_area(t.map(|v| uv[v])).abs()).sum();
     let skin_area: f64 = mesh.triangles.ids().map(|f| weight(f) * mesh.face_area(f)).sum();
     let scale = if map_area > 0.0 { (skin_area / map_area).sqrt() } else { 1.0 };
-    let centre = moments(mesh, uv).centre;
+    let centre = centre(mesh, uv);
     let back = DVec2::new(direction.x, -direction.y);
     uv.map(|&p| back.rotate(p - centre) * scale)
 }

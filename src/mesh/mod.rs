@@ -16,7 +16,7 @@ mod triangle_map;
 pub(crate) use closest_point::{Closest, Feature, closest_point};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::{
-    boundary::{boundary_edges, boundary_loops, edges},
+    boundary::{boundary_edges, boundary_loops, edges, loops_of},
     edges::Edges,
     halfedge::Halfedge,
     halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals},

@@ -75,9 +75,11 @@ fn summarise(skin: &Skin, pyramids: &[Pyramid]) -> Result<(Value, Vec<Row>), Err
     let (mut patches, mut rows) = (Vec::new(), Vec::new());
     for (Patch { name, link, .. }, pyramid) in skin.patches.iter().zip(pyramids) {
         let mut levels = Vec::new();
+        // Removals neither open nor close a loop, so the coarsest level has those of all.
+        let coarsest = pyramid.levels.iter().last().map(|level| Adjacency::new(&level.mesh)).transpose()?;
+        let loops = coarsest.map_or(0, |adjacency| adjacency.boundary_loops().len());
         for (id, Level { mesh, .. }) in pyramid.levels.enumerate() {
             let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
-            let loops = Adjacency::new(mesh)?.boundary_loops().len();
             let counts = [("vertices", vertices), ("faces", faces), ("loops", loops)];
             let [a, b, c] = counts.map(|(title, count)| (title, count.to_string()));
             rows.push([("level", format!("{}/{id:?}", plain(name))), a, b, c]);

@@ -16,7 +16,7 @@ use crate::{
         domain::flatten_domain::FlattenDomain,
     },
     id::{IdVec, VertexId},
-    mesh::{TriMesh, boundary_edges, boundary_loops},
+    mesh::{TriMesh, boundary_edges, loops_of},
 };
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
@@ -34,7 +34,7 @@ pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
     let faces = || mesh.triangles.iter().copied();
-    let outer = boundary_loops(mesh).iter().filter(|walk| is_counter_clockwise(walk, uv)).count();
+    let outer = loops_of(&edges).iter().filter(|walk| is_counter_clockwise(walk, uv)).count();
     boundary_crossings(&edges, uv)
         + outer.saturating_sub(1)
         + count_branch_points(faces(), &on_boundary, uv)

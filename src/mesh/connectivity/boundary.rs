@@ -31,7 +31,11 @@ pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
 /// The boundary as loops of vertices, faces on the left, each from its smallest vertex; of
 /// triangles that are not an oriented manifold as far as it closes.
 pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
-    let edges = boundary_edges(mesh);
+    loops_of(&boundary_edges(mesh))
+}
+
+/// The same of [`boundary_edges`].
+pub(crate) fn loops_of(edges: &[[VertexId; 2]]) -> Vec<Vec<VertexId>> {
     let mut used = vec![false; edges.len()];
     let mut loops = Vec::new();
     for first in 0..edges.len() {
