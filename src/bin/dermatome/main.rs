@@ -107,6 +107,12 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     if threads > 0 {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
+    // On a thread of the pool: from outside, every parallel loop waits until the pool wakes up.
+    rayon::scope(|_| run_command(cli))
+}
+
+fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
+    let common = &cli.common;
     match &cli.command {
         Command::Build(args) => build::run(args, common),
         Command::Calibrate(args) => calibrate::run(args, common),
