@@ -32,10 +32,17 @@ const GO_ON: f64 = 0.5;
 const NEARLY_GOOD: f64 = 0.15;
 /// Slits at most: a further one is a sign of a surface that no map fits.
 pub(crate) const MOST_SLITS: usize = 24;
+/// Slits in a row that need not lower the area ratio: of several equal peaks all must be slit first. A
+/// closed ball waits for 3, and a glove would wait for 11, a minute, and not get far.
+const PATIENCE: usize = 6;
+/// An area ratio is lower than before if it is by this factor.
+const LESS: f64 = 0.98;
 
 /// A map whose area ratio shall stay below a limit.
 pub(crate) struct AreaLimit<'a> {
     pub(crate) ratio: f64,
+    /// Slits at most.
+    pub(crate) slits: usize,
     /// Makes the map of which that is asked.
     pub(crate) map: &'a TrialMap<'a>,
 }
@@ -74,7 +81,9 @@ pub(crate) fn decide(
         return Ok(Recipe { is_cut: true, base: must, loops, ..Recipe::default() });
     }
     let decision = Decision { graph: &graph, map: maps.free };
-    let mut state = Trial::new(&graph, base, maps.free);
+    // A disk is judged by its limit alone.
+    let none = |_: &TriMesh, _: &_, _: Option<&_>, _: f64| None;
+    let mut state = Trial::new(&graph, base, if is_disk { &none } else { maps.free });
     let mut loops = Vec::new();
     if graph.loops.len() > 1
         && state.excess > GOOD
@@ -91,7 +100,8 @@ pub(crate) fn decide(
         state = better;
     }
     let is_cut = !state.seam.is_empty();
-    Ok(Recipe { is_cut, base: must, loops: named(&graph, &loops), through, slits })
+    let area_ratio = if limit.is_some() { state.area_ratio } else { 0.0 };
+    Ok(Recipe { is_cut, base: must, loops: named(&graph, &loops), through, slits, area_ratio })
 }
 
 /// A vertex of each of these loops.
@@ -203,7 +213,8 @@ impl Decision<'_, '_> {
     fn slit_below(&self, limit: &AreaLimit<'_>, state: &mut Trial, slits: &mut Vec<VertexId>) {
         let curvature = spread_curvature(self.graph);
         *state = Trial::new(self.graph, std::mem::take(&mut state.seam), limit.map);
-        while state.area_ratio > limit.ratio && slits.len() < MOST_SLITS {
+        let (mut least, mut waiting) = (state.area_ratio, 0);
+        while state.area_ratio > limit.ratio && slits.len() < limit.slits && waiting < PATIENCE {
             let ends = slit_ends(self.graph, state, &curvature, SHORT);
             let trials =
                 par_map(&ends, |&end| Trial::new(self.graph, slit(self.graph, &state.seam, end), limit.map));
@@ -214,6 +225,10 @@ impl Decision<'_, '_> {
                 Some((end, trial)) if trial.area_ratio < state.area_ratio || trial.excess < state.excess => {
                     slits.push(end);
                     *state = trial;
+                    waiting += 1;
+                    if state.area_ratio < LESS * least {
+                        (least, waiting) = (state.area_ratio, 0);
+                    }
                 }
                 _ => return,
             }

@@ -41,16 +41,25 @@ pub enum CutError {
         /// Pieces.
         components: usize,
     },
-    /// An area ratio that no cut of one chart reaches.
+    /// An area ratio that no cut reaches, into this many charts at most.
     #[error(
-        "the largest area ratio of the map is {found:.3} after {slits} slits; {wanted} was asked for, and a patch has one \
-         chart"
+        "the largest area ratio of the map is {found:.4} with the most charts that are tried, {charts}; {wanted} was asked for"
     )]
     AreaRatio {
-        /// The least ratio reached.
+        /// The ratio reached.
         found: f64,
-        /// Slits that were made for it at most.
-        slits: usize,
+        /// Charts that were tried at most.
+        charts: usize,
+        /// The ratio asked for.
+        wanted: f64,
+    },
+    /// An area ratio that contradicts what the densities and acuities of taxels ask for.
+    #[error(
+        "the acuities or densities of the taxels ask for area ratios up to {asked:.3}, but {wanted} was asked for"
+    )]
+    AreasAsked {
+        /// The largest ratio that taxels ask for.
+        asked: f64,
         /// The ratio asked for.
         wanted: f64,
     },

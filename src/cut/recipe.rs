@@ -27,6 +27,8 @@ pub(crate) struct Recipe {
     pub(super) through: Vec<[VertexId; 2]>,
     /// Where the slits end, in the order in which they are cut.
     pub(super) slits: Vec<VertexId>,
+    /// The area ratio of the trial map, where a limit was given; else 0.
+    pub(crate) area_ratio: f64,
 }
 
 impl Recipe {
@@ -40,6 +42,7 @@ impl Recipe {
             loops: map(&self.loops),
             through: edges(&self.through),
             slits: map(&self.slits),
+            area_ratio: self.area_ratio,
         }
     }
 

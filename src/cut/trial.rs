@@ -14,9 +14,12 @@ use crate::{
 /// Map positions, in m.
 type Uv = IdVec<VertexId, DVec2>;
 
+/// The vertices of the uncut mesh that those of a cut one are.
+type Unsplit = IdVec<VertexId, VertexId>;
+
 /// Makes a map of a disk with holes (m) to judge a seam by, from one of the same faces if there is one;
 /// nothing if it has none. A map whose excess energy is likely to stay above the number need not be good.
-pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh, Option<&Uv>, f64) -> Option<Uv> + Sync + 'a;
+pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh, &Unsplit, Option<&Uv>, f64) -> Option<Uv> + Sync + 'a;
 
 /// By this factor the excess energy must fall where a surface is cut that need not be, for each seam of
 /// the square root of the area.
@@ -77,7 +80,7 @@ impl Trial {
             cut,
             uv: IdVec::new(),
         };
-        if let Some(uv) = map(&mesh, start.as_ref(), most) {
+        if let Some(uv) = map(&mesh, &trial.cut.unsplit, start.as_ref(), most) {
             trial.measure(&mesh, uv);
         }
         trial

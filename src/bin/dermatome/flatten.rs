@@ -85,6 +85,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         vertices: patch.mesh.positions.len(),
         faces: patch.mesh.triangles.len(),
         seam: flat.seam,
+        charts: flat.charts,
         boundary_loops: Adjacency::new(&flat.mesh).map_err(Error::from)?.boundary_loops().len(),
         distortion: distortion(&flat.mesh, &flat.uv),
         convergence: Some(flat.convergence),

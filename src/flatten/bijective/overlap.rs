@@ -16,7 +16,7 @@ use crate::{
         domain::flatten_domain::FlattenDomain,
     },
     id::{IdVec, VertexId},
-    mesh::{TriMesh, boundary_edges, loops_of},
+    mesh::{Parts, TriMesh, boundary_edges, loops_of},
 };
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
@@ -35,8 +35,10 @@ pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
     let faces = || mesh.triangles.iter().copied();
     let outer = loops_of(&edges).iter().filter(|walk| is_counter_clockwise(walk, uv)).count();
+    let parts = Parts::of_components(mesh);
     boundary_crossings(&edges, uv)
-        + outer.saturating_sub(1)
+        + outer.saturating_sub(parts.len())
+        + count_covered(&edges, &parts, uv)
         + count_branch_points(faces(), &on_boundary, uv)
         + count_angle_excess(faces(), &on_boundary, uv)
 }
@@ -64,6 +66,27 @@ pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
 pub(crate) fn is_one_to_one(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     let edges: Vec<[VertexId; 2]> = domain.disk.boundary_edges().collect();
     keeps_holes(domain, uv) && !boundary_crosses_itself(&edges, uv)
+}
+
+/// Number of components that lie within another one, by one place of each: all of it does where the
+/// boundaries do not cross.
+fn count_covered(edges: &[[VertexId; 2]], parts: &Parts, uv: &Uv) -> usize {
+    if parts.len() == 1 {
+        return 0;
+    }
+    let mut places = vec![None; parts.len()];
+    edges.iter().for_each(|[v, _]| places[parts.of[*v]] = Some(*v));
+    let is_covered = |v: VertexId| {
+        let p = uv[v];
+        // Boundaries of others that pass on the right, upwards less downwards.
+        let passes = |[a, b]: &[VertexId; 2]| match (uv[*a].y > p.y, uv[*b].y > p.y) {
+            (false, true) if orientation([uv[*a], uv[*b], p]) > 0.0 => 1,
+            (true, false) if orientation([uv[*b], uv[*a], p]) > 0.0 => -1,
+            _ => 0,
+        };
+        edges.iter().filter(|[a, _]| parts.of[*a] != parts.of[v]).map(passes).sum::<i32>() != 0
+    };
+    places.into_iter().flatten().filter(|&v| is_covered(v)).count()
 }
 
 fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {

@@ -142,7 +142,15 @@ pub(crate) fn note_seams(patches: &[PatchReport], common: &Common) {
     for patch in patches {
         let Some(finest) = patch.levels.first().filter(|finest| finest.seam > 0.0) else { continue };
         let (name, seam) = (plain(&patch.name), finest.seam * 1e3);
-        note(common, format_args!("{name}: the map is cut open along a seam of {seam:.0} mm"));
+        match finest.charts {
+            1 => note(common, format_args!("{name}: the map is cut open along a seam of {seam:.0} mm")),
+            count => {
+                note(
+                    common,
+                    format_args!("{name}: the map is cut into {count} charts, along seams of {seam:.0} mm"),
+                );
+            }
+        }
     }
 }
 

@@ -1,23 +1,4 @@
-//! The whole flow, from a skin to the files of its map.
-//!
-//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut
-//!    open where it needs a seam ([`cut_open`]), maps every level of it to the plane
-//!    ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the [`SkinMap`].
-//! 2. [`write_files`] rasterises the levels ([`skin_images`]) and writes `map.glb` and `map.exr`.
-//!
-//! Patches are independent: they are built in parallel, and the result does not depend on the
-//! number of threads. Before it, [`read_draft`](crate::io::read_draft) and
-//! [`assemble`](crate::skin::assemble()) make the skin; after it,
-//! [`measure`](crate::report::measure) says how faithful the map is.
-//!
-//! ```
-//! use dermatome::{mesh::shapes, pipeline, skin::Skin};
-//!
-//! let skin = Skin::from_mesh("cap", shapes::cap(500, 0.1, 0.6));
-//! let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
-//! assert!(map.patches.iter().all(|patch| patch.levels.len() > 1));
-//! # Ok::<_, dermatome::Error>(())
-//! ```
+//! A skin to its map, and the map to its files.
 
 use std::{
     path::Path,
@@ -30,18 +11,12 @@ use rayon::prelude::*;
 use crate::{
     Error,
     atlas::{fitting_pixel, pixels_of, skin_images},
-    cut::{
-        AreaLimit, Cut, CutError, CutMesh, MOST_SLITS, TrialMaps, cut_along, decide, is_plain_disk,
-        pairs_by_patch, seam_length,
-    },
-    flatten::{
-        Convergence, FlattenOptions, Method, Overlap, distortion, flatten, flatten_pyramid_with_convergence,
-        flatten_roughly, flatten_with_convergence,
-    },
+    cut::{Cut, cut_along, pairs_by_patch},
+    flatten::{FlattenOptions, flatten_chart_pyramid, flatten_pyramid_with_convergence},
     id::{IdVec, VertexId},
     io::{fits_map_file, write_images, write_map},
     map::{PatchMap, SkinMap},
-    mesh::TriMesh,
+    pipeline::open::cut_open,
     pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
     report::Seconds,
     skin::{Patch, PatchId, Skin, named_links},
@@ -63,136 +38,6 @@ pub struct BuildOptions {
 
 /// Side of a pixel, in m, unless another is asked for or needed.
 const PIXEL: f64 = 1e-3;
-
-/// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
-/// second, and its seam differs little from that of the skin.
-const DECIDED_ON: usize = 2000;
-
-/// Slits are decided on a coarser level, whose map is a little better than that of the skin: by these
-/// shares of the logarithm of an area ratio they aim lower until the map of the skin keeps it.
-const AIMS: [f64; 3] = [0.95, 0.8, 0.6];
-
-/// Cuts a patch open where that is needed or worth it, from trial maps; `None` for a patch that is
-/// mapped as it is. `options` are those of its map, for [`Cut::AreaRatio`].
-///
-/// # Errors
-/// If the mesh is not an oriented manifold in one piece, not a disk with holes after the cut, or no
-/// cut keeps the area ratio asked for.
-pub fn cut_open(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Result<Option<CutMesh>, Error> {
-    let Cut::AreaRatio(wanted) = *cut else { return cut_within(patch, cut, options, None) };
-    let map = |mesh: &TriMesh, _: Option<&_>, _: f64| flatten(mesh, options).ok();
-    let mut found = f64::INFINITY;
-    for aim in AIMS {
-        let limit = AreaLimit { ratio: wanted.powf(aim), map: &map };
-        let made = cut_within(patch, cut, options, Some(&limit))?;
-        let mesh = made.as_ref().map_or_else(|| patch.mesh.clone(), |made| made.mesh(&patch.mesh.positions));
-        let taxels = made.as_ref().map(|made| patch.taxels.select(&made.unsplit));
-        let (uv, _) = flatten_with_convergence(&mesh, taxels.as_ref().or(Some(&patch.taxels)), options)?;
-        found = distortion(&mesh, &uv).area_max.min(found);
-        if found <= wanted {
-            return Ok(made);
-        }
-    }
-    Err(CutError::AreaRatio { found, slits: MOST_SLITS, wanted }.into())
-}
-
-/// The same with a limit for trial maps.
-fn cut_within(
-    patch: &Patch,
-    cut: &Cut,
-    options: &FlattenOptions,
-    limit: Option<&AreaLimit<'_>>,
-) -> Result<Option<CutMesh>, Error> {
-    let Patch { mesh, taxels, .. } = patch;
-    let cut = match cut {
-        Cut::None => return Ok(None),
-        Cut::Along(pairs) => {
-            let edges = pairs_by_patch(pairs, std::iter::once(taxels))?;
-            match edges.iter().next() {
-                Some(edges) if !edges.is_empty() => return Ok(Some(cut_along(mesh, edges, &taxels.ids)?)),
-                _ => &Cut::Auto,
-            }
-        }
-        cut => cut,
-    };
-    // Nothing is decided on a disk, so it need not be coarsened for that.
-    if limit.is_none() && is_plain_disk(mesh) {
-        return Ok(None);
-    }
-    // A seam is as good as the best map after it, which may overlap itself, at first.
-    let free = |mesh: &TriMesh, start: Option<&_>, most: f64| {
-        flatten_roughly(mesh, start, Overlap::Allow, most).ok()
-    };
-    let apart = |mesh: &TriMesh, start: Option<&_>, most: f64| {
-        flatten_roughly(mesh, start, Overlap::Prevent, most).ok()
-    };
-    let is_apart = options.overlap == Overlap::Prevent && matches!(options.method, Method::Intrinsic { .. });
-    let maps = TrialMaps { free: &free, apart: if is_apart { Some(&apart) } else { None } };
-    let densities = taxels.wanted_densities();
-    // A level of `DECIDED_ON` vertices, in steps of a factor of about four.
-    let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
-    let recipe = if factor < 1.6 {
-        decide(mesh, densities.as_ref(), cut, &maps, limit)?
-    } else {
-        let steps = factor.log(4.0).ceil().max(1.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
-        let options = CoarsenOptions {
-            ratio: Some(factor.powf(steps.recip()).max(1.5)),
-            levels: Some(steps as usize),
-            coarsest: 1,
-        };
-        let pyramid = coarsen(mesh, taxels, &options)?;
-        let Some(level) = pyramid.levels.iter().last() else { return Ok(None) };
-        let of_level = densities.as_ref().map(|all| level.origins.map(|&v| all[v]));
-        decide(&level.mesh, of_level.as_ref(), cut, &maps, limit)?.on_finer(&level.origins)
-    };
-    Ok(recipe.cut(mesh, densities.as_ref())?)
-}
-
-/// A mesh with its map, cut open where that was needed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FlatMesh {
-    /// The mesh; where it was cut, the vertices of the seam are there once for each of their places
-    /// on the map: the copies come last.
-    pub mesh: TriMesh,
-    /// The vertex of the uncut mesh that each vertex is.
-    pub unsplit: IdVec<VertexId, VertexId>,
-    /// Map positions, in m.
-    pub uv: IdVec<VertexId, glam::DVec2>,
-    /// Length of the seam, in m.
-    pub seam: f64,
-    /// How near the map is to a minimum of its energy.
-    pub convergence: Convergence,
-}
-
-/// Flattens one patch at full precision, without a pyramid.
-///
-/// ```
-/// use dermatome::{cut::Cut, mesh::shapes, pipeline::flatten_patch, skin::{PatchId, Skin}};
-///
-/// // A torus has no map before it is cut open.
-/// let skin = Skin::from_mesh("ring", shapes::torus(24, 12, 0.05, 0.02));
-/// let flat = flatten_patch(&skin.patches[PatchId::new(0)], &Cut::Auto, &Default::default())?;
-/// assert!(flat.seam > 0.0 && flat.uv.len() > flat.unsplit.len() - 80);
-/// # Ok::<(), dermatome::Error>(())
-/// ```
-///
-/// # Errors
-/// If the patch cannot be cut as asked, or not be flattened.
-pub fn flatten_patch(patch: &Patch, cut: &Cut, options: &FlattenOptions) -> Result<FlatMesh, Error> {
-    options.validate()?;
-    let opened = cut_open(patch, cut, options)?;
-    let (mesh, unsplit, seam) = match opened {
-        None => (patch.mesh.clone(), patch.mesh.positions.ids().collect(), 0.0),
-        Some(cut) => {
-            let seam = seam_length(&patch.mesh, &cut.seam(&patch.mesh)?);
-            (cut.mesh(&patch.mesh.positions), cut.unsplit, seam)
-        }
-    };
-    let taxels = patch.taxels.select(&unsplit);
-    let (uv, convergence) = flatten_with_convergence(&mesh, Some(&taxels), options)?;
-    Ok(FlatMesh { mesh, unsplit, uv, seam, convergence })
-}
 
 /// A step of the flow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -341,7 +186,7 @@ fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Resul
         Coarsened::Cut(pyramid) => {
             let unsplit = pyramid.cuts.iter().next().map(|cut| &cut.unsplit);
             let taxels = unsplit.map(|unsplit| patch.taxels.select(unsplit));
-            let maps = flatten_pyramid_with_convergence(&pyramid.opened, taxels.as_ref(), &options.flatten)?;
+            let maps = flatten_chart_pyramid(&pyramid.opened, taxels.as_ref(), &options.flatten)?;
             let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
             (PatchMap::new_cut(patch, *pyramid, maps.into(), pixel), convergences)
         }

@@ -1,0 +1,34 @@
+//! The whole flow, from a skin to the files of its map.
+//!
+//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut
+//!    open where it needs a seam ([`cut_open`]), maps every level of it to the plane
+//!    ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the
+//!    [`SkinMap`](crate::map::SkinMap).
+//! 2. [`write_files`] rasterises the levels ([`skin_images`](crate::atlas::skin_images)) and writes `map.glb` and `map.exr`.
+//!
+//! Where no cut within one chart keeps the area ratio asked for, a patch is divided into several
+//! (`charts`).
+//!
+//! Patches are independent: they are built in parallel, and the result does not depend on the
+//! number of threads. Before it, [`read_draft`](crate::io::read_draft) and
+//! [`assemble`](crate::skin::assemble()) make the skin; after it,
+//! [`measure`](crate::report::measure) says how faithful the map is.
+//!
+//! ```
+//! use dermatome::{mesh::shapes, pipeline, skin::Skin};
+//!
+//! let skin = Skin::from_mesh("cap", shapes::cap(500, 0.1, 0.6));
+//! let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
+//! assert!(map.patches.iter().all(|patch| patch.levels.len() > 1));
+//! # Ok::<_, dermatome::Error>(())
+//! ```
+
+mod build;
+mod charts;
+mod choose_cut;
+mod open;
+
+pub use build::{
+    BuildOptions, Built, Enlarged, FILES, Progress, Stage, build, build_with_progress, write_files,
+};
+pub use open::{FlatMesh, cut_open, flatten_patch};
