@@ -180,6 +180,47 @@ fn joints_are_read_kept_and_written() {
     }
 }
 
+/// Viewers bend our files: the skin of glTF takes the mesh where it lies, its nodes are roots, and readers find
+/// the links again, none more and none less.
+#[test]
+fn files_have_skins_of_gltf() {
+    let folder = tempfile::tempdir().unwrap();
+    let moved = file(Stored::Floats).with("/nodes/0/translation", json!([1, 2, 3]));
+    let bent = skin(&moved, &folder);
+    // Two links without a common parent.
+    let mut apart = bent.clone();
+    apart.links.iter_mut().for_each(|link| link.parent = None);
+    let path = folder.path().join("map.glb");
+    for (skin, is_apart) in [(bent, false), (apart, true)] {
+        write_map(&path, &build(&skin, &BuildOptions::default()).unwrap()).unwrap();
+        let map = read_map(&path).unwrap();
+        let draft = read_draft(&path).unwrap();
+        assert!(draft.remarks.is_empty(), "{:?}", draft.remarks);
+        for links in [&map.links, &draft.links] {
+            assert_eq!(links.len(), skin.links.len());
+            for (id, link) in links.enumerate() {
+                let expected = &skin.links[id];
+                assert_eq!((&link.name, link.parent), (&expected.name, expected.parent));
+                assert!(link.pose.abs_diff_eq(expected.pose, 1e-6));
+            }
+        }
+        let patch = &map.patches[PatchId::new(0)];
+        assert_eq!(patch.link, skin.patches[PatchId::new(0)].link);
+        assert!(patch.taxels.joints.is_some() && draft.sheets[0].joints.is_some());
+        let json = Glb::parse(&fs::read(&path).unwrap()).json;
+        let levels = patch.levels.len();
+        assert_eq!(json["skins"].as_array().unwrap().len(), levels, "a skin for each level");
+        for (scene, mesh) in json["scenes"].as_array().unwrap().iter().zip(json["meshes"].as_array().unwrap()) {
+            let nodes = scene["nodes"].as_array().unwrap();
+            let patch = &json["nodes"][usize::try_from(nodes.last().unwrap().as_u64().unwrap()).unwrap()];
+            assert!(patch["skin"].is_u64() && patch["extras"]["dermatome"]["link"].is_u64(), "{patch}");
+            assert!(!is_apart || nodes.len() == 2, "all links under one root");
+            let attributes = &mesh["primitives"][0]["attributes"];
+            assert!(attributes["JOINTS_0"].is_u64() && attributes["WEIGHTS_0"].is_u64());
+        }
+    }
+}
+
 #[test]
 fn contacts_on_the_bent_tube_are_those_of_the_blended_mesh() {
     let folder = tempfile::tempdir().unwrap();
@@ -197,6 +238,19 @@ fn contacts_on_the_bent_tube_are_those_of_the_blended_mesh() {
     }
 }
 
+/// The command answers the contacts with their distances from the mesh.
+fn assert_distances(command: &mut Command, mesh: &TriMesh) {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut reader = csv::Reader::from_reader(output.stdout.as_slice());
+    let at = reader.headers().unwrap().iter().position(|name| name == "distance").unwrap();
+    let distances: Vec<f64> = reader.records().map(|row| row.unwrap()[at].parse().unwrap()).collect();
+    assert_eq!(distances.len(), contacts().len());
+    for (found, q) in distances.iter().zip(contacts()) {
+        assert!((found.abs() - brute(mesh, q)).abs() < 1e-9, "{found} from {q}");
+    }
+}
+
 #[test]
 fn the_command_poses_the_tube() {
     let folder = tempfile::tempdir().unwrap();
@@ -210,16 +264,12 @@ fn the_command_poses_the_tube() {
     fs::write(folder.path().join("in.csv"), table).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
     command.current_dir(&folder).args(["lookup", "map.glb", "in.csv", "--pose", "poses.csv", "--level", "0"]);
-    let output = command.args(["--max-distance", "inf"]).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let mut reader = csv::Reader::from_reader(output.stdout.as_slice());
-    let at = reader.headers().unwrap().iter().position(|name| name == "distance").unwrap();
-    let mesh = blended(&map, &turned(&map, 0.8));
-    let distances: Vec<f64> = reader.records().map(|row| row.unwrap()[at].parse().unwrap()).collect();
-    assert_eq!(distances.len(), contacts().len());
-    for (found, q) in distances.iter().zip(contacts()) {
-        assert!((found.abs() - brute(&mesh, q)).abs() < 1e-9, "{found} from {q}");
-    }
+    command.args(["--max-distance", "inf"]);
+    assert_distances(&mut command, &blended(&map, &turned(&map, 0.8)));
+    // Without poses it lies as the map has it.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    command.current_dir(&folder).args(["lookup", "map.glb", "in.csv", "--level", "0", "--max-distance", "inf"]);
+    assert_distances(&mut command, level_0(&map));
 }
 
 #[test]

@@ -1,6 +1,6 @@
-//! What a map adds to glTF, `extras.dermatome` of each mesh: one schema for reading and writing.
+//! What our files add to glTF, `extras.dermatome` of meshes and nodes: one schema for reading and writing.
 
-use gltf::json::Mesh;
+use gltf::json::{Mesh, Node, extras::Extras};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -58,10 +58,31 @@ pub(super) struct RowsExtras {
     pub weights: usize,
 }
 
+/// `extras.dermatome` of a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum NodeExtras {
+    /// The number of the node of the link that a skinned patch is given in.
+    Link(usize),
+    /// The node only joins links, since all joints of a skin must have one root.
+    Root,
+}
+
 impl LevelExtras {
     /// What a mesh says; `None` if it says nothing.
     pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
-        let extras: Value = serde_json::from_str(mesh.extras.as_ref()?.get()).ok()?;
-        extras.get("dermatome").map(Self::deserialize)
+        content(&mesh.extras).map(Self::deserialize)
     }
+}
+
+impl NodeExtras {
+    /// What a node says; `None` if it says nothing, or nothing known.
+    pub(super) fn of(node: &Node) -> Option<Self> {
+        Self::deserialize(content(&node.extras)?).ok()
+    }
+}
+
+fn content(extras: &Extras) -> Option<Value> {
+    let mut extras: Value = serde_json::from_str(extras.as_ref()?.get()).ok()?;
+    extras.get_mut("dermatome").map(Value::take)
 }

@@ -462,7 +462,7 @@ fn elements_of<'a>(json: &'a mut Value, key: &str) -> &'a mut [Value] {
 
 /// Whether a skin needs an attribute: the others are looks, or are computed where they are wrong.
 pub(super) fn is_needed(attribute: &str) -> bool {
-    const OF_TAXELS: [&str; 10] = [
+    const OF_TAXELS: [&str; 8] = [
         "_TAXEL_ID",
         "_AREA",
         "_DENSITY",
@@ -471,8 +471,6 @@ pub(super) fn is_needed(attribute: &str) -> bool {
         "_PRESENT",
         "_COVARIANCE_0",
         "_COVARIANCE_1",
-        "_JOINTS",
-        "_JOINT_WEIGHTS",
     ];
     attribute == "POSITION" || OF_TAXELS.contains(&attribute)
 }

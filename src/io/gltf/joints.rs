@@ -5,7 +5,7 @@
 //! mesh is, and it moves with its links from there; files that show another pose are read without
 //! joints, with a note.
 //!
-//! Our own files have no skin of glTF: `_JOINTS` has the numbers of the nodes themselves.
+//! Our own files name the link in whose frame the mesh is given; others put it on a link of its own.
 
 use glam::{DAffine3, DMat4, DVec4};
 use serde::Deserialize;
@@ -27,6 +27,9 @@ use crate::{
 /// files are `f32`.
 const APART: f64 = 1e-4;
 
+/// The same as a part of the distance of the joints from the origin, which `f32` rounds too.
+const APART_FROM_AFAR: f64 = 1e-6;
+
 /// What is read of a skin.
 #[derive(Deserialize)]
 struct SkinJson {
@@ -38,8 +41,8 @@ struct SkinJson {
 /// A mesh that is bound to joints.
 pub(super) struct Binding {
     joints: Vec<LinkId>,
-    /// Where all joints see the frame of the mesh, in the world.
-    pub(super) pose: DAffine3,
+    /// Where all joints see the frame of the mesh, in the world; `None` if the file says which link it is.
+    pub(super) pose: Option<DAffine3>,
 }
 
 impl Binding {
@@ -78,10 +81,15 @@ impl Binding {
             let is_affine = inverse.row(3).abs_diff_eq(DVec4::W, APART);
             is_affine.then(|| world_pose(&tree.links, link) * DAffine3::from_mat4(*inverse))
         });
-        let seen = seen.collect::<Option<Vec<_>>>().unwrap_or_default();
+        let mut seen = seen.collect::<Option<Vec<_>>>().unwrap_or_default();
+        if !placement.is_free && !seen.is_empty() {
+            seen.push(world_pose(&tree.links, placement.link));
+        }
+        let far = joints.iter().map(|&link| world_pose(&tree.links, link).translation.abs().max_element());
+        let apart = far.map(|far| far * APART_FROM_AFAR).fold(APART, f64::max);
         let is_rigid =
             |pose: &DAffine3| rotation_defect(&pose.matrix3) < APART && pose.matrix3.determinant() > 0.0;
-        let agreed = seen.first().filter(|first| seen.iter().all(|other| other.abs_diff_eq(**first, APART)));
+        let agreed = seen.first().filter(|first| seen.iter().all(|other| other.abs_diff_eq(**first, apart)));
         let Some(pose) = agreed.filter(|pose| is_rigid(pose)) else {
             let found = "joints that stand elsewhere than when the mesh was bound to them, or are scaled";
             let needed = "the nodes in the pose of the inverse bind matrices; joints are not read";
@@ -91,71 +99,42 @@ impl Binding {
         let is_origin = pose.abs_diff_eq(DAffine3::IDENTITY, APART);
         let (_, turn, place) = pose.to_scale_rotation_translation();
         let rigid = DAffine3::from_rotation_translation(turn.normalize(), place);
-        Ok(Some(Self { joints, pose: if is_origin { DAffine3::IDENTITY } else { rigid } }))
+        let pose = if is_origin { DAffine3::IDENTITY } else { rigid };
+        Ok(Some(Self { joints, pose: placement.is_free.then_some(pose) }))
     }
-}
 
-/// What the vertices of a mesh may follow.
-pub(super) struct Followed<'a> {
-    /// The link of each node.
-    pub(super) nodes: &'a [Option<LinkId>],
-    pub(super) binding: Option<&'a Binding>,
-}
-
-impl Followed<'_> {
-    /// The links that each vertex of a primitive follows: nodes by `_JOINTS`, or the joints of a skin.
+    /// The links that each vertex of a primitive follows.
     pub(super) fn joints(&self, attributes: &Attributes<'_>) -> Result<Option<Vec<Joints>>> {
-        if let Some(joints) = read_own_joints(attributes, self.nodes)? {
-            return Ok(Some(joints));
-        }
-        let Some(Binding { joints, .. }) = self.binding else { return Ok(None) };
         if attributes.get("JOINTS_1").is_some() {
             let fault =
                 attributes.document.unsupported(&attributes.element, "more than four joints a vertex");
             return attributes.document.notes.pass(fault).map(|()| None);
         }
-        let link = |joint: u32| joints.get(joint as usize).copied();
-        let needed = format!("less than {}, the joints of the skin", joints.len());
-        read_joints(attributes, ["JOINTS_0", "WEIGHTS_0"], &link, &needed)
-    }
-}
-
-/// The links that each vertex of a primitive of our own files follows.
-pub(super) fn read_own_joints(
-    attributes: &Attributes<'_>,
-    nodes: &[Option<LinkId>],
-) -> Result<Option<Vec<Joints>>> {
-    let link = |node: u32| nodes.get(node as usize).copied().flatten();
-    read_joints(attributes, ["_JOINTS", "_JOINT_WEIGHTS"], &link, "the node of a link")
-}
-
-/// Rows of joints, which `link_of` knows, and weights, scaled to the sum 1.
-fn read_joints(
-    attributes: &Attributes<'_>,
-    [joints, weights]: [&str; 2],
-    link_of: &dyn Fn(u32) -> Option<LinkId>,
-    needed: &str,
-) -> Result<Option<Vec<Joints>>> {
-    let (Some(joints), Some(weights)) = (attributes.get(joints), attributes.get(weights)) else {
-        return Ok(None);
-    };
-    if weights.is_blank() {
-        return Ok(None);
-    }
-    let (numbers, shares) = (joints.integers::<4>()?, weights.reals(|row: [f64; 4]| row)?);
-    let mut rows = Vec::with_capacity(numbers.len());
-    for (vertex, (numbers, shares)) in numbers.into_iter().zip(shares).enumerate() {
-        let mut row = [(LinkId::default(), 0.0); 4];
-        for ((slot, number), share) in row.iter_mut().zip(numbers).zip(shares) {
-            // What has no weight may be any number.
-            let link = if share == 0.0 { Some(LinkId::default()) } else { link_of(number) };
-            let unknown = || joints.invalid(format!("joint {number} of vertex {vertex}"), needed);
-            *slot = (link.ok_or_else(unknown)?, share);
+        let (Some(joints), Some(weights)) = (attributes.get("JOINTS_0"), attributes.get("WEIGHTS_0")) else {
+            return Ok(None);
+        };
+        if weights.is_blank() {
+            return Ok(None);
         }
-        rows.push(scaled_joints(&row).ok_or_else(|| {
-            let found = format!("the weights {shares:?} of vertex {vertex}");
-            weights.invalid(found, "weights of at least 0 with sum 1")
-        })?);
+        let (numbers, shares) = (joints.integers::<4>()?, weights.reals(|row: [f64; 4]| row)?);
+        let mut rows = Vec::with_capacity(numbers.len());
+        for (vertex, (numbers, shares)) in numbers.into_iter().zip(shares).enumerate() {
+            let mut row = [(LinkId::default(), 0.0); 4];
+            for ((slot, number), share) in row.iter_mut().zip(numbers).zip(shares) {
+                // What has no weight may be any number.
+                let link = self.joints.get(number as usize).copied();
+                let link = if share == 0.0 { Some(LinkId::default()) } else { link };
+                let unknown = || {
+                    let needed = format!("less than {}, the joints of the skin", self.joints.len());
+                    joints.invalid(format!("joint {number} of vertex {vertex}"), needed)
+                };
+                *slot = (link.ok_or_else(unknown)?, share);
+            }
+            rows.push(scaled_joints(&row).ok_or_else(|| {
+                let found = format!("the weights {shares:?} of vertex {vertex}");
+                weights.invalid(found, "weights of at least 0 with sum 1")
+            })?);
+        }
+        Ok(Some(rows))
     }
-    Ok(Some(rows))
 }

@@ -12,7 +12,7 @@ use crate::{
     id::IdVec,
     io::{
         error::Result,
-        gltf::{document::Document, guard::Transform},
+        gltf::{document::Document, extras::NodeExtras, guard::Transform},
     },
     skin::{Link, LinkId},
 };
@@ -38,6 +38,8 @@ pub(super) struct Placement {
     pub(super) stretch: Option<DMat3>,
     /// The skin that joins the mesh to its joints.
     pub(super) skin: Option<usize>,
+    /// Whether the link of a skinned mesh has been made for it, and stands where the skin says.
+    pub(super) is_free: bool,
 }
 
 #[derive(Debug, Default)]
@@ -54,7 +56,8 @@ pub(super) struct Tree {
 /// and without a transform of its own belongs to the link above it. (Cameras and lights at the ends
 /// are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
 /// skinned to joints ignores its node's transform, as glTF has it, and lies in its bind pose on a
-/// link of its own at the origin, unless [`Binding`](super::joints::Binding) knows better.
+/// link of its own at the origin, unless [`Binding`](super::joints::Binding) knows better, or
+/// [`NodeExtras`] name its link.
 ///
 /// The scene is the default scene, else the first. A file without scenes is a library: its root
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
@@ -99,6 +102,26 @@ impl Nodes<'_> {
         is_plain && (node.camera.is_some() || is_light)
     }
 
+    /// The node whose link a skinned patch of our own files is given in.
+    fn carrier(&self, i: usize) -> Option<usize> {
+        let node = &self.document.root().nodes[i];
+        let NodeExtras::Link(link) = NodeExtras::of(node)? else { return None };
+        let is_patch = node.skin.is_some() && node.mesh.is_some() && node.children.is_none();
+        let is_link = |link: &usize| {
+            let other = self.document.root().nodes.get(*link);
+            let is_rigid = other.is_some_and(|other| other.skin.is_none() && NodeExtras::of(other).is_none());
+            is_rigid && self.shown[*link] && !self.is_patch(*link) && !self.is_ornament(*link)
+        };
+        Some(link).filter(|link| is_patch && is_link(link))
+    }
+
+    /// Whether a node only joins links.
+    fn is_root(&self, i: usize) -> bool {
+        let node = &self.document.root().nodes[i];
+        let is_bare = node.mesh.is_none() && is_identity(&self.document.transforms[i]);
+        self.parents[i].is_none() && is_bare && NodeExtras::of(node) == Some(NodeExtras::Root)
+    }
+
     /// Adds the links of the scene, parents first; returns the frame of each node.
     fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>> {
         let nodes = &self.document.root().nodes;
@@ -107,7 +130,11 @@ impl Nodes<'_> {
             .filter(|&i| self.shown[i] && self.parents[i].is_none_or(|parent| !self.shown[parent]));
         let mut ready: BinaryHeap<_> = roots.map(Reverse).collect();
         while let Some(Reverse(i)) = ready.pop() {
-            if self.is_patch(i) || self.is_ornament(i) {
+            if self.is_root(i) {
+                ready.extend(children(&nodes[i]).map(Reverse));
+                continue;
+            }
+            if self.is_patch(i) || self.is_ornament(i) || self.carrier(i).is_some() {
                 continue;
             }
             let above = self.parents[i].and_then(|p| frames[p]);
@@ -125,13 +152,16 @@ impl Nodes<'_> {
         let root = self.document.root();
         for (i, node) in root.nodes.iter().enumerate().filter(|(i, _)| self.shown[*i]) {
             let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
-            let carrier = if self.is_patch(i) { self.parents[i] } else { Some(i) };
-            let Some(frame) = carrier.and_then(|i| frames[i]) else { continue };
+            let named = self.carrier(i);
+            let carrier = if self.is_patch(i) { self.parents[i] } else { named.or(Some(i)) };
+            let Some(mut frame) = carrier.and_then(|i| frames[i]) else { continue };
+            let (name, is_free) = (self.patch_name(i, mesh), node.skin.is_some() && named.is_none());
             // A skinned mesh ignores the transform of its node.
-            let skinned = node.skin.as_ref().map(|_| NodeFrame::at_origin(tree, node.name.clone()));
-            let (frame, name) = (skinned.unwrap_or(frame), self.patch_name(i, mesh));
+            if is_free {
+                frame = NodeFrame::at_origin(tree, node.name.clone());
+            }
             let (link, stretch, skin) = (frame.link, frame.stretch, node.skin.map(|skin| skin.value()));
-            tree.placements.push(Placement { mesh, link, name, stretch, skin });
+            tree.placements.push(Placement { mesh, link, name, stretch, skin, is_free });
         }
     }
 
@@ -153,7 +183,8 @@ fn place_library(document: &Document, tree: &mut Tree) {
     for (mesh, json) in root.meshes.iter().enumerate().filter(|(i, _)| !carried.contains(i)) {
         let frame = *origin.get_or_insert_with(|| NodeFrame::at_origin(tree, None));
         let name = json.name.clone().unwrap_or_else(|| format!("mesh {mesh}"));
-        tree.placements.push(Placement { mesh, link: frame.link, name, stretch: None, skin: None });
+        let link = frame.link;
+        tree.placements.push(Placement { mesh, link, name, stretch: None, skin: None, is_free: false });
     }
 }
 

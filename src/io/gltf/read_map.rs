@@ -20,7 +20,7 @@ use crate::{
             animation::read_animations,
             document::{Document, Role},
             extras::{FrameExtras, LevelExtras, RowsExtras},
-            joints::read_own_joints,
+            joints::Binding,
             nodes::read_node_tree,
             notes::Notes,
             primitive::{Attributes, Shape},
@@ -64,12 +64,13 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
                 (format!("mesh {}", placement.mesh), "rigid nodes: map and skin are in metres");
             return Err(document.invalid(element, "a scaled or mirrored node", needed));
         }
-        links.insert(placement.mesh, placement.link);
+        let binding = Binding::of(document, &tree, placement)?;
+        links.insert(placement.mesh, (placement.link, binding));
     }
     let mut map =
         SkinMap { animations: read_animations(document, &tree).0, links: tree.links, ..SkinMap::default() };
     for patch in found {
-        map.patches.push(read_patch(document, (&links, &tree.nodes), patch)?);
+        map.patches.push(read_patch(document, &links, patch)?);
     }
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     for patch in map.patches.iter_mut() {
@@ -118,17 +119,17 @@ fn levels_by_patch(document: &Document) -> Result<Vec<PatchFound>> {
 
 fn read_patch(
     document: &Document,
-    (links, nodes): (&BTreeMap<usize, LinkId>, &[Option<LinkId>]),
+    links: &BTreeMap<usize, (LinkId, Option<Binding>)>,
     patch: PatchFound,
 ) -> Result<PatchMap> {
-    let Some(&link) = patch.levels.first().and_then(|(mesh, _)| links.get(mesh)) else {
+    let Some((link, binding)) = patch.levels.first().and_then(|(mesh, _)| links.get(mesh)) else {
         let (found, needed) = ("no node in the default scene", "a node that carries its level 0");
         return Err(document.invalid(format!("patch {:?}", patch.name), found, needed));
     };
     let mut taxels = Taxels::default();
     let mut levels = IdVec::<LevelId, MapLevel>::new();
     for (mesh, extras) in &patch.levels {
-        levels.push(read_level(document, (*mesh, extras), nodes, &mut taxels)?);
+        levels.push(read_level(document, (*mesh, extras), binding.as_ref(), &mut taxels)?);
     }
     let sizes: Vec<_> = levels.iter().map(|map| map.level.mesh.positions.len()).collect();
     for (number, (_, extras)) in levels.ids().zip(&patch.levels) {
@@ -156,14 +157,14 @@ fn read_patch(
         let (element, found) = (format!("patch {:?} filled", patch.name), filled.to_string());
         return Err(document.invalid(element, found, format!("at most {faces}, its triangles")));
     }
-    Ok(PatchMap { name: patch.name, link, filled, taxels, levels })
+    Ok(PatchMap { name: patch.name, link: *link, filled, taxels, levels })
 }
 
 /// The mesh and the map of one level, not yet measured nor joined; level 0 fills in the taxels.
 fn read_level(
     document: &Document,
     (index, extras): (usize, &LevelExtras),
-    nodes: &[Option<LinkId>],
+    binding: Option<&Binding>,
     taxels: &mut Taxels,
 ) -> Result<MapLevel> {
     let name = format!("{}/L{}", extras.patch, extras.level);
@@ -187,6 +188,7 @@ fn read_level(
         let tangents =
             tangents.map(|all| all.into_iter().zip(&normals).map(|(t, &n)| tangent(t, n)).collect());
         let presence = attributes.read("_PRESENT", read_presence)?;
+        let joints = binding.map_or(Ok(None), |binding| binding.joints(&attributes))?;
         *taxels = Taxels {
             ids: read_ids(attributes.need("_TAXEL_ID")?)?.into(),
             normals,
@@ -197,7 +199,7 @@ fn read_level(
             acuities: attributes.scalars("_ACUITY")?.map(IdVec::from),
             presence: presence.map_or_else(|| areas.map(|_| Presence::Present), IdVec::from),
             covariances: read_covariances(&attributes)?.map(IdVec::from),
-            joints: read_own_joints(&attributes, nodes)?.map(IdVec::from),
+            joints: joints.map(IdVec::from),
         };
     }
     let whole = MapLevel {

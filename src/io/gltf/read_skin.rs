@@ -15,7 +15,7 @@ use crate::{
             animation::read_animations,
             document::Document,
             extras::LevelExtras,
-            joints::{Binding, Followed},
+            joints::Binding,
             nodes::{Placement, read_node_tree},
             notes::Notes,
             primitive::{Attributes, Shape, check_morphs},
@@ -41,7 +41,7 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
         bindings.push(Binding::of(&document, &tree, placement)?);
     }
     for (placement, binding) in tree.placements.iter().zip(&bindings) {
-        if let Some(Binding { pose, .. }) = binding {
+        if let Some(Binding { pose: Some(pose), .. }) = binding {
             tree.links[placement.link].pose = *pose;
         }
     }
@@ -56,8 +56,7 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
         if draft.sheets.iter().all(|sheet| sheet.triangles.is_empty()) {
             draft.sheets.clear();
             for (placement, binding) in tree.placements.iter().zip(&bindings) {
-                let followed = Followed { nodes: &tree.nodes, binding: binding.as_ref() };
-                draft.sheets.extend(read_sheet(&document, placement, &followed, (shape, parts))?);
+                draft.sheets.extend(read_sheet(&document, placement, binding.as_ref(), (shape, parts))?);
             }
         }
     }
@@ -79,7 +78,7 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
 fn read_sheet(
     document: &Document,
     placement: &Placement,
-    followed: &Followed<'_>,
+    binding: Option<&Binding>,
     (shape, parts): (Shape, ReadParts),
 ) -> Result<Option<Sheet>> {
     let mesh = &document.root().meshes[placement.mesh];
@@ -99,7 +98,7 @@ fn read_sheet(
             Some(&start) => start,
             None => {
                 let start = sheet.positions.len();
-                append_vertices(&attributes, followed, &mut sheet, starts.is_empty())?;
+                append_vertices(&attributes, binding, &mut sheet, starts.is_empty())?;
                 if parts.texture {
                     let part = attributes.read("TEXCOORD_0", |a| a.reals(DVec2::from_array))?;
                     if join(&mut texture, part, starts.is_empty()).is_err() {
@@ -152,7 +151,7 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) {
 
 fn append_vertices(
     attributes: &Attributes<'_>,
-    followed: &Followed<'_>,
+    binding: Option<&Binding>,
     sheet: &mut Sheet,
     first: bool,
 ) -> Result<()> {
@@ -170,7 +169,8 @@ fn append_vertices(
     all_or_none("_DENSITY", join(&mut sheet.densities, attributes.scalars("_DENSITY")?, first))?;
     all_or_none("_WEIGHT", join(&mut sheet.weights, attributes.scalars("_WEIGHT")?, first))?;
     all_or_none("_COVARIANCE_0", join(&mut sheet.covariances, read_covariances(attributes)?, first))?;
-    all_or_none("JOINTS_0", join(&mut sheet.joints, followed.joints(attributes)?, first))?;
+    let joints = binding.map_or(Ok(None), |binding| binding.joints(attributes))?;
+    all_or_none("JOINTS_0", join(&mut sheet.joints, joints, first))?;
 
     // A primitive without normals is flat by the rules of glTF, so its triangles know better.
     for (all, part) in

@@ -14,8 +14,8 @@ use crate::{
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
             upright::keep_upright,
-            write_skin::{SheetWriter, mesh, node},
-            writer::{Form, SceneWriter, narrow},
+            write_skin::{SheetWriter, joints_of, mesh, node},
+            writer::{Form, Hung, SceneWriter, narrow},
         },
     },
     map::{MapLevel, SkinMap},
@@ -31,8 +31,10 @@ use crate::{
 /// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
 /// image, `TANGENT` with `w` 1 the tangents of the taxels that the vertices are, `_AREA` the receptive
 /// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16:
-/// low, high), `_PRESENT`, and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1`, `_JOINTS` and
-/// `_JOINT_WEIGHTS` where they are known. The mesh's `extras.dermatome` holds the names of patch and level, the
+/// low, high), `_PRESENT`, and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1` where they
+/// are known. A patch that follows several links has a skin of glTF on each level, whose joints are the
+/// nodes of the links; its nodes are roots, as glTF wants it, and `extras.dermatome` of each is
+/// `{"link": N}`, the node of its own link. The mesh's `extras.dermatome` holds the names of patch and level, the
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
 /// vertices of level 0 that its vertices are. Where a map is cut, the mesh has the vertices of the
 /// seam once for each of their places, and `unsplit` is the accessor of the vertex of the level that
@@ -115,13 +117,16 @@ fn write_levels(
         let mut nodes = Vec::new();
         for patch in patches.iter().filter(|patch| level.index() < patch.levels.len()) {
             let mesh = add_level(&mut writer, patch, level)?;
-            nodes.push((patch.link, node(level_name(patch, level), mesh)));
-            let mut link = Some(patch.link);
-            // A parent comes before its child, so this ends.
-            while let Some(at) = link.filter(|at| wanted.get(*at) == Some(&false)) {
-                wanted[at] = true;
-                link = links[at].parent;
+            let joints = joints_of(patch.taxels);
+            for first in joints.iter().copied().chain([patch.link]) {
+                let mut link = Some(first);
+                // A parent comes before its child, so this ends.
+                while let Some(at) = link.filter(|at| wanted.get(*at) == Some(&false)) {
+                    wanted[at] = true;
+                    link = links[at].parent;
+                }
             }
+            nodes.push(Hung { link: patch.link, node: node(level_name(patch, level), mesh), joints });
         }
         let name = Some(format!("level {level}"));
         writer.add_scene(name, links, &wanted, nodes)?;
@@ -154,6 +159,10 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         sheet.frames(&of_level(&patch.taxels.normals), tangents.as_ref());
         let areas = unsplit.map(|at| at.map(|&v| level.areas[v]));
         sheet.positive("_AREA", areas.as_ref().unwrap_or(&level.areas))?;
+        if let Some(joints) = &patch.taxels.joints {
+            let rows = taxel_of.map(|&taxel| joints[taxel]);
+            sheet.joints(&joints_of(patch.taxels), rows.as_slice())?;
+        }
     }
     if let Some(map) = map {
         let texture =

@@ -18,7 +18,7 @@ use crate::{
         IoError,
         error::Result,
         file::{kind, unfit},
-        gltf::writer::{Form, SceneWriter, Stored, narrow},
+        gltf::writer::{Form, Hung, SceneWriter, Stored, narrow},
     },
     mesh::TriMesh,
     skin::{Covariance, Joints, LinkId, Skin, TaxelId, Taxels, scaled_joints},
@@ -30,7 +30,7 @@ use crate::{
 /// Tangents become `TANGENT` with `w` 1, ids `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
 /// (1/m^2), weights `_WEIGHT`, acuities `_ACUITY`, presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
-/// yz, zz), in m^2. Joints become `_JOINTS` (VEC4 of u16: the nodes of the links) and `_JOINT_WEIGHTS`. Everything
+/// yz, zz), in m^2. A patch that follows several links has a skin of glTF, whose joints are their nodes. Everything
 /// is rounded to `f32`.
 pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
     if skin.patches.is_empty() {
@@ -42,11 +42,21 @@ pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
         let mut sheet = SheetWriter::new(&mut writer, format!("patch {:?}", patch.name), &patch.mesh)?;
         sheet.taxels(&patch.taxels, patch.mesh.positions.len())?;
         let mesh = mesh(patch.name.clone(), sheet.finish());
-        nodes.push((patch.link, node(patch.name.clone(), writer.root.push(mesh))));
+        let node = node(patch.name.clone(), writer.root.push(mesh));
+        nodes.push(Hung { link: patch.link, node, joints: joints_of(&patch.taxels) });
     }
     writer.add_scene(None, &skin.links, &skin.links.map(|_| true), nodes)?;
     writer.add_animations(&skin.animations)?;
     writer.finish(if kind(path) == "gltf" { Form::Text } else { Form::Glb })
+}
+
+/// The links that taxels follow, each once, rising; none if they only follow that of their patch.
+pub(super) fn joints_of(taxels: &Taxels) -> Vec<LinkId> {
+    let rows = taxels.joints.iter().flatten().flatten();
+    let mut links: Vec<_> = rows.filter(|joint| joint.1 > 0.0).map(|joint| joint.0).collect();
+    links.sort_unstable();
+    links.dedup();
+    links
 }
 
 pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
@@ -96,6 +106,8 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
             "NORMAL" => Semantic::Normals,
             "TANGENT" => Semantic::Tangents,
             "TEXCOORD_0" => Semantic::TexCoords(0),
+            "JOINTS_0" => Semantic::Joints(0),
+            "WEIGHTS_0" => Semantic::Weights(0),
             _ => Semantic::Extras(name.trim_start_matches('_').into()),
         };
         let rows = self.writer.array(Some(Target::ArrayBuffer), rows);
@@ -124,22 +136,24 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         }
         self.insert("_PRESENT", taxels.presence.iter().map(|&p| [p.code()]));
         if let Some(joints) = &taxels.joints {
-            self.joints(joints)?;
+            self.joints(&joints_of(taxels), joints.as_slice())?;
         }
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
     }
 
-    /// The links that taxels follow, by the numbers of their nodes, which are the first of a file in
-    /// the order of the links; those without weight are 0.
-    fn joints(&mut self, joints: &IdVec<VertexId, Joints>) -> Result<()> {
-        let most = joints.iter().flatten().filter(|joint| joint.1 > 0.0).map(|joint| joint.0).max();
-        if let Some(link) = most.filter(|link| u16::try_from(link.raw()).is_err()) {
-            return Err(self.unfit(format!("a taxel that follows link {link}"), "less than 2^16 links"));
+    /// The links that vertices follow, by their numbers among `links`, all of them rising; what has no
+    /// weight is 0.
+    pub(super) fn joints(&mut self, links: &[LinkId], rows: &[Joints]) -> Result<()> {
+        if links.len() > usize::from(u16::MAX) {
+            return Err(self.unfit(format!("{} joints", links.len()), "less than 2^16"));
         }
-        let rows: Vec<_> = joints.iter().map(|row| scaled_joints(row).unwrap_or(*row)).collect();
-        let number = |(link, _): (LinkId, f64)| u16::try_from(link.raw()).unwrap_or_default();
-        self.insert("_JOINTS", rows.iter().map(|row| row.map(number)));
-        self.insert("_JOINT_WEIGHTS", rows.iter().map(|row| row.map(|joint| narrow(joint.1))));
+        let rows: Vec<_> = rows.iter().map(|row| scaled_joints(row).unwrap_or(*row)).collect();
+        let number = |(link, weight): (LinkId, f64)| {
+            let number = links.binary_search(&link).ok().filter(|_| weight > 0.0);
+            number.and_then(|number| u16::try_from(number).ok()).unwrap_or_default()
+        };
+        self.insert("JOINTS_0", rows.iter().map(|row| row.map(number)));
+        self.insert("WEIGHTS_0", rows.iter().map(|row| row.map(|joint| narrow(joint.1))));
         Ok(())
     }
 

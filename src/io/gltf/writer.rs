@@ -3,11 +3,11 @@
 use std::{io, io::Write as _, mem, path::Path};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use glam::DQuat;
+use glam::{DAffine3, DMat4, DQuat};
 use gltf::{
     binary::{Glb, Header},
     json::{
-        Index, Node, Root, Scene, Value,
+        Index, Node, Root, Scene, Skin, Value,
         accessor::{Accessor, ComponentType, GenericComponentType, Type},
         buffer::{Buffer, Stride, Target, View},
         extras::{Extras, RawValue},
@@ -21,10 +21,10 @@ use crate::{
     io::{
         error::Result,
         file::{cannot_write, unfit, write_file},
-        gltf::nodes::RIGID,
+        gltf::{extras::NodeExtras, nodes::RIGID},
     },
     mesh::rotation_defect,
-    skin::{Link, LinkId},
+    skin::{Link, LinkId, world_pose},
 };
 
 /// Which of the two forms of glTF a file has.
@@ -55,6 +55,18 @@ macro_rules! stored {
 }
 
 stored!(u8, U8; u16, U16; u32, U32; f32, F32;);
+
+/// What rows of one number to four are; longer ones are matrices of 16.
+const TYPES: [Type; 4] = [Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4];
+
+/// A patch on its link.
+pub(super) struct Hung {
+    pub(super) link: LinkId,
+    pub(super) node: Node,
+    /// The links that its vertices follow, in the order of their numbers in `JOINTS_0`; none if it is
+    /// rigid.
+    pub(super) joints: Vec<LinkId>,
+}
 
 /// A document that grows object by object, each array in a view of its own.
 pub(super) struct SceneWriter<'p> {
@@ -107,7 +119,7 @@ impl<'p> SceneWriter<'p> {
             component_type: Checked::Valid(GenericComponentType(S::TYPE)),
             extensions: None,
             extras: None,
-            type_: Checked::Valid([Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4][N - 1]),
+            type_: Checked::Valid(*TYPES.get(N - 1).unwrap_or(&Type::Mat4)),
             min: None,
             max: None,
             name: None,
@@ -132,14 +144,14 @@ impl<'p> SceneWriter<'p> {
         accessor
     }
 
-    /// Adds a scene with a node for each link that `wanted` names, and `patches` (links and the nodes
-    /// of what hangs on them) under their links.
+    /// Adds a scene with a node for each link that `wanted` names, and `patches` under their links; those
+    /// that follow several links next to them.
     pub(super) fn add_scene(
         &mut self,
         name: Option<String>,
         links: &IdVec<LinkId, Link>,
         wanted: &IdVec<LinkId, bool>,
-        patches: Vec<(LinkId, Node)>,
+        patches: Vec<Hung>,
     ) -> Result<()> {
         let mut nodes = IdVec::<LinkId, Option<Index<Node>>>::filled(None, links.len());
         let mut roots = Vec::new();
@@ -161,16 +173,64 @@ impl<'p> SceneWriter<'p> {
                 None => roots.push(node),
             }
         }
-        for (link, patch) in patches {
-            let parent = nodes.get(link).copied().flatten().ok_or_else(|| {
+        let node_of = |link: LinkId| {
+            nodes.get(link).copied().flatten().ok_or_else(|| {
                 let found = "a patch, but no link of this number";
                 unfit(self.path, format!("link {link}"), found, "one of the skin's links")
-            })?;
-            let node = self.root.push(patch);
-            self.adopt(parent, node);
+            })
+        };
+        let patches: Vec<_> =
+            patches.into_iter().map(|hung| Ok((node_of(hung.link)?, hung))).collect::<Result<_>>()?;
+        // All joints of a skin have one root.
+        let top = |mut link: LinkId| {
+            while let Some(parent) = links[link].parent {
+                link = parent;
+            }
+            link
+        };
+        let is_split = |hung: &Hung| hung.joints.iter().any(|&joint| top(joint) != top(hung.joints[0]));
+        if patches.iter().any(|(_, hung)| is_split(hung)) {
+            let extras = self.extras(&NodeExtras::Root)?;
+            let children = Some(std::mem::take(&mut roots));
+            roots.push(self.root.push(Node { children, extras, ..Node::default() }));
+        }
+        for (parent, Hung { link, mut node, joints }) in patches {
+            if joints.is_empty() {
+                let node = self.root.push(node);
+                self.adopt(parent, node);
+                continue;
+            }
+            node.skin = Some(self.skin(links, link, &nodes, &joints)?);
+            node.extras = self.extras(&NodeExtras::Link(parent.value()))?;
+            roots.push(self.root.push(node));
         }
         self.root.push(Scene { extensions: None, extras: None, name, nodes: roots });
         Ok(())
+    }
+
+    /// A skin for vertices in the frame of a link as it stands.
+    fn skin(
+        &mut self,
+        links: &IdVec<LinkId, Link>,
+        own: LinkId,
+        nodes: &IdVec<LinkId, Option<Index<Node>>>,
+        joints: &[LinkId],
+    ) -> Result<Index<Skin>> {
+        let pose = world_pose(links, own);
+        let inverse = joints.iter().map(|&joint| {
+            let to_joint = if joint == own { DAffine3::IDENTITY } else { world_pose(links, joint).inverse() * pose };
+            DMat4::from(to_joint).to_cols_array().map(narrow)
+        });
+        let inverse = self.array(None, inverse);
+        let joints = joints.iter().filter_map(|&joint| nodes[joint]).collect();
+        Ok(self.root.push(Skin {
+            joints,
+            inverse_bind_matrices: Some(inverse),
+            skeleton: None,
+            name: None,
+            extensions: None,
+            extras: None,
+        }))
     }
 
     fn adopt(&mut self, parent: Index<Node>, child: Index<Node>) {
