@@ -231,11 +231,49 @@ fn poses_that_cannot_be_are_refused() {
         assert!(run.code == 2 && run.error.contains(expected), "{poses}: {}", run.error);
         assert!(run.rows.is_empty());
     }
+    for (name, is_refused) in [("scale", true), ("sz", true), ("comment", false)] {
+        let poses = format!("time,link,x,y,z,qx,qy,qz,qw,{name}\n0,arm,0,0,1,0,0,0,1,2\n");
+        fs::write(folder.path().join("p.csv"), poses).unwrap();
+        let run = lookup(&folder, "x,y,z\n0,0,0.9\n", &["--pose", "p.csv"]);
+        assert_eq!(run.code == 2 && run.error.contains(&format!("column `{name}`")), is_refused, "{}", run.error);
+    }
     // One pose for all times, and an empty table, which moves nothing.
     for (poses, distance) in [("5,arm,0,0,2,0,0,0,1\n", 1.01), ("", 0.01)] {
         fs::write(folder.path().join("p.csv"), header.to_owned() + poses).unwrap();
         let run = lookup(&folder, "x,y,z,time\n0,0,0.89,7\n", &["--pose", "p.csv", "--level", "0"]);
         assert!(run.code == 0 && (run.number(0, "distance") - distance).abs() < 1e-3, "{}", run.error);
+    }
+}
+
+/// Tables as spreadsheets and loggers write them: a byte order mark, lines that end in two characters, times
+/// in no order.
+#[test]
+fn tables_with_a_mark_and_times_in_no_order_are_read() {
+    let folder = folder();
+    let poses = "\u{feff}link,time,x,y,z,qx,qy,qz,qw\r\narm,2,0,0,3,0,0,0,1\r\narm,0,0,0,1,0,0,0,1\r\n";
+    fs::write(folder.path().join("p.csv"), poses).unwrap();
+    let table = "\u{feff}x,y,z,time\r\n0,0,2.89,2\r\n0,0,0.89,0\r\n0,0,1.89,1\r\n";
+    let run = lookup(&folder, table, &["--pose", "p.csv", "--level", "0"]);
+    assert_eq!((run.code, run.contacts()), (0, vec!["0", "1", "2"]), "{}", run.error);
+    assert!((0..3).all(|row| (run.number(row, "distance") - 0.01).abs() < 1e-3), "{:?}", run.rows);
+}
+
+/// A skin of one triangle, and one 1000 km from the origin of its link.
+#[test]
+fn the_smallest_and_the_farthest_skins_are_answered() {
+    for (mesh, at) in [
+        (shapes::triangle(), DVec3::new(0.2, 0.2, 0.01)),
+        (shapes::lattice(8, 8, 0.5), DVec3::new(1e6 + 1.1, 1e6 + 1.2, 1e6 + 0.01)),
+    ] {
+        let away = if at.x > 1e5 { DVec3::splat(1e6) } else { DVec3::ZERO };
+        let mesh = TriMesh { positions: mesh.positions.map(|p| *p + away), ..mesh };
+        let folder = tempfile::tempdir().unwrap();
+        let map = build(&Skin::from_mesh("far", mesh), &BuildOptions::default()).unwrap();
+        write_map(&folder.path().join("map.glb"), &map).unwrap();
+        let run = lookup(&folder, &format!("x,y,z\n{},{},{}\n", at.x, at.y, at.z), LEVEL_0);
+        assert_eq!((run.code, run.rows.len()), (0, 1), "{}", run.error);
+        assert!((run.number(0, "distance").abs() - 0.01).abs() < 1e-8, "{:?}", run.rows);
+        assert!(run.rows[0]["patch"] == "far" && run.number(0, "nz").abs() == 1.0, "{:?}", run.rows);
     }
 }
 
@@ -305,12 +343,13 @@ fn triangles_without_area_are_not_hit_first() {
     }
 }
 
-/// Hundreds of triangles at one place: the first is the answer, there and back, in no time.
+/// Tens of thousands of triangles at one place: the first is the answer, there and back, in no time.
 #[test]
 fn triangles_at_one_place_are_answered() {
+    const STACKED: u32 = 70_000;
     let corners: Vec<DVec3> = shapes::triangle().positions.iter().copied().collect();
-    let stacked = (0..300).flat_map(|_| corners.iter().map(|p| *p * 0.1)).collect();
-    let triangles: Vec<_> = (0_u32..300).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let stacked = (0..STACKED).flat_map(|_| corners.iter().map(|p| *p * 0.1)).collect();
+    let triangles: Vec<_> = (0..STACKED).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
     let folder = flat(TriMesh::from_arrays(stacked, &triangles));
     let run = lookup(
         &folder,
