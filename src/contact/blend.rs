@@ -21,6 +21,8 @@ pub(super) struct Blend {
     pub(super) carried: IdVec<LinkId, DAffine3>,
     /// The vertices where the links take them, in the same frame.
     pub(super) positions: IdVec<VertexId, DVec3>,
+    /// Room for the vertices in the units of the tree.
+    pub(super) local: Vec<[f32; 3]>,
 }
 
 impl Blend {

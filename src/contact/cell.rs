@@ -1,15 +1,15 @@
 //! [`Cell`]: where a hit lies on the map of a level, and what an index keeps of a map for it.
 
-use std::hint::black_box;
-
 use glam::DVec2;
 
 use crate::{
-    contact::field_weights::{FieldWeights, MOST_FIELDS, Union},
+    contact::{
+        field_weights::FieldWeights,
+        rows::{Row, Rows},
+    },
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError, MapLevel, PatchMap, carried_places},
     mesh::{SurfacePoint, TriMesh},
-    parallel::par_collect,
     pyramid::LevelId,
     skin::TaxelId,
 };
@@ -63,55 +63,21 @@ impl Anchor {
 #[derive(Debug, Clone)]
 pub(super) struct PatchCells {
     levels: IdVec<LevelId, LevelCells>,
-    /// For each vertex of level 0 its rows on the coarser levels, side by side: they are read together.
-    rows: Vec<Row>,
-    /// For each face of level 0 how its rows add up on the coarser levels, side by side.
-    unions: Vec<Union>,
+    pub(super) rows: Rows,
 }
 
 /// What a lookup needs of one level.
 #[derive(Debug, Clone)]
 struct LevelCells {
     frame: ImageFrame,
-    fields: IdVec<VertexId, Field>,
-    triangles: IdVec<FaceId, Corners>,
+    taxels: IdVec<VertexId, TaxelId>,
+    /// Map positions of its places, in m.
+    uv: IdVec<VertexId, DVec2>,
+    triangles: IdVec<FaceId, [VertexId; 3]>,
     /// The first face of each vertex.
     first_faces: IdVec<VertexId, FaceId>,
-    cut: Option<Opened>,
-    /// Where the places of level 0 lie on this map, where level 0 is cut; `None` on level 0.
-    carried: Option<IdVec<VertexId, DVec2>>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Field {
-    /// The first of its places.
-    uv: DVec2,
-    taxel: TaxelId,
-}
-
-/// The corners of a face, ids rising.
-#[derive(Debug, Clone, Copy)]
-struct Corners {
-    fields: [VertexId; 3],
-    /// Which corner of the face each of them is.
-    order: [u8; 3],
-}
-
-/// A map that is cut open.
-#[derive(Debug, Clone)]
-struct Opened {
-    /// The corners of the faces as places of the map.
-    triangles: IdVec<FaceId, [VertexId; 3]>,
-    uv: IdVec<VertexId, DVec2>,
-}
-
-/// Where a vertex of level 0 lies on a coarser level.
-#[derive(Debug, Clone, Copy)]
-struct Row {
-    /// How much of each corner of the face it is, ids of the corners rising.
-    weights: [f64; 3],
-    /// See [`MapLevel::row_faces`].
-    face: FaceId,
+    /// The corners of the faces as places of the map, where the level is cut.
+    places: Option<IdVec<FaceId, [VertexId; 3]>>,
 }
 
 /// A face of a level: its corners in their order, where they lie on its map (m), and the taxels that they are.
@@ -133,102 +99,82 @@ impl OwnFace {
     }
 }
 
-impl Corners {
-    fn of(corners: [VertexId; 3]) -> Self {
-        let mut order = [0, 1, 2];
-        order.sort_by_key(|&k: &u8| corners[usize::from(k)]);
-        Self { fields: order.map(|k| corners[usize::from(k)]), order }
-    }
-
-    /// Numbers for the corners as the face has them, of numbers for rising ids.
-    fn in_face<T: Copy>(&self, rising: [T; 3]) -> [T; 3] {
-        let mut corners = rising;
-        self.order.into_iter().zip(rising).for_each(|(corner, x)| corners[usize::from(corner)] = x);
-        corners
-    }
-}
-
 impl PatchCells {
     /// From a patch of a valid map.
     pub(super) fn new(patch: &PatchMap) -> Result<Self, MapError> {
-        let levels = patch.levels.enumerate().map(|(id, map)| LevelCells::new(patch, id, map));
-        let levels: IdVec<_, _> = levels.collect();
-        let faces = &patch.levels[LevelId::new(0)].level.mesh.triangles;
-        let above = levels.len() - 1;
-        let blank = Row { weights: [0.0; 3], face: FaceId::default() };
-        let rows = vec![blank; above * levels[LevelId::new(0)].fields.len()];
-        let mut cells = Self { levels, rows, unions: Vec::new() };
+        let levels: IdVec<_, _> = patch.levels.iter().map(|map| LevelCells::new(patch, map)).collect();
+        let finest = &patch.levels[LevelId::new(0)];
+        let mut rows = Vec::new();
         for (id, map) in patch.levels.enumerate() {
             let Some(to_finest) = &map.level.to_finest else { continue };
             let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
-            for (vertex, &face) in map.row_faces(to_finest).map_err(wrong)?.enumerate() {
-                let fields = cells.levels[id].triangles[face].fields;
-                let mut weights = [0.0; 3];
-                for (field, weight) in to_finest.indices[vertex].into_iter().zip(to_finest.weights[vertex]) {
-                    if let Some(k) = fields.iter().position(|&corner| corner == field) {
-                        weights[k] += weight;
-                    }
+            let faces = map.row_faces(to_finest).map_err(wrong)?;
+            let carried = finest.cut.as_ref().map(|_| carried_places(finest, map));
+            let row = |place: VertexId| {
+                let vertex = finest.unsplit().map_or(place, |unsplit| unsplit[place]);
+                let parts = to_finest.indices[vertex].into_iter().zip(to_finest.weights[vertex]);
+                let mut row = row_in(map, faces[vertex], parts);
+                if let Some(carried) = &carried {
+                    row.uv = carried[place];
                 }
-                cells.rows[vertex.index() * above + id.index() - 1] = Row { weights, face };
-            }
+                row
+            };
+            rows.push(finest.uv.ids().map(row).collect::<IdVec<VertexId, Row>>());
         }
-        cells.unions = par_collect(faces.len(), |range, unions| {
-            for face in range.map(FaceId::new) {
-                for (k, level) in cells.levels.iter().skip(1).enumerate() {
-                    let rows = faces[face].map(|v| &cells.rows[v.index() * above + k]);
-                    unions.push(Union::new(&level.parts(rows, [1.0; 3])));
-                }
-            }
-        });
-        Ok(cells)
-    }
-
-    /// How many levels there are above level 0.
-    fn above(&self) -> usize {
-        self.levels.len() - 1
+        let places = finest.cut.as_ref().map(|cut| cut.triangles.clone());
+        let rows = Rows::new(&rows, &finest.level.mesh.triangles, places);
+        Ok(Self { levels, rows })
     }
 
     pub(super) fn len(&self) -> usize {
         self.levels.len()
     }
 
-    /// Loads what the cells of a point need on all levels into the cache, so that they wait for memory
-    /// together, not one after another.
-    #[inline]
-    pub(super) fn touch(&self, anchor: &Anchor) {
-        let mut sum = self.unions.get(anchor.at.face.index() * self.above()).map_or(0, |union| union.0);
-        for (above, level) in self.levels.iter().skip(1).enumerate() {
-            for (k, v) in anchor.corners.into_iter().enumerate() {
-                let row = &self.rows[v.index() * self.above() + above];
-                sum ^= u64::from(level.fields[level.triangles[row.face].fields[k]].taxel.0);
-            }
-        }
-        black_box(sum);
+    /// The cell of a point of level 0, if there is the level.
+    pub(super) fn cell(&self, level: LevelId, anchor: &Anchor) -> Option<Cell> {
+        let is_there = level.index() < self.len();
+        is_there.then(|| if level.index() == 0 { self.finest(anchor) } else { self.above(level, anchor) })
     }
 
-    /// The cell of a point of level 0.
+    /// The cells of a point of level 0 on all levels.
+    ///
+    /// Each is made where `for_each` reads it: copying one takes as long as making it.
     #[inline]
-    pub(super) fn cell(&self, level: LevelId, anchor: &Anchor) -> Option<Cell> {
-        let Anchor { at, corners, nearest } = *anchor;
-        let cells = self.levels.get(level)?;
-        let mut point = at;
-        let (weights, field) = match level.index().checked_sub(1) {
-            None => FieldWeights::of_corners(corners, at.barycentric),
-            Some(above) => {
-                let rows = corners.map(|v| &self.rows[v.index() * self.above() + above]);
-                let Row { weights, face } = *rows[nearest % 3];
-                point = SurfacePoint { face, barycentric: cells.triangles[face].in_face(weights) };
-                let parts = cells.parts(rows, at.barycentric);
-                self.unions[at.face.index() * self.above() + above].sums(&parts)
-            }
+    pub(super) fn cells(&self, anchor: Anchor) -> impl Iterator<Item = Cell> + '_ {
+        let finest = (0..1).map(move |_| self.finest(&anchor));
+        finest.chain((1..self.len()).map(move |level| self.above(LevelId::new(level), &anchor)))
+    }
+
+    /// The cell of a point of level 0 on level 0.
+    #[inline(always)]
+    fn finest(&self, Anchor { at, corners, .. }: &Anchor) -> Cell {
+        let level = LevelId::new(0);
+        let cells = &self.levels[level];
+        let [u, v, w] = self.rows.corners(at.face, *corners).map(|place| cells.uv[place]);
+        let [a, b, c] = at.barycentric;
+        cells.cell(level, *at, FieldWeights::of_corners(*corners, at.barycentric), u * a + v * b + w * c)
+    }
+
+    /// The cell of a point of level 0 on a coarser level that there is.
+    #[inline(always)]
+    fn above(&self, level: LevelId, Anchor { at, corners, nearest }: &Anchor) -> Cell {
+        let (cells, above) = (&self.levels[level], level.index() - 1);
+        let rows = self.rows.of(self.rows.corners(at.face, *corners), above);
+        let Row { face, weights, .. } = *rows[nearest % 3];
+        let [a, b, c] = at.barycentric;
+        let uv = rows[0].uv * a + rows[1].uv * b + rows[2].uv * c;
+        let mut cell = Cell {
+            level,
+            point: SurfacePoint { face, barycentric: weights },
+            uv,
+            pixel: cells.frame.pixel(uv),
+            field: VertexId::default(),
+            taxel: TaxelId::default(),
+            weights: FieldWeights::none(),
         };
-        let finest = self.levels.get(LevelId::new(0)).and_then(|finest| finest.cut.as_ref());
-        let uv = finest.map(|finest| {
-            // The corners of the face as they lie on its side of the seam.
-            let carried = cells.carried.as_ref().unwrap_or(&finest.uv);
-            finest.triangles[at.face].iter().zip(at.barycentric).map(|(&place, w)| carried[place] * w).sum()
-        });
-        Some(cells.cell(level, point, (weights, field), uv))
+        cell.field = self.rows.add(at.face, above, (rows, at.barycentric), &mut cell.weights);
+        cell.taxel = cells.taxels[cell.field];
+        cell
     }
 
     /// The cell of a point on a level's own mesh; its fields are the corners of its face.
@@ -240,29 +186,24 @@ impl PatchCells {
     /// A face of a level's own mesh.
     pub(super) fn own_face(&self, level: LevelId, face: FaceId) -> Option<OwnFace> {
         let cells = self.levels.get(level)?;
-        let triangle = cells.triangles.get(face)?;
-        let fields = triangle.in_face(triangle.fields);
-        let uv = cells.cut.as_ref().map(|cut| cut.triangles[face].map(|place| cut.uv[place]));
-        Some(OwnFace {
-            fields,
-            taxels: fields.map(|field| cells.fields[field].taxel),
-            uv: uv.unwrap_or_else(|| fields.map(|field| cells.fields[field].uv)),
-        })
+        let fields = *cells.triangles.get(face)?;
+        let places = cells.places.as_ref().map_or(fields, |places| places[face]);
+        let (taxels, uv) = (fields.map(|field| cells.taxels[field]), places.map(|place| cells.uv[place]));
+        Some(OwnFace { fields, taxels, uv })
     }
 
     /// Vendor id of the taxel at the centre of a field that exists.
     pub(super) fn taxel(&self, level: LevelId, field: VertexId) -> TaxelId {
-        self.levels[level].fields[field].taxel
+        self.levels[level].taxels[field]
     }
 
     /// The cell of the centre of a field; of the places of a field on a seam the first.
     pub(super) fn field_cell(&self, level: LevelId, field: VertexId) -> Option<Cell> {
         let cells = self.levels.get(level)?;
         let face = *cells.first_faces.get(field)?;
-        let triangle = cells.triangles.get(face)?;
-        let barycentric = triangle.in_face(triangle.fields.map(|v| f64::from(u8::from(v == field))));
+        let barycentric = cells.triangles.get(face)?.map(|v| f64::from(u8::from(v == field)));
         let weights = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
-        Some(cells.cell(level, SurfacePoint { face, barycentric }, weights, None))
+        Some(cells.cell(level, SurfacePoint { face, barycentric }, weights, cells.uv[field]))
     }
 }
 
@@ -275,54 +216,46 @@ fn first_faces(mesh: &TriMesh) -> IdVec<VertexId, FaceId> {
     first
 }
 
+/// A row of a prolongation that lies in a face of a level.
+fn row_in(map: &MapLevel, face: FaceId, parts: impl Iterator<Item = (VertexId, f64)>) -> Row {
+    let corners = map.level.mesh.triangles[face];
+    let mut weights = [0.0; 3];
+    for (field, weight) in parts {
+        if let Some(k) = corners.iter().position(|&corner| corner == field) {
+            weights[k] += weight;
+        }
+    }
+    let some = corners.into_iter().zip(weights).find(|part| part.1 != 0.0).map_or(corners[0], |part| part.0);
+    let mut fields = corners;
+    for (field, _) in fields.iter_mut().zip(weights).filter(|part| part.1 == 0.0) {
+        *field = some;
+    }
+    let uv = corners.into_iter().zip(weights).map(|(field, weight)| map.uv[field] * weight).sum();
+    Row { weights, uv, fields, face }
+}
+
 impl LevelCells {
-    fn new(patch: &PatchMap, id: LevelId, map: &MapLevel) -> Self {
-        let finest = patch.levels.iter().next().filter(|finest| finest.cut.is_some() && id.index() > 0);
-        let field =
-            |(v, &origin): (VertexId, &VertexId)| Field { uv: map.uv[v], taxel: patch.taxels.ids[origin] };
+    fn new(patch: &PatchMap, map: &MapLevel) -> Self {
         Self {
             frame: map.frame,
-            fields: map.level.origins.enumerate().map(field).collect(),
-            triangles: map.level.mesh.triangles.map(|corners| Corners::of(*corners)),
+            taxels: map.level.origins.map(|&origin| patch.taxels.ids[origin]),
+            uv: map.uv.clone(),
+            triangles: map.level.mesh.triangles.clone(),
             first_faces: first_faces(&map.level.mesh),
-            cut: map.cut.as_ref().map(|cut| Opened { triangles: cut.triangles.clone(), uv: map.uv.clone() }),
-            carried: finest.map(|finest| carried_places(finest, map)),
+            places: map.cut.as_ref().map(|cut| cut.triangles.clone()),
         }
     }
 
-    /// The fields of three rows and their weights, those of each row times its share.
-    #[inline(always)]
-    fn parts(&self, rows: [&Row; 3], shares: [f64; 3]) -> [(VertexId, f64); MOST_FIELDS] {
-        let mut parts = [(VertexId::default(), 0.0); MOST_FIELDS];
-        for ((row, share), parts) in rows.into_iter().zip(shares).zip(parts.chunks_exact_mut(3)) {
-            let fields = self.triangles[row.face].fields;
-            for k in 0..3 {
-                parts[k] = (fields[k], share * row.weights[k]);
-            }
-        }
-        parts
-    }
-
-    /// The cell at a point, of its fields and the strongest of them; its map position is the mean of the
-    /// fields' if `uv` is not known.
+    /// The cell at a point, of its fields and the strongest of them.
     #[inline(always)]
     fn cell(
         &self,
         level: LevelId,
         point: SurfacePoint,
         (weights, field): (FieldWeights, VertexId),
-        uv: Option<DVec2>,
+        uv: DVec2,
     ) -> Cell {
-        let mean = || {
-            let mut mean = DVec2::ZERO;
-            // The last of three may be one beyond the fields: field 0, of no weight.
-            for k in 0..weights.len.div_ceil(3) * 3 {
-                mean += self.fields[weights.fields[k]].uv * weights.weights[k];
-            }
-            mean
-        };
-        let uv = uv.unwrap_or_else(mean);
-        let (pixel, taxel) = (self.frame.pixel(uv), self.fields[field].taxel);
+        let (pixel, taxel) = (self.frame.pixel(uv), self.taxels[field]);
         Cell { level, point, uv, pixel, field, taxel, weights }
     }
 }

@@ -84,6 +84,9 @@ impl ContactIndex {
     }
 
     /// Memory of the trees of level 0, in bytes: nodes, triangles, the mesh and who borders whom.
+    ///
+    /// Not counted: the maps of all levels, some 40 bytes for each triangle of a level and, for each
+    /// coarser level, another 40 for each triangle of level 0.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.patches.iter().map(|patch| patch.tree.bytes()).sum()
@@ -268,7 +271,8 @@ impl ContactIndex {
     pub(super) fn answer(&self, query: &Query) -> Result<Hit, ContactError> {
         let mut best = None;
         self.each_patch(query, f64::INFINITY, |id, q| {
-            Search::new(&self.patches[id].tree, id, q).run(&mut best);
+            let patch = &self.patches[id];
+            Search::new(&patch.tree, id, q).ahead(&patch.cells.rows).run(&mut best);
             Best::squared(best.as_ref()).sqrt()
         });
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
@@ -280,7 +284,9 @@ impl ContactIndex {
         let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);
         let first = cursor.last.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
         let mut search = |id: PatchId, q: DVec3, start: Option<u32>| {
-            if let Some(packet) = Search::new(&self.patches[id].tree, id, q).run_from(start, &mut best) {
+            let patch = &self.patches[id];
+            let search = Search::new(&patch.tree, id, q).ahead(&patch.cells.rows);
+            if let Some(packet) = search.run_from(start, &mut best) {
                 cursor.last = Some((id, packet));
             }
             Best::squared(best.as_ref()).sqrt()
@@ -370,22 +376,15 @@ impl ContactIndex {
     pub fn cells(&self, hit: &Hit) -> impl Iterator<Item = Cell> + '_ {
         let found = self.patches.get(hit.patch);
         let found = found.and_then(|patch| Some((patch, Anchor::new(&patch.tree.mesh, &hit.point)?)));
-        if let Some((patch, anchor)) = &found {
-            patch.cells.touch(anchor);
-        }
-        let levels = found.as_ref().map_or(0, |(patch, _)| patch.cells.len());
-        (0..levels).filter_map(move |level| {
-            let (patch, anchor) = found.as_ref()?;
-            patch.cells.cell(LevelId::new(level), anchor)
-        })
+        found.into_iter().flat_map(|(patch, anchor)| patch.cells.cells(anchor))
     }
 }
 
 impl IndexedPatch {
     /// Fits the trees of a patch that follows several links to where its vertices are.
     fn bend(&mut self) -> Result<(), ContactError> {
-        let Some(blend) = &self.blend else { return Ok(()) };
-        self.tree.refit("", &blend.positions)?;
+        let Some(blend) = &mut self.blend else { return Ok(()) };
+        self.tree.refit("", &blend.positions, &mut blend.local)?;
         for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
             *fields = PointTree::new(&origins.map(|&vertex| blend.positions[vertex]), |_| DVec3::ZERO);
         }

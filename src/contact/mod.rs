@@ -55,11 +55,11 @@
 //! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
 //! nearest}` (the walk), `search/{first_hit, within, facing, points}` (other searches), `geometry`
-//! (exact measurements), `batch` (many queries), `cell` (from a hit to the map), `coarse` (levels
+//! (exact measurements), `batch` (many queries), `cell` and `rows` (from a hit to the map), `coarse` (levels
 //! with their own trees), `queries` (levels alone, fields, rays, filters, forces), `plane_grid` and
 //! `back` (from the map to the skin).
 //!
-//! The module is the only one that uses pulp and wide.
+//! The module is the only one that uses pulp, wide and safe_arch.
 //!
 //! # Example
 //!
@@ -99,6 +99,7 @@ mod motion;
 mod plane_grid;
 mod queries;
 mod query;
+mod rows;
 mod search;
 #[cfg(test)]
 mod soup;

@@ -65,6 +65,7 @@ impl ContactIndex {
             joints: scaled,
             to_joint: self.links.map(|link| link.pose.pose().inverse() * own),
             carried: self.links.map(|_| DAffine3::IDENTITY),
+            local: Vec::with_capacity(needed),
         };
         let patch = &mut self.patches[id];
         patch.blend = Some(Box::new(blend));

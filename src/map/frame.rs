@@ -44,6 +44,7 @@ impl ImageFrame {
     }
 
     /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
+    #[inline]
     pub(crate) fn to_texture(self, at: DVec2) -> DVec2 {
         let unit = (at - self.origin) / self.size;
         DVec2::new(unit.x, 1.0 - unit.y)
@@ -56,6 +57,7 @@ impl ImageFrame {
 
     /// The pixel (column, row from the top) that holds a map position; the border belongs inside.
     #[must_use]
+    #[inline]
     pub fn pixel(&self, at: DVec2) -> [u32; 2] {
         let t = self.to_texture(at);
         let px = |unit: f64, count: u32| {

@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::deviation::{DEEPEST, ROUND_UP, Target};
 use crate::{
     contact::{ContactError, geometry::Volume, search::PatchBvh},
-    id::{FaceId, IdVec},
+    id::{FaceId, IdVec, VertexId},
     map::PatchMap,
-    mesh::TriMesh,
+    mesh::{SurfacePoint, TriMesh},
     parallel::par_collect,
 };
 
@@ -23,10 +23,8 @@ const NEAR: f64 = 0.5;
 pub(in crate::contact) struct CoarseLevel {
     pub(in crate::contact) tree: PatchBvh,
     deviations: IdVec<FaceId, Deviation>,
-    /// Faces of the next finer level: those of face `f` are `from[f]..from[f + 1]`. Every point of
-    /// each finer face belongs to a face that lists it.
-    children: Vec<FaceId>,
-    from: Vec<usize>,
+    /// For each vertex a packet of the tree of level 0 that it belongs to there.
+    packets: IdVec<VertexId, u32>,
     /// Largest `skin` of all faces, in m.
     pub(in crate::contact) most: f64,
     /// Up to which distance `around` holds, in m.
@@ -51,14 +49,18 @@ impl CoarseLevel {
         self.deviations[face]
     }
 
-    pub(in crate::contact) fn children(&self, face: FaceId) -> &[FaceId] {
-        &self.children[self.from[face.index()]..self.from[face.index() + 1]]
+    /// A packet of the tree of level 0 near a point of the level; `None` if it has no such face.
+    pub(in crate::contact) fn packet_near(&self, at: &SurfacePoint) -> Option<u32> {
+        let corners = self.tree.mesh.triangles.get(at.face)?;
+        let [a, b, c] = at.barycentric;
+        let nearest = if a >= b && a >= c { 0 } else if b >= c { 1 } else { 2 };
+        Some(self.packets[corners[nearest]])
     }
 
     /// A level above a finer one, which is `None` above level 0, whose tree is `finest`.
     fn new(
         patch: &str,
-        mesh: &TriMesh,
+        (mesh, packets): (&TriMesh, IdVec<VertexId, u32>),
         finest: &PatchBvh,
         finer: Option<&Self>,
     ) -> Result<Self, ContactError> {
@@ -72,27 +74,26 @@ impl CoarseLevel {
 
         let target = Target { tree: &tree, more: &|_| 0.0, tolerance };
         // Which face a part of a finer face belongs to, and how far from it the skin there is.
-        let mut parts =
-            par_collect(below.mesh.triangles.len(), |range, parts: &mut Vec<(FaceId, FaceId, f64)>| {
+        let parts =
+            par_collect(below.mesh.triangles.len(), |range, parts: &mut Vec<(FaceId, f64)>| {
                 for child in range.map(FaceId::new) {
                     let first = parts.len();
                     target.measure(below.mesh.corners(child), DEEPEST, &mut |face, bound, is_last| {
                         let bound = bound + skin_of(child) + rounding;
-                        let known = parts[first..].iter_mut().find(|(f, ..)| *f == face);
-                        if known.as_ref().is_some_and(|(.., old)| bound <= *old) {
+                        let known = parts[first..].iter_mut().find(|(f, _)| *f == face);
+                        if known.as_ref().is_some_and(|(_, old)| bound <= *old) {
                             return true;
                         }
                         if is_last {
                             match known {
-                                Some((.., old)) => *old = bound,
-                                None => parts.push((face, child, bound)),
+                                Some((_, old)) => *old = bound,
+                                None => parts.push((face, bound)),
                             }
                         }
                         false
                     });
                 }
             });
-        parts.sort_by_key(|&(face, child, _)| (face, child));
         let target = Target { tree: below, more: &face_of, tolerance };
         let halvings = DEEPEST + halvings(edge / finer_edge);
         let faces = par_collect(mesh.triangles.len(), |range, faces: &mut Vec<f64>| {
@@ -110,17 +111,11 @@ impl CoarseLevel {
         });
         let mut deviations: IdVec<FaceId, Deviation> =
             faces.into_iter().map(|face| Deviation { face, ..Deviation::default() }).collect();
-        let mut from = vec![0; mesh.triangles.len() + 1];
-        for &(face, _, bound) in &parts {
+        for (face, bound) in parts {
             deviations[face].skin = deviations[face].skin.max(bound);
-            from[face.index() + 1] += 1;
-        }
-        for k in 1..from.len() {
-            from[k] += from[k - 1];
         }
         let most = deviations.iter().map(|d| d.skin).fold(0.0, f64::max);
-        let children = parts.into_iter().map(|(_, child, _)| child).collect();
-        let mut level = Self { tree, deviations, children, from, most, near: NEAR * edge };
+        let mut level = Self { tree, deviations, packets, most, near: NEAR * edge };
         level.fill_around();
         Ok(level)
     }
@@ -162,8 +157,10 @@ pub(in crate::contact) fn coarse_levels(
     finest: &PatchBvh,
 ) -> Result<Vec<CoarseLevel>, ContactError> {
     let mut levels: Vec<CoarseLevel> = Vec::new();
+    let packets = finest.packets();
     for map in patch.levels.iter().skip(1) {
-        levels.push(CoarseLevel::new(&patch.name, &map.level.mesh, finest, levels.last())?);
+        let at = map.level.origins.map(|&origin| packets[origin]);
+        levels.push(CoarseLevel::new(&patch.name, (&map.level.mesh, at), finest, levels.last())?);
     }
     Ok(levels)
 }

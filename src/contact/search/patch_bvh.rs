@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{
     boxes::Aabb,
-    fit::{Points, put},
+    fit::Points,
     frame::Frame,
     lanes::{LANES, Simd},
     rounding::{LARGEST, slack},
@@ -66,13 +66,14 @@ impl PatchBvh {
         let packets = if packing == Packing::Fast { tree.packets.len() } else { 0 };
         let triangles = vec![Triangle8::default(); packets];
         let mut patch = Self { mesh: mesh.clone(), corners, tree, triangles, frame, simd: Simd::detect() };
-        patch.fit();
+        patch.fit(&mut Vec::new());
         Ok(patch)
     }
 
     /// Moves the vertices, one position (m, in the link's frame) per vertex of the mesh, and fits the
     /// tree to them: the faces stay in the packets they are in, which is cheaper than a new tree,
-    /// and as fast to search as long as neighbours stay neighbours. Nothing is allocated.
+    /// and as fast to search as long as neighbours stay neighbours. Nothing is allocated if `local` has
+    /// room for all vertices; what is in it does not matter.
     ///
     /// # Errors
     /// If a coordinate is too large or not a number; then nothing has moved.
@@ -83,20 +84,28 @@ impl PatchBvh {
         &mut self,
         patch: &str,
         positions: &IdVec<VertexId, DVec3>,
+        local: &mut Vec<[f32; 3]>,
     ) -> Result<(), ContactError> {
         check(patch, positions)?;
         self.mesh.positions.as_mut_slice().copy_from_slice(positions.as_slice());
         self.frame = Frame::around(used(&self.mesh.positions, &self.corners));
-        self.fit();
+        self.fit(local);
         Ok(())
     }
 
-    fn fit(&mut self) {
+    /// Fits the tree to the mesh; `local` gets the vertices in the tree's units, since each belongs to
+    /// some six faces. The search's slack includes their rounding.
+    fn fit(&mut self, local: &mut Vec<[f32; 3]>) {
         let Self { mesh, tree, triangles, frame, simd, .. } = self;
+        local.clear();
+        local.extend(mesh.positions.iter().map(|p| frame.point(*p).as_vec3().to_array()));
+        let local = local.as_slice();
         let gather = |faces: &[u32; LANES], points: &mut Points<3>| {
-            let corners = faces.map(|face| mesh.triangles[FaceId::from(face)]);
-            for (lane, ids) in corners.into_iter().enumerate() {
-                put(points, lane, ids.map(|v| frame.point(mesh.positions[v])));
+            for (lane, &face) in faces.iter().enumerate() {
+                for (point, v) in points.iter_mut().zip(mesh.triangles[FaceId::from(face)]) {
+                    let p = local[v.index()];
+                    (point[0][lane], point[1][lane], point[2][lane]) = (p[0], p[1], p[2]);
+                }
             }
         };
         tree.fit(*simd, gather, |packet, points| {
@@ -114,6 +123,15 @@ impl PatchBvh {
         // One number for each corner, and one for each vertex.
         let corners = size_of::<u32>() * (3 * triangles.len() + positions.len());
         self.tree.bytes() + size_of_val(self.triangles.as_slice()) + mesh + corners
+    }
+
+    /// A packet that each vertex belongs to; 0 for one without faces.
+    pub(in crate::contact) fn packets(&self) -> IdVec<VertexId, u32> {
+        let mut packets = IdVec::filled(0, self.mesh.positions.len());
+        for (number, packet) in (0..).zip(&self.tree.packets) {
+            self.faces(packet).flat_map(|face| self.mesh.triangles[face]).for_each(|v| packets[v] = number);
+        }
+        packets
     }
 
     /// The faces of a packet, each once.
@@ -196,8 +214,9 @@ mod tests {
         let new = PatchBvh::new("roll", &rolled).unwrap();
         for packing in [Packing::Fast, Packing::Compact] {
             let mut fitted = PatchBvh::packed("sheet", &sheet, packing).unwrap();
+            let mut local = Vec::with_capacity(rolled.positions.len());
             let allocated = allocation_counter::measure(|| {
-                fitted.refit("sheet", &rolled.positions).unwrap();
+                fitted.refit("sheet", &rolled.positions, &mut local).unwrap();
             });
             assert_eq!(allocated.count_total, 0, "a refit allocates nothing");
             for k in 0..500_u32 {
@@ -209,7 +228,7 @@ mod tests {
         let mut broken = rolled.positions.clone();
         broken[VertexId::new(3)].y = f64::NAN;
         let mut fitted = new.clone();
-        assert!(matches!(fitted.refit("sheet", &broken), Err(ContactError::TooLarge { .. })));
+        assert!(matches!(fitted.refit("sheet", &broken, &mut Vec::new()), Err(ContactError::TooLarge { .. })));
         assert_eq!(fitted.mesh.positions, rolled.positions, "nothing has moved");
     }
 
@@ -229,7 +248,7 @@ mod tests {
             after.positions = after.positions.map(|p| *p * size + DVec3::Y);
             let mut patch = PatchBvh::new("soup", &before).unwrap();
             for mesh in [&after, &before] {
-                patch.refit("soup", &mesh.positions).unwrap();
+                patch.refit("soup", &mesh.positions, &mut Vec::new()).unwrap();
                 for direction in &directions {
                     let q = mesh.positions[VertexId::new(0)] + DVec3::from(*direction) * size;
                     let each = mesh.triangles.ids().map(|f| (f, patch.measure(q, f)));

@@ -1,0 +1,237 @@
+//! [`Rows`]: what the coarser levels know of the vertices and faces of level 0, made ready to be added up.
+//!
+//! A contact reads the rows of the three corners of its face on all levels. Each row is one line of the
+//! cache, and those of a vertex on all levels are side by side, so that all of them are fetched at once.
+
+use crate::{
+    contact::field_weights::{FieldWeights, MOST_FIELDS},
+    id::{FaceId, IdVec, VertexId},
+    parallel::par_collect,
+};
+
+use glam::DVec2;
+
+/// A vertex of level 0 on a coarser level.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
+pub(super) struct Row {
+    /// How much of each corner of the face it is.
+    pub(super) weights: [f64; 3],
+    /// Where it lies on the map of the level, in m: the mean of the corners by their weights.
+    pub(super) uv: DVec2,
+    /// The corners of the face; for those without weight again one with some.
+    pub(super) fields: [VertexId; 3],
+    /// See [`MapLevel::row_faces`](crate::map::MapLevel::row_faces).
+    pub(super) face: FaceId,
+}
+
+/// How the fields of the three rows of a face add up on one level: for each of the nine its place among
+/// all of them, ids rising, in four bits; then how many there are, and flags.
+#[derive(Debug, Clone, Copy, Default)]
+struct Union(u64);
+
+/// The rows of a patch.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Rows {
+    /// For each place of level 0 its rows on the coarser levels.
+    rows: Vec<Row>,
+    /// For each face of level 0 how its rows add up on the coarser levels.
+    unions: Vec<Union>,
+    /// How many coarser levels there are.
+    above: usize,
+    /// The corners of the faces as places of the map of level 0, where that is cut; else they are the
+    /// vertices.
+    places: Option<IdVec<FaceId, [VertexId; 3]>>,
+}
+
+/// Shares and weights from here on have products that do not round to zero.
+const SMALLEST: f64 = 1e-150;
+
+impl Union {
+    const LEN: u32 = 36;
+    /// All three rows lie in one face, and have three fields.
+    const ONE_FACE: u64 = 1 << 40;
+    /// Some product of a weight and a share that is not zero may be.
+    const TINY: u64 = 1 << 41;
+
+    fn new(rows: [&Row; 3]) -> Self {
+        let mut fields = [VertexId::default(); MOST_FIELDS];
+        rows.iter().flat_map(|row| row.fields).enumerate().for_each(|(k, field)| fields[k] = field);
+        let parts = fields;
+        fields.sort_unstable();
+        let mut len = 0;
+        for k in 0..MOST_FIELDS {
+            if k == 0 || fields[k] != fields[k - 1] {
+                fields[len] = fields[k];
+                len += 1;
+            }
+        }
+        let place = |field: &VertexId| fields[..len].iter().take_while(|&other| other < field).count();
+        let code = parts.iter().rev().fold(0, |code, field| code << 4 | place(field) as u64);
+        let is_one = len == 3 && rows.iter().all(|row| row.fields == rows[0].fields);
+        let is_tiny = rows.iter().flat_map(|row| row.weights).any(|w| w != 0.0 && w < SMALLEST);
+        let flag = |is_set: bool, flag: u64| if is_set { flag } else { 0 };
+        Self(code | (len as u64) << Self::LEN | flag(is_one, Self::ONE_FACE) | flag(is_tiny, Self::TINY))
+    }
+
+    /// Adds up the weights of three rows, each times its share, field by field in the order of the rows;
+    /// returns the field of the largest sum, the smallest of several.
+    #[inline(always)]
+    fn add(self, rows: [&Row; 3], shares: [f64; 3], sums: &mut FieldWeights) -> VertexId {
+        let Self(mut code) = self;
+        let FieldWeights { len, fields, weights } = sums;
+        *len = (code >> Self::LEN & 15) as usize;
+        // Which field is the strongest cannot be foreseen: without a branch, by the bits of sums above 0,
+        // which sort as they do.
+        let (mut most, mut strongest) = (0, 0);
+        let mut compare = |place: usize, sum: f64| {
+            let is_most = sum.to_bits() > most;
+            strongest = if is_most { place } else { strongest };
+            most = if is_most { sum.to_bits() } else { most };
+        };
+        if code & Self::ONE_FACE != 0 {
+            for k in 0..3 {
+                let place = (code & 3) as usize;
+                fields[place] = rows[0].fields[k];
+                weights[place] = rows[0].weights[k] * shares[0]
+                    + rows[1].weights[k] * shares[1]
+                    + rows[2].weights[k] * shares[2];
+                code >>= 4;
+            }
+            (0..3).for_each(|place| compare(place, weights[place]));
+        } else {
+            for (row, share) in rows.into_iter().zip(shares) {
+                for k in 0..3 {
+                    let place = (code & 15) as usize;
+                    fields[place] = row.fields[k];
+                    weights[place] += row.weights[k] * share;
+                    code >>= 4;
+                }
+            }
+            (0..MOST_FIELDS).for_each(|place| compare(place, weights[place]));
+        }
+        let strongest = fields[strongest];
+        let is_tiny = self.0 & Self::TINY != 0;
+        if is_tiny || !shares.iter().all(|share| *share >= SMALLEST) {
+            sums.leave_out_zeros();
+        }
+        strongest
+    }
+}
+
+impl Rows {
+    /// The rows of each place on the coarser levels, finest first; `places` as in [`Rows`].
+    pub(super) fn new(
+        levels: &[IdVec<VertexId, Row>],
+        triangles: &IdVec<FaceId, [VertexId; 3]>,
+        places: Option<IdVec<FaceId, [VertexId; 3]>>,
+    ) -> Self {
+        let above = levels.len();
+        let count = levels.first().map_or(0, IdVec::len);
+        let rows = par_collect(count, |range, rows| {
+            for place in range.map(VertexId::new) {
+                rows.extend(levels.iter().map(|level| level[place]));
+            }
+        });
+        let mut all = Self { rows, unions: Vec::new(), above, places };
+        all.unions = par_collect(triangles.len(), |range, unions| {
+            for face in range.map(FaceId::new) {
+                let corners = all.corners(face, triangles[face]);
+                unions.extend((0..above).map(|k| Union::new(all.of(corners, k))));
+            }
+        });
+        all
+    }
+
+    /// The corners of a face, by its vertices, as places that have rows.
+    #[inline(always)]
+    pub(super) fn corners(&self, face: FaceId, vertices: [VertexId; 3]) -> [VertexId; 3] {
+        self.places.as_ref().map_or(vertices, |places| places[face])
+    }
+
+    /// The rows of the corners of a face on the level `above + 1`.
+    #[inline(always)]
+    pub(super) fn of(&self, corners: [VertexId; 3], above: usize) -> [&Row; 3] {
+        corners.map(|place| &self.rows[place.index() * self.above + above])
+    }
+
+    /// The sums of the weights of the fields of three rows of a face, each times its share; and the field of
+    /// the largest sum, the smallest of several.
+    #[inline(always)]
+    pub(super) fn add(
+        &self,
+        face: FaceId,
+        above: usize,
+        (rows, shares): ([&Row; 3], [f64; 3]),
+        sums: &mut FieldWeights,
+    ) -> VertexId {
+        self.unions[face.index() * self.above + above].add(rows, shares, sums)
+    }
+
+    /// Asks for what the contacts on a face will read on all levels, without waiting for it.
+    #[inline(always)]
+    pub(super) fn fetch(&self, face: FaceId, vertices: [VertexId; 3]) {
+        if self.above == 0 {
+            return;
+        }
+        let unions = &self.unions[face.index() * self.above..][..self.above];
+        fetch(&unions[0]);
+        fetch(&unions[unions.len() - 1]);
+        for place in self.corners(face, vertices) {
+            self.rows[place.index() * self.above..][..self.above].iter().for_each(fetch);
+        }
+    }
+}
+
+/// Asks for a line of the cache.
+#[inline(always)]
+fn fetch<T>(at: &T) {
+    #[cfg(target_arch = "x86_64")]
+    safe_arch::prefetch_t0(at);
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = at;
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::contact::soup;
+
+    proptest! {
+        #![proptest_config(soup::fixed(1000, 61))]
+
+        /// Whatever the rows have in common, weights and shares of 0 and products below all numbers
+        /// included.
+        #[test]
+        fn sums_are_those_of_each_field(
+            fields in prop::array::uniform3(prop::sample::subsequence((0..6_u32).collect::<Vec<_>>(), 3)),
+            turns in prop::array::uniform3(0..3_usize),
+            is_one_face in prop::bool::ANY,
+            weights in prop::array::uniform9(prop_oneof![1 => Just(0.0), 1 => Just(1e-200), 4 => 0.01..1.0_f64]),
+            shares in prop::array::uniform3(prop_oneof![1 => Just(0.0), 1 => Just(1e-200), 6 => 0.01..1.0_f64]),
+        ) {
+            let row = |i: usize| {
+                let mut ids = fields[if is_one_face { 0 } else { i }].clone();
+                ids.rotate_left(turns[if is_one_face { 0 } else { i }]);
+                let weights = [weights[3 * i], weights[3 * i + 1], weights[3 * i + 2]];
+                let some = (0..3).find(|&k| weights[k] != 0.0).unwrap_or(0);
+                let field = |k: usize| VertexId::from(ids[if weights[k] == 0.0 { some } else { k }]);
+                Row { weights, fields: [field(0), field(1), field(2)], ..Row::default() }
+            };
+            let rows = [row(0), row(1), row(2)];
+            prop_assume!(rows.iter().all(|row| row.weights != [0.0; 3]));
+            let rows = [&rows[0], &rows[1], &rows[2]];
+            let mut sums = FieldWeights::none();
+            let strongest = Union::new(rows).add(rows, shares, &mut sums);
+            let part = |k: usize| (rows[k / 3].fields[k % 3], shares[k / 3] * rows[k / 3].weights[k % 3]);
+            let expected: FieldWeights = (0..9).map(part).collect();
+            prop_assert_eq!(sums, expected);
+            let most = expected.iter().map(|(_, weight)| weight).fold(0.0, f64::max);
+            if let Some(first) = expected.iter().find(|(_, weight)| *weight == most) {
+                prop_assert_eq!(strongest, first.0);
+            }
+        }
+    }
+}
