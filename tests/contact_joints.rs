@@ -210,7 +210,8 @@ fn files_have_skins_of_gltf() {
         let json = Glb::parse(&fs::read(&path).unwrap()).json;
         let levels = patch.levels.len();
         assert_eq!(json["skins"].as_array().unwrap().len(), levels, "a skin for each level");
-        for (scene, mesh) in json["scenes"].as_array().unwrap().iter().zip(json["meshes"].as_array().unwrap()) {
+        for (scene, mesh) in json["scenes"].as_array().unwrap().iter().zip(json["meshes"].as_array().unwrap())
+        {
             let nodes = scene["nodes"].as_array().unwrap();
             let patch = &json["nodes"][usize::try_from(nodes.last().unwrap().as_u64().unwrap()).unwrap()];
             assert!(patch["skin"].is_u64() && patch["extras"]["dermatome"]["link"].is_u64(), "{patch}");
@@ -268,7 +269,15 @@ fn the_command_poses_the_tube() {
     assert_distances(&mut command, &blended(&map, &turned(&map, 0.8)));
     // Without poses it lies as the map has it.
     let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
-    command.current_dir(&folder).args(["lookup", "map.glb", "in.csv", "--level", "0", "--max-distance", "inf"]);
+    command.current_dir(&folder).args([
+        "lookup",
+        "map.glb",
+        "in.csv",
+        "--level",
+        "0",
+        "--max-distance",
+        "inf",
+    ]);
     assert_distances(&mut command, level_0(&map));
 }
 

@@ -235,7 +235,12 @@ fn poses_that_cannot_be_are_refused() {
         let poses = format!("time,link,x,y,z,qx,qy,qz,qw,{name}\n0,arm,0,0,1,0,0,0,1,2\n");
         fs::write(folder.path().join("p.csv"), poses).unwrap();
         let run = lookup(&folder, "x,y,z\n0,0,0.9\n", &["--pose", "p.csv"]);
-        assert_eq!(run.code == 2 && run.error.contains(&format!("column `{name}`")), is_refused, "{}", run.error);
+        assert_eq!(
+            run.code == 2 && run.error.contains(&format!("column `{name}`")),
+            is_refused,
+            "{}",
+            run.error
+        );
     }
     // One pose for all times, and an empty table, which moves nothing.
     for (poses, distance) in [("5,arm,0,0,2,0,0,0,1\n", 1.01), ("", 0.01)] {

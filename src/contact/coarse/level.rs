@@ -53,7 +53,13 @@ impl CoarseLevel {
     pub(in crate::contact) fn packet_near(&self, at: &SurfacePoint) -> Option<u32> {
         let corners = self.tree.mesh.triangles.get(at.face)?;
         let [a, b, c] = at.barycentric;
-        let nearest = if a >= b && a >= c { 0 } else if b >= c { 1 } else { 2 };
+        let nearest = if a >= b && a >= c {
+            0
+        } else if b >= c {
+            1
+        } else {
+            2
+        };
         Some(self.packets[corners[nearest]])
     }
 
@@ -74,26 +80,25 @@ impl CoarseLevel {
 
         let target = Target { tree: &tree, more: &|_| 0.0, tolerance };
         // Which face a part of a finer face belongs to, and how far from it the skin there is.
-        let parts =
-            par_collect(below.mesh.triangles.len(), |range, parts: &mut Vec<(FaceId, f64)>| {
-                for child in range.map(FaceId::new) {
-                    let first = parts.len();
-                    target.measure(below.mesh.corners(child), DEEPEST, &mut |face, bound, is_last| {
-                        let bound = bound + skin_of(child) + rounding;
-                        let known = parts[first..].iter_mut().find(|(f, _)| *f == face);
-                        if known.as_ref().is_some_and(|(_, old)| bound <= *old) {
-                            return true;
+        let parts = par_collect(below.mesh.triangles.len(), |range, parts: &mut Vec<(FaceId, f64)>| {
+            for child in range.map(FaceId::new) {
+                let first = parts.len();
+                target.measure(below.mesh.corners(child), DEEPEST, &mut |face, bound, is_last| {
+                    let bound = bound + skin_of(child) + rounding;
+                    let known = parts[first..].iter_mut().find(|(f, _)| *f == face);
+                    if known.as_ref().is_some_and(|(_, old)| bound <= *old) {
+                        return true;
+                    }
+                    if is_last {
+                        match known {
+                            Some((_, old)) => *old = bound,
+                            None => parts.push((face, bound)),
                         }
-                        if is_last {
-                            match known {
-                                Some((_, old)) => *old = bound,
-                                None => parts.push((face, bound)),
-                            }
-                        }
-                        false
-                    });
-                }
-            });
+                    }
+                    false
+                });
+            }
+        });
         let target = Target { tree: below, more: &face_of, tolerance };
         let halvings = DEEPEST + halvings(edge / finer_edge);
         let faces = par_collect(mesh.triangles.len(), |range, faces: &mut Vec<f64>| {

@@ -228,7 +228,10 @@ mod tests {
         let mut broken = rolled.positions.clone();
         broken[VertexId::new(3)].y = f64::NAN;
         let mut fitted = new.clone();
-        assert!(matches!(fitted.refit("sheet", &broken, &mut Vec::new()), Err(ContactError::TooLarge { .. })));
+        assert!(matches!(
+            fitted.refit("sheet", &broken, &mut Vec::new()),
+            Err(ContactError::TooLarge { .. })
+        ));
         assert_eq!(fitted.mesh.positions, rolled.positions, "nothing has moved");
     }
 

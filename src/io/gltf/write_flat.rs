@@ -41,6 +41,11 @@ pub(crate) fn write_flat(path: &Path, flat: &TriMesh, uv: &IdVec<VertexId, DVec2
     let patch = node(name, writer.root.push(mesh));
     let link = Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY };
     let links = IdVec::from(vec![link]);
-    writer.add_scene(None, &links, &links.map(|_| true), vec![Hung { link: 0.into(), node: patch, joints: Vec::new() }])?;
+    writer.add_scene(
+        None,
+        &links,
+        &links.map(|_| true),
+        vec![Hung { link: 0.into(), node: patch, joints: Vec::new() }],
+    )?;
     writer.finish(if kind(path) == "gltf" { Form::Text } else { Form::Glb })
 }

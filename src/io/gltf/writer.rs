@@ -218,7 +218,8 @@ impl<'p> SceneWriter<'p> {
     ) -> Result<Index<Skin>> {
         let pose = world_pose(links, own);
         let inverse = joints.iter().map(|&joint| {
-            let to_joint = if joint == own { DAffine3::IDENTITY } else { world_pose(links, joint).inverse() * pose };
+            let to_joint =
+                if joint == own { DAffine3::IDENTITY } else { world_pose(links, joint).inverse() * pose };
             DMat4::from(to_joint).to_cols_array().map(narrow)
         });
         let inverse = self.array(None, inverse);
