@@ -23,10 +23,10 @@ impl Rings {
         fill: impl Fn(VertexId, &mut [VertexId]) + Sync,
     ) -> Self {
         let mut starts = Vec::with_capacity(degrees.len() + 1);
-        let mut end = 0;
+        let mut end = 0_u32;
         starts.push(end);
-        for degree in degrees {
-            end += degree;
+        for &degree in degrees {
+            end = end.checked_add(degree).expect("more than 2^32 neighbours");
             starts.push(end);
         }
         let neighbours = par_rows(&starts, |row, ring| fill(VertexId::new(row), ring));
