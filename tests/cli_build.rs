@@ -147,7 +147,7 @@ fn a_map_of_charts_goes_through_every_command() {
     palm.taxels.ids = palm.taxels.ids.map(|id| TaxelId(id.0 + 100_000));
     skin.patches.push(palm);
     write_skin(&path.join("skin.glb"), &skin).unwrap();
-    let made = dermatome(path, "build skin.glb -o M --max-area-ratio 1.15 --json").assert().success();
+    let made = dermatome(path, "build skin.glb -o M --max-area-ratio 1.08 --json").assert().success();
     let report: Value = serde_json::from_slice(&made.get_output().stdout).unwrap();
     let charts = |patch: usize| report["patches"][patch]["levels"][0]["charts"].as_u64().unwrap();
     assert!(charts(0) > 1 && charts(1) == 1, "{report}");
