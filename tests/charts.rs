@@ -200,7 +200,7 @@ fn one_chart_is_kept_where_slits_suffice() {
 /// A ratio near 1 would take more charts than are tried, and a prescribed boundary is that of one.
 #[test]
 fn what_charts_do_not_keep_is_refused() {
-    let mesh = shapes::ball(5, 0.1);
+    let mesh = shapes::ball(20, 0.1);
     match cut(&mesh, 1.0001) {
         Err(Error::Cut(CutError::AreaRatio { found, charts, wanted })) => {
             assert!(found > 1.0001 && charts == 64 && wanted == 1.0001, "{found} {charts}");

@@ -72,7 +72,12 @@ impl<'p> Divider<'p> {
 
     fn try_chart(&self, faces: Vec<FaceId>) -> Result<Candidate, Error> {
         let (mesh, origins) = self.division.mesh_of(&faces);
-        let kept = keep_ratio(&mesh, &self.taxels.select(&origins), self.options, self.wanted, SLITS)?;
+        let taxels = self.taxels.select(&origins);
+        let kept = match keep_ratio(&mesh, &taxels, self.options, self.wanted, SLITS) {
+            // Half of a surface with handles may be no disk after its cut: it is divided again.
+            Err(Error::Cut(_)) => Kept { cut: None, area_ratio: f64::INFINITY },
+            kept => kept?,
+        };
         Ok(Candidate { faces, kept })
     }
 
