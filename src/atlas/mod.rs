@@ -6,7 +6,7 @@
 //! of `map.exr`, a band of rows at a time, so that an image of a whole skin need never be in memory
 //! at once.
 //!
-//! In the order to read: `rasterize`, `layout`, `bound`, `chart`, `parts`; `image`, `stretch`,
+//! In reading order: `rasterize`, `options`, `layout`, `bound`, `chart`, `parts`; `image`, `stretch`,
 //! `level_image`.
 
 mod bound;
@@ -15,6 +15,7 @@ mod error;
 mod image;
 mod layout;
 mod level_image;
+mod options;
 mod parts;
 mod rasterize;
 mod stretch;
@@ -23,7 +24,7 @@ pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
 pub use error::AtlasError;
 pub use image::{ImageRows, SampleKind, Samples};
-pub use layout::{AtlasOptions, Resolution};
 pub use level_image::{LevelImage, skin_images};
+pub use options::{AtlasOptions, Resolution};
 pub use parts::{Atlas, AtlasPart};
 pub(crate) use stretch::{Stretch, face_stretch};

@@ -33,7 +33,7 @@
 //! stated noise, observations that do not determine a taxel are an error that names it. Not
 //! guaranteed: the global minimum, for poses or with outliers.
 //!
-//! Reading order: `observations`, `geometry` (poses, alignment), `options`, `solve` (`residual`,
+//! In reading order: `observations`, `geometry` (poses, alignment), `options`, `solve` (`residual`,
 //! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`,
 //! `calibrate`, `skin`; `simulate` and `compare` stand next to them.
 

@@ -71,8 +71,8 @@ pub use mesh::{
     skin_csv::triangles_path,
 };
 pub use observations::{
-    builder::ObservationRemark,
     read_write::{read_observations, write_observations},
+    remark::ObservationRemark,
 };
 pub use readings::{arrays::ReadingsLayout, reader::ReadingsReader};
 pub use table::{

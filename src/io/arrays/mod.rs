@@ -1,10 +1,8 @@
-//! Arrays for numpy: `.npy` and `.npz`.
+//! Arrays of numpy: `.npy`, and `.npz`, a zip archive of them.
 //!
-//! `npy` has headers and elements, `archive` the zip file of an `.npz`, `writer` arrays that grow,
-//! `recording` the arrays of a recording.
+//! `read` takes arrays from elsewhere, whole or from the first element on; `write` has arrays that
+//! grow frame by frame; `recording` writes those of a recording.
 
-pub(super) mod archive;
-pub(super) mod npy;
 pub(super) mod read;
 pub(super) mod recording;
-pub(super) mod writer;
+pub(super) mod write;

@@ -13,7 +13,7 @@ use crate::{
     image::{Interpolation, TactileImage, surface_of},
     io::{
         IoError,
-        arrays::{
+        arrays::write::{
             npy::{ElementType, Elements},
             writer::{ArrayId, ArrayWriter},
         },

@@ -18,8 +18,8 @@ use exr::{
 use crate::{
     io::{
         IoError,
-        arrays::read::read_array,
-        file::source::{Source, kind},
+        arrays::read::whole::read_npy,
+        file::source::{Source, invalid, kind},
         image::{exr::ATTRIBUTE, frame::channel_of},
     },
     signal::Channel,
@@ -54,11 +54,11 @@ const MOST_OF_A_BYTE: u64 = 1100;
 /// If the file cannot be read, its sizes do not fit the bytes that are there, or an image lacks a
 /// channel.
 pub fn read_images(path: &Path, channels: &[String]) -> Result<Vec<ImageLayer>, IoError> {
-    let source = match kind(path).as_str() {
-        "exr" | "npy" => Source::open(path)?,
+    let mut layers = match kind(path).as_str() {
+        "exr" => read_exr(&Source::open(path)?)?,
+        "npy" => vec![read_npy_image(path)?],
         _ => return Err(IoError::UnknownKind { path: path.into(), known: ".exr, .npy" }),
     };
-    let mut layers = if kind(path) == "npy" { vec![read_npy_image(&source)?] } else { read_exr(&source)? };
     if channels.is_empty() {
         return Ok(layers);
     }
@@ -66,11 +66,8 @@ pub fn read_images(path: &Path, channels: &[String]) -> Result<Vec<ImageLayer>, 
         if let Some(lacking) = channels.iter().find(|name| !layer.channels.contains_key(*name)) {
             let names: Vec<&str> = layer.channels.keys().map(String::as_str).collect();
             let found = format!("the channels {}", names.join(", "));
-            return Err(source.invalid(
-                format!("image {:?}", layer.name),
-                found,
-                format!("channel {lacking}"),
-            ));
+            let needed = format!("channel {lacking}");
+            return Err(invalid(path, format!("image {:?}", layer.name), found, needed));
         }
         layer.channels.retain(|name, _| channels.contains(name));
         layer.signals.retain(|signal| channels.contains(&signal.name));
@@ -92,14 +89,14 @@ fn read_exr(source: &Source) -> Result<Vec<ImageLayer>, IoError> {
 }
 
 /// The image of the last two indices of an array; of a recording that of the first frame.
-fn read_npy_image(source: &Source) -> Result<ImageLayer, IoError> {
-    let (shape, elements) = read_array(source)?;
+fn read_npy_image(path: &Path) -> Result<ImageLayer, IoError> {
+    let (shape, elements) = read_npy(path)?;
     let (count, size) = match shape[..] {
         [height, width] => (1, [width, height]),
         [count, height, width] | [_, count, height, width] => (count, [width, height]),
         _ => {
             let needed = "(H, W), (C, H, W) or (T, C, H, W)";
-            return Err(source.invalid("the array", format!("the shape {shape:?}"), needed));
+            return Err(invalid(path, "the array", format!("the shape {shape:?}"), needed));
         }
     };
     let size_px = size.map(|n| u32::try_from(n).unwrap_or(u32::MAX));

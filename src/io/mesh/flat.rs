@@ -8,7 +8,7 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
-        arrays::{npy::Elements, writer::ArrayWriter},
+        arrays::write::{npy::Elements, writer::ArrayWriter},
         file::{kind, unfit, write_file},
         gltf,
     },

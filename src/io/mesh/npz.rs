@@ -7,8 +7,8 @@ use glam::DVec3;
 use crate::{
     io::{
         IoError,
+        arrays::read::whole::{NumberArray, read_number_arrays},
         file::{invalid, source::stem},
-        readings::whole::{NumberArray, read_number_arrays},
     },
     skin::{Draft, Sheet, TaxelId},
 };

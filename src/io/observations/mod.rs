@@ -1,6 +1,7 @@
 //! Observations for the calibration: g2o text and CSV tables.
 
-pub(super) mod builder;
+mod builder;
 mod csv;
 mod g2o;
 pub(super) mod read_write;
+pub(super) mod remark;

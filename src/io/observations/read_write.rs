@@ -13,10 +13,7 @@ use crate::{
     io::{
         IoError,
         file::{Lines, cannot_write, invalid, kind, replace_file},
-        observations::{
-            builder::{ObservationRemark, ReadObservations},
-            csv, g2o,
-        },
+        observations::{builder::ReadObservations, csv, g2o, remark::ObservationRemark},
     },
     skin::TaxelId,
 };

@@ -8,12 +8,12 @@ use std::{
 use crate::{
     io::{
         IoError,
-        file::source::{excerpt, invalid},
-        readings::{
-            archive::{StoredArray, list_arrays},
-            header::MAX_NUMBERS,
+        arrays::read::{
+            archive::{StoredArray, find_array, list_arrays},
             npy::ElementType,
         },
+        file::source::{excerpt, invalid},
+        readings::header::MAX_NUMBERS,
     },
     signal::Channel,
     skin::TaxelId,
@@ -61,7 +61,7 @@ impl ArrayReadings {
         is_archive: bool,
         layout: ReadingsLayout,
     ) -> Result<(Self, About), IoError> {
-        let arrays = list_arrays(path, is_archive)?;
+        let arrays = if is_archive { list_arrays(path)? } else { vec![find_array(path)?] };
         let values = find_values(path, &arrays)?;
         let (frames, width, channels) = check_shape(path, values, layout)?;
         let about = |name: &str| arrays.iter().find(|a| a.name == name && a.name != values.name);

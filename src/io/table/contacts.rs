@@ -125,21 +125,23 @@ pub fn read_map_places<R: Read>(
     let mut table = open(path, input)?;
     let columns = &table.columns;
     let unknown = columns.unknown(&MAP_COLUMNS).map(|(_, name)| name.to_owned()).collect();
-    let map = columns.find_vector(["u", "v"])?;
-    let pixel = columns.find_vector(["px", "py"])?;
-    if map.is_none() && pixel.is_none() {
-        return Err(columns.at().invalid(columns.describe(), "columns `u,v` or `px,py`"));
-    }
+    let (map, pixel) = (columns.find_vector(["u", "v"])?, columns.find_vector(["px", "py"])?);
+    let (place_columns, is_map) = match (map, pixel) {
+        (Some(map), _) => (map, true),
+        (None, Some(pixel)) => (pixel, false),
+        (None, None) => return Err(columns.at().invalid(columns.describe(), "columns `u,v` or `px,py`")),
+    };
     let [patch, level] = ["patch", "level"].map(|name| columns.find(name));
     let place = move |row: Row<'_>| {
         let whole = |column: usize| {
             row.text(column).parse::<u32>().map_err(|_| row.invalid(column, "a whole number of at least 0"))
         };
         let level = level.filter(|&c| !row.text(c).is_empty()).map_or(Ok(0), whole)?;
-        let position = match (map, pixel) {
-            (Some(columns), _) => MapPosition::Map(DVec2::from_array(row.numbers(columns)?)),
-            (None, Some([x, y])) => MapPosition::Pixel([whole(x)?, whole(y)?]),
-            (None, None) => unreachable!("one of them is there"),
+        let position = if is_map {
+            MapPosition::Map(DVec2::from_array(row.numbers(place_columns)?))
+        } else {
+            let [x, y] = place_columns;
+            MapPosition::Pixel([whole(x)?, whole(y)?])
         };
         Ok(MapPlaceRow {
             patch: patch.map_or("", |c| row.text(c)).to_owned(),

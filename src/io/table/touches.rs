@@ -10,7 +10,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        arrays::{
+        arrays::write::{
             npy::{ElementType, Elements},
             writer::{ArrayId, ArrayWriter},
         },

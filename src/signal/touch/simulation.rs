@@ -10,7 +10,7 @@ use crate::{
         Channel, Frame, Quantity, SignalError,
         touch::{TouchOptions, path::Walker, sphere::Sphere},
     },
-    skin::{Patch, PatchId, Presence, Skin},
+    skin::{Patch, PatchId, Presence, Skin, SkinError},
 };
 
 /// What truly happens in a frame in which something is touched; in m, in the frame of the patch's
@@ -66,8 +66,7 @@ pub struct TouchSimulation<'a> {
     noise: Random,
     /// The taxels that work, and how fast their pressure drifts, in Pa/s.
     live: IdVec<PatchId, Vec<(VertexId, f64)>>,
-    /// Of patches on which a sphere can roll.
-    adjacency: IdVec<PatchId, Option<Adjacency>>,
+    adjacency: IdVec<PatchId, Adjacency>,
     frame: Frame,
     next: usize,
     /// The turn that has begun last, and its presses.
@@ -130,6 +129,11 @@ impl<'a> TouchSimulation<'a> {
         if live.iter().all(Vec::is_empty) {
             return Err(SignalError::NoTaxels);
         }
+        let adjacency = |patch: &Patch| {
+            Adjacency::new(&patch.mesh)
+                .map_err(|source| SkinError::Mesh { patch: patch.name.clone(), source })
+        };
+        let adjacency = skin.patches.iter().map(adjacency).collect::<Result<_, _>>()?;
         let values = skin.patches.map(|patch| vec![IdVec::filled(f64::NAN, patch.mesh.positions.len())]);
         Ok(Self {
             skin,
@@ -137,7 +141,7 @@ impl<'a> TouchSimulation<'a> {
             places: Random::new(options.seed, stream::PLACES),
             noise: Random::new(options.seed, stream::NOISE),
             live,
-            adjacency: skin.patches.map(|patch| Adjacency::new(&patch.mesh).ok()),
+            adjacency,
             frame: Frame { time: 0.0, values },
             next: 0,
             turn: None,
@@ -218,7 +222,6 @@ impl<'a> TouchSimulation<'a> {
         let rolled = roll * ((share - RAMP) / (1.0 - 2.0 * RAMP)).clamp(0.0, 1.0);
         for press in &mut self.presses {
             let (patch, adjacency) = (&self.skin.patches[press.patch], &self.adjacency[press.patch]);
-            let Some(adjacency) = adjacency else { continue };
             press.walker.advance(&patch.mesh, adjacency, rolled - press.rolled);
             press.rolled = rolled;
             let Some(centre) = above(&press.walker, patch, radius - depth) else { continue };
@@ -257,7 +260,6 @@ impl<'a> TouchSimulation<'a> {
         });
         let patch = PatchId::new(patch.unwrap_or(areas.len() - 1));
         let walker = Walker::random(&self.skin.patches[patch].mesh, &mut self.places)?;
-        self.adjacency[patch].as_ref()?;
         Some(Press { number, patch, walker, rolled: 0.0 })
     }
 
@@ -271,7 +273,8 @@ impl<'a> TouchSimulation<'a> {
         (0..=ROOM_STEPS).all(|step| {
             let places = presses.iter_mut().map(|press| {
                 let patch = &self.skin.patches[press.patch];
-                if let Some(adjacency) = self.adjacency[press.patch].as_ref().filter(|_| step > 0) {
+                if step > 0 {
+                    let adjacency = &self.adjacency[press.patch];
                     press.walker.advance(&patch.mesh, adjacency, roll / f64::from(ROOM_STEPS));
                 }
                 // Neither the spheres nor the places under them may come closer.

@@ -1,4 +1,4 @@
-//! Fans: the faces around a vertex that hang together across edges. Each gets a vertex of its own.
+//! Fans: the faces around a vertex that are connected across edges. Each gets a vertex of its own.
 
 use std::{cmp::Reverse, collections::HashMap};
 

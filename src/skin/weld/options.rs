@@ -12,7 +12,7 @@ pub enum Weld {
     Auto,
     /// All of them.
     All,
-    /// None: faces hang together where they have the same vertices in the file.
+    /// None: faces are joined where they have the same vertices in the file.
     None,
     /// All but where the texture coordinates of two faces differ at their edge.
     Texture,

@@ -3,7 +3,7 @@
 //!
 //! Welding is exact: no tolerance merges vertices that a file keeps apart. It is undone where it
 //! would make sheets touch along an edge or fans of faces touch in a point, and where the file cuts
-//! a surface open (`opening`). Faces then hang together across edges (`sheets`), and every fan of
+//! a surface open (`opening`). Faces are then joined across edges (`joined_faces`), and every fan of
 //! faces gets a vertex of its own.
 
 use std::collections::{BTreeSet, HashMap};
@@ -16,8 +16,8 @@ use crate::{
         Sheet, TaxelId,
         weld::{
             fans::split_fans,
+            joined_faces::{JoinedFaces, MOST_PAIRED, fans, smoothest},
             options::{Weld, WeldOptions},
-            sheets::{Joints, MOST_PAIRED, fans, smoothest},
         },
     },
 };
@@ -60,7 +60,7 @@ pub(in crate::skin) struct WeldedMesh {
 impl WeldedMesh {
     /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite.
     ///
-    /// On request, faces are dropped where sheets hang together around both ends of an edge of more
+    /// On request, faces are dropped where sheets are connected around both ends of an edge of more
     /// than two faces, so that it cannot be split: all but the two that continue each other most
     /// smoothly.
     pub(in crate::skin) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
@@ -129,11 +129,11 @@ impl WeldedMesh {
     /// Gives every fan of faces a vertex of its own.
     fn split(&mut self, sheet: &Sheet, options: WeldOptions) {
         let is_welded = self.place.enumerate().any(|(v, &first)| v != first);
-        let joints = Joints::new(sheet, &self.mesh, &self.edges, &self.file_faces, (options, is_welded));
-        let mut fans = fans(&self.mesh, &self.edges, &joints);
-        let split = split_fans(&self.mesh, &mut fans, |h| joints.in_file(h));
-        self.parted = joints.parted(&self.edges);
-        self.cut = joints.cut_edges(&self.edges);
+        let joined = JoinedFaces::new(sheet, &self.mesh, &self.edges, &self.file_faces, (options, is_welded));
+        let mut fans = fans(&self.mesh, &self.edges, &joined);
+        let split = split_fans(&self.mesh, &mut fans, |h| joined.in_file(h));
+        self.parted = joined.parted(&self.edges);
+        self.cut = joined.cut_edges(&self.edges);
         if split.corners.is_empty() {
             return;
         }

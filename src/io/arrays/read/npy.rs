@@ -18,7 +18,7 @@ const MAX_AXES: usize = 64;
 
 /// What the elements of an array are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct ElementType {
+pub(in crate::io) struct ElementType {
     is_big_endian: bool,
     kind: Kind,
     /// Bytes of an element.
@@ -39,18 +39,18 @@ enum Kind {
 
 /// The header of an array.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct NpyHeader {
-    pub(super) elements: ElementType,
-    pub(super) shape: Vec<u64>,
+pub(in crate::io) struct NpyHeader {
+    pub(in crate::io) elements: ElementType,
+    pub(in crate::io) shape: Vec<u64>,
     /// Whether the first index is the fastest.
-    pub(super) is_fortran: bool,
+    pub(in crate::io) is_fortran: bool,
     /// Its length in the file, in bytes.
-    pub(super) length: u64,
+    pub(in crate::io) length: u64,
 }
 
 impl NpyHeader {
     /// Reads the header of the array that errors call `element`.
-    pub(super) fn read(path: &Path, element: &str, input: &mut dyn Read) -> Result<Self, IoError> {
+    pub(in crate::io) fn read(path: &Path, element: &str, input: &mut dyn Read) -> Result<Self, IoError> {
         let mut exact = |length: usize| {
             let mut bytes = vec![0; length];
             input.read_exact(&mut bytes).map(|()| bytes).map_err(|source| match source.kind() {
@@ -101,13 +101,13 @@ impl NpyHeader {
     }
 
     /// Bytes of header and elements; `None` if that is more than 2^64.
-    pub(super) fn total_bytes(&self) -> Option<u64> {
+    pub(in crate::io) fn total_bytes(&self) -> Option<u64> {
         let count = self.shape.iter().try_fold(1_u64, |count, &side| count.checked_mul(side))?;
         count.checked_mul(self.elements.size as u64)?.checked_add(self.length)
     }
 
     /// The shape as Python writes it, and the type of the elements.
-    pub(super) fn describe(&self) -> String {
+    pub(in crate::io) fn describe(&self) -> String {
         let sides: Vec<String> = self.shape.iter().map(u64::to_string).collect();
         let comma = if sides.len() == 1 { "," } else { "" };
         format!("({}{comma}) {}", sides.join(", "), self.elements.describe())
@@ -132,11 +132,11 @@ impl ElementType {
     }
 
     /// Bytes of an element.
-    pub(super) const fn size(self) -> usize {
+    pub(in crate::io) const fn size(self) -> usize {
         self.size
     }
 
-    pub(super) const fn is_number(self) -> bool {
+    pub(in crate::io) const fn is_number(self) -> bool {
         matches!(self.kind, Kind::Float | Kind::Signed | Kind::Unsigned)
     }
 
@@ -152,7 +152,7 @@ impl ElementType {
     }
 
     /// The numbers that `bytes` hold, as `f64`; NaN if they are not numbers.
-    pub(super) fn numbers(self, bytes: &[u8], out: &mut [f64]) {
+    pub(in crate::io) fn numbers(self, bytes: &[u8], out: &mut [f64]) {
         let big = self.is_big_endian;
         match (self.kind, self.size) {
             (Kind::Float, 2) => fill(bytes, out, big, |b| half(u16::from_le_bytes(b))),
@@ -171,7 +171,7 @@ impl ElementType {
     }
 
     /// The texts that `bytes` hold, without the zeros that fill them up.
-    pub(super) fn texts(self, bytes: &[u8]) -> Vec<String> {
+    pub(in crate::io) fn texts(self, bytes: &[u8]) -> Vec<String> {
         let text = |element: &[u8]| -> String {
             let text: String = match self.kind {
                 Kind::Unicode => {

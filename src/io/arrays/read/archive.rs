@@ -10,13 +10,13 @@ use std::{
 use flate2::{Crc, bufread::DeflateDecoder};
 use zip::{CompressionMethod, ZipArchive};
 
-use crate::io::{IoError, file::source::invalid, readings::npy::NpyHeader};
+use crate::io::{IoError, arrays::read::npy::NpyHeader, file::source::invalid};
 
 /// An array of a file.
-pub(super) struct StoredArray {
+pub(in crate::io) struct StoredArray {
     /// Its name; empty in a `.npy`.
-    pub(super) name: String,
-    pub(super) header: NpyHeader,
+    pub(in crate::io) name: String,
+    pub(in crate::io) header: NpyHeader,
     place: Place,
 }
 
@@ -46,12 +46,12 @@ enum Packing {
 
 impl StoredArray {
     /// What errors call it.
-    pub(super) fn element(&self) -> String {
+    pub(in crate::io) fn element(&self) -> String {
         element(&self.name)
     }
 
     /// Its elements, from the first on.
-    pub(super) fn open(&self, path: &Path) -> Result<Box<dyn Read + Send>, IoError> {
+    pub(in crate::io) fn open(&self, path: &Path) -> Result<Box<dyn Read + Send>, IoError> {
         let mut input = self.place.open(path)?;
         NpyHeader::read(path, &self.element(), &mut input)?;
         Ok(input)
@@ -84,23 +84,28 @@ impl Place {
     }
 }
 
-/// The arrays of a file, of which none has more or fewer elements than its shape says.
-pub(super) fn list_arrays(path: &Path, is_archive: bool) -> Result<Vec<StoredArray>, IoError> {
+/// The array of a `.npy`, which has no more and no fewer elements than its shape says.
+pub(in crate::io) fn find_array(path: &Path) -> Result<StoredArray, IoError> {
+    let (_, length) = open(path)?;
+    let place = Place { start: 0, stored: length, size: length, packing: Packing::Alone };
+    array_at(path, String::new(), place)
+}
+
+/// A regular file, and its length.
+fn open(path: &Path) -> Result<(File, u64), IoError> {
     let fail = |source| IoError::Read { path: path.into(), source };
     let file = File::open(path).map_err(fail)?;
     let about = file.metadata().map_err(fail)?;
-    if !about.is_file() {
-        return Err(fail(io::Error::other("it is not a regular file")));
+    if about.is_file() {
+        Ok((file, about.len()))
+    } else {
+        Err(fail(io::Error::other("it is not a regular file")))
     }
-    let length = about.len();
-    if is_archive {
-        return list_archive(path, file, length);
-    }
-    let place = Place { start: 0, stored: length, size: length, packing: Packing::Alone };
-    Ok(vec![array_at(path, String::new(), place)?])
 }
 
-fn list_archive(path: &Path, file: File, length: u64) -> Result<Vec<StoredArray>, IoError> {
+/// The arrays of an `.npz`, of which none has more or fewer elements than its shape says.
+pub(in crate::io) fn list_arrays(path: &Path) -> Result<Vec<StoredArray>, IoError> {
+    let (file, length) = open(path)?;
     let broken = |error: zip::result::ZipError| match error {
         zip::result::ZipError::Io(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
             IoError::Read { path: path.into(), source }

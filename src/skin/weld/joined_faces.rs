@@ -1,9 +1,9 @@
-//! Across which edges the faces of a sheet hang together, and the vertices that follow from it: one
-//! for every fan of faces.
+//! Across which edges the faces of a sheet are joined, and the vertices that follow from it: one for
+//! every fan of faces.
 //!
-//! Two faces at an edge hang together, unless the file cuts them apart. Of more than two faces
-//! those hang together that share both vertices in the file, and on request those that continue
-//! each other most smoothly.
+//! Two faces at an edge are joined, unless the file cuts them apart. Of more than two faces those are
+//! joined that share both vertices in the file, and on request those that continue each other most
+//! smoothly.
 
 use glam::DVec3;
 
@@ -24,8 +24,8 @@ use crate::{
 /// More faces than this at one edge are not paired: each is a sheet of its own.
 pub(in crate::skin) const MOST_PAIRED: usize = 16;
 
-/// Which faces hang together across each edge of a welded sheet.
-pub(in crate::skin) struct Joints<'a> {
+/// Which faces are joined across each edge of a welded sheet.
+pub(in crate::skin) struct JoinedFaces<'a> {
     sheet: &'a Sheet,
     mesh: &'a TriMesh,
     file_faces: &'a IdVec<FaceId, FaceId>,
@@ -34,7 +34,7 @@ pub(in crate::skin) struct Joints<'a> {
     open: Vec<bool>,
 }
 
-impl<'a> Joints<'a> {
+impl<'a> JoinedFaces<'a> {
     pub(in crate::skin) fn new(
         sheet: &'a Sheet,
         mesh: &'a TriMesh,
@@ -42,13 +42,13 @@ impl<'a> Joints<'a> {
         file_faces: &'a IdVec<FaceId, FaceId>,
         (options, is_welded): (WeldOptions, bool),
     ) -> Self {
-        let mut joints = Self { sheet, mesh, file_faces, options, open: Vec::new() };
+        let mut joined = Self { sheet, mesh, file_faces, options, open: Vec::new() };
         // Vertices of one id are one taxel, at several places of a map: only the map is cut there.
         if is_welded && options.weld == Weld::Auto && sheet.ids.is_none() {
-            let (is_cut, in_file) = (|uses: &[Halfedge]| joints.is_cut_in_file(uses), |h| joints.in_file(h));
-            joints.open = kept_open(mesh, edges, is_cut, in_file);
+            let (is_cut, in_file) = (|uses: &[Halfedge]| joined.is_cut_in_file(uses), |h| joined.in_file(h));
+            joined.open = kept_open(mesh, edges, is_cut, in_file);
         }
-        joints
+        joined
     }
 
     /// The vertex of the file that a halfedge starts from.
@@ -90,7 +90,7 @@ impl<'a> Joints<'a> {
         matches!(*uses, [a, b] if ends(a) != ends(b))
     }
 
-    /// Calls `join` for all pairs of halfedges of an edge whose faces hang together.
+    /// Calls `join` for all pairs of halfedges of an edge whose faces are joined.
     pub(in crate::skin) fn each_pair(&self, uses: &[Halfedge], mut join: impl FnMut(Halfedge, Halfedge)) {
         match *uses {
             [] | [_] => {}
@@ -106,8 +106,8 @@ impl<'a> Joints<'a> {
         }
     }
 
-    /// The pairs of faces that hang together across an edge of more than two; `None` if the edge
-    /// stays as it is.
+    /// The pairs of faces that are joined across an edge of more than two; `None` if the edge stays as
+    /// it is.
     fn sheets(&self, uses: &[Halfedge]) -> Option<Vec<[Halfedge; 2]>> {
         if let Some(pairs) = self.sheets_in_file(uses) {
             return Some(pairs);
@@ -152,10 +152,14 @@ impl<'a> Joints<'a> {
 
 /// The fans of faces: sets of corners that are joined across edges. A corner is named by the
 /// halfedge that leaves it.
-pub(in crate::skin) fn fans(mesh: &TriMesh, edges: &Edges, joints: &Joints<'_>) -> DisjointSets<Halfedge> {
+pub(in crate::skin) fn fans(
+    mesh: &TriMesh,
+    edges: &Edges,
+    joined: &JoinedFaces<'_>,
+) -> DisjointSets<Halfedge> {
     let mut corners = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
     for uses in edges.iter() {
-        joints.each_pair(uses, |first, other| join(mesh, &mut corners, first, other));
+        joined.each_pair(uses, |first, other| join(mesh, &mut corners, first, other));
     }
     corners
 }

@@ -115,7 +115,7 @@ fn extend<T, const N: usize>(bytes: &mut Vec<u8>, elements: &[T], of: impl Fn(&T
     clippy::cast_possible_truncation,
     reason = "arrays of readings hold f32: seven digits, more than sensors have"
 )]
-pub(super) fn narrow(x: f64) -> f32 {
+pub(in crate::io) fn narrow(x: f64) -> f32 {
     x as f32
 }
 

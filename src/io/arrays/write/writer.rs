@@ -13,7 +13,7 @@ use std::{
 
 use crate::io::{
     IoError,
-    arrays::{
+    arrays::write::{
         archive::{Archive, write_archive},
         npy::{ElementType, Elements, count, header},
     },
