@@ -352,6 +352,14 @@ fn images_that_cannot_be_meant_are_refused() {
         fs::write(&path, file).unwrap();
         assert!(read_images(&path, &[]).is_err(), "{shape} in {bytes} bytes");
     }
+    // A parser of Python literals that calls itself would overflow its stack.
+    let deep = "(".repeat(60_000);
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend(u16::try_from(deep.len()).unwrap().to_le_bytes());
+    file.extend(deep.bytes());
+    fs::write(&path, file).unwrap();
+    let error = read_images(&path, &[]).unwrap_err().to_string();
+    assert!(error.len() < 400 && error.contains("the array"), "{error}");
     assert!(matches!(read_images(Path::new("a.png"), &[]), Err(IoError::UnknownKind { .. })));
 }
 

@@ -54,8 +54,8 @@ pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use compare::{Comparison, compare};
 pub use error::CalibError;
 pub use geometry::pose::Pose;
-pub use observations::graph::PerObservation;
 pub use observations::information::Information;
+pub use observations::per_observation::PerObservation;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
     DisplacementMeasurement, Model, Observations, PoseMeasurement, TaxelVariable,

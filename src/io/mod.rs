@@ -8,7 +8,7 @@
 //! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
 //! | `observations` | [`read_observations`] | [`write_observations`] |
 //! | `table` | [`read_contacts`], [`read_motion`], [`read_gains`], ... | [`LookupWriter`], [`write_calibration`], ... |
-//! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] (in `table`) |
+//! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] |
 //! | `arrays` | | [`RecordingWriter`]: `.npz`, `.npy` |
 //! | `image` | [`read_images`]: OpenEXR | [`write_images`], [`write_frame`] |
 //! | `file` | what all of them need: whole files, lines, replacing | |
@@ -74,7 +74,7 @@ pub use observations::{
     read_write::{read_observations, write_observations},
     remark::ObservationRemark,
 };
-pub use readings::{arrays::ReadingsLayout, reader::ReadingsReader};
+pub use readings::{arrays::ReadingsLayout, reader::ReadingsReader, writer::ReadingsWriter};
 pub use table::{
     by_taxel::{read_acuities, read_boundary, read_gains, read_seams},
     calibration::{
@@ -84,6 +84,6 @@ pub use table::{
     lookups::{LookupPlace, LookupRow, LookupWriter},
     motion::read_motion,
     regions::RegionWriter,
-    touches::{ReadingsWriter, write_touches},
+    touches::write_touches,
     values::write_values,
 };

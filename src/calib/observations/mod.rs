@@ -2,6 +2,7 @@
 
 pub(super) mod graph;
 pub(super) mod information;
+pub(super) mod per_observation;
 mod clip;
 mod scale;
 mod validate;

@@ -1,4 +1,4 @@
-//! Observations for the calibration: g2o text and CSV tables.
+//! Reads and writes observations in the format that the extension of their file names.
 
 use std::{
     collections::HashMap,

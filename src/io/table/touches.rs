@@ -1,149 +1,15 @@
-//! Simulated recordings: the readings, frame by frame, and the truth.
+//! Simulated touches: what truly happens in a recording.
 
-use std::{
-    collections::HashSet,
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::path::Path;
 
 use crate::{
-    id::VertexId,
     io::{
         IoError,
-        arrays::write::{
-            npy::{ElementType, Elements},
-            writer::{ArrayId, ArrayWriter},
-        },
-        file::{
-            replace::Replacement,
-            source::{kind, unfit},
-        },
         table::csv_table::{decimals, write_table},
     },
-    signal::{Channel, Frame, Touch},
-    skin::{PatchId, Presence, Skin, Taxels},
+    signal::Touch,
+    skin::Skin,
 };
-
-/// Writes readings of one channel frame by frame: a table `.csv` or arrays `.npz`.
-///
-/// The table has the columns `time` in s and `ID.CHANNEL` for each taxel that is present, as
-/// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, `timestamps`
-/// `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Nothing appears in the file's place
-/// before [`ReadingsWriter::finish`]; memory does not depend on the number of frames.
-pub struct ReadingsWriter {
-    taxels: Vec<(PatchId, VertexId)>,
-    output: Output,
-    row: Vec<f64>,
-}
-
-enum Output {
-    Table { path: PathBuf, file: Replacement, text: Vec<u8> },
-    Arrays { writer: ArrayWriter, times: ArrayId, values: ArrayId },
-}
-
-/// Bytes of a table that are kept before they are written.
-const TEXT_BYTES: usize = 1 << 18;
-
-impl ReadingsWriter {
-    /// Starts a file of readings of the taxels that are present, given patch by patch.
-    ///
-    /// # Errors
-    /// If the file is of another kind or cannot be created, no taxel is present, or two have the
-    /// same id: readings are found by their ids.
-    pub fn create<'a>(
-        path: &Path,
-        patches: impl IntoIterator<Item = &'a Taxels>,
-        channel: &Channel,
-    ) -> Result<Self, IoError> {
-        let (mut taxels, mut ids) = (Vec::new(), Vec::new());
-        for (patch, of_patch) in patches.into_iter().enumerate() {
-            for (taxel, _) in of_patch.presence.enumerate().filter(|(_, p)| **p == Presence::Present) {
-                taxels.push((PatchId::new(patch), taxel));
-                ids.push(of_patch.ids[taxel].0);
-            }
-        }
-        let mut seen = HashSet::new();
-        if let Some(id) = ids.iter().find(|id| !seen.insert(**id)) {
-            return Err(unfit(
-                path,
-                format!("taxel {id}"),
-                "the same id twice",
-                "an id of its own for each taxel",
-            ));
-        }
-        if ids.is_empty() {
-            return Err(unfit(path, "the skin", "no taxel that is present", "at least one"));
-        }
-        let output = match kind(path).as_str() {
-            "csv" => {
-                let unit =
-                    if channel.unit.is_empty() { String::new() } else { format!("[{}]", channel.unit) };
-                let names = ids.iter().map(|id| format!("{id}.{}{unit}", channel.name));
-                let header: Vec<String> = std::iter::once("time".to_owned()).chain(names).collect();
-                let file = Replacement::open(path)?;
-                Output::Table { path: path.into(), file, text: (header.join(",") + "\n").into_bytes() }
-            }
-            "npz" => {
-                let mut writer = ArrayWriter::create(path)?;
-                let times = writer.growing("timestamps", ElementType::F64, &[])?;
-                let values = writer.growing("values", ElementType::F64, &[ids.len()])?;
-                writer.constant("ids", &[ids.len()], Elements::U32(&ids))?;
-                writer.constant("channels", &[1], Elements::Text(std::slice::from_ref(&channel.name)))?;
-                writer.constant("units", &[1], Elements::Text(std::slice::from_ref(&channel.unit)))?;
-                Output::Arrays { writer, times, values }
-            }
-            _ => return Err(IoError::UnknownKind { path: path.into(), known: ".csv, .npz" }),
-        };
-        Ok(Self { taxels, output, row: Vec::new() })
-    }
-
-    /// Writes a frame.
-    ///
-    /// # Errors
-    /// If the disk is full.
-    ///
-    /// # Panics
-    /// If the frame is not one of these taxels.
-    pub fn write(&mut self, frame: &Frame) -> Result<(), IoError> {
-        self.row.clear();
-        self.row.extend(self.taxels.iter().map(|&(patch, taxel)| frame.values[patch][0][taxel]));
-        match &mut self.output {
-            Output::Arrays { writer, times, values } => {
-                writer.push(*times, Elements::F64(&[frame.time]))?;
-                writer.push(*values, Elements::F64(&self.row))?;
-                writer.end_frame()
-            }
-            Output::Table { path, file, text } => {
-                let fail = |source| IoError::Write { path: path.clone(), source };
-                // Decimals are the shortest that read back as the same number.
-                write!(text, "{:?}", frame.time).map_err(fail)?;
-                for x in &self.row {
-                    write!(text, ",{x:?}").map_err(fail)?;
-                }
-                text.push(b'\n');
-                if text.len() >= TEXT_BYTES {
-                    file.file().write_all(text).map_err(fail)?;
-                    text.clear();
-                }
-                Ok(())
-            }
-        }
-    }
-
-    /// Puts the file in its place.
-    ///
-    /// # Errors
-    /// If the disk is full.
-    pub fn finish(self) -> Result<(), IoError> {
-        match self.output {
-            Output::Arrays { writer, .. } => writer.finish(),
-            Output::Table { path, file, text } => {
-                file.file().write_all(&text).map_err(|source| IoError::Write { path, source })?;
-                file.publish()
-            }
-        }
-    }
-}
 
 /// Writes what truly happens in a simulated recording: a row for each frame in which something is
 /// touched.
