@@ -352,6 +352,16 @@ fn images_that_cannot_be_meant_are_refused() {
         fs::write(&path, file).unwrap();
         assert!(read_images(&path, &[]).is_err(), "{shape} in {bytes} bytes");
     }
+    // A sparse file is as long as its shape asks for, and takes no room on the disk.
+    let text =
+        format!("{:<117}\n", "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000), }");
+    let mut file = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    file.extend(text.bytes());
+    fs::write(&path, file).unwrap();
+    if fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(128 + 4_000_000_000_000).is_ok() {
+        let error = read_images(&path, &[]).unwrap_err().to_string();
+        assert!(error.contains("at most 1073741824 elements"), "{error}");
+    }
     // A parser of Python literals that calls itself would overflow its stack.
     let deep = "(".repeat(60_000);
     let mut file = b"\x93NUMPY\x01\x00".to_vec();

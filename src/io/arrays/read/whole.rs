@@ -56,10 +56,14 @@ fn read(path: &Path, array: &StoredArray, budget: u64) -> Result<NumberArray, Io
     Ok(NumberArray { name: array.name.clone(), shape, numbers })
 }
 
+/// Most elements of an image or a recording that is read whole: 4 GiB as `f32`.
+const MOST_ELEMENTS: u64 = 1 << 30;
+
 /// The shape of the array of a `.npy`, and its elements as `f32`, the last index fastest.
 ///
 /// # Errors
-/// If the file is not an array of numbers, or has another number of bytes than its shape asks for.
+/// If the file is not an array of numbers, has another number of bytes than its shape asks for, or more
+/// than 2^30 elements.
 pub(in crate::io) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), IoError> {
     /// Elements that are read at a time.
     const BLOCK: usize = 1 << 16;
@@ -70,8 +74,12 @@ pub(in crate::io) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), IoErr
         return Err(invalid(path, array.element(), array.header.describe(), "numbers"));
     }
     let fail = |source| IoError::Read { path: path.into(), source };
-    // Their number has been compared with the bytes of the file.
-    let mut left = usize::try_from(shape.iter().product::<u64>()).unwrap_or(usize::MAX);
+    // Their number has been compared with the bytes of the file, but a sparse file may have any.
+    let count = shape.iter().product::<u64>();
+    let Some(mut left) = usize::try_from(count).ok().filter(|_| count <= MOST_ELEMENTS) else {
+        let needed = format!("at most {MOST_ELEMENTS} elements");
+        return Err(invalid(path, array.element(), array.header.describe(), needed));
+    };
     let mut elements = Vec::with_capacity(left);
     let (mut raw, mut numbers) = (vec![0; BLOCK * kind.size()], vec![0.0; BLOCK]);
     while left > 0 {
