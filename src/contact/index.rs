@@ -267,7 +267,7 @@ impl ContactIndex {
         contact.link.map_or(contact.point, |link| self.links[link].pose.to_world(contact.point))
     }
 
-    /// The answer to a query that has been checked.
+    /// The answer to a query that has been checked; asks for what its cells will read.
     pub(super) fn answer(&self, query: &Query) -> Result<Hit, ContactError> {
         let mut best = None;
         self.each_patch(query, f64::INFINITY, |id, q| {
@@ -278,15 +278,15 @@ impl ContactIndex {
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
     }
 
-    /// The same; what the cursor points to is searched first.
+    /// The same; what the cursor points to is searched first. Nothing is read ahead: cells of batches are
+    /// wanted much later.
     pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
         let mut best = None;
         let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);
         let first = cursor.last.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
         let mut search = |id: PatchId, q: DVec3, start: Option<u32>| {
             let patch = &self.patches[id];
-            let search = Search::new(&patch.tree, id, q).ahead(&patch.cells.rows);
-            if let Some(packet) = search.run_from(start, &mut best) {
+            if let Some(packet) = Search::new(&patch.tree, id, q).run_from(start, &mut best) {
                 cursor.last = Some((id, packet));
             }
             Best::squared(best.as_ref()).sqrt()
