@@ -93,6 +93,39 @@ fn a_cylinder_is_unrolled() {
     assert!((area / mesh.area() - 1.0).abs() < 0.08, "a rectangle but for the zigzag of its sides: {sides}");
 }
 
+/// The seam of a torus with holes passes through them, and counts each as one point.
+#[test]
+fn seams_pass_through_holes() {
+    let mut mesh = shapes::torus(24, 12, 0.1, 0.04);
+    let is_hole = |k: usize| k / 2 % 24 % 4 < 2 && k / 48 % 4 < 2;
+    mesh.triangles =
+        mesh.triangles.enumerate().filter(|(f, _)| !is_hole(f.index())).map(|(_, t)| *t).collect();
+    let mesh = only_used(&mesh);
+    let cut = auto(&mesh).expect("a torus has a handle");
+    let (euler, loops) = shape(&mesh, &cut);
+    assert_eq!(euler, 2 - i64::try_from(loops).unwrap(), "one disk with {loops} loops");
+}
+
+/// Without the vertices that no face has.
+fn only_used(mesh: &TriMesh) -> TriMesh {
+    let mut names = IdVec::<VertexId, Option<VertexId>>::filled(None, mesh.positions.len());
+    let mut positions = IdVec::new();
+    let mut name = |v: VertexId| *names[v].get_or_insert_with(|| positions.push(mesh.positions[v]));
+    let triangles = mesh.triangles.iter().map(|t| t.map(&mut name)).collect();
+    TriMesh { positions, triangles }
+}
+
+/// Both sides of a rectangle, 150 times as long as it is wide: the shortest seam is one edge, which
+/// opens nothing.
+#[test]
+fn a_flat_closed_needle_is_opened() {
+    let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let corners = vec![at(0.0, 0.0), at(4.53e-4, 0.0), at(4.53e-4, 3e-6), at(0.0, 3e-6)];
+    let mesh = TriMesh::from_arrays(corners, &[[1, 0, 2], [2, 0, 3], [2, 3, 1], [1, 3, 0]]);
+    let cut = auto(&mesh).expect("a closed surface has no map");
+    assert_eq!(shape(&mesh, &cut), (1, 1));
+}
+
 /// Cutting a torus once around and once through leaves it far from flat, but a map.
 #[test]
 fn a_torus_is_cut_both_ways() {

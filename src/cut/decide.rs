@@ -75,10 +75,11 @@ pub(crate) fn decide(
     let base = must_cut(&graph);
     graph.checked(&base)?;
     let must = graph.mesh_edges(&base);
+    let spokes = graph.spokes(&base);
     let all: Vec<usize> = (0..graph.loops.len()).collect();
     if *how == Cut::All {
         let loops = named(&graph, &all);
-        return Ok(Recipe { is_cut: true, base: must, loops, ..Recipe::default() });
+        return Ok(Recipe { is_cut: true, base: must, spokes, loops, ..Recipe::default() });
     }
     let decision = Decision { graph: &graph, map: maps.free };
     // A disk is judged by its limit alone.
@@ -101,7 +102,7 @@ pub(crate) fn decide(
     }
     let is_cut = !state.seam.is_empty();
     let area_ratio = if limit.is_some() { state.area_ratio } else { 0.0 };
-    Ok(Recipe { is_cut, base: must, loops: named(&graph, &loops), through, slits, area_ratio })
+    Ok(Recipe { is_cut, base: must, spokes, loops: named(&graph, &loops), through, slits, area_ratio })
 }
 
 /// A vertex of each of these loops.

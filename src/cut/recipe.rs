@@ -20,6 +20,8 @@ pub(crate) struct Recipe {
     pub(super) is_cut: bool,
     /// The edges that must be cut: of closed surfaces and handles.
     pub(super) base: Vec<[VertexId; 2]>,
+    /// The vertices of loops at which these edges pass through the loop, which counts as one point.
+    pub(super) spokes: Vec<VertexId>,
     /// A vertex of each loop to be joined.
     pub(super) loops: Vec<VertexId>,
     /// The edges that join pairs of loops through what is curved between them, instead of all that, if
@@ -39,6 +41,7 @@ impl Recipe {
         Self {
             is_cut: self.is_cut,
             base: edges(&self.base),
+            spokes: map(&self.spokes),
             loops: map(&self.loops),
             through: edges(&self.through),
             slits: map(&self.slits),
@@ -65,7 +68,7 @@ impl Recipe {
         {
             return Ok(Some(cut));
         }
-        let mut seam = lay(&graph, &self.base).unwrap_or_else(|| must_cut(&graph));
+        let mut seam = self.lay(&graph).unwrap_or_else(|| must_cut(&graph));
         let wanted = |walk: &Vec<VertexId>| walk.iter().any(|v| self.loops.contains(v));
         let loops: Vec<usize> = (0..graph.loops.len()).filter(|&k| wanted(&graph.loops[k])).collect();
         if !loops.is_empty() {
@@ -83,21 +86,22 @@ impl Recipe {
         let ways: Vec<_> = self.through.iter().map(way).collect::<Option<_>>()?;
         graph.checked(&graph.tree_of(ways.into_iter().flatten().collect())).ok()
     }
-}
 
-/// The seam of a coarser level, as short as it gets: the shortest ways between the ends of its
-/// edges; `None` if they do not open the surface.
-fn lay(graph: &SeamGraph<'_>, base: &[[VertexId; 2]]) -> Option<Seam> {
-    let mut seam = Seam::new();
-    let mut uses = BTreeMap::<VertexId, u32>::new();
-    for &[a, b] in base {
-        seam.extend(graph.way(&[a].into(), &[b].into())?);
-        [a, b].iter().for_each(|&v| *uses.entry(v).or_default() += 1);
+    /// What must be cut, as short as it gets: the shortest ways between the ends of its edges; `None`
+    /// if they do not open the surface.
+    fn lay(&self, graph: &SeamGraph<'_>) -> Option<Seam> {
+        let spokes = self.spokes.iter().map(|&v| Some([v, graph.apex_at(v)?])).collect::<Option<Vec<_>>>()?;
+        let mut seam = Seam::new();
+        let mut uses = BTreeMap::<VertexId, u32>::new();
+        for &[a, b] in self.base.iter().chain(&spokes) {
+            seam.extend(graph.way(&[a].into(), &[b].into())?);
+            [a, b].iter().for_each(|&v| *uses.entry(v).or_default() += 1);
+        }
+        let ends = uses.into_iter().filter(|x| x.1 == 1).map(|x| x.0).collect();
+        graph.prune(&mut seam, &ends);
+        let shorter = shorten(graph, seam, &ends);
+        graph.checked(&shorter).is_ok().then_some(shorter)
     }
-    let ends = uses.into_iter().filter(|x| x.1 == 1).map(|x| x.0).collect();
-    graph.prune(&mut seam, &ends);
-    graph.checked(&seam).ok()?;
-    Some(shorten(graph, seam, &ends))
 }
 
 /// The seam without which the surface has no map: handles are opened, and of a closed surface two

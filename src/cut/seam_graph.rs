@@ -109,6 +109,11 @@ impl<'m> SeamGraph<'m> {
         VertexId::new(self.mesh.positions.len() + of_loop)
     }
 
+    /// The vertex that stands for the loop on which a vertex lies, if it lies on one.
+    pub(super) fn apex_at(&self, v: VertexId) -> Option<VertexId> {
+        self.loops.iter().position(|walk| walk.contains(&v)).map(|k| self.apex(k))
+    }
+
     /// Handles of the surface.
     pub(super) fn genus(&self) -> usize {
         usize::try_from((2 - self.adjacency.euler_characteristic()) / 2).unwrap_or(0)
@@ -124,6 +129,12 @@ impl<'m> SeamGraph<'m> {
     pub(super) fn mesh_edges(&self, seam: &Seam) -> Vec<[VertexId; 2]> {
         let is_own = |ends: &[VertexId; 2]| ends[1].index() < self.mesh.positions.len();
         seam.iter().map(|&e| self.ends[e]).filter(is_own).collect()
+    }
+
+    /// The vertices of loops whose edges to the apex belong to a seam.
+    pub(super) fn spokes(&self, seam: &Seam) -> Vec<VertexId> {
+        let is_spoke = |ends: &[VertexId; 2]| ends[1].index() >= self.mesh.positions.len();
+        seam.iter().map(|&e| self.ends[e]).filter(is_spoke).map(|[v, _]| v).collect()
     }
 
     /// Length of a seam over the square root of the area.
