@@ -1,35 +1,82 @@
 //! Closes small holes with triangles of least area.
 
+use std::{collections::HashMap, f64::consts::PI};
+
 use glam::DVec3;
 
 use crate::{
     id::VertexId,
-    mesh::{Adjacency, MeshError, TriMesh, loop_length},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh, loop_length},
 };
 
 /// A loop is no outer boundary if its squared length is below this share of the area: a disk has at
 /// least 12.6 times its area, the open end of a finger ten times as long as it is thick 0.3 times.
 const NEARLY_CLOSED: f64 = 0.1;
 
-/// Closes every hole whose boundary loop has at most `max_edges` edges, with triangles between its
-/// own vertices.
+/// Which holes of a surface are closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FillHoles {
+    /// None.
+    #[default]
+    None,
+    /// Pin-holes: of at most five edges, where the triangles continue the surface and are not needles,
+    /// as where a reader of scans dropped a face; not the end of a tube. The only hole of a closed body
+    /// is one whatever its shape.
+    PinHoles,
+    /// All of at most this many edges.
+    UpTo(usize),
+}
+
+impl FillHoles {
+    /// The largest number of edges of a hole that may be filled.
+    pub(crate) const fn most_edges(self) -> usize {
+        match self {
+            Self::None => 0,
+            Self::PinHoles => 5,
+            Self::UpTo(edges) => edges,
+        }
+    }
+}
+
+/// A hole is a slit, to be filled by needles only, if it is less round than this: 1 is a circle, 0.79 a
+/// square, 0.1 a rectangle 30 times as long as it is wide.
+const SLIT: f64 = 0.1;
+
+/// Cosine of the angle, 60 degrees, by which the triangles of a pin-hole may bend the surface along half
+/// of its rim: a cap of a tube bends it by 90.
+const BEND: f64 = 0.5;
+
+/// Closes the holes that `which` says, with triangles between their own vertices.
 ///
 /// Each hole gets its triangulation of least area (barequet1995), without edges that
 /// the mesh already has; a hole that has none stays open. The longest loop is the outer boundary
-/// and stays, unless the surface is closed but for it. Returns the loops closed. Time grows with the cube of `max_edges` per hole.
+/// and stays, unless the surface is closed but for it. Returns the loops closed. Time grows with the
+/// cube of the edges of a hole.
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold.
-pub(crate) fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec<VertexId>>, MeshError> {
+pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<Vec<Vec<VertexId>>, MeshError> {
     let adjacency = Adjacency::new(mesh)?;
     let mut loops = adjacency.boundary_loops();
+    let is_only = loops.len() == 1;
     let length = |i: usize| loop_length(mesh, &loops[i]);
     let outer = (0..loops.len()).max_by(|&i, &j| length(i).total_cmp(&length(j)).then(j.cmp(&i)));
     if let Some(outer) = outer.filter(|&i| length(i).powi(2) >= NEARLY_CLOSED * mesh.area()) {
         loops.remove(outer);
     }
-    loops.retain(|walk| walk.len() <= max_edges);
-    let fills: Vec<_> = loops.iter().map(|walk| least_area(mesh, &adjacency, walk)).collect();
+    loops.retain(|walk| walk.len() <= which.most_edges());
+    let mut inside = HashMap::new();
+    for (face, corners) in mesh.triangles.enumerate() {
+        let at_rim = |&side: &usize| adjacency.twin(Halfedge::new(face, side)).is_none();
+        inside.extend((0..3).filter(at_rim).map(|side| (corners[side], *corners)));
+    }
+    let is_wanted = |walk: &Vec<VertexId>, fill: &Vec<[VertexId; 3]>| {
+        which != FillHoles::PinHoles || is_only || is_pin_hole(mesh, &inside, walk, fill)
+    };
+    let fills: Vec<_> = loops
+        .iter()
+        .map(|walk| least_area(mesh, &adjacency, walk).filter(|fill| is_wanted(walk, fill)))
+        .collect();
     let mut closed = Vec::new();
     for (walk, fill) in loops.into_iter().zip(fills) {
         if let Some(fill) = fill {
@@ -40,6 +87,34 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, max_edges: usize) -> Result<Vec<Vec
         }
     }
     Ok(closed)
+}
+
+/// Whether a hole is no slit, and its triangles continue the surface along half of its rim.
+///
+/// `inside` has the face at the boundary edge that leaves each vertex of a loop.
+fn is_pin_hole(
+    mesh: &TriMesh,
+    inside: &HashMap<VertexId, [VertexId; 3]>,
+    walk: &[VertexId],
+    fill: &[[VertexId; 3]],
+) -> bool {
+    let cross = |t: &[VertexId; 3]| {
+        let [a, b, c] = t.map(|v| mesh.positions[v]);
+        (b - a).cross(c - a)
+    };
+    let area: f64 = fill.iter().map(|t| 0.5 * cross(t).length()).sum();
+    let rim = loop_length(mesh, walk);
+    if 4.0 * PI * area < SLIT * rim * rim {
+        return false;
+    }
+    let direction = |t: &[VertexId; 3]| cross(t).normalize_or_zero();
+    let smooth = walk.iter().zip(walk.iter().cycle().skip(1)).filter(|&(a, b)| {
+        let of_edge = |t: &&[VertexId; 3]| t.contains(a) && t.contains(b);
+        let outside = fill.iter().find(of_edge).map_or(DVec3::ZERO, direction);
+        inside.get(a).is_some_and(|t| direction(t).dot(outside) >= BEND)
+    });
+    let length = smooth.map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum::<f64>();
+    length >= 0.5 * rim
 }
 
 /// The triangles of least total area that close a loop; `None` if each needs an edge the mesh

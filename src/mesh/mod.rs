@@ -25,6 +25,7 @@ pub(crate) use connectivity::{
     vertex_corners::VertexCorners,
 };
 pub use error::MeshError;
+pub use fill_holes::FillHoles;
 pub(crate) use fill_holes::fill_holes;
 pub use geometry::mean_edge_length;
 pub(crate) use geometry::{

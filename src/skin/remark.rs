@@ -66,8 +66,13 @@ remark_kinds! {
     EdgesParted {
         /// Their ends.
         edges: Vec<[VertexId; 2]>,
-    } => "{} had more than two faces; the two that continue each other most smoothly stay joined there: {}",
-        count(edges.len(), "edge", "edges"), first_few(&edges.iter().map(|[a, b]| format!("{a}-{b}")).collect::<Vec<_>>());
+    } => "{} had more than two faces; those of one solid, or else the two that continue each other most smoothly, stay joined there: {}",
+        count(edges.len(), "edge", "edges"), edge_list(edges);
+    /// Repair: surfaces with one side only were cut open.
+    OneSidedCut {
+        /// The ends of the edges of the cuts.
+        edges: Vec<[VertexId; 2]>,
+    } => "cut open along {}, since it would have one side only: {}", count(edges.len(), "edge", "edges"), edge_list(edges);
     /// Repair: vertices where several fans of faces touched were split.
     FansSplit {
         /// The vertices.
@@ -303,6 +308,11 @@ fn across(extent: f64) -> String {
 /// A length in m, in mm where that is readable.
 fn length(metres: f64) -> String {
     if (1e-6..1e3).contains(&metres) { format!("{:.3} mm", 1e3 * metres) } else { format!("{metres:.3e} m") }
+}
+
+/// `1-5, 5-9 and 4 more`: the first few edges of a list.
+fn edge_list(edges: &[[VertexId; 2]]) -> String {
+    first_few(&edges.iter().map(|[a, b]| format!("{a}-{b}")).collect::<Vec<_>>())
 }
 
 /// `1, 5, 9 and 4 more`: the first few of a list, for a sentence.

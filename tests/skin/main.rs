@@ -8,10 +8,10 @@ use std::collections::BTreeSet;
 
 use dermatome::{
     id::{FaceId, VertexId},
-    mesh::{TriMesh, shapes},
+    mesh::{FillHoles, TriMesh, shapes},
     skin::{
         self, AssembleOptions, Covariance, Draft, Finding, FindingKind, Presence, RemarkKind, Sheet,
-        SkinError, TaxelId, Taxels,
+        SkinError, TaxelId, Taxels, Weld,
     },
 };
 use drafts::{assemble, cover, draft_of, kinds, only, sheet_of, soup, topology};
@@ -143,8 +143,18 @@ fn a_third_face_at_an_edge_is_refused_and_named() {
     assert_eq!((finding.kind, finding.elements.len()), (FindingKind::NonManifoldEdge, 2));
 }
 
+const REPAIR: AssembleOptions = AssembleOptions {
+    repair: true,
+    gap: 2.5,
+    fill_holes: FillHoles::None,
+    weld: Weld::Auto,
+    outside: None,
+    keep_going: false,
+};
+
+/// Without `repair` a strip with one side is refused; with it, it is cut open across.
 #[test]
-fn a_moebius_strip_is_refused() {
+fn a_moebius_strip_is_refused_or_cut_open() {
     let mut triangles = Vec::new();
     for i in 0..5_u32 {
         let [a, b] = [2 * i, 2 * i + 1];
@@ -160,6 +170,45 @@ fn a_moebius_strip_is_refused() {
     let draft = draft_of(sheet_of("strip", &TriMesh::from_arrays(positions.collect(), &triangles)));
     assert!(matches!(assemble(&draft), Err(SkinError::NotOrientable { .. })));
     assert!(found_in(&draft).contains(&FindingKind::NotOrientable));
+    let cut = skin::assemble(&draft, &REPAIR).unwrap();
+    assert!(kinds(&cut).contains("OneSidedCut"), "{:?}", cut.remarks);
+    let mesh = &only(&cut).mesh;
+    assert_eq!((topology(mesh), mesh.triangles.len()), ((1, 1), 10), "a strip with all its faces");
+}
+
+/// Two wedges whose blades touch along an edge: faces of one wedge, wound alike, stay together, though
+/// those of different wedges continue each other more smoothly.
+#[test]
+fn solids_that_touch_along_an_edge_are_taken_apart() {
+    let wedge = |side: f64, first: u32| {
+        let at = |x: f64, y: f64, z: f64| DVec3::new(side * x, y, side * z);
+        let corners = [at(1.0, 0.0, 0.2), at(1.0, 0.0, -0.2), at(1.0, 1.0, 0.2), at(1.0, 1.0, -0.2)];
+        let [a, b, c, d] = [first, first + 1, first + 2, first + 3];
+        let faces = [[0, a, c], [0, c, 1], [0, 1, d], [0, d, b], [0, b, a], [1, c, d], [a, b, d], [a, d, c]];
+        (corners, faces)
+    };
+    let ((left, of_left), (right, of_right)) = (wedge(1.0, 2), wedge(-1.0, 6));
+    let positions = [DVec3::ZERO, DVec3::Y].into_iter().chain(left).chain(right).collect();
+    let triangles: Vec<_> = of_left.into_iter().chain(of_right).collect();
+    let draft = draft_of(sheet_of("s", &TriMesh::from_arrays(positions, &triangles)));
+    assert!(matches!(assemble(&draft), Err(SkinError::NonManifoldEdges { .. })));
+    let apart = skin::assemble(&draft, &REPAIR).unwrap();
+    let shapes: Vec<_> =
+        apart.skin.patches.iter().map(|p| (topology(&p.mesh), p.mesh.triangles.len())).collect();
+    assert_eq!(shapes, [((2, 0), 8); 2], "two closed wedges: {:?}", apart.remarks);
+}
+
+/// The end of a tube of four sides is not a pin-hole, however few edges it has; a missing face is.
+#[test]
+fn pin_holes_continue_the_surface() {
+    let mut tube = shapes::tube(4, 30, 0.01, 0.3);
+    tube.triangles = tube.triangles.enumerate().filter(|(f, _)| f.index() != 100).map(|(_, t)| *t).collect();
+    let loops = |fill_holes| {
+        let options = AssembleOptions { fill_holes, ..AssembleOptions::default() };
+        topology(&only(&skin::assemble(&draft_of(sheet_of("tube", &tube)), &options).unwrap()).mesh).1
+    };
+    let kept = [FillHoles::None, FillHoles::PinHoles, FillHoles::UpTo(3), FillHoles::UpTo(4)].map(loops);
+    assert_eq!(kept, [3, 2, 2, 1], "the longest loop stays");
 }
 
 /// A middle taxel in line with two of the boundary: the face between them goes, and the boundary
@@ -393,7 +442,8 @@ fn holes_are_filled_before_areas_and_normals_are_computed() {
     let face = sheet.triangles.iter().position(|t| t.contains(&40)).unwrap();
     sheet.triangles.remove(face);
     let filled = |fill_holes| {
-        let options = AssembleOptions { fill_holes, ..AssembleOptions::default() };
+        let options =
+            AssembleOptions { fill_holes: FillHoles::UpTo(fill_holes), ..AssembleOptions::default() };
         skin::assemble(&draft_of(sheet.clone()), &options).unwrap()
     };
     let (open, closed) = (filled(2), filled(3));
@@ -413,7 +463,8 @@ fn the_hole_of_a_missing_taxel_is_filled_flat() {
     let mut sheet = sheet_of("s", &whole);
     sheet.triangles.retain(|t| !t.contains(&24));
     for (fill_holes, loops) in [(5, 2), (6, 1)] {
-        let options = AssembleOptions { fill_holes, ..AssembleOptions::default() };
+        let options =
+            AssembleOptions { fill_holes: FillHoles::UpTo(fill_holes), ..AssembleOptions::default() };
         let mesh = only(&skin::assemble(&draft_of(sheet.clone()), &options).unwrap()).mesh.clone();
         assert_eq!(topology(&mesh).1, loops, "at most {fill_holes} edges; the outer boundary stays");
         assert_eq!((mesh.area() - whole.area()).abs() < 1e-12, loops == 1, "{}", mesh.area());

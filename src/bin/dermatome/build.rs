@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| args.output.join(name)).collect();
     outputs::check_inputs(files.iter().map(PathBuf::as_path), [args.skin.as_path()])?;
     let start = Instant::now();
-    let (fill_holes, keep_going) = (args.coarsen.fill_holes, args.keep_going);
+    let (fill_holes, keep_going) = (args.coarsen.fill_holes(), args.keep_going);
     let assemble = AssembleOptions { fill_holes, keep_going, ..args.read.options() };
     let (mut skin, left_out) = read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);

@@ -71,7 +71,9 @@ fn as_json(findings: &[Finding], draft: &Draft) -> Value {
 /// What mends a finding; `None`: the file has to be corrected.
 const fn cure(kind: FindingKind) -> Option<&'static str> {
     match kind {
-        FindingKind::DuplicateFace | FindingKind::NonManifoldEdge => Some("--repair"),
+        FindingKind::DuplicateFace | FindingKind::NonManifoldEdge | FindingKind::NotOrientable => {
+            Some("--repair")
+        }
         FindingKind::NonManifoldVertex
         | FindingKind::RepeatedCorner
         | FindingKind::ZeroAreaFace

@@ -46,7 +46,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     outputs::check([args.output.as_path()])?;
     outputs::check_inputs([args.output.as_path()], [args.skin.as_path()])?;
-    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes, ..args.read.options() };
+    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes(), ..args.read.options() };
     let mut skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     args.acuity.apply(&mut skin)?;
     let options = args.coarsen.options();

@@ -164,6 +164,9 @@ fn report_splits(surface: &WeldedMesh, remarks: &mut Vec<RemarkKind>) {
     if !surface.parted.is_empty() {
         remarks.push(RemarkKind::EdgesParted { edges: surface.parted.clone() });
     }
+    if !surface.one_sided.is_empty() {
+        remarks.push(RemarkKind::OneSidedCut { edges: surface.one_sided.clone() });
+    }
     if !surface.touching.is_empty() {
         remarks.push(RemarkKind::FansSplit { vertices: surface.touching.clone() });
     }

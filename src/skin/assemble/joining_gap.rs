@@ -1,6 +1,9 @@
 //! Which gap would join the patches that bare taxels fall into.
 
-use crate::skin::{AssembleOptions, Assembled, Draft, Remark, RemarkKind, assemble};
+use crate::{
+    mesh::FillHoles,
+    skin::{AssembleOptions, Assembled, Draft, Remark, RemarkKind, assemble},
+};
 
 /// Trials on more taxels would be felt: 20 000 take a second.
 const MOST_TAXELS: usize = 20_000;
@@ -22,8 +25,11 @@ pub fn joining_gap(draft: &Draft, assembled: &Assembled, options: &AssembleOptio
         return None;
     }
     WIDER.into_iter().filter(|&gap| gap > options.gap).find_map(|gap| {
-        let patches =
-            assemble(draft, &AssembleOptions { gap, fill_holes: 0, ..*options }).ok()?.skin.patches.len();
+        let patches = assemble(draft, &AssembleOptions { gap, fill_holes: FillHoles::None, ..*options })
+            .ok()?
+            .skin
+            .patches
+            .len();
         (patches < assembled.skin.patches.len()).then_some((gap, patches))
     })
 }

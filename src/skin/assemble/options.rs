@@ -2,9 +2,12 @@
 
 use glam::DVec3;
 
-use crate::skin::{
-    Remark, Skin,
-    weld::options::{Weld, WeldOptions},
+use crate::{
+    mesh::FillHoles,
+    skin::{
+        Remark, Skin,
+        weld::options::{Weld, WeldOptions},
+    },
 };
 
 /// How a draft is assembled.
@@ -13,13 +16,13 @@ pub struct AssembleOptions {
     /// Longest edge between bare taxels over the spacing of the taxels at its ends, from 1 to 20.
     /// What is longer spans a real gap, and a boundary stays there.
     pub gap: f64,
-    /// Holes whose boundary loop has at most this many edges are filled; the longest loop of a
-    /// patch is its outer boundary and stays, but for a pin-hole of a closed body. 0 fills none.
-    pub fill_holes: usize,
+    /// Which holes are filled; the longest loop of a patch is its outer boundary and stays, but for a
+    /// pin-hole of a closed body.
+    pub fill_holes: FillHoles,
     /// Which vertices at one place are one taxel.
     pub weld: Weld,
-    /// Drop faces with the corners of an earlier one, and split edges with more than two faces into
-    /// sheets, those that continue each other most smoothly.
+    /// Drop faces with the corners of an earlier one, split edges with more than two faces into solids
+    /// that touch there or sheets that continue each other, and cut surfaces with one side open.
     pub repair: bool,
     /// Where the outside of bare taxels is, as a direction in the frame of their link, for components
     /// of which neither normals nor anything else of the file tells it.
@@ -36,7 +39,14 @@ impl AssembleOptions {
 
 impl Default for AssembleOptions {
     fn default() -> Self {
-        Self { gap: 2.5, fill_holes: 0, weld: Weld::Auto, repair: false, outside: None, keep_going: false }
+        Self {
+            gap: 2.5,
+            fill_holes: FillHoles::None,
+            weld: Weld::Auto,
+            repair: false,
+            outside: None,
+            keep_going: false,
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::{TriMesh, fill_holes},
+    mesh::{FillHoles, TriMesh, fill_holes},
     skin::{
         LinkId, Patch, Presence, RemarkKind, Sheet, SkinError, TaxelError, TaxelId, Taxels,
         assemble::{
@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// Turns `component` outward, fills its holes of at most `max_hole_edges` edges and gives its
+/// Turns `component` outward, fills the `holes` that are wanted and gives its
 /// taxels what the file says about them.
 ///
 /// Holes are filled before normals and areas are computed, since these come from the faces.
@@ -26,7 +26,7 @@ pub(super) fn patch_of(
     components: &Components<'_>,
     mut component: Component,
     (name, link): (String, LinkId),
-    max_hole_edges: usize,
+    holes: FillHoles,
     next_id: &mut u32,
     remarks: &mut Vec<RemarkKind>,
 ) -> Result<Patch, SkinError> {
@@ -39,11 +39,11 @@ pub(super) fn patch_of(
     turn_outward(&mut component, normals.as_ref().map(|n| n.1), remarks);
     let Component { vertices, mut mesh, .. } = component;
     let own = mesh.triangles.len();
-    if max_hole_edges > 0 {
-        let filled = fill_holes(&mut mesh, max_hole_edges);
-        let holes = filled.map_err(|source| SkinError::Mesh { patch: name.clone(), source })?.len();
-        if holes > 0 {
-            remarks.push(RemarkKind::HolesFilled { holes, max_edges: max_hole_edges });
+    if holes != FillHoles::None {
+        let filled = fill_holes(&mut mesh, holes);
+        let count = filled.map_err(|source| SkinError::Mesh { patch: name.clone(), source })?.len();
+        if count > 0 {
+            remarks.push(RemarkKind::HolesFilled { holes: count, max_edges: holes.most_edges() });
         }
     }
     let normals = choose_normals(&mesh, normals, remarks);

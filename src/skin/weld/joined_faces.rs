@@ -2,27 +2,25 @@
 //! every fan of faces.
 //!
 //! Two faces at an edge are joined, unless the file cuts them apart. Of more than two faces those are
-//! joined that share both vertices in the file, and on request those that continue each other most
-//! smoothly.
+//! joined that share both vertices in the file, and on request those that `crowded` pairs. On request,
+//! too, a surface with one side only is cut open where its faces are wound differently.
 
-use glam::DVec3;
+use std::collections::BTreeSet;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Edges, Halfedge, TriMesh},
-    numeric::DisjointSets,
+    numeric::{DisjointSets, Relation},
     skin::{
         Sheet,
         weld::{
+            crowded::{Content, is_turned, pairs},
             fans::join,
             opening::kept_open,
             options::{Weld, WeldOptions},
         },
     },
 };
-
-/// More faces than this at one edge are not paired: each is a sheet of its own.
-pub(in crate::skin) const MOST_PAIRED: usize = 16;
 
 /// Which faces are joined across each edge of a welded sheet.
 pub(in crate::skin) struct JoinedFaces<'a> {
@@ -32,6 +30,10 @@ pub(in crate::skin) struct JoinedFaces<'a> {
     options: WeldOptions,
     /// For every face whether its component stays as the file cuts it; empty: none does.
     open: Vec<bool>,
+    /// What the file holds.
+    content: Content,
+    /// Pairs of faces that were parted, since their component would have one side only.
+    one_sided: BTreeSet<[Halfedge; 2]>,
 }
 
 impl<'a> JoinedFaces<'a> {
@@ -42,11 +44,16 @@ impl<'a> JoinedFaces<'a> {
         file_faces: &'a IdVec<FaceId, FaceId>,
         (options, is_welded): (WeldOptions, bool),
     ) -> Self {
-        let mut joined = Self { sheet, mesh, file_faces, options, open: Vec::new() };
+        let content = if options.repair { Content::of(mesh, edges) } else { Content::Faces };
+        let (open, one_sided) = (Vec::new(), BTreeSet::new());
+        let mut joined = Self { sheet, mesh, file_faces, options, open, content, one_sided };
         // Vertices of one id are one taxel, at several places of a map: only the map is cut there.
         if is_welded && options.weld == Weld::Auto && sheet.ids.is_none() {
             let (is_cut, in_file) = (|uses: &[Halfedge]| joined.is_cut_in_file(uses), |h| joined.in_file(h));
             joined.open = kept_open(mesh, edges, is_cut, in_file);
+        }
+        if options.repair {
+            joined.one_sided = joined.conflicts(edges);
         }
         joined
     }
@@ -90,8 +97,31 @@ impl<'a> JoinedFaces<'a> {
         matches!(*uses, [a, b] if ends(a) != ends(b))
     }
 
+    /// Pairs of faces without which every component has two sides: those that are wound alike are
+    /// joined first.
+    fn conflicts(&self, edges: &Edges) -> BTreeSet<[Halfedge; 2]> {
+        let mut faces = DisjointSets::<FaceId, Relation>::new(self.mesh.triangles.len());
+        let mut conflicts = BTreeSet::new();
+        for turned in [false, true] {
+            for uses in edges.iter() {
+                self.each_pair(uses, |a, b| {
+                    let relation = Relation::reversed_if(turned);
+                    if is_turned(self.mesh, a, b) == turned && !faces.join(a.face(), b.face(), relation) {
+                        conflicts.insert([a.min(b), a.max(b)]);
+                    }
+                });
+            }
+        }
+        conflicts
+    }
+
     /// Calls `join` for all pairs of halfedges of an edge whose faces are joined.
     pub(in crate::skin) fn each_pair(&self, uses: &[Halfedge], mut join: impl FnMut(Halfedge, Halfedge)) {
+        let mut join = |a: Halfedge, b: Halfedge| {
+            if !self.one_sided.contains(&[a.min(b), a.max(b)]) {
+                join(a, b);
+            }
+        };
         match *uses {
             [] | [_] => {}
             [a, b] => {
@@ -112,9 +142,7 @@ impl<'a> JoinedFaces<'a> {
         if let Some(pairs) = self.sheets_in_file(uses) {
             return Some(pairs);
         }
-        self.options
-            .repair
-            .then(|| if uses.len() > MOST_PAIRED { Vec::new() } else { smoothest(self.mesh, uses) })
+        self.options.repair.then(|| pairs(self.mesh, uses, self.content))
     }
 
     /// The pairs of faces that share both vertices in the file, if there is one and no third face
@@ -143,6 +171,11 @@ impl<'a> JoinedFaces<'a> {
         crowded.map(|uses| self.ends_in_file(uses[0])).collect()
     }
 
+    /// The edges along which one-sided components were cut open on request.
+    pub(in crate::skin) fn one_sided(&self) -> Vec<[VertexId; 2]> {
+        self.one_sided.iter().map(|&[h, _]| self.ends_in_file(h)).collect()
+    }
+
     /// How many edges stay cut open as they are in the file.
     pub(in crate::skin) fn cut_edges(&self, edges: &Edges) -> usize {
         let is_asked = self.options.weld == Weld::Texture || !self.open.is_empty();
@@ -162,27 +195,4 @@ pub(in crate::skin) fn fans(
         joined.each_pair(uses, |first, other| join(mesh, &mut corners, first, other));
     }
     corners
-}
-
-/// Pairs the faces that continue each other most smoothly, the smoothest first.
-pub(in crate::skin) fn smoothest(mesh: &TriMesh, uses: &[Halfedge]) -> Vec<[Halfedge; 2]> {
-    let away = |h: Halfedge| {
-        let [a, b, c] = [h, h.next(), h.next().next()].map(|h| mesh.positions[h.start(mesh)]);
-        let along = (b - a).normalize_or_zero();
-        (c - a).reject_from(if along == DVec3::ZERO { DVec3::X } else { along }).normalize_or_zero()
-    };
-    let mut candidates = Vec::new();
-    for (i, &a) in uses.iter().enumerate() {
-        for &b in &uses[i + 1..] {
-            candidates.push((away(a).dot(away(b)), a, b));
-        }
-    }
-    candidates.sort_unstable_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
-    let mut pairs: Vec<[Halfedge; 2]> = Vec::new();
-    for (_, a, b) in candidates {
-        if !pairs.iter().flatten().any(|h| *h == a || *h == b) {
-            pairs.push([a, b]);
-        }
-    }
-    pairs
 }

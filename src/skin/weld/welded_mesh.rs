@@ -15,8 +15,9 @@ use crate::{
     skin::{
         Sheet, TaxelId,
         weld::{
+            crowded::{Content, pairs},
             fans::split_fans,
-            joined_faces::{JoinedFaces, MOST_PAIRED, fans, smoothest},
+            joined_faces::{JoinedFaces, fans},
             options::{Weld, WeldOptions},
         },
     },
@@ -53,6 +54,8 @@ pub(in crate::skin) struct WeldedMesh {
     pub dropped: Vec<FaceId>,
     /// Edges of more than two faces that were split into sheets, by vertices of the file.
     pub parted: Vec<[VertexId; 2]>,
+    /// Edges along which one-sided surfaces were cut open, by vertices of the file.
+    pub one_sided: Vec<[VertexId; 2]>,
     /// How many edges the file cuts open, which stayed so.
     pub cut: usize,
 }
@@ -61,8 +64,7 @@ impl WeldedMesh {
     /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite.
     ///
     /// On request, faces are dropped where sheets are connected around both ends of an edge of more
-    /// than two faces, so that it cannot be split: all but the two that continue each other most
-    /// smoothly.
+    /// than two faces, so that it cannot be split: all but the first two that belong together.
     pub(in crate::skin) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
         let mut dropped = BTreeSet::new();
         for _ in 0..MOST_ROUNDS {
@@ -78,11 +80,11 @@ impl WeldedMesh {
 
     /// The faces to drop at edges that still have more than two.
     fn extra_faces(&self) -> Vec<FaceId> {
+        let content = Content::of(&self.mesh, &self.edges);
         let mut extra = Vec::new();
         for uses in self.edges.iter().filter(|uses| uses.len() > 2) {
-            let kept =
-                if uses.len() > MOST_PAIRED { None } else { smoothest(&self.mesh, uses).first().copied() };
-            let kept = kept.unwrap_or([uses[0], uses[1]]);
+            let kept = pairs(&self.mesh, uses, content);
+            let kept = kept.first().copied().unwrap_or([uses[0], uses[1]]);
             let rest = uses.iter().filter(|h| !kept.contains(h));
             extra.extend(rest.map(|h| self.file_faces[h.face()]));
         }
@@ -120,6 +122,7 @@ impl WeldedMesh {
             touching: Vec::new(),
             dropped: Vec::new(),
             parted: Vec::new(),
+            one_sided: Vec::new(),
             cut: 0,
         };
         this.split(sheet, options);
@@ -133,6 +136,7 @@ impl WeldedMesh {
         let mut fans = fans(&self.mesh, &self.edges, &joined);
         let split = split_fans(&self.mesh, &mut fans, |h| joined.in_file(h));
         self.parted = joined.parted(&self.edges);
+        self.one_sided = joined.one_sided();
         self.cut = joined.cut_edges(&self.edges);
         if split.corners.is_empty() {
             return;

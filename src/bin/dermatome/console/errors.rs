@@ -169,6 +169,9 @@ fn skin_help(error: &SkinError) -> &'static str {
         SkinError::NonManifoldEdges { .. } => {
             "--repair splits such edges into sheets; `dermatome check` lists them"
         }
+        SkinError::NotOrientable { .. } => {
+            "--repair cuts the surface open where its faces are wound differently; `dermatome check` lists such edges"
+        }
         _ => CHECK,
     }
 }

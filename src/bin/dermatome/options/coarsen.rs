@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dermatome::{Error, io::read_acuities, pyramid::CoarsenOptions, skin::Skin};
+use dermatome::{Error, io::read_acuities, mesh::FillHoles, pyramid::CoarsenOptions, skin::Skin};
 
 use crate::options::numbers::number;
 
@@ -21,9 +21,9 @@ pub(crate) struct CoarsenArgs {
     #[arg(long, value_name = "N", default_value_t = CoarsenOptions::default().coarsest)]
     coarsest: usize,
     /// Fill holes of at most this many edges first, 0 for none; the outer boundary stays, but for a
-    /// pin-hole of a closed body
-    #[arg(long, value_name = "N", default_value_t = PIN_HOLE, value_parser = hole)]
-    pub fill_holes: usize,
+    /// pin-hole of a closed body [default: holes of at most 5 edges, round and flat in the surface]
+    #[arg(long, value_name = "N", value_parser = hole)]
+    fill_holes: Option<usize>,
 }
 
 /// Where the skin is finer than elsewhere.
@@ -47,10 +47,11 @@ impl CoarsenArgs {
     pub(crate) fn options(&self) -> CoarsenOptions {
         CoarsenOptions { ratio: self.ratio, levels: self.levels, coarsest: self.coarsest }
     }
+
+    pub(crate) fn fill_holes(&self) -> FillHoles {
+        self.fill_holes.map_or(FillHoles::PinHoles, FillHoles::UpTo)
+    }
 }
-/// Edges of a pin-hole at most: where a reader of scans dropped a sliver, not where a screw sits.
-/// Three vertices of every loop stay on every level, so that many small holes stall a pyramid.
-const PIN_HOLE: usize = 5;
 
 /// Larger holes are intended boundaries, and filling one costs the cube of its number of edges.
 const LARGEST_HOLE: usize = 200;

@@ -29,8 +29,9 @@ pub(crate) struct ReadArgs {
     /// Cut along the seams of the texture of a glTF or OBJ file: where texture coordinates jump
     #[arg(long, value_enum, value_name = "uv")]
     seams: Option<SeamsArg>,
-    /// Drop faces with the same corners as an earlier one, and split edges with more than two faces
-    /// into sheets, or drop the faces that cannot be split off; each is listed
+    /// Drop faces with the same corners as an earlier one, split edges with more than two faces into
+    /// sheets, or drop the faces that cannot be split off, and cut surfaces with one side only open;
+    /// each is listed
     #[arg(long)]
     repair: bool,
     /// Direction of the outside of taxels without triangles, where nothing in the file tells it: x, -x,
