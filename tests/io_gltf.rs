@@ -269,7 +269,7 @@ fn a_stated_length_within_a_chunk_header_is_refused() {
     let json = br#"{"asset":{"version":"2.0"}} "#;
     for stated in [13_u32, 16, 19] {
         let mut bytes = b"glTF".to_vec();
-        let words = [2, stated, json.len() as u32, 0x4E4F_534A];
+        let words = [2, stated, u32::try_from(json.len()).unwrap(), 0x4E4F_534A];
         bytes.extend(words.into_iter().flat_map(u32::to_le_bytes).chain(json.iter().copied()));
         let error = read_bytes(&bytes).unwrap_err().to_string();
         let expected = format!("GLB chunk 0: found {} bytes", stated - 12);
