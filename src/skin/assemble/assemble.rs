@@ -19,7 +19,7 @@ use crate::skin::{
 /// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or
 ///   there are no ids; with different ids they stay two taxels, unless one face has both. A weld
 ///   that would make sheets touch is undone, and a surface that the file cuts open into a disk stays
-///   cut ([`Weld`]).
+///   cut ([`Weld`](crate::skin::Weld)).
 /// - **Fans** of faces that touch in a vertex get a copy of it each. If asked for, faces with the
 ///   corners of an earlier one are dropped and edges with more than two faces split into sheets.
 /// - **Faces** that use a taxel twice are left out; faces without area are dropped at the boundary
