@@ -25,7 +25,6 @@ const DOORS: &[(&str, &[&str])] = &[
     ("dermatome_delaunay", &["lib.rs"]),
     ("dermatome_sparse", &["lib.rs"]),
     ("pulp", &["contact/search"]),
-    ("safe_arch", &["contact/rows.rs"]),
     ("wide", &["contact/search"]),
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),

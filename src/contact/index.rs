@@ -267,19 +267,18 @@ impl ContactIndex {
         contact.link.map_or(contact.point, |link| self.links[link].pose.to_world(contact.point))
     }
 
-    /// The answer to a query that has been checked; asks for what its cells will read.
+    /// The answer to a query that has been checked.
     pub(super) fn answer(&self, query: &Query) -> Result<Hit, ContactError> {
         let mut best = None;
         self.each_patch(query, f64::INFINITY, |id, q| {
             let patch = &self.patches[id];
-            Search::new(&patch.tree, id, q).ahead(&patch.cells.rows).run(&mut best);
+            Search::new(&patch.tree, id, q).run(&mut best);
             Best::squared(best.as_ref()).sqrt()
         });
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
     }
 
-    /// The same; what the cursor points to is searched first. Nothing is read ahead: cells of batches are
-    /// wanted much later.
+    /// The same; what the cursor points to is searched first.
     pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
         let mut best = None;
         let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);

@@ -59,7 +59,7 @@
 //! with their own trees), `queries` (levels alone, fields, rays, filters, forces), `plane_grid` and
 //! `back` (from the map to the skin).
 //!
-//! The module is the only one that uses pulp, wide and safe_arch.
+//! The module is the only one that uses pulp and wide.
 //!
 //! # Example
 //!

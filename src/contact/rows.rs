@@ -167,29 +167,6 @@ impl Rows {
     ) -> VertexId {
         self.unions[face.index() * self.above + above].add(rows, shares, sums)
     }
-
-    /// Asks for what the contacts on a face will read on all levels, without waiting for it.
-    #[inline(always)]
-    pub(super) fn fetch(&self, face: FaceId, vertices: [VertexId; 3]) {
-        if self.above == 0 {
-            return;
-        }
-        let unions = &self.unions[face.index() * self.above..][..self.above];
-        fetch(&unions[0]);
-        fetch(&unions[unions.len() - 1]);
-        for place in self.corners(face, vertices) {
-            self.rows[place.index() * self.above..][..self.above].iter().for_each(fetch);
-        }
-    }
-}
-
-/// Asks for a line of the cache.
-#[inline(always)]
-fn fetch<T>(at: &T) {
-    #[cfg(target_arch = "x86_64")]
-    safe_arch::prefetch_t0(at);
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = at;
 }
 
 #[cfg(test)]

@@ -74,7 +74,7 @@ impl FlowGraph {
                 let (to, left) = self.edges[edge];
                 left > 0 && depths[to] == depths[node] + 1
             };
-            let found = self.at[node][next[node]..].iter().position(|edge| usable(edge));
+            let found = self.at[node][next[node]..].iter().position(usable);
             match (found, way.last()) {
                 (Some(skipped), _) => {
                     next[node] += skipped;

@@ -11,7 +11,7 @@ use super::{
     rounding::{slack, squared_bound_f32},
     tree::distinct,
 };
-use crate::{contact::rows::Rows, id::FaceId, mesh::Closest, skin::PatchId};
+use crate::{id::FaceId, mesh::Closest, skin::PatchId};
 
 /// From this many radii away, the slack is as large as the smallest faces: `f64` takes over.
 const FAR: f64 = 1000.0;
@@ -58,19 +58,11 @@ pub(crate) struct Search<'a> {
     id: PatchId,
     /// The point, in m in the link's frame.
     q: DVec3,
-    /// What is read of the face that is found.
-    rows: Option<&'a Rows>,
 }
 
 impl<'a> Search<'a> {
     pub(crate) fn new(patch: &'a PatchBvh, id: PatchId, q: DVec3) -> Self {
-        Self { patch, id, q, rows: None }
-    }
-
-    /// Asks for the rows of what may be the nearest face before that is measured.
-    pub(crate) fn ahead(mut self, rows: &'a Rows) -> Self {
-        self.rows = Some(rows);
-        self
+        Self { patch, id, q }
     }
 
     /// Offers the nearest face of the patch, if it is not farther than `best`.
@@ -244,10 +236,6 @@ impl Found<'_> {
         for k in 0..self.noted {
             let (squared, face) = parts(self.pending[k]);
             if squared <= bound {
-                if let Some(rows) = self.search.rows {
-                    let face = FaceId::from(face);
-                    rows.fetch(face, self.search.patch.mesh.triangles[face]);
-                }
                 self.measure(FaceId::from(face), self.packets[k]);
             }
         }
