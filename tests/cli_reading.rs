@@ -6,7 +6,7 @@ use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use dermatome::{
-    io::{read_draft, write_skin},
+    io::{read_draft, read_map, write_skin},
     mesh::{TriMesh, shapes},
     skin::Skin,
 };
@@ -475,4 +475,23 @@ fn faulty_maps_are_refused_by_name() {
             dermatome(path, words).assert().code(2).stderr(contains(said).and(contains("/L0")));
         }
     }
+}
+
+/// A patch whose map the `f32` of a file cannot hold, here since a pixel is wider than it is by far, is
+/// refused by name before anything is written, and left out on request.
+#[test]
+fn a_patch_that_a_map_file_cannot_hold_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let large = "v 0 0 0\nv 1e6 0 0\nv 1e6 1e6 0\nv 0 1e6 0\n";
+    let small = "v 0 0 1\nv 1e-3 0 1\nv 1e-3 1e-3 1\nv 0 1e-3 1\n";
+    let text = format!("{large}{small}o large\nf 1 2 3\nf 1 3 4\no small\nf 5 6 7\nf 5 7 8\n");
+    fs::write(folder.path().join("two.obj"), text).unwrap();
+    let refused = dermatome(folder.path(), "build two.obj -o M --pixel-mm 1e7").assert().code(2);
+    refused.stderr(contains("\"small\"").and(contains("--keep-going")));
+    assert!(!folder.path().join("M/map.glb").exists());
+    let kept = dermatome(folder.path(), "build two.obj -o M --pixel-mm 1e7 --keep-going").assert().code(1);
+    kept.stderr(contains("\"small\"").and(contains("left out")));
+    let map = read_map(&folder.path().join("M/map.glb")).unwrap();
+    let names: Vec<&str> = map.patches.iter().map(|patch| patch.name.as_str()).collect();
+    assert_eq!(names, ["large"]);
 }

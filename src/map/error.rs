@@ -140,4 +140,12 @@ pub enum MapError {
         /// The measures.
         distortion: Distortion,
     },
+    /// A level whose map loses a triangle when it is rounded to the `f32` of a file.
+    #[error("a map file cannot hold it: found {found}; needed: {needed}")]
+    Rounded {
+        /// What rounding breaks.
+        found: String,
+        /// What is needed instead.
+        needed: String,
+    },
 }

@@ -194,9 +194,12 @@ fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Resul
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {
         level.convergence = Some(convergence);
     }
-    // What a file cannot hold is no map either; level 0 is refused when it is written.
-    let coarse = map.levels.iter().skip(1).take_while(|level| fits_map_file(level)).count();
-    map.keep_finest(1 + coarse);
+    // What a file cannot hold is no map either.
+    let fitting = map.levels.iter().take_while(|level| fits_map_file(level).is_ok()).count();
+    if fitting == 0 {
+        map.levels.iter().next().map_or(Ok(()), fits_map_file)?;
+    }
+    map.keep_finest(fitting);
     let left_out = levels - map.levels.len();
     Ok((map, left_out))
 }

@@ -18,7 +18,7 @@ use crate::{
             writer::{Form, Hung, SceneWriter, narrow},
         },
     },
-    map::{MapLevel, SkinMap},
+    map::{MapError, MapLevel, SkinMap},
     mesh::{FlatTriangle, TriMesh},
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError},
     skin::{Animation, Link, LinkId, Skin, Taxels},
@@ -198,9 +198,10 @@ fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
     RowsExtras { indices: indices.value(), weights: weights.value() }
 }
 
-/// Whether the map of a level keeps its triangles in the `f32` of a file.
-pub(crate) fn fits_map_file(map: &MapLevel) -> bool {
-    texture_coordinates(map, &map.opened()).is_ok()
+/// Refuses the map of a level that loses a triangle in the `f32` of a file.
+pub(crate) fn fits_map_file(map: &MapLevel) -> Result<(), MapError> {
+    let texture = texture_coordinates(map, &map.opened());
+    texture.map(|_| ()).map_err(|(found, needed)| MapError::Rounded { found, needed })
 }
 
 /// Map positions in the unit square of the image, as they are written; else what rounding breaks,

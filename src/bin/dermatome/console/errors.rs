@@ -11,7 +11,7 @@ use std::{
 use clap::error::ErrorKind;
 use dermatome::{
     Error, atlas::AtlasError, calib::CalibError, contact::ContactError, cut::CutError, flatten::FlattenError,
-    image::ImageError, io::IoError, plot::PlotError, signal::SignalError, skin::SkinError,
+    image::ImageError, io::IoError, map::MapError, plot::PlotError, signal::SignalError, skin::SkinError,
 };
 
 use crate::{
@@ -141,6 +141,11 @@ fn library_help(error: &Error) -> String {
         Error::Image(e) => image_help(e),
         Error::Io(e) => io_help(e),
         Error::Plot(e) => plot_help(e).into(),
+        Error::Map(MapError::Rounded { .. }) => {
+            "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or leave such patches out with \
+             `dermatome build --keep-going`"
+                .into()
+        }
         Error::Patch { source, .. } => library_help(source),
         Error::Several(errors) => {
             let first = errors.first().map(library_help).unwrap_or_default();
