@@ -10,6 +10,7 @@ use dermatome::{
     mesh::{TriMesh, shapes},
     skin::Skin,
 };
+use glam::DVec3;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
 
 fn dermatome(folder: &Path, words: &str) -> Command {
@@ -482,9 +483,15 @@ fn faulty_maps_are_refused_by_name() {
 #[test]
 fn a_patch_that_a_map_file_cannot_hold_is_left_out() {
     let folder = tempfile::tempdir().unwrap();
-    let large = "v 0 0 0\nv 1e6 0 0\nv 1e6 1e6 0\nv 0 1e6 0\n";
-    let small = "v 0 0 1\nv 1e-3 0 1\nv 1e-3 1e-3 1\nv 0 1e-3 1\n";
-    let text = format!("{large}{small}o large\nf 1 2 3\nf 1 3 4\no small\nf 5 6 7\nf 5 7 8\n");
+    let square = |name: &str, side: f64, z: f64, first: usize| {
+        let mesh = shapes::sheet(12, 12, |i, j| DVec3::new(side * f64::from(i), side * f64::from(j), z));
+        let vertices = mesh.positions.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+        let faces = mesh.triangles.iter().map(|t| t.map(|v| v.index() + first));
+        let faces = faces.map(|[a, b, c]| format!("f {a} {b} {c}\n"));
+        vertices.chain([format!("o {name}\n")]).chain(faces).collect::<String>()
+    };
+    let count = shapes::sheet(12, 12, |_, _| DVec3::ZERO).positions.len();
+    let text = square("large", 1e5, 0.0, 1) + &square("small", 1e-6, 1.0, 1 + count);
     fs::write(folder.path().join("two.obj"), text).unwrap();
     let refused = dermatome(folder.path(), "build two.obj -o M --pixel-mm 1e7").assert().code(2);
     refused.stderr(contains("\"small\"").and(contains("--keep-going")));
