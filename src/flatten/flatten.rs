@@ -226,7 +226,12 @@ pub(crate) fn flatten_pyramid_with_convergence(
             (Method::Intrinsic { energy, .. }, Some((coarse, uv))) if prescribed.is_none() => {
                 let goal = Goal { energy, overlap: options.overlap };
                 let start = Insertion::new(level, &pyramid.removals[id], coarse, uv, &fillers)?;
-                refine(&domain, start, walls, &magnification, goal)
+                let refined = refine(&domain, start, walls, &magnification, goal);
+                // A bad map of a coarser level may have needles that no step gets past.
+                match refined {
+                    Ok(reached) if reached.is_stuck(&domain) => solve_from_scratch(&domain, options),
+                    refined => refined,
+                }
             }
             _ => solve_from_scratch(&domain, options),
         };

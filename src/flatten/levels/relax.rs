@@ -103,6 +103,13 @@ pub(crate) struct Relaxed {
     pub(crate) convergence: Convergence,
 }
 
+impl Relaxed {
+    /// Whether the descent ended at a bad map that is not a minimum.
+    pub(crate) fn is_stuck(&self, domain: &FlattenDomain<'_>) -> bool {
+        !self.convergence.converged && dirichlet(&domain.elements, &self.uv).0 >= BAD_START
+    }
+}
+
 /// The map of a surface by the method of the options, in units of its domain, without any other map
 /// to start from.
 pub(crate) fn solve_from_scratch(
@@ -239,6 +246,7 @@ pub(crate) fn relax(
             Some(uv) => uv,
             None => descent.free(tutte(domain)?, Walls::Framed)?.last_apart(),
         };
+        let from = descent.framed_with_fat_needles(from)?;
         reached = descent.walled(from, Walls::Framed)?;
     }
     Ok(reached.relaxed)
@@ -319,6 +327,20 @@ impl<'d> Descent<'d> {
         Ok(reached)
     }
 
+    /// A better start within a frame from a bad one, as [`with_fat_needles`]. From the convex start of a
+    /// printed part with twenty handles the descent ended at a mean area ratio of 4e8 without it.
+    fn framed_with_fat_needles(&self, mut uv: Uv) -> Result<Uv, FlattenError> {
+        for least in FAT {
+            if dirichlet(&self.domain.elements, &uv).0 < BAD_START {
+                break;
+            }
+            let Some(elements) = self.domain.fattened(least) else { continue };
+            let objective = Objective::new(&elements, self.goal.energy);
+            uv = Descent { objective, ..*self }.walled(uv, Walls::Framed)?.last_apart();
+        }
+        Ok(uv)
+    }
+
     /// With fillers, made anew every few steps.
     fn walled(&self, start: Uv, walls: Walls) -> Result<Reached, FlattenError> {
         let mut reached = self.start(start, walls);
@@ -330,7 +352,7 @@ impl<'d> Descent<'d> {
             let Some(fillers) = walls.fillers(self.domain, &relaxed.uv) else { break };
             let weight = WEIGHTS[(k * round / ROUND).min(WEIGHTS.len() - 1)];
             let mut uv = fillers.with_posts(&relaxed.uv);
-            let elements = self.domain.elements.with(fillers.elements(&uv, weight));
+            let elements = self.objective.elements.with(fillers.elements(&uv, weight));
             let objective = Objective::new(&elements, self.goal.energy);
             let limits = NewtonLimits { steps: round, ..self.limits };
             // With fillers alone a map that begins to overlap itself will go on.
@@ -352,6 +374,8 @@ impl<'d> Descent<'d> {
         }
         if let Some((elements, uv)) = last {
             relaxed.convergence.gradient = Objective::new(&elements, self.goal.energy).relative_gradient(&uv);
+            // From a bad map, small steps are those that needles stop.
+            relaxed.convergence.converged &= before < BAD_START || relaxed.convergence.gradient < ENOUGH;
         }
         Ok(reached)
     }
