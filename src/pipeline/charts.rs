@@ -30,7 +30,7 @@ const MOST_CHARTS: usize = 64;
 /// Slits into each of several charts, at most.
 const SLITS: usize = 4;
 
-/// A border on the skin lies within so many mean edges of the level on which it was found.
+/// A border on the skin lies within this many mean edges of the level on which it was found.
 const REACH: f64 = 1.5;
 
 /// A patch on its way to charts that keep an area ratio.

@@ -85,7 +85,7 @@ impl Kept {
     }
 }
 
-/// Cuts one chart open, with so many slits at most, until the area ratio of its map is at most `wanted`
+/// Cuts one chart open, with at most this many slits, until the area ratio of its map is at most `wanted`
 /// or no slit helps.
 ///
 /// # Errors
