@@ -364,7 +364,9 @@ fn a_skin_too_far_away_for_f32_is_refused() {
     mesh.positions.iter_mut().for_each(|p| p.x += 1e6);
     write_skin(&path, &Skin::from_mesh("far", mesh)).unwrap();
     dermatome().arg("build").arg(&path).arg("-o").arg(folder.path().join("out")).assert().code(2).stderr(
-        contains("without area after rounding").and(contains("map.glb")).and(contains(".dermatome").not()),
+        contains("without area after rounding")
+            .and(contains("patch \"far\""))
+            .and(contains(".dermatome").not()),
     );
 }
 
