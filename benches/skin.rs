@@ -11,9 +11,9 @@ use dermatome::{
 fn whole(mesh: &TriMesh) -> Draft {
     let sheet = Sheet {
         name: "cover".into(),
-        positions: mesh.positions.as_slice().to_vec(),
+        positions: mesh.positions.to_vec(),
         triangles: mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect(),
-        normals: Some(mesh.vertex_normals().into_vec()),
+        normals: Some(mesh.vertex_normals().into()),
         ..Sheet::default()
     };
     Draft { sheets: vec![sheet], ..Draft::default() }
@@ -29,7 +29,7 @@ fn soup(mesh: &TriMesh) -> Draft {
 
 /// The taxels of a cap alone: about as many as asked for.
 fn taxels(count: usize) -> Draft {
-    let positions = shapes::cap(2 * count, 0.1, 1.9).positions.into_vec();
+    let positions = shapes::cap(2 * count, 0.1, 1.9).positions.to_vec();
     Draft { sheets: vec![Sheet { name: "cover".into(), positions, ..Sheet::default() }], ..Draft::default() }
 }
 

@@ -91,7 +91,26 @@ define_id!(
 );
 pub(crate) use define_id;
 
-/// A vector whose elements are reached by one kind of [`Id`] alone.
+/// A vector whose elements are indexed by one kind of [`Id`] alone; as a sequence it is the slice of
+/// its elements.
+///
+/// ```
+/// use dermatome::id::{IdVec, VertexId};
+///
+/// let mut heights = IdVec::from(vec![0.1, 0.4]);
+/// let highest: VertexId = heights.push(0.7);
+/// assert_eq!(heights[highest], 0.7);
+/// assert_eq!(heights.iter().sum::<f64>() / heights.len() as f64, 0.4);
+/// assert_eq!(Vec::from(heights), [0.1, 0.4, 0.7]);
+/// ```
+///
+/// A position is not an index, nor is an id of something else:
+///
+/// ```compile_fail
+/// # use dermatome::id::{IdVec, VertexId};
+/// # let heights: IdVec<VertexId, f64> = IdVec::from(vec![0.1, 0.4]);
+/// let height = heights[1];
+/// ```
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub struct IdVec<I, T> {
     raw: Vec<T>,
@@ -114,20 +133,6 @@ impl<I: Id, T> IdVec<I, T> {
         vec![value; count].into()
     }
 
-    /// Number of elements.
-    #[inline]
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.raw.len()
-    }
-
-    /// Whether there are no elements.
-    #[inline]
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.raw.is_empty()
-    }
-
     /// Appends `value` and returns its id.
     pub fn push(&mut self, value: T) -> I {
         let id = I::new(self.raw.len());
@@ -147,16 +152,6 @@ impl<I: Id, T> IdVec<I, T> {
         self.raw.get(id.index())
     }
 
-    /// The elements, in the order of their ids.
-    pub fn iter(&self) -> std::slice::Iter<'_, T> {
-        self.raw.iter()
-    }
-
-    /// The elements, in the order of their ids.
-    pub fn iter_mut(&mut self) -> std::slice::IterMut<'_, T> {
-        self.raw.iter_mut()
-    }
-
     /// The ids, in order.
     pub fn ids(&self) -> impl DoubleEndedIterator<Item = I> + ExactSizeIterator + use<I, T> {
         (0..self.raw.len()).map(I::new)
@@ -171,26 +166,6 @@ impl<I: Id, T> IdVec<I, T> {
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> IdVec<I, U> {
         self.raw.iter().map(f).collect()
     }
-
-    /// The elements as a plain slice.
-    #[inline]
-    #[must_use]
-    pub fn as_slice(&self) -> &[T] {
-        &self.raw
-    }
-
-    /// The elements as a plain slice.
-    #[inline]
-    #[must_use]
-    pub fn as_mut_slice(&mut self) -> &mut [T] {
-        &mut self.raw
-    }
-
-    /// The elements as a plain vector.
-    #[must_use]
-    pub fn into_vec(self) -> Vec<T> {
-        self.raw
-    }
 }
 
 impl<I, T> Default for IdVec<I, T> {
@@ -202,6 +177,27 @@ impl<I, T> Default for IdVec<I, T> {
 impl<I, T> From<Vec<T>> for IdVec<I, T> {
     fn from(raw: Vec<T>) -> Self {
         Self { raw, id: PhantomData }
+    }
+}
+
+impl<I, T> From<IdVec<I, T>> for Vec<T> {
+    fn from(values: IdVec<I, T>) -> Self {
+        values.raw
+    }
+}
+
+impl<I, T> ops::Deref for IdVec<I, T> {
+    type Target = [T];
+    #[inline]
+    fn deref(&self) -> &[T] {
+        &self.raw
+    }
+}
+
+impl<I, T> ops::DerefMut for IdVec<I, T> {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut [T] {
+        &mut self.raw
     }
 }
 

@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 use dermatome::{
     calib::{
         CalibError, CalibOptions, CalibratedSkin, Calibration, ContactMeasurement, ContactObservation,
-        Displacement, DisplacementId, DisplacementMeasurement, Information, Initialization, Loss, Model,
-        Observations, Pose, PoseMeasurement, ResidualConvention, SimulateOptions, Simulation, TaxelVariable,
-        Termination, Verdict, calibrate, calibrated_skin, compare, simulate,
+        ContactObservationId, Displacement, DisplacementId, DisplacementMeasurement, Information,
+        Initialization, Loss, Model, Observations, Pose, PoseMeasurement, ResidualConvention,
+        SimulateOptions, Simulation, TaxelVariable, Termination, Verdict, calibrate, calibrated_skin,
+        compare, simulate,
     },
     id::{IdVec, VertexId},
     io::read_observations,
@@ -424,7 +425,7 @@ fn a_single_touched_pose_keeps_its_turn() {
 fn a_cost_beyond_all_numbers_is_no_minimum() {
     let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
     if let DisplacementMeasurement::Offset { offset, .. } =
-        &mut observations.edges.as_mut_slice()[3].measurement
+        &mut observations.edges[DisplacementId::new(3)].measurement
     {
         offset.x = 1e160;
     }
@@ -490,7 +491,7 @@ fn contradictions_that_nothing_decides_stay() {
     let mut observations =
         simulate(&SimulateOptions { taxels: 3, ..SimulateOptions::default() }).unwrap().observations;
     if let DisplacementMeasurement::Offset { offset, .. } =
-        &mut observations.edges.as_mut_slice()[0].measurement
+        &mut observations.edges[DisplacementId::new(0)].measurement
     {
         offset.x += 20e-3;
     }
@@ -506,7 +507,7 @@ fn rejected_contacts_are_no_anchors() {
     let simulation = simulate(&options).unwrap();
     let mut observations = simulation.observations;
     if let ContactMeasurement::Position { position, .. } =
-        &mut observations.contacts.as_mut_slice()[0].measurement
+        &mut observations.contacts[ContactObservationId::new(0)].measurement
     {
         position.x += 0.03;
     }
@@ -533,7 +534,7 @@ fn weak_contacts_that_contradict_are_no_failure() {
     };
     let mut observations = simulate(&options).unwrap().observations;
     if let ContactMeasurement::Position { position, .. } =
-        &mut observations.contacts.as_mut_slice()[0].measurement
+        &mut observations.contacts[ContactObservationId::new(0)].measurement
     {
         position.x += 0.5;
     }
@@ -554,7 +555,7 @@ fn contacts_that_still_pull_are_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..small(Model::Positions) };
     let mut observations = simulate(&options).unwrap().observations;
     if let ContactMeasurement::Position { position, .. } =
-        &mut observations.contacts.as_mut_slice()[0].measurement
+        &mut observations.contacts[ContactObservationId::new(0)].measurement
     {
         position.x += 0.03;
     }
@@ -642,7 +643,7 @@ fn edges_that_join_sheets_are_not_rejected() {
         } else {
             assert!(bridges.iter().all(|&e| found.diagnostics.edges[e].weight > 1e-4));
         }
-        let mut sigmas = sigmas(&found).as_slice().to_vec();
+        let mut sigmas = sigmas(&found).to_vec();
         sigmas.sort_by(f64::total_cmp);
         let middle = sigmas[sigmas.len() / 2];
         assert!(middle < widest, "{middle} m");
@@ -821,7 +822,7 @@ fn covariances_are_what_noise_does_to_the_estimate() {
         let options = SimulateOptions { taxels: 7, anchors, ..SimulateOptions::default() };
         let mut observations = simulate(&options).unwrap().observations;
         if let DisplacementMeasurement::Offset { information, .. } =
-            &mut observations.edges.as_mut_slice()[0].measurement
+            &mut observations.edges[DisplacementId::new(0)].measurement
         {
             information.0[0][0] *= stretch;
         }
@@ -880,7 +881,7 @@ fn anisotropic_information_with_equal_directions_is_isotropic_information() {
     let mut nearly = simulation.observations.clone();
     // One direction that differs in the last digits takes the path of blocks.
     if let DisplacementMeasurement::Offset { information, .. } =
-        &mut nearly.edges.as_mut_slice()[0].measurement
+        &mut nearly.edges[DisplacementId::new(0)].measurement
     {
         information.0[0][0] *= 1.0 + 1e-12;
     }
@@ -1067,7 +1068,7 @@ fn given_triangles_that_are_inside_out_are_turned() {
     let simulation = simulate(&small(Model::Poses)).unwrap();
     let observations = &simulation.observations;
     let found = solve(observations, &CalibOptions::default());
-    let mut triangles = simulation.mesh.triangles.as_slice().to_vec();
+    let mut triangles = simulation.mesh.triangles.to_vec();
     let right = calibrated_skin(&found, observations, Some(&triangles)).unwrap();
     triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let turned = calibrated_skin(&found, observations, Some(&triangles)).unwrap();
@@ -1158,16 +1159,19 @@ fn broken_promises_are_named() {
     };
     let first = |o: &mut Observations, f: &dyn Fn(&mut DVec3, &mut Information<3>)| {
         if let DisplacementMeasurement::Offset { offset, information } =
-            &mut o.edges.as_mut_slice()[0].measurement
+            &mut o.edges[DisplacementId::new(0)].measurement
         {
             f(offset, information);
         }
     };
     assert!(error(&|o| first(o, &|d, _| d.y = f64::NAN)).contains("edge 0"));
     assert!(error(&|o| first(o, &|_, i| i.0[1][1] = -1.0)).contains("eigenvalue -1e0"));
-    assert!(error(&|o| o.edges.as_mut_slice()[5].to = VertexId::new(99)).contains("edge 5"));
-    assert!(error(&|o| o.taxels.as_mut_slice()[5].id = o.taxels.as_slice()[4].id).contains("taxel 4"));
-    assert!(error(&|o| o.edges.as_mut_slice()[7].to = o.edges.as_slice()[7].from).contains("edge 7"));
+    assert!(error(&|o| o.edges[DisplacementId::new(5)].to = VertexId::new(99)).contains("edge 5"));
+    assert!(error(&|o| o.taxels[VertexId::new(5)].id = o.taxels[VertexId::new(4)].id).contains("taxel 4"));
+    assert!(
+        error(&|o| o.edges[DisplacementId::new(7)].to = o.edges[DisplacementId::new(7)].from)
+            .contains("edge 7")
+    );
     assert!(error(&|o| o.model = Model::Poses).contains("poses model"));
     assert!(error(&|o| o.edges = IdVec::new()).contains("0 observations"));
     let lonely = TaxelVariable { id: TaxelId(77), initial: None, fixed: false };
@@ -1187,7 +1191,7 @@ fn broken_promises_are_named() {
         o.contacts.push(touched(40, 0.0, DVec3::Z));
     };
     assert!(error(&silent).contains("taxel 77"), "zero information is no observation");
-    let start = |change: &dyn Fn(&mut TaxelVariable)| error(&|o| change(&mut o.taxels.as_mut_slice()[5]));
+    let start = |change: &dyn Fn(&mut TaxelVariable)| error(&|o| change(&mut o.taxels[VertexId::new(5)]));
     assert!(start(&|t| (t.initial, t.fixed) = (None, true)).contains("taxel 5 is fixed"));
     assert!(
         start(&|t| t.initial = Some(Pose { position: DVec3::NAN, ..Pose::default() }))
@@ -1266,7 +1270,7 @@ fn information_is_judged_without_its_units() {
     let accepts3 = |rows: [[f64; 3]; 3]| {
         let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
         if let DisplacementMeasurement::Offset { information, .. } =
-            &mut observations.edges.as_mut_slice()[0].measurement
+            &mut observations.edges[DisplacementId::new(0)].measurement
         {
             information.0 = rows;
         }
@@ -1280,7 +1284,9 @@ fn information_is_judged_without_its_units() {
     assert!(!accepts3([[1e308, 1.5e308, 0.0], [1.5e308, 1e308, 0.0], [0.0, 0.0, 1.0]]), "sums overflow");
     for (coupling, is_accepted) in [(1e7, true), (1e8, false)] {
         let mut observations = simulate(&small(Model::Poses)).unwrap().observations;
-        if let DisplacementMeasurement::Relative(m) = &mut observations.edges.as_mut_slice()[0].measurement {
+        if let DisplacementMeasurement::Relative(m) =
+            &mut observations.edges[DisplacementId::new(0)].measurement
+        {
             m.information = Information::diagonal([1e12, 1e12, 1e12, 800.0, 800.0, 0.0]);
             (m.information.0[0][3], m.information.0[3][0]) = (coupling, coupling);
         }

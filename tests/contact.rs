@@ -54,7 +54,7 @@ fn square_and_its_midpoints() -> SkinMap {
         rows.push(([a, b, b], [0.5, 0.5, 0.0]));
     }
     let triangles = [[0, 4, 6], [4, 1, 5], [4, 5, 6], [6, 5, 2], [0, 6, 8], [6, 7, 8], [6, 2, 7], [8, 7, 3]];
-    let fine = TriMesh::from_arrays(positions.into_vec(), &triangles);
+    let fine = TriMesh::from_arrays(positions.into(), &triangles);
     let to_finest = Prolongation {
         indices: rows.iter().map(|(i, _)| i.map(VertexId::from)).collect(),
         weights: rows.iter().map(|(_, w)| *w).collect(),
@@ -321,7 +321,7 @@ proptest! {
 #[test]
 fn of_coincident_faces_the_first_is_hit() {
     let one = shapes::triangle();
-    let positions: Vec<_> = (0..1000).flat_map(|_| one.positions.as_slice().to_vec()).collect();
+    let positions: Vec<_> = (0..1000).flat_map(|_| one.positions.to_vec()).collect();
     let corners: Vec<_> = (0..1000).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
     let map = map_of(TriMesh::from_arrays(positions, &corners));
     let index = ContactIndex::new(&map).unwrap();

@@ -69,7 +69,7 @@ proptest! {
         for (direction, exponent, vertex, patch, on_link) in aims {
             let patch = &map.patches[PatchId::new(patch)];
             let positions = &patch.levels[LevelId::new(0)].level.mesh.positions;
-            let at = positions.as_slice()[vertex.index(positions.len())] + DVec3::from(direction) * 10_f64.powi(exponent);
+            let at = *vertex.get(positions) + DVec3::from(direction) * 10_f64.powi(exponent);
             let pose = index.poses()[patch.link];
             let query = if on_link { Query::on_link(patch.link, at) } else { Query::from(pose.transform_point3(at)) };
             let exact = index.locate(query).unwrap();

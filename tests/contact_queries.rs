@@ -9,6 +9,7 @@ use dermatome::{
         Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Packing, Press, Pressing, Query,
         Side, Spreader,
     },
+    id::VertexId,
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
@@ -183,10 +184,10 @@ proptest! {
         let mesh = map.patches[id].levels[LevelId::new(0)].level.mesh.clone();
         let taxels = mesh.positions.len();
         for taxel in dead {
-            map.patches[id].taxels.presence.as_mut_slice()[taxel.index(taxels)] = Presence::Absent;
+            map.patches[id].taxels.presence[VertexId::new(taxel.index(taxels))] = Presence::Absent;
         }
         let index = ContactIndex::with(&map, &FIELDS).unwrap();
-        let centre = mesh.positions.as_slice()[at.index(taxels)] + DVec3::from(offset);
+        let centre = mesh.positions[VertexId::new(at.index(taxels))] + DVec3::from(offset);
         let pressing = match kind {
             0 => Pressing::Point(centre),
             1 => Pressing::Area(Area::Sphere { centre, radius }),

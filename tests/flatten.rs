@@ -8,7 +8,7 @@ use dermatome::{
         Boundary, Distortion, Energy, FlattenError, FlattenOptions, Method, Overlap, distortion, flatten,
         flatten_pyramid,
     },
-    id::{IdVec, VertexId},
+    id::{FaceId, IdVec, VertexId},
     mesh::{Adjacency, TriMesh, shapes},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
     skin::{TaxelError, TaxelId, Taxels},
@@ -483,7 +483,7 @@ fn a_symmetric_shape_turns_to_its_first_vertex_off_the_centre() {
 #[test]
 fn a_point_face_is_refused_by_name_and_a_flat_face_is_kept() {
     let mut mesh = shapes::lattice(5, 5, 0.01);
-    let [a, b, c] = mesh.triangles.as_slice()[7];
+    let [a, b, c] = mesh.triangles[FaceId::new(7)];
     // A face on a line: the corner moves onto the opposite side.
     mesh.positions[c] = (mesh.positions[a] + mesh.positions[b]) / 2.0;
     for options in all_methods() {

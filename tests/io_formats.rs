@@ -110,7 +110,7 @@ fn every_format_keeps_positions_and_triangles() {
             "{kind}: positions to the last bit"
         );
         assert_eq!(sheet.triangles, triangles(patch), "{kind}");
-        assert_eq!(sheet.normals.as_deref(), Some(patch.taxels.normals.as_slice()), "{kind}: normals");
+        assert_eq!(sheet.normals.as_deref(), Some(&*patch.taxels.normals), "{kind}: normals");
     }
 }
 
@@ -126,9 +126,9 @@ fn json_keeps_the_frame_of_its_link() {
         link: Some(LinkId::new(0)),
         positions: positions(patch, DAffine3::IDENTITY),
         triangles: triangles(patch),
-        ids: Some(patch.taxels.ids.as_slice().to_vec()),
-        normals: Some(patch.taxels.normals.as_slice().to_vec()),
-        presence: Some(patch.taxels.presence.as_slice().to_vec()),
+        ids: Some(patch.taxels.ids.to_vec()),
+        normals: Some(patch.taxels.normals.to_vec()),
+        presence: Some(patch.taxels.presence.to_vec()),
         ..Sheet::default()
     };
     assert_eq!(draft.sheets, [sheet], "all but areas and densities");
@@ -158,15 +158,10 @@ fn tables_keep_patches_ids_and_link_names() {
         assert_eq!(sheet.name, patch.name);
         assert_eq!(sheet.positions, positions(patch, pose), "{}: in the world", patch.name);
         assert_eq!(sheet.triangles, triangles(patch), "{}", patch.name);
-        assert_eq!(sheet.ids.as_deref(), Some(patch.taxels.ids.as_slice()), "{}", patch.name);
-        assert_eq!(sheet.areas.as_deref(), Some(patch.taxels.areas.as_slice()), "{}", patch.name);
-        assert_eq!(sheet.presence.as_deref(), Some(patch.taxels.presence.as_slice()), "{}", patch.name);
-        assert_eq!(
-            sheet.densities,
-            patch.taxels.densities.as_ref().map(|d| d.as_slice().to_vec()),
-            "{}",
-            patch.name
-        );
+        assert_eq!(sheet.ids.as_deref(), Some(&*patch.taxels.ids), "{}", patch.name);
+        assert_eq!(sheet.areas.as_deref(), Some(&*patch.taxels.areas), "{}", patch.name);
+        assert_eq!(sheet.presence.as_deref(), Some(&*patch.taxels.presence), "{}", patch.name);
+        assert_eq!(sheet.densities, patch.taxels.densities.as_ref().map(|d| d.to_vec()), "{}", patch.name);
         let link = &draft.links[sheet.link.unwrap()];
         assert_eq!(link.name, skin.links[patch.link].name);
         assert_eq!(link.pose, DAffine3::IDENTITY, "the table knows no frames");
@@ -251,11 +246,11 @@ fn ply_keeps_all_numbers_of_a_vertex() {
         link: None,
         positions: positions(patch, DAffine3::IDENTITY),
         triangles: triangles(patch),
-        ids: Some(patch.taxels.ids.as_slice().to_vec()),
-        normals: Some(patch.taxels.normals.as_slice().to_vec()),
-        areas: Some(patch.taxels.areas.as_slice().to_vec()),
-        densities: patch.taxels.densities.as_ref().map(|d| d.as_slice().to_vec()),
-        presence: Some(patch.taxels.presence.as_slice().to_vec()),
+        ids: Some(patch.taxels.ids.to_vec()),
+        normals: Some(patch.taxels.normals.to_vec()),
+        areas: Some(patch.taxels.areas.to_vec()),
+        densities: patch.taxels.densities.as_ref().map(|d| d.to_vec()),
+        presence: Some(patch.taxels.presence.to_vec()),
         ..Sheet::default()
     };
     assert_eq!(draft.sheets, [sheet]);
@@ -398,7 +393,7 @@ fn properties_of_ply_faces_are_passed_over() {
         element face 1\nproperty float nx\nproperty list uchar int vertex_indices\nproperty float area\n\
         property list uchar float id\nend_header\n0 0 0\n1 0 0\n0 1 0\n7 3 0 1 2 9 2 5 6\n";
     let sheet = read_text("ply", text).unwrap().sheets.remove(0);
-    assert_eq!(sheet.triangles.as_slice().len(), 1);
+    assert_eq!(sheet.triangles.len(), 1);
     assert!(sheet.normals.is_none() && sheet.areas.is_none() && sheet.ids.is_none());
 }
 
@@ -787,7 +782,7 @@ fn flat_maps_read_back_as_they_were() {
 
     let path = folder.path().join("flat.obj");
     write_flat(&path, &mesh, &uv).unwrap();
-    assert_eq!(read_draft(&path).unwrap().sheets[0].positions, mesh.positions.as_slice());
+    assert_eq!(read_draft(&path).unwrap().sheets[0].positions, *mesh.positions);
     let text = fs::read_to_string(&path).unwrap();
     let found: Vec<DVec2> = text
         .lines()
@@ -795,7 +790,7 @@ fn flat_maps_read_back_as_they_were() {
         .map(|line| line.split_once(' ').unwrap())
         .map(|(u, v)| DVec2::new(u.parse().unwrap(), v.parse().unwrap()))
         .collect();
-    assert_eq!(found, uv.as_slice(), "to the last bit");
+    assert_eq!(found, *uv, "to the last bit");
     assert!(text.contains("f 1/1 2/2 3/3\n"));
     let short = IdVec::filled(DVec2::ZERO, 2);
     assert!(write_flat(&path, &mesh, &short).unwrap_err().to_string().contains("2 positions"));

@@ -8,6 +8,7 @@ use std::{collections::HashMap, fs, path::PathBuf};
 use assert_cmd::Command;
 use dermatome::{
     contact::{ContactError, ContactIndex},
+    id::FaceId,
     io::write_map,
     map::SkinMap,
     mesh::{TriMesh, shapes},
@@ -316,7 +317,7 @@ fn flat(mesh: TriMesh) -> TempDir {
 #[test]
 fn triangles_without_area_are_not_hit_first() {
     let mut mesh = shapes::lattice(6, 5, 0.01);
-    let [a, b, c] = mesh.triangles.as_slice()[0];
+    let [a, b, c] = mesh.triangles[FaceId::new(0)];
     let [pa, pb, pc] = [a, b, c].map(|v| mesh.positions[v]);
     for corners in [[pa, pa.midpoint(pb), pb], [pc; 3]] {
         let corners = corners.map(|p| mesh.positions.push(p));

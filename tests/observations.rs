@@ -5,8 +5,9 @@ use std::{fs, path::PathBuf};
 
 use dermatome::{
     calib::{
-        ContactMeasurement, ContactObservation, DisplacementMeasurement, Information, Model, Pose,
-        PoseMeasurement, SimulateOptions, calibrate, calibrated_skin, simulate,
+        ContactMeasurement, ContactObservation, ContactObservationId, DisplacementId,
+        DisplacementMeasurement, Information, Model, Pose, PoseMeasurement, SimulateOptions, calibrate,
+        calibrated_skin, simulate,
     },
     id::VertexId,
     io::{
@@ -153,7 +154,8 @@ fn tables_of_displacements_and_contacts_belong_together() {
     let (_folder, edges) = file("e.csv", "i,j,dx,dy,dz,sigma\n10,20,1,0,0,0.001\n20,30,0,1,0,0.002\n");
     let (read, _) = read_observations(&edges, &[]).unwrap();
     assert_eq!(read.taxels.iter().map(|t| t.id.0).collect::<Vec<_>>(), [10, 20, 30]);
-    let DisplacementMeasurement::Offset { information, .. } = &read.edges.as_slice()[1].measurement else {
+    let DisplacementMeasurement::Offset { information, .. } = &read.edges[DisplacementId::new(1)].measurement
+    else {
         panic!()
     };
     assert!((information.0[0][0] - 250_000.0).abs() < 1e-6);
@@ -161,7 +163,7 @@ fn tables_of_displacements_and_contacts_belong_together() {
     let (_folder, contacts) =
         file("c.csv", "i,x,y,z,nx,ny,nz,ixx,ixy,ixz,iyy,iyz,izz\n30,1,2,3,0,0,2,4,0,0,4,0,4\n");
     let (read, _) = read_observations(&edges, &[contacts]).unwrap();
-    let contact = &read.contacts.as_slice()[0];
+    let contact = &read.contacts[ContactObservationId::new(0)];
     assert_eq!(contact.taxel, VertexId::new(2));
     assert!(
         matches!(contact.measurement, ContactMeasurement::PositionNormal { normal, .. } if normal == DVec3::Z)
@@ -233,12 +235,12 @@ fn sigma_may_differ_by_axis_in_every_table() {
     let (_folder, path) = file("e.csv", "i,j,dx,dy,dz,sx,sy,sz\n1,2,0,0,0,0.001,0.002,0.01\n");
     let edges = read_observations(&path, &[]).unwrap().0.edges;
     assert!(
-        matches!(&edges.as_slice()[0].measurement, DisplacementMeasurement::Offset { information, .. } if near(information))
+        matches!(&edges[DisplacementId::new(0)].measurement, DisplacementMeasurement::Offset { information, .. } if near(information))
     );
     let (_folder, path) = file("c.csv", "i,sz,sy,sx,x,y,z\n1,0.01,0.002,0.001,0,0,0\n");
     let contacts = read_observations(&path, &[]).unwrap().0.contacts;
     assert!(
-        matches!(&contacts.as_slice()[0].measurement, ContactMeasurement::Position { information, .. } if near(information))
+        matches!(&contacts[ContactObservationId::new(0)].measurement, ContactMeasurement::Position { information, .. } if near(information))
     );
 }
 
@@ -380,7 +382,7 @@ fn calibrated_taxels_go_into_tables_and_skins() {
     assert!(text.starts_with("id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz\n"), "{text:.80}");
     assert_eq!(text.lines().count(), 501);
 
-    let triangles = simulation.mesh.triangles.as_slice();
+    let triangles = &simulation.mesh.triangles;
     write_triangles(&at("t.csv"), &found.ids, triangles).unwrap();
     assert_eq!(read_triangles(&at("t.csv"), &found.ids).unwrap(), (triangles.to_vec(), None));
     write_truth(&at("truth.csv"), &found.ids, &simulation.truth).unwrap();

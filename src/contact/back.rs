@@ -91,7 +91,7 @@ impl MapIndex {
     /// As [`ContactIndex::new`].
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
         map.validate()?;
-        let patches = par_map(map.patches.as_slice(), |patch| {
+        let patches = par_map(&map.patches, |patch| {
             let level = |map: &MapLevel| {
                 let mesh = map.level.mesh.clone();
                 let plane =

@@ -43,7 +43,7 @@ impl Blend {
                 if link == own { DAffine3::IDENTITY } else { from_world * next(link) * *to_joint };
         }
         for ((vertex, position), (rest, joints)) in
-            self.positions.as_mut_slice().iter_mut().enumerate().zip(self.rest.iter().zip(&self.joints))
+            self.positions.iter_mut().enumerate().zip(self.rest.iter().zip(&self.joints))
         {
             let part =
                 |&(joint, weight): &(LinkId, f64)| weight * self.carried[joint].transform_point3(*rest);

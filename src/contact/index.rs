@@ -98,7 +98,7 @@ impl ContactIndex {
     /// As [`Self::new`].
     pub fn with(map: &SkinMap, options: &IndexOptions) -> Result<Self, ContactError> {
         map.validate()?;
-        let patches = par_map(map.patches.as_slice(), |patch| {
+        let patches = par_map(&map.patches, |patch| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
             let tree = PatchBvh::packed(&patch.name, mesh, options.packing)?;
             let coarse = if options.levels { coarse_levels(patch, &tree)? } else { Vec::new() };

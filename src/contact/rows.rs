@@ -127,7 +127,7 @@ impl Rows {
         places: Option<IdVec<FaceId, [VertexId; 3]>>,
     ) -> Self {
         let above = levels.len();
-        let count = levels.first().map_or(0, IdVec::len);
+        let count = levels.first().map_or(0, |values| values.len());
         let rows = par_collect(count, |range, rows| {
             for place in range.map(VertexId::new) {
                 rows.extend(levels.iter().map(|level| level[place]));

@@ -77,7 +77,7 @@ impl<'m> Bisection<'m> {
             return halves;
         }
         // No face is clearly nearer to one of them: there are few.
-        let order = argsort(nearness.as_slice());
+        let order = argsort(&nearness);
         let mut halves = nearness.map(|_| false);
         order.iter().skip(order.len().div_ceil(2)).for_each(|&k| halves[FaceId::new(k)] = true);
         halves

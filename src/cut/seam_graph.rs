@@ -232,7 +232,7 @@ impl<'m> SeamGraph<'m> {
 
 /// By how much a way past each vertex counts longer: 1 where taxels are not dense.
 fn dearness(densities: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
-    let mut sorted = densities.clone().into_vec();
+    let mut sorted = densities.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     let dense = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0) * DENSE;
     densities.map(|rho| (rho / dense).sqrt().max(1.0))

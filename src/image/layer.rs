@@ -101,7 +101,7 @@ impl Layer {
         values: &IdVec<VertexId, f64>,
         pixels: &mut [f32],
     ) -> bool {
-        let masks_changed = self.take(values.as_slice());
+        let masks_changed = self.take(values);
         if self.changed.is_empty() {
             return false;
         }

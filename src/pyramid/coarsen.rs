@@ -180,7 +180,7 @@ fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<()
         ("ids", taxels.ids.len()),
         ("areas", taxels.areas.len()),
         ("presence", taxels.presence.len()),
-        ("densities", densities.map_or(needed, IdVec::len)),
+        ("densities", densities.map_or(needed, |values| values.len())),
     ];
     if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != needed) {
         return Err(PyramidError::Length { what, found, needed });

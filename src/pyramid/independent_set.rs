@@ -102,7 +102,6 @@ pub(super) fn priorities(
     seam: Option<&IdVec<VertexId, SeamRole>>,
 ) -> Vec<VertexId> {
     let mut keyed: Vec<(u64, u64, VertexId)> = origins
-        .as_slice()
         .par_iter()
         .enumerate()
         .map(|(i, &taxel)| {

@@ -253,7 +253,7 @@ impl Conditioner {
                     }
                 }
                 if let (Some(filter), [slow, fast]) = (&mut self.filter, out) {
-                    filter.split(range, frame.time, slow.as_mut_slice(), fast.as_mut_slice());
+                    filter.split(range, frame.time, slow, fast);
                 }
             }
         }

@@ -61,7 +61,7 @@ impl<'a> Contrast<'a> {
             let channels = self.quantities.iter().zip(&frame.values[id]);
             for ((&quantity, values), out) in channels.zip(&mut self.out.values[id]) {
                 for (values, out) in values.iter().zip(out.iter_mut()) {
-                    out.as_mut_slice().copy_from_slice(values.as_slice());
+                    out.copy_from_slice(values);
                 }
                 let areas = self.areas.update(id, &patch.levels, quantity, &values[LevelId::new(0)]);
                 for k in 1..patch.levels.len() {
@@ -123,7 +123,7 @@ impl LiveAreas {
         served.for_each(|(served, (x, &area))| *served = if x.is_nan() { 0.0 } else { area });
         for (k, level) in levels.enumerate() {
             let Some(up) = &level.level.from_coarser else { continue };
-            let (fine, coarse) = areas.as_mut_slice().split_at_mut(k.index() + 1);
+            let (fine, coarse) = areas.split_at_mut(k.index() + 1);
             let (fine, coarse) = (&fine[k.index()], &mut coarse[0]);
             coarse.iter_mut().for_each(|area| *area = 0.0);
             for (v, &area) in fine.enumerate() {
@@ -147,7 +147,7 @@ fn combine(
 ) {
     let (fine, coarse) = (LevelId::new(k - 1), LevelId::new(k));
     let Some(up): Option<&Prolongation> = levels[fine].level.from_coarser.as_ref() else { return };
-    let (finer, coarser) = values.as_mut_slice().split_at_mut(k);
+    let (finer, coarser) = values.split_at_mut(k);
     let (finer, coarser) = (&mut finer[k - 1], &coarser[0]);
     for (vertex, value) in finer.iter_mut().enumerate().filter(|(_, x)| !x.is_nan()) {
         let vertex = VertexId::new(vertex);

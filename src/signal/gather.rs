@@ -57,7 +57,7 @@ impl Gather {
     /// What all fields collect.
     pub(super) fn apply(&self, x: &IdVec<VertexId, f64>, sums: &mut IdVec<VertexId, f64>) {
         for (field, sum) in sums.iter_mut().enumerate() {
-            *sum = self.sum(field, x.as_slice());
+            *sum = self.sum(field, x);
         }
     }
 }

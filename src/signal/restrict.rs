@@ -93,7 +93,7 @@ impl<'a> Restrictor<'a> {
         });
         let zeros = LevelFrame::new(map, 1).values.map(|patch| patch[0].map(|x| IdVec::filled(0.0, x.len())));
         let carried = zeros.map(|z| vec![Carried { sums: z.clone(), areas: z.clone() }; channels.len()]);
-        let largest = zeros.iter().flatten().map(IdVec::len).max().unwrap_or(0);
+        let largest = zeros.iter().flatten().map(|values| values.len()).max().unwrap_or(0);
         let touched = Touched {
             all: false,
             fine: Vec::with_capacity(largest),
@@ -116,14 +116,8 @@ impl<'a> Restrictor<'a> {
             assert_eq!(read.len(), self.quantities.len(), "one array per channel of {}", patch.name);
             let carried = self.carried[id].iter_mut().zip(&mut self.levels.values[id]);
             for ((&quantity, read), (carried, out)) in self.quantities.iter().zip(read).zip(carried) {
-                let masks_changed = take(
-                    read.as_slice(),
-                    &patch.taxels.areas,
-                    quantity,
-                    carried,
-                    out,
-                    &mut self.touched.fine,
-                );
+                let masks_changed =
+                    take(read, &patch.taxels.areas, quantity, carried, out, &mut self.touched.fine);
                 self.touched.all = masks_changed;
                 carry(patch, steps, quantity, carried, out, &mut self.touched);
             }
@@ -159,7 +153,7 @@ fn carry(
         } else if let Some(prolongation) = &patch.levels[LevelId::new(k)].level.from_coarser {
             touched.coarsen(prolongation);
             for &field in &touched.fine {
-                coarse[field] = step.sum(field.index(), fine.as_slice());
+                coarse[field] = step.sum(field.index(), fine);
                 out[field] = value(coarse[field], areas[field], quantity);
             }
         }
@@ -179,9 +173,9 @@ fn take(
     /// Taxels compared at once.
     const BLOCK: usize = 16;
     let finest = LevelId::new(0);
-    let last = out[finest].as_mut_slice();
+    let last = &mut *out[finest];
     assert_eq!(read.len(), last.len(), "one reading per taxel");
-    let (sums, served) = (carried.sums[finest].as_mut_slice(), carried.areas[finest].as_mut_slice());
+    let (sums, served) = (&mut *carried.sums[finest], &mut *carried.areas[finest]);
     changed.clear();
     let mut masks_changed = false;
     for begin in (0..read.len()).step_by(BLOCK) {
@@ -222,7 +216,7 @@ fn value(sum: f64, area: f64, quantity: Quantity) -> f64 {
 
 /// Level `k`, and the next coarser one to write to.
 fn two_levels<T>(levels: &mut IdVec<LevelId, T>, k: usize) -> (&T, &mut T) {
-    let (finer, coarser) = levels.as_mut_slice().split_at_mut(k + 1);
+    let (finer, coarser) = levels.split_at_mut(k + 1);
     (&finer[k], &mut coarser[0])
 }
 

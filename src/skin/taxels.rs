@@ -165,11 +165,11 @@ impl Taxels {
         let lengths = [
             ("ids", self.ids.len()),
             ("normals", self.normals.len()),
-            ("tangents", self.tangents.as_ref().map_or(vertices, IdVec::len)),
+            ("tangents", self.tangents.as_ref().map_or(vertices, |values| values.len())),
             ("areas", self.areas.len()),
             ("presence", self.presence.len()),
-            ("covariances", self.covariances.as_ref().map_or(vertices, IdVec::len)),
-            ("joints", self.joints.as_ref().map_or(vertices, IdVec::len)),
+            ("covariances", self.covariances.as_ref().map_or(vertices, |values| values.len())),
+            ("joints", self.joints.as_ref().map_or(vertices, |values| values.len())),
         ];
         if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != vertices) {
             return Err(TaxelError::Length { what, found, needed: vertices });
@@ -206,7 +206,8 @@ impl Taxels {
     pub(crate) fn check_demands(&self, vertices: usize) -> Result<(), TaxelError> {
         let Self { densities, weights, acuities, .. } = self;
         for (what, values) in [("densities", densities), ("weights", weights), ("acuities", acuities)] {
-            if let Some(found) = values.as_ref().map(IdVec::len).filter(|found| *found != vertices) {
+            if let Some(found) = values.as_ref().map(|values| values.len()).filter(|found| *found != vertices)
+            {
                 return Err(TaxelError::Length { what, found, needed: vertices });
             }
         }

@@ -275,7 +275,7 @@ fn taxels_without_a_face_are_left_out_and_told() {
 fn winding_follows_the_normals_and_the_change_is_told() {
     let mesh = shapes::cap(300, 0.1, 1.0);
     let mut sheet = sheet_of("s", &mesh);
-    sheet.normals = Some(mesh.vertex_normals().into_vec());
+    sheet.normals = Some(Vec::from(mesh.vertex_normals()));
     sheet.triangles.iter_mut().for_each(|t| t.swap(0, 1));
     let draft = draft_of(sheet.clone());
     let assembled = assemble(&draft).unwrap();
@@ -379,7 +379,7 @@ fn missing_ids_count_on_and_bad_areas_are_measured() {
         assembled.skin.patches.iter().flat_map(|p| p.taxels.ids.iter().map(|id| id.0)).collect();
     assert_eq!(ids, (1..=8).collect::<Vec<_>>());
     let second = assembled.skin.patches.iter().nth(1).unwrap();
-    assert_eq!(second.taxels.areas.as_slice(), [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
+    assert_eq!(*second.taxels.areas, [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
     assert_eq!(kinds(&assembled), ["AreasReplaced"].map(String::from).into());
     assert_eq!(check(&draft)[0].elements, [1, 2, 3]);
 }
@@ -663,9 +663,9 @@ proptest! {
         let Ok(first) = assemble(&draft_of(sheet)) else { return Ok(()) };
         let sheets = first.skin.patches.iter().map(|p| Sheet {
             link: Some(p.link),
-            ids: Some(p.taxels.ids.as_slice().to_vec()),
-            normals: Some(p.taxels.normals.as_slice().to_vec()),
-            areas: Some(p.taxels.areas.as_slice().to_vec()),
+            ids: Some(p.taxels.ids.to_vec()),
+            normals: Some(p.taxels.normals.to_vec()),
+            areas: Some(p.taxels.areas.to_vec()),
             ..sheet_of(&p.name, &p.mesh)
         });
         let again = assemble(&Draft { links: first.skin.links.clone(), sheets: sheets.collect(), ..Draft::default() }).unwrap();

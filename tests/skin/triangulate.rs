@@ -33,11 +33,11 @@ fn bare(positions: &[DVec3]) -> Sheet {
 }
 
 fn taxels_of(mesh: &TriMesh) -> Sheet {
-    bare(mesh.positions.as_slice())
+    bare(&mesh.positions)
 }
 
 fn with_normals(mesh: &TriMesh) -> Sheet {
-    Sheet { normals: Some(mesh.vertex_normals().into_vec()), ..taxels_of(mesh) }
+    Sheet { normals: Some(Vec::from(mesh.vertex_normals())), ..taxels_of(mesh) }
 }
 
 fn check(draft: &Draft) -> Vec<Finding> {
@@ -262,7 +262,7 @@ fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
 /// looks at.
 #[test]
 fn a_heap_of_almost_equal_places_is_one_place() {
-    let mut positions = shapes::lattice(6, 6, 0.005).positions.into_vec();
+    let mut positions = shapes::lattice(6, 6, 0.005).positions.to_vec();
     let noise = |k| 1e-10 * DVec3::new(scatter(k), scatter(k + 30), scatter(k + 60));
     let at = positions[14];
     positions.extend((0..30).map(|k| at + noise(k)));
@@ -341,7 +341,7 @@ fn placeholder_normals_are_replaced_and_believable_ones_kept() {
 #[test]
 fn some_wrong_normals_do_no_harm() {
     let mesh = shapes::cap(1500, 0.1, 1.2);
-    let mut normals = mesh.vertex_normals().into_vec();
+    let mut normals = Vec::from(mesh.vertex_normals());
     for k in (0..normals.len()).step_by(17) {
         normals[k] = if k % 2 == 0 { -normals[k] } else { DVec3::ZERO };
     }
@@ -356,7 +356,7 @@ fn some_wrong_normals_do_no_harm() {
 #[test]
 fn normals_that_point_to_either_side_tear_nothing() {
     for mesh in [shapes::cap(500, 0.1, 0.595), bent(40, 12, 0.0065, 40.0 * 0.0065 / (TAU * 300.0 / 360.0))] {
-        let truth = mesh.vertex_normals().into_vec();
+        let truth = Vec::from(mesh.vertex_normals());
         let expected = faces(&meshed(taxels_of(&mesh)));
         let turned = |is_turned: &dyn Fn(usize) -> bool| -> Vec<DVec3> {
             truth.iter().enumerate().map(|(k, &n)| if is_turned(k) { -n } else { n }).collect()
@@ -415,7 +415,7 @@ fn normals_tell_a_thin_tube_from_a_cloud() {
 fn a_taxel_almost_above_another_turns_nobody_over() {
     let mesh = shaken(&shapes::lattice(10, 10, 0.005), 0.0004);
     for corner in [0, 5, 44] {
-        let mut positions = mesh.positions.as_slice().to_vec();
+        let mut positions = mesh.positions.to_vec();
         positions.push(positions[corner] + DVec3::new(0.0011, 0.0004, 0.0024));
         let assembled = meshed(bare(&positions));
         let patch = only(&assembled);
@@ -589,7 +589,7 @@ fn a_sheet_of_one_taxel_does_not_stop_the_others() {
 /// The resolution was a part of the box, and most taxels fell into one cell.
 #[test]
 fn a_coordinate_that_stands_for_none_merges_nothing() {
-    let mut positions = shapes::lattice(30, 30, 0.005).positions.into_vec();
+    let mut positions = shapes::lattice(30, 30, 0.005).positions.to_vec();
     positions.push(DVec3::splat(1e10));
     let assembled = meshed(bare(&positions));
     assert_eq!(only(&assembled).mesh.positions.len(), 900);
@@ -694,7 +694,7 @@ proptest! {
             bent(20, 20, 0.0065, 0.03),
         ][which].clone();
         let beside = 10.0_f64.powf(decade) * [0.0105, 0.005, 0.0065][which] / 3.0_f64.sqrt();
-        let mut positions = mesh.positions.as_slice().to_vec();
+        let mut positions = mesh.positions.to_vec();
         let mut taken = BTreeMap::new();
         let mut count = 0;
         for &(k, x, y, z) in &copies {

@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs.stage(path, |path| write_truth(path, &ids, &simulation.truth))?;
     }
     if let Some(path) = &args.triangles {
-        outputs.stage(path, |path| write_triangles(path, &ids, simulation.mesh.triangles.as_slice()))?;
+        outputs.stage(path, |path| write_triangles(path, &ids, &simulation.mesh.triangles))?;
     }
     if args.output == Path::new("-") {
         write_observations(&args.output, &observations).map_err(Error::from)?;

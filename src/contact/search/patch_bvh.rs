@@ -87,7 +87,7 @@ impl PatchBvh {
         local: &mut Vec<[f32; 3]>,
     ) -> Result<(), ContactError> {
         check(patch, positions)?;
-        self.mesh.positions.as_mut_slice().copy_from_slice(positions.as_slice());
+        self.mesh.positions.copy_from_slice(positions);
         self.frame = Frame::around(used(&self.mesh.positions, &self.corners));
         self.fit(local);
         Ok(())
@@ -119,7 +119,7 @@ impl PatchBvh {
     /// Memory of the index, in bytes: the tree, the mesh and who borders whom in it.
     pub(in crate::contact) fn bytes(&self) -> usize {
         let TriMesh { positions, triangles } = &self.mesh;
-        let mesh = size_of_val(positions.as_slice()) + size_of_val(triangles.as_slice());
+        let mesh = size_of_val(&**positions) + size_of_val(&**triangles);
         // One number for each corner, and one for each vertex.
         let corners = size_of::<u32>() * (3 * triangles.len() + positions.len());
         self.tree.bytes() + size_of_val(self.triangles.as_slice()) + mesh + corners

@@ -72,7 +72,7 @@ impl<'e> Objective<'e> {
 
     /// `f` of every part of the faces, in order.
     fn each_part<T: Send>(&self, f: impl Fn(&[Element]) -> T + Sync + Send) -> Vec<T> {
-        self.elements.faces.as_slice().par_chunks(FACES_PER_TASK).map(f).collect()
+        self.elements.faces.par_chunks(FACES_PER_TASK).map(f).collect()
     }
 
     /// The energy; infinite if a face is flipped and the energy has a barrier.
@@ -101,7 +101,7 @@ impl<'e> Objective<'e> {
         let System { hessian, models } = system;
         let model =
             |e: &Element| LocalModel::new(&self.energy, &e.singular_values(uv), &e.gradients, e.weight, kept);
-        let faces = self.elements.faces.as_slice().par_iter().with_min_len(FACES_PER_TASK);
+        let faces = self.elements.faces.par_iter().with_min_len(FACES_PER_TASK);
         faces.map(model).collect_into_vec(models);
         let pattern = hessian.pattern();
         hessian.fill_rows(|row, blocks| {
@@ -131,7 +131,7 @@ impl<'e> Objective<'e> {
     pub(crate) fn gradient(&self, uv: &Uv) -> Vec<DVec2> {
         let of_face =
             |e: &Element| face_gradient(&self.energy, &e.singular_values(uv), &e.gradients, e.weight);
-        let faces = par_map(self.elements.faces.as_slice(), of_face);
+        let faces = par_map(&self.elements.faces, of_face);
         self.sum_gradient(uv, |h| faces[h.face().index()][h.side()])
     }
 

@@ -255,7 +255,7 @@ impl RecordingWriter {
         for LevelValues { patch, level, values, valid } in &self.values {
             all_valid.clear();
             for channel in &frame.values[*patch] {
-                let of_level = channel[*level].as_slice();
+                let of_level = &channel[*level];
                 self.writer.push(*values, Elements::F64(of_level))?;
                 all_valid.resize(of_level.len(), 1);
                 all_valid.iter_mut().zip(of_level).for_each(|(valid, x)| *valid &= u8::from(!x.is_nan()));

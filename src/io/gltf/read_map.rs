@@ -74,7 +74,7 @@ pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     }
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     for patch in map.patches.iter_mut() {
-        patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
+        patch.levels.par_iter_mut().for_each(|map| {
             map.measure();
         });
     }

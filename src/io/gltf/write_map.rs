@@ -161,7 +161,7 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         sheet.positive("_AREA", areas.as_ref().unwrap_or(&level.areas))?;
         if let Some(joints) = &patch.taxels.joints {
             let rows = taxel_of.map(|&taxel| joints[taxel]);
-            sheet.joints(&joints_of(patch.taxels), rows.as_slice())?;
+            sheet.joints(&joints_of(patch.taxels), &rows)?;
         }
     }
     if let Some(map) = map {

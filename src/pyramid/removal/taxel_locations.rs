@@ -113,7 +113,7 @@ impl TaxelLocations {
         surface: &HalfedgeMesh,
         origins: &IdVec<VertexId, VertexId>,
     ) -> (IdVec<VertexId, [VertexId; 3]>, IdVec<VertexId, [f64; 3]>) {
-        let mut indices = IdVec::from(par_map(self.locations.as_slice(), |at| surface.corners(at.face)));
+        let mut indices = IdVec::from(par_map(&self.locations, |at| surface.corners(at.face)));
         let mut weights = self.locations.map(|at| at.weights);
         for (v, &taxel) in origins.enumerate() {
             let side = surface.leaving[v];

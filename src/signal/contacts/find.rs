@@ -80,7 +80,7 @@ impl Finder {
     ) {
         /// Taxels compared at once.
         const BLOCK: usize = 16;
-        for (block, readings) in values.as_slice().chunks(BLOCK).enumerate() {
+        for (block, readings) in values.chunks(BLOCK).enumerate() {
             if !readings.iter().fold(false, |any, &x| any | (x > high)) {
                 continue;
             }

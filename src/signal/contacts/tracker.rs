@@ -146,7 +146,7 @@ impl<'a> ContactTracker<'a> {
         found.sort_unstable_by_key(ContactRegion::place);
         for region in found {
             let patch = &map.patches[region.patch];
-            let values = frame.values[region.patch][options.channel].as_slice();
+            let values = &frame.values[region.patch][options.channel];
             let around = &finder.around[region.patch];
             Pressed { patch, around, values, quantity: *quantity }.measure(region);
         }

@@ -136,7 +136,7 @@ impl Assembly {
                 Err(reason) => self.errors.push((sheet.title().to_owned(), reason)),
             }
         }
-        let renamed = renamed(sheet, &self.skin.patches.as_slice()[first..]);
+        let renamed = renamed(sheet, &(*self.skin.patches)[first..]);
         self.remark(sheet.title(), renamed);
     }
 

@@ -103,7 +103,7 @@ impl FlattenArgs {
         let Some(boundary @ (BoundaryArg::Corners(..) | BoundaryArg::Table(_))) = &self.boundary else {
             return Ok(options);
         };
-        let [patch] = skin.patches.as_slice() else {
+        let [patch] = &*skin.patches else {
             let found = skin.patches.len();
             return Err(advise(
                 format!("the taxels of --boundary need a skin with one patch, not {found}"),

@@ -78,7 +78,7 @@ impl Neighbours {
         keep: impl Fn(VertexId, VertexId) -> bool + Sync,
     ) -> Self {
         let kept = |v: VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
-        Self { spacing: self.spacing.clone(), lists: par_ids(self.spacing.len(), kept).into_vec() }
+        Self { spacing: self.spacing.clone(), lists: par_ids(self.spacing.len(), kept).into() }
     }
 
     /// The neighbours of `v`, nearest first.
