@@ -1,5 +1,5 @@
 //! What a build measured, level by level ([`measure`]), as `report.json` lists it; and how long each of
-//! its stages took.
+//! its stages took. Maps are measured as `map.glb` holds them, in 32-bit numbers.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, report, skin::Skin};

@@ -93,6 +93,7 @@ mod options;
 mod placement;
 mod start;
 
+pub(crate) use bijective::crossings::crossing_vertices;
 pub(crate) use charts::{flatten_chart_pyramid, flatten_charts};
 pub use convergence::Convergence;
 pub use distortion::{Distortion, distortion};

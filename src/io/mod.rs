@@ -54,7 +54,7 @@ mod observations;
 mod readings;
 mod table;
 
-pub(crate) use self::gltf::fits_map_file;
+pub(crate) use self::gltf::as_in_map_file;
 pub use self::gltf::{read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use error::IoError;

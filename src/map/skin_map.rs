@@ -10,7 +10,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError},
     mesh::{TriMesh, VertexCorners, signed_area},
-    pyramid::{CutPyramid, Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
+    pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
     skin::{Animation, Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
 };
 
@@ -29,32 +29,22 @@ pub struct MapLevel {
     pub uv: IdVec<VertexId, DVec2>,
     /// The rectangle its image shows.
     pub frame: ImageFrame,
-    /// How faithful the map is.
+    /// How faithful the map is; after a build as a map file holds it, in 32-bit numbers.
     pub distortion: Distortion,
     /// How far its minimisation came, where that is known: files do not keep it.
     pub convergence: Option<Convergence>,
 }
 
 impl MapLevel {
-    /// A level with its map `uv` (m), which is measured; images have `pixel` metres per pixel.
-    ///
-    /// # Panics
-    /// If the map has not one position per place, or a triangle names a vertex that does not exist.
+    /// A level with its map `uv` (m), which is not measured; images have `pixel` metres per pixel.
     pub(crate) fn new(level: Level, cut: Option<CutMesh>, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
         let frame = ImageFrame::around(&uv, pixel);
-        let mut map = Self { level, cut, uv, frame, distortion: Distortion::default(), convergence: None };
-        map.measure();
-        map
+        Self { level, cut, uv, frame, distortion: Distortion::default(), convergence: None }
     }
 
     /// Gives its image `pixel` metres per pixel.
     pub(crate) fn set_pixel(&mut self, pixel: f64) {
         self.frame = ImageFrame::around(&self.uv, pixel);
-    }
-
-    /// The same level with another map.
-    fn with_map(&self, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
-        Self::new(self.level.clone(), self.cut.clone(), uv, pixel)
     }
 
     /// Whether all faces that have an area on the skin are mirrored on the map.
@@ -66,6 +56,9 @@ impl MapLevel {
     }
 
     /// Measures the distortion anew.
+    ///
+    /// # Panics
+    /// If the map has not one position per place, or a triangle names a vertex that does not exist.
     pub(crate) fn measure(&mut self) {
         self.distortion = distortion(&self.opened(), &self.uv);
     }
@@ -149,23 +142,22 @@ impl PatchMap {
         maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
         pixel: f64,
     ) -> Self {
-        let levels = pyramid.levels.into_iter().zip(maps);
-        Self::of_levels(patch, levels.map(|(level, uv)| MapLevel::new(level, None, uv, pixel)).collect())
+        let levels = pyramid.levels.into_iter().map(|level| (level, None)).collect();
+        let mut map = Self::unmeasured(patch, levels, maps, pixel);
+        map.levels.iter_mut().for_each(MapLevel::measure);
+        map
     }
 
-    /// The same for a patch that is cut open: `maps` are those of the opened levels.
-    pub(crate) fn new_cut(
+    /// The same from levels that may be cut open, with the maps of the opened ones; not measured.
+    pub(crate) fn unmeasured(
         patch: &Patch,
-        pyramid: CutPyramid,
+        levels: Vec<(Level, Option<CutMesh>)>,
         maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
         pixel: f64,
     ) -> Self {
-        let levels = pyramid.pyramid.levels.into_iter().zip(pyramid.cuts).zip(maps);
-        let level = |((level, cut), uv)| MapLevel::new(level, Some(cut), uv, pixel);
-        Self::of_levels(patch, levels.map(level).collect())
-    }
-
-    fn of_levels(patch: &Patch, levels: IdVec<LevelId, MapLevel>) -> Self {
+        let levels = levels.into_iter().zip(maps);
+        let levels = levels.map(|((level, cut), uv)| MapLevel::new(level, cut, uv, pixel));
+        let levels: IdVec<LevelId, MapLevel> = levels.collect();
         let mut taxels = patch.taxels.clone();
         if let Some(finest) = levels.iter().next()
             && taxels.tangents.is_none()
@@ -324,8 +316,11 @@ impl SkinMap {
         let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, filled: 0, taxels };
         let mut patch = PatchMap::new(&patch, pyramid, vec![uv.clone()].into(), pixel);
         if patch.levels.iter().any(MapLevel::is_mirrored) {
-            let turned = uv.map(|at| DVec2::new(-at.x, at.y));
-            patch.levels.iter_mut().for_each(|level| *level = level.with_map(turned.clone(), pixel));
+            for level in patch.levels.iter_mut() {
+                level.uv = uv.map(|at| DVec2::new(-at.x, at.y));
+                level.set_pixel(pixel);
+                level.measure();
+            }
         }
         Self { links: vec![link].into(), patches: vec![patch].into(), ..Self::default() }
     }

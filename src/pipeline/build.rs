@@ -14,9 +14,9 @@ use crate::{
     cut::{Cut, cut_along, pairs_by_patch},
     flatten::{FlattenOptions, flatten_chart_pyramid, flatten_pyramid_with_convergence},
     id::{IdVec, VertexId},
-    io::{fits_map_file, write_images, write_map},
+    io::{write_images, write_map},
     map::{PatchMap, SkinMap},
-    pipeline::open::cut_open,
+    pipeline::{open::cut_open, written::measure_as_written},
     pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
     report::Seconds,
     skin::{Patch, PatchId, Skin, named_links},
@@ -122,18 +122,23 @@ pub fn build_with_progress(
     let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations };
-    let enlarged = if options.pixel.is_none() { enlarge_pixels(&mut map) } else { None };
+    let enlarged = if options.pixel.is_none() { enlarge_pixels(&mut map)? } else { None };
     Ok(Built { map, seconds, left_out: left_out.into(), enlarged })
 }
 
 /// Gives a map larger pixels where its images would have too many.
-fn enlarge_pixels(map: &mut SkinMap) -> Option<Enlarged> {
-    let pixel_mm = fitting_pixel(map)?;
+fn enlarge_pixels(map: &mut SkinMap) -> Result<Option<Enlarged>, Error> {
+    let Some(pixel_mm) = fitting_pixel(map) else { return Ok(None) };
     let pixels = pixels_of(map);
-    for level in map.patches.iter_mut().flat_map(|patch| patch.levels.iter_mut()) {
-        level.set_pixel(1e-3 * pixel_mm);
-    }
-    Some(Enlarged { pixel_mm, pixels })
+    map.patches.par_iter_mut().try_for_each(|patch| {
+        let mut levels = patch.levels.iter_mut();
+        let enlarged = levels.try_for_each(|level| {
+            level.set_pixel(1e-3 * pixel_mm);
+            measure_as_written(level)
+        });
+        enlarged.map_err(|e| Error::from(e).in_patch(&patch.name))
+    })?;
+    Ok(Some(Enlarged { pixel_mm, pixels }))
 }
 
 /// Where each patch is cut, if the user says so.
@@ -172,36 +177,34 @@ fn coarsen_patch(patch: &Patch, seam: &Seam, options: &BuildOptions) -> Result<C
 
 /// The map of a patch, and how many levels of its pyramid have none.
 fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Result<(PatchMap, usize), Error> {
-    let levels = match &pyramid {
-        Coarsened::Whole(pyramid) => pyramid.levels.len(),
-        Coarsened::Cut(pyramid) => pyramid.opened.levels.len(),
-    };
-    let pixel = options.pixel.unwrap_or(PIXEL);
-    let (mut map, convergences) = match pyramid {
+    let (levels, maps) = match pyramid {
         Coarsened::Whole(pyramid) => {
             let maps = flatten_pyramid_with_convergence(&pyramid, Some(&patch.taxels), &options.flatten)?;
-            let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
-            (PatchMap::new(patch, pyramid, maps.into(), pixel), convergences)
+            (pyramid.levels.into_iter().map(|level| (level, None)).collect::<Vec<_>>(), maps)
         }
         Coarsened::Cut(pyramid) => {
-            let unsplit = pyramid.cuts.iter().next().map(|cut| &cut.unsplit);
+            let CutPyramid { pyramid, opened, cuts } = *pyramid;
+            let unsplit = cuts.iter().next().map(|cut| &cut.unsplit);
             let taxels = unsplit.map(|unsplit| patch.taxels.select(unsplit));
-            let maps = flatten_chart_pyramid(&pyramid.opened, taxels.as_ref(), &options.flatten)?;
-            let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
-            (PatchMap::new_cut(patch, *pyramid, maps.into(), pixel), convergences)
+            let maps = flatten_chart_pyramid(&opened, taxels.as_ref(), &options.flatten)?;
+            (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
         }
     };
+    let made = levels.len();
+    let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let mut map = PatchMap::unmeasured(patch, levels, maps.into(), options.pixel.unwrap_or(PIXEL));
+    // What a file cannot hold is no map either.
+    let mut held = 0;
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {
         level.convergence = Some(convergence);
+        match measure_as_written(level) {
+            Ok(()) => held += 1,
+            Err(error) if held == 0 => return Err(error.into()),
+            Err(_) => break,
+        }
     }
-    // What a file cannot hold is no map either.
-    let fitting = map.levels.iter().take_while(|level| fits_map_file(level).is_ok()).count();
-    if fitting == 0 {
-        map.levels.iter().next().map_or(Ok(()), fits_map_file)?;
-    }
-    map.keep_finest(fitting);
-    let left_out = levels - map.levels.len();
-    Ok((map, left_out))
+    map.keep_finest(held);
+    Ok((map, made - held))
 }
 
 /// The files that [`write_files`] writes.

@@ -7,7 +7,7 @@
 //! 2. [`write_files`] rasterises the levels ([`skin_images`](crate::atlas::skin_images)) and writes `map.glb` and `map.exr`.
 //!
 //! Where no cut within one chart keeps the area ratio asked for, a patch is divided into several
-//! (`charts`).
+//! (`charts`). Every map is measured as `map.glb` holds it (`written`).
 //!
 //! Patches are independent: they are built in parallel, and the result does not depend on the
 //! number of threads. Before it, [`read_draft`](crate::io::read_draft) and
@@ -27,6 +27,7 @@ mod build;
 mod charts;
 mod choose_cut;
 mod open;
+mod written;
 
 pub use build::{
     BuildOptions, Built, Enlarged, FILES, Progress, Stage, build, build_with_progress, write_files,

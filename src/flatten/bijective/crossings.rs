@@ -4,7 +4,7 @@
 //! The tests are exact signs of areas, compared one by one: neither rounding nor underflow hides a
 //! crossing.
 
-use std::ops::ControlFlow;
+use std::{collections::BTreeSet, ops::ControlFlow};
 
 use glam::DVec2;
 
@@ -48,11 +48,32 @@ pub(crate) fn boundary_crosses_itself(edges: &[[VertexId; 2]], uv: &Uv) -> bool 
     crossings_up_to(1, edges, uv) > 0
 }
 
+/// The vertices of the boundary edges that cross or touch another one on the map, ids rising; of the
+/// first [`MAX_CROSSINGS`] pairs.
+pub(crate) fn crossing_vertices(edges: &[[VertexId; 2]], uv: &Uv) -> Vec<VertexId> {
+    let mut found = BTreeSet::new();
+    each_crossing(MAX_CROSSINGS, edges, uv, &mut |pair| found.extend(pair.into_iter().flatten()));
+    found.into_iter().collect()
+}
+
 fn crossings_up_to(most: usize, edges: &[[VertexId; 2]], uv: &Uv) -> usize {
+    each_crossing(most, edges, uv, &mut |_| ())
+}
+
+/// Calls `found` with each of the first `most` pairs of edges that cross or touch; returns their number.
+fn each_crossing(
+    most: usize,
+    edges: &[[VertexId; 2]],
+    uv: &Uv,
+    found: &mut dyn FnMut([[VertexId; 2]; 2]),
+) -> usize {
     let mut segments: Vec<Segment> = edges.iter().map(|&ends| Segment::new(ends, uv)).collect();
     let mut count = 0;
     let _ = each_near_pair(&mut segments, &mut |s, t| {
-        count += usize::from(meet(s, t));
+        if meet(s, t) {
+            count += 1;
+            found([s.ends, t.ends]);
+        }
         if count < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
     count

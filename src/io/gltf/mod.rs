@@ -34,6 +34,6 @@ pub(super) use animation::read_animation;
 pub use read_map::read_map;
 pub(super) use read_skin::read_gltf;
 pub(super) use write_flat::write_flat;
-pub(crate) use write_map::fits_map_file;
+pub(crate) use write_map::as_in_map_file;
 pub use write_map::{write_map, write_pyramids};
 pub(super) use write_skin::write_skin;

@@ -198,10 +198,19 @@ fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
     RowsExtras { indices: indices.value(), weights: weights.value() }
 }
 
-/// Refuses the map of a level that loses a triangle in the `f32` of a file.
-pub(crate) fn fits_map_file(map: &MapLevel) -> Result<(), MapError> {
-    let texture = texture_coordinates(map, &map.opened());
-    texture.map(|_| ()).map_err(|(found, needed)| MapError::Rounded { found, needed })
+/// The mesh of a level, cut open, and its map (m), as a map file holds them; refuses one that loses a
+/// triangle there.
+pub(crate) fn as_in_map_file(map: &MapLevel) -> Result<(TriMesh, IdVec<VertexId, DVec2>), MapError> {
+    let mut mesh = map.opened().into_owned();
+    let texture = texture_coordinates(map, &mesh);
+    let texture = texture.map_err(|(found, needed)| MapError::Rounded { found, needed })?;
+    mesh.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
+    Ok((mesh, texture.into_iter().map(|at| on_map(map, at)).collect()))
+}
+
+/// The map position (m) of a texture coordinate.
+fn on_map(map: &MapLevel, texture: [f32; 2]) -> DVec2 {
+    map.frame.map_position(DVec2::from_array(texture.map(f64::from)))
 }
 
 /// Map positions in the unit square of the image, as they are written; else what rounding breaks,
@@ -216,9 +225,8 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
         let [a, b, c] = mesh.triangles[face].map(|v| uv[v]);
         (b - a).perp_dot(c - a) > 0.0
     };
-    let rounded = |face: FaceId, texture: &[[f32; 2]]| {
-        mesh.triangles[face].map(|v| frame.map_position(DVec2::from_array(texture[v.index()].map(f64::from))))
-    };
+    let rounded =
+        |face: FaceId, texture: &[[f32; 2]]| mesh.triangles[face].map(|v| on_map(map, texture[v.index()]));
     let area = |[a, b, c]: [DVec2; 3]| (b - a).perp_dot(c - a) / 2.0;
     // As readers will compute it; a triangle without area on the skin has none.
     let keeps_shape = |face: FaceId, texture: &[[f32; 2]]| -> Option<bool> {

@@ -1,0 +1,65 @@
+//! A map as a map file holds it, in 32-bit numbers: measured there, so that a report says what readers
+//! find; and kept one to one.
+
+use glam::DVec2;
+
+use crate::{
+    flatten::{crossing_vertices, distortion},
+    id::{IdVec, VertexId},
+    io::as_in_map_file,
+    map::{MapError, MapLevel},
+    mesh::{TriMesh, VertexCorners, boundary_edges},
+};
+
+/// Spacing of 32-bit numbers just below 1, the longer side of an image.
+const UNIT: f64 = f32::EPSILON as f64 / 2.0;
+
+/// Times that both sides of a slit move apart: by two units each, then by twice as many each time.
+const TRIES: i32 = 8;
+
+/// Measures a map as a map file holds it.
+///
+/// The two sides of a slit in flat skin may be nearer to each other than rounding. *Heuristic*: where it
+/// makes them touch, their vertices move inwards by a few units, once the map itself is one to one.
+///
+/// # Errors
+/// If rounding turns a triangle over.
+pub(super) fn measure_as_written(level: &mut MapLevel) -> Result<(), MapError> {
+    let (mesh, uv) = as_in_map_file(level)?;
+    level.distortion = distortion(&mesh, &uv);
+    if level.distortion.crossings > 0 {
+        let edges = boundary_edges(&mesh);
+        if crossing_vertices(&edges, &level.uv).is_empty() {
+            part(level, &mesh, &edges, uv);
+        }
+    }
+    Ok(())
+}
+
+/// Moves boundaries apart that meet on the rounded map `uv`; the map stays as it is where that does not
+/// help.
+fn part(level: &mut MapLevel, mesh: &TriMesh, edges: &[[VertexId; 2]], mut uv: IdVec<VertexId, DVec2>) {
+    let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
+    let mut parted = level.clone();
+    for power in 1..=TRIES {
+        let step = UNIT * level.frame.size.max_element() * f64::from(1 << power);
+        for v in crossing_vertices(edges, &uv) {
+            let around = corners.faces(v).flat_map(|face| mesh.triangles[face]);
+            let inwards: DVec2 =
+                around.map(|other| (parted.uv[other] - parted.uv[v]).normalize_or_zero()).sum();
+            let before = parted.uv[v];
+            parted.uv[v] += step * inwards.normalize_or_zero();
+            let mut faces = corners.faces(v).map(|face| mesh.triangles[face].map(|v| parted.uv[v]));
+            if faces.any(|[a, b, c]| (b - a).perp_dot(c - a) <= 0.0) {
+                parted.uv[v] = before;
+            }
+        }
+        let Ok((_, rounded)) = as_in_map_file(&parted) else { return };
+        parted.distortion = distortion(mesh, &rounded);
+        if parted.distortion.crossings == 0 {
+            *level = parted;
+            return;
+        }
+        uv = rounded;
+    }
+}
