@@ -6,13 +6,14 @@ use dermatome::{
     atlas::{Atlas, AtlasOptions},
     contact::ContactIndex,
     cut::{Cut, CutError, CutMesh},
-    flatten::{Energy, FlattenOptions, distortion, flatten_pyramid},
+    flatten::{Energy, FlattenOptions, distortion},
     id::{FaceId, IdVec, VertexId},
     io::{read_map, write_map},
     map::{MapLevel, SkinMap},
     mesh::{Adjacency, TriMesh, shapes},
     pipeline::{BuildOptions, FlatMesh, build, cut_open, flatten_patch},
-    pyramid::{CoarsenOptions, LevelId, coarsen_cut},
+    pyramid::LevelId,
+    report::measure,
     skin::{Patch, PatchId, Skin, TaxelId},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -109,7 +110,7 @@ fn seams_pass_through_holes() {
 /// Without the vertices that no face has.
 fn only_used(mesh: &TriMesh) -> TriMesh {
     let mut names = IdVec::<VertexId, Option<VertexId>>::filled(None, mesh.positions.len());
-    let mut positions = IdVec::new();
+    let mut positions = IdVec::default();
     let mut name = |v: VertexId| *names[v].get_or_insert_with(|| positions.push(mesh.positions[v]));
     let triangles = mesh.triangles.iter().map(|t| t.map(&mut name)).collect();
     TriMesh { positions, triangles }
@@ -273,40 +274,14 @@ fn cut_shapes() -> [TriMesh; 4] {
     ]
 }
 
-/// Both sides of the seam go together: each level is a disk again, opened along the same seam.
-#[test]
-fn every_level_has_the_same_seam() {
-    for mesh in cut_shapes() {
-        let patch = patch(mesh.clone());
-        let cut = cut_open(&patch, &Cut::Auto, &FlattenOptions::default()).unwrap().unwrap();
-        let options = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
-        let made = coarsen_cut(&mesh, &patch.taxels, &cut, &options).unwrap();
-        made.pyramid.validate().unwrap();
-        made.opened.validate().unwrap();
-        assert!(made.pyramid.levels.len() > 2, "{} levels", made.pyramid.levels.len());
-        let whole = shape(&mesh, &cut);
-        for ((level, opened), cut) in made.pyramid.levels.iter().zip(&made.opened.levels).zip(&made.cuts) {
-            assert_eq!(shape(&level.mesh, cut), whole, "{} vertices", level.mesh.positions.len());
-            assert_eq!(opened.mesh.triangles, cut.triangles);
-            for (place, &v) in cut.unsplit.iter().enumerate() {
-                let origin = opened.origins[VertexId::new(place)];
-                assert_eq!(made.cuts[LevelId::new(0)].unsplit[origin], level.origins[v], "place {place}");
-            }
-        }
-        let maps = flatten_pyramid(&made.opened, None, &BuildOptions::default().flatten).unwrap();
-        for (level, uv) in made.opened.levels.iter().zip(&maps) {
-            assert_eq!(distortion(&level.mesh, uv).flips, 0);
-        }
-    }
-}
-
 #[test]
 fn a_cut_map_is_valid_and_survives_its_file() {
     let folder = tempfile::tempdir().unwrap();
     for (k, mesh) in cut_shapes().into_iter().enumerate() {
         let map = map_of(mesh, Cut::Auto);
         map.validate().unwrap();
-        assert!(levels(&map).all(|level| level.cut.is_some() && level.seam_length() > 0.0));
+        assert!(levels(&map).all(|level| level.cut.is_some()));
+        assert!(measure(&map).iter().flat_map(|patch| &patch.levels).all(|level| level.seam > 0.0));
         let path = folder.path().join(format!("{k}.glb"));
         write_map(&path, &map).unwrap();
         let again = read_map(&path).unwrap();
@@ -331,7 +306,7 @@ fn a_cut_that_is_none_is_refused() {
     assert!(wrong.validate().is_err(), "a face that hangs on another vertex");
     let mut short = map;
     let level = &mut short.patches[PatchId::new(0)].levels[LevelId::new(0)];
-    level.cut.as_mut().unwrap().unsplit = IdVec::new();
+    level.cut.as_mut().unwrap().unsplit = IdVec::default();
     assert!(short.validate().is_err(), "no vertices");
 }
 

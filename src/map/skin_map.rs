@@ -87,7 +87,7 @@ impl MapLevel {
 
     /// Length of the seam along which the level is cut, in m; 0 without one.
     #[must_use]
-    pub fn seam_length(&self) -> f64 {
+    pub(crate) fn seam_length(&self) -> f64 {
         let mesh = &self.level.mesh;
         let edges = self.cut.as_ref().and_then(|cut| cut.seam(mesh).ok());
         edges.map_or(0.0, |edges| seam_length(mesh, &edges))
@@ -311,7 +311,7 @@ impl SkinMap {
         taxels.areas.iter_mut().filter(|a| **a == 0.0).for_each(|a| *a = 1e-12);
         let uv = mesh.positions.map(|p| p.truncate());
         let level = Level::finest(mesh.clone(), taxels.areas.clone());
-        let pyramid = Pyramid { levels: vec![level].into(), removals: IdVec::new() };
+        let pyramid = Pyramid { levels: vec![level].into(), removals: IdVec::default() };
         let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
         let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, filled: 0, taxels };
         let mut patch = PatchMap::new(&patch, pyramid, vec![uv.clone()].into(), pixel);

@@ -262,3 +262,55 @@ fn each_patch<P: Send, T: Send>(
         _ => Err(Error::Several(errors)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        cut::CutMesh,
+        flatten::{distortion, flatten_pyramid},
+        mesh::{Adjacency, TriMesh, shapes},
+        pyramid::LevelId,
+        skin::PatchId,
+    };
+
+    /// Euler characteristic and boundary loops of the mesh after the cut.
+    fn shape(mesh: &TriMesh, cut: &CutMesh) -> (i64, usize) {
+        let adjacency = Adjacency::new(&cut.mesh(&mesh.positions)).unwrap();
+        (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
+    }
+
+    /// Both sides of the seam go together: each level is a disk again, opened along the same seam.
+    #[test]
+    fn every_level_has_the_same_seam() {
+        for mesh in [
+            shapes::ball(12, 0.1),
+            shapes::torus(40, 16, 0.1, 0.04),
+            shapes::frame(2, 4, 0.01),
+            shapes::tube(40, 24, 0.05, 0.2),
+        ] {
+            let patch = &Skin::from_mesh("skin", mesh.clone()).patches[PatchId::new(0)];
+            let options = BuildOptions::default().flatten;
+            let cut = cut_open(patch, &Cut::Auto, &options).unwrap().unwrap();
+            let few = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
+            let made = coarsen_cut(&mesh, &patch.taxels, &cut, &few).unwrap();
+            made.pyramid.validate().unwrap();
+            made.opened.validate().unwrap();
+            assert!(made.pyramid.levels.len() > 2, "{} levels", made.pyramid.levels.len());
+            let whole = shape(&mesh, &cut);
+            for ((level, opened), cut) in made.pyramid.levels.iter().zip(&made.opened.levels).zip(&made.cuts)
+            {
+                assert_eq!(shape(&level.mesh, cut), whole, "{} vertices", level.mesh.positions.len());
+                assert_eq!(opened.mesh.triangles, cut.triangles);
+                for (place, &v) in cut.unsplit.enumerate() {
+                    let origin = opened.origins[place];
+                    assert_eq!(made.cuts[LevelId::new(0)].unsplit[origin], level.origins[v], "place {place}");
+                }
+            }
+            let maps = flatten_pyramid(&made.opened, None, &options).unwrap();
+            for (level, uv) in made.opened.levels.iter().zip(&maps) {
+                assert_eq!(distortion(&level.mesh, uv).flips, 0);
+            }
+        }
+    }
+}

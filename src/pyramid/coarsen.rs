@@ -59,7 +59,7 @@ impl Default for CoarsenOptions {
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
     let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, None)?;
-    let (mut levels, mut removals) = (IdVec::new(), IdVec::new());
+    let (mut levels, mut removals) = (IdVec::default(), IdVec::default());
     coarsener.run(rings, |level, log, _| {
         levels.push(level);
         removals.push(log);
@@ -70,14 +70,14 @@ pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Res
 
 /// The pyramid of a patch that is mapped cut open, and the same levels cut open.
 #[derive(Debug, Clone, PartialEq)]
-pub struct CutPyramid {
+pub(crate) struct CutPyramid {
     /// The pyramid of the uncut patch, with a centre wherever the seam ends or branches.
-    pub pyramid: Pyramid,
+    pub(crate) pyramid: Pyramid,
     /// The levels cut open, to be mapped: level 0 is the patch after its cut, and vertices and
     /// origins count those of cut levels. Areas are those of the whole taxel at each of its places.
-    pub opened: Pyramid,
+    pub(crate) opened: Pyramid,
     /// How each level of the pyramid is cut into the one to be mapped.
-    pub cuts: IdVec<LevelId, CutMesh>,
+    pub(crate) cuts: IdVec<LevelId, CutMesh>,
 }
 
 /// The pyramid of a patch that is mapped after the cut `cut`. Every level has the same seam: it is
@@ -85,7 +85,7 @@ pub struct CutPyramid {
 ///
 /// # Errors
 /// As [`coarsen`].
-pub fn coarsen_cut(
+pub(crate) fn coarsen_cut(
     mesh: &TriMesh,
     taxels: &Taxels,
     cut: &CutMesh,
@@ -93,8 +93,8 @@ pub fn coarsen_cut(
 ) -> Result<CutPyramid, PyramidError> {
     check(mesh, taxels, options)?;
     let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, Some(Seam::new(mesh, cut)?))?;
-    let (mut levels, mut cuts) = (IdVec::<LevelId, Level>::new(), IdVec::new());
-    let mut removals = [IdVec::new(), IdVec::new()];
+    let (mut levels, mut cuts) = (IdVec::<LevelId, Level>::default(), IdVec::default());
+    let mut removals = [IdVec::default(), IdVec::default()];
     // The vertices of level 0 after its cut that those of the next level are.
     let mut origins: IdVec<VertexId, VertexId> = cut.unsplit.ids().collect();
     let mut all_origins = vec![origins.clone()];
@@ -127,7 +127,7 @@ fn open_levels(
 ) -> IdVec<LevelId, Level> {
     let CutMesh { unsplit: finest, .. } = &cuts[LevelId::new(0)];
     let charts = Parts::of_components(&cuts[LevelId::new(0)].mesh(&levels[LevelId::new(0)].mesh.positions));
-    let mut opened = IdVec::<LevelId, Level>::new();
+    let mut opened = IdVec::<LevelId, Level>::default();
     for ((level, cut), origins) in levels.iter().zip(cuts).zip(origins) {
         let to_finest = level.to_finest.as_ref().map(|rows| {
             let chart = |place: VertexId| charts.of[origins[place]];

@@ -42,7 +42,8 @@ mod prolongation;
 mod removal;
 mod removal_log;
 
-pub use coarsen::{CoarsenOptions, CutPyramid, coarsen, coarsen_cut};
+pub use coarsen::{CoarsenOptions, coarsen};
+pub(crate) use coarsen::{CutPyramid, coarsen_cut};
 pub use error::PyramidError;
 pub(crate) use level::check_levels;
 pub use level::{Level, Pyramid};
