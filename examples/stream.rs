@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut stream = TouchSimulation::new(&skin, &touches)?;
 
     // Everything that a frame needs is made once; from then on nothing is allocated.
-    let channels = [stream.channel()];
+    let channels = [stream.channel.clone()];
     let atlas = Atlas::new(&map, &AtlasOptions::default())?;
     let mut restrictor = Restrictor::new(&map, &channels);
     let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default())?;

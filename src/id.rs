@@ -118,12 +118,6 @@ pub struct IdVec<I, T> {
 }
 
 impl<I: Id, T> IdVec<I, T> {
-    /// No elements.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self { raw: Vec::new(), id: PhantomData }
-    }
-
     /// `count` copies of `value`.
     #[must_use]
     pub fn filled(value: T, count: usize) -> Self

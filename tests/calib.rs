@@ -20,7 +20,7 @@ use dermatome::{
     mesh::Adjacency,
     skin::TaxelId,
 };
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 
 fn solve(observations: &Observations, options: &CalibOptions) -> Calibration {
     let found = calibrate(observations, options, &|_, _| {}).unwrap();
@@ -64,7 +64,7 @@ fn nees(found: &Calibration, truth: &IdVec<VertexId, Pose>, align: bool) -> f64 
     mean(truth.enumerate().map(|(v, t)| {
         // The error is turned into the frame of the calibration, where the covariance is given.
         let e = motion.rotation.conjugate() * (t.position - motion.position) - found.poses[v].position;
-        let covariance = marginals.positions[v].to_matrix();
+        let covariance = DMat3::from(marginals.positions[v]);
         e.dot(covariance.inverse() * e)
     }))
 }
@@ -413,7 +413,7 @@ fn a_single_touched_pose_keeps_its_turn() {
     let observations = Observations {
         model: Model::Poses,
         taxels: vec![TaxelVariable { id: TaxelId(4), initial: None, fixed: false }].into(),
-        edges: IdVec::new(),
+        edges: IdVec::default(),
         contacts: vec![ContactObservation { taxel: VertexId::new(0), measurement: touch }].into(),
     };
     let found = solve(&observations, &CalibOptions::default());
@@ -747,7 +747,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
         let simulation = simulate(&options).unwrap();
         let found = solve(&simulation.observations, &CalibOptions::default());
         let touched = simulation.observations.contacts.iter().next().map(|c| found.poses[c.taxel].position);
-        let mut sums = vec![glam::DMat3::ZERO; 7];
+        let mut sums = vec![DMat3::ZERO; 7];
         let mut push = |change: &dyn Fn(&mut Observations, f64)| {
             // The estimate bends: the mean of both directions leaves an error of third order.
             let moved = [1e-2, -1e-2].map(|sigmas| {
@@ -760,7 +760,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
             for (k, sum) in sums.iter_mut().enumerate() {
                 let v = VertexId::new(k);
                 let e = (moved[0][v].position - moved[1][v].position) / 2e-2;
-                *sum += glam::DMat3::from_cols(e * e.x, e * e.y, e * e.z);
+                *sum += DMat3::from_cols(e * e.x, e * e.y, e * e.z);
             }
         };
         for edge in simulation.observations.edges.ids() {
@@ -788,7 +788,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
             }
         }
         for (c, sum) in found.marginals.unwrap().positions.iter().zip(&sums) {
-            let told = c.to_matrix();
+            let told = DMat3::from(*c);
             let off = (told - *sum).to_cols_array().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             assert!(off < 1e-5 * (c.xx + c.yy + c.zz).max(1e-8), "{anchors} anchors: {told} is not {sum}");
         }
@@ -865,7 +865,7 @@ fn covariances_are_what_noise_does_to_the_estimate() {
             });
         }
         for (c, sum) in covariances.iter().zip(&sums) {
-            for (found, expected) in c.to_array().iter().zip(sum) {
+            for (found, expected) in <[f64; 6]>::from(*c).iter().zip(sum) {
                 assert!(
                     (found - expected).abs() < 1e-9 * c.sigma().powi(2),
                     "{anchors} anchors: {found} is not {expected}"
@@ -889,7 +889,7 @@ fn anisotropic_information_with_equal_directions_is_isotropic_information() {
     let b = solve(&nearly, &CalibOptions::default());
     assert!((a.cost / b.cost - 1.0).abs() < 1e-9);
     let of = |c: &Calibration| c.marginals.as_ref().unwrap().positions[VertexId::new(5)];
-    for (x, y) in of(&a).to_array().into_iter().zip(of(&b).to_array()) {
+    for (x, y) in <[f64; 6]>::from(of(&a)).into_iter().zip(<[f64; 6]>::from(of(&b))) {
         assert!((x - y).abs() < 1e-15, "{x} is not {y}");
     }
 }
@@ -1050,7 +1050,7 @@ fn a_graph_of_all_edges_is_no_skin() {
     let mut observations =
         simulate(&SimulateOptions { taxels: 300, ..SimulateOptions::default() }).unwrap().observations;
     let information = Information::diagonal([1e6; 3]);
-    observations.edges = IdVec::new();
+    observations.edges = IdVec::default();
     for from in observations.taxels.ids() {
         for to in observations.taxels.ids().skip(from.index() + 1) {
             let motion = DisplacementMeasurement::Offset { offset: DVec3::ZERO, information };
@@ -1173,7 +1173,7 @@ fn broken_promises_are_named() {
             .contains("edge 7")
     );
     assert!(error(&|o| o.model = Model::Poses).contains("poses model"));
-    assert!(error(&|o| o.edges = IdVec::new()).contains("0 observations"));
+    assert!(error(&|o| o.edges = IdVec::default()).contains("0 observations"));
     let lonely = TaxelVariable { id: TaxelId(77), initial: None, fixed: false };
     assert!(error(&|o| _ = o.taxels.push(lonely)).contains("taxel 77"));
     let touched = |taxel: usize, information: f64, normal: DVec3| {

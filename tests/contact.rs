@@ -575,7 +575,7 @@ fn poses_that_change_lengths_are_refused() {
         posed.links[LinkId::new(0)].pose = pose;
         assert!(ContactIndex::new(&posed).is_err());
     }
-    let error = index.set_poses(&IdVec::new()).unwrap_err();
+    let error = index.set_poses(&IdVec::default()).unwrap_err();
     assert!(matches!(error, ContactError::PoseCount { found: 0, needed: 1 }), "{error}");
     assert_eq!(index.locate(DVec3::ONE).unwrap(), before, "a refused pose moves nothing");
 }
@@ -596,15 +596,15 @@ fn broken_maps_are_refused_by_name() {
     }
     let v = VertexId::new;
     check("no triangle", &|map| *map = SkinMap::default());
-    check("no triangle", &|map| level(map, 0).level.mesh.triangles = IdVec::new());
+    check("no triangle", &|map| level(map, 0).level.mesh.triangles = IdVec::default());
     check("not finite", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::NAN);
     check("1e12", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::X * 1e20);
     check("vertex 99", &|map| level(map, 0).level.mesh.triangles[FaceId::new(0)][0] = v(99));
     check("L1", &|map| level(map, 1).level.mesh.triangles[FaceId::new(0)][0] = v(99));
     check("link 5", &|map| patch(map).link = LinkId::new(5));
-    check("without levels", &|map| patch(map).levels = IdVec::new());
+    check("without levels", &|map| patch(map).levels = IdVec::default());
     check("ids: an array of 1", &|map| patch(map).taxels.ids = vec![TaxelId(0)].into());
-    check("uv has 0", &|map| level(map, 1).uv = IdVec::new());
+    check("uv has 0", &|map| level(map, 1).uv = IdVec::default());
     check("to_finest has 0", &|map| level(map, 1).level.to_finest = None);
     check("after its parent", &|map| map.links[LinkId::new(0)].parent = Some(LinkId::new(0)));
     check("vertex 99 of level 0", &|map| level(map, 1).level.origins[v(2)] = v(99));

@@ -609,7 +609,7 @@ fn fingers_on_a_real_cover() {
 fn count_contacts(path: &Path, map: &SkinMap) -> Vec<Vec<usize>> {
     let mut reader = ReadingsReader::open(path, ReadingsLayout::default()).unwrap();
     let join = Join::new(map, reader.ids.as_deref(), reader.width, Duplicates::First).unwrap();
-    assert_eq!(join.report().matched, 634);
+    assert_eq!(join.report.matched, 634);
     let options = ConditionOptions { baseline: 5, ..ConditionOptions::default() };
     let mut conditioner = Conditioner::new(map, &reader.channels, &options).unwrap();
     let mut tracker = ContactTracker::new(map, Quantity::Intensive, &TrackerOptions::default()).unwrap();
@@ -623,6 +623,6 @@ fn count_contacts(path: &Path, map: &SkinMap) -> Vec<Vec<usize>> {
         });
         pushed.unwrap();
     }
-    println!("threshold {:.0}", tracker.threshold().unwrap());
+    println!("threshold {:.0}", tracker.threshold.unwrap());
     counts
 }

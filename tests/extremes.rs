@@ -110,7 +110,7 @@ fn canvases_may_be_tiny() {
     for size in [[1, 1], [1, 2], [2, 2], [3, 3], [5, 4], [1, 50]] {
         let resolution = Resolution::Canvas(size);
         match Atlas::new(&map, &AtlasOptions { resolution, ..AtlasOptions::default() }) {
-            Ok(atlas) if atlas.parts.iter().all(|part| part.charts.iter().all(|c| c.covered() > 0)) => {
+            Ok(atlas) if atlas.parts.iter().all(|part| part.charts.iter().all(|c| c.covered > 0)) => {
                 every_step(&map, resolution, &presses, |images| {
                     assert!(images.iter().all(|image| image.size_px == [size[1], size[0]]));
                     assert!(images.iter().flat_map(|image| &image.values).any(|x| x.is_finite()));
@@ -130,7 +130,7 @@ fn a_hundred_thousand_taxels_are_drawn() {
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let touches = TouchOptions { presses: 1, rate: 4.0, pause: 0.5, ..TouchOptions::default() };
     let mut simulation = TouchSimulation::new(&skin, &touches).unwrap();
-    let channels = [simulation.channel()];
+    let channels = [simulation.channel.clone()];
     let mut restrictor = Restrictor::new(&map, &channels);
     let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default()).unwrap();
     let options = TrackerOptions { threshold: Some(1e-3), ..TrackerOptions::default() };

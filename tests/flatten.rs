@@ -297,7 +297,7 @@ fn holes_stay_holes() {
         .collect();
     mesh.triangles = keep.into();
     let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, mesh.positions.len());
-    let mut positions = IdVec::new();
+    let mut positions = IdVec::default();
     for v in mesh.triangles.iter().flatten() {
         if number[*v].is_none() {
             number[*v] = Some(positions.push(mesh.positions[*v]));
@@ -848,8 +848,8 @@ fn holed_ball(faces: usize, holes: &[DVec3], radius: f64) -> TriMesh {
     let near = |c: DVec3| holes.iter().any(|h| c.normalize().distance(h.normalize()) < radius);
     let kept = ball.triangles.ids().filter(|&f| !near(ball.corners(f).iter().sum::<DVec3>() / 3.0));
     let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, ball.positions.len());
-    let mut positions = IdVec::new();
-    let mut triangles = IdVec::new();
+    let mut positions = IdVec::default();
+    let mut triangles = IdVec::default();
     for f in kept {
         let corners = ball.triangles[f];
         triangles.push(

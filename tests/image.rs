@@ -274,7 +274,7 @@ fn natural_neighbours_bridge_dead_taxels() {
         let touches = TouchOptions { quantity: Quantity::Intensive, ..touches };
         let mut all = TouchSimulation::new(&skin, &touches).unwrap();
         let mut some = TouchSimulation::new(&skin, &TouchOptions { dead: 0.1, ..touches }).unwrap();
-        let channels = [all.channel()];
+        let channels = [all.channel.clone()];
         let mut restrictors = [0, 1, 2].map(|_| Restrictor::new(&map, &channels));
         let mut renderers = [Interpolation::Linear, Interpolation::Natural, Interpolation::Linear]
             .map(|how| renderer(&map, &atlas, Quantity::Intensive, how));
@@ -375,7 +375,7 @@ fn what_does_not_fit_is_refused() {
     let point = SkinMap::flat(point, 1.0);
     let options = AtlasOptions { resolution: Resolution::Pixel(2e-9), ..AtlasOptions::default() };
     let atlas = Atlas::new(&point, &options).unwrap();
-    if atlas.parts[0].charts[0].covered() == 0 {
+    if atlas.parts[0].charts[0].covered == 0 {
         let force = [channel(Quantity::Extensive)];
         let error = Renderer::new(&point, &atlas, &force, &RenderOptions::default()).unwrap_err();
         assert!(matches!(error, ImageError::NoPixel { .. }), "{error}");

@@ -176,13 +176,13 @@ fn tables_keep_covariances_in_the_world() {
     let told = DMat3::from_diagonal(DVec3::new(1e-6, 4e-6, 9e-6));
     for patch in skin.patches.iter_mut() {
         patch.taxels.covariances =
-            Some(patch.taxels.ids.map(|_| Covariance::from_array([1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6])));
+            Some(patch.taxels.ids.map(|_| Covariance::from([1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6])));
     }
     let draft = write_and_read(&folder, "csv", &skin);
     for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
         let matrix = world_pose(&skin.links, patch.link).matrix3;
         let expected = matrix * told * matrix.transpose();
-        let [xx, xy, xz, yy, yz, zz] = sheet.covariances.as_ref().unwrap()[0].to_array();
+        let [xx, xy, xz, yy, yz, zz] = sheet.covariances.as_ref().unwrap()[0].into();
         let found = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
         assert!(found.abs_diff_eq(expected, 1e-18), "{}: {found} is not {expected}", patch.name);
     }

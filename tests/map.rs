@@ -26,7 +26,7 @@ fn map() -> SkinMap {
     let palm = patch(&mut map);
     palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
     palm.taxels.covariances =
-        Some(palm.taxels.areas.map(|_| Covariance::from_array([1e-6, 0.0, 0.0, 1e-6, 0.0, 0.0])));
+        Some(palm.taxels.areas.map(|_| Covariance::from([1e-6, 0.0, 0.0, 1e-6, 0.0, 0.0])));
     map
 }
 
@@ -108,22 +108,22 @@ fn every_broken_field_is_refused_by_name() {
     }
     refused(&["\"palm\"", "link 5"], &|m| patch(m).link = LinkId::new(5));
     refused(&["two patches", "\"back\""], &|m| patch(m).name = "back".into());
-    refused(&["palm", "without levels"], &|m| patch(m).levels = IdVec::new());
+    refused(&["palm", "without levels"], &|m| patch(m).levels = IdVec::default());
     // Taxels.
     refused(&["\"palm\"", "ids", "80"], &|m| {
         patch(m).taxels.ids = patch(m).taxels.ids.iter().skip(1).copied().collect()
     });
-    refused(&["\"palm\"", "normals"], &|m| patch(m).taxels.normals = IdVec::new());
-    refused(&["\"palm\"", "tangents"], &|m| patch(m).taxels.tangents = Some(IdVec::new()));
+    refused(&["\"palm\"", "normals"], &|m| patch(m).taxels.normals = IdVec::default());
+    refused(&["\"palm\"", "tangents"], &|m| patch(m).taxels.tangents = Some(IdVec::default()));
     for wrong in [DVec3::Z, 0.5 * DVec3::X, DVec3::NAN, DVec3::ZERO] {
         refused(&["\"palm\"", "tangent of vertex 7"], &|m| {
             patch(m).taxels.tangents.as_mut().unwrap()[v(7)] = wrong;
         });
     }
-    refused(&["\"palm\"", "presence"], &|m| patch(m).taxels.presence = IdVec::new());
-    refused(&["\"palm\"", "areas"], &|m| patch(m).taxels.areas = IdVec::new());
-    refused(&["\"palm\"", "densities"], &|m| patch(m).taxels.densities = Some(IdVec::new()));
-    refused(&["\"palm\"", "covariances"], &|m| patch(m).taxels.covariances = Some(IdVec::new()));
+    refused(&["\"palm\"", "presence"], &|m| patch(m).taxels.presence = IdVec::default());
+    refused(&["\"palm\"", "areas"], &|m| patch(m).taxels.areas = IdVec::default());
+    refused(&["\"palm\"", "densities"], &|m| patch(m).taxels.densities = Some(IdVec::default()));
+    refused(&["\"palm\"", "covariances"], &|m| patch(m).taxels.covariances = Some(IdVec::default()));
     refused(&["\"palm\"", "normal of vertex 3"], &|m| patch(m).taxels.normals[v(3)] = DVec3::splat(1.0));
     refused(&["\"palm\"", "vertex 4", "-1 m^2"], &|m| patch(m).taxels.areas[v(4)] = -1.0);
     refused(&["palm/L0", "vertex 4", "its taxel"], &|m| patch(m).taxels.areas[v(4)] *= 2.0);
@@ -132,16 +132,16 @@ fn every_broken_field_is_refused_by_name() {
     });
     for wrong in [[f64::NAN; 6], [-1e-6, 0.0, 0.0, 0.0, 0.0, 0.0], [1e-6, 2e-6, 0.0, 1e-6, 0.0, 0.0]] {
         refused(&["\"palm\"", "vertex 6", "covariance"], &|m| {
-            patch(m).taxels.covariances.as_mut().unwrap()[v(6)] = Covariance::from_array(wrong);
+            patch(m).taxels.covariances.as_mut().unwrap()[v(6)] = Covariance::from(wrong);
         });
     }
     // Levels.
     refused(&["palm/L1", "vertex 99"], &|m| level(m, 1).mesh.triangles[FaceId::new(0)][0] = v(99));
     refused(&["palm/L0", "not finite"], &|m| level(m, 0).mesh.positions[v(0)] = DVec3::NAN);
-    refused(&["palm/L1", "origins"], &|m| level(m, 1).origins = IdVec::new());
+    refused(&["palm/L1", "origins"], &|m| level(m, 1).origins = IdVec::default());
     refused(&["palm/L1", "vertex 2", "vertex 99 of level 0"], &|m| level(m, 1).origins[v(2)] = v(99));
     refused(&["palm/L0", "vertex 2", "vertex 1 of level 0"], &|m| level(m, 0).origins[v(2)] = v(1));
-    refused(&["palm/L1", "areas"], &|m| level(m, 1).areas = IdVec::new());
+    refused(&["palm/L1", "areas"], &|m| level(m, 1).areas = IdVec::default());
     refused(&["palm/L1", "vertex 2", "area"], &|m| level(m, 1).areas[v(2)] = f64::NAN);
     refused(&["palm/L0", "from_coarser"], &|m| level(m, 0).from_coarser = None);
     refused(&["palm/L1", "from_coarser"], &|m| level(m, 1).from_coarser = level(m, 0).from_coarser.clone());
@@ -153,9 +153,9 @@ fn every_broken_field_is_refused_by_name() {
     refused(&["palm/L1", "to_finest", "7 coarse"], &|m| rows(m, &|p| p.coarse_len = 7));
     refused(&["palm/L1", "to_finest", "row 5", "vertex 40"], &|m| rows(m, &|p| p.indices[v(5)][1] = v(40)));
     refused(&["palm/L1", "to_finest", "row 5", "sum 1"], &|m| rows(m, &|p| p.weights[v(5)] = [0.5; 3]));
-    refused(&["palm/L1", "to_finest", "weights has 0"], &|m| rows(m, &|p| p.weights = IdVec::new()));
+    refused(&["palm/L1", "to_finest", "weights has 0"], &|m| rows(m, &|p| p.weights = IdVec::default()));
     // Maps.
-    refused(&["palm/L1", "uv has 0"], &|m| mapped(m, 1).uv = IdVec::new());
+    refused(&["palm/L1", "uv has 0"], &|m| mapped(m, 1).uv = IdVec::default());
     refused(&["palm/L1", "vertex 3", "finite"], &|m| mapped(m, 1).uv[v(3)] = DVec2::NAN);
     refused(&["palm/L1", "1e12 m"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| *at *= 1e300));
     refused(&["palm/L1", "one point"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| *at = DVec2::ONE));

@@ -39,7 +39,7 @@ fn v(i: usize) -> VertexId {
 
 #[test]
 fn an_element_is_found_under_the_id_its_push_returned() {
-    let mut names = IdVec::<VertexId, &str>::new();
+    let mut names = IdVec::<VertexId, &str>::default();
     let (a, b) = (names.push("a"), names.push("b"));
     assert_eq!((names[a], names[b]), ("a", "b"));
     assert_eq!(names.ids().collect::<Vec<_>>(), [a, b]);

@@ -100,7 +100,7 @@ fn calibrated_cap(faces: usize) -> Skin {
     for patch in skin.patches.iter_mut() {
         let variance = |p: &DVec3| 1e-6 * (1.0 + 200.0 * p.truncate().length_squared());
         patch.taxels.covariances =
-            Some(patch.mesh.positions.map(|p| Covariance::from_array([variance(p) / 3.0; 6])));
+            Some(patch.mesh.positions.map(|p| Covariance::from([variance(p) / 3.0; 6])));
     }
     skin
 }
@@ -236,7 +236,7 @@ fn a_patch_without_the_level_has_the_colours_of_its_coarsest() {
     let options = PlotOptions { levels: vec![level_id(1)], paint: Paint::Angle, ..from(20.0, 50.0) };
     let svg = plot_map(&map, &options).unwrap();
     assert!(svg.contains("tip, in space") && !svg.contains("tip, level"));
-    map.links = IdVec::new();
+    map.links = IdVec::default();
     assert!(matches!(plot_map(&map, &options), Err(PlotError::Map(_))), "no link, no place in space");
 }
 
@@ -280,7 +280,7 @@ fn what_cannot_be_drawn_is_named() {
     }
     assert_eq!(plot_skin(&Skin::default(), &PlotOptions::default()), Err(PlotError::Empty));
     let mut broken = calibrated_cap(100);
-    broken.patches.iter_mut().for_each(|p| p.taxels.covariances = Some(IdVec::new()));
+    broken.patches.iter_mut().for_each(|p| p.taxels.covariances = Some(IdVec::default()));
     assert!(matches!(plot_skin(&broken, &paint(Paint::Sigma)), Err(PlotError::Skin(_))));
 }
 

@@ -111,9 +111,9 @@ fn a_range_of_two_values_has_them_at_its_ends() {
     let values = [-1e300, -5.0, -1e-300, 0.0, 1e-300, 1.0, 1.1, 1e300];
     for pair in values.windows(2) {
         let mut range = ValueRange::default();
-        range.add([pair[1], f64::NAN, f64::INFINITY, pair[1]]);
+        range.extend([pair[1], f64::NAN, f64::INFINITY, pair[1]]);
         assert_eq!(range.percentiles(0.0, 100.0), None, "a single value has no range");
-        range.add([pair[0]]);
+        range.extend([pair[0]]);
         let ends = range.percentiles(0.0, 100.0).unwrap();
         assert!(ends.iter().zip(pair).all(|(end, x)| (end - x).abs() <= 0.014 * x.abs()), "{ends:?}");
     }

@@ -548,11 +548,11 @@ fn bad_patches_are_refused_by_name() {
     assert_eq!(coarsen(&patch(doubled)), PyramidError::Mesh(edge));
 
     let mut short = patch(shapes::square());
-    short.taxels.ids = IdVec::new();
+    short.taxels.ids = IdVec::default();
     assert_eq!(coarsen(&short), PyramidError::Length { what: "ids", found: 0, needed: 4 });
 
     let mut silent = patch(shapes::square());
-    silent.taxels.presence = IdVec::new();
+    silent.taxels.presence = IdVec::default();
     assert_eq!(coarsen(&silent), PyramidError::Length { what: "presence", found: 0, needed: 4 });
 
     let mut negative = patch(shapes::square());

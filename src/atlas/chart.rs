@@ -35,6 +35,10 @@ pub struct Chart {
     pub frame: ImageFrame,
     /// Column and row of its upper left pixel in the image.
     pub corner_px: [u32; 2],
+    /// Number of pixels that show a face.
+    pub covered: usize,
+    /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
+    pub overlaps: usize,
     spans: Spans,
 }
 
@@ -50,19 +54,8 @@ impl Chart {
         check_size(&frame, image)?;
         let points = snap(&at.uv, turns, &frame, image)?;
         let spans = rasterize(&points, at.corners(), frame.size_px.map(|n| n as usize));
-        Ok(Self { patch, level, turns, frame, corner_px, spans })
-    }
-
-    /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
-    #[must_use]
-    pub const fn overlaps(&self) -> usize {
-        self.spans.overlaps
-    }
-
-    /// Number of pixels that show a face.
-    #[must_use]
-    pub fn covered(&self) -> usize {
-        self.spans.pixels()
+        let (covered, overlaps) = (spans.pixels(), spans.overlaps);
+        Ok(Self { patch, level, turns, frame, corner_px, covered, overlaps, spans })
     }
 
     /// The map position of a pixel's centre, in m; `column` and `row` are those of the image.
@@ -194,7 +187,7 @@ fn snap(
     image: &str,
 ) -> Result<IdVec<VertexId, Snapped>, AtlasError> {
     let count = DVec2::new(f64::from(frame.size_px[0]), f64::from(frame.size_px[1]));
-    let mut points = IdVec::new();
+    let mut points = IdVec::default();
     for (vertex, &at) in uv.enumerate() {
         let px = (turned(at, turns) - frame.origin) / frame.size * count;
         // Texture coordinates read from a file are rounded: a pixel beyond the border does no harm.

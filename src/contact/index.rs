@@ -114,8 +114,8 @@ impl ContactIndex {
         if patches.is_empty() {
             return Err(ContactError::NoSkin);
         }
-        let mut links = IdVec::new();
-        let mut world = IdVec::<LinkId, DAffine3>::new();
+        let mut links = IdVec::default();
+        let mut world = IdVec::<LinkId, DAffine3>::default();
         for link in &map.links {
             let pose = link.parent.map_or(link.pose, |parent| world[parent] * link.pose);
             world.push(pose);

@@ -43,7 +43,7 @@ impl<'m> Division<'m> {
     pub(crate) fn mesh_of(&self, faces: &[FaceId]) -> (TriMesh, IdVec<VertexId, VertexId>) {
         let local = self.places(std::iter::once(faces));
         let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, self.mesh.positions.len());
-        let mut vertices = IdVec::<VertexId, VertexId>::new();
+        let mut vertices = IdVec::<VertexId, VertexId>::default();
         let mut named = |v: VertexId| *number[v].get_or_insert_with(|| vertices.push(v));
         let triangles: IdVec<FaceId, [VertexId; 3]> =
             faces.iter().map(|&face| self.mesh.triangles[face].map(&mut named)).collect();

@@ -22,7 +22,7 @@ pub(crate) fn pairs_by_patch<'a>(
 ) -> Result<IdVec<PatchId, Vec<[VertexId; 2]>>, CutError> {
     let mut places: BTreeMap<TaxelId, Vec<(PatchId, VertexId)>> =
         pairs.iter().flatten().map(|&id| (id, Vec::new())).collect();
-    let mut found = IdVec::new();
+    let mut found = IdVec::default();
     for taxels in patches {
         let patch = found.push(Vec::new());
         for (vertex, id) in taxels.ids.enumerate() {

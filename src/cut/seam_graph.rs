@@ -87,7 +87,7 @@ impl<'m> SeamGraph<'m> {
         let unit = mesh.area().sqrt();
         let dearness = densities.map(dearness);
         let mut edge_of = IdVec::<FaceId, _>::filled([EdgeId::default(); 3], closed.triangles.len());
-        let (mut ends, mut weights, mut lengths) = (IdVec::new(), IdVec::new(), IdVec::new());
+        let (mut ends, mut weights, mut lengths) = (IdVec::default(), IdVec::default(), IdVec::default());
         for along in Edges::new(&closed.triangles, closed.positions.len()).iter() {
             let [a, b] = [along[0].start(&closed), along[0].end(&closed)];
             let id = ends.push([a.min(b), a.max(b)]);

@@ -76,9 +76,9 @@ impl Trial {
             seam,
             excess: f64::INFINITY,
             area_ratio: f64::INFINITY,
-            faces: IdVec::new(),
+            faces: IdVec::default(),
             cut,
-            uv: IdVec::new(),
+            uv: IdVec::default(),
         };
         if let Some(uv) = map(&mesh, &trial.cut.unsplit, start.as_ref(), most) {
             trial.measure(&mesh, uv);

@@ -61,7 +61,7 @@ pub(crate) fn flatten_chart_pyramid(
     taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<IdVec<LevelId, (Uv, Convergence)>, FlattenError> {
-    let Some(finest) = pyramid.levels.get(LevelId::new(0)) else { return Ok(IdVec::new()) };
+    let Some(finest) = pyramid.levels.get(LevelId::new(0)) else { return Ok(IdVec::default()) };
     let charts = Parts::of_components(&finest.mesh);
     if charts.len() == 1 {
         return flatten_pyramid_with_convergence(pyramid, taxels, options);
@@ -104,7 +104,7 @@ fn chart_scales(mesh: &TriMesh, parts: &Parts, magnification: &Magnification) ->
 /// The pyramid of each chart; `parts` are the charts of each level.
 fn chart_pyramids(pyramid: &Pyramid, parts: &[Parts]) -> Vec<Pyramid> {
     let Some(charts) = parts.first() else { return Vec::new() };
-    let mut pyramids = vec![Pyramid { levels: IdVec::new(), removals: IdVec::new() }; charts.len()];
+    let mut pyramids = vec![Pyramid { levels: IdVec::default(), removals: IdVec::default() }; charts.len()];
     for (level, parts) in pyramid.levels.iter().zip(parts) {
         for (chart, mesh) in parts.meshes(&level.mesh).into_iter().enumerate() {
             let vertices = &parts.vertices[chart];

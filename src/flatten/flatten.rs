@@ -204,7 +204,7 @@ pub(crate) fn flatten_pyramid_with_convergence(
 ) -> Result<IdVec<LevelId, (Uv, Convergence)>, FlattenError> {
     options.validate()?;
     let Some(finest) = pyramid.levels.get(LevelId::new(0)) else {
-        return Ok(IdVec::new());
+        return Ok(IdVec::default());
     };
     let (found, needed) = (pyramid.removals.len(), pyramid.levels.len() - 1);
     if found != needed {
@@ -266,7 +266,7 @@ fn align_levels(
     maps: &[Uv],
     weights: &[Option<IdVec<FaceId, f64>>],
 ) -> IdVec<LevelId, Uv> {
-    let mut placed: IdVec<LevelId, Uv> = IdVec::new();
+    let mut placed: IdVec<LevelId, Uv> = IdVec::default();
     for ((level, uv), weights) in pyramid.levels.iter().zip(maps).zip(weights) {
         let direction = match placed.get(LevelId::new(0)) {
             None => main_direction(&level.mesh, uv),

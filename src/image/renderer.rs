@@ -135,7 +135,7 @@ impl<'a> Canvas<'a> {
             if !chart.fits(shown) {
                 return Err(foreign());
             }
-            if quantities.contains(&Quantity::Extensive) && chart.covered() == 0 {
+            if quantities.contains(&Quantity::Extensive) && chart.covered == 0 {
                 return Err(ImageError::NoPixel { part: part.name.clone(), patch: patch.name.clone() });
             }
             let lift = if interpolation == Interpolation::Field { values.to_finest.as_ref() } else { None };

@@ -20,41 +20,70 @@ pub struct Covariance {
 }
 
 impl Covariance {
-    /// From `xx xy xz yy yz zz`, the upper triangle row by row, as files write it.
-    #[must_use]
-    pub const fn from_array([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Self {
-        Self { xx, xy, xz, yy, yz, zz }
-    }
-
-    /// `xx xy xz yy yz zz`.
-    #[must_use]
-    pub const fn to_array(self) -> [f64; 6] {
-        let Self { xx, xy, xz, yy, yz, zz } = self;
-        [xx, xy, xz, yy, yz, zz]
-    }
-
-    /// From the upper triangle of a matrix that is symmetric up to rounding.
-    pub(crate) fn from_matrix(m: &DMat3) -> Self {
-        let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
-        Self { xx: x.x, xy: y.x, xz: z.x, yy: y.y, yz: z.y, zz: z.z }
-    }
-
-    /// The whole matrix.
-    #[must_use]
-    pub fn to_matrix(self) -> DMat3 {
-        let Self { xx, xy, xz, yy, yz, zz } = self;
-        DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])
-    }
-
     /// `M C M'`: the covariance of `M x`.
-    #[must_use]
-    pub fn conjugate(self, m: &DMat3) -> Self {
-        Self::from_matrix(&(*m * self.to_matrix() * m.transpose()))
+    pub(crate) fn conjugate(self, m: &DMat3) -> Self {
+        (*m * DMat3::from(self) * m.transpose()).into()
     }
 
     /// Square root of the trace, in m: the root mean square distance from the mean.
     #[must_use]
     pub fn sigma(self) -> f64 {
         (self.xx + self.yy + self.zz).max(0.0).sqrt()
+    }
+}
+
+/// From `xx xy xz yy yz zz`, the upper triangle row by row, as files write it.
+impl From<[f64; 6]> for Covariance {
+    fn from([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Self {
+        Self { xx, xy, xz, yy, yz, zz }
+    }
+}
+
+/// `xx xy xz yy yz zz`.
+impl From<Covariance> for [f64; 6] {
+    fn from(Covariance { xx, xy, xz, yy, yz, zz }: Covariance) -> Self {
+        [xx, xy, xz, yy, yz, zz]
+    }
+}
+
+/// From the upper triangle of a matrix that is symmetric up to rounding.
+impl From<DMat3> for Covariance {
+    fn from(m: DMat3) -> Self {
+        let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
+        Self { xx: x.x, xy: y.x, xz: z.x, yy: y.y, yz: z.y, zz: z.z }
+    }
+}
+
+/// The whole matrix.
+impl From<Covariance> for DMat3 {
+    fn from(Covariance { xx, xy, xz, yy, yz, zz }: Covariance) -> Self {
+        Self::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn covariance() -> Covariance {
+        [4.0, 1.0, 0.5, 3.0, 0.25, 2.0].into()
+    }
+
+    #[test]
+    fn a_rotation_keeps_the_size_of_a_covariance() {
+        let turned = covariance().conjugate(&DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1));
+        assert!((turned.sigma() - 3.0).abs() < 1e-14, "sigma {}", turned.sigma());
+        assert!((turned.xx - covariance().xx).abs() > 0.1, "but the axes change");
+        let rounded = Covariance::from([-1e-30, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(rounded.sigma(), 0.0, "rounding below zero has no size");
+    }
+
+    /// Stretching x by 2 doubles what x has in common with the others, and quadruples its own variance.
+    #[test]
+    fn a_stretch_acts_on_both_sides_of_a_covariance() {
+        let stretched = covariance().conjugate(&DMat3::from_diagonal(DVec3::new(2.0, 1.0, 1.0)));
+        assert_eq!(<[f64; 6]>::from(stretched), [16.0, 2.0, 1.0, 3.0, 0.25, 2.0]);
     }
 }

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 ///
 /// ```
 /// let mut range = dermatome::plot::ValueRange::default();
-/// range.add((0..=1000).map(f64::from));
+/// range.extend((0..=1000).map(f64::from));
 /// let [low, high] = range.percentiles(1.0, 99.0).unwrap();
 /// assert!((low / 10.0 - 1.0).abs() < 0.02 && (high / 990.0 - 1.0).abs() < 0.02);
 /// ```
@@ -25,13 +25,6 @@ const BINS_PER_OCTAVE: f64 = 50.0;
 const BIN_OF_ONE: f64 = 60_000.0;
 
 impl ValueRange {
-    /// Counts values; NaN and infinite ones are left out.
-    pub fn add(&mut self, values: impl IntoIterator<Item = f64>) {
-        for value in values.into_iter().filter(|x| x.is_finite()) {
-            *self.bins.entry(bin_of(value)).or_default() += 1;
-        }
-    }
-
     /// The values that `low` and `high` percent of all are not above; `None` without values, or if
     /// both are the same.
     #[must_use]
@@ -47,6 +40,15 @@ impl ValueRange {
         };
         let [low, high] = [value_at(low)?, value_at(high)?];
         (low < high).then_some([low, high])
+    }
+}
+
+/// Counts values; NaN and infinite ones are left out.
+impl Extend<f64> for ValueRange {
+    fn extend<I: IntoIterator<Item = f64>>(&mut self, values: I) {
+        for value in values.into_iter().filter(|x| x.is_finite()) {
+            *self.bins.entry(bin_of(value)).or_default() += 1;
+        }
     }
 }
 

@@ -66,7 +66,7 @@ pub struct ConditionReport {
 /// let map = SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3);
 /// let options = ConditionOptions { baseline: 2, split_hz: Some(5.0), ..ConditionOptions::default() };
 /// let mut conditioner = Conditioner::new(&map, &[Channel::default()], &options)?;
-/// assert_eq!(conditioner.channels()[1].name, "pressure.fast");
+/// assert_eq!(conditioner.channels[1].name, "pressure.fast");
 /// let (frame, mut count) = (Frame::new(&map, 1), 0);
 /// for _ in 0..5 {
 ///     conditioner.push(&frame, |_conditioned| -> Result<(), SignalError> { Ok(count += 1) })?;
@@ -77,7 +77,12 @@ pub struct ConditionReport {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Conditioner {
-    channels: Vec<Channel>,
+    /// The channels of conditioned frames: those that come in, or the slow and fast part of each.
+    pub channels: Vec<Channel>,
+    /// What was done so far.
+    pub report: ConditionReport,
+    /// Number of channels that come in.
+    inputs: usize,
     /// One number per taxel, patch after patch.
     gains: IdVec<PatchId, Vec<f64>>,
     baseline: Baseline,
@@ -85,7 +90,6 @@ pub struct Conditioner {
     filter: Option<LowPass>,
     time: f64,
     out: Frame,
-    report: ConditionReport,
 }
 
 /// One number per patch, channel and taxel, in this order.
@@ -136,6 +140,7 @@ impl Conditioner {
         let ids: HashSet<TaxelId> = map.patches.iter().flat_map(|p| p.taxels.ids.iter().copied()).collect();
         let unknown_gains = gain_of.keys().filter(|id| !ids.contains(id)).count();
         let gain = |id: &TaxelId| gain_of.get(id).copied().unwrap_or(1.0);
+        let inputs = channels.len();
         let channels = match options.split_hz {
             Some(_) => channels.iter().flat_map(parts).collect(),
             None => channels.to_vec(),
@@ -159,21 +164,10 @@ impl Conditioner {
             }),
             time: f64::NEG_INFINITY,
             out: Frame::new(map, channels.len()),
+            inputs,
             channels,
             report: ConditionReport { unknown_gains, ..ConditionReport::default() },
         })
-    }
-
-    /// The channels of conditioned frames: those that come in, or the slow and fast part of each.
-    #[must_use]
-    pub fn channels(&self) -> &[Channel] {
-        &self.channels
-    }
-
-    /// What was done so far.
-    #[must_use]
-    pub fn report(&self) -> &ConditionReport {
-        &self.report
     }
 
     /// Takes the next frame and passes on those that are conditioned: none while the baseline is not
@@ -227,10 +221,9 @@ impl Conditioner {
             self.time = frame.time;
         }
         self.out.time = frame.time;
-        let inputs = self.channels.len() / if self.filter.is_some() { 2 } else { 1 };
         let mut start = 0;
         for ((read, gains), out) in frame.values.iter().zip(&self.gains).zip(self.out.values.iter_mut()) {
-            assert_eq!(read.len(), inputs, "one array per channel");
+            assert_eq!(read.len(), self.inputs, "one array per channel");
             for (channel, read) in read.iter().enumerate() {
                 assert_eq!(read.len(), gains.len(), "one reading per taxel");
                 let range = start..start + gains.len();

@@ -91,7 +91,7 @@ impl Draft {
                 .covariances
                 .iter_mut()
                 .flatten()
-                .for_each(|c| *c = Covariance::from_array(c.to_array().map(|x| x * square)));
+                .for_each(|c| *c = <[f64; 6]>::from(*c).map(|x| x * square).into());
         }
     }
 

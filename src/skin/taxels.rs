@@ -382,7 +382,7 @@ pub enum TaxelError {
     #[error(
         "vertex {vertex} has the covariance {:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \
          semidefinite",
-        found.to_array()
+        <[f64; 6]>::from(*found)
     )]
     Covariance {
         /// The vertex.

@@ -97,7 +97,8 @@ fn nearest(of: &MapLevel, among: &MapLevel) -> IdVec<VertexId, VertexId> {
 
 /// Barycentric location by trying every triangle.
 fn prolongation(fine: &MapLevel, coarse: &MapLevel) -> Prolongation {
-    let mut out = Prolongation { indices: IdVec::new(), weights: IdVec::new(), coarse_len: coarse.uv.len() };
+    let mut out =
+        Prolongation { indices: IdVec::default(), weights: IdVec::default(), coarse_len: coarse.uv.len() };
     for &p in &fine.uv {
         let worst = |f: &FaceId| {
             barycentric(&coarse.level.mesh, &coarse.uv, *f, p).into_iter().fold(f64::INFINITY, f64::min)

@@ -164,7 +164,7 @@ fn remark_rejected(found: &Calibration, observations: &Observations, common: &Co
 
 /// Compares the taxels that the truth knows.
 fn against_truth(truth: &Truth, found: &Calibration, common: &Common) -> anyhow::Result<Comparison> {
-    let (mut here, mut there) = (IdVec::<VertexId, Pose>::new(), IdVec::new());
+    let (mut here, mut there) = (IdVec::<VertexId, Pose>::default(), IdVec::default());
     for (id, pose) in found.ids.iter().zip(&found.poses) {
         if let Some(known) = truth.poses.get(id) {
             here.push(*pose);

@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.contacts {
         let edges = std::mem::take(&mut observations.edges);
         outputs.stage(path, |path| write_observations(path, &observations))?;
-        (observations.edges, observations.contacts) = (edges, IdVec::new());
+        (observations.edges, observations.contacts) = (edges, IdVec::default());
     }
     if let Some(path) = &args.truth {
         outputs.stage(path, |path| write_truth(path, &ids, &simulation.truth))?;

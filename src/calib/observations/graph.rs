@@ -32,7 +32,7 @@ pub(crate) fn components(
     for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
         sets.join(edge.from, edge.to);
     }
-    let mut of_taxel = IdVec::<VertexId, usize>::new();
+    let mut of_taxel = IdVec::<VertexId, usize>::default();
     let mut components: Vec<Component> = Vec::new();
     for v in taxels.ids() {
         // The root is the first taxel of its component.

@@ -53,7 +53,7 @@ impl SensorLayout {
         let index: HashMap<(i32, i32), VertexId> =
             cells.iter().enumerate().map(|(k, &cell)| (cell, VertexId::new(k))).collect();
         let mut edges = Vec::with_capacity(3 * taxels);
-        let mut triangles = IdVec::new();
+        let mut triangles = IdVec::default();
         for (k, &(a, b)) in cells.iter().enumerate() {
             let here = VertexId::new(k);
             let at = |da: i32, db: i32| index.get(&(a + da, b + db)).copied();

@@ -70,12 +70,12 @@ pub(crate) fn marginals(
     }
     let position = |(block, pose): (&Block, &Pose)| {
         let r = DMat3::from_quat(pose.rotation);
-        Covariance::from_matrix(&(r * block[0] * r.transpose()))
+        Covariance::from(r * block[0] * r.transpose())
     };
     let has_rotations = problem.observations.model == Model::Poses;
     Ok(Marginals {
         positions: blocks.iter().zip(poses).map(position).collect(),
-        rotations: has_rotations.then(|| blocks.map(|block| Covariance::from_matrix(&block[1]))),
+        rotations: has_rotations.then(|| blocks.map(|block| block[1].into())),
     })
 }
 

@@ -281,7 +281,7 @@ impl Reached {
 impl<'d> Descent<'d> {
     fn start(&self, uv: Uv, walls: Walls) -> Reached {
         let relaxed = Relaxed {
-            uv: Uv::new(),
+            uv: Uv::default(),
             walls,
             convergence: Convergence { converged: false, gradient: f64::NAN },
         };

@@ -127,7 +127,7 @@ fn read_patch(
         return Err(document.invalid(format!("patch {:?}", patch.name), found, needed));
     };
     let mut taxels = Taxels::default();
-    let mut levels = IdVec::<LevelId, MapLevel>::new();
+    let mut levels = IdVec::<LevelId, MapLevel>::default();
     for (mesh, extras) in &patch.levels {
         levels.push(read_level(document, (*mesh, extras), binding.as_ref(), &mut taxels)?);
     }

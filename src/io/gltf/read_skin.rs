@@ -254,8 +254,8 @@ fn bake(sheet: &mut Sheet, stretch: DMat3) {
     }
     for c in sheet.covariances.iter_mut().flatten() {
         // The lower triangle: rounding makes it differ from the upper one in the last bits.
-        let stretched = stretch * c.to_matrix() * stretch.transpose();
-        *c = Covariance::from_matrix(&stretched.transpose());
+        let stretched = stretch * DMat3::from(*c) * stretch.transpose();
+        *c = stretched.transpose().into();
     }
     if stretch.determinant() < 0.0 {
         sheet.triangles.iter_mut().for_each(|t| t.swap(1, 2));

@@ -190,7 +190,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
 
     /// Covariances of positions, and the standard deviation that stands for each.
     fn covariances(&mut self, covariances: &IdVec<VertexId, Covariance>) -> Result<()> {
-        let fits = |c: &Covariance| c.to_array().iter().all(|x| narrow(*x).is_finite());
+        let fits = |c: &Covariance| <[f64; 6]>::from(*c).iter().all(|x| narrow(*x).is_finite());
         if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !fits(c)) {
             return Err(self.unfit(format!("covariance {c:?} of vertex {v}"), "finite f32"));
         }

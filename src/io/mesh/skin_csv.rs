@@ -181,7 +181,7 @@ impl Sheets {
             }
         }
         if let Some(columns) = indices.covariance {
-            let covariance = row.numbers_if_any(columns)?.map(Covariance::from_array);
+            let covariance = row.numbers_if_any(columns)?.map(Covariance::from);
             push((row, columns[0], place), &mut sheet.covariances, covariance)?;
         }
         if let Some(column) = indices.sigma {
@@ -297,7 +297,7 @@ fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> c
         let density = patch.taxels.densities.as_ref().map(|d| d[v]);
         let weight = patch.taxels.weights.as_ref().map(|w| w[v]);
         let covariance = match &patch.taxels.covariances {
-            Some(c) => c[v].to_array().map(Some),
+            Some(c) => <[f64; 6]>::from(c[v]).map(Some),
             None => [None; 6],
         };
         let frame = match &patch.taxels.tangents {

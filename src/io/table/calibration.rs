@@ -34,7 +34,7 @@ pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), I
         let numbers = pose.position.to_array().into_iter().chain(pose.rotation.to_array());
         let mut row = labelled([calibration.ids[v]], numbers);
         if let Some(c) = covariances.map(|covariances| covariances[v]) {
-            row.extend(decimals([c.sigma()].into_iter().chain(c.to_array())));
+            row.extend(decimals([c.sigma()].into_iter().chain(<[f64; 6]>::from(c))));
         }
         row.resize(HEADER.len(), String::new());
         Ok(row)

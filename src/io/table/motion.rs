@@ -53,7 +53,7 @@ pub fn read_motion(
     let position = table.columns.need_vector(["x", "y", "z"])?;
     let rotation = table.columns.need_vector(["qx", "qy", "qz", "qw"])?;
     let scales: Vec<_> = SCALES.iter().filter_map(|name| table.columns.find(name)).collect();
-    let mut keys = IdVec::<LinkId, Vec<(f64, DAffine3)>>::new();
+    let mut keys = IdVec::<LinkId, Vec<(f64, DAffine3)>>::default();
     let mut seen = HashSet::new();
     table.each_row(&mut |row| {
         let pose = DAffine3::from_rotation_translation(row.rotation(rotation)?, row.vector(position)?);

@@ -181,12 +181,12 @@ impl HalfedgeMesh {
     /// The same mesh without the slots of removed vertices and dead faces; order is kept.
     pub(crate) fn compact(&self) -> Compacted {
         let mut vertices = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.leaving.len());
-        let mut old_vertices = IdVec::new();
+        let mut old_vertices = IdVec::default();
         for v in self.leaving.ids().filter(|&v| self.leaving[v] != Halfedge::NONE) {
             vertices[v] = old_vertices.push(v);
         }
         let mut new_faces = IdVec::<FaceId, FaceId>::filled(FaceId::default(), self.faces.len());
-        let mut kept = IdVec::<FaceId, FaceId>::new();
+        let mut kept = IdVec::<FaceId, FaceId>::default();
         for f in self.faces.ids().filter(|&f| self.alive[f]) {
             new_faces[f] = kept.push(f);
         }

@@ -20,7 +20,7 @@ pub(crate) struct Parts {
 impl Parts {
     /// `count` parts; vertices that share a face must be in one.
     pub(crate) fn new(of: IdVec<VertexId, usize>, count: usize) -> Self {
-        let mut vertices = vec![IdVec::new(); count];
+        let mut vertices = vec![IdVec::default(); count];
         let number = of.enumerate().map(|(v, &part)| vertices[part].push(v)).collect();
         Self { of, vertices, number }
     }
@@ -54,7 +54,7 @@ impl Parts {
     pub(crate) fn meshes(&self, mesh: &TriMesh) -> Vec<TriMesh> {
         let part = |vertices: &IdVec<VertexId, VertexId>| TriMesh {
             positions: vertices.map(|&v| mesh.positions[v]),
-            triangles: IdVec::new(),
+            triangles: IdVec::default(),
         };
         let mut meshes: Vec<TriMesh> = self.vertices.iter().map(part).collect();
         for corners in &mesh.triangles {

@@ -128,7 +128,7 @@ impl Seam {
             self.cut.triangles.enumerate().filter(|(f, _)| is_kept(*f)).map(|(_, t)| *t).collect();
         let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, self.cut.unsplit.len());
         kept.iter().flatten().for_each(|&v| number[v] = Some(v));
-        let mut places = IdVec::<VertexId, VertexId>::new();
+        let mut places = IdVec::<VertexId, VertexId>::default();
         for v in number.ids() {
             number[v] = number[v].map(|v| places.push(v));
         }

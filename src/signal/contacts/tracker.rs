@@ -38,10 +38,12 @@ use crate::{
 /// ```
 #[derive(Debug, Clone)]
 pub struct ContactTracker<'a> {
+    /// The threshold in the unit of the channel, given or estimated; `None` while it is not known.
+    pub threshold: Option<f64>,
     map: &'a SkinMap,
     quantity: Quantity,
     options: TrackerOptions,
-    threshold: Threshold,
+    noise: Threshold,
     finder: Finder,
     tracks: Tracks,
     /// The regions of the last frame.
@@ -65,7 +67,8 @@ impl<'a> ContactTracker<'a> {
             map,
             quantity,
             options: *options,
-            threshold: Threshold::new(options),
+            threshold: options.threshold,
+            noise: Threshold::new(options),
             finder: Finder::new(map),
             tracks: Tracks::default(),
             last: Vec::new(),
@@ -75,12 +78,6 @@ impl<'a> ContactTracker<'a> {
         })
     }
 
-    /// The threshold in the unit of the channel, given or estimated; `None` while it is not known.
-    #[must_use]
-    pub fn threshold(&self) -> Option<f64> {
-        self.threshold.known()
-    }
-
     /// The contacts of the next frame, by patch and first taxel, then those that have ended with it.
     ///
     /// # Panics
@@ -88,7 +85,9 @@ impl<'a> ContactTracker<'a> {
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
         assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
         self.keep_last();
-        if let Some(high) = self.threshold.update(frame, self.options.channel) {
+        let threshold = self.noise.update(frame, self.options.channel);
+        self.threshold = self.noise.known();
+        if let Some(high) = threshold {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
         }

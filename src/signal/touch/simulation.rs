@@ -54,12 +54,16 @@ pub struct Touch {
 ///     let forces = frame.values.iter().flatten().flatten();
 ///     assert_eq!(forces.sum::<f64>() > 0.0, touches.iter().any(|touch| touch.taxels > 0));
 /// }
-/// assert_eq!(frames, recording.frames());
+/// assert_eq!(frames, recording.frames);
 /// assert!(touched > 400, "five presses of a second at 100 Hz");
 /// # Ok::<(), dermatome::signal::SignalError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct TouchSimulation<'a> {
+    /// What the readings are: `force` in N, or `pressure` in Pa.
+    pub channel: Channel,
+    /// Number of frames.
+    pub frames: usize,
     skin: &'a Skin,
     options: TouchOptions,
     places: Random,
@@ -135,7 +139,15 @@ impl<'a> TouchSimulation<'a> {
         };
         let adjacency = skin.patches.iter().map(adjacency).collect::<Result<_, _>>()?;
         let values = skin.patches.map(|patch| vec![IdVec::filled(f64::NAN, patch.mesh.positions.len())]);
+        let (name, unit, quantity) = match options.quantity {
+            Quantity::Extensive => ("force", "N", Quantity::Extensive),
+            Quantity::Intensive | Quantity::Direction => ("pressure", "Pa", Quantity::Intensive),
+        };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
+        let frames = (options.seconds() * options.rate + 1e-9).floor() as usize;
         Ok(Self {
+            channel: Channel { name: name.into(), unit: unit.into(), quantity },
+            frames,
             skin,
             options: *options,
             places: Random::new(options.seed, stream::PLACES),
@@ -151,28 +163,10 @@ impl<'a> TouchSimulation<'a> {
         })
     }
 
-    /// What the readings are: `force` in N, or `pressure` in Pa.
-    #[must_use]
-    pub fn channel(&self) -> Channel {
-        let (name, unit, quantity) = match self.options.quantity {
-            Quantity::Extensive => ("force", "N", Quantity::Extensive),
-            Quantity::Intensive | Quantity::Direction => ("pressure", "Pa", Quantity::Intensive),
-        };
-        Channel { name: name.into(), unit: unit.into(), quantity }
-    }
-
-    /// Number of frames.
-    #[must_use]
-    pub fn frames(&self) -> usize {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
-        let frames = (self.options.seconds() * self.options.rate + 1e-9).floor() as usize;
-        frames
-    }
-
     /// The next frame, NaN for taxels that are absent or dead, and what truly happens in it, press by
     /// press; `None` after the last.
     pub fn next_frame(&mut self) -> Option<(&Frame, &[Touch])> {
-        if self.next >= self.frames() {
+        if self.next >= self.frames {
             return None;
         }
         let (frame, time) = (self.next, self.next as f64 / self.options.rate);

@@ -45,7 +45,7 @@ pub(super) struct Opening {
 impl<'a> GrowingMesh<'a> {
     pub(super) fn new(cloud: &'a PointCloud<'a>) -> Self {
         let first = IdVec::filled(END, cloud.positions.len());
-        Self { cloud, triangles: IdVec::new(), first, next: Vec::new() }
+        Self { cloud, triangles: IdVec::default(), first, next: Vec::new() }
     }
 
     pub(super) fn into_triangles(self) -> IdVec<FaceId, [VertexId; 3]> {

@@ -94,10 +94,10 @@ impl WeldedMesh {
     fn without(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
         let triangles: IdVec<FaceId, [VertexId; 3]> =
             sheet.triangles.iter().map(|t| t.map(VertexId::from)).collect();
-        let mut mesh = TriMesh { positions: sheet.positions.clone().into(), triangles: IdVec::new() };
+        let mut mesh = TriMesh { positions: sheet.positions.clone().into(), triangles: IdVec::default() };
         let usable: Vec<FaceId> = triangles.ids().filter(|&f| usable(f)).collect();
         let place = weld(&mesh, sheet.ids.as_deref(), usable.iter().map(|&f| &triangles[f]));
-        let (mut file_faces, mut repeated) = (IdVec::new(), Vec::new());
+        let (mut file_faces, mut repeated) = (IdVec::default(), Vec::new());
         for face in usable {
             let [a, b, c] = triangles[face].map(|v| place[v]);
             if a == b || b == c || c == a {
@@ -172,7 +172,7 @@ impl WeldedMesh {
 /// Drops faces with the same three corners as an earlier one; returns them.
 fn drop_duplicates(mesh: &mut TriMesh, file_faces: &mut IdVec<FaceId, FaceId>) -> Vec<FaceId> {
     let mut first = HashMap::with_capacity(mesh.triangles.len());
-    let (mut triangles, mut kept, mut dropped) = (IdVec::new(), IdVec::new(), Vec::new());
+    let (mut triangles, mut kept, mut dropped) = (IdVec::default(), IdVec::default(), Vec::new());
     for (face, &corners) in mesh.triangles.enumerate() {
         let mut sorted = corners;
         sorted.sort_unstable();

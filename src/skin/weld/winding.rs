@@ -41,7 +41,7 @@ impl Winding {
                 let _ = faces.join(uses[0].face(), other.face(), relation);
             }
         }
-        let (mut component, mut reversed) = (IdVec::<FaceId, usize>::new(), IdVec::new());
+        let (mut component, mut reversed) = (IdVec::<FaceId, usize>::default(), IdVec::default());
         let mut components = 0;
         for face in mesh.triangles.ids() {
             // The root is the first face of its component.

@@ -93,10 +93,10 @@ fn value_ranges(
             for ((range, channel), of_channel) in ranges.iter_mut().zip(channels).zip(of_patch) {
                 for (level, x) in patch.levels.iter().zip(of_channel) {
                     match channel.quantity {
-                        Quantity::Intensive | Quantity::Direction => range.add(x.iter().copied()),
+                        Quantity::Intensive | Quantity::Direction => range.extend(x.iter().copied()),
                         // Amounts are drawn per area.
                         Quantity::Extensive => {
-                            range.add(x.iter().zip(&level.level.areas).map(|(x, a)| x / a))
+                            range.extend(x.iter().zip(&level.level.areas).map(|(x, a)| x / a))
                         }
                     }
                 }

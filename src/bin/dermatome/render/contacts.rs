@@ -103,7 +103,7 @@ impl Contacts<'_> {
 
     /// Puts the table in its place: the number of contacts, and the threshold that was used.
     pub(super) fn finish(self) -> Result<(usize, Option<f64>), Error> {
-        let threshold = self.tracker.threshold();
+        let threshold = self.tracker.threshold;
         self.writer.finish()?;
         Ok((self.onsets, threshold))
     }

@@ -157,7 +157,7 @@ pub(crate) struct Pass<'a> {
 impl Pass<'_> {
     /// The channels of the frames that are passed on.
     pub(crate) fn channels(&self) -> &[Channel] {
-        self.conditioner.channels()
+        &self.conditioner.channels
     }
 
     /// Number of frames that are passed on, if it is known.
@@ -169,7 +169,7 @@ impl Pass<'_> {
 
     /// Notes about columns and taxels that do not fit each other.
     pub(crate) fn remark(&self, path: &str, common: &Common) {
-        let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = self.join.report();
+        let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = &self.join.report;
         if *unknown > 0 {
             let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
             let more = if *unknown > ids.len() { ", ..." } else { "" };
@@ -201,7 +201,7 @@ impl Pass<'_> {
     ) -> anyhow::Result<Tally> {
         let channels = self.reader.channels.len();
         let has_times = self.reader.has_times || self.args.rate.is_some();
-        let mut tally = Tally { channels, has_times, join: self.join.report().clone(), ..Tally::default() };
+        let mut tally = Tally { channels, has_times, join: self.join.report.clone(), ..Tally::default() };
         let FramesArgs { from, to, every, drop } = self.frames;
         let rate = self.args.rate;
         let (mut number, mut stopped) = (0_usize, false);
@@ -237,7 +237,7 @@ impl Pass<'_> {
         };
         let ended = ended.and_then(|()| self.conditioner.finish(|frame| deliver(frame, &mut tally.frames)));
         (tally.read, tally.dropped) = (read, rows.dropped());
-        tally.condition = self.conditioner.report().clone();
+        tally.condition = self.conditioner.report;
         match ended {
             Err(e) if !e.is::<Stop>() => Err(e),
             _ => Ok(tally),

@@ -130,7 +130,7 @@ pub(super) fn run(
     let mut outputs = Outputs::default();
     outputs.stage(output, |path| {
         let taxels = skin.patches.iter().map(|patch| &patch.taxels);
-        let mut writer = ReadingsWriter::create(path, taxels, &simulation.channel())?;
+        let mut writer = ReadingsWriter::create(path, taxels, &simulation.channel)?;
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame)?;
             touches.extend_from_slice(now);
@@ -147,7 +147,7 @@ pub(super) fn run(
         common,
         format_args!(
             "{} frames, {} of them with a touch; {} presses of up to {most:.3} N",
-            simulation.frames(),
+            simulation.frames,
             distinct(|touch| touch.frame),
             distinct(|touch| touch.press),
         ),

@@ -49,7 +49,7 @@ pub(in crate::skin::triangulate) fn first_at_place(
     let mut sets = DisjointSets::<VertexId>::new(positions.len());
     // Among many copies a search for the nearest taxels would find nothing else.
     let mut first_in_cell = HashMap::with_capacity(positions.len());
-    let mut firsts = IdVec::<VertexId, VertexId>::new();
+    let mut firsts = IdVec::<VertexId, VertexId>::default();
     for (v, &p) in positions.enumerate() {
         let first = *first_in_cell.entry(cell(p, resolution)).or_insert(v);
         if first == v {
