@@ -8,7 +8,7 @@
 //! Contacts lie 0 to 3 mm off the skin. A time is the mean over 2^13 contacts, of the fastest of 25
 //! passes for every 128 of them. All levels of a contact count from an answer with its cell of level
 //! 0. Prints a table for each skin and size, and writes a picture of error against time to
-//! `meshes/coarse_to_fine.png`: the sizes of the first skin.
+//! `meshes/coarse_to_fine.svg`: the sizes of the first skin.
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used, reason = "a bench prints what it measured")]
 #![allow(clippy::cast_possible_truncation, reason = "shares of small numbers")]
 
@@ -23,7 +23,6 @@ use dermatome::{
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
-    plot::{Curve, plot_curves},
     pyramid::LevelId,
     skin::{AssembleOptions, Patch, Skin, assemble},
 };
@@ -51,19 +50,60 @@ fn main() {
             curves = of_skin;
         }
     }
-    let curves: Vec<Curve> = curves
-        .into_iter()
-        .map(|(level, mut points)| {
-            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            Curve { name: format!("level {}", level.raw()), points }
-        })
-        .collect();
-    let picture = plot_curves(
-        &format!("Contacts on one level of the {} alone: {sizes:?} triangles", names[0]),
-        ["time of a contact, ns", "99th percentile of the error, mm"],
-        &curves,
-    );
-    std::fs::write("meshes/coarse_to_fine.png", picture.to_png().unwrap()).unwrap();
+    curves.values_mut().for_each(|points| points.sort_by(|a, b| a[0].total_cmp(&b[0])));
+    let title = format!("Contacts on one level of the {} alone: {sizes:?} triangles", names[0]);
+    std::fs::write("meshes/coarse_to_fine.svg", picture(&title, &curves)).unwrap();
+}
+
+/// Error against time of each level, on logarithmic axes, as SVG.
+fn picture(title: &str, curves: &BTreeMap<LevelId, Vec<[f64; 2]>>) -> String {
+    const COLOURS: [&str; 8] =
+        ["#440154", "#3b528b", "#21918c", "#5eaa3c", "#cc7814", "#b4283c", "#787878", "#141414"];
+    let logs = |p: &[f64; 2]| p.map(f64::log10);
+    let all: Vec<[f64; 2]> = curves.values().flatten().map(logs).filter(|p| p[1].is_finite()).collect();
+    let along = |axis: usize| all.iter().map(move |p| p[axis]);
+    let least = [0, 1].map(|axis| along(axis).fold(f64::INFINITY, f64::min).floor());
+    let most = [0, 1].map(|axis| along(axis).fold(f64::NEG_INFINITY, f64::max).ceil().max(least[axis] + 1.0));
+    let place = |p: [f64; 2]| {
+        let [x, y] = [0, 1].map(|axis| (p[axis] - least[axis]) / (most[axis] - least[axis]));
+        [90.0 + 690.0 * x, 496.0 - 440.0 * y]
+    };
+    let text = |[x, y]: [f64; 2], anchor: &str, words: &str| {
+        format!("<text x='{x:.1}' y='{y:.1}' text-anchor='{anchor}'>{words}</text>\n")
+    };
+    let line = |points: &[[f64; 2]], style: &str| {
+        let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        format!("<polyline points='{}' fill='none' {style}/>\n", points.join(" "))
+    };
+    let mut svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 900 560' \
+                   font-family='sans-serif' font-size='15'>\n<rect width='900' height='560' fill='white'/>\n"
+        .to_owned();
+    svg += &text([90.0, 30.0], "start", title);
+    svg += &text([90.0, 48.0], "start", "99th percentile of the error, mm");
+    svg += &text([780.0, 541.0], "end", "time of a contact, ns");
+    for axis in 0..2 {
+        for decade in (0..=(most[axis] - least[axis]) as i32).map(|k| least[axis] + f64::from(k)) {
+            let ends = [least, most].map(|mut end| {
+                end[axis] = decade;
+                place(end)
+            });
+            let [x, y] = ends[0];
+            let (at, anchor) =
+                if axis == 0 { ([x, y + 21.0], "middle") } else { ([x - 7.0, y + 5.0], "end") };
+            svg += &line(&ends, "stroke='#ccc'");
+            svg += &text(at, anchor, &10_f64.powf(decade).to_string());
+        }
+    }
+    for ((level, points), colour) in curves.iter().zip(COLOURS.iter().cycle()) {
+        let points: Vec<[f64; 2]> = points.iter().map(logs).filter(|p| p[1].is_finite()).map(place).collect();
+        let Some([x, y]) = points.last() else { continue };
+        svg += &line(&points, &format!("stroke='{colour}' stroke-width='2'"));
+        for [x, y] in &points {
+            svg += &format!("<circle cx='{x:.1}' cy='{y:.1}' r='4' fill='{colour}'/>\n");
+        }
+        svg += &text([x + 10.0, y + 5.0], "start", &format!("level {}", level.raw()));
+    }
+    svg + "</svg>\n"
 }
 
 /// A skin of at least this many faces: halved edges, where it is a file.

@@ -23,7 +23,6 @@
 //! that comes out.
 
 mod colour;
-mod curves;
 mod draw;
 mod error;
 mod image_png;
@@ -37,7 +36,6 @@ mod plot_map;
 mod robot;
 mod value_range;
 
-pub use curves::{Curve, plot_curves};
 pub use error::PlotError;
 pub use image_png::{ImageOptions, image_png};
 pub use options::{Paint, PlotOptions, Viewpoint};
