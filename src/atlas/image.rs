@@ -21,23 +21,6 @@ impl Samples {
             Self::U32(x) => x.len(),
         }
     }
-
-    /// What the samples are.
-    pub(crate) const fn kind(&self) -> SampleKind {
-        match self {
-            Self::F32(_) => SampleKind::F32,
-            Self::U32(_) => SampleKind::U32,
-        }
-    }
-}
-
-/// What a channel's samples are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SampleKind {
-    /// 32-bit floats.
-    F32,
-    /// 32-bit unsigned integers.
-    U32,
 }
 
 /// An image that is asked for a band of rows at a time, so that it need not be in memory as a
@@ -49,10 +32,11 @@ pub trait ImageRows: Sync {
     /// The part of the map it shows, and its size in pixels.
     fn frame(&self) -> &ImageFrame;
 
-    /// The names of the channels, as `position.X`, and what their samples are.
-    fn channels(&self) -> Vec<(String, SampleKind)>;
+    /// The names of the channels, as `position.X`.
+    fn channels(&self) -> Vec<String>;
 
     /// The samples of the channels in that order, for `rows` counted from the top: width times the
-    /// number of rows each. The rows lie inside of the image.
+    /// number of rows each, always of the same type. The rows lie inside of the image; there may be
+    /// none.
     fn rows(&self, rows: Range<u32>) -> Vec<Samples>;
 }

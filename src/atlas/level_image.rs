@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::{
     atlas::{
-        AtlasError, AtlasPart, Chart, ImageRows, SampleKind, Samples, Stretch,
+        AtlasError, AtlasPart, Chart, ImageRows, Samples, Stretch,
         bound::check_map,
         chart::largest,
         face_stretch,
@@ -155,9 +155,8 @@ impl ImageRows for LevelImage<'_> {
         &self.frame
     }
 
-    fn channels(&self) -> Vec<(String, SampleKind)> {
-        let measures = MEASURES.map(|name| (name.to_owned(), SampleKind::F32));
-        measures.into_iter().chain(IDS.map(|name| (name.to_owned(), SampleKind::U32))).collect()
+    fn channels(&self) -> Vec<String> {
+        MEASURES.into_iter().chain(IDS).map(str::to_owned).collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {

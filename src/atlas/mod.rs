@@ -23,7 +23,7 @@ mod stretch;
 pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
 pub use error::AtlasError;
-pub use image::{ImageRows, SampleKind, Samples};
+pub use image::{ImageRows, Samples};
 pub use level_image::{LevelImage, skin_images};
 pub use options::{AtlasOptions, Resolution};
 pub use parts::{Atlas, AtlasPart};

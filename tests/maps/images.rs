@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use dermatome::{
-    atlas::{ImageRows, SampleKind, Samples},
+    atlas::{ImageRows, Samples},
     map::ImageFrame,
 };
 use rayon::prelude::*;
@@ -31,8 +31,8 @@ impl WholeImage {
             .into_par_iter()
             .map(|band| image.rows(16 * band..height.min(16 * (band + 1))))
             .collect();
-        let mut channels: Vec<_> =
-            image.channels().into_iter().map(|(name, kind)| Channel { name, samples: empty(kind) }).collect();
+        let empty = image.channels().into_iter().zip(image.rows(0..0));
+        let mut channels: Vec<_> = empty.map(|(name, samples)| Channel { name, samples }).collect();
         for part in bands.into_iter().flat_map(|band| band.into_iter().enumerate()) {
             match (&mut channels[part.0].samples, part.1) {
                 (Samples::F32(all), Samples::F32(part)) => all.extend(part),
@@ -49,13 +49,6 @@ impl WholeImage {
     }
 }
 
-fn empty(kind: SampleKind) -> Samples {
-    match kind {
-        SampleKind::F32 => Samples::F32(Vec::new()),
-        SampleKind::U32 => Samples::U32(Vec::new()),
-    }
-}
-
 impl ImageRows for WholeImage {
     fn name(&self) -> &str {
         &self.name
@@ -65,12 +58,8 @@ impl ImageRows for WholeImage {
         &self.frame
     }
 
-    fn channels(&self) -> Vec<(String, SampleKind)> {
-        let kind = |samples: &Samples| match samples {
-            Samples::F32(_) => SampleKind::F32,
-            Samples::U32(_) => SampleKind::U32,
-        };
-        self.channels.iter().map(|c| (c.name.clone(), kind(&c.samples))).collect()
+    fn channels(&self) -> Vec<String> {
+        self.channels.iter().map(|c| c.name.clone()).collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {

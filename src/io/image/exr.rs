@@ -3,6 +3,7 @@
 use std::{
     fs::File,
     io::{self, Write},
+    mem::discriminant,
     path::Path,
 };
 
@@ -25,7 +26,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    atlas::{ImageRows, SampleKind, Samples},
+    atlas::{ImageRows, Samples},
     io::{
         IoError,
         error::Result,
@@ -120,7 +121,9 @@ pub(super) fn write_parts(path: &Path, images: &[&dyn ImageRows], notes: &[Strin
 /// An image with its channels in the order of the file.
 struct Part<'a> {
     image: &'a dyn ImageRows,
-    channels: Vec<(String, SampleKind)>,
+    channels: Vec<String>,
+    /// No samples of each, which show its type.
+    types: Vec<Samples>,
     /// Channels sorted by name, as positions in `channels`.
     order: Vec<usize>,
 }
@@ -135,9 +138,11 @@ impl<'a> Part<'a> {
                 image.name()
             )));
         }
-        let channels = image.channels();
-        let order = order_by(channels.len(), &|a, b| channels[a].0.cmp(&channels[b].0));
-        Ok(Self { image, channels, order })
+        let (channels, types) = (image.channels(), image.rows(0..0));
+        let order = order_by(channels.len(), &|a, b| channels[a].cmp(&channels[b]));
+        let part = Self { image, channels, types, order };
+        part.check(&part.types, 0)?;
+        Ok(part)
     }
 
     fn size(&self) -> Vec2<usize> {
@@ -152,12 +157,11 @@ impl<'a> Part<'a> {
 
     fn header(&self, display: Vec2<usize>, note: &str) -> Header {
         let describe = |&at: &usize| {
-            let (name, kind) = &self.channels[at];
-            let sample_type = match kind {
-                SampleKind::F32 => SampleType::F32,
-                SampleKind::U32 => SampleType::U32,
+            let sample_type = match self.types[at] {
+                Samples::F32(_) => SampleType::F32,
+                Samples::U32(_) => SampleType::U32,
             };
-            let (name, sampling) = (ascii(name), Vec2(1, 1));
+            let (name, sampling) = (ascii(&self.channels[at]), Vec2(1, 1));
             ChannelDescription { name, sample_type, quantize_linearly: false, sampling }
         };
         let name = ascii(self.image.name());
@@ -193,12 +197,14 @@ impl<'a> Part<'a> {
 
     /// Whether an image keeps what its layout promises.
     fn check(&self, bands: &[Samples], needed: usize) -> io::Result<()> {
-        for (k, (channel, kind)) in self.channels.iter().enumerate() {
-            let found = bands.get(k).map(|band| (band.kind(), band.len()));
-            if found != Some((*kind, needed)) {
-                let image = self.image.name();
+        for (k, channel) in self.channels.iter().enumerate() {
+            let keeps = |(band, first): (&Samples, &Samples)| {
+                discriminant(band) == discriminant(first) && band.len() == needed
+            };
+            if !bands.get(k).zip(self.types.get(k)).is_some_and(keeps) {
+                let (found, image) = (bands.get(k).map(Samples::len), self.image.name());
                 return Err(invalid(format!(
-                    "channel {channel:?} of image {image:?} has {found:?} samples where {needed} of {kind:?} are needed"
+                    "channel {channel:?} of image {image:?} has {found:?} samples where {needed} of one type are needed"
                 )));
             }
         }

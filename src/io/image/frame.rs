@@ -9,7 +9,7 @@ use std::{
 use serde_json::{Value, json};
 
 use crate::{
-    atlas::{ImageRows, LevelImage, SampleKind, Samples},
+    atlas::{ImageRows, LevelImage, Samples},
     image::TactileImage,
     io::{IoError, file::source::unfit, image::exr::write_parts},
     map::ImageFrame,
@@ -111,16 +111,19 @@ impl ImageRows for FrameRows<'_> {
         &self.image.frame
     }
 
-    fn channels(&self) -> Vec<(String, SampleKind)> {
+    fn channels(&self) -> Vec<String> {
         let shown: Vec<_> = self.shown.iter().flat_map(|shown| shown.channels().split_off(OWN)).collect();
-        let is_taken =
-            |name: &str| ["A", "Y"].contains(&name) || shown.iter().any(|(other, _)| other == name);
+        let is_taken = |name: &str| ["A", "Y"].contains(&name) || shown.iter().any(|other| other == name);
         let named = self.channels.iter().map(|channel| match channel.name.as_str() {
             taken if is_taken(taken) => format!("signal.{taken}"),
             name => name.to_owned(),
         });
-        let all = ["Y".to_owned()].into_iter().chain(named).chain(["A".to_owned()]);
-        all.map(|name| (name, SampleKind::F32)).chain(shown.iter().cloned()).collect()
+        ["Y".to_owned()]
+            .into_iter()
+            .chain(named)
+            .chain(["A".to_owned()])
+            .chain(shown.iter().cloned())
+            .collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
