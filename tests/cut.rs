@@ -251,7 +251,7 @@ fn several_pieces_are_refused() {
     }
     let ids: IdVec<VertexId, TaxelId> = mesh.positions.ids().map(|v| TaxelId(v.raw())).collect();
     let mut both = patch(shapes::triangle());
-    both.taxels = dermatome::skin::Taxels::from_mesh(&mesh);
+    both.taxels = dermatome::skin::Taxels::from(&mesh);
     (both.taxels.ids, both.mesh) = (ids, mesh);
     assert!(cut_open(&both, &Cut::Auto, &FlattenOptions::default()).is_err(), "a patch is one piece");
 }

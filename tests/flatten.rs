@@ -24,7 +24,7 @@ fn sum(angle: f64, area: f64, perimeter: f64) -> FlattenOptions {
 
 /// The taxels of a mesh with these densities, in 1/m^2.
 fn dense(mesh: &TriMesh, densities: IdVec<VertexId, f64>) -> Taxels {
-    Taxels { densities: Some(densities), ..Taxels::from_mesh(mesh) }
+    Taxels { densities: Some(densities), ..Taxels::from(mesh) }
 }
 
 fn magnified(energy: Energy, magnify: f64) -> FlattenOptions {
@@ -51,7 +51,7 @@ fn measure(mesh: &TriMesh, options: &FlattenOptions) -> Distortion {
 }
 
 fn pyramid_of(mesh: &TriMesh) -> Pyramid {
-    coarsen(mesh, &Taxels::from_mesh(mesh), &CoarsenOptions::default()).unwrap()
+    coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default()).unwrap()
 }
 
 /// A sheet with a bump and a dent, of heights `a` and `b`.
@@ -343,7 +343,7 @@ fn magnification_does_not_depend_on_the_levels_above() {
         let options = magnified(energy, 1.0);
         let level_0 = |levels: Option<usize>| {
             let levels = CoarsenOptions { levels, ..CoarsenOptions::default() };
-            let pyramid = coarsen(&mesh, &Taxels::from_mesh(&mesh), &levels).unwrap();
+            let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &levels).unwrap();
             let maps = flatten_pyramid(&pyramid, Some(&dense(&mesh, densities.clone())), &options).unwrap();
             (pyramid.levels.len(), maps[LevelId::new(0)].clone())
         };

@@ -17,7 +17,7 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Animation, AssembleOptions, Link, Motion, MotionFrame, Patch, PatchId, Presence, Skin, assemble},
+    skin::{AssembleOptions, Link, Motion, MotionFrame, Patch, PatchId, Presence, Skin, assemble},
 };
 use glam::{DAffine3, DVec3};
 use tempfile::TempDir;
@@ -486,10 +486,11 @@ fn animations_travel_with_the_skin() {
     let up = |z: f64| DAffine3::from_translation(DVec3::Z * z);
     let turned = up(2.0) * DAffine3::from_rotation_z(0.5);
     let mut motion = Motion::default();
+    motion.name = "up".into();
     // At 2 s it jumps.
     let keys = [(1.0, up(1.0)), (2.0, up(2.0)), (2.0, turned), (3.0, up(3.0))];
     motion.set(arm, MotionFrame::Parent, &keys).unwrap();
-    fixture.skin.animations.push(Animation { name: "up".into(), motion });
+    fixture.skin.animations.push(motion);
     let glb = fixture.path("skin.glb");
     write_skin(&glb, &fixture.skin).unwrap();
     let draft = read_draft(&glb).unwrap();
@@ -500,9 +501,9 @@ fn animations_travel_with_the_skin() {
     let mut index = ContactIndex::new(&map).unwrap();
     for read in [&draft.animations, &skin.animations, &map.animations] {
         assert_eq!((read.len(), read[0].name.as_str()), (1, "up"));
-        assert_eq!(read[0].motion.times(), Some([1.0, 3.0]));
+        assert_eq!(read[0].times(), Some([1.0, 3.0]));
         for (time, expected) in [(0.0, up(1.0)), (1.75, up(1.75)), (2.0, turned), (9.0, up(3.0))] {
-            index.set_motion(&read[0].motion, time).unwrap();
+            index.set_motion(&read[0], time).unwrap();
             assert!(index.poses()[arm].abs_diff_eq(expected, 1e-5), "at {time} s");
         }
     }
@@ -518,7 +519,7 @@ fn animations_travel_with_the_skin() {
     assert!(text.contains("animation up: 1 to 3 s"), "{text}");
     let mut in_world = Motion::default();
     in_world.set(arm, MotionFrame::World, &keys).unwrap();
-    fixture.skin.animations[0].motion = in_world;
+    fixture.skin.animations[0] = in_world;
     assert!(write_skin(&glb, &fixture.skin).is_err(), "glTF has poses relative to the link above");
 }
 

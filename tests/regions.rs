@@ -33,7 +33,7 @@ fn halves(columns: u32, left: f64) -> (TriMesh, IdVec<VertexId, f64>) {
 }
 
 fn sharp(mesh: &TriMesh, acuities: &IdVec<VertexId, f64>) -> Taxels {
-    Taxels { acuities: Some(acuities.clone()), ..Taxels::from_mesh(mesh) }
+    Taxels { acuities: Some(acuities.clone()), ..Taxels::from(mesh) }
 }
 
 /// Levels of a pyramid as an acuity has them: where it is twice as high, fields are half as far
@@ -52,7 +52,7 @@ fn acuity_halves_the_spacing_of_fields() {
     for level in [2, 3] {
         let (left, right) = counts(&sharp_pyramid, level);
         assert!((3.2..4.8).contains(&(left / right)), "{left} fields to {right} on level {level}");
-        let (left, right) = counts(&pyramid(&Taxels::from_mesh(&mesh)), level);
+        let (left, right) = counts(&pyramid(&Taxels::from(&mesh)), level);
         assert!((0.8..1.25).contains(&(left / right)), "{left} fields to {right} without");
     }
     assert_eq!(sharp_pyramid, pyramid(&sharp(&mesh, &acuities.map(|a| 4.0 * a))));
@@ -84,7 +84,7 @@ fn acuity_doubles_lengths_on_the_map() {
     let balanced = ratio(&flat(taxels, 1.0));
     assert!((2.0..4.0).contains(&balanced), "{balanced} where angles count as much");
     let same = flat(sharp(&mesh, &acuities.map(|_| 3.0)), 1.0);
-    let plain = flat(Taxels::from_mesh(&mesh), 1.0);
+    let plain = flat(Taxels::from(&mesh), 1.0);
     let off = same.iter().zip(&plain).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
     assert!(off < 1e-9, "{off} m where all are as sharp");
 }
@@ -96,10 +96,10 @@ fn weights_move_distortion_to_where_it_counts_less() {
     let mesh = shapes::cap(900, 0.1, 1.9);
     let top = mesh.positions.iter().map(|p| p.z).fold(f64::MIN, f64::max);
     let is_near = |v: VertexId| mesh.positions[v].z > top - 0.05;
-    let pyramid = coarsen(&mesh, &Taxels::from_mesh(&mesh), &CoarsenOptions::default()).unwrap();
+    let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default()).unwrap();
     let flat = |near: f64, far: f64| {
         let weights = mesh.positions.ids().map(|v| if is_near(v) { near } else { far }).collect();
-        let taxels = Taxels { weights: Some(weights), ..Taxels::from_mesh(&mesh) };
+        let taxels = Taxels { weights: Some(weights), ..Taxels::from(&mesh) };
         let mut maps =
             flatten_pyramid(&pyramid, Some(&taxels), &FlattenOptions::default()).unwrap().into_iter();
         maps.next().unwrap()
@@ -134,7 +134,7 @@ fn what_no_map_can_follow_is_refused_by_name() {
     let mesh = shapes::square();
     let v = VertexId::new;
     let bad = |set: &dyn Fn(&mut Taxels)| {
-        let mut taxels = Taxels::from_mesh(&mesh);
+        let mut taxels = Taxels::from(&mesh);
         set(&mut taxels);
         taxels.validate(4).unwrap_err()
     };

@@ -152,7 +152,7 @@ fn prescribed_by(
 
 /// The pyramid of a mesh with a taxel at every vertex.
 fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
-    let mut taxels = Taxels::from_mesh(mesh);
+    let mut taxels = Taxels::from(mesh);
     // A vertex between faces without area still needs a field.
     let least = mesh.area() / mesh.positions.len() as f64 * f64::EPSILON;
     taxels.areas.iter_mut().for_each(|a| *a = a.max(least));
@@ -176,7 +176,7 @@ fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
 /// };
 ///
 /// let skin = shapes::cap(500, 8e-3, 1.9);
-/// let pyramid = coarsen(&skin, &Taxels::from_mesh(&skin), &CoarsenOptions::default())?;
+/// let pyramid = coarsen(&skin, &Taxels::from(&skin), &CoarsenOptions::default())?;
 /// let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default())?;
 /// for (level, uv) in pyramid.levels.iter().zip(&maps) {
 ///     assert_eq!(distortion(&level.mesh, uv).flips, 0);

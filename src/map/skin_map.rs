@@ -11,7 +11,7 @@ use crate::{
     map::{ImageFrame, MapError},
     mesh::{TriMesh, VertexCorners, signed_area},
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
-    skin::{Animation, Link, LinkId, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
+    skin::{Link, LinkId, Motion, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
 };
 
 /// Farther away, contacts and skins are refused too.
@@ -285,7 +285,7 @@ pub struct SkinMap {
     /// The patches.
     pub patches: IdVec<PatchId, PatchMap>,
     /// How the links may move.
-    pub animations: Vec<Animation>,
+    pub animations: Vec<Motion>,
 }
 
 impl SkinMap {
@@ -306,7 +306,7 @@ impl SkinMap {
     /// ```
     #[must_use]
     pub fn flat(mesh: TriMesh, pixel: f64) -> Self {
-        let mut taxels = Taxels::from_mesh(&mesh);
+        let mut taxels = Taxels::from(&mesh);
         taxels.normals.iter_mut().filter(|n| **n == DVec3::ZERO).for_each(|n| *n = DVec3::Z);
         taxels.areas.iter_mut().filter(|a| **a == 0.0).for_each(|a| *a = 1e-12);
         let uv = mesh.positions.map(|p| p.truncate());

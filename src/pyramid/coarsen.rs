@@ -42,7 +42,7 @@ impl Default for CoarsenOptions {
 /// use dermatome::{id::VertexId, mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::Taxels};
 ///
 /// let mesh = shapes::cap(2000, 0.1, 1.9);
-/// let pyramid = coarsen(&mesh, &Taxels::from_mesh(&mesh), &CoarsenOptions::default())?;
+/// let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default())?;
 ///
 /// // Push on one taxel: the force arrives whole at the receptive fields of level 1.
 /// let skin = &pyramid.levels[LevelId::new(0)];

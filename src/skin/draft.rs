@@ -6,7 +6,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::MeshError,
     skin::{
-        Animation, Covariance, Joints, Link, LinkId, Presence, Remark, RemarkKind, SkinError, TaxelError,
+        Covariance, Joints, Link, LinkId, Motion, Presence, Remark, RemarkKind, SkinError, TaxelError,
         TaxelId,
     },
 };
@@ -23,7 +23,7 @@ pub struct Draft {
     /// The sheets of taxels and triangles.
     pub sheets: Vec<Sheet>,
     /// How the links may move.
-    pub animations: Vec<Animation>,
+    pub animations: Vec<Motion>,
     /// What the reader of the file changed or ignored.
     pub remarks: Vec<Remark>,
     /// The names of the materials that [`Sheet::materials`] counts.
@@ -81,7 +81,7 @@ impl Draft {
         for link in self.links.iter_mut() {
             link.pose.translation *= metres;
         }
-        self.animations.iter_mut().for_each(|animation| animation.motion.scale(metres));
+        self.animations.iter_mut().for_each(|motion| motion.scale(metres));
         for sheet in &mut self.sheets {
             let square = metres * metres;
             sheet.positions.iter_mut().for_each(|x| *x *= metres);

@@ -56,7 +56,7 @@ pub use error::SkinError;
 pub(crate) use link::named_links;
 pub use link::{Link, LinkId, link_names, world_pose};
 pub(crate) use motion::Track;
-pub use motion::{Animation, Motion, MotionFrame};
+pub use motion::{Motion, MotionFrame};
 pub use patch::{Patch, PatchId, Skin};
 pub(crate) use patch::{check_links, check_patches};
 pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};

@@ -9,15 +9,6 @@ use crate::{
     skin::{LinkId, SkinError},
 };
 
-/// A motion of a robot by its name.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Animation {
-    /// What it is called.
-    pub name: String,
-    /// How the links move; motions of links that do not exist have no effect.
-    pub motion: Motion,
-}
-
 /// The frame that the poses of a track are in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MotionFrame {
@@ -28,9 +19,12 @@ pub enum MotionFrame {
 }
 
 /// The poses of some links over time: translations are interpolated linearly, rotations on the
-/// shortest arc; before the first time and after the last one a link keeps its pose.
+/// shortest arc; before the first time and after the last one a link keeps its pose. Poses of links
+/// that do not exist have no effect.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Motion {
+    /// What it is called; may be empty.
+    pub name: String,
     tracks: IdVec<LinkId, Option<Track>>,
 }
 
@@ -88,7 +82,7 @@ impl Motion {
 
     /// The same motion of links with other numbers, without those that have none.
     pub(crate) fn of_links(&self, other: impl Fn(LinkId) -> Option<LinkId>) -> Self {
-        let mut motion = Self::default();
+        let mut motion = Self { name: self.name.clone(), ..Self::default() };
         for (link, track) in self.tracks() {
             if let Some(link) = other(link) {
                 motion.insert(link, track.clone());

@@ -7,7 +7,7 @@ use glam::DAffine3;
 use crate::{
     id::{IdVec, define_id},
     mesh::{Adjacency, TriMesh, is_rigid},
-    skin::{Animation, Link, LinkId, SkinError, Taxels, link::before_parents, world_pose},
+    skin::{Link, LinkId, Motion, SkinError, Taxels, link::before_parents, world_pose},
 };
 
 define_id!(
@@ -35,7 +35,7 @@ impl Patch {
     /// A patch of a bare mesh: ids count from 1, normals and areas come from the triangles.
     #[must_use]
     pub fn from_mesh(name: impl Into<String>, link: LinkId, mesh: TriMesh) -> Self {
-        Self { name: name.into(), link, taxels: Taxels::from_mesh(&mesh), mesh, filled: 0 }
+        Self { name: name.into(), link, taxels: Taxels::from(&mesh), mesh, filled: 0 }
     }
 
     /// Checks every promise that concerns this patch alone.
@@ -74,7 +74,7 @@ pub struct Skin {
     /// The patches.
     pub patches: IdVec<PatchId, Patch>,
     /// How the links may move.
-    pub animations: Vec<Animation>,
+    pub animations: Vec<Motion>,
 }
 
 impl Skin {

@@ -137,25 +137,21 @@ const UNIT_TOLERANCE: f64 = 1e-5;
 /// `f32`.
 const COVARIANCE_TOLERANCE: f64 = 1e-5;
 
-impl Taxels {
-    /// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas
-    /// come from the triangles, and there are no tangents.
-    #[must_use]
-    pub fn from_mesh(mesh: &TriMesh) -> Self {
+/// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas come from
+/// the triangles.
+impl From<&TriMesh> for Taxels {
+    fn from(mesh: &TriMesh) -> Self {
         Self {
             ids: mesh.positions.ids().map(|v| TaxelId(v.raw() + 1)).collect(),
             normals: mesh.vertex_normals(),
-            tangents: None,
             areas: mesh.vertex_areas(),
-            densities: None,
-            weights: None,
-            acuities: None,
             presence: IdVec::filled(Presence::Present, mesh.positions.len()),
-            covariances: None,
-            joints: None,
+            ..Self::default()
         }
     }
+}
 
+impl Taxels {
     /// Checks the length of every array and the values in it.
     ///
     /// # Errors

@@ -450,7 +450,7 @@ fn holes_are_filled_before_areas_and_normals_are_computed() {
     assert_eq!((kinds(&open).len(), topology(&only(&open).mesh)), (0, (0, 2)));
     assert_eq!(kinds(&closed), ["HolesFilled".to_owned()].into());
     assert_eq!(topology(&only(&closed).mesh), (1, 1));
-    for (v, &area) in Taxels::from_mesh(&whole).areas.enumerate() {
+    for (v, &area) in Taxels::from(&whole).areas.enumerate() {
         assert!((only(&closed).taxels.areas[v] - area).abs() < 1e-15, "area of {v:?}: as without the hole");
     }
 }

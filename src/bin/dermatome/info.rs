@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     mesh::{Adjacency, mean_edge_length},
-    skin::{Animation, Patch, Presence, Skin, link_names},
+    skin::{Motion, Patch, Presence, Skin, link_names},
 };
 use serde_json::{Value, json};
 
@@ -47,12 +47,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 }
 
 /// The name of an animation, and its first and last time.
-fn times(animation: &Animation) -> Option<(&str, [f64; 2])> {
-    Some((&animation.name, animation.motion.times()?))
+fn times(animation: &Motion) -> Option<(&str, [f64; 2])> {
+    Some((&animation.name, animation.times()?))
 }
 
-fn animation(animation: &Animation) -> Value {
-    json!({ "name": animation.name, "seconds": animation.motion.times() })
+fn animation(animation: &Motion) -> Value {
+    json!({ "name": animation.name, "seconds": animation.times() })
 }
 
 type Row = [(&'static str, Value); 12];

@@ -16,7 +16,7 @@ use crate::{
             notes::Notes,
         },
     },
-    skin::{Animation, LinkId, Motion, MotionFrame, link_names},
+    skin::{LinkId, Motion, MotionFrame, link_names},
 };
 
 /// What is read of an animation.
@@ -92,11 +92,14 @@ pub(in crate::io) fn read_animation(
 }
 
 /// All animations, and those that do more than move links with the reason.
-pub(super) fn read_animations(document: &Document, tree: &Tree) -> (Vec<Animation>, Vec<(String, IoError)>) {
+pub(super) fn read_animations(document: &Document, tree: &Tree) -> (Vec<Motion>, Vec<(String, IoError)>) {
     let (mut animations, mut others) = (Vec::new(), Vec::new());
     for (at, (name, json)) in listed(document).into_iter().enumerate() {
         match motion(document, tree, at, json) {
-            Ok(motion) => animations.push(Animation { name, motion }),
+            Ok(mut motion) => {
+                motion.name = name;
+                animations.push(motion);
+            }
             Err(error) => others.push((name, error)),
         }
     }

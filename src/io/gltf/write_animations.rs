@@ -12,13 +12,14 @@ use crate::{
         file::unfit,
         gltf::writer::{SceneWriter, narrow},
     },
-    skin::{self, MotionFrame, Track},
+    skin::{Motion, MotionFrame, Track},
 };
 
 impl SceneWriter<'_> {
     /// Adds the animations of the links that have a node in some scene.
-    pub(super) fn add_animations(&mut self, animations: &[skin::Animation]) -> Result<()> {
-        for skin::Animation { name, motion } in animations {
+    pub(super) fn add_animations(&mut self, animations: &[Motion]) -> Result<()> {
+        for motion in animations {
+            let name = &motion.name;
             let (mut channels, mut samplers) = (Vec::new(), Vec::new());
             for (link, track) in motion.tracks() {
                 let nodes: Vec<_> = self

@@ -21,7 +21,7 @@ use crate::{
     map::{MapError, MapLevel, SkinMap},
     mesh::{FlatTriangle, TriMesh},
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError},
-    skin::{Animation, Link, LinkId, Skin, Taxels},
+    skin::{Link, LinkId, Motion, Skin, Taxels},
 };
 
 /// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
@@ -104,7 +104,7 @@ struct PatchLevels<'a> {
 
 fn write_levels(
     path: &Path,
-    (links, animations): (&IdVec<LinkId, Link>, &[Animation]),
+    (links, animations): (&IdVec<LinkId, Link>, &[Motion]),
     patches: &[PatchLevels<'_>],
 ) -> Result<()> {
     if patches.is_empty() {

@@ -91,7 +91,7 @@ fn fingertips_are_ten_times_denser_than_the_palm() {
     let mesh = mesh_of(skin);
     let density = |is_there: &dyn Fn(DVec3) -> bool| {
         let (mut count, mut area) = (0.0, 0.0);
-        for (v, a) in Taxels::from_mesh(mesh).areas.enumerate() {
+        for (v, a) in Taxels::from(mesh).areas.enumerate() {
             if is_there(mesh.positions[v]) {
                 count += 1.0;
                 area += a;
