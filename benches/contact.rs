@@ -87,9 +87,13 @@ fn contacts(c: &mut Criterion) {
             b.iter(|| index.locate_along(&mut cursor, black_box(*next.next().unwrap())).unwrap());
         });
         let hits = index.locate_all(&path).unwrap();
+        group.bench_function("map positions", |b| {
+            let mut next = hits.iter().cycle();
+            b.iter(|| index.map_positions(black_box(next.next().unwrap())).for_each(|p| _ = black_box(&p)));
+        });
         group.bench_function("cells", |b| {
             let mut next = hits.iter().cycle();
-            b.iter(|| index.cells(black_box(next.next().unwrap())).last().unwrap());
+            b.iter(|| index.cells(black_box(next.next().unwrap())).for_each(|cell| _ = black_box(&cell)));
         });
         group.throughput(Throughput::Elements(scattered.len() as u64));
         group.bench_function("batch", |b| b.iter(|| index.locate_all(&scattered).unwrap()));

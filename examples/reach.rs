@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         index.set_motion(&motion, 0.5)?;
         let pose = index.poses()[forearm];
         pose.transform_point3(positions[taxel])
-            + index.turned(forearm, patch.taxels.normals[taxel]) * (RADIUS - DEPTH)
+            + pose.transform_vector3(patch.taxels.normals[taxel]) * (RADIUS - DEPTH)
     };
 
     let coarsest = LevelId::new(map.patches.iter().map(|p| p.levels.len()).max().unwrap_or(1) - 1);

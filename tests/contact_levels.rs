@@ -2,9 +2,11 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, IndexOptions, Packing, Query},
+    contact::{ContactError, ContactIndex, Hit, IndexOptions, MapPosition, Packing, Query},
+    cut::Cut,
+    id::FaceId,
     map::SkinMap,
-    mesh::{TriMesh, shapes},
+    mesh::{SurfacePoint, TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
     skin::{Link, LinkId, Patch, PatchId, Skin},
@@ -99,6 +101,57 @@ proptest! {
             }
         }
     }
+}
+
+/// Maps of one level and of several, whole, with a seam and of several charts.
+fn placed() -> Vec<SkinMap> {
+    let cut = |mesh: TriMesh, cut: Cut| {
+        build(&Skin::from_mesh("skin", mesh), &BuildOptions { cut, ..BuildOptions::default() }).unwrap()
+    };
+    vec![
+        SkinMap::flat(shapes::lattice(3, 3, 0.01), 0.001),
+        robot(shape(0), shape(3)),
+        cut(shapes::ball(8, 0.1), Cut::Auto),
+        cut(shapes::torus(30, 14, 0.1, 0.04), Cut::AreaRatio(1.1)),
+        cut(shapes::cap(9000, 0.1, 1.9), Cut::None),
+    ]
+}
+
+/// A position on the map is that of the cell in every bit: anywhere in a face, on its sides and corners,
+/// on either side of a seam.
+#[test]
+fn map_positions_are_those_of_cells() {
+    let mut levels = Vec::new();
+    for map in placed() {
+        let index = ContactIndex::new(&map).unwrap();
+        for (patch, on_map) in map.patches.enumerate() {
+            levels.push(on_map.levels.len());
+            for face in on_map.levels[LevelId::new(0)].level.mesh.triangles.ids() {
+                let k = face.index() as f64;
+                let inside = [0.1 + 0.05 * (k % 7.0), 0.2 + 0.03 * (k % 11.0)];
+                let inside = [inside[0], inside[1], 1.0 - inside[0] - inside[1]];
+                for barycentric in [inside, [0.25, 0.0, 0.75], [0.0, 1.0, 0.0]] {
+                    let point = SurfacePoint { face, barycentric };
+                    let (distance, position, normal) = (0.0, DVec3::ZERO, DVec3::Z);
+                    let hit = Hit { patch, link: on_map.link, point, distance, position, normal };
+                    let cells = index.cells(&hit);
+                    let cells: Vec<_> =
+                        cells.map(|c| MapPosition { level: c.level, uv: c.uv, pixel: c.pixel }).collect();
+                    let positions: Vec<_> = index.map_positions(&hit).collect();
+                    assert_eq!(positions, cells);
+                    assert_eq!(positions.len(), on_map.levels.len());
+                    for (position, level) in positions.iter().zip(on_map.levels.ids()) {
+                        let cell = index.cell(&hit, level).unwrap();
+                        assert_eq!((position.uv, position.pixel), (cell.uv, cell.pixel));
+                    }
+                    let nowhere = SurfacePoint { face: FaceId::new(1 << 27), ..point };
+                    assert_eq!(index.map_positions(&Hit { point: nowhere, ..hit }).count(), 0);
+                    assert_eq!(index.map_positions(&Hit { patch: PatchId::new(9), ..hit }).count(), 0);
+                }
+            }
+        }
+    }
+    assert!([1, 3, 4].iter().all(|count| levels.contains(count)), "{levels:?}");
 }
 
 /// The bound is not only right but useful: on a smooth cap it is near the largest true error, and

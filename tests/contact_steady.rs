@@ -36,13 +36,14 @@ fn frames_of_contacts_allocate_nothing() {
         let turned = link.pose * DAffine3::from_rotation_z(0.3);
         motion.set(id, MotionFrame::Parent, &[(0.0, link.pose), (1.0, turned)]).unwrap();
     }
-    let (mut sum, mut cells) = (0.0, 0);
+    let (mut sum, mut cells, mut positions) = (0.0, 0, 0);
     let mut frame = |time: f64| {
         index.set_motion(&motion, time).unwrap();
         for k in 0..64 {
             let at = DVec3::new((0.7 * k as f64).sin(), (1.1 * k as f64).cos(), 0.05 * k as f64) * 0.3;
             let hit = index.locate(Query::from(at)).unwrap();
             cells += index.cells(&hit).count();
+            positions += index.map_positions(&hit).count();
             sum += hit.distance + index.reactive(at, LevelId::new(1)).unwrap().distance;
         }
     };
@@ -50,4 +51,5 @@ fn frames_of_contacts_allocate_nothing() {
     let allocations = allocation_counter::measure(|| (1..20).for_each(|k| frame(f64::from(k) / 20.0)));
     assert_eq!(allocations.count_total, 0, "in 19 frames of 64 contacts");
     assert!(cells > 64 * 20 && sum.is_finite());
+    assert_eq!(positions, cells);
 }

@@ -5,6 +5,7 @@ use glam::DVec2;
 use crate::{
     contact::{
         field_weights::FieldWeights,
+        positions::{MapPosition, Positions},
         rows::{Row, Rows},
     },
     id::{FaceId, IdVec, VertexId},
@@ -63,13 +64,13 @@ impl Anchor {
 #[derive(Debug, Clone)]
 pub(super) struct PatchCells {
     levels: IdVec<LevelId, LevelCells>,
-    pub(super) rows: Rows,
+    pub(super) positions: Positions,
+    rows: Rows,
 }
 
 /// What a lookup needs of one level.
 #[derive(Debug, Clone)]
 struct LevelCells {
-    frame: ImageFrame,
     taxels: IdVec<VertexId, TaxelId>,
     /// Map positions of its places, in m.
     uv: IdVec<VertexId, DVec2>,
@@ -104,26 +105,28 @@ impl PatchCells {
     pub(super) fn new(patch: &PatchMap) -> Result<Self, MapError> {
         let levels: IdVec<_, _> = patch.levels.iter().map(|map| LevelCells::new(patch, map)).collect();
         let finest = &patch.levels[LevelId::new(0)];
-        let mut rows = Vec::new();
+        let (mut uv, mut rows) = (vec![finest.uv.clone()], Vec::new());
         for (id, map) in patch.levels.enumerate() {
             let Some(to_finest) = &map.level.to_finest else { continue };
             let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
             let faces = map.row_faces(to_finest).map_err(wrong)?;
-            let carried = finest.cut.as_ref().map(|_| carried_places(finest, map));
             let row = |place: VertexId| {
                 let vertex = finest.unsplit().map_or(place, |unsplit| unsplit[place]);
                 let parts = to_finest.indices[vertex].into_iter().zip(to_finest.weights[vertex]);
-                let mut row = row_in(map, faces[vertex], parts);
-                if let Some(carried) = &carried {
-                    row.uv = carried[place];
-                }
-                row
+                row_in(map, faces[vertex], parts)
             };
-            rows.push(finest.uv.ids().map(row).collect::<IdVec<VertexId, Row>>());
+            let level: IdVec<VertexId, Row> = finest.uv.ids().map(row).collect();
+            uv.push(match &finest.cut {
+                Some(_) => carried_places(finest, map),
+                None => level.map(|row| row.position(map)),
+            });
+            rows.push(level);
         }
         let places = finest.cut.as_ref().map(|cut| cut.triangles.clone());
-        let rows = Rows::new(&rows, &finest.level.mesh.triangles, places);
-        Ok(Self { levels, rows })
+        let frames = patch.levels.map(|map| map.frame);
+        let positions = Positions::new(&uv, frames, places);
+        let rows = Rows::new(&rows, &finest.level.mesh.triangles, &positions);
+        Ok(Self { levels, positions, rows })
     }
 
     pub(super) fn len(&self) -> usize {
@@ -136,38 +139,45 @@ impl PatchCells {
         is_there.then(|| if level.index() == 0 { self.finest(anchor) } else { self.above(level, anchor) })
     }
 
+    /// The cell of a point of level 0 on level 0: by the positions of that level alone, which are
+    /// nearer together than those of all levels.
+    fn finest(&self, anchor: &Anchor) -> Cell {
+        let (level, at) = (LevelId::new(0), anchor.at);
+        let cells = &self.levels[level];
+        let [u, v, w] = self.positions.corners(at.face, anchor.corners).map(|place| cells.uv[place]);
+        let [a, b, c] = at.barycentric;
+        let uv = u * a + v * b + w * c;
+        cells.at_corners(anchor, MapPosition { level, uv, pixel: self.positions.frames[level].pixel(uv) })
+    }
+
     /// The cells of a point of level 0 on all levels.
     ///
     /// Each is made where `for_each` reads it: copying one takes as long as making it.
     #[inline]
     pub(super) fn cells(&self, anchor: Anchor) -> impl Iterator<Item = Cell> + '_ {
-        let finest = (0..1).map(move |_| self.finest(&anchor));
+        let Anchor { at, corners, .. } = anchor;
+        let places = self.positions.corners(at.face, corners);
+        self.rows.fetch(at.face, places);
+        let finest = (0..1).map(move |_| {
+            let position = self.positions.at(LevelId::new(0), places, at.barycentric);
+            self.levels[position.level].at_corners(&anchor, position)
+        });
         finest.chain((1..self.len()).map(move |level| self.above(LevelId::new(level), &anchor)))
-    }
-
-    /// The cell of a point of level 0 on level 0.
-    #[inline(always)]
-    fn finest(&self, Anchor { at, corners, .. }: &Anchor) -> Cell {
-        let level = LevelId::new(0);
-        let cells = &self.levels[level];
-        let [u, v, w] = self.rows.corners(at.face, *corners).map(|place| cells.uv[place]);
-        let [a, b, c] = at.barycentric;
-        cells.cell(level, *at, FieldWeights::of_corners(*corners, at.barycentric), u * a + v * b + w * c)
     }
 
     /// The cell of a point of level 0 on a coarser level that there is.
     #[inline(always)]
     fn above(&self, level: LevelId, Anchor { at, corners, nearest }: &Anchor) -> Cell {
         let (cells, above) = (&self.levels[level], level.index() - 1);
-        let rows = self.rows.of(self.rows.corners(at.face, *corners), above);
+        let places = self.positions.corners(at.face, *corners);
+        let MapPosition { uv, pixel, .. } = self.positions.at(level, places, at.barycentric);
+        let rows = self.rows.of(places, above);
         let Row { face, weights, .. } = *rows[nearest % 3];
-        let [a, b, c] = at.barycentric;
-        let uv = rows[0].uv * a + rows[1].uv * b + rows[2].uv * c;
         let mut cell = Cell {
             level,
             point: SurfacePoint { face, barycentric: weights },
             uv,
-            pixel: cells.frame.pixel(uv),
+            pixel,
             field: VertexId::default(),
             taxel: TaxelId::default(),
             weights: FieldWeights::none(),
@@ -180,7 +190,7 @@ impl PatchCells {
     /// The cell of a point on a level's own mesh; its fields are the corners of its face.
     pub(super) fn own_cell(&self, level: LevelId, at: &SurfacePoint) -> Option<Cell> {
         let face = self.own_face(level, at.face)?;
-        Some(face.cell(level, *at, &self.levels[level].frame))
+        Some(face.cell(level, *at, &self.positions.frames[level]))
     }
 
     /// A face of a level's own mesh.
@@ -203,7 +213,9 @@ impl PatchCells {
         let face = *cells.first_faces.get(field)?;
         let barycentric = cells.triangles.get(face)?.map(|v| f64::from(u8::from(v == field)));
         let weights = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
-        Some(cells.cell(level, SurfacePoint { face, barycentric }, weights, cells.uv[field]))
+        let uv = cells.uv[field];
+        let position = MapPosition { level, uv, pixel: self.positions.frames[level].pixel(uv) };
+        Some(cells.cell(SurfacePoint { face, barycentric }, weights, position))
     }
 }
 
@@ -230,14 +242,12 @@ fn row_in(map: &MapLevel, face: FaceId, parts: impl Iterator<Item = (VertexId, f
     for (field, _) in fields.iter_mut().zip(weights).filter(|part| part.1 == 0.0) {
         *field = some;
     }
-    let uv = corners.into_iter().zip(weights).map(|(field, weight)| map.uv[field] * weight).sum();
-    Row { weights, uv, fields, face }
+    Row { weights, fields, face }
 }
 
 impl LevelCells {
     fn new(patch: &PatchMap, map: &MapLevel) -> Self {
         Self {
-            frame: map.frame,
             taxels: map.level.origins.map(|&origin| patch.taxels.ids[origin]),
             uv: map.uv.clone(),
             triangles: map.level.mesh.triangles.clone(),
@@ -246,16 +256,20 @@ impl LevelCells {
         }
     }
 
+    /// The cell of a point of level 0 on level 0.
+    #[inline(always)]
+    fn at_corners(&self, Anchor { at, corners, .. }: &Anchor, position: MapPosition) -> Cell {
+        self.cell(*at, FieldWeights::of_corners(*corners, at.barycentric), position)
+    }
+
     /// The cell at a point, of its fields and the strongest of them.
     #[inline(always)]
     fn cell(
         &self,
-        level: LevelId,
         point: SurfacePoint,
         (weights, field): (FieldWeights, VertexId),
-        uv: DVec2,
+        MapPosition { level, uv, pixel }: MapPosition,
     ) -> Cell {
-        let (pixel, taxel) = (self.frame.pixel(uv), self.taxels[field]);
-        Cell { level, point, uv, pixel, field, taxel, weights }
+        Cell { level, point, uv, pixel, field, taxel: self.taxels[field], weights }
     }
 }

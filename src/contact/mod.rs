@@ -12,9 +12,10 @@
 //!    `f64` on the vertices of the map.
 //! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal
 //!    (baerentzen2005).
-//! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of a level
-//!    ([`Cell`]): on level 0 by its barycentric coordinates, on a coarser one by the direct
-//!    prolongation of the face's corners.
+//! 4. [`ContactIndex::map_positions`] reads in constant time where a hit lies on the maps of all
+//!    levels ([`MapPosition`]): the mean of the corners of its face by its barycentric coordinates.
+//!    [`ContactIndex::cells`] adds the fields ([`Cell`]), on level 0 those of the corners, on a
+//!    coarser one by the direct prolongation of the corners.
 //!
 //! Besides the nearest point:
 //! - [`ContactIndex::reactive`] searches a coarse level alone. Each coarse face knows how far it and
@@ -55,9 +56,9 @@
 //! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
 //! nearest}` (the walk), `search/{first_hit, within, facing, points}` (other searches), `geometry`
-//! (exact measurements), `batch` (many queries), `cell` and `rows` (from a hit to the map), `coarse` (levels
-//! with their own trees), `queries` (levels alone, fields, rays, filters, forces), `plane_grid` and
-//! `back` (from the map to the skin).
+//! (exact measurements), `batch` (many queries), `positions`, `cell` and `rows` (from a hit to the
+//! map), `coarse` (levels with their own trees), `queries` (levels alone, fields, rays, filters,
+//! forces), `plane_grid` and `back` (from the map to the skin).
 //!
 //! The module is the only one that uses pulp and wide.
 //!
@@ -97,6 +98,7 @@ mod geometry;
 mod index;
 mod motion;
 mod plane_grid;
+mod positions;
 mod queries;
 mod query;
 mod rows;
@@ -109,6 +111,7 @@ pub use cell::Cell;
 pub use error::ContactError;
 pub use field_weights::FieldWeights;
 pub use index::{ContactIndex, IndexOptions};
+pub use positions::MapPosition;
 pub use queries::{Area, FieldHit, Filter, Press, Pressing, Reactive, Refined, Spreader};
 pub use query::{Cursor, Hit, Query};
 pub use search::{Packing, Side};

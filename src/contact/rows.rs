@@ -1,28 +1,37 @@
 //! [`Rows`]: what the coarser levels know of the vertices and faces of level 0, made ready to be added up.
 //!
-//! A contact reads the rows of the three corners of its face on all levels. Each row is one line of the
-//! cache, and those of a vertex on all levels are side by side, so that all of them are fetched at once.
-
-use crate::{
-    contact::field_weights::{FieldWeights, MOST_FIELDS},
-    id::{FaceId, IdVec, VertexId},
-    parallel::par_collect,
-};
+//! The fields of a contact on all levels take the rows of the three corners of its face; those of a
+//! vertex on all levels are side by side, so that all of them are fetched at once.
 
 use glam::DVec2;
 
+use crate::{
+    contact::{
+        field_weights::{FieldWeights, MOST_FIELDS},
+        positions::Positions,
+    },
+    id::{FaceId, IdVec, VertexId},
+    map::MapLevel,
+    parallel::par_collect,
+};
+
 /// A vertex of level 0 on a coarser level.
 #[derive(Debug, Clone, Copy, Default)]
-#[repr(align(64))]
 pub(super) struct Row {
     /// How much of each corner of the face it is.
     pub(super) weights: [f64; 3],
-    /// Where it lies on the map of the level, in m: the mean of the corners by their weights.
-    pub(super) uv: DVec2,
     /// The corners of the face; for those without weight again one with some.
     pub(super) fields: [VertexId; 3],
     /// See [`MapLevel::row_faces`](crate::map::MapLevel::row_faces).
     pub(super) face: FaceId,
+}
+
+impl Row {
+    /// Where it lies on the map of its level, if that is not cut, in m.
+    pub(super) fn position(&self, map: &MapLevel) -> DVec2 {
+        let corners = map.level.mesh.triangles[self.face];
+        corners.into_iter().zip(self.weights).map(|(field, weight)| map.uv[field] * weight).sum()
+    }
 }
 
 /// How the fields of the three rows of a face add up on one level: for each of the nine its place among
@@ -39,9 +48,6 @@ pub(super) struct Rows {
     unions: Vec<Union>,
     /// How many coarser levels there are.
     above: usize,
-    /// The corners of the faces as places of the map of level 0, where that is cut; else they are the
-    /// vertices.
-    places: Option<IdVec<FaceId, [VertexId; 3]>>,
 }
 
 /// Shares and weights from here on have products that do not round to zero.
@@ -81,8 +87,8 @@ impl Union {
         let Self(mut code) = self;
         let FieldWeights { len, fields, weights } = sums;
         *len = (code >> Self::LEN & 15) as usize;
-        // Which field is the strongest cannot be foreseen: without a branch, by the bits of sums above 0,
-        // which sort as they do.
+        // Which field is the strongest cannot be foreseen: without a branch, by the bits of sums
+        // above 0, which sort as they do.
         let (mut most, mut strongest) = (0, 0);
         let mut compare = |place: usize, sum: f64| {
             let is_most = sum.to_bits() > most;
@@ -120,11 +126,11 @@ impl Union {
 }
 
 impl Rows {
-    /// The rows of each place on the coarser levels, finest first; `places` as in [`Rows`].
+    /// The rows of each place on the coarser levels, finest first.
     pub(super) fn new(
         levels: &[IdVec<VertexId, Row>],
         triangles: &IdVec<FaceId, [VertexId; 3]>,
-        places: Option<IdVec<FaceId, [VertexId; 3]>>,
+        positions: &Positions,
     ) -> Self {
         let above = levels.len();
         let count = levels.first().map_or(0, |values| values.len());
@@ -133,26 +139,32 @@ impl Rows {
                 rows.extend(levels.iter().map(|level| level[place]));
             }
         });
-        let mut all = Self { rows, unions: Vec::new(), above, places };
+        let mut all = Self { rows, unions: Vec::new(), above };
         all.unions = par_collect(triangles.len(), |range, unions| {
             for face in range.map(FaceId::new) {
-                let corners = all.corners(face, triangles[face]);
+                let corners = positions.corners(face, triangles[face]);
                 unions.extend((0..above).map(|k| Union::new(all.of(corners, k))));
             }
         });
         all
     }
 
-    /// The corners of a face, by its vertices, as places that have rows.
-    #[inline(always)]
-    pub(super) fn corners(&self, face: FaceId, vertices: [VertexId; 3]) -> [VertexId; 3] {
-        self.places.as_ref().map_or(vertices, |places| places[face])
-    }
-
-    /// The rows of the corners of a face on the level `above + 1`.
+    /// The rows of the corners of a face, as places, on the level `above + 1`.
     #[inline(always)]
     pub(super) fn of(&self, corners: [VertexId; 3], above: usize) -> [&Row; 3] {
         corners.map(|place| &self.rows[place.index() * self.above + above])
+    }
+
+    /// Fetches all that the sums on all levels take at once: read level by level, each level would wait for
+    /// memory anew.
+    #[inline(always)]
+    pub(super) fn fetch(&self, face: FaceId, corners: [VertexId; 3]) {
+        let rows = corners.iter().flat_map(|place| {
+            let first = place.index() * self.above;
+            &self.rows[first..first + self.above]
+        });
+        let unions = self.unions.get(face.index() * self.above).map_or(0, |union| union.0);
+        std::hint::black_box(rows.fold(unions, |sum, row| sum ^ u64::from(row.face.raw())));
     }
 
     /// The sums of the weights of the fields of three rows of a face, each times its share; and the field of

@@ -175,7 +175,7 @@ impl<'a> Spreader<'a> {
                 continue;
             }
             let normal = patch.taxels.normals[hit.field];
-            let normal = if link.is_some() { normal } else { index.turned(hit.link, normal) };
+            let normal = if link.is_some() { normal } else { index.links[hit.link].pose.turned(normal) };
             let share = match *area {
                 Area::Sphere { centre, radius } => {
                     Sphere { centre, radius }.volume_under_disc(hit.position, normal, self.disc)
@@ -205,15 +205,4 @@ impl<'a> Spreader<'a> {
 
 fn works(patch: &PatchMap, taxel: VertexId) -> bool {
     patch.taxels.presence[taxel] == Presence::Present
-}
-
-impl ContactIndex {
-    /// A direction in the frame of a link, in the world as the link is posed now.
-    ///
-    /// # Panics
-    /// If there is no such link.
-    #[must_use]
-    pub fn turned(&self, link: LinkId, direction: DVec3) -> DVec3 {
-        self.links[link].pose.turned(direction)
-    }
 }

@@ -276,6 +276,7 @@ impl Rows<'_, '_> {
     fn fields(&mut self) {
         let Answers { robot, index, question, .. } = self.answers;
         let Query { point, link } = self.query;
+        let poses = index.poses();
         let mut is_far = true;
         for &level in &robot.levels {
             let found = match question {
@@ -289,8 +290,11 @@ impl Rows<'_, '_> {
             for field in found.unwrap_or_default() {
                 let Some(cell) = index.field_cell(&field) else { continue };
                 is_far = false;
-                let (patch, link) = (&robot.patches[field.patch].name, &robot.links[field.link]);
                 let normal = self.normal(&field);
+                // In the frame of the contact.
+                let normal =
+                    if link.is_some() { normal } else { poses[field.link].transform_vector3(normal) };
+                let (patch, link) = (&robot.patches[field.patch].name, &robot.links[field.link]);
                 let place = LookupPlace { patch, link, cell, position: field.position, normal };
                 self.row(level, field.distance, Some(place), 0.0);
             }
@@ -300,12 +304,11 @@ impl Rows<'_, '_> {
         }
     }
 
-    /// The normal of the taxel at the centre of a field, in the frame of the contact.
+    /// The normal of the taxel at the centre of a field, in the frame of its link.
     fn normal(&self, field: &FieldHit) -> DVec3 {
         let patch = &self.answers.robot.map.patches[field.patch];
         let taxel = patch.levels[field.level].level.origins[field.field];
-        let normal = patch.taxels.normals[taxel];
-        if self.query.link.is_some() { normal } else { self.answers.index.turned(field.link, normal) }
+        patch.taxels.normals[taxel]
     }
 
     /// Where the ray along the contact's normal meets the skin.
