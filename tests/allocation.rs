@@ -71,7 +71,7 @@ fn stream(map: &SkinMap, skin: &Skin, touches: &TouchOptions) {
         clip: Some([-1e9, 1e9]),
         ..ConditionOptions::default()
     };
-    let mut conditioner = Conditioner::new(map, &[simulation.channel.clone()], &options).unwrap();
+    let mut conditioner = Conditioner::new(map, std::slice::from_ref(&simulation.channel), &options).unwrap();
     let channels: Vec<Channel> = conditioner.channels.clone();
     let mut restrictor = Restrictor::new(map, &channels);
     let (mut contrast, mut edges) = (Contrast::new(map, &channels), Edges::new(map, &channels));

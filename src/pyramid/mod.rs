@@ -21,7 +21,7 @@
 //! Receptive areas are `a_coarse = P' a_fine`. The [`RemovalLog`] lets flattening undo the removals
 //! on the map.
 //!
-//! A patch that is mapped cut open ([`coarsen_cut`]) has the same seam on every level: its vertices
+//! A patch that is mapped cut open has the same seam on every level: its vertices
 //! are chosen like those of a boundary, and a star on the seam is filled on either side of it.
 //!
 //! Guaranteed: every level is an oriented manifold with the Euler characteristic and the boundary

@@ -10,8 +10,8 @@ use dermatome::{
     id::{FaceId, VertexId},
     mesh::{FillHoles, TriMesh, shapes},
     skin::{
-        self, AssembleOptions, Draft, Finding, FindingKind, Presence, RemarkKind, Sheet, SkinError, TaxelId,
-        Taxels, Weld,
+        self, AssembleOptions, Draft, Finding, FindingKind, PatchId, Presence, RemarkKind, Sheet, SkinError,
+        TaxelId, Taxels, Weld,
     },
 };
 use drafts::{assemble, cover, draft_of, kinds, only, sheet_of, soup, topology};
@@ -378,7 +378,7 @@ fn missing_ids_count_on_and_bad_areas_are_measured() {
     let ids: Vec<u32> =
         assembled.skin.patches.iter().flat_map(|p| p.taxels.ids.iter().map(|id| id.0)).collect();
     assert_eq!(ids, (1..=8).collect::<Vec<_>>());
-    let second = assembled.skin.patches.iter().nth(1).unwrap();
+    let second = &assembled.skin.patches[PatchId::new(1)];
     assert_eq!(*second.taxels.areas, [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
     assert_eq!(kinds(&assembled), ["AreasReplaced"].map(String::from).into());
     assert_eq!(check(&draft)[0].elements, [1, 2, 3]);

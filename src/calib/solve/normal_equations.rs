@@ -82,7 +82,7 @@ impl<'o> Problem<'o> {
         let Observations { edges, contacts, .. } = self.observations;
         let edge = |e: &Displacement| self.edge_chi2(e, poses);
         PerObservation {
-            edges: par_map(&edges, edge).into(),
+            edges: par_map(edges, edge).into(),
             contacts: contacts.map(|c| self.contact_chi2(&c.measurement, &poses[c.taxel])),
         }
     }
