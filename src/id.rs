@@ -97,18 +97,18 @@ pub(crate) use define_id;
 /// ```
 /// use dermatome::id::{IdVec, VertexId};
 ///
-/// let mut heights = IdVec::from(vec![0.1, 0.4]);
-/// let highest: VertexId = heights.push(0.7);
-/// assert_eq!(heights[highest], 0.7);
-/// assert_eq!(heights.iter().sum::<f64>() / heights.len() as f64, 0.4);
-/// assert_eq!(Vec::from(heights), [0.1, 0.4, 0.7]);
+/// let mut heights = IdVec::from(vec![0.25, 0.5]);
+/// let highest: VertexId = heights.push(0.75);
+/// assert_eq!(heights[highest], 0.75);
+/// assert_eq!(heights.iter().sum::<f64>() / heights.len() as f64, 0.5);
+/// assert_eq!(Vec::from(heights), [0.25, 0.5, 0.75]);
 /// ```
 ///
 /// A position is not an index, nor is an id of something else:
 ///
 /// ```compile_fail
 /// # use dermatome::id::{IdVec, VertexId};
-/// # let heights: IdVec<VertexId, f64> = IdVec::from(vec![0.1, 0.4]);
+/// # let heights: IdVec<VertexId, f64> = IdVec::from(vec![0.25, 0.5]);
 /// let height = heights[1];
 /// ```
 #[derive(Clone, PartialEq, Eq, Hash)]
