@@ -154,6 +154,24 @@ fn posing_a_blended_patch_allocates_nothing() {
     assert_eq!(allocation_counter::measure(frame).count_total, 0);
 }
 
+/// Vertices between links that are too far apart are named, and no link moves.
+#[test]
+fn a_patch_torn_too_far_moves_nothing() {
+    let map = robot();
+    let mut index = ContactIndex::new(&map).unwrap();
+    let half = [(LinkId::new(1), 0.1), (LinkId::new(2), 0.9), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
+    index.blend(PatchId::new(0), &mesh(&map, 0).positions.map(|_| half)).unwrap();
+    let (before, at) = (index.poses(), DVec3::new(0.02, 0.03, 0.2));
+    let hit = index.locate(at).unwrap();
+    let far = |x: f64| DAffine3::from_translation(DVec3::X * x);
+    let torn = index.move_links(&[(LinkId::new(1), far(-9e11)), (LinkId::new(2), far(9e11))]);
+    assert!(matches!(torn, Err(ContactError::TooLarge { .. })), "{torn:?}");
+    assert_eq!((index.poses(), index.locate(at).unwrap()), (before, hit));
+    let moved = index.poses().map(|pose| far(0.1) * *pose);
+    index.set_poses(&moved).unwrap();
+    assert!((index.locate(at + DVec3::X * 0.1).unwrap().distance - hit.distance).abs() < 1e-12);
+}
+
 #[test]
 fn wrong_joints_are_named() {
     let map = robot();

@@ -4,7 +4,7 @@
 use glam::{DAffine3, DVec3};
 
 use crate::{
-    contact::search::LARGEST,
+    contact::search::{LARGEST, Refitting},
     id::{IdVec, VertexId},
     skin::{Joints, LinkId},
 };
@@ -19,10 +19,9 @@ pub(super) struct Blend {
     pub(super) to_joint: IdVec<LinkId, DAffine3>,
     /// Where each link takes what it carries, in the frame of the patch's link.
     pub(super) carried: IdVec<LinkId, DAffine3>,
-    /// The vertices where the links take them, in the same frame.
+    /// The vertices where the links take them, in the same frame, until the tree is fitted to them.
     pub(super) positions: IdVec<VertexId, DVec3>,
-    /// Room for the vertices in the units of the tree.
-    pub(super) local: Vec<[f32; 3]>,
+    pub(super) refitting: Refitting,
 }
 
 impl Blend {

@@ -192,7 +192,7 @@ impl ContactIndex {
         for link in self.links.iter_mut() {
             link.pose = link.next;
         }
-        self.patches.iter_mut().try_for_each(IndexedPatch::bend)?;
+        self.patches.iter_mut().for_each(IndexedPatch::bend);
         self.update_posed_boxes();
         Ok(())
     }
@@ -393,13 +393,13 @@ impl ContactIndex {
 
 impl IndexedPatch {
     /// Fits the trees of a patch that follows several links to where its vertices are.
-    fn bend(&mut self) -> Result<(), ContactError> {
-        let Some(blend) = &mut self.blend else { return Ok(()) };
-        self.tree.refit("", &blend.positions, &mut blend.local)?;
+    fn bend(&mut self) {
+        let Some(blend) = &mut self.blend else { return };
+        self.tree.refit(&mut blend.positions, &mut blend.refitting);
         for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
-            *fields = PointTree::new(&origins.map(|&vertex| blend.positions[vertex]), |_| DVec3::ZERO);
+            let positions = &self.tree.mesh.positions;
+            *fields = PointTree::new(&origins.map(|&vertex| positions[vertex]), |_| DVec3::ZERO);
         }
-        Ok(())
     }
 
     /// The level that answers for `level`: the coarsest, if the patch does not reach up to it.

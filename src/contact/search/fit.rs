@@ -25,8 +25,9 @@ pub(super) fn put<const N: usize>(points: &mut Points<N>, lane: usize, primitive
 const EMPTY: Extent = (DVec3::INFINITY, DVec3::NEG_INFINITY);
 
 impl Tree {
-    /// Fits all boxes to the primitives. `gather` sets the points of those in a packet, from which `area`
-    /// gives the sum of their areas with direction; each packet is asked for once. Nothing is allocated.
+    /// Fits all boxes to the primitives. `gather` sets the points of those in a packet, by its
+    /// number and theirs, from which `area` gives the sum of their areas with direction; each
+    /// packet is asked for once. Nothing is allocated.
     ///
     /// The axes of a node turn with the mean normal of the skin below it. A packet's box follows its
     /// points; those of the nodes above follow the boxes of all packets below them, not of the nodes
@@ -34,7 +35,7 @@ impl Tree {
     pub(super) fn fit<const N: usize>(
         &mut self,
         simd: Simd,
-        gather: impl Fn(&[u32; LANES], &mut Points<N>),
+        gather: impl Fn(usize, &[u32; LANES], &mut Points<N>),
         mut area: impl FnMut(usize, &Points<N>) -> DVec3,
     ) {
         self.fit_node(simd, 0, &gather, &mut area);
@@ -46,7 +47,7 @@ impl Tree {
         &mut self,
         simd: Simd,
         index: usize,
-        gather: &impl Fn(&[u32; LANES], &mut Points<N>),
+        gather: &impl Fn(usize, &[u32; LANES], &mut Points<N>),
         area_of: &mut impl FnMut(usize, &Points<N>) -> DVec3,
     ) -> (DVec3, f64) {
         let node = self.nodes[index];
@@ -54,19 +55,24 @@ impl Tree {
         // All first: points just written one by one cannot be read at once without waiting.
         for (child, points) in node.children().zip(&mut points) {
             if let Target::Packet(packet) = child.target() {
-                gather(&self.packets[packet], points);
+                gather(packet, &self.packets[packet], points);
             }
         }
         let (mut area, mut total) = (DVec3::ZERO, 0.0);
-        for (child, points) in node.children().zip(&points) {
-            let (below, length) = match child.target() {
-                Target::Node(below) => self.fit_node(simd, below, gather, area_of),
-                Target::Packet(packet) => {
-                    let area = area_of(packet, points);
-                    (area, area.length())
+        // The last first: in the order of memory, since what is below the last child was numbered
+        // first.
+        for (child, points) in node.children().zip(&points).rev() {
+            match child.target() {
+                Target::Node(below) => {
+                    let (below, length) = self.fit_node(simd, below, gather, area_of);
+                    (area, total) = (area + below, total + length);
                 }
-            };
-            (area, total) = (area + below, total + length);
+                Target::Packet(packet) => {
+                    let below = area_of(packet, points);
+                    total += below.length();
+                    area += below;
+                }
+            }
         }
         let axes = turned(node.axes(), area, total);
         let mut boxes = [EMPTY; LANES];
@@ -114,7 +120,7 @@ impl<const N: usize> Kernel for Around<'_, N> {
                 let along = l.mul_add(x, px, l.mul_add(y, py, l.mul(z, pz)));
                 (least, most) = (l.min(least, along), l.max(most, along));
             }
-            (lo[k], hi[k]) = (f64::from(least_of(&l.store(least))), f64::from(most_of(&l.store(most))));
+            (lo[k], hi[k]) = (f64::from(least_of(l.store(least))), f64::from(most_of(l.store(most))));
         }
         (lo, hi)
     }

@@ -146,24 +146,23 @@ impl Lanes for Plain {
     }
 }
 
-/// The least of some numbers.
+/// The least number.
 #[inline(always)]
-pub(super) fn least_of(numbers: &[f32]) -> f32 {
-    let mut least = f32::INFINITY;
-    for &x in numbers {
-        least = if x < least { x } else { least };
-    }
-    least
+pub(super) fn least_of(numbers: [f32; LANES]) -> f32 {
+    let [a, b, c, d, e, f, g, h] = numbers;
+    let (ae, bf, cg, dh) = (lesser(a, e), lesser(b, f), lesser(c, g), lesser(d, h));
+    lesser(lesser(ae, cg), lesser(bf, dh))
 }
 
-/// The largest of some numbers.
+/// The largest number.
 #[inline(always)]
-pub(super) fn most_of(numbers: &[f32]) -> f32 {
-    let mut most = f32::NEG_INFINITY;
-    for &x in numbers {
-        most = if x > most { x } else { most };
-    }
-    most
+pub(super) fn most_of(numbers: [f32; LANES]) -> f32 {
+    -least_of(numbers.map(|x| -x))
+}
+
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// What is computed with one way or another.

@@ -26,7 +26,7 @@ pub(super) use facing::Facing;
 pub use facing::Side;
 pub(super) use nearest::{Best, Search};
 pub use patch_bvh::Packing;
-pub(super) use patch_bvh::PatchBvh;
+pub(super) use patch_bvh::{PatchBvh, Refitting};
 pub(super) use points::PointTree;
 pub(super) use posed_boxes::PosedBoxes;
 pub(super) use rounding::LARGEST;

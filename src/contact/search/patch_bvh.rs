@@ -38,6 +38,16 @@ pub(crate) struct PatchBvh {
     pub(super) simd: Simd,
 }
 
+/// What moving the vertices of a patch takes besides its tree, so that nothing is allocated then.
+#[derive(Debug, Clone, Default)]
+pub(in crate::contact) struct Refitting {
+    /// For each packet the corners of its faces side by side, which lie scattered in the mesh.
+    corners: Vec<[[VertexId; LANES]; 3]>,
+    /// Room for the vertices in the tree's units, since each belongs to some six faces. The search's
+    /// slack includes their rounding.
+    local: Vec<[f32; 3]>,
+}
+
 impl PatchBvh {
     pub(crate) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
         Self::packed(patch, mesh, Packing::Fast)
@@ -66,53 +76,52 @@ impl PatchBvh {
         let packets = if packing == Packing::Fast { tree.packets.len() } else { 0 };
         let triangles = vec![Triangle8::default(); packets];
         let mut patch = Self { mesh: mesh.clone(), corners, tree, triangles, frame, simd: Simd::detect() };
-        patch.fit(&mut Vec::new());
+        patch.fit(&mut patch.refitting());
         Ok(patch)
     }
 
-    /// Moves the vertices, one position (m, in the link's frame) per vertex of the mesh, and fits the
-    /// tree to them: the faces stay in the packets they are in, which is cheaper than a new tree,
-    /// and as fast to search as long as neighbours stay neighbours. Nothing is allocated if `local` has
-    /// room for all vertices; what is in it does not matter.
-    ///
-    /// # Errors
-    /// If a coordinate is too large or not a number; then nothing has moved.
-    ///
-    /// # Panics
-    /// If there is not one position per vertex.
-    pub(in crate::contact) fn refit(
-        &mut self,
-        patch: &str,
-        positions: &IdVec<VertexId, DVec3>,
-        local: &mut Vec<[f32; 3]>,
-    ) -> Result<(), ContactError> {
-        check(patch, positions)?;
-        self.mesh.positions.copy_from_slice(positions);
-        self.frame = Frame::around(used(&self.mesh.positions, &self.corners));
-        self.fit(local);
-        Ok(())
+    /// What [`Self::refit`] takes.
+    pub(in crate::contact) fn refitting(&self) -> Refitting {
+        let corners = |packet: &[u32; LANES]| {
+            let faces = packet.map(|face| self.mesh.triangles[FaceId::from(face)]);
+            [0, 1, 2].map(|k| faces.map(|corners| corners[k]))
+        };
+        let corners = self.tree.packets.iter().map(corners).collect();
+        Refitting { corners, local: Vec::with_capacity(self.mesh.positions.len()) }
     }
 
-    /// Fits the tree to the mesh; `local` gets the vertices in the tree's units, since each belongs to
-    /// some six faces. The search's slack includes their rounding.
-    fn fit(&mut self, local: &mut Vec<[f32; 3]>) {
+    /// Moves the vertices, one position (m, in the link's frame; finite, at most [`LARGEST`]) per vertex
+    /// of the mesh, and fits the tree to them: the faces stay in the packets they are in, which is
+    /// cheaper than a new tree, and as fast to search as long as neighbours stay neighbours. Leaves the
+    /// old positions in `positions`. Nothing is allocated.
+    pub(in crate::contact) fn refit(
+        &mut self,
+        positions: &mut IdVec<VertexId, DVec3>,
+        refitting: &mut Refitting,
+    ) {
+        debug_assert_eq!(positions.len(), self.mesh.positions.len());
+        std::mem::swap(&mut self.mesh.positions, positions);
+        self.frame = Frame::around(used(&self.mesh.positions, &self.corners));
+        self.fit(refitting);
+    }
+
+    /// Fits the tree to the mesh.
+    fn fit(&mut self, Refitting { corners, local }: &mut Refitting) {
         let Self { mesh, tree, triangles, frame, simd, .. } = self;
         local.clear();
         local.extend(mesh.positions.iter().map(|p| frame.point(*p).as_vec3().to_array()));
-        let local = local.as_slice();
-        let gather = |faces: &[u32; LANES], points: &mut Points<3>| {
-            for (lane, &face) in faces.iter().enumerate() {
-                for (point, v) in points.iter_mut().zip(mesh.triangles[FaceId::from(face)]) {
+        let (corners, local) = (corners.as_slice(), local.as_slice());
+        let gather = |packet: usize, _: &[u32; LANES], points: &mut Points<3>| {
+            for (point, ids) in points.iter_mut().zip(&corners[packet]) {
+                for (lane, v) in ids.iter().enumerate() {
                     let p = local[v.index()];
                     (point[0][lane], point[1][lane], point[2][lane]) = (p[0], p[1], p[2]);
                 }
             }
         };
-        tree.fit(*simd, gather, |packet, points| {
-            if let Some(triangles) = triangles.get_mut(packet) {
-                triangles.set(*simd, points);
-            }
-            simd.run(Normals(points))
+        tree.fit(*simd, gather, |packet, points| match triangles.get_mut(packet) {
+            Some(triangles) => triangles.set(*simd, points),
+            None => simd.run(Normals(points)),
         });
     }
 
@@ -214,25 +223,16 @@ mod tests {
         let new = PatchBvh::new("roll", &rolled).unwrap();
         for packing in [Packing::Fast, Packing::Compact] {
             let mut fitted = PatchBvh::packed("sheet", &sheet, packing).unwrap();
-            let mut local = Vec::with_capacity(rolled.positions.len());
-            let allocated = allocation_counter::measure(|| {
-                fitted.refit("sheet", &rolled.positions, &mut local).unwrap();
-            });
+            let (mut positions, mut refitting) = (rolled.positions.clone(), fitted.refitting());
+            let allocated = allocation_counter::measure(|| fitted.refit(&mut positions, &mut refitting));
             assert_eq!(allocated.count_total, 0, "a refit allocates nothing");
+            assert_eq!(positions, sheet.positions);
             for k in 0..500_u32 {
                 let q =
                     rolled.positions[VertexId::from(k)] * (1.0 + 0.01 * f64::from(k % 7)) - DVec3::X * 0.003;
                 assert_eq!(nearest(&fitted, q), nearest(&new, q), "from {q}");
             }
         }
-        let mut broken = rolled.positions.clone();
-        broken[VertexId::new(3)].y = f64::NAN;
-        let mut fitted = new.clone();
-        assert!(matches!(
-            fitted.refit("sheet", &broken, &mut Vec::new()),
-            Err(ContactError::TooLarge { .. })
-        ));
-        assert_eq!(fitted.mesh.positions, rolled.positions, "nothing has moved");
     }
 
     proptest! {
@@ -250,8 +250,9 @@ mod tests {
             let (before, mut after) = (soup::mesh(&before), soup::mesh(&after));
             after.positions = after.positions.map(|p| *p * size + DVec3::Y);
             let mut patch = PatchBvh::new("soup", &before).unwrap();
+            let mut refitting = patch.refitting();
             for mesh in [&after, &before] {
-                patch.refit("soup", &mesh.positions, &mut Vec::new()).unwrap();
+                patch.refit(&mut mesh.positions.clone(), &mut refitting);
                 for direction in &directions {
                     let q = mesh.positions[VertexId::new(0)] + DVec3::from(*direction) * size;
                     let each = mesh.triangles.ids().map(|f| (f, patch.measure(q, f)));

@@ -51,7 +51,7 @@ impl PointTree {
         let tree = (!points.is_empty()).then(|| {
             let primitives: Vec<_> = points.ids().map(|v| primitive(v.raw())).collect();
             let mut tree = Tree::new(&primitives);
-            let gather = |ids: &[u32; LANES], points: &mut Points<1>| {
+            let gather = |_, ids: &[u32; LANES], points: &mut Points<1>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, [at(id)]));
             };
             let packets = tree.packets.clone();

@@ -44,7 +44,7 @@ impl PosedBoxes {
             #[expect(clippy::cast_possible_truncation, reason = "patches have ids of 32 bits")]
             let mut tree = Tree::new(&(0..patches as u32).map(primitive).collect::<Vec<_>>());
             let ends = |id: u32| [at(id).lo, at(id).hi].map(|p| frame.point(p));
-            let gather = |ids: &[u32; LANES], points: &mut Points<2>| {
+            let gather = |_, ids: &[u32; LANES], points: &mut Points<2>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, ends(id)));
             };
             tree.fit(Simd::detect(), gather, |_, _| DVec3::ZERO);

@@ -244,7 +244,7 @@ mod tests {
             };
             let count = u32::try_from(corners.len()).unwrap();
             let mut tree = Tree::new(&(0..count).map(primitive).collect::<Vec<_>>());
-            let gather = |ids: &[u32; LANES], points: &mut Points<3>| {
+            let gather = |_, ids: &[u32; LANES], points: &mut Points<3>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, corners[id as usize]));
             };
             tree.fit(Simd::detect(), gather, |_, _| DVec3::Z);

@@ -25,9 +25,10 @@ pub(super) struct Triangle8 {
 }
 
 impl Triangle8 {
-    /// Sets eight triangles by their corners, in the tree's units.
-    pub(super) fn set(&mut self, simd: Simd, corners: &Points<3>) {
-        simd.run(Framing(corners, &mut self.rows));
+    /// Sets eight triangles by their corners, in the tree's units; returns the sum of their
+    /// [normals](Normals).
+    pub(super) fn set(&mut self, simd: Simd, corners: &Points<3>) -> DVec3 {
+        simd.run(Framing(corners, &mut self.rows))
     }
 
     /// Squared distances of `q` to the triangles, wrong by less than the search's slack.
@@ -70,10 +71,10 @@ impl Triangle8 {
 struct Framing<'a>(&'a Points<3>, &'a mut [[f32; LANES]; 12]);
 
 impl Kernel for Framing<'_> {
-    type Output = ();
+    type Output = DVec3;
 
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) {
+    fn run<L: Lanes>(self, l: L) -> DVec3 {
         let Self(corners, rows) = self;
         let (zero, one, shortest) = (l.splat(0.0), l.splat(1.0), l.splat(SHORTEST_SQUARED));
         let always = (zero, zero);
@@ -102,6 +103,7 @@ impl Kernel for Framing<'_> {
         put(l, rows, 3, &x);
         put(l, rows, 6, &y);
         put(l, rows, 9, &[base, dot(l, &third, &x), l.max(dot(l, &third, &y), zero)]);
+        Normals(corners).run(l)
     }
 }
 
@@ -117,9 +119,8 @@ impl Kernel for Normals<'_> {
         let normals = cross(l, &minus(l, &b, &a), &minus(l, &c, &a));
         let mut sum = DVec3::ZERO;
         for k in 0..3 {
-            for x in l.store(normals[k]) {
-                sum[k] += f64::from(x);
-            }
+            let [a, b, c, d, e, f, g, h] = l.store(normals[k]);
+            sum[k] = f64::from(((a + e) + (b + f)) + ((c + g) + (d + h)));
         }
         sum
     }
