@@ -21,12 +21,14 @@
 
 use crate::flatten::{
     FlattenError,
-    bijective::overlap::overlaps,
     domain::{elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification},
-    energy::{newton::NewtonLimits, objective::Objective},
+    energy::newton::NewtonLimits,
     levels::{
         insertion::Insertion,
-        relax::{Goal, Relaxed, Start, Walls, make_locally_injective, minimise_from_scratch, relax},
+        relax::{
+            Goal, Relaxed, Start, Walls, better, make_locally_injective, minimise_from_scratch, past_needles,
+            relax,
+        },
     },
 };
 
@@ -53,14 +55,11 @@ pub(crate) fn refine(
 ) -> Result<Relaxed, FlattenError> {
     let inserted = insert(start, walls, magnification, goal)?;
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
-    let inherited = relax(domain, Start::Near(start, walls), goal, None)?;
+    let inherited = past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), walls)))?;
     if domain.vertices() > RESTARTED {
         return Ok(inherited);
     }
-    let objective = Objective::new(&domain.elements, goal.energy);
-    let rank = |map: &Relaxed| (overlaps(domain.mesh, &map.uv), objective.energy(&map.uv));
-    let fresh = minimise_from_scratch(domain, goal, None)?;
-    Ok(if rank(&fresh) < rank(&inherited) { fresh } else { inherited })
+    Ok(better(domain, goal, inherited, minimise_from_scratch(domain, goal, None)?))
 }
 
 /// All vertices of a level on the map (m) of the next coarser level: at once if every one has a
