@@ -152,10 +152,7 @@ fn prescribed_by(
 
 /// The pyramid of a mesh with a taxel at every vertex.
 fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
-    let mut taxels = Taxels::from(mesh);
-    // A vertex between faces without area still needs a field.
-    let least = mesh.area() / mesh.positions.len() as f64 * f64::EPSILON;
-    taxels.areas.iter_mut().for_each(|a| *a = a.max(least));
+    let taxels = Taxels { areas: mesh.positive_vertex_areas(), ..Taxels::from(mesh) };
     Ok(coarsen(mesh, &taxels, &CoarsenOptions::default())?)
 }
 

@@ -95,6 +95,14 @@ impl TriMesh {
         areas
     }
 
+    /// The same, but next to nothing at a vertex between faces without area, which still needs a field.
+    pub(crate) fn positive_vertex_areas(&self) -> IdVec<VertexId, f64> {
+        let mut areas = self.vertex_areas();
+        let least = self.area() / self.positions.len() as f64 * f64::EPSILON;
+        areas.iter_mut().for_each(|area| *area = area.max(least));
+        areas
+    }
+
     /// Unit normals, the area-weighted mean of the faces around each vertex; zero where that has no
     /// direction.
     #[must_use]

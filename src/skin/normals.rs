@@ -122,7 +122,8 @@ pub(super) fn mean_directions(
     sums.map(|n| n.normalize_or_zero())
 }
 
-/// Unit normals of the faces around each vertex; zero only where these have no direction at all.
+/// Unit normals of the faces around each vertex; where these have no direction at all, that of the
+/// vertices next to it.
 pub(super) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
     let mut normals = mesh.vertex_normals();
     // Where opposite faces cancel, and where areas are too small for their squares, take any face.
@@ -131,6 +132,23 @@ pub(super) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
             if normals[v] == DVec3::ZERO {
                 normals[v] = face_direction(mesh, face);
             }
+        }
+    }
+    // Each time the vertices next to some with a direction get one.
+    while normals.contains(&DVec3::ZERO) {
+        let mut around = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, normals.len());
+        for corners in &mesh.triangles {
+            let sum: DVec3 = corners.iter().map(|&v| normals[v]).sum();
+            corners.iter().for_each(|&v| around[v] += sum);
+        }
+        let mut is_done = true;
+        for (normal, around) in normals.iter_mut().zip(&around).filter(|(normal, _)| **normal == DVec3::ZERO)
+        {
+            *normal = around.normalize_or_zero();
+            is_done &= *normal == DVec3::ZERO;
+        }
+        if is_done {
+            break;
         }
     }
     normals

@@ -640,6 +640,40 @@ fn damaged_sheet() -> impl Strategy<Value = Sheet> {
         })
 }
 
+/// Some CAD files have strips of points that rounding put on a line: the faces around the one in the
+/// middle have no area, and none of their edges can be flipped. It is a taxel all the same.
+#[test]
+fn a_taxel_between_faces_without_area_is_kept() {
+    let mm = |x: f64, y: f64, z: f64| 1e-3 * DVec3::new(x, y, z);
+    let around = [(0.0, -0.9, 5.8), (0.0, 5.9, -9.9), (2.2, 9.8, -3.1)].map(|(x, y, z)| mm(x, y, z));
+    let beyond = [(-4.0, -7.3, 5.7), (-4.0, -6.2, -1.8), (-4.0, -3.2, -8.7)].map(|(x, y, z)| mm(x, y, z));
+    let strip = [-1.0, 0.0, 1.0, 1.6, 2.0].map(|z| mm(0.0, 0.0, 1e-5 * z));
+    let positions: Vec<DVec3> =
+        beyond.into_iter().chain([around[0]]).chain(strip).chain([around[1], around[2]]).collect();
+    let triangles = [
+        [3, 8, 10],
+        [5, 8, 7],
+        [5, 4, 8],
+        [9, 10, 4],
+        [4, 10, 8],
+        [4, 5, 6],
+        [6, 5, 7],
+        [8, 0, 7],
+        [0, 8, 3],
+        [9, 4, 2],
+        [6, 2, 4],
+        [6, 7, 2],
+        [1, 7, 0],
+        [7, 1, 2],
+    ];
+    let assembled =
+        assemble(&draft_of(sheet_of("strip", &TriMesh::from_arrays(positions, &triangles)))).unwrap();
+    assert!(kinds(&assembled).contains("ZeroAreaKept"), "{:?}", assembled.remarks);
+    let taxels = &assembled.skin.patches[PatchId::new(0)].taxels;
+    assert_eq!(taxels.ids.len(), 11);
+    assert!(taxels.areas.iter().any(|area| *area < 1e-20), "one has next to nothing");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 

@@ -117,7 +117,7 @@ fn areas(
     mesh: &TriMesh,
     remarks: &mut Vec<RemarkKind>,
 ) -> IdVec<VertexId, f64> {
-    let mut areas = mesh.vertex_areas();
+    let mut areas = mesh.positive_vertex_areas();
     let Some(given) = &sheet.areas else { return areas };
     let mut replaced = Vec::new();
     for (area, &v) in areas.iter_mut().zip(vertices) {
