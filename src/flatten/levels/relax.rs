@@ -117,13 +117,10 @@ impl Relaxed {
     /// Whether the descent ended where faces of a poor map have collapsed: no step gets past them, so a
     /// small one does not mean a minimum.
     fn is_caught(&self, domain: &FlattenDomain<'_>) -> bool {
-        let has_collapsed = || {
-            let singular = domain.elements.faces.iter().map(|e| e.singular_values(&self.uv));
-            singular.into_iter().any(|s| s.s1 >= COLLAPSED * s.s2.abs())
-        };
+        let mut singular = domain.elements.faces.iter().map(|e| e.singular_values(&self.uv));
         self.convergence.gradient >= ENOUGH
             && dirichlet(&domain.elements, &self.uv).0 >= POOR
-            && has_collapsed()
+            && singular.any(|s| s.s1 >= COLLAPSED * s.s2.abs())
     }
 }
 
