@@ -8,7 +8,7 @@ use crate::{
     cut::{CutError, CutMesh},
     id::{FaceId, IdVec, VertexId},
     mesh::{Adjacency, Halfedge, TriMesh},
-    numeric::DisjointSets,
+    numeric::{DisjointSets, order_by},
 };
 
 /// A chart of a patch.
@@ -91,9 +91,11 @@ impl<'m> Division<'m> {
                 *lengths.entry([a.min(b), a.max(b)]).or_default() += from.distance(to);
             }
         }
-        let mut all: Vec<_> = lengths.into_iter().collect();
-        all.sort_by(|a, b| b.1.total_cmp(&a.1));
-        all.into_iter().map(|(pair, _)| pair).collect()
+        let (pairs, lengths): (Vec<_>, Vec<_>) = lengths.into_iter().unzip();
+        order_by(pairs.len(), &|a, b| lengths[b].total_cmp(&lengths[a]))
+            .into_iter()
+            .map(|k| pairs[k])
+            .collect()
     }
 
     /// The patch cut along the borders of charts that hold all of its faces, and along their cuts.

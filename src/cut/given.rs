@@ -1,6 +1,6 @@
 //! Seams that a user gives, as pairs of taxels.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use crate::{
     cut::{
@@ -20,7 +20,7 @@ pub(crate) fn pairs_by_patch<'a>(
     pairs: &[[TaxelId; 2]],
     patches: impl Iterator<Item = &'a Taxels>,
 ) -> Result<IdVec<PatchId, Vec<[VertexId; 2]>>, CutError> {
-    let mut places: BTreeMap<TaxelId, Vec<(PatchId, VertexId)>> =
+    let mut places: HashMap<TaxelId, Vec<(PatchId, VertexId)>> =
         pairs.iter().flatten().map(|&id| (id, Vec::new())).collect();
     let mut found = IdVec::default();
     for taxels in patches {

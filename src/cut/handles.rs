@@ -27,12 +27,13 @@ pub(super) fn open_handles(graph: &SeamGraph<'_>) -> Seam {
 
 fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> Seam {
     let tree = graph.paths.tree(&graph.weights, std::iter::once(root));
-    let in_tree: BTreeSet<_> = tree.parents.iter().flatten().map(|&(_, edge)| edge).collect();
+    let mut in_tree = IdVec::<EdgeId, _>::filled(false, graph.ends.len());
+    tree.parents.iter().flatten().for_each(|&(_, edge)| in_tree[edge] = true);
     let length = |e| {
         let [a, b] = graph.ends[e];
         tree.distances[a].saturating_add(tree.distances[b]).saturating_add(graph.weights[e])
     };
-    let rest: Vec<_> = graph.ends.ids().filter(|e| !in_tree.contains(e)).collect();
+    let rest: Vec<_> = graph.ends.ids().filter(|&e| !in_tree[e]).collect();
     let lengths: Vec<_> = rest.iter().map(|&e| length(e)).collect();
     let mut faces_of = IdVec::<EdgeId, _>::filled([FaceId::default(); 2], graph.ends.len());
     for face in graph.closed.triangles.ids() {
@@ -73,16 +74,15 @@ pub(super) fn far_pair(graph: &SeamGraph<'_>) -> [VertexId; 2] {
 pub(super) fn join(graph: &SeamGraph<'_>, seam: &Seam, ends: &BTreeSet<VertexId>) -> Seam {
     let mut seam = seam.clone();
     let mut here = graph.vertices(&seam);
-    let mut left: BTreeSet<VertexId> = ends.difference(&here).copied().collect();
+    let mut left = ends - &here;
     if here.is_empty() {
         here.extend(left.pop_first());
     }
     while !left.is_empty() {
         let Some(way) = graph.way(&here, &left) else { break };
-        let reached: BTreeSet<_> = way.iter().flat_map(|&e| graph.ends[e]).collect();
+        here.extend(way.iter().flat_map(|&e| graph.ends[e]));
         seam.extend(way);
-        left.retain(|v| !reached.contains(v));
-        here.extend(reached);
+        left.retain(|v| !here.contains(v));
     }
     seam
 }

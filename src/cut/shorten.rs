@@ -1,6 +1,6 @@
 //! Makes a seam shorter without changing what it opens.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 
 use crate::{
     cut::seam_graph::{EdgeId, Paths, Seam, SeamGraph},
@@ -81,9 +81,11 @@ fn replacement(graph: &SeamGraph<'_>, other: &Seam, chain: &Chain) -> Option<Vec
     other.iter().map(|&e| graph.ends[e]).for_each(|[a, b]| pieces.join(a, b));
     let [a, b] = chain.ends.map(|v| pieces.root(v));
     if a != b {
-        let mut piece = |root: VertexId, end: VertexId| -> BTreeSet<VertexId> {
-            let vertices = graph.vertices(other).into_iter().chain([end]);
-            vertices.filter(|&v| pieces.root(v) == root).collect()
+        let mut piece = |root: VertexId, end: VertexId| {
+            let mut vertices = graph.vertices(other);
+            vertices.insert(end);
+            vertices.retain(|&v| pieces.root(v) == root);
+            vertices
         };
         let (from, to) = (piece(a, chain.ends[0]), piece(b, chain.ends[1]));
         return graph.way(&from, &to);
@@ -93,6 +95,6 @@ fn replacement(graph: &SeamGraph<'_>, other: &Seam, chain: &Chain) -> Option<Vec
     let rims = boundary_loops(&mesh);
     let [from, to] = rims.as_slice() else { return None };
     let paths = Paths::new(open.unsplit.len(), &open.triangles, &graph.edge_of);
-    let to: BTreeSet<VertexId> = to.iter().copied().collect();
+    let to: HashSet<VertexId> = to.iter().copied().collect();
     paths.shortest(&graph.weights, from.iter().copied(), |v| to.contains(&v))
 }

@@ -207,10 +207,8 @@ fn report(
     images: &[TactileImage],
     found: Option<(usize, Option<f64>)>,
 ) -> Value {
-    let size: Map<_, _> = images
-        .iter()
-        .map(|image| (image.name.clone(), json!([image.size_px[1], image.size_px[0]])))
-        .collect();
+    let mut size = Map::new();
+    size.extend(images.iter().map(|image| (image.name.clone(), json!([image.size_px[1], image.size_px[0]]))));
     let mut report = json!({
         "frames": tally.frames,
         "channels": channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect::<Vec<_>>(),

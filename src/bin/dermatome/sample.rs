@@ -223,7 +223,9 @@ fn image(renderer: &Renderer<'_>, layer: &ImageLayer, channels: &[Channel]) -> T
 fn levels(atlas: &Atlas, images: &[TactileImage]) -> Vec<(PatchId, LevelId)> {
     let shown = atlas.parts.iter().filter(|part| images.iter().any(|image| image.name == part.name));
     let charts = shown.flat_map(|part| part.charts.iter().map(|chart| (chart.patch, part.level)));
-    charts.collect::<BTreeSet<_>>().into_iter().collect()
+    let mut levels = BTreeSet::new();
+    levels.extend(charts);
+    levels.into_iter().collect()
 }
 
 /// Prints the round-trip residuals.
@@ -265,7 +267,8 @@ fn report(
     }
     if args.json {
         let names: Vec<_> = images.iter().map(|image| &image.name).collect();
-        let patches: BTreeSet<_> = levels.iter().map(|(patch, _)| &map.patches[*patch].name).collect();
+        let mut patches = BTreeSet::new();
+        patches.extend(levels.iter().map(|(patch, _)| &map.patches[*patch].name));
         let report = json!({ "images": names, "patches": patches, "channels": of_channels });
         return print_json("dermatome.sample/1", &report);
     }

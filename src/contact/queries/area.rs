@@ -132,7 +132,7 @@ impl ContactIndex {
             hits.extend(found.iter().map(|&found| self.field_hit(&query, (id, level), points, found)));
             reach
         })?;
-        hits.sort_by_key(|hit| (hit.patch, hit.field));
+        hits.sort_unstable_by_key(|hit| (hit.patch, hit.field));
         Ok(hits)
     }
 

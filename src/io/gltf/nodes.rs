@@ -2,7 +2,7 @@
 
 use std::{
     cmp::Reverse,
-    collections::{BTreeSet, BinaryHeap},
+    collections::{BinaryHeap, HashSet},
 };
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
@@ -178,7 +178,7 @@ impl Nodes<'_> {
 /// Puts the meshes that no node carries onto one link at the origin.
 fn place_library(document: &Document, tree: &mut Tree) {
     let root = document.root();
-    let carried: BTreeSet<_> = root.nodes.iter().filter_map(|node| node.mesh).map(|m| m.value()).collect();
+    let carried: HashSet<_> = root.nodes.iter().filter_map(|node| node.mesh).map(|m| m.value()).collect();
     let mut origin = None;
     for (mesh, json) in root.meshes.iter().enumerate().filter(|(i, _)| !carried.contains(i)) {
         let frame = *origin.get_or_insert_with(|| NodeFrame::at_origin(tree, None));

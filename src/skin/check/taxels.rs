@@ -1,6 +1,6 @@
 //! Positions, ids and quantities of taxels.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
@@ -92,7 +92,7 @@ pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
     report.add(FindingKind::PlaceholderId, numbers(placeholders.iter().map(|(v, _)| v.raw())), |n| {
         format!("{n} taxels have a placeholder id: 0 or {}", u32::MAX)
     });
-    let different = repeated.iter().map(|(_, id)| id).collect::<std::collections::BTreeSet<_>>().len();
+    let different = repeated.iter().map(|(_, id)| id).collect::<HashSet<_>>().len();
     report.add(FindingKind::DuplicateId, numbers(repeated.iter().map(|(v, _)| v.raw())), |n| {
         format!("{n} taxels share {different} ids: readings cannot tell them apart")
     });

@@ -2,7 +2,7 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    numeric::DisjointSets,
+    numeric::{DisjointSets, order_by},
     skin::check::{
         FindingKind,
         report::{Report, Subject, numbers},
@@ -87,10 +87,10 @@ fn boundary_loops(subject: &Subject<'_>) -> Vec<Loop> {
         boundary.push((a, mesh.positions[a].distance(mesh.positions[b]), piece));
         boundary.push((b, 0.0, piece));
     }
-    boundary.sort_unstable_by_key(|&(v, ..)| v);
+    let order = order_by(boundary.len(), &|a, b| boundary[a].0.cmp(&boundary[b].0));
     let mut place = IdVec::<VertexId, usize>::filled(usize::MAX, mesh.positions.len());
     let mut loops: Vec<Loop> = Vec::new();
-    for (v, length, piece) in boundary {
+    for (v, length, piece) in order.into_iter().map(|k| boundary[k]) {
         let at = &mut place[sets.root(v)];
         if *at == usize::MAX {
             *at = loops.len();

@@ -4,7 +4,7 @@
 
 use crate::{
     id::{FaceId, VertexId},
-    numeric::argsort,
+    numeric::{argsort, order_by},
     skin::triangulate::{
         growing_mesh::{GrowingMesh, Opening},
         points::point_cloud::PointCloud,
@@ -109,9 +109,9 @@ pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'
         if fans.len() < 2 {
             continue;
         }
-        let mut fans: Vec<(usize, VertexId)> = fans.iter().map(|o| (mesh.fan(v, o.to).len(), o.to)).collect();
-        fans.sort_unstable_by_key(|&(faces, to)| (usize::MAX - faces, to));
-        for &(_, to) in &fans[1..] {
+        let faces: Vec<usize> = fans.iter().map(|o| mesh.fan(v, o.to).len()).collect();
+        let largest_first = order_by(fans.len(), &|a, b| faces[b].cmp(&faces[a]));
+        for to in largest_first[1..].iter().map(|&k| fans[k].to) {
             for (face, a, b) in mesh.fan(v, to) {
                 mesh.remove(face);
                 non_manifold.extend([a, b]);
@@ -140,8 +140,11 @@ fn join_to_boundary(mesh: &mut GrowingMesh<'_>, v: VertexId, cloud: &PointCloud<
         // The hole lies left of the edge from `w` to `from`.
         faces.extend(mesh.openings(w).iter().map(|o| [v, w, o.from]).map(|t| (cloud.circumradius(t), t)));
     }
-    faces.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    faces.iter().any(|&(_, t)| mesh.try_insert(t))
+    let order = order_by(faces.len(), &|a, b| {
+        let (a, b) = (&faces[a], &faces[b]);
+        a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+    });
+    order.into_iter().any(|k| mesh.try_insert(faces[k].1))
 }
 
 fn split_a_face(mesh: &mut GrowingMesh<'_>, v: VertexId, cloud: &PointCloud<'_>) -> bool {

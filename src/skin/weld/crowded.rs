@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::{
     id::VertexId,
     mesh::{Edges, Halfedge, TriMesh},
+    numeric::{argsort, order_by},
 };
 
 /// More faces than this at one edge are not paired: each is a sheet of its own.
@@ -98,15 +99,15 @@ fn sides_of_solids(
         let away = away(mesh, h);
         away.dot(y).atan2(away.dot(x))
     };
-    let mut around: Vec<(f64, Halfedge)> = uses.iter().map(|&h| (angle(h), h)).collect();
-    around.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let angles: Vec<f64> = uses.iter().map(|&h| angle(h)).collect();
+    let mut around: Vec<Halfedge> = argsort(&angles).into_iter().map(|k| uses[k]).collect();
     let mut pairs = Vec::new();
     // As brackets: what closes an inside follows what opens it.
     while let Some(k) =
-        (0..around.len()).find(|&k| !opening(around[k].1) && opening(around[(k + 1) % around.len()].1))
+        (0..around.len()).find(|&k| !opening(around[k]) && opening(around[(k + 1) % around.len()]))
     {
         let next = (k + 1) % around.len();
-        pairs.push([around[k].1, around[next].1]);
+        pairs.push([around[k], around[next]]);
         around.remove(k.max(next));
         around.remove(k.min(next));
     }
@@ -122,10 +123,12 @@ fn smoothest(mesh: &TriMesh, uses: &[Halfedge], is_wound: bool) -> Vec<[Halfedge
             candidates.push((is_wound && is_turned(mesh, a, b), away(mesh, a).dot(away(mesh, b)), a, b));
         }
     }
-    candidates
-        .sort_unstable_by(|p, q| p.0.cmp(&q.0).then(p.1.total_cmp(&q.1)).then((p.2, p.3).cmp(&(q.2, q.3))));
+    let order = order_by(candidates.len(), &|p, q| {
+        let (p, q) = (&candidates[p], &candidates[q]);
+        p.0.cmp(&q.0).then(p.1.total_cmp(&q.1))
+    });
     let mut pairs: Vec<[Halfedge; 2]> = Vec::new();
-    for (_, _, a, b) in candidates {
+    for (_, _, a, b) in order.into_iter().map(|k| candidates[k]) {
         if !pairs.iter().flatten().any(|h| *h == a || *h == b) {
             pairs.push([a, b]);
         }

@@ -1,7 +1,7 @@
 //! `simulate --touch`: a recording of a sphere that presses and rolls on a skin.
 
 use std::{
-    collections::BTreeSet,
+    collections::HashSet,
     path::{Path, PathBuf},
     process::ExitCode,
 };
@@ -141,7 +141,7 @@ pub(super) fn run(
         outputs.stage(path, |path| write_touches(path, &skin, &touches))?;
     }
     outputs.publish(common)?;
-    let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<BTreeSet<_>>().len();
+    let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<HashSet<_>>().len();
     let most = touches.iter().map(|touch| touch.force).fold(0.0, f64::max);
     note(
         common,
