@@ -26,6 +26,44 @@ impl Lanes for V3 {
     }
 
     #[inline(always)]
+    fn whole(self, a: __m256) -> [u8; LANES] {
+        let [low, high]: [__m128i; 2] = cast(self.avx._mm256_cvttps_epi32(a));
+        let words = self.sse4_1._mm_packus_epi32(low, high);
+        let [bytes, _]: [u64; 2] = cast(self.sse2._mm_packus_epi16(words, words));
+        bytes.to_le_bytes()
+    }
+
+    #[inline(always)]
+    fn points(self, [a, b, c, d, e, f, g, h]: [&[f32; 4]; LANES]) -> [__m256; 3] {
+        let avx = self.avx;
+        let (ae, bf): (__m256, __m256) = (cast([*a, *e]), cast([*b, *f]));
+        let (cg, dh): (__m256, __m256) = (cast([*c, *g]), cast([*d, *h]));
+        let (ab, cd) = (avx._mm256_unpacklo_ps(ae, bf), avx._mm256_unpacklo_ps(cg, dh));
+        let (z_ab, z_cd) = (avx._mm256_unpackhi_ps(ae, bf), avx._mm256_unpackhi_ps(cg, dh));
+        [
+            avx._mm256_shuffle_ps::<0b01_00_01_00>(ab, cd),
+            avx._mm256_shuffle_ps::<0b11_10_11_10>(ab, cd),
+            avx._mm256_shuffle_ps::<0b01_00_01_00>(z_ab, z_cd),
+        ]
+    }
+
+    #[inline(always)]
+    fn least_of_rows(self, [a, b, c, d, e, f, g, h]: [__m256; LANES]) -> __m256 {
+        let avx = self.avx;
+        // What is left of a row shrinks to four numbers, to two and to one.
+        let ab = self.min(avx._mm256_unpacklo_ps(a, b), avx._mm256_unpackhi_ps(a, b));
+        let cd = self.min(avx._mm256_unpacklo_ps(c, d), avx._mm256_unpackhi_ps(c, d));
+        let ef = self.min(avx._mm256_unpacklo_ps(e, f), avx._mm256_unpackhi_ps(e, f));
+        let gh = self.min(avx._mm256_unpacklo_ps(g, h), avx._mm256_unpackhi_ps(g, h));
+        let low = avx._mm256_shuffle_ps::<0b01_00_01_00>(ab, cd);
+        let low = self.min(low, avx._mm256_shuffle_ps::<0b11_10_11_10>(ab, cd));
+        let high = avx._mm256_shuffle_ps::<0b01_00_01_00>(ef, gh);
+        let high = self.min(high, avx._mm256_shuffle_ps::<0b11_10_11_10>(ef, gh));
+        let one = avx._mm256_permute2f128_ps::<0x20>(low, high);
+        self.min(one, avx._mm256_permute2f128_ps::<0x31>(low, high))
+    }
+
+    #[inline(always)]
     fn store(self, a: __m256) -> [f32; LANES] {
         cast(a)
     }

@@ -20,6 +20,12 @@ pub(super) trait Lanes: Copy {
     fn splat(self, x: f32) -> Self::F;
     fn load(self, x: &[f32; LANES]) -> Self::F;
     fn bytes(self, x: &[u8; LANES]) -> Self::F;
+    /// Numbers from 0 up to 256 without their fractions.
+    fn whole(self, a: Self::F) -> [u8; LANES];
+    /// The first three coordinates of eight points.
+    fn points(self, points: [&[f32; 4]; LANES]) -> [Self::F; 3];
+    /// The least number of each of eight rows.
+    fn least_of_rows(self, rows: [Self::F; LANES]) -> Self::F;
     fn store(self, a: Self::F) -> [f32; LANES];
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
@@ -62,6 +68,24 @@ impl Lanes for Plain {
     #[inline(always)]
     fn bytes(self, x: &[u8; LANES]) -> f32x8 {
         f32x8::new(x.map(f32::from))
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "they fit into a byte")]
+    fn whole(self, a: f32x8) -> [u8; LANES] {
+        a.to_array().map(|x| x as u8)
+    }
+
+    #[inline(always)]
+    fn points(self, points: [&[f32; 4]; LANES]) -> [f32x8; 3] {
+        [0, 1, 2].map(|c: usize| f32x8::new(points.map(|p| p[c])))
+    }
+
+    #[inline(always)]
+    fn least_of_rows(self, rows: [f32x8; LANES]) -> f32x8 {
+        let [a, b, c, d, e, f, g, h] = f32x8::transpose(rows);
+        let (a, b) = (a.fast_min(e).fast_min(b.fast_min(f)), c.fast_min(g).fast_min(d.fast_min(h)));
+        a.fast_min(b)
     }
 
     #[inline(always)]
@@ -146,23 +170,14 @@ impl Lanes for Plain {
     }
 }
 
-/// The least number.
+/// The largest number of each of eight rows.
 #[inline(always)]
-pub(super) fn least_of(numbers: [f32; LANES]) -> f32 {
-    let [a, b, c, d, e, f, g, h] = numbers;
-    let (ae, bf, cg, dh) = (lesser(a, e), lesser(b, f), lesser(c, g), lesser(d, h));
-    lesser(lesser(ae, cg), lesser(bf, dh))
-}
-
-/// The largest number.
-#[inline(always)]
-pub(super) fn most_of(numbers: [f32; LANES]) -> f32 {
-    -least_of(numbers.map(|x| -x))
-}
-
-#[inline(always)]
-fn lesser(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
+pub(super) fn most_of_rows<L: Lanes>(l: L, mut rows: [L::F; LANES]) -> L::F {
+    let zero = l.splat(0.0);
+    for row in &mut rows {
+        *row = l.sub(zero, *row);
+    }
+    l.sub(zero, l.least_of_rows(rows))
 }
 
 /// What is computed with one way or another.
@@ -225,6 +240,36 @@ mod tests {
         fn run<L: Lanes>(self, l: L) -> u32 {
             l.least(l.load(&self.0))
         }
+    }
+
+    /// Bytes, coordinates and least and largest numbers of eight rows.
+    struct Rows([[f32; LANES]; LANES]);
+
+    impl Kernel for Rows {
+        type Output = ([u8; LANES], [[f32; LANES]; 3], [f32; LANES], [f32; LANES]);
+
+        fn run<L: Lanes>(self, l: L) -> Self::Output {
+            let rows = self.0.map(|row| l.load(&row));
+            let points = self.0.map(|[x, y, z, w, ..]| [x, y, z, w]);
+            let [x, y, z] = l.points(points.each_ref());
+            let least = l.store(l.least_of_rows(rows));
+            let most = l.store(most_of_rows(l, rows));
+            (l.whole(rows[1]), [l.store(x), l.store(y), l.store(z)], least, most)
+        }
+    }
+
+    #[test]
+    fn rows_are_reduced_alike_in_both_ways() {
+        let number = |k: usize| f32::from(u8::try_from(k * 37 % 256).unwrap()) + 0.75;
+        let rows: [[f32; LANES]; LANES] = [0, 1, 2, 3, 4, 5, 6, 7]
+            .map(|i: usize| [0, 1, 2, 3, 4, 5, 6, 7].map(|j: usize| number(8 * i + j)));
+        let bytes = rows[1].map(|x| x.floor().to_string().parse().unwrap());
+        let points = [0, 1, 2].map(|c: usize| rows.map(|row| row[c]));
+        let least = rows.map(|row| row.into_iter().fold(f32::INFINITY, f32::min));
+        let most = rows.map(|row| row.into_iter().fold(f32::NEG_INFINITY, f32::max));
+        let expected = (bytes, points, least, most);
+        assert_eq!(Rows(rows).run(Plain), expected);
+        assert_eq!(Simd::detect().run(Rows(rows)), expected);
     }
 
     #[test]

@@ -5,24 +5,36 @@
 //! slanted skin are as thick as wide; along the skin's mean normal they are as thin as it is curved.
 //! On a cap of 1M triangles that leaves 2.9 instead of 9.6 packets to be compared with each contact.
 
-use std::ops::Range;
-
 use glam::{DMat3, DVec3};
 
 use super::{
-    lanes::{Kernel, LANES, Lanes, Simd, least_of, most_of},
+    lanes::{Kernel, LANES, Lanes, most_of_rows},
     rounding::slack,
 };
 use crate::contact::geometry::Ray;
 
-/// Steps of a node's boxes along each axis.
-const STEPS: f64 = 254.0;
+/// Steps of a node's boxes along each axis: one more fits into a byte.
+const STEPS: f64 = 254.99;
 
 /// Boxes are at least this thick in all, in the tree's units: a step's inverse stays in `f32`.
 const THINNEST: f64 = 1e-7;
 
-/// A box, `(min, max)` along axes that belong to it.
-pub(super) type Extent = (DVec3, DVec3);
+/// Boxes around boxes are larger by this on all sides, in the tree's units. That is more than
+/// rounding takes from them, which so does not add up from level to level.
+const MARGIN: f32 = 16.0 / 16_777_216.0;
+
+/// Boxes along the axes of a node, one a lane.
+pub(super) struct Boxes {
+    pub(super) lo: [[f32; LANES]; 3],
+    pub(super) hi: [[f32; LANES]; 3],
+}
+
+/// Boxes around nothing.
+pub(super) const EMPTY: Boxes =
+    Boxes { lo: [[f32::INFINITY; LANES]; 3], hi: [[f32::NEG_INFINITY; LANES]; 3] };
+
+/// The lanes' numbers.
+const NUMBERS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Where a child of a node leads: to a node or to a packet.
 pub(super) enum Target {
@@ -88,19 +100,20 @@ impl Node8 {
         axes: &DMat3,
     ) -> Self {
         let mut node = Self { first_node, first_packet, above, nodes, count, ..Self::default() };
-        node.place(axes, DVec3::ZERO, DVec3::ONE);
+        node.place(axes, DVec3::ZERO, DVec3::ONE, DVec3::ONE);
         node
     }
 
-    /// Lays the steps along `axes` (rows), from the corner `lo`.
+    /// Lays steps along `axes` (rows), from the corner `lo`.
+    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
-    fn place(&mut self, axes: &DMat3, lo: DVec3, step: DVec3) {
+    fn place(&mut self, axes: &DMat3, lo: DVec3, per_step: DVec3, step: DVec3) {
         for k in 0..3 {
-            let row = axes.row(k) / step[k];
+            let row = axes.row(k) * per_step[k];
             for c in 0..3 {
                 self.frame[c][k] = row[c] as f32;
             }
-            self.frame[3][k] = (-lo[k] / step[k]) as f32;
+            self.frame[3][k] = (-lo[k] * per_step[k]) as f32;
             self.frame[k][3] = (step[k] * step[k]) as f32;
         }
     }
@@ -111,31 +124,26 @@ impl Node8 {
         DMat3::from_diagonal(step) * DMat3::from_cols(self.column(0), self.column(1), self.column(2))
     }
 
-    /// Fits the boxes to those of the children, `lo` to `hi` along `axes` (rows); they are rounded
-    /// outwards.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
-    pub(super) fn fit(&mut self, axes: &DMat3, children: &[(DVec3, DVec3)]) {
-        let Some(&first) = children.first() else { return };
-        let (lo, hi) = children.iter().fold(first, |(lo, hi), b| (lo.min(b.0), hi.max(b.1)));
-        let step = ((hi - lo) / STEPS).max(DVec3::splat(THINNEST));
-        self.place(axes, lo, step);
+    /// Fits the boxes to those of the children, one a lane, `lo` to `hi` along `axes` (rows); they
+    /// are rounded outwards.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
+    pub(super) fn fit<L: Lanes>(&mut self, l: L, axes: &DMat3, lo: [L::F; 3], hi: [L::F; 3]) {
+        let (least, most) = extent(l, &lo, &hi);
+        let (least, most) = (DVec3::from(least.map(f64::from)), DVec3::from(most.map(f64::from)));
+        let step = ((most - least) / STEPS).max(DVec3::splat(THINNEST));
         let per_step = step.recip();
-        for lane in 0..LANES {
+        self.place(axes, least, per_step, step);
+        let used = (l.load(&NUMBERS), l.splat(f32::from(self.count) - 1.0));
+        for k in 0..3 {
             // An empty slot is a point of the first box, and so never the nearest.
-            let (low, high) = children.get(lane).map_or((first.0, first.0), |b| *b);
-            let (low, high) = ((low - lo) * per_step, (high - lo) * per_step);
-            for k in 0..3 {
-                let (down, up) = (low[k] as u8, high[k] as u8);
-                let is_cut = lane < children.len() && f64::from(up) < high[k];
-                self.lo[k][lane] = down;
-                self.hi[k][lane] = up.saturating_add(u8::from(is_cut));
-            }
+            let first = l.splat(l.store(lo[k])[0]);
+            let low = l.select([used; 4], lo[k], first);
+            let high = l.select([used; 4], hi[k], first);
+            let (origin, per) = (l.splat(least[k] as f32), l.splat(per_step[k] as f32));
+            self.lo[k] = l.whole(l.mul(l.sub(low, origin), per));
+            self.hi[k] = l.whole(l.mul_add(l.sub(high, origin), per, l.splat(1.0)));
         }
-    }
-
-    /// The box along `axes` (rows) around those of the packets.
-    pub(super) fn around_packets(&self, simd: Simd, axes: &DMat3) -> Extent {
-        simd.run(AroundPackets(self, axes))
     }
 
     #[inline(always)]
@@ -184,50 +192,65 @@ impl Node8 {
     }
 }
 
-struct AroundPackets<'a>(&'a Node8, &'a DMat3);
+/// For each of some nodes, at most eight, the box along `axes` (rows) around those of its children.
+pub(super) struct Around<'a> {
+    pub(super) nodes: &'a [Node8],
+    pub(super) axes: &'a DMat3,
+    /// Leaves children out that are nodes.
+    pub(super) only_packets: bool,
+}
 
-impl Kernel for AroundPackets<'_> {
-    type Output = Extent;
+impl Kernel for Around<'_> {
+    type Output = Boxes;
 
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) -> Extent {
-        let Self(node, axes) = self;
-        let step = node.step();
-        // Rows of the frame are axes over steps.
-        let to_steps = DMat3::from_cols(node.column(0), node.column(1), node.column(2));
-        let turn = *axes * (to_steps.transpose() * DMat3::from_diagonal(step * step));
-        let shift = (turn * node.column(3)).as_vec3();
-        let packets = usize::from(node.nodes)..usize::from(node.count);
-        let half = l.splat(0.5);
-        let (mut centre, mut size) = ([half; 3], [half; 3]);
-        for k in 0..3 {
-            let (lo, hi) = (l.bytes(&node.lo[k]), l.bytes(&node.hi[k]));
-            (centre[k], size[k]) = (l.mul(half, l.add(lo, hi)), l.mul(half, l.sub(hi, lo)));
+    fn run<L: Lanes>(self, l: L) -> Boxes {
+        let Self { nodes, axes, only_packets } = self;
+        let (inf, sup) = (l.splat(f32::INFINITY), l.splat(f32::NEG_INFINITY));
+        let (half, margin, numbers) = (l.splat(0.5), l.splat(MARGIN), l.load(&NUMBERS));
+        let (mut lo, mut hi) = ([[inf; LANES]; 3], [[sup; LANES]; 3]);
+        for (lane, node) in nodes.iter().enumerate().take(LANES) {
+            // Rows of the frame are axes over steps.
+            let squares = [node.frame[0][3], node.frame[1][3], node.frame[2][3]].map(f64::from);
+            let to_steps = DMat3::from_cols(node.column(0), node.column(1), node.column(2));
+            let turn = *axes * (to_steps.transpose() * DMat3::from_diagonal(squares.into()));
+            let shift = (turn * node.column(3)).as_vec3();
+            let (mut centre, mut size) = ([half; 3], [half; 3]);
+            for k in 0..3 {
+                let (lo, hi) = (l.bytes(&node.lo[k]), l.bytes(&node.hi[k]));
+                (centre[k], size[k]) = (l.mul(half, l.add(lo, hi)), l.mul(half, l.sub(hi, lo)));
+            }
+            let first = l.splat(if only_packets { f32::from(node.nodes) } else { 0.0 });
+            let last = l.splat(f32::from(node.count) - 1.0);
+            let asked = [(first, numbers), (numbers, last), (first, numbers), (numbers, last)];
+            for k in 0..3 {
+                let row = turn.row(k).as_vec3();
+                let (x, y, z) = (l.splat(row.x), l.splat(row.y), l.splat(row.z));
+                let middle = l.mul_add(x, centre[0], l.mul_add(y, centre[1], l.mul(z, centre[2])));
+                let middle = l.sub(middle, l.splat(shift[k]));
+                let (x, y, z) = (l.splat(row.x.abs()), l.splat(row.y.abs()), l.splat(row.z.abs()));
+                let extent = l.mul_add(x, size[0], l.mul_add(y, size[1], l.mul_add(z, size[2], margin)));
+                lo[k][lane] = l.select(asked, l.sub(middle, extent), inf);
+                hi[k][lane] = l.select(asked, l.add(middle, extent), sup);
+            }
         }
-        let (mut lo, mut hi) = (DVec3::ZERO, DVec3::ZERO);
+        let mut boxes = EMPTY;
         for k in 0..3 {
-            let row = turn.row(k).as_vec3();
-            let (x, y, z) = (l.splat(row.x), l.splat(row.y), l.splat(row.z));
-            let middle = l.mul_add(x, centre[0], l.mul_add(y, centre[1], l.mul(z, centre[2])));
-            let middle = l.sub(middle, l.splat(shift[k]));
-            let (x, y, z) = (l.splat(row.x.abs()), l.splat(row.y.abs()), l.splat(row.z.abs()));
-            let extent = l.mul_add(x, size[0], l.mul_add(y, size[1], l.mul(z, size[2])));
-            let (low, high) = (l.store(l.sub(middle, extent)), l.store(l.add(middle, extent)));
-            lo[k] = f64::from(least_of(among(&low, &packets, f32::INFINITY)));
-            hi[k] = f64::from(most_of(among(&high, &packets, f32::NEG_INFINITY)));
+            boxes.lo[k] = l.store(l.least_of_rows(lo[k]));
+            boxes.hi[k] = l.store(most_of_rows(l, hi[k]));
         }
-        (lo, hi)
+        boxes
     }
 }
 
-/// The numbers of some lanes, and `other` in the other lanes.
+/// The box around the boxes of all lanes.
 #[inline(always)]
-fn among(numbers: &[f32; LANES], lanes: &Range<usize>, other: f32) -> [f32; LANES] {
-    let mut all = [other; LANES];
-    for lane in 0..LANES {
-        all[lane] = if lane >= lanes.start && lane < lanes.end { numbers[lane] } else { other };
-    }
-    all
+fn extent<L: Lanes>(l: L, lo: &[L::F; 3], hi: &[L::F; 3]) -> ([f32; 3], [f32; 3]) {
+    let zero = l.splat(0.0);
+    let minus = [l.sub(zero, hi[0]), l.sub(zero, hi[1]), l.sub(zero, hi[2])];
+    let rows = [lo[0], lo[1], lo[2], minus[0], minus[1], minus[2], zero, zero];
+    let [a, b, c, d, e, f, _, _] = l.store(l.least_of_rows(rows));
+    ([a, b, c], [-d, -e, -f])
 }
 
 /// How far, in steps, `p` is outside of the intervals `lo` to `hi`.

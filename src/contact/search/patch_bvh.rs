@@ -6,10 +6,10 @@ use super::{
     boxes::Aabb,
     fit::Points,
     frame::Frame,
-    lanes::{LANES, Simd},
+    lanes::{Kernel, LANES, Lanes, Simd},
     rounding::{LARGEST, slack},
     tree::{MAX_PRIMITIVES, Primitive, Tree, distinct},
-    triangle8::{Normals, Triangle8},
+    triangle8::{Framing, Normals, Triangle8},
 };
 use crate::{
     contact::ContactError,
@@ -45,7 +45,9 @@ pub(in crate::contact) struct Refitting {
     corners: Vec<[[VertexId; LANES]; 3]>,
     /// Room for the vertices in the tree's units, since each belongs to some six faces. The search's
     /// slack includes their rounding.
-    local: Vec<[f32; 3]>,
+    local: Vec<[f32; 4]>,
+    /// Whether a vertex belongs to no face.
+    has_loose: bool,
 }
 
 impl PatchBvh {
@@ -87,7 +89,9 @@ impl PatchBvh {
             [0, 1, 2].map(|k| faces.map(|corners| corners[k]))
         };
         let corners = self.tree.packets.iter().map(corners).collect();
-        Refitting { corners, local: Vec::with_capacity(self.mesh.positions.len()) }
+        let vertices = self.mesh.positions.len();
+        let has_loose = (0..vertices).any(|v| self.corners.range(VertexId::new(v)).is_empty());
+        Refitting { corners, local: Vec::with_capacity(vertices), has_loose }
     }
 
     /// Moves the vertices, one position (m, in the link's frame; finite, at most [`LARGEST`]) per vertex
@@ -101,27 +105,22 @@ impl PatchBvh {
     ) {
         debug_assert_eq!(positions.len(), self.mesh.positions.len());
         std::mem::swap(&mut self.mesh.positions, positions);
-        self.frame = Frame::around(used(&self.mesh.positions, &self.corners));
+        self.frame = if refitting.has_loose {
+            Frame::around(used(&self.mesh.positions, &self.corners))
+        } else {
+            Frame::around(self.mesh.positions.iter().copied())
+        };
         self.fit(refitting);
     }
 
     /// Fits the tree to the mesh.
-    fn fit(&mut self, Refitting { corners, local }: &mut Refitting) {
+    fn fit(&mut self, Refitting { corners, local, .. }: &mut Refitting) {
         let Self { mesh, tree, triangles, frame, simd, .. } = self;
         local.clear();
-        local.extend(mesh.positions.iter().map(|p| frame.point(*p).as_vec3().to_array()));
-        let (corners, local) = (corners.as_slice(), local.as_slice());
-        let gather = |packet: usize, _: &[u32; LANES], points: &mut Points<3>| {
-            for (point, ids) in points.iter_mut().zip(&corners[packet]) {
-                for (lane, v) in ids.iter().enumerate() {
-                    let p = local[v.index()];
-                    (point[0][lane], point[1][lane], point[2][lane]) = (p[0], p[1], p[2]);
-                }
-            }
-        };
-        tree.fit(*simd, gather, |packet, points| match triangles.get_mut(packet) {
-            Some(triangles) => triangles.set(*simd, points),
-            None => simd.run(Normals(points)),
+        local.extend(mesh.positions.iter().map(|p| frame.point(*p).extend(0.0).as_vec4().to_array()));
+        tree.fit(*simd, |packet, _, points| {
+            let triangles = triangles.get_mut(packet);
+            simd.run(Setting { corners: &corners[packet], local, points, triangles })
         });
     }
 
@@ -168,6 +167,35 @@ impl PatchBvh {
             let pick = |bit: usize, lo: f64, hi: f64| if k >> bit & 1 == 0 { lo } else { hi };
             place(DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z)))
         }))
+    }
+}
+
+/// Sets the corners of the faces of a packet, and their triangles if it has them.
+struct Setting<'a> {
+    corners: &'a [[VertexId; LANES]; 3],
+    local: &'a [[f32; 4]],
+    points: &'a mut Points<3>,
+    triangles: Option<&'a mut Triangle8>,
+}
+
+impl Kernel for Setting<'_> {
+    type Output = DVec3;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, l: L) -> DVec3 {
+        let Self { corners, local, points, triangles } = self;
+        for k in 0..3 {
+            let mut rows = [&[0.0; 4]; LANES];
+            for lane in 0..LANES {
+                rows[lane] = &local[corners[k][lane].index()];
+            }
+            let [x, y, z] = l.points(rows);
+            points[k] = [l.store(x), l.store(y), l.store(z)];
+        }
+        match triangles {
+            Some(triangles) => Framing(points, triangles).run(l),
+            None => Normals(points).run(l),
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use super::{
     descent::{Descent, Visitor, bound_of},
     fit::{Points, put},
     frame::Frame,
-    lanes::{Kernel, LANES, Lanes, Simd},
+    lanes::{Kernel, Lanes, Simd},
     point8::Point8,
     rounding::{slack, squared_bound_f32},
     tree::{Primitive, Tree, distinct},
@@ -51,11 +51,10 @@ impl PointTree {
         let tree = (!points.is_empty()).then(|| {
             let primitives: Vec<_> = points.ids().map(|v| primitive(v.raw())).collect();
             let mut tree = Tree::new(&primitives);
-            let gather = |_, ids: &[u32; LANES], points: &mut Points<1>| {
+            tree.fit(Simd::detect(), |_, ids, points: &mut Points<1>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, [at(id)]));
-            };
-            let packets = tree.packets.clone();
-            tree.fit(Simd::detect(), gather, |packet, _| packets[packet].iter().map(|&id| normal(id)).sum());
+                ids.iter().map(|&id| normal(id)).sum()
+            });
             tree
         });
         let packets = tree.iter().flat_map(|tree: &Tree| &tree.packets);

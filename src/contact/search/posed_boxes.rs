@@ -7,7 +7,7 @@ use super::{
     boxes::Aabb,
     fit::{Points, put},
     frame::Frame,
-    lanes::{LANES, Simd},
+    lanes::Simd,
     tree::{Primitive, Tree, distinct},
 };
 use crate::skin::PatchId;
@@ -44,10 +44,10 @@ impl PosedBoxes {
             #[expect(clippy::cast_possible_truncation, reason = "patches have ids of 32 bits")]
             let mut tree = Tree::new(&(0..patches as u32).map(primitive).collect::<Vec<_>>());
             let ends = |id: u32| [at(id).lo, at(id).hi].map(|p| frame.point(p));
-            let gather = |_, ids: &[u32; LANES], points: &mut Points<2>| {
+            tree.fit(Simd::detect(), |_, ids, points: &mut Points<2>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, ends(id)));
-            };
-            tree.fit(Simd::detect(), gather, |_, _| DVec3::ZERO);
+                DVec3::ZERO
+            });
             (tree, frame)
         });
     }

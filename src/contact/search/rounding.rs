@@ -11,7 +11,8 @@ pub(crate) const LARGEST: f64 = 1e12;
 ///
 /// Rounding the contact, the corner and their difference: 3 units; three coordinates along axes
 /// that are rounded themselves: 7; the side's projection and its squares: 8; the rounded triangle:
-/// 6. Doubled, `48 * 2^-24`.
+/// 6. Doubled, `48 * 2^-24`. Boxes take fewer: their ends are rounded along their axes (5) and to
+/// steps (6), and the contact into steps (8).
 const SLACK: f64 = 48.0 / 16_777_216.0;
 
 /// Squares found in `f32` are compared with bounds enlarged by this, for the last roundings.

@@ -235,7 +235,7 @@ mod tests {
             TriMesh::from_arrays(shapes::triangle().positions.iter().copied().collect(), &vec![[0, 1, 2]; n])
         };
         for mesh in
-            [shapes::triangle(), shapes::fan(8), shapes::cap(3000, 0.5, 1.9), stacked(9), stacked(5000)]
+            [shapes::triangle(), shapes::fan(8), shapes::cap(40_000, 0.5, 1.9), stacked(9), stacked(5000)]
         {
             let corners: Vec<_> = mesh.triangles.ids().map(|f| mesh.corners(f)).collect();
             let primitive = |id: u32| {
@@ -244,10 +244,10 @@ mod tests {
             };
             let count = u32::try_from(corners.len()).unwrap();
             let mut tree = Tree::new(&(0..count).map(primitive).collect::<Vec<_>>());
-            let gather = |_, ids: &[u32; LANES], points: &mut Points<3>| {
+            tree.fit(Simd::detect(), |_, ids, points: &mut Points<3>| {
                 ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, corners[id as usize]));
-            };
-            tree.fit(Simd::detect(), gather, |_, _| DVec3::Z);
+                DVec3::Z
+            });
             let mut found = Vec::new();
             below(&tree, Child::ROOT, &corners, &mut found);
             found.sort_unstable();

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{
     fit::Points,
-    lanes::{Kernel, LANES, Lanes, Simd},
+    lanes::{Kernel, LANES, Lanes},
 };
 
 /// Sides shorter than this (in the tree's units, squared) count as points: nothing is divided by
@@ -25,12 +25,6 @@ pub(super) struct Triangle8 {
 }
 
 impl Triangle8 {
-    /// Sets eight triangles by their corners, in the tree's units; returns the sum of their
-    /// [normals](Normals).
-    pub(super) fn set(&mut self, simd: Simd, corners: &Points<3>) -> DVec3 {
-        simd.run(Framing(corners, &mut self.rows))
-    }
-
     /// Squared distances of `q` to the triangles, wrong by less than the search's slack.
     #[inline(always)]
     pub(super) fn distance_squared<L: Lanes>(&self, l: L, q: [f32; 3]) -> L::F {
@@ -66,16 +60,17 @@ impl Triangle8 {
     }
 }
 
-/// The frames of eight triangles. What rounding does to them moves their corners by a few units of the
-/// coordinates, however thin they are.
-struct Framing<'a>(&'a Points<3>, &'a mut [[f32; LANES]; 12]);
+/// Sets eight triangles by their corners, in the tree's units: the sum of their [normals](Normals).
+/// What rounding does to their frames moves their corners by a few units of the coordinates,
+/// however thin they are.
+pub(super) struct Framing<'a>(pub(super) &'a Points<3>, pub(super) &'a mut Triangle8);
 
 impl Kernel for Framing<'_> {
     type Output = DVec3;
 
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) -> DVec3 {
-        let Self(corners, rows) = self;
+        let Self(corners, Triangle8 { rows }) = self;
         let (zero, one, shortest) = (l.splat(0.0), l.splat(1.0), l.splat(SHORTEST_SQUARED));
         let always = (zero, zero);
         let (a, b, c) = (load(l, &corners[0]), load(l, &corners[1]), load(l, &corners[2]));
@@ -90,7 +85,7 @@ impl Kernel for Framing<'_> {
         let (side, third) = (minus(l, &end, &start), minus(l, &apex, &start));
         let squared = dot(l, &side, &side);
         let base = l.sqrt(squared);
-        let unit = scaled(l, &side, l.div(one, l.sqrt(l.max(squared, shortest))));
+        let unit = scaled(l, &side, l.div(one, l.max(base, l.sqrt(shortest))));
         let x = select(l, [(shortest, squared), always, always, always], &unit, &[one, zero, zero]);
         // Twice: what the first rejection left along `x` matters in a sliver.
         let across = reject(l, &reject(l, &third, &x), &x);
@@ -201,7 +196,11 @@ mod tests {
     use super::*;
     use crate::{
         contact::{
-            search::{fit, lanes::Plain, rounding::slack},
+            search::{
+                fit,
+                lanes::{Plain, Simd},
+                rounding::slack,
+            },
             soup,
         },
         id::VertexId,
@@ -223,7 +222,7 @@ mod tests {
         let mut corners = [[[0.0; LANES]; 3]; 3];
         (0..LANES).for_each(|lane| fit::put(&mut corners, lane, triangles[lane.min(triangles.len() - 1)]));
         let mut packet = Triangle8::default();
-        packet.set(Simd::detect(), &corners);
+        Simd::detect().run(Framing(&corners, &mut packet));
         let squared = [Distances(&packet, q).run(Plain), Simd::detect().run(Distances(&packet, q))];
         squared.map(|row| row.map(f32::sqrt))
     }
