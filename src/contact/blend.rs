@@ -13,18 +13,42 @@ use crate::{
 #[derive(Debug, Clone)]
 pub(super) struct Blend {
     /// The vertices as they are in the map, in m in the frame of the patch's link.
-    pub(super) rest: IdVec<VertexId, DVec3>,
-    pub(super) joints: IdVec<VertexId, Joints>,
+    rest: IdVec<VertexId, DVec3>,
+    /// The links that each vertex follows and their weights, none of them 0, one vertex after the
+    /// other: fewer bytes to read than [`Joints`].
+    joints: Vec<(LinkId, f64)>,
+    /// How many links each vertex follows.
+    counts: Vec<u8>,
     /// From the frame of the patch's link to that of each link, both as they are in the map.
-    pub(super) to_joint: IdVec<LinkId, DAffine3>,
+    to_joint: IdVec<LinkId, DAffine3>,
     /// Where each link takes what it carries, in the frame of the patch's link.
-    pub(super) carried: IdVec<LinkId, DAffine3>,
+    carried: IdVec<LinkId, DAffine3>,
     /// The vertices where the links take them, in the same frame, until the tree is fitted to them.
     pub(super) positions: IdVec<VertexId, DVec3>,
     pub(super) refitting: Refitting,
 }
 
 impl Blend {
+    /// A blend of vertices at `rest`, by joints whose weights have the sum 1.
+    #[expect(clippy::cast_possible_truncation, reason = "at most four")]
+    pub(super) fn new(
+        rest: IdVec<VertexId, DVec3>,
+        joints: &IdVec<VertexId, Joints>,
+        to_joint: IdVec<LinkId, DAffine3>,
+        refitting: Refitting,
+    ) -> Self {
+        let weighty = |row: &Joints| row.iter().copied().filter(|joint| joint.1 > 0.0).collect::<Vec<_>>();
+        Self {
+            counts: joints.iter().map(|row| weighty(row).len() as u8).collect(),
+            joints: joints.iter().flat_map(weighty).collect(),
+            carried: to_joint.map(|_| DAffine3::IDENTITY),
+            positions: rest.clone(),
+            rest,
+            to_joint,
+            refitting,
+        }
+    }
+
     /// Moves the vertices to where the links move next, by their poses in the world; `own` is the link
     /// of the patch.
     ///
@@ -41,13 +65,17 @@ impl Blend {
             self.carried[link] =
                 if link == own { DAffine3::IDENTITY } else { from_world * next(link) * *to_joint };
         }
-        for ((vertex, position), (rest, joints)) in
-            self.positions.iter_mut().enumerate().zip(self.rest.iter().zip(&self.joints))
+        let mut joints = self.joints.as_slice();
+        for ((vertex, position), (rest, count)) in
+            self.positions.iter_mut().enumerate().zip(self.rest.iter().zip(&self.counts))
         {
+            let (own, others) = joints.split_at(usize::from(*count));
+            joints = others;
             let part =
                 |&(joint, weight): &(LinkId, f64)| weight * self.carried[joint].transform_point3(*rest);
-            *position = joints.iter().filter(|joint| joint.1 > 0.0).map(part).sum();
-            if !position.is_finite() || position.abs().max_element() > LARGEST {
+            *position = own.iter().map(part).sum();
+            // Not true for NaN either.
+            if !position.abs().cmple(DVec3::splat(LARGEST)).all() {
                 return Err((VertexId::new(vertex), *position));
             }
         }

@@ -59,14 +59,8 @@ impl ContactIndex {
             })?;
         }
         let own = self.links[patch.link].pose.pose();
-        let blend = Blend {
-            positions: rest.clone(),
-            rest,
-            joints: scaled,
-            to_joint: self.links.map(|link| link.pose.pose().inverse() * own),
-            carried: self.links.map(|_| DAffine3::IDENTITY),
-            refitting: patch.tree.refitting(),
-        };
+        let to_joint = self.links.map(|link| link.pose.pose().inverse() * own);
+        let blend = Blend::new(rest, &scaled, to_joint, patch.tree.refitting());
         let patch = &mut self.patches[id];
         patch.blend = Some(Box::new(blend));
         patch.coarse.clear();
