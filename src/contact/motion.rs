@@ -30,7 +30,7 @@ impl ContactIndex {
     /// Lets the vertices of a patch follow up to four links each from now on (linear blend skinning), as
     /// those of a map with [joints](crate::skin::Taxels::joints) do from the start:
     /// a vertex moves to the mean of where its links take it, by their weights. Moving links fits the
-    /// patch's tree to its vertices; that costs some 80 ns a vertex. Coarse levels of such a patch are
+    /// patch's tree to its vertices; that costs some 60 ns a vertex. Coarse levels of such a patch are
     /// not searched alone: level 0 gives their [reactive](Self::reactive) answers.
     ///
     /// The links must be where the map has them, and so are the vertices. Weights are scaled to sum 1.
