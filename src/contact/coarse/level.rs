@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::deviation::{DEEPEST, ROUND_UP, Target};
+use super::distance::{DEEPEST, ROUND_UP, Target};
 use crate::{
     contact::{ContactError, geometry::Volume, search::PatchBvh},
     id::{FaceId, IdVec, VertexId},
@@ -37,7 +37,7 @@ pub(in crate::contact) struct CoarseLevel {
 pub(in crate::contact) struct Deviation {
     /// Largest distance from the face of the part of the skin that it stands for, in m.
     pub(in crate::contact) skin: f64,
-    /// Largest distance of the face from the skin, in m.
+    /// Largest distance of the face from the skin, in m; at least `skin`.
     pub(in crate::contact) face: f64,
     /// The largest `skin` of all faces whose skin may be nearest to a contact within `near` of this
     /// face.
@@ -83,7 +83,8 @@ impl CoarseLevel {
         let parts = par_collect(below.mesh.triangles.len(), |range, parts: &mut Vec<(FaceId, f64)>| {
             for child in range.map(FaceId::new) {
                 let first = parts.len();
-                target.measure(below.mesh.corners(child), DEEPEST, &mut |face, bound, is_last| {
+                let part = target.part(below.mesh.corners(child));
+                target.measure(&part, DEEPEST, &mut |face, bound, is_last| {
                     let bound = bound + skin_of(child) + rounding;
                     let known = parts[first..].iter_mut().find(|(f, _)| *f == face);
                     if known.as_ref().is_some_and(|(_, old)| bound <= *old) {
@@ -99,25 +100,29 @@ impl CoarseLevel {
                 });
             }
         });
+        let mut deviations = IdVec::<FaceId, Deviation>::filled(Deviation::default(), mesh.triangles.len());
+        for (face, bound) in parts {
+            deviations[face].skin = deviations[face].skin.max(bound);
+        }
         let target = Target { tree: below, more: &face_of, tolerance };
-        let halvings = DEEPEST + halvings(edge / finer_edge);
+        let cuts = DEEPEST + 2 * halvings(edge / finer_edge);
         let faces = par_collect(mesh.triangles.len(), |range, faces: &mut Vec<f64>| {
             faces.extend(range.map(FaceId::new).map(|face| {
-                let mut most = 0.0;
-                target.measure(mesh.corners(face), halvings, &mut |_, bound, is_last| {
-                    let is_known = bound <= most;
+                // Answers are as inexact as `skin` anyway.
+                let mut most = deviations[face].skin;
+                let part = target.part(mesh.corners(face));
+                target.measure(&part, cuts, &mut |_, bound, is_last| {
+                    let is_known = bound + rounding <= most;
                     if is_last {
-                        most = bound.max(most);
+                        most = most.max(bound + rounding);
                     }
                     is_known
                 });
-                most + rounding
+                most
             }));
         });
-        let mut deviations: IdVec<FaceId, Deviation> =
-            faces.into_iter().map(|face| Deviation { face, ..Deviation::default() }).collect();
-        for (face, bound) in parts {
-            deviations[face].skin = deviations[face].skin.max(bound);
+        for (deviation, face) in deviations.iter_mut().zip(faces) {
+            deviation.face = face;
         }
         let most = deviations.iter().map(|d| d.skin).fold(0.0, f64::max);
         let mut level = Self { tree, deviations, packets, most, near: NEAR * edge };
