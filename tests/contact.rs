@@ -276,7 +276,7 @@ proptest! {
                 for (own, given) in index.poses().iter().zip(&own_poses(&map)) {
                     prop_assert!(own.abs_diff_eq(*given, 1e-12), "poses of the map are the start");
                 }
-                index.set_poses(&IdVec::from(moved.to_vec())).unwrap();
+                index.move_links(&[0, 1, 2].map(|k| (LinkId::new(k), moved[k]))).unwrap();
             }
         }
     }
@@ -569,14 +569,14 @@ fn poses_that_change_lengths_are_refused() {
         DAffine3::from_translation(DVec3::NAN),
         DAffine3::ZERO,
     ] {
-        let error = index.set_poses(&vec![pose].into()).unwrap_err();
+        let error = index.move_links(&[(LinkId::new(0), pose)]).unwrap_err();
         assert!(matches!(&error, ContactError::NotRigid { name } if name == "base"), "{error}");
         let mut posed = map.clone();
         posed.links[LinkId::new(0)].pose = pose;
         assert!(ContactIndex::new(&posed).is_err());
     }
-    let error = index.set_poses(&IdVec::default()).unwrap_err();
-    assert!(matches!(error, ContactError::PoseCount { found: 0, needed: 1 }), "{error}");
+    let error = index.move_links(&[(LinkId::new(1), DAffine3::IDENTITY)]).unwrap_err();
+    assert_eq!(error, ContactError::NoLink { link: LinkId::new(1), links: 1 });
     assert_eq!(index.locate(DVec3::ONE).unwrap(), before, "a refused pose moves nothing");
 }
 

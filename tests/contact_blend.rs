@@ -33,6 +33,11 @@ fn mesh(map: &SkinMap, patch: usize) -> &TriMesh {
     &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh
 }
 
+/// The poses of all links, to be moved to.
+fn moves(poses: &IdVec<LinkId, DAffine3>) -> Vec<(LinkId, DAffine3)> {
+    poses.enumerate().map(|(link, pose)| (link, *pose)).collect()
+}
+
 type Joints = IdVec<VertexId, [(LinkId, f64); 4]>;
 
 /// The vertices of the first patch in the world, written down again.
@@ -70,17 +75,17 @@ proptest! {
         poses in prop::array::uniform3(any_pose()),
         contacts in prop::collection::vec(prop::array::uniform3(-0.4..0.4_f64), 8),
     ) {
-        let map = robot();
-        let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true, ..Default::default() }).unwrap();
-        let rest = index.poses();
+        let mut map = robot();
         let joints: Joints = mesh(&map, 0).positions.ids().map(|v| {
             let row = weights[v.index() % weights.len()];
             let sum: f64 = row.iter().sum();
             [0, 1, 2, 1].map(LinkId::new).iter().zip(row).map(|(j, w)| (*j, w / sum)).collect::<Vec<_>>().try_into().unwrap()
         }).collect();
-        index.blend(PatchId::new(0), &joints).unwrap();
+        map.patches[PatchId::new(0)].taxels.joints = Some(joints.clone());
+        let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true, ..Default::default() }).unwrap();
+        let rest = index.poses();
         let posed: IdVec<LinkId, DAffine3> = poses.to_vec().into();
-        index.set_poses(&posed).unwrap();
+        index.move_links(&moves(&posed)).unwrap();
         let positions = blended(&map, &joints, [&rest, &posed]);
         let soft = TriMesh { positions, triangles: mesh(&map, 0).triangles.clone() };
         let rigid = TriMesh {
@@ -106,7 +111,7 @@ proptest! {
             let nearest = vertices.map(|p| p.distance(contact)).fold(f64::INFINITY, f64::min);
             prop_assert!((taxel.distance - nearest).abs() < 1e-9);
         }
-        index.set_poses(&rest).unwrap();
+        index.move_links(&moves(&rest)).unwrap();
         let back = index.locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
         let new = ContactIndex::new(&map).unwrap().locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
         prop_assert!((back.distance - new.distance).abs() < 1e-12, "moved back");
@@ -116,15 +121,15 @@ proptest! {
 /// A patch that follows one link alone moves as if it were on that link.
 #[test]
 fn one_joint_is_a_rigid_pose() {
-    let map = robot();
-    let mut index = ContactIndex::new(&map).unwrap();
+    let mut map = robot();
     let other = LinkId::new(2);
     let joints: Joints =
         mesh(&map, 0).positions.map(|_| [(other, 1.0), (other, 0.0), (LinkId::new(99), 0.0), (other, 0.0)]);
-    let rest = index.poses();
     let contact = DVec3::new(0.02, 0.03, 0.25);
-    let before = index.locate(Query::on_link(LinkId::new(1), contact)).unwrap();
-    index.blend(PatchId::new(0), &joints).unwrap();
+    let before = ContactIndex::new(&map).unwrap().locate(Query::on_link(LinkId::new(1), contact)).unwrap();
+    map.patches[PatchId::new(0)].taxels.joints = Some(joints);
+    let mut index = ContactIndex::new(&map).unwrap();
+    let rest = index.poses();
     let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_y(1.0), DVec3::new(0.3, -0.2, 1.0));
     index.move_links(&[(other, turned * rest[other])]).unwrap();
     let world = rest[LinkId::new(1)].transform_point3(contact);
@@ -139,15 +144,15 @@ fn one_joint_is_a_rigid_pose() {
 
 #[test]
 fn posing_a_blended_patch_allocates_nothing() {
-    let map = robot();
-    let mut index = ContactIndex::new(&map).unwrap();
+    let mut map = robot();
     let half = [(LinkId::new(1), 0.5), (LinkId::new(2), 0.5), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
-    index.blend(PatchId::new(0), &mesh(&map, 0).positions.map(|_| half)).unwrap();
-    let poses = index.poses();
-    let moved = poses.map(|pose| DAffine3::from_rotation_z(0.3) * *pose);
+    map.patches[PatchId::new(0)].taxels.joints = Some(mesh(&map, 0).positions.map(|_| half));
+    let mut index = ContactIndex::new(&map).unwrap();
+    let poses = moves(&index.poses());
+    let moved = moves(&index.poses().map(|pose| DAffine3::from_rotation_z(0.3) * *pose));
     let mut frame = || {
-        index.set_poses(&moved).unwrap();
-        index.set_poses(&poses).unwrap();
+        index.move_links(&moved).unwrap();
+        index.move_links(&poses).unwrap();
         assert!(index.locate(DVec3::ZERO).unwrap().distance.is_finite());
     };
     frame();
@@ -157,10 +162,10 @@ fn posing_a_blended_patch_allocates_nothing() {
 /// Vertices between links that are too far apart are named, and no link moves.
 #[test]
 fn a_patch_torn_too_far_moves_nothing() {
-    let map = robot();
-    let mut index = ContactIndex::new(&map).unwrap();
+    let mut map = robot();
     let half = [(LinkId::new(1), 0.1), (LinkId::new(2), 0.9), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
-    index.blend(PatchId::new(0), &mesh(&map, 0).positions.map(|_| half)).unwrap();
+    map.patches[PatchId::new(0)].taxels.joints = Some(mesh(&map, 0).positions.map(|_| half));
+    let mut index = ContactIndex::new(&map).unwrap();
     let (before, at) = (index.poses(), DVec3::new(0.02, 0.03, 0.2));
     let hit = index.locate(at).unwrap();
     let far = |x: f64| DAffine3::from_translation(DVec3::X * x);
@@ -168,19 +173,21 @@ fn a_patch_torn_too_far_moves_nothing() {
     assert!(matches!(torn, Err(ContactError::TooLarge { .. })), "{torn:?}");
     assert_eq!((index.poses(), index.locate(at).unwrap()), (before, hit));
     let moved = index.poses().map(|pose| far(0.1) * *pose);
-    index.set_poses(&moved).unwrap();
+    index.move_links(&moves(&moved)).unwrap();
     assert!((index.locate(at + DVec3::X * 0.1).unwrap().distance - hit.distance).abs() < 1e-12);
 }
 
 #[test]
 fn wrong_joints_are_named() {
-    let map = robot();
-    let mut index = ContactIndex::new(&map).unwrap();
+    let mut map = robot();
     let (patch, link) = (PatchId::new(0), LinkId::new(1));
     let good: Joints = mesh(&map, 0).positions.map(|_| [(link, 1.0), (link, 0.0), (link, 0.0), (link, 0.0)]);
-    assert!(matches!(index.blend(PatchId::new(7), &good), Err(ContactError::NoMap { .. })));
-    let few: Joints = good.iter().copied().skip(1).collect();
-    assert!(matches!(index.blend(patch, &few), Err(ContactError::JointCount { .. })));
+    let mut refused = |joints: Joints| {
+        map.patches[patch].taxels.joints = Some(joints);
+        ContactIndex::new(&map).unwrap_err()
+    };
+    let few = refused(good.iter().copied().skip(1).collect());
+    assert!(matches!(few, ContactError::Map(_)) && few.to_string().contains("joints"), "{few}");
     for row in [
         [(link, -0.5), (link, 1.5), (link, 0.0), (link, 0.0)],
         [(link, f64::NAN), (link, 1.0), (link, 0.0), (link, 0.0)],
@@ -191,14 +198,12 @@ fn wrong_joints_are_named() {
     ] {
         let mut bad = good.clone();
         bad[VertexId::new(5)] = row;
-        let error = index.blend(patch, &bad).unwrap_err();
-        assert!(
-            matches!(error, ContactError::Joints { .. })
-                && error.to_string().starts_with("vertex 5 of patch 0 follows"),
-            "{error}"
-        );
+        let error = refused(bad);
+        let is_named = matches!(error, ContactError::Map(_) | ContactError::Joints { .. });
+        assert!(is_named && error.to_string().contains("vertex 5"), "{error}");
     }
-    index.blend(patch, &good).unwrap();
+    map.patches[patch].taxels.joints = Some(good);
+    let mut index = ContactIndex::new(&map).unwrap();
     let far = DAffine3::from_translation(DVec3::splat(1e11));
     assert!(index.move_links(&[(LinkId::new(0), far)]).is_ok(), "what moves as a whole stays together");
 }

@@ -229,7 +229,7 @@ fn contacts_on_the_bent_tube_are_those_of_the_blended_mesh() {
     let mut index = ContactIndex::new(&map).unwrap();
     for angle in [0.0, 0.4, 1.2] {
         let poses = turned(&map, angle);
-        index.set_poses(&poses).unwrap();
+        index.move_links(&poses.enumerate().map(|(link, pose)| (link, *pose)).collect::<Vec<_>>()).unwrap();
         let mesh = blended(&map, &poses);
         for q in contacts() {
             let hit = index.locate(Query::from(q)).unwrap();

@@ -72,7 +72,7 @@ proptest! {
     ) {
         let map = robot();
         let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
-        index.set_poses(&poses.to_vec().into()).unwrap();
+        index.move_links(&[0, 1, 2].map(|k| (LinkId::new(k), poses[k]))).unwrap();
         let (at, link, level) = (DVec3::from(at), link.map(LinkId::new), LevelId::new(level));
         let mut all = Vec::new();
         for (id, patch) in map.patches.enumerate() {
@@ -115,7 +115,7 @@ proptest! {
     ) {
         let map = robot();
         let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
-        index.set_poses(&poses.to_vec().into()).unwrap();
+        index.move_links(&[0, 1, 2].map(|k| (LinkId::new(k), poses[k]))).unwrap();
         let mesh = &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh;
         let face = mesh.triangles.ids().nth(vertex.index(mesh.triangles.len())).unwrap();
         let target = poses[patch].transform_point3(mesh.corners(face).into_iter().sum::<DVec3>() / 3.0);

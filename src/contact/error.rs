@@ -51,13 +51,13 @@ pub enum ContactError {
         /// Name of the link.
         name: String,
     },
-    /// Not one pose per link.
-    #[error("there are {found} poses; {needed} are needed, one per link")]
-    PoseCount {
-        /// Poses given.
-        found: usize,
-        /// Links of the map.
-        needed: usize,
+    /// A link to be moved that the map does not have.
+    #[error("there is no link {link} to move; the map has {links}")]
+    NoLink {
+        /// The link.
+        link: LinkId,
+        /// Number of links.
+        links: usize,
     },
     /// A query that needs what the index was made without.
     #[error("the index was made without {what}; `IndexOptions` adds them")]
@@ -78,16 +78,6 @@ pub enum ContactError {
         patch: PatchId,
         /// The level asked for.
         level: LevelId,
-    },
-    /// Not one row of joints per vertex.
-    #[error("there are joints for {found} vertices; patch {patch} has {needed}")]
-    JointCount {
-        /// The patch.
-        patch: PatchId,
-        /// Rows given.
-        found: usize,
-        /// Vertices of its level 0.
-        needed: usize,
     },
     /// A vertex that follows no link, or links that do not exist.
     #[error(

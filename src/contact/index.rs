@@ -48,10 +48,10 @@ pub(super) struct IndexedLink {
     name: String,
     parent: Option<LinkId>,
     /// Its pose in the map, relative to its parent.
-    rest: DAffine3,
+    pub(super) rest: DAffine3,
     pub(super) pose: RigidPose,
     /// Where it moves next.
-    next: RigidPose,
+    pub(super) next: RigidPose,
     pub(super) patches: Vec<PatchId>,
 }
 
@@ -135,50 +135,35 @@ impl ContactIndex {
         Ok(index)
     }
 
-    /// Moves the links: one pose in the world per link of the map, in m. Nothing is rebuilt.
-    ///
-    /// # Errors
-    /// If there is not one pose per link, or one of them is not rigid; then no link has moved.
-    pub fn set_poses(&mut self, poses: &IdVec<LinkId, DAffine3>) -> Result<(), ContactError> {
-        if poses.len() != self.links.len() {
-            return Err(ContactError::PoseCount { found: poses.len(), needed: self.links.len() });
-        }
-        self.set_links(|link, _, _| poses[link])
-    }
-
-    /// Moves some links to poses in the world, in m; links that hang from a moved one follow it, as
-    /// a hand follows its arm. Of several poses of one link the last counts.
+    /// Moves links to poses in the world, in m; links that hang from a moved one follow it, as a hand
+    /// follows its arm. Of several poses of one link the last counts. Nothing is rebuilt or allocated.
     ///
     /// # Errors
     /// If a link does not exist, or a pose is not rigid; then no link has moved.
     pub fn move_links(&mut self, moved: &[(LinkId, DAffine3)]) -> Result<(), ContactError> {
-        let needed = self.links.len();
-        if let Some((link, _)) = moved.iter().find(|(link, _)| link.index() >= needed) {
-            return Err(ContactError::PoseCount { found: link.index() + 1, needed });
+        let links = self.links.len();
+        if let Some(&(link, _)) = moved.iter().find(|(link, _)| link.index() >= links) {
+            return Err(ContactError::NoLink { link, links });
         }
-        let old = self.poses();
-        let parents = self.links.map(|link| link.parent);
-        self.set_links(|link, parent, _| {
-            let given = moved.iter().rev().find(|(other, _)| *other == link).map(|(_, pose)| *pose);
-            let followed = || match (parents[link], parent) {
-                (Some(id), Some(parent)) => parent * old[id].inverse() * old[link],
-                _ => old[link],
+        self.set_links(|id, link, parent| {
+            let given = moved.iter().rev().find(|(other, _)| *other == id).map(|(_, pose)| *pose);
+            let followed = || match parent {
+                Some(parent) => parent.next.pose() * parent.pose.pose().inverse() * link.pose.pose(),
+                None => link.pose.pose(),
             };
             given.unwrap_or_else(followed)
         })
     }
 
-    /// Moves every link to what `pose` makes of it, of its parent's new pose in the world and of its
-    /// own pose in the map relative to its parent.
+    /// Moves every link to what `pose` makes of it and of its parent, which has its next pose by then.
     pub(super) fn set_links(
         &mut self,
-        pose: impl Fn(LinkId, Option<DAffine3>, DAffine3) -> DAffine3,
+        pose: impl Fn(LinkId, &IndexedLink, Option<&IndexedLink>) -> DAffine3,
     ) -> Result<(), ContactError> {
-        for k in 0..self.links.len() {
-            let id = LinkId::new(k);
+        for id in self.links.ids() {
             let link = &self.links[id];
-            let parent = link.parent.map(|parent| self.links[parent].next.pose());
-            self.links[id].next = rigid(&link.name, &pose(id, parent, link.rest))?;
+            let parent = link.parent.map(|parent| &self.links[parent]);
+            self.links[id].next = rigid(&link.name, &pose(id, link, parent))?;
         }
         for (patch, IndexedPatch { link, blend, .. }) in self.patches.iter_mut().enumerate() {
             if let Some(blend) = blend {

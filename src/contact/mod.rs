@@ -24,7 +24,7 @@
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
 //!   fields near a point or in a sphere, capsule or box; [`ContactIndex::first_hit`] follows a ray;
 //!   [`ContactIndex::locate_admitted`] leaves out what a contact cannot have touched.
-//! - [`ContactIndex::blend`] lets the vertices of a patch follow several links.
+//! - The vertices of a patch with [joints](crate::skin::Taxels::joints) follow several links.
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
 //! - [`Spreader`] makes readings of taxels from the forces of contacts.

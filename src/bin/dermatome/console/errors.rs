@@ -250,9 +250,7 @@ fn contact_help(error: &ContactError) -> &'static str {
         ContactError::NotFinite { .. } | ContactError::UnknownLink { .. } | ContactError::BareLink { .. } => {
             "correct or remove that contact"
         }
-        ContactError::NotRigid { .. } | ContactError::PoseCount { .. } => {
-            "give every link a rotation and a translation, in metres"
-        }
+        ContactError::NotRigid { .. } => "give every link a rotation and a translation, in metres",
         _ => BUILD_AGAIN,
     }
 }
