@@ -10,7 +10,7 @@
 use std::path::Path;
 
 use dermatome::{
-    contact::{Area, ContactIndex, IndexOptions, Press, Pressing, Spreader},
+    contact::{Area, ContactIndex, IndexOptions, Press, Spreader},
     io::read_draft,
     pipeline,
     plot::{ChannelView, PlotOptions, Viewpoint, plot_frame},
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
 
     let coarsest = LevelId::new(map.patches.iter().map(|p| p.levels.len()).max().unwrap_or(1) - 1);
-    let spreader = Spreader::new(&map, 0.002);
+    let spreader = Spreader { map: &map, disc: 0.002 };
     let channels = [Channel::new("force", "N")];
     let (mut asked, mut refined, mut strongest) = (0, 0, (0.0, spreader.frame(0.0)));
     for k in 0..=FRAMES {
@@ -65,13 +65,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             continue;
         }
         refined += 1;
-        let hit = index.refine(ball, &first)?.hit;
+        let hit = index.refine(ball, &first)?;
         let depth = RADIUS - hit.distance;
         if depth <= 0.0 {
             continue;
         }
         let press = Press {
-            pressing: Pressing::Area(Area::Sphere { centre: ball, radius: RADIUS }),
+            area: Area::Sphere { centre: ball, radius: RADIUS },
             link: None,
             force: STIFFNESS * depth,
         };

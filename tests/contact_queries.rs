@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use dermatome::{
     contact::{
-        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Packing, Press, Pressing, Query,
-        Side, Spreader,
+        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Packing, Press, Query, Side,
+        Spreader,
     },
     id::VertexId,
     map::SkinMap,
@@ -188,15 +188,15 @@ proptest! {
         }
         let index = ContactIndex::with(&map, &FIELDS).unwrap();
         let centre = mesh.positions[VertexId::new(at.index(taxels))] + DVec3::from(offset);
-        let pressing = match kind {
-            0 => Pressing::Point(centre),
-            1 => Pressing::Area(Area::Sphere { centre, radius }),
-            2 => Pressing::Area(Area::Box { centre, rotation: DQuat::from_rotation_x(radius), half: DVec3::splat(radius) }),
-            _ => Pressing::Area(Area::Capsule { ends: [centre, centre + DVec3::X * radius], radius }),
+        let area = match kind {
+            0 => Area::Point(centre),
+            1 => Area::Sphere { centre, radius },
+            2 => Area::Box { centre, rotation: DQuat::from_rotation_x(radius), half: DVec3::splat(radius) },
+            _ => Area::Capsule { ends: [centre, centre + DVec3::X * radius], radius },
         };
-        let spreader = Spreader::new(&map, 0.002);
+        let spreader = Spreader { map: &map, disc: 0.002 };
         let mut frame = spreader.frame(1.5);
-        let touched = spreader.add(&index, &Press { pressing, link: Some(LinkId::new(0)), force }, &mut frame).unwrap();
+        let touched = spreader.add(&index, &Press { area, link: Some(LinkId::new(0)), force }, &mut frame).unwrap();
         let live = |v: &&f64| !v.is_nan();
         let sum: f64 = frame.values[id][0].iter().filter(live).sum();
         prop_assert!((sum - if touched { force } else { 0.0 }).abs() < 1e-12 * force, "{} of {}", sum, force);
@@ -211,12 +211,12 @@ proptest! {
 fn a_ball_presses_the_taxels_under_it() {
     let map = SkinMap::flat(shapes::lattice(30, 30, 0.004), 1e-3);
     let index = ContactIndex::with(&map, &FIELDS).unwrap();
-    let spreader = Spreader::new(&map, 0.002);
+    let spreader = Spreader { map: &map, disc: 0.002 };
     let mut frame = spreader.frame(0.0);
     let positions = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh.positions;
     let middle = positions.iter().copied().sum::<DVec3>() / positions.len() as f64;
     let ball = Area::Sphere { centre: middle + DVec3::Z * 0.008, radius: 0.01 };
-    let press = Press { pressing: Pressing::Area(ball), link: None, force: 2.0 };
+    let press = Press { area: ball, link: None, force: 2.0 };
     assert!(spreader.add(&index, &press, &mut frame).unwrap());
     let forces = &frame.values[PatchId::new(0)][0];
     for (v, &force) in forces.enumerate() {
@@ -225,7 +225,7 @@ fn a_ball_presses_the_taxels_under_it() {
         assert_eq!(force > 0.0, away < 0.0079999, "{force} N at {away} m");
     }
     let hovering = Area::Sphere { centre: middle + DVec3::Z * 0.02, radius: 0.01 };
-    let press = Press { pressing: Pressing::Area(hovering), link: None, force: 2.0 };
+    let press = Press { area: hovering, link: None, force: 2.0 };
     assert!(!spreader.add(&index, &press, &mut frame).unwrap(), "10 mm above the skin");
 }
 

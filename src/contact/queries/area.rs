@@ -15,9 +15,11 @@ use crate::{
     skin::{LinkId, PatchId, TaxelId},
 };
 
-/// A volume that touches the robot, in m.
+/// What touches the robot, in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Area {
+    /// A point.
+    Point(DVec3),
     /// A ball.
     Sphere {
         /// Its centre.
@@ -46,6 +48,7 @@ pub enum Area {
 impl Area {
     pub(super) fn volume(&self) -> Result<Volume, ContactError> {
         let volume = match *self {
+            Self::Point(point) => Volume::sphere(point, 0.0),
             Self::Sphere { centre, radius } => Volume::sphere(centre, radius),
             Self::Capsule { ends, radius } => Volume::capsule(ends, radius),
             Self::Box { centre, rotation, half } => Volume::cuboid(centre, rotation, half),
@@ -56,6 +59,7 @@ impl Area {
     /// Largest distance of its points from its centre, in m.
     pub(super) fn extent(&self) -> f64 {
         match *self {
+            Self::Point(_) => 0.0,
             Self::Sphere { radius, .. } => radius,
             Self::Capsule { ends: [a, b], radius } => 0.5 * a.distance(b) + radius,
             Self::Box { half, .. } => half.length(),

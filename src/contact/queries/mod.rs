@@ -7,6 +7,5 @@ mod reactive;
 mod refine;
 
 pub use area::{Area, FieldHit, Filter};
-pub use press::{Press, Pressing, Spreader};
+pub use press::{Press, Spreader};
 pub use reactive::Reactive;
-pub use refine::Refined;

@@ -23,20 +23,11 @@ const SAMPLES: u32 = 256;
 /// Spacings of taxels from which on a point does not touch the skin.
 const SPACINGS: f64 = 10.0;
 
-/// What presses on the skin.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Pressing {
-    /// A point, in m.
-    Point(DVec3),
-    /// A sphere, a capsule or a box.
-    Area(Area),
-}
-
 /// Something that presses on the skin with a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Press {
     /// What presses.
-    pub pressing: Pressing,
+    pub area: Area,
     /// The link in whose frame it is given; `None`: the world.
     pub link: Option<LinkId>,
     /// Its force, in N.
@@ -47,17 +38,17 @@ pub struct Press {
 ///
 /// ```
 /// use dermatome::{
-///     contact::{Area, ContactIndex, IndexOptions, Press, Pressing, Spreader},
+///     contact::{Area, ContactIndex, IndexOptions, Press, Spreader},
 ///     map::SkinMap, mesh::shapes, skin::PatchId,
 /// };
 /// use glam::DVec3;
 ///
 /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
 /// let index = ContactIndex::with(&map, &IndexOptions { fields: true, ..IndexOptions::default() })?;
-/// let spreader = Spreader::new(&map, 0.002);
+/// let spreader = Spreader { map: &map, disc: 0.002 };
 /// let mut frame = spreader.frame(0.0);
-/// let ball = Area::Sphere { centre: DVec3::new(0.05, 0.03, 0.009), radius: 0.01 };
-/// let press = Press { pressing: Pressing::Area(ball), link: None, force: 1.5 };
+/// let area = Area::Sphere { centre: DVec3::new(0.05, 0.03, 0.009), radius: 0.01 };
+/// let press = Press { area, link: None, force: 1.5 };
 /// assert!(spreader.add(&index, &press, &mut frame)?, "it touches");
 /// let felt: f64 = frame.values[PatchId::new(0)][0].iter().sum();
 /// assert!((felt - 1.5).abs() < 1e-12);
@@ -65,18 +56,13 @@ pub struct Press {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Spreader<'a> {
-    map: &'a SkinMap,
-    /// Radius of the discs, in m.
-    disc: f64,
+    /// The map of the taxels.
+    pub map: &'a SkinMap,
+    /// Radius of the discs on which they feel, in m.
+    pub disc: f64,
 }
 
-impl<'a> Spreader<'a> {
-    /// Spreads over the taxels of `map`, which feel on discs of this radius, in m.
-    #[must_use]
-    pub fn new(map: &'a SkinMap, disc: f64) -> Self {
-        Self { map, disc }
-    }
-
+impl Spreader<'_> {
     /// A frame at a time (s) without any force, NaN for taxels that do not work.
     #[must_use]
     pub fn frame(&self, time: f64) -> Frame {
@@ -93,11 +79,9 @@ impl<'a> Spreader<'a> {
     /// # Errors
     /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`].
     pub fn add(&self, index: &ContactIndex, press: &Press, frame: &mut Frame) -> Result<bool, ContactError> {
-        let shares = match &press.pressing {
-            Pressing::Point(point) => {
-                self.at_point(index, Query { point: *point, link: press.link }, None)?
-            }
-            Pressing::Area(area) => {
+        let shares = match &press.area {
+            Area::Point(point) => self.at_point(index, Query { point: *point, link: press.link }, None)?,
+            area => {
                 let shares = self.under(index, area, press.link)?;
                 let volume = area.volume()?;
                 // Between the discs, or on taxels that do not work.
@@ -162,6 +146,7 @@ impl<'a> Spreader<'a> {
         link: Option<LinkId>,
     ) -> Result<Vec<(PatchId, VertexId, f64)>, ContactError> {
         let grown = match *area {
+            Area::Point(centre) => Area::Sphere { centre, radius: self.disc },
             Area::Sphere { centre, radius } => Area::Sphere { centre, radius: radius + self.disc },
             Area::Capsule { ends, radius } => Area::Capsule { ends, radius: radius + self.disc },
             Area::Box { centre, rotation, half } => Area::Box { centre, rotation, half: half + self.disc },

@@ -7,30 +7,16 @@
 use super::Reactive;
 use crate::contact::{ContactError, ContactIndex, Cursor, Hit, Query};
 
-/// What rounding may add to the distances that are compared, as a part of them.
-const ROUNDING: f64 = 1e-9;
-
-/// An exact answer, and whether the coarse one was right about it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Refined {
-    /// The same as [`ContactIndex::locate`] answers.
-    pub hit: Hit,
-    /// Whether the skin is as near as the coarse answer certified: no farther than its distance and its
-    /// error. It is not for an answer to another query, or in another pose of the links.
-    pub certified: bool,
-}
-
 impl ContactIndex {
-    /// The exact answer to a query whose answer on a coarse level is known.
+    /// The exact answer to a query whose answer on a coarse level is known: the same as
+    /// [`ContactIndex::locate`] gives, sooner.
     ///
     /// # Errors
     /// As [`ContactIndex::reactive`].
-    pub fn refine(&self, query: impl Into<Query>, answer: &Reactive) -> Result<Refined, ContactError> {
+    pub fn refine(&self, query: impl Into<Query>, answer: &Reactive) -> Result<Hit, ContactError> {
         let query = query.into();
         self.check(0, &query)?;
-        let hit = self.answer_along(&mut self.start(answer), &query)?;
-        let reach = (answer.distance.abs() + answer.error) * (1.0 + ROUNDING);
-        Ok(Refined { hit, certified: hit.distance.abs() <= reach })
+        self.answer_along(&mut self.start(answer), &query)
     }
 
     /// Where a search near a coarse answer begins.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dermatome::{
-    contact::{Area, ContactIndex, Press, Pressing, Query, Spreader},
+    contact::{Area, ContactIndex, Press, Query, Spreader},
     io::{IoError, ReadingsWriter},
     signal::{Channel, Frame},
 };
@@ -23,7 +23,7 @@ impl<'a> Readings<'a> {
     pub(super) fn create(path: &Path, robot: &'a Robot, disc: f64) -> Result<Self, IoError> {
         let taxels = robot.map.patches.iter().map(|patch| &patch.taxels);
         let writer = ReadingsWriter::create(path, taxels, &Channel::new("force", "N"))?;
-        Ok(Self { writer, spreader: Spreader::new(&robot.map, disc), frame: None, untouched: 0 })
+        Ok(Self { writer, spreader: Spreader { map: &robot.map, disc }, frame: None, untouched: 0 })
     }
 
     /// Adds contacts; those without a time are in the frame of time 0.
@@ -40,9 +40,9 @@ impl<'a> Readings<'a> {
             }
             let frame = self.frame.get_or_insert_with(|| self.spreader.frame(time));
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
-            let sphere = |radius| Pressing::Area(Area::Sphere { centre: point, radius });
-            let pressing = contact.radius.filter(|r| *r > 0.0).map_or(Pressing::Point(point), sphere);
-            let press = Press { pressing, link, force };
+            let sphere = |radius| Area::Sphere { centre: point, radius };
+            let area = contact.radius.filter(|r| *r > 0.0).map_or(Area::Point(point), sphere);
+            let press = Press { area, link, force };
             if !self.spreader.add(index, &press, frame).map_err(unanswered)? {
                 self.untouched += 1;
             }
