@@ -12,7 +12,7 @@ use std::{
 use anyhow::Context;
 use dermatome::{
     Error,
-    io::{IoError, without_path},
+    io::IoError,
     pipeline::{BuildOptions, Built, Enlarged, FILES, Progress, build_with_progress, write_files},
     report::{PatchReport, Seconds, measure},
     skin::{AssembleOptions, Patch, Skin},
@@ -27,7 +27,7 @@ use crate::{
     },
     files::{
         input::read_good_patches,
-        outputs::{self, Outputs, cannot_write},
+        outputs::{self, Outputs, cannot_write, without_path},
         signals::clean_when_stopped,
     },
     options::{AcuityArgs, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, length_mm},

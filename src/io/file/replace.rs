@@ -69,11 +69,11 @@ impl Replacement {
         let file = if target.exists() && !target.is_file() {
             Unpublished::Device(OpenOptions::new().write(true).open(&target).map_err(fail)?)
         } else {
-            let mut builder = tempfile::Builder::new();
-            builder.prefix(temporary_prefix());
-            share_like_a_new_file(&mut builder);
-            let temporary = builder.tempfile_in(folder_of(&target));
-            Unpublished::Temporary(temporary.map_err(|e| fail(without_path(&e)))?)
+            // As readable as any file the user makes: the system subtracts the umask.
+            let new = |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
+            let temporary =
+                tempfile::Builder::new().prefix(temporary_prefix()).make_in(folder_of(&target), new);
+            Unpublished::Temporary(temporary.map_err(fail)?)
         };
         Ok(Self { path: path.into(), target, file })
     }
@@ -120,14 +120,6 @@ fn follow_links(path: &Path) -> PathBuf {
     fs::canonicalize(&target).unwrap_or(target)
 }
 
-/// The system's words about a temporary file, without its name, which users do not know.
-#[must_use]
-pub fn without_path(error: &io::Error) -> io::Error {
-    let text = error.to_string();
-    let words = text.split(" at path ").next().unwrap_or_default();
-    io::Error::new(error.kind(), words)
-}
-
 fn folder_of(target: &Path) -> &Path {
     target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -142,13 +134,3 @@ pub fn temporary_prefix() -> &'static str {
     });
     &PREFIX
 }
-
-/// An output is as readable as any file the user makes: the system subtracts the umask.
-#[cfg(unix)]
-fn share_like_a_new_file(builder: &mut tempfile::Builder<'_, '_>) {
-    use std::os::unix::fs::PermissionsExt;
-    builder.permissions(fs::Permissions::from_mode(0o666));
-}
-
-#[cfg(not(unix))]
-fn share_like_a_new_file(_: &mut tempfile::Builder<'_, '_>) {}

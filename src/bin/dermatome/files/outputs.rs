@@ -8,7 +8,7 @@ use std::{
 
 use dermatome::{
     Error,
-    io::{IoError, replace_file, temporary_prefix, triangles_path, without_path},
+    io::{IoError, replace_file, temporary_prefix, triangles_path},
 };
 use tempfile::TempDir;
 
@@ -239,6 +239,13 @@ fn about(mut error: IoError, name: impl FnOnce(&Path) -> PathBuf) -> IoError {
         *path = name(path);
     }
     error
+}
+
+/// The system's words about a temporary file, without its name, which users do not know.
+pub(crate) fn without_path(error: &io::Error) -> io::Error {
+    let text = error.to_string();
+    let words = text.split(" at path ").next().unwrap_or_default();
+    io::Error::new(error.kind(), words)
 }
 
 /// An error about a place.
