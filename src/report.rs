@@ -1,5 +1,5 @@
-//! What a build measured, level by level ([`measure`]), as `report.json` lists it; and how long each of
-//! its stages took. Maps are measured as `map.glb` holds them, in 32-bit numbers.
+//! What a build measured, level by level ([`measure`]), as `report.json` lists it. Maps are measured as
+//! `map.glb` holds them, in 32-bit numbers.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, report, skin::Skin};
@@ -19,21 +19,6 @@ use crate::{
     mesh::{Adjacency, Parts},
     pyramid::LevelId,
 };
-
-/// Wall-clock seconds of the stages of a build; 0 for a stage that was not run.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Seconds {
-    /// Reading and assembling the skin.
-    pub read: f64,
-    /// Making the pyramids.
-    pub coarsen: f64,
-    /// Making the maps of every level.
-    pub flatten: f64,
-    /// Making the images.
-    pub rasterise: f64,
-    /// Writing the map and the images.
-    pub write: f64,
-}
 
 /// One patch of a map.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -1,24 +1,21 @@
-//! A skin to its map, and the map to its files.
+//! A skin to its map.
 
 use std::{
-    path::Path,
     sync::atomic::{AtomicUsize, Ordering},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use rayon::prelude::*;
 
 use crate::{
     Error,
-    atlas::{fitting_pixel, pixels_of, skin_images},
+    atlas::{fitting_pixel, pixels_of},
     cut::{Cut, cut_along, pairs_by_patch},
     flatten::{FlattenOptions, flatten_chart_pyramid, flatten_pyramid_with_convergence},
     id::{IdVec, VertexId},
-    io::{write_images, write_map},
     map::{PatchMap, SkinMap},
     pipeline::{open::cut_open, written::measure_as_written},
     pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
-    report::Seconds,
     skin::{Patch, PatchId, Skin, named_links},
 };
 
@@ -46,10 +43,6 @@ pub enum Stage {
     Coarsen,
     /// Making the maps of every level.
     Flatten,
-    /// Making the images.
-    Rasterise,
-    /// Writing the map and the images.
-    Write,
 }
 
 /// How far a stage is.
@@ -76,8 +69,10 @@ pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
 pub struct Built {
     /// The map.
     pub map: SkinMap,
-    /// The time that the stages took.
-    pub seconds: Seconds,
+    /// How long making the pyramids took.
+    pub coarsened_in: Duration,
+    /// How long making the maps of every level took.
+    pub flattened_in: Duration,
     /// How many of the coarsest levels of each patch are not in the map: they have none in 64-bit
     /// numbers, or in the 32-bit ones of a file, as those of a long thin tube.
     pub left_out: IdVec<PatchId, usize>,
@@ -110,20 +105,18 @@ pub fn build_with_progress(
     let pyramids = each_patch(Stage::Coarsen, jobs, progress, |(patch, seam)| {
         coarsen_patch(patch, &seam, options).map_err(|e| e.in_patch(&patch.name))
     })?;
-    let coarsened = start.elapsed();
+    let coarsened_in = start.elapsed();
     // Every pyramid is taken once, by the thread that maps it.
     let jobs: Vec<_> = skin.patches.iter().zip(pyramids).collect();
     let maps = each_patch(Stage::Flatten, jobs, progress, |(patch, pyramid)| {
         map_patch(patch, pyramid, options).map_err(|e| e.in_patch(&patch.name))
     })?;
-    let flattened = start.elapsed() - coarsened;
-    let seconds =
-        Seconds { coarsen: coarsened.as_secs_f64(), flatten: flattened.as_secs_f64(), ..Seconds::default() };
+    let flattened_in = start.elapsed() - coarsened_in;
     let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations };
     let enlarged = if options.pixel.is_none() { enlarge_pixels(&mut map)? } else { None };
-    Ok(Built { map, seconds, left_out: left_out.into(), enlarged })
+    Ok(Built { map, coarsened_in, flattened_in, left_out: left_out.into(), enlarged })
 }
 
 /// Gives a map larger pixels where its images would have too many.
@@ -205,31 +198,6 @@ fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Resul
     }
     map.keep_finest(held);
     Ok((map, made - held))
-}
-
-/// The files that [`write_files`] writes.
-pub const FILES: [&str; 2] = ["map.glb", "map.exr"];
-
-/// Rasterises a map and writes [`FILES`] into a folder that exists; returns the time that took.
-///
-/// # Errors
-/// If the images have too many pixels, the map is not valid or a file cannot be written.
-pub fn write_files(
-    map: &SkinMap,
-    folder: &Path,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Result<Seconds, Error> {
-    let total = map.patches.len();
-    let start = Instant::now();
-    progress(Progress { stage: Stage::Rasterise, done: 0, total });
-    let images = skin_images(map)?;
-    let rasterised = start.elapsed();
-    progress(Progress { stage: Stage::Write, done: 0, total });
-    let [map_file, images_file] = FILES;
-    write_map(&folder.join(map_file), map)?;
-    write_images(&folder.join(images_file), &images)?;
-    let written = start.elapsed() - rasterised;
-    Ok(Seconds { rasterise: rasterised.as_secs_f64(), write: written.as_secs_f64(), ..Seconds::default() })
 }
 
 /// Does `job` for every patch in parallel; the error names all patches that fail.

@@ -1,10 +1,9 @@
-//! The whole flow, from a skin to the files of its map.
+//! The whole flow, from a skin to its map.
 //!
-//! 1. [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut
-//!    open where it needs a seam ([`cut_open`]), maps every level of it to the plane
-//!    ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the
-//!    [`SkinMap`](crate::map::SkinMap).
-//! 2. [`write_files`] rasterises the levels ([`skin_images`](crate::atlas::skin_images)) and writes `map.glb` and `map.exr`.
+//! [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut open
+//! where it needs a seam ([`cut_open`]), maps every level of it to the plane
+//! ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the
+//! [`SkinMap`](crate::map::SkinMap).
 //!
 //! Where no cut within one chart keeps the area ratio asked for, a patch is divided into several
 //! (`charts`). Every map is measured as `map.glb` holds it (`written`).
@@ -12,7 +11,9 @@
 //! Patches are independent: they are built in parallel, and the result does not depend on the
 //! number of threads. Before it, [`read_draft`](crate::io::read_draft) and
 //! [`assemble`](crate::skin::assemble()) make the skin; after it,
-//! [`measure`](crate::report::measure) says how faithful the map is.
+//! [`measure`](crate::report::measure) says how faithful the map is,
+//! [`write_map`](crate::io::write_map) keeps it, and [`skin_images`](crate::atlas::skin_images)
+//! rasterises its levels.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, skin::Skin};
@@ -29,7 +30,5 @@ mod choose_cut;
 mod open;
 mod written;
 
-pub use build::{
-    BuildOptions, Built, Enlarged, FILES, Progress, Stage, build, build_with_progress, write_files,
-};
+pub use build::{BuildOptions, Built, Enlarged, Progress, Stage, build, build_with_progress};
 pub use open::{FlatMesh, cut_open, flatten_patch};

@@ -12,11 +12,14 @@ use std::{
 use anyhow::Context;
 use dermatome::{
     Error,
-    io::IoError,
-    pipeline::{BuildOptions, Built, Enlarged, FILES, Progress, build_with_progress, write_files},
-    report::{PatchReport, Seconds, measure},
+    atlas::skin_images,
+    io::{IoError, write_images, write_map},
+    map::SkinMap,
+    pipeline::{BuildOptions, Built, Enlarged, Progress, build_with_progress},
+    report::{PatchReport, measure},
     skin::{AssembleOptions, Patch, Skin},
 };
+use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::{
@@ -88,8 +91,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (built, unmapped) = build_good_patches(skin, &options, keep_going, &on_progress, common)
         .with_context(|| format!("cannot map {}", args.skin.display()))?;
     let mut outputs = Outputs::default();
-    let written =
-        outputs.stage_in(&args.output, &FILES, |folder| write_files(&built.map, folder, &on_progress))?;
+    let [rasterise, write] =
+        outputs.stage_in(&args.output, &FILES, |folder| write_files(&built.map, folder, &bar))?;
     bar.finish_and_clear();
 
     let report = Report {
@@ -98,7 +101,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         patches: measure(&built.map),
     };
     let timings = Timings {
-        seconds: Seconds { read, rasterise: written.rasterise, write: written.write, ..built.seconds },
+        seconds: Seconds {
+            read,
+            coarsen: built.coarsened_in.as_secs_f64(),
+            flatten: built.flattened_in.as_secs_f64(),
+            rasterise,
+            write,
+        },
         peak_memory_bytes: peak_memory_bytes(),
     };
     let texts = [(REPORT, json(SCHEMA, &report)?), (TIMINGS, json("dermatome.timings/1", &timings)?)];
@@ -138,6 +147,19 @@ fn build_good_patches(
         }
         left_out += bad;
     }
+}
+
+/// Rasterises a map and writes [`FILES`] into a folder; returns the seconds that either took.
+fn write_files(map: &SkinMap, folder: &Path, bar: &ProgressBar) -> Result<[f64; 2], Error> {
+    let start = Instant::now();
+    progress::step(bar, "rasterising", 0, map.patches.len());
+    let images = skin_images(map)?;
+    let rasterised = start.elapsed();
+    progress::step(bar, "writing", 0, map.patches.len());
+    let [map_file, images_file] = FILES;
+    write_map(&folder.join(map_file), map)?;
+    write_images(&folder.join(images_file), &images)?;
+    Ok([rasterised, start.elapsed() - rasterised].map(|time| time.as_secs_f64()))
 }
 
 /// Prints which levels have no map, and which pixels were chosen.
@@ -196,6 +218,21 @@ struct Timings {
     /// Largest resident memory of the process, where the system reports it.
     peak_memory_bytes: Option<u64>,
 }
+
+/// Wall-clock seconds of the stages of a build.
+#[derive(Debug, Serialize)]
+struct Seconds {
+    /// Reading and assembling the skin.
+    read: f64,
+    coarsen: f64,
+    flatten: f64,
+    rasterise: f64,
+    /// Writing the map and the images.
+    write: f64,
+}
+
+/// The files of the map.
+const FILES: [&str; 2] = ["map.glb", "map.exr"];
 
 /// The file of measures, next to [`FILES`].
 const REPORT: &str = "report.json";

@@ -45,15 +45,19 @@ fn print_lines(bar: &ProgressBar) {
     });
 }
 
-pub(crate) fn show(bar: &ProgressBar, progress: Progress) {
-    bar.set_message(match progress.stage {
+pub(crate) fn show(bar: &ProgressBar, Progress { stage, done, total }: Progress) {
+    let name = match stage {
         Stage::Coarsen => "coarsening",
         Stage::Flatten => "flattening",
-        Stage::Rasterise => "rasterising",
-        Stage::Write => "writing",
-    });
-    bar.set_length(progress.total as u64);
-    bar.set_position(progress.done as u64);
+    };
+    step(bar, name, done, total);
+}
+
+/// Shows how many patches of how many a stage has done.
+pub(crate) fn step(bar: &ProgressBar, stage: &'static str, done: usize, total: usize) {
+    bar.set_message(stage);
+    bar.set_length(total as u64);
+    bar.set_position(done as u64);
 }
 
 /// A bar for the frames of a recording, whose number may not be known; none for a live stream, whose
