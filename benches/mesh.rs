@@ -1,15 +1,19 @@
 //! Who borders whom, for lattices of many sizes.
 #![allow(missing_docs, reason = "criterion's macro writes items without")]
 
+#[path = "../tests/renumbered/mod.rs"]
+mod renumbered;
+
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::mesh::{Adjacency, TriMesh, shapes};
+use renumbered::renumbered;
 
 /// The same mesh with its vertices in no order, as files may have them.
 fn shuffled(mesh: &TriMesh) -> TriMesh {
     let mut order: Vec<usize> = (0..mesh.positions.len()).collect();
     // Fibonacci hashing scatters neighbours over the whole range.
     order.sort_by_key(|&v| (v as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    shapes::renumbered(mesh, &order)
+    renumbered(mesh, &order)
 }
 
 fn adjacency(c: &mut Criterion) {

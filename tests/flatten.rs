@@ -1,6 +1,8 @@
 //! Laws of flattening.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod renumbered;
+
 use std::{f64::consts::PI, path::PathBuf};
 
 use dermatome::{
@@ -15,6 +17,7 @@ use dermatome::{
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
+use renumbered::renumbered;
 
 const LINEAR: Method = Method::Linear { angle: 1.0, area: 1.0 };
 
@@ -221,7 +224,7 @@ fn the_numbering_of_the_vertices_does_not_matter() {
     let mesh = bumpy(16, 12, 0.6, 0.4);
     let count = mesh.positions.len();
     let order: Vec<usize> = (0..count).map(|v| (v * 77 + 5) % count).collect();
-    let other = shapes::renumbered(&mesh, &order);
+    let other = renumbered(&mesh, &order);
     for options in all_methods() {
         let (a, b) = (measure(&mesh, &options), measure(&other, &options));
         // The linear map depends on which vertices are pinned, and those are found from the first

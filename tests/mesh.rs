@@ -1,6 +1,8 @@
 //! Laws of the room `mesh`: who borders whom.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod renumbered;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use dermatome::{
@@ -9,6 +11,7 @@ use dermatome::{
 };
 use glam::DVec3;
 use proptest::prelude::*;
+use renumbered::renumbered;
 
 fn named_shapes() -> Vec<(&'static str, TriMesh, i64, usize)> {
     vec![
@@ -206,7 +209,7 @@ proptest! {
         let mesh = shapes::lattice(5, 4, 1.0);
         let mut order: Vec<usize> = (0..20).collect();
         order.sort_by_key(|&i| keys[i]);
-        let [before, after] = [&mesh, &shapes::renumbered(&mesh, &order)].map(|m| Adjacency::new(m).unwrap());
+        let [before, after] = [&mesh, &renumbered(&mesh, &order)].map(|m| Adjacency::new(m).unwrap());
         for w in mesh.positions.ids() {
             let renamed: Vec<VertexId> = before.ring(w).iter().map(|n| v(order[n.index()])).collect();
             let now = after.ring(v(order[w.index()]));

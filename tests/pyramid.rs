@@ -2,6 +2,8 @@
 //! manifolds of the same shape and can be undone.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod renumbered;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use dermatome::{
@@ -14,6 +16,7 @@ use dermatome::{
 };
 use glam::DVec3;
 use proptest::prelude::*;
+use renumbered::renumbered;
 
 fn patch(mesh: TriMesh) -> Patch {
     Patch::from_mesh("patch", LinkId::new(0), mesh)
@@ -487,7 +490,7 @@ fn the_order_of_vertices_does_not_matter() {
     let mesh = jittered(&cap(3_000), 0.1, 1);
     let count = mesh.positions.len();
     let order: Vec<usize> = (0..count).map(|v| (v * 1_009 + 17) % count).collect();
-    let mut other = patch(shapes::renumbered(&mesh, &order));
+    let mut other = patch(renumbered(&mesh, &order));
     for (v, &to) in order.iter().enumerate() {
         other.taxels.ids[VertexId::new(to)] = TaxelId(u32::try_from(v).unwrap() + 1);
     }

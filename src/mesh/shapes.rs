@@ -292,17 +292,3 @@ pub fn saddle(columns: u32) -> TriMesh {
         0.1 * DVec3::new(x, y, z)
     })
 }
-
-/// The same surface with the vertices in another order: vertex `v` becomes `order[v]`.
-///
-/// # Panics
-/// If `order` is not a permutation of the vertices.
-#[must_use]
-pub fn renumbered(mesh: &TriMesh, order: &[usize]) -> TriMesh {
-    let mut out = mesh.clone();
-    for (v, &p) in mesh.positions.enumerate() {
-        out.positions[VertexId::new(order[v.index()])] = p;
-    }
-    out.triangles = mesh.triangles.map(|t| t.map(|v| VertexId::new(order[v.index()])));
-    out
-}
