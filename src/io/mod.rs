@@ -80,7 +80,7 @@ pub use table::{
     calibration::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
     },
-    contacts::{ContactRow, MapPlaceRow, MapPosition, read_contacts, read_map_places},
+    contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places},
     lookups::{LookupPlace, LookupRow, LookupWriter},
     motion::read_motion,
     regions::RegionWriter,

@@ -97,16 +97,16 @@ pub struct MapPlaceRow {
     /// The level.
     pub level: usize,
     /// Where on its map.
-    pub position: MapPosition,
+    pub position: MapCoordinates,
     /// Line of the table it stands in, from 1.
     pub line: u64,
 }
 
 /// Where on the map of a level.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum MapPosition {
+pub enum MapCoordinates {
     /// Map position, in m.
-    Map(DVec2),
+    Metres(DVec2),
     /// Column and row of a pixel of the level's image, the first row at the top.
     Pixel([u32; 2]),
 }
@@ -138,10 +138,10 @@ pub fn read_map_places<R: Read>(
         };
         let level = level.filter(|&c| !row.text(c).is_empty()).map_or(Ok(0), whole)?;
         let position = if is_map {
-            MapPosition::Map(DVec2::from_array(row.numbers(place_columns)?))
+            MapCoordinates::Metres(DVec2::from_array(row.numbers(place_columns)?))
         } else {
             let [x, y] = place_columns;
-            MapPosition::Pixel([whole(x)?, whole(y)?])
+            MapCoordinates::Pixel([whole(x)?, whole(y)?])
         };
         Ok(MapPlaceRow {
             patch: patch.map_or("", |c| row.text(c)).to_owned(),

@@ -5,7 +5,7 @@ use std::{io::Write, path::Path};
 use dermatome::{
     Error,
     contact::{ContactIndex, MapIndex, MapPlace},
-    io::{IoError, LookupPlace, LookupRow, LookupWriter, MapPlaceRow, MapPosition, read_map_places},
+    io::{IoError, LookupPlace, LookupRow, LookupWriter, MapCoordinates, MapPlaceRow, read_map_places},
     pyramid::LevelId,
     skin::{Motion, PatchId},
 };
@@ -122,16 +122,16 @@ impl<'a> Back<'a> {
         }
         let level = LevelId::new(row.level);
         let position = match row.position {
-            MapPosition::Map(uv) => MapPosition::Map(uv * self.unit.metres()),
+            MapCoordinates::Metres(uv) => MapCoordinates::Metres(uv * self.unit.metres()),
             pixel => pixel,
         };
         let uv = match position {
-            MapPosition::Map(uv) if uv.abs().max_element() > LARGEST => {
+            MapCoordinates::Metres(uv) if uv.abs().max_element() > LARGEST => {
                 let (found, needed) = (format!("{:?}", uv.to_array()), "coordinates within 1e12 m");
                 return Err(self.refusals.invalid(row.line, ", columns u,v", found, needed));
             }
-            MapPosition::Map(uv) => uv,
-            MapPosition::Pixel(pixel) => self.maps.pixel_centre(patch, level, pixel).ok_or_else(|| {
+            MapCoordinates::Metres(uv) => uv,
+            MapCoordinates::Pixel(pixel) => self.maps.pixel_centre(patch, level, pixel).ok_or_else(|| {
                 let [width, height] = patches[patch].levels[level].frame.size_px;
                 let needed = format!("a pixel of the image of {width} x {height}");
                 self.refusals.invalid(row.line, ", columns px,py", format!("{pixel:?}"), &needed)
