@@ -588,7 +588,6 @@ fn middle() -> Prolongation {
 #[test]
 fn values_are_blended_and_amounts_are_shared() {
     let p = middle();
-    p.validate().unwrap();
     assert_eq!(*p.apply(&vec![2.0, 7.0, 4.0].into()), [2.0, 3.0]);
     assert_eq!(*p.restrict(&vec![1.0, 8.0].into()), [5.0, 0.0, 4.0]);
     let row: Vec<_> = p.row(VertexId::new(1)).collect();
@@ -597,14 +596,19 @@ fn values_are_blended_and_amounts_are_shared() {
 
 #[test]
 fn rows_that_are_not_a_convex_combination_are_named() {
-    let row = VertexId::new(1);
+    let (row, good) = (VertexId::new(1), pyramid(shapes::lattice(9, 8, 0.005)));
+    let refused = |spoil: &dyn Fn(&mut Prolongation)| {
+        let mut bad = good.clone();
+        spoil(bad.levels[LevelId::new(0)].from_coarser.as_mut().unwrap());
+        let Err(PyramidError::AtLevel { source, .. }) = bad.validate() else { panic!("a bad row is kept") };
+        let PyramidError::Rows { source, .. } = *source else { panic!("{source}") };
+        *source
+    };
     for weights in [[0.5, 0.5, 0.5], [1.5, -0.5, 0.0], [f64::NAN, 0.5, 0.5]] {
-        let mut p = middle();
-        p.weights[row] = weights;
-        assert!(matches!(p.validate(), Err(PyramidError::Weights { row: found, .. }) if found == row));
+        let error = refused(&|p| p.weights[row] = weights);
+        assert!(matches!(error, PyramidError::Weights { row: found, .. } if found == row), "{error}");
     }
-    let found = VertexId::new(3);
-    let mut p = middle();
-    p.indices[row][1] = found;
-    assert_eq!(p.validate(), Err(PyramidError::OutOfRange { row, found, count: 3 }));
+    let count = good.levels[LevelId::new(1)].mesh.positions.len();
+    let found = VertexId::new(count);
+    assert_eq!(refused(&|p| p.indices[row][1] = found), PyramidError::OutOfRange { row, found, count });
 }

@@ -13,7 +13,7 @@ use dermatome::{
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build, flatten_patch},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
-    skin::{AssembleOptions, LinkId, Patch, PatchId, Skin, TaxelError, TaxelId, Taxels, assemble},
+    skin::{AssembleOptions, LinkId, Patch, PatchId, Skin, SkinError, TaxelError, TaxelId, Taxels, assemble},
 };
 use glam::DVec2;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
@@ -72,7 +72,7 @@ fn acuity_doubles_lengths_on_the_map() {
         let map = TriMesh { positions: uv.map(|p| p.extend(0.0)), ..mesh.clone() };
         let mean = |wanted: f64| {
             let inside = mesh.triangles.enumerate().filter(|(_, t)| t.iter().all(|&v| acuities[v] == wanted));
-            let sums = inside.map(|(f, _)| (map.face_area(f), mesh.face_area(f)));
+            let sums = inside.map(|(f, _)| (map.face_cross(f).length(), mesh.face_cross(f).length()));
             let (on_map, on_skin) = sums.fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
             on_map / on_skin
         };
@@ -113,7 +113,7 @@ fn weights_move_distortion_to_where_it_counts_less() {
             let [a, b, c] = t.map(|v| uv[v]);
             let on_map = 0.5 * (b - a).perp_dot(c - a);
             assert!(on_map > 0.0, "face {face} flips");
-            let r = on_map / part.face_area(face);
+            let r = on_map / (0.5 * part.face_cross(face).length());
             sum += r.max(1.0 / r) - 1.0;
             count += 1.0;
         }
@@ -134,9 +134,10 @@ fn what_no_map_can_follow_is_refused_by_name() {
     let mesh = shapes::square();
     let v = VertexId::new;
     let bad = |set: &dyn Fn(&mut Taxels)| {
-        let mut taxels = Taxels::from(&mesh);
-        set(&mut taxels);
-        taxels.validate(4).unwrap_err()
+        let mut skin = Skin::from_mesh("square", mesh.clone());
+        set(&mut skin.patches[PatchId::new(0)].taxels);
+        let Err(SkinError::Taxels { source, .. }) = skin.validate() else { panic!("it is kept") };
+        source
     };
     let weights = |w: [f64; 4]| bad(&|taxels| taxels.weights = Some(w.to_vec().into()));
     assert_eq!(weights([1.0, -1.0, 0.0, 0.0]), TaxelError::Weight { vertex: v(1), found: -1.0 });

@@ -328,7 +328,7 @@ impl SkinMap {
     /// Checks that this is a map: the only place that judges one, in time linear in its size.
     ///
     /// Links come after their parents and have rigid poses, patches have names of their own and
-    /// links that exist. Of each patch, the taxels keep the rules of [`Taxels::validate`], the levels
+    /// links that exist. Of each patch, the taxels keep the rules of [`Taxels`], the levels
     /// those of a pyramid but for manifoldness and nesting (lookups accept any triangles), map
     /// positions are finite and within 1e12 m, one per vertex, or per place of a vertex on a map that
     /// is cut, not all the same nor all mirrored, `from_coarser` and the `to_finest` of the next level

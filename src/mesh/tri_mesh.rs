@@ -72,8 +72,7 @@ impl TriMesh {
 
     /// Area of `face`, in m^2.
     #[inline]
-    #[must_use]
-    pub fn face_area(&self, face: FaceId) -> f64 {
+    pub(crate) fn face_area(&self, face: FaceId) -> f64 {
         0.5 * self.face_cross(face).length()
     }
 

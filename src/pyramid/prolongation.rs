@@ -38,7 +38,7 @@ impl Prolongation {
     ///
     /// # Errors
     /// The first row that breaks a rule.
-    pub fn validate(&self) -> Result<(), PyramidError> {
+    pub(super) fn validate(&self) -> Result<(), PyramidError> {
         let (found, needed) = (self.weights.len(), self.indices.len());
         if found != needed {
             return Err(PyramidError::Length { what: "weights", found, needed });
@@ -56,7 +56,7 @@ impl Prolongation {
     }
 
     /// Scales every row of a file whose sum is 1 but for rounding to the sum 1 in `f64`; leaves
-    /// others to [`Prolongation::validate`].
+    /// others to [`Self::validate`].
     pub(crate) fn rescale(&mut self) {
         for weights in self.weights.iter_mut().filter(|weights| sums_to_one(weights, RESCALED)) {
             let sum: f64 = weights.iter().sum();

@@ -157,7 +157,7 @@ impl Taxels {
     /// # Errors
     /// The first array that has not one entry for each of `vertices` vertices, or the first value
     /// out of range.
-    pub fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
+    pub(crate) fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
         let lengths = [
             ("ids", self.ids.len()),
             ("normals", self.normals.len()),
@@ -242,7 +242,7 @@ impl Taxels {
     /// # Panics
     /// If one of them does not exist.
     #[must_use]
-    pub fn select(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
+    pub(crate) fn select(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
         Self {
             ids: origins.map(|&v| self.ids[v]),
             normals: origins.map(|&v| self.normals[v]),

@@ -239,7 +239,9 @@ fn a_face_without_area_inside_is_flipped_away() {
     let assembled = assemble(&draft_of(sheet_of("s", &mesh))).unwrap();
     assert_eq!(topology(&only(&assembled).mesh), (1, 1), "no slit");
     assert_eq!(only(&assembled).mesh.triangles.len(), 4, "no face is lost");
-    assert!(only(&assembled).mesh.triangles.ids().all(|f| only(&assembled).mesh.face_area(f) > 0.1));
+    assert!(
+        only(&assembled).mesh.triangles.ids().all(|f| only(&assembled).mesh.face_cross(f).length() > 0.2)
+    );
 }
 
 /// A strip of faces without area, whose inner ones can move only after the outer ones.
@@ -252,7 +254,9 @@ fn a_chain_of_faces_without_area_is_cleared_from_its_ends() {
     );
     let assembled = assemble(&draft_of(sheet_of("s", &mesh))).unwrap();
     assert_eq!(topology(&only(&assembled).mesh), (1, 1), "no slit");
-    assert!(only(&assembled).mesh.triangles.ids().all(|f| only(&assembled).mesh.face_area(f) > 0.1));
+    assert!(
+        only(&assembled).mesh.triangles.ids().all(|f| only(&assembled).mesh.face_cross(f).length() > 0.2)
+    );
     assert!((only(&assembled).mesh.area() - 4.0).abs() < 1e-12, "the same surface");
 }
 
