@@ -115,16 +115,6 @@ impl MapIndex {
         Ok(Self { patches: patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into() })
     }
 
-    /// The centre of a pixel (column, row from the top) of a level's image on its map, in m; `None`
-    /// if there is no such pixel.
-    #[must_use]
-    pub fn pixel_centre(&self, patch: PatchId, level: LevelId, pixel: [u32; 2]) -> Option<DVec2> {
-        let frame = self.patches.get(patch)?.levels.get(level)?.frame;
-        let is_inside = pixel[0] < frame.size_px[0] && pixel[1] < frame.size_px[1];
-        let share = |k: usize| (f64::from(pixel[k]) + 0.5) / f64::from(frame.size_px[k]);
-        is_inside.then(|| frame.map_position(DVec2::new(share(0), share(1))))
-    }
-
     /// Appends the points of the surface at a place (m) on the map of a level: one for each sheet
     /// that lies there, the first face first; off the map the nearest one.
     ///

@@ -131,11 +131,16 @@ impl<'a> Back<'a> {
                 return Err(self.refusals.invalid(row.line, ", columns u,v", found, needed));
             }
             MapCoordinates::Metres(uv) => uv,
-            MapCoordinates::Pixel(pixel) => self.maps.pixel_centre(patch, level, pixel).ok_or_else(|| {
-                let [width, height] = patches[patch].levels[level].frame.size_px;
-                let needed = format!("a pixel of the image of {width} x {height}");
-                self.refusals.invalid(row.line, ", columns px,py", format!("{pixel:?}"), &needed)
-            })?,
+            MapCoordinates::Pixel(pixel) => {
+                let frame = patches[patch].levels[level].frame;
+                let [width, height] = frame.size_px;
+                if pixel[0] >= width || pixel[1] >= height {
+                    let needed = format!("a pixel of the image of {width} x {height}");
+                    let found = format!("{pixel:?}");
+                    return Err(self.refusals.invalid(row.line, ", columns px,py", found, &needed));
+                }
+                frame.centre(pixel)
+            }
         };
         Ok(Place { number: 0, patch, level, uv })
     }
