@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     contact::{
-        Cell, ContactError, ContactIndex,
+        Cell, ContactError,
         cell::OwnFace,
         geometry::pseudo_normal,
         plane_grid::PlaneGrid,
@@ -78,7 +78,8 @@ pub struct MapPlace {
     pub off_chart: f64,
     /// The face of the level, the place on the map, the fields and their weights.
     pub cell: Cell,
-    /// The point of the level's mesh, on level 0 of the skin, in m in the frame of the link.
+    /// The point of the level's mesh, on level 0 of the skin, in m in the frame of the link; that of a
+    /// patch that blends several links in the pose of the map.
     pub position: DVec3,
     /// The outward unit normal there, in the same frame.
     pub normal: DVec3,
@@ -88,7 +89,7 @@ impl MapIndex {
     /// An index of the maps of all patches and levels.
     ///
     /// # Errors
-    /// As [`ContactIndex::new`].
+    /// As [`ContactIndex::new`](crate::contact::ContactIndex::new).
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
         map.validate()?;
         let patches = par_map(&map.patches, |patch| {
@@ -212,16 +213,6 @@ fn is_beyond(at: DVec2, [a, b, c]: [DVec2; 3], margin: f64) -> bool {
         (height < 0.0) & (height * height > 4.0 * margin * margin * side.length_squared())
     };
     (area != 0.0) & (is_beyond(a, b) | is_beyond(b, c) | is_beyond(c, a))
-}
-
-impl ContactIndex {
-    /// A place and its normal in the world, as the links are posed now; those of a patch that blends
-    /// several links are of the pose of the map.
-    #[must_use]
-    pub fn posed(&self, place: &MapPlace) -> (DVec3, DVec3) {
-        let pose = &self.links[place.link].pose;
-        (pose.to_world(place.position), pose.turned(place.normal))
-    }
 }
 
 fn size(mesh: &TriMesh) -> f64 {

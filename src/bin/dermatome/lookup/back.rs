@@ -5,11 +5,12 @@ use std::{io::Write, path::Path};
 use dermatome::{
     Error,
     contact::{ContactIndex, MapIndex, MapPlace},
+    id::IdVec,
     io::{IoError, LookupPlace, LookupRow, LookupWriter, MapCoordinates, MapPlaceRow, read_map_places},
     pyramid::LevelId,
-    skin::{Motion, PatchId},
+    skin::{LinkId, Motion, PatchId},
 };
-use glam::DVec2;
+use glam::{DAffine3, DVec2};
 
 use crate::{
     console::notes::note,
@@ -84,10 +85,10 @@ impl<'a> Back<'a> {
                 from.push(found.len());
             }
             let back = &*self;
-            let (robot, index, frame) = (back.robot, &back.index, back.frame);
+            let (robot, poses, frame) = (back.robot, back.index.poses(), back.frame);
             table.write(places.len(), |k, emit| {
                 for place in &found[from[k]..from[k + 1]] {
-                    emit(&row(robot, index, frame, places[k].number, place));
+                    emit(&row(robot, &poses, frame, places[k].number, place));
                 }
             })?;
         }
@@ -155,14 +156,17 @@ impl<'a> Back<'a> {
 
 fn row<'a>(
     robot: &'a Robot,
-    index: &ContactIndex,
+    poses: &IdVec<LinkId, DAffine3>,
     frame: FrameArg,
     contact: u64,
     place: &MapPlace,
 ) -> LookupRow<'a> {
     let link = &robot.links[place.link];
     let ((position, normal), frame) = match frame {
-        FrameArg::World => (index.posed(place), "world"),
+        FrameArg::World => {
+            let pose = poses[place.link];
+            ((pose.transform_point3(place.position), pose.transform_vector3(place.normal)), "world")
+        }
         FrameArg::Link => ((place.position, place.normal), link.as_str()),
     };
     let patch = &robot.patches[place.patch].name;
