@@ -7,7 +7,7 @@ use std::path::Path;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     atlas::{Atlas, AtlasOptions},
-    image::TactileImage,
+    image::{RenderOptions, Renderer, TactileImage},
     io::{RecordingLayout, RecordingWriter, write_raw_frame},
     map::SkinMap,
     mesh::shapes,
@@ -28,20 +28,14 @@ fn cover() -> SkinMap {
     build(&skin, &BuildOptions::default()).expect("a map of a plane")
 }
 
-fn blank(atlas: &Atlas) -> Vec<TactileImage> {
-    let image = |part: &dermatome::atlas::AtlasPart| {
-        let coverage = part.coverage();
-        TactileImage {
-            name: part.name.clone(),
-            level: part.level,
-            size_px: part.frame.size_px,
-            frame: part.frame,
-            channels: 1,
-            values: coverage.iter().map(|&x| f32::from(x)).collect(),
-            coverage,
-        }
-    };
-    atlas.parts.iter().map(image).collect()
+/// Images of 1 where they are covered, of one channel.
+fn images_of(map: &SkinMap, atlas: &Atlas) -> Vec<TactileImage> {
+    let renderer = Renderer::new(map, atlas, &[Channel::default()], &RenderOptions::default());
+    let mut images = renderer.expect("images of a valid map").images().to_vec();
+    for image in &mut images {
+        image.values = image.coverage.iter().map(|&x| f32::from(x)).collect();
+    }
+    images
 }
 
 fn recordings(c: &mut Criterion) {
@@ -74,7 +68,7 @@ fn recordings(c: &mut Criterion) {
     group.finish();
 
     let atlas = Atlas::new(&map, &AtlasOptions::default()).expect("an atlas");
-    let images = blank(&atlas);
+    let images = images_of(&map, &atlas);
     let bytes: usize = images.iter().map(|image| 4 * image.values.len()).sum();
     let mut group = c.benchmark_group("images_642_taxels");
     group.sample_size(10);

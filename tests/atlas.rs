@@ -6,6 +6,7 @@ mod maps;
 use dermatome::{
     atlas::{Atlas, AtlasError, AtlasOptions, AtlasPart, Chart, ImageRows, Resolution, Samples, skin_images},
     id::{FaceId, IdVec, VertexId},
+    image::{RenderOptions, static_images},
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::{SurfacePoint, TriMesh, shapes},
     skin::{Link, LinkId, TaxelId},
@@ -466,14 +467,16 @@ fn packed_charts_do_not_touch_and_show_no_pixel_twice() {
             let atlas = Atlas::new(&map, &options).unwrap();
             assert_eq!(atlas.parts.len(), 2, "one image per level");
             assert_eq!(atlas, Atlas::new(&map, &options).unwrap(), "the same again");
-            for part in &atlas.parts {
+            let images = static_images(&map, &atlas, &RenderOptions::default());
+            for (part, image) in atlas.parts.iter().zip(&images) {
                 let pixels = shown(&map, part);
                 let mut owner = std::collections::BTreeMap::new();
                 for &(x, y, chart) in &pixels {
                     assert!(owner.insert((x, y), chart.patch).is_none(), "pixel {x}, {y} is shown twice");
                 }
-                let coverage = part.coverage();
-                assert_eq!(coverage.iter().filter(|c| **c == 1).count(), owner.len());
+                let image = WholeImage::of(image);
+                let covered = floats(&image, "A").iter().filter(|c| **c == 1.0);
+                assert_eq!(covered.count(), owner.len());
                 assert_eq!(pixels.len(), part.charts.iter().map(|chart| chart.covered).sum::<usize>());
                 let [width, height] = part.frame.size_px;
                 for (&(x, y), patch) in &owner {
@@ -545,10 +548,10 @@ fn neighbours_on_the_body_are_neighbours_in_the_image() {
 #[test]
 fn a_pixel_has_a_taxel_where_it_is_covered() {
     let map = body();
-    let part = &atlas(&map, Resolution::Pixel(0.002), true).parts[0];
-    let (coverage, ids) = (part.coverage(), part.taxel_ids(&map));
-    for (covered, id) in coverage.iter().zip(&ids) {
-        assert_eq!(*covered == 1, *id != u32::MAX, "a pixel has a taxel if it is covered");
+    let atlas = atlas(&map, Resolution::Pixel(0.002), true);
+    let image = WholeImage::of(&static_images(&map, &atlas, &RenderOptions::default())[0]);
+    for (covered, id) in floats(&image, "A").iter().zip(ids(&image, "taxel.id")) {
+        assert_eq!(*covered == 1.0, *id != u32::MAX, "a pixel has a taxel if it is covered");
     }
 }
 

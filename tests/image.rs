@@ -8,9 +8,9 @@ mod maps;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use dermatome::{
-    atlas::{Atlas, AtlasOptions, Resolution},
+    atlas::{Atlas, AtlasOptions, Resolution, Samples},
     id::{IdVec, VertexId},
-    image::{ImageError, Interpolation, RenderOptions, Renderer, TactileImage, sample},
+    image::{ImageError, Interpolation, RenderOptions, Renderer, TactileImage, sample, static_images},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
@@ -19,7 +19,7 @@ use dermatome::{
     skin::{PatchId, Presence, Skin},
 };
 use glam::DVec2;
-use maps::level_id;
+use maps::{images::WholeImage, level_id};
 use proptest::prelude::*;
 
 const ALL: [Interpolation; 4] =
@@ -166,9 +166,12 @@ fn nearest_images_have_the_values_of_taxel_ids() {
     let atlas = atlas(&map, Resolution::Map, false);
     let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Nearest);
     let images = renderer.render(&on_levels(&map, |_, k| f64::from(k)));
-    for (image, part) in images.iter().zip(&atlas.parts).filter(|(image, _)| image.level > level_id(0)) {
-        let ids = part.taxel_ids(&map);
-        let same = image.values.iter().zip(&ids).zip(&image.coverage).filter(|(_, c)| **c == 1);
+    let options = RenderOptions { interpolation: Interpolation::Nearest, ..RenderOptions::default() };
+    let shown = static_images(&map, &atlas, &options);
+    let parts = shown.iter().map(WholeImage::of);
+    for (image, part) in images.iter().zip(parts).filter(|(image, _)| image.level > level_id(0)) {
+        let Some(Samples::U32(ids)) = part.channel("taxel.id") else { panic!("ids are whole numbers") };
+        let same = image.values.iter().zip(ids).zip(&image.coverage).filter(|(_, c)| **c == 1);
         let (all, wrong) = same.fold((0, 0), |(n, wrong), ((x, id), _)| {
             (n + 1, wrong + usize::from(f64::from(*x) != f64::from(*id)))
         });

@@ -4,8 +4,8 @@
 use std::{collections::BTreeMap, fs, io::Read, path::Path};
 
 use dermatome::{
-    atlas::{Atlas, AtlasOptions},
-    image::{Interpolation, RenderOptions, Renderer, TactileImage},
+    atlas::{Atlas, AtlasOptions, ImageRows, Samples},
+    image::{Interpolation, RenderOptions, Renderer, TactileImage, static_images},
     io::{
         FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, read_images, write_frame,
         write_raw_frame, write_touches,
@@ -58,26 +58,29 @@ fn ids(bytes: &[u8]) -> (Vec<u64>, Vec<u32>) {
 
 /// Images whose pixels say where they are, with a hole.
 fn images(map: &SkinMap, atlas: &Atlas, count: usize, frame: f32) -> Vec<TactileImage> {
-    let draw = |part: &dermatome::atlas::AtlasPart| {
-        let coverage = part.coverage();
-        let value = |k: usize, i: usize| match coverage[i] {
-            1 if i % 7 != 3 => k as f32 * 1e6 + i as f32 + frame,
-            _ => f32::NAN,
-        };
-        let values =
-            (0..count).flat_map(|k| (0..coverage.len()).map(move |i| (k, i))).map(|(k, i)| value(k, i));
-        TactileImage {
-            name: part.name.clone(),
-            level: part.level,
-            size_px: part.frame.size_px,
-            frame: part.frame,
-            channels: count,
-            values: values.collect(),
-            coverage,
+    let channels = vec![Channel::default(); count];
+    let mut images =
+        Renderer::new(map, atlas, &channels, &RenderOptions::default()).unwrap().images().to_vec();
+    for image in &mut images {
+        let pixels = image.coverage.len();
+        for (at, value) in image.values.iter_mut().enumerate() {
+            let (k, i) = (at / pixels, at % pixels);
+            if image.coverage[i] == 1 && i % 7 != 3 {
+                *value = k as f32 * 1e6 + i as f32 + frame;
+            }
         }
-    };
+    }
     assert!(!map.patches.is_empty());
-    atlas.parts.iter().map(draw).collect()
+    images
+}
+
+/// The taxel that each pixel of an image shows.
+fn taxel_ids(image: &impl ImageRows) -> Vec<u32> {
+    let channel = image.channels().iter().position(|name| name == "taxel.id").unwrap();
+    match image.rows(0..image.frame().size_px[1]).swap_remove(channel) {
+        Samples::U32(ids) => ids,
+        Samples::F32(_) => panic!("ids are whole numbers"),
+    }
 }
 
 /// Bit by bit, since NaN is not equal to itself.
@@ -129,6 +132,7 @@ fn a_recording_holds_every_array_that_was_promised() {
     }
     expected.sort();
     assert_eq!(arrays.keys().cloned().collect::<Vec<_>>(), expected);
+    let shown = static_images(&map, &atlas, &RenderOptions::default());
     for (level, part) in map.patches[palm].levels.ids().zip(&atlas.parts) {
         let [width, height] = part.frame.size_px.map(u64::from);
         let n = map.patches[palm].levels[level].level.mesh.positions.len();
@@ -143,12 +147,12 @@ fn a_recording_holds_every_array_that_was_promised() {
         assert_eq!(values[3 * n], f32::from(1_u8) + 0.5, "frame 1, channel 1, field 0");
         assert!(values[n + 1].is_nan(), "what is not known is NaN");
         let (shape, taxels) = ids(&arrays[&format!("palm.L{level}.taxel_id")]);
-        assert_eq!((shape, taxels), (vec![height, width], part.taxel_ids(&map)));
+        assert_eq!((shape, taxels), (vec![height, width], taxel_ids(&shown[level.index()])));
         let valid = NpyFile::new(&arrays[&format!("palm.L{level}.valid")][..]).unwrap();
         assert_eq!(valid.shape(), [3, n as u64]);
         assert_eq!(valid.into_vec::<u8>().unwrap()[..3], [1, 0, 1]);
         let mask = NpyFile::new(&arrays[&format!("palm.L{level}.mask")][..]).unwrap();
-        assert_eq!(mask.into_vec::<u8>().unwrap(), part.coverage());
+        assert_eq!(mask.into_vec::<u8>().unwrap(), images(&map, &atlas, 1, 0.0)[level.index()].coverage);
     }
     let features: serde_json::Value =
         serde_json::from_slice(&fs::read(path.with_extension("features.json")).unwrap()).unwrap();

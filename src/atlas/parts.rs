@@ -94,8 +94,7 @@ impl AtlasPart {
     }
 
     /// Whether each pixel shows the skin: 1 or 0, row by row from the top.
-    #[must_use]
-    pub fn coverage(&self) -> Vec<u8> {
+    pub(crate) fn coverage(&self) -> Vec<u8> {
         let [width, height] = self.frame.size_px.map(|n| n as usize);
         let mut covered = vec![0; width * height];
         self.each_span(|start, span| covered[start..start + usize::from(span.length)].fill(1));
@@ -107,8 +106,7 @@ impl AtlasPart {
     ///
     /// # Panics
     /// If `map` is not the one that was rasterised.
-    #[must_use]
-    pub fn taxel_ids(&self, map: &SkinMap) -> Vec<u32> {
+    pub(crate) fn taxel_ids(&self, map: &SkinMap) -> Vec<u32> {
         let [width, height] = self.frame.size_px.map(|n| n as usize);
         let mut ids = vec![u32::MAX; width * height];
         for chart in &self.charts {
