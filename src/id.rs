@@ -119,8 +119,7 @@ pub struct IdVec<I, T> {
 
 impl<I: Id, T> IdVec<I, T> {
     /// `count` copies of `value`.
-    #[must_use]
-    pub fn filled(value: T, count: usize) -> Self
+    pub(crate) fn filled(value: T, count: usize) -> Self
     where
         T: Clone,
     {

@@ -98,7 +98,7 @@ fn every_level_is_the_same_charts_side_by_side() {
             for chart in of.ids().filter(|&v| of[v] == v) {
                 let faces = level.corners().iter().filter(|t| of[t[0]] == chart).copied();
                 let triangles: IdVec<FaceId, [VertexId; 3]> = faces.collect();
-                let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, of.len());
+                let mut number = IdVec::<VertexId, Option<VertexId>>::from(vec![None; of.len()]);
                 let mut positions = IdVec::default();
                 let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
                 for &v in triangles.iter().flatten() {

@@ -109,7 +109,7 @@ fn seams_pass_through_holes() {
 
 /// Without the vertices that no face has.
 fn only_used(mesh: &TriMesh) -> TriMesh {
-    let mut names = IdVec::<VertexId, Option<VertexId>>::filled(None, mesh.positions.len());
+    let mut names = IdVec::<VertexId, Option<VertexId>>::from(vec![None; mesh.positions.len()]);
     let mut positions = IdVec::default();
     let mut name = |v: VertexId| *names[v].get_or_insert_with(|| positions.push(mesh.positions[v]));
     let triangles = mesh.triangles.iter().map(|t| t.map(&mut name)).collect();
@@ -382,7 +382,7 @@ fn the_images_show_every_face_once() {
         let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
         for (part, level) in atlas.parts.iter().zip(levels(&map)) {
             let [width, height] = part.frame.size_px;
-            let mut shown = IdVec::<FaceId, f64>::filled(0.0, level.level.mesh.triangles.len());
+            let mut shown = IdVec::<FaceId, f64>::from(vec![0.0; level.level.mesh.triangles.len()]);
             for (column, row) in (0..height).flat_map(|row| (0..width).map(move |column| (column, row))) {
                 if let Some(point) = part.charts[0].point(&map, column, row) {
                     shown[point.face] += 1.0;

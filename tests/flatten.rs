@@ -299,7 +299,7 @@ fn holes_stay_holes() {
         .map(|f| mesh.triangles[f])
         .collect();
     mesh.triangles = keep.into();
-    let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, mesh.positions.len());
+    let mut number = IdVec::<VertexId, Option<VertexId>>::from(vec![None; mesh.positions.len()]);
     let mut positions = IdVec::default();
     for v in mesh.triangles.iter().flatten() {
         if number[*v].is_none() {
@@ -850,7 +850,7 @@ fn holed_ball(faces: usize, holes: &[DVec3], radius: f64) -> TriMesh {
     let ball = shapes::cap(faces, 1.0, 2.9);
     let near = |c: DVec3| holes.iter().any(|h| c.normalize().distance(h.normalize()) < radius);
     let kept = ball.triangles.ids().filter(|&f| !near(ball.corners(f).iter().sum::<DVec3>() / 3.0));
-    let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, ball.positions.len());
+    let mut number = IdVec::<VertexId, Option<VertexId>>::from(vec![None; ball.positions.len()]);
     let mut positions = IdVec::default();
     let mut triangles = IdVec::default();
     for f in kept {
@@ -1020,7 +1020,7 @@ fn places_that_are_no_boundary_are_refused_by_name() {
     assert_eq!(found, Err(FlattenError::Taxel { id: TaxelId(999), found: 0 }));
     let found = Boundary::through(&ids, [(ids[inner], DVec2::ZERO); 2]);
     assert_eq!(found, Err(FlattenError::TwoPlaces { id: ids[inner] }));
-    let other = Boundary::Places(IdVec::filled(None, 3));
+    let other = Boundary::Places(vec![None; 3].into());
     assert_eq!(
         flatten(&mesh, &bounded(other)),
         Err(FlattenError::Places { found: 3, needed: mesh.positions.len() })

@@ -50,7 +50,7 @@ fn robot() -> Skin {
         pose: DAffine3::from_translation(DVec3::new(0.0, 0.5, 0.0)),
     });
     let mut tube = Patch::from_mesh("tube", LinkId::new(0), shapes::tube(5, 3, 0.05, 0.1));
-    tube.taxels.densities = Some(IdVec::filled(7.5, tube.taxels.areas.len()));
+    tube.taxels.densities = Some(vec![7.5; tube.taxels.areas.len()].into());
     skin.patches.push(tube);
     skin.patches.push(Patch::from_mesh("palm", hand, shapes::lattice(3, 3, 0.01)));
     skin
@@ -792,7 +792,7 @@ fn flat_maps_read_back_as_they_were() {
         .collect();
     assert_eq!(found, *uv, "to the last bit");
     assert!(text.contains("f 1/1 2/2 3/3\n"));
-    let short = IdVec::filled(DVec2::ZERO, 2);
+    let short = IdVec::from(vec![DVec2::ZERO; 2]);
     assert!(write_flat(&path, &mesh, &short).unwrap_err().to_string().contains("2 positions"));
 }
 

@@ -42,7 +42,7 @@ fn cap(faces: usize) -> TriMesh {
 
 /// The mesh without the faces around each of `centres`, and without those vertices.
 fn punched(mesh: &TriMesh, centres: impl Fn(VertexId) -> bool) -> TriMesh {
-    let mut names = IdVec::<VertexId, u32>::filled(0, mesh.positions.len());
+    let mut names = IdVec::<VertexId, u32>::from(vec![0; mesh.positions.len()]);
     let mut positions = Vec::new();
     for v in mesh.positions.ids().filter(|&v| !centres(v)) {
         names[v] = u32::try_from(positions.len()).unwrap();
@@ -563,7 +563,7 @@ fn bad_patches_are_refused_by_name() {
     assert_eq!(coarsen(&negative), PyramidError::Area { vertex: VertexId::new(2), found: -1.0 });
 
     let mut empty = patch(shapes::square());
-    empty.taxels.densities = Some(IdVec::filled(0.0, 4));
+    empty.taxels.densities = Some(vec![0.0; 4].into());
     assert_eq!(coarsen(&empty), PyramidError::Density { vertex: VertexId::new(0), found: 0.0 });
 }
 
@@ -579,7 +579,7 @@ fn a_ratio_that_makes_no_levels_is_refused() {
 /// Two fine vertices: one is coarse vertex 0, the other the middle of 0 and 2.
 fn middle() -> Prolongation {
     Prolongation {
-        indices: IdVec::filled([0, 1, 2].map(VertexId::new), 2),
+        indices: vec![[0, 1, 2].map(VertexId::new); 2].into(),
         weights: vec![[1.0, 0.0, 0.0], [0.5, 0.0, 0.5]].into(),
         coarse_len: 3,
     }

@@ -64,7 +64,7 @@ fn pad(columns: u32, rows: u32, spacing: f64) -> TriMesh {
     let middle = flat.positions.iter().sum::<DVec3>() / f64::from(columns * rows);
     let is_hole = |p: DVec3| p.distance(middle) < 1.8 * spacing;
     let mut domed = TriMesh::default();
-    let mut number = IdVec::<dermatome::id::VertexId, _>::filled(None, flat.positions.len());
+    let mut number = IdVec::<dermatome::id::VertexId, _>::from(vec![None; flat.positions.len()]);
     for (v, &p) in flat.positions.enumerate() {
         if !is_hole(p) {
             let q = p - middle;
