@@ -4,7 +4,7 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     mesh::{TriMesh, shapes},
-    skin::{AssembleOptions, Draft, Sheet, assemble, check},
+    skin::{AssembleOptions, Draft, Sheet, Taxels, assemble, check},
 };
 
 /// A healthy sheet with normals.
@@ -13,7 +13,7 @@ fn whole(mesh: &TriMesh) -> Draft {
         name: "cover".into(),
         positions: mesh.positions.to_vec(),
         triangles: mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect(),
-        normals: Some(mesh.vertex_normals().into()),
+        normals: Some(Taxels::from(mesh).normals.into()),
         ..Sheet::default()
     };
     Draft { sheets: vec![sheet], ..Draft::default() }

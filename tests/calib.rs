@@ -18,7 +18,7 @@ use dermatome::{
     id::{IdVec, VertexId},
     io::read_observations,
     mesh::Adjacency,
-    skin::TaxelId,
+    skin::{TaxelId, Taxels},
 };
 use glam::{DMat3, DQuat, DVec3};
 
@@ -1073,7 +1073,7 @@ fn given_triangles_that_are_inside_out_are_turned() {
     triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let turned = calibrated_skin(&found, observations, Some(&triangles)).unwrap();
     assert_eq!((right.turned, turned.turned), (0, 1));
-    let normals = |made: &CalibratedSkin| made.skin.patches[0.into()].mesh.vertex_normals();
+    let normals = |made: &CalibratedSkin| Taxels::from(&made.skin.patches[0.into()].mesh).normals;
     assert_eq!(normals(&right), normals(&turned));
     let again = triangles[7];
     triangles.push(again);

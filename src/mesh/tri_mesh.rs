@@ -104,8 +104,7 @@ impl TriMesh {
 
     /// Unit normals, the area-weighted mean of the faces around each vertex; zero where that has no
     /// direction.
-    #[must_use]
-    pub fn vertex_normals(&self) -> IdVec<VertexId, DVec3> {
+    pub(crate) fn vertex_normals(&self) -> IdVec<VertexId, DVec3> {
         let mut normals = IdVec::filled(DVec3::ZERO, self.positions.len());
         for (face, corners) in self.triangles.enumerate() {
             let cross = self.face_cross(face);

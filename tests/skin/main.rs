@@ -279,7 +279,7 @@ fn taxels_without_a_face_are_left_out_and_told() {
 fn winding_follows_the_normals_and_the_change_is_told() {
     let mesh = shapes::cap(300, 0.1, 1.0);
     let mut sheet = sheet_of("s", &mesh);
-    sheet.normals = Some(Vec::from(mesh.vertex_normals()));
+    sheet.normals = Some(Vec::from(Taxels::from(&mesh).normals));
     sheet.triangles.iter_mut().for_each(|t| t.swap(0, 1));
     let draft = draft_of(sheet.clone());
     let assembled = assemble(&draft).unwrap();
@@ -302,7 +302,7 @@ fn without_believable_normals_most_faces_decide() {
         let assembled = assemble(&draft).unwrap();
         let patch = only(&assembled);
         assert!(patch.mesh.face_cross(FaceId::new(1)).dot(-DVec3::Z) > 0.0, "as most faces of the file");
-        let expected = patch.mesh.vertex_normals();
+        let expected = Taxels::from(&patch.mesh).normals;
         assert!(
             patch.taxels.normals.iter().zip(&expected).all(|(n, m)| n.distance(*m) < 1e-12),
             "from the faces"

@@ -14,7 +14,7 @@ use dermatome::{
     pipeline, report,
     skin::{
         self, AssembleOptions, Assembled, Draft, Finding, FindingKind, Patch, Presence, Remark, RemarkKind,
-        Sheet, SkinError, TaxelId,
+        Sheet, SkinError, TaxelId, Taxels,
     },
 };
 use glam::{DAffine3, DQuat, DVec3};
@@ -37,7 +37,7 @@ fn taxels_of(mesh: &TriMesh) -> Sheet {
 }
 
 fn with_normals(mesh: &TriMesh) -> Sheet {
-    Sheet { normals: Some(Vec::from(mesh.vertex_normals())), ..taxels_of(mesh) }
+    Sheet { normals: Some(Vec::from(Taxels::from(mesh).normals)), ..taxels_of(mesh) }
 }
 
 fn check(draft: &Draft) -> Vec<Finding> {
@@ -117,7 +117,7 @@ fn shapes_without_their_triangles_are_themselves_again() {
         ("noise", shaken(&shapes::lattice(20, 20, 0.005), 0.0005)),
     ] {
         let (euler, _) = topology(&mesh);
-        let truth = mesh.vertex_normals();
+        let truth = Taxels::from(&mesh).normals;
         for sheet in [taxels_of(&mesh), with_normals(&mesh)] {
             let has_normals = sheet.normals.is_some();
             let assembled = meshed(sheet);
@@ -330,7 +330,7 @@ fn placeholder_normals_are_replaced_and_believable_ones_kept() {
         assert_eq!(faces(&assembled), expected, "as if there were none");
         assert!(kinds(&assembled).contains("NormalsIgnored"), "and this is reported");
     }
-    let inward: Vec<DVec3> = mesh.vertex_normals().iter().map(|&n| -n).collect();
+    let inward: Vec<DVec3> = Taxels::from(&mesh).normals.iter().map(|&n| -n).collect();
     let assembled = meshed(Sheet { normals: Some(inward.clone()), ..taxels_of(&mesh) });
     assert!(!kinds(&assembled).iter().any(|kind| kind.starts_with("Normals")));
     let patch = only(&assembled);
@@ -341,7 +341,7 @@ fn placeholder_normals_are_replaced_and_believable_ones_kept() {
 #[test]
 fn some_wrong_normals_do_no_harm() {
     let mesh = shapes::cap(1500, 0.1, 1.2);
-    let mut normals = Vec::from(mesh.vertex_normals());
+    let mut normals = Vec::from(Taxels::from(&mesh).normals);
     for k in (0..normals.len()).step_by(17) {
         normals[k] = if k % 2 == 0 { -normals[k] } else { DVec3::ZERO };
     }
@@ -356,7 +356,7 @@ fn some_wrong_normals_do_no_harm() {
 #[test]
 fn normals_that_point_to_either_side_tear_nothing() {
     for mesh in [shapes::cap(500, 0.1, 0.595), bent(40, 12, 0.0065, 40.0 * 0.0065 / (TAU * 300.0 / 360.0))] {
-        let truth = Vec::from(mesh.vertex_normals());
+        let truth = Vec::from(Taxels::from(&mesh).normals);
         let expected = faces(&meshed(taxels_of(&mesh)));
         let turned = |is_turned: &dyn Fn(usize) -> bool| -> Vec<DVec3> {
             truth.iter().enumerate().map(|(k, &n)| if is_turned(k) { -n } else { n }).collect()
