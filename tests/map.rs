@@ -109,6 +109,7 @@ fn every_broken_field_is_refused_by_name() {
     refused(&["\"palm\"", "link 5"], &|m| patch(m).link = LinkId::new(5));
     refused(&["two patches", "\"back\""], &|m| patch(m).name = "back".into());
     refused(&["palm", "without levels"], &|m| patch(m).levels = IdVec::default());
+    refused(&["palm", "fill holes", "1000"], &|m| patch(m).filled = 1000);
     // Taxels.
     refused(&["\"palm\"", "ids", "80"], &|m| {
         patch(m).taxels.ids = patch(m).taxels.ids.iter().skip(1).copied().collect()

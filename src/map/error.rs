@@ -39,6 +39,16 @@ pub enum MapError {
         /// That of the taxel, in m^2.
         taxel: f64,
     },
+    /// More faces that fill holes than there are.
+    #[error("{patch}: {found} faces are said to fill holes, but level 0 has {faces}")]
+    Filled {
+        /// Name of the patch.
+        patch: String,
+        /// How many fill holes.
+        found: usize,
+        /// All faces of level 0.
+        faces: usize,
+    },
     /// A cut that is not one of its level.
     #[error(
         "{patch}/{level:?}: place {place} of the cut map is not the vertex of the level that its faces say; vertices \

@@ -208,6 +208,10 @@ impl PatchMap {
         if let Some(((vertex, &found), &taxel)) = areas.find(|((_, a), b)| a != b) {
             return Err(MapError::Area { patch: self.name.clone(), vertex, found, taxel });
         }
+        let faces = finest.mesh.triangles.len();
+        if self.filled > faces {
+            return Err(MapError::Filled { patch: self.name.clone(), found: self.filled, faces });
+        }
         self.levels.enumerate().try_for_each(|(level, map)| self.check_map(level, map, finest))
     }
 

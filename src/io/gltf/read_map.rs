@@ -152,11 +152,6 @@ fn read_patch(
         (level.from_coarser, level.to_finest, level.origins) = (from_coarser, to_finest, origins);
     }
     let filled = patch.levels.first().map_or(0, |(_, extras)| extras.filled);
-    let faces = levels.iter().next().map_or(0, |finest| finest.level.mesh.triangles.len());
-    if filled > faces {
-        let (element, found) = (format!("patch {:?} filled", patch.name), filled.to_string());
-        return Err(document.invalid(element, found, format!("at most {faces}, its triangles")));
-    }
     Ok(PatchMap { name: patch.name, link: *link, filled, taxels, levels })
 }
 
