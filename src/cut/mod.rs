@@ -39,7 +39,7 @@
 //!
 //! # Files, in reading order
 //!
-//! - `cut`, `error`: what is asked for, and why it may fail; `cut_mesh`: a mesh cut open
+//! - `options`, `error`: what is asked for, and why it may fail; `cut_mesh`: a mesh cut open
 //! - `seam_graph`: the closed surface and its shortest ways; `handles`, `shorten`: steps 1 to 3
 //! - `trial`: a seam with its map; `slits`, `pairs`: steps 4 and 5; `recipe`: all steps; `decide`: the
 //!   rule
@@ -47,8 +47,6 @@
 //! - `given`: seams from a user
 
 mod bisect;
-#[expect(clippy::module_inception, reason = "the file is named after its type")]
-mod cut;
 mod cut_mesh;
 mod decide;
 mod division;
@@ -56,6 +54,7 @@ mod error;
 mod given;
 mod handles;
 mod min_cut;
+mod options;
 mod pairs;
 mod recipe;
 mod seam_graph;
@@ -64,10 +63,10 @@ mod slits;
 mod trial;
 
 pub(crate) use bisect::Bisection;
-pub use cut::Cut;
 pub use cut_mesh::CutMesh;
 pub(crate) use cut_mesh::{is_plain_disk, seam_length};
 pub(crate) use decide::{AreaLimit, MOST_SLITS, TrialMaps, decide};
 pub(crate) use division::{Chart, Division};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};
+pub use options::Cut;

@@ -4,7 +4,7 @@ pub(super) mod graph;
 pub(super) mod information;
 pub(super) mod per_observation;
 mod clip;
-mod scale;
+mod units;
 mod validate;
 
 use std::fmt;

@@ -16,7 +16,7 @@
 //! | untangling (`(garanzha2021)`) | `1/chi(d)` | 0 |
 //!
 //! since `s1/s2 + s2/s1 = S/d` and `1/s1^2 + 1/s2^2 = S/d^2`. So a new energy needs `p` and `q`
-//! with two derivatives each, in `DistortionEnergy::coefficients`, and no more.
+//! with two derivatives each, in `DistortionEnergy::coefficients`, and a name in the options.
 //!
 //! # Derivatives
 //!

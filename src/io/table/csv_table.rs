@@ -1,5 +1,5 @@
-//! Tables with a line of column names, the one way to read and write CSV: on the `csv` crate, which
-//! splits and quotes.
+//! Tables with a line of column names, read and written with the `csv` crate, which splits and quotes.
+//! Only recordings, which may be live streams, are read elsewhere: line by line, in `readings/text`.
 //!
 //! Columns are found by name, in any order. Errors name the line and the column.
 

@@ -1,5 +1,5 @@
-//! Errors as a user reads them, in three lines: what, why, what to do. Advice that names options is
-//! here alone.
+//! Errors as a user reads them, in three lines: what, why, what to do. Advice on errors of the library
+//! is here alone: the library does not know the options of the command.
 
 use std::{
     fmt,
