@@ -28,7 +28,7 @@ impl ContactIndex {
     /// Lets the vertices of a patch of a valid map follow its [joints](crate::skin::Taxels::joints) from
     /// now on (linear blend skinning): a vertex moves to the mean of where its links take it, by their
     /// weights, which are scaled to sum 1. Moving links fits the patch's tree to its vertices; that costs
-    /// some 60 ns a vertex. Coarse levels of such a patch are not searched alone: level 0 gives their
+    /// some 60 to 80 ns a vertex. Coarse levels of such a patch are not searched alone: level 0 gives their
     /// [reactive](Self::reactive) answers.
     ///
     /// # Errors
