@@ -15,7 +15,7 @@ use crate::{
         search::{Best, LARGEST, Packing, PatchBvh, Search},
     },
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapLevel, SkinMap},
+    map::{MapLevel, PixelGrid, SkinMap},
     mesh::{Closest, Feature, SurfacePoint, TriMesh, closest_point},
     parallel::par_map,
     pyramid::LevelId,
@@ -51,7 +51,7 @@ struct Sheet {
     tree: PatchBvh,
     /// The level itself, whose faces they are.
     mesh: TriMesh,
-    frame: ImageFrame,
+    image: PixelGrid,
     /// What counts as on the map, and as the same point, in m.
     on_chart: f64,
     same_point: f64,
@@ -108,7 +108,7 @@ impl MapIndex {
                         places[place] = Place { uv, position, field, taxel };
                     }
                 }
-                Ok(Sheet { grid, places, tree, mesh, frame: map.frame, on_chart, same_point })
+                Ok(Sheet { grid, places, tree, mesh, image: PixelGrid::new(map.frame), on_chart, same_point })
             };
             let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?;
             Ok(IndexedMap { link: patch.link, levels: levels.into() })
@@ -198,7 +198,7 @@ impl Sheet {
             _ => pseudo_normal(&self.tree.corners, &self.mesh, face, feature),
         };
         let position = a * barycentric[0] + b * barycentric[1] + c * barycentric[2];
-        let (cell, normal) = (own.cell(level, point, &self.frame), normal.normalize_or_zero());
+        let (cell, normal) = (own.cell(level, point, &self.image), normal.normalize_or_zero());
         MapPlace { patch, link: map.link, off_chart, cell, position, normal }
     }
 }

@@ -9,7 +9,7 @@ use crate::{
         rows::{Row, Rows},
     },
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapError, MapLevel, PatchMap, carried_places},
+    map::{MapError, MapLevel, PatchMap, PixelGrid, carried_places},
     mesh::{SurfacePoint, TriMesh},
     pyramid::LevelId,
     skin::TaxelId,
@@ -91,12 +91,12 @@ pub(super) struct OwnFace {
 
 impl OwnFace {
     /// The cell of a point of the face.
-    pub(super) fn cell(&self, level: LevelId, point: SurfacePoint, frame: &ImageFrame) -> Cell {
+    pub(super) fn cell(&self, level: LevelId, point: SurfacePoint, image: &PixelGrid) -> Cell {
         let [a, b, c] = point.barycentric;
         let (weights, field) = FieldWeights::of_corners(self.fields, point.barycentric);
         let uv = self.uv[0] * a + self.uv[1] * b + self.uv[2] * c;
         let corner = self.fields.iter().position(|other| *other == field).unwrap_or_default();
-        Cell { level, point, uv, pixel: frame.pixel(uv), field, taxel: self.taxels[corner], weights }
+        Cell { level, point, uv, pixel: image.pixel(uv), field, taxel: self.taxels[corner], weights }
     }
 }
 
@@ -123,8 +123,8 @@ impl PatchCells {
             rows.push(level);
         }
         let places = finest.cut.as_ref().map(|cut| cut.triangles.clone());
-        let frames = patch.levels.map(|map| map.frame);
-        let positions = Positions::new(&uv, frames, places);
+        let images = patch.levels.map(|map| PixelGrid::new(map.frame));
+        let positions = Positions::new(&uv, images, places);
         let rows = Rows::new(&rows, &finest.level.mesh.triangles, &positions);
         Ok(Self { levels, positions, rows })
     }
@@ -147,7 +147,7 @@ impl PatchCells {
         let [u, v, w] = self.positions.corners(at.face, anchor.corners).map(|place| cells.uv[place]);
         let [a, b, c] = at.barycentric;
         let uv = u * a + v * b + w * c;
-        cells.at_corners(anchor, MapPosition { level, uv, pixel: self.positions.frames[level].pixel(uv) })
+        cells.at_corners(anchor, MapPosition { level, uv, pixel: self.positions.images[level].pixel(uv) })
     }
 
     /// The cells of a point of level 0 on all levels.
@@ -190,7 +190,7 @@ impl PatchCells {
     /// The cell of a point on a level's own mesh; its fields are the corners of its face.
     pub(super) fn own_cell(&self, level: LevelId, at: &SurfacePoint) -> Option<Cell> {
         let face = self.own_face(level, at.face)?;
-        Some(face.cell(level, *at, &self.positions.frames[level]))
+        Some(face.cell(level, *at, &self.positions.images[level]))
     }
 
     /// A face of a level's own mesh.
@@ -214,7 +214,7 @@ impl PatchCells {
         let barycentric = cells.triangles.get(face)?.map(|v| f64::from(u8::from(v == field)));
         let weights = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
         let uv = cells.uv[field];
-        let position = MapPosition { level, uv, pixel: self.positions.frames[level].pixel(uv) };
+        let position = MapPosition { level, uv, pixel: self.positions.images[level].pixel(uv) };
         Some(cells.cell(SurfacePoint { face, barycentric }, weights, position))
     }
 }

@@ -9,6 +9,7 @@ use crate::{
         cell::{Anchor, PatchCells},
         coarse::{CoarseLevel, coarse_levels, mean_side},
         geometry::{RigidPose, pseudo_normal},
+        positions::OnAllLevels,
         search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search},
     },
     id::{IdVec, VertexId},
@@ -361,11 +362,11 @@ impl ContactIndex {
     /// one of this index.
     #[inline]
     pub fn map_positions(&self, hit: &Hit) -> impl Iterator<Item = MapPosition> + '_ {
-        let found = self.patches.get(hit.patch).and_then(|patch| {
-            let corners = patch.tree.mesh.triangles.get(hit.point.face)?;
-            Some(patch.cells.positions.all(*corners, hit.point))
-        });
-        found.into_iter().flatten()
+        let found = self.patches.get(hit.patch);
+        let found = found.and_then(|patch| Some((patch, patch.tree.mesh.triangles.get(hit.point.face)?)));
+        found.map_or_else(OnAllLevels::default, |(patch, corners)| {
+            patch.cells.positions.all(*corners, hit.point)
+        })
     }
 
     /// The cells of a hit on all levels of its patch, finest first.

@@ -8,7 +8,7 @@ use glam::DVec2;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    map::ImageFrame,
+    map::PixelGrid,
     mesh::SurfacePoint,
     parallel::par_collect,
     pyramid::LevelId,
@@ -41,7 +41,7 @@ pub(super) struct Positions {
     lines: Vec<Line>,
     stride: usize,
     /// The images of the levels.
-    pub(super) frames: IdVec<LevelId, ImageFrame>,
+    pub(super) images: IdVec<LevelId, PixelGrid>,
     /// The corners of the faces as places of the map of level 0, where that is cut; else they are
     /// the vertices.
     places: Option<IdVec<FaceId, [VertexId; 3]>>,
@@ -51,7 +51,7 @@ impl Positions {
     /// `levels`: where each place lies on the map of each level, level 0 first, in m.
     pub(super) fn new(
         levels: &[IdVec<VertexId, DVec2>],
-        frames: IdVec<LevelId, ImageFrame>,
+        images: IdVec<LevelId, PixelGrid>,
         places: Option<IdVec<FaceId, [VertexId; 3]>>,
     ) -> Self {
         // Three would lie in two lines every other time.
@@ -64,7 +64,7 @@ impl Positions {
             };
             lines.extend(range.map(|line| Line(std::array::from_fn(|k| at(line * LINE + k)))));
         });
-        Self { lines, stride, frames, places }
+        Self { lines, stride, images, places }
     }
 
     /// The corners of a face, by its vertices, as places.
@@ -85,21 +85,41 @@ impl Positions {
         let [u, v, w] = corners.map(|place| self.slot(place, level.index()));
         let [a, b, c] = barycentric;
         let uv = u * a + v * b + w * c;
-        MapPosition { level, uv, pixel: self.frames[level].pixel(uv) }
+        MapPosition { level, uv, pixel: self.images[level].pixel(uv) }
     }
 
     /// Where a point of a face lies on the maps of all levels, finest first; `vertices` are the
     /// corners of the face.
     #[inline(always)]
-    pub(super) fn all(
-        &self,
-        vertices: [VertexId; 3],
-        point: SurfacePoint,
-    ) -> impl Iterator<Item = MapPosition> + '_ {
+    pub(super) fn all(&self, vertices: [VertexId; 3], point: SurfacePoint) -> OnAllLevels<'_> {
         let corners = self.corners(point.face, vertices);
+        let last = self.images.len() - 1;
         // Fetches the last lines at once with the first.
-        let last = self.frames.len() - 1;
         std::hint::black_box(corners.map(|place| self.slot(place, last).x));
-        self.frames.ids().map(move |level| self.at(level, corners, point.barycentric))
+        OnAllLevels { positions: Some(self), corners, barycentric: point.barycentric, level: 0 }
+    }
+}
+
+/// Where a point of level 0 lies on the maps of all levels, finest first.
+///
+/// A plain counter: adapters of iterators take longer than the positions themselves.
+#[derive(Debug, Clone, Default)]
+pub(super) struct OnAllLevels<'a> {
+    positions: Option<&'a Positions>,
+    /// The corners of the face as places.
+    corners: [VertexId; 3],
+    barycentric: [f64; 3],
+    level: usize,
+}
+
+impl Iterator for OnAllLevels<'_> {
+    type Item = MapPosition;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<MapPosition> {
+        let positions = self.positions.filter(|positions| self.level < positions.images.len())?;
+        let position = positions.at(LevelId::new(self.level), self.corners, self.barycentric);
+        self.level += 1;
+        Some(position)
     }
 }

@@ -44,7 +44,6 @@ impl ImageFrame {
     }
 
     /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
-    #[inline]
     pub(crate) fn to_texture(self, at: DVec2) -> DVec2 {
         let unit = (at - self.origin) / self.size;
         DVec2::new(unit.x, 1.0 - unit.y)
@@ -64,15 +63,69 @@ impl ImageFrame {
 
     /// The pixel (column, row from the top) that holds a map position; the border belongs inside.
     #[must_use]
-    #[inline]
     pub fn pixel(&self, at: DVec2) -> [u32; 2] {
-        let t = self.to_texture(at);
-        let px = |unit: f64, count: u32| {
-            let last = f64::from(count.saturating_sub(1));
-            #[expect(clippy::cast_possible_truncation, reason = "clamped to the image: rounds down")]
-            let px = (unit * f64::from(count)).clamp(0.0, last) as u32;
-            px
+        PixelGrid::new(*self).pixel(at)
+    }
+}
+
+/// The pixels of a frame, made ready for many positions.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PixelGrid {
+    /// The lower left corner of the frame, in m and in pixels.
+    origin: DVec2,
+    origin_px: DVec2,
+    /// Pixels per m; rows run down.
+    scale: DVec2,
+    last: [u32; 2],
+}
+
+impl PixelGrid {
+    pub(crate) fn new(frame: ImageFrame) -> Self {
+        let [columns, rows] = frame.size_px;
+        let size_px = DVec2::new(f64::from(columns), f64::from(rows));
+        Self {
+            origin: frame.origin,
+            origin_px: DVec2::new(0.0, size_px.y),
+            scale: size_px / frame.size * DVec2::new(1.0, -1.0),
+            last: [columns.saturating_sub(1), rows.saturating_sub(1)],
+        }
+    }
+
+    /// See [`ImageFrame::pixel`].
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounds down, and saturates left of and above the image"
+    )]
+    pub(crate) fn pixel(&self, at: DVec2) -> [u32; 2] {
+        let at = self.origin_px + (at - self.origin) * self.scale;
+        [(at.x as u32).min(self.last[0]), (at.y as u32).min(self.last[1])]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_holds_its_positions_and_the_image_all_others() {
+        let [columns, rows] = [7, 3];
+        let frame = ImageFrame {
+            origin: DVec2::new(-0.3, 0.1),
+            size: DVec2::new(0.7, 0.3),
+            size_px: [columns, rows],
         };
-        [px(t.x, self.size_px[0]), px(t.y, self.size_px[1])]
+        for (column, row) in (0..columns).flat_map(|column| (0..rows).map(move |row| (column, row))) {
+            let centre = frame.centre([column, row]);
+            for x in [-0.049, 0.0, 0.049] {
+                assert_eq!(frame.pixel(centre + DVec2::splat(x)), [column, row], "{x} from {centre}");
+            }
+        }
+        let (low, high) = (frame.origin, frame.origin + frame.size);
+        assert_eq!(frame.pixel(low), [0, rows - 1], "the border belongs inside");
+        assert_eq!(frame.pixel(high), [columns - 1, 0]);
+        assert_eq!(frame.pixel(low - 1e9), [0, rows - 1], "the nearest pixel");
+        assert_eq!(frame.pixel(high + 1e9), [columns - 1, 0]);
+        assert_eq!(frame.pixel(DVec2::NAN), [0, 0]);
     }
 }

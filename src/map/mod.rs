@@ -11,4 +11,5 @@ mod skin_map;
 pub(crate) use carried_places::carried_places;
 pub use error::MapError;
 pub use frame::ImageFrame;
+pub(crate) use frame::PixelGrid;
 pub use skin_map::{MapLevel, PatchMap, SkinMap};
