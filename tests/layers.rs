@@ -24,6 +24,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("rand_pcg", &["numeric"]),
     ("dermatome_delaunay", &["lib.rs"]),
     ("dermatome_sparse", &["lib.rs"]),
+    ("arrayvec", &["contact/search"]),
     ("pulp", &["contact/search"]),
     ("wide", &["contact/search"]),
     ("gltf", &["io/gltf"]),

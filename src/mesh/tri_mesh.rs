@@ -116,6 +116,7 @@ impl TriMesh {
     }
 
     /// Where a point of the surface lies, in m.
+    #[inline]
     #[must_use]
     pub fn point(&self, at: &SurfacePoint) -> DVec3 {
         let [a, b, c] = self.corners(at.face);

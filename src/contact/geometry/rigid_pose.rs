@@ -28,20 +28,24 @@ impl RigidPose {
         self.to_world
     }
 
+    #[inline]
     pub(crate) fn to_world(self, point: DVec3) -> DVec3 {
         self.to_world.transform_point3(point)
     }
 
     /// A direction of the frame, in the world.
+    #[inline]
     pub(crate) fn turned(self, direction: DVec3) -> DVec3 {
         self.to_world.transform_vector3(direction)
     }
 
     /// A direction of the world, in the frame.
+    #[inline]
     pub(crate) fn turned_back(self, direction: DVec3) -> DVec3 {
         self.from_world.transform_vector3(direction)
     }
 
+    #[inline]
     pub(crate) fn to_local(self, point: DVec3) -> DVec3 {
         self.from_world.transform_point3(point)
     }

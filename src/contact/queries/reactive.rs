@@ -77,7 +77,7 @@ impl ContactIndex {
             least.0 = least.0.min(before.min(away) - around);
             away
         });
-        let best = best.ok_or(ContactError::NoSkin)?;
+        let Some(best) = best else { return Err(ContactError::NoSkin) };
         let patch = &self.patches[best.patch];
         let (tree, coarse) = patch.on_level(level);
         let (distance, position, normal) = self.placed(tree, patch.link, query, &best);

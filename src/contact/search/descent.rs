@@ -1,6 +1,8 @@
 //! The walk that all searches for something nearest share: down to one packet, then wherever
 //! something nearer may be.
 
+use arrayvec::ArrayVec;
+
 use super::{
     lanes::Lanes,
     node8::{Child, Node8, Target},
@@ -22,8 +24,7 @@ pub(super) struct Descent<'a, L: Lanes> {
     pub(super) bound: f32,
     /// Boxes to be opened: squared distance and child in one number. Distances are not negative, so
     /// their bits sort as they do.
-    stack: [u64; STACK],
-    waiting: usize,
+    stack: ArrayVec<u64, STACK>,
 }
 
 /// A squared distance and a number in one word, which sorts by the distance.
@@ -50,7 +51,7 @@ pub(super) fn bound_of(squared: f32, slack: f64) -> f32 {
 impl<'a, L: Lanes> Descent<'a, L> {
     #[inline(always)]
     pub(super) fn new(l: L, tree: &'a Tree, point: [f32; 3], bound: f32) -> Self {
-        Self { l, tree, point, bound, stack: [0; STACK], waiting: 0 }
+        Self { l, tree, point, bound, stack: ArrayVec::new() }
     }
 
     /// Visits every packet that may hold something within the bound; afterwards the bound is that of
@@ -96,21 +97,19 @@ impl<'a, L: Lanes> Descent<'a, L> {
     fn descend(&mut self, visitor: &mut impl Visitor<L>) {
         let l = self.l;
         let tree = self.tree;
-        let mut trail = [(0_usize, 0_u32, l.splat(0.0)); DEPTH];
-        let mut passed = 0;
+        let mut trail = ArrayVec::<_, DEPTH>::new();
         let mut at = Child::ROOT;
         while let Target::Node(index) = at.target() {
             let node = &tree.nodes[index];
             let squared = node.distance_squared(l, self.point);
             let lane = l.least(squared) & 7;
-            trail[passed] = (index, lane, squared);
-            passed += 1;
+            trail.push((index, lane, squared));
             at = node.child(lane as usize);
         }
         if let Target::Packet(packet) = at.target() {
             visitor.visit(l, self.point, packet, &mut self.bound);
         }
-        for &(index, taken, squared) in &trail[..passed] {
+        for &(index, taken, squared) in &trail {
             let mask = l.le(squared, l.splat(self.bound)) & !(1 << taken);
             if mask != 0 {
                 self.push(&tree.nodes[index], squared, mask);
@@ -123,9 +122,8 @@ impl<'a, L: Lanes> Descent<'a, L> {
     fn drain(&mut self, visitor: &mut impl Visitor<L>) {
         let l = self.l;
         let tree = self.tree;
-        while self.waiting > 0 {
-            self.waiting -= 1;
-            let (squared, child) = parts(self.stack[self.waiting]);
+        while let Some(entry) = self.stack.pop() {
+            let (squared, child) = parts(entry);
             if squared > self.bound {
                 continue;
             }
@@ -160,18 +158,18 @@ impl<'a, L: Lanes> Descent<'a, L> {
     fn push(&mut self, node: &Node8, squared: L::F, mask: u32) {
         let squared = self.l.store(squared);
         let mut mask = mask & node.used();
-        let first = self.waiting;
+        let first = self.stack.len();
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;
             mask &= mask - 1;
             let entry = entry(squared[lane & 7], node.child(lane).0);
-            let mut slot = self.waiting;
+            let mut slot = self.stack.len();
+            self.stack.push(entry);
             while slot > first && self.stack[slot - 1] < entry {
                 self.stack[slot] = self.stack[slot - 1];
                 slot -= 1;
             }
             self.stack[slot] = entry;
-            self.waiting += 1;
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::hint::black_box;
 
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::{
@@ -138,8 +139,7 @@ impl Kernel for Walk<'_> {
         let known = Best::squared(best.as_ref()).sqrt();
         let bound = squared_bound_f32(known * search.patch.frame.scale, slack);
         let mut descent = Descent::new(l, &search.patch.tree, local.as_vec3().to_array(), bound);
-        let (pending, packets) = ([0; PENDING], [0; PENDING]);
-        let mut found = Found { search, slack, best, packet: None, pending, packets, noted: 0 };
+        let mut found = Found { search, slack, best, packet: None, pending: ArrayVec::new() };
         match start {
             Some(packet) => descent.climb(packet, &mut found),
             None => descent.run(&mut found),
@@ -164,9 +164,7 @@ struct Found<'a> {
     /// The packet of `best`, if this walk found it.
     packet: Option<u32>,
     /// Triangles to be measured: squared distance and face; and their packets.
-    pending: [u64; PENDING],
-    packets: [u32; PENDING],
-    noted: usize,
+    pending: ArrayVec<(u64, u32), PENDING>,
 }
 
 impl<L: Lanes> Visitor<L> for Found<'_> {
@@ -190,13 +188,11 @@ impl<L: Lanes> Visitor<L> for Found<'_> {
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;
             mask &= mask - 1;
-            if self.noted == PENDING {
+            if self.pending.is_full() {
                 self.make_room(*bound);
             }
             let face = faces[lane & 7];
-            self.pending[self.noted] = entry(squared[lane & 7], face);
-            self.packets[self.noted] = number(packet);
-            self.noted += 1;
+            self.pending.push((entry(squared[lane & 7], face), number(packet)));
             // Loaded into the cache for later, without waiting for it.
             black_box(patch.mesh.triangles[FaceId::from(face)][0]);
         }
@@ -233,13 +229,12 @@ impl Found<'_> {
     /// Measures the noted triangles that may still be nearest.
     #[inline(always)]
     fn measure_pending(&mut self, bound: f32) {
-        for k in 0..self.noted {
-            let (squared, face) = parts(self.pending[k]);
+        while let Some((noted, packet)) = self.pending.pop() {
+            let (squared, face) = parts(noted);
             if squared <= bound {
-                self.measure(FaceId::from(face), self.packets[k]);
+                self.measure(FaceId::from(face), packet);
             }
         }
-        self.noted = 0;
     }
 }
 

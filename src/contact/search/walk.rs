@@ -1,5 +1,7 @@
 //! A walk over a tree, nearest box first, in `f64`: for the queries that need no eight lanes.
 
+use arrayvec::ArrayVec;
+
 use super::{
     lanes::LANES,
     node8::{Child, Node8, Target},
@@ -17,11 +19,9 @@ impl Tree {
         keys: impl Fn(&Node8) -> [f64; LANES],
         mut visit: impl FnMut(&[u32; LANES]) -> f64,
     ) {
-        let mut stack = [(0.0, Child::ROOT); STACK];
-        let mut waiting = 1;
-        while waiting > 0 {
-            waiting -= 1;
-            let (key, at) = stack[waiting];
+        let mut stack = ArrayVec::<_, STACK>::new();
+        stack.push((0.0, Child::ROOT));
+        while let Some((key, at)) = stack.pop() {
             if key > bound {
                 continue;
             }
@@ -29,14 +29,13 @@ impl Tree {
                 Target::Packet(packet) => bound = visit(&self.packets[packet]),
                 Target::Node(index) => {
                     let node = &self.nodes[index];
-                    let first = waiting;
+                    let first = stack.len();
                     for (lane, key) in keys(node).into_iter().enumerate() {
                         if key <= bound && key < f64::INFINITY {
-                            stack[waiting] = (key, node.child(lane));
-                            waiting += 1;
+                            stack.push((key, node.child(lane)));
                         }
                     }
-                    stack[first..waiting].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+                    stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
                 }
             }
         }
