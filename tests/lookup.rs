@@ -275,6 +275,38 @@ fn contacts_far_off_are_off_the_skin() {
     assert!((0..3).all(|row| cell(&table, row, "patch") == "off skin"), "{table}");
 }
 
+/// Contacts of another frame may come near enough to be answered: a note asks whenever most are several
+/// spacings away.
+#[test]
+fn a_note_asks_when_most_contacts_are_several_spacings_away() {
+    let fixture = Fixture::new();
+    let patch = PatchId::new(0);
+    let spacing = ContactIndex::new(&fixture.map).unwrap().spacing(patch).unwrap();
+    for (spacings, is_noted) in [(1.0, false), (5.0, true)] {
+        let mesh = &fixture.skin.patches[patch].mesh;
+        let off = |p: &DVec3| DVec3::Z + *p + p.normalize() * spacings * spacing;
+        let points = mesh.positions.iter().step_by(9).map(off);
+        let rows: Vec<_> = points.map(|p| format!("{},{},{}\n", p.x, p.y, p.z)).collect();
+        let contacts = fixture.file("off.csv", &format!("x,y,z\n{}", rows.concat()));
+        let run = fixture.lookup(&contacts).args(["--level", "0"]).output().unwrap();
+        let notes = String::from_utf8(run.stderr).unwrap();
+        assert_eq!(notes.contains("more than 3 spacings of taxels from the skin"), is_noted, "{notes}");
+        let run = fixture.lookup(&contacts).args(["--max-distance", "inf"]).output().unwrap();
+        assert!(run.stderr.is_empty(), "who gives a distance knows");
+    }
+}
+
+/// The limit holds for the centres of fields too.
+#[test]
+fn nearest_fields_are_within_the_largest_distance() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("far.csv", "x,y,z\n118,0,0\n");
+    let run = |most: &str| output(fixture.lookup(&contacts).args(["--nearest", "2", "--max-distance", most]));
+    assert_eq!(cell(&run("0.001"), 0, "patch"), "off skin");
+    assert_eq!(cell(&run("200"), 0, "patch"), "cap");
+    fixture.lookup(&contacts).args(["--within", "1", "--max-distance", "1"]).assert().code(2);
+}
+
 /// Positions of taxels in the frame of their link are found with `--frame link`, though the link
 /// has no name.
 #[test]

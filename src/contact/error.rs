@@ -45,8 +45,10 @@ pub enum ContactError {
         /// Name of the link.
         name: String,
     },
-    /// The pose of a link scales, shears, mirrors or is not finite.
-    #[error("the pose of link {name:?} is not rigid; a rotation and a translation are needed")]
+    /// The pose of a link scales, shears, mirrors, is not finite or farther than 1e12 m.
+    #[error(
+        "the pose of link {name:?} is not rigid or too far; a rotation and a translation of at most 1e12 m are needed"
+    )]
     NotRigid {
         /// Name of the link.
         name: String,

@@ -66,8 +66,8 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = FrameArg::World)]
     frame: FrameArg,
     /// Contacts farther than this are off the skin, in m; `inf`: none [default: ten spacings of the
-    /// patch's taxels]
-    #[arg(long, value_name = "D", value_parser = length)]
+    /// patch's taxels]. With --nearest it is the distance of the centres [default: inf]
+    #[arg(long, value_name = "D", value_parser = length, conflicts_with = "within")]
     max_distance: Option<f64>,
     #[command(flatten)]
     question: QuestionArgs,
@@ -104,7 +104,8 @@ struct QuestionArgs {
     /// of the sphere of its `radius`
     #[arg(long, value_name = "R", value_parser = finite_length)]
     within: Option<f64>,
-    /// Follow the ray from the contact along `nx,ny,nz` to the skin: `distance` is its length
+    /// Follow the ray from the contact along `nx,ny,nz` to the skin: `distance` is its length, or where
+    /// it meets no skin the distance of the contact from the skin
     #[arg(long)]
     ray: bool,
     /// The way back: CONTACTS.csv has places on maps, columns `u,v` in m or else `px,py`, and `patch`

@@ -28,6 +28,10 @@ use crate::{
 /// Spacings of taxels up to which a contact is on the skin.
 const SPACINGS: f64 = 10.0;
 
+/// If most contacts are farther than this many spacings from the skin, they may be in another frame or
+/// unit: a note asks.
+const DOUBTFUL: f64 = 3.0;
+
 /// What is asked of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Question {
@@ -56,6 +60,8 @@ pub(super) struct Answers<'a> {
     silent: Vec<AtomicU64>,
     /// Contacts that are off the skin.
     far: AtomicU64,
+    /// Contacts on the skin that are farther from it than [`DOUBTFUL`] spacings of the patch.
+    doubtful: AtomicU64,
     /// Contacts without a time, or with one outside the motion, whose nearest pose is taken.
     held: u64,
     /// Contacts with a force that touched no taxel.
@@ -81,6 +87,7 @@ impl<'a> Answers<'a> {
             readings: None,
             silent,
             far,
+            doubtful: AtomicU64::new(0),
             held: 0,
             untouched: 0,
         }
@@ -181,6 +188,8 @@ impl<'a> Answers<'a> {
         }
         let answered = contacts.refusals.answered();
         let far = self.far.load(Ordering::Relaxed);
+        let doubtful = self.doubtful.load(Ordering::Relaxed);
+        let ask = "are they in metres, and in the frame of the world? (--unit, --frame, --max-distance)";
         if 2 * far > answered {
             let limit = match (self.question, self.max_distance) {
                 (Question::Ray, _) => "their rays meet none".into(),
@@ -188,8 +197,10 @@ impl<'a> Answers<'a> {
                 (_, Some(limit)) => format!("by more than {limit} m"),
                 _ => format!("by more than {SPACINGS} spacings of its taxels"),
             };
-            let ask = "are they in metres, and in the frame of the world? (--unit, --frame, --max-distance)";
             note(common, format_args!("{far} of {answered} contacts are off the skin, {limit}: {ask}"));
+        } else if 2 * (far + doubtful) > answered {
+            let what = format_args!("contacts are more than {DOUBTFUL} spacings of taxels from the skin");
+            note(common, format_args!("{} of {answered} {what}: {ask}", far + doubtful));
         }
         if self.held > 0 {
             let what =
@@ -239,10 +250,13 @@ impl Rows<'_, '_> {
     /// Whether a contact is off the skin; then it is counted.
     fn is_far(&self, hit: &Hit) -> bool {
         let answers = self.answers;
-        let spacing = || answers.index.spacing(hit.patch).unwrap_or(0.0);
-        let is_far = hit.distance.abs() > answers.max_distance.unwrap_or_else(|| SPACINGS * spacing());
+        let spacing = answers.index.spacing(hit.patch).unwrap_or(0.0);
+        let away = hit.distance.abs();
+        let is_far = away > answers.max_distance.unwrap_or(SPACINGS * spacing);
         if is_far {
             answers.far.fetch_add(1, Ordering::Relaxed);
+        } else if answers.max_distance.is_none() && away > DOUBTFUL * spacing {
+            answers.doubtful.fetch_add(1, Ordering::Relaxed);
         }
         is_far
     }
@@ -274,7 +288,7 @@ impl Rows<'_, '_> {
 
     /// The fields near the contact, or within the sphere of its radius.
     fn fields(&mut self) {
-        let Answers { robot, index, question, .. } = self.answers;
+        let Answers { robot, index, question, max_distance, .. } = self.answers;
         let Query { point, link } = self.query;
         let poses = index.poses();
         let mut is_far = true;
@@ -289,6 +303,9 @@ impl Rows<'_, '_> {
             };
             for field in found.unwrap_or_default() {
                 let Some(cell) = index.field_cell(&field) else { continue };
+                if max_distance.is_some_and(|most| field.distance > most) {
+                    continue;
+                }
                 is_far = false;
                 let normal = self.normal(&field);
                 // In the frame of the contact.
