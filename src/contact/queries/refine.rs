@@ -9,7 +9,8 @@ use crate::contact::{ContactError, ContactIndex, Cursor, Hit, Query};
 
 impl ContactIndex {
     /// The exact answer to a query whose answer on a coarse level is known: the same as
-    /// [`ContactIndex::locate`] gives, sooner.
+    /// [`ContactIndex::locate`] gives. The search begins near the coarse answer, which saves time where
+    /// the level is not much coarser than level 0.
     ///
     /// # Errors
     /// As [`ContactIndex::reactive`].
