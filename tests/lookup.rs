@@ -292,7 +292,7 @@ fn a_note_asks_when_most_contacts_are_several_spacings_away() {
         let notes = String::from_utf8(run.stderr).unwrap();
         assert_eq!(notes.contains("more than 3 spacings of taxels from the skin"), is_noted, "{notes}");
         let run = fixture.lookup(&contacts).args(["--max-distance", "inf"]).output().unwrap();
-        assert!(run.stderr.is_empty(), "who gives a distance knows");
+        assert!(run.stderr.is_empty(), "no note where the limit is given");
     }
 }
 
