@@ -55,7 +55,7 @@ pub use draft::{Draft, Sheet};
 pub use error::SkinError;
 pub(crate) use link::named_links;
 pub use link::{Link, LinkId, link_names, world_pose};
-pub(crate) use motion::Track;
+pub(crate) use motion::{Curve, Track};
 pub use motion::{Motion, MotionFrame};
 pub use patch::{Patch, PatchId, Skin};
 pub(crate) use patch::{check_links, check_patches};

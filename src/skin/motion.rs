@@ -1,6 +1,8 @@
 //! How links move: poses at given times, and between them.
 
-use glam::{DAffine3, DQuat, DVec3};
+use std::ops::{Add, Mul};
+
+use glam::{DAffine3, DQuat, DVec3, DVec4};
 
 use crate::{
     id::IdVec,
@@ -19,8 +21,8 @@ pub enum MotionFrame {
 }
 
 /// The poses of some links over time: translations are interpolated linearly, rotations on the
-/// shortest arc; before the first time and after the last one a link keeps its pose. Poses of links
-/// that do not exist have no effect.
+/// shortest arc, those of glTF files also by cubic splines; before the first time and after the last
+/// one a link keeps its pose. Poses of links that do not exist have no effect.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Motion {
     /// What it is called; may be empty.
@@ -32,9 +34,19 @@ pub struct Motion {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Track {
     pub(crate) frame: MotionFrame,
+    pub(crate) translation: Curve<DVec3>,
+    pub(crate) rotation: Curve<DQuat>,
+}
+
+/// Values over time.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Curve<T> {
     /// Rising, in s; of two equal ones the second holds from there on.
     pub(crate) times: Vec<f64>,
-    pub(crate) poses: Vec<(DVec3, DQuat)>,
+    pub(crate) values: Vec<T>,
+    /// Slopes per s of a cubic spline before and after each time; empty: values are interpolated
+    /// linearly.
+    pub(crate) slopes: Vec<[T; 2]>,
 }
 
 impl Motion {
@@ -54,10 +66,10 @@ impl Motion {
         if !keys.iter().all(|(time, pose)| time.is_finite() && is_rigid(pose)) {
             return Err(SkinError::Pose { link });
         }
-        let pose = |pose: DAffine3| (pose.translation, DQuat::from_mat3(&pose.matrix3).normalize());
-        let poses = keys.iter().map(|key| pose(key.1)).collect();
-        let times = keys.into_iter().map(|(time, _)| time).collect();
-        self.insert(link, Track { frame, times, poses });
+        let rotation = |pose: &DAffine3| DQuat::from_mat3(&pose.matrix3).normalize();
+        let translation = Curve::linear(keys.iter().map(|(time, pose)| (*time, pose.translation)));
+        let rotation = Curve::linear(keys.iter().map(|(time, pose)| (*time, rotation(pose))));
+        self.insert(link, Track { frame, translation, rotation });
         Ok(())
     }
 
@@ -65,7 +77,8 @@ impl Motion {
     #[must_use]
     pub fn times(&self) -> Option<[f64; 2]> {
         let tracks = self.tracks.iter().flatten();
-        let ends = tracks.filter_map(|track| Some([*track.times.first()?, *track.times.last()?]));
+        let times = tracks.flat_map(|track| [&track.translation.times, &track.rotation.times]);
+        let ends = times.filter_map(|times| Some([*times.first()?, *times.last()?]));
         ends.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
     }
 
@@ -94,11 +107,13 @@ impl Motion {
     /// Multiplies all lengths by `metres`.
     pub(super) fn scale(&mut self, metres: f64) {
         for track in self.tracks.iter_mut().flatten() {
-            track.poses.iter_mut().for_each(|(position, _)| *position *= metres);
+            let Curve { values, slopes, .. } = &mut track.translation;
+            values.iter_mut().chain(slopes.as_flattened_mut()).for_each(|vector| *vector *= metres);
         }
     }
 
-    fn insert(&mut self, link: LinkId, track: Track) {
+    /// Gives a link a track of finite values, with rotations of unit length at its times.
+    pub(crate) fn insert(&mut self, link: LinkId, track: Track) {
         while self.tracks.len() <= link.index() {
             self.tracks.push(None);
         }
@@ -108,15 +123,51 @@ impl Motion {
 
 impl Track {
     fn at(&self, time: f64) -> Option<DAffine3> {
+        let rotation = self.rotation.at(time, DQuat::slerp)?;
+        // A spline of rotations may pass through zero, where it has no direction.
+        let unit = DVec4::from(rotation).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
+        Some(DAffine3::from_rotation_translation(unit, self.translation.at(time, DVec3::lerp)?))
+    }
+}
+
+impl<T: Copy> Curve<T> {
+    pub(crate) fn linear(keys: impl Iterator<Item = (f64, T)>) -> Self {
+        let (times, values) = keys.unzip();
+        Self { times, values, slopes: Vec::new() }
+    }
+
+    /// The value at a time; between two times `mix` interpolates where no spline does.
+    fn at(&self, time: f64, mix: impl Fn(T, T, f64) -> T) -> Option<T>
+    where
+        T: Add<Output = T> + Mul<f64, Output = T>,
+    {
         let next = self.times.partition_point(|&t| t <= time);
-        let last = self.poses.len().checked_sub(1)?;
+        let last = self.values.len().checked_sub(1)?;
         let (from, to) = (next.saturating_sub(1), next.min(last));
-        let ((p, q), (p_next, q_next)) = (self.poses[from], self.poses[to]);
         let span = self.times[to] - self.times[from];
         let share = if span > 0.0 { ((time - self.times[from]) / span).clamp(0.0, 1.0) } else { 0.0 };
-        let rotation = if share > 0.0 { q.slerp(q_next, share).normalize() } else { q };
-        Some(DAffine3::from_rotation_translation(rotation, p.lerp(p_next, share)))
+        let (a, b) = (self.values[from], self.values[to]);
+        Some(match (self.slopes.get(from), self.slopes.get(to)) {
+            _ if share == 0.0 => a,
+            (Some([_, leaving]), Some([arriving, _])) => {
+                hermite([a, b], [*leaving * span, *arriving * span], share)
+            }
+            _ => mix(a, b, share),
+        })
     }
+}
+
+/// The cubic between two values whose slopes are per unit of `share`, 0 to 1 (glTF 2.0, appendix C.5).
+fn hermite<T: Add<Output = T> + Mul<f64, Output = T>>(
+    [a, b]: [T; 2],
+    [leaving, arriving]: [T; 2],
+    share: f64,
+) -> T {
+    let (square, cube) = (share * share, share * share * share);
+    a * (2.0 * cube - 3.0 * square + 1.0)
+        + leaving * (cube - 2.0 * square + share)
+        + b * (3.0 * square - 2.0 * cube)
+        + arriving * (cube - square)
 }
 
 #[cfg(test)]
@@ -148,5 +199,54 @@ mod tests {
         }
         assert!(motion.set(link, MotionFrame::World, &[(f64::NAN, pose(0.0, 0.0))]).is_err());
         assert!(motion.set(link, MotionFrame::World, &[(0.0, DAffine3::ZERO)]).is_err());
+    }
+
+    fn spline<T>(keys: [(f64, T, [T; 2]); 2]) -> Curve<T> {
+        let (mut times, mut values, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
+        for (time, value, slope) in keys {
+            times.push(time);
+            values.push(value);
+            slopes.push(slope);
+        }
+        Curve { times, values, slopes }
+    }
+
+    /// A cubic is its own Hermite interpolant, so a spline with the slopes of a line is that line.
+    #[test]
+    fn splines_reproduce_lines_and_cubics() {
+        let line = |t: f64| DVec3::new(1.0 + 2.0 * t, -t, 0.5);
+        let cubic = |t: f64| DVec3::splat(t * t * t - 2.0 * t);
+        let no = DVec3::splat(f64::MAX);
+        let along = spline([
+            (2.0, line(2.0), [no, line(1.0) - line(0.0)]),
+            (6.0, line(6.0), [line(1.0) - line(0.0), no]),
+        ]);
+        let slope = |t: f64| DVec3::splat(3.0 * t * t - 2.0);
+        let bent = spline([(2.0, cubic(2.0), [no, slope(2.0)]), (6.0, cubic(6.0), [slope(6.0), no])]);
+        for time in [2.0, 2.5, 4.0, 5.75, 6.0] {
+            for (curve, expected) in [(&along, line(time)), (&bent, cubic(time))] {
+                let found = curve.at(time, DVec3::lerp).unwrap();
+                assert!(found.distance(expected) < 1e-11, "{found}, not {expected}, at {time} s");
+            }
+        }
+        for (time, held) in [(0.0, 2.0), (9.0, 6.0)] {
+            assert_eq!(bent.at(time, DVec3::lerp), Some(cubic(held)), "the end is held at {time} s");
+        }
+    }
+
+    /// Halfway the weights are 1/2, 1/2, 1/8 and -1/8 of the interval, 4 s.
+    #[test]
+    fn rotations_of_splines_have_unit_length() {
+        let (z, none) = (DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0), DQuat::from_xyzw(0.0, 0.0, 0.0, 1.0));
+        let zero = z * 0.0;
+        let leaving = DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0);
+        let translation = Curve::linear([(0.0, DVec3::ZERO)].into_iter());
+        let rotation = spline([(1.0, none, [zero, leaving]), (5.0, z, [zero, zero])]);
+        let mut track = Track { frame: MotionFrame::World, translation, rotation };
+        let expected = DQuat::from_xyzw(0.5, 0.0, 0.5, 0.5).normalize();
+        let found = track.at(3.0).unwrap();
+        assert!(found.abs_diff_eq(DAffine3::from_quat(expected), 1e-12), "{found}");
+        track.rotation = spline([(1.0, none, [zero; 2]), (5.0, -none, [zero; 2])]);
+        assert!(is_rigid(&track.at(3.0).unwrap()), "where the spline is zero");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3, DVec4};
 use serde::Deserialize;
 
 use crate::{
@@ -16,7 +16,7 @@ use crate::{
             notes::Notes,
         },
     },
-    skin::{LinkId, Motion, MotionFrame, link_names},
+    skin::{Curve, LinkId, Motion, MotionFrame, Track, link_names},
 };
 
 /// What is read of an animation.
@@ -55,14 +55,11 @@ enum Interpolation {
     CubicSpline,
 }
 
-/// Values of a channel at its times, in s.
-type Keys<T> = Vec<(f64, T)>;
-
 /// The animated parts of a link's pose.
 #[derive(Default, Clone)]
 struct Moving {
-    translation: Keys<DVec3>,
-    rotation: Keys<DQuat>,
+    translation: Option<Curve<DVec3>>,
+    rotation: Option<Curve<DQuat>>,
 }
 
 /// Reads the animation called `name` of a glTF file, or its only one, as a motion of the links that
@@ -130,9 +127,9 @@ fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value)
             sampler.ok_or_else(|| document.invalid(&element, "a sampler that is not there", "its own"))?;
         match channel.target.path.as_str() {
             "translation" => {
-                moving[link].translation = keys(document, &element, sampler, DVec3::from_array)?;
+                moving[link].translation = Some(curve(document, &element, sampler, DVec3::from_array)?);
             }
-            "rotation" => moving[link].rotation = keys(document, &element, sampler, DQuat::from_array)?,
+            "rotation" => moving[link].rotation = Some(rotations(document, &element, sampler)?),
             // Morph targets are no pose.
             "weights" => {}
             other => {
@@ -141,76 +138,77 @@ fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value)
         }
     }
     let mut motion = Motion::default();
-    for (link, moving) in
-        moving.enumerate().filter(|(_, m)| !m.translation.is_empty() || !m.rotation.is_empty())
-    {
-        let invalid = |error| document.invalid(&element, format!("{error}"), "rigid poses at finite times");
-        motion.set(link, MotionFrame::Parent, &moving.poses(tree.links[link].pose)).map_err(invalid)?;
+    for (link, moving) in moving.enumerate() {
+        if let Some(track) = moving.track(tree.links[link].pose) {
+            motion.insert(link, track);
+        }
     }
     Ok(motion)
 }
 
-fn keys<const N: usize, T: Copy>(
+/// The rotations of a channel, at its times of unit length.
+fn rotations(document: &Document, element: &str, sampler: &Sampler) -> Result<Curve<DQuat>, IoError> {
+    let mut curve = curve(document, element, sampler, DQuat::from_array)?;
+    for rotation in &mut curve.values {
+        let unit = DVec4::from(*rotation).try_normalize();
+        let unit =
+            unit.ok_or_else(|| document.invalid(element, "a rotation of length 0", "unit quaternions"))?;
+        *rotation = DQuat::from_vec4(unit);
+    }
+    Ok(curve)
+}
+
+fn curve<const N: usize, T: Copy>(
     document: &Document,
     element: &str,
     sampler: &Sampler,
     value: impl Fn([f64; N]) -> T,
-) -> Result<Keys<T>, IoError> {
-    if sampler.interpolation == Interpolation::CubicSpline {
-        return Err(document.unsupported(element, "cubic splines"));
-    }
+) -> Result<Curve<T>, IoError> {
+    let is_spline = sampler.interpolation == Interpolation::CubicSpline;
     let times = document.accessor(sampler.input, Role::Plain, element)?.reals(|[t]: [f64; 1]| t)?;
     let values = document.accessor(sampler.output, Role::Plain, element)?.reals(value)?;
-    if times.len() != values.len() || times.is_empty() || !times.is_sorted_by(|a, b| a < b) {
+    let (each, least) = if is_spline { (3, 2) } else { (1, 1) };
+    if values.len() != each * times.len() || times.len() < least || !times.is_sorted_by(|a, b| a < b) {
         let found = format!("{} values at {} times", values.len(), times.len());
-        return Err(document.invalid(element, found, "one value for each of the rising times"));
+        let needed = match is_spline {
+            true => "in-tangent, value and out-tangent for each of two or more rising times",
+            false => "one value for each of the rising times",
+        };
+        return Err(document.invalid(element, found, needed));
     }
-    let keys: Keys<T> = times.into_iter().zip(values).collect();
     Ok(match sampler.interpolation {
-        // Each value holds until the next time, where it jumps.
-        Interpolation::Step => {
-            let ends = keys.windows(2).map(|pair| (pair[1].0, pair[0].1));
-            keys.iter()
-                .copied()
-                .zip(ends.map(Some).chain([None]))
-                .flat_map(|(a, b)| [Some(a), b])
-                .flatten()
-                .collect()
+        Interpolation::CubicSpline => {
+            let (keys, _) = values.as_chunks();
+            let (values, slopes) =
+                keys.iter().map(|&[arriving, value, leaving]| (value, [arriving, leaving])).unzip();
+            Curve { times, values, slopes }
         }
-        _ => keys,
+        Interpolation::Step => steps(&times, &values),
+        Interpolation::Linear => Curve { times, values, slopes: Vec::new() },
     })
 }
 
-impl Moving {
-    /// The poses at the times of both parts; what is not animated is that of `rest`.
-    fn poses(&self, rest: DAffine3) -> Vec<(f64, DAffine3)> {
-        let mut times: Vec<f64> = self.translation.iter().map(|key| key.0).collect();
-        times.extend(self.rotation.iter().map(|key| key.0));
-        times.sort_unstable_by(f64::total_cmp);
-        // Two of one time are kept where a part jumps.
-        let jumps = |t: f64| {
-            self.translation.iter().filter(|key| key.0 == t).count() > 1
-                || self.rotation.iter().filter(|key| key.0 == t).count() > 1
-        };
-        times.dedup();
-        let rotation = DQuat::from_mat3(&rest.matrix3).normalize();
-        let at = |t: f64, is_after: bool| {
-            let lerp = |a: DVec3, b: DVec3, s| a.lerp(b, s);
-            let slerp = |a: DQuat, b: DQuat, s| a.normalize().slerp(b.normalize(), s).normalize();
-            let place = sample(&self.translation, t, is_after, lerp).unwrap_or(rest.translation);
-            let turn = sample(&self.rotation, t, is_after, slerp).unwrap_or(rotation);
-            (t, DAffine3::from_rotation_translation(turn, place))
-        };
-        times.iter().flat_map(|&t| jumps(t).then(|| at(t, false)).into_iter().chain([at(t, true)])).collect()
-    }
+/// Each value holds until the next time, where it jumps.
+fn steps<T: Copy>(times: &[f64], values: &[T]) -> Curve<T> {
+    let starts = times.iter().copied().zip(values.iter().copied());
+    let ends = times.iter().copied().skip(1).zip(values.iter().copied());
+    Curve::linear(
+        starts.zip(ends.map(Some).chain([None])).flat_map(|(start, end)| [Some(start), end]).flatten(),
+    )
 }
 
-/// The value at a time; where it jumps, before the jump or after it.
-fn sample<T: Copy>(keys: &Keys<T>, time: f64, is_after: bool, mix: impl Fn(T, T, f64) -> T) -> Option<T> {
-    let next = keys.partition_point(|key| key.0 < time || (is_after && key.0 == time));
-    let (first, last) = (keys.first()?, keys.last()?);
-    let Some(from) = next.checked_sub(1).map(|k| keys[k]) else { return Some(first.1) };
-    let Some(to) = keys.get(next) else { return Some(last.1) };
-    let span = to.0 - from.0;
-    Some(if span > 0.0 { mix(from.1, to.1, (time - from.0) / span) } else { to.1 })
+impl Moving {
+    /// How a link moves, if it does; the part that is not animated is that of `rest`.
+    fn track(&self, rest: DAffine3) -> Option<Track> {
+        let starts = self.translation.iter().map(|curve| curve.times[0]);
+        let start = starts.chain(self.rotation.iter().map(|curve| curve.times[0])).next()?;
+        let rotation = DQuat::from_mat3(&rest.matrix3).normalize();
+        let translation = self.translation.clone();
+        Some(Track {
+            frame: MotionFrame::Parent,
+            translation: translation
+                .unwrap_or_else(|| Curve::linear([(start, rest.translation)].into_iter())),
+            rotation: self.rotation.clone().unwrap_or_else(|| Curve::linear([(start, rotation)].into_iter())),
+        })
+    }
 }

@@ -1,7 +1,7 @@
 //! Writes animations as glTF: times, translations and rotations of the nodes of links.
 
 use gltf::json::{
-    Animation, Index, Value,
+    Accessor, Animation, Index, Value,
     animation::{Channel, Interpolation, Property, Sampler, Target},
     validation::Checked,
 };
@@ -12,7 +12,7 @@ use crate::{
         file::unfit,
         gltf::writer::{SceneWriter, narrow},
     },
-    skin::{Motion, MotionFrame, Track},
+    skin::{Curve, Motion, MotionFrame},
 };
 
 impl SceneWriter<'_> {
@@ -28,7 +28,7 @@ impl SceneWriter<'_> {
                     .filter(|(other, _)| *other == link)
                     .map(|(_, node)| *node)
                     .collect();
-                if nodes.is_empty() || track.times.is_empty() {
+                if nodes.is_empty() || track.translation.times.is_empty() {
                     continue;
                 }
                 let unfit = |found: &str, needed: &str| {
@@ -37,17 +37,22 @@ impl SceneWriter<'_> {
                 if track.frame != MotionFrame::Parent {
                     return Err(unfit("poses in the world", "poses relative to the link above"));
                 }
-                let times = rising(track).ok_or_else(|| unfit("a time", "times that f32 can hold"))?;
-                let input = self.array(None, times.iter().map(|t| [*t]));
-                let bound = |t: Option<&f32>| t.map(|t| Value::from(vec![f64::from(*t)]));
-                let json = &mut self.root.accessors[input.value()];
-                (json.min, json.max) = (bound(times.first()), bound(times.last()));
-                let places = self.array(None, track.poses.iter().map(|(p, _)| p.to_array().map(narrow)));
-                let turns = self.array(None, track.poses.iter().map(|(_, q)| q.to_array().map(narrow)));
-                for (output, path) in [(places, Property::Translation), (turns, Property::Rotation)] {
+                let (places, turns) = (&track.translation, &track.rotation);
+                let no_f32 = || unfit("a time", "times that f32 can hold");
+                let input = self.add_times(&places.times).ok_or_else(no_f32)?;
+                let places =
+                    (input, self.add_values(places, |p| p.to_array().map(narrow)), interpolation(places));
+                let input = match turns.times == track.translation.times {
+                    true => input,
+                    false => self.add_times(&turns.times).ok_or_else(no_f32)?,
+                };
+                let turns =
+                    (input, self.add_values(turns, |q| q.to_array().map(narrow)), interpolation(turns));
+                let parts = [(places, Property::Translation), (turns, Property::Rotation)];
+                for ((input, output, interpolation), path) in parts {
                     #[expect(clippy::cast_possible_truncation, reason = "two for each link")]
                     let sampler = Index::new(samplers.len() as u32);
-                    let interpolation = Checked::Valid(Interpolation::Linear);
+                    let interpolation = Checked::Valid(interpolation);
                     samplers.push(Sampler { input, output, interpolation, extensions: None, extras: None });
                     channels.extend(nodes.iter().map(|&node| {
                         let path = Checked::Valid(path);
@@ -64,12 +69,41 @@ impl SceneWriter<'_> {
         }
         Ok(())
     }
+
+    /// Adds times with their bounds; `None` if `f32` cannot hold one.
+    fn add_times(&mut self, times: &[f64]) -> Option<Index<Accessor>> {
+        let times = rising(times)?;
+        let input = self.array(None, times.iter().map(|t| [*t]));
+        let bound = |t: Option<&f32>| t.map(|t| Value::from(vec![f64::from(*t)]));
+        let json = &mut self.root.accessors[input.value()];
+        (json.min, json.max) = (bound(times.first()), bound(times.last()));
+        Some(input)
+    }
+
+    /// Adds the values of a curve; those of a spline between the slopes before and after each.
+    fn add_values<T: Copy, const N: usize>(
+        &mut self,
+        curve: &Curve<T>,
+        row: impl Fn(T) -> [f32; N],
+    ) -> Index<Accessor> {
+        if curve.slopes.is_empty() {
+            return self.array(None, curve.values.iter().map(|&value| row(value)));
+        }
+        let keys = curve.values.iter().zip(&curve.slopes);
+        let rows: Vec<_> =
+            keys.flat_map(|(&value, &[before, after])| [before, value, after].map(&row)).collect();
+        self.array(None, rows.into_iter())
+    }
 }
 
-/// The times of a track in `f32`, each after the one before it, as glTF has them: where a pose jumps,
+fn interpolation<T>(curve: &Curve<T>) -> Interpolation {
+    if curve.slopes.is_empty() { Interpolation::Linear } else { Interpolation::CubicSpline }
+}
+
+/// The times of a curve in `f32`, each after the one before it, as glTF has them: where a pose jumps,
 /// the jump takes one step of `f32`. `None` if one is too large.
-fn rising(track: &Track) -> Option<Vec<f32>> {
-    let mut times: Vec<f32> = track.times.iter().map(|&t| narrow(t)).collect();
+fn rising(times: &[f64]) -> Option<Vec<f32>> {
+    let mut times: Vec<f32> = times.iter().map(|&t| narrow(t)).collect();
     let mut next = f32::INFINITY;
     for time in times.iter_mut().rev() {
         *time = time.min(next.next_down());

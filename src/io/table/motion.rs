@@ -30,8 +30,8 @@ const ROUNDED: f64 = 1e-6;
 /// pose for all times.
 ///
 /// # Errors
-/// If the file cannot be read. Of an animation, if it is not there, or does more than move links
-/// rigidly with linear or constant pieces. Of a table, if an animation is asked for, a column is
+/// If the file cannot be read. Of an animation, if it is not there, breaks a rule of glTF 2.0, or
+/// does more than move links rigidly. Of a table, if an animation is asked for, a column is
 /// missing, a cell is not a finite number, a quaternion is not of unit length, a scale (`scale`, `sx`,
 /// `sy` or `sz`) is not 1, or a link is unknown or comes twice at one time.
 pub fn read_motion(

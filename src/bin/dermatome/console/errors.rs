@@ -340,7 +340,6 @@ fn unsupported_help(feature: &str) -> &'static str {
             "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`, or `gltfpack -noq -i IN.glb -o OUT.glb`"
         }
         "animated scale" => "animate translations and rotations alone",
-        "cubic splines" => "export the animation again, sampled with linear keys",
         _ if feature.contains("OFF") => "write it as text, with three coordinates a vertex",
         _ => {
             "export the file again without it: triangles with positions, morph targets applied, as glTF 2.0 with \

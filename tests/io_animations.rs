@@ -1,0 +1,149 @@
+//! Animations of glTF files: which poses of links they give, and what is refused.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::fs;
+
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use dermatome::{
+    contact::ContactIndex,
+    id::IdVec,
+    io::{IoError, read_draft, read_motion, write_skin},
+    map::SkinMap,
+    mesh::shapes,
+    skin::{AssembleOptions, Link, LinkId, Motion, assemble},
+};
+use glam::{DAffine3, DQuat, DVec3};
+use serde_json::{Value, json};
+
+/// Node, path, interpolation, times (s) and values.
+type Channel<'a> = (usize, &'a str, &'a str, &'a [f32], &'a [f32]);
+
+/// A glTF file with these nodes, a mesh of one triangle, and the animation `up`.
+fn gltf(nodes: Value, channels: &[Channel<'_>]) -> Value {
+    let mut bytes = Vec::new();
+    let (mut views, mut accessors) = (Vec::new(), Vec::new());
+    let mut array = |numbers: &[f32], width: usize| {
+        views.push(json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": 4 * numbers.len()}));
+        bytes.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
+        let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][width - 1];
+        let count = numbers.len() / width;
+        accessors.push(
+            json!({"bufferView": views.len() - 1, "componentType": 5126, "count": count, "type": kind}),
+        );
+        accessors.len() - 1
+    };
+    array(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], 3);
+    let (mut json_channels, mut samplers) = (Vec::new(), Vec::new());
+    for &(node, path, interpolation, times, values) in channels {
+        let (input, output) = (array(times, 1), array(values, if path == "rotation" { 4 } else { 3 }));
+        json_channels.push(json!({"sampler": samplers.len(), "target": {"node": node, "path": path}}));
+        samplers.push(json!({"input": input, "output": output, "interpolation": interpolation}));
+    }
+    accessors[0]["min"] = json!([0, 0, 0]);
+    accessors[0]["max"] = json!([1, 1, 0]);
+    let data = STANDARD.encode(&bytes);
+    json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes,
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "buffers": [{"uri": format!("data:application/octet-stream;base64,{data}"), "byteLength": bytes.len()}],
+        "bufferViews": views, "accessors": accessors,
+        "animations": [{"name": "up", "channels": json_channels, "samplers": samplers}],
+    })
+}
+
+/// A base, and an arm on it that carries the mesh.
+fn arm() -> Value {
+    json!([{"name": "base", "children": [1]}, {"name": "arm", "mesh": 0, "translation": [0, 0, 1]}])
+}
+
+fn read(file: &Value) -> Result<Motion, IoError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("up.gltf");
+    fs::write(&path, file.to_string()).unwrap();
+    read_motion(&path, None, &|name| {
+        let at = ["base", "arm"].iter().position(|other| *other == name);
+        at.map(LinkId::new)
+    })
+}
+
+/// Where the arm is at a time.
+fn pose(motion: &Motion, time: f64) -> DAffine3 {
+    let mut map = SkinMap::flat(shapes::square(), 0.001);
+    let link = |name: &str, parent| Link { name: name.into(), parent, pose: DAffine3::IDENTITY };
+    map.links = [link("base", None), link("arm", Some(LinkId::new(0)))].into_iter().collect::<IdVec<_, _>>();
+    map.patches.iter_mut().for_each(|patch| patch.link = LinkId::new(1));
+    let mut index = ContactIndex::new(&map).unwrap();
+    index.set_motion(motion, time).unwrap();
+    index.poses()[LinkId::new(1)]
+}
+
+/// From 1 s to 3 s the arm rises along `z = t^2`, whose slopes are 2 and 6 m/s, and stays turned.
+const PARABOLA: [f32; 18] = [
+    9.0, 9.0, 9.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, // at 1 s: in-tangent, value, out-tangent
+    0.0, 0.0, 6.0, 0.0, 0.0, 9.0, 9.0, 9.0, 9.0,
+];
+
+#[test]
+fn cubic_splines_go_through_their_keys_with_their_slopes() {
+    let turns = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0, 0.0]
+        .into_iter()
+        .chain([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let turns: Vec<f32> = turns.collect();
+    let channels: [Channel<'_>; 2] = [
+        (1, "translation", "CUBICSPLINE", &[1.0, 3.0], &PARABOLA),
+        (1, "rotation", "CUBICSPLINE", &[0.0, 4.0], &turns),
+    ];
+    let motion = read(&gltf(arm(), &channels)).unwrap();
+    assert_eq!(motion.times(), Some([0.0, 4.0]));
+    // Halfway the weights are 1/2 and 1/2, and 1/8 of 4 s for the out-tangent.
+    let halfway = DQuat::from_xyzw(0.25, 0.0, 0.5, 0.5).normalize();
+    for (time, z) in [(0.0, 1.0), (1.0, 1.0), (1.5, 2.25), (2.0, 4.0), (3.0, 9.0), (7.0, 9.0)] {
+        let found = pose(&motion, time);
+        assert!((found.translation - DVec3::Z * z).length() < 1e-12, "{found} at {time} s");
+    }
+    for (time, turn) in [(0.0, DQuat::IDENTITY), (2.0, halfway), (4.0, DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0))]
+    {
+        let found = pose(&motion, time);
+        assert!(found.matrix3.abs_diff_eq(DAffine3::from_quat(turn).matrix3, 1e-12), "{found} at {time} s");
+    }
+}
+
+/// The spline of a skin in mm is one in m, and is written as the spline that it is.
+#[test]
+fn cubic_splines_travel_with_the_skin() {
+    let folder = tempfile::tempdir().unwrap();
+    let (first, second) = (folder.path().join("a.gltf"), folder.path().join("b.glb"));
+    let channel: Channel<'_> = (1, "translation", "CUBICSPLINE", &[1.0, 3.0], &PARABOLA);
+    fs::write(&first, gltf(arm(), &[channel]).to_string()).unwrap();
+    let mut draft = read_draft(&first).unwrap();
+    draft.scale(1e-3);
+    write_skin(&second, &assemble(&draft, &AssembleOptions::default()).unwrap().skin).unwrap();
+    for motion in [&draft.animations[0], &read_draft(&second).unwrap().animations[0]] {
+        for (time, z) in [(1.5, 2.25e-3), (2.0, 4e-3), (4.0, 9e-3)] {
+            let found = pose(motion, time).translation;
+            assert!(found.distance(DVec3::Z * z) < 1e-9, "{found} at {time} s");
+        }
+    }
+}
+
+#[test]
+fn keys_that_do_not_fit_their_interpolation_are_refused() {
+    let nan = [&PARABOLA[..17], &[f32::NAN]].concat();
+    let zero = [0.0; 24];
+    let channels: [(Channel<'_>, &str); 7] = [
+        (
+            (1, "translation", "CUBICSPLINE", &[1.0, 3.0], &PARABOLA[..6]),
+            "2 values at 2 times; needed: in-tangent",
+        ),
+        ((1, "translation", "CUBICSPLINE", &[1.0, 2.0, 3.0], &PARABOLA), "6 values at 3 times"),
+        ((1, "translation", "CUBICSPLINE", &[1.0], &PARABOLA[..9]), "two or more rising times"),
+        ((1, "translation", "CUBICSPLINE", &[3.0, 1.0], &PARABOLA), "rising times"),
+        ((1, "translation", "LINEAR", &[1.0, 3.0], &PARABOLA), "6 values at 2 times; needed: one value"),
+        ((1, "translation", "CUBICSPLINE", &[1.0, 3.0], &nan), "NaN or infinity in row 5"),
+        ((1, "rotation", "CUBICSPLINE", &[1.0, 3.0], &zero), "a rotation of length 0"),
+    ];
+    for (channel, expected) in channels {
+        let error = read(&gltf(arm(), &[channel])).unwrap_err().to_string();
+        assert!(error.contains(expected), "{channel:?}: {error}");
+    }
+}
