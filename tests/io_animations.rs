@@ -147,3 +147,61 @@ fn keys_that_do_not_fit_their_interpolation_are_refused() {
         assert!(error.contains(expected), "{channel:?}: {error}");
     }
 }
+
+/// A node with a mesh and no transform belongs to the link above it, but not where it moves.
+#[test]
+fn an_animated_mesh_is_a_link() {
+    let nodes = json!([{"name": "base", "children": [1]}, {"name": "arm", "mesh": 0}]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("up.gltf");
+    for (part, values, links) in
+        [("weights", &[][..], 1), ("translation", &[0.0, 0.0, 1.0, 0.0, 0.0, 3.0], 2)]
+    {
+        let channel: Channel<'_> = (1, part, "LINEAR", &[1.0, 3.0], values);
+        let channels = if part == "weights" { vec![] } else { vec![channel] };
+        let mut file = gltf(nodes.clone(), &channels);
+        if part == "weights" {
+            file["animations"][0]["channels"] = json!([{"sampler": 0, "target": {"node": 1, "path": part}}]);
+            file["animations"][0]["samplers"] = json!([{"input": 0, "output": 0}]);
+        }
+        fs::write(&path, file.to_string()).unwrap();
+        let draft = read_draft(&path).unwrap();
+        assert_eq!(
+            (draft.links.len(), draft.sheets[0].link),
+            (links, Some(LinkId::new(links - 1))),
+            "{part}"
+        );
+        if links == 2 {
+            assert_eq!(pose(&draft.animations[0], 2.0).translation, DVec3::Z * 2.0);
+        }
+    }
+}
+
+/// Translations below a scaled node are in its units, as those of nodes at rest.
+#[test]
+fn movement_below_a_scaled_node_is_scaled() {
+    let turns = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0];
+    for (scale, is_even) in [([0.01, 0.01, 0.01], true), ([0.01, 0.02, 0.01], false)] {
+        let mut nodes = arm();
+        nodes[0]["scale"] = json!(scale);
+        let rise: Channel<'_> = (1, "translation", "CUBICSPLINE", &[1.0, 3.0], &PARABOLA);
+        let turn: Channel<'_> = (1, "rotation", "LINEAR", &[1.0, 3.0], &turns);
+        let found = pose(&read(&gltf(nodes.clone(), &[rise])).unwrap(), 2.0);
+        assert!(found.translation.distance(DVec3::Z * 0.04) < 1e-9, "{found}");
+        match read(&gltf(nodes, &[rise, turn])) {
+            Ok(motion) if is_even => {
+                let turned = pose(&motion, 3.0).matrix3;
+                assert!(turned.abs_diff_eq(DAffine3::from_rotation_z(std::f64::consts::PI).matrix3, 1e-9));
+            }
+            Err(error) if !is_even => assert!(error.to_string().contains("below an uneven scale"), "{error}"),
+            other => panic!("{other:?}, scale {scale:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_channel_for_a_node_that_is_not_there_is_refused() {
+    let file = gltf(arm(), &[(7, "translation", "LINEAR", &[1.0], &[0.0, 0.0, 1.0])]);
+    let error = read(&file).unwrap_err().to_string();
+    assert!(error.contains("found a channel for node 7; needed: one of the file's 2 nodes"), "{error}");
+}

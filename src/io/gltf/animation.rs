@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{DAffine3, DQuat, DVec3, DVec4};
+use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 use serde::Deserialize;
 
 use crate::{
@@ -12,7 +12,7 @@ use crate::{
         file::source::Source,
         gltf::{
             document::{Document, Role},
-            nodes::{Tree, read_node_tree},
+            nodes::{RIGID, Tree, read_node_tree},
             notes::Notes,
         },
     },
@@ -121,13 +121,24 @@ fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value)
         animation.map_err(|e| document.invalid(&element, e.to_string(), "channels and samplers"))?;
     let mut moving = IdVec::<LinkId, Moving>::filled(Moving::default(), tree.links.len());
     for channel in &animation.channels {
-        let Some(link) = channel.target.node.and_then(|node| *tree.nodes.get(node)?) else { continue };
+        let Some(node) = channel.target.node else { continue };
+        let link = tree.nodes.get(node).ok_or_else(|| {
+            let needed = format!("one of the file's {} nodes", tree.nodes.len());
+            document.invalid(&element, format!("a channel for node {node}"), needed)
+        })?;
+        let Some(link) = *link else { continue };
+        let stretch = tree.stretches_above[node];
         let sampler = animation.samplers.get(channel.sampler);
         let sampler =
             sampler.ok_or_else(|| document.invalid(&element, "a sampler that is not there", "its own"))?;
         match channel.target.path.as_str() {
             "translation" => {
-                moving[link].translation = Some(curve(document, &element, sampler, DVec3::from_array)?);
+                let build =
+                    |t| stretch.map_or(DVec3::from_array(t), |stretch| stretch * DVec3::from_array(t));
+                moving[link].translation = Some(curve(document, &element, sampler, build)?);
+            }
+            "rotation" if stretch.is_some_and(|stretch| !is_uniform(stretch)) => {
+                return Err(document.unsupported(&element, "animated rotation below an uneven scale"));
             }
             "rotation" => moving[link].rotation = Some(rotations(document, &element, sampler)?),
             // Morph targets are no pose.
@@ -144,6 +155,12 @@ fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value)
         }
     }
     Ok(motion)
+}
+
+/// Whether a matrix only scales, by the same factor along all axes.
+fn is_uniform(stretch: DMat3) -> bool {
+    let scale = stretch.x_axis.x;
+    scale > 0.0 && stretch.abs_diff_eq(DMat3::IDENTITY * scale, scale * RIGID)
 }
 
 /// The rotations of a channel, at its times of unit length.

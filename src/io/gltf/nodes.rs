@@ -48,13 +48,15 @@ pub(super) struct Tree {
     pub(super) placements: Vec<Placement>,
     /// The link of each node, if it is one.
     pub(super) nodes: Vec<Option<LinkId>>,
+    /// What the transforms above each node have besides the rigid frame of the link there.
+    pub(super) stretches_above: Vec<Option<DMat3>>,
 }
 
 /// Reads the node tree of the scene.
 ///
-/// Every node is a link, except those that only carry a patch: a node with a mesh, without children
-/// and without a transform of its own belongs to the link above it. (Cameras and lights at the ends
-/// are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
+/// Every node is a link, except those that only carry a patch: a node with a mesh, without children,
+/// without a transform of its own and not animated belongs to the link above it. (Cameras and lights
+/// at the ends are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
 /// skinned to joints ignores its node's transform, as glTF has it, and lies in its bind pose on a
 /// link of its own at the origin, unless [`Binding`](super::joints::Binding) knows better, or
 /// [`NodeExtras`] name its link.
@@ -64,10 +66,12 @@ pub(super) struct Tree {
 pub(super) fn read_node_tree(document: &Document) -> Result<Tree> {
     let parents = parents(document)?;
     check_meshes(document)?;
-    let nodes = Nodes { document, shown: shown(document, &parents)?, parents };
+    let nodes = Nodes { document, shown: shown(document, &parents)?, parents, animated: animated(document) };
     let mut tree = Tree::default();
     let frames = nodes.read_links(&mut tree)?;
     nodes.read_placements(&frames, &mut tree);
+    let above = |parent: &Option<usize>| parent.and_then(|parent| frames[parent]?.stretch);
+    tree.stretches_above = nodes.parents.iter().map(above).collect();
     tree.nodes = frames.into_iter().map(|frame| frame.map(|frame| frame.link)).collect();
     if document.root().scenes.is_empty() {
         place_library(document, &mut tree);
@@ -81,6 +85,8 @@ struct Nodes<'a> {
     parents: Vec<Option<usize>>,
     /// Which belong to the scene.
     shown: Vec<bool>,
+    /// Whose transforms are animated.
+    animated: Vec<bool>,
 }
 
 impl Nodes<'_> {
@@ -89,7 +95,7 @@ impl Nodes<'_> {
         let node = &self.document.root().nodes[i];
         let has_parent = self.parents[i].is_some_and(|parent| self.shown[parent]);
         let is_bare = node.children.is_none() && node.skin.is_none();
-        let is_plain = is_bare && is_identity(&self.document.transforms[i]);
+        let is_plain = is_bare && is_identity(&self.document.transforms[i]) && !self.animated[i];
         node.mesh.is_some() && has_parent && is_plain
     }
 
@@ -118,7 +124,8 @@ impl Nodes<'_> {
     /// Whether a node only joins links.
     fn is_root(&self, i: usize) -> bool {
         let node = &self.document.root().nodes[i];
-        let is_bare = node.mesh.is_none() && is_identity(&self.document.transforms[i]);
+        let is_still = is_identity(&self.document.transforms[i]) && !self.animated[i];
+        let is_bare = node.mesh.is_none() && is_still;
         self.parents[i].is_none() && is_bare && NodeExtras::of(node) == Some(NodeExtras::Root)
     }
 
@@ -236,6 +243,21 @@ fn reach(nodes: &[Node], roots: Vec<usize>) -> Vec<bool> {
         stack.extend(children(&nodes[i]));
     }
     reached
+}
+
+/// Which nodes some animation moves, turns or scales; animations are not checked here.
+fn animated(document: &Document) -> Vec<bool> {
+    let mut animated = vec![false; document.root().nodes.len()];
+    let animations = document.animations.as_array().into_iter().flatten();
+    let channels = animations.filter_map(|animation| animation.get("channels")?.as_array()).flatten();
+    for target in channels.filter_map(|channel| channel.get("target")) {
+        let node = target.get("node").and_then(|node| usize::try_from(node.as_u64()?).ok());
+        let has_weights = target.get("path").is_some_and(|path| path == "weights");
+        if let Some(animated) = node.and_then(|node| animated.get_mut(node)) {
+            *animated |= !has_weights;
+        }
+    }
+    animated
 }
 
 fn check_meshes(document: &Document) -> Result<()> {

@@ -340,6 +340,7 @@ fn unsupported_help(feature: &str) -> &'static str {
             "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`, or `gltfpack -noq -i IN.glb -o OUT.glb`"
         }
         "animated scale" => "animate translations and rotations alone",
+        "animated rotation below an uneven scale" => "apply the scale to the mesh, or scale all axes alike",
         _ if feature.contains("OFF") => "write it as text, with three coordinates a vertex",
         _ => {
             "export the file again without it: triangles with positions, morph targets applied, as glTF 2.0 with \
