@@ -7,7 +7,7 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use dermatome::{
     contact::ContactIndex,
     id::IdVec,
-    io::{IoError, read_draft, read_motion, write_skin},
+    io::{IoError, MotionFile, read_draft, read_motion, write_skin},
     map::SkinMap,
     mesh::shapes,
     skin::{AssembleOptions, Link, LinkId, Motion, assemble},
@@ -56,14 +56,17 @@ fn arm() -> Value {
     json!([{"name": "base", "children": [1]}, {"name": "arm", "mesh": 0, "translation": [0, 0, 1]}])
 }
 
-fn read(file: &Value) -> Result<Motion, IoError> {
+/// Reads a file for a map with links of these names.
+fn read_for(names: &[&str], file: &Value) -> Result<MotionFile, IoError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("up.gltf");
     fs::write(&path, file.to_string()).unwrap();
-    read_motion(&path, None, &|name| {
-        let at = ["base", "arm"].iter().position(|other| *other == name);
-        at.map(LinkId::new)
-    })
+    let link = |name: &&str| Link { name: (*name).into(), parent: None, pose: DAffine3::IDENTITY };
+    read_motion(&path, None, &names.iter().map(link).collect())
+}
+
+fn read(file: &Value) -> Result<Motion, IoError> {
+    Ok(read_for(&["base", "arm"], file)?.motion)
 }
 
 /// Where the arm is at a time.
@@ -204,4 +207,38 @@ fn a_channel_for_a_node_that_is_not_there_is_refused() {
     let file = gltf(arm(), &[(7, "translation", "LINEAR", &[1.0], &[0.0, 0.0, 1.0])]);
     let error = read(&file).unwrap_err().to_string();
     assert!(error.contains("found a channel for node 7; needed: one of the file's 2 nodes"), "{error}");
+}
+
+/// A camera and a cup are no links of the map, whatever else moves.
+#[test]
+fn animated_nodes_that_are_no_links_are_named() {
+    let mut nodes = arm();
+    nodes[1]["children"] = json!([2, 3]);
+    nodes.as_array_mut().unwrap().push(json!({"name": "eye", "camera": 0}));
+    nodes.as_array_mut().unwrap().push(json!({"name": "cup"}));
+    let rise = |node| -> Channel<'_> { (node, "translation", "STEP", &[1.0], &[0.0, 0.0, 2.0]) };
+    let mut file = gltf(nodes, &[rise(1), rise(2), rise(3)]);
+    file["cameras"] = json!([{"type": "orthographic",
+        "orthographic": {"xmag": 1.0, "ymag": 1.0, "zfar": 2.0, "znear": 1.0}}]);
+    for (names, is_moved, unused) in
+        [(["base", "arm"], true, vec!["eye", "cup"]), (["base", "leg"], false, vec!["eye", "arm", "cup"])]
+    {
+        let found = read_for(&names, &file).unwrap();
+        assert_eq!(found.motion.times().is_some(), is_moved, "{names:?}");
+        assert_eq!(found.unused, unused, "{names:?}");
+    }
+}
+
+#[test]
+fn names_of_several_links_or_nodes_are_refused() {
+    let rise = |node| -> Channel<'_> { (node, "translation", "STEP", &[1.0], &[0.0, 0.0, 2.0]) };
+    let error = read_for(&["base", "arm", "arm", "arm"], &gltf(arm(), &[rise(1)])).unwrap_err().to_string();
+    assert!(error.contains("node \"arm\": found 3 links of this name in the map; needed: one"), "{error}");
+    let mut twins = arm();
+    twins[0]["children"] = json!([1, 2]);
+    twins.as_array_mut().unwrap().push(json!({"name": "arm"}));
+    let error = read(&gltf(twins, &[rise(1), rise(2)])).unwrap_err().to_string();
+    assert!(error.contains("found another animated node of this name"), "{error}");
+    let still = read_for(&["base", "arm", "arm"], &gltf(arm(), &[rise(0)])).unwrap();
+    assert!(still.unused.is_empty(), "names of links that do not move may be the same");
 }

@@ -183,7 +183,9 @@ fn read_links(text: &str) -> Result<Motion, IoError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("poses.csv");
     fs::write(&path, text).unwrap();
-    read_motion(&path, None, &|name| (name.len() == 1 || name == "arm").then_some(LinkId::new(7)))
+    let link = |name: &str| Link { name: name.into(), parent: None, pose: DAffine3::IDENTITY };
+    let names = ["l0", "l1", "l2", "l3", "l4", "l5", "a", "arm", "twin", "twin"];
+    Ok(read_motion(&path, None, &names.into_iter().map(link).collect())?.motion)
 }
 
 #[test]
@@ -226,6 +228,11 @@ fn what_is_no_pose_is_refused_with_its_line() {
         ("a,0,,0,0,0,0,1\n", "column `y`"),
         ("a,0\n", "line 2"),
         ("stranger,0,0,0,0,0,0,1\n", "line 2, column `link`: found \"stranger\""),
+        (
+            "twin,0,0,0,0,0,0,1\n",
+            "line 2, column `link`: found \"twin\"; needed: a name of one link: 2 links",
+        ),
+        ("", "no row below the names of its columns"),
     ] {
         let error = read_links(&format!("{header}{rows}")).unwrap_err().to_string();
         assert!(error.contains(expected), "{rows:?}: {error}");

@@ -508,6 +508,11 @@ fn contacts_are_matched_with_poses_by_their_time() {
         let bad = fixture.file("bad.gltf", &gltf.replace(from, to));
         fixture.lookup(&contacts).arg("--pose").arg(&bad).assert().code(2);
     }
+    let other = fixture.file("other.gltf", &gltf.replace("\"arm\"", "\"leg\""));
+    let run = fixture.lookup(&contacts).arg("--pose").arg(&other).assert().success();
+    let notes = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(notes.contains("other.gltf: the map has no link for the animated `leg`\n"), "{notes}");
+    assert!(notes.contains("other.gltf: the animation moves no link of the map\n"), "{notes}");
 }
 
 /// An animation of the skin is in its map too: written, read, listed and looked up.
@@ -546,6 +551,15 @@ fn animations_travel_with_the_skin() {
             assert!((number(&row, "distance") - 0.01).abs() < 1e-5, "{row:?}");
         }
     }
+    // The map's own animation means its own links, whatever their names.
+    fixture.skin.links[arm].name = "base".into();
+    write_map(&fixture.path("map.glb"), &build(&fixture.skin, &BuildOptions::default()).unwrap()).unwrap();
+    let table = output(fixture.lookup(&contacts).args(["--level", "0", "--animation", "up"]));
+    assert!(rows(&table).iter().all(|row| (number(row, "distance") - 0.01).abs() < 1e-5), "{table}");
+    let poses = fixture.file("p.csv", "link,x,y,z,qx,qy,qz,qw\nbase,0,0,0.5,0,0,0,1\n");
+    let run = fixture.lookup(&contacts).arg("--pose").arg(&poses).assert().code(2);
+    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(error.contains("2 links of the map have it"), "{error}");
     let mut info = Command::new(env!("CARGO_BIN_EXE_dermatome"));
     let text = output(info.arg("info").arg(fixture.path("map.glb")));
     assert!(text.contains("animation up: 1 to 3 s"), "{text}");

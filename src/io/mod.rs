@@ -82,7 +82,7 @@ pub use table::{
     },
     contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places},
     lookups::{LookupPlace, LookupRow, LookupWriter},
-    motion::read_motion,
+    motion::{MotionFile, read_motion},
     regions::RegionWriter,
     touches::write_touches,
     values::write_values,

@@ -1,6 +1,6 @@
 //! Animations: how the links of a robot move.
 
-use std::path::Path;
+use std::{collections::BTreeSet, path::Path};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 use serde::Deserialize;
@@ -63,12 +63,13 @@ struct Moving {
 }
 
 /// Reads the animation called `name` of a glTF file, or its only one, as a motion of the links that
-/// `link_named` knows: nodes are found by their names. Nodes that are not known are left out.
+/// `links_named` gives: nodes are found by their names. Returns the names of the nodes that it moves
+/// and that are not among them, too.
 pub(in crate::io) fn read_animation(
     path: &Path,
     name: Option<&str>,
-    link_named: &dyn Fn(&str) -> Option<LinkId>,
-) -> Result<Motion, IoError> {
+    links_named: &dyn Fn(&str) -> Vec<LinkId>,
+) -> Result<(Motion, Vec<String>), IoError> {
     let document = Document::new(Source::open(path)?, Notes::new(true))?;
     let tree = read_node_tree(&document)?;
     let all = listed(&document);
@@ -83,9 +84,27 @@ pub(in crate::io) fn read_animation(
             .map_or("exactly one, or the name of one of them".into(), |name| format!("one called {name:?}"));
         return Err(document.invalid("animations", found, needed));
     };
+    let (motion, others) = motion(&document, &tree, at, all[at].1)?;
     let names = link_names(&tree.links);
-    let known = |link: LinkId| link_named(names.get(link)?);
-    Ok(motion(&document, &tree, at, all[at].1)?.of_links(known))
+    let nodes = &document.root().nodes;
+    let name = |node: usize| nodes[node].name.clone().unwrap_or_else(|| format!("node {node}"));
+    let mut unknown: Vec<String> = others.into_iter().map(name).collect();
+    let mut known = IdVec::filled(None, tree.links.len());
+    for (link, _) in motion.tracks() {
+        let name = &names[link];
+        let invalid = |found: String, needed| Err(document.invalid(format!("node {name:?}"), found, needed));
+        match links_named(name)[..] {
+            [] => unknown.push(name.clone()),
+            [other] if known.contains(&Some(other)) => {
+                return invalid("another animated node of this name".into(), "a name of its own");
+            }
+            [other] => known[link] = Some(other),
+            ref several => {
+                return invalid(format!("{} links of this name in the map", several.len()), "one link");
+            }
+        }
+    }
+    Ok((motion.of_links(|link| known[link]), unknown))
 }
 
 /// All animations, and those that do more than move links with the reason.
@@ -93,7 +112,7 @@ pub(super) fn read_animations(document: &Document, tree: &Tree) -> (Vec<Motion>,
     let (mut animations, mut others) = (Vec::new(), Vec::new());
     for (at, (name, json)) in listed(document).into_iter().enumerate() {
         match motion(document, tree, at, json) {
-            Ok(mut motion) => {
+            Ok((mut motion, _)) => {
                 motion.name = name;
                 animations.push(motion);
             }
@@ -113,20 +132,31 @@ fn listed(document: &Document) -> Vec<(String, &serde_json::Value)> {
     all.iter().enumerate().map(|(k, json)| (named((k, json)), json)).collect()
 }
 
-/// How an animation moves the links of a document.
-fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value) -> Result<Motion, IoError> {
+/// How an animation moves the links of a document, and which nodes it moves that are none: they carry
+/// no skin, or do not pose it.
+fn motion(
+    document: &Document,
+    tree: &Tree,
+    at: usize,
+    json: &serde_json::Value,
+) -> Result<(Motion, BTreeSet<usize>), IoError> {
     let element = format!("animation {at}");
     let animation = AnimationJson::deserialize(json);
     let animation =
         animation.map_err(|e| document.invalid(&element, e.to_string(), "channels and samplers"))?;
     let mut moving = IdVec::<LinkId, Moving>::filled(Moving::default(), tree.links.len());
-    for channel in &animation.channels {
+    let mut others = BTreeSet::new();
+    // Morph targets are no pose.
+    for channel in animation.channels.iter().filter(|channel| channel.target.path != "weights") {
         let Some(node) = channel.target.node else { continue };
         let link = tree.nodes.get(node).ok_or_else(|| {
             let needed = format!("one of the file's {} nodes", tree.nodes.len());
             document.invalid(&element, format!("a channel for node {node}"), needed)
         })?;
-        let Some(link) = *link else { continue };
+        let Some(link) = *link else {
+            others.insert(node);
+            continue;
+        };
         let stretch = tree.stretches_above[node];
         let sampler = animation.samplers.get(channel.sampler);
         let sampler =
@@ -141,8 +171,6 @@ fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value)
                 return Err(document.unsupported(&element, "animated rotation below an uneven scale"));
             }
             "rotation" => moving[link].rotation = Some(rotations(document, &element, sampler)?),
-            // Morph targets are no pose.
-            "weights" => {}
             other => {
                 return Err(document.unsupported(&element, format!("animated {other}")));
             }
@@ -154,7 +182,7 @@ fn motion(document: &Document, tree: &Tree, at: usize, json: &serde_json::Value)
             motion.insert(link, track);
         }
     }
-    Ok(motion)
+    Ok((motion, others))
 }
 
 /// Whether a matrix only scales, by the same factor along all axes.

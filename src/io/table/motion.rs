@@ -12,42 +12,65 @@ use crate::{
         gltf::read_animation,
         table::csv_table::Table,
     },
-    skin::{LinkId, Motion, MotionFrame},
+    skin::{Link, LinkId, Motion, MotionFrame, link_names},
 };
 
+/// Columns that are read.
+const COLUMNS: [&str; 13] =
+    ["link", "time", "x", "y", "z", "qx", "qy", "qz", "qw", SCALES[0], SCALES[1], SCALES[2], SCALES[3]];
 /// Columns of programs whose poses may be scaled.
 const SCALES: [&str; 4] = ["scale", "sx", "sy", "sz"];
 /// How far a scale may be from 1 by rounding.
 const ROUNDED: f64 = 1e-6;
 
-/// Reads how the links that `link_named` knows move.
+/// How links move, as a file says it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MotionFile {
+    /// The poses of the links.
+    pub motion: Motion,
+    /// Names of what is not used: columns of a table; nodes that an animation moves and that are not
+    /// links.
+    pub unused: Vec<String>,
+}
+
+/// Reads how the `links` of a map move; they are found by their [names](link_names).
 ///
 /// A glTF file (`.glb`, `.gltf`) has animations: the one called `animation` is read, or its only one.
-/// Nodes are found by their names; those that are not known are left out.
+/// Nodes with other names are left out.
 ///
 /// Any other file is a table of poses in the world: columns `link,x,y,z,qx,qy,qz,qw` and optionally
 /// `time`, in any order, in m, s and unit quaternions, rows in any order. Without `time` a link has one
 /// pose for all times.
 ///
 /// # Errors
-/// If the file cannot be read. Of an animation, if it is not there, breaks a rule of glTF 2.0, or
-/// does more than move links rigidly. Of a table, if an animation is asked for, a column is
-/// missing, a cell is not a finite number, a quaternion is not of unit length, a scale (`scale`, `sx`,
-/// `sy` or `sz`) is not 1, or a link is unknown or comes twice at one time.
+/// If the file cannot be read, or several links have a name that it uses. Of an animation, if it is not
+/// there, breaks a rule of glTF 2.0, or does more than move links rigidly. Of a table, if an animation
+/// is asked for, a column is missing, there are no rows, a cell is not a finite number, a quaternion is
+/// not of unit length, a scale (`scale`, `sx`, `sy` or `sz`) is not 1, or a link is unknown or comes
+/// twice at one time.
 pub fn read_motion(
     path: &Path,
     animation: Option<&str>,
-    link_named: &dyn Fn(&str) -> Option<LinkId>,
-) -> Result<Motion, IoError> {
+    links: &IdVec<LinkId, Link>,
+) -> Result<MotionFile, IoError> {
+    let names = link_names(links);
+    let named = |name: &str| names.ids().filter(|&link| names[link] == name).collect::<Vec<_>>();
     if matches!(kind(path).as_str(), "glb" | "gltf") {
-        return read_animation(path, animation, link_named);
+        let (motion, unused) = read_animation(path, animation, &named)?;
+        return Ok(MotionFile { motion, unused });
     }
     let source = Source::open(path)?;
     if let Some(name) = animation {
         let needed = format!("a .glb or .gltf with the animation {name:?}");
         return Err(source.invalid("the file", "a table of poses", needed));
     }
-    let table = Table::of(&source)?;
+    read_poses(&source, &named)
+}
+
+/// Reads a table of poses in the world.
+fn read_poses(source: &Source, links_named: &dyn Fn(&str) -> Vec<LinkId>) -> Result<MotionFile, IoError> {
+    let table = Table::of(source)?;
+    let unused = table.columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();
     let link = table.columns.need("link")?;
     let time = table.columns.find("time");
     let position = table.columns.need_vector(["x", "y", "z"])?;
@@ -63,8 +86,14 @@ pub fn read_motion(
             }
         }
         let at = time.map_or(Ok(0.0), |time| row.number(time))?;
-        let found = link_named(row.text(link));
-        let found = found.ok_or_else(|| row.invalid(link, "the name of a link of the map"))?;
+        let found = match links_named(row.text(link))[..] {
+            [] => return Err(row.invalid(link, "the name of a link of the map")),
+            [found] => found,
+            ref several => {
+                let needed = format!("a name of one link: {} links of the map have it", several.len());
+                return Err(row.invalid(link, needed));
+            }
+        };
         // Adding 0 makes -0 the same.
         if !seen.insert((found, (at + 0.0).to_bits())) {
             return Err(row.invalid(link, "each link once, or once at each time"));
@@ -75,10 +104,17 @@ pub fn read_motion(
         keys[found].push((at, pose));
         Ok(())
     })?;
+    if keys.is_empty() {
+        return Err(source.invalid(
+            "the table",
+            "no row below the names of its columns",
+            "the pose of a link",
+        ));
+    }
     let mut motion = Motion::default();
     for (link, keys) in keys.enumerate().filter(|(_, keys)| !keys.is_empty()) {
         let invalid = |error| source.invalid(format!("{link}"), format!("{error}"), "rigid poses");
         motion.set(link, MotionFrame::World, keys).map_err(invalid)?;
     }
-    Ok(motion)
+    Ok(MotionFile { motion, unused })
 }

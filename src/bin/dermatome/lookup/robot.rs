@@ -5,7 +5,7 @@ use std::path::Path;
 use dermatome::{
     Error,
     id::{IdVec, VertexId},
-    io::{read_map, read_motion},
+    io::{MotionFile, read_map, read_motion},
     map::{MapLevel, PatchMap, SkinMap},
     pyramid::LevelId,
     skin::{LinkId, Motion, PatchId, Presence, link_names},
@@ -27,6 +27,7 @@ pub(super) struct Robot {
     pub(super) carries: IdVec<LinkId, bool>,
     /// The levels that are asked for.
     pub(super) levels: Vec<LevelId>,
+    common: Common,
 }
 
 /// What answers need of a patch besides the index.
@@ -77,6 +78,7 @@ impl Robot {
             links: link_names(&map.links),
             patches: map.patches.iter().map(PatchFacts::of).collect(),
             levels: levels.collect(),
+            common: common.clone(),
             map,
         })
     }
@@ -89,16 +91,21 @@ impl Robot {
         pose: Option<&Path>,
         animation: Option<&str>,
     ) -> anyhow::Result<Option<Motion>> {
-        let named = |name: &str| self.link(name);
-        let path = match pose {
-            None if animation.is_none() => return Ok(None),
-            Some(path) if animation.is_some() && !matches!(outputs::kind(path).as_str(), "glb" | "gltf") => {
+        let own = self.map.animations.iter().find(|own| Some(own.name.as_str()) == animation);
+        let (path, read) = match (pose, own) {
+            (None, None) if animation.is_none() => return Ok(None),
+            (None, Some(own)) => (map, MotionFile { motion: own.clone(), unused: Vec::new() }),
+            (Some(path), _) if animation.is_some() && !is_gltf(path) => {
                 let what = format!("{} has no animation", path.display());
                 return Err(advise(what, "give --pose a .glb or .gltf, or leave out --animation"));
             }
-            path => path.unwrap_or(map),
+            (path, _) => {
+                let path = path.unwrap_or(map);
+                (path, read_motion(path, animation, &self.map.links).map_err(Error::from)?)
+            }
         };
-        Ok(Some(read_motion(path, animation, &named).map_err(Error::from)?))
+        note_unused(path, &read, &self.common);
+        Ok(Some(read.motion))
     }
 
     /// The first link of this name.
@@ -111,5 +118,29 @@ impl Robot {
         let mut links = self.map.patches.iter().map(|patch| patch.link);
         let first = links.next()?;
         links.all(|link| link == first).then_some(first)
+    }
+}
+
+fn is_gltf(path: &Path) -> bool {
+    matches!(outputs::kind(path).as_str(), "glb" | "gltf")
+}
+
+/// Says what of a file changes no pose.
+fn note_unused(path: &Path, read: &MotionFile, common: &Common) {
+    /// Names that are quoted.
+    const QUOTED: usize = 5;
+    let name = path.display();
+    let mut names: Vec<_> =
+        read.unused.iter().take(QUOTED).map(|name| format!("`{}`", plain(name))).collect();
+    names.extend((read.unused.len() > QUOTED).then(|| format!("{} more", read.unused.len() - QUOTED)));
+    let (names, is_one) = (names.join(", "), read.unused.len() == 1);
+    match (is_gltf(path), is_one) {
+        _ if names.is_empty() => {}
+        (true, _) => note(common, format_args!("{name}: the map has no link for the animated {names}")),
+        (false, true) => note(common, format_args!("{name}: column {names} is not used")),
+        (false, false) => note(common, format_args!("{name}: columns {names} are not used")),
+    }
+    if read.motion.times().is_none() {
+        note(common, format_args!("{name}: the animation moves no link of the map"));
     }
 }
