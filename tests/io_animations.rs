@@ -56,24 +56,30 @@ fn arm() -> Value {
     json!([{"name": "base", "children": [1]}, {"name": "arm", "mesh": 0, "translation": [0, 0, 1]}])
 }
 
-/// Reads a file for a map with links of these names.
-fn read_for(names: &[&str], file: &Value) -> Result<MotionFile, IoError> {
+fn link(name: &str, parent: Option<usize>) -> Link {
+    Link { name: name.into(), parent: parent.map(LinkId::new), pose: DAffine3::IDENTITY }
+}
+
+/// A base, and an arm on it.
+fn robot() -> IdVec<LinkId, Link> {
+    [link("base", None), link("arm", Some(0))].into_iter().collect()
+}
+
+fn read_into(links: &IdVec<LinkId, Link>, file: &Value) -> Result<MotionFile, IoError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("up.gltf");
     fs::write(&path, file.to_string()).unwrap();
-    let link = |name: &&str| Link { name: (*name).into(), parent: None, pose: DAffine3::IDENTITY };
-    read_motion(&path, None, &names.iter().map(link).collect())
+    read_motion(&path, None, links)
 }
 
 fn read(file: &Value) -> Result<Motion, IoError> {
-    Ok(read_for(&["base", "arm"], file)?.motion)
+    Ok(read_into(&robot(), file)?.motion)
 }
 
 /// Where the arm is at a time.
 fn pose(motion: &Motion, time: f64) -> DAffine3 {
     let mut map = SkinMap::flat(shapes::square(), 0.001);
-    let link = |name: &str, parent| Link { name: name.into(), parent, pose: DAffine3::IDENTITY };
-    map.links = [link("base", None), link("arm", Some(LinkId::new(0)))].into_iter().collect::<IdVec<_, _>>();
+    map.links = robot();
     map.patches.iter_mut().for_each(|patch| patch.link = LinkId::new(1));
     let mut index = ContactIndex::new(&map).unwrap();
     index.set_motion(motion, time).unwrap();
@@ -223,7 +229,8 @@ fn animated_nodes_that_are_no_links_are_named() {
     for (names, is_moved, unused) in
         [(["base", "arm"], true, vec!["eye", "cup"]), (["base", "leg"], false, vec!["eye", "arm", "cup"])]
     {
-        let found = read_for(&names, &file).unwrap();
+        let links = names.iter().map(|name| link(name, None)).collect();
+        let found = read_into(&links, &file).unwrap();
         assert_eq!(found.motion.times().is_some(), is_moved, "{names:?}");
         assert_eq!(found.unused, unused, "{names:?}");
     }
@@ -232,13 +239,46 @@ fn animated_nodes_that_are_no_links_are_named() {
 #[test]
 fn names_of_several_links_or_nodes_are_refused() {
     let rise = |node| -> Channel<'_> { (node, "translation", "STEP", &[1.0], &[0.0, 0.0, 2.0]) };
-    let error = read_for(&["base", "arm", "arm", "arm"], &gltf(arm(), &[rise(1)])).unwrap_err().to_string();
+    let links = ["base", "arm", "arm", "arm"].map(|name| link(name, None)).into_iter().collect();
+    let error = read_into(&links, &gltf(arm(), &[rise(1)])).unwrap_err().to_string();
     assert!(error.contains("node \"arm\": found 3 links of this name in the map; needed: one"), "{error}");
     let mut twins = arm();
     twins[0]["children"] = json!([1, 2]);
     twins.as_array_mut().unwrap().push(json!({"name": "arm"}));
     let error = read(&gltf(twins, &[rise(1), rise(2)])).unwrap_err().to_string();
     assert!(error.contains("found another animated node of this name"), "{error}");
-    let still = read_for(&["base", "arm", "arm"], &gltf(arm(), &[rise(0)])).unwrap();
+    let still = read_into(&links, &gltf(arm(), &[rise(0)])).unwrap();
     assert!(still.unused.is_empty(), "names of links that do not move may be the same");
+}
+
+/// The map lacks the mount between base and arm, and the stand below the base.
+#[test]
+fn links_that_the_map_lacks_pose_those_that_it_has() {
+    let nodes = json!([
+        {"name": "stand", "children": [1], "translation": [5, 0, 0]},
+        {"name": "base", "children": [2]},
+        {"name": "mount", "children": [3], "translation": [0, 0, 2], "rotation": [0, 0, 0.6, 0.8]},
+        {"name": "arm", "mesh": 0, "translation": [1, 0, 0]},
+    ]);
+    let parent = DAffine3::from_rotation_translation(DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8), DVec3::Z * 2.0);
+    let turns = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0, 0.0]
+        .into_iter()
+        .chain([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let turns: Vec<f32> = turns.collect();
+    let rise: Channel<'_> = (3, "translation", "CUBICSPLINE", &[1.0, 3.0], &PARABOLA);
+    let turn: Channel<'_> = (3, "rotation", "CUBICSPLINE", &[1.0, 3.0], &turns);
+    let base: Channel<'_> = (1, "rotation", "STEP", &[1.0], &[0.0, 0.0, 0.0, 1.0]);
+    let mount: Channel<'_> = (2, "rotation", "STEP", &[1.0], &[0.0, 0.0, 0.0, 1.0]);
+    let links = robot();
+    let read = |channels: &[Channel<'_>]| read_into(&links, &gltf(nodes.clone(), channels)).unwrap();
+    let alone = [(1, rise.1, rise.2, rise.3, rise.4), (1, turn.1, turn.2, turn.3, turn.4)];
+    let alone = self::read(&gltf(arm(), &alone)).unwrap();
+    for time in [0.0, 1.5, 2.0, 3.0] {
+        let expected = parent * pose(&alone, time);
+        let found = pose(&read(&[rise, turn]).motion, time);
+        assert!(found.abs_diff_eq(expected, 1e-9), "{found}, not {expected}, at {time} s");
+        let found = pose(&read(&[base]).motion, time).translation;
+        assert!(found.distance(DVec3::X * 5.0) < 1e-12, "the arm on the base on the stand, not {found}");
+    }
+    assert_eq!(read(&[rise, mount]).unused, ["mount"]);
 }

@@ -93,17 +93,6 @@ impl Motion {
         self.tracks.enumerate().filter_map(|(link, track)| Some((link, track.as_ref()?)))
     }
 
-    /// The same motion of links with other numbers, without those that have none.
-    pub(crate) fn of_links(&self, other: impl Fn(LinkId) -> Option<LinkId>) -> Self {
-        let mut motion = Self { name: self.name.clone(), ..Self::default() };
-        for (link, track) in self.tracks() {
-            if let Some(link) = other(link) {
-                motion.insert(link, track.clone());
-            }
-        }
-        motion
-    }
-
     /// Multiplies all lengths by `metres`.
     pub(super) fn scale(&mut self, metres: f64) {
         for track in self.tracks.iter_mut().flatten() {
@@ -122,6 +111,17 @@ impl Motion {
 }
 
 impl Track {
+    /// The same poses in the frame in which that of the track has this pose.
+    pub(crate) fn seen_from(&self, pose: DAffine3) -> Self {
+        let turn = DQuat::from_mat3(&pose.matrix3).normalize();
+        let (translation, rotation) = (&self.translation, &self.rotation);
+        Self {
+            frame: self.frame,
+            translation: translation.map(|x| pose.transform_point3(x), |x| pose.transform_vector3(x)),
+            rotation: rotation.map(|q| turn * q, |q| turn * q),
+        }
+    }
+
     fn at(&self, time: f64) -> Option<DAffine3> {
         let rotation = self.rotation.at(time, DQuat::slerp)?;
         // A spline of rotations may pass through zero, where it has no direction.
@@ -134,6 +134,15 @@ impl<T: Copy> Curve<T> {
     pub(crate) fn linear(keys: impl Iterator<Item = (f64, T)>) -> Self {
         let (times, values) = keys.unzip();
         Self { times, values, slopes: Vec::new() }
+    }
+
+    /// The values through one function, their slopes through another.
+    fn map(&self, value: impl Fn(T) -> T, slope: impl Fn(T) -> T) -> Self {
+        Self {
+            times: self.times.clone(),
+            values: self.values.iter().map(|&x| value(x)).collect(),
+            slopes: self.slopes.iter().map(|pair| pair.map(&slope)).collect(),
+        }
     }
 
     /// The value at a time; between two times `mix` interpolates where no spline does.

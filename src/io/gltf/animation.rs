@@ -16,7 +16,7 @@ use crate::{
             notes::Notes,
         },
     },
-    skin::{Curve, LinkId, Motion, MotionFrame, Track, link_names},
+    skin::{Curve, Link, LinkId, Motion, MotionFrame, Track, link_names},
 };
 
 /// What is read of an animation.
@@ -62,13 +62,13 @@ struct Moving {
     rotation: Option<Curve<DQuat>>,
 }
 
-/// Reads the animation called `name` of a glTF file, or its only one, as a motion of the links that
-/// `links_named` gives: nodes are found by their names. Returns the names of the nodes that it moves
-/// and that are not among them, too.
+/// Reads the animation called `name` of a glTF file, or its only one, as a motion of the `links` of a
+/// map: nodes are found by their names. Returns the names of the nodes that it moves and that are not
+/// among them, too.
 pub(in crate::io) fn read_animation(
     path: &Path,
     name: Option<&str>,
-    links_named: &dyn Fn(&str) -> Vec<LinkId>,
+    links: &IdVec<LinkId, Link>,
 ) -> Result<(Motion, Vec<String>), IoError> {
     let document = Document::new(Source::open(path)?, Notes::new(true))?;
     let tree = read_node_tree(&document)?;
@@ -84,27 +84,54 @@ pub(in crate::io) fn read_animation(
             .map_or("exactly one, or the name of one of them".into(), |name| format!("one called {name:?}"));
         return Err(document.invalid("animations", found, needed));
     };
-    let (motion, others) = motion(&document, &tree, at, all[at].1)?;
-    let names = link_names(&tree.links);
+    let (moved, others) = motion(&document, &tree, at, all[at].1)?;
     let nodes = &document.root().nodes;
     let name = |node: usize| nodes[node].name.clone().unwrap_or_else(|| format!("node {node}"));
     let mut unknown: Vec<String> = others.into_iter().map(name).collect();
-    let mut known = IdVec::filled(None, tree.links.len());
-    for (link, _) in motion.tracks() {
+    let (names, map_names) = (link_names(&tree.links), link_names(links));
+    let mut motion = Motion::default();
+    for (link, track) in moved.tracks() {
         let name = &names[link];
         let invalid = |found: String, needed| Err(document.invalid(format!("node {name:?}"), found, needed));
-        match links_named(name)[..] {
+        match map_names.ids().filter(|&other| map_names[other] == *name).collect::<Vec<_>>()[..] {
             [] => unknown.push(name.clone()),
-            [other] if known.contains(&Some(other)) => {
+            [other] if motion.tracks().any(|(known, _)| known == other) => {
                 return invalid("another animated node of this name".into(), "a name of its own");
             }
-            [other] => known[link] = Some(other),
+            [other] => {
+                let parent = links[other].parent.map(|parent| map_names[parent].as_str());
+                let parent = pose_of_parent(
+                    &tree,
+                    link,
+                    &|other| parent == other.map(|other| names[other].as_str()),
+                    &moved,
+                );
+                motion.insert(other, parent.map_or_else(|| track.clone(), |pose| track.seen_from(pose)));
+            }
             ref several => {
                 return invalid(format!("{} links of this name in the map", several.len()), "one link");
             }
         }
     }
-    Ok((motion.of_links(|link| known[link]), unknown))
+    Ok((motion, unknown))
+}
+
+/// The pose of a link's parent in the frame of the one that it has in the map, a link farther above or
+/// the world: the map may lack those between them. `None` if that is not above the link, or if one
+/// between them moves.
+fn pose_of_parent(
+    tree: &Tree,
+    link: LinkId,
+    is_parent: &dyn Fn(Option<LinkId>) -> bool,
+    moved: &Motion,
+) -> Option<DAffine3> {
+    let (mut pose, mut above) = (DAffine3::IDENTITY, tree.links[link].parent);
+    while !is_parent(above) {
+        let between = above.filter(|&between| moved.tracks().all(|(link, _)| link != between))?;
+        pose = tree.links[between].pose * pose;
+        above = tree.links[between].parent;
+    }
+    Some(pose)
 }
 
 /// All animations, and those that do more than move links with the reason.

@@ -36,7 +36,8 @@ pub struct MotionFile {
 /// Reads how the `links` of a map move; they are found by their [names](link_names).
 ///
 /// A glTF file (`.glb`, `.gltf`) has animations: the one called `animation` is read, or its only one.
-/// Nodes with other names are left out.
+/// Nodes with other names are left out; where they stand still between a link and its parent, the
+/// link moves as in the file.
 ///
 /// Any other file is a table of poses in the world: columns `link,x,y,z,qx,qy,qz,qw` and optionally
 /// `time`, in any order, in m, s and unit quaternions, rows in any order. Without `time` a link has one
@@ -53,10 +54,8 @@ pub fn read_motion(
     animation: Option<&str>,
     links: &IdVec<LinkId, Link>,
 ) -> Result<MotionFile, IoError> {
-    let names = link_names(links);
-    let named = |name: &str| names.ids().filter(|&link| names[link] == name).collect::<Vec<_>>();
     if matches!(kind(path).as_str(), "glb" | "gltf") {
-        let (motion, unused) = read_animation(path, animation, &named)?;
+        let (motion, unused) = read_animation(path, animation, links)?;
         return Ok(MotionFile { motion, unused });
     }
     let source = Source::open(path)?;
@@ -64,11 +63,11 @@ pub fn read_motion(
         let needed = format!("a .glb or .gltf with the animation {name:?}");
         return Err(source.invalid("the file", "a table of poses", needed));
     }
-    read_poses(&source, &named)
+    read_poses(&source, &link_names(links))
 }
 
 /// Reads a table of poses in the world.
-fn read_poses(source: &Source, links_named: &dyn Fn(&str) -> Vec<LinkId>) -> Result<MotionFile, IoError> {
+fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFile, IoError> {
     let table = Table::of(source)?;
     let unused = table.columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();
     let link = table.columns.need("link")?;
@@ -86,7 +85,8 @@ fn read_poses(source: &Source, links_named: &dyn Fn(&str) -> Vec<LinkId>) -> Res
             }
         }
         let at = time.map_or(Ok(0.0), |time| row.number(time))?;
-        let found = match links_named(row.text(link))[..] {
+        let name = row.text(link);
+        let found = match names.ids().filter(|&link| names[link] == name).collect::<Vec<_>>()[..] {
             [] => return Err(row.invalid(link, "the name of a link of the map")),
             [found] => found,
             ref several => {
