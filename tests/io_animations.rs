@@ -180,6 +180,8 @@ fn an_animated_mesh_is_a_link() {
             (links, Some(LinkId::new(links - 1))),
             "{part}"
         );
+        let left_out = draft.remarks.iter().filter(|r| r.to_string().contains("nothing that moves a link"));
+        assert_eq!((draft.animations.len(), left_out.count()), (links - 1, 2 - links), "{part}");
         if links == 2 {
             assert_eq!(pose(&draft.animations[0], 2.0).translation, DVec3::Z * 2.0);
         }
@@ -213,6 +215,15 @@ fn a_channel_for_a_node_that_is_not_there_is_refused() {
     let file = gltf(arm(), &[(7, "translation", "LINEAR", &[1.0], &[0.0, 0.0, 1.0])]);
     let error = read(&file).unwrap_err().to_string();
     assert!(error.contains("found a channel for node 7; needed: one of the file's 2 nodes"), "{error}");
+}
+
+#[test]
+fn two_channels_for_one_part_of_a_node_are_refused() {
+    for (part, value) in [("translation", &[0.0, 0.0, 1.0][..]), ("rotation", &[0.0, 0.0, 0.0, 1.0])] {
+        let channel: Channel<'_> = (1, part, "LINEAR", &[1.0], value);
+        let error = read(&gltf(arm(), &[channel, channel])).unwrap_err().to_string();
+        assert!(error.contains("two channels for one part of node 1"), "{error}");
+    }
 }
 
 /// A camera and a cup are no links of the map, whatever else moves.

@@ -139,6 +139,13 @@ pub(super) fn read_animations(document: &Document, tree: &Tree) -> (Vec<Motion>,
     let (mut animations, mut others) = (Vec::new(), Vec::new());
     for (at, (name, json)) in listed(document).into_iter().enumerate() {
         match motion(document, tree, at, json) {
+            Ok((motion, _)) if motion.times().is_none() => {
+                let needed = "translations or rotations of nodes of the scene";
+                others.push((
+                    name,
+                    document.invalid(format!("animation {at}"), "nothing that moves a link", needed),
+                ));
+            }
             Ok((mut motion, _)) => {
                 motion.name = name;
                 animations.push(motion);
@@ -173,6 +180,9 @@ fn motion(
         animation.map_err(|e| document.invalid(&element, e.to_string(), "channels and samplers"))?;
     let mut moving = IdVec::<LinkId, Moving>::filled(Moving::default(), tree.links.len());
     let mut others = BTreeSet::new();
+    let twice = |node: usize| {
+        document.invalid(&element, format!("two channels for one part of node {node}"), "one for each part")
+    };
     // Morph targets are no pose.
     for channel in animation.channels.iter().filter(|channel| channel.target.path != "weights") {
         let Some(node) = channel.target.node else { continue };
@@ -189,11 +199,13 @@ fn motion(
         let sampler =
             sampler.ok_or_else(|| document.invalid(&element, "a sampler that is not there", "its own"))?;
         match channel.target.path.as_str() {
+            "translation" if moving[link].translation.is_some() => return Err(twice(node)),
             "translation" => {
                 let build =
                     |t| stretch.map_or(DVec3::from_array(t), |stretch| stretch * DVec3::from_array(t));
                 moving[link].translation = Some(curve(document, &element, sampler, build)?);
             }
+            "rotation" if moving[link].rotation.is_some() => return Err(twice(node)),
             "rotation" if stretch.is_some_and(|stretch| !is_uniform(stretch)) => {
                 return Err(document.unsupported(&element, "animated rotation below an uneven scale"));
             }
