@@ -208,9 +208,9 @@ fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]
     let exact: Vec<Hit> = contacts.iter().map(|&q| index.locate(q).unwrap()).collect();
     measure_exact(&map, &plain, &contacts, &exact);
     println!(
-        "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm | refine ns |"
+        "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm | refine ns | certified |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap();
     for level in (1..levels).map(LevelId::new) {
         let count =
@@ -263,6 +263,8 @@ fn measure_level(index: &ContactIndex, level: LevelId, contacts: &[Query], exact
     let reactive = time(contacts, |&q| _ = black_box(index.reactive(q, level).unwrap()));
     let pairs: Vec<(Query, Reactive)> = contacts.iter().copied().zip(answers.iter().copied()).collect();
     let refine = time(&pairs, |(q, answer)| _ = black_box(index.refine(*q, answer).unwrap()));
+    let is_certified = |(q, answer): &&(Query, Reactive)| index.refine(*q, answer).unwrap().is_certified;
+    let certified = pairs.iter().filter(is_certified).count();
     let bounds: Vec<f64> = answers.iter().map(|answer| answer.error).collect();
     let errors = answers.iter().zip(exact).map(|(a, b)| (a.distance.abs() - b.distance.abs()).abs());
     let errors: Vec<f64> = errors.collect();
@@ -271,7 +273,7 @@ fn measure_level(index: &ContactIndex, level: LevelId, contacts: &[Query], exact
     let suffices = [0.002, 0.005, 0.01].map(|mm| percent(bounds.iter().filter(|b| **b <= mm).count()));
     let (bound, error) = (spread(bounds), spread(errors));
     println!(
-        "| {reactive:.0} | {:.1} | {:.3}, {:.3}, {:.3} | {:.3}, {:.3}, {:.3} | {:.0} %, {:.0} %, {:.0} % | {refine:.0} |",
+        "| {reactive:.0} | {:.1} | {:.3}, {:.3}, {:.3} | {:.3}, {:.3}, {:.3} | {:.0} %, {:.0} %, {:.0} % | {refine:.0} | {:.0} % |",
         locate / reactive,
         bound[0],
         bound[1],
@@ -282,6 +284,7 @@ fn measure_level(index: &ContactIndex, level: LevelId, contacts: &[Query], exact
         suffices[0],
         suffices[1],
         suffices[2],
+        percent(certified),
     );
     [reactive, error[1]]
 }

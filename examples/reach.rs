@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             continue;
         }
         refined += 1;
-        let hit = index.refine(ball, &first)?;
+        let hit = index.refine(ball, &first)?.hit;
         let depth = RADIUS - hit.distance;
         if depth <= 0.0 {
             continue;

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, Hit, IndexOptions, MapPosition, Packing, Query},
+    contact::{ContactError, ContactIndex, Hit, IndexOptions, MapPosition, Packing, Query, Refined},
     cut::Cut,
     id::FaceId,
     map::SkinMap,
@@ -88,13 +88,17 @@ proptest! {
                     .zip(answer.point.barycentric).map(|(&v, w)| mesh.uv[v] * w).sum();
                 prop_assert!(cell.uv.distance(uv) < 1e-15 && cell.level == answer.level);
                 let refined = index.refine(query, &answer).unwrap();
-                prop_assert_eq!(refined, exact);
+                prop_assert_eq!(refined.hit, exact);
                 if level == 0 {
                     prop_assert_eq!((answer.error, answer.distance), (0.0, exact.distance));
                 }
-                // The answer to another query is a bad place to begin.
-                let far = Query { point: query.point + DVec3::X * 7.0, ..query };
-                prop_assert_eq!(index.refine(far, &answer).unwrap(), index.locate(far).unwrap());
+                // The answer to another query certifies nothing far from its face.
+                for away in [7.0, 0.03, 0.001] {
+                    let other = Query { point: query.point + DVec3::X * away, ..query };
+                    let refined = index.refine(other, &answer).unwrap();
+                    prop_assert_eq!(refined.hit, index.locate(other).unwrap());
+                    prop_assert!(away < 7.0 || !refined.is_certified);
+                }
             }
         }
     }
@@ -176,6 +180,25 @@ fn bounds_are_near_the_largest_error() {
     }
 }
 
+/// Near the skin of a cap a coarse face certifies most answers on a fine level; far from it none.
+#[test]
+fn near_contacts_are_certified() {
+    let map = build(&Skin::from_mesh("cap", shapes::cap(4000, 0.1, 0.6)), &BuildOptions::default()).unwrap();
+    let index = ContactIndex::with(&map, &LEVELS).unwrap();
+    let certified = |height: f64| {
+        let refined = |k: u32| {
+            let (x, y) = ((0.7 * f64::from(k)).sin(), (1.3 * f64::from(k)).sin());
+            let q = DVec3::new(0.3 * x, 0.3 * y, -1.0).normalize() * (0.1 + height);
+            let refined = index.refine(q, &index.reactive(q, LevelId::new(1)).unwrap()).unwrap();
+            assert_eq!(refined.hit, index.locate(q).unwrap());
+            refined.is_certified
+        };
+        (0..1000).filter(|&k| refined(k)).count()
+    };
+    assert!(certified(0.0002) > 500, "{} of 1000", certified(0.0002));
+    assert_eq!(certified(0.05), 0);
+}
+
 #[test]
 fn an_index_of_level_0_alone_says_so() {
     let map = robot(shape(1), shape(1));
@@ -187,6 +210,7 @@ fn an_index_of_level_0_alone_says_so() {
     let exact = index.locate(DVec3::ZERO).unwrap();
     let answer = index.reactive(DVec3::ZERO, LevelId::new(0)).unwrap();
     assert_eq!((answer.point, answer.error), (exact.point, 0.0));
-    assert_eq!(index.refine(DVec3::ZERO, &answer).unwrap(), exact);
+    let refined = index.refine(DVec3::ZERO, &answer).unwrap();
+    assert_eq!(refined, Refined { hit: exact, is_certified: false });
     assert!(index.reactive(DVec3::NAN, LevelId::new(0)).is_err());
 }

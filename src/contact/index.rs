@@ -10,7 +10,7 @@ use crate::{
         coarse::{CoarseLevel, coarse_levels, mean_side},
         geometry::{RigidPose, pseudo_normal},
         positions::OnAllLevels,
-        search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search},
+        search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search, Start},
     },
     id::{IdVec, VertexId},
     map::SkinMap,
@@ -266,24 +266,36 @@ impl ContactIndex {
 
     /// The same; what the cursor points to is searched first.
     pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
-        let mut best = None;
         let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);
         let first = cursor.last.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
-        let mut search = |id: PatchId, q: DVec3, start: Option<u32>| {
+        let first = first.map(|(id, packet)| (id, Start::Packet(packet)));
+        self.answer_from(first, query, |id, packet| cursor.last = Some((id, packet)))
+    }
+
+    /// The same; a part of a patch is searched first, and no other part of that patch unless the search
+    /// goes up from it. `found` takes the patches and packets of the nearest faces, the last of all last.
+    pub(super) fn answer_from(
+        &self,
+        first: Option<(PatchId, Start<'_>)>,
+        query: &Query,
+        mut found: impl FnMut(PatchId, u32),
+    ) -> Result<Hit, ContactError> {
+        let mut best = None;
+        let mut search = |id: PatchId, q: DVec3, start: Start<'_>| {
             let patch = &self.patches[id];
             if let Some(packet) = Search::new(&patch.tree, id, q).run_from(start, &mut best) {
-                cursor.last = Some((id, packet));
+                found(id, packet);
             }
             Best::squared(best.as_ref()).sqrt()
         };
         let mut reached = f64::INFINITY;
-        if let Some((id, packet)) = first {
-            reached = search(id, self.in_link(self.patches[id].link, query), Some(packet));
+        if let Some((id, start)) = first {
+            reached = search(id, self.in_link(self.patches[id].link, query), start);
         }
         let first = first.map(|(id, _)| id);
         self.each_patch(query, reached, |id, q| {
             if Some(id) != first {
-                reached = search(id, q, None);
+                reached = search(id, q, Start::Root);
             }
             reached
         });
@@ -316,7 +328,7 @@ impl ContactIndex {
         }
     }
 
-    fn in_link(&self, link: LinkId, contact: &Query) -> DVec3 {
+    pub(super) fn in_link(&self, link: LinkId, contact: &Query) -> DVec3 {
         if contact.link == Some(link) { contact.point } else { self.links[link].pose.to_local(contact.point) }
     }
 

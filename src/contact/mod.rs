@@ -20,7 +20,8 @@
 //! Besides the nearest point:
 //! - [`ContactIndex::reactive`] searches a coarse level alone. Each coarse face knows how far it and
 //!   the skin that it stands for are apart at most, which bounds the error of the answer;
-//!   [`ContactIndex::refine`] makes it exact.
+//!   [`ContactIndex::refine`] makes it exact, in a part of level 0 where the coarse face is a
+//!   certificate for that.
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
 //!   fields near a point or in a sphere, capsule or box; [`ContactIndex::first_hit`] follows a ray;
 //!   [`ContactIndex::locate_admitted`] leaves out what a contact cannot have touched.
@@ -112,6 +113,6 @@ pub use error::ContactError;
 pub use field_weights::FieldWeights;
 pub use index::{ContactIndex, IndexOptions};
 pub use positions::MapPosition;
-pub use queries::{Area, FieldHit, Filter, Press, Reactive, Spreader};
+pub use queries::{Area, FieldHit, Filter, Press, Reactive, Refined, Spreader};
 pub use query::{Cursor, Hit, Query};
 pub use search::{Packing, Side};

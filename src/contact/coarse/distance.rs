@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use crate::{
-    contact::search::{Best, PatchBvh, Search},
+    contact::search::{Best, PatchBvh, Search, Start},
     id::FaceId,
     mesh::closest_point,
     skin::PatchId,
@@ -72,7 +72,8 @@ impl Target<'_> {
 
     fn corner(&self, point: DVec3, near: Option<u32>) -> Corner {
         let mut best = None;
-        let packet = Search::new(self.tree, PatchId::new(0), point).run_from(near, &mut best);
+        let start = near.map_or(Start::Root, Start::Packet);
+        let packet = Search::new(self.tree, PatchId::new(0), point).run_from(start, &mut best);
         let (face, distance) = best.map_or((FaceId::default(), f64::INFINITY), |best: Best| {
             (best.face, best.closest.squared.sqrt())
         });

@@ -1,13 +1,19 @@
 //! A coarse level with its own tree, and how far it is from the skin.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::distance::{DEEPEST, ROUND_UP, Target};
 use crate::{
-    contact::{ContactError, geometry::Volume, search::PatchBvh},
-    id::{FaceId, IdVec, VertexId},
+    contact::{
+        ContactError,
+        geometry::Volume,
+        search::{Branch, PatchBvh, Start},
+    },
+    id::{FaceId, IdVec},
     map::PatchMap,
-    mesh::{SurfacePoint, TriMesh},
+    mesh::TriMesh,
     parallel::par_collect,
 };
 
@@ -23,11 +29,13 @@ const NEAR: f64 = 0.5;
 pub(in crate::contact) struct CoarseLevel {
     pub(in crate::contact) tree: PatchBvh,
     deviations: IdVec<FaceId, Deviation>,
-    /// For each vertex a packet of the tree of level 0 that it belongs to there.
-    packets: IdVec<VertexId, u32>,
+    /// For each face the part of the tree of level 0 that holds all skin that may be nearest to a
+    /// contact within `near` of the face; empty: all of it.
+    certificates: IdVec<FaceId, Range<usize>>,
+    branches: Vec<Branch>,
     /// Largest `skin` of all faces, in m.
     pub(in crate::contact) most: f64,
-    /// Up to which distance `around` holds, in m.
+    /// Up to which distance `around` and the certificates hold, in m.
     pub(in crate::contact) near: f64,
 }
 
@@ -49,24 +57,18 @@ impl CoarseLevel {
         self.deviations[face]
     }
 
-    /// A packet of the tree of level 0 near a point of the level; `None` if it has no such face.
-    pub(in crate::contact) fn packet_near(&self, at: &SurfacePoint) -> Option<u32> {
-        let corners = self.tree.mesh.triangles.get(at.face)?;
-        let [a, b, c] = at.barycentric;
-        let nearest = if a >= b && a >= c {
-            0
-        } else if b >= c {
-            1
-        } else {
-            2
-        };
-        Some(self.packets[corners[nearest]])
+    /// The part of the tree of level 0 that holds the nearest face to a point `q` (m, in the frame of
+    /// the link), if that is certain from one face of the level alone.
+    pub(in crate::contact) fn certificate(&self, q: DVec3, face: FaceId) -> Option<Start<'_>> {
+        let branches = &self.branches[self.certificates.get(face)?.clone()];
+        let away = self.tree.measure(q, face).squared.sqrt();
+        (!branches.is_empty() && away <= self.near).then_some(Start::Branches(branches))
     }
 
     /// A level above a finer one, which is `None` above level 0, whose tree is `finest`.
     fn new(
         patch: &str,
-        (mesh, packets): (&TriMesh, IdVec<VertexId, u32>),
+        mesh: &TriMesh,
         finest: &PatchBvh,
         finer: Option<&Self>,
     ) -> Result<Self, ContactError> {
@@ -125,9 +127,30 @@ impl CoarseLevel {
             deviation.face = face;
         }
         let most = deviations.iter().map(|d| d.skin).fold(0.0, f64::max);
-        let mut level = Self { tree, deviations, packets, most, near: NEAR * edge };
+        let (near, certificates, branches) = (NEAR * edge, IdVec::default(), Vec::new());
+        let mut level = Self { tree, deviations, certificates, branches, most, near };
         level.fill_around();
+        level.certify(finest);
         Ok(level)
+    }
+
+    /// Finds the `certificates` of all faces. The skin nearest to a contact at most `near` from a face
+    /// is at most `near + face` from the contact: no farther than `2 near + face` from the face.
+    fn certify(&mut self, finest: &PatchBvh) {
+        let mesh = &self.tree.mesh;
+        let found = par_collect(mesh.triangles.len(), |range, found: &mut Vec<_>| {
+            found.extend(range.map(FaceId::new).map(|face| {
+                let reach = 2.0 * self.near + self.deviations[face].face;
+                let sphere = sphere_around(mesh.corners(face), reach);
+                sphere.map(|sphere| finest.branches_around(&sphere)).unwrap_or_default()
+            }));
+        });
+        let ranges = found.into_iter().map(|branches| {
+            let first = self.branches.len();
+            self.branches.extend(branches);
+            first..self.branches.len()
+        });
+        self.certificates = ranges.collect::<Vec<_>>().into();
     }
 
     /// Finds `around` of every face. The skin nearest to a contact at most `near` from a face is at
@@ -138,12 +161,9 @@ impl CoarseLevel {
         let around = par_collect(mesh.triangles.len(), |range, around: &mut Vec<f64>| {
             let mut found = Vec::new();
             for face in range.map(FaceId::new) {
-                let corners = mesh.corners(face);
-                let centre = corners.into_iter().sum::<DVec3>() / 3.0;
-                let radius = corners.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
-                let reach = radius + 2.0 * self.near + self.deviations[face].face + self.most;
+                let reach = 2.0 * self.near + self.deviations[face].face + self.most;
                 found.clear();
-                if let Some(sphere) = Volume::sphere(centre, reach * (1.0 + 1e-9)) {
+                if let Some(sphere) = sphere_around(mesh.corners(face), reach) {
                     self.tree.faces_within(&sphere, &mut found);
                 }
                 let skin = found.iter().map(|&(f, _)| self.deviations[f].skin);
@@ -154,6 +174,13 @@ impl CoarseLevel {
             deviation.around = around;
         }
     }
+}
+
+/// A sphere around all points within a distance (m) of a triangle.
+fn sphere_around(corners: [DVec3; 3], reach: f64) -> Option<Volume> {
+    let centre = corners.into_iter().sum::<DVec3>() / 3.0;
+    let radius = corners.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
+    Volume::sphere(centre, (radius + reach) * (1.0 + 1e-9))
 }
 
 /// How often a length must be halved to be at most 1.
@@ -167,10 +194,8 @@ pub(in crate::contact) fn coarse_levels(
     finest: &PatchBvh,
 ) -> Result<Vec<CoarseLevel>, ContactError> {
     let mut levels: Vec<CoarseLevel> = Vec::new();
-    let packets = finest.packets();
     for map in patch.levels.iter().skip(1) {
-        let at = map.level.origins.map(|&origin| packets[origin]);
-        levels.push(CoarseLevel::new(&patch.name, (&map.level.mesh, at), finest, levels.last())?);
+        levels.push(CoarseLevel::new(&patch.name, &map.level.mesh, finest, levels.last())?);
     }
     Ok(levels)
 }

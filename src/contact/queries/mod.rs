@@ -9,3 +9,4 @@ mod refine;
 pub use area::{Area, FieldHit, Filter};
 pub use press::{Press, Spreader};
 pub use reactive::Reactive;
+pub use refine::Refined;

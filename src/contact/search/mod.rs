@@ -22,9 +22,10 @@ mod triangle8;
 mod walk;
 mod within;
 
+pub(super) use descent::Branch;
 pub(super) use facing::Facing;
 pub use facing::Side;
-pub(super) use nearest::{Best, Search};
+pub(super) use nearest::{Best, Search, Start};
 pub use patch_bvh::Packing;
 pub(super) use patch_bvh::{PatchBvh, Refitting};
 pub(super) use points::PointTree;

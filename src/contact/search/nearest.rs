@@ -6,7 +6,7 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::{
-    descent::{Descent, Visitor, bound_of, entry, parts},
+    descent::{Branch, Descent, Visitor, bound_of, entry, parts},
     lanes::{Kernel, LANES, Lanes},
     patch_bvh::PatchBvh,
     rounding::{slack, squared_bound_f32},
@@ -53,6 +53,16 @@ impl Best {
     }
 }
 
+/// Where a walk begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::contact) enum Start<'a> {
+    Root,
+    /// At a packet that may hold the nearest face, and from there up the tree.
+    Packet(u32),
+    /// At some boxes, and from there down: what is in none of them is not searched.
+    Branches(&'a [Branch]),
+}
+
 /// One search for the face of a patch nearest to a point.
 pub(crate) struct Search<'a> {
     patch: &'a PatchBvh,
@@ -69,25 +79,19 @@ impl<'a> Search<'a> {
     /// Offers the nearest face of the patch, if it is not farther than `best`.
     #[inline(always)]
     pub(crate) fn run(self, best: &mut Option<Best>) {
-        let local = self.patch.frame.point(self.q);
-        let away = local.length();
-        if away > FAR {
-            return self.run_far(local, best);
-        }
-        (*best, _) = self.patch.simd.run(Walk { search: &self, local, away, best: *best, start: None });
+        self.run_from(Start::Root, best);
     }
 
-    /// The same, faster where the nearest face is in the packet `start` or near it; returns the packet
-    /// of the nearest face found, if it is one of this patch.
+    /// The same from elsewhere than the root; returns the packet of the nearest face found, if it is
+    /// one of this patch.
     #[inline(always)]
-    pub(crate) fn run_from(self, start: Option<u32>, best: &mut Option<Best>) -> Option<u32> {
+    pub(crate) fn run_from(self, start: Start<'_>, best: &mut Option<Best>) -> Option<u32> {
         let local = self.patch.frame.point(self.q);
         let away = local.length();
         if away > FAR {
             self.run_far(local, best);
             return None;
         }
-        let start = start.filter(|&packet| (packet as usize) < self.patch.tree.packets.len());
         let packet;
         (*best, packet) = self.patch.simd.run(Walk { search: &self, local, away, best: *best, start });
         packet
@@ -125,8 +129,7 @@ struct Walk<'a> {
     local: DVec3,
     away: f64,
     best: Option<Best>,
-    /// A packet that may hold the nearest face.
-    start: Option<u32>,
+    start: Start<'a>,
 }
 
 impl Kernel for Walk<'_> {
@@ -140,9 +143,13 @@ impl Kernel for Walk<'_> {
         let bound = squared_bound_f32(known * search.patch.frame.scale, slack);
         let mut descent = Descent::new(l, &search.patch.tree, local.as_vec3().to_array(), bound);
         let mut found = Found { search, slack, best, packet: None, pending: ArrayVec::new() };
+        let tree = &search.patch.tree;
         match start {
-            Some(packet) => descent.climb(packet, &mut found),
-            None => descent.run(&mut found),
+            Start::Packet(packet) if (packet as usize) < tree.packets.len() => {
+                descent.climb(packet, &mut found);
+            }
+            Start::Branches(branches) => descent.run_below(branches, &mut found),
+            Start::Packet(_) | Start::Root => descent.run(&mut found),
         }
         found.measure_pending(descent.bound);
         (found.best, found.packet)
@@ -275,7 +282,7 @@ mod tests {
         // Nor does a packet to begin with.
         for packet in 0..=patch.tree.packets.len() {
             let (mut same, start) = (None, u32::try_from(packet).unwrap());
-            let near = Search::new(&patch, PatchId::new(0), q).run_from(Some(start), &mut same);
+            let near = Search::new(&patch, PatchId::new(0), q).run_from(Start::Packet(start), &mut same);
             assert_eq!(same.unwrap().face, expected.face, "from {q} and packet {packet}");
             let holds = |near: u32| patch.tree.packets[near as usize].contains(&expected.face.raw());
             assert!(near.is_none_or(holds), "the packet of the answer");

@@ -57,6 +57,10 @@ impl Child {
         Self(PACKET | packet)
     }
 
+    pub(super) fn is_packet(self) -> bool {
+        matches!(self.target(), Target::Packet(_))
+    }
+
     #[inline(always)]
     pub(super) fn target(self) -> Target {
         if self.0 & PACKET == 0 {

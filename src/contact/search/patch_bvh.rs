@@ -133,15 +133,6 @@ impl PatchBvh {
         self.tree.bytes() + size_of_val(self.triangles.as_slice()) + mesh + corners
     }
 
-    /// A packet that each vertex belongs to; 0 for one without faces.
-    pub(in crate::contact) fn packets(&self) -> IdVec<VertexId, u32> {
-        let mut packets = IdVec::filled(0, self.mesh.positions.len());
-        for (number, packet) in (0..).zip(&self.tree.packets) {
-            self.faces(packet).flat_map(|face| self.mesh.triangles[face]).for_each(|v| packets[v] = number);
-        }
-        packets
-    }
-
     /// The faces of a packet, each once.
     pub(super) fn faces<'a>(&self, packet: &'a [u32; 8]) -> impl Iterator<Item = FaceId> + 'a {
         distinct(packet).map(FaceId::from)

@@ -1,10 +1,12 @@
 //! All faces within a sphere, a capsule or a box.
 
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::{
-    descent::{Descent, Visitor},
+    descent::{Branch, Descent, Visitor},
     lanes::{Kernel, LANES, Lanes},
+    node8::Child,
     patch_bvh::PatchBvh,
     rounding::{slack, squared_bound_f32},
 };
@@ -12,6 +14,9 @@ use crate::{contact::geometry::Volume, id::FaceId, mesh::Closest};
 
 /// From this many radii away, the slack is as large as the smallest faces.
 const FAR: f64 = 1000.0;
+
+/// Nodes whose boxes are compared before the walk (*heuristic*: four meet where the tree is divided).
+pub(in crate::contact) const BRANCHES: usize = 4;
 
 impl PatchBvh {
     /// Appends every face that reaches into a volume (m, in the link's frame) with its distance
@@ -34,6 +39,32 @@ impl PatchBvh {
             },
         );
         found[before..].sort_unstable_by_key(|&(face, _)| face);
+    }
+
+    /// The lowest boxes that hold every face that reaches into a volume (m, in the link's frame), in at
+    /// most [`BRANCHES`] nodes; none if these are all boxes of the root.
+    pub(in crate::contact) fn branches_around(&self, volume: &Volume) -> ArrayVec<Branch, BRANCHES> {
+        let (centre, sides) = self.frame.core(volume);
+        let bound = volume.radius * self.frame.scale;
+        let reached = |&node: &u32| {
+            let gaps = self.tree.nodes[node as usize].gaps(centre, &sides);
+            let lanes = (0..LANES).filter(|&lane| gaps[lane] <= bound).map(|lane| 1 << lane).sum();
+            Branch { node, lanes }
+        };
+        let below = |Branch { node, lanes }: &Branch| {
+            let node = &self.tree.nodes[*node as usize];
+            let lanes = *lanes;
+            (0..LANES).filter(move |lane| lanes >> lane & 1 != 0).map(|lane| node.child(lane))
+        };
+        let mut nodes = ArrayVec::<u32, BRANCHES>::from_iter([0]);
+        loop {
+            let branches: ArrayVec<_, BRANCHES> = nodes.iter().map(reached).collect();
+            let children = branches.iter().flat_map(below);
+            if children.clone().count() > BRANCHES || children.clone().any(Child::is_packet) {
+                return if nodes[..] == [0] { ArrayVec::new() } else { branches };
+            }
+            nodes = children.map(|child| child.0).collect();
+        }
     }
 
     /// Calls `visit` with every face no farther than `radius` from a point (m, in the link's frame), in
