@@ -73,7 +73,7 @@ impl Spreader<'_> {
     }
 
     /// Adds a force to the readings of the taxels that it touches, in N; the sum of what is added is
-    /// the force. False if nothing is touched, then nothing is added. `index` is one of the same map,
+    /// the force, exactly. False if nothing is touched, then nothing is added. `index` is one of the same map,
     /// with [fields](crate::contact::IndexOptions::fields), posed as the robot is.
     ///
     /// # Errors
@@ -94,10 +94,11 @@ impl Spreader<'_> {
         let Some(largest) = (0..shares.len()).max_by(|&a, &b| shares[a].2.total_cmp(&shares[b].2)) else {
             return Ok(false);
         };
+        let grain = last_bit(press.force);
         let mut left = press.force;
         for (k, &(patch, taxel, share)) in shares.iter().enumerate() {
             if k != largest {
-                let part = press.force * share / sum;
+                let part = (press.force * (share / sum) / grain).round() * grain;
                 left -= part;
                 frame.values[patch][0][taxel] += part;
             }
@@ -159,13 +160,11 @@ impl Spreader<'_> {
             if !works(patch, hit.field) {
                 continue;
             }
-            let normal = patch.taxels.normals[hit.field];
-            let normal = if link.is_some() { normal } else { index.links[hit.link].pose.turned(normal) };
             let share = match *area {
                 Area::Sphere { centre, radius } => {
-                    Sphere { centre, radius }.volume_under_disc(hit.position, normal, self.disc)
+                    Sphere { centre, radius }.volume_under_disc(hit.position, hit.normal, self.disc)
                 }
-                _ => self.part_in(&volume, hit.position, normal),
+                _ => self.part_in(&volume, hit.position, hit.normal),
             };
             if share > 0.0 {
                 shares.push((hit.patch, hit.field, share));
@@ -186,6 +185,11 @@ impl Spreader<'_> {
         };
         f64::from((0..SAMPLES).filter(is_inside).map(|_| 1_u32).sum::<u32>()) / f64::from(SAMPLES)
     }
+}
+
+/// The value of the last bit of a number: sums of its multiples are exact up to the number, in any order.
+fn last_bit(number: f64) -> f64 {
+    number.abs().next_up() - number.abs()
 }
 
 fn works(patch: &PatchMap, taxel: VertexId) -> bool {

@@ -8,10 +8,6 @@ use crate::{
     id::FaceId,
 };
 
-/// From this many radii away a ray is first moved along itself, near the patch: the numbers that
-/// are compared are then of the patch's size.
-const FAR: f64 = 4.0;
-
 /// Where a ray meets a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::contact) struct RayHit {
@@ -26,8 +22,7 @@ impl PatchBvh {
     /// ones the first. Rays start at distance zero and leave no gap between faces that share a
     /// side. A triangle without area is never met.
     pub(in crate::contact) fn first_hit(&self, ray: &Ray) -> Option<RayHit> {
-        let near = self.nearby(ray);
-        let start = (near.origin - ray.origin).length();
+        let (near, start) = self.frame.nearby(ray);
         let local = self.frame.ray(&near);
         let mut best: Option<RayHit> = None;
         self.tree.walk(
@@ -43,18 +38,6 @@ impl PatchBvh {
             },
         );
         best
-    }
-
-    /// The ray as it begins near the patch.
-    fn nearby(&self, ray: &Ray) -> Ray {
-        let radius = self.frame.radius();
-        let along = (self.frame.origin - ray.origin).dot(ray.direction);
-        let skipped = along - FAR * radius;
-        if skipped > 0.0 {
-            Ray { origin: ray.origin + ray.direction * skipped, longest: ray.longest - skipped, ..*ray }
-        } else {
-            *ray
-        }
     }
 }
 
@@ -83,8 +66,7 @@ mod tests {
 
     fn assert_first(mesh: &TriMesh, ray: &Ray) {
         let patch = PatchBvh::new("patch", mesh).unwrap();
-        let near = patch.nearby(ray);
-        let start = (near.origin - ray.origin).length();
+        let (near, start) = patch.frame.nearby(ray);
         let mut expected = None;
         for face in mesh.triangles.ids() {
             if let Some(hit) = hit_face(&near, start, face, mesh.corners(face)) {

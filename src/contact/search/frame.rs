@@ -4,6 +4,10 @@ use glam::DVec3;
 
 use crate::contact::geometry::{Ray, Volume};
 
+/// From this many radii away a ray is first moved along itself, near the tree: the numbers that are
+/// compared are then of the tree's size.
+const FAR: f64 = 4.0;
+
 /// Where a tree's numbers are small enough for `f32`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Frame {
@@ -33,6 +37,17 @@ impl Frame {
     /// Centre and sides of a volume's core.
     pub(super) fn core(&self, volume: &Volume) -> (DVec3, [DVec3; 3]) {
         (self.point(volume.centre), volume.sides().map(|side| side * self.scale))
+    }
+
+    /// A ray as it begins near the tree, and how far along it that is, in m.
+    pub(super) fn nearby(&self, ray: &Ray) -> (Ray, f64) {
+        let along = (self.origin - ray.origin).dot(ray.direction);
+        let skipped = along - FAR * self.radius();
+        if skipped <= 0.0 {
+            return (*ray, 0.0);
+        }
+        let origin = ray.origin + ray.direction * skipped;
+        (Ray { origin, longest: ray.longest - skipped, ..*ray }, (origin - ray.origin).length())
     }
 
     pub(super) fn ray(&self, ray: &Ray) -> Ray {
