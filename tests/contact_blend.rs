@@ -4,7 +4,7 @@
 mod triangle_distance;
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, IndexOptions, Query},
+    contact::{Area, ContactError, ContactIndex, IndexOptions, MapIndex, Packing, Press, Query, Spreader},
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
@@ -12,9 +12,11 @@ use dermatome::{
     pyramid::LevelId,
     skin::{Link, LinkId, Patch, PatchId, Skin},
 };
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 use triangle_distance::distance_to_triangle;
+
+const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true, packing: Packing::Fast };
 
 /// Three links in a chain, and a patch on each of the last two.
 fn robot() -> SkinMap {
@@ -111,6 +113,22 @@ proptest! {
             let nearest = vertices.map(|p| p.distance(contact)).fold(f64::INFINITY, f64::min);
             prop_assert!((taxel.distance - nearest).abs() < 1e-9);
         }
+        let maps = MapIndex::new(&map).unwrap();
+        for (level, flat) in map.patches[PatchId::new(0)].levels.enumerate() {
+            let origins = &flat.level.origins;
+            let bent = flat.level.mesh.positions.ids().map(|field| soft.positions[origins[field]]).collect();
+            let bent = TriMesh { positions: bent, triangles: flat.level.mesh.triangles.clone() };
+            for (face, corners) in flat.corners().enumerate().step_by(7) {
+                let uv = corners.iter().map(|&v| flat.uv[v]).sum::<DVec2>() / 3.0;
+                let mut found = Vec::new();
+                maps.places(PatchId::new(0), level, uv, &mut found).unwrap();
+                let place = found.iter().find(|place| place.cell.point.face == face).unwrap();
+                let (position, normal) = maps.posed(&index, place).unwrap();
+                prop_assert!(position.distance(bent.point(&place.cell.point)) < 1e-9);
+                let [a, b, c] = bent.corners(face);
+                prop_assert!(normal.dot((b - a).cross(c - a).normalize_or(normal)) > 1.0 - 1e-9);
+            }
+        }
         index.move_links(&moves(&rest)).unwrap();
         let back = index.locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
         let new = ContactIndex::new(&map).unwrap().locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
@@ -128,7 +146,7 @@ fn one_joint_is_a_rigid_pose() {
     let contact = DVec3::new(0.02, 0.03, 0.25);
     let before = ContactIndex::new(&map).unwrap().locate(Query::on_link(LinkId::new(1), contact)).unwrap();
     map.patches[PatchId::new(0)].taxels.joints = Some(joints);
-    let mut index = ContactIndex::new(&map).unwrap();
+    let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
     let rest = index.poses();
     let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_y(1.0), DVec3::new(0.3, -0.2, 1.0));
     index.move_links(&[(other, turned * rest[other])]).unwrap();
@@ -140,6 +158,30 @@ fn one_joint_is_a_rigid_pose() {
     assert!((found.distance - before.distance).abs() < 1e-12, "{} {}", found.distance, before.distance);
     let left = index.locate(Query::on_link(LinkId::new(1), contact)).unwrap();
     assert!(left.distance.abs() > 0.1, "there is nothing left where it was");
+    // Its taxels turn with it, and so does the force of a ball that rests on it.
+    for (level, flat) in map.patches[PatchId::new(0)].levels.enumerate() {
+        for (field, &origin) in flat.level.origins.enumerate() {
+            let normal = map.patches[PatchId::new(0)].taxels.normals[origin];
+            let expected = turned.transform_vector3(rest[LinkId::new(1)].transform_vector3(normal));
+            let at = turned
+                .transform_point3(rest[LinkId::new(1)].transform_point3(flat.level.mesh.positions[field]));
+            let hit = index.nearest_fields(at, 1, level).unwrap()[0];
+            assert!(hit.field == field && hit.normal.distance(expected) < 1e-12, "{hit:?}");
+        }
+    }
+    let spreader = Spreader { map: &map, disc: 0.002 };
+    let felt = |index: &ContactIndex, centre: DVec3| {
+        let mut frame = spreader.frame(0.0);
+        let area = Area::Sphere { centre, radius: 0.02 };
+        assert!(spreader.add(index, &Press { area, link: None, force: 1.0 }, &mut frame).unwrap());
+        frame.values[PatchId::new(0)][0].to_vec()
+    };
+    let ball = rest[LinkId::new(1)].transform_point3(DVec3::new(0.01, 0.02, -0.112));
+    let pressed = felt(&index, turned.transform_point3(ball));
+    index.move_links(&moves(&rest)).unwrap();
+    for (moved, still) in pressed.iter().zip(felt(&index, ball)) {
+        assert!((moved - still).abs() < 1e-9, "{moved} instead of {still}");
+    }
 }
 
 #[test]
@@ -147,7 +189,7 @@ fn posing_a_blended_patch_allocates_nothing() {
     let mut map = robot();
     let half = [(LinkId::new(1), 0.5), (LinkId::new(2), 0.5), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
     map.patches[PatchId::new(0)].taxels.joints = Some(mesh(&map, 0).positions.map(|_| half));
-    let mut index = ContactIndex::new(&map).unwrap();
+    let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
     let poses = moves(&index.poses());
     let moved = moves(&index.poses().map(|pose| DAffine3::from_rotation_z(0.3) * *pose));
     let mut frame = || {

@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use dermatome::{
     contact::{
-        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, Packing, Press, Query, Side,
-        Spreader,
+        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, MapPlace, Packing, Press, Query,
+        Side, Spreader,
     },
     id::VertexId,
     map::SkinMap,
@@ -137,7 +137,10 @@ proptest! {
         faces in prop::collection::vec((any::<prop::sample::Index>(), 0.0_f64..1.0, 0.0_f64..1.0, prop::bool::ANY), 40),
     ) {
         let map = robot();
-        let (index, maps) = (ContactIndex::new(&map).unwrap(), MapIndex::new(&map).unwrap());
+        static INDEX: LazyLock<ContactIndex> = LazyLock::new(|| {
+            ContactIndex::with(&robot(), &IndexOptions { levels: true, ..FIELDS }).unwrap()
+        });
+        let (index, maps) = (&INDEX, MapIndex::new(&map).unwrap());
         let id = PatchId::new(patch);
         for (level, flat) in map.patches[id].levels.enumerate() {
             let mesh = &flat.level.mesh;
@@ -155,8 +158,14 @@ proptest! {
                     prop_assert!(p.off_chart == 0.0 && p.cell.uv.distance(uv) < 1e-9);
                     prop_assert_eq!(mesh.point(&p.cell.point), p.position);
                 }
+                let query = Query::on_link(LinkId::new(patch), place);
+                let answer = index.reactive(query, level).unwrap();
+                found.clear();
+                maps.places(id, level, index.reactive_cell(&answer).unwrap().uv, &mut found).unwrap();
+                let is_same = |p: &MapPlace| p.position.distance(answer.position) < 1e-8;
+                prop_assert!(found.iter().any(is_same), "{}: skin to map to skin", level);
+                let hit = index.locate(query).unwrap();
                 if level == LevelId::new(0) {
-                    let hit = index.locate(Query::on_link(LinkId::new(patch), place)).unwrap();
                     let back = index.cell(&hit, level).unwrap().uv;
                     found.clear();
                     maps.places(id, level, back, &mut found).unwrap();
@@ -198,11 +207,33 @@ proptest! {
         let mut frame = spreader.frame(1.5);
         let touched = spreader.add(&index, &Press { area, link: Some(LinkId::new(0)), force }, &mut frame).unwrap();
         let live = |v: &&f64| !v.is_nan();
-        let sum: f64 = frame.values[id][0].iter().filter(live).sum();
-        prop_assert!((sum - if touched { force } else { 0.0 }).abs() < 1e-12 * force, "{} of {}", sum, force);
+        let felt = frame.values[id][0].iter().filter(live);
+        let sums: [f64; 2] = [felt.clone().sum(), felt.rev().sum()];
+        prop_assert_eq!(sums, [if touched { force } else { 0.0 }; 2], "to the last bit, in any order");
         prop_assert!(frame.values[id][0].iter().filter(live).all(|f| *f >= -1e-15));
         prop_assert!(touched || kind != 0, "a point 1 cm off touches");
     }
+}
+
+/// Any question asked of many contacts at once is answered as one by one, in the caller's order, with any
+/// number of threads.
+#[test]
+fn batches_of_any_question_are_those_of_single_queries() {
+    let index = ContactIndex::with(&robot(), &IndexOptions { levels: true, ..FIELDS }).unwrap();
+    let at = |k: u32| DVec3::new((0.7 * f64::from(k)).sin(), (1.3 * f64::from(k)).sin(), 0.4) * 0.3;
+    let queries: Vec<Query> = (0..3000).map(|k| Query::from(at(k))).collect();
+    let level = LevelId::new(1);
+    let answer = |query: &Query| {
+        let fields = index.nearest_fields(*query, 3, level).unwrap();
+        let ray = index.first_hit(*query, -query.point, f64::INFINITY).unwrap();
+        (fields, ray, index.reactive(*query, level).unwrap())
+    };
+    let single: Vec<_> = queries.iter().map(answer).collect();
+    assert_eq!(index.answer_all(&queries, answer).unwrap(), single);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert_eq!(one.install(|| index.answer_all(&queries, answer)).unwrap(), single);
+    let unknown = Query::on_link(LinkId::new(9), DVec3::ZERO);
+    assert!(index.answer_all(&[queries[0], unknown], |_| ()).is_err());
 }
 
 /// A ball of 10 mm pressed in by 2 mm: taxels share its force as the volumes that it takes of the skin

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     contact::{
-        Cell, ContactError,
+        Cell, ContactError, ContactIndex,
         cell::OwnFace,
         geometry::pseudo_normal,
         plane_grid::PlaneGrid,
@@ -16,7 +16,7 @@ use crate::{
     },
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PixelGrid, SkinMap},
-    mesh::{Closest, Feature, SurfacePoint, TriMesh, closest_point},
+    mesh::{Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point},
     parallel::par_map,
     pyramid::LevelId,
     skin::{LinkId, PatchId, TaxelId},
@@ -49,8 +49,12 @@ struct Sheet {
     places: IdVec<VertexId, Place>,
     /// The triangles of the map at height 0.
     tree: PatchBvh,
-    /// The level itself, whose faces they are.
+    /// The level itself, whose faces they are, and who borders whom in it.
     mesh: TriMesh,
+    corners: VertexCorners,
+    /// The vertex of level 0 at each of its vertices, and how many there are on level 0.
+    origins: IdVec<VertexId, VertexId>,
+    vertices: usize,
     image: PixelGrid,
     /// What counts as on the map, and as the same point, in m.
     on_chart: f64,
@@ -78,8 +82,8 @@ pub struct MapPlace {
     pub off_chart: f64,
     /// The face of the level, the place on the map, the fields and their weights.
     pub cell: Cell,
-    /// The point of the level's mesh, on level 0 of the skin, in m in the frame of the link; that of a
-    /// patch that blends several links in the pose of the map.
+    /// The point of the level's mesh, on level 0 of the skin, in m in the frame of the link; in the
+    /// pose of the map: [`MapIndex::posed`] moves it.
     pub position: DVec3,
     /// The outward unit normal there, in the same frame.
     pub normal: DVec3,
@@ -95,6 +99,8 @@ impl MapIndex {
         let patches = par_map(&map.patches, |patch| {
             let level = |map: &MapLevel| {
                 let mesh = map.level.mesh.clone();
+                let (origins, vertices) = (map.level.origins.clone(), patch.taxels.ids.len());
+                let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
                 let plane =
                     TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: map.corners().clone() };
                 let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
@@ -108,7 +114,19 @@ impl MapIndex {
                         places[place] = Place { uv, position, field, taxel };
                     }
                 }
-                Ok(Sheet { grid, places, tree, mesh, image: PixelGrid::new(map.frame), on_chart, same_point })
+                let image = PixelGrid::new(map.frame);
+                Ok(Sheet {
+                    grid,
+                    places,
+                    tree,
+                    mesh,
+                    corners,
+                    origins,
+                    vertices,
+                    image,
+                    on_chart,
+                    same_point,
+                })
             };
             let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?;
             Ok(IndexedMap { link: patch.link, levels: levels.into() })
@@ -174,6 +192,28 @@ impl MapIndex {
         }
         Ok(())
     }
+
+    /// The point of a place and the outward unit normal there, in the world, on the robot as `index` is
+    /// posed: an index of the same map. `None` if the place is not one of that map.
+    #[must_use]
+    pub fn posed(&self, index: &ContactIndex, place: &MapPlace) -> Option<(DVec3, DVec3)> {
+        let patch = index.patches.get(place.patch)?;
+        let (mut position, mut normal) = (place.position, place.normal);
+        if patch.blend.is_some() {
+            let sheet = self.patches.get(place.patch)?.levels.get(place.cell.level)?;
+            let SurfacePoint { face, barycentric } = place.cell.point;
+            let fields = sheet.mesh.triangles.get(face)?;
+            let vertices = &patch.tree.mesh.positions;
+            if sheet.vertices != vertices.len() {
+                return None;
+            }
+            let at = |field: VertexId| vertices[sheet.origins[field]];
+            position = fields.iter().zip(barycentric).map(|(&field, weight)| at(field) * weight).sum();
+            normal = sheet.normal(at, face, Feature::at(barycentric)).normalize_or_zero();
+        }
+        let pose = &index.links[patch.link].pose;
+        Some((pose.to_world(position), pose.turned(normal)))
+    }
 }
 
 impl Sheet {
@@ -195,11 +235,16 @@ impl Sheet {
         let [a, b, c] = corners.map(|corner| corner.position);
         let normal = match feature {
             Feature::Inside => (b - a).cross(c - a),
-            _ => pseudo_normal(&self.tree.corners, &self.mesh, face, feature),
+            _ => self.normal(|field| self.mesh.positions[field], face, feature),
         };
         let position = a * barycentric[0] + b * barycentric[1] + c * barycentric[2];
         let (cell, normal) = (own.cell(level, point, &self.image), normal.normalize_or_zero());
         MapPlace { patch, link: map.link, off_chart, cell, position, normal }
+    }
+
+    /// A vector on the outer side at a feature of a face, where `at` has the vertices of the level.
+    fn normal(&self, at: impl Fn(VertexId) -> DVec3 + Copy, face: FaceId, feature: Feature) -> DVec3 {
+        pseudo_normal(&self.corners, &self.mesh.triangles, at, face, feature)
     }
 }
 

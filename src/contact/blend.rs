@@ -25,14 +25,19 @@ pub(super) struct Blend {
     carried: IdVec<LinkId, DAffine3>,
     /// The vertices where the links take them, in the same frame, until the tree is fitted to them.
     pub(super) positions: IdVec<VertexId, DVec3>,
+    /// The normals of the taxels as they are in the map, in the same frame; none if the index has no
+    /// fields.
+    rest_normals: IdVec<VertexId, DVec3>,
+    /// The same where the links turn them.
+    pub(super) normals: IdVec<VertexId, DVec3>,
     pub(super) refitting: Refitting,
 }
 
 impl Blend {
-    /// A blend of vertices at `rest`, by joints whose weights have the sum 1.
+    /// A blend of vertices at `rest` and of normals, if there are any, by joints whose weights have the sum 1.
     #[expect(clippy::cast_possible_truncation, reason = "at most four")]
     pub(super) fn new(
-        rest: IdVec<VertexId, DVec3>,
+        (rest, rest_normals): (IdVec<VertexId, DVec3>, IdVec<VertexId, DVec3>),
         joints: &IdVec<VertexId, Joints>,
         to_joint: IdVec<LinkId, DAffine3>,
         refitting: Refitting,
@@ -44,6 +49,8 @@ impl Blend {
             carried: to_joint.map(|_| DAffine3::IDENTITY),
             positions: rest.clone(),
             rest,
+            normals: rest_normals.clone(),
+            rest_normals,
             to_joint,
             refitting,
         }
@@ -65,19 +72,24 @@ impl Blend {
             self.carried[link] =
                 if link == own { DAffine3::IDENTITY } else { from_world * next(link) * *to_joint };
         }
-        let mut joints = self.joints.as_slice();
-        for ((vertex, position), (rest, count)) in
-            self.positions.iter_mut().enumerate().zip(self.rest.iter().zip(&self.counts))
-        {
-            let (own, others) = joints.split_at(usize::from(*count));
-            joints = others;
-            let part =
-                |&(joint, weight): &(LinkId, f64)| weight * self.carried[joint].transform_point3(*rest);
-            *position = own.iter().map(part).sum();
+        let Self { joints, counts, carried, .. } = self;
+        let rows = counts.iter().scan(joints.as_slice(), |left, &count| {
+            let (row, others) = left.split_at(usize::from(count));
+            *left = others;
+            Some(row)
+        });
+        let moved = self.positions.iter_mut().enumerate().zip(&self.rest);
+        for (((vertex, position), rest), row) in moved.zip(rows.clone()) {
+            let part = |&(joint, weight): &(LinkId, f64)| weight * carried[joint].transform_point3(*rest);
+            *position = row.iter().map(part).sum();
             // Not true for NaN either.
             if !position.abs().cmple(DVec3::splat(LARGEST)).all() {
                 return Err((VertexId::new(vertex), *position));
             }
+        }
+        for ((normal, rest), row) in self.normals.iter_mut().zip(&self.rest_normals).zip(rows) {
+            let part = |&(joint, weight): &(LinkId, f64)| weight * carried[joint].transform_vector3(*rest);
+            *normal = row.iter().map(part).sum::<DVec3>().normalize_or(*rest);
         }
         Ok(())
     }

@@ -69,7 +69,10 @@ pub(super) struct IndexedPatch {
     spacing: f64,
     /// The vertex of level 0 that each field is the centre of, on each level; none if the index has no
     /// fields.
-    origins: Vec<IdVec<VertexId, VertexId>>,
+    pub(super) origins: Vec<IdVec<VertexId, VertexId>>,
+    /// Outward unit normals of the taxels as the robot is posed, in the frame of the link; none if the
+    /// index has no fields.
+    pub(super) normals: IdVec<VertexId, DVec3>,
     /// How its vertices follow several links; `None`: it is rigid.
     pub(super) blend: Option<Box<Blend>>,
 }
@@ -108,7 +111,9 @@ impl ContactIndex {
             let (cells, spacing) = (PatchCells::new(patch)?, mean_side(mesh));
             let origins = patch.levels.iter().filter(|_| options.fields);
             let origins = origins.map(|map| map.level.origins.clone()).collect();
-            Ok(IndexedPatch { link: patch.link, tree, cells, coarse, fields, spacing, origins, blend: None })
+            let normals = if options.fields { patch.taxels.normals.clone() } else { IdVec::default() };
+            let (link, blend) = (patch.link, None);
+            Ok(IndexedPatch { link, tree, cells, coarse, fields, spacing, origins, normals, blend })
         });
         let patches: IdVec<PatchId, _> =
             patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into();
@@ -351,7 +356,8 @@ impl ContactIndex {
         let PatchBvh { mesh, corners, .. } = tree;
         let q = self.in_link(link, contact);
         let here = mesh.point(&SurfacePoint { face: best.face, barycentric: best.closest.barycentric });
-        let outward = pseudo_normal(corners, mesh, best.face, best.closest.feature);
+        let outward =
+            pseudo_normal(corners, &mesh.triangles, |v| mesh.positions[v], best.face, best.closest.feature);
         let length = best.closest.squared.sqrt();
         let distance = if (q - here).dot(outward) < 0.0 { -length } else { length };
         let (normal, pose) = (outward.normalize_or_zero(), &self.links[link].pose);
@@ -394,9 +400,10 @@ impl IndexedPatch {
     fn bend(&mut self) {
         let Some(blend) = &mut self.blend else { return };
         self.tree.refit(&mut blend.positions, &mut blend.refitting);
+        std::mem::swap(&mut self.normals, &mut blend.normals);
+        let (positions, normals) = (&self.tree.mesh.positions, &self.normals);
         for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
-            let positions = &self.tree.mesh.positions;
-            *fields = PointTree::new(&origins.map(|&vertex| positions[vertex]), |_| DVec3::ZERO);
+            fields.refit(|field| positions[origins[field]], |field| normals[origins[field]]);
         }
     }
 

@@ -53,7 +53,8 @@ impl ContactIndex {
         }
         let own = self.links[patch.link].pose.pose();
         let to_joint = self.links.map(|link| link.pose.pose().inverse() * own);
-        let blend = Blend::new(rest, &scaled, to_joint, patch.tree.refitting());
+        let normals = patch.normals.clone();
+        let blend = Blend::new((rest, normals), &scaled, to_joint, patch.tree.refitting());
         let patch = &mut self.patches[id];
         patch.blend = Some(Box::new(blend));
         patch.coarse.clear();

@@ -24,6 +24,21 @@ pub(crate) enum Feature {
     Corner(usize),
 }
 
+impl Feature {
+    /// The corner, side or inside that a point of a triangle is on.
+    pub(crate) fn at(barycentric: [f64; 3]) -> Self {
+        match barycentric.map(|w| w <= 0.0) {
+            [_, true, true] => Self::Corner(0),
+            [true, _, true] => Self::Corner(1),
+            [true, true, _] => Self::Corner(2),
+            [_, _, true] => Self::Side(0),
+            [true, _, _] => Self::Side(1),
+            [_, true, _] => Self::Side(2),
+            _ => Self::Inside,
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Closest {
     /// Squared distance, in m^2.

@@ -15,6 +15,9 @@ use crate::{
     skin::{LinkId, PatchId, TaxelId},
 };
 
+/// Rounding parts the distances of equally far hits by a smaller part of them.
+const SAME_DISTANCE: f64 = 1.0 + 1e-12;
+
 /// What touches the robot, in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Area {
@@ -104,6 +107,9 @@ pub struct FieldHit {
     pub distance: f64,
     /// Its centre, in m, in the frame of the query.
     pub position: DVec3,
+    /// The outward unit normal of the taxel at its centre, in the same frame. On a patch that follows
+    /// several links it is turned as its vertices are moved: by the weighted mean of the rotations.
+    pub normal: DVec3,
 }
 
 impl ContactIndex {
@@ -203,10 +209,14 @@ impl ContactIndex {
         (field, distance): (VertexId, f64),
     ) -> FieldHit {
         let patch = &self.patches[id];
-        let here = points.point(field);
-        let position = if query.link.is_some() { here } else { self.links[patch.link].pose.to_world(here) };
+        let (here, normal) = (points.point(field), patch.normals[patch.origins[level.index()][field]]);
+        let pose = &self.links[patch.link].pose;
+        let (position, normal) = match query.link {
+            Some(_) => (here, normal),
+            None => (pose.to_world(here), pose.turned(normal)),
+        };
         let taxel = patch.cells.taxel(level, field);
-        FieldHit { patch: id, link: patch.link, level, field, taxel, distance, position }
+        FieldHit { patch: id, link: patch.link, level, field, taxel, distance, position, normal }
     }
 
     /// Where the centre of a field lies on the map of its level; `None` if it is not one of this
@@ -232,22 +242,31 @@ impl ContactIndex {
         self.check(0, &query)?;
         let ray = Ray::new(query.point, direction, longest).ok_or(ContactError::NoRay)?;
         let mut first: Option<(f64, Best)> = None;
-        for (id, patch) in self.patches.enumerate() {
-            if query.link.is_some_and(|link| link != patch.link) {
-                continue;
-            }
+        let mut visit = |id: PatchId| {
+            let patch = &self.patches[id];
             let pose = &self.links[patch.link].pose;
             let local = match query.link {
                 Some(_) => ray,
                 None => ray.moved(|p| pose.to_local(p), |v| pose.turned_back(v)),
             };
-            let longest = first.as_ref().map_or(longest, |(distance, _)| *distance);
-            let Some(found) = patch.tree.first_hit(&Ray { longest, ..local }) else { continue };
-            if first.as_ref().is_none_or(|(distance, _)| found.distance < *distance) {
-                let feature = feature(found.barycentric);
+            // Equally far hits count, though rounding may part them.
+            let known = first.as_ref().map_or(longest, |(distance, _)| longest.min(distance * SAME_DISTANCE));
+            if let Some(found) = patch.tree.first_hit(&Ray { longest: known, ..local }) {
+                let feature = Feature::at(found.barycentric);
                 let closest = crate::mesh::Closest { squared: 0.0, barycentric: found.barycentric, feature };
-                first = Some((found.distance, Best { patch: id, face: found.face, closest }));
+                let best = Best { patch: id, face: found.face, closest };
+                if first
+                    .as_ref()
+                    .is_none_or(|(distance, best)| (found.distance, id) < (*distance, best.patch))
+                {
+                    first = Some((found.distance, best));
+                }
             }
+            first.as_ref().map_or(longest, |(distance, _)| *distance)
+        };
+        match query.link {
+            Some(link) => self.links[link].patches.iter().for_each(|&id| _ = visit(id)),
+            None => self.boxes.each_along(&ray, visit),
         }
         Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
     }
@@ -283,19 +302,5 @@ impl ContactIndex {
             filter.within.min(Best::squared(best.as_ref()).sqrt())
         });
         Ok(best.map(|best| self.hit(&query, &best)))
-    }
-}
-
-/// The corner, side or inside that a point of a triangle is on.
-pub(super) fn feature(barycentric: [f64; 3]) -> Feature {
-    let zero = barycentric.map(|w| w <= 0.0);
-    match zero {
-        [_, true, true] => Feature::Corner(0),
-        [true, _, true] => Feature::Corner(1),
-        [true, true, _] => Feature::Corner(2),
-        [_, _, true] => Feature::Side(0),
-        [true, _, _] => Feature::Side(1),
-        [_, true, _] => Feature::Side(2),
-        _ => Feature::Inside,
     }
 }

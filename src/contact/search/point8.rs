@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::lanes::{LANES, Lanes};
 
 /// Up to eight points, side by side; empty lanes repeat the last one.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Point8 {
     /// One row for each coordinate.
     rows: [[f32; LANES]; 3],

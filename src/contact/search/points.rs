@@ -45,21 +45,39 @@ impl PointTree {
         normal: impl Fn(VertexId) -> DVec3,
     ) -> Self {
         let frame = Frame::around(points.iter().copied());
+        let primitive = |v| Primitive { centre: frame.point(points[v]), area: normal(v) };
+        let primitives: Vec<_> = points.ids().map(primitive).collect();
+        let tree = (!points.is_empty()).then(|| Tree::new(&primitives));
+        let count = tree.as_ref().map_or(0, |tree| tree.packets.len());
+        let packets = vec![Point8::default(); count];
+        let mut all = Self { points: points.clone(), tree, packets, frame, simd: Simd::detect() };
+        all.fit(normal);
+        all
+    }
+
+    /// Moves the points and fits the tree to them, as [`PatchBvh`](super::PatchBvh) is fitted. Nothing is
+    /// allocated.
+    pub(in crate::contact) fn refit(
+        &mut self,
+        point: impl Fn(VertexId) -> DVec3,
+        normal: impl Fn(VertexId) -> DVec3,
+    ) {
+        for (number, place) in (0..).zip(self.points.iter_mut()) {
+            *place = point(VertexId::new(number));
+        }
+        self.frame = Frame::around(self.points.iter().copied());
+        self.fit(normal);
+    }
+
+    fn fit(&mut self, normal: impl Fn(VertexId) -> DVec3) {
+        let Self { points, tree, packets, frame, simd } = self;
+        let Some(tree) = tree else { return };
         let at = |id: u32| frame.point(points[VertexId::from(id)]);
-        let normal = |id: u32| normal(VertexId::from(id));
-        let primitive = |id: u32| Primitive { centre: at(id), area: normal(id) };
-        let tree = (!points.is_empty()).then(|| {
-            let primitives: Vec<_> = points.ids().map(|v| primitive(v.raw())).collect();
-            let mut tree = Tree::new(&primitives);
-            tree.fit(Simd::detect(), |_, ids, points: &mut Points<1>| {
-                ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, [at(id)]));
-                ids.iter().map(|&id| normal(id)).sum()
-            });
-            tree
+        tree.fit(*simd, |packet, ids, points: &mut Points<1>| {
+            packets[packet] = Point8::new(&ids.map(at));
+            ids.iter().enumerate().for_each(|(lane, &id)| put(points, lane, [at(id)]));
+            ids.iter().map(|&id| normal(VertexId::from(id))).sum()
         });
-        let packets = tree.iter().flat_map(|tree: &Tree| &tree.packets);
-        let packets = packets.map(|ids| Point8::new(&ids.map(at))).collect();
-        Self { points: points.clone(), tree, packets, frame, simd: Simd::detect() }
     }
 
     /// A tree over the vertices of a mesh.
