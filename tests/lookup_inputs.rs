@@ -71,7 +71,9 @@ fn a_quote_that_is_not_closed_costs_its_row_alone() {
     let rows = ["0,0,0.9,", "\"0,0,0.9,", "0,0,0.9,\"arm", "0,0,-0.1,\"arm\"", "", "  ", "0,\"0\",\"0.9\","];
     let run = lookup(&folder, &format!("x,y,\"z\",link\r\n{}\r\n", rows.join("\r\n")), LEVEL_0);
     assert_eq!((run.code, run.contacts()), (2, vec!["0", "3", "4"]), "{}", run.error);
-    assert!(run.error.contains("line 3, column `x`") && run.error.contains("line 4, column `link`"));
+    for part in [r#"line 3, column `x`: found "\"0""#, r#"line 4, column `link`: found "\"arm""#] {
+        assert!(run.error.contains(part), "{part} in {}", run.error);
+    }
     assert!((0..3).all(|row| run.number(row, "distance").abs() < 1e-3), "{:?}", run.rows);
 }
 
@@ -394,4 +396,21 @@ fn skins_without_a_patch_are_refused() {
     let folder = folder();
     let run = lookup(&folder, "x,y,z\n", LEVEL_0);
     assert_eq!((run.code, run.rows.len()), (0, 0), "no contact, no answer: {}", run.error);
+}
+
+/// A row that is too long is refused by its line, like any other: also one that is only long with its
+/// quotes doubled.
+#[test]
+fn a_row_that_is_too_long_costs_no_other_row() {
+    let folder = folder();
+    for long in ["1".repeat(3 << 20), format!("\"{}", ",".repeat(400_000))] {
+        let table = format!("x,y,z\n0,0,0.9\n{long}\n0,0,0.9\n{long}\r\n\n0,0,0.9\n");
+        let run = lookup(&folder, &table, LEVEL_0);
+        assert_eq!((run.code, run.contacts()), (2, vec!["0", "2", "4"]), "{}", run.error);
+        for part in ["2 of 5 contacts", "line 3: found more than 1048576 bytes", "line 5: found more"] {
+            assert!(run.error.contains(part), "{part} in {}", run.error);
+        }
+    }
+    let run = lookup(&folder, &format!("{}\n0,0,0.9\n", "x".repeat(2 << 20)), LEVEL_0);
+    assert!(run.code == 2 && run.error.contains("line 1: found more than"), "{}", run.error);
 }

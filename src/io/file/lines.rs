@@ -18,6 +18,13 @@ use crate::{
 /// its line, or never closes a quote, would fill the memory.
 pub(crate) const LONGEST: usize = 1 << 20;
 
+/// Most bytes of a longer line that are passed over to go on with the next one; a stream may never
+/// end its line.
+const MOST_SKIPPED: u64 = 1 << 28;
+
+/// What is handed out instead of a line that is too long.
+const CUT: &[u8] = b"0\n";
+
 /// What some editors put at the start of a text.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
@@ -78,9 +85,11 @@ pub(crate) struct Lines<R> {
     bytes: Vec<u8>,
     line: usize,
     ended: bool,
-    /// Whether a quote must close in its line: one that does not is read as an apostrophe, so that it
-    /// costs the rows after it nothing.
-    pub(crate) closes_quotes: bool,
+    /// Whether a row is one line, so that a bad one costs the rows after it nothing: quotes that do
+    /// not close in their line are characters, and a line that is too long is [`Lines::is_cut`].
+    pub(crate) has_row_per_line: bool,
+    /// Whether the line was too long: what is handed out instead means nothing.
+    is_cut: bool,
     /// Bytes of the line that were handed out.
     given: usize,
     /// Bytes that may still be handed out.
@@ -102,7 +111,8 @@ impl<R: BufRead> Lines<R> {
             bytes,
             line: 0,
             ended: false,
-            closes_quotes: false,
+            has_row_per_line: false,
+            is_cut: false,
             given: 0,
             left: LONGEST,
             longest,
@@ -131,20 +141,21 @@ impl<R: BufRead> Lines<R> {
         loop {
             self.bytes.clear();
             self.given = 0;
+            self.is_cut = false;
             let read = (&mut self.input).take(longest as u64).read_until(b'\n', &mut self.bytes)?;
             if read == 0 {
                 self.ended = true;
                 return Ok(());
             }
             self.line += 1;
-            if read == longest {
-                return Err(too_long(longest));
+            if read == longest && !self.bytes.ends_with(b"\n") {
+                self.cut()?;
             }
             if self.line == 1 && self.bytes.starts_with(BYTE_ORDER_MARK) {
                 self.bytes.drain(..BYTE_ORDER_MARK.len());
             }
-            if self.closes_quotes && self.bytes.iter().filter(|b| **b == b'"').count() % 2 == 1 {
-                self.bytes.iter_mut().filter(|b| **b == b'"').for_each(|b| *b = b'\'');
+            if self.has_row_per_line && self.bytes.iter().filter(|b| **b == b'"').count() % 2 == 1 {
+                self.keep_quotes();
             }
             let first = self.bytes.trim_ascii_start().first();
             if first.is_some() && first != self.comment.as_ref() {
@@ -152,11 +163,45 @@ impl<R: BufRead> Lines<R> {
             }
         }
     }
+
+    /// Passes over the rest of a line that is too long.
+    fn cut(&mut self) -> io::Result<()> {
+        let mut rest = (&mut self.input).take(MOST_SKIPPED);
+        if !self.has_row_per_line || rest.skip_until(b'\n')? as u64 == MOST_SKIPPED {
+            return Err(too_long(self.longest));
+        }
+        self.bytes = CUT.into();
+        self.is_cut = true;
+        Ok(())
+    }
 }
 
 impl<R> Lines<R> {
+    /// Quotes every cell of the line, so that its quotes are read as characters.
+    fn keep_quotes(&mut self) {
+        let mut line = vec![b'"'];
+        for &byte in self.bytes.trim_ascii_end() {
+            match byte {
+                b'"' => line.extend(b"\"\""),
+                b',' => line.extend(b"\",\""),
+                byte => line.push(byte),
+            }
+        }
+        line.extend(b"\"\n");
+        self.is_cut = line.len() > LONGEST;
+        self.bytes = if self.is_cut { CUT.into() } else { line };
+    }
+
     pub(crate) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Refuses a line that was too long.
+    pub(crate) fn check_length(&self) -> Result<(), IoError> {
+        if self.is_cut {
+            return Err(self.at().invalid(too_long(self.longest).to_string(), "a short line"));
+        }
+        Ok(())
     }
 
     /// The line that was read last.

@@ -20,7 +20,7 @@ const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius",
 /// A table of which each row is one line: there may be many, and a bad one must not cost the others.
 fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> {
     let mut lines = Lines::new(BufReader::new(input), path, None);
-    lines.closes_quotes = true;
+    lines.has_row_per_line = true;
     Table::open(lines)
 }
 

@@ -46,6 +46,7 @@ impl<R: BufRead> Table<R> {
         };
         let names = reader.headers().map(|header| header.iter().map(name).collect());
         let at = reader.get_ref().at();
+        reader.get_ref().check_length()?;
         let columns = Columns::new(at.path, at.line.max(1), names.map_err(|e| table_error(at, e))?)?;
         Ok(Self { reader, columns, cells: StringRecord::new(), ended: false })
     }
@@ -58,7 +59,9 @@ impl<R: BufRead> Table<R> {
         self.reader.get_mut().left = LONGEST;
         let read = self.reader.read_record(&mut self.cells);
         self.ended = !read.as_ref().map_or_else(|error| !error.is_io_error(), |more| *more);
-        read.map_err(|error| table_error(self.reader.get_ref().at(), error))
+        let lines = self.reader.get_ref();
+        lines.check_length()?;
+        read.map_err(|error| table_error(lines.at(), error))
     }
 
     pub(crate) fn row(&self) -> Row<'_> {
