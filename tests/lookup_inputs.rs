@@ -154,7 +154,9 @@ fn wrong_numbers_are_named() {
         ("x,y", "line 1: found columns \"x,y\"; needed: a column `z`"),
         ("x,y,z,nx,ny", "needed: a column `nz`"),
         ("x,y,z,x", "column 4: found \"x\" again"),
-        ("1,2,3", "needed: a column `x`"),
+        ("1,-2.5,3e0", "line 1: found the numbers \"1,-2.5,3e0\"; the header is missing"),
+        ("x\ty\tz", "separated by tabs, \"x\\ty\\tz\"; needed: columns separated by commas"),
+        ("x;y;z", "separated by semicolons, \"x;y;z\"; needed: columns separated by commas"),
     ] {
         let run = lookup(&folder, &format!("{columns}\n0,0,0\n"), LEVEL_0);
         assert!(run.code == 2 && run.error.contains(expected), "{columns}: {}", run.error);

@@ -130,6 +130,9 @@ impl Columns {
         if names.iter().all(String::is_empty) {
             return Err(at.invalid("nothing", "the names of the columns"));
         }
+        if let Some((found, needed)) = unlike_names(&names) {
+            return Err(at.invalid(found, needed));
+        }
         let mut seen = HashSet::new();
         if let Some(k) = names.iter().position(|name| !seen.insert(name)) {
             let found = format!("{} again", excerpt(&names[k]));
@@ -175,6 +178,20 @@ impl Columns {
         }
         Ok(places)
     }
+}
+
+/// What is there instead of the names of columns, and what is needed: a row of numbers, or names with
+/// another separator.
+fn unlike_names(names: &[String]) -> Option<(String, &'static str)> {
+    let line = excerpt(&names.join(","));
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        let found = format!("the numbers {line}; the header is missing");
+        return Some((found, "a first line with the names of the columns"));
+    }
+    let [all] = names else { return None };
+    let separators = [('\t', "tabs"), (';', "semicolons")];
+    let (_, word) = separators.into_iter().find(|(separator, _)| all.contains(*separator))?;
+    Some((format!("columns that seem to be separated by {word}, {line}"), "columns separated by commas"))
 }
 
 /// One line of a table, and where it is.
