@@ -144,6 +144,7 @@ fn wrong_numbers_are_named() {
         ("u,v", "0,0", &["--from-map"], "column `patch`"),
         ("px,py,patch", "-1,0,cap", &["--from-map"], "column `px`: found \"-1\""),
         ("px,py,patch", "0,4294967295,cap", &["--from-map"], "columns px,py"),
+        ("px,py,patch", "0,4294967296,cap", &["--from-map"], "a whole number, 0 to 4294967295"),
         ("u,v,patch,level", "0,0,cap,9", &["--from-map"], "column `level`"),
     ] {
         let run = lookup(&folder, &format!("{columns}\n{cells}\n"), options);
