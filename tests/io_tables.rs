@@ -156,14 +156,14 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
     for extra in [None, Some("error")] {
         let mut text = Vec::new();
         let mut table = LookupWriter::new(Path::new("-"), &mut text, extra).unwrap();
-        let off = LookupRow { contact: 8, place: None, ..row };
+        let off = LookupRow { contact: 8, distance: -0.0, place: None, ..row };
         table.write(2, |k, emit| emit([&row, &off][k])).unwrap();
         table.finish().unwrap();
         let more = |text| if extra.is_some() { text } else { "" };
         let wanted = format!(
             "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,frame{}\n\
              7,1,\"arm, \"\"left\"\"\",3,0.25,0.75,0.0,0.1,1e-9,12,0,5,4294967295,-0.001,arm,1.0,0.5,0.0,0.0,0.0,1.0,\
-             5:0.75;9:0.25,world{}\n8,1,off skin,,,,,,,,,,,-0.001,,,,,,,,,world{}\n",
+             5:0.75;9:0.25,world{}\n8,1,off skin,,,,,,,,,,,0.0,,,,,,,,,world{}\n",
             more(",error"),
             more(",0.5"),
             more(",0.5"),

@@ -134,7 +134,9 @@ pub fn read_map_places<R: Read>(
     let [patch, level] = ["patch", "level"].map(|name| columns.find(name));
     let place = move |row: Row<'_>| {
         let whole = |column: usize| {
-            row.text(column).parse::<u32>().map_err(|_| row.invalid(column, "a whole number, 0 to 4294967295"))
+            row.text(column)
+                .parse::<u32>()
+                .map_err(|_| row.invalid(column, "a whole number, 0 to 4294967295"))
         };
         let level = level.filter(|&c| !row.text(c).is_empty()).map_or(Ok(0), whole)?;
         let position = if is_map {

@@ -139,7 +139,7 @@ impl Text {
             None => {
                 push_cell(rows, OFF_SKIN);
                 rows.extend([b','; 10]);
-                push_number(rows, row.distance);
+                push_distance(rows, row.distance);
                 rows.extend([b','; 8]);
             }
         }
@@ -161,7 +161,7 @@ impl Text {
         cell.pixel.into_iter().for_each(|x| push_whole(rows, x.into()));
         push_whole(rows, cell.field.raw().into());
         push_whole(rows, cell.taxel.0.into());
-        push_number(rows, row.distance);
+        push_distance(rows, row.distance);
         push_cell(rows, link);
         let ([x, y, z], [nx, ny, nz]) = (position.to_array(), normal.to_array());
         let numbers = [x, y, z, nx, ny, nz];
@@ -189,6 +189,12 @@ impl Text {
 fn push_number(text: &mut Vec<u8>, number: f64) {
     text.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
     text.push(b',');
+}
+
+/// Appends a distance and a comma. Adding 0 makes -0 the same.
+#[inline]
+fn push_distance(text: &mut Vec<u8>, distance: f64) {
+    push_number(text, distance + 0.0);
 }
 
 /// Appends a whole number and a comma.
