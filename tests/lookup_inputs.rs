@@ -417,3 +417,16 @@ fn a_row_that_is_too_long_costs_no_other_row() {
     let run = lookup(&folder, &format!("{}\n0,0,0.9\n", "x".repeat(2 << 20)), LEVEL_0);
     assert!(run.code == 2 && run.error.contains("line 1: found more than"), "{}", run.error);
 }
+
+/// A table of bad rows alone is counted and listed as one with good rows.
+#[test]
+fn bad_rows_are_all_listed_though_none_is_good() {
+    let folder = folder();
+    let run = lookup(&folder, "x,y,z,link\n0,nan,0,\n1,2\n0,0,0,leg\n", LEVEL_0);
+    assert!(run.code == 2 && !folder.path().join("out.csv").exists(), "{}", run.error);
+    for part in ["3 of 3 contacts", "line 2, column `y`", "line 3: found 2", "unknown links: \"leg\" 1"] {
+        assert!(run.error.contains(part), "{part} in {}", run.error);
+    }
+    let run = lookup(&folder, "u,v\n0,oops\n0\n", &["--from-map"]);
+    assert!(run.error.contains("2 of 2 contacts") && run.error.contains("line 3: found 1"), "{}", run.error);
+}

@@ -157,7 +157,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if args.question.from_map {
         let frame = (args.frame, motion.as_ref());
         let mut back = Back::open(&args.contacts, args.unit, &robot, index, frame, common)?;
-        write(&args.output, &mut |path, output| back.answer(path, output))?;
+        let written = write(&args.output, &mut |path, output| back.answer(path, output));
+        back.refusals.explain(written)?;
         outputs::wrote([args.output.as_path()], common);
         back.note(common);
         back.refusals.finish()?;
@@ -175,7 +176,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let readings = readings.transpose().map_err(Error::from)?;
     let mut answers =
         Answers::new(&robot, index, question, args.max_distance, motion).with_readings(readings);
-    write(&args.output, &mut |path, output| answers.answer(&mut contacts, path, output))?;
+    let written = write(&args.output, &mut |path, output| answers.answer(&mut contacts, path, output));
+    contacts.refusals.explain(written)?;
     outputs::wrote([args.output.as_path()].into_iter().chain(args.readings.as_deref()), common);
     contacts.note_unused(common);
     answers.note(&contacts, common);

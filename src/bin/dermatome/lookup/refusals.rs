@@ -52,12 +52,22 @@ impl Refusals {
         IoError::Invalid { path: self.path.clone(), element, found, needed: needed.into() }
     }
 
-    /// The first refused row as an error, if no row was answered: then nothing is written.
-    pub(super) fn check_any(&mut self) -> Result<(), IoError> {
-        if self.answered() == 0 && !self.quoted.is_empty() {
-            return Err(self.quoted.remove(0));
+    /// An error if rows were refused and none answered: then nothing is written, and
+    /// [`Refusals::explain`] lists the rows.
+    pub(super) fn check_any(&self) -> Result<(), IoError> {
+        if self.answered() > 0 || self.refused == 0 {
+            return Ok(());
         }
-        Ok(())
+        let (found, needed) = ("no row that can be answered".into(), "contacts".into());
+        Err(IoError::Invalid { path: self.path.clone(), element: "all rows".into(), found, needed })
+    }
+
+    /// What became of the table of answers; the refused rows if it was not written for them.
+    pub(super) fn explain(&self, written: anyhow::Result<()>) -> anyhow::Result<()> {
+        if written.is_err() && self.answered() == 0 {
+            self.finish()?;
+        }
+        written
     }
 
     /// Rows that were read and not refused.
@@ -66,7 +76,7 @@ impl Refusals {
     }
 
     /// An error about the rows that were refused, if any were.
-    pub(super) fn finish(self) -> anyhow::Result<()> {
+    pub(super) fn finish(&self) -> anyhow::Result<()> {
         if self.refused == 0 {
             return Ok(());
         }
@@ -81,7 +91,8 @@ impl Refusals {
         if !links.is_empty() {
             what.push_str(&format!("; rows of unknown links: {}", links.join(", ")));
         }
-        Err(advise(what, "correct or remove them; all others are answered"))
+        let others = if self.answered() > 0 { "all others are answered" } else { "there are no others" };
+        Err(advise(what, format!("correct or remove them; {others}")))
     }
 }
 
