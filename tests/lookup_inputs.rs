@@ -9,7 +9,7 @@ use assert_cmd::Command;
 use dermatome::{
     contact::{ContactError, ContactIndex},
     id::FaceId,
-    io::write_map,
+    io::{read_map, write_map},
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
@@ -429,4 +429,17 @@ fn bad_rows_are_all_listed_though_none_is_good() {
     }
     let run = lookup(&folder, "u,v\n0,oops\n0\n", &["--from-map"]);
     assert!(run.error.contains("2 of 2 contacts") && run.error.contains("line 3: found 1"), "{}", run.error);
+}
+
+/// A name of two links says neither.
+#[test]
+fn a_name_of_two_links_is_refused() {
+    let folder = folder();
+    let path = folder.path().join("map.glb");
+    let mut map = read_map(&path).unwrap();
+    map.links.iter_mut().for_each(|link| link.name = "arm".into());
+    write_map(&path, &map).unwrap();
+    let run = lookup(&folder, "x,y,z,link\n0,0,-0.11,arm\n0,0,0.89,\n", LEVEL_0);
+    assert_eq!((run.code, run.contacts()), (2, vec!["1"]), "{}", run.error);
+    assert!(run.error.contains("line 2, column `link`: found \"arm\", the name of 2 links"), "{}", run.error);
 }

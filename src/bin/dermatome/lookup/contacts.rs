@@ -11,6 +11,7 @@ use dermatome::{
     Error,
     contact::Query,
     io::{ContactRow, IoError, read_contacts},
+    skin::LinkId,
 };
 use glam::DVec3;
 
@@ -61,6 +62,9 @@ const OPTIONAL: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
 
 /// The place of `nx,ny,nz` among them.
 const NORMAL: usize = 0;
+
+/// Where a row names its link, for errors.
+const LINK: &str = ", column `link`";
 
 pub(super) struct Contacts<'a> {
     rows: Box<dyn Iterator<Item = Result<ContactRow, IoError>> + Send + 'a>,
@@ -128,29 +132,9 @@ impl Contacts<'_> {
     }
 
     fn query(&mut self, robot: &Robot, row: &ContactRow) -> Result<Query, IoError> {
-        const LINK: &str = ", column `link`";
         let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
         self.given = std::array::from_fn(|k| self.given[k] | given[k]);
-        let link = match (&row.link, self.frame) {
-            (Some(name), _) => {
-                let Some(link) = robot.link(name) else {
-                    *self.refusals.unknown_links.entry(plain(name)).or_default() += 1;
-                    let needed = "the name of a link of the map";
-                    return Err(self.refusals.invalid(row.line, LINK, format!("{name:?}"), needed));
-                };
-                Some(link)
-            }
-            (None, FrameArg::World) => None,
-            (None, FrameArg::Link) => {
-                let needed = "a link, since several carry skin";
-                let refused = || self.refusals.invalid(row.line, LINK, "nothing".into(), needed);
-                Some(robot.only_link().ok_or_else(refused)?)
-            }
-        };
-        if let Some(link) = link.filter(|link| !robot.carries[*link]) {
-            let found = format!("{:?}, which carries no patch", robot.links[link]);
-            return Err(self.refusals.invalid(row.line, LINK, found, "a link with skin, or none"));
-        }
+        let link = self.link(robot, row)?;
         if row.position.abs().max_element() > LARGEST {
             let found = format!("{:?}", row.position.to_array());
             return Err(self.refusals.invalid(row.line, "", found, "coordinates within 1e12 m"));
@@ -171,6 +155,40 @@ impl Contacts<'_> {
             ));
         }
         Ok(Query { point: row.position, link })
+    }
+
+    /// The link in whose frame a contact is; `None`: in the world.
+    fn link(&mut self, robot: &Robot, row: &ContactRow) -> Result<Option<LinkId>, IoError> {
+        let link = match (&row.link, self.frame) {
+            (Some(name), _) => self.link_named(robot, name, row.line)?,
+            (None, FrameArg::World) => return Ok(None),
+            (None, FrameArg::Link) => {
+                let needed = "a link, since several carry skin";
+                let refused = || self.refusals.invalid(row.line, LINK, "nothing".into(), needed);
+                robot.only_link().ok_or_else(refused)?
+            }
+        };
+        if !robot.carries[link] {
+            let found = format!("{:?}, which carries no patch", robot.links[link]);
+            return Err(self.refusals.invalid(row.line, LINK, found, "a link with skin, or none"));
+        }
+        Ok(Some(link))
+    }
+
+    fn link_named(&mut self, robot: &Robot, name: &str, line: u64) -> Result<LinkId, IoError> {
+        let mut links = robot.links.enumerate().filter(|(_, other)| *other == name).map(|(id, _)| id);
+        let (found, needed) = match (links.next(), links.count()) {
+            (Some(link), 0) => return Ok(link),
+            (Some(_), others) => {
+                let found = format!("{name:?}, the name of {} links", 1 + others);
+                (found, "the name of one link of the map alone")
+            }
+            (None, _) => {
+                *self.refusals.unknown_links.entry(plain(name)).or_default() += 1;
+                (format!("{name:?}"), "the name of a link of the map")
+            }
+        };
+        Err(self.refusals.invalid(line, LINK, found, needed))
     }
 
     /// Says which columns changed nothing.
