@@ -269,6 +269,18 @@ fn contacts_far_off_are_off_the_skin() {
     assert!((cell(&table, 1, "distance").parse::<f64>().unwrap().abs() - 889.4).abs() < 0.1, "{table}");
     assert_eq!([cell(&table, 1, "face"), cell(&table, 1, "x"), cell(&table, 1, "link")], [""; 3]);
     assert!(notes.contains("2 of 3 contacts are off the skin") && notes.contains("in metres"), "{notes}");
+    for (options, asked) in [
+        (&["--unit", "m"][..], ": are they in the frame of the world? (--frame, --max-distance)\n"),
+        (&["--frame", "link"], ": are they in metres? (--unit, --max-distance)\n"),
+        (
+            &["--frame", "world", "--max-distance", "0.01"],
+            "by more than 0.01 m: are they in metres? (--unit)\n",
+        ),
+        (&["--unit", "m", "--frame", "link"], "10 spacings of its taxels\n"),
+    ] {
+        let (_, notes) = run(options);
+        assert!(notes.contains(asked), "{options:?}: {asked} in {notes}");
+    }
     let (table, notes) = run(&["--max-distance", "inf"]);
     assert!((0..3).all(|row| cell(&table, row, "patch") == "cap") && notes.is_empty(), "{table}{notes}");
     let (table, _) = run(&["--max-distance", "0.001"]);

@@ -114,6 +114,9 @@ fn some_patches_of_a_map_answer() {
     let run = lookup(&folder, table, &["--level", "0", "--patch", "the*", "--max-distance", "inf"]);
     assert_eq!((run.code, run.rows.len()), (0, 2), "{}", run.error);
     assert!(run.rows.iter().all(|row| row["patch"] == "the \"other\", aside"), "{:?}", run.rows);
+    let table = "x,y,z,link\n0,0,0,arm\n0,0,0,base\n";
+    let run = lookup(&folder, table, &["--patch", "cap", "--level", "0", "--max-distance", "inf"]);
+    assert!(run.error.contains("\"base\", which carries none of the patches of --patch"), "{}", run.error);
     let run = lookup(&folder, table, &["--patch", "palm"]);
     assert!(
         run.code == 2 && run.error.contains("no patch of a name in --patch; it has cap"),

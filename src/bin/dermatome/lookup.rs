@@ -25,7 +25,7 @@ use crate::{
     lookup::{
         answers::{Answers, Question},
         back::Back,
-        contacts::{Contacts, FrameArg, LARGEST},
+        contacts::{Contacts, FrameArg, LARGEST, Meaning},
         readings::Readings,
         robot::Robot,
     },
@@ -55,16 +55,16 @@ pub(crate) struct Args {
     /// Give the rows of this level only; may be given more than once [default: all levels]
     #[arg(long = "level", value_name = "K")]
     levels: Vec<usize>,
-    /// Unit of the lengths in CONTACTS.csv: places and radii; answers are in m
-    #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT")]
-    unit: Unit,
+    /// Unit of the lengths in CONTACTS.csv: places and radii; answers are in m [default: m]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    unit: Option<Unit>,
     /// Take the patches of this name only, in which * and ? stand for any characters; may be given
     /// more than once [default: all patches]
     #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
     patches: Vec<Pattern>,
-    /// Frame of the contacts that name no link
-    #[arg(long, value_enum, default_value_t = FrameArg::World)]
-    frame: FrameArg,
+    /// Frame of the contacts that name no link [default: world]
+    #[arg(long, value_enum)]
+    frame: Option<FrameArg>,
     /// Contacts farther than this are off the skin, in m; `inf`: none [default: ten spacings of the
     /// patch's taxels]. With --nearest it is the distance of the centres [default: inf]
     #[arg(long, value_name = "D", value_parser = length, conflicts_with = "within")]
@@ -116,6 +116,28 @@ struct QuestionArgs {
     from_map: bool,
 }
 
+impl Args {
+    fn unit(&self) -> Unit {
+        self.unit.unwrap_or(Unit::M)
+    }
+
+    fn frame(&self) -> FrameArg {
+        self.frame.unwrap_or(FrameArg::World)
+    }
+
+    /// Asks for what is not given, if contacts are far from the skin; empty: all is.
+    fn doubts(&self) -> String {
+        let unit = self.unit.is_none().then_some(("in metres", "--unit"));
+        let frame = self.frame.is_none().then_some(("in the frame of the world", "--frame"));
+        let (asked, mut options): (Vec<_>, Vec<_>) = unit.into_iter().chain(frame).unzip();
+        if asked.is_empty() {
+            return String::new();
+        }
+        options.extend(self.max_distance.is_none().then_some("--max-distance"));
+        format!(": are they {}? ({})", asked.join(", and "), options.join(", "))
+    }
+}
+
 impl QuestionArgs {
     fn question(&self) -> Question {
         match (self.nearest, self.within) {
@@ -155,8 +177,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let index = ContactIndex::with(&robot.map, &options).map_err(Error::from)?;
     if args.question.from_map {
-        let frame = (args.frame, motion.as_ref());
-        let mut back = Back::open(&args.contacts, args.unit, &robot, index, frame, common)?;
+        let frame = (args.frame(), motion.as_ref());
+        let mut back = Back::open(&args.contacts, args.unit(), &robot, index, frame, common)?;
         let written = write(&args.output, &mut |path, output| back.answer(path, output));
         back.refusals.explain(written)?;
         outputs::wrote([args.output.as_path()], common);
@@ -172,7 +194,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         used.extend(["force", "radius", "time"]);
         Readings::create(path, &robot, 1e-3 * args.taxel_radius_mm)
     });
-    let mut contacts = Contacts::open(&args.contacts, args.unit, args.frame, &used, common)?;
+    let (unit, frame, has_patches) = (args.unit(), args.frame(), !args.patches.is_empty());
+    let meaning = Meaning { unit, frame, has_patches };
+    let mut contacts = Contacts::open(&args.contacts, meaning, &used, common)?;
     let readings = readings.transpose().map_err(Error::from)?;
     let mut answers =
         Answers::new(&robot, index, question, args.max_distance, motion).with_readings(readings);
@@ -180,7 +204,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     contacts.refusals.explain(written)?;
     outputs::wrote([args.output.as_path()].into_iter().chain(args.readings.as_deref()), common);
     contacts.note_unused(common);
-    answers.note(&contacts, common);
+    answers.note(&contacts, &args.doubts(), common);
     contacts.refusals.finish()?;
     Ok(ExitCode::SUCCESS)
 }

@@ -177,8 +177,8 @@ impl<'a> Answers<'a> {
         })
     }
 
-    /// Notes on what was found.
-    pub(super) fn note(&self, contacts: &Contacts<'_>, common: &Common) {
+    /// Notes on what was found; the one on contacts far from the skin ends with `ask`.
+    pub(super) fn note(&self, contacts: &Contacts<'_>, ask: &str, common: &Common) {
         let counts = self.silent.iter().map(|n| n.load(Ordering::Relaxed));
         let counts = self.robot.levels.iter().zip(counts).filter(|(_, count)| *count > 0);
         let counts: Vec<_> = counts.map(|(level, count)| format!("{count} on level {level}")).collect();
@@ -189,7 +189,6 @@ impl<'a> Answers<'a> {
         let answered = contacts.refusals.answered();
         let far = self.far.load(Ordering::Relaxed);
         let doubtful = self.doubtful.load(Ordering::Relaxed);
-        let ask = "are they in metres, and in the frame of the world? (--unit, --frame, --max-distance)";
         if 2 * far > answered {
             let limit = match (self.question, self.max_distance) {
                 (Question::Ray, _) => "their rays meet none".into(),
@@ -197,10 +196,10 @@ impl<'a> Answers<'a> {
                 (_, Some(limit)) => format!("by more than {limit} m"),
                 _ => format!("by more than {SPACINGS} spacings of its taxels"),
             };
-            note(common, format_args!("{far} of {answered} contacts are off the skin, {limit}: {ask}"));
+            note(common, format_args!("{far} of {answered} contacts are off the skin, {limit}{ask}"));
         } else if 2 * (far + doubtful) > answered {
             let what = format_args!("contacts are more than {DOUBTFUL} spacings of taxels from the skin");
-            note(common, format_args!("{} of {answered} {what}: {ask}", far + doubtful));
+            note(common, format_args!("{} of {answered} {what}{ask}", far + doubtful));
         }
         if self.held > 0 {
             let what =

@@ -66,10 +66,17 @@ const NORMAL: usize = 0;
 /// Where a row names its link, for errors.
 const LINK: &str = ", column `link`";
 
+/// What the command line says of a table.
+pub(super) struct Meaning {
+    pub(super) unit: Unit,
+    pub(super) frame: FrameArg,
+    /// Whether it chooses among the patches of the map.
+    pub(super) has_patches: bool,
+}
+
 pub(super) struct Contacts<'a> {
     rows: Box<dyn Iterator<Item = Result<ContactRow, IoError>> + Send + 'a>,
-    unit: Unit,
-    frame: FrameArg,
+    meaning: Meaning,
     /// Which of [`OPTIONAL`] change the answer.
     used: [bool; OPTIONAL.len()],
     /// Which of [`OPTIONAL`] some contact has.
@@ -90,8 +97,7 @@ impl Contacts<'_> {
     /// Opens a table of which the columns `used` change the answer besides `x,y,z` and `link`.
     pub(super) fn open(
         path: &Path,
-        unit: Unit,
-        frame: FrameArg,
+        meaning: Meaning,
         used: &[&str],
         common: &Common,
     ) -> anyhow::Result<Self> {
@@ -102,8 +108,7 @@ impl Contacts<'_> {
         }
         Ok(Self {
             rows: Box::new(rows),
-            unit,
-            frame,
+            meaning,
             used: OPTIONAL.map(|column| used.contains(&column)),
             given: [false; OPTIONAL.len()],
             refusals: Refusals::new(name.to_owned()),
@@ -119,8 +124,8 @@ impl Contacts<'_> {
         while batch.contacts.len() < BATCH {
             let Some(row) = self.rows.next() else { break };
             let row = row.and_then(|mut row| {
-                row.position *= self.unit.metres();
-                row.radius = row.radius.map(|radius| radius * self.unit.metres());
+                row.position *= self.meaning.unit.metres();
+                row.radius = row.radius.map(|radius| radius * self.meaning.unit.metres());
                 Ok((self.query(robot, &row)?, row))
             });
             let Some((number, (query, row))) = self.refusals.sort(row)? else { continue };
@@ -159,7 +164,7 @@ impl Contacts<'_> {
 
     /// The link in whose frame a contact is; `None`: in the world.
     fn link(&mut self, robot: &Robot, row: &ContactRow) -> Result<Option<LinkId>, IoError> {
-        let link = match (&row.link, self.frame) {
+        let link = match (&row.link, self.meaning.frame) {
             (Some(name), _) => self.link_named(robot, name, row.line)?,
             (None, FrameArg::World) => return Ok(None),
             (None, FrameArg::Link) => {
@@ -169,7 +174,8 @@ impl Contacts<'_> {
             }
         };
         if !robot.carries[link] {
-            let found = format!("{:?}, which carries no patch", robot.links[link]);
+            let chosen = if self.meaning.has_patches { "none of the patches of --patch" } else { "no patch" };
+            let found = format!("{:?}, which carries {chosen}", robot.links[link]);
             return Err(self.refusals.invalid(row.line, LINK, found, "a link with skin, or none"));
         }
         Ok(Some(link))
