@@ -446,3 +446,25 @@ fn a_name_of_two_links_is_refused() {
     assert_eq!((run.code, run.contacts()), (2, vec!["1"]), "{}", run.error);
     assert!(run.error.contains("line 2, column `link`: found \"arm\", the name of 2 links"), "{}", run.error);
 }
+
+/// However many links are unknown and columns are not used, the first few are named and all are counted.
+#[test]
+fn unknown_links_and_columns_are_counted() {
+    let folder = folder();
+    let links = |count: usize| (0..count).map(|k| format!("0,0,0,leg{k}\n")).collect::<String>();
+    for (count, others) in [(5, false), (300, true)] {
+        let table = format!("x,y,z,link\n0,0,0.9,\n{}0,0,0,leg3\n", links(count));
+        let error = lookup(&folder, &table, LEVEL_0).error;
+        assert!(error.contains("\"leg3\" 2, \"leg4\" 1"), "{error}");
+        assert_eq!(error.contains("\"leg4\" 1, of others 295\n"), others, "{error}");
+    }
+    for (count, note) in [
+        (1, "column `c0` is not used"),
+        (3, "columns `c0`, `c1`, `c2` are not used"),
+        (9, "columns `c0`, `c1`, `c2`, `c3`, `c4` and 4 more are not used"),
+    ] {
+        let names: String = (0..count).map(|k| format!(",c{k}")).collect();
+        let run = lookup(&folder, &format!("x,y,z{names}\n0,0,0.9{}\n", ",1".repeat(count)), LEVEL_0);
+        assert_eq!((run.code, run.error), (0, format!("note: in.csv: {note}\nwrote out.csv\n")));
+    }
+}

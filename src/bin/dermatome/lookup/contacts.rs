@@ -93,6 +93,23 @@ pub(super) fn open(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + Send>)>
     Ok((path, Box::new(File::open(path).map_err(fail)?)))
 }
 
+/// Columns that a note names.
+const NAMED: usize = 5;
+
+/// Names columns that are not read.
+fn note_columns(path: &Path, columns: &[String], common: &Common) {
+    let named: Vec<_> = columns.iter().take(NAMED).map(|name| format!("`{}`", plain(name))).collect();
+    let (path, named) = (path.display(), named.join(", "));
+    match columns.len() {
+        0 => {}
+        1 => note(common, format_args!("{path}: column {named} is not used")),
+        count if count <= NAMED => note(common, format_args!("{path}: columns {named} are not used")),
+        count => {
+            note(common, format_args!("{path}: columns {named} and {} more are not used", count - NAMED))
+        }
+    }
+}
+
 impl Contacts<'_> {
     /// Opens a table of which the columns `used` change the answer besides `x,y,z` and `link`.
     pub(super) fn open(
@@ -103,9 +120,7 @@ impl Contacts<'_> {
     ) -> anyhow::Result<Self> {
         let (name, input) = open(path)?;
         let (unknown, rows) = read_contacts(name, input).map_err(Error::from)?;
-        for column in unknown {
-            note(common, format_args!("{}: column `{column}` is not used", name.display()));
-        }
+        note_columns(name, &unknown, common);
         Ok(Self {
             rows: Box::new(rows),
             meaning,
@@ -190,7 +205,7 @@ impl Contacts<'_> {
                 (found, "the name of one link of the map alone")
             }
             (None, _) => {
-                *self.refusals.unknown_links.entry(plain(name)).or_default() += 1;
+                self.refusals.count_unknown_link(name);
                 (format!("{name:?}"), "the name of a link of the map")
             }
         };

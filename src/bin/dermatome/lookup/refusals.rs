@@ -4,9 +4,9 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use dermatome::{contact::ContactError, io::IoError};
 
-use crate::console::errors::advise;
+use crate::console::{errors::advise, print::plain};
 
-/// Refused rows that are quoted.
+/// Refused rows that are quoted, and names of unknown links.
 const QUOTED: usize = 5;
 
 pub(super) struct Refusals {
@@ -17,13 +17,15 @@ pub(super) struct Refusals {
     refused: u64,
     /// The first refused rows.
     quoted: Vec<IoError>,
-    /// Rows of each link that the map does not have.
-    pub(super) unknown_links: BTreeMap<String, u64>,
+    /// Rows of links that the map does not have: of the first few names, and of all others.
+    unknown_links: BTreeMap<String, u64>,
+    of_other_links: u64,
 }
 
 impl Refusals {
     pub(super) fn new(path: PathBuf) -> Self {
-        Self { path, count: 0, refused: 0, quoted: Vec::new(), unknown_links: BTreeMap::new() }
+        let (quoted, unknown_links) = (Vec::new(), BTreeMap::new());
+        Self { path, count: 0, refused: 0, quoted, unknown_links, of_other_links: 0 }
     }
 
     /// Counts the next row, and returns its place in the table and itself if it can be answered.
@@ -70,6 +72,16 @@ impl Refusals {
         written
     }
 
+    /// Counts a row of a link that the map does not have.
+    pub(super) fn count_unknown_link(&mut self, name: &str) {
+        let name = plain(name);
+        if self.unknown_links.len() < QUOTED || self.unknown_links.contains_key(&name) {
+            *self.unknown_links.entry(name).or_default() += 1;
+        } else {
+            self.of_other_links += 1;
+        }
+    }
+
     /// Rows that were read and not refused.
     pub(super) fn answered(&self) -> u64 {
         self.count - self.refused
@@ -86,8 +98,9 @@ impl Refusals {
         if refused > self.quoted.len() as u64 {
             what.push_str("; ...");
         }
-        let links: Vec<_> =
-            self.unknown_links.iter().take(QUOTED).map(|(name, rows)| format!("{name:?} {rows}")).collect();
+        let links = self.unknown_links.iter().map(|(name, rows)| format!("{name:?} {rows}"));
+        let others = (self.of_other_links > 0).then(|| format!("of others {}", self.of_other_links));
+        let links: Vec<_> = links.chain(others).collect();
         if !links.is_empty() {
             what.push_str(&format!("; rows of unknown links: {}", links.join(", ")));
         }
