@@ -393,6 +393,43 @@ fn reactive_answers_say_how_far_off_they_may_be() {
     }
 }
 
+/// Where a patch has no such level, its coarsest one answers, once.
+#[test]
+fn a_patch_without_a_level_answers_all_the_same() {
+    let mut fixture = Fixture::new();
+    let link = fixture.skin.patches[PatchId::new(0)].link;
+    let mut small = shapes::triangle();
+    small.positions.iter_mut().for_each(|p| *p = *p * 0.01 + DVec3::X);
+    fixture.skin.patches.push(Patch::from_mesh("small", link, small));
+    let map = build(&fixture.skin, &BuildOptions::default()).unwrap();
+    assert_eq!(map.patches[PatchId::new(1)].levels.len(), 1);
+    write_map(&fixture.path("map.glb"), &map).unwrap();
+    let contacts = fixture.file("c.csv", "x,y,z\n1.002,0.002,1\n0,0,0.9\n");
+    for (levels, expected) in [
+        (&["--level", "2"][..], &["0 0 small", "1 2 cap"][..]),
+        (&["--level", "1", "--level", "2"], &["0 0 small", "1 1 cap", "1 2 cap"]),
+    ] {
+        let table = output(fixture.lookup(&contacts).arg("--reactive").args(levels));
+        let found = rows(&table);
+        let found = found.iter().map(|row| format!("{} {} {}", row["contact"], row["level"], row["patch"]));
+        assert_eq!(found.collect::<Vec<_>>(), expected, "{levels:?}");
+    }
+}
+
+/// The finest level counts contacts that are off the skin, each once.
+#[test]
+fn reactive_answers_count_far_contacts_once() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z\n0,0,0.9\n0,0,0.89\n0,0,0.89\n");
+    for (levels, is_noted) in [(&["--level", "0"][..], true), (&[], true), (&["--level", "3"], false)] {
+        let mut command = fixture.lookup(&contacts);
+        let run = command.args(["--reactive", "--max-distance", "0.009"]).args(levels).output().unwrap();
+        let notes = String::from_utf8(run.stderr).unwrap();
+        let note = "2 of 3 contacts are off the skin, by more than 0.009 m";
+        assert_eq!(notes.contains(note), is_noted, "{levels:?}: {notes}");
+    }
+}
+
 #[test]
 fn taxels_are_counted_or_found_within_a_distance() {
     let fixture = Fixture::new();

@@ -94,7 +94,8 @@ pub(crate) struct Args {
 #[group(multiple = false)]
 struct QuestionArgs {
     /// Search each level alone, which is faster than level 0; the column `error` says how far the
-    /// distance may be from the exact one
+    /// distance may be from the exact one, and a contact is off the skin if it surely is. Where the
+    /// nearest patch has no such level, or follows several links, a finer one answers: see `level`
     #[arg(long)]
     reactive: bool,
     /// Give the N nearest taxels, and on other levels fields: `distance` is that of the centre

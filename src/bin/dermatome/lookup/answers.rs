@@ -10,7 +10,7 @@ use dermatome::{
     contact::{Area, ContactIndex, FieldHit, Hit, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
-    skin::Motion,
+    skin::{Motion, PatchId},
 };
 use glam::DVec3;
 
@@ -101,6 +101,15 @@ impl<'a> Answers<'a> {
     /// Whether poses depend on the time.
     pub(super) fn is_timed(motion: Option<&Motion>) -> bool {
         motion.and_then(Motion::times).is_some_and(|[first, last]| first < last)
+    }
+
+    /// Whether a contact that is this far from a patch, in m, is off the skin.
+    fn is_far(&self, patch: PatchId, away: f64) -> bool {
+        away > self.max_distance.unwrap_or_else(|| SPACINGS * self.spacing(patch))
+    }
+
+    fn spacing(&self, patch: PatchId) -> f64 {
+        self.index.spacing(patch).unwrap_or(0.0)
     }
 
     /// Answers all contacts of a table.
@@ -228,7 +237,9 @@ impl Rows<'_, '_> {
     /// A row for each level of the nearest point.
     fn nearest(&mut self, hit: &Hit) {
         let answers = self.answers;
-        let is_far = self.is_far(hit);
+        let away = hit.distance.abs();
+        let is_far = answers.is_far(hit.patch, away);
+        self.count(hit.patch, away);
         for (k, &level) in answers.robot.levels.iter().enumerate() {
             let Some(cell) = answers.index.cell(hit, level) else { continue };
             let patch = &answers.robot.patches[hit.patch];
@@ -246,18 +257,14 @@ impl Rows<'_, '_> {
         }
     }
 
-    /// Whether a contact is off the skin; then it is counted.
-    fn is_far(&self, hit: &Hit) -> bool {
+    /// Counts a contact that is this far from a patch, in m, if it is off the skin or nearly so.
+    fn count(&self, patch: PatchId, away: f64) {
         let answers = self.answers;
-        let spacing = answers.index.spacing(hit.patch).unwrap_or(0.0);
-        let away = hit.distance.abs();
-        let is_far = away > answers.max_distance.unwrap_or(SPACINGS * spacing);
-        if is_far {
+        if answers.is_far(patch, away) {
             answers.far.fetch_add(1, Ordering::Relaxed);
-        } else if answers.max_distance.is_none() && away > DOUBTFUL * spacing {
+        } else if answers.max_distance.is_none() && away > DOUBTFUL * answers.spacing(patch) {
             answers.doubtful.fetch_add(1, Ordering::Relaxed);
         }
-        is_far
     }
 
     fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {
@@ -266,23 +273,29 @@ impl Rows<'_, '_> {
         (self.emit)(&LookupRow { contact, level, distance, frame, place, extra });
     }
 
-    /// The nearest point of each level alone, with its error.
+    /// The nearest point of each level alone, with its error; a level that answers for another one has
+    /// one row. The finest level says whether the contact is counted as off the skin.
     fn reactive(&mut self) {
-        let Answers { robot, index, max_distance, .. } = self.answers;
-        let mut is_far = false;
-        for &level in &robot.levels {
-            let Ok(answer) = index.reactive(self.query, level) else { continue };
-            let Some(cell) = index.reactive_cell(&answer).filter(|cell| cell.level == level) else {
+        let Answers { robot, index, .. } = self.answers;
+        let mut given = Vec::new();
+        for &asked in &robot.levels {
+            let Ok(answer) = index.reactive(self.query, asked) else { continue };
+            let level = answer.level;
+            let Some(cell) = index.reactive_cell(&answer).filter(|_| !given.contains(&level)) else {
                 continue;
             };
-            let spacing = index.spacing(answer.patch).unwrap_or(0.0);
-            is_far = answer.distance.abs() > max_distance.unwrap_or(SPACINGS * spacing) + answer.error;
+            // The skin may be nearer than the level.
+            let away = answer.distance.abs() - answer.error;
+            if given.is_empty() {
+                self.count(answer.patch, away);
+            }
+            given.push(level);
+            let is_far = self.answers.is_far(answer.patch, away);
             let (position, normal) = (answer.position, answer.normal);
             let (patch, link) = (&robot.patches[answer.patch].name, &robot.links[answer.link]);
             let place = LookupPlace { patch, link, cell, position, normal };
             self.row(level, answer.distance, (!is_far).then_some(place), answer.error);
         }
-        self.answers.far.fetch_add(u64::from(is_far), Ordering::Relaxed);
     }
 
     /// The fields near the contact, or within the sphere of its radius.
