@@ -261,10 +261,16 @@ impl Rows<'_, '_> {
     fn count(&self, patch: PatchId, away: f64) {
         let answers = self.answers;
         if answers.is_far(patch, away) {
-            answers.far.fetch_add(1, Ordering::Relaxed);
+            self.count_off();
         } else if answers.max_distance.is_none() && away > DOUBTFUL * answers.spacing(patch) {
             answers.doubtful.fetch_add(1, Ordering::Relaxed);
         }
+    }
+
+    /// Counts a contact that is off the skin.
+    fn count_off(&self) {
+        self.answers.far.fetch_add(1, Ordering::Relaxed);
+        self.contact.is_off.store(true, Ordering::Relaxed);
     }
 
     fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {
@@ -356,7 +362,7 @@ impl Rows<'_, '_> {
 
     /// The rows of a contact without an answer: the distance from the skin on each level.
     fn off_skin(&mut self) {
-        self.answers.far.fetch_add(1, Ordering::Relaxed);
+        self.count_off();
         let Ok(hit) = self.answers.index.locate(self.query) else { return };
         for &level in &self.answers.robot.levels {
             self.row(level, hit.distance, None, 0.0);

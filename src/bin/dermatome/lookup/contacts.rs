@@ -4,6 +4,7 @@ use std::{
     fs::File,
     io::{Read, stdin},
     path::Path,
+    sync::atomic::AtomicBool,
 };
 
 use clap::ValueEnum;
@@ -48,6 +49,8 @@ pub(super) struct Contact {
     pub(super) radius: Option<f64>,
     /// In s.
     pub(super) time: Option<f64>,
+    /// Whether its answer is that it is off the skin.
+    pub(super) is_off: AtomicBool,
 }
 
 #[derive(Default)]
@@ -145,7 +148,7 @@ impl Contacts<'_> {
             });
             let Some((number, (query, row))) = self.refusals.sort(row)? else { continue };
             let ContactRow { normal, force, radius, time, .. } = row;
-            batch.contacts.push(Contact { number, normal, force, radius, time });
+            batch.contacts.push(Contact { number, normal, force, radius, time, is_off: false.into() });
             batch.queries.push(query);
         }
         Ok(batch)

@@ -1,6 +1,6 @@
 //! The forces of contacts as a recording that `render` reads.
 
-use std::path::Path;
+use std::{path::Path, sync::atomic::Ordering};
 
 use dermatome::{
     contact::{Area, ContactIndex, Press, Query, Spreader},
@@ -26,7 +26,8 @@ impl<'a> Readings<'a> {
         Ok(Self { writer, spreader: Spreader { map: &robot.map, disc }, frame: None, untouched: 0 })
     }
 
-    /// Adds contacts; those without a time are in the frame of time 0.
+    /// Adds contacts that are answered; those without a time are in the frame of time 0, those off the
+    /// skin press nothing.
     pub(super) fn add(
         &mut self,
         index: &ContactIndex,
@@ -40,6 +41,10 @@ impl<'a> Readings<'a> {
             }
             let frame = self.frame.get_or_insert_with(|| self.spreader.frame(time));
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
+            if contact.is_off.load(Ordering::Relaxed) {
+                self.untouched += 1;
+                continue;
+            }
             let sphere = |radius| Area::Sphere { centre: point, radius };
             let area = contact.radius.filter(|r| *r > 0.0).map_or(Area::Point(point), sphere);
             let press = Press { area, link, force };

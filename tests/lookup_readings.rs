@@ -1,0 +1,73 @@
+//! Readings of contacts: `lookup --readings`.
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use std::{fs, process::Output};
+
+use assert_cmd::Command;
+use dermatome::{io::write_map, map::SkinMap, mesh::shapes};
+use tempfile::TempDir;
+
+/// A plane of 40 x 40 mm with a taxel every 5 mm, and its map.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let map = SkinMap::flat(shapes::lattice(9, 9, 0.005), 1e-3);
+    write_map(&folder.path().join("map.glb"), &map).unwrap();
+    folder
+}
+
+/// Looks up a table; answers go to standard output, readings to `touch.csv`.
+fn lookup(folder: &TempDir, table: &str, options: &[&str]) -> Output {
+    fs::write(folder.path().join("in.csv"), table).unwrap();
+    _ = fs::remove_file(folder.path().join("touch.csv"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    command.current_dir(folder).args(["lookup", "map.glb", "in.csv", "--level", "0"]).args(options);
+    command.output().unwrap()
+}
+
+fn notes(output: &Output) -> &str {
+    std::str::from_utf8(&output.stderr).unwrap()
+}
+
+/// Time and sum of each frame of the readings.
+fn frames(folder: &TempDir) -> Vec<(f64, f64)> {
+    let text = fs::read_to_string(folder.path().join("touch.csv")).unwrap();
+    let frame = |line: &str| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        (cells[0], cells[1..].iter().sum())
+    };
+    text.lines().skip(1).map(frame).collect()
+}
+
+const READINGS: [&str; 2] = ["--readings", "touch.csv"];
+
+/// What the answers call off the skin touches no taxel, by whatever limit.
+#[test]
+fn contacts_off_the_skin_press_nothing() {
+    let folder = folder();
+    let table = "x,y,z,force,radius\n0.02,0.02,0.004,1,\n0.02,0.02,0.004,2,0.01\n0.02,0.02,0.06,4,0.08\n";
+    for (options, sum, untouched) in [
+        (&[][..], 3.0, Some(1)),
+        (&["--max-distance", "0.003"], 0.0, Some(3)),
+        (&["--max-distance", "inf"], 7.0, None),
+        (&["--reactive", "--max-distance", "0.003"], 0.0, Some(3)),
+        (&["--nearest", "1", "--max-distance", "0.003"], 0.0, Some(3)),
+        (&["--within", "0.005"], 7.0, None),
+    ] {
+        let run = lookup(&folder, table, &[&READINGS, options].concat());
+        let found = frames(&folder);
+        assert!(found.len() == 1 && (found[0].1 - sum).abs() < 1e-12, "{options:?}: {found:?}");
+        let note = untouched.map(|count| format!("{count} contacts with a force touch no taxel"));
+        assert_eq!(notes(&run).contains("touch no taxel"), note.is_some(), "{}", notes(&run));
+        assert!(note.is_none_or(|note| notes(&run).contains(&note)), "{options:?}: {}", notes(&run));
+    }
+}
+
+#[test]
+fn readings_of_rays_are_refused() {
+    let folder = folder();
+    let table = "x,y,z,nx,ny,nz,force\n0.02,0.02,0.01,0,0,-1,1\n";
+    let run = lookup(&folder, table, &["--ray", "--readings", "touch.csv"]);
+    assert_eq!(run.status.code(), Some(2), "{}", notes(&run));
+    assert!(notes(&run).contains("cannot be used with") && !folder.path().join("touch.csv").exists());
+}
