@@ -71,3 +71,49 @@ fn readings_of_rays_are_refused() {
     assert_eq!(run.status.code(), Some(2), "{}", notes(&run));
     assert!(notes(&run).contains("cannot be used with") && !folder.path().join("touch.csv").exists());
 }
+
+/// Contacts of one time in a row are a frame; others of that time are another one, which a note counts.
+#[test]
+fn times_that_go_back_are_noted() {
+    let folder = folder();
+    for (times, expected, backwards) in [
+        (&["0", "0", "1", "1"][..], &[0.0, 1.0][..], None),
+        (&["0", "1", "0", "", "1", "0.5"], &[0.0, 1.0, 0.0, 1.0, 0.5], Some(2)),
+    ] {
+        let rows: String = times.iter().map(|time| format!("0.02,0.02,0,1,{time}\n")).collect();
+        let run = lookup(&folder, &format!("x,y,z,force,time\n{rows}"), &READINGS);
+        let found: Vec<_> = frames(&folder).into_iter().map(|(time, _)| time).collect();
+        assert_eq!(found, expected, "{}", notes(&run));
+        let note = backwards.map(|count| format!("note: {count} frames of the readings are earlier"));
+        assert_eq!(
+            notes(&run).matches("are earlier").count(),
+            usize::from(note.is_some()),
+            "{}",
+            notes(&run)
+        );
+        assert!(note.is_none_or(|note| notes(&run).contains(&note)), "{}", notes(&run));
+    }
+}
+
+/// A recording has a frame; a table of answers may be empty.
+#[test]
+fn a_table_without_contacts_makes_no_recording() {
+    let folder = folder();
+    let header = "x,y,z,force\n";
+    for name in ["touch.csv", "touch.npz"] {
+        let run = lookup(&folder, header, &["--readings", name, "-o", "out.csv"]);
+        assert!(run.status.code() == Some(2) && notes(&run).contains("in.csv: the table: found no contact"));
+        assert!(["out.csv", name].iter().all(|name| !folder.path().join(name).exists()));
+    }
+    let run = lookup(&folder, header, &[]);
+    assert!(run.status.success() && run.stdout.starts_with(b"contact,level"), "{}", notes(&run));
+}
+
+#[test]
+fn the_radius_of_taxels_needs_readings() {
+    let folder = folder();
+    let run = lookup(&folder, "x,y,z\n0.02,0.02,0\n", &["--taxel-radius-mm", "3"]);
+    assert!(run.status.code() == Some(2) && notes(&run).contains("--readings"), "{}", notes(&run));
+    let run = lookup(&folder, "x,y,z\n0.02,0.02,0\n", &[]);
+    assert!(run.status.success(), "{}", notes(&run));
+}

@@ -80,12 +80,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME")]
     animation: Option<String>,
     /// Write the forces of the contacts, spread over the taxels, as a recording that `render` reads:
-    /// a .csv or .npz. A contact with a radius is a sphere around x,y,z; those of one time are one
-    /// frame, those off the skin press nothing
+    /// a .csv or .npz. A contact with a radius is a sphere around x,y,z; those of one time in a row are
+    /// one frame, those off the skin press nothing
     #[arg(long, value_name = "OUT.csv", conflicts_with = "ray")]
     readings: Option<PathBuf>,
-    /// Radius of the discs on which taxels feel, in mm
-    #[arg(long, value_name = "R", default_value_t = 2.0, value_parser = finite_length)]
+    /// Radius of the discs on which taxels feel, in mm, for --readings
+    #[arg(long, value_name = "R", default_value_t = 2.0, value_parser = finite_length, requires = "readings")]
     taxel_radius_mm: f64,
 }
 

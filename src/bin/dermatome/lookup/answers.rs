@@ -18,7 +18,7 @@ use crate::{
     console::notes::note,
     lookup::{
         contacts::{Batch, Contact, Contacts},
-        readings::Readings,
+        readings::{Counts, Readings},
         refusals::unanswered,
         robot::Robot,
     },
@@ -64,8 +64,7 @@ pub(super) struct Answers<'a> {
     doubtful: AtomicU64,
     /// Contacts without a time, or with one outside the motion, whose nearest pose is taken.
     held: u64,
-    /// Contacts with a force that touched no taxel.
-    untouched: u64,
+    pressed: Counts,
 }
 
 impl<'a> Answers<'a> {
@@ -89,7 +88,7 @@ impl<'a> Answers<'a> {
             far,
             doubtful: AtomicU64::new(0),
             held: 0,
-            untouched: 0,
+            pressed: Counts::default(),
         }
     }
 
@@ -135,8 +134,7 @@ impl<'a> Answers<'a> {
         }
         contacts.refusals.check_any()?;
         if let Some(readings) = self.readings.take() {
-            self.untouched = readings.untouched();
-            readings.finish()?;
+            self.pressed = readings.finish(&contacts.refusals.path)?;
         }
         table.finish()
     }
@@ -215,13 +213,7 @@ impl<'a> Answers<'a> {
                 "contacts without a time or outside the times of the poses: the first or last pose is taken";
             note(common, format_args!("{} {what}", self.held));
         }
-        if self.untouched > 0 {
-            let off = self.untouched;
-            note(
-                common,
-                format_args!("{off} contacts with a force touch no taxel: their force is in no reading"),
-            );
-        }
+        self.pressed.note(common);
     }
 }
 

@@ -8,14 +8,41 @@ use dermatome::{
     signal::{Channel, Frame},
 };
 
-use crate::lookup::{contacts::Contact, refusals::unanswered, robot::Robot};
+use crate::{
+    console::notes::note,
+    lookup::{contacts::Contact, refusals::unanswered, robot::Robot},
+    options::Common,
+};
 
 /// A recording of forces, in N: contacts of one time in a row are a frame.
 pub(super) struct Readings<'a> {
     writer: ReadingsWriter,
     spreader: Spreader<'a>,
     frame: Option<Frame>,
+    counts: Counts,
+}
+
+/// What of the contacts is not in the recording, or not in order.
+#[derive(Debug, Default)]
+pub(super) struct Counts {
+    /// Contacts with a force that touched no taxel.
     untouched: u64,
+    /// Frames that are earlier than the one before.
+    backwards: u64,
+}
+
+impl Counts {
+    pub(super) fn note(&self, common: &Common) {
+        let Self { untouched, backwards } = self;
+        if *untouched > 0 {
+            let what = "contacts with a force touch no taxel: their force is in no reading";
+            note(common, format_args!("{untouched} {what}"));
+        }
+        if *backwards > 0 {
+            let what = "frames of the readings are earlier than the one before: sort the contacts by time";
+            note(common, format_args!("{backwards} {what}"));
+        }
+    }
 }
 
 impl<'a> Readings<'a> {
@@ -23,7 +50,12 @@ impl<'a> Readings<'a> {
     pub(super) fn create(path: &Path, robot: &'a Robot, disc: f64) -> Result<Self, IoError> {
         let taxels = robot.map.patches.iter().map(|patch| &patch.taxels);
         let writer = ReadingsWriter::create(path, taxels, &Channel::new("force", "N"))?;
-        Ok(Self { writer, spreader: Spreader { map: &robot.map, disc }, frame: None, untouched: 0 })
+        Ok(Self {
+            writer,
+            spreader: Spreader { map: &robot.map, disc },
+            frame: None,
+            counts: Counts::default(),
+        })
     }
 
     /// Adds contacts that are answered; those without a time are in the frame of time 0, those off the
@@ -37,33 +69,42 @@ impl<'a> Readings<'a> {
         for (contact, &Query { point, link }) in contacts.iter().zip(queries) {
             let time = contact.time.unwrap_or(0.0);
             if let Some(frame) = self.frame.take_if(|frame| frame.time != time) {
+                self.counts.backwards += u64::from(time < frame.time);
                 self.writer.write(&frame)?;
             }
             let frame = self.frame.get_or_insert_with(|| self.spreader.frame(time));
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
             if contact.is_off.load(Ordering::Relaxed) {
-                self.untouched += 1;
+                self.counts.untouched += 1;
                 continue;
             }
             let sphere = |radius| Area::Sphere { centre: point, radius };
             let area = contact.radius.filter(|r| *r > 0.0).map_or(Area::Point(point), sphere);
             let press = Press { area, link, force };
             if !self.spreader.add(index, &press, frame).map_err(unanswered)? {
-                self.untouched += 1;
+                self.counts.untouched += 1;
             }
         }
         Ok(())
     }
 
-    /// Contacts with a force that touched no taxel.
-    pub(super) fn untouched(&self) -> u64 {
-        self.untouched
-    }
-
-    pub(super) fn finish(mut self) -> Result<(), IoError> {
-        if let Some(frame) = self.frame.take() {
-            self.writer.write(&frame)?;
-        }
-        self.writer.finish()
+    /// Ends the recording of the contacts of this table.
+    ///
+    /// # Errors
+    /// If it has none: a recording needs a frame.
+    pub(super) fn finish(mut self, contacts: &Path) -> Result<Counts, IoError> {
+        let Some(frame) = self.frame.take() else {
+            let (found, needed) =
+                ("no contact".into(), "a contact for the first frame of the readings".into());
+            return Err(IoError::Invalid {
+                path: contacts.into(),
+                element: "the table".into(),
+                found,
+                needed,
+            });
+        };
+        self.writer.write(&frame)?;
+        self.writer.finish()?;
+        Ok(self.counts)
     }
 }
