@@ -4,7 +4,9 @@
 mod triangle_distance;
 
 use dermatome::{
-    contact::{Area, ContactError, ContactIndex, IndexOptions, MapIndex, Packing, Press, Query, Spreader},
+    contact::{
+        Area, ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Packing, Press, Query, Spreader,
+    },
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
@@ -123,7 +125,9 @@ proptest! {
                 let mut found = Vec::new();
                 maps.places(PatchId::new(0), level, uv, &mut found).unwrap();
                 let place = found.iter().find(|place| place.cell.point.face == face).unwrap();
-                let (position, normal) = maps.posed(&index, place).unwrap();
+                let MapPlace { position, normal, .. } = maps.posed(&index, place).unwrap();
+                let pose = posed[LinkId::new(1)];
+                let (position, normal) = (pose.transform_point3(position), pose.transform_vector3(normal));
                 prop_assert!(position.distance(bent.point(&place.cell.point)) < 1e-9);
                 let [a, b, c] = bent.corners(face);
                 prop_assert!(normal.dot((b - a).cross(c - a).normalize_or(normal)) > 1.0 - 1e-9);

@@ -193,26 +193,26 @@ impl MapIndex {
         Ok(())
     }
 
-    /// The point of a place and the outward unit normal there, in the world, on the robot as `index` is
-    /// posed: an index of the same map. `None` if the place is not one of that map.
+    /// The same place on the robot as `index` is posed, an index of the same map: on a patch that follows
+    /// several links the point and its normal move in the frame of the patch's link. `None` if the
+    /// place is not one of that map.
     #[must_use]
-    pub fn posed(&self, index: &ContactIndex, place: &MapPlace) -> Option<(DVec3, DVec3)> {
+    pub fn posed(&self, index: &ContactIndex, place: &MapPlace) -> Option<MapPlace> {
         let patch = index.patches.get(place.patch)?;
-        let (mut position, mut normal) = (place.position, place.normal);
-        if patch.blend.is_some() {
-            let sheet = self.patches.get(place.patch)?.levels.get(place.cell.level)?;
-            let SurfacePoint { face, barycentric } = place.cell.point;
-            let fields = sheet.mesh.triangles.get(face)?;
-            let vertices = &patch.tree.mesh.positions;
-            if sheet.vertices != vertices.len() {
-                return None;
-            }
-            let at = |field: VertexId| vertices[sheet.origins[field]];
-            position = fields.iter().zip(barycentric).map(|(&field, weight)| at(field) * weight).sum();
-            normal = sheet.normal(at, face, Feature::at(barycentric)).normalize_or_zero();
+        if patch.blend.is_none() {
+            return Some(*place);
         }
-        let pose = &index.links[patch.link].pose;
-        Some((pose.to_world(position), pose.turned(normal)))
+        let sheet = self.patches.get(place.patch)?.levels.get(place.cell.level)?;
+        let SurfacePoint { face, barycentric } = place.cell.point;
+        let fields = sheet.mesh.triangles.get(face)?;
+        let vertices = &patch.tree.mesh.positions;
+        if sheet.vertices != vertices.len() {
+            return None;
+        }
+        let at = |field: VertexId| vertices[sheet.origins[field]];
+        let position = fields.iter().zip(barycentric).map(|(&field, weight)| at(field) * weight).sum();
+        let normal = sheet.normal(at, face, Feature::at(barycentric)).normalize_or_zero();
+        Some(MapPlace { position, normal, ..*place })
     }
 }
 

@@ -169,7 +169,7 @@ fn count(text: &str) -> Result<usize, String> {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     check_outputs(args)?;
     let robot = Robot::read(&args.map, &args.patches, &args.levels, common)?;
-    let motion = robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref())?;
+    let motion = robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?;
     let question = args.question.question();
     let options = IndexOptions {
         levels: question == Question::Reactive,

@@ -7,12 +7,11 @@ use std::{
 };
 
 use dermatome::{
-    contact::{Area, ContactIndex, FieldHit, Hit, Query},
+    contact::{Area, ContactIndex, Hit, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
     skin::{Motion, PatchId},
 };
-use glam::DVec3;
 
 use crate::{
     console::notes::note,
@@ -300,7 +299,6 @@ impl Rows<'_, '_> {
     fn fields(&mut self) {
         let Answers { robot, index, question, max_distance, .. } = self.answers;
         let Query { point, link } = self.query;
-        let poses = index.poses();
         let mut is_far = true;
         for &level in &robot.levels {
             let found = match question {
@@ -317,25 +315,14 @@ impl Rows<'_, '_> {
                     continue;
                 }
                 is_far = false;
-                let normal = self.normal(&field);
-                // In the frame of the contact.
-                let normal =
-                    if link.is_some() { normal } else { poses[field.link].transform_vector3(normal) };
                 let (patch, link) = (&robot.patches[field.patch].name, &robot.links[field.link]);
-                let place = LookupPlace { patch, link, cell, position: field.position, normal };
+                let place = LookupPlace { patch, link, cell, position: field.position, normal: field.normal };
                 self.row(level, field.distance, Some(place), 0.0);
             }
         }
         if is_far {
             self.off_skin();
         }
-    }
-
-    /// The normal of the taxel at the centre of a field, in the frame of its link.
-    fn normal(&self, field: &FieldHit) -> DVec3 {
-        let patch = &self.answers.robot.map.patches[field.patch];
-        let taxel = patch.levels[field.level].level.origins[field.field];
-        patch.taxels.normals[taxel]
     }
 
     /// Where the ray along the contact's normal meets the skin.

@@ -15,6 +15,7 @@ use glam::{DAffine3, DVec2};
 use crate::{
     console::notes::note,
     lookup::{
+        answers::Answers,
         contacts::{FrameArg, LARGEST, open},
         refusals::{Refusals, unanswered},
         robot::Robot,
@@ -57,6 +58,9 @@ impl<'a> Back<'a> {
     ) -> anyhow::Result<Self> {
         if let Some((motion, [start, _])) = motion.and_then(|m| Some((m, m.times()?))) {
             index.set_motion(motion, start).map_err(Error::from)?;
+            if Answers::is_timed(Some(motion)) {
+                note(common, format_args!("places have no times: the links are posed as at {start} s"));
+            }
         }
         let maps = MapIndex::new(&robot.map).map_err(Error::from)?;
         let (name, input) = open(path)?;
@@ -82,6 +86,9 @@ impl<'a> Back<'a> {
                 let first = found.len();
                 self.maps.places(place.patch, place.level, place.uv, &mut found).map_err(unanswered)?;
                 self.off_chart += u64::from(found[first..].iter().any(|place| place.off_chart > 0.0));
+                for place in &mut found[first..] {
+                    *place = self.maps.posed(&self.index, place).unwrap_or(*place);
+                }
                 from.push(found.len());
             }
             let back = &*self;

@@ -27,7 +27,6 @@ pub(super) struct Robot {
     pub(super) carries: IdVec<LinkId, bool>,
     /// The levels that are asked for.
     pub(super) levels: Vec<LevelId>,
-    common: Common,
 }
 
 /// What answers need of a patch besides the index.
@@ -78,7 +77,6 @@ impl Robot {
             links: link_names(&map.links),
             patches: map.patches.iter().map(PatchFacts::of).collect(),
             levels: levels.collect(),
-            common: common.clone(),
             map,
         })
     }
@@ -90,6 +88,7 @@ impl Robot {
         map: &Path,
         pose: Option<&Path>,
         animation: Option<&str>,
+        common: &Common,
     ) -> anyhow::Result<Option<Motion>> {
         let own = self.map.animations.iter().find(|own| Some(own.name.as_str()) == animation);
         let (path, read) = match (pose, own) {
@@ -104,13 +103,8 @@ impl Robot {
                 (path, read_motion(path, animation, &self.map.links).map_err(Error::from)?)
             }
         };
-        note_unused(path, &read, &self.common);
+        note_unused(path, &read, common);
         Ok(Some(read.motion))
-    }
-
-    /// The first link of this name.
-    pub(super) fn link(&self, name: &str) -> Option<LinkId> {
-        self.links.enumerate().find(|(_, other)| *other == name).map(|(id, _)| id)
     }
 
     /// The link that carries all patches, if one does.
