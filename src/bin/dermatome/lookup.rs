@@ -81,7 +81,7 @@ pub(crate) struct Args {
     animation: Option<String>,
     /// Write the forces of the contacts, spread over the taxels, as a recording that `render` reads:
     /// a .csv or .npz. A contact with a radius is a sphere around x,y,z; those of one time in a row are
-    /// one frame, those off the skin press nothing
+    /// one frame, points off the skin press nothing
     #[arg(long, value_name = "OUT.csv", conflicts_with = "ray")]
     readings: Option<PathBuf>,
     /// Radius of the discs on which taxels feel, in mm, for --readings

@@ -58,8 +58,8 @@ impl<'a> Readings<'a> {
         })
     }
 
-    /// Adds contacts that are answered; those without a time are in the frame of time 0, those off the
-    /// skin press nothing.
+    /// Adds contacts that are answered; those without a time are in the frame of time 0, points off
+    /// the skin press nothing, spheres press where they touch it.
     pub(super) fn add(
         &mut self,
         index: &ContactIndex,
@@ -74,12 +74,14 @@ impl<'a> Readings<'a> {
             }
             let frame = self.frame.get_or_insert_with(|| self.spreader.frame(time));
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
-            if contact.is_off.load(Ordering::Relaxed) {
-                self.counts.untouched += 1;
-                continue;
-            }
-            let sphere = |radius| Area::Sphere { centre: point, radius };
-            let area = contact.radius.filter(|r| *r > 0.0).map_or(Area::Point(point), sphere);
+            let area = match contact.radius.filter(|r| *r > 0.0) {
+                Some(radius) => Area::Sphere { centre: point, radius },
+                None if contact.is_off.load(Ordering::Relaxed) => {
+                    self.counts.untouched += 1;
+                    continue;
+                }
+                None => Area::Point(point),
+            };
             let press = Press { area, link, force };
             if !self.spreader.add(index, &press, frame).map_err(unanswered)? {
                 self.counts.untouched += 1;
