@@ -297,6 +297,10 @@ fn filters_leave_out_what_a_contact_cannot_have_touched() {
     assert!(ask(Filter { side: Some(Side::Inner), ..Filter::default() }).is_none());
     assert!(ask(Filter { facing: Some((DVec3::Z * 3.0, 0.9)), ..Filter::default() }).is_some());
     assert!(ask(Filter { facing: Some((DVec3::X, 0.9)), ..Filter::default() }).is_none());
+    for distance in [-1.0, f64::NAN] {
+        let refused = index.locate_admitted(above, &Filter { within: distance, ..Filter::default() });
+        assert!(matches!(refused, Err(ContactError::NoDistance { .. })), "{refused:?}");
+    }
     assert!(
         index
             .locate_admitted(above, &Filter { facing: Some((DVec3::ZERO, 0.9)), ..Filter::default() })

@@ -70,6 +70,12 @@ pub enum ContactError {
     /// A volume whose numbers are not finite, or negative where they must not be.
     #[error("a volume needs finite numbers, a radius and sides of at least 0 and a unit rotation")]
     NoVolume,
+    /// A largest distance that is negative or not a number.
+    #[error("a largest distance is a length of at least 0, not {distance}")]
+    NoDistance {
+        /// What was given, in m.
+        distance: f64,
+    },
     /// A ray or a direction without length.
     #[error("a ray needs finite numbers, a direction with a length and an end in front of its origin")]
     NoRay,

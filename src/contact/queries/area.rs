@@ -274,7 +274,8 @@ impl ContactIndex {
     /// The nearest point of the skin of those that `filter` admits, if there is one.
     ///
     /// # Errors
-    /// As [`ContactIndex::locate`], and if the direction of the filter has no length.
+    /// As [`ContactIndex::locate`], if the direction of the filter has no length, or if its distance is
+    /// negative or not a number.
     pub fn locate_admitted(
         &self,
         query: impl Into<Query>,
@@ -286,6 +287,10 @@ impl ContactIndex {
             direction.try_normalize().map(|unit| (unit, cosine)).ok_or(ContactError::NoRay)
         };
         let normal = filter.facing.map(unit).transpose()?;
+        // Also true for NaN.
+        if !(filter.within >= 0.0) {
+            return Err(ContactError::NoDistance { distance: filter.within });
+        }
         let mut best = None;
         self.each_patch(&query, filter.within, |id, q| {
             let patch = &self.patches[id];
