@@ -287,8 +287,7 @@ impl ContactIndex {
             direction.try_normalize().map(|unit| (unit, cosine)).ok_or(ContactError::NoRay)
         };
         let normal = filter.facing.map(unit).transpose()?;
-        // Also true for NaN.
-        if !(filter.within >= 0.0) {
+        if filter.within < 0.0 || filter.within.is_nan() {
             return Err(ContactError::NoDistance { distance: filter.within });
         }
         let mut best = None;

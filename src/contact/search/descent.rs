@@ -16,6 +16,9 @@ pub(super) trait Visitor<L: Lanes> {
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32);
 }
 
+/// Nodes whose boxes are compared before the walk (*heuristic*: four meet where the tree is divided).
+pub(super) const BRANCHES: usize = 4;
+
 /// Boxes of a node, a bit for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::contact) struct Branch {
@@ -69,13 +72,15 @@ impl<'a, L: Lanes> Descent<'a, L> {
         self.drain(visitor);
     }
 
-    /// The same for the packets below some boxes alone, at least one.
+    /// The same for the packets below some boxes alone, of one to [`BRANCHES`] nodes.
     #[inline(always)]
     pub(super) fn run_below(&mut self, branches: &[Branch], visitor: &mut impl Visitor<L>) {
         let (l, tree) = (self.l, self.tree);
         let mut nearest = (f32::INFINITY, 0, 0);
-        for (k, Branch { node, lanes }) in branches.iter().enumerate() {
-            let squared = l.store(tree.nodes[*node as usize].distance_squared(l, self.point));
+        let mut away = ArrayVec::<_, BRANCHES>::new();
+        for (k, Branch { node, lanes }) in branches.iter().take(BRANCHES).enumerate() {
+            away.push(tree.nodes[*node as usize].distance_squared(l, self.point));
+            let squared = l.store(away[k]);
             for lane in (0..LANES).filter(|lane| lanes >> lane & 1 != 0) {
                 if squared[lane] < nearest.0 {
                     nearest = (squared[lane], k, lane);
@@ -85,9 +90,8 @@ impl<'a, L: Lanes> Descent<'a, L> {
         let (_, first, taken) = nearest;
         self.descend(tree.nodes[branches[first].node as usize].child(taken), visitor);
         self.drain(visitor);
-        for (k, Branch { node, lanes }) in branches.iter().enumerate() {
+        for (k, (Branch { node, lanes }, &squared)) in branches.iter().zip(&away).enumerate() {
             let node = &tree.nodes[*node as usize];
-            let squared = node.distance_squared(l, self.point);
             let other = u32::from(*lanes) & if k == first { !(1 << taken) } else { !0 };
             let mask = l.le(squared, l.splat(self.bound)) & other;
             if mask != 0 {

@@ -4,7 +4,7 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::{
-    descent::{Branch, Descent, Visitor},
+    descent::{BRANCHES, Branch, Descent, Visitor},
     lanes::{Kernel, LANES, Lanes},
     node8::Child,
     patch_bvh::PatchBvh,
@@ -14,9 +14,6 @@ use crate::{contact::geometry::Volume, id::FaceId, mesh::Closest};
 
 /// From this many radii away, the slack is as large as the smallest faces.
 const FAR: f64 = 1000.0;
-
-/// Nodes whose boxes are compared before the walk (*heuristic*: four meet where the tree is divided).
-pub(in crate::contact) const BRANCHES: usize = 4;
 
 impl PatchBvh {
     /// Appends every face that reaches into a volume (m, in the link's frame) with its distance

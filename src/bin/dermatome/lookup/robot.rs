@@ -68,7 +68,12 @@ impl Robot {
             let levels = patch.levels.len();
             if chosen.iter().any(|&level| level >= levels) {
                 let what = format!("{} has {levels} levels", plain(&patch.name));
-                note(common, format_args!("{what}; contacts on it get no row for levels above"));
+                note(
+                    common,
+                    format_args!(
+                        "{what}; contacts on it get no row for levels above, with --reactive that of the last"
+                    ),
+                );
             }
         }
         let levels = (0..most).filter(|k| chosen.is_empty() || chosen.contains(k)).map(LevelId::new);
