@@ -9,6 +9,7 @@ use dermatome::{
         Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, MapPlace, Packing, Press, Query,
         Side, Spreader,
     },
+    cut::Cut,
     id::VertexId,
     map::SkinMap,
     mesh::shapes,
@@ -212,6 +213,27 @@ proptest! {
         prop_assert_eq!(sums, [if touched { force } else { 0.0 }; 2], "to the last bit, in any order");
         prop_assert!(frame.values[id][0].iter().filter(live).all(|f| *f >= -1e-15));
         prop_assert!(touched || kind != 0, "a point 1 cm off touches");
+    }
+}
+
+/// Along the seam of a cut map a taxel has its normal from the faces on both sides.
+#[test]
+fn normals_on_a_seam_are_those_of_the_skin() {
+    let skin = Skin::from_mesh("torus", shapes::torus(30, 14, 0.1, 0.04));
+    let map = build(&skin, &BuildOptions { cut: Cut::AreaRatio(1.1), ..BuildOptions::default() }).unwrap();
+    let (index, maps) = (ContactIndex::new(&map).unwrap(), MapIndex::new(&map).unwrap());
+    let (patch, level) = (PatchId::new(0), LevelId::new(0));
+    let flat = &map.patches[patch].levels[level];
+    assert_ne!(flat.corners(), &flat.level.mesh.triangles, "it is cut");
+    for (face, corners) in flat.level.mesh.triangles.enumerate() {
+        for (&vertex, &place) in corners.iter().zip(&flat.corners()[face]) {
+            let mut found = Vec::new();
+            maps.places(patch, level, flat.uv[place], &mut found).unwrap();
+            let position = flat.level.mesh.positions[vertex];
+            let here = found.iter().find(|other| other.position.distance(position) < 1e-9).unwrap();
+            let expected = index.locate(position).unwrap().normal;
+            assert!(here.normal.distance(expected) < 1e-6, "{} instead of {expected}", here.normal);
+        }
     }
 }
 
