@@ -24,6 +24,27 @@ pub(crate) fn note(common: &Common, text: impl fmt::Display) {
 /// More remarks of one kind than this become one note.
 const MOST_ALIKE: usize = 3;
 
+/// Names that a note quotes.
+const NAMED: usize = 5;
+
+/// The first few names, and how many there are besides.
+pub(crate) fn first_names(names: &[String]) -> String {
+    let named: Vec<_> = names.iter().take(NAMED).map(|name| format!("`{}`", plain(name))).collect();
+    let others = names.len().saturating_sub(NAMED);
+    let more = if others > 0 { format!(" and {others} more") } else { String::new() };
+    named.join(", ") + &more
+}
+
+/// Says which columns of a table change nothing.
+pub(crate) fn note_columns(path: &Path, columns: &[String], common: &Common) {
+    let (path, named) = (path.display(), first_names(columns));
+    match columns.len() {
+        0 => {}
+        1 => note(common, format_args!("{path}: column {named} is not used")),
+        _ => note(common, format_args!("{path}: columns {named} are not used")),
+    }
+}
+
 /// Prints remarks in their order; many of one kind as one note, unless all are asked for.
 pub(crate) fn note_remarks(remarks: &[Remark], common: &Common) {
     let kind = |remark: &Remark| mem::discriminant(&remark.kind);

@@ -13,7 +13,7 @@ use dermatome::{
 use glam::{DAffine3, DVec2};
 
 use crate::{
-    console::notes::note,
+    console::notes::{note, note_columns},
     lookup::{
         answers::Answers,
         contacts::{FrameArg, LARGEST, open},
@@ -65,10 +65,7 @@ impl<'a> Back<'a> {
         let maps = MapIndex::new(&robot.map).map_err(Error::from)?;
         let (name, input) = open(path)?;
         let (unknown, rows) = read_map_places(name, input).map_err(Error::from)?;
-        if !unknown.is_empty() {
-            let columns = unknown.join(", ");
-            note(common, format_args!("{}: columns not used: {columns}", name.display()));
-        }
+        note_columns(name, &unknown, common);
         let refusals = Refusals::new(name.to_owned());
         Ok(Self { robot, index, maps, frame, unit, rows: Box::new(rows), refusals, off_chart: 0 })
     }

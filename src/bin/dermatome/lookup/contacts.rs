@@ -17,7 +17,7 @@ use dermatome::{
 use glam::DVec3;
 
 use crate::{
-    console::{notes::note, print::plain},
+    console::notes::{note, note_columns},
     files::outputs::is_stream,
     lookup::{refusals::Refusals, robot::Robot},
     options::{Common, Unit},
@@ -94,23 +94,6 @@ pub(super) fn open(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + Send>)>
     }
     let fail = |source| Error::from(IoError::Read { path: path.to_owned(), source });
     Ok((path, Box::new(File::open(path).map_err(fail)?)))
-}
-
-/// Columns that a note names.
-const NAMED: usize = 5;
-
-/// Names columns that are not read.
-fn note_columns(path: &Path, columns: &[String], common: &Common) {
-    let named: Vec<_> = columns.iter().take(NAMED).map(|name| format!("`{}`", plain(name))).collect();
-    let (path, named) = (path.display(), named.join(", "));
-    match columns.len() {
-        0 => {}
-        1 => note(common, format_args!("{path}: column {named} is not used")),
-        count if count <= NAMED => note(common, format_args!("{path}: columns {named} are not used")),
-        count => {
-            note(common, format_args!("{path}: columns {named} and {} more are not used", count - NAMED))
-        }
-    }
 }
 
 impl Contacts<'_> {

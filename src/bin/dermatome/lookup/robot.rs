@@ -14,7 +14,11 @@ use dermatome::{
 use glob::Pattern;
 
 use crate::{
-    console::{errors::advise, notes::note, print::plain},
+    console::{
+        errors::advise,
+        notes::{first_names, note, note_columns},
+        print::plain,
+    },
     files::{input::select_patches, outputs},
     options::Common,
 };
@@ -126,18 +130,12 @@ fn is_gltf(path: &Path) -> bool {
 
 /// Says what of a file changes no pose.
 fn note_unused(path: &Path, read: &MotionFile, common: &Common) {
-    /// Names that are quoted.
-    const QUOTED: usize = 5;
     let name = path.display();
-    let mut names: Vec<_> =
-        read.unused.iter().take(QUOTED).map(|name| format!("`{}`", plain(name))).collect();
-    names.extend((read.unused.len() > QUOTED).then(|| format!("{} more", read.unused.len() - QUOTED)));
-    let (names, is_one) = (names.join(", "), read.unused.len() == 1);
-    match (is_gltf(path), is_one) {
-        _ if names.is_empty() => {}
-        (true, _) => note(common, format_args!("{name}: the map has no link for the animated {names}")),
-        (false, true) => note(common, format_args!("{name}: column {names} is not used")),
-        (false, false) => note(common, format_args!("{name}: columns {names} are not used")),
+    if !is_gltf(path) {
+        note_columns(path, &read.unused, common);
+    } else if !read.unused.is_empty() {
+        let nodes = first_names(&read.unused);
+        note(common, format_args!("{name}: the map has no link for the animated {nodes}"));
     }
     if read.motion.times().is_none() {
         note(common, format_args!("{name}: the animation moves no link of the map"));
