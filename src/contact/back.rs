@@ -4,6 +4,7 @@
 //! in a plane, for the nearest place where there is none and for crowds. Where a map overlaps itself a
 //! place lies on several sheets, and each is answered.
 
+use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
 use crate::{
@@ -11,7 +12,7 @@ use crate::{
         Cell, ContactError, ContactIndex,
         cell::OwnFace,
         geometry::pseudo_normal,
-        plane_grid::PlaneGrid,
+        plane_grid::{CROWD, PlaneGrid},
         search::{Best, LARGEST, Packing, PatchBvh, Search},
     },
     id::{FaceId, IdVec, VertexId},
@@ -28,6 +29,10 @@ const ON_CHART: f64 = 1e-12;
 /// Points of the surface this near to each other are one, where triangles of the map meet, as a part
 /// of the size of the patch.
 const SAME_POINT: f64 = 1e-9;
+
+/// A place is clear of the sides of a triangle if the areas that it forms with them are more than this
+/// part of the squares of its distances from the corners: far more than rounding, as for slivers.
+const CLEAR: f64 = 1e-8;
 
 /// The maps of all levels made ready for the way back to the surface.
 #[derive(Debug, Clone)]
@@ -154,41 +159,29 @@ impl MapIndex {
             return Err(ContactError::NotFinite { contact: 0, point: point.to_array() });
         }
         let first = found.len();
+        let mut faces = ArrayVec::<(FaceId, Closest), CROWD>::new();
         let is_listed = sheet.grid.each_at(uv, |face| {
-            let ids = sheet.tree.mesh.triangles[face];
-            let corners = ids.map(|place| sheet.places[place].uv);
-            if is_beyond(uv, corners, sheet.on_chart) {
-                return;
-            }
-            let closest = closest_point(point, corners.map(|uv| uv.extend(0.0)), ids);
-            if closest.squared <= sheet.on_chart * sheet.on_chart {
-                found.push(sheet.place(map, (patch, level), face, closest, 0.0));
-            }
+            faces.extend(sheet.at(uv, face).map(|closest| (face, closest)));
         });
+        for &(face, closest) in &faces {
+            found.push(sheet.place(map, (patch, level), face, closest, 0.0));
+        }
         if !is_listed {
             sheet.tree.each_around(point, sheet.on_chart, |face, closest| {
                 found.push(sheet.place(map, (patch, level), face, closest, 0.0));
             });
         }
-        if found.len() > first {
-            found[first..].sort_unstable_by_key(|place| place.cell.point.face);
-            // Where faces meet, the first one answers for all.
-            let mut kept = first;
-            for k in first..found.len() {
-                let is_new = |other: &MapPlace| other.position.distance(found[k].position) > sheet.same_point;
-                if found[first..kept].iter().all(is_new) {
-                    found.swap(kept, k);
-                    kept += 1;
-                }
+        match found.len() - first {
+            0 => {
+                let mut best = None;
+                Search::new(&sheet.tree, patch, point).run(&mut best);
+                let nearest = best.map(|Best { face, closest, .. }| {
+                    sheet.place(map, (patch, level), face, closest, closest.squared.sqrt())
+                });
+                found.extend(nearest);
             }
-            found.truncate(kept);
-        } else {
-            let mut best = None;
-            Search::new(&sheet.tree, patch, point).run(&mut best);
-            let nearest = best.map(|Best { face, closest, .. }| {
-                sheet.place(map, (patch, level), face, closest, closest.squared.sqrt())
-            });
-            found.extend(nearest);
+            1 => (),
+            _ => sheet.keep_sheets(found, first),
         }
         Ok(())
     }
@@ -217,6 +210,24 @@ impl MapIndex {
 }
 
 impl Sheet {
+    /// Where a place lies on a face, if it does.
+    #[inline(always)]
+    fn at(&self, uv: DVec2, face: FaceId) -> Option<Closest> {
+        let ids = self.tree.mesh.triangles[face];
+        let corners = ids.map(|place| self.places[place].uv);
+        match Planar::of(uv, corners, self.on_chart) {
+            Planar::Beyond => None,
+            Planar::Inside(barycentric) => {
+                Some(Closest { squared: 0.0, barycentric, feature: Feature::Inside })
+            }
+            Planar::Near => {
+                let closest = closest_point(uv.extend(0.0), corners.map(|uv| uv.extend(0.0)), ids);
+                Some(closest).filter(|closest| closest.squared <= self.on_chart * self.on_chart)
+            }
+        }
+    }
+
+    #[inline(always)]
     fn place(
         &self,
         map: &IndexedMap,
@@ -242,22 +253,58 @@ impl Sheet {
         MapPlace { patch, link: map.link, off_chart, cell, position, normal }
     }
 
+    /// Keeps one of the places from `first` on for each sheet: where faces meet, the first one answers for
+    /// all.
+    #[inline(never)]
+    fn keep_sheets(&self, found: &mut Vec<MapPlace>, first: usize) {
+        found[first..].sort_unstable_by_key(|place| place.cell.point.face);
+        let mut kept = first;
+        for k in first..found.len() {
+            let is_new = |other: &MapPlace| other.position.distance(found[k].position) > self.same_point;
+            if found[first..kept].iter().all(is_new) {
+                found.swap(kept, k);
+                kept += 1;
+            }
+        }
+        found.truncate(kept);
+    }
+
     /// A vector on the outer side at a feature of a face, where `at` has the vertices of the level.
     fn normal(&self, at: impl Fn(VertexId) -> DVec3 + Copy, face: FaceId, feature: Feature) -> DVec3 {
         pseudo_normal(&self.corners, &self.mesh.triangles, at, face, feature)
     }
 }
 
-/// Whether a place is farther than `margin` beyond a side of a triangle. What rounding adds is less than
-/// the margin.
-fn is_beyond(at: DVec2, [a, b, c]: [DVec2; 3], margin: f64) -> bool {
-    let area = (b - a).perp_dot(c - a);
-    let is_beyond = |from: DVec2, to: DVec2| {
-        let side = to - from;
-        let height = side.perp_dot(at - from) * area.signum();
-        (height < 0.0) & (height * height > 4.0 * margin * margin * side.length_squared())
-    };
-    (area != 0.0) & (is_beyond(a, b) | is_beyond(b, c) | is_beyond(c, a))
+/// Where a place lies by a triangle in the same plane.
+enum Planar {
+    /// Inside and clear of its sides, with its barycentric coordinates.
+    Inside([f64; 3]),
+    /// Farther than the margin beyond a side.
+    Beyond,
+    /// What rounding and the margin leave open.
+    Near,
+}
+
+impl Planar {
+    /// What rounding adds is less than `margin` (m).
+    #[inline(always)]
+    fn of(at: DVec2, corners: [DVec2; 3], margin: f64) -> Self {
+        let [a, b, c] = corners.map(|corner| corner - at);
+        // Twice the areas opposite to each corner, signed.
+        let areas = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
+        let area = areas[0] + areas[1] + areas[2];
+        let away = a.length_squared() + b.length_squared() + c.length_squared();
+        // At least twice the margin times the longest side, whose square is at most twice `away`.
+        let clear = (2.0 * CLEAR * away + margin * margin / CLEAR) * area.abs();
+        let signed = areas.map(|opposite| opposite * area);
+        if (signed[0] > clear) & (signed[1] > clear) & (signed[2] > clear) {
+            Self::Inside(areas.map(|opposite| opposite / area))
+        } else if (signed[0] < -clear) | (signed[1] < -clear) | (signed[2] < -clear) {
+            Self::Beyond
+        } else {
+            Self::Near
+        }
+    }
 }
 
 fn size(mesh: &TriMesh) -> f64 {

@@ -91,6 +91,7 @@ pub(super) struct OwnFace {
 
 impl OwnFace {
     /// The cell of a point of the face.
+    #[inline(always)]
     pub(super) fn cell(&self, level: LevelId, point: SurfacePoint, image: &PixelGrid) -> Cell {
         let [a, b, c] = point.barycentric;
         let (weights, field) = FieldWeights::of_corners(self.fields, point.barycentric);

@@ -53,10 +53,28 @@ impl FieldWeights {
     }
 
     /// The weights of the corners of a face, and the field of the largest, the smallest of several.
-    ///
-    /// Without a branch: which corner comes first cannot be foreseen.
     #[inline(always)]
     pub(super) fn of_corners(corners: [VertexId; 3], weights: [f64; 3]) -> (Self, VertexId) {
+        let ([a, b, c], [u, v, w]) = (corners, weights);
+        if (a == b) | (b == c) | (c == a) | (u == 0.0) | (v == 0.0) | (w == 0.0) {
+            return Self::of_some(corners, weights);
+        }
+        // Without a branch: which corner comes first cannot be foreseen.
+        let sorted = |a: (VertexId, f64), b: (VertexId, f64)| if a.0 < b.0 { (a, b) } else { (b, a) };
+        let (a, b) = sorted((a, u), (b, v));
+        let (b, c) = sorted(b, (c, w));
+        let (a, b) = sorted(a, b);
+        let stronger = |a: (VertexId, f64), b: (VertexId, f64)| if b.1 > a.1 { b } else { a };
+        let strongest = stronger(stronger(a, b), c).0;
+        let none = VertexId::default();
+        let fields = [a.0, b.0, c.0, none, none, none, none, none, none];
+        let weights = [a.1, b.1, c.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        (Self { len: 3, fields, weights }, strongest)
+    }
+
+    /// The same where corners are one field or have no weight.
+    #[inline(never)]
+    fn of_some(corners: [VertexId; 3], weights: [f64; 3]) -> (Self, VertexId) {
         let key = |k: usize| u64::from(corners[k].raw()) << 2 | k as u64;
         let (a, b, c) = (key(0).min(key(1)), key(0).max(key(1)), key(2));
         let keys = [a.min(c), a.max(c).min(b), b.max(c)];

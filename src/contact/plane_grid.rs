@@ -1,4 +1,4 @@
-//! Which triangles of a map lie at a place: a grid over the plane with about one cell for two triangles.
+//! Which triangles of a map lie at a place: a grid over the plane with about one cell for six triangles.
 //!
 //! A cell lists the triangles that reach into it, each with those of its 6 x 6 parts that it reaches
 //! into, in one word: what is looked up at one place after another stays small enough for the tables of
@@ -12,9 +12,10 @@ use glam::{DVec2, DVec3};
 
 use crate::id::{FaceId, IdVec, VertexId};
 
-/// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in fewer than
-/// four cells, and a cell with one or two triangles around a place).
-const CELL_AREA: f64 = 2.0;
+/// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in two or three
+/// cells, and two or three triangles are left around a place. Smaller cells leave fewer, but their lists
+/// take more memory, whose loading takes longer on a large map).
+const CELL_AREA: f64 = 6.0;
 
 /// Cells of a grid, at most: this many for each triangle, where the map fills little of its
 /// rectangle.
@@ -25,7 +26,7 @@ const MOST_CELLS: f64 = 4.0;
 const MOST_OVERLAPS: f64 = 32.0;
 
 /// A cell with more triangles lists none (*heuristic*: the walk down a tree takes about as long).
-const CROWD: usize = 32;
+pub(super) const CROWD: usize = 64;
 
 /// What marks the beginning of such a cell.
 const CROWDED: u32 = 1 << 31;
@@ -46,6 +47,8 @@ pub(super) struct PlaneGrid {
     scale: f64,
     /// Columns and rows.
     size: [usize; 2],
+    /// Where they end, in parts.
+    end: DVec2,
     /// Where the entries of each cell begin, marked as [`CROWDED`] or not; at last where all end.
     cells: Vec<u32>,
     entries: Vec<Entry>,
@@ -140,7 +143,8 @@ impl PlaneGrid {
         let most = MOST_CELLS * faces;
         let side = area.max(extent.element_product() / most).sqrt().max(extent.max_element() / most);
         let scale = Some(side.recip()).filter(|scale| scale.is_finite()).unwrap_or(1.0);
-        let mut grid = Self { lo, scale, size: [1, 1], cells: Vec::new(), entries: Vec::new() };
+        let mut grid =
+            Self { lo, scale, size: [1, 1], end: DVec2::ZERO, cells: Vec::new(), entries: Vec::new() };
         grid.resize(extent);
         let overlaps = |grid: &Self| -> f64 {
             let count = |[columns, rows]: [Range<usize>; 2]| columns.len() as f64 * rows.len() as f64;
@@ -162,6 +166,7 @@ impl PlaneGrid {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and few")]
     fn resize(&mut self, extent: DVec2) {
         self.size = (extent * self.scale).to_array().map(|n| n as usize + 1);
+        self.end = DVec2::from(self.size.map(|n| (n * PARTS) as f64));
     }
 
     /// Columns and rows of the cells that a rectangle overlaps.
@@ -208,27 +213,25 @@ impl PlaneGrid {
     /// the faces; false, without a call, where too many meet.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside of the grid")]
     pub(super) fn each_at(&self, at: DVec2, mut visit: impl FnMut(FaceId)) -> bool {
-        let p = (at - self.lo) * self.scale;
-        let size = DVec2::from(self.size.map(|n| n as f64));
-        if !(p.min_element() >= 0.0 && p.x < size.x && p.y < size.y) {
+        let p = (at - self.lo) * (self.scale * PARTS as f64);
+        if !(p.min_element() >= 0.0 && p.x < self.end.x && p.y < self.end.y) {
             return true;
         }
-        let [column, row] = [p.x as usize, p.y as usize];
-        let cell = row * self.size[0] + column;
+        let [x, y] = [p.x as usize, p.y as usize];
+        let cell = y / PARTS * self.size[0] + x / PARTS;
         let [first, end] = [self.cells[cell], self.cells[cell + 1] & !CROWDED];
         if first & CROWDED != 0 {
             return false;
         }
-        let part = |p: f64, cell: usize| ((p - cell as f64) * PARTS as f64) as usize;
-        let part = part(p.y, row) * PARTS + part(p.x, column) + Entry::FACE_BITS;
+        let part = y % PARTS * PARTS + x % PARTS + Entry::FACE_BITS;
+        let entries = &self.entries[first as usize..end as usize];
         // Without a branch for each: which of them hold the place cannot be foreseen.
-        let mut holding = [Entry::default(); CROWD];
-        let mut count = 0;
-        for entry in self.entries[first as usize..end as usize].iter().take(CROWD) {
-            holding[count % CROWD] = *entry;
-            count += (entry.0 >> part & 1) as usize;
+        let bit = |(k, entry): (usize, &Entry)| (entry.0 >> part & 1) << k;
+        let mut holding = entries.iter().take(CROWD).enumerate().map(bit).fold(0, std::ops::BitOr::bitor);
+        while holding != 0 {
+            visit(entries[holding.trailing_zeros() as usize].face());
+            holding &= holding - 1;
         }
-        holding.iter().take(count).for_each(|entry| visit(entry.face()));
         true
     }
 }
@@ -298,9 +301,9 @@ mod tests {
             let at = DVec2::new(0.1 + 0.1 * f64::from(k).sin(), 0.05 + 0.05 * f64::from(k).cos());
             assert!(grid.each_at(at, |_| visited += 1));
         }
-        assert!((1000..2000).contains(&visited), "{visited} for 1000 places");
-        assert!(grid.entries.len() < 4 * mesh.triangles.len(), "{} entries", grid.entries.len());
-        assert!(grid.each_at(DVec2::splat(-1.0), |_| visited += 1) && visited < 2000);
+        assert!((1000..3000).contains(&visited), "{visited} for 1000 places");
+        assert!(grid.entries.len() < 3 * mesh.triangles.len(), "{} entries", grid.entries.len());
+        assert!(grid.each_at(DVec2::splat(-1.0), |_| visited += 1) && visited < 3000);
     }
 
     /// Triangles that coincide, and many small ones under a large one, are built in no time.
