@@ -402,6 +402,18 @@ fn a_degenerate_triangle_is_measured_as_its_segment() {
     }
 }
 
+/// Of equally near faces one with area is the answer, also where one without area comes first.
+#[test]
+fn a_degenerate_triangle_is_never_hit_before_a_better_one() {
+    let positions = vec![DVec3::ZERO, DVec3::X, DVec3::new(0.5, 0.0, 0.0), DVec3::Y];
+    let map = map_of(TriMesh::from_arrays(positions, &[[0, 1, 2], [0, 1, 3]]));
+    let index = ContactIndex::new(&map).unwrap();
+    for x in [-0.2, 0.0, 0.3, 0.5, 0.75, 1.0, 1.4] {
+        let hit = index.locate(Query::from(DVec3::new(x, -0.2, 0.1))).unwrap();
+        assert_eq!(hit.point.face, FaceId::new(1), "at {x}");
+    }
+}
+
 /// From so far away that the slack of `f32` exceeds the shape, only `f64` tells its faces apart.
 #[test]
 fn contacts_far_beyond_single_precision_are_exact() {

@@ -218,7 +218,7 @@ impl Sheet {
         match Planar::of(uv, corners, self.on_chart) {
             Planar::Beyond => None,
             Planar::Inside(barycentric) => {
-                Some(Closest { squared: 0.0, barycentric, feature: Feature::Inside })
+                Some(Closest { squared: 0.0, barycentric, feature: Feature::Inside, is_flat: false })
             }
             Planar::Near => {
                 let closest = closest_point(uv.extend(0.0), corners.map(|uv| uv.extend(0.0)), ids);

@@ -41,10 +41,10 @@
 //!
 //! - The answer is the nearest point in `f64`, for any set of triangles: slivers, points and
 //!   non-manifold meshes too.
-//! - Of equally near faces the first face of the first patch is the answer. It depends neither on
-//!   the order of the search nor on what was asked before: alone, along a path
-//!   ([`ContactIndex::locate_along`]) and in a batch ([`ContactIndex::locate_all`]) it is the same,
-//!   with any number of threads.
+//! - Of equally near faces the first face of the first patch is the answer, one without area only
+//!   where none has area. It depends neither on the order of the search nor on what was asked before:
+//!   alone, along a path ([`ContactIndex::locate_along`]) and in a batch
+//!   ([`ContactIndex::locate_all`]) it is the same, with any number of threads.
 //! - Asking changes nothing in the index; share it among threads.
 //!
 //! Not guaranteed: the sign of the distance beyond the boundary of an open patch is the side of its

@@ -45,6 +45,8 @@ pub(crate) struct Closest {
     pub(crate) squared: f64,
     pub(crate) barycentric: [f64; 3],
     pub(crate) feature: Feature,
+    /// Whether the triangle was measured by its sides alone, as one without area.
+    pub(crate) is_flat: bool,
 }
 
 /// The point of the triangle nearest to `q`, in `f64`, for slivers and triangles without area too.
@@ -59,7 +61,7 @@ pub(crate) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -
     let area = normal.length_squared();
     let longest = ab.length_squared().max(ac.length_squared()).max(b.distance_squared(c));
     if area <= (FLAT * longest) * (FLAT * longest) {
-        return closest_side(q, &corners, ids, [true; 3]);
+        return Closest { is_flat: true, ..closest_side(q, &corners, ids, [true; 3]) };
     }
     // Twice the areas opposite to each corner, signed, times that of the triangle.
     let weight_c = ab.cross(aq).dot(normal);
@@ -71,7 +73,12 @@ pub(crate) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -
         let height = aq.dot(normal);
         let sum = weight_a + weight_b + weight_c;
         let barycentric = [weight_a / sum, weight_b / sum, weight_c / sum];
-        return Closest { squared: height * height / area, barycentric, feature: Feature::Inside };
+        return Closest {
+            squared: height * height / area,
+            barycentric,
+            feature: Feature::Inside,
+            is_flat: false,
+        };
     }
     // Outside, the nearest side is one of those that have `q` on their far side.
     closest_side(q, &corners, ids, [!sure_c, !sure_a, !sure_b])
@@ -79,8 +86,7 @@ pub(crate) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -
 
 /// The nearest point of those sides `k` (corner `k` to `k + 1`) for which `tried[k]`.
 fn closest_side(q: DVec3, corners: &[DVec3; 3], ids: [VertexId; 3], tried: [bool; 3]) -> Closest {
-    let mut best =
-        Closest { squared: f64::INFINITY, barycentric: [1.0, 0.0, 0.0], feature: Feature::Corner(0) };
+    let mut best = at_corner(0, f64::INFINITY);
     for side in 0..3 {
         if !tried[side] {
             continue;
@@ -97,7 +103,7 @@ fn closest_side(q: DVec3, corners: &[DVec3; 3], ids: [VertexId; 3], tried: [bool
             let mut barycentric = [0.0; 3];
             (barycentric[from], barycentric[to]) = (1.0 - t, t);
             let squared = (offset - along * t).length_squared();
-            Closest { squared, barycentric, feature: Feature::Side(side) }
+            Closest { squared, barycentric, feature: Feature::Side(side), is_flat: false }
         } else {
             // Also where the side has no length and `t` is not a number.
             at_corner(from, offset.length_squared())
@@ -112,5 +118,5 @@ fn closest_side(q: DVec3, corners: &[DVec3; 3], ids: [VertexId; 3], tried: [bool
 fn at_corner(corner: usize, squared: f64) -> Closest {
     let mut barycentric = [0.0; 3];
     barycentric[corner] = 1.0;
-    Closest { squared, barycentric, feature: Feature::Corner(corner) }
+    Closest { squared, barycentric, feature: Feature::Corner(corner), is_flat: false }
 }

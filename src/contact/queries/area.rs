@@ -253,7 +253,12 @@ impl ContactIndex {
             let known = first.as_ref().map_or(longest, |(distance, _)| longest.min(distance * SAME_DISTANCE));
             if let Some(found) = patch.tree.first_hit(&Ray { longest: known, ..local }) {
                 let feature = Feature::at(found.barycentric);
-                let closest = crate::mesh::Closest { squared: 0.0, barycentric: found.barycentric, feature };
+                let closest = crate::mesh::Closest {
+                    squared: 0.0,
+                    barycentric: found.barycentric,
+                    feature,
+                    is_flat: false,
+                };
                 let best = Best { patch: id, face: found.face, closest };
                 if first
                     .as_ref()

@@ -37,14 +37,15 @@ impl Best {
         }
     }
 
-    /// Keeps the nearer of the two; of equally near ones the first patch's first face.
+    /// Keeps the nearer of the two; of equally near ones the first patch's first face with area.
     #[inline(always)]
     pub(crate) fn offer(best: &mut Option<Self>, patch: PatchId, face: FaceId, closest: Closest) {
         let nearer = match best {
             None => true,
             Some(b) => {
                 let (old, new) = (b.closest.squared, closest.squared);
-                new < old || (new == old && (patch, face) < (b.patch, b.face))
+                let key = |closest: &Closest, patch, face| (closest.is_flat, patch, face);
+                new < old || (new == old && key(&closest, patch, face) < key(&b.closest, b.patch, b.face))
             }
         };
         if nearer {
