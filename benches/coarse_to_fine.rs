@@ -3,6 +3,7 @@
 //!
 //! ```sh
 //! cargo bench --bench coarse_to_fine -- cap 10000 100000    # default: cap forearm robot, 10000 100000 1000000
+//! cargo bench --bench coarse_to_fine -- cap 10000 peers=FOLDER
 //! ```
 //!
 //! Contacts lie 0 to 3 mm off the skin, in no order. A time is the mean over 2^15 contacts, of the
@@ -10,25 +11,34 @@
 //! contacts, on different ones. Map positions of all levels count from an answer with its map
 //! position of level 0, cells of all levels from one with its cell of level 0. Prints a table for
 //! each skin and size, and writes a picture of error against time to `meshes/coarse_to_fine.svg`:
-//! the sizes of the first skin.
+//! the sizes of the first skin. With `peers=FOLDER` it writes, instead of the picture, what other engines
+//! need to answer the same contacts: `mesh.obj`, `scattered.f32` and `path.f32`, in world coordinates
+//! (`tools/compare/compare.py coarse` runs them in turn).
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used, reason = "a bench prints what it measured")]
 #![allow(clippy::cast_possible_truncation, reason = "shares of small numbers")]
 
 mod numbers;
 
-use std::{collections::BTreeMap, hint::black_box, time::Instant};
+use std::{
+    collections::BTreeMap,
+    fmt::Write,
+    fs,
+    hint::black_box,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use dermatome::{
     contact::{ContactIndex, Cursor, Hit, IndexOptions, MapIndex, Query, Reactive},
     id::VertexId,
     io::read_draft,
-    map::SkinMap,
+    map::{PatchMap, SkinMap},
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{AssembleOptions, Patch, Skin, assemble},
+    skin::{AssembleOptions, Patch, PatchId, Skin, assemble},
 };
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use numbers::numbers;
 
 const CONTACTS: usize = 1 << 15;
@@ -40,6 +50,7 @@ const SIZES: [usize; 3] = [10_000, 100_000, 1_000_000];
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let peers: Option<PathBuf> = words.iter().find_map(|word| Some(word.strip_prefix("peers=")?.into()));
     let sizes: Vec<usize> = words.iter().filter_map(|word| word.parse().ok()).collect();
     let sizes = if sizes.is_empty() { SIZES.to_vec() } else { sizes };
     let named: Vec<&str> = SKINS.into_iter().filter(|name| words.iter().any(|word| word == name)).collect();
@@ -47,14 +58,17 @@ fn main() {
     let mut curves: BTreeMap<LevelId, Vec<[f64; 2]>> = BTreeMap::new();
     for name in names.iter().copied() {
         let mut of_skin = BTreeMap::new();
-        sizes.iter().for_each(|&faces| measure(name, faces, &mut of_skin));
+        sizes.iter().for_each(|&faces| measure(name, faces, peers.as_deref(), &mut of_skin));
         if curves.is_empty() {
             curves = of_skin;
         }
     }
+    if peers.is_some() {
+        return;
+    }
     curves.values_mut().for_each(|points| points.sort_by(|a, b| a[0].total_cmp(&b[0])));
     let title = format!("Contacts on one level of the {} alone: {sizes:?} triangles", names[0]);
-    std::fs::write("meshes/coarse_to_fine.svg", picture(&title, &curves)).unwrap();
+    fs::write("meshes/coarse_to_fine.svg", picture(&title, &curves)).unwrap();
 }
 
 /// Error against time of each level, on logarithmic axes, as SVG.
@@ -194,7 +208,7 @@ fn spread(mut lengths: Vec<f64>) -> [f64; 3] {
     [0.5, 0.99, 1.0].map(|share| 1e3 * lengths[((lengths.len() - 1) as f64 * share) as usize])
 }
 
-fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]>>) {
+fn measure(name: &str, faces: usize, peers: Option<&Path>, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]>>) {
     let map = build(&skin(name, faces), &BuildOptions::default()).unwrap();
     let start = Instant::now();
     let plain = ContactIndex::new(&map).unwrap();
@@ -206,15 +220,20 @@ fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]
     println!("\n{name}, {found} faces, index {seconds:.2} s, with levels {with_levels:.2} s");
     let contacts = contacts(&map, &index);
     let exact: Vec<Hit> = contacts.iter().map(|&q| index.locate(q).unwrap()).collect();
-    measure_exact(&map, &plain, &contacts, &exact);
+    let along = path(&exact);
+    if let Some(folder) = peers {
+        write_mesh(&folder.join("mesh.obj"), &map, &index);
+        write_contacts(&folder.join("scattered.f32"), &contacts);
+        write_contacts(&folder.join("path.f32"), &along);
+    }
+    measure_exact(&map, &plain, &contacts, &exact, &along);
     println!(
         "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm | reactive and refined ns (and level 0) | certified |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap();
     for level in (1..levels).map(LevelId::new) {
-        let count =
-            |p: &dermatome::map::PatchMap| p.levels.get(level).map_or(0, |l| l.level.mesh.triangles.len());
+        let count = |p: &PatchMap| p.levels.get(level).map_or(0, |l| l.level.mesh.triangles.len());
         print!("| {} | {} ", level.raw(), map.patches.iter().map(count).sum::<usize>());
         let point = measure_level(&index, level, &contacts, &exact);
         curves.entry(level).or_default().push(point);
@@ -222,7 +241,7 @@ fn measure(name: &str, faces: usize, curves: &mut BTreeMap<LevelId, Vec<[f64; 2]
 }
 
 /// Exact answers, all levels of them, and the way back.
-fn measure_exact(map: &SkinMap, index: &ContactIndex, contacts: &[Query], exact: &[Hit]) {
+fn measure_exact(map: &SkinMap, index: &ContactIndex, contacts: &[Query], exact: &[Hit], near: &[Query]) {
     let finest = LevelId::new(0);
     let hit = |q: Query| index.locate(q).unwrap();
     let [locate, position, one, positions, all] = time_in_turn(
@@ -236,20 +255,23 @@ fn measure_exact(map: &SkinMap, index: &ContactIndex, contacts: &[Query], exact:
         ],
     );
     let mut cursor = Cursor::default();
-    let near: Vec<Query> = path(exact);
-    let along = time(&near, |&q| _ = black_box(index.locate_along(&mut cursor, q).unwrap()));
+    let along = time(near, |&q| _ = black_box(index.locate_along(&mut cursor, q).unwrap()));
     let batch = time(&[()], |()| _ = black_box(index.locate_all(contacts).unwrap())) / CONTACTS as f64;
     let back = MapIndex::new(map).unwrap();
     let on_map: Vec<_> =
         exact.iter().filter_map(|hit| Some((hit.patch, index.cell(hit, finest)?.uv))).collect();
     let mut places = Vec::new();
-    let way_back = time(&on_map, |&(patch, uv)| {
+    let mut answer = |&(patch, uv): &(PatchId, DVec2)| {
         places.clear();
         back.places(patch, finest, uv, &mut places).unwrap();
-        black_box(&places);
-    });
+        black_box(&places).first().is_some_and(|place| place.off_chart == 0.0)
+    };
+    let mut pixels: Vec<_> = map.patches.enumerate().flat_map(|(id, patch)| pixels(id, patch)).collect();
+    pixels.retain(&mut answer);
+    let [way_back, by_pixels] = [&on_map[..], &pixels[..pixels.len().min(CONTACTS)]]
+        .map(|places| time(places, |place| _ = answer(place)));
     println!(
-        "level 0: {locate:.0} ns, with its map position {position:.0} ns, with its cell {one:.0} ns; map positions of all levels +{:.0} ns, with their fields +{:.0} ns; path {along:.0} ns; batch {batch:.0} ns; way back {way_back:.0} ns\n",
+        "level 0: {locate:.0} ns, with its map position {position:.0} ns, with its cell {one:.0} ns; map positions of all levels +{:.0} ns, with their fields +{:.0} ns; path {along:.0} ns; batch {batch:.0} ns; way back {way_back:.0} ns, from pixel to pixel {by_pixels:.0} ns\n",
         positions - position,
         all - one
     );
@@ -292,6 +314,36 @@ fn measure_level(index: &ContactIndex, level: LevelId, contacts: &[Query], exact
         percent(certified),
     );
     [reactive, error[1]]
+}
+
+/// Level 0 of all patches as one OBJ mesh, in world coordinates.
+fn write_mesh(file: &Path, map: &SkinMap, index: &ContactIndex) {
+    let (mut text, mut first) = (String::new(), 1);
+    for patch in &map.patches {
+        let mesh = &patch.levels[LevelId::new(0)].level.mesh;
+        for p in &mesh.positions {
+            let [x, y, z] = index.poses()[patch.link].transform_point3(*p).to_array();
+            writeln!(text, "v {x} {y} {z}").unwrap();
+        }
+        for [a, b, c] in mesh.triangles.iter().map(|corners| corners.map(|v| v.index() + first)) {
+            writeln!(text, "f {a} {b} {c}").unwrap();
+        }
+        first += mesh.positions.len();
+    }
+    fs::write(file, text).unwrap();
+}
+
+/// Points as `x y z` in little-endian `f32`.
+fn write_contacts(file: &Path, contacts: &[Query]) {
+    let points = contacts.iter().flat_map(|query| query.point.as_vec3().to_array());
+    fs::write(file, points.flat_map(f32::to_le_bytes).collect::<Vec<u8>>()).unwrap();
+}
+
+/// The pixels of the image of level 0, row by row, from a quarter of its height on.
+fn pixels(id: PatchId, patch: &PatchMap) -> impl Iterator<Item = (PatchId, DVec2)> {
+    let frame = patch.levels[LevelId::new(0)].frame;
+    let [columns, rows] = frame.size_px;
+    (rows / 4..rows).flat_map(move |row| (0..columns).map(move |column| (id, frame.centre([column, row]))))
 }
 
 /// Contacts that follow each other: each hit and three steps of half a millimetre from it.

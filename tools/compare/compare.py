@@ -4,14 +4,14 @@
     cargo build --release
     python3 -m venv .checks/peers
     .checks/peers/bin/pip install numpy scipy libigl fast-simplification gtsam OpenEXR
-    .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [graphs] [skins] [build] [images] [frames]
+    .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [coarse] [graphs] [skins] [build] [images] [frames]
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
 without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin; sizes after it
-(`nearest 20000 100000`) leave out the others. `graphs` reads the pose graphs sphere2500.g2o,
+(`nearest 20000 100000`) leave out the others. `coarse` runs the bench `coarse_to_fine` and the same peers on its contacts. `graphs` reads the pose graphs sphere2500.g2o,
 parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it.
 """
-import json, os, statistics, subprocess, sys, tempfile, time
+import json, os, re, statistics, subprocess, sys, tempfile, time
 from pathlib import Path
 
 import numpy as np
@@ -167,29 +167,69 @@ def cover(times):
     return mesh
 
 
-def nearest():
+MESH = FOLDER / "mesh.obj"
+
+
+def build_peers():
+    """Builds the engines that find nearest points; returns what runs one of them on MESH and the contacts beside it."""
     program = FOLDER / "embree_nearest"
     subprocess.run(["g++", "-O3", ROOT / "tools/compare/embree_nearest.cpp", "-lembree3", "-o", program], check=True)
     subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT / "tools/contact-peers", check=True)
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "tools/contact-peers/target"))
     peers = target / "release/contact-peers"
-    mesh_file = FOLDER / "mesh.obj"
 
     def peer(engine):
-        command = [peers, engine, mesh_file, FOLDER]
+        command = [peers, engine, MESH, FOLDER]
         if engine == "embree":
-            command = [program, mesh_file, FOLDER / "scattered.f32", FOLDER / "path.f32"]
+            command = [program, MESH, FOLDER / "scattered.f32", FOLDER / "path.f32"]
         return subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
 
-    def in_turn(engines):
-        runs = {engine: [] for engine in engines}
-        for _ in range(3):
-            for engine, outputs in runs.items():
-                outputs.append(peer(engine))
-        number = lambda text: float("nan") if text == "-" else float(text)
-        return {engine: [median(column) for column in zip(*[map(number, out) for out in outputs])] for engine, outputs in runs.items()}
+    return peer
 
-    wanted = [int(word) for word in sys.argv[2:] if word.isdigit()] or [20_000, 100_000, 1_000_000]
+
+def in_turn(run, engines):
+    """Medians of the columns that `run` gives for each engine, of three rounds through all."""
+    runs = {engine: [] for engine in engines}
+    for _ in range(3):
+        for engine, outputs in runs.items():
+            outputs.append(run(engine))
+    number = lambda text: float("nan") if text == "-" else float(text)
+    return {engine: [median(column) for column in zip(*[map(number, out) for out in outputs])] for engine, outputs in runs.items()}
+
+
+def sizes_asked():
+    return [int(word) for word in sys.argv[2:] if word.isdigit()]
+
+
+def coarse():
+    peer, tables, rows = build_peers(), [], []
+    bench = ["cargo", "bench", "--quiet", "--bench", "coarse_to_fine", "--"]
+
+    def run(engine):
+        if engine != "dermatome":
+            return peer(engine)
+        # Writes the mesh and the contacts of the others.
+        tables.append(subprocess.run([*bench, skin, str(size), f"peers={FOLDER}"], cwd=ROOT, check=True, capture_output=True, text=True).stdout)
+        return re.search(r"level 0: (\d+) ns.* path (\d+) ns", tables[-1]).groups()
+
+    for skin in ["cap", "forearm", "robot"]:
+        for size in sizes_asked() or [10_000, 100_000, 1_000_000]:
+            ns = in_turn(run, ["dermatome", "embree", "parry", "obvhs"])
+            print(tables[-1], flush=True)
+            own, other = ns["dermatome"], ns["embree"]
+            cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
+            title = re.search(r"(\w+, \d+) faces", tables[-1]).group(1)
+            rows.append([title, cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"), cell("obvhs")])
+    print("\nns of the same contacts on level 0, one thread, medians of three rounds in turn; along a path in brackets\n")
+    row("skin, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar")
+    row(*["---"] * 6)
+    for cells in rows:
+        row(*cells)
+
+
+def nearest():
+    peer = build_peers()
+    wanted = sizes_asked() or [20_000, 100_000, 1_000_000]
     shapes = [(f"{name}", lambda name=name, size=size: SHAPES[name](size)) for size in wanted for name in ["cap", "saddle"]]
     shapes += [("cover refined twice", lambda: cover(2))] * (20_000 in wanted) + [("cover refined 5 times", lambda: cover(5))] * (1_000_000 in wanted)
     print("\nns per contact 0 to 3 mm off the skin, one thread, engines in turn: `tools/contact-peers`, `tools/compare/embree_nearest.cpp` (g++ -O3,"
@@ -201,9 +241,9 @@ def nearest():
         if mesh is None:
             row(name, *["skipped: no file"] * 8)
             continue
-        write_obj(mesh_file, *mesh)
+        write_obj(MESH, *mesh)
         peer("contacts")
-        ns = in_turn(["dermatome", "embree", "parry", "obvhs"])
+        ns = in_turn(peer, ["dermatome", "embree", "parry", "obvhs"])
         cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
         own, other = ns["dermatome"], ns["embree"]
         index = [float(word) for word in peer("bytes")]
@@ -213,9 +253,9 @@ def nearest():
     row("taxels on a cap", "dermatome", "kiddo", "share")
     row(*["---"] * 4)
     for taxels in [10_000, 100_000]:
-        write_obj(mesh_file, *SHAPES["cap"](2 * taxels))
+        write_obj(MESH, *SHAPES["cap"](2 * taxels))
         peer("contacts")
-        found = in_turn(["dermatome8", "kiddo"])
+        found = in_turn(peer, ["dermatome8", "kiddo"])
         own, other = found["dermatome8"], found["kiddo"]
         assert abs(own[1] - other[1]) < 1e-6 * other[1], "both find the same"
         row(str(taxels), f"{own[0]:.0f}", f"{other[0]:.0f}", f"{own[0] / other[0]:.2f}")
@@ -443,5 +483,5 @@ def pipes(cover, readings, ids):
 if __name__ == "__main__":
     processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "unknown")
     print(f"{processor}, {os.cpu_count()} threads")
-    for part in [word for word in sys.argv[1:] if not word.isdigit()] or ["flatten", "coarsen", "nearest", "graphs", "skins", "build", "images", "frames"]:
+    for part in [word for word in sys.argv[1:] if not word.isdigit()] or ["flatten", "coarsen", "nearest", "coarse", "graphs", "skins", "build", "images", "frames"]:
         globals()[part]()
