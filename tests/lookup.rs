@@ -215,6 +215,10 @@ fn what_cannot_be_answered_is_refused_with_its_line() {
         assert!(error.contains(expected), "{contacts:?}: {error}");
         assert_eq!(fs::read_to_string(&out).unwrap(), "older", "an older output is left as it was");
     }
+    let bare = fixture.file("bare.csv", "x,y,z,link\n0,0,0,base\n");
+    let run = fixture.lookup(&bare).args(["--patch", "*"]).assert().code(2);
+    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(error.contains("carries no patch"), "it has none to be chosen: {error}");
     let good = fixture.file("good.csv", "x,y,z\n0,0,0\n");
     fixture.lookup(&good).args(["--level", "40"]).assert().code(2);
     fixture.lookup(&good).args(["--max-distance", "-1"]).assert().code(2);
@@ -512,7 +516,7 @@ fn answers_lead_back_from_the_map() {
 }
 
 /// The arm goes up by 1 m/s from 1 s to 3 s, by a table or by an animation of a glTF file; contacts
-/// are matched by their time.
+/// and places on the map are matched by their time.
 #[test]
 fn contacts_are_matched_with_poses_by_their_time() {
     let fixture = Fixture::new();
@@ -539,6 +543,17 @@ fn contacts_are_matched_with_poses_by_their_time() {
             assert!((number(&row, "distance") - 0.01).abs() < 1e-6, "{pose:?}: {row:?}");
         }
     }
+    let places = fixture.file("p.csv", "time,u,v\n1,0,0\n1.5,0,0\n2,0,0\n7,0,0\n,0,0\n");
+    let run = fixture.lookup(&places).arg("--from-map").arg("--pose").arg(&table).output().unwrap();
+    let (text, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+    assert!(notes.contains("2 places without a time or outside"), "{notes}");
+    let heights: Vec<f64> = rows(&text).iter().map(|row| number(row, "z")).collect();
+    for (height, up) in heights.iter().zip([0.0, 0.5, 1.0, 2.0, 0.0]) {
+        assert!((height - heights[0] - up).abs() < 1e-9, "{heights:?}");
+    }
+    let run = fixture.lookup(&places).arg("--from-map").assert().success();
+    let notes = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(notes.contains("column `time` is not used"), "{notes}");
     for (options, expected) in [
         (vec!["--animation", "up"], "animations"),
         (vec!["--pose", table.to_str().unwrap(), "--animation", "up"], "no animation"),

@@ -3,6 +3,7 @@
 mod answers;
 mod back;
 mod contacts;
+mod player;
 mod readings;
 mod refusals;
 mod robot;
@@ -26,6 +27,7 @@ use crate::{
         answers::{Answers, Question},
         back::Back,
         contacts::{Contacts, FrameArg, LARGEST, Meaning},
+        player::Player,
         readings::Readings,
         robot::Robot,
     },
@@ -109,8 +111,8 @@ struct QuestionArgs {
     /// it meets no skin the distance of the contact from the skin
     #[arg(long)]
     ray: bool,
-    /// The way back: CONTACTS.csv has places on maps, columns `u,v` in m or else `px,py`, and `patch`
-    /// and `level`. One row for each sheet of the map that lies there; `x,y,z` is in the world, or
+    /// The way back: CONTACTS.csv has places on maps, columns `u,v` in m or else `px,py`, and `patch`,
+    /// `level` and `time`. One row for each sheet of the map that lies there; `x,y,z` is in the world, or
     /// with --frame link in that of the link. `off_chart` is the distance from the map, of which the
     /// nearest place is answered, in m
     #[arg(long, conflicts_with_all = ["levels", "max_distance", "readings"])]
@@ -170,6 +172,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     check_outputs(args)?;
     let robot = Robot::read(&args.map, &args.patches, &args.levels, common)?;
     let motion = robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?;
+    let player = Player::new(motion);
     let question = args.question.question();
     let options = IndexOptions {
         levels: question == Question::Reactive,
@@ -178,7 +181,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let index = ContactIndex::with(&robot.map, &options).map_err(Error::from)?;
     if args.question.from_map {
-        let frame = (args.frame(), motion.as_ref());
+        let frame = (args.frame(), player);
         let mut back = Back::open(&args.contacts, args.unit(), &robot, index, frame, common)?;
         let written = write(&args.output, &mut |path, output| back.answer(path, output));
         back.refusals.explain(written)?;
@@ -189,18 +192,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let mut used = Vec::new();
     used.extend((question == Question::Ray).then_some("nx,ny,nz"));
-    used.extend(Answers::is_timed(motion.as_ref()).then_some("time"));
+    used.extend(player.is_timed().then_some("time"));
     used.extend(matches!(question, Question::Within(_)).then_some("radius"));
     let readings = args.readings.as_ref().map(|path| {
         used.extend(["force", "radius", "time"]);
         Readings::create(path, &robot, 1e-3 * args.taxel_radius_mm)
     });
-    let (unit, frame, has_patches) = (args.unit(), args.frame(), !args.patches.is_empty());
-    let meaning = Meaning { unit, frame, has_patches };
+    let (unit, frame) = (args.unit(), args.frame());
+    let meaning = Meaning { unit, frame };
     let mut contacts = Contacts::open(&args.contacts, meaning, &used, common)?;
     let readings = readings.transpose().map_err(Error::from)?;
     let mut answers =
-        Answers::new(&robot, index, question, args.max_distance, motion).with_readings(readings);
+        Answers::new(&robot, index, question, args.max_distance, player).with_readings(readings);
     let written = write(&args.output, &mut |path, output| answers.answer(&mut contacts, path, output));
     contacts.refusals.explain(written)?;
     outputs::wrote([args.output.as_path()].into_iter().chain(args.readings.as_deref()), common);

@@ -87,7 +87,7 @@ pub fn read_contacts<R: Read>(
 }
 
 /// Columns of a table of places on maps.
-const MAP_COLUMNS: [&str; 6] = ["patch", "level", "u", "v", "px", "py"];
+const MAP_COLUMNS: [&str; 7] = ["patch", "level", "u", "v", "px", "py", "time"];
 
 /// A place of a table, on the map of a level.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,6 +98,8 @@ pub struct MapPlaceRow {
     pub level: usize,
     /// Where on its map.
     pub position: MapCoordinates,
+    /// When the robot is posed as asked, in s.
+    pub time: Option<f64>,
     /// Line of the table it stands in, from 1.
     pub line: u64,
 }
@@ -112,8 +114,8 @@ pub enum MapCoordinates {
 }
 
 /// Reads places on maps one by one from a table whose first line names the columns: `u,v` (m), or
-/// else `px,py`, and optionally `patch` and `level` (0 where it is empty), in any order: the answers
-/// of a lookup are such a table. Returns the names of columns that are not read, and the places;
+/// else `px,py`, and optionally `patch`, `level` (0 where it is empty) and `time`, in any order: the
+/// answers of a lookup are such a table. Returns the names of columns that are not read, and the places;
 /// errors call the table `path`. It is read as [`read_contacts`] does.
 ///
 /// # Errors
@@ -131,7 +133,7 @@ pub fn read_map_places<R: Read>(
         (None, Some(pixel)) => (pixel, false),
         (None, None) => return Err(columns.at().invalid(columns.describe(), "columns `u,v` or `px,py`")),
     };
-    let [patch, level] = ["patch", "level"].map(|name| columns.find(name));
+    let [patch, level, time] = ["patch", "level", "time"].map(|name| columns.find(name));
     let place = move |row: Row<'_>| {
         let whole = |column: usize| {
             row.text(column)
@@ -149,6 +151,7 @@ pub fn read_map_places<R: Read>(
             patch: patch.map_or("", |c| row.text(c)).to_owned(),
             level: level as usize,
             position,
+            time: time.map_or(Ok(None), |c| row.number_if_any(c))?,
             line: row.at.line as u64,
         })
     };

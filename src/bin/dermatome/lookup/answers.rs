@@ -10,13 +10,14 @@ use dermatome::{
     contact::{Area, ContactIndex, Hit, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
-    skin::{Motion, PatchId},
+    skin::PatchId,
 };
 
 use crate::{
     console::notes::note,
     lookup::{
         contacts::{Batch, Contact, Contacts},
+        player::Player,
         readings::{Counts, Readings},
         refusals::unanswered,
         robot::Robot,
@@ -53,7 +54,7 @@ pub(super) struct Answers<'a> {
     question: Question,
     /// Distance up to which a contact is on the skin, in m; `None`: [`SPACINGS`] of the patch.
     max_distance: Option<f64>,
-    motion: Option<Motion>,
+    player: Player,
     readings: Option<Readings<'a>>,
     /// On each level, how many contacts lie in a field whose centre reads no pressure.
     silent: Vec<AtomicU64>,
@@ -61,8 +62,6 @@ pub(super) struct Answers<'a> {
     far: AtomicU64,
     /// Contacts on the skin that are farther from it than [`DOUBTFUL`] spacings of the patch.
     doubtful: AtomicU64,
-    /// Contacts without a time, or with one outside the motion, whose nearest pose is taken.
-    held: u64,
     pressed: Counts,
 }
 
@@ -72,7 +71,7 @@ impl<'a> Answers<'a> {
         index: ContactIndex,
         question: Question,
         max_distance: Option<f64>,
-        motion: Option<Motion>,
+        player: Player,
     ) -> Self {
         let silent = robot.levels.iter().map(|_| AtomicU64::new(0)).collect();
         let far = AtomicU64::new(0);
@@ -81,12 +80,11 @@ impl<'a> Answers<'a> {
             index,
             question,
             max_distance,
-            motion,
+            player,
             readings: None,
             silent,
             far,
             doubtful: AtomicU64::new(0),
-            held: 0,
             pressed: Counts::default(),
         }
     }
@@ -94,11 +92,6 @@ impl<'a> Answers<'a> {
     /// Writes the forces of the contacts as readings too.
     pub(super) fn with_readings(self, readings: Option<Readings<'a>>) -> Self {
         Self { readings, ..self }
-    }
-
-    /// Whether poses depend on the time.
-    pub(super) fn is_timed(motion: Option<&Motion>) -> bool {
-        motion.and_then(Motion::times).is_some_and(|[first, last]| first < last)
     }
 
     /// Whether a contact that is this far from a patch, in m, is off the skin.
@@ -119,10 +112,7 @@ impl<'a> Answers<'a> {
     ) -> Result<(), IoError> {
         let extra = (self.question == Question::Reactive).then_some("error");
         let mut table = LookupWriter::new(path, output, extra)?;
-        if let Some(motion) = &self.motion {
-            let start = motion.times().map_or(0.0, |[first, _]| first);
-            self.index.set_motion(motion, start).map_err(unanswered)?;
-        }
+        self.player.start(&mut self.index)?;
         let robot = self.robot;
         let mut batch = contacts.batch(robot)?;
         while !batch.contacts.is_empty() {
@@ -140,20 +130,12 @@ impl<'a> Answers<'a> {
 
     /// Writes the rows of a batch, those of equal times together.
     fn write(&mut self, batch: &Batch, table: &mut LookupWriter<'_, impl Write>) -> Result<(), IoError> {
-        let is_timed = Self::is_timed(self.motion.as_ref());
+        let is_timed = self.player.is_timed();
         let mut from = 0;
         for part in batch.contacts.chunk_by(|a, b| !is_timed || a.time == b.time) {
             let queries = &batch.queries[from..from + part.len()];
             from += part.len();
-            if let Some((motion, [first, last])) = self.motion.as_ref().and_then(|m| Some((m, m.times()?))) {
-                let time = part[0].time.filter(|_| is_timed);
-                if is_timed && time.is_none_or(|t| t < first || t > last) {
-                    self.held += part.len() as u64;
-                }
-                if is_timed {
-                    self.index.set_motion(motion, time.unwrap_or(first)).map_err(unanswered)?;
-                }
-            }
+            self.player.pose(&mut self.index, part[0].time, part.len())?;
             self.write_part(part, queries, table)?;
             if let Some(readings) = &mut self.readings {
                 readings.add(&self.index, part, queries)?;
@@ -207,11 +189,7 @@ impl<'a> Answers<'a> {
             let what = format_args!("contacts are more than {DOUBTFUL} spacings of taxels from the skin");
             note(common, format_args!("{} of {answered} {what}{ask}", far + doubtful));
         }
-        if self.held > 0 {
-            let what =
-                "contacts without a time or outside the times of the poses: the first or last pose is taken";
-            note(common, format_args!("{} {what}", self.held));
-        }
+        self.player.note("contacts", common);
         self.pressed.note(common);
     }
 }

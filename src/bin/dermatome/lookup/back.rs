@@ -8,15 +8,15 @@ use dermatome::{
     id::IdVec,
     io::{IoError, LookupPlace, LookupRow, LookupWriter, MapCoordinates, MapPlaceRow, read_map_places},
     pyramid::LevelId,
-    skin::{LinkId, Motion, PatchId},
+    skin::{LinkId, PatchId},
 };
 use glam::{DAffine3, DVec2};
 
 use crate::{
     console::notes::{note, note_columns},
     lookup::{
-        answers::Answers,
         contacts::{FrameArg, LARGEST, open},
+        player::Player,
         refusals::{Refusals, unanswered},
         robot::Robot,
     },
@@ -33,8 +33,11 @@ pub(super) struct Back<'a> {
     maps: MapIndex,
     frame: FrameArg,
     unit: Unit,
+    player: Player,
     rows: Box<dyn Iterator<Item = Result<MapPlaceRow, IoError>> + 'a>,
     pub(super) refusals: Refusals,
+    /// Whether some place has a time.
+    has_times: bool,
     /// Places off every triangle of their map.
     off_chart: u64,
 }
@@ -45,6 +48,7 @@ struct Place {
     patch: PatchId,
     level: LevelId,
     uv: DVec2,
+    time: Option<f64>,
 }
 
 impl<'a> Back<'a> {
@@ -53,21 +57,18 @@ impl<'a> Back<'a> {
         unit: Unit,
         robot: &'a Robot,
         mut index: ContactIndex,
-        (frame, motion): (FrameArg, Option<&Motion>),
+        (frame, player): (FrameArg, Player),
         common: &Common,
     ) -> anyhow::Result<Self> {
-        if let Some((motion, [start, _])) = motion.and_then(|m| Some((m, m.times()?))) {
-            index.set_motion(motion, start).map_err(Error::from)?;
-            if Answers::is_timed(Some(motion)) {
-                note(common, format_args!("places have no times: the links are posed as at {start} s"));
-            }
-        }
+        player.start(&mut index).map_err(Error::from)?;
         let maps = MapIndex::new(&robot.map).map_err(Error::from)?;
         let (name, input) = open(path)?;
         let (unknown, rows) = read_map_places(name, input).map_err(Error::from)?;
         note_columns(name, &unknown, common);
         let refusals = Refusals::new(name.to_owned());
-        Ok(Self { robot, index, maps, frame, unit, rows: Box::new(rows), refusals, off_chart: 0 })
+        let rows = Box::new(rows);
+        let (has_times, off_chart) = (false, 0);
+        Ok(Self { robot, index, maps, frame, unit, player, rows, refusals, has_times, off_chart })
     }
 
     pub(super) fn answer(&mut self, path: &Path, output: impl Write) -> Result<(), IoError> {
@@ -77,27 +78,35 @@ impl<'a> Back<'a> {
             if places.is_empty() {
                 break;
             }
-            let mut found = Vec::new();
-            let mut from = vec![0];
-            for place in &places {
-                let first = found.len();
-                self.maps.places(place.patch, place.level, place.uv, &mut found).map_err(unanswered)?;
-                self.off_chart += u64::from(found[first..].iter().any(|place| place.off_chart > 0.0));
-                for place in &mut found[first..] {
-                    *place = self.maps.posed(&self.index, place).unwrap_or(*place);
-                }
-                from.push(found.len());
+            let is_timed = self.player.is_timed();
+            for part in places.chunk_by(|a, b| !is_timed || a.time == b.time) {
+                self.player.pose(&mut self.index, part[0].time, part.len())?;
+                self.write(part, &mut table)?;
             }
-            let back = &*self;
-            let (robot, poses, frame) = (back.robot, back.index.poses(), back.frame);
-            table.write(places.len(), |k, emit| {
-                for place in &found[from[k]..from[k + 1]] {
-                    emit(&row(robot, &poses, frame, places[k].number, place));
-                }
-            })?;
         }
         self.refusals.check_any()?;
         table.finish()
+    }
+
+    /// Writes the rows of places on the robot as it is posed.
+    fn write(&mut self, places: &[Place], table: &mut LookupWriter<'_, impl Write>) -> Result<(), IoError> {
+        let mut found = Vec::new();
+        let mut from = vec![0];
+        for place in places {
+            let first = found.len();
+            self.maps.places(place.patch, place.level, place.uv, &mut found).map_err(unanswered)?;
+            self.off_chart += u64::from(found[first..].iter().any(|place| place.off_chart > 0.0));
+            for place in &mut found[first..] {
+                *place = self.maps.posed(&self.index, place).unwrap_or(*place);
+            }
+            from.push(found.len());
+        }
+        let (robot, poses, frame) = (self.robot, self.index.poses(), self.frame);
+        table.write(places.len(), |k, emit| {
+            for place in &found[from[k]..from[k + 1]] {
+                emit(&row(robot, &poses, frame, places[k].number, place));
+            }
+        })
     }
 
     fn batch(&mut self) -> Result<Vec<Place>, IoError> {
@@ -106,6 +115,7 @@ impl<'a> Back<'a> {
             let Some(row) = self.rows.next() else { break };
             let row = row.and_then(|row| self.place(&row));
             let Some((number, place)) = self.refusals.sort(row)? else { continue };
+            self.has_times |= place.time.is_some();
             places.push(Place { number, ..place });
         }
         Ok(places)
@@ -147,7 +157,7 @@ impl<'a> Back<'a> {
                 frame.centre(pixel)
             }
         };
-        Ok(Place { number: 0, patch, level, uv })
+        Ok(Place { number: 0, patch, level, uv, time: row.time })
     }
 
     pub(super) fn note(&self, common: &Common) {
@@ -155,6 +165,10 @@ impl<'a> Back<'a> {
             let what = "places are off their map: the nearest place on it is answered";
             note(common, format_args!("{} {what} (column `off_chart`)", self.off_chart));
         }
+        if self.has_times && !self.player.is_timed() {
+            note(common, format_args!("{}: column `time` is not used", self.refusals.path.display()));
+        }
+        self.player.note("places", common);
     }
 }
 

@@ -73,8 +73,6 @@ const LINK: &str = ", column `link`";
 pub(super) struct Meaning {
     pub(super) unit: Unit,
     pub(super) frame: FrameArg,
-    /// Whether it chooses among the patches of the map.
-    pub(super) has_patches: bool,
 }
 
 pub(super) struct Contacts<'a> {
@@ -175,7 +173,7 @@ impl Contacts<'_> {
             }
         };
         if !robot.carries[link] {
-            let chosen = if self.meaning.has_patches { "none of the patches of --patch" } else { "no patch" };
+            let chosen = if robot.has_skin[link] { "none of the patches of --patch" } else { "no patch" };
             let found = format!("{:?}, which carries {chosen}", robot.links[link]);
             return Err(self.refusals.invalid(row.line, LINK, found, "a link with skin, or none"));
         }

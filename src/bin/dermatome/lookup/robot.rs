@@ -29,6 +29,8 @@ pub(super) struct Robot {
     pub(super) patches: IdVec<PatchId, PatchFacts>,
     /// Whether each link carries a patch.
     pub(super) carries: IdVec<LinkId, bool>,
+    /// Whether it carries one in the file, chosen or not.
+    pub(super) has_skin: IdVec<LinkId, bool>,
     /// The levels that are asked for.
     pub(super) levels: Vec<LevelId>,
 }
@@ -51,6 +53,10 @@ impl PatchFacts {
     }
 }
 
+fn carries(map: &SkinMap) -> IdVec<LinkId, bool> {
+    map.links.ids().map(|id| map.patches.iter().any(|patch| patch.link == id)).collect()
+}
+
 impl Robot {
     /// Reads a map, and chooses among its patches and levels; none: all.
     pub(super) fn read(
@@ -60,6 +66,7 @@ impl Robot {
         common: &Common,
     ) -> anyhow::Result<Self> {
         let mut map = read_map(path).map_err(Error::from)?;
+        let has_skin = carries(&map);
         let all = map.patches.into_iter().collect();
         map.patches = select_patches(path, all, patches, |patch| &patch.name)?.into();
         let most = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
@@ -82,7 +89,8 @@ impl Robot {
         }
         let levels = (0..most).filter(|k| chosen.is_empty() || chosen.contains(k)).map(LevelId::new);
         Ok(Self {
-            carries: map.links.ids().map(|id| map.patches.iter().any(|patch| patch.link == id)).collect(),
+            carries: carries(&map),
+            has_skin,
             links: link_names(&map.links),
             patches: map.patches.iter().map(PatchFacts::of).collect(),
             levels: levels.collect(),
