@@ -56,6 +56,29 @@ pub(crate) fn crossing_vertices(edges: &[[VertexId; 2]], uv: &Uv) -> Vec<VertexI
     found.into_iter().collect()
 }
 
+/// Calls `found` with each edge, and a vertex to the left of it within its height.
+///
+/// Pairs are found as crossings are: by the boxes of the edges, and of the lines from the vertices
+/// to the right.
+pub(super) fn each_to_the_right(
+    vertices: &[VertexId],
+    edges: &[[VertexId; 2]],
+    uv: &Uv,
+    found: &mut dyn FnMut(VertexId, [VertexId; 2]),
+) {
+    let mut segments: Vec<Segment> = edges.iter().map(|&ends| Segment::new(ends, uv)).collect();
+    let right = bounds(&segments).1.x;
+    let line = |&v: &VertexId| {
+        let (from, to) = (uv[v], DVec2::new(right, uv[v].y));
+        Segment { ends: [v; 2], from, to, low: from, high: to }
+    };
+    let mut lines: Vec<Segment> = vertices.iter().map(line).collect();
+    let _ = between(&mut lines, &mut segments, &mut |line, edge| {
+        found(line.ends[0], edge.ends);
+        ControlFlow::Continue(())
+    });
+}
+
 fn crossings_up_to(most: usize, edges: &[[VertexId; 2]], uv: &Uv) -> usize {
     each_crossing(most, edges, uv, &mut |_| ())
 }

@@ -9,7 +9,7 @@ use glam::DVec2;
 use crate::{
     flatten::{
         bijective::{
-            crossings::{boundary_crosses_itself, boundary_crossings},
+            crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings, each_to_the_right},
             orientation::orientation,
         },
         domain::elements::Uv,
@@ -28,15 +28,20 @@ const BEYOND_A_TURN: f64 = 1e-6;
 ///
 /// A map without flips and without these is one to one. Flips and crossings alone are not enough: a
 /// sleeve whose hole is turned inside out has neither, but two inner vertices with two full turns
-/// of faces, or as many on its boundary (Gauss and Bonnet).
+/// of faces, or as many on its boundary (Gauss and Bonnet). Where [`MAX_CROSSINGS`] pairs of edges
+/// cross, nothing more is counted.
 pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     let edges = boundary_edges(mesh);
+    let crossings = boundary_crossings(&edges, uv);
+    if crossings >= MAX_CROSSINGS {
+        return crossings;
+    }
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
     let faces = || mesh.triangles.iter().copied();
     let outer = loops_of(&edges).iter().filter(|walk| is_counter_clockwise(walk, uv)).count();
     let parts = Parts::of_components(mesh);
-    boundary_crossings(&edges, uv)
+    crossings
         + outer.saturating_sub(parts.len())
         + count_covered(&edges, &parts, uv)
         + count_branch_points(faces(), &on_boundary, uv)
@@ -76,17 +81,21 @@ fn count_covered(edges: &[[VertexId; 2]], parts: &Parts, uv: &Uv) -> usize {
     }
     let mut places = vec![None; parts.len()];
     edges.iter().for_each(|[v, _]| places[parts.of[*v]] = Some(*v));
-    let is_covered = |v: VertexId| {
+    let places: Vec<VertexId> = places.into_iter().flatten().collect();
+    // Boundaries of others that pass on the right, upwards less downwards.
+    let mut passes = IdVec::<VertexId, i32>::filled(0, uv.len());
+    each_to_the_right(&places, edges, uv, &mut |v, [a, b]| {
+        if parts.of[a] == parts.of[v] {
+            return;
+        }
         let p = uv[v];
-        // Boundaries of others that pass on the right, upwards less downwards.
-        let passes = |[a, b]: &[VertexId; 2]| match (uv[*a].y > p.y, uv[*b].y > p.y) {
-            (false, true) if orientation([uv[*a], uv[*b], p]) > 0.0 => 1,
-            (true, false) if orientation([uv[*b], uv[*a], p]) > 0.0 => -1,
+        passes[v] += match (uv[a].y > p.y, uv[b].y > p.y) {
+            (false, true) if orientation([uv[a], uv[b], p]) > 0.0 => 1,
+            (true, false) if orientation([uv[b], uv[a], p]) > 0.0 => -1,
             _ => 0,
         };
-        edges.iter().filter(|[a, _]| parts.of[*a] != parts.of[v]).map(passes).sum::<i32>() != 0
-    };
-    places.into_iter().flatten().filter(|&v| is_covered(v)).count()
+    });
+    places.into_iter().filter(|&v| passes[v] != 0).count()
 }
 
 fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {
@@ -140,4 +149,47 @@ fn count_angle_excess(
         }
     }
     turn.iter().filter(|&&t| t > std::f64::consts::TAU + BEYOND_A_TURN).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A component is covered if its first vertex lies in another one: here squares, some of them around
+    /// others, some side by side.
+    fn covered(squares: &[([u32; 2], u32)]) -> (usize, usize) {
+        let (mut uv, mut triangles) = (Vec::new(), Vec::new());
+        for (k, ([x, y], size)) in (0_u32..).zip(squares) {
+            let lo = DVec2::new(f64::from(*x), f64::from(*y)) + DVec2::splat(0.01 * f64::from(k));
+            let size = f64::from(*size);
+            let corners = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+            uv.extend(corners.map(|corner| lo + size * corner));
+            triangles.extend([[4 * k, 4 * k + 1, 4 * k + 2], [4 * k, 4 * k + 2, 4 * k + 3]]);
+        }
+        let uv: Uv = uv.into();
+        let mesh = TriMesh::from_arrays(uv.iter().map(|p| p.extend(0.0)).collect(), &triangles);
+        let edges = boundary_edges(&mesh);
+        let parts = Parts::of_components(&mesh);
+        let expected = (0..squares.len()).filter(|&k| {
+            let last = edges.iter().rev().find(|[v, _]| v.index() / 4 == k).map(|[v, _]| uv[*v]);
+            let is_in = |other: usize| {
+                let [lo, hi] = [4 * other, 4 * other + 2].map(|v| uv[VertexId::new(v)]);
+                last.is_some_and(|p| other != k && p.cmpgt(lo).all() && p.cmplt(hi).all())
+            };
+            (0..squares.len()).any(is_in)
+        });
+        (count_covered(&edges, &parts, &uv), expected.count())
+    }
+
+    proptest! {
+        #[test]
+        fn covered_components_are_those_that_begin_in_another_one(
+            squares in prop::collection::vec(((0..9_u32, 0..9_u32).prop_map(|(x, y)| [x, y]), 1..6_u32), 2..40),
+        ) {
+            let (found, expected) = covered(&squares);
+            prop_assert_eq!(found, expected);
+        }
+    }
 }
