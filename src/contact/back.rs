@@ -4,7 +4,6 @@
 //! in a plane, for the nearest place where there is none and for crowds. Where a map overlaps itself a
 //! place lies on several sheets, and each is answered.
 
-use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
 use crate::{
@@ -12,7 +11,7 @@ use crate::{
         Cell, ContactError, ContactIndex,
         cell::OwnFace,
         geometry::pseudo_normal,
-        plane_grid::{CROWD, PlaneGrid},
+        plane_grid::PlaneGrid,
         search::{Best, LARGEST, Packing, PatchBvh, Search},
     },
     id::{FaceId, IdVec, VertexId},
@@ -159,13 +158,11 @@ impl MapIndex {
             return Err(ContactError::NotFinite { contact: 0, point: point.to_array() });
         }
         let first = found.len();
-        let mut faces = ArrayVec::<(FaceId, Closest), CROWD>::new();
         let is_listed = sheet.grid.each_at(uv, |face| {
-            faces.extend(sheet.at(uv, face).map(|closest| (face, closest)));
+            if let Some(closest) = sheet.at(uv, face) {
+                found.push(sheet.place(map, (patch, level), face, closest, 0.0));
+            }
         });
-        for &(face, closest) in &faces {
-            found.push(sheet.place(map, (patch, level), face, closest, 0.0));
-        }
         if !is_listed {
             sheet.tree.each_around(point, sheet.on_chart, |face, closest| {
                 found.push(sheet.place(map, (patch, level), face, closest, 0.0));

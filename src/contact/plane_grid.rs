@@ -26,7 +26,7 @@ const MOST_CELLS: f64 = 4.0;
 const MOST_OVERLAPS: f64 = 32.0;
 
 /// A cell with more triangles lists none (*heuristic*: the walk down a tree takes about as long).
-pub(super) const CROWD: usize = 64;
+const CROWD: usize = 64;
 
 /// What marks the beginning of such a cell.
 const CROWDED: u32 = 1 << 31;
