@@ -215,10 +215,6 @@ fn what_cannot_be_answered_is_refused_with_its_line() {
         assert!(error.contains(expected), "{contacts:?}: {error}");
         assert_eq!(fs::read_to_string(&out).unwrap(), "older", "an older output is left as it was");
     }
-    let bare = fixture.file("bare.csv", "x,y,z,link\n0,0,0,base\n");
-    let run = fixture.lookup(&bare).args(["--patch", "*"]).assert().code(2);
-    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
-    assert!(error.contains("carries no patch"), "it has none to be chosen: {error}");
     let good = fixture.file("good.csv", "x,y,z\n0,0,0\n");
     fixture.lookup(&good).args(["--level", "40"]).assert().code(2);
     fixture.lookup(&good).args(["--max-distance", "-1"]).assert().code(2);

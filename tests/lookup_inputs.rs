@@ -13,7 +13,7 @@ use dermatome::{
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
-    skin::{Link, Patch, Skin},
+    skin::{Link, LinkId, Patch, PatchId, Skin},
 };
 use glam::{DAffine3, DVec3};
 use tempfile::TempDir;
@@ -115,6 +115,12 @@ fn some_patches_of_a_map_answer() {
     assert_eq!((run.code, run.rows.len()), (0, 2), "{}", run.error);
     assert!(run.rows.iter().all(|row| row["patch"] == "the \"other\", aside"), "{:?}", run.rows);
     let table = "x,y,z,link\n0,0,0,arm\n0,0,0,base\n";
+    let run = lookup(&folder, table, &["--patch", "cap", "--level", "0", "--max-distance", "inf"]);
+    assert!(run.error.contains("\"base\", which carries no patch"), "{}", run.error);
+    let file = folder.path().join("map.glb");
+    let mut map = read_map(&file).unwrap();
+    map.patches[PatchId::new(1)].link = LinkId::new(0);
+    write_map(&file, &map).unwrap();
     let run = lookup(&folder, table, &["--patch", "cap", "--level", "0", "--max-distance", "inf"]);
     assert!(run.error.contains("\"base\", which carries none of the patches of --patch"), "{}", run.error);
     let run = lookup(&folder, table, &["--patch", "palm"]);
