@@ -202,25 +202,19 @@ def sizes_asked():
 
 
 def coarse():
-    peer, tables, rows = build_peers(), [], []
-    bench = ["cargo", "bench", "--quiet", "--bench", "coarse_to_fine", "--"]
-
-    def run(engine):
-        if engine != "dermatome":
-            return peer(engine)
-        # Writes the mesh and the contacts of the others.
-        tables.append(subprocess.run([*bench, skin, str(size), f"peers={FOLDER}"], cwd=ROOT, check=True, capture_output=True, text=True).stdout)
-        return re.search(r"level 0: (\d+) ns.* path (\d+) ns", tables[-1]).groups()
-
+    peer, rows = build_peers(), []
     for skin in ["cap", "forearm", "robot"]:
         for size in sizes_asked() or [10_000, 100_000, 1_000_000]:
-            ns = in_turn(run, ["dermatome", "embree", "parry", "obvhs"])
-            print(tables[-1], flush=True)
+            # Writes the mesh and the contacts that the engines answer.
+            bench = ["cargo", "bench", "--quiet", "--bench", "coarse_to_fine", "--", skin, str(size), f"peers={FOLDER}"]
+            table = subprocess.run(bench, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+            print(table, flush=True)
+            ns = in_turn(peer, ["dermatome", "embree", "parry", "obvhs"])
             own, other = ns["dermatome"], ns["embree"]
             cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
-            title = re.search(r"(\w+, \d+) faces", tables[-1]).group(1)
+            title = re.search(r"(\w+, \d+) faces", table).group(1)
             rows.append([title, cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"), cell("obvhs")])
-    print("\nns of the same contacts on level 0, one thread, medians of three rounds in turn; along a path in brackets\n")
+    print("\nns of the same contacts on level 0, one thread, all patches as one mesh, medians of three rounds in turn; along a path in brackets\n")
     row("skin, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar")
     row(*["---"] * 6)
     for cells in rows:
