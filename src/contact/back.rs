@@ -17,6 +17,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PixelGrid, SkinMap},
     mesh::{Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point},
+    numeric::along_curve,
     parallel::par_map,
     pyramid::LevelId,
     skin::{LinkId, PatchId, TaxelId},
@@ -49,8 +50,11 @@ struct IndexedMap {
 #[derive(Debug, Clone)]
 struct Sheet {
     grid: PlaneGrid,
-    /// What the answer reads of each place of the map, side by side.
-    places: IdVec<VertexId, Place>,
+    /// The corners of the faces among `places`.
+    triangles: IdVec<FaceId, [u32; 3]>,
+    /// What the answer reads of each place of the map, side by side; places that are near each other
+    /// are so here.
+    places: Vec<Place>,
     /// The triangles of the map at height 0.
     tree: PatchBvh,
     /// The level itself, whose faces they are, and who borders whom in it.
@@ -110,17 +114,20 @@ impl MapIndex {
                 let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
                 let grid = PlaneGrid::new(&map.uv, map.corners(), on_chart);
-                let mut places = IdVec::filled(Place::default(), map.uv.len());
+                let ranks = ranks(&plane.positions);
+                let triangles = map.corners().map(|corners| corners.map(|place| ranks[place]));
+                let mut places = vec![Place::default(); map.uv.len()];
                 for (of_face, fields) in map.corners().iter().zip(&mesh.triangles) {
                     for (&place, &field) in of_face.iter().zip(fields) {
                         let taxel = patch.taxels.ids[map.level.origins[field]];
                         let (uv, position) = (map.uv[place], mesh.positions[field]);
-                        places[place] = Place { uv, position, field, taxel };
+                        places[ranks[place] as usize] = Place { uv, position, field, taxel };
                     }
                 }
                 let image = PixelGrid::new(map.frame);
                 Ok(Sheet {
                     grid,
+                    triangles,
                     places,
                     tree,
                     mesh,
@@ -207,17 +214,22 @@ impl MapIndex {
 }
 
 impl Sheet {
+    #[inline(always)]
+    fn places_of(&self, face: FaceId) -> [&Place; 3] {
+        self.triangles[face].map(|place| &self.places[place as usize])
+    }
+
     /// Where a place lies on a face, if it does.
     #[inline(always)]
     fn at(&self, uv: DVec2, face: FaceId) -> Option<Closest> {
-        let ids = self.tree.mesh.triangles[face];
-        let corners = ids.map(|place| self.places[place].uv);
+        let corners = self.places_of(face).map(|corner| corner.uv);
         match Planar::of(uv, corners, self.on_chart) {
             Planar::Beyond => None,
             Planar::Inside(barycentric) => {
                 Some(Closest { squared: 0.0, barycentric, feature: Feature::Inside, is_flat: false })
             }
             Planar::Near => {
+                let ids = self.tree.mesh.triangles[face];
                 let closest = closest_point(uv.extend(0.0), corners.map(|uv| uv.extend(0.0)), ids);
                 Some(closest).filter(|closest| closest.squared <= self.on_chart * self.on_chart)
             }
@@ -234,7 +246,7 @@ impl Sheet {
         off_chart: f64,
     ) -> MapPlace {
         let point = SurfacePoint { face, barycentric };
-        let corners = self.tree.mesh.triangles[face].map(|place| self.places[place]);
+        let corners = self.places_of(face);
         let own = OwnFace {
             fields: corners.map(|corner| corner.field),
             taxels: corners.map(|corner| corner.taxel),
@@ -270,6 +282,15 @@ impl Sheet {
     fn normal(&self, at: impl Fn(VertexId) -> DVec3 + Copy, face: FaceId, feature: Feature) -> DVec3 {
         pseudo_normal(&self.corners, &self.mesh.triangles, at, face, feature)
     }
+}
+
+/// The numbers of places along a curve, where those near each other on the map are so too.
+fn ranks(places: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, u32> {
+    let mut ranks = IdVec::filled(0, places.len());
+    for (rank, place) in (0_u32..).zip(along_curve(places)) {
+        ranks[VertexId::new(place)] = rank;
+    }
+    ranks
 }
 
 /// Where a place lies by a triangle in the same plane.

@@ -5,14 +5,11 @@ use rayon::prelude::*;
 
 use crate::{
     contact::{ContactError, ContactIndex, Cursor, Hit, Query},
-    numeric::morton,
+    numeric::along_curve,
 };
 
 /// Fewest contacts that one task answers: enough for the cache to hold what the next one needs.
 const RUN: usize = 256;
-
-/// Bits of a word that hold the number of a contact; the others hold its place along the curve.
-const NUMBER: u32 = 34;
 
 impl ContactIndex {
     /// Answers many contacts, in parallel; the same hits in the same order as one by one.
@@ -64,32 +61,15 @@ impl ContactIndex {
         for (number, query) in queries.iter().enumerate() {
             self.check(number, query)?;
         }
-        let order = self.along_curve(queries);
-        let number = |word: u64| (word & ((1 << NUMBER) - 1)) as usize;
+        let points: Vec<DVec3> = queries.iter().map(|query| self.in_world(query)).collect();
+        let order = along_curve(&points);
         let sorted: Vec<T> = order
             .par_iter()
             .with_min_len(RUN)
-            .map_with(Cursor::default(), |cursor, &word| answer(cursor, &queries[number(word)]))
+            .map_with(Cursor::default(), |cursor, &number| answer(cursor, &queries[number]))
             .collect();
         let mut places = vec![0_usize; queries.len()];
-        order.iter().enumerate().for_each(|(place, &word)| places[number(word)] = place);
+        order.iter().enumerate().for_each(|(place, &number)| places[number] = place);
         Ok(places.par_iter().map(|&place| sorted[place].clone()).collect())
-    }
-
-    /// For each contact its place along a Morton curve and, in the last [`NUMBER`] bits, its number;
-    /// sorted.
-    fn along_curve(&self, contacts: &[Query]) -> Vec<u64> {
-        let places: Vec<DVec3> = contacts.iter().map(|contact| self.in_world(contact)).collect();
-        let (lo, hi) =
-            places.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
-        // The box keeps its shape: the longest side has all steps.
-        let side = (hi - lo).max_element().max(f64::MIN_POSITIVE);
-        // The first bits of a code are those of the coarsest steps, of 63 in all.
-        let word = |(number, &p): (usize, &DVec3)| {
-            (morton((p - lo) / side) << 1 >> NUMBER << NUMBER) | number as u64
-        };
-        let mut order: Vec<_> = places.par_iter().enumerate().map(word).collect();
-        order.par_sort_unstable();
-        order
     }
 }

@@ -13,7 +13,7 @@ pub(crate) use chi_square::{chi_square_tail, quantile};
 pub use covariance::Covariance;
 pub(crate) use disjoint_sets::{DisjointSets, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};
-pub(crate) use morton::morton;
+pub(crate) use morton::{along_curve, morton};
 pub(crate) use order::{argsort, median, nth_smallest, order_by};
 pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;
