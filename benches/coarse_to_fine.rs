@@ -6,14 +6,14 @@
 //! cargo bench --bench coarse_to_fine -- cap 10000 peers=FOLDER
 //! ```
 //!
-//! Contacts lie 0 to 3 mm off the skin, in no order, but for those of a path. A time is the mean over 2^15 contacts, of the
-//! fastest of 13 passes for every 128 of them; works that are compared take turns after every 128
-//! contacts, on different ones. Map positions of all levels count from an answer with its map
-//! position of level 0, cells of all levels from one with its cell of level 0. Prints a table for
-//! each skin and size, and writes a picture of error against time to `meshes/coarse_to_fine.svg`:
-//! the sizes of the first skin. With `peers=FOLDER` it writes, instead of the picture, what other engines
-//! need to answer the same contacts: `mesh.obj`, `scattered.f32` and `path.f32`, in world coordinates
-//! (`tools/compare/compare.py coarse` runs them in turn).
+//! Contacts lie 0 to 3 mm off the skin, in no order, but for those of a path. A time is the mean over
+//! 2^15 contacts, of the fastest of 13 passes for every 128 of them; works that are compared take turns
+//! after every 128 contacts, on different ones. Map positions of all levels count from an answer with
+//! its map position of level 0, cells of all levels from one with its cell of level 0. Prints a table
+//! for each skin and size, and writes a picture of error against time to `meshes/coarse_to_fine.svg`:
+//! the sizes of the first skin. With `peers=FOLDER` it writes, instead of the picture, what other
+//! engines need to answer the same contacts: `mesh.obj`, `scattered.f32` and `path.f32`, in world
+//! coordinates (`tools/compare/compare.py coarse` runs them in turn).
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used, reason = "a bench prints what it measured")]
 #![allow(clippy::cast_possible_truncation, reason = "shares of small numbers")]
 

@@ -7,9 +7,10 @@
     .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [coarse] [graphs] [skins] [build] [images] [frames]
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
-without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin; sizes after it
-(`nearest 20000 100000`) leave out the others. `coarse` runs the bench `coarse_to_fine` and the same peers on its contacts. `graphs` reads the pose graphs sphere2500.g2o,
-parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it.
+without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin; sizes
+after it (`nearest 20000 100000`) leave out the others. `coarse` runs the bench `coarse_to_fine` and the same peers on its
+contacts. `graphs` reads the pose graphs sphere2500.g2o, parking-garage.g2o and smallGrid3D.g2o from the folder
+DERMATOME_DATA/g2o, and is skipped without it.
 """
 import json, os, re, statistics, subprocess, sys, tempfile, time
 from pathlib import Path
