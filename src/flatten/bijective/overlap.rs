@@ -9,7 +9,9 @@ use glam::DVec2;
 use crate::{
     flatten::{
         bijective::{
-            crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings, each_to_the_right},
+            crossings::{
+                MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings, each_in_a_box, each_to_the_right,
+            },
             orientation::orientation,
         },
         domain::elements::Uv,
@@ -75,27 +77,46 @@ pub(crate) fn is_one_to_one(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
 
 /// Number of components that lie within another one, by one place of each: all of it does where the
 /// boundaries do not cross.
+///
+/// A boundary is closed, so it passes a place outside its box as often upwards as downwards. Only
+/// components with the place in their box are counted, and no edge beyond these boxes is visited.
 fn count_covered(edges: &[[VertexId; 2]], parts: &Parts, uv: &Uv) -> usize {
     if parts.len() == 1 {
         return 0;
     }
     let mut places = vec![None; parts.len()];
-    edges.iter().for_each(|[v, _]| places[parts.of[*v]] = Some(*v));
-    let places: Vec<VertexId> = places.into_iter().flatten().collect();
+    let mut boxes = vec![[DVec2::INFINITY, DVec2::NEG_INFINITY]; parts.len()];
+    for &[v, _] in edges {
+        let part = parts.of[v];
+        let [low, high] = boxes[part];
+        places[part] = Some(v);
+        boxes[part] = [low.min(uv[v]), high.max(uv[v])];
+    }
+    let around: Vec<(VertexId, [DVec2; 2])> =
+        places.into_iter().zip(&boxes).filter_map(|(v, &corners)| v.map(|v| (v, corners))).collect();
+    let mut right = IdVec::<VertexId, f64>::filled(f64::NEG_INFINITY, uv.len());
+    each_in_a_box(&around, uv, &mut |v, high| right[v] = right[v].max(high.x));
+    let lines: Vec<(VertexId, f64)> =
+        around.iter().map(|&(v, _)| (v, right[v])).filter(|(_, right)| right.is_finite()).collect();
     // Boundaries of others that pass on the right, upwards less downwards.
     let mut passes = IdVec::<VertexId, i32>::filled(0, uv.len());
-    each_to_the_right(&places, edges, uv, &mut |v, [a, b]| {
-        if parts.of[a] == parts.of[v] {
+    each_to_the_right(&lines, edges, uv, &mut |v, [a, b]| {
+        let (p, [low, high]) = (uv[v], boxes[parts.of[a]]);
+        if parts.of[a] == parts.of[v] || p.cmplt(low).any() || p.cmpgt(high).any() {
             return;
         }
-        let p = uv[v];
-        passes[v] += match (uv[a].y > p.y, uv[b].y > p.y) {
-            (false, true) if orientation([uv[a], uv[b], p]) > 0.0 => 1,
-            (true, false) if orientation([uv[b], uv[a], p]) > 0.0 => -1,
-            _ => 0,
-        };
+        passes[v] += pass(p, [uv[a], uv[b]]);
     });
-    places.into_iter().filter(|&v| passes[v] != 0).count()
+    lines.into_iter().filter(|&(v, _)| passes[v] != 0).count()
+}
+
+/// 1 if an edge passes a place on its right upwards, -1 if downwards, else 0.
+fn pass(p: DVec2, [a, b]: [DVec2; 2]) -> i32 {
+    match (a.y > p.y, b.y > p.y) {
+        (false, true) if orientation([a, b, p]) > 0.0 => 1,
+        (true, false) if orientation([b, a, p]) > 0.0 => -1,
+        _ => 0,
+    }
 }
 
 fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {
@@ -183,6 +204,30 @@ mod tests {
         (count_covered(&edges, &parts, &uv), expected.count())
     }
 
+    /// Triangles of corners on a grid, some flat or inside out, as separate components.
+    fn soup(corners: &[[[i32; 2]; 3]]) -> (Vec<[VertexId; 2]>, Parts, Uv) {
+        let uv: Uv = corners.as_flattened().iter().map(|&[x, y]| DVec2::new(x.into(), y.into())).collect();
+        let triangles: Vec<[u32; 3]> =
+            (0_u32..).zip(corners).map(|(k, _)| [0, 1, 2].map(|i| 3 * k + i)).collect();
+        let mesh = TriMesh::from_arrays(uv.iter().map(|p| p.extend(0.0)).collect(), &triangles);
+        (boundary_edges(&mesh), Parts::of_components(&mesh), uv)
+    }
+
+    /// What [`count_covered`] counts: every edge of the others, for the last place of each component.
+    fn covered_by_any(edges: &[[VertexId; 2]], parts: &Parts, uv: &Uv) -> usize {
+        let covers = |part: &usize| {
+            let own = |v: &VertexId| parts.of[*v] == *part;
+            let p = edges.iter().rev().find(|[v, _]| own(v)).map_or(DVec2::NAN, |[v, _]| uv[*v]);
+            edges.iter().filter(|[a, _]| !own(a)).map(|&ends| pass(p, ends.map(|v| uv[v]))).sum::<i32>() != 0
+        };
+        (0..parts.len()).filter(covers).count()
+    }
+
+    /// A grid of this few corners has many places on edges, on corners and on borders of boxes.
+    fn corner() -> impl Strategy<Value = [i32; 2]> {
+        [0..8_i32, 0..8_i32]
+    }
+
     proptest! {
         #[test]
         fn covered_components_are_those_that_begin_in_another_one(
@@ -190,6 +235,12 @@ mod tests {
         ) {
             let (found, expected) = covered(&squares);
             prop_assert_eq!(found, expected);
+        }
+
+        #[test]
+        fn boxes_change_no_count(corners in prop::collection::vec([corner(), corner(), corner()], 2..40)) {
+            let (edges, parts, uv) = soup(&corners);
+            prop_assert_eq!(count_covered(&edges, &parts, &uv), covered_by_any(&edges, &parts, &uv));
         }
     }
 }
