@@ -50,12 +50,9 @@ struct IndexedMap {
 #[derive(Debug, Clone)]
 struct Sheet {
     grid: PlaneGrid,
-    /// The corners of the faces among `places`.
-    triangles: IdVec<FaceId, [u32; 3]>,
-    /// What the answer reads of each place of the map, side by side; places that are near each other
-    /// are so here.
-    places: Vec<Place>,
-    /// The triangles of the map at height 0.
+    /// What the answer reads of each place of the map, side by side.
+    places: IdVec<VertexId, Place>,
+    /// The map in the [`plane`].
     tree: PatchBvh,
     /// The level itself, whose faces they are, and who borders whom in it.
     mesh: TriMesh,
@@ -109,25 +106,21 @@ impl MapIndex {
                 let mesh = map.level.mesh.clone();
                 let (origins, vertices) = (map.level.origins.clone(), patch.taxels.ids.len());
                 let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
-                let plane =
-                    TriMesh { positions: map.uv.map(|uv| uv.extend(0.0)), triangles: map.corners().clone() };
+                let plane = plane(map);
                 let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
-                let grid = PlaneGrid::new(&map.uv, map.corners(), on_chart);
-                let ranks = ranks(&plane.positions);
-                let triangles = map.corners().map(|corners| corners.map(|place| ranks[place]));
-                let mut places = vec![Place::default(); map.uv.len()];
-                for (of_face, fields) in map.corners().iter().zip(&mesh.triangles) {
+                let grid = PlaneGrid::new(&plane, on_chart);
+                let mut places = IdVec::filled(Place::default(), plane.positions.len());
+                for (of_face, fields) in plane.triangles.iter().zip(&mesh.triangles) {
                     for (&place, &field) in of_face.iter().zip(fields) {
                         let taxel = patch.taxels.ids[map.level.origins[field]];
-                        let (uv, position) = (map.uv[place], mesh.positions[field]);
-                        places[ranks[place] as usize] = Place { uv, position, field, taxel };
+                        let (uv, position) = (plane.positions[place].truncate(), mesh.positions[field]);
+                        places[place] = Place { uv, position, field, taxel };
                     }
                 }
                 let image = PixelGrid::new(map.frame);
                 Ok(Sheet {
                     grid,
-                    triangles,
                     places,
                     tree,
                     mesh,
@@ -165,14 +158,15 @@ impl MapIndex {
             return Err(ContactError::NotFinite { contact: 0, point: point.to_array() });
         }
         let first = found.len();
-        let is_listed = sheet.grid.each_at(uv, |face| {
-            if let Some(closest) = sheet.at(uv, face) {
-                found.push(sheet.place(map, (patch, level), face, closest, 0.0));
+        let of_face = |face: FaceId| (face, sheet.tree.mesh.triangles[face]);
+        let is_listed = sheet.grid.each_at(uv, |face, corners| {
+            if let Some(closest) = sheet.at(uv, corners) {
+                found.push(sheet.place(map, (patch, level), (face, corners), closest, 0.0));
             }
         });
         if !is_listed {
             sheet.tree.each_around(point, sheet.on_chart, |face, closest| {
-                found.push(sheet.place(map, (patch, level), face, closest, 0.0));
+                found.push(sheet.place(map, (patch, level), of_face(face), closest, 0.0));
             });
         }
         match found.len() - first {
@@ -180,7 +174,7 @@ impl MapIndex {
                 let mut best = None;
                 Search::new(&sheet.tree, patch, point).run(&mut best);
                 let nearest = best.map(|Best { face, closest, .. }| {
-                    sheet.place(map, (patch, level), face, closest, closest.squared.sqrt())
+                    sheet.place(map, (patch, level), of_face(face), closest, closest.squared.sqrt())
                 });
                 found.extend(nearest);
             }
@@ -215,21 +209,20 @@ impl MapIndex {
 
 impl Sheet {
     #[inline(always)]
-    fn places_of(&self, face: FaceId) -> [&Place; 3] {
-        self.triangles[face].map(|place| &self.places[place as usize])
+    fn places_of(&self, corners: [VertexId; 3]) -> [&Place; 3] {
+        corners.map(|place| &self.places[place])
     }
 
-    /// Where a place lies on a face, if it does.
+    /// Where a place lies on a triangle, if it does.
     #[inline(always)]
-    fn at(&self, uv: DVec2, face: FaceId) -> Option<Closest> {
-        let corners = self.places_of(face).map(|corner| corner.uv);
+    fn at(&self, uv: DVec2, ids: [VertexId; 3]) -> Option<Closest> {
+        let corners = self.places_of(ids).map(|corner| corner.uv);
         match Planar::of(uv, corners, self.on_chart) {
             Planar::Beyond => None,
             Planar::Inside(barycentric) => {
                 Some(Closest { squared: 0.0, barycentric, feature: Feature::Inside, is_flat: false })
             }
             Planar::Near => {
-                let ids = self.tree.mesh.triangles[face];
                 let closest = closest_point(uv.extend(0.0), corners.map(|uv| uv.extend(0.0)), ids);
                 Some(closest).filter(|closest| closest.squared <= self.on_chart * self.on_chart)
             }
@@ -241,12 +234,12 @@ impl Sheet {
         &self,
         map: &IndexedMap,
         (patch, level): (PatchId, LevelId),
-        face: FaceId,
+        (face, corners): (FaceId, [VertexId; 3]),
         Closest { barycentric, feature, .. }: Closest,
         off_chart: f64,
     ) -> MapPlace {
         let point = SurfacePoint { face, barycentric };
-        let corners = self.places_of(face);
+        let corners = self.places_of(corners);
         let own = OwnFace {
             fields: corners.map(|corner| corner.field),
             taxels: corners.map(|corner| corner.taxel),
@@ -284,13 +277,16 @@ impl Sheet {
     }
 }
 
-/// The numbers of places along a curve, where those near each other on the map are so too.
-fn ranks(places: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, u32> {
-    let mut ranks = IdVec::filled(0, places.len());
-    for (rank, place) in (0_u32..).zip(along_curve(places)) {
-        ranks[VertexId::new(place)] = rank;
+/// The triangles of a map at height 0, its places numbered along a curve: those near each other on the map
+/// are so in memory.
+fn plane(map: &MapLevel) -> TriMesh {
+    let order = along_curve(&map.uv.map(|uv| uv.extend(0.0)));
+    let mut ranks = IdVec::filled(VertexId::new(0), order.len());
+    for (rank, &place) in order.iter().enumerate() {
+        ranks[VertexId::new(place)] = VertexId::new(rank);
     }
-    ranks
+    let positions = order.iter().map(|&place| map.uv[VertexId::new(place)].extend(0.0)).collect();
+    TriMesh { positions, triangles: map.corners().map(|corners| corners.map(|place| ranks[place])) }
 }
 
 /// Where a place lies by a triangle in the same plane.

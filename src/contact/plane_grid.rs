@@ -1,21 +1,23 @@
-//! Which triangles of a map lie at a place: a grid over the plane with about one cell for six triangles.
+//! Which triangles of a map lie at a place: a grid over the plane with about one cell for twelve triangles.
 //!
-//! A cell lists the triangles that reach into it, each with those of its 6 x 6 parts that it reaches
-//! into, in one word: what is looked up at one place after another stays small enough for the tables of
-//! the processor's memory. The parts are found with what rounding may add, so that no triangle at a place
-//! is left out; what remains is measured in `f64`. Where too many triangles meet, the cell lists none, and
-//! a tree has to be searched.
+//! A cell lists the triangles that reach into it, each with its corners and with those of the 8 x 8 parts
+//! of the cell that it reaches into: between the cell and the corners nothing else has to be loaded. The
+//! parts are found with what rounding may add, so that no triangle at a place is left out; what remains is
+//! measured in `f64`. Where too many triangles meet, the cell lists none, and a tree has to be searched.
 
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::id::{FaceId, IdVec, VertexId};
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::TriMesh,
+};
 
-/// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in two or three
-/// cells, and two or three triangles are left around a place. Smaller cells leave fewer, but their lists
-/// take more memory, whose loading takes longer on a large map).
-const CELL_AREA: f64 = 6.0;
+/// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in about two cells.
+/// In smaller cells fewer triangles are left around a place, but their lists take more memory, whose
+/// loading takes longer on a large map).
+const CELL_AREA: f64 = 12.0;
 
 /// Cells of a grid, at most: this many for each triangle, where the map fills little of its
 /// rectangle.
@@ -32,7 +34,7 @@ const CROWD: usize = 64;
 const CROWDED: u32 = 1 << 31;
 
 /// Parts of a cell along each side.
-const PARTS: usize = 6;
+const PARTS: usize = 8;
 
 /// What rounding may add to a barycentric coordinate, as a part of its gradient and of its value at
 /// the corner of the cell.
@@ -54,39 +56,28 @@ pub(super) struct PlaneGrid {
     entries: Vec<Entry>,
 }
 
-/// A triangle in a cell: its number, and one bit for each part of the cell that it reaches into.
-#[derive(Debug, Clone, Copy, Default)]
-struct Entry(u64);
-
-impl Entry {
-    /// Bits of the number of a face: a tree has no more.
-    const FACE_BITS: usize = 28;
-
-    fn new(face: FaceId, parts: u64) -> Self {
-        Self(parts << Self::FACE_BITS | u64::from(face.raw()))
-    }
-
-    #[inline(always)]
-    fn face(self) -> FaceId {
-        FaceId::from((self.0 & ((1 << Self::FACE_BITS) - 1)) as u32)
-    }
+/// A triangle in a cell, with one bit for each part of the cell that it reaches into.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    parts: u64,
+    corners: [VertexId; 3],
+    face: FaceId,
 }
 
 /// The barycentric coordinates of a triangle over the plane, in cells.
 struct Affine {
     /// Of the first two: growth along both sides of a cell, and value in the corner of the first.
     rows: [DVec3; 2],
-    face: FaceId,
 }
 
 impl Affine {
-    fn new(face: FaceId, [a, b, c]: [DVec2; 3]) -> Self {
+    fn new([a, b, c]: [DVec2; 3]) -> Self {
         let area = (b - a).perp_dot(c - a);
         let row = |from: DVec2, to: DVec2| {
             let side = (to - from).perp() / area;
             side.extend(-side.dot(from))
         };
-        Self { rows: [row(b, c), row(c, a)], face }
+        Self { rows: [row(b, c), row(c, a)] }
     }
 
     /// The parts of a cell into which the triangle, enlarged by `margin` cells, reaches; row by row.
@@ -98,7 +89,7 @@ impl Affine {
             rows.iter().map(|row| (margin + ROUNDING) * size(row) + ROUNDING * (row.z.abs() + 1.0)).sum();
         // Slivers and triangles without area may hold every place.
         if slack.is_nan() || slack >= f64::from(f32::MAX) {
-            return u64::MAX >> Entry::FACE_BITS;
+            return u64::MAX;
         }
         let rows = [rows[0], rows[1], DVec3::Z - rows[0] - rows[1]];
         // The most in a part: along its rows and columns.
@@ -121,14 +112,11 @@ impl Affine {
 type Placed = (Affine, [Range<usize>; 2]);
 
 impl PlaneGrid {
-    /// A grid over at least one triangle of finite coordinates, in m; places no farther than `margin` (m)
-    /// from a triangle are on it.
-    pub(super) fn new(
-        positions: &IdVec<VertexId, DVec2>,
-        triangles: &IdVec<FaceId, [VertexId; 3]>,
-        margin: f64,
-    ) -> Self {
-        let corners = |face: FaceId| triangles[face].map(|v| positions[v]);
+    /// A grid over at least one triangle of finite coordinates, in m, in the plane of the first two; places
+    /// no farther than `margin` (m) from a triangle are on it.
+    pub(super) fn new(plane: &TriMesh, margin: f64) -> Self {
+        let triangles = &plane.triangles;
+        let corners = |face: FaceId| plane.corners(face).map(|corner| corner.truncate());
         let around = |face: FaceId| {
             let [a, b, c] = corners(face);
             (a.min(b).min(c) - margin, a.max(b).max(c) + margin)
@@ -136,11 +124,11 @@ impl PlaneGrid {
         let empty = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         let join = |(lo, hi): (DVec2, DVec2), b: (DVec2, DVec2)| (lo.min(b.0), hi.max(b.1));
         let (lo, hi) = triangles.ids().map(around).fold(empty, join);
-        let (extent, faces) = ((hi - lo).max(DVec2::ZERO), triangles.len().max(1) as f64);
+        let (extent, count) = ((hi - lo).max(DVec2::ZERO), triangles.len().max(1) as f64);
         let doubled = |[a, b, c]: [DVec2; 3]| (b - a).perp_dot(c - a).abs();
-        let mean = triangles.ids().map(|face| doubled(corners(face))).sum::<f64>() / (2.0 * faces);
+        let mean = triangles.ids().map(|face| doubled(corners(face))).sum::<f64>() / (2.0 * count);
         let area = CELL_AREA * mean;
-        let most = MOST_CELLS * faces;
+        let most = MOST_CELLS * count;
         let side = area.max(extent.element_product() / most).sqrt().max(extent.max_element() / most);
         let scale = Some(side.recip()).filter(|scale| scale.is_finite()).unwrap_or(1.0);
         let mut grid =
@@ -150,16 +138,16 @@ impl PlaneGrid {
             let count = |[columns, rows]: [Range<usize>; 2]| columns.len() as f64 * rows.len() as f64;
             triangles.ids().map(|face| count(grid.range(around(face)))).sum()
         };
-        while grid.size != [1, 1] && overlaps(&grid) > MOST_OVERLAPS * faces {
+        while grid.size != [1, 1] && overlaps(&grid) > MOST_OVERLAPS * count {
             grid.scale *= 0.5;
             grid.resize(extent);
         }
         let place = |face: FaceId| {
             let in_cells = corners(face).map(|p| (p - grid.lo) * grid.scale);
-            (Affine::new(face, in_cells), grid.range(around(face)))
+            (Affine::new(in_cells), grid.range(around(face)))
         };
         let placed: Vec<Placed> = triangles.ids().map(place).collect();
-        grid.fill(&placed, margin * grid.scale);
+        grid.fill(triangles, &placed, margin * grid.scale);
         grid
     }
 
@@ -178,17 +166,17 @@ impl PlaneGrid {
 
     /// Lists the triangles of each cell, in the order of the faces.
     #[expect(clippy::cast_possible_truncation, reason = "MOST_OVERLAPS a triangle, and few of these")]
-    fn fill(&mut self, placed: &[Placed], margin: f64) {
+    fn fill(&mut self, triangles: &IdVec<FaceId, [VertexId; 3]>, placed: &[Placed], margin: f64) {
         let [columns, rows] = self.size;
         let mut found: Vec<(usize, Entry)> = Vec::with_capacity(4 * placed.len());
         let mut counts = vec![0_usize; columns * rows];
-        for (affine, [across, down]) in placed {
+        for ((face, &corners), (affine, [across, down])) in triangles.enumerate().zip(placed) {
             for (row, column) in down.clone().flat_map(|row| across.clone().map(move |k| (row, k))) {
                 let parts = affine.parts([column, row], margin);
                 if parts != 0 {
                     let cell = row * columns + column;
                     counts[cell] += 1;
-                    found.push((cell, Entry::new(affine.face, parts)));
+                    found.push((cell, Entry { parts, corners, face }));
                 }
             }
         }
@@ -200,7 +188,8 @@ impl PlaneGrid {
         }
         self.cells.push(end as u32);
         let mut next = self.cells.clone();
-        self.entries = vec![Entry::default(); end];
+        let none = Entry { parts: 0, corners: [VertexId::new(0); 3], face: FaceId::new(0) };
+        self.entries = vec![none; end];
         for (cell, entry) in found {
             if next[cell] & CROWDED == 0 {
                 self.entries[next[cell] as usize] = entry;
@@ -209,10 +198,10 @@ impl PlaneGrid {
         }
     }
 
-    /// Calls `visit` with every triangle that a place (m) may be on, and some near it, in the order of
-    /// the faces; false, without a call, where too many meet.
+    /// Calls `visit` with every triangle that a place (m) may be on, and some near it, and with their
+    /// corners, in the order of the faces; false, without a call, where too many meet.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside of the grid")]
-    pub(super) fn each_at(&self, at: DVec2, mut visit: impl FnMut(FaceId)) -> bool {
+    pub(super) fn each_at(&self, at: DVec2, mut visit: impl FnMut(FaceId, [VertexId; 3])) -> bool {
         let p = (at - self.lo) * (self.scale * PARTS as f64);
         if !(p.min_element() >= 0.0 && p.x < self.end.x && p.y < self.end.y) {
             return true;
@@ -223,13 +212,14 @@ impl PlaneGrid {
         if first & CROWDED != 0 {
             return false;
         }
-        let part = y % PARTS * PARTS + x % PARTS + Entry::FACE_BITS;
+        let part = y % PARTS * PARTS + x % PARTS;
         let entries = &self.entries[first as usize..end as usize];
         // Without a branch for each: which of them hold the place cannot be foreseen.
-        let bit = |(k, entry): (usize, &Entry)| (entry.0 >> part & 1) << k;
+        let bit = |(k, entry): (usize, &Entry)| (entry.parts >> part & 1) << k;
         let mut holding = entries.iter().take(CROWD).enumerate().map(bit).fold(0, std::ops::BitOr::bitor);
         while holding != 0 {
-            visit(entries[holding.trailing_zeros() as usize].face());
+            let Entry { face, corners, .. } = entries[holding.trailing_zeros() as usize];
+            visit(face, corners);
             holding &= holding - 1;
         }
         true
@@ -245,10 +235,6 @@ mod tests {
         contact::soup,
         mesh::{TriMesh, closest_point, shapes},
     };
-
-    fn flat(mesh: &TriMesh) -> IdVec<VertexId, DVec2> {
-        mesh.positions.map(|p| p.truncate())
-    }
 
     /// Triangles that hold a place.
     fn brute(mesh: &TriMesh, at: DVec2, margin: f64) -> Vec<FaceId> {
@@ -277,12 +263,15 @@ mod tests {
             }
             mesh.positions.iter_mut().for_each(|p| *p *= scale);
             let margin = 1e-12 * scale;
-            let grid = PlaneGrid::new(&flat(&mesh), &mesh.triangles, margin);
+            let grid = PlaneGrid::new(&mesh, margin);
             for (face, s, t) in places {
                 let [a, b, c] = mesh.corners(FaceId::new(face.index(triangles.len())));
                 let at = (a * (1.0 - s.max(t)) + b * (s - t).abs() + c * s.min(t)).truncate();
                 let mut found = Vec::new();
-                let is_listed = grid.each_at(at, |face| found.push(face));
+                let is_listed = grid.each_at(at, |face, corners| {
+                    assert_eq!(corners, mesh.triangles[face]);
+                    found.push(face);
+                });
                 prop_assert!(is_listed || triangles.len() > CROWD);
                 for face in brute(&mesh, at, margin) {
                     prop_assert!(!is_listed || found.contains(&face), "{face:?} at {at} in {found:?}");
@@ -295,28 +284,27 @@ mod tests {
     #[test]
     fn a_place_of_a_map_leaves_few_triangles() {
         let mesh = shapes::lattice(60, 40, 0.004);
-        let grid = PlaneGrid::new(&flat(&mesh), &mesh.triangles, 1e-12);
+        let grid = PlaneGrid::new(&mesh, 1e-12);
         let mut visited = 0;
         for k in 0..1000_u32 {
             let at = DVec2::new(0.1 + 0.1 * f64::from(k).sin(), 0.05 + 0.05 * f64::from(k).cos());
-            assert!(grid.each_at(at, |_| visited += 1));
+            assert!(grid.each_at(at, |_, _| visited += 1));
         }
         assert!((1000..3000).contains(&visited), "{visited} for 1000 places");
         assert!(grid.entries.len() < 3 * mesh.triangles.len(), "{} entries", grid.entries.len());
-        assert!(grid.each_at(DVec2::splat(-1.0), |_| visited += 1) && visited < 3000);
+        assert!(grid.each_at(DVec2::splat(-1.0), |_, _| visited += 1) && visited < 3000);
     }
 
     /// Triangles that coincide, and many small ones under a large one, are built in no time.
     #[test]
     fn crowds_are_left_to_the_tree() {
-        let corners = shapes::triangle().positions;
-        let stacked = vec![[0, 1, 2].map(VertexId::new); 20_000];
-        let grid = PlaneGrid::new(&corners.map(|p| p.truncate()), &stacked.into(), 1e-12);
-        assert!(!grid.each_at(DVec2::splat(0.2), |_| ()) && grid.entries.is_empty());
-        let points = IdVec::from(vec![DVec2::ONE; 3]);
-        let grid = PlaneGrid::new(&points, &vec![[0, 1, 2].map(VertexId::new)].into(), 0.0);
+        let mut stacked = shapes::triangle();
+        stacked.triangles = vec![[0, 1, 2].map(VertexId::new); 20_000].into();
+        let grid = PlaneGrid::new(&stacked, 1e-12);
+        assert!(!grid.each_at(DVec2::splat(0.2), |_, _| ()) && grid.entries.is_empty());
+        let grid = PlaneGrid::new(&TriMesh::from_arrays(vec![DVec3::ONE; 3], &[[0, 1, 2]]), 0.0);
         let mut found = 0;
-        assert!(grid.each_at(DVec2::ONE, |_| found += 1) && found == 1, "a map that is one point");
+        assert!(grid.each_at(DVec2::ONE, |_, _| found += 1) && found == 1, "a map that is one point");
         assert!(grid.cells.len() < 10);
     }
 }
