@@ -61,7 +61,8 @@ pub(super) struct IndexedPatch {
     pub(super) link: LinkId,
     pub(super) tree: PatchBvh,
     pub(super) cells: PatchCells,
-    /// The levels above level 0, finest first; none if the index has no levels.
+    /// The levels above level 0, finest first; none if the index has no levels, or the vertices follow
+    /// several links.
     pub(super) coarse: Vec<CoarseLevel>,
     /// The centres of the fields of each level; none if the index has no fields.
     pub(super) fields: Vec<PointTree>,
@@ -105,7 +106,8 @@ impl ContactIndex {
         let patches = par_map(&map.patches, |patch| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
             let tree = PatchBvh::packed(&patch.name, mesh, options.packing)?;
-            let coarse = if options.levels { coarse_levels(patch, &tree)? } else { Vec::new() };
+            let is_rigid = patch.taxels.joints.is_none();
+            let coarse = if options.levels && is_rigid { coarse_levels(patch, &tree)? } else { Vec::new() };
             let fields = patch.levels.iter().filter(|_| options.fields);
             let fields = fields.map(|map| PointTree::of_mesh(&map.level.mesh)).collect();
             let (cells, spacing) = (PatchCells::new(patch)?, mean_side(mesh));

@@ -55,9 +55,7 @@ impl ContactIndex {
         let to_joint = self.links.map(|link| link.pose.pose().inverse() * own);
         let normals = patch.normals.clone();
         let blend = Blend::new((rest, normals), &scaled, to_joint, patch.tree.refitting());
-        let patch = &mut self.patches[id];
-        patch.blend = Some(Box::new(blend));
-        patch.coarse.clear();
+        self.patches[id].blend = Some(Box::new(blend));
         Ok(())
     }
 }

@@ -8,9 +8,9 @@
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
 without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin; sizes
-after it (`nearest 20000 100000`) leave out the others. `coarse` runs the bench `coarse_to_fine` and the same peers on its
-contacts. `graphs` reads the pose graphs sphere2500.g2o, parking-garage.g2o and smallGrid3D.g2o from the folder
-DERMATOME_DATA/g2o, and is skipped without it.
+after it (`nearest 20000 100000`) leave out the others, and `rounds=9` takes medians of nine rounds instead of three, which a
+busy machine needs. `coarse` runs the bench `coarse_to_fine` and the same peers on its contacts. `graphs` reads the pose graphs
+sphere2500.g2o, parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it.
 """
 import json, os, re, statistics, subprocess, sys, tempfile, time
 from pathlib import Path
@@ -170,6 +170,8 @@ def cover(times):
 
 MESH = FOLDER / "mesh.obj"
 
+ROUNDS = next((int(word.removeprefix("rounds=")) for word in sys.argv if word.startswith("rounds=")), 3)
+
 
 def build_peers():
     """Builds the engines that find nearest points; returns what runs one of them on MESH and the contacts beside it."""
@@ -189,9 +191,9 @@ def build_peers():
 
 
 def in_turn(run, engines):
-    """Medians of the columns that `run` gives for each engine, of three rounds through all."""
+    """Medians of the columns that `run` gives for each engine, of ROUNDS rounds through all."""
     runs = {engine: [] for engine in engines}
-    for _ in range(3):
+    for _ in range(ROUNDS):
         for engine, outputs in runs.items():
             outputs.append(run(engine))
     number = lambda text: float("nan") if text == "-" else float(text)
@@ -215,7 +217,7 @@ def coarse():
             cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
             title = re.search(r"(\w+, \d+) faces", table).group(1)
             rows.append([title, cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"), cell("obvhs")])
-    print("\nns of the same contacts on level 0, one thread, all patches as one mesh, medians of three rounds in turn; along a path in brackets\n")
+    print(f"\nns of the same contacts on level 0, one thread, all patches as one mesh, medians of {ROUNDS} rounds in turn; along a path in brackets\n")
     row("skin, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar")
     row(*["---"] * 6)
     for cells in rows:
@@ -227,8 +229,8 @@ def nearest():
     wanted = sizes_asked() or [20_000, 100_000, 1_000_000]
     shapes = [(f"{name}", lambda name=name, size=size: SHAPES[name](size)) for size in wanted for name in ["cap", "saddle"]]
     shapes += [("cover refined twice", lambda: cover(2))] * (20_000 in wanted) + [("cover refined 5 times", lambda: cover(5))] * (1_000_000 in wanted)
-    print("\nns per contact 0 to 3 mm off the skin, one thread, engines in turn: `tools/contact-peers`, `tools/compare/embree_nearest.cpp` (g++ -O3,"
-          " Embree of Debian); along a path in brackets; then a batch of 1M contacts in no order on all threads; the index in bytes a triangle\n")
+    print(f"\nns per contact 0 to 3 mm off the skin, one thread, engines in turn, medians of {ROUNDS} rounds: `tools/contact-peers`,"
+          " `tools/compare/embree_nearest.cpp` (g++ -O3, Embree of Debian); along a path in brackets; then a batch of 1M contacts in no order on all threads; the index in bytes a triangle\n")
     row("mesh, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar", "batch", "Embree one by one / batch", "bytes (compact)")
     row(*["---"] * 9)
     for name, make in shapes:
@@ -478,5 +480,5 @@ def pipes(cover, readings, ids):
 if __name__ == "__main__":
     processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "unknown")
     print(f"{processor}, {os.cpu_count()} threads")
-    for part in [word for word in sys.argv[1:] if not word.isdigit()] or ["flatten", "coarsen", "nearest", "coarse", "graphs", "skins", "build", "images", "frames"]:
+    for part in [word for word in sys.argv[1:] if not word.isdigit() and not word.startswith("rounds=")] or ["flatten", "coarsen", "nearest", "coarse", "graphs", "skins", "build", "images", "frames"]:
         globals()[part]()

@@ -42,7 +42,8 @@ struct Least(f64);
 impl ContactIndex {
     /// The point of a level nearest to a query, which searches that level alone: several times
     /// faster than [`ContactIndex::locate`], and as exact as its `error` says. On patches without
-    /// that level their coarsest is searched. Needs an index with
+    /// that level their coarsest is searched; on those that follow several links it is level 0, since
+    /// how far a coarse face is from the skin changes as the skin bends. Needs an index with
     /// [levels](crate::contact::IndexOptions::levels).
     ///
     /// # Errors
