@@ -1,4 +1,5 @@
-//! Which triangles of a map lie at a place: a grid over the plane with about one cell for twelve triangles.
+//! Which triangles of a map lie at a place: a grid over the plane with about one cell for twelve triangles,
+//! or more cells where the skin is much denser in some places.
 //!
 //! A cell lists the triangles that reach into it, each with its corners and with those of the 8 x 8 parts
 //! of the cell that it reaches into: between the cell and the corners nothing else has to be loaded. The
@@ -25,9 +26,16 @@ const MOST_CELLS: f64 = 4.0;
 
 /// Cells that the rectangles around all triangles may overlap, for each triangle: few large triangles
 /// among many small ones must not fill the memory.
-const MOST_OVERLAPS: f64 = 32.0;
+const MOST_OVERLAPS: f64 = 12.0;
 
-/// A cell with more triangles lists none (*heuristic*: the walk down a tree takes about as long).
+/// Cells are made smaller while more than this part of the overlaps is in cells with too many of them, as
+/// on skin that is much denser in some places (*heuristic*).
+const MOST_CROWDED: f64 = 0.02;
+
+/// How often they are, at most: by 2.25 in area each time, until there are [`MOST_CELLS`].
+const REFINEMENTS: usize = 6;
+
+/// A cell with more triangles lists none: those that may hold a place are the bits of a word.
 const CROWD: usize = 64;
 
 /// What marks the beginning of such a cell.
@@ -142,6 +150,18 @@ impl PlaneGrid {
             grid.scale *= 0.5;
             grid.resize(extent);
         }
+        for _ in 0..REFINEMENTS {
+            if grid.crowded(triangles.ids().map(around)) <= MOST_CROWDED {
+                break;
+            }
+            let mut finer = Self { scale: 1.5 * grid.scale, ..grid.clone() };
+            finer.resize(extent);
+            let cells = finer.size[0] as f64 * finer.size[1] as f64;
+            if cells > most || overlaps(&finer) > MOST_OVERLAPS * count {
+                break;
+            }
+            grid = finer;
+        }
         let place = |face: FaceId| {
             let in_cells = corners(face).map(|p| (p - grid.lo) * grid.scale);
             (Affine::new(in_cells), grid.range(around(face)))
@@ -162,6 +182,17 @@ impl PlaneGrid {
     fn range(&self, (lo, hi): (DVec2, DVec2)) -> [Range<usize>; 2] {
         let at = |p: DVec2, k: usize| ((p - self.lo) * self.scale)[k].max(0.0) as usize;
         [0, 1].map(|k| at(lo, k).min(self.size[k] - 1)..at(hi, k).min(self.size[k] - 1) + 1)
+    }
+
+    /// Which part of the overlaps of rectangles with cells is in cells with too many.
+    fn crowded(&self, rectangles: impl Iterator<Item = (DVec2, DVec2)>) -> f64 {
+        let mut counts = vec![0_usize; self.size[0] * self.size[1]];
+        for rectangle in rectangles {
+            let [columns, rows] = self.range(rectangle);
+            rows.for_each(|row| columns.clone().for_each(|column| counts[row * self.size[0] + column] += 1));
+        }
+        let crowded: usize = counts.iter().filter(|count| **count > CROWD).sum();
+        crowded as f64 / counts.iter().sum::<usize>().max(1) as f64
     }
 
     /// Lists the triangles of each cell, in the order of the faces.
@@ -293,6 +324,21 @@ mod tests {
         assert!((1000..3000).contains(&visited), "{visited} for 1000 places");
         assert!(grid.entries.len() < 3 * mesh.triangles.len(), "{} entries", grid.entries.len());
         assert!(grid.each_at(DVec2::splat(-1.0), |_, _| visited += 1) && visited < 3000);
+    }
+
+    /// Skin with taxels 1 mm apart beside skin with 8 mm: the cells are small enough for the dense part.
+    #[test]
+    fn dense_parts_of_a_map_are_no_crowds() {
+        let at = |k: u32| 0.001 * f64::from(k) + 0.007 * f64::from(k.saturating_sub(40));
+        let mesh = shapes::sheet(60, 60, |i, j| DVec3::new(at(i), at(j), 0.0));
+        let grid = PlaneGrid::new(&mesh, 1e-12);
+        let mut visited = 0;
+        for k in 0..1000_u32 {
+            let place = DVec2::new(0.02 + 0.02 * f64::from(k).sin(), 0.02 + 0.02 * f64::from(k).cos());
+            assert!(grid.each_at(place, |_, _| visited += 1));
+        }
+        assert!((1000..4000).contains(&visited), "{visited} for 1000 places");
+        assert!(grid.entries.len() < 5 * mesh.triangles.len(), "{} entries", grid.entries.len());
     }
 
     /// Triangles that coincide, and many small ones under a large one, are built in no time.
