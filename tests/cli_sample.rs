@@ -168,10 +168,12 @@ fn a_frame_of_readings_is_drawn_on_the_map_and_in_space() {
     let folder = folder_with_a_recording(0.05);
     let plot = "plot map.glb --readings touch.csv --frame 25 --space -o";
     dermatome(folder.path(), &format!("{plot} a.svg -o a.png")).success();
-    let svg = fs::read_to_string(folder.path().join("a.svg")).unwrap();
+    let text_of = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
     for text in ["force per area, kPa", "cap, level 1 in space", "masked", "no reading", "0.625 s", " N<"] {
-        assert!(svg.contains(text), "{text}");
+        assert!(text_of("a.svg").contains(text), "{text}");
     }
+    dermatome(folder.path(), &format!("{plot} k.svg --unit m --readings-unit K")).success();
+    assert!(text_of("k.svg").contains("force, K"));
     dermatome(folder.path(), &format!("{plot} b.png --threads 1")).success();
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
     assert!(read("a.png") == read("b.png"), "the same bytes for any number of threads");
@@ -180,6 +182,7 @@ fn a_frame_of_readings_is_drawn_on_the_map_and_in_space() {
         ("--readings touch.csv --channel heat", "force"),
         ("--readings touch.csv --range 5,1", "lower one first"),
         ("--readings touch.csv --show angle", "cannot be used with"),
+        ("--readings touch.csv --readings-unit N,K", "2 units for 1 channels"),
         ("--baseline 2", "--readings"),
         ("--frame 2", "--readings"),
     ] {

@@ -130,3 +130,27 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Man(args) => shell::manual(args, Cli::command()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    // clap checks this too, but not in a release.
+    #[test]
+    fn no_subcommand_has_two_options_of_one_name() {
+        let mut command = Cli::command();
+        command.build();
+        for subcommand in command.get_subcommands() {
+            let mut names = BTreeSet::new();
+            for argument in subcommand.get_arguments() {
+                let long = argument.get_long_and_visible_aliases().unwrap_or_default();
+                let short = argument.get_short_and_visible_aliases().unwrap_or_default();
+                for name in long.into_iter().map(str::to_owned).chain(short.into_iter().map(String::from)) {
+                    assert!(names.insert(name.clone()), "{} has two options {name:?}", subcommand.get_name());
+                }
+            }
+        }
+    }
+}

@@ -32,6 +32,8 @@ use crate::{
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
 /// distortion, or with one frame of readings, and the skin in space.
 #[derive(Debug, clap::Args)]
+// `--unit` is the unit of lengths here.
+#[command(mut_arg("units", |arg| arg.long("readings-unit")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`; or a skin without a map, which is drawn in space
     #[arg(value_name = "MAP.glb")]

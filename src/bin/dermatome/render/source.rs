@@ -135,7 +135,7 @@ fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> 
                 channels.len(),
                 names.iter().take(10).copied().collect::<Vec<_>>().join(", ")
             ),
-            "give --unit one unit for each channel, as in --unit Pa,K",
+            "give one unit for each channel, as in Pa,K",
         ));
     }
     for (channel, unit) in channels.iter_mut().zip(units) {
