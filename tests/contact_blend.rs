@@ -173,7 +173,7 @@ fn one_joint_is_a_rigid_pose() {
             assert!(hit.field == field && hit.normal.distance(expected) < 1e-12, "{hit:?}");
         }
     }
-    let spreader = Spreader { map: &map, disc: 0.002 };
+    let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
     let felt = |index: &ContactIndex, centre: DVec3| {
         let mut frame = spreader.frame(0.0);
         let area = Area::Sphere { centre, radius: 0.02 };

@@ -204,7 +204,7 @@ proptest! {
             2 => Area::Box { centre, rotation: DQuat::from_rotation_x(radius), half: DVec3::splat(radius) },
             _ => Area::Capsule { ends: [centre, centre + DVec3::X * radius], radius },
         };
-        let spreader = Spreader { map: &map, disc: 0.002 };
+        let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
         let mut frame = spreader.frame(1.5);
         let touched = spreader.add(&index, &Press { area, link: Some(LinkId::new(0)), force }, &mut frame).unwrap();
         let live = |v: &&f64| !v.is_nan();
@@ -264,7 +264,7 @@ fn batches_of_any_question_are_those_of_single_queries() {
 fn a_ball_presses_the_taxels_under_it() {
     let map = SkinMap::flat(shapes::lattice(30, 30, 0.004), 1e-3);
     let index = ContactIndex::with(&map, &FIELDS).unwrap();
-    let spreader = Spreader { map: &map, disc: 0.002 };
+    let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
     let mut frame = spreader.frame(0.0);
     let positions = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh.positions;
     let middle = positions.iter().copied().sum::<DVec3>() / positions.len() as f64;

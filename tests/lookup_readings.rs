@@ -41,8 +41,8 @@ fn frames(folder: &TempDir) -> Vec<(f64, f64)> {
 
 const READINGS: [&str; 2] = ["--readings", "touch.csv"];
 
-/// A point that the answers call off the skin touches no taxel, by whatever limit; a ball presses where it
-/// touches the skin, wherever its centre is.
+/// A point farther from the skin than the largest distance touches no taxel, whatever is asked; a ball
+/// presses where it touches the skin, wherever its centre is.
 #[test]
 fn points_off_the_skin_press_nothing() {
     let folder = folder();
@@ -61,6 +61,24 @@ fn points_off_the_skin_press_nothing() {
         let note = untouched.map(|count| format!("{count} contacts with a force touch no taxel"));
         assert_eq!(notes(&run).contains("touch no taxel"), note.is_some(), "{}", notes(&run));
         assert!(note.is_none_or(|note| notes(&run).contains(&note)), "{options:?}: {}", notes(&run));
+    }
+}
+
+/// What the answers say of fields has no part in it: a point on the skin presses though no taxel is within
+/// the distance asked for, and one that is far presses if it may be.
+#[test]
+fn points_press_by_their_distance_from_the_skin() {
+    let folder = folder();
+    for (table, options) in [
+        ("0.0225,0.0225,0", &["--within", "0.0005"][..]),
+        ("0.0225,0.0225,-3.7e-11", &["--nearest", "3", "--max-distance", "1e-9"]),
+        ("0.02,0.02,0.3", &["--max-distance", "1"]),
+        ("0.02,0.02,0.3", &["--max-distance", "inf"]),
+    ] {
+        let run = lookup(&folder, &format!("x,y,z,force\n{table},3\n"), &[&READINGS, options].concat());
+        let found = frames(&folder);
+        assert!(found.len() == 1 && (found[0].1 - 3.0).abs() < 1e-12, "{options:?}: {found:?}");
+        assert!(!notes(&run).contains("touch no taxel"), "{options:?}: {}", notes(&run));
     }
 }
 

@@ -113,6 +113,6 @@ pub use error::ContactError;
 pub use field_weights::FieldWeights;
 pub use index::{ContactIndex, IndexOptions};
 pub use positions::MapPosition;
-pub use queries::{Area, FieldHit, Filter, Press, Reactive, Refined, Spreader};
+pub use queries::{Area, FieldHit, Filter, ON_SKIN_SPACINGS, Press, Reactive, Refined, Spreader};
 pub use query::{Cursor, Hit, Query};
 pub use search::{Packing, Side};

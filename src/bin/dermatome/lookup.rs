@@ -16,7 +16,7 @@ use std::{
 
 use dermatome::{
     Error,
-    contact::{ContactIndex, IndexOptions},
+    contact::{ContactIndex, IndexOptions, Spreader},
     io::{IoError, replace_file},
 };
 use glob::Pattern;
@@ -83,7 +83,7 @@ pub(crate) struct Args {
     animation: Option<String>,
     /// Write the forces of the contacts, spread over the taxels, as a recording that `render` reads:
     /// a .csv or .npz. A contact with a radius is a sphere around x,y,z; those of one time in a row are
-    /// one frame, points off the skin press nothing
+    /// one frame, points farther from the skin than --max-distance press nothing
     #[arg(long, value_name = "OUT.csv", conflicts_with = "ray")]
     readings: Option<PathBuf>,
     /// Radius of the discs on which taxels feel, in mm, for --readings
@@ -196,7 +196,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     used.extend(matches!(question, Question::Within(_)).then_some("radius"));
     let readings = args.readings.as_ref().map(|path| {
         used.extend(["force", "radius", "time"]);
-        Readings::create(path, &robot, 1e-3 * args.taxel_radius_mm)
+        let disc = 1e-3 * args.taxel_radius_mm;
+        Readings::create(path, Spreader { map: &robot.map, disc, max_distance: args.max_distance })
     });
     let (unit, frame) = (args.unit(), args.frame());
     let meaning = Meaning { unit, frame };

@@ -7,6 +7,6 @@ mod reactive;
 mod refine;
 
 pub use area::{Area, FieldHit, Filter};
-pub use press::{Press, Spreader};
+pub use press::{ON_SKIN_SPACINGS, Press, Spreader};
 pub use reactive::Reactive;
 pub use refine::Refined;

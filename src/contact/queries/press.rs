@@ -20,8 +20,9 @@ use crate::{
 /// Points of a disc that are tested against a box: a share is then exact to about a hundredth.
 const SAMPLES: u32 = 256;
 
-/// Spacings of taxels from which on a point does not touch the skin.
-const SPACINGS: f64 = 10.0;
+/// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
+/// distance is given.
+pub const ON_SKIN_SPACINGS: f64 = 10.0;
 
 /// Something that presses on the skin with a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +46,7 @@ pub struct Press {
 ///
 /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
 /// let index = ContactIndex::with(&map, &IndexOptions { fields: true, ..IndexOptions::default() })?;
-/// let spreader = Spreader { map: &map, disc: 0.002 };
+/// let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
 /// let mut frame = spreader.frame(0.0);
 /// let area = Area::Sphere { centre: DVec3::new(0.05, 0.03, 0.009), radius: 0.01 };
 /// let press = Press { area, link: None, force: 1.5 };
@@ -60,6 +61,8 @@ pub struct Spreader<'a> {
     pub map: &'a SkinMap,
     /// Radius of the discs on which they feel, in m.
     pub disc: f64,
+    /// Distance from the skin up to which a point presses, in m; `None`: [`ON_SKIN_SPACINGS`].
+    pub max_distance: Option<f64>,
 }
 
 impl Spreader<'_> {
@@ -80,7 +83,9 @@ impl Spreader<'_> {
     /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`].
     pub fn add(&self, index: &ContactIndex, press: &Press, frame: &mut Frame) -> Result<bool, ContactError> {
         let shares = match &press.area {
-            Area::Point(point) => self.at_point(index, Query { point: *point, link: press.link }, None)?,
+            Area::Point(point) => {
+                self.at_point(index, Query { point: *point, link: press.link }, self.max_distance)?
+            }
             area => {
                 let shares = self.under(index, area, press.link)?;
                 let volume = area.volume()?;
@@ -119,7 +124,7 @@ impl Spreader<'_> {
     ) -> Result<Vec<(PatchId, VertexId, f64)>, ContactError> {
         let hit = index.locate(query)?;
         let spacing = index.spacing(hit.patch).unwrap_or(0.0);
-        if hit.distance.abs() > reach.unwrap_or(SPACINGS * spacing) {
+        if hit.distance.abs() > reach.unwrap_or(ON_SKIN_SPACINGS * spacing) {
             return Ok(Vec::new());
         }
         let patch = &self.map.patches[hit.patch];

@@ -7,7 +7,7 @@ use std::{
 };
 
 use dermatome::{
-    contact::{Area, ContactIndex, Hit, Query},
+    contact::{Area, ContactIndex, Hit, ON_SKIN_SPACINGS, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
     skin::PatchId,
@@ -24,9 +24,6 @@ use crate::{
     },
     options::Common,
 };
-
-/// Spacings of taxels up to which a contact is on the skin.
-const SPACINGS: f64 = 10.0;
 
 /// If most contacts are farther than this many spacings from the skin, they may be in another frame or
 /// unit: a note asks.
@@ -52,7 +49,7 @@ pub(super) struct Answers<'a> {
     robot: &'a Robot,
     index: ContactIndex,
     question: Question,
-    /// Distance up to which a contact is on the skin, in m; `None`: [`SPACINGS`] of the patch.
+    /// Distance up to which a contact is on the skin, in m; `None`: [`ON_SKIN_SPACINGS`] of the patch.
     max_distance: Option<f64>,
     player: Player,
     readings: Option<Readings<'a>>,
@@ -96,7 +93,7 @@ impl<'a> Answers<'a> {
 
     /// Whether a contact that is this far from a patch, in m, is off the skin.
     fn is_far(&self, patch: PatchId, away: f64) -> bool {
-        away > self.max_distance.unwrap_or_else(|| SPACINGS * self.spacing(patch))
+        away > self.max_distance.unwrap_or_else(|| ON_SKIN_SPACINGS * self.spacing(patch))
     }
 
     fn spacing(&self, patch: PatchId) -> f64 {
@@ -182,7 +179,7 @@ impl<'a> Answers<'a> {
                 (Question::Ray, _) => "their rays meet none".into(),
                 (Question::Within(_), _) => "no centre of a field is near".into(),
                 (_, Some(limit)) => format!("by more than {limit} m"),
-                _ => format!("by more than {SPACINGS} spacings of its taxels"),
+                _ => format!("by more than {ON_SKIN_SPACINGS} spacings of its taxels"),
             };
             note(common, format_args!("{far} of {answered} contacts are off the skin, {limit}{ask}"));
         } else if 2 * (far + doubtful) > answered {
@@ -239,7 +236,6 @@ impl Rows<'_, '_> {
     /// Counts a contact that is off the skin.
     fn count_off(&self) {
         self.answers.far.fetch_add(1, Ordering::Relaxed);
-        self.contact.is_off.store(true, Ordering::Relaxed);
     }
 
     fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {

@@ -4,7 +4,6 @@ use std::{
     fs::File,
     io::{Read, stdin},
     path::Path,
-    sync::atomic::AtomicBool,
 };
 
 use clap::ValueEnum;
@@ -49,8 +48,6 @@ pub(super) struct Contact {
     pub(super) radius: Option<f64>,
     /// In s.
     pub(super) time: Option<f64>,
-    /// Whether its answer is that it is off the skin.
-    pub(super) is_off: AtomicBool,
 }
 
 #[derive(Default)]
@@ -129,7 +126,7 @@ impl Contacts<'_> {
             });
             let Some((number, (query, row))) = self.refusals.sort(row)? else { continue };
             let ContactRow { normal, force, radius, time, .. } = row;
-            batch.contacts.push(Contact { number, normal, force, radius, time, is_off: false.into() });
+            batch.contacts.push(Contact { number, normal, force, radius, time });
             batch.queries.push(query);
         }
         Ok(batch)

@@ -1,6 +1,6 @@
 //! The forces of contacts as a recording that `render` reads.
 
-use std::{path::Path, sync::atomic::Ordering};
+use std::path::Path;
 
 use dermatome::{
     contact::{Area, ContactIndex, Press, Query, Spreader},
@@ -10,7 +10,7 @@ use dermatome::{
 
 use crate::{
     console::notes::note,
-    lookup::{contacts::Contact, refusals::unanswered, robot::Robot},
+    lookup::{contacts::Contact, refusals::unanswered},
     options::Common,
 };
 
@@ -46,20 +46,14 @@ impl Counts {
 }
 
 impl<'a> Readings<'a> {
-    /// Begins a .csv or .npz; taxels feel on discs of this radius, in m.
-    pub(super) fn create(path: &Path, robot: &'a Robot, disc: f64) -> Result<Self, IoError> {
-        let taxels = robot.map.patches.iter().map(|patch| &patch.taxels);
+    /// Begins a .csv or .npz.
+    pub(super) fn create(path: &Path, spreader: Spreader<'a>) -> Result<Self, IoError> {
+        let taxels = spreader.map.patches.iter().map(|patch| &patch.taxels);
         let writer = ReadingsWriter::create(path, taxels, &Channel::new("force", "N"))?;
-        Ok(Self {
-            writer,
-            spreader: Spreader { map: &robot.map, disc },
-            frame: None,
-            counts: Counts::default(),
-        })
+        Ok(Self { writer, spreader, frame: None, counts: Counts::default() })
     }
 
-    /// Adds contacts that are answered; those without a time are in the frame of time 0, points off
-    /// the skin press nothing, spheres press where they touch it.
+    /// Adds contacts that are answered; those without a time are in the frame of time 0.
     pub(super) fn add(
         &mut self,
         index: &ContactIndex,
@@ -76,10 +70,6 @@ impl<'a> Readings<'a> {
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
             let area = match contact.radius.filter(|r| *r > 0.0) {
                 Some(radius) => Area::Sphere { centre: point, radius },
-                None if contact.is_off.load(Ordering::Relaxed) => {
-                    self.counts.untouched += 1;
-                    continue;
-                }
                 None => Area::Point(point),
             };
             let press = Press { area, link, force };
