@@ -172,6 +172,54 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
     }
 }
 
+/// A row on a level that is off the skin.
+fn off_skin(contact: u64, level: usize) -> LookupRow<'static> {
+    LookupRow { contact, level: LevelId::new(level), distance: 0.5, frame: "world", place: None, extra: 0.0 }
+}
+
+/// However many rows a contact has: all, in their order, each once.
+#[test]
+fn rows_of_long_and_short_contacts_come_in_order() {
+    let rows_of = |contact: usize| if contact % 40 == 7 { 30_000 } else { contact % 3 };
+    let mut text = Vec::new();
+    let mut table = LookupWriter::new(Path::new("-"), &mut text, None).unwrap();
+    for contacts in [3, 1, 500, 47] {
+        table
+            .write(contacts, |contact, emit| {
+                (0..rows_of(contact)).for_each(|level| emit(&off_skin(contact as u64, level)));
+            })
+            .unwrap();
+    }
+    table.finish().unwrap();
+    let text = String::from_utf8(text).unwrap();
+    let found = text.lines().skip(1).map(|line| {
+        let mut cells = line.split(',').map(|cell| cell.parse::<usize>().unwrap_or_default());
+        (cells.next().unwrap(), cells.next().unwrap())
+    });
+    let expected = [3, 1, 500, 47].into_iter().flat_map(|contacts| {
+        (0..contacts).flat_map(move |contact| (0..rows_of(contact)).map(move |level| (contact, level)))
+    });
+    assert!(found.eq(expected));
+}
+
+/// Some thousands of rows for each of a thousand contacts wait in a few megabytes.
+#[test]
+fn memory_does_not_grow_with_the_rows() {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let most = one.install(|| {
+        let write = || {
+            let mut table = LookupWriter::new(Path::new("-"), std::io::sink(), None).unwrap();
+            table
+                .write(1000, |contact, emit| {
+                    (0..4000).for_each(|level| emit(&off_skin(contact as u64, level)))
+                })
+                .unwrap();
+        };
+        allocation_counter::measure(write).bytes_max
+    });
+    assert!(most < 40 << 20, "{most} bytes of 160 million");
+}
+
 #[test]
 fn a_full_disk_is_an_error() {
     let mut nothing = [0; 10];

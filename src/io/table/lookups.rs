@@ -1,7 +1,7 @@
 //! Tables of lookups, written some rows at a time: a million rows in about a second, so the cells are
 //! written without the `csv` crate, into buffers that every thread keeps.
 
-use std::{io::Write, path::Path};
+use std::{io::Write, ops::Range, path::Path};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -15,11 +15,13 @@ const COLUMNS: [&str; 22] = [
 ];
 
 /// What stands in the column `patch` of a contact that touches none.
-const OFF_SKIN: &str = "off skin";
+pub(super) const OFF_SKIN: &str = "off skin";
 
-/// Contacts whose rows are one text, and texts that wait to be written: a few megabytes in all.
-const RUN: usize = 64;
+/// Texts that wait to be written, enough for every thread; contacts whose rows are in them, and the
+/// bytes that they have together but for the last contact of each. A contact may have a row or a million.
 const TEXTS: usize = 32;
+const CONTACTS: usize = 64 * TEXTS;
+const BYTES: usize = 1 << 24;
 
 /// Where one contact is on one level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,6 +69,8 @@ pub struct LookupWriter<'a, W> {
     output: W,
     has_extra: bool,
     texts: Vec<Text>,
+    /// Contacts that are written next, by the length of the last rows.
+    contacts: usize,
 }
 
 impl<'a, W: Write> LookupWriter<'a, W> {
@@ -79,11 +83,12 @@ impl<'a, W: Write> LookupWriter<'a, W> {
         let header = columns.collect::<Vec<_>>().join(",") + "\n";
         output.write_all(header.as_bytes()).map_err(|source| IoError::Write { path: path.into(), source })?;
         let texts = (0..TEXTS).map(|_| Text::default()).collect();
-        Ok(Self { path, output, has_extra: extra.is_some(), texts })
+        let contacts = rayon::current_num_threads();
+        Ok(Self { path, output, has_extra: extra.is_some(), texts, contacts })
     }
 
     /// Writes the rows of `contacts` contacts in their order; `rows` passes the rows of the contact
-    /// with a number below that to its second argument. It is called in parallel.
+    /// with a number below that to its second argument. It is called in parallel, once for each contact.
     ///
     /// # Errors
     /// If `output` fails.
@@ -93,19 +98,31 @@ impl<'a, W: Write> LookupWriter<'a, W> {
         rows: impl Fn(usize, &mut dyn FnMut(&LookupRow<'_>)) + Sync,
     ) -> Result<(), IoError> {
         let has_extra = self.has_extra;
-        for first in (0..contacts).step_by(RUN * TEXTS) {
-            let count = (contacts - first).div_ceil(RUN).min(TEXTS);
-            self.texts[..count].par_iter_mut().enumerate().for_each(|(k, text)| {
-                text.rows.clear();
-                let from = first + k * RUN;
-                for contact in from..contacts.min(from + RUN) {
-                    rows(contact, &mut |row| text.push(row, has_extra));
-                }
+        let mut first = 0;
+        while first < contacts {
+            let next = contacts.min(first + self.contacts);
+            let run = (next - first).div_ceil(TEXTS);
+            let texts = &mut self.texts[..(next - first).div_ceil(run)];
+            texts.par_iter_mut().enumerate().for_each(|(k, text)| {
+                let from = first + k * run;
+                text.contacts = from..next.min(from + run);
+                text.fill(&rows, has_extra);
             });
-            for text in &self.texts[..count] {
-                let fail = |source| IoError::Write { path: self.path.into(), source };
-                self.output.write_all(&text.rows).map_err(fail)?;
+            let mut bytes = 0;
+            for text in texts {
+                loop {
+                    bytes += text.rows.len();
+                    let fail = |source| IoError::Write { path: self.path.into(), source };
+                    self.output.write_all(&text.rows).map_err(fail)?;
+                    if text.contacts.is_empty() {
+                        break;
+                    }
+                    text.fill(&rows, has_extra);
+                }
             }
+            let fitting = BYTES / (bytes / (next - first)).max(1);
+            self.contacts = fitting.clamp(rayon::current_num_threads(), CONTACTS);
+            first = next;
         }
         Ok(())
     }
@@ -123,6 +140,8 @@ impl<'a, W: Write> LookupWriter<'a, W> {
 #[derive(Debug, Default)]
 struct Text {
     rows: Vec<u8>,
+    /// Whose rows are to follow.
+    contacts: Range<usize>,
     /// The columns `x` to `nz` of the last place, which are the same on every level, and the bits of
     /// their numbers.
     skin: Vec<u8>,
@@ -130,6 +149,16 @@ struct Text {
 }
 
 impl Text {
+    /// Takes the rows of its next contacts, at least of one, until it is long.
+    fn fill(&mut self, rows: impl Fn(usize, &mut dyn FnMut(&LookupRow<'_>)), has_extra: bool) {
+        self.rows.clear();
+        self.rows.shrink_to(BYTES / TEXTS);
+        while self.rows.len() < BYTES / TEXTS {
+            let Some(contact) = self.contacts.next() else { break };
+            rows(contact, &mut |row| self.push(row, has_extra));
+        }
+    }
+
     fn push(&mut self, row: &LookupRow<'_>, has_extra: bool) {
         let rows = &mut self.rows;
         push_whole(rows, row.contact);
