@@ -323,11 +323,72 @@ fn filters_leave_out_what_a_contact_cannot_have_touched() {
         let refused = index.locate_admitted(above, &Filter { within: distance, ..Filter::default() });
         assert!(matches!(refused, Err(ContactError::NoDistance { .. })), "{refused:?}");
     }
-    assert!(
-        index
-            .locate_admitted(above, &Filter { facing: Some((DVec3::ZERO, 0.9)), ..Filter::default() })
-            .is_err()
-    );
+    for (direction, cosine, is_good) in [
+        (DVec3::Z * 1e200, 0.9, true),
+        (DVec3::Z * 1e-200, 0.9, true),
+        (DVec3::ZERO, 0.9, false),
+        (DVec3::INFINITY, 0.9, false),
+        (DVec3::Z, f64::NAN, false),
+    ] {
+        let filter = Filter { facing: Some((direction, cosine)), ..Filter::default() };
+        let found = index.locate_admitted(above, &filter);
+        let expected = if is_good { Ok(ask(Filter::default())) } else { Err(ContactError::NoFacing) };
+        assert_eq!(found, expected, "{direction} {cosine}");
+    }
+}
+
+/// Taxels that belong to no face, beside a patch that is nearer than their own patch's faces.
+#[test]
+fn taxels_without_a_face_are_found() {
+    let mut mesh = shapes::lattice(4, 3, 0.01);
+    let loose = mesh.positions.push(DVec3::X);
+    let mut map = SkinMap::flat(mesh, 1e-3);
+    let mut near = SkinMap::flat(shapes::lattice(4, 3, 0.01), 1e-3).patches[PatchId::new(0)].clone();
+    near.name = "near".into();
+    near.link = map.links.push(Link {
+        name: "near".into(),
+        parent: None,
+        pose: DAffine3::from_translation(DVec3::new(0.97, 0.0, 0.1)),
+    });
+    map.patches.push(near);
+    let index = ContactIndex::with(&map, &FIELDS).unwrap();
+    let (at, level) = (DVec3::new(1.0, 0.0, 0.01), LevelId::new(0));
+    let area = Area::Sphere { centre: at, radius: 0.02 };
+    for link in [None, Some(LinkId::new(0))] {
+        let found = index.fields_within(&area, link, level).unwrap();
+        assert_eq!(found.iter().map(|hit| hit.field).collect::<Vec<_>>(), [loose], "{link:?}");
+        let nearest = index.nearest_fields(Query { point: at, link }, 1, level).unwrap();
+        assert_eq!(nearest, found);
+        assert_eq!(index.field_cell(&found[0]), None, "it has no face to be a cell of");
+    }
+}
+
+/// A map may have a coarse level anywhere, here above another patch, on which it is the nearest.
+#[test]
+fn levels_beside_their_skin_are_searched() {
+    let mut skin = Skin::default();
+    let link = skin.links.push(Link { name: "link".into(), parent: None, pose: DAffine3::IDENTITY });
+    for (k, name) in ["lifted", "other"].into_iter().enumerate() {
+        let mut mesh = shapes::lattice(9, 9, 0.005);
+        mesh.positions.iter_mut().for_each(|p| *p += DVec3::Z * 0.05 * k as f64);
+        skin.patches.push(Patch::from_mesh(name, link, mesh));
+    }
+    let mut map = build(&skin, &BuildOptions::default()).unwrap();
+    let (lifted, level) = (PatchId::new(0), LevelId::new(1));
+    let coarse = &mut map.patches[lifted].levels[level].level.mesh;
+    coarse.positions.iter_mut().for_each(|p| p.z += 0.1);
+    let centre = coarse.positions[VertexId::new(0)];
+    let options = IndexOptions { levels: true, ..FIELDS };
+    let index = ContactIndex::with(&map, &options).unwrap();
+    for link in [None, Some(link)] {
+        let query = Query { point: centre + DVec3::Z * 0.001, link };
+        let field = index.nearest_fields(query, 1, level).unwrap()[0];
+        assert_eq!((field.patch, field.field), (lifted, VertexId::new(0)), "{link:?}");
+        let answer = index.reactive(query, level).unwrap();
+        assert_eq!(answer.patch, lifted, "{link:?}");
+        let exact = index.locate(query).unwrap();
+        assert!((exact.distance.abs() - answer.distance.abs()).abs() <= answer.error);
+    }
 }
 
 #[test]

@@ -75,7 +75,7 @@ struct LevelCells {
     /// Map positions of its places, in m.
     uv: IdVec<VertexId, DVec2>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
-    /// The first face of each vertex.
+    /// The first face of each vertex; any for one without.
     first_faces: IdVec<VertexId, FaceId>,
     /// The corners of the faces as places of the map, where the level is cut.
     places: Option<IdVec<FaceId, [VertexId; 3]>>,
@@ -208,11 +208,13 @@ impl PatchCells {
         self.levels[level].taxels[field]
     }
 
-    /// The cell of the centre of a field; of the places of a field on a seam the first.
+    /// The cell of the centre of a field that belongs to a face; of the places of a field on a seam the
+    /// first.
     pub(super) fn field_cell(&self, level: LevelId, field: VertexId) -> Option<Cell> {
         let cells = self.levels.get(level)?;
         let face = *cells.first_faces.get(field)?;
-        let barycentric = cells.triangles.get(face)?.map(|v| f64::from(u8::from(v == field)));
+        let corners = cells.triangles.get(face).filter(|corners| corners.contains(&field))?;
+        let barycentric = corners.map(|v| f64::from(u8::from(v == field)));
         let weights = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
         let uv = cells.uv[field];
         let position = MapPosition { level, uv, pixel: self.positions.images[level].pixel(uv) };

@@ -76,9 +76,12 @@ pub enum ContactError {
         /// What was given, in m.
         distance: f64,
     },
-    /// A ray or a direction without length.
+    /// A ray without a direction.
     #[error("a ray needs finite numbers, a direction with a length and an end in front of its origin")]
     NoRay,
+    /// A filter whose direction has no length or whose cosine is not a number.
+    #[error("a filter by normals needs a direction with a length and a cosine")]
+    NoFacing,
     /// A patch or a level that the map does not have.
     #[error("the map has no level {level} of patch {patch}")]
     NoMap {

@@ -5,12 +5,11 @@ use glam::{DAffine3, DVec3};
 use crate::{
     contact::{
         Cell, ContactError, Cursor, Hit, MapPosition, Query,
-        blend::Blend,
-        cell::{Anchor, PatchCells},
-        coarse::{CoarseLevel, coarse_levels, mean_side},
+        cell::Anchor,
         geometry::{RigidPose, pseudo_normal},
+        patch::IndexedPatch,
         positions::OnAllLevels,
-        search::{Best, LARGEST, Packing, PatchBvh, PointTree, PosedBoxes, Search, Start},
+        search::{Best, LARGEST, Packing, PatchBvh, PosedBoxes, Search, Start},
     },
     id::{IdVec, VertexId},
     map::SkinMap,
@@ -56,28 +55,6 @@ pub(super) struct IndexedLink {
     pub(super) patches: Vec<PatchId>,
 }
 
-#[derive(Debug, Clone)]
-pub(super) struct IndexedPatch {
-    pub(super) link: LinkId,
-    pub(super) tree: PatchBvh,
-    pub(super) cells: PatchCells,
-    /// The levels above level 0, finest first; none if the index has no levels, or the vertices follow
-    /// several links.
-    pub(super) coarse: Vec<CoarseLevel>,
-    /// The centres of the fields of each level; none if the index has no fields.
-    pub(super) fields: Vec<PointTree>,
-    /// Mean length of the sides of its faces, in m.
-    spacing: f64,
-    /// The vertex of level 0 that each field is the centre of, on each level; none if the index has no
-    /// fields.
-    pub(super) origins: Vec<IdVec<VertexId, VertexId>>,
-    /// Outward unit normals of the taxels as the robot is posed, in the frame of the link; none if the
-    /// index has no fields.
-    pub(super) normals: IdVec<VertexId, DVec3>,
-    /// How its vertices follow several links; `None`: it is rigid.
-    pub(super) blend: Option<Box<Blend>>,
-}
-
 impl ContactIndex {
     /// An index of all patches and levels of a map, its links posed as the map says.
     ///
@@ -103,20 +80,7 @@ impl ContactIndex {
     /// As [`Self::new`].
     pub fn with(map: &SkinMap, options: &IndexOptions) -> Result<Self, ContactError> {
         map.validate()?;
-        let patches = par_map(&map.patches, |patch| {
-            let mesh = &patch.levels[LevelId::new(0)].level.mesh;
-            let tree = PatchBvh::packed(&patch.name, mesh, options.packing)?;
-            let is_rigid = patch.taxels.joints.is_none();
-            let coarse = if options.levels && is_rigid { coarse_levels(patch, &tree)? } else { Vec::new() };
-            let fields = patch.levels.iter().filter(|_| options.fields);
-            let fields = fields.map(|map| PointTree::of_mesh(&map.level.mesh)).collect();
-            let (cells, spacing) = (PatchCells::new(patch)?, mean_side(mesh));
-            let origins = patch.levels.iter().filter(|_| options.fields);
-            let origins = origins.map(|map| map.level.origins.clone()).collect();
-            let normals = if options.fields { patch.taxels.normals.clone() } else { IdVec::default() };
-            let (link, blend) = (patch.link, None);
-            Ok(IndexedPatch { link, tree, cells, coarse, fields, spacing, origins, normals, blend })
-        });
+        let patches = par_map(&map.patches, |patch| IndexedPatch::new(patch, options));
         let patches: IdVec<PatchId, _> =
             patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into();
         if patches.is_empty() {
@@ -173,10 +137,10 @@ impl ContactIndex {
             let parent = link.parent.map(|parent| &self.links[parent]);
             self.links[id].next = rigid(&link.name, &pose(id, link, parent))?;
         }
-        for (patch, IndexedPatch { link, blend, .. }) in self.patches.iter_mut().enumerate() {
+        for IndexedPatch { name, link, blend, .. } in self.patches.iter_mut() {
             if let Some(blend) = blend {
                 let far = |(vertex, position): (VertexId, DVec3)| {
-                    let patch = PatchId::new(patch).to_string();
+                    let patch = name.clone();
                     ContactError::TooLarge { patch, vertex, position: position.to_array() }
                 };
                 blend.follow(*link, |link| self.links[link].next.pose()).map_err(far)?;
@@ -208,7 +172,7 @@ impl ContactIndex {
         boxes.update(self.patches.len(), |patch| {
             let patch = &self.patches[patch];
             let pose = &self.links[patch.link].pose;
-            patch.tree.posed_box(|corner| pose.to_world(corner))
+            patch.bounds.moved(|corner| pose.to_world(corner))
         });
         self.boxes = boxes;
     }
@@ -325,7 +289,7 @@ impl ContactIndex {
             return;
         };
         let patches = &self.links[link].patches;
-        let away = |id: &PatchId| self.patches[*id].tree.least_distance(query.point);
+        let away = |id: &PatchId| self.patches[*id].bounds.least_distance(query.point);
         let first = patches.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)));
         let rest = patches.iter().copied().filter(|&id| Some(id) != first);
         for id in first.into_iter().chain(rest) {
@@ -394,30 +358,6 @@ impl ContactIndex {
         let found = self.patches.get(hit.patch);
         let found = found.and_then(|patch| Some((patch, Anchor::new(&patch.tree.mesh, &hit.point)?)));
         found.into_iter().flat_map(|(patch, anchor)| patch.cells.cells(anchor))
-    }
-}
-
-impl IndexedPatch {
-    /// Fits the trees of a patch that follows several links to where its vertices are.
-    fn bend(&mut self) {
-        let Some(blend) = &mut self.blend else { return };
-        self.tree.refit(&mut blend.positions, &mut blend.refitting);
-        std::mem::swap(&mut self.normals, &mut blend.normals);
-        let (positions, normals) = (&self.tree.mesh.positions, &self.normals);
-        for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
-            fields.refit(|field| positions[origins[field]], |field| normals[origins[field]]);
-        }
-    }
-
-    /// The level that answers for `level`: the coarsest, if the patch does not reach up to it.
-    pub(super) fn nearest_level(&self, level: LevelId) -> LevelId {
-        level.min(LevelId::new(self.coarse.len()))
-    }
-
-    /// The tree that is searched on a level; above level 0 with the level.
-    pub(super) fn on_level(&self, level: LevelId) -> (&PatchBvh, Option<&CoarseLevel>) {
-        let above = self.nearest_level(level).index().checked_sub(1).and_then(|k| self.coarse.get(k));
-        (above.map_or(&self.tree, |level| &level.tree), above)
     }
 }
 

@@ -35,7 +35,8 @@
 //! triangle found so far seems to be `D` away, nothing that seems to be farther than `D + 2 slack`
 //! can be nearer.
 //! From more than 1000 radii away `slack` is as large as a face, so boxes are compared in `f64`
-//! there.
+//! there. A face far from all others makes the radius large, too, and every search slow: a patch should
+//! be in one piece, as those of a [`Skin`](crate::skin::Skin) that is read from a file.
 //!
 //! # Guarantees
 //!
@@ -52,8 +53,9 @@
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `index` (patches, links, one query), `motion` (links over
-//! time), `blend` (patches that follow several links), `search/posed_boxes` (which patches),
+//! `query` (what is asked and answered), `index` (links, one query), `patch` (what it keeps of a
+//! patch), `motion` (links over time), `blend` (patches that follow several links),
+//! `search/posed_boxes` (which patches),
 //! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
 //! nearest}` (the walk), `search/{first_hit, within, facing, points}` (other searches), `geometry`
@@ -98,6 +100,7 @@ mod field_weights;
 mod geometry;
 mod index;
 mod motion;
+mod patch;
 mod plane_grid;
 mod positions;
 mod queries;

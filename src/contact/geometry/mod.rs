@@ -8,6 +8,6 @@ mod segment;
 mod volume;
 
 pub(super) use pseudo_normal::pseudo_normal;
-pub(super) use ray::{Meeting, Ray, meet};
+pub(super) use ray::{Meeting, Ray, meet, unit};
 pub(super) use rigid_pose::RigidPose;
 pub(super) use volume::Volume;

@@ -17,14 +17,8 @@ impl Ray {
     /// `None` if a number is not finite, the direction has no length, or `longest` (m) is negative
     /// or not a number. The direction need not be of unit length.
     pub(in crate::contact) fn new(origin: DVec3, direction: DVec3, longest: f64) -> Option<Self> {
-        // Scaled first: the square of a very long or short direction is not a number.
-        let largest = direction.abs().max_element();
-        let unit = (direction / largest).try_normalize()?;
-        (origin.is_finite() && direction.is_finite() && longest >= 0.0).then_some(Self {
-            origin,
-            direction: unit,
-            longest,
-        })
+        let direction = unit(direction)?;
+        (origin.is_finite() && longest >= 0.0).then_some(Self { origin, direction, longest })
     }
 
     /// The same ray in another frame, by the way of its points and of its directions.
@@ -35,6 +29,12 @@ impl Ray {
     ) -> Self {
         Self { origin: point(self.origin), direction: vector(self.direction).normalize_or_zero(), ..*self }
     }
+}
+
+/// A direction with length 1; `None` if it has no length or is not finite.
+pub(in crate::contact) fn unit(direction: DVec3) -> Option<DVec3> {
+    // Scaled first: the square of a very long or short direction is not a number.
+    (direction / direction.abs().max_element()).try_normalize().filter(|_| direction.is_finite())
 }
 
 /// Where a ray meets a triangle.

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use crate::{
     contact::{
         Cell, ContactError, ContactIndex, Hit, Query,
-        geometry::{Ray, Volume},
+        geometry::{Ray, Volume, unit},
         search::{Best, Facing, PointTree, Search, Side},
     },
     id::VertexId,
@@ -220,7 +220,7 @@ impl ContactIndex {
     }
 
     /// Where the centre of a field lies on the map of its level; `None` if it is not one of this
-    /// index.
+    /// index, or belongs to no face.
     #[must_use]
     pub fn field_cell(&self, hit: &FieldHit) -> Option<Cell> {
         self.patches.get(hit.patch)?.cells.field_cell(hit.level, hit.field)
@@ -279,8 +279,8 @@ impl ContactIndex {
     /// The nearest point of the skin of those that `filter` admits, if there is one.
     ///
     /// # Errors
-    /// As [`ContactIndex::locate`], if the direction of the filter has no length, or if its distance is
-    /// negative or not a number.
+    /// As [`ContactIndex::locate`], if the direction of the filter has no length or its cosine is not a
+    /// number, or if its distance is negative or not a number.
     pub fn locate_admitted(
         &self,
         query: impl Into<Query>,
@@ -289,7 +289,8 @@ impl ContactIndex {
         let query = query.into();
         self.check(0, &query)?;
         let unit = |(direction, cosine): (DVec3, f64)| {
-            direction.try_normalize().map(|unit| (unit, cosine)).ok_or(ContactError::NoRay)
+            let unit = unit(direction).filter(|_| !cosine.is_nan());
+            unit.map(|unit| (unit, cosine)).ok_or(ContactError::NoFacing)
         };
         let normal = filter.facing.map(unit).transpose()?;
         if filter.within < 0.0 || filter.within.is_nan() {

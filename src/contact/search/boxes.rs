@@ -8,6 +8,10 @@ use crate::contact::geometry::Ray;
 /// roundings.
 const ROUNDING: f64 = 1e-13;
 
+/// Distances from boxes are less than they are by this part of themselves and of the point's from the
+/// origin: some hundred roundings.
+const MARGIN: f64 = 1e-14;
+
 /// A box along the axes, in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Aabb {
@@ -16,11 +20,36 @@ pub(crate) struct Aabb {
 }
 
 impl Aabb {
+    /// The box of no point.
+    pub(super) const EMPTY: Self = Self { lo: DVec3::INFINITY, hi: DVec3::NEG_INFINITY };
+
     /// The smallest box around `points`.
     pub(super) fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (lo, hi) = points.into_iter().fold(empty, |(lo, hi), p| (lo.min(p), hi.max(p)));
-        Self { lo, hi }
+        let add = |b: Self, p: DVec3| Self { lo: b.lo.min(p), hi: b.hi.max(p) };
+        points.into_iter().fold(Self::EMPTY, add)
+    }
+
+    /// The smallest box around both.
+    pub(in crate::contact) fn union(self, other: Self) -> Self {
+        Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
+    }
+
+    /// The box around its corners moved by `place`.
+    pub(in crate::contact) fn moved(&self, place: impl Fn(DVec3) -> DVec3) -> Self {
+        Self::around((0..8).map(|k| {
+            let pick = |bit: usize, lo: f64, hi: f64| if k >> bit & 1 == 0 { lo } else { hi };
+            place(DVec3::new(
+                pick(0, self.lo.x, self.hi.x),
+                pick(1, self.lo.y, self.hi.y),
+                pick(2, self.lo.z, self.hi.z),
+            ))
+        }))
+    }
+
+    /// A distance, in m, that no point of the box is nearer to `q` (m).
+    #[inline]
+    pub(in crate::contact) fn least_distance(&self, q: DVec3) -> f64 {
+        q.distance(q.clamp(self.lo, self.hi)) * (1.0 - MARGIN) - MARGIN * q.length()
     }
 
     /// Whether a ray may enter the box before a distance (m) along it.

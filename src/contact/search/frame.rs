@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::boxes::Aabb;
 use crate::contact::geometry::{Ray, Volume};
 
 /// From this many radii away a ray is first moved along itself, near the tree: the numbers that are
@@ -16,16 +17,15 @@ pub(super) struct Frame {
     /// What makes metres into the units of the tree, in which the patch's radius is between 1/2 and
     /// 1: a power of two, so that it rounds nothing.
     pub(super) scale: f64,
-    /// The box of the patch, `(min, max)` in m.
-    pub(super) bounds: (DVec3, DVec3),
+    /// The box of the patch, in m.
+    pub(super) bounds: Aabb,
 }
 
 impl Frame {
     /// A frame for finite points.
     pub(super) fn around(points: impl Iterator<Item = DVec3> + Clone) -> Self {
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let bounds = points.clone().fold(empty, |(lo, hi), p| (lo.min(p), hi.max(p)));
-        let origin = if bounds == empty { DVec3::ZERO } else { bounds.0.midpoint(bounds.1) };
+        let bounds = Aabb::around(points.clone());
+        let origin = if bounds == Aabb::EMPTY { DVec3::ZERO } else { bounds.lo.midpoint(bounds.hi) };
         let radius = points.map(|p| p.distance_squared(origin)).fold(0.0, f64::max).sqrt();
         Self { origin, scale: unit_scale(radius), bounds }
     }

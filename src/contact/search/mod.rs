@@ -22,6 +22,7 @@ mod triangle8;
 mod walk;
 mod within;
 
+pub(super) use boxes::Aabb;
 pub(super) use descent::Branch;
 pub(super) use facing::Facing;
 pub use facing::Side;

@@ -7,7 +7,7 @@ use super::{
     fit::Points,
     frame::Frame,
     lanes::{Kernel, LANES, Lanes, Simd},
-    rounding::{LARGEST, slack},
+    rounding::LARGEST,
     tree::{MAX_PRIMITIVES, Primitive, Tree, distinct},
     triangle8::{Framing, Normals, Triangle8},
 };
@@ -138,26 +138,15 @@ impl PatchBvh {
         distinct(packet).map(FaceId::from)
     }
 
-    /// A distance, in m, that no face is nearer to `q` (m, the link's frame): that to the patch's
-    /// box, less what rounding may have added to it.
-    pub(crate) fn least_distance(&self, q: DVec3) -> f64 {
-        let (lo, hi) = self.frame.bounds;
-        q.distance(q.clamp(lo, hi)) - slack(q.distance(self.frame.origin), self.frame.radius())
+    /// The box of its faces, in m in the link's frame.
+    pub(in crate::contact) fn bounds(&self) -> Aabb {
+        self.frame.bounds
     }
 
     /// The nearest point of one face, measured on the vertices of the map.
     #[inline(always)]
     pub(crate) fn measure(&self, q: DVec3, face: FaceId) -> Closest {
         closest_point(q, self.mesh.corners(face), self.mesh.triangles[face])
-    }
-
-    /// The corners of the patch's box moved by `place`, as a box.
-    pub(crate) fn posed_box(&self, place: impl Fn(DVec3) -> DVec3) -> Aabb {
-        let (lo, hi) = self.frame.bounds;
-        Aabb::around((0..8).map(|k| {
-            let pick = |bit: usize, lo: f64, hi: f64| if k >> bit & 1 == 0 { lo } else { hi };
-            place(DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z)))
-        }))
     }
 }
 

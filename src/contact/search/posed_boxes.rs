@@ -24,10 +24,6 @@ pub(crate) struct PosedBoxes {
 /// and needs none to be made anew for every pose.
 const FEW: usize = 64;
 
-/// Distances to boxes are compared with bounds enlarged by this: some hundred roundings, of numbers
-/// as large as the coordinates.
-const MARGIN: f64 = 1e-14;
-
 impl PosedBoxes {
     /// Takes the boxes as they are now, `posed(patch)` for each patch; without allocation where it
     /// took as many before: a tree keeps its shape and is fitted to them.
@@ -65,13 +61,12 @@ impl PosedBoxes {
             visit(PatchId::new(0));
             return;
         }
-        let away = |b: &Aabb| q.distance(q.clamp(b.lo, b.hi)) * (1.0 - MARGIN) - MARGIN * q.length();
         let mut reach = distance;
         let Some((tree, frame)) = &self.tree else {
             let mut keys = [f64::INFINITY; FEW];
             let (mut first, mut least) = (0, f64::INFINITY);
             for (id, (key, b)) in keys.iter_mut().zip(&self.boxes).enumerate() {
-                *key = away(b);
+                *key = b.least_distance(q);
                 if *key < least {
                     (first, least) = (id, *key);
                 }
@@ -90,7 +85,7 @@ impl PosedBoxes {
             |packet| {
                 let mut order = [(f64::INFINITY, 0); 8];
                 for (slot, id) in order.iter_mut().zip(distinct(packet)) {
-                    *slot = (away(&self.boxes[id as usize]), id);
+                    *slot = (self.boxes[id as usize].least_distance(q), id);
                 }
                 order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
                 for &(key, id) in &order {

@@ -1,0 +1,99 @@
+//! [`IndexedPatch`]: the trees and the map of one patch.
+
+use glam::DVec3;
+
+use crate::{
+    contact::{
+        ContactError, IndexOptions,
+        blend::Blend,
+        cell::PatchCells,
+        coarse::{CoarseLevel, coarse_levels, mean_side},
+        search::{Aabb, PatchBvh, PointTree},
+    },
+    id::{IdVec, VertexId},
+    map::PatchMap,
+    pyramid::LevelId,
+    skin::LinkId,
+};
+
+#[derive(Debug, Clone)]
+pub(super) struct IndexedPatch {
+    pub(super) name: String,
+    pub(super) link: LinkId,
+    pub(super) tree: PatchBvh,
+    pub(super) cells: PatchCells,
+    /// The levels above level 0, finest first; none if the index has no levels, or the vertices follow
+    /// several links.
+    pub(super) coarse: Vec<CoarseLevel>,
+    /// The centres of the fields of each level; none if the index has no fields.
+    pub(super) fields: Vec<PointTree>,
+    /// The box of all that is searched of it, on every level, in m in the frame of the link.
+    pub(super) bounds: Aabb,
+    /// Mean length of the sides of its faces, in m.
+    pub(super) spacing: f64,
+    /// The vertex of level 0 that each field is the centre of, on each level; none if the index has no
+    /// fields.
+    pub(super) origins: Vec<IdVec<VertexId, VertexId>>,
+    /// Outward unit normals of the taxels as the robot is posed, in the frame of the link; none if the
+    /// index has no fields.
+    pub(super) normals: IdVec<VertexId, DVec3>,
+    /// How its vertices follow several links; `None`: it is rigid.
+    pub(super) blend: Option<Box<Blend>>,
+}
+
+impl IndexedPatch {
+    /// A patch of a valid map; its links are those of the map, and its vertices follow none but its own.
+    pub(super) fn new(patch: &PatchMap, options: &IndexOptions) -> Result<Self, ContactError> {
+        let mesh = &patch.levels[LevelId::new(0)].level.mesh;
+        let tree = PatchBvh::packed(&patch.name, mesh, options.packing)?;
+        let is_rigid = patch.taxels.joints.is_none();
+        let coarse = if options.levels && is_rigid { coarse_levels(patch, &tree)? } else { Vec::new() };
+        let with_fields = || patch.levels.iter().filter(|_| options.fields);
+        let mut indexed = Self {
+            name: patch.name.clone(),
+            link: patch.link,
+            cells: PatchCells::new(patch)?,
+            fields: with_fields().map(|map| PointTree::of_mesh(&map.level.mesh)).collect(),
+            bounds: tree.bounds(),
+            spacing: mean_side(mesh),
+            origins: with_fields().map(|map| map.level.origins.clone()).collect(),
+            normals: if options.fields { patch.taxels.normals.clone() } else { IdVec::default() },
+            blend: None,
+            tree,
+            coarse,
+        };
+        indexed.fill_bounds();
+        Ok(indexed)
+    }
+
+    /// Fits the trees of a patch that follows several links to where its vertices are.
+    pub(super) fn bend(&mut self) {
+        let Some(blend) = &mut self.blend else { return };
+        self.tree.refit(&mut blend.positions, &mut blend.refitting);
+        std::mem::swap(&mut self.normals, &mut blend.normals);
+        let (positions, normals) = (&self.tree.mesh.positions, &self.normals);
+        for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
+            fields.refit(|field| positions[origins[field]], |field| normals[origins[field]]);
+        }
+        self.fill_bounds();
+    }
+
+    /// The faces of level 0 need not hold the rest: a taxel may belong to no face, and a coarse level lies
+    /// where its map says.
+    fn fill_bounds(&mut self) {
+        let trees = self.coarse.iter().map(|level| level.tree.bounds());
+        let points = self.fields.iter().map(PointTree::bounds);
+        self.bounds = trees.chain(points).fold(self.tree.bounds(), Aabb::union);
+    }
+
+    /// The level that answers for `level`: the coarsest, if the patch does not reach up to it.
+    pub(super) fn nearest_level(&self, level: LevelId) -> LevelId {
+        level.min(LevelId::new(self.coarse.len()))
+    }
+
+    /// The tree that is searched on a level; above level 0 with the level.
+    pub(super) fn on_level(&self, level: LevelId) -> (&PatchBvh, Option<&CoarseLevel>) {
+        let above = self.nearest_level(level).index().checked_sub(1).and_then(|k| self.coarse.get(k));
+        (above.map_or(&self.tree, |level| &level.tree), above)
+    }
+}
