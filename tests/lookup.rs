@@ -511,6 +511,53 @@ fn answers_lead_back_from_the_map() {
     fixture.lookup(&none).arg("--from-map").assert().code(2);
 }
 
+/// A table of answers is one of contacts, in the frame that it names, and of places on maps: what is off
+/// the skin has none.
+#[test]
+fn answers_are_contacts_and_places() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z,link\n0.01,0,0.9,\n0.01,0,-0.1,arm\n0,0,9,\n");
+    let answers = output(fixture.lookup(&contacts).args(["--level", "0"]));
+    let patches: Vec<_> = rows(&answers).iter().map(|row| row["patch"].to_owned()).collect();
+    assert_eq!(patches, ["cap", "cap", "off skin"]);
+    let table = fixture.file("answers.csv", &answers);
+
+    let run = fixture.lookup(&table).args(["--level", "0"]).output().unwrap();
+    let (again, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+    assert!(notes.contains("column `link` is not used"), "{notes}");
+    assert!(run.status.code() == Some(2) && notes.contains("line 4, column `x`"), "{notes}");
+    assert_eq!(rows(&again).len(), 2);
+    for (row, (before, frame)) in rows(&again).iter().zip(rows(&answers).iter().zip(["world", "arm"])) {
+        assert!(number(row, "distance").abs() < 1e-12 && row["frame"] == frame, "{row:?}");
+        assert_eq!((row["face"], row["link"]), (before["face"], "arm"));
+    }
+
+    let run = fixture.lookup(&table).arg("--from-map").output().unwrap();
+    let (back, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+    assert!(run.status.success() && notes.contains("1 rows are of contacts off the skin"), "{notes}");
+    assert_eq!(rows(&back).len(), 2);
+    let pixels = fixture.file("pixels.csv", "patch,level,px,py\noff skin,0,,\ncap,0,60,60\n");
+    assert_eq!(rows(&output(fixture.lookup(&pixels).arg("--from-map"))).len(), 1);
+
+    let unknown = fixture.file("c.csv", "frame,x,y,z\n17,0,0,0.9\nworld,0,0,0.9\n");
+    let run = fixture.lookup(&unknown).output().unwrap();
+    let notes = String::from_utf8(run.stderr).unwrap();
+    assert!(notes.contains("line 2, column `frame`: found \"17\"; needed: `world`, or the name"), "{notes}");
+}
+
+/// Only options that change it are named where contacts are off the skin.
+#[test]
+fn advice_can_be_followed() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z,nx,ny,nz\n0,0,9,0,0,1\n");
+    for (options, is_asked) in [(&[][..], true), (&["--ray"], false), (&["--within", "0.001"], false)] {
+        let run = fixture.lookup(&contacts).args(options).output().unwrap();
+        let notes = String::from_utf8(run.stderr).unwrap();
+        assert!(notes.contains("(--unit, --frame"), "{notes}");
+        assert_eq!(notes.contains("--max-distance"), is_asked, "{options:?}: {notes}");
+    }
+}
+
 /// The arm goes up by 1 m/s from 1 s to 3 s, by a table or by an animation of a glTF file; contacts
 /// and places on the map are matched by their time.
 #[test]

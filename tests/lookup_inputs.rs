@@ -235,14 +235,15 @@ fn poses_that_cannot_be_are_refused() {
         ("0,arm,0,0,0,0,0,0,0\n", "line 2, column `qw`"),
         ("0,arm,0,0,0,0,0,0,2\n", "a unit quaternion"),
         ("0,arm,nan,0,0,0,0,0,1\n", "column `x`"),
-        ("0,arm,0,0,1e13,0,0,0,1\n", "rigid"),
+        ("0,arm,0,0,1e13,0,0,0,1\n", "p.csv: the poses at 0 s: found the pose of link \"arm\" is not rigid"),
+        ("0,arm,0,0,1,0,0,0,1\n9,arm,0,0,1e13,0,0,0,1\n", "p.csv: the poses at 9 s: found the pose"),
         ("inf,arm,0,0,0,0,0,0,1\n", "column `time`"),
         ("0,leg,0,0,0,0,0,0,1\n", "column `link`"),
         ("0,arm,0,0,0,0,0,0,1\n-0,arm,0,0,0,0,0,0,1\n", "line 3, column `link`"),
         ("0,arm,0,0,0\n", "found 5 cells"),
     ] {
         fs::write(folder.path().join("p.csv"), header.to_owned() + poses).unwrap();
-        let run = lookup(&folder, "x,y,z\n0,0,0.9\n", &["--pose", "p.csv"]);
+        let run = lookup(&folder, "x,y,z,time\n0,0,0.9,0\n0,0,0.9,9\n", &["--pose", "p.csv"]);
         assert!(run.code == 2 && run.error.contains(expected), "{poses}: {}", run.error);
         assert!(run.rows.is_empty());
     }

@@ -37,8 +37,9 @@ use crate::{
 /// Find the map cells under contacts, on every level.
 ///
 /// A row of contacts that names a link is in the frame of that link, and lies on its patches; others
-/// are in the world, or with --frame link in that of the map's link. Links without a name are called
-/// link0, link1 and so on. Answers are in the frame of the contact, which the column `frame` names:
+/// are in the world, or with --frame link in that of the map's link. A column `frame`, `world` or the
+/// name of a link, counts before `link`: in answers `link` is the one that is touched. Links without a
+/// name are called link0, link1 and so on. Answers are in the frame of the contact, which the column `frame` names:
 /// `x,y,z` the point of the skin, `nx,ny,nz` its normal. Lengths are in metres. A contact far from
 /// the skin has the patch `off skin`. Rows that cannot be answered are listed as an error in the end
 /// (exit code 2), the others are answered all the same.
@@ -68,7 +69,8 @@ pub(crate) struct Args {
     #[arg(long, value_enum)]
     frame: Option<FrameArg>,
     /// Contacts farther than this are off the skin, in m; `inf`: none [default: ten spacings of the
-    /// patch's taxels]. With --nearest it is the distance of the centres [default: inf]
+    /// patch's taxels]. With --nearest it is the distance of the centres, with --ray the length of the
+    /// ray [default: inf]
     #[arg(long, value_name = "D", value_parser = length, conflicts_with = "within")]
     max_distance: Option<f64>,
     #[command(flatten)]
@@ -136,7 +138,8 @@ impl Args {
         if asked.is_empty() {
             return String::new();
         }
-        options.extend(self.max_distance.is_none().then_some("--max-distance"));
+        let has_limit = self.question.within.is_some() || self.question.ray || self.max_distance.is_some();
+        options.extend((!has_limit).then_some("--max-distance"));
         format!(": are they {}? ({})", asked.join(", and "), options.join(", "))
     }
 }
@@ -172,7 +175,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     check_outputs(args)?;
     let robot = Robot::read(&args.map, &args.patches, &args.levels, common)?;
     let motion = robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?;
-    let player = Player::new(motion);
+    let player = Player::new(args.pose.as_deref().unwrap_or(&args.map), motion);
     let question = args.question.question();
     let options = IndexOptions {
         levels: question == Question::Reactive,

@@ -11,11 +11,14 @@ use glam::{DVec2, DVec3};
 use crate::io::{
     IoError,
     file::lines::Lines,
-    table::csv_table::{Row, Table},
+    table::{
+        csv_table::{Row, Table},
+        lookups::OFF_SKIN,
+    },
 };
 
 /// Columns of a table of contacts.
-const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "time"];
+const COLUMNS: [&str; 11] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "frame", "link", "time"];
 
 /// A table of which each row is one line: there may be many, and a bad one must not cost the others.
 fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> {
@@ -27,7 +30,7 @@ fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> 
 /// One contact of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactRow {
-    /// Where it is, in m; in the frame of `link`, or in the world without one.
+    /// Where it is, in m; in `frame`, without one in that of `link`, and in the world without either.
     pub position: DVec3,
     /// Direction, as given.
     pub normal: Option<DVec3>,
@@ -35,6 +38,9 @@ pub struct ContactRow {
     pub force: Option<f64>,
     /// Radius of the touching sphere, in m.
     pub radius: Option<f64>,
+    /// The frame it is in: `world`, or the name of a link. Answers of lookups have it, and their `link` is
+    /// the one that was touched.
+    pub frame: Option<String>,
     /// Name of the link it is relative to.
     pub link: Option<String>,
     /// When it was, in s.
@@ -44,7 +50,7 @@ pub struct ContactRow {
 }
 
 /// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and
-/// optionally `nx,ny,nz`, `force`, `radius`, `link` and `time`, in any order. Cells of optional
+/// optionally `nx,ny,nz`, `force`, `radius`, `frame`, `link` and `time`, in any order. Cells of optional
 /// columns may be empty. Returns the names of columns that are not read, and the contacts; errors
 /// call the table `path`.
 ///
@@ -62,9 +68,13 @@ pub fn read_contacts<R: Read>(
     let unknown = columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
-    let [force, radius, link, time] = ["force", "radius", "link", "time"].map(|name| columns.find(name));
+    let [force, radius, frame, link, time] =
+        ["force", "radius", "frame", "link", "time"].map(|name| columns.find(name));
     let contact = move |row: Row<'_>| {
         let number = |column: Option<usize>| column.map_or(Ok(None), |c| row.number_if_any(c));
+        let text = |column: Option<usize>| {
+            column.map(|c| row.text(c)).filter(|text| !text.is_empty()).map(str::to_owned)
+        };
         let reach = number(radius)?;
         if let (Some(column), true) = (radius, reach.is_some_and(|r| r < 0.0)) {
             return Err(row.invalid(column, "a radius of at least 0 m"));
@@ -74,7 +84,8 @@ pub fn read_contacts<R: Read>(
             normal: normal.map_or(Ok(None), |c| row.numbers_if_any(c))?.map(DVec3::from_array),
             force: number(force)?,
             radius: reach,
-            link: link.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned),
+            frame: text(frame),
+            link: text(link),
             time: number(time)?,
             line: row.at.line as u64,
         })
@@ -96,8 +107,8 @@ pub struct MapPlaceRow {
     pub patch: String,
     /// The level.
     pub level: usize,
-    /// Where on its map.
-    pub position: MapCoordinates,
+    /// Where on its map; `None`: nowhere, since the contact of this row of a lookup was off the skin.
+    pub position: Option<MapCoordinates>,
     /// When the robot is posed as asked, in s.
     pub time: Option<f64>,
     /// Line of the table it stands in, from 1.
@@ -141,14 +152,18 @@ pub fn read_map_places<R: Read>(
                 .map_err(|_| row.invalid(column, "a whole number, 0 to 4294967295"))
         };
         let level = level.filter(|&c| !row.text(c).is_empty()).map_or(Ok(0), whole)?;
-        let position = if is_map {
-            MapCoordinates::Metres(DVec2::from_array(row.numbers(place_columns)?))
+        let patch = patch.map_or("", |c| row.text(c));
+        let is_off = patch == OFF_SKIN && place_columns.iter().all(|&c| row.text(c).is_empty());
+        let position = if is_off {
+            None
+        } else if is_map {
+            Some(MapCoordinates::Metres(DVec2::from_array(row.numbers(place_columns)?)))
         } else {
             let [x, y] = place_columns;
-            MapCoordinates::Pixel([whole(x)?, whole(y)?])
+            Some(MapCoordinates::Pixel([whole(x)?, whole(y)?]))
         };
         Ok(MapPlaceRow {
-            patch: patch.map_or("", |c| row.text(c)).to_owned(),
+            patch: patch.to_owned(),
             level: level as usize,
             position,
             time: time.map_or(Ok(None), |c| row.number_if_any(c))?,

@@ -16,7 +16,7 @@ use dermatome::{
 use crate::{
     console::notes::note,
     lookup::{
-        contacts::{Batch, Contact, Contacts},
+        contacts::{Batch, Contact, Contacts, WORLD},
         player::Player,
         readings::{Counts, Readings},
         refusals::unanswered,
@@ -239,7 +239,7 @@ impl Rows<'_, '_> {
     }
 
     fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {
-        let frame = self.query.link.map_or("world", |link| &self.answers.robot.links[link]);
+        let frame = self.query.link.map_or(WORLD, |link| &self.answers.robot.links[link]);
         let contact = self.contact.number;
         (self.emit)(&LookupRow { contact, level, distance, frame, place, extra });
     }

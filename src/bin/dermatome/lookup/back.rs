@@ -15,7 +15,7 @@ use glam::{DAffine3, DVec2};
 use crate::{
     console::notes::{note, note_columns},
     lookup::{
-        contacts::{FrameArg, LARGEST, open},
+        contacts::{FrameArg, LARGEST, WORLD, open},
         player::Player,
         refusals::{Refusals, unanswered},
         robot::Robot,
@@ -40,6 +40,8 @@ pub(super) struct Back<'a> {
     has_times: bool,
     /// Places off every triangle of their map.
     off_chart: u64,
+    /// Rows of contacts off the skin, which have no place.
+    off_skin: u64,
 }
 
 /// A place that can be answered.
@@ -67,8 +69,8 @@ impl<'a> Back<'a> {
         note_columns(name, &unknown, common);
         let refusals = Refusals::new(name.to_owned());
         let rows = Box::new(rows);
-        let (has_times, off_chart) = (false, 0);
-        Ok(Self { robot, index, maps, frame, unit, player, rows, refusals, has_times, off_chart })
+        let (has_times, off_chart, off_skin) = (false, 0, 0);
+        Ok(Self { robot, index, maps, frame, unit, player, rows, refusals, has_times, off_chart, off_skin })
     }
 
     pub(super) fn answer(&mut self, path: &Path, output: impl Write) -> Result<(), IoError> {
@@ -113,15 +115,19 @@ impl<'a> Back<'a> {
         let mut places = Vec::new();
         while places.len() < BATCH {
             let Some(row) = self.rows.next() else { break };
-            let row = row.and_then(|row| self.place(&row));
+            let row = row.and_then(|row| row.position.map(|at| self.place(&row, at)).transpose());
             let Some((number, place)) = self.refusals.sort(row)? else { continue };
+            let Some(place) = place else {
+                self.off_skin += 1;
+                continue;
+            };
             self.has_times |= place.time.is_some();
             places.push(Place { number, ..place });
         }
         Ok(places)
     }
 
-    fn place(&self, row: &MapPlaceRow) -> Result<Place, IoError> {
+    fn place(&self, row: &MapPlaceRow, position: MapCoordinates) -> Result<Place, IoError> {
         let patches = &self.robot.map.patches;
         let named = patches.enumerate().find(|(_, patch)| patch.name == row.patch).map(|(id, _)| id);
         let only = (row.patch.is_empty() && patches.len() == 1).then_some(PatchId::new(0));
@@ -136,7 +142,7 @@ impl<'a> Back<'a> {
             return Err(self.refusals.invalid(row.line, ", column `level`", found, &needed));
         }
         let level = LevelId::new(row.level);
-        let position = match row.position {
+        let position = match position {
             MapCoordinates::Metres(uv) => MapCoordinates::Metres(uv * self.unit.metres()),
             pixel => pixel,
         };
@@ -161,6 +167,12 @@ impl<'a> Back<'a> {
     }
 
     pub(super) fn note(&self, common: &Common) {
+        if self.off_skin > 0 {
+            note(
+                common,
+                format_args!("{} rows are of contacts off the skin: they have no place", self.off_skin),
+            );
+        }
         if self.off_chart > 0 {
             let what = "places are off their map: the nearest place on it is answered";
             note(common, format_args!("{} {what} (column `off_chart`)", self.off_chart));
@@ -183,7 +195,7 @@ fn row<'a>(
     let ((position, normal), frame) = match frame {
         FrameArg::World => {
             let pose = poses[place.link];
-            ((pose.transform_point3(place.position), pose.transform_vector3(place.normal)), "world")
+            ((pose.transform_point3(place.position), pose.transform_vector3(place.normal)), WORLD)
         }
         FrameArg::Link => ((place.position, place.normal), link.as_str()),
     };

@@ -58,13 +58,17 @@ pub(super) struct Batch {
 }
 
 /// Columns that are read and checked, but may change nothing in the answer.
-const OPTIONAL: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
+const OPTIONAL: [&str; 5] = ["nx,ny,nz", "force", "radius", "time", "link"];
 
 /// The place of `nx,ny,nz` among them.
 const NORMAL: usize = 0;
 
-/// Where a row names its link, for errors.
+/// Where a row names its frame or its link, for errors.
+const FRAME: &str = ", column `frame`";
 const LINK: &str = ", column `link`";
+
+/// The frame of the world, in tables.
+pub(super) const WORLD: &str = "world";
 
 /// What the command line says of a table.
 pub(super) struct Meaning {
@@ -133,7 +137,14 @@ impl Contacts<'_> {
     }
 
     fn query(&mut self, robot: &Robot, row: &ContactRow) -> Result<Query, IoError> {
-        let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
+        let is_other_link = row.frame.is_some() && row.link.is_some();
+        let given = [
+            row.normal.is_some(),
+            row.force.is_some(),
+            row.radius.is_some(),
+            row.time.is_some(),
+            is_other_link,
+        ];
         self.given = std::array::from_fn(|k| self.given[k] | given[k]);
         let link = self.link(robot, row)?;
         if row.position.abs().max_element() > LARGEST {
@@ -160,8 +171,13 @@ impl Contacts<'_> {
 
     /// The link in whose frame a contact is; `None`: in the world.
     fn link(&mut self, robot: &Robot, row: &ContactRow) -> Result<Option<LinkId>, IoError> {
-        let link = match (&row.link, self.meaning.frame) {
-            (Some(name), _) => self.link_named(robot, name, row.line)?,
+        let (named, column) = match &row.frame {
+            Some(frame) if frame == WORLD => return Ok(None),
+            Some(frame) => (Some(frame), FRAME),
+            None => (row.link.as_ref(), LINK),
+        };
+        let link = match (named, self.meaning.frame) {
+            (Some(name), _) => self.link_named(robot, name, (row.line, column))?,
             (None, FrameArg::World) => return Ok(None),
             (None, FrameArg::Link) => {
                 let needed = "a link, since several carry skin";
@@ -172,25 +188,31 @@ impl Contacts<'_> {
         if !robot.carries[link] {
             let chosen = if robot.has_skin[link] { "none of the patches of --patch" } else { "no patch" };
             let found = format!("{:?}, which carries {chosen}", robot.links[link]);
-            return Err(self.refusals.invalid(row.line, LINK, found, "a link with skin, or none"));
+            return Err(self.refusals.invalid(row.line, column, found, "a link with skin, or none"));
         }
         Ok(Some(link))
     }
 
-    fn link_named(&mut self, robot: &Robot, name: &str, line: u64) -> Result<LinkId, IoError> {
+    fn link_named(
+        &mut self,
+        robot: &Robot,
+        name: &str,
+        (line, column): (u64, &str),
+    ) -> Result<LinkId, IoError> {
         let mut links = robot.links.enumerate().filter(|(_, other)| *other == name).map(|(id, _)| id);
         let (found, needed) = match (links.next(), links.count()) {
             (Some(link), 0) => return Ok(link),
             (Some(_), others) => {
                 let found = format!("{name:?}, the name of {} links", 1 + others);
-                (found, "the name of one link of the map alone")
+                (found, "the name of one link of the map alone".into())
             }
             (None, _) => {
                 self.refusals.count_unknown_link(name);
-                (format!("{name:?}"), "the name of a link of the map")
+                let needed = if column == FRAME { "`world`, or the" } else { "the" };
+                (format!("{name:?}"), format!("{needed} name of a link of the map"))
             }
         };
-        Err(self.refusals.invalid(line, LINK, found, needed))
+        Err(self.refusals.invalid(line, column, found, &needed))
     }
 
     /// Says which columns changed nothing.

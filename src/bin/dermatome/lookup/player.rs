@@ -1,11 +1,15 @@
 //! The links of an index, posed for the times of rows.
 
+use std::path::{Path, PathBuf};
+
 use dermatome::{contact::ContactIndex, io::IoError, skin::Motion};
 
-use crate::{console::notes::note, lookup::refusals::unanswered, options::Common};
+use crate::{console::notes::note, options::Common};
 
 /// How the links move, if they do.
 pub(super) struct Player {
+    /// The file of the motion.
+    path: PathBuf,
     motion: Option<Motion>,
     /// First and last time of the motion, in s, if poses depend on it.
     span: Option<[f64; 2]>,
@@ -14,9 +18,9 @@ pub(super) struct Player {
 }
 
 impl Player {
-    pub(super) fn new(motion: Option<Motion>) -> Self {
+    pub(super) fn new(path: &Path, motion: Option<Motion>) -> Self {
         let span = motion.as_ref().and_then(Motion::times).filter(|[first, last]| first < last);
-        Self { motion, span, held: 0 }
+        Self { path: path.to_owned(), motion, span, held: 0 }
     }
 
     /// Whether poses depend on the time.
@@ -26,9 +30,20 @@ impl Player {
 
     /// Poses the links as in the beginning.
     pub(super) fn start(&self, index: &mut ContactIndex) -> Result<(), IoError> {
+        let first = self.motion.as_ref().and_then(Motion::times).map_or(0.0, |[first, _]| first);
+        self.set(index, first)
+    }
+
+    /// # Errors
+    /// If a pose at this time (s) is too far away.
+    fn set(&self, index: &mut ContactIndex, time: f64) -> Result<(), IoError> {
         let Some(motion) = &self.motion else { return Ok(()) };
-        let first = motion.times().map_or(0.0, |[first, _]| first);
-        index.set_motion(motion, first).map_err(unanswered)
+        index.set_motion(motion, time).map_err(|error| IoError::Invalid {
+            path: self.path.clone(),
+            element: format!("the poses at {time} s"),
+            found: error.to_string(),
+            needed: "poses that keep the skin within 1e12 m".into(),
+        })
     }
 
     /// Poses the links as at the time of some rows.
@@ -38,11 +53,11 @@ impl Player {
         time: Option<f64>,
         rows: usize,
     ) -> Result<(), IoError> {
-        let (Some(motion), Some([first, last])) = (&self.motion, self.span) else { return Ok(()) };
+        let Some([first, last]) = self.span else { return Ok(()) };
         if time.is_none_or(|t| t < first || t > last) {
             self.held += rows as u64;
         }
-        index.set_motion(motion, time.unwrap_or(first)).map_err(unanswered)
+        self.set(index, time.unwrap_or(first))
     }
 
     /// Says how many of the `rows` had no pose of their own.
