@@ -34,9 +34,10 @@
 //! `f32` distance differs from the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest
 //! triangle found so far seems to be `D` away, nothing that seems to be farther than `D + 2 slack`
 //! can be nearer.
-//! From more than 1000 radii away `slack` is as large as a face, so boxes are compared in `f64`
-//! there. A face far from all others makes the radius large, too, and every search slow: a patch should
-//! be in one piece, as those of a [`Skin`](crate::skin::Skin) that is read from a file.
+//! From more than 16 radii away `slack` is larger than what the faces of a flat patch differ by in
+//! their distance, so boxes are compared in `f64` there. A face far from all others makes the radius
+//! large, too, and every search slow: a patch should be in one piece, as those of a
+//! [`Skin`](crate::skin::Skin) that is read from a file.
 //!
 //! # Guarantees
 //!

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{nearest::Best, patch_bvh::PatchBvh};
-use crate::{contact::geometry::Volume, skin::PatchId};
+use crate::skin::PatchId;
 
 /// A side of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,13 +59,12 @@ impl PatchBvh {
         facing: &Facing,
         best: &mut Option<Best>,
     ) {
-        let Some(point) = Volume::sphere(q, 0.0) else { return };
-        let (centre, sides) = self.frame.core(&point);
+        let local = self.frame.point(q);
         // Squares round below the smallest numbers: `reach` itself is compared with the distance.
         let bound = |best: &Option<Best>| Best::squared(best.as_ref()).sqrt().min(reach) * self.frame.scale;
         self.tree.walk(
             bound(best),
-            |node| node.gaps(centre, &sides),
+            |node| node.point_gaps(local),
             |packet| {
                 for face in self.faces(packet) {
                     if facing.admits(q, self.mesh.corners(face)) {

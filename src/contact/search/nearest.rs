@@ -9,13 +9,10 @@ use super::{
     descent::{Branch, Descent, Visitor, bound_of, entry, parts},
     lanes::{Kernel, LANES, Lanes},
     patch_bvh::PatchBvh,
-    rounding::{slack, squared_bound_f32},
+    rounding::{FAR, slack, squared_bound_f32},
     tree::distinct,
 };
 use crate::{id::FaceId, mesh::Closest, skin::PatchId};
-
-/// From this many radii away, the slack is as large as the smallest faces: `f64` takes over.
-const FAR: f64 = 1000.0;
 
 /// Triangles that are collected before they are measured in `f64`.
 const PENDING: usize = 16;
@@ -292,9 +289,12 @@ mod tests {
 
     #[test]
     fn the_walk_in_f64_begins_where_f32_ends() {
-        let mesh = shapes::cap(500, 0.1, 1.2);
-        for radii in [0.5, 0.99, 1.01, 2.0, 1e3, 1e6] {
-            assert_finds_the_nearest(&mesh, DVec3::new(0.3, -0.2, 0.5).normalize() * (FAR * 0.1 * radii));
+        for mesh in [shapes::cap(500, 0.1, 1.2), shapes::lattice(15, 15, 0.01)] {
+            for radii in [0.5, 0.99, 1.01, 2.0, 10.0, 100.0, 1e3, 1e6] {
+                for direction in [DVec3::new(0.3, -0.2, 0.5), DVec3::new(0.002, 0.001, 1.0)] {
+                    assert_finds_the_nearest(&mesh, direction.normalize() * (FAR * 0.1 * radii));
+                }
+            }
         }
     }
 

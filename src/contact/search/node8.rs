@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 
 use super::{
     lanes::{Kernel, LANES, Lanes, most_of_rows},
-    rounding::slack,
+    rounding::{FAR, slack},
 };
 use crate::contact::geometry::Ray;
 
@@ -299,8 +299,13 @@ impl Node8 {
         gaps
     }
 
-    /// The same for a point so far away that `f32` cannot distinguish the boxes: by the spheres
-    /// around them.
+    /// The same for a point.
+    pub(super) fn point_gaps(&self, q: DVec3) -> [f64; LANES] {
+        if q.length() > FAR { self.far_gaps(q) } else { self.gaps(q, &[DVec3::ZERO; 3]) }
+    }
+
+    /// The same for a point so far away that `f32` cannot distinguish the boxes: how far they are along
+    /// the way to their middles.
     pub(super) fn far_gaps(&self, q: DVec3) -> [f64; LANES] {
         let step = self.step();
         let mut gaps = [f64::INFINITY; LANES];
@@ -309,8 +314,10 @@ impl Node8 {
             let middle = (lo.midpoint(hi) - self.column(3)) * step * step;
             // Rows of the frame are axes over steps: their transpose leads back.
             let [x, y, z] = [self.column(0), self.column(1), self.column(2)].map(|c| c.dot(middle));
-            let radius = ((hi - lo) * step).length() * 0.5 + slack(1.0, 1.0);
-            *gap = (q.distance(DVec3::new(x, y, z)) * (1.0 - 1e-15) - radius).max(0.0);
+            let way = DVec3::new(x, y, z) - q;
+            let distance = way.length();
+            let extent = 0.5 * self.vector(way / distance).abs().dot((hi - lo) * step * step);
+            *gap = (distance * (1.0 - 1e-15) - extent - slack(1.0, 1.0)).max(0.0);
         }
         gaps
     }

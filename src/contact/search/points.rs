@@ -11,7 +11,7 @@ use super::{
     frame::Frame,
     lanes::{Kernel, Lanes, Simd},
     point8::Point8,
-    rounding::{slack, squared_bound_f32},
+    rounding::{FAR, slack, squared_bound_f32},
     tree::{Primitive, Tree, distinct},
 };
 use crate::{
@@ -36,9 +36,6 @@ const MOST: usize = 64;
 
 /// Up to this many points are kept in order faster.
 const FEW: usize = 8;
-
-/// From this many radii away, `f32` cannot distinguish the points.
-const FAR: f64 = 1000.0;
 
 impl PointTree {
     /// A tree over finite points; there may be none. The normals of the skin there, of any length, turn
@@ -132,12 +129,11 @@ impl PointTree {
 
     fn nearest_in_f64(&self, tree: &Tree, q: DVec3, k: usize, reach: f64, found: &mut Vec<(VertexId, f64)>) {
         let local = self.frame.point(q);
-        let far = local.length() > FAR;
         let first = found.len();
         let mut worst = reach;
         tree.walk(
             reach * self.frame.scale * FAR_ROUND_UP,
-            |node| if far { node.far_gaps(local) } else { node.gaps(local, &[DVec3::ZERO; 3]) },
+            |node| node.point_gaps(local),
             |packet| {
                 for vertex in distinct(packet).map(VertexId::from) {
                     let distance = self.points[vertex].distance(q);

@@ -15,6 +15,10 @@ pub(crate) const LARGEST: f64 = 1e12;
 /// steps (6), and the contact into steps (8).
 const SLACK: f64 = 48.0 / 16_777_216.0;
 
+/// From this many radii away `f64` takes over: the slack is larger than what the faces of a flat patch
+/// differ by in their distance.
+pub(super) const FAR: f64 = 16.0;
+
 /// Squares found in `f32` are compared with bounds enlarged by this, for the last roundings.
 const ROUND_UP: f64 = 1.0 + 8.0 / 16_777_216.0;
 

@@ -8,12 +8,9 @@ use super::{
     lanes::{Kernel, LANES, Lanes},
     node8::Child,
     patch_bvh::PatchBvh,
-    rounding::{slack, squared_bound_f32},
+    rounding::{FAR, slack, squared_bound_f32},
 };
 use crate::{contact::geometry::Volume, id::FaceId, mesh::Closest};
-
-/// From this many radii away, the slack is as large as the smallest faces.
-const FAR: f64 = 1000.0;
 
 impl PatchBvh {
     /// Appends every face that reaches into a volume (m, in the link's frame) with its distance
@@ -84,7 +81,7 @@ impl PatchBvh {
         }
         self.tree.walk(
             reach,
-            |node| node.gaps(local, &[DVec3::ZERO; 3]),
+            |node| node.point_gaps(local),
             |packet| {
                 self.faces(packet).for_each(&mut offer);
                 reach
