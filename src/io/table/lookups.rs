@@ -1,7 +1,12 @@
 //! Tables of lookups, written some rows at a time: a million rows in about a second, so the cells are
 //! written without the `csv` crate, into buffers that every thread keeps.
 
-use std::{io::Write, ops::Range, path::Path};
+use std::{
+    io::{BufWriter, Write},
+    ops::Range,
+    path::Path,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -17,11 +22,14 @@ const COLUMNS: [&str; 22] = [
 /// What stands in the column `patch` of a contact that touches none.
 pub(super) const OFF_SKIN: &str = "off skin";
 
-/// Texts that wait to be written, enough for every thread; contacts whose rows are in them, and the
-/// bytes that they have together but for the last contact of each. A contact may have a row or a million.
-const TEXTS: usize = 32;
-const CONTACTS: usize = 64 * TEXTS;
-const BYTES: usize = 1 << 24;
+/// Bytes of rows that wait to be written: no thread begins another contact when there are as many.
+const BYTES: usize = 1 << 23;
+
+/// Threads that make rows, at most.
+const THREADS: usize = 32;
+
+/// Bytes that are given to the output together.
+const WRITTEN: usize = 1 << 16;
 
 /// Where one contact is on one level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,13 +72,12 @@ pub struct LookupPlace<'a> {
 /// them. A contact off the skin has `off skin` as its patch, and otherwise only its distance. Decimals
 /// are the shortest that read back as the same `f64`.
 #[derive(Debug)]
-pub struct LookupWriter<'a, W> {
+pub struct LookupWriter<'a, W: Write> {
     path: &'a Path,
-    output: W,
+    output: BufWriter<W>,
     has_extra: bool,
+    /// One for each thread that makes rows.
     texts: Vec<Text>,
-    /// Contacts that are written next, by the length of the last rows.
-    contacts: usize,
 }
 
 impl<'a, W: Write> LookupWriter<'a, W> {
@@ -82,13 +89,14 @@ impl<'a, W: Write> LookupWriter<'a, W> {
         let columns = COLUMNS.into_iter().chain(["frame"]).chain(extra);
         let header = columns.collect::<Vec<_>>().join(",") + "\n";
         output.write_all(header.as_bytes()).map_err(|source| IoError::Write { path: path.into(), source })?;
-        let texts = (0..TEXTS).map(|_| Text::default()).collect();
-        let contacts = rayon::current_num_threads();
-        Ok(Self { path, output, has_extra: extra.is_some(), texts, contacts })
+        let output = BufWriter::with_capacity(WRITTEN, output);
+        Ok(Self { path, output, has_extra: extra.is_some(), texts: Vec::new() })
     }
 
     /// Writes the rows of `contacts` contacts in their order; `rows` passes the rows of the contact
     /// with a number below that to its second argument. It is called in parallel, once for each contact.
+    /// Memory does not grow with the number of contacts: it is that of some megabytes and of one contact's
+    /// rows for each thread.
     ///
     /// # Errors
     /// If `output` fails.
@@ -97,32 +105,33 @@ impl<'a, W: Write> LookupWriter<'a, W> {
         contacts: usize,
         rows: impl Fn(usize, &mut dyn FnMut(&LookupRow<'_>)) + Sync,
     ) -> Result<(), IoError> {
-        let has_extra = self.has_extra;
+        let threads = rayon::current_num_threads().min(THREADS);
+        self.texts.resize_with(threads, Text::default);
+        let next = AtomicUsize::new(0);
         let mut first = 0;
         while first < contacts {
-            let next = contacts.min(first + self.contacts);
-            let run = (next - first).div_ceil(TEXTS);
-            let texts = &mut self.texts[..(next - first).div_ceil(run)];
-            texts.par_iter_mut().enumerate().for_each(|(k, text)| {
-                let from = first + k * run;
-                text.contacts = from..next.min(from + run);
-                text.fill(&rows, has_extra);
-            });
-            let mut bytes = 0;
-            for text in texts {
-                loop {
-                    bytes += text.rows.len();
-                    let fail = |source| IoError::Write { path: self.path.into(), source };
-                    self.output.write_all(&text.rows).map_err(fail)?;
-                    if text.contacts.is_empty() {
+            let bytes = AtomicUsize::new(0);
+            self.texts.par_iter_mut().for_each(|text| {
+                text.clear(BYTES / threads);
+                while bytes.load(Ordering::Relaxed) < BYTES {
+                    let contact = next.fetch_add(1, Ordering::Relaxed);
+                    if contact >= contacts {
                         break;
                     }
-                    text.fill(&rows, has_extra);
+                    let from = text.rows.len();
+                    rows(contact, &mut |row| text.push(row, self.has_extra));
+                    text.contacts.push((contact, from..text.rows.len()));
+                    bytes.fetch_add(text.rows.len() - from, Ordering::Relaxed);
                 }
+            });
+            // Threads take the contacts one by one: those taken so far are without a gap.
+            let mut made = vec![&[][..]; self.texts.iter().map(|text| text.contacts.len()).sum()];
+            self.texts.iter().flat_map(Text::made).for_each(|(contact, rows)| made[contact - first] = rows);
+            first += made.len();
+            for rows in made {
+                let fail = |source| IoError::Write { path: self.path.into(), source };
+                self.output.write_all(rows).map_err(fail)?;
             }
-            let fitting = BYTES / (bytes / (next - first)).max(1);
-            self.contacts = fitting.clamp(rayon::current_num_threads(), CONTACTS);
-            first = next;
         }
         Ok(())
     }
@@ -140,8 +149,8 @@ impl<'a, W: Write> LookupWriter<'a, W> {
 #[derive(Debug, Default)]
 struct Text {
     rows: Vec<u8>,
-    /// Whose rows are to follow.
-    contacts: Range<usize>,
+    /// Whose rows they are, and where they stand.
+    contacts: Vec<(usize, Range<usize>)>,
     /// The columns `x` to `nz` of the last place, which are the same on every level, and the bits of
     /// their numbers.
     skin: Vec<u8>,
@@ -149,14 +158,16 @@ struct Text {
 }
 
 impl Text {
-    /// Takes the rows of its next contacts, at least of one, until it is long.
-    fn fill(&mut self, rows: impl Fn(usize, &mut dyn FnMut(&LookupRow<'_>)), has_extra: bool) {
+    /// Gives back memory but for some bytes.
+    fn clear(&mut self, kept: usize) {
+        self.contacts.clear();
         self.rows.clear();
-        self.rows.shrink_to(BYTES / TEXTS);
-        while self.rows.len() < BYTES / TEXTS {
-            let Some(contact) = self.contacts.next() else { break };
-            rows(contact, &mut |row| self.push(row, has_extra));
-        }
+        self.rows.shrink_to(kept);
+    }
+
+    /// The contacts, and the rows of each.
+    fn made(&self) -> impl Iterator<Item = (usize, &[u8])> {
+        self.contacts.iter().map(|(contact, range)| (*contact, &self.rows[range.clone()]))
     }
 
     fn push(&mut self, row: &LookupRow<'_>, has_extra: bool) {
