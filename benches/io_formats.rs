@@ -59,7 +59,7 @@ fn tables(c: &mut Criterion) {
     group.bench_function("contacts_in", |b| {
         b.iter(|| {
             let (_, rows) = read_contacts(Path::new("-"), contacts.as_bytes()).unwrap();
-            rows.map(|row| black_box(row.unwrap()).position.x).sum::<f64>()
+            rows.map(|row| black_box(row.unwrap()).position.unwrap().x).sum::<f64>()
         });
     });
     group.bench_function("lookups_out", |b| {

@@ -28,7 +28,7 @@ fn columns_come_in_any_order_and_cells_may_be_empty() {
     let text = "\u{feff}time, z ,link,y,x,radius,force,nz,ny,nx\r\n0.5,3,\"left, arm\",2,1e0,,-2,1,0,0\r\n,0,,0,0,,,,,\r\n";
     let rows: Vec<ContactRow> = read(text).into_iter().map(Result::unwrap).collect();
     let full = ContactRow {
-        position: DVec3::new(1.0, 2.0, 3.0),
+        position: Some(DVec3::new(1.0, 2.0, 3.0)),
         normal: Some(DVec3::Z),
         force: Some(-2.0),
         radius: None,
@@ -38,7 +38,7 @@ fn columns_come_in_any_order_and_cells_may_be_empty() {
         line: 2,
     };
     let bare = ContactRow {
-        position: DVec3::ZERO,
+        position: Some(DVec3::ZERO),
         normal: None,
         force: None,
         radius: None,
@@ -54,6 +54,24 @@ fn columns_come_in_any_order_and_cells_may_be_empty() {
 fn unknown_columns_are_listed() {
     let (unknown, _) = read_contacts(Path::new("-"), &b"x,y,z,colour\n"[..]).unwrap();
     assert_eq!(unknown, ["colour"]);
+    let (unknown, rows) = read_contacts(Path::new("-"), &b"x,y,z,,\n1,2,3,,\n"[..]).unwrap();
+    assert_eq!((unknown, rows.flatten().count()), (vec![String::new(); 2], 1), "as spreadsheets write them");
+}
+
+/// The frame of an answer is that of its point; elsewhere a frame is the number of an image.
+#[test]
+fn answers_name_the_frame_of_their_points() {
+    let header = "contact,patch,link,frame,x,y,z\n";
+    let rows = read(&format!("{header}0,cap,arm,world,1,2,3\n1,cap,arm,hand,1,2,3\n2,off skin,,world,,,\n"));
+    let rows: Vec<ContactRow> = rows.into_iter().map(Result::unwrap).collect();
+    assert!(rows.iter().all(|row| row.link.is_none()));
+    let frames: Vec<_> = rows.iter().map(|row| row.frame.as_deref()).collect();
+    assert_eq!(frames, [Some("world"), Some("hand"), Some("world")]);
+    let point = Some(DVec3::new(1.0, 2.0, 3.0));
+    assert_eq!(rows.iter().map(|row| row.position).collect::<Vec<_>>(), [point, point, None]);
+    let numbered = read("frame,link,x,y,z\n25,arm,1,2,3\n").remove(0).unwrap();
+    assert_eq!((numbered.frame, numbered.link.as_deref()), (None, Some("arm")));
+    assert!(read("frame,patch,x,y,z\n25,off skin,,,\n")[0].is_err(), "not a table of answers");
 }
 
 #[test]
@@ -71,7 +89,7 @@ fn a_broken_line_is_named_and_the_next_one_read() {
         assert!(found.contains(place), "{place:?} is named in {found:?}");
     }
     let last = rows.next().unwrap().unwrap();
-    assert_eq!((last.position, last.line), (DVec3::new(1.0, 2.0, 3.0), 6));
+    assert_eq!((last.position, last.line), (Some(DVec3::new(1.0, 2.0, 3.0)), 6));
     assert!(rows.next().is_none());
 }
 
@@ -211,6 +229,7 @@ fn memory_does_not_grow_with_the_rows() {
     let most = one.install(|| {
         let write = || {
             let mut table = LookupWriter::new(Path::new("-"), std::io::sink(), None).unwrap();
+            table.write(3000, |contact, emit| emit(&off_skin(contact as u64, 0))).unwrap();
             table
                 .write(1000, |contact, emit| {
                     (0..4000).for_each(|level| emit(&off_skin(contact as u64, level)))

@@ -246,7 +246,7 @@ fn a_bad_row_costs_no_good_row() {
     let run = fixture.lookup(&contacts).args(["--level", "0", "--quiet", "-o"]).arg(&out).assert().code(2);
     let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
     for part in
-        ["7 of 10 contacts", "line 3, column `x`", "line 5: found 2 cells", "\"leg\" 2", "line 8, column `y`"]
+        ["7 of 10 rows", "line 3, column `x`", "line 5: found 2 cells", "\"leg\" 2", "line 8, column `y`"]
     {
         assert!(error.contains(part), "{part} in {error}");
     }
@@ -524,8 +524,10 @@ fn answers_are_contacts_and_places() {
 
     let run = fixture.lookup(&table).args(["--level", "0"]).output().unwrap();
     let (again, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
-    assert!(notes.contains("column `link` is not used"), "{notes}");
-    assert!(run.status.code() == Some(2) && notes.contains("line 4, column `x`"), "{notes}");
+    assert!(
+        run.status.success() && notes.contains("1 rows of contacts off the skin have no answer"),
+        "{notes}"
+    );
     assert_eq!(rows(&again).len(), 2);
     for (row, (before, frame)) in rows(&again).iter().zip(rows(&answers).iter().zip(["world", "arm"])) {
         assert!(number(row, "distance").abs() < 1e-12 && row["frame"] == frame, "{row:?}");
@@ -534,15 +536,52 @@ fn answers_are_contacts_and_places() {
 
     let run = fixture.lookup(&table).arg("--from-map").output().unwrap();
     let (back, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
-    assert!(run.status.success() && notes.contains("1 rows are of contacts off the skin"), "{notes}");
+    assert!(run.status.success() && notes.contains("1 rows of contacts off the skin have no"), "{notes}");
     assert_eq!(rows(&back).len(), 2);
     let pixels = fixture.file("pixels.csv", "patch,level,px,py\noff skin,0,,\ncap,0,60,60\n");
     assert_eq!(rows(&output(fixture.lookup(&pixels).arg("--from-map"))).len(), 1);
 
-    let unknown = fixture.file("c.csv", "frame,x,y,z\n17,0,0,0.9\nworld,0,0,0.9\n");
+    let unknown = fixture.file("c.csv", "contact,frame,x,y,z\n0,leg,0,0,0.9\n1,world,0,0,0.9\n");
     let run = fixture.lookup(&unknown).output().unwrap();
     let notes = String::from_utf8(run.stderr).unwrap();
-    assert!(notes.contains("line 2, column `frame`: found \"17\"; needed: `world`, or the name"), "{notes}");
+    assert!(notes.contains("line 2, column `frame`: found \"leg\"; needed: `world`, or the name"), "{notes}");
+
+    // A link of that name is not the world.
+    let mut map = fixture.map.clone();
+    map.links[map.patches[PatchId::new(0)].link].name = "world".into();
+    write_map(&fixture.path("map.glb"), &map).unwrap();
+    let run = fixture.lookup(&table).output().unwrap();
+    let notes = String::from_utf8(run.stderr).unwrap();
+    assert!(run.status.code() == Some(2) && notes.contains("also the name of a link with skin"), "{notes}");
+}
+
+/// Every question is asked back when most contacts are far.
+#[test]
+fn far_contacts_of_fields_are_noted() {
+    let fixture = Fixture::new();
+    let contacts = fixture.file("c.csv", "x,y,z\n10,20,3\n");
+    for options in [["--nearest", "2"], ["--within", "100"]] {
+        let run = fixture.lookup(&contacts).args(options).output().unwrap();
+        let notes = String::from_utf8(run.stderr).unwrap();
+        assert!(run.status.success() && notes.contains("are they in metres"), "{options:?}: {notes}");
+    }
+}
+
+/// Fields of no face have no cell; the contacts that they are near to are on the skin all the same.
+#[test]
+fn fields_without_a_face_are_counted() {
+    let fixture = Fixture::new();
+    let mut mesh = shapes::lattice(6, 5, 0.005);
+    mesh.positions.push(DVec3::new(0.01, 0.01, 0.001));
+    write_map(&fixture.path("map.glb"), &SkinMap::flat(mesh, 1e-3)).unwrap();
+    let contacts = fixture.file("c.csv", "x,y,z\n0.01,0.01,0.002\n");
+    for (options, count) in [(["--nearest", "1"], 0), (["--nearest", "2"], 1), (["--within", "0.0012"], 0)] {
+        let run = fixture.lookup(&contacts).args(options).output().unwrap();
+        let (table, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+        assert_eq!(rows(&table).len(), count, "{options:?}: {table}");
+        assert!(notes.contains("1 answers are fields that belong to no face"), "{options:?}: {notes}");
+        assert!(!notes.contains("off the skin"), "{options:?}: {notes}");
+    }
 }
 
 /// Only options that change it are named where contacts are off the skin.

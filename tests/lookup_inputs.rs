@@ -235,15 +235,18 @@ fn poses_that_cannot_be_are_refused() {
         ("0,arm,0,0,0,0,0,0,0\n", "line 2, column `qw`"),
         ("0,arm,0,0,0,0,0,0,2\n", "a unit quaternion"),
         ("0,arm,nan,0,0,0,0,0,1\n", "column `x`"),
-        ("0,arm,0,0,1e13,0,0,0,1\n", "p.csv: the poses at 0 s: found the pose of link \"arm\" is not rigid"),
-        ("0,arm,0,0,1,0,0,0,1\n9,arm,0,0,1e13,0,0,0,1\n", "p.csv: the poses at 9 s: found the pose"),
+        (
+            "0,arm,0,0,1e13,0,0,0,1\n",
+            "p.csv: the poses at 0 s: found a pose of link \"arm\" that is not rigid",
+        ),
+        ("0,arm,0,0,1,0,0,0,1\n9,arm,0,0,1e13,0,0,0,1\n", "p.csv: the poses at 9 s: found a pose"),
         ("inf,arm,0,0,0,0,0,0,1\n", "column `time`"),
         ("0,leg,0,0,0,0,0,0,1\n", "column `link`"),
         ("0,arm,0,0,0,0,0,0,1\n-0,arm,0,0,0,0,0,0,1\n", "line 3, column `link`"),
         ("0,arm,0,0,0\n", "found 5 cells"),
     ] {
         fs::write(folder.path().join("p.csv"), header.to_owned() + poses).unwrap();
-        let run = lookup(&folder, "x,y,z,time\n0,0,0.9,0\n0,0,0.9,9\n", &["--pose", "p.csv"]);
+        let run = lookup(&folder, "x,y,z,time\n0,0,0.9,0\n0,0,0.9,99\n", &["--pose", "p.csv"]);
         assert!(run.code == 2 && run.error.contains(expected), "{poses}: {}", run.error);
         assert!(run.rows.is_empty());
     }
@@ -420,7 +423,7 @@ fn a_row_that_is_too_long_costs_no_other_row() {
         let table = format!("x,y,z\n0,0,0.9\n{long}\n0,0,0.9\n{long}\r\n\n0,0,0.9\n");
         let run = lookup(&folder, &table, LEVEL_0);
         assert_eq!((run.code, run.contacts()), (2, vec!["0", "2", "4"]), "{}", run.error);
-        for part in ["2 of 5 contacts", "line 3: found more than 1048576 bytes", "line 5: found more"] {
+        for part in ["2 of 5 rows", "line 3: found more than 1048576 bytes", "line 5: found more"] {
             assert!(run.error.contains(part), "{part} in {}", run.error);
         }
     }
@@ -434,11 +437,11 @@ fn bad_rows_are_all_listed_though_none_is_good() {
     let folder = folder();
     let run = lookup(&folder, "x,y,z,link\n0,nan,0,\n1,2\n0,0,0,leg\n", LEVEL_0);
     assert!(run.code == 2 && !folder.path().join("out.csv").exists(), "{}", run.error);
-    for part in ["3 of 3 contacts", "line 2, column `y`", "line 3: found 2", "unknown links: \"leg\" 1"] {
+    for part in ["3 of 3 rows", "line 2, column `y`", "line 3: found 2", "unknown links: \"leg\" 1"] {
         assert!(run.error.contains(part), "{part} in {}", run.error);
     }
     let run = lookup(&folder, "u,v\n0,oops\n0\n", &["--from-map"]);
-    assert!(run.error.contains("2 of 2 contacts") && run.error.contains("line 3: found 1"), "{}", run.error);
+    assert!(run.error.contains("2 of 2 rows") && run.error.contains("line 3: found 1"), "{}", run.error);
 }
 
 /// A name of two links says neither.

@@ -83,6 +83,15 @@ fn points_press_by_their_distance_from_the_skin() {
 }
 
 #[test]
+fn readings_without_a_force_are_noted() {
+    let folder = folder();
+    for (table, is_noted) in [("x,y,z\n0.02,0.02,0\n", true), ("x,y,z,force\n0.02,0.02,0,0\n", false)] {
+        let run = lookup(&folder, table, &READINGS);
+        assert_eq!(notes(&run).contains("no contact has a force"), is_noted, "{}", notes(&run));
+    }
+}
+
+#[test]
 fn readings_of_rays_are_refused() {
     let folder = folder();
     let table = "x,y,z,nx,ny,nz,force\n0.02,0.02,0.01,0,0,-1,1\n";

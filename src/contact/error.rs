@@ -70,8 +70,8 @@ pub enum ContactError {
     /// A volume whose numbers are not finite, or negative where they must not be.
     #[error("a volume needs finite numbers, a radius and sides of at least 0 and a unit rotation")]
     NoVolume,
-    /// A largest distance that is negative or not a number.
-    #[error("a largest distance is a length of at least 0, not {distance}")]
+    /// A distance or a radius that is negative or not a number.
+    #[error("a distance or radius is a length of at least 0, not {distance}")]
     NoDistance {
         /// What was given, in m.
         distance: f64,
@@ -79,9 +79,22 @@ pub enum ContactError {
     /// A ray without a direction.
     #[error("a ray needs finite numbers, a direction with a length and an end in front of its origin")]
     NoRay,
+    /// A force that is not finite.
+    #[error("a force of {force} N cannot be spread; a finite one is needed")]
+    NoForce {
+        /// What was given, in N.
+        force: f64,
+    },
     /// A filter whose direction has no length or whose cosine is not a number.
-    #[error("a filter by normals needs a direction with a length and a cosine")]
-    NoFacing,
+    #[error(
+        "normals cannot be compared with {direction:?} and a cosine of {cosine}: a direction with a length and a number are needed"
+    )]
+    NoFacing {
+        /// What was given.
+        direction: [f64; 3],
+        /// What was given.
+        cosine: f64,
+    },
     /// A patch or a level that the map does not have.
     #[error("the map has no level {level} of patch {patch}")]
     NoMap {

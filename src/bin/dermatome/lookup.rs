@@ -37,10 +37,10 @@ use crate::{
 /// Find the map cells under contacts, on every level.
 ///
 /// A row of contacts that names a link is in the frame of that link, and lies on its patches; others
-/// are in the world, or with --frame link in that of the map's link. A column `frame`, `world` or the
-/// name of a link, counts before `link`: in answers `link` is the one that is touched. Links without a
-/// name are called link0, link1 and so on. Answers are in the frame of the contact, which the column `frame` names:
-/// `x,y,z` the point of the skin, `nx,ny,nz` its normal. Lengths are in metres. A contact far from
+/// are in the world, or with --frame link in that of the map's link. Links without a name are called
+/// link0, link1 and so on. Answers are in the frame of the contact, which the column `frame` names:
+/// `x,y,z` the point of the skin, `nx,ny,nz` its normal. A table of answers may be one of contacts: its
+/// rows are in their `frame`, and its `link` is not read. Lengths are in metres. A contact far from
 /// the skin has the patch `off skin`. Rows that cannot be answered are listed as an error in the end
 /// (exit code 2), the others are answered all the same.
 #[derive(Debug, clap::Args)]
@@ -75,8 +75,8 @@ pub(crate) struct Args {
     max_distance: Option<f64>,
     #[command(flatten)]
     question: QuestionArgs,
-    /// Poses of links: a table with columns link,x,y,z,qx,qy,qz,qw (in the world; other links keep
-    /// their pose relative to their parent) and, if they move, time in s; or a .glb with an
+    /// Poses of links: a table with columns link,x,y,z,qx,qy,qz,qw (in the world and in m; other links
+    /// keep their pose relative to their parent) and, if they move, time in s; or a .glb with an
     /// animation. Contacts are matched by their `time`
     #[arg(long, value_name = "P.csv")]
     pose: Option<PathBuf>,
@@ -85,7 +85,7 @@ pub(crate) struct Args {
     animation: Option<String>,
     /// Write the forces of the contacts, spread over the taxels, as a recording that `render` reads:
     /// a .csv or .npz. A contact with a radius is a sphere around x,y,z; those of one time in a row are
-    /// one frame, points farther from the skin than --max-distance press nothing
+    /// one frame, points farther from the skin than --max-distance (default: ten spacings) press nothing
     #[arg(long, value_name = "OUT.csv", conflicts_with = "ray")]
     readings: Option<PathBuf>,
     /// Radius of the discs on which taxels feel, in mm, for --readings

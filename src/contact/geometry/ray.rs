@@ -34,7 +34,7 @@ impl Ray {
 /// A direction with length 1; `None` if it has no length or is not finite.
 pub(in crate::contact) fn unit(direction: DVec3) -> Option<DVec3> {
     // Scaled first: the square of a very long or short direction is not a number.
-    (direction / direction.abs().max_element()).try_normalize().filter(|_| direction.is_finite())
+    (direction / direction.abs().max_element()).try_normalize()
 }
 
 /// Where a ray meets a triangle.
@@ -71,7 +71,8 @@ pub(in crate::contact) fn meet(origin: DVec3, direction: DVec3, corners: [DVec3;
         return None;
     }
     let sum: f64 = weights.iter().sum();
-    let barycentric = weights.map(|w| w / sum);
+    // Adding 0 makes -0 the same.
+    let barycentric = weights.map(|w| w / sum + 0.0);
     let along = (barycentric[0] * a[2] + barycentric[1] * b[2] + barycentric[2] * c[2]) / direction[z];
     // A sum of 0 (a triangle without area, or seen from its edge) makes them infinite or no number.
     (along.is_finite() && barycentric.iter().all(|w| w.is_finite())).then_some(Meeting { along, barycentric })

@@ -290,7 +290,8 @@ impl ContactIndex {
         self.check(0, &query)?;
         let unit = |(direction, cosine): (DVec3, f64)| {
             let unit = unit(direction).filter(|_| !cosine.is_nan());
-            unit.map(|unit| (unit, cosine)).ok_or(ContactError::NoFacing)
+            let refused = || ContactError::NoFacing { direction: direction.to_array(), cosine };
+            unit.map(|unit| (unit, cosine)).ok_or_else(refused)
         };
         let normal = filter.facing.map(unit).transpose()?;
         if filter.within < 0.0 || filter.within.is_nan() {

@@ -61,7 +61,8 @@ pub struct Spreader<'a> {
     pub map: &'a SkinMap,
     /// Radius of the discs on which they feel, in m.
     pub disc: f64,
-    /// Distance from the skin up to which a point presses, in m; `None`: [`ON_SKIN_SPACINGS`].
+    /// Distance from the skin up to which a point presses, in m; `None`: [`ON_SKIN_SPACINGS`] spacings of its
+    /// patch.
     pub max_distance: Option<f64>,
 }
 
@@ -80,8 +81,17 @@ impl Spreader<'_> {
     /// with [fields](crate::contact::IndexOptions::fields), posed as the robot is.
     ///
     /// # Errors
-    /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`].
+    /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`], if the force is not finite, or if the
+    /// largest distance or the radius of the discs is negative or not a number.
     pub fn add(&self, index: &ContactIndex, press: &Press, frame: &mut Frame) -> Result<bool, ContactError> {
+        let is_length = |length: &f64| *length >= 0.0;
+        let lengths = [self.disc].into_iter().chain(self.max_distance);
+        if let Some(distance) = lengths.into_iter().find(|length| !is_length(length)) {
+            return Err(ContactError::NoDistance { distance });
+        }
+        if !press.force.is_finite() {
+            return Err(ContactError::NoForce { force: press.force });
+        }
         let shares = match &press.area {
             Area::Point(point) => {
                 self.at_point(index, Query { point: *point, link: press.link }, self.max_distance)?

@@ -8,8 +8,8 @@ use crate::contact::geometry::Ray;
 /// roundings.
 const ROUNDING: f64 = 1e-13;
 
-/// Distances from boxes are less than they are by this part of themselves and of the point's from the
-/// origin: some hundred roundings.
+/// Lower bounds of distances from boxes are reduced by this part of the distance and of the point's from
+/// the origin: some hundred roundings.
 const MARGIN: f64 = 1e-14;
 
 /// A box along the axes, in m.

@@ -18,7 +18,11 @@ use crate::io::{
 };
 
 /// Columns of a table of contacts.
-const COLUMNS: [&str; 11] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "frame", "link", "time"];
+const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "time"];
+
+/// Columns that a table of answers has, and other tables that have one of them have not both: a `frame` may
+/// also be the number of an image.
+const OF_ANSWERS: [&str; 2] = ["contact", "frame"];
 
 /// A table of which each row is one line: there may be many, and a bad one must not cost the others.
 fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> {
@@ -31,15 +35,15 @@ fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> 
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactRow {
     /// Where it is, in m; in `frame`, without one in that of `link`, and in the world without either.
-    pub position: DVec3,
+    /// `None`: nowhere, since the contact of this row of a lookup was off the skin.
+    pub position: Option<DVec3>,
     /// Direction, as given.
     pub normal: Option<DVec3>,
     /// Force, in N.
     pub force: Option<f64>,
     /// Radius of the touching sphere, in m.
     pub radius: Option<f64>,
-    /// The frame it is in: `world`, or the name of a link. Answers of lookups have it, and their `link` is
-    /// the one that was touched.
+    /// The frame it is in, if it is an answer of a lookup: `world`, or the name of a link.
     pub frame: Option<String>,
     /// Name of the link it is relative to.
     pub link: Option<String>,
@@ -50,9 +54,10 @@ pub struct ContactRow {
 }
 
 /// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and
-/// optionally `nx,ny,nz`, `force`, `radius`, `frame`, `link` and `time`, in any order. Cells of optional
-/// columns may be empty. Returns the names of columns that are not read, and the contacts; errors
-/// call the table `path`.
+/// optionally `nx,ny,nz`, `force`, `radius`, `link` and `time`, in any order. Cells of optional
+/// columns may be empty. A table of answers, which has columns `contact` and `frame`, has its contacts in
+/// `frame`: there `link` is the one that was touched, and is not read. Returns the names of columns that
+/// are not read, and the contacts; errors call the table `path`.
 ///
 /// Memory does not grow with the table. After an error about a line the iterator goes on with the
 /// next one; it ends when the stream fails.
@@ -65,27 +70,31 @@ pub fn read_contacts<R: Read>(
 ) -> Result<(Vec<String>, impl Iterator<Item = Result<ContactRow, IoError>> + use<R>), IoError> {
     let mut table = open(path, input)?;
     let columns = &table.columns;
-    let unknown = columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();
+    let is_answers = OF_ANSWERS.iter().all(|name| columns.find(name).is_some());
+    let [frame_or_link, patch] = if is_answers { ["frame", "patch"] } else { ["link", ""] };
+    let is_read = |name: &str| name == frame_or_link || name != "link" && COLUMNS.contains(&name);
+    let unknown = columns.unknown(&[]).filter(|(_, name)| !is_read(name)).map(|(_, name)| name.to_owned());
+    let unknown = unknown.collect();
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
-    let [force, radius, frame, link, time] =
-        ["force", "radius", "frame", "link", "time"].map(|name| columns.find(name));
+    let [force, radius, time] = ["force", "radius", "time"].map(|name| columns.find(name));
+    let [name, patch] = [frame_or_link, patch].map(|name| columns.find(name));
     let contact = move |row: Row<'_>| {
         let number = |column: Option<usize>| column.map_or(Ok(None), |c| row.number_if_any(c));
-        let text = |column: Option<usize>| {
-            column.map(|c| row.text(c)).filter(|text| !text.is_empty()).map(str::to_owned)
-        };
+        let name = name.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned);
+        let (frame, link) = if is_answers { (name, None) } else { (None, name) };
+        let is_off = patch.is_some_and(|c| is_off_skin(row, c, &position));
         let reach = number(radius)?;
         if let (Some(column), true) = (radius, reach.is_some_and(|r| r < 0.0)) {
             return Err(row.invalid(column, "a radius of at least 0 m"));
         }
         Ok(ContactRow {
-            position: row.vector(position)?,
+            position: if is_off { None } else { Some(row.vector(position)?) },
             normal: normal.map_or(Ok(None), |c| row.numbers_if_any(c))?.map(DVec3::from_array),
             force: number(force)?,
             radius: reach,
-            frame: text(frame),
-            link: text(link),
+            frame,
+            link,
             time: number(time)?,
             line: row.at.line as u64,
         })
@@ -95,6 +104,11 @@ pub fn read_contacts<R: Read>(
         Err(error) => Some(Err(error)),
     });
     Ok((unknown, rows))
+}
+
+/// Whether a row of answers is that of a contact off the skin, and has no place.
+fn is_off_skin(row: Row<'_>, patch: usize, place: &[usize]) -> bool {
+    row.text(patch) == OFF_SKIN && place.iter().all(|&c| row.text(c).is_empty())
 }
 
 /// Columns of a table of places on maps.
@@ -137,8 +151,10 @@ pub fn read_map_places<R: Read>(
 ) -> Result<(Vec<String>, impl Iterator<Item = Result<MapPlaceRow, IoError>> + use<R>), IoError> {
     let mut table = open(path, input)?;
     let columns = &table.columns;
-    let unknown = columns.unknown(&MAP_COLUMNS).map(|(_, name)| name.to_owned()).collect();
     let (map, pixel) = (columns.find_vector(["u", "v"])?, columns.find_vector(["px", "py"])?);
+    let is_read = |name| MAP_COLUMNS.contains(&name) && !(map.is_some() && ["px", "py"].contains(&name));
+    let unknown = columns.unknown(&[]).filter(|(_, name)| !is_read(*name)).map(|(_, name)| name.to_owned());
+    let unknown = unknown.collect();
     let (place_columns, is_map) = match (map, pixel) {
         (Some(map), _) => (map, true),
         (None, Some(pixel)) => (pixel, false),
@@ -152,9 +168,7 @@ pub fn read_map_places<R: Read>(
                 .map_err(|_| row.invalid(column, "a whole number, 0 to 4294967295"))
         };
         let level = level.filter(|&c| !row.text(c).is_empty()).map_or(Ok(0), whole)?;
-        let patch = patch.map_or("", |c| row.text(c));
-        let is_off = patch == OFF_SKIN && place_columns.iter().all(|&c| row.text(c).is_empty());
-        let position = if is_off {
+        let position = if patch.is_some_and(|c| is_off_skin(row, c, &place_columns)) {
             None
         } else if is_map {
             Some(MapCoordinates::Metres(DVec2::from_array(row.numbers(place_columns)?)))
@@ -163,7 +177,7 @@ pub fn read_map_places<R: Read>(
             Some(MapCoordinates::Pixel([whole(x)?, whole(y)?]))
         };
         Ok(MapPlaceRow {
-            patch: patch.to_owned(),
+            patch: patch.map_or("", |c| row.text(c)).to_owned(),
             level: level as usize,
             position,
             time: time.map_or(Ok(None), |c| row.number_if_any(c))?,

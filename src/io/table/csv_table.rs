@@ -134,7 +134,8 @@ impl Columns {
             return Err(at.invalid(found, needed));
         }
         let mut seen = HashSet::new();
-        if let Some(k) = names.iter().position(|name| !seen.insert(name)) {
+        // Spreadsheets write columns without a name behind the others.
+        if let Some(k) = names.iter().position(|name| !name.is_empty() && !seen.insert(name)) {
             let found = format!("{} again", excerpt(&names[k]));
             return Err(at.invalid_part(format!("column {}", k + 1), found, "a name of its own"));
         }

@@ -59,7 +59,10 @@ pub(super) struct Answers<'a> {
     far: AtomicU64,
     /// Contacts on the skin that are farther from it than [`DOUBTFUL`] spacings of the patch.
     doubtful: AtomicU64,
-    pressed: Counts,
+    /// Fields that are answers but belong to no face, and have no row.
+    faceless: AtomicU64,
+    /// What is not in the readings, if there are any.
+    pressed: Option<Counts>,
 }
 
 impl<'a> Answers<'a> {
@@ -82,7 +85,8 @@ impl<'a> Answers<'a> {
             silent,
             far,
             doubtful: AtomicU64::new(0),
-            pressed: Counts::default(),
+            faceless: AtomicU64::new(0),
+            pressed: None,
         }
     }
 
@@ -120,7 +124,7 @@ impl<'a> Answers<'a> {
         }
         contacts.refusals.check_any()?;
         if let Some(readings) = self.readings.take() {
-            self.pressed = readings.finish(&contacts.refusals.path)?;
+            self.pressed = Some(readings.finish(&contacts.refusals.path)?);
         }
         table.finish()
     }
@@ -186,8 +190,17 @@ impl<'a> Answers<'a> {
             let what = format_args!("contacts are more than {DOUBTFUL} spacings of taxels from the skin");
             note(common, format_args!("{} of {answered} {what}{ask}", far + doubtful));
         }
+        let faceless = self.faceless.load(Ordering::Relaxed);
+        if faceless > 0 {
+            note(
+                common,
+                format_args!("{faceless} answers are fields that belong to no face: they have no row"),
+            );
+        }
         self.player.note("contacts", common);
-        self.pressed.note(common);
+        if let Some(pressed) = &self.pressed {
+            pressed.note(common);
+        }
     }
 }
 
@@ -204,8 +217,10 @@ impl Rows<'_, '_> {
     fn nearest(&mut self, hit: &Hit) {
         let answers = self.answers;
         let away = hit.distance.abs();
-        let is_far = answers.is_far(hit.patch, away);
-        self.count(hit.patch, away);
+        if answers.is_far(hit.patch, away) {
+            return self.off_skin(hit);
+        }
+        self.count_doubtful(hit.patch, away);
         for (k, &level) in answers.robot.levels.iter().enumerate() {
             let Some(cell) = answers.index.cell(hit, level) else { continue };
             let patch = &answers.robot.patches[hit.patch];
@@ -216,26 +231,19 @@ impl Rows<'_, '_> {
                 position: hit.position,
                 normal: hit.normal,
             };
-            if !is_far && patch.silent.get(level).is_some_and(|level| level[cell.field]) {
+            if patch.silent.get(level).is_some_and(|level| level[cell.field]) {
                 answers.silent[k].fetch_add(1, Ordering::Relaxed);
             }
-            self.row(level, hit.distance, (!is_far).then_some(place), 0.0);
+            self.row(level, hit.distance, Some(place), 0.0);
         }
     }
 
-    /// Counts a contact that is this far from a patch, in m, if it is off the skin or nearly so.
-    fn count(&self, patch: PatchId, away: f64) {
+    /// Counts a contact on the skin that is this far from a patch, in m, if that is far.
+    fn count_doubtful(&self, patch: PatchId, away: f64) {
         let answers = self.answers;
-        if answers.is_far(patch, away) {
-            self.count_off();
-        } else if answers.max_distance.is_none() && away > DOUBTFUL * answers.spacing(patch) {
+        if answers.max_distance.is_none() && away > DOUBTFUL * answers.spacing(patch) {
             answers.doubtful.fetch_add(1, Ordering::Relaxed);
         }
-    }
-
-    /// Counts a contact that is off the skin.
-    fn count_off(&self) {
-        self.answers.far.fetch_add(1, Ordering::Relaxed);
     }
 
     fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {
@@ -257,11 +265,13 @@ impl Rows<'_, '_> {
             };
             // The skin may be nearer than the level.
             let away = answer.distance.abs() - answer.error;
-            if given.is_empty() {
-                self.count(answer.patch, away);
+            let is_far = self.answers.is_far(answer.patch, away);
+            if given.is_empty() && is_far {
+                self.answers.far.fetch_add(1, Ordering::Relaxed);
+            } else if given.is_empty() {
+                self.count_doubtful(answer.patch, away);
             }
             given.push(level);
-            let is_far = self.answers.is_far(answer.patch, away);
             let (position, normal) = (answer.position, answer.normal);
             let (patch, link) = (&robot.patches[answer.patch].name, &robot.links[answer.link]);
             let place = LookupPlace { patch, link, cell, position, normal };
@@ -284,18 +294,24 @@ impl Rows<'_, '_> {
                 _ => Ok(Vec::new()),
             };
             for field in found.unwrap_or_default() {
-                let Some(cell) = index.field_cell(&field) else { continue };
                 if max_distance.is_some_and(|most| field.distance > most) {
                     continue;
                 }
                 is_far = false;
+                let Some(cell) = index.field_cell(&field) else {
+                    self.answers.faceless.fetch_add(1, Ordering::Relaxed);
+                    continue;
+                };
                 let (patch, link) = (&robot.patches[field.patch].name, &robot.links[field.link]);
                 let place = LookupPlace { patch, link, cell, position: field.position, normal: field.normal };
                 self.row(level, field.distance, Some(place), 0.0);
             }
         }
+        let Ok(hit) = index.locate(self.query) else { return };
         if is_far {
-            self.off_skin();
+            self.off_skin(&hit);
+        } else {
+            self.count_doubtful(hit.patch, hit.distance.abs());
         }
     }
 
@@ -304,7 +320,11 @@ impl Rows<'_, '_> {
         let Answers { robot, index, max_distance, .. } = self.answers;
         let direction = self.contact.normal.unwrap_or_default();
         let longest = max_distance.unwrap_or(f64::INFINITY);
-        let Ok(Some(hit)) = index.first_hit(self.query, direction, longest) else { return self.off_skin() };
+        let Ok(Some(hit)) = index.first_hit(self.query, direction, longest) else {
+            return if let Ok(hit) = index.locate(self.query) {
+                self.off_skin(&hit)
+            };
+        };
         for &level in &robot.levels {
             let Some(cell) = index.cell(&hit, level) else { continue };
             let (patch, link) = (&robot.patches[hit.patch].name, &robot.links[hit.link]);
@@ -313,10 +333,9 @@ impl Rows<'_, '_> {
         }
     }
 
-    /// The rows of a contact without an answer: the distance from the skin on each level.
-    fn off_skin(&mut self) {
-        self.count_off();
-        let Ok(hit) = self.answers.index.locate(self.query) else { return };
+    /// The rows of a contact off the skin: its distance from there on each level.
+    fn off_skin(&mut self, hit: &Hit) {
+        self.answers.far.fetch_add(1, Ordering::Relaxed);
         for &level in &self.answers.robot.levels {
             self.row(level, hit.distance, None, 0.0);
         }

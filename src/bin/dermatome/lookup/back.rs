@@ -40,8 +40,6 @@ pub(super) struct Back<'a> {
     has_times: bool,
     /// Places off every triangle of their map.
     off_chart: u64,
-    /// Rows of contacts off the skin, which have no place.
-    off_skin: u64,
 }
 
 /// A place that can be answered.
@@ -69,8 +67,8 @@ impl<'a> Back<'a> {
         note_columns(name, &unknown, common);
         let refusals = Refusals::new(name.to_owned());
         let rows = Box::new(rows);
-        let (has_times, off_chart, off_skin) = (false, 0, 0);
-        Ok(Self { robot, index, maps, frame, unit, player, rows, refusals, has_times, off_chart, off_skin })
+        let (has_times, off_chart) = (false, 0);
+        Ok(Self { robot, index, maps, frame, unit, player, rows, refusals, has_times, off_chart })
     }
 
     pub(super) fn answer(&mut self, path: &Path, output: impl Write) -> Result<(), IoError> {
@@ -118,7 +116,7 @@ impl<'a> Back<'a> {
             let row = row.and_then(|row| row.position.map(|at| self.place(&row, at)).transpose());
             let Some((number, place)) = self.refusals.sort(row)? else { continue };
             let Some(place) = place else {
-                self.off_skin += 1;
+                self.refusals.off_skin += 1;
                 continue;
             };
             self.has_times |= place.time.is_some();
@@ -132,7 +130,10 @@ impl<'a> Back<'a> {
         let named = patches.enumerate().find(|(_, patch)| patch.name == row.patch).map(|(id, _)| id);
         let only = (row.patch.is_empty() && patches.len() == 1).then_some(PatchId::new(0));
         let patch = named.or(only).ok_or_else(|| {
-            let (found, needed) = (format!("{:?}", row.patch), "the name of a patch of the map");
+            let (found, needed) = (
+                format!("{:?}", row.patch),
+                "the name of a patch of the map, one of --patch if that is given",
+            );
             self.refusals.invalid(row.line, ", column `patch`", found, needed)
         })?;
         let levels = patches[patch].levels.len();
@@ -167,12 +168,7 @@ impl<'a> Back<'a> {
     }
 
     pub(super) fn note(&self, common: &Common) {
-        if self.off_skin > 0 {
-            note(
-                common,
-                format_args!("{} rows are of contacts off the skin: they have no place", self.off_skin),
-            );
-        }
+        self.refusals.note_off_skin(common);
         if self.off_chart > 0 {
             let what = "places are off their map: the nearest place on it is answered";
             note(common, format_args!("{} {what} (column `off_chart`)", self.off_chart));

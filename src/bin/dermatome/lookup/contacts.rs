@@ -58,14 +58,16 @@ pub(super) struct Batch {
 }
 
 /// Columns that are read and checked, but may change nothing in the answer.
-const OPTIONAL: [&str; 5] = ["nx,ny,nz", "force", "radius", "time", "link"];
+const OPTIONAL: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
 
 /// The place of `nx,ny,nz` among them.
 const NORMAL: usize = 0;
 
-/// Where a row names its frame or its link, for errors.
-const FRAME: &str = ", column `frame`";
+/// Where a row names its link, for errors.
 const LINK: &str = ", column `link`";
+
+/// Where an answer names its frame.
+const FRAME: &str = ", column `frame`";
 
 /// The frame of the world, in tables.
 pub(super) const WORLD: &str = "world";
@@ -123,33 +125,35 @@ impl Contacts<'_> {
         let mut batch = Batch::default();
         while batch.contacts.len() < BATCH {
             let Some(row) = self.rows.next() else { break };
+            let metres = self.meaning.unit.metres();
             let row = row.and_then(|mut row| {
-                row.position *= self.meaning.unit.metres();
-                row.radius = row.radius.map(|radius| radius * self.meaning.unit.metres());
-                Ok((self.query(robot, &row)?, row))
+                row.radius = row.radius.map(|radius| radius * metres);
+                let query = row.position.map(|at| self.query(robot, &row, at * metres));
+                Ok(query.transpose()?.map(|query| (query, row)))
             });
-            let Some((number, (query, row))) = self.refusals.sort(row)? else { continue };
-            let ContactRow { normal, force, radius, time, .. } = row;
+            let Some((number, row)) = self.refusals.sort(row)? else { continue };
+            let Some((query, ContactRow { normal, force, radius, time, .. })) = row else {
+                self.refusals.off_skin += 1;
+                continue;
+            };
             batch.contacts.push(Contact { number, normal, force, radius, time });
             batch.queries.push(query);
         }
         Ok(batch)
     }
 
-    fn query(&mut self, robot: &Robot, row: &ContactRow) -> Result<Query, IoError> {
-        let is_other_link = row.frame.is_some() && row.link.is_some();
-        let given = [
-            row.normal.is_some(),
-            row.force.is_some(),
-            row.radius.is_some(),
-            row.time.is_some(),
-            is_other_link,
-        ];
+    fn query(&mut self, robot: &Robot, row: &ContactRow, point: DVec3) -> Result<Query, IoError> {
+        let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
         self.given = std::array::from_fn(|k| self.given[k] | given[k]);
         let link = self.link(robot, row)?;
-        if row.position.abs().max_element() > LARGEST {
-            let found = format!("{:?}", row.position.to_array());
-            return Err(self.refusals.invalid(row.line, "", found, "coordinates within 1e12 m"));
+        if point.abs().max_element() > LARGEST {
+            let found = format!("{:?}", point.to_array());
+            return Err(self.refusals.invalid(
+                row.line,
+                ", columns x,y,z",
+                found,
+                "coordinates within 1e12 m",
+            ));
         }
         for (column, value) in [("radius", row.radius), ("force", row.force)] {
             if let Some(value) = value.filter(|x| x.abs() > LARGEST) {
@@ -166,18 +170,18 @@ impl Contacts<'_> {
                 "the direction of the ray",
             ));
         }
-        Ok(Query { point: row.position, link })
+        Ok(Query { point, link })
     }
 
     /// The link in whose frame a contact is; `None`: in the world.
     fn link(&mut self, robot: &Robot, row: &ContactRow) -> Result<Option<LinkId>, IoError> {
-        let (named, column) = match &row.frame {
-            Some(frame) if frame == WORLD => return Ok(None),
-            Some(frame) => (Some(frame), FRAME),
-            None => (row.link.as_ref(), LINK),
+        let (name, column, needed) = match &row.frame {
+            Some(frame) if frame == WORLD => return self.world(robot, row.line),
+            Some(frame) => (Some(frame), FRAME, "`world`, or the name of a link with skin"),
+            None => (row.link.as_ref(), LINK, "the name of a link with skin, or nothing"),
         };
-        let link = match (named, self.meaning.frame) {
-            (Some(name), _) => self.link_named(robot, name, (row.line, column))?,
+        let link = match (name, self.meaning.frame) {
+            (Some(name), _) => self.link_named(robot, name, (row.line, column, needed))?,
             (None, FrameArg::World) => return Ok(None),
             (None, FrameArg::Link) => {
                 let needed = "a link, since several carry skin";
@@ -188,35 +192,44 @@ impl Contacts<'_> {
         if !robot.carries[link] {
             let chosen = if robot.has_skin[link] { "none of the patches of --patch" } else { "no patch" };
             let found = format!("{:?}, which carries {chosen}", robot.links[link]);
-            return Err(self.refusals.invalid(row.line, column, found, "a link with skin, or none"));
+            return Err(self.refusals.invalid(row.line, column, found, needed));
         }
         Ok(Some(link))
+    }
+
+    /// The frame of the world, if no link with skin has its name.
+    fn world(&self, robot: &Robot, line: u64) -> Result<Option<LinkId>, IoError> {
+        if robot.links.enumerate().any(|(id, name)| name == WORLD && robot.has_skin[id]) {
+            let found = "`world`, also the name of a link with skin".into();
+            return Err(self.refusals.invalid(line, FRAME, found, "links of other names in the map"));
+        }
+        Ok(None)
     }
 
     fn link_named(
         &mut self,
         robot: &Robot,
         name: &str,
-        (line, column): (u64, &str),
+        (line, column, needed): (u64, &str, &str),
     ) -> Result<LinkId, IoError> {
         let mut links = robot.links.enumerate().filter(|(_, other)| *other == name).map(|(id, _)| id);
         let (found, needed) = match (links.next(), links.count()) {
             (Some(link), 0) => return Ok(link),
             (Some(_), others) => {
                 let found = format!("{name:?}, the name of {} links", 1 + others);
-                (found, "the name of one link of the map alone".into())
+                (found, "the name of one link of the map alone")
             }
             (None, _) => {
                 self.refusals.count_unknown_link(name);
-                let needed = if column == FRAME { "`world`, or the" } else { "the" };
-                (format!("{name:?}"), format!("{needed} name of a link of the map"))
+                (format!("{name:?}"), needed)
             }
         };
-        Err(self.refusals.invalid(line, column, found, &needed))
+        Err(self.refusals.invalid(line, column, found, needed))
     }
 
-    /// Says which columns changed nothing.
+    /// Says which columns and rows changed nothing.
     pub(super) fn note_unused(&self, common: &Common) {
+        self.refusals.note_off_skin(common);
         for ((column, given), used) in OPTIONAL.iter().zip(self.given).zip(self.used) {
             if given && !used {
                 let path = self.refusals.path.display();

@@ -2,7 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use dermatome::{contact::ContactIndex, io::IoError, skin::Motion};
+use dermatome::{
+    contact::{ContactError, ContactIndex},
+    io::IoError,
+    skin::Motion,
+};
 
 use crate::{console::notes::note, options::Common};
 
@@ -38,11 +42,17 @@ impl Player {
     /// If a pose at this time (s) is too far away.
     fn set(&self, index: &mut ContactIndex, time: f64) -> Result<(), IoError> {
         let Some(motion) = &self.motion else { return Ok(()) };
-        index.set_motion(motion, time).map_err(|error| IoError::Invalid {
-            path: self.path.clone(),
-            element: format!("the poses at {time} s"),
-            found: error.to_string(),
-            needed: "poses that keep the skin within 1e12 m".into(),
+        index.set_motion(motion, time).map_err(|error| {
+            let held = self.span.map_or(time, |[first, last]| time.clamp(first, last));
+            let (found, needed) = match error {
+                ContactError::NotRigid { name } => {
+                    let found = format!("a pose of link {name:?} that is not rigid or too far");
+                    (found, "a rotation and a translation of at most 1e12 m")
+                }
+                other => (other.to_string(), "poses that the map can take"),
+            };
+            let element = format!("the poses at {held} s");
+            IoError::Invalid { path: self.path.clone(), element, found, needed: needed.into() }
         })
     }
 

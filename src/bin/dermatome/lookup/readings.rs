@@ -25,7 +25,9 @@ pub(super) struct Readings<'a> {
 /// What of the contacts is not in the recording, or not in order.
 #[derive(Debug, Default)]
 pub(super) struct Counts {
-    /// Contacts with a force that touched no taxel.
+    /// Contacts with a force.
+    forces: u64,
+    /// Those of them that touched no taxel.
     untouched: u64,
     /// Frames that are earlier than the one before.
     backwards: u64,
@@ -33,7 +35,10 @@ pub(super) struct Counts {
 
 impl Counts {
     pub(super) fn note(&self, common: &Common) {
-        let Self { untouched, backwards } = self;
+        let Self { forces, untouched, backwards } = self;
+        if *forces == 0 {
+            note(common, "no contact has a force (column `force`): all readings are 0");
+        }
         if *untouched > 0 {
             let what = "contacts with a force touch no taxel: their force is in no reading";
             note(common, format_args!("{untouched} {what}"));
@@ -67,6 +72,7 @@ impl<'a> Readings<'a> {
                 self.writer.write(&frame)?;
             }
             let frame = self.frame.get_or_insert_with(|| self.spreader.frame(time));
+            self.counts.forces += u64::from(contact.force.is_some());
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
             let area = match contact.radius.filter(|r| *r > 0.0) {
                 Some(radius) => Area::Sphere { centre: point, radius },

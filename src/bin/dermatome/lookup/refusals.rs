@@ -4,7 +4,10 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use dermatome::{contact::ContactError, io::IoError};
 
-use crate::console::{errors::advise, print::plain};
+use crate::{
+    console::{errors::advise, notes::note, print::plain},
+    options::Common,
+};
 
 /// Refused rows that are quoted, and names of unknown links.
 const QUOTED: usize = 5;
@@ -15,6 +18,8 @@ pub(super) struct Refusals {
     /// Rows read.
     count: u64,
     refused: u64,
+    /// Rows of answers whose contact was off the skin.
+    pub(super) off_skin: u64,
     /// The first refused rows.
     quoted: Vec<IoError>,
     /// Rows of links that the map does not have: of the first few names, and of all others.
@@ -25,7 +30,7 @@ pub(super) struct Refusals {
 impl Refusals {
     pub(super) fn new(path: PathBuf) -> Self {
         let (quoted, unknown_links) = (Vec::new(), BTreeMap::new());
-        Self { path, count: 0, refused: 0, quoted, unknown_links, of_other_links: 0 }
+        Self { path, count: 0, refused: 0, off_skin: 0, quoted, unknown_links, of_other_links: 0 }
     }
 
     /// Counts the next row, and returns its place in the table and itself if it can be answered.
@@ -82,9 +87,17 @@ impl Refusals {
         }
     }
 
-    /// Rows that were read and not refused.
+    /// Rows that were read and can be answered.
     pub(super) fn answered(&self) -> u64 {
-        self.count - self.refused
+        self.count - self.refused - self.off_skin
+    }
+
+    /// Says how many rows are of contacts off the skin.
+    pub(super) fn note_off_skin(&self, common: &Common) {
+        if self.off_skin > 0 {
+            let (path, count) = (self.path.display(), self.off_skin);
+            note(common, format_args!("{path}: {count} rows of contacts off the skin have no answer"));
+        }
     }
 
     /// An error about the rows that were refused, if any were.
@@ -94,7 +107,7 @@ impl Refusals {
         }
         let (refused, count) = (self.refused, self.count);
         let quoted: Vec<_> = self.quoted.iter().map(ToString::to_string).collect();
-        let mut what = format!("{refused} of {count} contacts have no answer: {}", quoted.join("; "));
+        let mut what = format!("{refused} of {count} rows have no answer: {}", quoted.join("; "));
         if refused > self.quoted.len() as u64 {
             what.push_str("; ...");
         }
