@@ -155,6 +155,18 @@ fn contacts() -> Vec<DVec3> {
     (0..60).map(at).collect()
 }
 
+/// The node of a mesh that follows joints is the link of its patch, and no second one of its name.
+#[test]
+fn a_bent_mesh_has_one_link() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = map(&skin(&file(Stored::Floats), &folder), &folder);
+    let names: Vec<_> = map.links.iter().map(|link| link.name.as_str()).collect();
+    assert_eq!(names, ["upper", "lower", "tube"]);
+    fs::write(folder.path().join("c.csv"), "x,y,z,link\n0.03,0,0.05,tube\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    command.current_dir(&folder).args(["lookup", "map.glb", "c.csv", "--level", "0"]).assert().success();
+}
+
 #[test]
 fn joints_are_read_kept_and_written() {
     for (stored, rounding) in [(Stored::Floats, 1e-6), (Stored::Bytes, 0.003), (Stored::Shorts, 2e-5)] {

@@ -108,6 +108,15 @@ impl Nodes<'_> {
         is_plain && (node.camera.is_some() || is_light)
     }
 
+    /// Whether a node only carries a mesh that follows joints, and so ignores the node's transform.
+    fn is_bent(&self, i: usize) -> bool {
+        let root = self.document.root();
+        let is_joint = || root.skins.iter().flat_map(|skin| &skin.joints).any(|joint| joint.value() == i);
+        let node = &root.nodes[i];
+        let is_end = node.mesh.is_some() && node.skin.is_some() && children(node).next().is_none();
+        is_end && !self.animated[i] && !is_joint()
+    }
+
     /// The node whose link a skinned patch of our own files is given in.
     fn carrier(&self, i: usize) -> Option<usize> {
         let node = &self.document.root().nodes[i];
@@ -141,7 +150,7 @@ impl Nodes<'_> {
                 ready.extend(children(&nodes[i]).map(Reverse));
                 continue;
             }
-            if self.is_patch(i) || self.is_ornament(i) || self.carrier(i).is_some() {
+            if self.is_patch(i) || self.is_ornament(i) || self.carrier(i).is_some() || self.is_bent(i) {
                 continue;
             }
             let above = self.parents[i].and_then(|p| frames[p]);
@@ -161,12 +170,14 @@ impl Nodes<'_> {
             let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
             let named = self.carrier(i);
             let carrier = if self.is_patch(i) { self.parents[i] } else { named.or(Some(i)) };
-            let Some(mut frame) = carrier.and_then(|i| frames[i]) else { continue };
             let (name, is_free) = (self.patch_name(i, mesh), node.skin.is_some() && named.is_none());
             // A skinned mesh ignores the transform of its node.
-            if is_free {
-                frame = NodeFrame::at_origin(tree, node.name.clone());
-            }
+            let frame = if is_free {
+                Some(NodeFrame::at_origin(tree, node.name.clone()))
+            } else {
+                carrier.and_then(|i| frames[i])
+            };
+            let Some(frame) = frame else { continue };
             let (link, stretch, skin) = (frame.link, frame.stretch, node.skin.map(|skin| skin.value()));
             tree.placements.push(Placement { mesh, link, name, stretch, skin, is_free });
         }
