@@ -44,6 +44,19 @@ fn robot() -> SkinMap {
     MAP.clone()
 }
 
+/// A torus on a map of several charts, and a disk with a hole.
+fn atlas() -> SkinMap {
+    let mut disk = shapes::tube(24, 12, 0.03, 0.05);
+    disk.positions.iter_mut().for_each(|p| *p = p.with_z(0.0) * (1.0 + p.z / 0.03));
+    let mut skin = Skin::default();
+    for (name, mesh) in [("torus", shapes::torus(30, 14, 0.1, 0.04)), ("disk", disk)] {
+        let pose = DAffine3::from_translation(DVec3::Y);
+        let link = skin.links.push(Link { name: name.into(), parent: None, pose });
+        skin.patches.push(Patch::from_mesh(name, link, mesh));
+    }
+    build(&skin, &BuildOptions { cut: Cut::AreaRatio(1.1), ..BuildOptions::default() }).unwrap()
+}
+
 fn any_pose() -> impl Strategy<Value = DAffine3> {
     (prop::array::uniform3(-1.0_f64..1.0), prop::array::uniform3(-0.2_f64..0.2)).prop_map(|(axis, place)| {
         DAffine3::from_rotation_translation(DQuat::from_scaled_axis(DVec3::from(axis) * 3.0), place.into())
@@ -134,14 +147,18 @@ proptest! {
     /// chart borders and holes included.
     #[test]
     fn the_way_back_is_the_inverse(
-        patch in 0_usize..3,
+        (is_atlas, patch) in prop_oneof![3 => (Just(false), 0_usize..3), 2 => (Just(true), 0_usize..2)],
         faces in prop::collection::vec((any::<prop::sample::Index>(), 0.0_f64..1.0, 0.0_f64..1.0, prop::bool::ANY), 40),
     ) {
-        let map = robot();
-        static INDEX: LazyLock<ContactIndex> = LazyLock::new(|| {
-            ContactIndex::with(&robot(), &IndexOptions { levels: true, ..FIELDS }).unwrap()
+        type Indexed = (SkinMap, ContactIndex, MapIndex);
+        static MAPS: LazyLock<[Indexed; 2]> = LazyLock::new(|| {
+            [robot(), atlas()].map(|map| {
+                let index = ContactIndex::with(&map, &IndexOptions { levels: true, ..FIELDS }).unwrap();
+                let maps = MapIndex::new(&map).unwrap();
+                (map, index, maps)
+            })
         });
-        let (index, maps) = (&INDEX, MapIndex::new(&map).unwrap());
+        let (map, index, maps) = &MAPS[usize::from(is_atlas)];
         let id = PatchId::new(patch);
         for (level, flat) in map.patches[id].levels.enumerate() {
             let mesh = &flat.level.mesh;

@@ -17,6 +17,17 @@ pub(crate) fn triangle() -> impl Strategy<Value = [DVec3; 3]> {
     })
 }
 
+/// As many triangles, and then copies of the first of them: equally near ones.
+pub(crate) fn triangles(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<[DVec3; 3]>> {
+    let copies = prop_oneof![2 => Just(0_usize), 1 => 1..20_usize];
+    (prop::collection::vec(triangle(), count), copies).prop_map(|(mut triangles, copies)| {
+        let first = triangles.len();
+        triangles.extend_from_within(..copies.min(first));
+        triangles.extend_from_within(..copies.min(first) / 2);
+        triangles
+    })
+}
+
 /// The triangles as a mesh, no two of which share a vertex.
 pub(crate) fn mesh(triangles: &[[DVec3; 3]]) -> TriMesh {
     let corners: Vec<_> = (0_u32..).take(triangles.len()).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();

@@ -124,7 +124,7 @@ mod tests {
 
         #[test]
         fn the_nearest_admitted_face_is_that_of_brute_force(
-            triangles in prop::collection::vec(soup::triangle(), 1..80),
+            triangles in soup::triangles(1..80),
             q in prop::array::uniform3(-2.0_f64..2.0),
             away in prop_oneof![4 => Just(1.0), 1 => Just(1e4), 1 => Just(1e9)],
             direction in prop::array::uniform3(-1.0_f64..1.0),

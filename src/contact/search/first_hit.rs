@@ -110,7 +110,7 @@ mod tests {
 
         #[test]
         fn the_first_hit_is_that_of_brute_force(
-            triangles in prop::collection::vec(soup::triangle(), 1..80),
+            triangles in soup::triangles(1..80),
             from in prop::array::uniform3(-1.5_f64..1.5),
             weights in prop::array::uniform3(0.0_f64..1.0),
             away in prop_oneof![Just(1.0), Just(1e3), Just(1e7)],

@@ -218,6 +218,15 @@ impl Simd {
         }
     }
 
+    /// The way of processors without any other.
+    #[cfg(test)]
+    pub(super) fn plain() -> Self {
+        Self {
+            #[cfg(target_arch = "x86_64")]
+            v3: None,
+        }
+    }
+
     #[inline(always)]
     pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]

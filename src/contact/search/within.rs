@@ -142,7 +142,7 @@ mod tests {
 
         #[test]
         fn faces_within_are_those_of_brute_force(
-            triangles in prop::collection::vec(soup::triangle(), 1..80),
+            triangles in soup::triangles(1..80),
             p in prop::array::uniform2(prop::array::uniform3(-1.0_f64..1.0)),
             half in prop::array::uniform3(prop_oneof![2 => 0.0_f64..0.4, 1 => Just(0.0)]),
             radius in prop_oneof![Just(0.0), Just(0.1), Just(0.7), Just(1e9)],
