@@ -595,6 +595,13 @@ fn advice_can_be_followed() {
         assert!(notes.contains("(--unit, --frame"), "{notes}");
         assert_eq!(notes.contains("--max-distance"), is_asked, "{options:?}: {notes}");
     }
+    let poses = fixture.file("p.csv", "link,x,y,z,qx,qy,qz,qw\narm,0,0,1000,0,0,0,1\n");
+    let run = fixture.lookup(&contacts).arg("--pose").arg(&poses).output().unwrap();
+    let notes = String::from_utf8(run.stderr).unwrap();
+    assert!(notes.contains("p.csv in metres?"), "{notes}");
+    let run = fixture.lookup(&contacts).args(["--animation", "wave"]).output().unwrap();
+    let notes = String::from_utf8(run.stderr).unwrap();
+    assert!(notes.contains("help: give a file with an animation"), "{notes}");
 }
 
 /// The arm goes up by 1 m/s from 1 s to 3 s, by a table or by an animation of a glTF file; contacts

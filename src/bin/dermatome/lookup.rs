@@ -135,12 +135,16 @@ impl Args {
         let unit = self.unit.is_none().then_some(("in metres", "--unit"));
         let frame = self.frame.is_none().then_some(("in the frame of the world", "--frame"));
         let (asked, mut options): (Vec<_>, Vec<_>) = unit.into_iter().chain(frame).unzip();
-        if asked.is_empty() {
-            return String::new();
+        let mut doubts = Vec::new();
+        if !asked.is_empty() {
+            let has_limit =
+                self.question.within.is_some() || self.question.ray || self.max_distance.is_some();
+            options.extend((!has_limit).then_some("--max-distance"));
+            doubts.push(format!("are they {}? ({})", asked.join(", and "), options.join(", ")));
         }
-        let has_limit = self.question.within.is_some() || self.question.ray || self.max_distance.is_some();
-        options.extend((!has_limit).then_some("--max-distance"));
-        format!(": are they {}? ({})", asked.join(", and "), options.join(", "))
+        let poses = self.pose.as_ref().map(|path| format!("are the poses of {} in metres?", path.display()));
+        doubts.extend(poses);
+        if doubts.is_empty() { String::new() } else { format!(": {}", doubts.join(" ")) }
     }
 }
 

@@ -364,6 +364,9 @@ fn io_help(error: &IoError) -> String {
             Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
             None => format!("name a file that ends in one of: {known}"),
         },
+        IoError::Invalid { element, .. } if element == "animations" => {
+            "give a file with an animation, and --animation the name of one of several".into()
+        }
         _ => "correct the file, or export it again from the program that wrote it".into(),
     }
 }
