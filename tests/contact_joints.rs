@@ -155,6 +155,19 @@ fn contacts() -> Vec<DVec3> {
     (0..60).map(at).collect()
 }
 
+/// A joint may carry a mesh that follows joints itself: it stays a link, and what follows it still does.
+#[test]
+fn a_joint_may_carry_a_bent_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut glb = file(Stored::Floats);
+    glb.json["nodes"][1]["mesh"] = json!(0);
+    glb.json["nodes"][1]["skin"] = json!(0);
+    let skin = skin(&glb, &folder);
+    let names: Vec<_> = skin.links.iter().map(|link| link.name.as_str()).collect();
+    assert!(names.starts_with(&["upper", "lower"]), "{names:?}");
+    assert!(skin.patches.iter().all(|patch| patch.taxels.joints.is_some()));
+}
+
 /// The node of a mesh that follows joints is the link of its patch, and no second one of its name.
 #[test]
 fn a_bent_mesh_has_one_link() {

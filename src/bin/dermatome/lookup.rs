@@ -144,7 +144,7 @@ impl Args {
         }
         let poses = self.pose.as_ref().map(|path| format!("are the poses of {} in metres?", path.display()));
         doubts.extend(poses);
-        if doubts.is_empty() { String::new() } else { format!(": {}", doubts.join(" ")) }
+        if doubts.is_empty() { String::new() } else { format!(": {}", doubts.join("; ")) }
     }
 }
 

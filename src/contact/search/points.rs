@@ -11,7 +11,7 @@ use super::{
     frame::Frame,
     lanes::{Kernel, Lanes, Simd},
     point8::Point8,
-    rounding::{FAR, slack, squared_bound_f32},
+    rounding::{FAR, FAR_ROUND_UP, slack, squared_bound_f32},
     tree::{Primitive, Tree, distinct},
 };
 use crate::{
@@ -181,9 +181,6 @@ impl PointTree {
 fn nearer(a: &(VertexId, f64), b: &(VertexId, f64)) -> Ordering {
     a.1.total_cmp(&b.1).then(a.0.cmp(&b.0))
 }
-
-/// Bounds in `f64` from far away are enlarged by this: some hundred roundings.
-const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
 
 /// The walk with eight lanes: leaves everything in `found` that may be among the nearest `k`, at most `N`.
 struct Walk<'a, const N: usize> {

@@ -19,6 +19,9 @@ const SLACK: f64 = 48.0 / 16_777_216.0;
 /// differ by in their distance.
 pub(super) const FAR: f64 = 16.0;
 
+/// Bounds in `f64` from far away are enlarged by this: some hundred roundings.
+pub(super) const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
+
 /// Squares found in `f32` are compared with bounds enlarged by this, for the last roundings.
 const ROUND_UP: f64 = 1.0 + 8.0 / 16_777_216.0;
 

@@ -8,7 +8,7 @@ use super::{
     lanes::{Kernel, LANES, Lanes},
     node8::Child,
     patch_bvh::PatchBvh,
-    rounding::{FAR, slack, squared_bound_f32},
+    rounding::{FAR, FAR_ROUND_UP, slack, squared_bound_f32},
 };
 use crate::{contact::geometry::Volume, id::FaceId, mesh::Closest};
 
@@ -79,12 +79,13 @@ impl PatchBvh {
         if local.length() <= FAR {
             return self.simd.run(Around { patch: self, local, reach, offer: &mut offer });
         }
+        let bound = reach * FAR_ROUND_UP;
         self.tree.walk(
-            reach,
+            bound,
             |node| node.point_gaps(local),
             |packet| {
                 self.faces(packet).for_each(&mut offer);
-                reach
+                bound
             },
         );
     }
@@ -163,7 +164,7 @@ mod tests {
                 patch.faces_within(&volume, &mut found);
                 prop_assert_eq!(found, expected);
             }
-            for (q, packing) in [(a, Packing::Fast), (triangles[0][0], Packing::Compact), (a * 1e4, Packing::Fast)] {
+            for (q, packing) in [(a, Packing::Fast), (triangles[0][0], Packing::Compact), (a * 1e4, Packing::Fast), (a * 1e11, Packing::Fast)] {
                 let patch = PatchBvh::packed("patch", &mesh, packing).unwrap();
                 let all = mesh.triangles.ids().map(|f| (f, patch.measure(q, f)));
                 let expected: Vec<_> = all.filter(|(_, closest)| closest.squared <= radius * radius).collect();

@@ -59,14 +59,16 @@ pub(super) struct Tree {
 /// at the ends are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
 /// skinned to joints ignores its node's transform, as glTF has it, and lies in its bind pose on a
 /// link of its own at the origin, unless [`Binding`](super::joints::Binding) knows better, or
-/// [`NodeExtras`] name its link.
+/// [`NodeExtras`] name its link; its node is a link besides where it has children, is animated or is a
+/// joint itself.
 ///
 /// The scene is the default scene, else the first. A file without scenes is a library: its root
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
 pub(super) fn read_node_tree(document: &Document) -> Result<Tree> {
     let parents = parents(document)?;
     check_meshes(document)?;
-    let nodes = Nodes { document, shown: shown(document, &parents)?, parents, animated: animated(document) };
+    let (shown, animated, joints) = (shown(document, &parents)?, animated(document), joints(document));
+    let nodes = Nodes { document, parents, shown, animated, joints };
     let mut tree = Tree::default();
     let frames = nodes.read_links(&mut tree)?;
     nodes.read_placements(&frames, &mut tree);
@@ -87,6 +89,8 @@ struct Nodes<'a> {
     shown: Vec<bool>,
     /// Whose transforms are animated.
     animated: Vec<bool>,
+    /// Which are joints of some skin.
+    joints: Vec<bool>,
 }
 
 impl Nodes<'_> {
@@ -110,11 +114,9 @@ impl Nodes<'_> {
 
     /// Whether a node only carries a mesh that follows joints, and so ignores the node's transform.
     fn is_bent(&self, i: usize) -> bool {
-        let root = self.document.root();
-        let is_joint = || root.skins.iter().flat_map(|skin| &skin.joints).any(|joint| joint.value() == i);
-        let node = &root.nodes[i];
+        let node = &self.document.root().nodes[i];
         let is_end = node.mesh.is_some() && node.skin.is_some() && children(node).next().is_none();
-        is_end && !self.animated[i] && !is_joint()
+        is_end && !self.animated[i] && !self.joints[i]
     }
 
     /// The node whose link a skinned patch of our own files is given in.
@@ -150,11 +152,14 @@ impl Nodes<'_> {
                 ready.extend(children(&nodes[i]).map(Reverse));
                 continue;
             }
-            if self.is_patch(i) || self.is_ornament(i) || self.carrier(i).is_some() || self.is_bent(i) {
+            if self.is_patch(i) || self.is_ornament(i) || self.carrier(i).is_some() {
                 continue;
             }
             let above = self.parents[i].and_then(|p| frames[p]);
             let (pose, stretch) = rigid_pose(self.document, i, above.and_then(|f| f.stretch))?;
+            if self.is_bent(i) {
+                continue;
+            }
             let name = nodes[i].name.clone().unwrap_or_default();
             let link = tree.links.push(Link { name, parent: above.map(|f| f.link), pose });
             frames[i] = Some(NodeFrame { link, stretch });
@@ -269,6 +274,19 @@ fn animated(document: &Document) -> Vec<bool> {
         }
     }
     animated
+}
+
+/// Which nodes are joints of some skin; skins are not checked here.
+fn joints(document: &Document) -> Vec<bool> {
+    let mut joints = vec![false; document.root().nodes.len()];
+    let skins = document.skins.as_array().into_iter().flatten();
+    let lists = skins.filter_map(|skin| skin.get("joints")?.as_array());
+    for joint in lists.flatten().filter_map(serde_json::Value::as_u64) {
+        if let Some(is_joint) = usize::try_from(joint).ok().and_then(|joint| joints.get_mut(joint)) {
+            *is_joint = true;
+        }
+    }
+    joints
 }
 
 fn check_meshes(document: &Document) -> Result<()> {

@@ -20,8 +20,8 @@ use crate::io::{
 /// Columns of a table of contacts.
 const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "time"];
 
-/// Columns that a table of answers has, and other tables that have one of them have not both: a `frame` may
-/// also be the number of an image.
+/// Columns that make a table one of answers. One of them does not: a `frame` may also be the number of an
+/// image.
 const OF_ANSWERS: [&str; 2] = ["contact", "frame"];
 
 /// A table of which each row is one line: there may be many, and a bad one must not cost the others.

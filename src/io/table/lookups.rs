@@ -25,6 +25,9 @@ pub(super) const OFF_SKIN: &str = "off skin";
 /// Bytes of rows that wait to be written: no thread begins another contact when there are as many.
 const BYTES: usize = 1 << 23;
 
+/// What a contact takes besides its rows.
+const OF_CONTACT: usize = size_of::<(usize, Range<usize>)>() + size_of::<&[u8]>();
+
 /// Threads that make rows, at most.
 const THREADS: usize = 32;
 
@@ -121,7 +124,7 @@ impl<'a, W: Write> LookupWriter<'a, W> {
                     let from = text.rows.len();
                     rows(contact, &mut |row| text.push(row, self.has_extra));
                     text.contacts.push((contact, from..text.rows.len()));
-                    bytes.fetch_add(text.rows.len() - from, Ordering::Relaxed);
+                    bytes.fetch_add(text.rows.len() - from + OF_CONTACT, Ordering::Relaxed);
                 }
             });
             // Threads take the contacts one by one: those taken so far are without a gap.

@@ -307,6 +307,9 @@ impl Rows<'_, '_> {
                 self.row(level, field.distance, Some(place), 0.0);
             }
         }
+        if !is_far && max_distance.is_some() {
+            return;
+        }
         let Ok(hit) = index.locate(self.query) else { return };
         if is_far {
             self.off_skin(&hit);

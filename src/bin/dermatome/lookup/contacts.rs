@@ -201,7 +201,12 @@ impl Contacts<'_> {
     fn world(&self, robot: &Robot, line: u64) -> Result<Option<LinkId>, IoError> {
         if robot.links.enumerate().any(|(id, name)| name == WORLD && robot.has_skin[id]) {
             let found = "`world`, also the name of a link with skin".into();
-            return Err(self.refusals.invalid(line, FRAME, found, "links of other names in the map"));
+            return Err(self.refusals.invalid(
+                line,
+                FRAME,
+                found,
+                "a map whose links with skin have other names",
+            ));
         }
         Ok(None)
     }

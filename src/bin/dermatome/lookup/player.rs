@@ -46,7 +46,7 @@ impl Player {
             let held = self.span.map_or(time, |[first, last]| time.clamp(first, last));
             let (found, needed) = match error {
                 ContactError::NotRigid { name } => {
-                    let found = format!("a pose of link {name:?} that is not rigid or too far");
+                    let found = format!("a pose of link {name:?} that is not rigid or too far away");
                     (found, "a rotation and a translation of at most 1e12 m")
                 }
                 other => (other.to_string(), "poses that the map can take"),
