@@ -71,14 +71,14 @@ pub fn read_contacts<R: Read>(
     let mut table = open(path, input)?;
     let columns = &table.columns;
     let is_answers = OF_ANSWERS.iter().all(|name| columns.find(name).is_some());
-    let [frame_or_link, patch] = if is_answers { ["frame", "patch"] } else { ["link", ""] };
+    let frame_or_link = if is_answers { "frame" } else { "link" };
     let is_read = |name: &str| name == frame_or_link || name != "link" && COLUMNS.contains(&name);
     let unknown = columns.unknown(&[]).filter(|(_, name)| !is_read(name)).map(|(_, name)| name.to_owned());
     let unknown = unknown.collect();
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
     let [force, radius, time] = ["force", "radius", "time"].map(|name| columns.find(name));
-    let [name, patch] = [frame_or_link, patch].map(|name| columns.find(name));
+    let (name, patch) = (columns.find(frame_or_link), columns.find("patch").filter(|_| is_answers));
     let contact = move |row: Row<'_>| {
         let number = |column: Option<usize>| column.map_or(Ok(None), |c| row.number_if_any(c));
         let name = name.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned);
