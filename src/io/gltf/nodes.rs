@@ -59,8 +59,8 @@ pub(super) struct Tree {
 /// at the ends are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
 /// skinned to joints ignores its node's transform, as glTF has it, and lies in its bind pose on a
 /// link of its own at the origin, unless [`Binding`](super::joints::Binding) knows better, or
-/// [`NodeExtras`] name its link; its node is a link besides where it has children, is animated or is a
-/// joint itself.
+/// [`NodeExtras`] name its link; its node is a second link only if it has children, is animated or is a
+/// joint.
 ///
 /// The scene is the default scene, else the first. A file without scenes is a library: its root
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.

@@ -324,9 +324,10 @@ impl Rows<'_, '_> {
         let direction = self.contact.normal.unwrap_or_default();
         let longest = max_distance.unwrap_or(f64::INFINITY);
         let Ok(Some(hit)) = index.first_hit(self.query, direction, longest) else {
-            return if let Ok(hit) = index.locate(self.query) {
-                self.off_skin(&hit)
-            };
+            if let Ok(hit) = index.locate(self.query) {
+                self.off_skin(&hit);
+            }
+            return;
         };
         for &level in &robot.levels {
             let Some(cell) = index.cell(&hit, level) else { continue };
