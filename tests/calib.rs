@@ -5,8 +5,9 @@
     reason = "a test may stop at a surprise and say what it skips"
 )]
 
-use std::path::{Path, PathBuf};
+mod common;
 
+use common::data;
 use dermatome::{
     calib::{
         CalibError, CalibOptions, CalibratedSkin, Calibration, ContactMeasurement, ContactObservation,
@@ -34,16 +35,6 @@ fn poses(seed: u64) -> SimulateOptions {
 
 fn small(model: Model) -> SimulateOptions {
     SimulateOptions { model, taxels: 40, seed: 3, ..SimulateOptions::default() }
-}
-
-fn data(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = folder.join(name);
-    if !path.exists() {
-        println!("skipped: {name}");
-    }
-    path.exists().then_some(path)
 }
 
 /// Square root of the trace of the position covariance of every taxel.

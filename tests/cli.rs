@@ -5,13 +5,15 @@
     reason = "a test may stop at a surprise and say what it skips"
 )]
 
+mod common;
+
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-use assert_cmd::Command;
 use base64::{Engine, prelude::BASE64_STANDARD};
+use common::{command, data, listing};
 use dermatome::{
     id::VertexId,
     io::write_skin,
@@ -21,12 +23,6 @@ use dermatome::{
 use predicates::{prelude::*, str::contains};
 use tempfile::TempDir;
 
-fn dermatome() -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.env_remove("DERMATOME_DATA");
-    command
-}
-
 /// A folder with `cap.glb`, a curved disk of about 400 triangles.
 fn folder_with_a_cap() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
@@ -35,29 +31,11 @@ fn folder_with_a_cap() -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-fn data(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = folder.join(name);
-    if !path.exists() {
-        println!("skipped: {name}");
-    }
-    path.exists().then_some(path)
-}
-
-/// Names in a folder, hidden ones included.
-fn listing(folder: &Path) -> Vec<String> {
-    let mut names: Vec<_> =
-        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
-}
-
 #[test]
 fn build_writes_its_four_files_and_nothing_else() {
     let (folder, skin) = folder_with_a_cap();
     let out = folder.path().join("new/out");
-    dermatome().arg("build").arg(&skin).arg("-o").arg(&out).assert().success().stdout(contains("cap/L0"));
+    command().arg("build").arg(&skin).arg("-o").arg(&out).assert().success().stdout(contains("cap/L0"));
     assert_eq!(listing(&out), ["map.exr", "map.glb", "report.json", "timings.json"]);
 }
 
@@ -66,7 +44,7 @@ fn build_gives_the_same_bytes_for_any_number_of_threads() {
     let (folder, skin) = folder_with_a_cap();
     let bytes = |threads: &str| {
         let out = folder.path().join(threads);
-        dermatome().args(["build", "--threads", threads]).arg(&skin).arg("-o").arg(&out).assert().success();
+        command().args(["build", "--threads", threads]).arg(&skin).arg("-o").arg(&out).assert().success();
         (fs::read(out.join("map.glb")).unwrap(), fs::read(out.join("map.exr")).unwrap())
     };
     let one = bytes("1");
@@ -79,7 +57,7 @@ fn build_gives_the_same_bytes_for_any_number_of_threads() {
 fn the_report_is_printed_as_it_is_written() {
     let (folder, skin) = folder_with_a_cap();
     let out = folder.path().join("out");
-    let printed = dermatome().args(["build", "--json"]).arg(&skin).arg("-o").arg(&out).assert().success();
+    let printed = command().args(["build", "--json"]).arg(&skin).arg("-o").arg(&out).assert().success();
     let printed: serde_json::Value = serde_json::from_slice(&printed.get_output().stdout).unwrap();
     let written: serde_json::Value =
         serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
@@ -95,7 +73,7 @@ fn errors_say_what_why_and_what_to_do_and_exit_with_2() {
             fs::write(&path, content).unwrap();
         }
         let out = folder.path().join("out");
-        dermatome().arg("build").arg(&path).arg("-o").arg(&out).assert().code(2).stderr(
+        command().arg("build").arg(&path).arg("-o").arg(&out).assert().code(2).stderr(
             contains("error:").and(contains(name)).and(contains("help:")).and(contains("panicked").not()),
         );
         assert!(!out.exists(), "no folder is left behind by {name}");
@@ -108,7 +86,7 @@ fn a_closed_skin_is_cut_open_unless_that_is_forbidden() {
     let path = folder.path().join("ball.glb");
     write_skin(&path, &Skin::from_mesh("ball", shapes::tetrahedron())).unwrap();
     let build = || {
-        let mut command = dermatome();
+        let mut command = command();
         command.arg("build").arg(&path).arg("-o").arg(folder.path().join("out"));
         command
     };
@@ -128,7 +106,7 @@ fn seams_are_given_as_pairs_of_taxels() {
     let flatten = |table: &str| {
         fs::write(&seams, table).unwrap();
         let out = folder.path().join("flat.npz");
-        let mut command = dermatome();
+        let mut command = command();
         command.arg("flatten").arg(&mesh).arg("-o").arg(out).arg("--cut").arg(&seams).arg("--json");
         command.assert()
     };
@@ -154,13 +132,13 @@ fn an_output_that_cannot_be_written_leaves_the_older_one() {
     let (folder, skin) = folder_with_a_cap();
     let out = folder.path().join("out");
     fs::write(&out, "a file, not a folder").unwrap();
-    dermatome().arg("build").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("cannot write"));
+    command().arg("build").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("cannot write"));
     assert_eq!(fs::read_to_string(&out).unwrap(), "a file, not a folder");
 
     let out = folder.path().join("blocked");
     fs::create_dir_all(out.join("map.exr")).unwrap();
     fs::write(out.join("map.glb"), "older").unwrap();
-    dermatome().arg("build").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("map.exr"));
+    command().arg("build").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("map.exr"));
     assert_eq!(
         fs::read_to_string(out.join("map.glb")).unwrap(),
         "older",
@@ -179,7 +157,7 @@ fn a_full_disk_is_said() {
     }
     let link = skin.with_file_name("full.obj");
     std::os::unix::fs::symlink(full, &link).unwrap();
-    dermatome().arg("flatten").arg(&skin).arg("-o").arg(&link).assert().code(2).stderr(contains("space"));
+    command().arg("flatten").arg(&skin).arg("-o").arg(&link).assert().code(2).stderr(contains("space"));
     for words in [&["info"][..], &["plot", "-o", "-"]] {
         let output = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
             .args(words)
@@ -202,7 +180,7 @@ fn a_full_disk_is_said() {
 fn a_broken_merge_is_refused_and_check_is_pointed_at() {
     let Some(path) = data("cyskin/broken_link1_patches_1_2.json") else { return };
     let out = tempfile::tempdir().unwrap();
-    dermatome()
+    command()
         .arg("build")
         .arg(&path)
         .arg("-o")
@@ -210,25 +188,20 @@ fn a_broken_merge_is_refused_and_check_is_pointed_at() {
         .assert()
         .code(2)
         .stderr(contains("dermatome check"));
-    dermatome()
-        .arg("check")
-        .arg(&path)
-        .assert()
-        .code(1)
-        .stdout(contains("manifold").and(contains("isolated")));
+    command().arg("check").arg(&path).assert().code(1).stdout(contains("manifold").and(contains("isolated")));
 }
 
 #[test]
 fn two_components_become_two_patches() {
     let Some(path) = data("cyskin/two_components.json") else { return };
-    dermatome().args(["info", "--json"]).arg(&path).assert().success().stdout(contains("\"name\"").count(2));
+    command().args(["info", "--json"]).arg(&path).assert().success().stdout(contains("\"name\"").count(2));
 }
 
 #[test]
 fn a_real_cover_is_mapped_almost_without_distortion() {
     let Some(path) = data("cyskin/ur10e_link1_patch1_isomap.json") else { return };
     let out = tempfile::tempdir().unwrap();
-    let run = dermatome().args(["build", "--json"]).arg(&path).arg("-o").arg(out.path()).assert().success();
+    let run = command().args(["build", "--json"]).arg(&path).arg("-o").arg(out.path()).assert().success();
     let report: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
     let levels = report["patches"][0]["levels"].as_array().unwrap();
     assert!(levels.iter().all(|l| l["flips"] == 0), "no level flips");
@@ -241,14 +214,14 @@ fn a_real_cover_is_mapped_almost_without_distortion() {
 #[test]
 fn completions_and_manual_name_every_subcommand() {
     for args in [vec!["completions", "bash"], vec!["man"]] {
-        let mut all = dermatome().args(&args).assert().success();
+        let mut all = command().args(&args).assert().success();
         for name in ["build", "check", "convert", "coarsen", "flatten", "info", "lookup", "plot"] {
             all = all.stdout(contains(name));
         }
     }
-    let of_build = dermatome().args(["man", "build"]).assert().success();
+    let of_build = command().args(["man", "build"]).assert().success();
     of_build.stdout(contains("dermatome\\-build").and(contains("crossings")).and(contains("pixel")));
-    dermatome()
+    command()
         .args(["man", "bild"])
         .assert()
         .code(2)
@@ -284,7 +257,7 @@ fn images_have_as_many_pixels_as_the_taxels_need() {
     let path = folder.path().join("copies.gltf");
     fs::write(&path, copies_of_a_triangle(400, 1)).unwrap();
     let out = folder.path().join("out");
-    let build = |pixel: &[&str]| dermatome().arg("build").args(pixel).arg(&path).arg("-o").arg(&out).assert();
+    let build = |pixel: &[&str]| command().arg("build").args(pixel).arg(&path).arg("-o").arg(&out).assert();
     let pixels = |text: &str| -> f64 {
         let side = text.split("--pixel-mm ").nth(1).unwrap();
         side.split([' ', ':']).next().unwrap().parse().unwrap()
@@ -317,7 +290,7 @@ fn info_counts_absent_taxels() {
     }
     let info = |skin: &Skin, args: &[&str]| {
         write_skin(&path, skin).unwrap();
-        let run = dermatome().arg("info").arg(&path).args(args).assert().success();
+        let run = command().arg("info").arg(&path).args(args).assert().success();
         String::from_utf8(run.get_output().stdout.clone()).unwrap()
     };
     let row = info(&skin, &[]);
@@ -338,7 +311,7 @@ fn a_long_name_is_cut_in_tables() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("long.gltf");
     fs::write(&path, copies_of_a_triangle(1, 70_000)).unwrap();
-    let run = dermatome().arg("info").arg(&path).assert().success();
+    let run = command().arg("info").arg(&path).assert().success();
     assert!(run.get_output().stdout.len() < 1000, "the table stays narrow");
 }
 
@@ -351,7 +324,7 @@ fn a_compressed_file_is_refused_with_the_way_out() {
             r#"{{"asset":{{"version":"2.0"}},"extensionsUsed":["{name}"],"extensionsRequired":["{name}"]}}"#
         );
         fs::write(&path, text).unwrap();
-        let run = dermatome().arg("info").arg(&path).assert().code(2);
+        let run = command().arg("info").arg(&path).assert().code(2);
         run.stderr(contains(name).and(contains("gltf-transform")));
     }
 }
@@ -363,7 +336,7 @@ fn a_skin_too_far_away_for_f32_is_refused() {
     let mut mesh = shapes::lattice(5, 5, 1e-3);
     mesh.positions.iter_mut().for_each(|p| p.x += 1e6);
     write_skin(&path, &Skin::from_mesh("far", mesh)).unwrap();
-    dermatome().arg("build").arg(&path).arg("-o").arg(folder.path().join("out")).assert().code(2).stderr(
+    command().arg("build").arg(&path).arg("-o").arg(folder.path().join("out")).assert().code(2).stderr(
         contains("without area after rounding")
             .and(contains("patch \"far\""))
             .and(contains(".dermatome").not()),
@@ -375,7 +348,7 @@ fn a_linear_map_that_flips_is_written_and_said() {
     let out = tempfile::tempdir().unwrap();
     let forearm = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/forearm.glb");
     let linear = ["--method", "linear"];
-    dermatome()
+    command()
         .arg("build")
         .arg(&forearm)
         .arg("-o")
@@ -392,7 +365,7 @@ fn a_map_that_only_crosses_itself_is_said_to() {
     let out = tempfile::tempdir().unwrap();
     let hand = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/hand.glb");
     let flatten = |extra: &[&str]| {
-        let mut command = dermatome();
+        let mut command = command();
         command.arg("flatten").arg(&hand).arg("-o").arg(out.path().join("hand.npz"));
         command.args(["--method", "linear"]).args(extra).assert().success()
     };
@@ -406,7 +379,7 @@ fn what_a_format_cannot_keep_is_said() {
     let out = tempfile::tempdir().unwrap();
     let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/robot.glb");
     for (name, said) in [("r.json", true), ("r.ply", true), ("r.glb", false)] {
-        let run = dermatome().arg("convert").arg(&robot).arg(out.path().join(name)).assert().success();
+        let run = command().arg("convert").arg(&robot).arg(out.path().join(name)).assert().success();
         let note = String::from_utf8_lossy(&run.get_output().stderr).contains("keeps everything");
         assert_eq!(note, said, "{name}");
     }
@@ -416,16 +389,16 @@ fn what_a_format_cannot_keep_is_said() {
 fn extensions_and_options_out_of_range_are_refused() {
     let (folder, skin) = folder_with_a_cap();
     let out = folder.path().join("levels.obj");
-    dermatome().arg("coarsen").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("glb"));
-    dermatome().arg("info").arg(&skin).args(["--threads", "100000"]).assert().code(2).stderr(contains("512"));
-    dermatome().arg("coarsen").arg(&skin).args(["-o", "x.glb", "--ratio", "1.5"]).assert().code(2);
+    command().arg("coarsen").arg(&skin).arg("-o").arg(&out).assert().code(2).stderr(contains("glb"));
+    command().arg("info").arg(&skin).args(["--threads", "100000"]).assert().code(2).stderr(contains("512"));
+    command().arg("coarsen").arg(&skin).args(["-o", "x.glb", "--ratio", "1.5"]).assert().code(2);
 }
 
 #[test]
 fn options_that_would_change_nothing_are_refused() {
     let (folder, skin) = folder_with_a_cap();
     let flatten = |words: &str| {
-        let mut command = dermatome();
+        let mut command = command();
         command.arg("flatten").arg(&skin).arg("-o").arg(folder.path().join("f.npz"));
         command.args(words.split_whitespace());
         command
@@ -452,8 +425,8 @@ fn a_skin_in_millimetres_is_suspected() {
     let path = folder.path().join("mm.obj");
     write_skin(&path, &Skin::from_mesh("mm", shapes::lattice(10, 10, 10.0))).unwrap();
     let suspected = contains("across: is the file in millimetres?");
-    dermatome().arg("info").arg(&path).assert().success().stderr(suspected.clone());
-    dermatome()
+    command().arg("info").arg(&path).assert().success().stderr(suspected.clone());
+    command()
         .arg("check")
         .arg(&path)
         .assert()
@@ -461,8 +434,8 @@ fn a_skin_in_millimetres_is_suspected() {
         .stdout(suspected.and(predicate::str::starts_with("mm: doubtful-unit: ")));
     let path = folder.path().join("m.obj");
     write_skin(&path, &Skin::from_mesh("m", shapes::lattice(10, 10, 0.01))).unwrap();
-    dermatome().arg("info").arg(&path).assert().success().stderr("");
-    dermatome().arg("check").arg(&path).assert().success();
+    command().arg("info").arg(&path).assert().success().stderr("");
+    command().arg("check").arg(&path).assert().success();
 }
 
 /// The parser of PLY tells its insides after the first line.
@@ -471,7 +444,7 @@ fn a_file_that_is_no_ply_is_told_of_in_plain_words() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wrong.ply");
     fs::write(&path, "v 0.0 0.0 0\nv 1.0 0.0 0\n").unwrap();
-    dermatome().arg("info").arg(&path).assert().code(2).stderr(
+    command().arg("info").arg(&path).assert().code(2).stderr(
         contains("found \"v 0.0 0.0 0\": Expected magic number 'ply'").and(contains("ParseError").not()),
     );
 }
@@ -479,7 +452,7 @@ fn a_file_that_is_no_ply_is_told_of_in_plain_words() {
 #[test]
 fn help_tells_what_holds() {
     let help = |args: &[&str]| {
-        let run = dermatome().args(args).arg("--help").assert().success();
+        let run = command().args(args).arg("--help").assert().success();
         String::from_utf8(run.get_output().stdout.clone()).unwrap()
     };
     assert!(help(&["convert"]).contains(".stl or .csv"), "what `convert` writes");
@@ -517,7 +490,7 @@ fn a_table_prescribes_the_boundary() {
     std::fs::write(folder.join("canvas.csv"), table).unwrap();
     let flatten = |boundary: &str| {
         let args = ["flatten", "square.obj", "-o", "flat.obj", "--boundary", boundary];
-        dermatome().current_dir(folder).args(args).assert()
+        command().current_dir(folder).args(args).assert()
     };
     flatten("canvas.csv").success();
     let flat = std::fs::read_to_string(folder.join("flat.obj")).unwrap();

@@ -1,19 +1,17 @@
 //! Bare taxels as a user has them: iCub positions, tables and clouds of points.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{fmt::Write, fs, path::PathBuf};
 
-use assert_cmd::Command;
+use common::command;
 use dermatome::{
     io::read_draft,
     skin::{Presence, RemarkKind},
 };
 use predicates::prelude::*;
 use tempfile::TempDir;
-
-fn dermatome() -> Command {
-    Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
-}
 
 /// A folder with one file.
 fn folder_with(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
@@ -69,12 +67,12 @@ fn positions_of_the_icub_keep_slots_pads_and_modules() {
 fn convert_and_build_take_positions_and_tell_what_was_assumed() {
     let (folder, path) = folder_with("shin.txt", positions());
     let skin = folder.path().join("skin.glb");
-    dermatome().args(["convert".as_ref(), path.as_os_str(), skin.as_os_str()]).assert().success().stderr(
+    command().args(["convert".as_ref(), path.as_os_str(), skin.as_os_str()]).assert().success().stderr(
         predicate::str::contains("22 bare taxels were joined by")
             .and(predicate::str::contains("2 empty slots")),
     );
-    dermatome().arg("check").arg(&skin).assert().success();
-    dermatome()
+    command().arg("check").arg(&skin).assert().success();
+    command()
         .arg("check")
         .arg(&path)
         .assert()
@@ -82,7 +80,7 @@ fn convert_and_build_take_positions_and_tell_what_was_assumed() {
         .stdout("no findings\n")
         .stderr(predicate::str::starts_with("note: l_shin: bare: its taxels have no triangles"));
     let out = folder.path().join("out");
-    dermatome().arg("build").arg(&path).arg("-o").arg(&out).assert().success();
+    command().arg("build").arg(&path).arg("-o").arg(&out).assert().success();
     assert!(out.join("map.glb").exists());
 }
 
@@ -169,7 +167,7 @@ fn points_without_faces_are_meshed_from_every_kind_of_file() {
         ("p.gltf", gltf_of_points()),
     ] {
         let (_folder, path) = folder_with(name, content);
-        dermatome()
+        command()
             .args(["info", "--json"])
             .arg(&path)
             .assert()
@@ -183,7 +181,7 @@ fn the_gap_is_an_option_and_its_range_is_told() {
     let two = |x: f64, y: f64| format!("{x},{y},0\n{},{y},0\n", x + 0.025 + 0.016);
     let (folder, path) = folder_with("two.csv", format!("x,y,z\n{}", points(two)));
     let patches = |args: &[&str]| {
-        let out = dermatome().arg("info").arg(&path).args(args).output().unwrap();
+        let out = command().arg("info").arg(&path).args(args).output().unwrap();
         let rows = String::from_utf8(out.stdout).unwrap();
         (rows.lines().filter(|row| row.starts_with("two")).count(), String::from_utf8(out.stderr).unwrap())
     };
@@ -191,13 +189,13 @@ fn the_gap_is_an_option_and_its_range_is_told() {
     assert_eq!(count, 2, "{said}");
     assert!(said.contains("would join pieces: 1 instead of 2"), "{said}");
     assert_eq!(patches(&["--gap", "4"]).0, 1);
-    let check = |args: &[&str]| dermatome().args(["check", "--quiet"]).arg(&path).args(args).assert();
+    let check = |args: &[&str]| command().args(["check", "--quiet"]).arg(&path).args(args).assert();
     check(&[]).code(1).stdout(predicate::str::starts_with("two: bare-pieces: ")).stderr("");
     check(&["--gap", "4"]).success().stdout("no findings\n").stderr("");
     check(&["--gap", "4", "--json"])
         .success()
         .stdout("{\n  \"schema\": \"dermatome.check/1\",\n  \"findings\": []\n}\n");
-    dermatome()
+    command()
         .arg("convert")
         .arg(&path)
         .arg(folder.path().join("x.glb"))
@@ -215,7 +213,7 @@ fn a_cloud_is_refused_in_three_lines() {
         .map(|k| format!("{},{},{}\n", scatter(k, 0.618), scatter(k, 0.7549), scatter(k, 0.5698)))
         .collect();
     let (folder, path) = folder_with("cloud.csv", format!("x,y,z\n{cloud}"));
-    dermatome().arg("convert").arg(&path).arg(folder.path().join("x.glb")).assert().code(2).stderr(
+    command().arg("convert").arg(&path).arg(folder.path().join("x.glb")).assert().code(2).stderr(
         predicate::str::contains("lie on no surface").and(predicate::str::contains("help: give the taxels")),
     );
     assert!(!folder.path().join("x.glb").exists());
@@ -226,7 +224,7 @@ fn the_number_of_threads_changes_no_byte() {
     let (folder, path) = folder_with("shin.txt", positions());
     let [one, four] = ["1", "4"].map(|threads| {
         let out = folder.path().join(format!("{threads}.glb"));
-        dermatome().args(["convert", "--threads", threads]).arg(&path).arg(&out).assert().success();
+        command().args(["convert", "--threads", threads]).arg(&path).arg(&out).assert().success();
         fs::read(out).unwrap()
     });
     assert!(one == four);
@@ -243,7 +241,7 @@ fn rounded_copies_are_merged_and_the_skin_reads_back() {
             format!("{x},{y},{z}\n{}", if along == 0.0 { &copy } else { "" })
         };
         let (folder, path) = folder_with("near.csv", format!("x,y,z\n{}", points(line)));
-        let run = |args: &[&str]| dermatome().current_dir(folder.path()).args(args).assert();
+        let run = |args: &[&str]| command().current_dir(folder.path()).args(args).assert();
         let told = run(&["convert", "near.csv", "near.glb"]).success().get_output().stderr.clone();
         let told = String::from_utf8(told).unwrap();
         assert!(
@@ -264,7 +262,7 @@ fn rounded_copies_are_merged_and_the_skin_reads_back() {
 fn calibrated_taxels_are_joined_and_keep_what_is_known_of_them() {
     let folder = tempfile::tempdir().unwrap();
     let run = || {
-        let mut command = dermatome();
+        let mut command = command();
         command.current_dir(folder.path());
         command
     };

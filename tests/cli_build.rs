@@ -3,9 +3,11 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at a surprise")]
 
+mod common;
+
 use std::{f64::consts::PI, fmt::Write as _, fs, path::Path};
 
-use assert_cmd::Command;
+use common::dermatome;
 use dermatome::{
     id::FaceId,
     io::{read_map, write_skin},
@@ -15,12 +17,6 @@ use dermatome::{
 use glam::DVec3;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
 use serde_json::Value;
-
-fn dermatome(folder: &Path, words: &str) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.current_dir(folder).args(words.split_whitespace());
-    command
-}
 
 fn write(folder: &Path, name: &str, mesh: TriMesh) {
     write_skin(&folder.join(name), &Skin::from_mesh("s", mesh)).unwrap();

@@ -1,36 +1,28 @@
 //! `simulate` and `calibrate` as a user runs them.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{fs, path::Path};
 
-use assert_cmd::Command;
+use common::{dermatome, json};
 use predicates::{prelude::*, str::contains};
-
-fn dermatome(folder: &Path) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.current_dir(folder);
-    command
-}
-
-fn json(output: &[u8]) -> serde_json::Value {
-    serde_json::from_slice(output).unwrap()
-}
 
 #[test]
 fn a_simulated_skin_is_calibrated_and_built() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    dermatome(folder)
-        .args(["simulate", "-o", "obs.g2o", "--truth", "t.csv", "--triangles", "tri.csv", "--seed", "1"])
+    dermatome(folder, "simulate -o obs.g2o --truth t.csv --triangles tri.csv --seed 1")
         .assert()
         .success()
         .stderr(contains("500 taxels, 1419 displacements (0 wrong), 0 contacts, 920 triangles"));
-    let calibrated = dermatome(folder)
-        .args(["calibrate", "obs.g2o", "-o", "skin.glb", "-o", "skin.csv", "-o", "solved.g2o"])
-        .args(["--truth", "t.csv", "--triangles", "tri.csv", "--json"])
-        .assert()
-        .success()
-        .stderr(contains("taxel 0 keeps its start"));
+    let calibrated = dermatome(
+        folder,
+        "calibrate obs.g2o -o skin.glb -o skin.csv -o solved.g2o --truth t.csv --triangles tri.csv --json",
+    )
+    .assert()
+    .success()
+    .stderr(contains("taxel 0 keeps its start"));
     let summary = json(&calibrated.get_output().stdout);
     assert_eq!(summary["model"], "positions");
     assert_eq!(summary["dof"], 2760);
@@ -40,13 +32,11 @@ fn a_simulated_skin_is_calibrated_and_built() {
     let rmse = summary["rmse_aligned_mm"].as_f64().unwrap();
     assert!((0.9..1.4).contains(&rmse), "{rmse} mm");
     assert_eq!(fs::read_to_string(folder.join("skin.csv")).unwrap().lines().count(), 501);
-    dermatome(folder).args(["build", "skin.glb", "-o", "map"]).assert().success();
+    dermatome(folder, "build skin.glb -o map").assert().success();
 
     // The solved graph starts where it ends.
-    let again = dermatome(folder)
-        .args(["calibrate", "solved.g2o", "-o", "again.csv", "--initial", "file", "--json"])
-        .assert()
-        .success();
+    let again =
+        dermatome(folder, "calibrate solved.g2o -o again.csv --initial file --json").assert().success();
     let again = json(&again.get_output().stdout);
     assert!((again["cost"].as_f64().unwrap() / cost - 1.0).abs() < 1e-9);
 }
@@ -56,12 +46,12 @@ fn a_simulated_skin_is_calibrated_and_built() {
 fn observations_go_through_a_pipe() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let simulated = dermatome(folder).args(["simulate", "-o", "-", "--seed", "3"]).assert().success();
+    let simulated = dermatome(folder, "simulate -o - --seed 3").assert().success();
     let text = simulated.get_output().stdout.clone();
-    dermatome(folder).args(["simulate", "-o", "obs.g2o", "--seed", "3"]).assert().success();
+    dermatome(folder, "simulate -o obs.g2o --seed 3").assert().success();
     assert!(text == fs::read(folder.join("obs.g2o")).unwrap(), "the same bytes as in a file");
-    dermatome(folder).args(["calibrate", "-", "-o", "skin.glb"]).write_stdin(text).assert().success();
-    let info = dermatome(folder).args(["info", "skin.glb", "--json"]).assert().success();
+    dermatome(folder, "calibrate - -o skin.glb").write_stdin(text).assert().success();
+    let info = dermatome(folder, "info skin.glb --json").assert().success();
     let patch = &json(&info.get_output().stdout)["patches"][0];
     assert_eq!((&patch["vertices"], &patch["faces"]), (&500.into(), &920.into()));
 }
@@ -72,11 +62,11 @@ fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
     let folder = folder.path();
     for threads in ["1", "3"] {
         let (obs, out) = (format!("{threads}.g2o"), format!("{threads}.csv"));
-        dermatome(folder)
-            .args(["simulate", "--model", "poses", "--seed", "5", "--threads", threads, "-o", &obs])
+        dermatome(folder, "simulate --model poses --seed 5 --threads")
+            .args([threads, "-o", &obs])
             .assert()
             .success();
-        dermatome(folder).args(["calibrate", "--threads", threads, &obs, "-o", &out]).assert().success();
+        dermatome(folder, "calibrate --threads").args([threads, &obs, "-o", &out]).assert().success();
     }
     for kind in ["g2o", "csv"] {
         let read = |threads: &str| fs::read(folder.join(format!("{threads}.{kind}"))).unwrap();
@@ -88,13 +78,10 @@ fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
 fn contacts_come_in_a_table_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    dermatome(folder)
-        .args(["simulate", "--model", "poses", "--taxels", "60", "--anchors", "9", "--normal-noise-deg", "2"])
-        .args(["-o", "obs.g2o", "--contacts", "c.csv", "--truth", "t.csv"])
+    dermatome(folder, "simulate --model poses --taxels 60 --anchors 9 --normal-noise-deg 2 -o obs.g2o --contacts c.csv --truth t.csv")
         .assert()
         .success();
-    dermatome(folder)
-        .args(["calibrate", "obs.g2o", "--contacts", "c.csv", "-o", "skin.glb", "--truth", "t.csv"])
+    dermatome(folder, "calibrate obs.g2o --contacts c.csv -o skin.glb --truth t.csv")
         .assert()
         .success()
         .stdout(contains("the stated noise is believable").and(contains("RMSE")))
@@ -105,16 +92,12 @@ fn contacts_come_in_a_table_of_their_own() {
 fn every_observation_has_a_line_in_the_report_of_inliers() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    dermatome(folder)
-        .args(["simulate", "-o", "o.g2o", "--outliers", "0.1", "--anchors", "5", "--contacts", "c.csv"])
-        .assert()
-        .success();
-    let done = dermatome(folder)
-        .args(["calibrate", "o.g2o", "--contacts", "c.csv", "-o", "s.csv", "--robust", "gnc", "--json"])
-        .args(["--inliers", "i.csv"])
-        .assert()
-        .success()
-        .stderr(contains("rejected as outliers"));
+    dermatome(folder, "simulate -o o.g2o --outliers 0.1 --anchors 5 --contacts c.csv").assert().success();
+    let done =
+        dermatome(folder, "calibrate o.g2o --contacts c.csv -o s.csv --robust gnc --json --inliers i.csv")
+            .assert()
+            .success()
+            .stderr(contains("rejected as outliers"));
     let table = fs::read_to_string(folder.join("i.csv")).unwrap();
     let rows: Vec<Vec<&str>> = table.lines().map(|l| l.split(',').collect()).collect();
     assert_eq!(rows[0], ["i", "j", "sigmas", "weight", "inlier"]);
@@ -129,18 +112,15 @@ fn every_observation_has_a_line_in_the_report_of_inliers() {
 fn a_solve_that_does_not_converge_writes_nothing_unless_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    dermatome(folder)
-        .args(["simulate", "--model", "poses", "--taxels", "60", "-o", "o.g2o"])
-        .assert()
-        .success();
+    dermatome(folder, "simulate --model poses --taxels 60 -o o.g2o").assert().success();
     let unfinished = ["calibrate", "o.g2o", "-o", "s.csv", "--iterations", "1", "--initial", "tree"];
-    dermatome(folder)
+    dermatome(folder, "")
         .args(unfinished)
         .assert()
         .code(2)
         .stderr(contains("out of iterations").and(contains("--keep")));
     assert!(!folder.join("s.csv").exists());
-    dermatome(folder).args(unfinished).arg("--keep").assert().code(2);
+    dermatome(folder, "").args(unfinished).arg("--keep").assert().code(2);
     assert!(folder.join("s.csv").exists());
 }
 
@@ -150,19 +130,17 @@ fn what_is_wrong_is_named_in_three_lines() {
     let folder = folder.path();
     let line = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\nVERTEX_TRACKXYZ 2 0 0 0\n";
     fs::write(folder.join("a.g2o"), format!("{line}EDGE_POINTXYZ 0 1 1 0 0 1 0 0 -1 0 1\n")).unwrap();
-    dermatome(folder)
-        .args(["calibrate", "a.g2o", "-o", "s.csv"])
+    dermatome(folder, "calibrate a.g2o -o s.csv")
         .assert()
         .code(2)
         .stderr(contains("line 4").and(contains("edge 0 to 1")));
     fs::write(folder.join("b.g2o"), format!("{line}EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1\n")).unwrap();
-    dermatome(folder).args(["calibrate", "b.g2o", "-o", "s.csv"]).assert().code(2).stderr(
+    dermatome(folder, "calibrate b.g2o -o s.csv").assert().code(2).stderr(
         contains("cannot calibrate b.g2o")
             .and(contains("1 taxels are in no observation, first taxel 2"))
             .and(contains("help:")),
     );
-    dermatome(folder)
-        .args(["simulate", "-o", "s.g2o", "--taxels", "100000"])
+    dermatome(folder, "simulate -o s.g2o --taxels 100000")
         .assert()
         .code(2)
         .stderr(contains("smaller spacing"));
@@ -205,18 +183,11 @@ fn outputs_appear_together_or_not_at_all() {
         ("simulate --taxels 20 --truth t.csv -o z.txt", "known here: .g2o, .csv"),
         ("simulate --taxels 20 --truth t.csv -o z.csv --model poses", "needed: a g2o file"),
     ] {
-        dermatome(folder).args(args.split(' ')).assert().code(2).stderr(contains(told));
+        dermatome(folder, "").args(args.split(' ')).assert().code(2).stderr(contains(told));
         assert_eq!(files(folder), before, "{args}");
     }
-    dermatome(folder)
-        .args(["calibrate", "e.csv", "-o", "k.csv", "-o", "k.glb", "-o", "k.g2o"])
-        .assert()
-        .success();
-    dermatome(folder)
-        .args(["calibrate", "k.g2o", "-o", "k.g2o"])
-        .assert()
-        .code(2)
-        .stderr(contains("replace an input"));
+    dermatome(folder, "calibrate e.csv -o k.csv -o k.glb -o k.g2o").assert().success();
+    dermatome(folder, "calibrate k.g2o -o k.g2o").assert().code(2).stderr(contains("replace an input"));
     assert_eq!(files(folder), ["c.csv", "dir.csv", "e.csv", "k.csv", "k.g2o", "k.glb", "two.csv"]);
 }
 
@@ -229,16 +200,16 @@ fn an_older_table_of_triangles_goes_with_its_taxels() {
     fs::write(folder.join("k.csv"), "id,x,y,z\n1,0,0,0\n2,1,0,0\n3,0,1,0\n").unwrap();
     fs::write(folder.join("k.triangles.csv"), "a,b,c\n0,1,2\n").unwrap();
     let words = ["calibrate", "e.csv", "-o", "k.csv"];
-    dermatome(folder)
+    dermatome(folder, "")
         .args(words)
         .assert()
         .success()
         .stderr(contains("k.triangles.csv belonged to the table"));
     assert_eq!(files(folder), ["e.csv", "k.csv"]);
     let words = ["simulate", "-o", "a.g2o", "--truth", "k.csv", "--triangles", "k.triangles.csv"];
-    dermatome(folder).args(words).assert().success();
+    dermatome(folder, "").args(words).assert().success();
     assert_eq!(files(folder), ["a.g2o", "e.csv", "k.csv", "k.triangles.csv"], "both are new");
-    dermatome(folder).args(&words[..5]).assert().success().stderr(contains("belonged to the table"));
+    dermatome(folder, "").args(&words[..5]).assert().success().stderr(contains("belonged to the table"));
     assert_eq!(files(folder), ["a.g2o", "e.csv", "k.csv"]);
 }
 
@@ -246,13 +217,9 @@ fn an_older_table_of_triangles_goes_with_its_taxels() {
 fn simulated_displacements_may_be_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    dermatome(folder)
-        .args(["simulate", "--taxels", "20", "-o", "e.csv", "--anchors", "3", "--contacts", "c.csv"])
-        .assert()
-        .success();
+    dermatome(folder, "simulate --taxels 20 -o e.csv --anchors 3 --contacts c.csv").assert().success();
     assert!(fs::read_to_string(folder.join("e.csv")).unwrap().starts_with("i,j,dx,dy,dz,ixx,"));
-    dermatome(folder)
-        .args(["calibrate", "e.csv", "--contacts", "c.csv", "-o", "k.glb"])
+    dermatome(folder, "calibrate e.csv --contacts c.csv -o k.glb")
         .assert()
         .success()
         .stderr(contains("keeps its start").not());
@@ -274,13 +241,12 @@ fn standard_input_is_known_by_its_first_line() {
         ("g.g2o", format!("\u{feff}{graph}")),
     ] {
         fs::write(folder.join(name), &text).unwrap();
-        dermatome(folder).args(["calibrate", name, "-o", "named.csv"]).assert().success();
-        dermatome(folder).args(["calibrate", "-", "-o", "piped.csv"]).write_stdin(text).assert().success();
+        dermatome(folder, "calibrate").args([name, "-o", "named.csv"]).assert().success();
+        dermatome(folder, "calibrate - -o piped.csv").write_stdin(text).assert().success();
         let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
         assert_eq!(read("named.csv"), read("piped.csv"), "{name}");
     }
-    dermatome(folder)
-        .args(["calibrate", "-", "-o", "k.csv"])
+    dermatome(folder, "calibrate - -o k.csv")
         .write_stdin("i;j;dx;dy;dz\n1;2;0;0;0\n")
         .assert()
         .code(2)
@@ -298,11 +264,14 @@ fn advice_is_about_what_went_wrong() {
         ("simulate -o s.g2o --taxels 2", "needed: 3", "change the option"),
         ("calibrate e.csv -o k.csv --truth t.csv", "t.csv has none of the 3 taxels", "simulate --truth"),
     ] {
-        dermatome(folder).args(args.split(' ')).assert().code(2).stderr(contains(told).and(contains(help)));
+        dermatome(folder, "")
+            .args(args.split(' '))
+            .assert()
+            .code(2)
+            .stderr(contains(told).and(contains(help)));
     }
     fs::write(folder.join("t.csv"), "id,x,y,z\n1,0,0,0\n77,0,0,0\n").unwrap();
-    dermatome(folder)
-        .args(["calibrate", "e.csv", "-o", "k.csv", "--truth", "t.csv"])
+    dermatome(folder, "calibrate e.csv -o k.csv --truth t.csv")
         .assert()
         .success()
         .stderr(contains("t.csv has 1 of the 3 taxels"));
@@ -315,8 +284,7 @@ fn many_components_are_counted() {
     let rows: String = (0..30).map(|k| format!("{},{},1,0,0\n", 2 * k, 2 * k + 1)).collect();
     fs::write(folder.join("e.csv"), format!("i,j,dx,dy,dz\n{rows}")).unwrap();
     let pieces = |verbose: &[&str]| {
-        let done =
-            dermatome(folder).args(["calibrate", "e.csv", "-o", "k.csv"]).args(verbose).assert().success();
+        let done = dermatome(folder, "calibrate e.csv -o k.csv").args(verbose).assert().success();
         let notes = String::from_utf8(done.get_output().stderr.clone()).unwrap();
         (notes.matches("keeps its start").count(), notes)
     };
@@ -344,7 +312,7 @@ fn observations_may_be_in_millimetres() {
     };
     let run = |text: String, unit: &str| {
         std::fs::write(folder.path().join("a.g2o"), text).unwrap();
-        let mut command = dermatome(folder.path());
+        let mut command = dermatome(folder.path(), "");
         command.args(["calibrate", "a.g2o", "-o", "a.csv", "--unit", unit, "--json"]);
         let output = command.output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -366,7 +334,7 @@ fn observations_may_be_in_millimetres() {
 fn another_unit_needs_a_stated_uncertainty() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.csv"), "i,j,dx,dy,dz\n0,1,5,0,0\n").unwrap();
-    let mut command = dermatome(folder.path());
+    let mut command = dermatome(folder.path(), "");
     let output = command.args(["calibrate", "a.csv", "-o", "b.csv", "--unit", "mm"]).output().unwrap();
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.code() == Some(2) && error.contains("add a column sigma"), "{error}");
@@ -381,8 +349,7 @@ fn indefinite_information_is_counted_and_clipped() {
     let table = "i,j,dx,dy,dz,ixx,ixy,ixz,iyy,iyz,izz\n1,2,1,0,0,1e6,0,0,1e6,2e6,1e6\n\
                  2,3,-1,1,0,1e6,0,0,1e6,0,1e6\n3,1,0,-1,0,1e6,0,0,1e6,0,1e6\n";
     fs::write(folder.join("e.csv"), table).unwrap();
-    let calibrate =
-        |words: &[&str]| dermatome(folder).args(["calibrate", "e.csv", "-o", "k.csv"]).args(words).assert();
+    let calibrate = |words: &[&str]| dermatome(folder, "calibrate e.csv -o k.csv").args(words).assert();
     calibrate(&[]).code(2).stderr(contains("1 of 3 edges").and(contains("--clip-information")));
     calibrate(&["--clip-information"]).success().stderr(contains("1 information matrices"));
 }

@@ -1,19 +1,20 @@
 //! What the commands print as JSON, against `docs/json.md`.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
     path::Path,
 };
 
-use assert_cmd::Command;
+use common::dermatome;
 use dermatome::{io::write_skin, mesh::shapes, skin::Skin};
 use serde_json::Value;
 
-fn dermatome(folder: &Path, words: &str) -> Vec<u8> {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.current_dir(folder).args(words.split_whitespace()).output().unwrap().stdout
+fn run(folder: &Path, words: &str) -> Vec<u8> {
+    dermatome(folder, words).output().unwrap().stdout
 }
 
 /// The keys of each schema as the page lists them, and whether they are always there.
@@ -67,7 +68,7 @@ fn every_object_keeps_to_its_schema() {
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 2 5\n",
     )
     .unwrap();
-    dermatome(at, "simulate -o o.g2o --truth t.csv --taxels 30 --anchors 10");
+    run(at, "simulate -o o.g2o --truth t.csv --taxels 30 --anchors 10");
     let mut printed = BTreeMap::new();
     let mut keep = |name: &str, bytes: &[u8]| {
         let text = std::str::from_utf8(bytes).unwrap();
@@ -76,18 +77,18 @@ fn every_object_keeps_to_its_schema() {
         assert_eq!(value["schema"], format!("dermatome.{name}/1"));
         printed.insert(format!("dermatome.{name}/1"), value);
     };
-    keep("build", &dermatome(at, "build cap.glb -o map --json"));
+    keep("build", &run(at, "build cap.glb -o map --json"));
     keep("timings", &fs::read(at.join("map/timings.json")).unwrap());
-    dermatome(at, "simulate --touch map/map.glb -o r.csv --presses 1 --rate-hz 20");
-    keep("calibrate", &dermatome(at, "calibrate o.g2o -o s.csv --truth t.csv --json"));
-    keep("check", &dermatome(at, "check two.obj --json"));
-    keep("coarsen", &dermatome(at, "coarsen ring.obj -o c.glb --json"));
-    keep("flatten", &dermatome(at, "flatten ring.obj -o f.obj --json"));
-    keep("info", &dermatome(at, "info cap.glb --json"));
-    keep("render", &dermatome(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));
+    run(at, "simulate --touch map/map.glb -o r.csv --presses 1 --rate-hz 20");
+    keep("calibrate", &run(at, "calibrate o.g2o -o s.csv --truth t.csv --json"));
+    keep("check", &run(at, "check two.obj --json"));
+    keep("coarsen", &run(at, "coarsen ring.obj -o c.glb --json"));
+    keep("flatten", &run(at, "flatten ring.obj -o f.obj --json"));
+    keep("info", &run(at, "info cap.glb --json"));
+    keep("render", &run(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));
     let image = fs::read_dir(at.join("frames")).unwrap().next().unwrap().unwrap().path();
     let image = image.strip_prefix(at).unwrap().display();
-    keep("sample", &dermatome(at, &format!("sample map/map.glb {image} -o back.csv --json")));
+    keep("sample", &run(at, &format!("sample map/map.glb {image} -o back.csv --json")));
 
     let documented = documented();
     assert_eq!(printed.keys().collect::<Vec<_>>(), documented.keys().collect::<Vec<_>>());
@@ -113,8 +114,8 @@ fn the_same_input_gives_the_same_report() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     write_skin(&at.join("cap.glb"), &Skin::from_mesh("cap", shapes::cap(300, 0.1, 1.2))).unwrap();
-    dermatome(at, "build cap.glb -o a --threads 1");
-    dermatome(at, "build cap.glb -o b --threads 2");
+    run(at, "build cap.glb -o a --threads 1");
+    run(at, "build cap.glb -o b --threads 2");
     for name in ["map.glb", "map.exr", "report.json"] {
         assert!(
             fs::read(at.join("a").join(name)).unwrap() == fs::read(at.join("b").join(name)).unwrap(),

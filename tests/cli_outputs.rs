@@ -7,9 +7,11 @@
     reason = "a test may stop at a surprise and say what it skips"
 )]
 
+mod common;
+
 use std::{fs, path::Path};
 
-use assert_cmd::Command;
+use common::{dermatome, listing};
 use dermatome::{
     io::{write_map, write_skin},
     map::SkinMap,
@@ -32,21 +34,6 @@ fn folder() -> TempDir {
 
 fn map(skin: &Skin) -> SkinMap {
     build(skin, &BuildOptions::default()).unwrap()
-}
-
-/// The command in a folder, with words that a user would type.
-fn dermatome(folder: &Path, words: &str) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.current_dir(folder).args(words.split_whitespace());
-    command
-}
-
-/// Names in a folder, hidden ones included.
-fn listing(folder: &Path) -> Vec<String> {
-    let mut names: Vec<_> =
-        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
 }
 
 #[test]

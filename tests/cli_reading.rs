@@ -2,9 +2,11 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at a surprise")]
 
+mod common;
+
 use std::{fs, path::Path};
 
-use assert_cmd::Command;
+use common::dermatome;
 use dermatome::{
     io::{read_draft, read_map, write_skin},
     mesh::{TriMesh, shapes},
@@ -12,12 +14,6 @@ use dermatome::{
 };
 use glam::DVec3;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
-
-fn dermatome(folder: &Path, words: &str) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.current_dir(folder).args(words.split_whitespace());
-    command
-}
 
 fn info(folder: &Path, words: &str) -> serde_json::Value {
     let output = dermatome(folder, words).assert().success();

@@ -1,6 +1,8 @@
 //! `render` as a user runs it.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{
     fmt::Write,
     fs,
@@ -9,14 +11,8 @@ use std::{
     process::{self, Stdio},
 };
 
-use assert_cmd::Command;
+use common::{dermatome, json, npy};
 use predicates::{prelude::*, str::contains};
-
-fn dermatome(folder: &Path) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.current_dir(folder);
-    command
-}
 
 /// A folder with the map of a sheet of 12 x 10 taxels, ids from 1 on, and a recording of five frames:
 /// frame `t` reads `t` everywhere.
@@ -31,7 +27,7 @@ fn sheet() -> tempfile::TempDir {
         writeln!(obj, "f {a} {} {}\nf {a} {} {}", a + 1, a + 13, a + 13, a + 12).unwrap();
     }
     fs::write(folder.path().join("sheet.obj"), obj).unwrap();
-    dermatome(folder.path()).args(["build", "sheet.obj", "-o", "map", "--quiet"]).assert().success();
+    dermatome(folder.path(), "build sheet.obj -o map --quiet").assert().success();
     fs::write(folder.path().join("r.csv"), table(1..=120, 5)).unwrap();
     folder
 }
@@ -47,10 +43,6 @@ fn table(ids: impl Iterator<Item = u32>, frames: u32) -> String {
     text
 }
 
-fn json(output: &[u8]) -> serde_json::Value {
-    serde_json::from_slice(output).unwrap()
-}
-
 /// The numbers of the `f32` array of a `.npy`.
 fn numbers(bytes: &[u8]) -> Vec<f32> {
     let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -60,8 +52,7 @@ fn numbers(bytes: &[u8]) -> Vec<f32> {
 #[test]
 fn a_constant_pressure_is_a_constant_image() {
     let folder = sheet();
-    let run = dermatome(folder.path())
-        .args(["render", "map/map.glb", "r.csv", "-o", "out.npy", "--level", "0", "--json"])
+    let run = dermatome(folder.path(), "render map/map.glb r.csv -o out.npy --level 0 --json")
         .assert()
         .success()
         .stderr("wrote out.npy\n");
@@ -88,16 +79,11 @@ fn a_constant_pressure_is_a_constant_image() {
 fn a_pipe_has_the_frames_of_the_arrays() {
     let folder = sheet();
     let args = ["--level", "1", "--from", "1", "--every", "2"];
-    dermatome(folder.path())
-        .args(["render", "map/map.glb", "r.csv", "-o", "out.npy"])
-        .args(args)
-        .assert()
-        .success();
+    dermatome(folder.path(), "render map/map.glb r.csv -o out.npy").args(args).assert().success();
     let array = fs::read(folder.path().join("out.npy")).unwrap();
     let recording = fs::read_to_string(folder.path().join("r.csv")).unwrap();
     for drop in [None, Some("--rate=5")] {
-        let piped = dermatome(folder.path())
-            .args(["render", "map/map.glb", "-", "-o", "-"])
+        let piped = dermatome(folder.path(), "render map/map.glb - -o -")
             .args(args)
             .args(drop)
             .write_stdin(recording.clone())
@@ -112,8 +98,7 @@ fn a_pipe_has_the_frames_of_the_arrays() {
 #[test]
 fn folders_and_archives_hold_all_levels() {
     let folder = sheet();
-    let render =
-        |args: &[&str]| dermatome(folder.path()).args(["render", "map/map.glb", "r.csv"]).args(args).assert();
+    let render = |args: &[&str]| dermatome(folder.path(), "render map/map.glb r.csv").args(args).assert();
     render(&["-o", "all.npz"]).success();
     assert!(folder.path().join("all.features.json").is_file());
     render(&["-o", "exr", "--from", "2", "--to", "3"]).success();
@@ -138,8 +123,7 @@ fn readings_that_do_not_fit_are_named() {
     let folder = sheet();
     let refused = |text: String, what: &str, help: &str| {
         fs::write(folder.path().join("bad.csv"), text).unwrap();
-        dermatome(folder.path())
-            .args(["render", "map/map.glb", "bad.csv", "-o", "x.npz"])
+        dermatome(folder.path(), "render map/map.glb bad.csv -o x.npz")
             .assert()
             .code(2)
             .stderr(contains(what).and(contains(help)));
@@ -152,11 +136,8 @@ fn readings_that_do_not_fit_are_named() {
     refused(table(1..=3, 0), "bad.csv", "");
     // Unknown and missing ids are counted, not refused.
     fs::write(folder.path().join("part.csv"), table(100..=125, 2)).unwrap();
-    let run = dermatome(folder.path())
-        .args(["render", "map/map.glb", "part.csv", "-o", "part.npz", "--json"])
-        .assert()
-        .success()
-        .stderr(
+    let run =
+        dermatome(folder.path(), "render map/map.glb part.csv -o part.npz --json").assert().success().stderr(
             contains("5 columns are of no taxel of the map: 121, 122, 123, 124, 125")
                 .and(contains("99 have none")),
         );
@@ -173,8 +154,8 @@ fn readings_with_gaps_are_counted() {
     let folder = sheet();
     let render = |name: &str, text: &[u8], args: &[&str]| {
         fs::write(folder.path().join(name), text).unwrap();
-        dermatome(folder.path())
-            .args(["render", "map/map.glb", name, "-o", "out.npz", "--level", "0", "--json"])
+        dermatome(folder.path(), "render map/map.glb")
+            .args([name, "-o", "out.npz", "--level", "0", "--json"])
             .args(args)
             .assert()
     };
@@ -196,9 +177,8 @@ fn readings_with_gaps_are_counted() {
     render("twice.csv", twice, &[]).code(2).stderr(contains("--duplicates first"));
     for (how, value) in [("first", 1.0), ("mean", 3.0)] {
         render("twice.csv", twice, &["--duplicates", how]).success();
-        dermatome(folder.path())
-            .args(["render", "map/map.glb", "twice.csv", "-o", "one.npy", "--level", "0", "--quiet"])
-            .args(["--duplicates", how, "--interpolate", "nearest"])
+        dermatome(folder.path(), "render map/map.glb twice.csv -o one.npy --level 0 --quiet --duplicates")
+            .args([how, "--interpolate", "nearest"])
             .assert()
             .success();
         let drawn = numbers(&fs::read(folder.path().join("one.npy")).unwrap());
@@ -223,15 +203,16 @@ fn tables_of_other_programs_are_read() {
         ("milliseconds.csv", "time[ms],1.pressure[Pa],2.pressure[Pa]\n500,1,2\n1500,3,4\n"),
     ] {
         fs::write(folder.path().join(name), text).unwrap();
-        dermatome(folder.path())
-            .args(["render", "map/map.glb", name, "-o", "frames", "--level", "0", "--interpolate", "nearest"])
+        dermatome(folder.path(), "render map/map.glb")
+            .args([name, "-o", "frames", "--level", "0", "--interpolate", "nearest"])
             .assert()
             .success();
-        dermatome(folder.path())
-            .args(["sample", "map/map.glb", "frames/sheet.L0.000001.exr", "-o", "v.csv"])
-            .args(["--interpolate", "nearest", "--quiet"])
-            .assert()
-            .success();
+        dermatome(
+            folder.path(),
+            "sample map/map.glb frames/sheet.L0.000001.exr -o v.csv --interpolate nearest --quiet",
+        )
+        .assert()
+        .success();
         let table = fs::read_to_string(folder.path().join("v.csv")).unwrap();
         assert!(table.contains("pressure[Pa]\nsheet,0,0,1,3\nsheet,0,1,2,4\n"), "{name}: {table:.200}");
         let frame = fs::read(folder.path().join("frames/sheet.L0.000001.exr")).unwrap();
@@ -241,39 +222,30 @@ fn tables_of_other_programs_are_read() {
     fs::write(folder.path().join("comma.csv"), "time;1;2\n0;1,5;2\n").unwrap();
     fs::write(folder.path().join("minutes.csv"), "time[min],1\n0,1\n").unwrap();
     for (name, said) in [("comma.csv", "1,5"), ("minutes.csv", "s, ms, us or ns")] {
-        dermatome(folder.path())
-            .args(["render", "map/map.glb", name, "-o", "x.npz"])
+        dermatome(folder.path(), "render map/map.glb")
+            .args([name, "-o", "x.npz"])
             .assert()
             .code(2)
             .stderr(contains(said));
     }
 }
 
-/// An array of `f4` as numpy writes it.
-fn npy(shape: &str, values: &[f32]) -> Vec<u8> {
-    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
-    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    bytes.extend(format!("{header:<117}\n").bytes());
-    values.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
-    bytes
-}
-
 /// Arrays without ids are in the order of the map; the errors about others say what to do.
 #[test]
 fn arrays_of_another_width_are_refused_with_both_numbers() {
     let folder = sheet();
-    let render = |shape: &str, count: u16, args: &[&str]| {
-        let values: Vec<f32> = (0..count).map(f32::from).collect();
-        fs::write(folder.path().join("a.npy"), npy(shape, &values)).unwrap();
-        dermatome(folder.path()).args(["render", "map/map.glb", "a.npy", "-o", "a.npz"]).args(args).assert()
+    let render = |shape: &[usize], count: u16, args: &[&str]| {
+        let values: Vec<u8> = (0..count).flat_map(|k| f32::from(k).to_le_bytes()).collect();
+        fs::write(folder.path().join("a.npy"), npy("<f4", shape, &values)).unwrap();
+        dermatome(folder.path(), "render map/map.glb a.npy -o a.npz").args(args).assert()
     };
     let both = contains("100 columns").and(contains("120 taxels")).and(contains("`ids`"));
-    render("(3, 100)", 300, &[]).code(2).stderr(both);
+    render(&[3, 100], 300, &[]).code(2).stderr(both);
     // As many frames as channels: only the layout tells the axes apart.
-    render("(2, 2, 120)", 480, &[]).code(2).stderr(contains("2 columns").and(contains("--layout tcn")));
-    render("(2, 2, 120)", 480, &["--layout", "tcn"]).success();
-    render("(2, 120)", 240, &[]).success().stderr(contains("no times").and(contains("--rate")));
-    render("(2, 120)", 240, &["--rate", "50"]).success().stderr("wrote a.npz\n");
+    render(&[2, 2, 120], 480, &[]).code(2).stderr(contains("2 columns").and(contains("--layout tcn")));
+    render(&[2, 2, 120], 480, &["--layout", "tcn"]).success();
+    render(&[2, 120], 240, &[]).success().stderr(contains("no times").and(contains("--rate")));
+    render(&[2, 120], 240, &["--rate", "50"]).success().stderr("wrote a.npz\n");
 }
 
 /// Patches that the recording says nothing of are masked, with amounts too.
@@ -281,7 +253,7 @@ fn arrays_of_another_width_are_refused_with_both_numbers() {
 fn patches_without_readings_are_masked() {
     let folder = tempfile::tempdir().unwrap();
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/robot.glb");
-    let run = |words: &str| dermatome(folder.path()).args(words.split_whitespace()).assert();
+    let run = |words: &str| dermatome(folder.path(), "").args(words.split_whitespace()).assert();
     run(&format!("build {} -o map --quiet", meshes.display())).success();
     // Ids of the shoulder alone.
     fs::write(folder.path().join("r.csv"), table(1001..=1050, 3).replace("pressure[Pa]", "force[N]"))
@@ -300,15 +272,14 @@ fn a_sequence_that_breaks_off_says_how_far_it_came() {
     let folder = sheet();
     // A folder where the file of frame 2 belongs cannot be replaced, as on a disk that is full.
     fs::create_dir_all(folder.path().join("seq/sheet.L0.000002.exr")).unwrap();
-    dermatome(folder.path())
-        .args(["render", "map/map.glb", "r.csv", "-o", "seq", "--level", "0"])
+    dermatome(folder.path(), "render map/map.glb r.csv -o seq --level 0")
         .assert()
         .code(2)
         .stderr(contains("2 frames are written; the next one could not be"));
     for frame in 0..2 {
         let image = format!("seq/sheet.L0.{frame:06}.exr");
         let sample = ["sample", "map/map.glb", &image, "-o", "v.csv", "--quiet"];
-        dermatome(folder.path()).args(sample).assert().success();
+        dermatome(folder.path(), "").args(sample).assert().success();
     }
     let names = fs::read_dir(folder.path().join("seq")).unwrap();
     assert_eq!(names.count(), 3, "two frames and the folder, no temporary file");
@@ -342,15 +313,14 @@ fn a_full_disk_is_an_error_and_a_closed_pipe_is_not() {
 fn frames_that_come_too_fast_are_dropped_and_counted() {
     let folder = sheet();
     let args = ["render", "map/map.glb", "-", "-o", "out.npy", "--level", "0", "--drop", "--json"];
-    let run = dermatome(folder.path()).args(args).write_stdin(table(1..=120, 2000)).assert().success();
+    let run = dermatome(folder.path(), "").args(args).write_stdin(table(1..=120, 2000)).assert().success();
     let report = json(&run.get_output().stdout);
     let [drawn, dropped] = ["frames", "dropped"].map(|key| report[key].as_u64().unwrap());
     assert!(drawn >= 1 && drawn + dropped == 2000, "{drawn} and {dropped}");
     if dropped > 0 {
         run.stderr(contains(format!("{dropped} frames came too fast and were dropped")));
     }
-    dermatome(folder.path())
-        .args(["render", "map/map.glb", "r.csv", "-o", "out.npy", "--level", "0", "--drop"])
+    dermatome(folder.path(), "render map/map.glb r.csv -o out.npy --level 0 --drop")
         .assert()
         .code(2)
         .stderr(contains("--drop is for live streams"));
@@ -372,8 +342,7 @@ fn outputs_that_cannot_be_are_refused_before_work() {
         (&["-o", "x.npz", "--from", "99"], "the readings have 5 frames"),
         (&["-o", "x.npz", "--contacts", "r.csv"], "r.csv"),
     ] {
-        dermatome(folder.path())
-            .args(["render", "map/map.glb", "r.csv"])
+        dermatome(folder.path(), "render map/map.glb r.csv")
             .args(args)
             .assert()
             .code(2)
@@ -381,9 +350,8 @@ fn outputs_that_cannot_be_are_refused_before_work() {
     }
     assert!(!folder.path().join("x.npz").exists());
     assert!(fs::read_to_string(folder.path().join("r.csv")).unwrap().starts_with("time,"), "an input");
-    fs::write(folder.path().join("a.npy"), npy("(1, 120)", &[1.0; 120])).unwrap();
-    dermatome(folder.path())
-        .args(["render", "map/map.glb", "a.npy", "-o", "a.npy", "--level", "0"])
+    fs::write(folder.path().join("a.npy"), npy("<f4", &[1, 120], &1_f32.to_le_bytes().repeat(120))).unwrap();
+    dermatome(folder.path(), "render map/map.glb a.npy -o a.npy --level 0")
         .assert()
         .code(2)
         .stderr(contains("a.npy"));
@@ -394,8 +362,7 @@ fn outputs_that_cannot_be_are_refused_before_work() {
 fn readings_are_conditioned() {
     let folder = sheet();
     let last = |args: &[&str]| {
-        dermatome(folder.path())
-            .args(["render", "map/map.glb", "r.csv", "-o", "c.npy", "--level", "0", "--from", "4", "--quiet"])
+        dermatome(folder.path(), "render map/map.glb r.csv -o c.npy --level 0 --from 4 --quiet")
             .args(args)
             .assert()
             .success();
@@ -408,8 +375,7 @@ fn readings_are_conditioned() {
     let gains: String = (1..=120).fold("id,gain\n".into(), |text, id| text + &format!("{id},0.5\n"));
     fs::write(folder.path().join("g.csv"), gains).unwrap();
     assert_eq!(last(&["--gain", "g.csv"]), 2.0);
-    dermatome(folder.path())
-        .args(["render", "map/map.glb", "r.csv", "-o", "c.npz", "--baseline", "99"])
+    dermatome(folder.path(), "render map/map.glb r.csv -o c.npz --baseline 99")
         .assert()
         .success()
         .stderr(contains("frames, there are no 99"));
@@ -419,13 +385,10 @@ fn readings_are_conditioned() {
 #[test]
 fn contacts_are_written_with_their_place_and_force() {
     let folder = sheet();
-    dermatome(folder.path())
-        .args(["simulate", "--touch", "map/map.glb", "-o", "touch.csv", "--truth", "truth.csv"])
-        .args(["--presses", "2", "--rate-hz", "20", "--sphere-mm", "20", "--noise-kpa", "0.1", "--quiet"])
+    dermatome(folder.path(), "simulate --touch map/map.glb -o touch.csv --truth truth.csv --presses 2 --rate-hz 20 --sphere-mm 20 --noise-kpa 0.1 --quiet")
         .assert()
         .success();
-    let run = dermatome(folder.path())
-        .args(["render", "map/map.glb", "touch.csv", "-o", "t.npz", "--contacts", "c.csv", "--json"])
+    let run = dermatome(folder.path(), "render map/map.glb touch.csv -o t.npz --contacts c.csv --json")
         .assert()
         .success();
     assert_eq!(json(&run.get_output().stdout)["contacts"], 2, "two presses");
@@ -433,18 +396,7 @@ fn contacts_are_written_with_their_place_and_force() {
     assert!(text.starts_with("frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,"));
     assert_eq!(text.matches(",onset,").count(), 2);
     assert_eq!(text.matches(",release,").count(), 2);
-    dermatome(folder.path())
-        .args([
-            "render",
-            "map/map.glb",
-            "touch.csv",
-            "-o",
-            "u.npz",
-            "--contacts",
-            "c.jsonl",
-            "--channel",
-            "heat",
-        ])
+    dermatome(folder.path(), "render map/map.glb touch.csv -o u.npz --contacts c.jsonl --channel heat")
         .assert()
         .code(2)
         .stderr(contains("no channel \"heat\"").and(contains("force")));

@@ -1,14 +1,15 @@
 //! `simulate --touch` as a user runs it.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{fs, path::Path};
 
-use assert_cmd::Command;
 use dermatome::{io::write_skin, mesh::shapes, skin::Skin};
 use predicates::str::contains;
 
 fn simulate(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    let mut command = common::command();
     command.current_dir(folder).args(["simulate", "--touch", "cap.glb"]).args(arguments).assert()
 }
 
@@ -58,7 +59,7 @@ fn bad_numbers_and_other_options_are_refused() {
         simulate(folder.path(), arguments).code(2).stderr(contains(said));
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    let mut command = common::command();
     let alone = command.current_dir(folder.path()).args(["simulate", "-o", "a.g2o", "--presses", "2"]);
     alone.assert().code(2).stderr(contains("--touch"));
 }
@@ -75,7 +76,7 @@ fn two_touches_at_once_are_two_contacts() {
         .success()
         .stderr(contains("6 presses"));
     let run = |arguments: &[&str]| {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+        let mut command = common::command();
         command.current_dir(folder.path()).args(arguments).assert().success();
     };
     run(&["build", "cap.glb", "-o", "cap"]);

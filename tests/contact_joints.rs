@@ -6,6 +6,7 @@
     reason = "a test may stop at the first surprise"
 )]
 
+mod common;
 #[allow(dead_code, reason = "other tests use the rest")]
 mod gltf_files;
 mod triangle_distance;
@@ -176,7 +177,7 @@ fn a_bent_mesh_has_one_link() {
     let names: Vec<_> = map.links.iter().map(|link| link.name.as_str()).collect();
     assert_eq!(names, ["upper", "lower", "tube"]);
     fs::write(folder.path().join("c.csv"), "x,y,z,link\n0.03,0,0.05,tube\n").unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let mut command = common::command();
     command.current_dir(&folder).args(["lookup", "map.glb", "c.csv", "--level", "0"]).assert().success();
 }
 
@@ -288,12 +289,12 @@ fn the_command_poses_the_tube() {
     contacts().iter().for_each(|q| writeln!(table, "{},{},{}", q.x, q.y, q.z).unwrap());
     fs::write(folder.path().join("poses.csv"), poses).unwrap();
     fs::write(folder.path().join("in.csv"), table).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let mut command = common::command();
     command.current_dir(&folder).args(["lookup", "map.glb", "in.csv", "--pose", "poses.csv", "--level", "0"]);
     command.args(["--max-distance", "inf"]);
     assert_distances(&mut command, &blended(&map, &turned(&map, 0.8)));
     // Without poses it lies as the map has it.
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let mut command = common::command();
     command.current_dir(&folder).args([
         "lookup",
         "map.glb",

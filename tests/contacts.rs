@@ -2,12 +2,15 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 #![allow(clippy::print_stdout, reason = "a figure that a reader of the test wants to see")]
 
+mod common;
+
 use std::{
     collections::{BTreeMap, BTreeSet},
     f64::consts::{PI, TAU},
-    path::{Path, PathBuf},
+    path::Path,
 };
 
+use common::data;
 use dermatome::{
     id::VertexId,
     io::{ReadingsLayout, ReadingsReader, RegionWriter, read_draft},
@@ -572,13 +575,7 @@ fn edges_are_exact_for_linear_fields() {
 /// chosen after these recordings were seen.
 #[test]
 fn fingers_on_a_real_cover() {
-    let folder = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from)
-        .join("cyskin");
-    if !folder.is_dir() {
-        eprintln!("skipped: fingers_on_a_real_cover");
-        return;
-    }
+    let Some(folder) = data("cyskin") else { return };
     let draft = read_draft(&folder.join("curved_gesture_patch_isomap.json")).unwrap();
     let skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
     let map = build(&skin, &BuildOptions::default()).unwrap();

@@ -1,13 +1,14 @@
 //! The experiment of the README: its commands give its numbers and its pictures.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{fs, path::Path};
 
-use assert_cmd::Command;
 use serde_json::Value;
 
 fn run(folder: &Path, args: &[&str], input: &[u8]) -> Vec<u8> {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    let mut command = common::command();
     command.current_dir(folder).args(args).write_stdin(input);
     command.assert().success().get_output().stdout.clone()
 }

@@ -1,10 +1,12 @@
 //! Laws of flattening.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
 mod renumbered;
 
-use std::{f64::consts::PI, path::PathBuf};
+use std::f64::consts::PI;
 
+use common::data;
 use dermatome::{
     flatten::{
         Boundary, Distortion, Energy, FlattenError, FlattenOptions, Method, Overlap, distortion, flatten,
@@ -128,12 +130,6 @@ fn fold(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Option<String> {
 
 fn free(options: FlattenOptions) -> FlattenOptions {
     FlattenOptions { overlap: Overlap::Allow, ..options }
-}
-
-fn data(file: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    Some(root.join(file)).filter(|p| p.exists())
 }
 
 /// Largest distance after the rotation and translation that fit best.
@@ -621,13 +617,7 @@ fn every_level_lies_like_the_finest() {
 /// The real cover: numbers from the issue of a good free-boundary map.
 #[test]
 fn the_real_cover_flattens_almost_isometrically() {
-    let Some(path) = data("cyskin/ur10e_link1_patch1_isomap.json") else {
-        #[expect(clippy::print_stdout, reason = "a test without its data says so")]
-        {
-            println!("skipped: the_real_cover_flattens_almost_isometrically");
-        }
-        return;
-    };
+    let Some(path) = data("cyskin/ur10e_link1_patch1_isomap.json") else { return };
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
     let number = |v: &serde_json::Value| v.as_f64().unwrap();
     let positions = json["skin"]["taxels"].as_array().unwrap();

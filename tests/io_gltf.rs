@@ -2,10 +2,12 @@
 //! unseen.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
 mod gltf_files;
 
 use std::{fs, path::Path};
 
+use common::data;
 use dermatome::{
     id::VertexId,
     io::{IoError, read_draft, read_map, write_map, write_pyramids, write_skin},
@@ -1166,13 +1168,7 @@ fn khronos_validator_files_are_judged_alike() {
         ("mesh_data/colors_non_clamped.gltf", "colours are not read"),
         ("mesh_data/joints_weights_complex.gltf", "joints of points are not read"),
     ];
-    let root = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), Into::into)
-        .join("gltf-validator");
-    if !root.is_dir() {
-        eprintln!("skipped: khronos_validator_files_are_judged_alike");
-        return;
-    }
+    let Some(root) = data("gltf-validator") else { return };
     let mut folders = vec![root];
     let mut wrong = Vec::new();
     let (mut loaded, mut refused) = (0, 0);

@@ -2,6 +2,8 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{
     fmt::Write as _,
     fs,
@@ -56,7 +58,7 @@ impl Fixture {
     }
 
     fn lookup(&self, contacts: &Path) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+        let mut command = common::command();
         command.arg("lookup").arg(self.path("map.glb")).arg(contacts);
         command
     }
@@ -713,7 +715,7 @@ fn animations_travel_with_the_skin() {
     let run = fixture.lookup(&contacts).arg("--pose").arg(&poses).assert().code(2);
     let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
     assert!(error.contains("2 links of the map have it"), "{error}");
-    let mut info = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let mut info = common::command();
     let text = output(info.arg("info").arg(fixture.path("map.glb")));
     assert!(text.contains("animation up: 1 to 3 s"), "{text}");
     let mut in_world = Motion::default();
@@ -748,7 +750,7 @@ fn forces_become_readings() {
     for ((time, sum), expected) in frames.iter().zip([(0.0, 2.0), (0.1, 4.0), (0.2, 0.0)]) {
         assert!(*time == expected.0 && (sum - expected.1).abs() < 1e-12, "{frames:?}");
     }
-    let mut render = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let mut render = common::command();
     render.arg("render").arg(fixture.path("map.glb")).arg(&readings).arg("-o").arg(fixture.path("touch.npz"));
     render.assert().success();
     fixture.lookup(&contacts).arg("--readings").arg(fixture.path("touch.txt")).assert().code(2);

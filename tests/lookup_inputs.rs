@@ -3,9 +3,10 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{collections::HashMap, fs, path::PathBuf};
 
-use assert_cmd::Command;
 use dermatome::{
     contact::{ContactError, ContactIndex},
     id::FaceId,
@@ -54,7 +55,7 @@ fn lookup(folder: &TempDir, table: &str, options: &[&str]) -> Run {
     let path = |name: &str| -> PathBuf { folder.path().join(name) };
     fs::write(path("in.csv"), table).unwrap();
     _ = fs::remove_file(path("out.csv"));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let mut command = common::command();
     command.current_dir(folder).args(["lookup", "map.glb", "in.csv", "-o", "out.csv"]).args(options);
     let output = command.timeout(std::time::Duration::from_secs(60)).output().unwrap();
     let text = fs::read(path("out.csv")).unwrap_or_default();

@@ -2,9 +2,10 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{fs, process::Output};
 
-use assert_cmd::Command;
 use dermatome::{io::write_map, map::SkinMap, mesh::shapes};
 use tempfile::TempDir;
 
@@ -20,7 +21,7 @@ fn folder() -> TempDir {
 fn lookup(folder: &TempDir, table: &str, options: &[&str]) -> Output {
     fs::write(folder.path().join("in.csv"), table).unwrap();
     _ = fs::remove_file(folder.path().join("touch.csv"));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dermatome"));
+    let mut command = common::command();
     command.current_dir(folder).args(["lookup", "map.glb", "in.csv", "--level", "0"]).args(options);
     command.output().unwrap()
 }

@@ -1,6 +1,7 @@
 //! Laws of the pictures: they say what was asked for, are sound XML, and stay small.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
 mod maps;
 
 use std::{fs, path::Path};
@@ -431,7 +432,7 @@ fn a_map_of_nothing_is_drawn() {
 }
 
 fn plot(map: &Path) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    let mut command = common::command();
     command.arg("plot").arg(map);
     command
 }

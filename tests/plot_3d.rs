@@ -1,6 +1,7 @@
 //! Laws of pictures of skin in space.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
 mod maps;
 
 use std::path::Path;
@@ -295,7 +296,7 @@ fn uncertainty_has_a_scale_in_millimetres() {
 }
 
 fn plot(file: &Path) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+    let mut command = common::command();
     command.arg("plot").arg(file);
     command
 }

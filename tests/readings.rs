@@ -2,6 +2,8 @@
 //! is refused by name, columns find their taxels, and filters lose nothing.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+mod common;
+
 use std::{
     collections::VecDeque,
     fs,
@@ -10,6 +12,7 @@ use std::{
     sync::{Arc, Mutex},
 };
 
+use common::{data, npy, npy_ordered};
 use dermatome::{
     id::VertexId,
     io::{IoError, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains},
@@ -60,18 +63,6 @@ fn read(name: &str, bytes: &[u8]) -> Result<Recording, IoError> {
 
 fn message<T>(result: Result<T, IoError>) -> String {
     result.err().unwrap().to_string()
-}
-
-/// Bytes of an array.
-fn npy(descriptor: &str, shape: &[usize], elements: &[u8]) -> Vec<u8> {
-    npy_ordered(descriptor, shape, elements, "False")
-}
-
-fn npy_ordered(descriptor: &str, shape: &[usize], elements: &[u8], is_fortran: &str) -> Vec<u8> {
-    let shape: String = shape.iter().map(|n| format!("{n},")).collect();
-    let text = format!("{{'descr': '{descriptor}', 'fortran_order': {is_fortran}, 'shape': ({shape}), }}\n");
-    let length = u16::try_from(text.len()).unwrap();
-    [b"\x93NUMPY\x01\x00", &length.to_le_bytes()[..], text.as_bytes(), elements].concat()
 }
 
 fn doubles(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
@@ -857,13 +848,7 @@ proptest! {
 /// The laboratory's own recordings and the cover that they were made with, if they are here.
 #[test]
 fn real_recordings_are_read_and_joined() {
-    let folder = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from)
-        .join("cyskin");
-    if !folder.is_dir() {
-        eprintln!("skipped: real_recordings_are_read_and_joined");
-        return;
-    }
+    let Some(folder) = data("cyskin") else { return };
     let draft = read_draft(&folder.join("curved_gesture_patch_isomap.json")).unwrap();
     let skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
     let map = build(&skin, &BuildOptions::default()).unwrap();

@@ -2,9 +2,11 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use std::{fs, path::Path};
+mod common;
 
-use assert_cmd::Command;
+use std::fs;
+
+use common::dermatome;
 use dermatome::{
     cut::Cut,
     flatten::{Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid},
@@ -17,12 +19,6 @@ use dermatome::{
 };
 use glam::DVec2;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
-
-fn dermatome(folder: &Path, words: &str) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
-    command.current_dir(folder).args(words.split_whitespace());
-    command
-}
 
 /// A flat sheet whose left half asks for `left` and whose right half for 1.
 fn halves(columns: u32, left: f64) -> (TriMesh, IdVec<VertexId, f64>) {

@@ -1,12 +1,14 @@
 //! Drafts for tests: of shapes, of triangle soups, of real covers.
 
-use std::{collections::BTreeSet, path::PathBuf};
+use std::collections::BTreeSet;
 
 use dermatome::{
     mesh::{Adjacency, TriMesh},
     skin::{AssembleOptions, Assembled, Draft, Patch, Sheet, SkinError, TaxelId},
 };
 use glam::DVec3;
+
+use crate::common::data;
 
 /// Assembled with the default options.
 pub(crate) fn assemble(draft: &Draft) -> Result<Assembled, SkinError> {
@@ -58,14 +60,9 @@ pub(crate) fn soup(name: &str, mesh: &TriMesh) -> Sheet {
     }
 }
 
-/// A real cover; `None`, said aloud, where the trial data are not at hand.
+/// A real cover; `None` without the data from outside the repository.
 pub(crate) fn cover(name: &str) -> Option<Draft> {
-    let folder = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    let Ok(text) = std::fs::read_to_string(folder.join("cyskin").join(name)) else {
-        eprintln!("skipped: {name}");
-        return None;
-    };
+    let text = std::fs::read_to_string(data(&format!("cyskin/{name}"))?).unwrap();
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     let number = |v: &serde_json::Value| v.as_u64().and_then(|n| u32::try_from(n).ok()).unwrap();
     let vector = |v: &serde_json::Value| DVec3::from_array([0, 1, 2].map(|k| v[k].as_f64().unwrap()));

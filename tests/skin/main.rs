@@ -1,6 +1,8 @@
 //! Laws of the module `skin`: what is repaired, what is refused, what is found.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+#[path = "../common/mod.rs"]
+mod common;
 mod drafts;
 mod triangulate;
 

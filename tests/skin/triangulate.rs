@@ -4,7 +4,6 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     f64::consts::{PI, TAU},
-    path::PathBuf,
 };
 
 use dermatome::{
@@ -20,7 +19,10 @@ use dermatome::{
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
 
-use crate::drafts::{assemble, draft_of, kinds, only, topology};
+use crate::{
+    common::data,
+    drafts::{assemble, draft_of, kinds, only, topology},
+};
 
 /// The taxels of a shape alone, numbered from 0.
 fn bare(positions: &[DVec3]) -> Sheet {
@@ -494,16 +496,9 @@ fn modules_round_an_arm_become_a_skin() {
     }
 }
 
-/// A part of the iCub; `None`, said aloud, where the trial data are not at hand.
+/// A part of the iCub; `None` without the data from outside the repository.
 fn icub(part: &str) -> Option<Draft> {
-    let folder = std::env::var_os("DERMATOME_DATA")
-        .map_or_else(|| concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data").into(), PathBuf::from);
-    let path = folder.join("icub").join(part).with_extension("txt");
-    if !path.exists() {
-        eprintln!("skipped: {part}");
-        return None;
-    }
-    Some(io::read_draft(&path).unwrap())
+    Some(io::read_draft(&data(&format!("icub/{part}.txt"))?).unwrap())
 }
 
 /// Normals of modules as the mean of the faces within them, for those that have any.

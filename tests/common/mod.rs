@@ -1,0 +1,64 @@
+//! What many test programs share: the command, data from outside the repository, and small readers
+//! and writers of its files.
+#![allow(
+    dead_code,
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "each test program uses a part of it, says what it skips, and may stop"
+)]
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+};
+
+/// The command without arguments.
+#[cfg(feature = "cli")]
+pub(crate) fn command() -> assert_cmd::Command {
+    assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
+}
+
+/// The command in a folder, with words that a user would type.
+#[cfg(feature = "cli")]
+pub(crate) fn dermatome(folder: impl AsRef<Path>, words: &str) -> assert_cmd::Command {
+    let mut command = command();
+    command.current_dir(folder).args(words.split_whitespace());
+    command
+}
+
+/// What a command printed as JSON.
+pub(crate) fn json(output: &[u8]) -> serde_json::Value {
+    serde_json::from_slice(output).unwrap()
+}
+
+/// A file or folder of the data outside the repository, which lies where the environment variable
+/// `DERMATOME_DATA` says. Without it the caller passes, and the output says what was skipped.
+pub(crate) fn data(name: &str) -> Option<PathBuf> {
+    let path = env::var_os("DERMATOME_DATA").map(|root| Path::new(&root).join(name));
+    let path = path.filter(|path| path.exists());
+    if path.is_none() {
+        println!("skipped: {name} of the data");
+    }
+    path
+}
+
+/// Names in a folder, hidden ones included, in order.
+pub(crate) fn listing(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// A numpy array in C order: its type as numpy writes it (`<f4`), shape and elements.
+pub(crate) fn npy(descriptor: &str, shape: &[usize], elements: &[u8]) -> Vec<u8> {
+    npy_ordered(descriptor, shape, elements, "False")
+}
+
+/// A numpy array in Fortran order if `is_fortran` is Python's `True`.
+pub(crate) fn npy_ordered(descriptor: &str, shape: &[usize], elements: &[u8], is_fortran: &str) -> Vec<u8> {
+    let shape: String = shape.iter().map(|n| format!("{n},")).collect();
+    let text = format!("{{'descr': '{descriptor}', 'fortran_order': {is_fortran}, 'shape': ({shape}), }}\n");
+    let length = u16::try_from(text.len()).unwrap();
+    [b"\x93NUMPY\x01\x00", &length.to_le_bytes()[..], text.as_bytes(), elements].concat()
+}
