@@ -146,12 +146,12 @@ impl<I: Id, T> IdVec<I, T> {
     }
 
     /// The ids, in order.
-    pub fn ids(&self) -> impl DoubleEndedIterator<Item = I> + ExactSizeIterator + use<I, T> {
+    pub fn ids(&self) -> impl DoubleEndedIterator<Item = I> + ExactSizeIterator + Clone + use<I, T> {
         (0..self.raw.len()).map(I::new)
     }
 
     /// Ids and elements, in order.
-    pub fn enumerate(&self) -> impl DoubleEndedIterator<Item = (I, &T)> + ExactSizeIterator {
+    pub fn enumerate(&self) -> impl DoubleEndedIterator<Item = (I, &T)> + ExactSizeIterator + Clone {
         self.raw.iter().enumerate().map(|(i, x)| (I::new(i), x))
     }
 

@@ -6,7 +6,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::id::{FaceId, IdVec, VertexId};
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    numeric::Csr,
+};
 
 /// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what
 /// the exact arithmetic allows.
@@ -45,9 +48,7 @@ pub(crate) struct Span {
 /// The spans of an image, row by row from the top, each row from the left.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Spans {
-    /// Where each row begins in `all`, and where the last one ends.
-    starts: Vec<usize>,
-    all: Vec<Span>,
+    rows: Csr<Span>,
     /// How often a pixel centre lay in a further face.
     pub(super) overlaps: usize,
 }
@@ -55,15 +56,13 @@ pub(super) struct Spans {
 impl Spans {
     /// The spans of a row; none if it lies outside of the image.
     pub(super) fn row(&self, row: u32) -> &[Span] {
-        match self.starts.get(row as usize..) {
-            Some([start, end, ..]) => &self.all[*start..*end],
-            _ => &[],
-        }
+        let row = row as usize;
+        if row < self.rows.len() { &self.rows[row] } else { &[] }
     }
 
     /// Number of pixels that show a face.
     pub(super) fn pixels(&self) -> usize {
-        self.all.iter().map(|span| usize::from(span.length)).sum()
+        self.rows.items().iter().map(|span| usize::from(span.length)).sum()
     }
 }
 
@@ -76,8 +75,8 @@ pub(super) fn rasterize(
     triangles: &IdVec<FaceId, [VertexId; 3]>,
     [width, height]: [usize; 2],
 ) -> Spans {
-    let bands = Bands::new(points, triangles, height);
-    let parts: Vec<Spans> = (0..height.div_ceil(BAND_ROWS))
+    let bands = bands(points, triangles, height);
+    let parts: Vec<Spans> = (0..bands.len())
         .into_par_iter()
         .map(|band| {
             let rows = band * BAND_ROWS..height.min((band + 1) * BAND_ROWS);
@@ -86,81 +85,47 @@ pub(super) fn rasterize(
                 let triangle = Triangle::new(triangles[face].map(|v| points[v]));
                 triangle.map_or(0, |t| t.fill(face, &mut pixels, rows.clone(), width))
             };
-            let overlaps = bands.faces(band).iter().map(fill).sum();
-            runs(&pixels, width, overlaps)
+            let overlaps = bands[band].iter().map(fill).sum();
+            Spans { rows: runs(&pixels, width), overlaps }
         })
         .collect();
-    let count = parts.iter().map(|part| part.all.len()).sum();
-    let mut spans =
-        Spans { starts: Vec::with_capacity(height + 1), all: Vec::with_capacity(count), overlaps: 0 };
+    let count = parts.iter().map(|part| part.rows.items().len()).sum();
+    let mut spans = Spans { rows: Csr::with_capacity(height, count), overlaps: 0 };
     for part in parts {
-        spans.starts.extend(part.starts.iter().map(|start| spans.all.len() + start));
-        spans.all.extend(part.all);
+        spans.rows.append(part.rows);
         spans.overlaps += part.overlaps;
     }
-    spans.starts.push(count);
     spans
 }
 
-/// The spans of whole rows of pixels; `starts` without the end of the last row.
-fn runs(pixels: &[u32], width: usize, overlaps: usize) -> Spans {
-    let mut spans = Spans { overlaps, ..Spans::default() };
+/// The spans of whole rows of pixels.
+fn runs(pixels: &[u32], width: usize) -> Csr<Span> {
+    let mut rows = Csr::default();
     for row in pixels.chunks(width) {
-        spans.starts.push(spans.all.len());
-        let mut column = 0_u16;
-        for run in row.chunk_by(|a, b| a == b) {
-            let length = u16::try_from(run.len()).unwrap_or(u16::MAX);
-            if run[0] != UNCOVERED {
-                spans.all.push(Span { face: run[0].into(), column, length });
-            }
-            column = column.saturating_add(length);
-        }
+        let mut end = 0_u16;
+        rows.push(row.chunk_by(|a, b| a == b).filter_map(|run| {
+            let (column, length) = (end, u16::try_from(run.len()).unwrap_or(u16::MAX));
+            end = end.saturating_add(length);
+            (run[0] != UNCOVERED).then(|| Span { face: run[0].into(), column, length })
+        }));
     }
-    spans
+    rows
 }
 
-/// The faces that may touch each band of rows, in the order of their ids.
-struct Bands {
-    ends: Vec<usize>,
-    faces: Vec<FaceId>,
-}
-
-impl Bands {
-    /// A counting sort: work and memory grow with the faces and the bands each one touches.
-    fn new(
-        points: &IdVec<VertexId, Snapped>,
-        triangles: &IdVec<FaceId, [VertexId; 3]>,
-        height: usize,
-    ) -> Self {
-        let touched = |corners: &[VertexId; 3]| {
-            let rows = rows_of(corners.map(|v| points[v][1]), 0..height);
-            if rows.is_empty() { 0..0 } else { rows.start / BAND_ROWS..(rows.end - 1) / BAND_ROWS + 1 }
-        };
-        let mut ends = vec![0_usize; height.div_ceil(BAND_ROWS)];
-        for corners in triangles {
-            for band in touched(corners) {
-                ends[band] += 1;
-            }
-        }
-        // Counts become starts, and filling moves each start to its end.
-        let mut total = 0;
-        for end in &mut ends {
-            total += std::mem::replace(end, total);
-        }
-        let mut faces = vec![FaceId::default(); total];
-        for (face, corners) in triangles.enumerate() {
-            for band in touched(corners) {
-                faces[ends[band]] = face;
-                ends[band] += 1;
-            }
-        }
-        Self { ends, faces }
-    }
-
-    fn faces(&self, band: usize) -> &[FaceId] {
-        let start = if band == 0 { 0 } else { self.ends[band - 1] };
-        &self.faces[start..self.ends[band]]
-    }
+/// The faces that may touch each band of rows, in the order of their ids. Work and memory grow with the
+/// faces and the bands each one touches.
+fn bands(
+    points: &IdVec<VertexId, Snapped>,
+    triangles: &IdVec<FaceId, [VertexId; 3]>,
+    height: usize,
+) -> Csr<FaceId> {
+    let touched = |corners: &[VertexId; 3]| {
+        let rows = rows_of(corners.map(|v| points[v][1]), 0..height);
+        if rows.is_empty() { 0..0 } else { rows.start / BAND_ROWS..(rows.end - 1) / BAND_ROWS + 1 }
+    };
+    let pairs =
+        triangles.enumerate().flat_map(|(face, corners)| touched(corners).map(move |band| (band, face)));
+    Csr::from_pairs(height.div_ceil(BAND_ROWS), pairs)
 }
 
 /// The rows within `bounds` whose pixel centres lie between the smallest and the largest of `ys`.

@@ -3,12 +3,13 @@
 use crate::{
     id::{IdVec, VertexId},
     image::{
-        tile::{Lists, Tile},
+        tile::Tile,
         weights::{
             runs::{Plane, narrow},
             surface::{Pattern, Surface},
         },
     },
+    numeric::Csr,
     signal::Quantity,
 };
 
@@ -34,7 +35,7 @@ pub(super) struct Layer {
     x: Vec<f64>,
     pattern: Pattern,
     /// Of a pattern of rows: those that each vertex takes part in.
-    rows_of: Lists,
+    rows_of: Csr<u32>,
     planes: Vec<Plane>,
     /// Large faces with one live corner, and those whose pixels follow no plane: all others with dead
     /// corners.
@@ -81,7 +82,7 @@ impl Layer {
             scaled: vec![f64::NAN; tile.values],
             x: vec![f64::NAN; vertices],
             pattern: Pattern::default(),
-            rows_of: Lists::default(),
+            rows_of: Csr::default(),
             planes: Vec::new(),
             single: Vec::new(),
             mixed: Vec::new(),
@@ -171,8 +172,9 @@ impl Layer {
         self.pattern = tile.surface.pattern(tile.interpolation, &live);
         if let Pattern::Rows(rows) = &self.pattern {
             let entries = (0..rows.pixels.len()).zip(0_u32..);
-            let entries = entries.flat_map(|(k, row)| rows.row(k).iter().map(move |&(v, _)| (v, row)));
-            self.rows_of = Lists::new(live.len(), entries);
+            let entries =
+                entries.flat_map(|(k, row)| rows.row(k).iter().map(move |&(v, _)| (v as usize, row)));
+            self.rows_of = Csr::from_pairs(live.len(), entries);
         }
         self.count_sources(tile);
         if matches!(self.pattern, Pattern::Faces) {
@@ -283,7 +285,7 @@ impl Layer {
             match &tile.lift {
                 None => self.vertices.insert(value),
                 Some(lift) => {
-                    lift.reached.of(value as usize).iter().for_each(|&v| self.vertices.insert(v));
+                    lift.reached[value as usize].iter().for_each(|&v| self.vertices.insert(v));
                 }
             }
         }
@@ -291,11 +293,11 @@ impl Layer {
         for &v in &self.vertices.all {
             match &self.pattern {
                 Pattern::Faces => {
-                    tile.around.of(v as usize).iter().for_each(|&face| self.sources.insert(face));
+                    tile.around[v as usize].iter().for_each(|&face| self.sources.insert(face));
                 }
                 Pattern::Cells(_) => self.sources.insert(v),
                 Pattern::Rows(_) => {
-                    self.rows_of.of(v as usize).iter().for_each(|&row| self.sources.insert(row));
+                    self.rows_of[v as usize].iter().for_each(|&row| self.sources.insert(row));
                 }
             }
         }

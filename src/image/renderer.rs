@@ -170,7 +170,8 @@ fn add_gutters(gutter: &[[u32; 2]], tiles: &mut [(PatchId, Tile<'_>)], count: us
         let pixels = |at: u32, length: u16| at as usize..at as usize + usize::from(length);
         runs.iter().for_each(|run| face_of[pixels(run.at, run.length)].fill(run.source));
         let of_tile = gutter.iter().map(|&[to, from]| (face_of[from as usize], [to, from]));
-        let of_tile = of_tile.filter(|(face, _)| *face != u32::MAX).collect();
+        let of_tile = of_tile.filter(|(face, _)| *face != u32::MAX);
+        let of_tile = of_tile.map(|(face, pair)| (face as usize, pair)).collect();
         tile.gutter = Gutter::new(tile.surface.faces.len(), of_tile);
         runs.iter().for_each(|run| face_of[pixels(run.at, run.length)].fill(u32::MAX));
     }

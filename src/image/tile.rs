@@ -3,6 +3,7 @@
 use crate::{
     id::{IdVec, VertexId},
     image::{Interpolation, weights::surface::Surface},
+    numeric::Csr,
     pyramid::{Level, Prolongation},
 };
 
@@ -15,7 +16,7 @@ pub(super) struct Tile<'a> {
     pub(super) values: usize,
     pub(super) lift: Option<Lift<'a>>,
     /// The faces around each vertex of the chart that cover pixels.
-    pub(super) around: Lists,
+    pub(super) around: Csr<u32>,
     pub(super) gutter: Gutter,
     /// Area of a pixel, in m^2.
     pub(super) pixel_area: f64,
@@ -25,9 +26,7 @@ pub(super) struct Tile<'a> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Gutter {
     /// Each pixel and the one it repeats, face by face.
-    pairs: Vec<[u32; 2]>,
-    /// Where those of each face begin; one more entry than faces.
-    starts: Vec<u32>,
+    pairs: Csr<[u32; 2]>,
 }
 
 /// From the values of a level to the vertices of level 0.
@@ -37,58 +36,25 @@ pub(super) struct Lift<'a> {
     /// The vertex that each value belongs to.
     pub(super) origins: &'a IdVec<VertexId, VertexId>,
     /// The vertices that each value reaches.
-    pub(super) reached: Lists,
-}
-
-/// One list of numbers for each of some things.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Lists {
-    starts: Vec<u32>,
-    items: Vec<u32>,
-}
-
-impl Lists {
-    /// From pairs of thing and item.
-    pub(super) fn new(count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
-        let mut starts = vec![0_u32; count + 1];
-        pairs.clone().for_each(|(of, _)| starts[of as usize + 1] += 1);
-        for k in 1..starts.len() {
-            starts[k] += starts[k - 1];
-        }
-        let (mut next, mut items) = (starts.clone(), vec![0; starts.last().map_or(0, |&n| n as usize)]);
-        for (of, item) in pairs {
-            let slot = &mut next[of as usize];
-            items[*slot as usize] = item;
-            *slot += 1;
-        }
-        Self { starts, items }
-    }
-
-    #[inline]
-    pub(super) fn of(&self, thing: usize) -> &[u32] {
-        &self.items[self.starts[thing] as usize..self.starts[thing + 1] as usize]
-    }
+    pub(super) reached: Csr<u32>,
 }
 
 impl Gutter {
     /// From face, pixel and repeated pixel of each.
-    pub(super) fn new(faces: usize, mut all: Vec<(u32, [u32; 2])>) -> Self {
+    pub(super) fn new(faces: usize, mut all: Vec<(usize, [u32; 2])>) -> Self {
         all.sort_unstable();
-        let before = |face: usize| all.partition_point(|(of, _)| (*of as usize) < face);
-        let starts = (0..=faces).map(|face| u32::try_from(before(face)).unwrap_or(u32::MAX)).collect();
-        Self { pairs: all.into_iter().map(|(_, pair)| pair).collect(), starts }
+        Self { pairs: Csr::from_pairs(faces, all.into_iter()) }
     }
 
     /// Repeats all pixels.
     pub(super) fn fill(&self, pixels: &mut [f32]) {
-        self.pairs.iter().for_each(|&[to, from]| pixels[to as usize] = pixels[from as usize]);
+        self.pairs.items().iter().for_each(|&[to, from]| pixels[to as usize] = pixels[from as usize]);
     }
 
     /// Repeats those of one face.
     #[inline]
     pub(super) fn fill_face(&self, face: u32, pixels: &mut [f32]) {
-        let range = self.starts[face as usize] as usize..self.starts[face as usize + 1] as usize;
-        self.pairs[range].iter().for_each(|&[to, from]| pixels[to as usize] = pixels[from as usize]);
+        self.pairs[face as usize].iter().for_each(|&[to, from]| pixels[to as usize] = pixels[from as usize]);
     }
 }
 
@@ -102,14 +68,18 @@ impl<'a> Tile<'a> {
         let vertices = surface.level.level.mesh.positions.len();
         let corners = surface.faces.iter().zip(0_u32..);
         let corners = corners.filter(|(_, k)| !surface.runs.of_source(*k as usize).is_empty());
-        let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.raw(), k)));
-        let around = Lists::new(vertices, corners);
+        let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.index(), k)));
+        let around = Csr::from_pairs(vertices, corners);
         let values = lift.map_or(vertices, |(_, p)| p.coarse_len);
         let lift = lift.map(|(level, prolongation)| {
             let rows = prolongation.indices.ids();
             let rows: Vec<_> =
-                rows.flat_map(|v| prolongation.row(v).map(move |(c, _)| (c.raw(), v.raw()))).collect();
-            Lift { origins: &level.origins, prolongation, reached: Lists::new(values, rows.iter().copied()) }
+                rows.flat_map(|v| prolongation.row(v).map(move |(c, _)| (c.index(), v.raw()))).collect();
+            Lift {
+                origins: &level.origins,
+                prolongation,
+                reached: Csr::from_pairs(values, rows.iter().copied()),
+            }
         });
         Self { interpolation, surface, values, lift, around, gutter: Gutter::default(), pixel_area }
     }

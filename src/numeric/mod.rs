@@ -1,7 +1,8 @@
-//! Small matrices, distributions and sets: independent of meshes and taxels.
+//! Small matrices, distributions, sets and compressed lists: independent of meshes and taxels.
 
 mod chi_square;
 mod covariance;
+mod csr;
 mod disjoint_sets;
 mod matrix6;
 mod morton;
@@ -11,6 +12,7 @@ mod symmetric_eigen;
 
 pub(crate) use chi_square::{chi_square_tail, quantile};
 pub use covariance::Covariance;
+pub(crate) use csr::Csr;
 pub(crate) use disjoint_sets::{DisjointSets, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use morton::{along_curve, morton};

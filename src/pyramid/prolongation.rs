@@ -65,7 +65,7 @@ impl Prolongation {
     }
 
     /// Coarse vertices and weights of the fine vertex `row`, without the unused slots.
-    pub fn row(&self, row: VertexId) -> impl Iterator<Item = (VertexId, f64)> {
+    pub fn row(&self, row: VertexId) -> impl Iterator<Item = (VertexId, f64)> + Clone {
         self.indices[row].into_iter().zip(self.weights[row]).filter(|(_, w)| *w > 0.0)
     }
 

@@ -10,7 +10,7 @@
 //! Small faces have runs of three or four pixels: the work is that of the runs, not of the pixels.
 //! Hence lists of what filling needs alone, and no branch in its loops.
 
-use crate::atlas::Chart;
+use crate::{atlas::Chart, numeric::Csr};
 
 /// Pixels of a block, and pixels that a rest fills at once.
 const BLOCK_LENGTH: u16 = 16;
@@ -79,9 +79,8 @@ pub(in crate::image) struct Runs {
     blocks: Vec<Lanes>,
     /// The rests next to gaps, as positions in `all`.
     ends: Vec<u32>,
-    /// The same runs source by source, and where those of each begin; one more entry than sources.
-    by_source: Vec<Run>,
-    starts: Vec<u32>,
+    /// The same runs source by source.
+    by_source: Csr<Run>,
 }
 
 impl Runs {
@@ -125,24 +124,18 @@ impl Runs {
                 _ => ends.push(u32::try_from(k).unwrap_or(u32::MAX)),
             }
         }
-        let mut starts = vec![0_u32; sources + 1];
-        all.iter().for_each(|run| starts[run.source as usize + 1] += 1);
-        for k in 1..starts.len() {
-            starts[k] += starts[k - 1];
-        }
-        let mut by_source = all.clone();
-        by_source.sort_by_key(|run| run.source);
-        Self { all, rests, blocks, ends, by_source, starts }
+        let by_source = Csr::from_pairs(sources, all.iter().map(|run| (run.source as usize, *run)));
+        Self { all, rests, blocks, ends, by_source }
     }
 
     /// Number of sources.
     pub(in crate::image) fn sources(&self) -> usize {
-        self.starts.len().saturating_sub(1)
+        self.by_source.len()
     }
 
     /// The runs of one source.
     pub(in crate::image) fn of_source(&self, source: usize) -> &[Run] {
-        &self.by_source[self.starts[source] as usize..self.starts[source + 1] as usize]
+        &self.by_source[source]
     }
 
     /// Number of pixels of one source.
