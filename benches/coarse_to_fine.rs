@@ -29,7 +29,7 @@ use std::{
 };
 
 use dermatome::{
-    contact::{ContactIndex, Cursor, Hit, IndexOptions, MapIndex, Query, Reactive},
+    contact::{ContactIndex, Hit, IndexOptions, MapIndex, Query, Reactive},
     id::VertexId,
     io::read_draft,
     map::{PatchMap, SkinMap},
@@ -228,9 +228,9 @@ fn measure(name: &str, faces: usize, peers: Option<&Path>, curves: &mut BTreeMap
     }
     measure_exact(&map, &plain, &contacts, &exact, &along);
     println!(
-        "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm | reactive and refined ns (and level 0) | certified |"
+        "| level | faces | reactive ns | times faster | bound mm: median, 99 %, largest | error mm: median, 99 %, largest | bound within 2, 5, 10 mm |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|");
     let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap();
     for level in (1..levels).map(LevelId::new) {
         let count = |p: &PatchMap| p.levels.get(level).map_or(0, |l| l.level.mesh.triangles.len());
@@ -254,8 +254,7 @@ fn measure_exact(map: &SkinMap, index: &ContactIndex, contacts: &[Query], exact:
             &mut |&q| index.cells(&hit(q)).for_each(|cell| _ = black_box(&cell)),
         ],
     );
-    let mut cursor = Cursor::default();
-    let along = time(near, |&q| _ = black_box(index.locate_along(&mut cursor, q).unwrap()));
+    let along = time(near, |&q| _ = black_box(hit(q)));
     let batch = time(&[()], |()| _ = black_box(index.locate_all(contacts).unwrap())) / CONTACTS as f64;
     let back = MapIndex::new(map).unwrap();
     let on_map: Vec<_> =
@@ -283,15 +282,6 @@ fn measure_level(index: &ContactIndex, level: LevelId, contacts: &[Query], exact
     let answers: Vec<Reactive> = contacts.iter().map(|&q| index.reactive(q, level).unwrap()).collect();
     let locate = time(contacts, |&q| _ = black_box(index.locate(q).unwrap()));
     let reactive = time(contacts, |&q| _ = black_box(index.reactive(q, level).unwrap()));
-    let first = |q: &Query| index.reactive(*q, level).unwrap();
-    let [refine, plain] = time_in_turn(
-        contacts,
-        [&mut |q| _ = black_box(index.refine(*q, &first(q)).unwrap()), &mut |q| {
-            _ = black_box((first(q), index.locate(*q).unwrap()))
-        }],
-    );
-    let is_certified = |(q, answer): &(&Query, &Reactive)| index.refine(**q, answer).unwrap().is_certified;
-    let certified = contacts.iter().zip(&answers).filter(is_certified).count();
     let bounds: Vec<f64> = answers.iter().map(|answer| answer.error).collect();
     let errors = answers.iter().zip(exact).map(|(a, b)| (a.distance.abs() - b.distance.abs()).abs());
     let errors: Vec<f64> = errors.collect();
@@ -300,7 +290,7 @@ fn measure_level(index: &ContactIndex, level: LevelId, contacts: &[Query], exact
     let suffices = [0.002, 0.005, 0.01].map(|mm| percent(bounds.iter().filter(|b| **b <= mm).count()));
     let (bound, error) = (spread(bounds), spread(errors));
     println!(
-        "| {reactive:.0} | {:.1} | {:.3}, {:.3}, {:.3} | {:.3}, {:.3}, {:.3} | {:.0} %, {:.0} %, {:.0} % | {refine:.0} ({plain:.0}) | {:.0} % |",
+        "| {reactive:.0} | {:.1} | {:.3}, {:.3}, {:.3} | {:.3}, {:.3}, {:.3} | {:.0} %, {:.0} %, {:.0} % |",
         locate / reactive,
         bound[0],
         bound[1],
@@ -311,7 +301,6 @@ fn measure_level(index: &ContactIndex, level: LevelId, contacts: &[Query], exact
         suffices[0],
         suffices[1],
         suffices[2],
-        percent(certified),
     );
     [reactive, error[1]]
 }

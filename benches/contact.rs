@@ -8,11 +8,11 @@ use std::{hint::black_box, time::Duration};
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    contact::{ContactIndex, Cursor, Query},
+    contact::{ContactIndex, Query},
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
-    skin::{Link, LinkId, PatchId},
+    skin::{Link, LinkId, Motion, MotionFrame, PatchId},
 };
 use glam::{DAffine3, DVec2, DVec3};
 use numbers::numbers;
@@ -83,8 +83,7 @@ fn contacts(c: &mut Criterion) {
         let path = path(CONTACTS);
         group.bench_function("path", |b| {
             let mut next = path.iter().cycle();
-            let mut cursor = Cursor::default();
-            b.iter(|| index.locate_along(&mut cursor, black_box(*next.next().unwrap())).unwrap());
+            b.iter(|| index.locate(black_box(next.next().unwrap().point)).unwrap());
         });
         let hits = index.locate_all(&path).unwrap();
         group.bench_function("map positions", |b| {
@@ -107,10 +106,13 @@ fn contacts(c: &mut Criterion) {
                 );
             });
             let (mut index, mut turn) = (bending(map), 0.0);
+            let mut motion = Motion::default();
+            let key = |k: u32| (f64::from(k), DAffine3::from_rotation_x(f64::from(k)));
+            motion.set(LinkId::new(1), MotionFrame::World, &(0..1000).map(key).collect::<Vec<_>>()).unwrap();
             group.bench_function("bend", |b| {
                 b.iter(|| {
                     turn += 0.01;
-                    index.move_links(&[(LinkId::new(1), DAffine3::from_rotation_x(turn))]).unwrap();
+                    index.set_motion(&motion, turn).unwrap();
                 });
             });
         }

@@ -1,5 +1,5 @@
 //! A robot swings its arm past a ball: in every frame the links are posed, the coarsest level answers
-//! first, with its error, and only when the ball may touch is the answer refined. What touches
+//! first, with its error, and only when the ball may touch the skin is searched exactly. What touches
 //! becomes forces on taxels, and the touched cells light up on the map.
 //!
 //! ```sh
@@ -10,7 +10,7 @@
 use std::path::Path;
 
 use dermatome::{
-    contact::{Area, ContactIndex, IndexOptions, Press, Spreader},
+    contact::{ContactIndex, IndexOptions, Press, Spreader},
     io::read_draft,
     pipeline,
     plot::{ChannelView, PlotOptions, Viewpoint, plot_frame},
@@ -31,8 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let draft = read_draft(Path::new("meshes/robot.glb"))?;
     let skin = assemble(&draft, &AssembleOptions::default())?.skin;
     let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
-    let mut index =
-        ContactIndex::with(&map, &IndexOptions { levels: true, fields: true, ..IndexOptions::default() })?;
+    let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true })?;
 
     // The forearm turns about its elbow and passes its pose in the file after half a second.
     let forearm = map.links.enumerate().find(|(_, link)| link.name == "forearm");
@@ -55,7 +54,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let coarsest = LevelId::new(map.patches.iter().map(|p| p.levels.len()).max().unwrap_or(1) - 1);
     let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
     let channels = [Channel::new("force", "N")];
-    let (mut asked, mut refined, mut strongest) = (0, 0, (0.0, spreader.frame(0.0)));
+    let (mut asked, mut located, mut strongest) = (0, 0, (0.0, spreader.frame(0.0)));
     for k in 0..=FRAMES {
         let time = f64::from(k) / f64::from(FRAMES);
         index.set_motion(&motion, time)?;
@@ -64,17 +63,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         if first.distance - first.error > RADIUS {
             continue;
         }
-        refined += 1;
-        let hit = index.refine(ball, &first)?.hit;
+        located += 1;
+        let hit = index.locate(ball)?;
         let depth = RADIUS - hit.distance;
         if depth <= 0.0 {
             continue;
         }
-        let press = Press {
-            area: Area::Sphere { centre: ball, radius: RADIUS },
-            link: None,
-            force: STIFFNESS * depth,
-        };
+        let press = Press { at: ball.into(), radius: RADIUS, force: STIFFNESS * depth };
         let mut frame = spreader.frame(time);
         spreader.add(&index, &press, &mut frame)?;
         let cell = index.cell(&hit, LevelId::new(0)).ok_or("level 0 has a cell")?;
@@ -96,7 +91,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             strongest = (press.force, frame);
         }
     }
-    println!("{asked} frames, {refined} refined; the strongest press is {:.2} N", strongest.0);
+    println!("{asked} frames, {located} refined; the strongest press is {:.2} N", strongest.0);
 
     let mut restrictor = Restrictor::new(&map, &channels);
     let view =

@@ -4,21 +4,19 @@
 mod triangle_distance;
 
 use dermatome::{
-    contact::{
-        Area, ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Packing, Press, Query, Spreader,
-    },
+    contact::{ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Press, Query, Spreader},
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Link, LinkId, Patch, PatchId, Skin},
+    skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 use triangle_distance::distance_to_triangle;
 
-const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true, packing: Packing::Fast };
+const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true };
 
 /// Three links in a chain, and a patch on each of the last two.
 fn robot() -> SkinMap {
@@ -37,9 +35,18 @@ fn mesh(map: &SkinMap, patch: usize) -> &TriMesh {
     &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh
 }
 
-/// The poses of all links, to be moved to.
-fn moves(poses: &IdVec<LinkId, DAffine3>) -> Vec<(LinkId, DAffine3)> {
-    poses.enumerate().map(|(link, pose)| (link, *pose)).collect()
+/// A motion that has links at these poses in the world, at any time.
+fn posed(poses: impl IntoIterator<Item = (LinkId, DAffine3)>) -> Motion {
+    let mut motion = Motion::default();
+    for (link, pose) in poses {
+        motion.set(link, MotionFrame::World, &[(0.0, pose)]).unwrap();
+    }
+    motion
+}
+
+/// The same for all links.
+fn moves(poses: &IdVec<LinkId, DAffine3>) -> Motion {
+    posed(poses.enumerate().map(|(link, pose)| (link, *pose)))
 }
 
 type Joints = IdVec<VertexId, [(LinkId, f64); 4]>;
@@ -86,10 +93,10 @@ proptest! {
             [0, 1, 2, 1].map(LinkId::new).iter().zip(row).map(|(j, w)| (*j, w / sum)).collect::<Vec<_>>().try_into().unwrap()
         }).collect();
         map.patches[PatchId::new(0)].taxels.joints = Some(joints.clone());
-        let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true, ..Default::default() }).unwrap();
+        let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true }).unwrap();
         let rest = index.poses();
         let posed: IdVec<LinkId, DAffine3> = poses.to_vec().into();
-        index.move_links(&moves(&posed)).unwrap();
+        index.set_motion(&moves(&posed), 0.0).unwrap();
         let positions = blended(&map, &joints, [&rest, &posed]);
         let soft = TriMesh { positions, triangles: mesh(&map, 0).triangles.clone() };
         let rigid = TriMesh {
@@ -133,7 +140,7 @@ proptest! {
                 prop_assert!(normal.dot((b - a).cross(c - a).normalize_or(normal)) > 1.0 - 1e-9);
             }
         }
-        index.move_links(&moves(&rest)).unwrap();
+        index.set_motion(&moves(&rest), 0.0).unwrap();
         let back = index.locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
         let new = ContactIndex::new(&map).unwrap().locate(DVec3::new(0.05, 0.0, 0.1)).unwrap();
         prop_assert!((back.distance - new.distance).abs() < 1e-12, "moved back");
@@ -153,7 +160,7 @@ fn one_joint_is_a_rigid_pose() {
     let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
     let rest = index.poses();
     let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_y(1.0), DVec3::new(0.3, -0.2, 1.0));
-    index.move_links(&[(other, turned * rest[other])]).unwrap();
+    index.set_motion(&posed([(other, turned * rest[other])]), 0.0).unwrap();
     let world = rest[LinkId::new(1)].transform_point3(contact);
     // The link of the patch has not moved: it sees the contact elsewhere.
     let seen = rest[LinkId::new(1)].inverse().transform_point3(turned.transform_point3(world));
@@ -176,13 +183,13 @@ fn one_joint_is_a_rigid_pose() {
     let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
     let felt = |index: &ContactIndex, centre: DVec3| {
         let mut frame = spreader.frame(0.0);
-        let area = Area::Sphere { centre, radius: 0.02 };
-        assert!(spreader.add(index, &Press { area, link: None, force: 1.0 }, &mut frame).unwrap());
+        let press = Press { at: centre.into(), radius: 0.02, force: 1.0 };
+        assert!(spreader.add(index, &press, &mut frame).unwrap());
         frame.values[PatchId::new(0)][0].to_vec()
     };
     let ball = rest[LinkId::new(1)].transform_point3(DVec3::new(0.01, 0.02, -0.112));
     let pressed = felt(&index, turned.transform_point3(ball));
-    index.move_links(&moves(&rest)).unwrap();
+    index.set_motion(&moves(&rest), 0.0).unwrap();
     for (moved, still) in pressed.iter().zip(felt(&index, ball)) {
         assert!((moved - still).abs() < 1e-9, "{moved} instead of {still}");
     }
@@ -197,8 +204,8 @@ fn posing_a_blended_patch_allocates_nothing() {
     let poses = moves(&index.poses());
     let moved = moves(&index.poses().map(|pose| DAffine3::from_rotation_z(0.3) * *pose));
     let mut frame = || {
-        index.move_links(&moved).unwrap();
-        index.move_links(&poses).unwrap();
+        index.set_motion(&moved, 0.0).unwrap();
+        index.set_motion(&poses, 0.0).unwrap();
         assert!(index.locate(DVec3::ZERO).unwrap().distance.is_finite());
     };
     frame();
@@ -215,12 +222,12 @@ fn a_patch_torn_too_far_moves_nothing() {
     let (before, at) = (index.poses(), DVec3::new(0.02, 0.03, 0.2));
     let hit = index.locate(at).unwrap();
     let far = |x: f64| DAffine3::from_translation(DVec3::X * x);
-    let torn = index.move_links(&[(LinkId::new(1), far(-9e11)), (LinkId::new(2), far(9e11))]);
+    let torn = index.set_motion(&posed([(LinkId::new(1), far(-9e11)), (LinkId::new(2), far(9e11))]), 0.0);
     let name = map.patches[PatchId::new(0)].name.clone();
     assert!(matches!(&torn, Err(ContactError::TooLarge { patch, .. }) if *patch == name), "{torn:?}");
     assert_eq!((index.poses(), index.locate(at).unwrap()), (before, hit));
     let moved = index.poses().map(|pose| far(0.1) * *pose);
-    index.move_links(&moves(&moved)).unwrap();
+    index.set_motion(&moves(&moved), 0.0).unwrap();
     assert!((index.locate(at + DVec3::X * 0.1).unwrap().distance - hit.distance).abs() < 1e-12);
 }
 
@@ -252,5 +259,8 @@ fn wrong_joints_are_named() {
     map.patches[patch].taxels.joints = Some(good);
     let mut index = ContactIndex::new(&map).unwrap();
     let far = DAffine3::from_translation(DVec3::splat(1e11));
-    assert!(index.move_links(&[(LinkId::new(0), far)]).is_ok(), "what moves as a whole stays together");
+    assert!(
+        index.set_motion(&posed([(LinkId::new(0), far)]), 0.0).is_ok(),
+        "what moves as a whole stays together"
+    );
 }

@@ -22,7 +22,7 @@ use dermatome::{
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{AssembleOptions, Joints, LinkId, PatchId, Skin, assemble},
+    skin::{AssembleOptions, Joints, LinkId, Motion, MotionFrame, PatchId, Skin, assemble},
 };
 use glam::{DAffine3, DQuat, DVec3};
 use gltf_files::{Glb, f32s, u16s};
@@ -255,7 +255,11 @@ fn contacts_on_the_bent_tube_are_those_of_the_blended_mesh() {
     let mut index = ContactIndex::new(&map).unwrap();
     for angle in [0.0, 0.4, 1.2] {
         let poses = turned(&map, angle);
-        index.move_links(&poses.enumerate().map(|(link, pose)| (link, *pose)).collect::<Vec<_>>()).unwrap();
+        let mut motion = Motion::default();
+        for (link, pose) in poses.enumerate() {
+            motion.set(link, MotionFrame::World, &[(0.0, *pose)]).unwrap();
+        }
+        index.set_motion(&motion, 0.0).unwrap();
         let mesh = blended(&map, &poses);
         for q in contacts() {
             let hit = index.locate(Query::from(q)).unwrap();

@@ -1,14 +1,11 @@
-//! Laws of the other questions: fields near a contact, rays, filters, the way back from the map, and
-//! forces spread over taxels, for links in any pose.
+//! Laws of the other questions: fields near a contact, rays, the way back from the map, and forces spread
+//! over taxels, for links in any pose.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::sync::LazyLock;
 
 use dermatome::{
-    contact::{
-        Area, ContactError, ContactIndex, Filter, IndexOptions, MapIndex, MapPlace, Packing, Press, Query,
-        Side, Spreader,
-    },
+    contact::{ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Press, Query, Spreader},
     cut::Cut,
     id::VertexId,
     map::SkinMap,
@@ -20,7 +17,7 @@ use dermatome::{
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};
 
-const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true, packing: Packing::Fast };
+const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true };
 
 fn skin() -> Skin {
     let mut skin = Skin::default();
@@ -57,6 +54,15 @@ fn atlas() -> SkinMap {
     build(&skin, &BuildOptions { cut: Cut::AreaRatio(1.1), ..BuildOptions::default() }).unwrap()
 }
 
+/// A motion that has links at these poses in the world, at any time.
+fn posed(poses: impl IntoIterator<Item = (LinkId, DAffine3)>) -> Motion {
+    let mut motion = Motion::default();
+    for (link, pose) in poses {
+        motion.set(link, MotionFrame::World, &[(0.0, pose)]).unwrap();
+    }
+    motion
+}
+
 fn any_pose() -> impl Strategy<Value = DAffine3> {
     (prop::array::uniform3(-1.0_f64..1.0), prop::array::uniform3(-0.2_f64..0.2)).prop_map(|(axis, place)| {
         DAffine3::from_rotation_translation(DQuat::from_scaled_axis(DVec3::from(axis) * 3.0), place.into())
@@ -86,7 +92,7 @@ proptest! {
     ) {
         let map = robot();
         let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
-        index.move_links(&[0, 1, 2].map(|k| (LinkId::new(k), poses[k]))).unwrap();
+        index.set_motion(&posed([0, 1, 2].map(|k| (LinkId::new(k), poses[k]))), 0.0).unwrap();
         let (at, link, level) = (DVec3::from(at), link.map(LinkId::new), LevelId::new(level));
         let mut all = Vec::new();
         for (id, patch) in map.patches.enumerate() {
@@ -109,14 +115,9 @@ proptest! {
             prop_assert_eq!((cell.field, cell.level, cell.taxel), (hit.field, level, hit.taxel));
             prop_assert_eq!(cell.uv, map.patches[hit.patch].levels[level].uv[hit.field]);
         }
-        let capsule = Area::Capsule { ends: [at, at], radius };
-        let within = index.fields_within(&Area::Sphere { centre: at, radius }, link, level).unwrap();
+        let within = index.fields_within(query, radius, level).unwrap();
         prop_assert_eq!(within.len(), all.iter().filter(|(d, ..)| *d <= radius).count());
-        prop_assert_eq!(index.fields_within(&capsule, link, level).unwrap().len(), within.len());
-        let cube = Area::Box { centre: at, rotation: DQuat::IDENTITY, half: DVec3::splat(radius) };
-        let inside = index.fields_within(&cube, link, level).unwrap();
-        prop_assert!(within.iter().all(|hit| inside.iter().any(|other| (other.patch, other.field) == (hit.patch, hit.field))));
-        prop_assert!(inside.iter().all(|hit| (hit.position - at).abs().max_element() <= radius + 1e-12));
+        prop_assert!(within.iter().all(|hit| hit.distance <= radius && hit.position.distance(at) <= radius + 1e-12));
     }
 
     /// What a ray meets is on the ray and on the skin, and the skin is not met before.
@@ -129,7 +130,7 @@ proptest! {
     ) {
         let map = robot();
         let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
-        index.move_links(&[0, 1, 2].map(|k| (LinkId::new(k), poses[k]))).unwrap();
+        index.set_motion(&posed([0, 1, 2].map(|k| (LinkId::new(k), poses[k]))), 0.0).unwrap();
         let mesh = &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh;
         let face = mesh.triangles.ids().nth(vertex.index(mesh.triangles.len())).unwrap();
         let target = poses[patch].transform_point3(mesh.corners(face).into_iter().sum::<DVec3>() / 3.0);
@@ -204,7 +205,7 @@ proptest! {
         radius in 0.001_f64..0.03,
         force in 0.01_f64..20.0,
         dead in prop::collection::vec(any::<prop::sample::Index>(), 0..300),
-        kind in 0_usize..4,
+        is_point in prop::bool::ANY,
     ) {
         let mut map = robot();
         let id = PatchId::new(0);
@@ -215,21 +216,16 @@ proptest! {
         }
         let index = ContactIndex::with(&map, &FIELDS).unwrap();
         let centre = mesh.positions[VertexId::new(at.index(taxels))] + DVec3::from(offset);
-        let area = match kind {
-            0 => Area::Point(centre),
-            1 => Area::Sphere { centre, radius },
-            2 => Area::Box { centre, rotation: DQuat::from_rotation_x(radius), half: DVec3::splat(radius) },
-            _ => Area::Capsule { ends: [centre, centre + DVec3::X * radius], radius },
-        };
+        let radius = if is_point { 0.0 } else { radius };
         let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
         let mut frame = spreader.frame(1.5);
-        let touched = spreader.add(&index, &Press { area, link: Some(LinkId::new(0)), force }, &mut frame).unwrap();
+        let touched = spreader.add(&index, &Press { at: Query::on_link(LinkId::new(0), centre), radius, force }, &mut frame).unwrap();
         let live = |v: &&f64| !v.is_nan();
         let felt = frame.values[id][0].iter().filter(live);
         let sums: [f64; 2] = [felt.clone().sum(), felt.rev().sum()];
         prop_assert_eq!(sums, [if touched { force } else { 0.0 }; 2], "to the last bit, in any order");
         prop_assert!(frame.values[id][0].iter().filter(live).all(|f| *f >= -1e-15));
-        prop_assert!(touched || kind != 0, "a point 1 cm off touches");
+        prop_assert!(touched || !is_point, "a point 1 cm off touches");
     }
 }
 
@@ -254,27 +250,6 @@ fn normals_on_a_seam_are_those_of_the_skin() {
     }
 }
 
-/// Any question asked of many contacts at once is answered as one by one, in the caller's order, with any
-/// number of threads.
-#[test]
-fn batches_of_any_question_are_those_of_single_queries() {
-    let index = ContactIndex::with(&robot(), &IndexOptions { levels: true, ..FIELDS }).unwrap();
-    let at = |k: u32| DVec3::new((0.7 * f64::from(k)).sin(), (1.3 * f64::from(k)).sin(), 0.4) * 0.3;
-    let queries: Vec<Query> = (0..3000).map(|k| Query::from(at(k))).collect();
-    let level = LevelId::new(1);
-    let answer = |query: &Query| {
-        let fields = index.nearest_fields(*query, 3, level).unwrap();
-        let ray = index.first_hit(*query, -query.point, f64::INFINITY).unwrap();
-        (fields, ray, index.reactive(*query, level).unwrap())
-    };
-    let single: Vec<_> = queries.iter().map(answer).collect();
-    assert_eq!(index.answer_all(&queries, answer).unwrap(), single);
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert_eq!(one.install(|| index.answer_all(&queries, answer)).unwrap(), single);
-    let unknown = Query::on_link(LinkId::new(9), DVec3::ZERO);
-    assert!(index.answer_all(&[queries[0], unknown], |_| ()).is_err());
-}
-
 /// A ball of 10 mm pressed in by 2 mm: taxels share its force as the volumes that it takes of the skin
 /// under them, nothing beyond its contact.
 #[test]
@@ -285,8 +260,8 @@ fn a_ball_presses_the_taxels_under_it() {
     let mut frame = spreader.frame(0.0);
     let positions = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh.positions;
     let middle = positions.iter().copied().sum::<DVec3>() / positions.len() as f64;
-    let ball = Area::Sphere { centre: middle + DVec3::Z * 0.008, radius: 0.01 };
-    let press = Press { area: ball, link: None, force: 2.0 };
+    let ball = |height: f64| Press { at: (middle + DVec3::Z * height).into(), radius: 0.01, force: 2.0 };
+    let press = ball(0.008);
     assert!(spreader.add(&index, &press, &mut frame).unwrap());
     let forces = &frame.values[PatchId::new(0)][0];
     for (v, &force) in forces.enumerate() {
@@ -295,7 +270,7 @@ fn a_ball_presses_the_taxels_under_it() {
         assert_eq!(force > 0.0, away < 0.0079999, "{force} N at {away} m");
     }
     let add = |spreader: &Spreader<'_>, force: f64| {
-        let press = Press { area: Area::Point(middle), link: None, force };
+        let press = Press { at: middle.into(), radius: 0.0, force };
         spreader.add(&index, &press, &mut spreader.frame(0.0))
     };
     assert_eq!(add(&spreader, 2.0), Ok(true));
@@ -308,9 +283,11 @@ fn a_ball_presses_the_taxels_under_it() {
     for force in [f64::NAN, f64::INFINITY] {
         assert!(matches!(add(&spreader, force), Err(ContactError::NoForce { .. })));
     }
-    let hovering = Area::Sphere { centre: middle + DVec3::Z * 0.02, radius: 0.01 };
-    let press = Press { area: hovering, link: None, force: 2.0 };
-    assert!(!spreader.add(&index, &press, &mut frame).unwrap(), "10 mm above the skin");
+    for height in [0.02, 0.0101] {
+        let before = frame.clone();
+        assert!(!spreader.add(&index, &ball(height), &mut frame).unwrap(), "{height} m above the skin");
+        assert_eq!(frame, before, "it presses nothing");
+    }
 }
 
 /// Off the map the nearest place is answered, and where sheets overlap each of them.
@@ -338,38 +315,6 @@ fn places_off_the_map_and_on_two_sheets() {
     assert_eq!(frame.pixel(frame.centre([3, 5])), [3, 5]);
 }
 
-#[test]
-fn filters_leave_out_what_a_contact_cannot_have_touched() {
-    let map = SkinMap::flat(shapes::lattice(10, 10, 0.01), 1e-3);
-    let index = ContactIndex::new(&map).unwrap();
-    let above = DVec3::new(0.04, 0.04, 0.01);
-    let ask = |filter: Filter| index.locate_admitted(above, &filter).unwrap();
-    assert_eq!(ask(Filter::default()), Some(index.locate(above).unwrap()));
-    assert!(ask(Filter { within: 0.009, ..Filter::default() }).is_none());
-    assert!(ask(Filter { side: Some(Side::Outer), ..Filter::default() }).is_some());
-    assert!(ask(Filter { side: Some(Side::Inner), ..Filter::default() }).is_none());
-    assert!(ask(Filter { facing: Some((DVec3::Z * 3.0, 0.9)), ..Filter::default() }).is_some());
-    assert!(ask(Filter { facing: Some((DVec3::X, 0.9)), ..Filter::default() }).is_none());
-    for distance in [-1.0, f64::NAN] {
-        let refused = index.locate_admitted(above, &Filter { within: distance, ..Filter::default() });
-        assert!(matches!(refused, Err(ContactError::NoDistance { .. })), "{refused:?}");
-    }
-    for (direction, cosine, is_good) in [
-        (DVec3::Z * 1e200, 0.9, true),
-        (DVec3::Z * 1e-200, 0.9, true),
-        (DVec3::ZERO, 0.9, false),
-        (DVec3::INFINITY, 0.9, false),
-        (DVec3::Z, f64::NAN, false),
-    ] {
-        let filter = Filter { facing: Some((direction, cosine)), ..Filter::default() };
-        let found = index.locate_admitted(above, &filter);
-        match found {
-            Ok(found) => assert!(is_good && found == ask(Filter::default()), "{direction} {cosine}"),
-            Err(error) => assert!(!is_good && matches!(error, ContactError::NoFacing { .. }), "{error}"),
-        }
-    }
-}
-
 /// Taxels that belong to no face, beside a patch that is nearer than their own patch's faces.
 #[test]
 fn taxels_without_a_face_are_found() {
@@ -386,9 +331,8 @@ fn taxels_without_a_face_are_found() {
     map.patches.push(near);
     let index = ContactIndex::with(&map, &FIELDS).unwrap();
     let (at, level) = (DVec3::new(1.0, 0.0, 0.01), LevelId::new(0));
-    let area = Area::Sphere { centre: at, radius: 0.02 };
     for link in [None, Some(LinkId::new(0))] {
-        let found = index.fields_within(&area, link, level).unwrap();
+        let found = index.fields_within(Query { point: at, link }, 0.02, level).unwrap();
         assert_eq!(found.iter().map(|hit| hit.field).collect::<Vec<_>>(), [loose], "{link:?}");
         let nearest = index.nearest_fields(Query { point: at, link }, 1, level).unwrap();
         assert_eq!(nearest, found);
@@ -428,13 +372,14 @@ fn levels_beside_their_skin_are_searched() {
 fn what_an_index_was_made_without_is_named() {
     let map = robot();
     let index = ContactIndex::new(&map).unwrap();
-    let sphere = |radius| Area::Sphere { centre: DVec3::ZERO, radius };
     let level = LevelId::new(0);
     let without = Err(ContactError::NotIndexed { what: "fields" });
     assert_eq!(index.nearest_fields(DVec3::ZERO, 3, level), without);
-    assert_eq!(index.fields_within(&sphere(1.0), None, level), without);
-    assert_eq!(index.fields_within(&sphere(-1.0), None, level), Err(ContactError::NoVolume));
-    assert_eq!(index.fields_within(&sphere(f64::NAN), None, level), Err(ContactError::NoVolume));
+    assert_eq!(index.fields_within(DVec3::ZERO, 1.0, level), without);
+    for radius in [-1.0, f64::NAN] {
+        let refused = index.fields_within(DVec3::ZERO, radius, level);
+        assert!(matches!(refused, Err(ContactError::NoDistance { .. })), "{refused:?}");
+    }
 }
 
 /// A hand follows its arm, from the pose that it has in the map.

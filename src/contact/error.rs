@@ -53,23 +53,12 @@ pub enum ContactError {
         /// Name of the link.
         name: String,
     },
-    /// A link to be moved that the map does not have.
-    #[error("there is no link {link} to move; the map has {links}")]
-    NoLink {
-        /// The link.
-        link: LinkId,
-        /// Number of links.
-        links: usize,
-    },
     /// A query that needs what the index was made without.
     #[error("the index was made without {what}; `IndexOptions` adds them")]
     NotIndexed {
         /// `levels` or `fields`.
         what: &'static str,
     },
-    /// A volume whose numbers are not finite, or negative where they must not be.
-    #[error("a volume needs finite numbers, a radius and sides of at least 0 and a unit rotation")]
-    NoVolume,
     /// A distance or a radius that is negative or not a number.
     #[error("a distance or radius is a length of at least 0, not {distance}")]
     NoDistance {
@@ -84,16 +73,6 @@ pub enum ContactError {
     NoForce {
         /// What was given, in N.
         force: f64,
-    },
-    /// A filter whose direction has no length or whose cosine is not a number.
-    #[error(
-        "normals cannot be compared with {direction:?} and a cosine of {cosine}: a direction with a length and a number are needed"
-    )]
-    NoFacing {
-        /// What was given.
-        direction: [f64; 3],
-        /// What was given.
-        cosine: f64,
     },
     /// A patch or a level that the map does not have.
     #[error("the map has no level {level} of patch {patch}")]

@@ -4,12 +4,13 @@ use glam::{DAffine3, DVec3};
 
 use crate::{
     contact::{
-        Cell, ContactError, Cursor, Hit, MapPosition, Query,
+        Cell, ContactError, Hit, MapPosition, Query,
         cell::Anchor,
         geometry::{RigidPose, pseudo_normal},
         patch::IndexedPatch,
         positions::OnAllLevels,
-        search::{Best, LARGEST, Packing, PatchBvh, PosedBoxes, Search, Start},
+        query::Cursor,
+        search::{Best, LARGEST, PatchBvh, PosedBoxes, Search, Start},
     },
     id::{IdVec, VertexId},
     map::SkinMap,
@@ -27,8 +28,6 @@ pub struct IndexOptions {
     pub levels: bool,
     /// Searches for taxels and receptive fields.
     pub fields: bool,
-    /// What the trees keep of their triangles.
-    pub packing: Packing,
 }
 
 /// A map made ready for contacts.
@@ -65,15 +64,6 @@ impl ContactIndex {
         Self::with(map, &IndexOptions::default())
     }
 
-    /// Memory of the trees of level 0, in bytes: nodes, triangles, the mesh and who borders whom.
-    ///
-    /// Not counted: the maps of all levels, some 40 bytes for each triangle of a level and, for each
-    /// coarser level, another 36 for each triangle of level 0.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        self.patches.iter().map(|patch| patch.tree.bytes()).sum()
-    }
-
     /// The same, made ready for more than the nearest point of the skin.
     ///
     /// # Errors
@@ -105,26 +95,6 @@ impl ContactIndex {
         }
         index.update_posed_boxes();
         Ok(index)
-    }
-
-    /// Moves links to poses in the world, in m; links that hang from a moved one follow it, as a hand
-    /// follows its arm. Of several poses of one link the last counts. Nothing is rebuilt or allocated.
-    ///
-    /// # Errors
-    /// If a link does not exist, or a pose is not rigid; then no link has moved.
-    pub fn move_links(&mut self, moved: &[(LinkId, DAffine3)]) -> Result<(), ContactError> {
-        let links = self.links.len();
-        if let Some(&(link, _)) = moved.iter().find(|(link, _)| link.index() >= links) {
-            return Err(ContactError::NoLink { link, links });
-        }
-        self.set_links(|id, link, parent| {
-            let given = moved.iter().rev().find(|(other, _)| *other == id).map(|(_, pose)| *pose);
-            let followed = || match parent {
-                Some(parent) => parent.next.pose() * parent.pose.pose().inverse() * link.pose.pose(),
-                None => link.pose.pose(),
-            };
-            given.unwrap_or_else(followed)
-        })
     }
 
     /// Moves every link to what `pose` makes of it and of its parent, which has its next pose by then.
@@ -187,17 +157,6 @@ impl ContactIndex {
         self.answer(&query)
     }
 
-    /// The same as [`Self::locate`], faster where the query is near the last one of the same cursor:
-    /// for contacts that move over the skin.
-    ///
-    /// # Errors
-    /// As [`Self::locate`].
-    pub fn locate_along(&self, cursor: &mut Cursor, query: impl Into<Query>) -> Result<Hit, ContactError> {
-        let query = query.into();
-        self.check(0, &query)?;
-        self.answer_along(cursor, &query)
-    }
-
     /// Whether a contact can be answered; errors call it `number`, its place in its batch.
     ///
     /// # Errors
@@ -235,33 +194,21 @@ impl ContactIndex {
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
     }
 
-    /// The same; what the cursor points to is searched first.
+    /// As [`Self::answer`], but what the cursor points to is searched first.
     pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
         let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);
         let first = cursor.last.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
-        let first = first.map(|(id, packet)| (id, Start::Packet(packet)));
-        self.answer_from(first, query, |id, packet| cursor.last = Some((id, packet)))
-    }
-
-    /// The same; a part of a patch is searched first, and no other part of that patch unless the search
-    /// goes up from it. `found` takes the patches and packets of the nearest faces, the last of all last.
-    pub(super) fn answer_from(
-        &self,
-        first: Option<(PatchId, Start<'_>)>,
-        query: &Query,
-        mut found: impl FnMut(PatchId, u32),
-    ) -> Result<Hit, ContactError> {
         let mut best = None;
-        let mut search = |id: PatchId, q: DVec3, start: Start<'_>| {
+        let mut search = |id: PatchId, q: DVec3, start: Start| {
             let patch = &self.patches[id];
             if let Some(packet) = Search::new(&patch.tree, id, q).run_from(start, &mut best) {
-                found(id, packet);
+                cursor.last = Some((id, packet));
             }
             Best::squared(best.as_ref()).sqrt()
         };
         let mut reached = f64::INFINITY;
-        if let Some((id, start)) = first {
-            reached = search(id, self.in_link(self.patches[id].link, query), start);
+        if let Some((id, packet)) = first {
+            reached = search(id, self.in_link(self.patches[id].link, query), Start::Packet(packet));
         }
         let first = first.map(|(id, _)| id);
         self.each_patch(query, reached, |id, q| {

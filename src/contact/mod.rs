@@ -4,7 +4,7 @@
 //!
 //! 1. [`ContactIndex::new`] builds one tree per patch over the triangles of level 0, in the frame
 //!    of the patch's link: nodes of eight boxes along the mean normal of the skin in them, over
-//!    packets of eight triangles. Moving links ([`ContactIndex::move_links`]) only updates the boxes
+//!    packets of eight triangles. Moving links ([`ContactIndex::set_motion`]) only updates the boxes
 //!    of the patches in the world.
 //! 2. [`ContactIndex::locate`] searches the patches, the one with the nearest box first. In a patch
 //!    it walks down the tree, nearest box first, and skips what is beyond a bound. Boxes and
@@ -19,12 +19,9 @@
 //!
 //! Besides the nearest point:
 //! - [`ContactIndex::reactive`] searches a coarse level alone. Each coarse face knows how far it and
-//!   the skin that it stands for are apart at most, which bounds the error of the answer;
-//!   [`ContactIndex::refine`] makes it exact, in a part of level 0 where the coarse face is a
-//!   certificate for that.
+//!   the skin that it stands for are apart at most, which bounds the error of the answer.
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
-//!   fields near a point or in a sphere, capsule or box; [`ContactIndex::first_hit`] follows a ray;
-//!   [`ContactIndex::locate_admitted`] leaves out what a contact cannot have touched.
+//!   fields near a point or in a sphere; [`ContactIndex::first_hit`] follows a ray.
 //! - The vertices of a patch with [joints](crate::skin::Taxels::joints) follow several links.
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
@@ -45,8 +42,7 @@
 //!   non-manifold meshes too.
 //! - Of equally near faces the first face of the first patch is the answer, one without area only
 //!   where none has area. It depends neither on the order of the search nor on what was asked before:
-//!   alone, along a path ([`ContactIndex::locate_along`]) and in a batch
-//!   ([`ContactIndex::locate_all`]) it is the same, with any number of threads.
+//!   alone and in a batch ([`ContactIndex::locate_all`]) it is the same, with any number of threads.
 //! - Asking changes nothing in the index; share it among threads.
 //!
 //! Not guaranteed: the sign of the distance beyond the boundary of an open patch is the side of its
@@ -59,9 +55,9 @@
 //! `search/posed_boxes` (which patches),
 //! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
-//! nearest}` (the walk), `search/{first_hit, within, facing, points}` (other searches), `geometry`
+//! nearest}` (the walk), `search/{first_hit, within, points}` (other searches), `geometry`
 //! (exact measurements), `batch` (many queries), `positions`, `cell` and `rows` (from a hit to the
-//! map), `coarse` (levels with their own trees), `queries` (levels alone, fields, rays, filters,
+//! map), `coarse` (levels with their own trees), `queries` (levels alone, fields, rays,
 //! forces), `plane_grid` and `back` (from the map to the skin).
 //!
 //! The module is the only one that uses pulp and wide.
@@ -117,6 +113,5 @@ pub use error::ContactError;
 pub use field_weights::FieldWeights;
 pub use index::{ContactIndex, IndexOptions};
 pub use positions::MapPosition;
-pub use queries::{Area, FieldHit, Filter, ON_SKIN_SPACINGS, Press, Reactive, Refined, Spreader};
-pub use query::{Cursor, Hit, Query};
-pub use search::{Packing, Side};
+pub use queries::{FieldHit, ON_SKIN_SPACINGS, Press, Reactive, Spreader};
+pub use query::{Hit, Query};

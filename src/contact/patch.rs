@@ -45,7 +45,7 @@ impl IndexedPatch {
     /// A patch of a valid map; its links are those of the map, and its vertices follow none but its own.
     pub(super) fn new(patch: &PatchMap, options: &IndexOptions) -> Result<Self, ContactError> {
         let mesh = &patch.levels[LevelId::new(0)].level.mesh;
-        let tree = PatchBvh::packed(&patch.name, mesh, options.packing)?;
+        let tree = PatchBvh::new(&patch.name, mesh)?;
         let is_rigid = patch.taxels.joints.is_none();
         let coarse = if options.levels && is_rigid { coarse_levels(patch, &tree)? } else { Vec::new() };
         let with_fields = || patch.levels.iter().filter(|_| options.fields);

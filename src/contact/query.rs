@@ -32,10 +32,9 @@ impl From<DVec3> for Query {
     }
 }
 
-/// Where the last search along a path of contacts ended. One for each path, empty at first; a
-/// cursor of another index makes searches slower, not wrong.
+/// Where the last search of a batch ended.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Cursor {
+pub(super) struct Cursor {
     /// The patch, and the packet of its tree.
     pub(super) last: Option<(PatchId, u32)>,
 }

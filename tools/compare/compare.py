@@ -231,22 +231,21 @@ def nearest():
     shapes = [(f"{name}", lambda name=name, size=size: SHAPES[name](size)) for size in wanted for name in ["cap", "saddle"]]
     shapes += [("cover refined twice", lambda: cover(2))] * (20_000 in wanted) + [("cover refined 5 times", lambda: cover(5))] * (1_000_000 in wanted)
     print(f"\nns per contact 0 to 3 mm off the skin, one thread, engines in turn, medians of {ROUNDS} rounds: `tools/contact-peers`,"
-          " `tools/compare/embree_nearest.cpp` (g++ -O3, Embree of Debian); along a path in brackets; then a batch of 1M contacts in no order on all threads; the index in bytes a triangle\n")
-    row("mesh, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar", "batch", "Embree one by one / batch", "bytes (compact)")
-    row(*["---"] * 9)
+          " `tools/compare/embree_nearest.cpp` (g++ -O3, Embree of Debian); along a path in brackets; then a batch of 1M contacts in no order on all threads\n")
+    row("mesh, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar", "batch", "Embree one by one / batch")
+    row(*["---"] * 8)
     for name, make in shapes:
         mesh = make()
         if mesh is None:
-            row(name, *["skipped: no file"] * 8)
+            row(name, *["skipped: no file"] * 7)
             continue
         write_obj(MESH, *mesh)
         peer("contacts")
         ns = in_turn(peer, ["dermatome", "embree", "parry", "obvhs"])
         cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
         own, other = ns["dermatome"], ns["embree"]
-        index = [float(word) for word in peer("bytes")]
         row(f"{name}, {len(mesh[1])}", cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"),
-            cell("obvhs"), f"{own[2]:.0f}", f"{other[0] / own[2]:.1f}", f"{index[0]:.0f} ({index[1]:.0f})")
+            cell("obvhs"), f"{own[2]:.0f}", f"{other[0] / own[2]:.1f}")
     print("\nns for the eight taxels nearest to a contact, with their distances in f64: dermatome `nearest_fields`, kiddo `ImmutableKdTree<f64, 3>`\n")
     row("taxels on a cap", "dermatome", "kiddo", "share")
     row(*["---"] * 4)

@@ -1,16 +1,10 @@
 //! A coarse level with its own tree, and how far it is from the skin.
 
-use std::ops::Range;
-
 use glam::DVec3;
 
 use super::distance::{DEEPEST, ROUND_UP, Target};
 use crate::{
-    contact::{
-        ContactError,
-        geometry::Volume,
-        search::{Branch, PatchBvh, Start},
-    },
+    contact::{ContactError, search::PatchBvh},
     id::{FaceId, IdVec},
     map::PatchMap,
     mesh::TriMesh,
@@ -29,13 +23,9 @@ const NEAR: f64 = 0.5;
 pub(in crate::contact) struct CoarseLevel {
     pub(in crate::contact) tree: PatchBvh,
     deviations: IdVec<FaceId, Deviation>,
-    /// For each face the part of the tree of level 0 that holds all skin that may be nearest to a
-    /// contact within `near` of the face; empty: all of it.
-    certificates: IdVec<FaceId, Range<usize>>,
-    branches: Vec<Branch>,
     /// Largest `skin` of all faces, in m.
     pub(in crate::contact) most: f64,
-    /// Up to which distance `around` and the certificates hold, in m.
+    /// Up to which distance `around` holds, in m.
     pub(in crate::contact) near: f64,
 }
 
@@ -55,14 +45,6 @@ pub(in crate::contact) struct Deviation {
 impl CoarseLevel {
     pub(in crate::contact) fn deviation(&self, face: FaceId) -> Deviation {
         self.deviations[face]
-    }
-
-    /// The part of the tree of level 0 that holds the nearest face to a point `q` (m, in the frame of
-    /// the link), if that is certain from one face of the level alone.
-    pub(in crate::contact) fn certificate(&self, q: DVec3, face: FaceId) -> Option<Start<'_>> {
-        let branches = &self.branches[self.certificates.get(face)?.clone()];
-        let away = self.tree.measure(q, face).squared.sqrt();
-        (!branches.is_empty() && away <= self.near).then_some(Start::Branches(branches))
     }
 
     /// A level above a finer one, which is `None` above level 0, whose tree is `finest`.
@@ -127,30 +109,9 @@ impl CoarseLevel {
             deviation.face = face;
         }
         let most = deviations.iter().map(|d| d.skin).fold(0.0, f64::max);
-        let (near, certificates, branches) = (NEAR * edge, IdVec::default(), Vec::new());
-        let mut level = Self { tree, deviations, certificates, branches, most, near };
+        let mut level = Self { tree, deviations, most, near: NEAR * edge };
         level.fill_around();
-        level.certify(finest);
         Ok(level)
-    }
-
-    /// Finds the `certificates` of all faces. The skin nearest to a contact at most `near` from a face
-    /// is at most `near + face` from the contact: no farther than `2 near + face` from the face.
-    fn certify(&mut self, finest: &PatchBvh) {
-        let mesh = &self.tree.mesh;
-        let found = par_collect(mesh.triangles.len(), |range, found: &mut Vec<_>| {
-            found.extend(range.map(FaceId::new).map(|face| {
-                let reach = 2.0 * self.near + self.deviations[face].face;
-                let sphere = sphere_around(mesh.corners(face), reach);
-                sphere.map(|sphere| finest.branches_around(&sphere)).unwrap_or_default()
-            }));
-        });
-        let ranges = found.into_iter().map(|branches| {
-            let first = self.branches.len();
-            self.branches.extend(branches);
-            first..self.branches.len()
-        });
-        self.certificates = ranges.collect::<Vec<_>>().into();
     }
 
     /// Finds `around` of every face. The skin nearest to a contact at most `near` from a face is at
@@ -159,28 +120,22 @@ impl CoarseLevel {
     fn fill_around(&mut self) {
         let mesh = &self.tree.mesh;
         let around = par_collect(mesh.triangles.len(), |range, around: &mut Vec<f64>| {
-            let mut found = Vec::new();
-            for face in range.map(FaceId::new) {
+            around.extend(range.map(FaceId::new).map(|face| {
                 let reach = 2.0 * self.near + self.deviations[face].face + self.most;
-                found.clear();
-                if let Some(sphere) = sphere_around(mesh.corners(face), reach) {
-                    self.tree.faces_within(&sphere, &mut found);
-                }
-                let skin = found.iter().map(|&(f, _)| self.deviations[f].skin);
-                around.push(skin.fold(self.deviations[face].skin, f64::max));
-            }
+                let corners = mesh.corners(face);
+                let centre = corners.into_iter().sum::<DVec3>() / 3.0;
+                let radius = corners.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
+                let mut most = self.deviations[face].skin;
+                self.tree.each_around(centre, (radius + reach) * (1.0 + 1e-9), |other, _| {
+                    most = most.max(self.deviations[other].skin);
+                });
+                most
+            }));
         });
         for (deviation, around) in self.deviations.iter_mut().zip(around) {
             deviation.around = around;
         }
     }
-}
-
-/// A sphere around all points within a distance (m) of a triangle.
-fn sphere_around(corners: [DVec3; 3], reach: f64) -> Option<Volume> {
-    let centre = corners.into_iter().sum::<DVec3>() / 3.0;
-    let radius = corners.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
-    Volume::sphere(centre, (radius + reach) * (1.0 + 1e-9))
 }
 
 /// How often a length must be halved to be at most 1.

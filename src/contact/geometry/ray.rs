@@ -21,7 +21,7 @@ impl Ray {
         (origin.is_finite() && longest >= 0.0).then_some(Self { origin, direction, longest })
     }
 
-    /// The same ray in another frame, by the way of its points and of its directions.
+    /// The same ray in another frame, transformed by `point` and `vector`.
     pub(in crate::contact) fn moved(
         &self,
         point: impl Fn(DVec3) -> DVec3,
@@ -32,7 +32,7 @@ impl Ray {
 }
 
 /// A direction with length 1; `None` if it has no length or is not finite.
-pub(in crate::contact) fn unit(direction: DVec3) -> Option<DVec3> {
+fn unit(direction: DVec3) -> Option<DVec3> {
     // Scaled first: the square of a very long or short direction is not a number.
     (direction / direction.abs().max_element()).try_normalize()
 }
@@ -78,11 +78,6 @@ pub(in crate::contact) fn meet(origin: DVec3, direction: DVec3, corners: [DVec3;
     (along.is_finite() && barycentric.iter().all(|w| w.is_finite())).then_some(Meeting { along, barycentric })
 }
 
-/// Whether a segment crosses or touches a triangle.
-pub(super) fn pierces([from, to]: [DVec3; 2], corners: [DVec3; 3]) -> bool {
-    from != to && meet(from, to - from, corners).is_some_and(|m| (0.0..=1.0).contains(&m.along))
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -104,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_that_are_none_are_refused() {
+    fn invalid_rays_are_refused() {
         let ok = |origin, direction, longest| Ray::new(origin, direction, longest).is_some();
         assert!(ok(DVec3::ZERO, DVec3::X * 1e-300, f64::INFINITY) && ok(DVec3::ZERO, DVec3::X * 1e300, 0.0));
         for (origin, direction, longest) in [

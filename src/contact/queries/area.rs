@@ -1,13 +1,12 @@
-//! More than the nearest point: the fields near a contact or in a volume, what a ray meets first, and
-//! the nearest point of those that a contact can have touched.
+//! More than the nearest point: the fields near a contact or in a sphere, and what a ray meets first.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use crate::{
     contact::{
         Cell, ContactError, ContactIndex, Hit, Query,
-        geometry::{Ray, Volume, unit},
-        search::{Best, Facing, PointTree, Search, Side},
+        geometry::Ray,
+        search::{Best, PointTree},
     },
     id::VertexId,
     mesh::Feature,
@@ -17,77 +16,6 @@ use crate::{
 
 /// Rounding parts the distances of equally far hits by a smaller part of them.
 const SAME_DISTANCE: f64 = 1.0 + 1e-12;
-
-/// What touches the robot, in m.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Area {
-    /// A point.
-    Point(DVec3),
-    /// A ball.
-    Sphere {
-        /// Its centre.
-        centre: DVec3,
-        /// Its radius.
-        radius: f64,
-    },
-    /// All points within a radius of a segment.
-    Capsule {
-        /// The ends of the segment.
-        ends: [DVec3; 2],
-        /// The radius.
-        radius: f64,
-    },
-    /// A box.
-    Box {
-        /// Its centre.
-        centre: DVec3,
-        /// From its own axes to those of the frame; unit length.
-        rotation: DQuat,
-        /// Half its sides.
-        half: DVec3,
-    },
-}
-
-impl Area {
-    pub(super) fn volume(&self) -> Result<Volume, ContactError> {
-        let volume = match *self {
-            Self::Point(point) => Volume::sphere(point, 0.0),
-            Self::Sphere { centre, radius } => Volume::sphere(centre, radius),
-            Self::Capsule { ends, radius } => Volume::capsule(ends, radius),
-            Self::Box { centre, rotation, half } => Volume::cuboid(centre, rotation, half),
-        };
-        volume.ok_or(ContactError::NoVolume)
-    }
-
-    /// Largest distance of its points from its centre, in m.
-    pub(super) fn extent(&self) -> f64 {
-        match *self {
-            Self::Point(_) => 0.0,
-            Self::Sphere { radius, .. } => radius,
-            Self::Capsule { ends: [a, b], radius } => 0.5 * a.distance(b) + radius,
-            Self::Box { half, .. } => half.length(),
-        }
-    }
-}
-
-/// Which points of the skin may answer a query.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Filter {
-    /// Largest distance from the contact, in m.
-    pub within: f64,
-    /// The side of the faces' planes that the contact must be on.
-    pub side: Option<Side>,
-    /// A direction in the frame of the contact, and the least cosine between it and the normal of a
-    /// face.
-    pub facing: Option<(DVec3, f64)>,
-}
-
-impl Default for Filter {
-    /// All points.
-    fn default() -> Self {
-        Self { within: f64::INFINITY, side: None, facing: None }
-    }
-}
 
 /// A receptive field near a contact; on level 0 a taxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,8 +30,7 @@ pub struct FieldHit {
     pub field: VertexId,
     /// Vendor id of the taxel at its centre.
     pub taxel: TaxelId,
-    /// Distance of its centre from the point, or from the core of the volume: the centre of a
-    /// sphere, the segment of a capsule, the inside of a box; in m.
+    /// Distance of its centre from the point, in m.
     pub distance: f64,
     /// Its centre, in m, in the frame of the query.
     pub position: DVec3,
@@ -113,34 +40,29 @@ pub struct FieldHit {
 }
 
 impl ContactIndex {
-    /// The fields of a level with their centre in a volume, in the frame of `link` or in the world;
-    /// ordered by patch and field. Needs an index with [fields](crate::contact::IndexOptions::fields).
+    /// The fields of a level whose centre lies within `radius` (m) of a query, ordered by patch and field.
+    /// Needs an index with [fields](crate::contact::IndexOptions::fields).
     ///
     /// # Errors
-    /// If a number of the volume is not finite or negative, the link does not exist or carries no
-    /// patch, or the index has no fields.
+    /// As [`ContactIndex::locate`], if the radius is negative or not a number, or if the index has no
+    /// fields.
     pub fn fields_within(
         &self,
-        area: &Area,
-        link: Option<LinkId>,
+        query: impl Into<Query>,
+        radius: f64,
         level: LevelId,
     ) -> Result<Vec<FieldHit>, ContactError> {
-        let volume = area.volume()?;
-        let query = Query { point: volume.centre, link };
+        let query = query.into();
         self.check(0, &query)?;
-        let reach = area.extent();
-        let mut hits = Vec::new();
-        let mut found = Vec::new();
-        self.each_points(&query, level, reach, |id, points, _| {
-            let pose = &self.links[self.patches[id].link].pose;
-            let local = match link {
-                Some(_) => volume,
-                None => volume.moved(|p| pose.to_local(p), |v| pose.turned_back(v)),
-            };
+        if radius < 0.0 || radius.is_nan() {
+            return Err(ContactError::NoDistance { distance: radius });
+        }
+        let (mut hits, mut found) = (Vec::new(), Vec::new());
+        self.each_points(&query, level, radius, |id, points, centre| {
             found.clear();
-            points.within(&local, &mut found);
+            points.within(centre, radius, &mut found);
             hits.extend(found.iter().map(|&found| self.field_hit(&query, (id, level), points, found)));
-            reach
+            radius
         })?;
         hits.sort_unstable_by_key(|hit| (hit.patch, hit.field));
         Ok(hits)
@@ -274,44 +196,5 @@ impl ContactIndex {
             None => self.boxes.each_along(&ray, visit),
         }
         Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
-    }
-
-    /// The nearest point of the skin of those that `filter` admits, if there is one.
-    ///
-    /// # Errors
-    /// As [`ContactIndex::locate`], if the direction of the filter has no length or its cosine is not a
-    /// number, or if its distance is negative or not a number.
-    pub fn locate_admitted(
-        &self,
-        query: impl Into<Query>,
-        filter: &Filter,
-    ) -> Result<Option<Hit>, ContactError> {
-        let query = query.into();
-        self.check(0, &query)?;
-        let unit = |(direction, cosine): (DVec3, f64)| {
-            let unit = unit(direction).filter(|_| !cosine.is_nan());
-            let refused = || ContactError::NoFacing { direction: direction.to_array(), cosine };
-            unit.map(|unit| (unit, cosine)).ok_or_else(refused)
-        };
-        let normal = filter.facing.map(unit).transpose()?;
-        if filter.within < 0.0 || filter.within.is_nan() {
-            return Err(ContactError::NoDistance { distance: filter.within });
-        }
-        let mut best = None;
-        self.each_patch(&query, filter.within, |id, q| {
-            let patch = &self.patches[id];
-            let pose = &self.links[patch.link].pose;
-            let turn = |v| if query.link.is_some() { v } else { pose.turned_back(v) };
-            let normal = normal.map(|(v, cosine)| (turn(v), cosine));
-            let facing = Facing { side: filter.side, normal };
-            let reach = filter.within.min(Best::squared(best.as_ref()).sqrt());
-            if facing.is_any() && filter.within == f64::INFINITY {
-                Search::new(&patch.tree, id, q).run(&mut best);
-            } else {
-                patch.tree.nearest_facing(id, q, reach, &facing, &mut best);
-            }
-            filter.within.min(Best::squared(best.as_ref()).sqrt())
-        });
-        Ok(best.map(|best| self.hit(&query, &best)))
     }
 }

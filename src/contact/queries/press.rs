@@ -2,23 +2,17 @@
 //!
 //! A taxel feels on a disc around it (cannata). A sphere gives each disc a share of its force by the
 //! volume that it takes of the skin under the disc, as in the simulation of
-//! [`TouchSimulation`](crate::signal::TouchSimulation); a box or a capsule by the part of the disc that
-//! lies in it; a point by the weights of the face that it touches. Taxels that do not work feel
-//! nothing: their share goes to the others.
-
-use glam::DVec3;
+//! [`TouchSimulation`](crate::signal::TouchSimulation); a point by the weights of the face that it touches.
+//! Taxels that do not work feel nothing: their share goes to the others.
 
 use crate::{
-    contact::{Area, ContactError, ContactIndex, Query, geometry::Volume},
+    contact::{ContactError, ContactIndex, FieldHit, Query},
     id::VertexId,
     map::{PatchMap, SkinMap},
     pyramid::LevelId,
     signal::{Frame, Sphere},
-    skin::{LinkId, PatchId, Presence},
+    skin::{PatchId, Presence},
 };
-
-/// Points of a disc that are tested against a box: a share is then exact to about a hundredth.
-const SAMPLES: u32 = 256;
 
 /// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
 /// distance is given.
@@ -27,10 +21,10 @@ pub const ON_SKIN_SPACINGS: f64 = 10.0;
 /// Something that presses on the skin with a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Press {
-    /// What presses.
-    pub area: Area,
-    /// The link in whose frame it is given; `None`: the world.
-    pub link: Option<LinkId>,
+    /// The point that presses, or the centre of the sphere.
+    pub at: Query,
+    /// The radius of the sphere, in m; 0 for a point.
+    pub radius: f64,
     /// Its force, in N.
     pub force: f64,
 }
@@ -39,7 +33,7 @@ pub struct Press {
 ///
 /// ```
 /// use dermatome::{
-///     contact::{Area, ContactIndex, IndexOptions, Press, Spreader},
+///     contact::{ContactIndex, IndexOptions, Press, Query, Spreader},
 ///     map::SkinMap, mesh::shapes, skin::PatchId,
 /// };
 /// use glam::DVec3;
@@ -48,8 +42,8 @@ pub struct Press {
 /// let index = ContactIndex::with(&map, &IndexOptions { fields: true, ..IndexOptions::default() })?;
 /// let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
 /// let mut frame = spreader.frame(0.0);
-/// let area = Area::Sphere { centre: DVec3::new(0.05, 0.03, 0.009), radius: 0.01 };
-/// let press = Press { area, link: None, force: 1.5 };
+/// let at = Query::from(DVec3::new(0.05, 0.03, 0.009));
+/// let press = Press { at, radius: 0.01, force: 1.5 };
 /// assert!(spreader.add(&index, &press, &mut frame)?, "it touches");
 /// let felt: f64 = frame.values[PatchId::new(0)][0].iter().sum();
 /// assert!((felt - 1.5).abs() < 1e-12);
@@ -81,39 +75,34 @@ impl Spreader<'_> {
     /// with [fields](crate::contact::IndexOptions::fields), posed as the robot is.
     ///
     /// # Errors
-    /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`], if the force is not finite, or if the
-    /// largest distance or the radius of the discs is negative or not a number.
+    /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`], if the force or a radius is not finite,
+    /// or if a radius or the largest distance is negative or not a number.
     pub fn add(&self, index: &ContactIndex, press: &Press, frame: &mut Frame) -> Result<bool, ContactError> {
-        let is_length = |length: &f64| *length >= 0.0;
-        let lengths = [self.disc].into_iter().chain(self.max_distance);
-        if let Some(distance) = lengths.into_iter().find(|length| !is_length(length)) {
+        let Press { at, radius, force } = *press;
+        let is_radius = |length: &f64| *length >= 0.0 && length.is_finite();
+        let wrong = [self.disc, radius].into_iter().find(|length| !is_radius(length));
+        let is_negative = |length: &f64| *length < 0.0 || length.is_nan();
+        if let Some(distance) = wrong.or(self.max_distance.filter(is_negative)) {
             return Err(ContactError::NoDistance { distance });
         }
-        if !press.force.is_finite() {
-            return Err(ContactError::NoForce { force: press.force });
+        if !force.is_finite() {
+            return Err(ContactError::NoForce { force });
         }
-        let shares = match &press.area {
-            Area::Point(point) => {
-                self.at_point(index, Query { point: *point, link: press.link }, self.max_distance)?
-            }
-            area => {
-                let shares = self.under(index, area, press.link)?;
-                let volume = area.volume()?;
-                // Between the discs, or on taxels that do not work.
-                let reach = area.extent();
-                let centre = Query { point: volume.centre, link: press.link };
-                if shares.is_empty() { self.at_point(index, centre, Some(reach))? } else { shares }
-            }
-        };
+        let mut shares = if radius > 0.0 { self.under(index, at, radius)? } else { Vec::new() };
+        if shares.is_empty() {
+            // A point, or a sphere between the discs or on taxels that do not work.
+            let reach = if radius > 0.0 { Some(radius) } else { self.max_distance };
+            shares = self.at_point(index, at, reach)?;
+        }
         let sum: f64 = shares.iter().map(|(.., share)| share).sum();
         let Some(largest) = (0..shares.len()).max_by(|&a, &b| shares[a].2.total_cmp(&shares[b].2)) else {
             return Ok(false);
         };
-        let grain = last_bit(press.force);
-        let mut left = press.force;
+        let grain = last_bit(force);
+        let mut left = force;
         for (k, &(patch, taxel, share)) in shares.iter().enumerate() {
             if k != largest {
-                let part = (press.force * (share / sum) / grain).round() * grain;
+                let part = (force * (share / sum) / grain).round() * grain;
                 left -= part;
                 frame.values[patch][0][taxel] += part;
             }
@@ -154,51 +143,20 @@ impl Spreader<'_> {
         Ok(shares)
     }
 
-    /// The working taxels whose disc a volume touches, and how much of it.
+    /// The working taxels whose disc a sphere touches, and the volume that it takes of the skin under each.
     fn under(
         &self,
         index: &ContactIndex,
-        area: &Area,
-        link: Option<LinkId>,
+        centre: Query,
+        radius: f64,
     ) -> Result<Vec<(PatchId, VertexId, f64)>, ContactError> {
-        let grown = match *area {
-            Area::Point(centre) => Area::Sphere { centre, radius: self.disc },
-            Area::Sphere { centre, radius } => Area::Sphere { centre, radius: radius + self.disc },
-            Area::Capsule { ends, radius } => Area::Capsule { ends, radius: radius + self.disc },
-            Area::Box { centre, rotation, half } => Area::Box { centre, rotation, half: half + self.disc },
+        let sphere = Sphere { centre: centre.point, radius };
+        let found = index.fields_within(centre, radius + self.disc, LevelId::new(0))?;
+        let working = found.into_iter().filter(|hit| works(&self.map.patches[hit.patch], hit.field));
+        let share = |hit: FieldHit| {
+            (hit.patch, hit.field, sphere.volume_under_disc(hit.position, hit.normal, self.disc))
         };
-        let found = index.fields_within(&grown, link, LevelId::new(0))?;
-        let volume = area.volume()?;
-        let mut shares = Vec::new();
-        for hit in found {
-            let patch = &self.map.patches[hit.patch];
-            if !works(patch, hit.field) {
-                continue;
-            }
-            let share = match *area {
-                Area::Sphere { centre, radius } => {
-                    Sphere { centre, radius }.volume_under_disc(hit.position, hit.normal, self.disc)
-                }
-                _ => self.part_in(&volume, hit.position, hit.normal),
-            };
-            if share > 0.0 {
-                shares.push((hit.patch, hit.field, share));
-            }
-        }
-        Ok(shares)
-    }
-
-    /// The part of a disc that lies in a volume.
-    fn part_in(&self, volume: &Volume, centre: DVec3, normal: DVec3) -> f64 {
-        // Points on a spiral, each with the same area.
-        const GOLDEN: f64 = 2.399_963_229_728_653;
-        let (x, y) = normal.any_orthonormal_pair();
-        let is_inside = |k: &u32| {
-            let radius = self.disc * ((f64::from(*k) + 0.5) / f64::from(SAMPLES)).sqrt();
-            let (sin, cos) = (GOLDEN * f64::from(*k)).sin_cos();
-            volume.distance_to_point(centre + radius * (cos * x + sin * y)) <= volume.radius
-        };
-        f64::from((0..SAMPLES).filter(is_inside).map(|_| 1_u32).sum::<u32>()) / f64::from(SAMPLES)
+        Ok(working.map(share).filter(|(.., share)| *share > 0.0).collect())
     }
 }
 

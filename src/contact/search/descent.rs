@@ -4,7 +4,7 @@
 use arrayvec::ArrayVec;
 
 use super::{
-    lanes::{LANES, Lanes},
+    lanes::Lanes,
     node8::{Child, Node8, Target},
     tree::{DEPTH, STACK, Tree},
 };
@@ -14,16 +14,6 @@ pub(super) trait Visitor<L: Lanes> {
     /// Compares the contents of a packet with `point`, in the tree's frame and units, and lowers the
     /// bound if it can: squares above it are of no interest. Must be `#[inline(always)]`.
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32);
-}
-
-/// Nodes whose boxes are compared before the walk (*heuristic*: four meet where the tree is divided).
-pub(super) const BRANCHES: usize = 4;
-
-/// Boxes of a node, a bit for each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::contact) struct Branch {
-    pub(super) node: u32,
-    pub(super) lanes: u8,
 }
 
 /// A walk down a tree.
@@ -68,40 +58,11 @@ impl<'a, L: Lanes> Descent<'a, L> {
     /// the nearest.
     #[inline(always)]
     pub(super) fn run(&mut self, visitor: &mut impl Visitor<L>) {
-        self.descend(Child::ROOT, visitor);
+        self.descend(visitor);
         self.drain(visitor);
     }
 
-    /// The same for the packets below some boxes alone, of one to [`BRANCHES`] nodes.
-    #[inline(always)]
-    pub(super) fn run_below(&mut self, branches: &[Branch], visitor: &mut impl Visitor<L>) {
-        let (l, tree) = (self.l, self.tree);
-        let mut nearest = (f32::INFINITY, 0, 0);
-        let mut away = ArrayVec::<_, BRANCHES>::new();
-        for (k, Branch { node, lanes }) in branches.iter().take(BRANCHES).enumerate() {
-            away.push(tree.nodes[*node as usize].distance_squared(l, self.point));
-            let squared = l.store(away[k]);
-            for lane in (0..LANES).filter(|lane| lanes >> lane & 1 != 0) {
-                if squared[lane] < nearest.0 {
-                    nearest = (squared[lane], k, lane);
-                }
-            }
-        }
-        let (_, first, taken) = nearest;
-        self.descend(tree.nodes[branches[first].node as usize].child(taken), visitor);
-        self.drain(visitor);
-        for (k, (Branch { node, lanes }, &squared)) in branches.iter().zip(&away).enumerate() {
-            let node = &tree.nodes[*node as usize];
-            let other = u32::from(*lanes) & if k == first { !(1 << taken) } else { !0 };
-            let mask = l.le(squared, l.splat(self.bound)) & other;
-            if mask != 0 {
-                self.push(node, squared, mask);
-                self.drain(visitor);
-            }
-        }
-    }
-
-    /// The same from a packet that may hold the nearest: it is visited first, then what is below each
+    /// As [`Self::run`], from a packet that may hold the nearest: it is visited first, then what is below each
     /// node above it and may be nearer.
     ///
     /// No box has to be compared before it is known which comes next, so this is faster than the way
@@ -133,11 +94,11 @@ impl<'a, L: Lanes> Descent<'a, L> {
     ///
     /// Without a bound the walk from the root would push every child of these nodes.
     #[inline(always)]
-    fn descend(&mut self, node: Child, visitor: &mut impl Visitor<L>) {
+    fn descend(&mut self, visitor: &mut impl Visitor<L>) {
         let l = self.l;
         let tree = self.tree;
         let mut trail = ArrayVec::<_, DEPTH>::new();
-        let mut at = node;
+        let mut at = Child::ROOT;
         while let Target::Node(index) = at.target() {
             let node = &tree.nodes[index];
             let squared = node.distance_squared(l, self.point);

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::boxes::Aabb;
-use crate::contact::geometry::{Ray, Volume};
+use crate::contact::geometry::Ray;
 
 /// From this many radii away a ray is first moved along itself, near the tree: the numbers that are
 /// compared are then of the tree's size.
@@ -32,11 +32,6 @@ impl Frame {
 
     pub(super) fn point(&self, p: DVec3) -> DVec3 {
         (p - self.origin) * self.scale
-    }
-
-    /// Centre and sides of a volume's core.
-    pub(super) fn core(&self, volume: &Volume) -> (DVec3, [DVec3; 3]) {
-        (self.point(volume.centre), volume.sides().map(|side| side * self.scale))
     }
 
     /// A ray as it begins near the tree, and how far along it that is, in m.

@@ -5,7 +5,6 @@
 mod avx2;
 mod boxes;
 mod descent;
-mod facing;
 mod first_hit;
 mod fit;
 mod frame;
@@ -23,12 +22,8 @@ mod walk;
 mod within;
 
 pub(super) use boxes::Aabb;
-pub(super) use descent::Branch;
-pub(super) use facing::Facing;
-pub use facing::Side;
 pub(super) use nearest::{Best, Search, Start};
-pub use patch_bvh::Packing;
-pub(super) use patch_bvh::{PatchBvh, Refitting};
+pub(super) use patch_bvh::{Packing, PatchBvh, Refitting};
 pub(super) use points::PointTree;
 pub(super) use posed_boxes::PosedBoxes;
 pub(super) use rounding::LARGEST;

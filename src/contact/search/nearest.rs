@@ -6,7 +6,7 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::{
-    descent::{Branch, Descent, Visitor, bound_of, entry, parts},
+    descent::{Descent, Visitor, bound_of, entry, parts},
     lanes::{Kernel, LANES, Lanes},
     patch_bvh::PatchBvh,
     rounding::{FAR, FAR_ROUND_UP, slack, squared_bound_f32},
@@ -53,12 +53,10 @@ impl Best {
 
 /// Where a walk begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::contact) enum Start<'a> {
+pub(in crate::contact) enum Start {
     Root,
     /// At a packet that may hold the nearest face, and from there up the tree.
     Packet(u32),
-    /// At some boxes, and from there down: what is in none of them is not searched.
-    Branches(&'a [Branch]),
 }
 
 /// One search for the face of a patch nearest to a point.
@@ -83,7 +81,7 @@ impl<'a> Search<'a> {
     /// The same from elsewhere than the root; returns the packet of the nearest face found, if it is
     /// one of this patch.
     #[inline(always)]
-    pub(crate) fn run_from(self, start: Start<'_>, best: &mut Option<Best>) -> Option<u32> {
+    pub(crate) fn run_from(self, start: Start, best: &mut Option<Best>) -> Option<u32> {
         let local = self.patch.frame.point(self.q);
         let away = local.length();
         if away > FAR {
@@ -124,7 +122,7 @@ struct Walk<'a> {
     local: DVec3,
     away: f64,
     best: Option<Best>,
-    start: Start<'a>,
+    start: Start,
 }
 
 impl Kernel for Walk<'_> {
@@ -143,7 +141,6 @@ impl Kernel for Walk<'_> {
             Start::Packet(packet) if (packet as usize) < tree.packets.len() => {
                 descent.climb(packet, &mut found);
             }
-            Start::Branches(branches) => descent.run_below(branches, &mut found),
             Start::Packet(_) | Start::Root => descent.run(&mut found),
         }
         found.measure_pending(descent.bound);

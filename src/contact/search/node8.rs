@@ -57,10 +57,6 @@ impl Child {
         Self(PACKET | packet)
     }
 
-    pub(super) fn is_packet(self) -> bool {
-        matches!(self.target(), Target::Packet(_))
-    }
-
     #[inline(always)]
     pub(super) fn target(self) -> Target {
         if self.0 & PACKET == 0 {
@@ -283,29 +279,25 @@ impl Node8 {
         (pick(&self.lo), pick(&self.hi))
     }
 
-    /// For each child a distance, in the tree's units, that nothing of it is nearer to the core of a
-    /// volume; infinite for empty slots. `sides` lead from the core's centre to its faces.
-    pub(super) fn gaps(&self, centre: DVec3, sides: &[DVec3; 3]) -> [f64; LANES] {
-        let (at, step) = (self.vector(centre) + self.column(3), self.step());
-        let extent: DVec3 = sides.iter().map(|&side| self.vector(side).abs()).sum();
-        let reach = centre.length() + sides.iter().map(|side| side.length()).sum::<f64>();
-        let slack = slack(reach, 1.0);
+    /// Lower bounds of the distances, in the tree's units, from a point to the children; infinite for empty
+    /// slots.
+    pub(super) fn point_gaps(&self, q: DVec3) -> [f64; LANES] {
+        if q.length() > FAR {
+            return self.far_gaps(q);
+        }
+        let (at, step) = (self.vector(q) + self.column(3), self.step());
+        let slack = slack(q.length(), 1.0);
         let mut gaps = [f64::INFINITY; LANES];
         for (lane, gap) in gaps.iter_mut().enumerate().take(usize::from(self.count)) {
             let (lo, hi) = self.steps(lane);
-            let outside = ((lo - at).max(at - hi) - extent).max(DVec3::ZERO);
+            let outside = (lo - at).max(at - hi).max(DVec3::ZERO);
             *gap = ((outside * step).length() - slack).max(0.0);
         }
         gaps
     }
 
-    /// The same for a point.
-    pub(super) fn point_gaps(&self, q: DVec3) -> [f64; LANES] {
-        if q.length() > FAR { self.far_gaps(q) } else { self.gaps(q, &[DVec3::ZERO; 3]) }
-    }
-
-    /// The same for a point so far away that `f32` cannot distinguish the boxes: how far they are along
-    /// the way to their middles.
+    /// As [`Self::point_gaps`], for a point so far away that `f32` cannot distinguish the boxes: their
+    /// distances along the directions to their middles.
     pub(super) fn far_gaps(&self, q: DVec3) -> [f64; LANES] {
         let step = self.step();
         let mut gaps = [f64::INFINITY; LANES];

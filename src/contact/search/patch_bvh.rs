@@ -19,7 +19,7 @@ use crate::{
 
 /// What a tree keeps of its triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Packing {
+pub(in crate::contact) enum Packing {
     /// Eight triangles side by side in `f32`, next to the mesh: under 100 bytes a triangle.
     #[default]
     Fast,
@@ -122,15 +122,6 @@ impl PatchBvh {
             let triangles = triangles.get_mut(packet);
             simd.run(Setting { corners: &corners[packet], local, points, triangles })
         });
-    }
-
-    /// Memory of the index, in bytes: the tree, the mesh and who borders whom in it.
-    pub(in crate::contact) fn bytes(&self) -> usize {
-        let TriMesh { positions, triangles } = &self.mesh;
-        let mesh = size_of_val(&**positions) + size_of_val(&**triangles);
-        // One number for each corner, and one for each vertex.
-        let corners = size_of::<u32>() * (3 * triangles.len() + positions.len());
-        self.tree.bytes() + size_of_val(self.triangles.as_slice()) + mesh + corners
     }
 
     /// The faces of a packet, each once.

@@ -1,4 +1,4 @@
-//! Points (taxels, fields) in a tree: the nearest few, and all within a volume.
+//! Points (taxels, fields) in a tree: the nearest few, and all within a sphere.
 
 use std::cmp::Ordering;
 
@@ -15,7 +15,6 @@ use super::{
     tree::{Primitive, Tree, distinct},
 };
 use crate::{
-    contact::geometry::Volume,
     id::{IdVec, VertexId},
     mesh::TriMesh,
 };
@@ -153,20 +152,20 @@ impl PointTree {
         found.truncate(first.saturating_add(k));
     }
 
-    /// Appends every point in a volume (m, in the link's frame) with its distance from the volume's
-    /// core, in m; in the order of the points.
-    pub(in crate::contact) fn within(&self, volume: &Volume, found: &mut Vec<(VertexId, f64)>) {
+    /// Appends every point in a sphere (m, in the link's frame) with its distance from the centre, in m;
+    /// in the order of the points.
+    pub(in crate::contact) fn within(&self, centre: DVec3, radius: f64, found: &mut Vec<(VertexId, f64)>) {
         let Some(tree) = &self.tree else { return };
         let before = found.len();
-        let (centre, sides) = self.frame.core(volume);
-        let bound = volume.radius * self.frame.scale;
+        let local = self.frame.point(centre);
+        let bound = radius * self.frame.scale * FAR_ROUND_UP;
         tree.walk(
             bound,
-            |node| node.gaps(centre, &sides),
+            |node| node.point_gaps(local),
             |packet| {
                 for vertex in distinct(packet).map(VertexId::from) {
-                    let distance = volume.distance_to_point(self.points[vertex]);
-                    if distance <= volume.radius {
+                    let distance = self.points[vertex].distance(centre);
+                    if distance <= radius {
                         found.push((vertex, distance));
                     }
                 }
@@ -262,7 +261,6 @@ impl<L: Lanes, const N: usize> Visitor<L> for Nearest<'_, N> {
 
 #[cfg(test)]
 mod tests {
-    use glam::DQuat;
     use proptest::prelude::*;
 
     use super::*;
@@ -277,7 +275,6 @@ mod tests {
             copies in 0_usize..100,
             q in prop::array::uniform3(-2.0_f64..2.0),
             away in prop_oneof![5 => Just(1.0), 1 => Just(1e5), 1 => Just(1e9)],
-            half in prop::array::uniform3(0.0_f64..0.4),
             k in prop_oneof![4 => 0_usize..20, 1 => 60_usize..70, 1 => 90_usize..500, 1 => Just(usize::MAX)],
             reach in prop_oneof![2 => Just(f64::INFINITY), 1 => Just(0.3)],
         ) {
@@ -294,13 +291,11 @@ mod tests {
             tree.nearest(q, k, reach, &mut found);
             prop_assert_eq!(&found, &expected);
 
-            let turn = DQuat::from_scaled_axis(q);
-            for volume in [Volume::sphere(q, 0.8), Volume::capsule([q, DVec3::ZERO], 0.2), Volume::cuboid(q * 0.5, turn, DVec3::from(half))] {
-                let volume = volume.unwrap();
-                let all = points.enumerate().map(|(v, p)| (v, volume.distance_to_point(*p)));
-                let expected: Vec<_> = all.filter(|&(_, distance)| distance <= volume.radius).collect();
+            for radius in [0.0, 0.2, 0.8, 1e9] {
+                let all = points.enumerate().map(|(v, p)| (v, p.distance(q)));
+                let expected: Vec<_> = all.filter(|&(_, distance)| distance <= radius).collect();
                 found.clear();
-                tree.within(&volume, &mut found);
+                tree.within(q, radius, &mut found);
                 prop_assert_eq!(&found, &expected);
             }
         }

@@ -8,6 +8,7 @@ use super::{
     fit::{Points, put},
     frame::Frame,
     lanes::Simd,
+    rounding::FAR_ROUND_UP,
     tree::{Primitive, Tree, distinct},
 };
 use crate::{contact::geometry::Ray, skin::PatchId};
@@ -80,8 +81,8 @@ impl PosedBoxes {
         };
         let centre = frame.point(q);
         tree.walk(
-            reach * frame.scale,
-            |node| node.gaps(centre, &[DVec3::ZERO; 3]),
+            reach * frame.scale * FAR_ROUND_UP,
+            |node| node.point_gaps(centre),
             |packet| {
                 let mut order = [(f64::INFINITY, 0); 8];
                 for (slot, id) in order.iter_mut().zip(distinct(packet)) {
@@ -94,7 +95,7 @@ impl PosedBoxes {
                         reach = visit(PatchId::from(id));
                     }
                 }
-                reach * frame.scale
+                reach * frame.scale * FAR_ROUND_UP
             },
         );
     }

@@ -83,13 +83,6 @@ impl Tree {
         }
         tree
     }
-
-    /// Memory, in bytes.
-    pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice())
-            + size_of_val(self.packets.as_slice())
-            + size_of_val(self.owners.as_slice())
-    }
 }
 
 /// Splits a range of the order into up to eight parts, by reordering it.
@@ -223,7 +216,7 @@ mod tests {
                     let first = found.len();
                     below(tree, node.child(lane), corners, found);
                     for p in found[first..].iter().flat_map(|&id| corners[id as usize]) {
-                        assert_eq!(node.gaps(p, &[DVec3::ZERO; 3])[lane], 0.0, "{p} lies in its box");
+                        assert_eq!(node.point_gaps(p)[lane], 0.0, "{p} lies in its box");
                     }
                 }
             }

@@ -6,7 +6,7 @@ use std::{
 };
 
 use dermatome::{
-    contact::{Cursor, IndexOptions, Packing, Query},
+    contact::{IndexOptions, Query},
     pyramid::LevelId,
 };
 use glam::{DVec3, Vec3, Vec3A};
@@ -36,11 +36,7 @@ pub fn dermatome(mesh: &Mesh, scattered: &[[f32; 3]], path: &[[f32; 3]]) -> Resu
     let build = start.elapsed().as_secs_f64() * 1e3;
     let distance = |p: &[f32; 3]| index.locate(wide(p)).map_or(f64::NAN, |hit| hit.distance);
     let single = nanoseconds(scattered, |contacts| contacts.iter().map(distance).sum());
-    let along = nanoseconds(path, |contacts| {
-        let mut cursor = Cursor::default();
-        let next = |p: &[f32; 3]| index.locate_along(&mut cursor, wide(p)).map_or(f64::NAN, |hit| hit.distance);
-        contacts.iter().map(next).sum()
-    });
+    let along = nanoseconds(path, |contacts| contacts.iter().map(distance).sum());
     let mut many: Vec<[f32; 3]> = Vec::with_capacity(1 << 20);
     while many.len() < 1 << 20 {
         // The same places, not the same points.
@@ -66,15 +62,6 @@ pub fn dermatome_nearest(mesh: &Mesh, scattered: &[[f32; 3]]) -> Result<[f64; 2]
         Err(_) => f64::NAN,
     };
     Ok([nanoseconds(scattered, |c| c.iter().map(sum).sum()), scattered.iter().map(sum).sum()])
-}
-
-/// Bytes a triangle of the index of level 0, fast and compact.
-pub fn bytes(mesh: &Mesh) -> Result<[f64; 2], Error> {
-    let bytes = |packing: Packing| -> Result<f64, Error> {
-        let index = mesh.index(&IndexOptions { packing, ..IndexOptions::default() })?;
-        Ok(index.bytes() as f64 / mesh.triangles.len() as f64)
-    };
-    Ok([bytes(Packing::Fast)?, bytes(Packing::Compact)?])
 }
 
 pub fn kiddo(mesh: &Mesh, scattered: &[[f32; 3]]) -> Result<[f64; 2], Error> {

@@ -4,10 +4,9 @@
 //! off the skin, and a walk over it in steps of half a millimetre, 1 to 1.1 mm off.
 //! `contact-peers ENGINE MESH.obj FOLDER` prints `single path batch build` (three times in
 //! nanoseconds a contact, one in milliseconds) of `dermatome`, `obvhs` (ordered scalar traversal of its
-//! binary tree) or `parry`; a dash where an engine has none. `dermatome` answers the path with a
-//! cursor, and a batch of a million contacts with all threads. `dermatome8` and `kiddo` print
-//! nanoseconds for the eight vertices nearest to a contact and the sum of all their distances; `bytes`
-//! the size of the index in bytes a triangle, fast and compact.
+//! binary tree) or `parry`; a dash where an engine has none. `dermatome` answers a batch of
+//! a million contacts with all threads. `dermatome8` and `kiddo` print nanoseconds for the eight vertices
+//! nearest to a contact and the sum of all their distances.
 
 mod engines;
 mod mesh;
@@ -43,7 +42,7 @@ pub fn nanoseconds(contacts: &[[f32; 3]], mut answer: impl FnMut(&[[f32; 3]]) ->
 fn main() -> Result<(), Error> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let [engine, file, folder] = args.as_slice() else {
-        return Err("usage: contact-peers contacts|dermatome|obvhs|parry|dermatome8|kiddo|bytes MESH.obj FOLDER".into());
+        return Err("usage: contact-peers contacts|dermatome|obvhs|parry|dermatome8|kiddo MESH.obj FOLDER".into());
     };
     let (mesh, folder) = (Mesh::read(Path::new(file))?, Path::new(folder));
     if engine == "contacts" {
@@ -55,7 +54,6 @@ fn main() -> Result<(), Error> {
     let pair = match engine.as_str() {
         "dermatome8" => Some(engines::dermatome_nearest(&mesh, &scattered)?),
         "kiddo" => Some(engines::kiddo(&mesh, &scattered)?),
-        "bytes" => Some(engines::bytes(&mesh)?),
         _ => None,
     };
     if let Some([first, second]) = pair {

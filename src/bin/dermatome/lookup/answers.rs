@@ -7,7 +7,7 @@ use std::{
 };
 
 use dermatome::{
-    contact::{Area, ContactIndex, Hit, ON_SKIN_SPACINGS, Query},
+    contact::{ContactIndex, Hit, ON_SKIN_SPACINGS, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
     skin::PatchId,
@@ -282,13 +282,12 @@ impl Rows<'_, '_> {
     /// The fields near the contact, or within the sphere of its radius.
     fn fields(&mut self) {
         let Answers { robot, index, question, max_distance, .. } = self.answers;
-        let Query { point, link } = self.query;
         let mut is_far = true;
         for &level in &robot.levels {
             let found = match question {
                 Question::Within(distance) => {
                     let radius = distance + self.contact.radius.unwrap_or(0.0);
-                    index.fields_within(&Area::Sphere { centre: point, radius }, link, level)
+                    index.fields_within(self.query, radius, level)
                 }
                 Question::Fields(count) => index.nearest_fields(self.query, *count, level),
                 _ => Ok(Vec::new()),

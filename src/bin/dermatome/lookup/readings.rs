@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dermatome::{
-    contact::{Area, ContactIndex, Press, Query, Spreader},
+    contact::{ContactIndex, Press, Query, Spreader},
     io::{IoError, ReadingsWriter},
     signal::{Channel, Frame},
 };
@@ -65,7 +65,7 @@ impl<'a> Readings<'a> {
         contacts: &[Contact],
         queries: &[Query],
     ) -> Result<(), IoError> {
-        for (contact, &Query { point, link }) in contacts.iter().zip(queries) {
+        for (contact, &at) in contacts.iter().zip(queries) {
             let time = contact.time.unwrap_or(0.0);
             if let Some(frame) = self.frame.take_if(|frame| frame.time != time) {
                 self.counts.backwards += u64::from(time < frame.time);
@@ -74,11 +74,7 @@ impl<'a> Readings<'a> {
             let frame = self.frame.get_or_insert_with(|| self.spreader.frame(time));
             self.counts.forces += u64::from(contact.force.is_some());
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
-            let area = match contact.radius.filter(|r| *r > 0.0) {
-                Some(radius) => Area::Sphere { centre: point, radius },
-                None => Area::Point(point),
-            };
-            let press = Press { area, link, force };
+            let press = Press { at, radius: contact.radius.unwrap_or(0.0).max(0.0), force };
             if !self.spreader.add(index, &press, frame).map_err(unanswered)? {
                 self.counts.untouched += 1;
             }
