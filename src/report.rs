@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::{
     flatten::{Convergence, Distortion},
     map::{MapLevel, PatchMap, SkinMap},
-    mesh::{Adjacency, Parts},
+    mesh::Adjacency,
     pyramid::LevelId,
 };
 
@@ -42,9 +42,7 @@ pub struct LevelReport {
     pub faces: usize,
     /// Length of the seam along which the level is cut, in m; 0 without one.
     pub seam: f64,
-    /// Number of charts: the pieces of the map.
-    pub charts: usize,
-    /// Number of boundary loops of the map, of all charts together.
+    /// Number of boundary loops of the map.
     pub boundary_loops: usize,
     /// How faithful the level's map is.
     #[serde(flatten)]
@@ -62,7 +60,6 @@ pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
         vertices: map.level.mesh.positions.len(),
         faces: map.level.mesh.triangles.len(),
         seam: map.seam_length(),
-        charts: Parts::of_components(&map.opened()).len(),
         boundary_loops: Adjacency::new(&map.opened()).map_or(0, |a| a.boundary_loops().len()),
         distortion: map.distortion,
         convergence: map.convergence,

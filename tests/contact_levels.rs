@@ -96,7 +96,7 @@ proptest! {
     }
 }
 
-/// Maps of one level and of several, whole, with a seam and of several charts.
+/// Maps of one level and of several, whole, with a seam and with slits.
 fn placed() -> Vec<SkinMap> {
     let cut = |mesh: TriMesh, cut: Cut| {
         build(&Skin::from_mesh("skin", mesh), &BuildOptions { cut, ..BuildOptions::default() }).unwrap()

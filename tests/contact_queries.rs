@@ -41,7 +41,7 @@ fn robot() -> SkinMap {
     MAP.clone()
 }
 
-/// A torus on a map of several charts, and a disk with a hole.
+/// A torus on a map with slits, and a disk with a hole.
 fn atlas() -> SkinMap {
     let mut disk = shapes::tube(24, 12, 0.03, 0.05);
     disk.positions.iter_mut().for_each(|p| *p = p.with_z(0.0) * (1.0 + p.z / 0.03));
@@ -145,7 +145,7 @@ proptest! {
     }
 
     /// Every place of a map leads to its point of the surface, and from there back, on every level;
-    /// chart borders and holes included.
+    /// seams and holes included.
     #[test]
     fn the_way_back_is_the_inverse(
         (is_atlas, patch) in prop_oneof![3 => (Just(false), 0_usize..3), 2 => (Just(true), 0_usize..2)],

@@ -8,14 +8,13 @@ use std::fs;
 
 use common::dermatome;
 use dermatome::{
-    cut::Cut,
     flatten::{Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid},
     id::{IdVec, VertexId},
     io::{read_acuities, read_draft, read_map, write_map, write_skin},
     mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build, flatten_patch},
+    pipeline::{BuildOptions, build},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
-    skin::{AssembleOptions, LinkId, Patch, PatchId, Skin, SkinError, TaxelError, TaxelId, Taxels, assemble},
+    skin::{AssembleOptions, PatchId, Skin, SkinError, TaxelError, TaxelId, Taxels, assemble},
 };
 use glam::DVec2;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
@@ -61,8 +60,10 @@ fn acuity_doubles_lengths_on_the_map() {
     let (mesh, acuities) = halves(24, 2.0);
     let flat = |taxels: Taxels, angle: f64| {
         let energy = Energy::Sum { angle, area: 1.0, perimeter: 0.0 };
-        let patch = Patch { taxels, ..Patch::from_mesh("halves", LinkId::new(0), mesh.clone()) };
-        flatten_patch(&patch, &Cut::None, &energy.into()).unwrap().uv
+        let mut skin = Skin::from_mesh("halves", mesh.clone());
+        skin.patches[PatchId::new(0)].taxels = taxels;
+        let map = build(&skin, &BuildOptions { flatten: energy.into(), ..BuildOptions::default() }).unwrap();
+        map.patches[PatchId::new(0)].levels[LevelId::new(0)].uv.clone()
     };
     let ratio = |uv: &IdVec<VertexId, DVec2>| {
         let map = TriMesh { positions: uv.map(|p| p.extend(0.0)), ..mesh.clone() };

@@ -13,8 +13,7 @@ use crate::{
 ///
 /// The cut mesh has the faces of the uncut one, in the same order with the same corners, so a face
 /// and barycentric coordinates in it mean the same point of both. A vertex of the seam is several
-/// vertices of the cut mesh: itself, and copies that follow after all vertices of the uncut mesh. The
-/// pieces of the cut mesh are the charts of its map, one unless a limit of the area ratio needs more.
+/// vertices of the cut mesh: itself, and copies that follow after all vertices of the uncut mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CutMesh {
     /// The corners of every face, as vertices of the cut mesh.

@@ -31,19 +31,17 @@ const GO_ON: f64 = 0.5;
 /// get half a seam more for a map that is hardly better.
 const NEARLY_GOOD: f64 = 0.15;
 /// Slits at most: a further one is a sign of a surface that no map fits.
-pub(crate) const MOST_SLITS: usize = 24;
+const MOST_SLITS: usize = 24;
 /// Slits in a row that need not lower the area ratio: of several equal peaks all must be slit first. A
 /// closed ball waits for 3, and a glove would wait for 11, a minute, and not get far.
 const PATIENCE: usize = 6;
 /// An area ratio is lower than before if it is by this factor.
 const LESS: f64 = 0.98;
 
-/// A map whose area ratio shall stay below a limit.
+/// A limit of the area ratio of a map.
 pub(crate) struct AreaLimit<'a> {
     pub(crate) ratio: f64,
-    /// Slits at most.
-    pub(crate) slits: usize,
-    /// Makes the map of which that is asked.
+    /// Makes the map that the limit is about.
     pub(crate) map: &'a TrialMap<'a>,
 }
 
@@ -214,25 +212,32 @@ impl Decision<'_, '_> {
     fn slit_below(&self, limit: &AreaLimit<'_>, state: &mut Trial, slits: &mut Vec<VertexId>) {
         let curvature = spread_curvature(self.graph);
         *state = Trial::new(self.graph, std::mem::take(&mut state.seam), limit.map);
-        let (mut least, mut waiting) = (state.area_ratio, 0);
-        while state.area_ratio > limit.ratio && slits.len() < limit.slits && waiting < PATIENCE {
-            let ends = slit_ends(self.graph, state, &curvature, SHORT);
+        let mut now = state.clone();
+        let (mut slits_now, mut waiting) = (slits.clone(), 0);
+        while now.area_ratio > limit.ratio && slits_now.len() < MOST_SLITS && waiting < PATIENCE {
+            let ends = slit_ends(self.graph, &now, &curvature, SHORT);
             let trials =
-                par_map(&ends, |&end| Trial::new(self.graph, slit(self.graph, &state.seam, end), limit.map));
+                par_map(&ends, |&end| Trial::new(self.graph, slit(self.graph, &now.seam, end), limit.map));
             let best = ends.into_iter().zip(trials);
             let best = best.reduce(|a, b| if b.1.area_ratio < a.1.area_ratio { b } else { a });
             match best {
                 // A worst face that stays may need a second slit: less energy is progress as well.
-                Some((end, trial)) if trial.area_ratio < state.area_ratio || trial.excess < state.excess => {
-                    slits.push(end);
-                    *state = trial;
+                Some((end, trial)) if trial.area_ratio < now.area_ratio || trial.excess < now.excess => {
+                    slits_now.push(end);
+                    now = trial;
                     waiting += 1;
-                    if state.area_ratio < LESS * least {
-                        (least, waiting) = (state.area_ratio, 0);
+                    if now.area_ratio < LESS * state.area_ratio {
+                        waiting = 0;
+                        state.clone_from(&now);
+                        slits.clone_from(&slits_now);
                     }
                 }
-                _ => return,
+                _ => break,
             }
+        }
+        // The last slits are kept only if they reach the limit.
+        if now.area_ratio <= limit.ratio {
+            (*state, *slits) = (now, slits_now);
         }
     }
 }

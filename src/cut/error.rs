@@ -41,28 +41,6 @@ pub enum CutError {
         /// Pieces.
         components: usize,
     },
-    /// An area ratio that no cut reaches, into this many charts at most.
-    #[error(
-        "the largest area ratio of the map is {found:.4} with the most charts that are tried, {charts}; {wanted} was asked for"
-    )]
-    AreaRatio {
-        /// The ratio reached.
-        found: f64,
-        /// Charts that were tried at most.
-        charts: usize,
-        /// The ratio asked for.
-        wanted: f64,
-    },
-    /// An area ratio that contradicts what the densities and acuities of taxels ask for.
-    #[error(
-        "the acuities or densities of the taxels ask for area ratios up to {asked:.3}, but {wanted} was asked for"
-    )]
-    AreasAsked {
-        /// The largest ratio that taxels ask for.
-        asked: f64,
-        /// The ratio asked for.
-        wanted: f64,
-    },
     /// A surface that is not a disk with holes after the cut.
     #[error(
         "after the cut the surface has Euler characteristic {euler} and {loops} boundary loops; a disk with holes is \

@@ -31,29 +31,19 @@
 //! made on a level of a few thousand faces, each slit from the map before it; what they decide, a
 //! recipe, is then done on the skin itself.
 //!
-//! # Several charts
-//!
-//! Where no slits into one chart keep a limit of the area ratio, a patch is divided in halves along
-//! short borders (`bisect`), again and again, and each chart has its own cut (`division`); the trials
-//! are those of [`pipeline`](crate::pipeline).
-//!
 //! # Files, in reading order
 //!
 //! - `options`, `error`: what is asked for, and why it may fail; `cut_mesh`: a mesh cut open
 //! - `seam_graph`: the closed surface and its shortest ways; `handles`, `shorten`: steps 1 to 3
 //! - `trial`: a seam with its map; `slits`, `pairs`: steps 4 and 5; `recipe`: all steps; `decide`: the
 //!   rule
-//! - `min_cut`, `bisect`, `division`: several charts
 //! - `given`: seams from a user
 
-mod bisect;
 mod cut_mesh;
 mod decide;
-mod division;
 mod error;
 mod given;
 mod handles;
-mod min_cut;
 mod options;
 mod pairs;
 mod recipe;
@@ -62,11 +52,9 @@ mod shorten;
 mod slits;
 mod trial;
 
-pub(crate) use bisect::Bisection;
 pub use cut_mesh::CutMesh;
 pub(crate) use cut_mesh::{is_plain_disk, seam_length};
-pub(crate) use decide::{AreaLimit, MOST_SLITS, TrialMaps, decide};
-pub(crate) use division::{Chart, Division};
+pub(crate) use decide::{AreaLimit, TrialMaps, decide};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};
 pub use options::Cut;

@@ -11,8 +11,8 @@ pub enum Cut {
     Auto,
     /// As [`Cut::Auto`], and slits are added, into a plain disk too, until no face of the map is larger
     /// or smaller than on the skin by more than this ratio (see
-    /// [`Distortion::area_max`](crate::flatten::Distortion)); where slits do not suffice, the patch is
-    /// cut into several charts.
+    /// [`Distortion::area_max`](crate::flatten::Distortion)). Where slits do not suffice, those that
+    /// lower the ratio most are added.
     AreaRatio(f64),
     /// Nothing is cut; closed patches and handles have no map then.
     None,

@@ -29,7 +29,7 @@ pub(super) const FALL: f64 = 4.0;
 pub(super) const ISOMETRY: f64 = 4.0;
 
 /// A seam and how good the map of the surface cut along it is.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Trial {
     pub(super) seam: Seam,
     /// Length of the seam over the square root of the area.

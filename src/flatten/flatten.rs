@@ -92,21 +92,6 @@ pub(crate) fn flatten_with_convergence(
     Ok((placed, convergence))
 }
 
-/// The largest area ratio, either way, that the densities and acuities of taxels ask a map for; 1
-/// where they ask for none.
-///
-/// # Errors
-/// If one of them is out of range.
-pub(crate) fn demanded_area_ratio(
-    mesh: &TriMesh,
-    taxels: &Taxels,
-    options: &FlattenOptions,
-) -> Result<f64, FlattenError> {
-    let magnification = Magnification::new(options.method, Some(taxels), &mesh.vertex_areas())?;
-    let factors = magnification.area_factors(mesh);
-    Ok(factors.iter().flatten().fold(1.0, |most: f64, factor| most.max(*factor).max(factor.recip())))
-}
-
 /// Newton steps of a map by which a seam is judged: what it still gains does not change the judgement.
 const ROUGH: NewtonLimits = NewtonLimits { decrement: 1e-4, steps: 60, gain: 3e-3, most: f64::INFINITY };
 

@@ -76,11 +76,10 @@
 //! - `bijective/` (`orientation`, `crossings`, `overlap`, `fillers`): whether a map overlaps itself,
 //!   and how that is prevented
 //! - `levels/` (`relax`, `insertion`, `refine`): least energy on one level; from one to the next
-//! - `charts`: several charts of one patch; `placement`: where the finished map lies; `distortion`: how faithful any map is;
+//! - `placement`: where the finished map lies; `distortion`: how faithful any map is;
 //!   `convergence`: how far its minimisation came
 
 mod bijective;
-mod charts;
 mod convergence;
 mod distortion;
 mod domain;
@@ -94,12 +93,9 @@ mod placement;
 mod start;
 
 pub(crate) use bijective::crossings::crossing_vertices;
-pub(crate) use charts::{flatten_chart_pyramid, flatten_charts};
 pub use convergence::Convergence;
 pub use distortion::{Distortion, distortion};
 pub use error::FlattenError;
-pub(crate) use flatten::{
-    demanded_area_ratio, flatten_pyramid_with_convergence, flatten_roughly, flatten_with_convergence,
-};
 pub use flatten::{flatten, flatten_pyramid};
+pub(crate) use flatten::{flatten_pyramid_with_convergence, flatten_roughly, flatten_with_convergence};
 pub use options::{Boundary, Energy, FlattenOptions, Method, Overlap};

@@ -80,7 +80,8 @@ impl MapLevel {
     }
 
     /// The mesh as it lies on the map: cut open.
-    pub(crate) fn opened(&self) -> Cow<'_, TriMesh> {
+    #[must_use]
+    pub fn opened(&self) -> Cow<'_, TriMesh> {
         let mesh = &self.level.mesh;
         self.cut.as_ref().map_or(Cow::Borrowed(mesh), |cut| Cow::Owned(cut.mesh(&mesh.positions)))
     }

@@ -20,7 +20,6 @@ pub(crate) use connectivity::{
     edges::Edges,
     halfedge::Halfedge,
     halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals},
-    parts::Parts,
     rings::Rings,
     vertex_corners::VertexCorners,
 };

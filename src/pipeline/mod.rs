@@ -1,12 +1,12 @@
 //! The whole flow, from a skin to its map.
 //!
 //! [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut open
-//! where it needs a seam ([`cut_open`]), maps every level of it to the plane
+//! where it needs a seam, maps every level of it to the plane
 //! ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the
 //! [`SkinMap`](crate::map::SkinMap).
 //!
-//! Where no cut within one chart keeps the area ratio asked for, a patch is divided into several
-//! (`charts`). Every map is measured as `map.glb` holds it (`written`).
+//! Every map is measured as `map.glb` holds it (`written`). Only what is known of one patch decides how
+//! it is cut (`cut_open`).
 //!
 //! Patches are independent: they are built in parallel, and the result does not depend on the
 //! number of threads. Before it, [`read_draft`](crate::io::read_draft) and
@@ -24,11 +24,306 @@
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
-mod build;
-mod charts;
-mod choose_cut;
-mod open;
+mod cut_open;
 mod written;
 
-pub use build::{BuildOptions, Built, Enlarged, Progress, Stage, build, build_with_progress};
-pub use open::{FlatMesh, cut_open, flatten_patch};
+use std::{
+    sync::atomic::{AtomicUsize, Ordering},
+    time::{Duration, Instant},
+};
+
+use rayon::prelude::*;
+
+use crate::{
+    Error,
+    atlas::{fitting_pixel, pixels_of},
+    cut::{Cut, cut_along, pairs_by_patch},
+    flatten::{FlattenOptions, flatten_pyramid_with_convergence},
+    id::{IdVec, VertexId},
+    map::{PatchMap, SkinMap},
+    pipeline::{cut_open::cut_open, written::measure_as_written},
+    pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
+    skin::{Patch, PatchId, Skin, named_links},
+};
+
+/// Options of [`build`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct BuildOptions {
+    /// Where to cut.
+    pub cut: Cut,
+    /// How to coarsen.
+    pub coarsen: CoarsenOptions,
+    /// How to flatten.
+    pub flatten: FlattenOptions,
+    /// Side of a pixel of the images, in m; `None`: 1 mm, or larger where that would make more
+    /// pixels than the taxels need.
+    pub pixel: Option<f64>,
+    /// Whether patches that cannot be mapped are left out, as long as one can; else they are an error.
+    pub keep_going: bool,
+}
+
+/// Side of a pixel, in m, unless another is asked for or needed.
+const PIXEL: f64 = 1e-3;
+
+/// A step of the flow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Making the pyramids.
+    Coarsen,
+    /// Making the maps of every level.
+    Flatten,
+}
+
+/// How far a stage is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: Stage,
+    /// Patches that are done.
+    pub done: usize,
+    /// Patches in all.
+    pub total: usize,
+}
+
+/// Coarsens and flattens every patch of a skin.
+///
+/// # Errors
+/// All patches that cannot be cut as asked or not be flattened; with [`BuildOptions::keep_going`] only
+/// if that is all of them.
+pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
+    build_with_progress(skin, options, &|_| ()).map(|built| built.map)
+}
+
+/// A map, and what its making was like.
+#[derive(Debug)]
+pub struct Built {
+    /// The map.
+    pub map: SkinMap,
+    /// How long making the pyramids took.
+    pub coarsened_in: Duration,
+    /// How long making the maps of every level took.
+    pub flattened_in: Duration,
+    /// How many of the coarsest levels of each patch are not in the map: they have none in 64-bit
+    /// numbers, or in the 32-bit ones of a file, as those of a long thin tube.
+    pub left_out: IdVec<PatchId, usize>,
+    /// Why each patch that is not in the map could not be mapped; see [`BuildOptions::keep_going`].
+    pub failed: Vec<Error>,
+    /// What became of the pixels, if they had to be larger than 1 mm.
+    pub enlarged: Option<Enlarged>,
+}
+
+/// Pixels that are larger than by default.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Enlarged {
+    /// Side of a pixel of the images, in mm.
+    pub pixel_mm: f64,
+    /// How many pixels the images would have had.
+    pub pixels: u64,
+}
+
+/// As [`build`], with what its making was like; `progress` is called from any thread
+/// at the start of a stage and after each patch.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_with_progress(
+    skin: &Skin,
+    options: &BuildOptions,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Built, Error> {
+    let start = Instant::now();
+    let seams = given_seams(skin, &options.cut)?;
+    let jobs: Vec<_> = skin.patches.iter().zip(seams).collect();
+    let coarsened = each_patch(Stage::Coarsen, jobs, progress, |(patch, seam)| {
+        let coarsened = coarsen_patch(patch, &seam, options).map_err(|e| e.in_patch(&patch.name))?;
+        Ok((patch, coarsened))
+    });
+    let mut failed = Vec::new();
+    let coarsened_in = start.elapsed();
+    // Every pyramid is taken once, by the thread that maps it.
+    let jobs = good(coarsened, options, &mut failed)?;
+    let maps = each_patch(Stage::Flatten, jobs, progress, |(patch, pyramid)| {
+        map_patch(patch, pyramid, options).map_err(|e| e.in_patch(&patch.name))
+    });
+    let maps = good(maps, options, &mut failed)?;
+    let flattened_in = start.elapsed() - coarsened_in;
+    let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let (links, animations) = (named_links(&skin.links), skin.animations.clone());
+    let mut map = SkinMap { links, patches: patches.into(), animations };
+    let enlarged = if options.pixel.is_none() { enlarge_pixels(&mut map)? } else { None };
+    Ok(Built { map, coarsened_in, flattened_in, left_out: left_out.into(), failed, enlarged })
+}
+
+/// Gives a map larger pixels where its images would have too many.
+fn enlarge_pixels(map: &mut SkinMap) -> Result<Option<Enlarged>, Error> {
+    let Some(pixel_mm) = fitting_pixel(map) else { return Ok(None) };
+    let pixels = pixels_of(map);
+    map.patches.par_iter_mut().try_for_each(|patch| {
+        let mut levels = patch.levels.iter_mut();
+        let enlarged = levels.try_for_each(|level| {
+            level.set_pixel(1e-3 * pixel_mm);
+            measure_as_written(level)
+        });
+        enlarged.map_err(|e| Error::from(e).in_patch(&patch.name))
+    })?;
+    Ok(Some(Enlarged { pixel_mm, pixels }))
+}
+
+/// Where each patch is cut, if the user says so.
+fn given_seams(skin: &Skin, cut: &Cut) -> Result<Vec<Seam>, Error> {
+    let Cut::Along(pairs) = cut else {
+        return Ok(skin.patches.iter().map(|_| Seam::Choose(cut.clone())).collect());
+    };
+    let edges = pairs_by_patch(pairs, skin.patches.iter().map(|patch| &patch.taxels))?;
+    let seam = |edges: Vec<_>| if edges.is_empty() { Seam::Choose(Cut::Auto) } else { Seam::Along(edges) };
+    Ok(edges.into_iter().map(seam).collect())
+}
+
+/// Where one patch is cut.
+enum Seam {
+    Choose(Cut),
+    Along(Vec<[VertexId; 2]>),
+}
+
+/// A pyramid, of a patch that is cut or not.
+enum Coarsened {
+    Whole(Pyramid),
+    Cut(Box<CutPyramid>),
+}
+
+fn coarsen_patch(patch: &Patch, seam: &Seam, options: &BuildOptions) -> Result<Coarsened, Error> {
+    let Patch { mesh, taxels, .. } = patch;
+    let cut = match seam {
+        Seam::Choose(cut) => cut_open(mesh, taxels, cut, &options.flatten)?,
+        Seam::Along(edges) => Some(cut_along(mesh, edges, &taxels.ids)?),
+    };
+    Ok(match cut {
+        None => Coarsened::Whole(coarsen(mesh, taxels, &options.coarsen)?),
+        Some(cut) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen)?)),
+    })
+}
+
+/// The map of a patch, and how many levels of its pyramid have none.
+fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Result<(PatchMap, usize), Error> {
+    let (levels, maps) = match pyramid {
+        Coarsened::Whole(pyramid) => {
+            let maps = flatten_pyramid_with_convergence(&pyramid, Some(&patch.taxels), &options.flatten)?;
+            (pyramid.levels.into_iter().map(|level| (level, None)).collect::<Vec<_>>(), maps)
+        }
+        Coarsened::Cut(pyramid) => {
+            let CutPyramid { pyramid, opened, cuts } = *pyramid;
+            let unsplit = cuts.iter().next().map(|cut| &cut.unsplit);
+            let taxels = unsplit.map(|unsplit| patch.taxels.select(unsplit));
+            let maps = flatten_pyramid_with_convergence(&opened, taxels.as_ref(), &options.flatten)?;
+            (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
+        }
+    };
+    let made = levels.len();
+    let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let mut map = PatchMap::unmeasured(patch, levels, maps.into(), options.pixel.unwrap_or(PIXEL));
+    // What a file cannot hold is no map either.
+    let mut held = 0;
+    for (level, convergence) in map.levels.iter_mut().zip(convergences) {
+        level.convergence = Some(convergence);
+        match measure_as_written(level) {
+            Ok(()) => held += 1,
+            Err(error) if held == 0 => return Err(error.into()),
+            Err(_) => break,
+        }
+    }
+    map.keep_finest(held);
+    Ok((map, made - held))
+}
+
+/// Does `job` for every patch in parallel.
+fn each_patch<P: Send, T: Send>(
+    stage: Stage,
+    patches: Vec<P>,
+    progress: &(dyn Fn(Progress) + Sync),
+    job: impl Fn(P) -> Result<T, Error> + Sync,
+) -> Vec<Result<T, Error>> {
+    let (total, done) = (patches.len(), AtomicUsize::new(0));
+    progress(Progress { stage, done: 0, total });
+    let made = patches.into_par_iter().map(|patch| {
+        let made = job(patch)?;
+        progress(Progress { stage, done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        Ok(made)
+    });
+    made.collect()
+}
+
+/// What succeeded; errors are added to `failed`.
+///
+/// # Errors
+/// All errors, unless they may be left out.
+fn good<T>(
+    made: Vec<Result<T, Error>>,
+    options: &BuildOptions,
+    failed: &mut Vec<Error>,
+) -> Result<Vec<T>, Error> {
+    let mut good = Vec::with_capacity(made.len());
+    for result in made {
+        match result {
+            Ok(value) => good.push(value),
+            Err(error) => failed.push(error),
+        }
+    }
+    match failed.len() {
+        0 => Ok(good),
+        _ if options.keep_going && !good.is_empty() => Ok(good),
+        1 => Err(failed.remove(0)),
+        _ => Err(Error::Several(std::mem::take(failed))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        cut::CutMesh,
+        flatten::{distortion, flatten_pyramid},
+        mesh::{Adjacency, TriMesh, shapes},
+        pyramid::LevelId,
+        skin::PatchId,
+    };
+
+    /// Euler characteristic and boundary loops of the mesh after the cut.
+    fn shape(mesh: &TriMesh, cut: &CutMesh) -> (i64, usize) {
+        let adjacency = Adjacency::new(&cut.mesh(&mesh.positions)).unwrap();
+        (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
+    }
+
+    /// Both sides of the seam go together: each level is a disk again, opened along the same seam.
+    #[test]
+    fn every_level_has_the_same_seam() {
+        for mesh in [
+            shapes::ball(12, 0.1),
+            shapes::torus(40, 16, 0.1, 0.04),
+            shapes::frame(2, 4, 0.01),
+            shapes::tube(40, 24, 0.05, 0.2),
+        ] {
+            let patch = &Skin::from_mesh("skin", mesh.clone()).patches[PatchId::new(0)];
+            let options = BuildOptions::default().flatten;
+            let cut = cut_open(&patch.mesh, &patch.taxels, &Cut::Auto, &options).unwrap().unwrap();
+            let few = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
+            let made = coarsen_cut(&mesh, &patch.taxels, &cut, &few).unwrap();
+            made.pyramid.validate().unwrap();
+            made.opened.validate().unwrap();
+            assert!(made.pyramid.levels.len() > 2, "{} levels", made.pyramid.levels.len());
+            let whole = shape(&mesh, &cut);
+            for ((level, opened), cut) in made.pyramid.levels.iter().zip(&made.opened.levels).zip(&made.cuts)
+            {
+                assert_eq!(shape(&level.mesh, cut), whole, "{} vertices", level.mesh.positions.len());
+                assert_eq!(opened.mesh.triangles, cut.triangles);
+                for (place, &v) in cut.unsplit.enumerate() {
+                    let origin = opened.origins[place];
+                    assert_eq!(made.cuts[LevelId::new(0)].unsplit[origin], level.origins[v], "place {place}");
+                }
+            }
+            let maps = flatten_pyramid(&made.opened, None, &options).unwrap();
+            for (level, uv) in made.opened.levels.iter().zip(&maps) {
+                assert_eq!(distortion(&level.mesh, uv).flips, 0);
+            }
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use crate::{
     cut::CutMesh,
     id::{IdVec, VertexId},
-    mesh::{HalfedgeMesh, Parts, Rings, TriMesh},
+    mesh::{HalfedgeMesh, Rings, TriMesh},
     pyramid::{
         Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog,
         independent_set::{ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing},
@@ -126,27 +126,10 @@ fn open_levels(
     origins: Vec<IdVec<VertexId, VertexId>>,
 ) -> IdVec<LevelId, Level> {
     let CutMesh { unsplit: finest, .. } = &cuts[LevelId::new(0)];
-    let charts = Parts::of_components(&cuts[LevelId::new(0)].mesh(&levels[LevelId::new(0)].mesh.positions));
     let mut opened = IdVec::<LevelId, Level>::default();
     for ((level, cut), origins) in levels.iter().zip(cuts).zip(origins) {
         let to_finest = level.to_finest.as_ref().map(|rows| {
-            let chart = |place: VertexId| charts.of[origins[place]];
-            let mut copies = IdVec::<VertexId, Vec<VertexId>>::filled(Vec::new(), rows.coarse_len);
-            for (place, &v) in cut.unsplit.enumerate().skip(rows.coarse_len) {
-                copies[v].push(place);
-            }
-            // The first place in the same chart. What has none there has no weight either.
-            let place_in = |of: usize, v: VertexId| {
-                std::iter::once(v).chain(copies[v].iter().copied()).find(|&place| chart(place) == of)
-            };
-            let mut indices: IdVec<VertexId, [VertexId; 3]> = finest
-                .enumerate()
-                .map(|(place, &v)| {
-                    let named = rows.indices[v].map(|at| place_in(charts.of[place], at));
-                    let any = named.iter().flatten().next().copied().unwrap_or_default();
-                    named.map(|at| at.unwrap_or(any))
-                })
-                .collect();
+            let mut indices = finest.map(|&v| rows.indices[v]);
             // A copy that is a vertex still is its own field.
             for (vertex, &origin) in origins.enumerate() {
                 indices[origin][0] = vertex;

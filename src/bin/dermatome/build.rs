@@ -1,7 +1,6 @@
 //! `build`: the main job.
 
 use std::{
-    collections::BTreeSet,
     fs,
     io::ErrorKind,
     path::{Path, PathBuf},
@@ -15,16 +14,16 @@ use dermatome::{
     atlas::skin_images,
     io::{IoError, write_images, write_map},
     map::SkinMap,
-    pipeline::{BuildOptions, Built, Enlarged, Progress, build_with_progress},
+    pipeline::{BuildOptions, Built, Enlarged, build_with_progress},
     report::{PatchReport, measure},
-    skin::{AssembleOptions, Patch, Skin},
+    skin::AssembleOptions,
 };
 use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::{
     console::{
-        notes::{note, note_distortion, note_overlaps, note_placeholders, note_seams},
+        notes::{note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_seams},
         print::{json, plain, print_json, print_levels},
         progress,
     },
@@ -72,13 +71,17 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
         pixel: args.pixel_mm.map(|mm| 1e-3 * mm),
+        keep_going: args.keep_going,
     };
     let files: Vec<PathBuf> =
         FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| args.output.join(name)).collect();
     outputs::check_inputs(files.iter().map(PathBuf::as_path), [args.skin.as_path()])?;
     let start = Instant::now();
-    let (fill_holes, keep_going) = (args.coarsen.fill_holes(), args.keep_going);
-    let assemble = AssembleOptions { fill_holes, keep_going, ..args.read.options() };
+    let assemble = AssembleOptions {
+        fill_holes: args.coarsen.fill_holes(),
+        keep_going: args.keep_going,
+        ..args.read.options()
+    };
     let (mut skin, left_out) = read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);
     check_output(&args.output, &files)?;
@@ -88,7 +91,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);
-    let (built, unmapped) = build_good_patches(skin, &options, keep_going, &on_progress, common)
+    let built = build_with_progress(&skin, &options, &on_progress)
         .with_context(|| format!("cannot map {}", args.skin.display()))?;
     let mut outputs = Outputs::default();
     let [rasterise, write] =
@@ -119,34 +122,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     note_built(&built, common);
     note_overlaps(&report.patches, &options.flatten, common);
     note_distortion(&report.patches, common);
+    note_area_ratio(&report.patches, &options.cut, common);
     if args.json {
         print_json(SCHEMA, &report)?;
     } else if !common.quiet {
         print_levels(&report.patches)?;
     }
-    Ok(if left_out + unmapped > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
-}
-
-/// Maps a skin, or what can be mapped of it; returns how many patches were left out.
-fn build_good_patches(
-    mut skin: Skin,
-    options: &BuildOptions,
-    keep_going: bool,
-    on_progress: &(dyn Fn(Progress) + Sync),
-    common: &Common,
-) -> Result<(Built, usize), Error> {
-    let mut left_out = 0;
-    loop {
-        let error = match build_with_progress(&skin, options, on_progress) {
-            Ok(built) => return Ok((built, left_out)),
-            Err(error) => error,
-        };
-        let bad = if keep_going { leave_out(&mut skin, &error, common) } else { 0 };
-        if bad == 0 || skin.patches.is_empty() {
-            return Err(error);
-        }
-        left_out += bad;
-    }
+    Ok(if left_out + built.failed.len() > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 /// Rasterises a map and writes [`FILES`] into a folder; returns the seconds that either took.
@@ -162,9 +144,12 @@ fn write_files(map: &SkinMap, folder: &Path, bar: &ProgressBar) -> Result<[f64; 
     Ok([rasterised, start.elapsed() - rasterised].map(|time| time.as_secs_f64()))
 }
 
-/// Prints which levels have no map, and which pixels were chosen.
+/// Prints which patches and levels have no map, and which pixels were chosen.
 fn note_built(built: &Built, common: &Common) {
-    let Built { map, left_out, enlarged, .. } = built;
+    let Built { map, left_out, failed, enlarged, .. } = built;
+    for error in failed {
+        note(common, format_args!("{error}; left out"));
+    }
     for (patch, count) in map.patches.iter().zip(left_out).filter(|(_, count)| **count > 0) {
         let why = "too long and thin for a map in 64-bit numbers, or in the 32-bit ones of its file";
         note(common, format_args!("{}: the coarsest {count} levels are left out: {why}", plain(&patch.name)));
@@ -179,25 +164,6 @@ fn note_built(built: &Built, common: &Common) {
             ),
         );
     }
-}
-
-/// Takes the patches that an error names out of a skin, with a note for each; returns how many.
-fn leave_out(skin: &mut Skin, error: &Error, common: &Common) -> usize {
-    let errors = match error {
-        Error::Several(errors) => errors.as_slice(),
-        one => std::slice::from_ref(one),
-    };
-    let mut bad = BTreeSet::new();
-    for error in errors {
-        if let Error::Patch { patch, .. } = error {
-            note(common, format_args!("{error}; left out"));
-            bad.insert(patch.as_str());
-        }
-    }
-    let before = skin.patches.len();
-    let kept: Vec<Patch> = skin.patches.iter().filter(|p| !bad.contains(p.name.as_str())).cloned().collect();
-    skin.patches = kept.into();
-    before - skin.patches.len()
 }
 
 /// What `report.json` holds: the same input gives the same report.

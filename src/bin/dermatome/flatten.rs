@@ -1,22 +1,21 @@
-//! `flatten`: one mesh to the plane, at full precision.
+//! `flatten`: one mesh to the plane, as level 0 of a `build`.
 
 use std::{path::PathBuf, process::ExitCode};
 
 use anyhow::Context;
 use dermatome::{
-    Error,
-    flatten::distortion,
     io::write_flat,
-    mesh::Adjacency,
-    pipeline::flatten_patch,
-    report::{LevelReport, PatchReport},
-    skin::PatchId,
+    mesh::FillHoles,
+    pipeline::{BuildOptions, build},
+    pyramid::LevelId,
+    report::measure,
+    skin::{AssembleOptions, PatchId},
 };
 
 use crate::{
     console::{
         errors::advise,
-        notes::{note_distortion, note_overlaps, note_seams},
+        notes::{note_area_ratio, note_distortion, note_overlaps, note_seams},
         print::{print_json, print_levels},
         progress,
     },
@@ -54,7 +53,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check(args.output.iter().map(PathBuf::as_path))?;
     outputs::check_inputs(args.output.iter().map(PathBuf::as_path), [args.mesh.as_path()])?;
     args.flatten.options()?;
-    let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &args.read.options(), common)?;
+    let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options() };
+    let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &assemble, common)?;
     args.acuity.apply(&mut skin)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
@@ -68,35 +68,34 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "take one with --patch NAME, or use `dermatome build`, which maps every patch",
         ));
     }
-    let patch = &skin.patches[PatchId::new(0)];
-    let options = args.flatten.options_for(&skin)?;
+    let options = BuildOptions {
+        cut: args.flatten.cut()?,
+        flatten: args.flatten.options_for(&skin)?,
+        ..BuildOptions::default()
+    };
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let flat = flatten_patch(patch, &args.flatten.cut()?, &options)
-        .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
+    let map = build(&skin, &options).with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
+    let patch = &map.patches[PatchId::new(0)];
+    let finest = &patch.levels[LevelId::new(0)];
+    let mut mesh = finest.opened().into_owned();
+    // What closes pin-holes is no skin.
+    let skin_faces = mesh.triangles.len() - patch.filled;
+    mesh.triangles = mesh.triangles.into_iter().take(skin_faces).collect();
     let mut outputs = Outputs::default();
     for path in &args.output {
-        outputs.stage(path, |path| write_flat(path, &flat.mesh, &flat.uv))?;
+        outputs.stage(path, |path| write_flat(path, &mesh, &finest.uv))?;
     }
     outputs.publish(common)?;
-    let level = LevelReport {
-        level: 0,
-        vertices: patch.mesh.positions.len(),
-        faces: patch.mesh.triangles.len(),
-        seam: flat.seam,
-        charts: flat.charts,
-        boundary_loops: Adjacency::new(&flat.mesh).map_err(Error::from)?.boundary_loops().len(),
-        distortion: distortion(&flat.mesh, &flat.uv),
-        convergence: Some(flat.convergence),
-    };
-    let link = skin.links[patch.link].name.clone();
-    let report = [PatchReport { name: patch.name.clone(), link, levels: vec![level] }];
+    let mut report = measure(&map);
+    report.iter_mut().for_each(|patch| patch.levels.truncate(1));
     note_seams(&report, common);
-    note_overlaps(&report, &options, common);
+    note_overlaps(&report, &options.flatten, common);
     note_distortion(&report, common);
+    note_area_ratio(&report, &options.cut, common);
     if args.json {
-        print_json("dermatome.flatten/1", &level)?;
+        print_json("dermatome.flatten/1", &report[0].levels[0])?;
     } else if !common.quiet {
         print_levels(&report)?;
     }

@@ -7,7 +7,6 @@ Words:
   field            a vertex above level 0 with the taxels that it stands for, each with a weight
   loop             a closed chain of edges with one face each: the rim of a patch or of a hole
   seam             the edges along which a surface is cut open to be mapped
-  chart            a piece of a map; a patch has one, or several with --max-area-ratio
   s1/s2            angle distortion of a face, the ratio of its stretches: mean and max; 1 is best
   area             area ratio, map over skin, as max(r, 1/r) at equal total areas: mean and max;
                    1 is best

@@ -56,46 +56,6 @@ pub(crate) fn crossing_vertices(edges: &[[VertexId; 2]], uv: &Uv) -> Vec<VertexI
     found.into_iter().collect()
 }
 
-/// Calls `found` with each edge, and each vertex to the left of it within its height and not farther
-/// to the left than the end of the vertex's line, at the x that comes with it.
-///
-/// Pairs are found as crossings are: by the boxes of the edges, and of the lines from the vertices
-/// to the right.
-pub(super) fn each_to_the_right(
-    lines: &[(VertexId, f64)],
-    edges: &[[VertexId; 2]],
-    uv: &Uv,
-    found: &mut dyn FnMut(VertexId, [VertexId; 2]),
-) {
-    let mut segments: Vec<Segment> = edges.iter().map(|&ends| Segment::new(ends, uv)).collect();
-    let line = |&(v, right): &(VertexId, f64)| {
-        let (from, to) = (uv[v], DVec2::new(right, uv[v].y));
-        Segment { ends: [v; 2], from, to, low: from, high: to }
-    };
-    let mut lines: Vec<Segment> = lines.iter().map(line).collect();
-    let _ = between(&mut lines, &mut segments, &mut |line, edge| {
-        found(line.ends[0], edge.ends);
-        ControlFlow::Continue(())
-    });
-}
-
-/// Calls `found` with each vertex and the upper corner of each box that it is in. A box has a
-/// vertex, which is not searched in it.
-pub(super) fn each_in_a_box(
-    boxes: &[(VertexId, [DVec2; 2])],
-    uv: &Uv,
-    found: &mut dyn FnMut(VertexId, DVec2),
-) {
-    let segment =
-        |v: VertexId, [low, high]: [DVec2; 2]| Segment { ends: [v; 2], from: low, to: high, low, high };
-    let mut points: Vec<Segment> = boxes.iter().map(|&(v, _)| segment(v, [uv[v]; 2])).collect();
-    let mut boxes: Vec<Segment> = boxes.iter().map(|&(v, corners)| segment(v, corners)).collect();
-    let _ = between(&mut points, &mut boxes, &mut |point, around| {
-        found(point.ends[0], around.high);
-        ControlFlow::Continue(())
-    });
-}
-
 fn crossings_up_to(most: usize, edges: &[[VertexId; 2]], uv: &Uv) -> usize {
     each_crossing(most, edges, uv, &mut |_| ())
 }

@@ -6,6 +6,5 @@ pub(super) mod boundary;
 pub(super) mod edges;
 pub(super) mod halfedge;
 pub(super) mod halfedge_mesh;
-pub(super) mod parts;
 pub(super) mod rings;
 pub(super) mod vertex_corners;

@@ -212,8 +212,6 @@ fn flatten_help(error: &FlattenError) -> &'static str {
 fn cut_help(error: &CutError) -> &'static str {
     match error {
         CutError::Mesh(_) => CHECK,
-        CutError::AreaRatio { .. } => "raise --max-area-ratio, or split the patch into several",
-        CutError::AreasAsked { .. } => "raise --max-area-ratio, or leave out --acuity and --magnify",
         _ => {
             "correct the table of seams: `from,to` are the ids of taxels that an edge joins; --cut auto finds a seam"
         }

@@ -3,6 +3,7 @@
 use std::{collections::HashMap, fmt, mem, path::Path};
 
 use dermatome::{
+    cut::Cut,
     flatten::{FlattenOptions, Method, Overlap},
     report::PatchReport,
     skin::{Remark, RemarkKind, Skin, TaxelId, Taxels},
@@ -163,14 +164,23 @@ pub(crate) fn note_seams(patches: &[PatchReport], common: &Common) {
     for patch in patches {
         let Some(finest) = patch.levels.first().filter(|finest| finest.seam > 0.0) else { continue };
         let (name, seam) = (plain(&patch.name), finest.seam * 1e3);
-        match finest.charts {
-            1 => note(common, format_args!("{name}: the map is cut open along a seam of {seam:.0} mm")),
-            count => {
-                note(
-                    common,
-                    format_args!("{name}: the map is cut into {count} charts, along seams of {seam:.0} mm"),
-                );
-            }
+        note(common, format_args!("{name}: the map is cut open along a seam of {seam:.0} mm"));
+    }
+}
+
+/// Prints which maps do not keep the area ratio that was asked for.
+pub(crate) fn note_area_ratio(patches: &[PatchReport], cut: &Cut, common: &Common) {
+    let Cut::AreaRatio(wanted) = *cut else { return };
+    for patch in patches {
+        let ratio = patch.levels.first().map_or(1.0, |finest| finest.distortion.area_max);
+        if ratio > wanted {
+            let name = plain(&patch.name);
+            note(
+                common,
+                format_args!(
+                    "{name}: the largest area ratio of the map is {ratio:.4}; no cut into a map of one piece was found                      that keeps {wanted}: raise --max-area-ratio, or split the patch"
+                ),
+            );
         }
     }
 }

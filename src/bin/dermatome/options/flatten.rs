@@ -48,8 +48,8 @@ pub(crate) struct FlattenArgs {
     #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto")]
     cut: String,
     /// Cut more, a plain disk too, until no triangle of the map is larger or smaller than on the skin
-    /// by more than this factor: into one chart if that suffices, else into several, side by side; an
-    /// error if 64 do not suffice
+    /// by more than this factor; a note says so where cuts that leave the map in one piece cannot
+    /// reach it
     #[arg(long, value_name = "X", value_parser = area_ratio)]
     max_area_ratio: Option<f64>,
     /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin;

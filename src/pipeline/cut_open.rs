@@ -1,8 +1,8 @@
-//! Where to cut one chart, decided by trial maps of a level of a few thousand vertices.
+//! Where to cut a patch, decided by trial maps of a level of a few thousand vertices.
 
 use crate::{
     Error,
-    cut::{AreaLimit, Cut, CutMesh, TrialMaps, cut_along, decide, is_plain_disk, pairs_by_patch},
+    cut::{AreaLimit, Cut, CutMesh, TrialMaps, decide, is_plain_disk},
     flatten::{FlattenOptions, Method, Overlap, distortion, flatten_roughly, flatten_with_convergence},
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -18,15 +18,15 @@ const DECIDED_ON: usize = 2000;
 /// shares of the logarithm of an area ratio they aim lower until the map of the skin keeps it.
 const AIMS: [f64; 3] = [0.95, 0.8, 0.6];
 
-/// The map of a chart on its own keeps a ratio a little better, by this share of its logarithm: through
-/// the pyramid of its patch it ends a little elsewhere.
+/// A map without a pyramid keeps a ratio a little better, by this share of its logarithm: through the
+/// pyramid it ends a little elsewhere.
 const KEPT: f64 = 0.995;
 
 /// The level of a mesh on which seams are decided; `None` where that is the mesh itself.
 ///
 /// # Errors
 /// As [`coarsen`].
-pub(super) fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error> {
+fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error> {
     // In steps of a factor of about four.
     let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
     if factor < 1.6 {
@@ -42,90 +42,54 @@ pub(super) fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Le
     Ok(coarsen(mesh, taxels, &options)?.levels.into_iter().last())
 }
 
-/// Cuts one chart open where that is needed or worth it, from trial maps; `None` where it is mapped as
-/// it is.
+/// Cuts a mesh open where that is needed or worth it, from trial maps; `None` where it is mapped as it is.
+/// `options` are those of its map.
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
-pub(super) fn choose_cut(
+pub(super) fn cut_open(
     mesh: &TriMesh,
     taxels: &Taxels,
     cut: &Cut,
     options: &FlattenOptions,
 ) -> Result<Option<CutMesh>, Error> {
-    let cut = match cut {
-        Cut::None => return Ok(None),
-        Cut::Along(pairs) => {
-            let edges = pairs_by_patch(pairs, std::iter::once(taxels))?;
-            match edges.iter().next() {
-                Some(edges) if !edges.is_empty() => return Ok(Some(cut_along(mesh, edges, &taxels.ids)?)),
-                _ => &Cut::Auto,
-            }
-        }
-        cut => cut,
-    };
-    // Nothing is decided on a disk, so it need not be coarsened for that.
-    if is_plain_disk(mesh) {
-        return Ok(None);
-    }
-    cut_below(mesh, taxels, cut, options, None).map(|(made, _)| made)
-}
-
-/// A chart cut open so that its map keeps an area ratio.
-pub(super) struct Kept {
-    pub(super) cut: Option<CutMesh>,
-    /// The area ratio of its map; of a trial map where that was too large, infinite without one.
-    pub(super) area_ratio: f64,
-}
-
-impl Kept {
-    /// Whether the ratio is kept, in the map of the whole patch too.
-    pub(super) fn is_within(&self, wanted: f64) -> bool {
-        self.area_ratio <= wanted.powf(KEPT)
+    match cut {
+        Cut::None => Ok(None),
+        Cut::AreaRatio(wanted) => keep_ratio(mesh, taxels, options, *wanted),
+        // Nothing is decided on a disk, so it need not be coarsened for that.
+        _ if is_plain_disk(mesh) => Ok(None),
+        cut => cut_below(mesh, taxels, cut, options, None).map(|(made, _)| made),
     }
 }
 
-/// Cuts one chart open, with at most this many slits, until the area ratio of its map is at most `wanted`
-/// or no slit helps.
+/// Cuts a mesh open until the area ratio of its map is at most `wanted` or no slit helps.
 ///
 /// # Errors
-/// As [`choose_cut`].
-pub(super) fn keep_ratio(
+/// As [`cut_open`].
+fn keep_ratio(
     mesh: &TriMesh,
     taxels: &Taxels,
     options: &FlattenOptions,
     wanted: f64,
-    slits: usize,
-) -> Result<Kept, Error> {
-    let mut best = Kept { cut: None, area_ratio: f64::INFINITY };
+) -> Result<Option<CutMesh>, Error> {
+    let mut best: Option<(f64, Option<CutMesh>)> = None;
     for aim in AIMS {
-        let limit = Some(Limit { ratio: wanted.powf(aim), slits });
-        let (cut, on_trial) = cut_below(mesh, taxels, &Cut::AreaRatio(wanted), options, limit)?;
-        if on_trial > wanted {
-            // With a lower aim it would be no better.
-            best.area_ratio = best.area_ratio.min(on_trial);
-            break;
-        }
+        let (cut, on_trial) =
+            cut_below(mesh, taxels, &Cut::AreaRatio(wanted), options, Some(wanted.powf(aim)))?;
         let opened = cut.as_ref().map(|cut| cut.mesh(&mesh.positions));
         let places = cut.as_ref().map(|cut| taxels.select(&cut.unsplit));
         let (opened, places) = (opened.as_ref().unwrap_or(mesh), places.as_ref().unwrap_or(taxels));
-        // A chart without a map is too large.
-        let Ok((uv, _)) = flatten_with_convergence(opened, Some(places), options) else { break };
-        let area_ratio = distortion(opened, &uv).area_max;
-        if area_ratio < best.area_ratio {
-            best = Kept { cut, area_ratio };
+        let map = flatten_with_convergence(opened, Some(places), options);
+        let area_ratio = map.map_or(f64::INFINITY, |(uv, _)| distortion(opened, &uv).area_max);
+        if best.as_ref().is_none_or(|best| area_ratio < best.0) {
+            best = Some((area_ratio, cut));
         }
-        if best.is_within(wanted) {
+        // Where the trial map does not keep the ratio, a lower aim changes nothing.
+        if area_ratio <= wanted.powf(KEPT) || on_trial > wanted || area_ratio.is_infinite() {
             break;
         }
     }
-    Ok(best)
-}
-
-/// An area ratio to be kept, and the number of slits for it at most.
-struct Limit {
-    ratio: f64,
-    slits: usize,
+    Ok(best.and_then(|(_, cut)| cut))
 }
 
 /// The cut that [`decide`] finds on a level, done on the mesh, and the area ratio of its trial map.
@@ -134,7 +98,7 @@ fn cut_below(
     taxels: &Taxels,
     cut: &Cut,
     options: &FlattenOptions,
-    limit: Option<Limit>,
+    area_ratio: Option<f64>,
 ) -> Result<(Option<CutMesh>, f64), Error> {
     // A seam is as good as the best map after it, which may overlap itself, at first.
     let free = |mesh: &TriMesh, _: &_, start: Option<&_>, most: f64| {
@@ -152,7 +116,7 @@ fn cut_below(
     let judged = |mesh: &TriMesh, unsplit: &IdVec<VertexId, VertexId>, _: Option<&_>, _: f64| {
         flatten_with_convergence(mesh, Some(&taxels_there.select(unsplit)), options).ok().map(|(uv, _)| uv)
     };
-    let limit = limit.map(|Limit { ratio, slits }| AreaLimit { ratio, slits, map: &judged });
+    let limit = area_ratio.map(|ratio| AreaLimit { ratio, map: &judged });
     let recipe = match &level {
         None => decide(mesh, densities.as_ref(), cut, &maps, limit.as_ref())?,
         Some(level) => {
@@ -161,4 +125,24 @@ fn cut_below(
         }
     };
     Ok((recipe.cut(mesh, densities.as_ref())?, recipe.area_ratio))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::mesh::Adjacency;
+
+    /// Both sides of a rectangle, 150 times as long as it is wide: the shortest seam is one edge, which
+    /// opens nothing.
+    #[test]
+    fn a_flat_closed_needle_is_opened() {
+        let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+        let corners = vec![at(0.0, 0.0), at(4.53e-4, 0.0), at(4.53e-4, 3e-6), at(0.0, 3e-6)];
+        let mesh = TriMesh::from_arrays(corners, &[[1, 0, 2], [2, 0, 3], [2, 3, 1], [1, 3, 0]]);
+        let cut = cut_open(&mesh, &Taxels::from(&mesh), &Cut::Auto, &FlattenOptions::default()).unwrap();
+        let opened = Adjacency::new(&cut.unwrap().mesh(&mesh.positions)).unwrap();
+        assert_eq!((opened.euler_characteristic(), opened.boundary_loops().len()), (1, 1));
+    }
 }
