@@ -179,7 +179,7 @@ fn outputs_appear_together_or_not_at_all() {
         ("calibrate e.csv -o k.csv --contacts c.csv --inliers ./c.csv", "would replace"),
         ("calibrate e.csv -o k.csv --contacts ./e.csv", "given twice"),
         ("simulate --taxels 20 -o z.g2o --truth ./z.csv --triangles z.csv", "two outputs"),
-        ("simulate --taxels 20 -o z.g2o --truth z.g2o", "known here: .csv"),
+        ("simulate --taxels 20 -o z.g2o --truth t.g2o", "known here: .csv"),
         ("simulate --taxels 20 --truth t.csv -o z.txt", "known here: .g2o, .csv"),
         ("simulate --taxels 20 --truth t.csv -o z.csv --model poses", "needed: a g2o file"),
     ] {

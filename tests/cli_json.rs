@@ -79,7 +79,7 @@ fn every_object_keeps_to_its_schema() {
     };
     keep("build", &run(at, "build cap.glb -o map --json"));
     keep("timings", &fs::read(at.join("map/timings.json")).unwrap());
-    run(at, "simulate --touch map/map.glb -o r.csv --presses 1 --rate-hz 20");
+    run(at, "touch map/map.glb -o r.csv --presses 1 --rate-hz 20");
     keep("calibrate", &run(at, "calibrate o.g2o -o s.csv --truth t.csv --json"));
     keep("check", &run(at, "check two.obj --json"));
     keep("coarsen", &run(at, "coarsen ring.obj -o c.glb --json"));

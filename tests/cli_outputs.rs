@@ -19,7 +19,7 @@ use dermatome::{
     pipeline::{BuildOptions, build},
     skin::Skin,
 };
-use predicates::str::contains;
+use predicates::{prelude::PredicateBooleanExt, str::contains};
 use tempfile::TempDir;
 
 /// A folder with a skin `cap.obj`, its map `map.glb` and contacts `c.csv`.
@@ -43,7 +43,7 @@ fn a_lookup_writes_tables_and_replaces_no_input() {
     let before: Vec<_> =
         ["map.glb", "c.csv", "p.csv"].map(|n| fs::read(folder.path().join(n)).unwrap()).into();
     for (output, said) in [
-        ("map.glb", ".csv"),
+        ("map.glb", "would replace an input, map.glb"),
         ("other.glb", ".csv"),
         ("table", ".csv"),
         ("c.csv", "would replace an input, c.csv"),
@@ -59,6 +59,7 @@ fn a_lookup_writes_tables_and_replaces_no_input() {
     assert!(before == after, "inputs stay as they were");
     assert_eq!(listing(folder.path()), ["c.csv", "cap.obj", "map.glb", "p.csv"]);
     dermatome(folder.path(), "lookup map.glb c.csv -o t.CSV").assert().success();
+    dermatome(folder.path(), "lookup map.glb c.csv -o /dev/null").assert().success();
 }
 
 #[test]
@@ -102,6 +103,12 @@ fn no_command_replaces_what_it_reads() {
         "convert cap.obj cap.obj",
         "convert t.csv t.triangles.csv",
         "convert t.csv t.CSV",
+        "build cap.obj -o M --cut M/map.glb",
+        "coarsen cap.obj -o table.glb --acuity table.glb",
+        "flatten cap.obj -o f.npz --faces f.npz",
+        "flatten cap.obj -o f.obj --cut f.obj",
+        "convert cap.obj a.ply --faces a.ply",
+        "render map.glb c.csv -o o.npz --contacts gain.csv --gain gain.csv",
     ] {
         let name = folder.path().file_name().unwrap().to_str().unwrap();
         let run = dermatome(folder.path(), &words.replace("NAME", name)).assert();
@@ -111,6 +118,52 @@ fn no_command_replaces_what_it_reads() {
             _ => run.code(2).stderr(contains("would replace an input")),
         };
         assert_eq!(listing(folder.path()), before, "{words}");
+    }
+}
+
+/// The file of features has a name of its own, which `-o` does not show.
+#[test]
+fn features_of_a_recording_replace_no_input_either() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    dermatome(folder.path(), "touch cap.obj -o r.csv --presses 1").assert().success();
+    fs::write(at("o.features.json"), "id,gain\n1,2\n").unwrap();
+    let run = dermatome(folder.path(), "render map.glb r.csv -o o.npz --gain o.features.json").assert();
+    run.code(2).stderr(contains("would replace an input, o.features.json"));
+    assert_eq!(fs::read_to_string(at("o.features.json")).unwrap(), "id,gain\n1,2\n");
+    assert!(!at("o.npz").exists());
+}
+
+/// Every file that a recording becomes is named.
+#[test]
+fn render_names_all_files_that_it_wrote() {
+    let folder = folder();
+    dermatome(folder.path(), "touch cap.obj -o r.csv --presses 1").assert().success();
+    let run = "render map.glb r.csv -o o.npz --contacts t.csv";
+    dermatome(folder.path(), run).assert().success().stderr(contains("wrote o.npz, o.features.json, t.csv"));
+}
+
+/// A stream does not come again: what came before a line that cannot be read is written.
+#[test]
+fn a_stream_that_ends_badly_keeps_what_came_before() {
+    let folder = folder();
+    dermatome(folder.path(), "touch cap.obj -o r.csv --presses 1").assert().success();
+    let mut text = fs::read_to_string(folder.path().join("r.csv")).unwrap();
+    text.push_str("this is no reading\n");
+    let run = "render map.glb - -o o.npz --contacts t.csv";
+    let ended = dermatome(folder.path(), run).write_stdin(text).assert().code(2);
+    ended.stderr(contains("wrote o.npz, o.features.json, t.csv").and(contains("this is no reading")));
+    for name in ["o.npz", "t.csv"] {
+        assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 0, "{name}");
+    }
+}
+
+#[test]
+fn a_file_in_place_of_a_folder_is_named() {
+    let folder = folder();
+    for words in ["build cap.obj -o c.csv", "render map.glb c.csv -o table"] {
+        fs::write(folder.path().join("table"), "").unwrap();
+        dermatome(folder.path(), words).assert().code(2).stderr(contains("not a directory"));
     }
 }
 
@@ -202,24 +255,6 @@ mod system {
         symlink("../kept.glb", folder.path().join("M/map.glb")).unwrap();
         dermatome(folder.path(), "build cap.obj -o M").assert().success();
         assert!(folder.path().join("kept.glb").is_file(), "`build` follows a link to a file to come");
-    }
-
-    /// A killed run cannot remove its files; the next one does, when they are a day old.
-    #[test]
-    fn files_of_killed_runs_are_removed_when_they_are_old() {
-        let folder = folder();
-        // Numbers of processes end at 4194304.
-        let names = [".dermatome-99999999-1-old", ".dermatome-99999999-1-new", ".dermatome-1-1-running"];
-        let two_days_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(48 * 3600);
-        for name in names {
-            let file = File::create(folder.path().join(name)).unwrap();
-            if !name.ends_with("new") {
-                file.set_modified(two_days_ago).unwrap();
-            }
-        }
-        dermatome(folder.path(), "convert cap.obj a.ply").assert().success();
-        let left: Vec<_> = listing(folder.path()).into_iter().filter(|n| n.starts_with('.')).collect();
-        assert_eq!(left, [names[2], names[1]]);
     }
 
     /// `ulimit -f` counts blocks of 512 or 1024 bytes.

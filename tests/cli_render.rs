@@ -245,7 +245,7 @@ fn arrays_of_another_width_are_refused_with_both_numbers() {
     render(&[2, 2, 120], 480, &[]).code(2).stderr(contains("2 columns").and(contains("--layout tcn")));
     render(&[2, 2, 120], 480, &["--layout", "tcn"]).success();
     render(&[2, 120], 240, &[]).success().stderr(contains("no times").and(contains("--rate")));
-    render(&[2, 120], 240, &["--rate", "50"]).success().stderr("wrote a.npz\n");
+    render(&[2, 120], 240, &["--rate", "50"]).success().stderr("wrote a.npz, a.features.json\n");
 }
 
 /// Patches that the recording says nothing of are masked, with amounts too.
@@ -385,7 +385,7 @@ fn readings_are_conditioned() {
 #[test]
 fn contacts_are_written_with_their_place_and_force() {
     let folder = sheet();
-    dermatome(folder.path(), "simulate --touch map/map.glb -o touch.csv --truth truth.csv --presses 2 --rate-hz 20 --sphere-mm 20 --noise-kpa 0.1 --quiet")
+    dermatome(folder.path(), "touch map/map.glb -o touch.csv --truth truth.csv --presses 2 --rate-hz 20 --sphere-mm 20 --noise-kpa 0.1 --quiet")
         .assert()
         .success();
     let run = dermatome(folder.path(), "render map/map.glb touch.csv -o t.npz --contacts c.csv --json")

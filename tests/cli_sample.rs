@@ -23,11 +23,8 @@ fn folder_with_a_recording(dead: f64) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let skin = Skin::from_mesh("cap", shapes::cap(400, 0.05, 1.0));
     write_map(&folder.path().join("map.glb"), &build(&skin, &BuildOptions::default()).unwrap()).unwrap();
-    dermatome(
-        folder.path(),
-        &format!("simulate --touch map.glb -o touch.csv --presses 1 --dead {dead} --rate-hz 40"),
-    )
-    .success();
+    dermatome(folder.path(), &format!("touch map.glb -o touch.csv --presses 1 --dead {dead} --rate-hz 40"))
+        .success();
     folder
 }
 
@@ -153,7 +150,7 @@ fn images_that_do_not_fit_are_refused_with_what_makes_them_fit() {
         ("sample map.glb image.npy -o out.csv".to_owned(), "--image"),
         ("sample map.glb image.npy -o out.csv --image nose/L0".to_owned(), "cap/L0"),
         ("sample map.glb image.png -o out.csv".to_owned(), ".exr, .npy"),
-        ("sample map.glb image.npy -o map.glb".to_owned(), ".csv"),
+        ("sample map.glb image.npy -o map.glb".to_owned(), "replace an input"),
     ] {
         dermatome(folder.path(), &words).code(2).stderr(contains(said).and(contains("help:")));
         assert!(!folder.path().join("out.csv").exists(), "{words}");

@@ -58,7 +58,7 @@ pub(crate) use self::gltf::as_in_map_file;
 pub use self::gltf::{read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use error::IoError;
-pub use file::replace::{replace_file, temporary_prefix};
+pub use file::replace::{StagedFiles, abandon_files, replace_file};
 pub use image::{
     exr::write_images,
     frame::{FrameContent, write_frame, write_raw_frame},

@@ -1,8 +1,6 @@
 //! `build`: the main job.
 
 use std::{
-    fs,
-    io::ErrorKind,
     path::{Path, PathBuf},
     process::ExitCode,
     time::Instant,
@@ -12,7 +10,7 @@ use anyhow::Context;
 use dermatome::{
     Error,
     atlas::skin_images,
-    io::{IoError, write_images, write_map},
+    io::{write_images, write_map},
     map::SkinMap,
     pipeline::{BuildOptions, Built, Enlarged, build_with_progress},
     report::{PatchReport, measure},
@@ -29,8 +27,7 @@ use crate::{
     },
     files::{
         input::read_good_patches,
-        outputs::{self, Outputs, cannot_write, without_path},
-        signals::clean_when_stopped,
+        outputs::{self, Outputs, cannot_write},
     },
     options::{AcuityArgs, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, length_mm},
 };
@@ -66,6 +63,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let files: Vec<PathBuf> =
+        FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| args.output.join(name)).collect();
+    outputs::guard(files.iter().map(PathBuf::as_path), &common.inputs)?;
     let mut options = BuildOptions {
         cut: args.flatten.cut()?,
         coarsen: args.coarsen.options(),
@@ -73,9 +73,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         pixel: args.pixel_mm.map(|mm| 1e-3 * mm),
         keep_going: args.keep_going,
     };
-    let files: Vec<PathBuf> =
-        FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| args.output.join(name)).collect();
-    outputs::check_inputs(files.iter().map(PathBuf::as_path), [args.skin.as_path()])?;
     let start = Instant::now();
     let assemble = AssembleOptions {
         fill_holes: args.coarsen.fill_holes(),
@@ -94,8 +91,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let built = build_with_progress(&skin, &options, &on_progress)
         .with_context(|| format!("cannot map {}", args.skin.display()))?;
     let mut outputs = Outputs::default();
-    let [rasterise, write] =
-        outputs.stage_in(&args.output, &FILES, |folder| write_files(&built.map, folder, &bar))?;
+    let [rasterise, write] = write_files(&built.map, &args.output, &mut outputs, &bar)?;
     bar.finish_and_clear();
 
     let report = Report {
@@ -131,16 +127,21 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(if left_out + built.failed.len() > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// Rasterises a map and writes [`FILES`] into a folder; returns the seconds that either took.
-fn write_files(map: &SkinMap, folder: &Path, bar: &ProgressBar) -> Result<[f64; 2], Error> {
+/// Rasterises a map and writes [`FILES`]; returns the seconds that either took.
+fn write_files(
+    map: &SkinMap,
+    folder: &Path,
+    outputs: &mut Outputs,
+    bar: &ProgressBar,
+) -> Result<[f64; 2], Error> {
     let start = Instant::now();
     progress::step(bar, "rasterising", 0, map.patches.len());
     let images = skin_images(map)?;
     let rasterised = start.elapsed();
     progress::step(bar, "writing", 0, map.patches.len());
     let [map_file, images_file] = FILES;
-    write_map(&folder.join(map_file), map)?;
-    write_images(&folder.join(images_file), &images)?;
+    outputs.stage(|| write_map(&folder.join(map_file), map))?;
+    outputs.stage(|| write_images(&folder.join(images_file), &images))?;
     Ok([rasterised, start.elapsed() - rasterised].map(|time| time.as_secs_f64()))
 }
 
@@ -211,14 +212,10 @@ const TIMINGS: &str = "timings.json";
 
 /// Makes the folder, and refuses before any work an output that could not be written after it.
 fn check_output(folder: &Path, files: &[PathBuf]) -> Result<(), Error> {
-    fs::create_dir_all(folder)
-        .map_err(|source| Error::from(IoError::Write { path: folder.to_owned(), source }))?;
-    if let Some(path) = files.iter().find(|path| path.is_dir()) {
-        return Err(cannot_write(path, ErrorKind::IsADirectory.into()));
-    }
-    clean_when_stopped(folder);
+    outputs::make_folder(folder)?;
+    files.iter().try_for_each(|path| outputs::check_file(path))?;
     // A file without a name leaves nothing behind.
-    tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, without_path(&e)))?;
+    tempfile::tempfile_in(folder).map_err(|e| cannot_write(folder, e.kind().into()))?;
     Ok(())
 }
 

@@ -14,7 +14,10 @@ use serde_json::{Value, json};
 
 use crate::{
     console::print::{plain, print_json, print_table},
-    files::{input::read_skin, outputs},
+    files::{
+        input::read_skin,
+        outputs::{self, Outputs},
+    },
     options::{AcuityArgs, CoarsenArgs, Common, PatchArgs, ReadArgs},
 };
 
@@ -44,8 +47,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let (path, known) = (args.output.clone(), "glb");
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }
-    outputs::check([args.output.as_path()])?;
-    outputs::check_inputs([args.output.as_path()], [args.skin.as_path()])?;
     let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes(), ..args.read.options() };
     let mut skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     args.acuity.apply(&mut skin)?;
@@ -56,8 +57,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let made: Vec<_> = skin.patches.par_iter().map(coarsen).collect();
     let pyramids: Vec<Pyramid> = made.into_iter().collect::<Result<_, _>>()?;
-    write_pyramids(&args.output, &skin, &pyramids).map_err(Error::from)?;
-    outputs::wrote([args.output.as_path()], common);
+    let mut outputs = Outputs::default();
+    outputs.stage(|| write_pyramids(&args.output, &skin, &pyramids))?;
+    outputs.publish(common)?;
     let (summary, rows) = summarise(&skin, &pyramids)?;
     if args.json {
         print_json("dermatome.coarsen/1", &summary)?;

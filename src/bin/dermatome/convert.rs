@@ -4,12 +4,12 @@ use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::{
     Error,
-    io::{IoError, triangles_path, write_skin},
+    io::{IoError, write_skin},
 };
 
 use crate::{
     console::{errors::advise, notes::remark_lost},
-    files::{input::read_skin, outputs},
+    files::{input::read_skin, outputs::Outputs},
     options::{Common, PatchArgs, ReadArgs},
 };
 
@@ -29,17 +29,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    outputs::check([args.output.as_path()])?;
-    outputs::check_inputs([args.output.as_path()], [args.input.as_path()])?;
     let skin = read_skin(&args.input, &args.read, &args.chosen, &args.read.options(), common)?;
-    write_skin(&args.output, &skin).map_err(|e| match e {
-        IoError::UnknownKind { .. } => {
+    let mut outputs = Outputs::default();
+    outputs.stage(|| write_skin(&args.output, &skin)).map_err(|e| match e {
+        Error::Io(IoError::UnknownKind { .. }) => {
             advise(e, "write .glb, .obj, .ply or .stl, which other programs convert")
         }
-        e => Error::from(e).into(),
+        e => e.into(),
     })?;
-    let triangles = (outputs::kind(&args.output) == "csv").then(|| triangles_path(&args.output));
-    outputs::wrote([args.output.as_path()].into_iter().chain(triangles.as_deref()), common);
+    outputs.publish(common)?;
     remark_lost(&args.output, &skin, common);
     Ok(ExitCode::SUCCESS)
 }

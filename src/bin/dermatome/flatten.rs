@@ -19,10 +19,7 @@ use crate::{
         print::{print_json, print_levels},
         progress,
     },
-    files::{
-        input::read_skin,
-        outputs::{self, Outputs},
-    },
+    files::{input::read_skin, outputs::Outputs},
     options::{AcuityArgs, Common, FlattenArgs, PatchArgs, ReadArgs},
 };
 
@@ -50,8 +47,6 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    outputs::check(args.output.iter().map(PathBuf::as_path))?;
-    outputs::check_inputs(args.output.iter().map(PathBuf::as_path), [args.mesh.as_path()])?;
     args.flatten.options()?;
     let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options() };
     let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &assemble, common)?;
@@ -85,7 +80,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     mesh.triangles = mesh.triangles.into_iter().take(skin_faces).collect();
     let mut outputs = Outputs::default();
     for path in &args.output {
-        outputs.stage(path, |path| write_flat(path, &mesh, &finest.uv))?;
+        outputs.stage(|| write_flat(path, &mesh, &finest.uv))?;
     }
     outputs.publish(common)?;
     let mut report = measure(&map);

@@ -22,7 +22,7 @@ use dermatome::{
 use glob::Pattern;
 
 use crate::{
-    files::outputs::{self, is_stream},
+    files::outputs::{self, Outputs, is_stream},
     lookup::{
         answers::{Answers, Question},
         back::Back,
@@ -176,7 +176,9 @@ fn count(text: &str) -> Result<usize, String> {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    check_outputs(args)?;
+    if !is_stream(&args.output) {
+        outputs::check_table(&args.output)?;
+    }
     let robot = Robot::read(&args.map, &args.patches, &args.levels, common)?;
     let motion = robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?;
     let player = Player::new(args.pose.as_deref().unwrap_or(&args.map), motion);
@@ -187,12 +189,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ..IndexOptions::default()
     };
     let index = ContactIndex::with(&robot.map, &options).map_err(Error::from)?;
+    let mut outputs = Outputs::default();
     if args.question.from_map {
         let frame = (args.frame(), player);
         let mut back = Back::open(&args.contacts, args.unit(), &robot, index, frame, common)?;
-        let written = write(&args.output, &mut |path, output| back.answer(path, output));
+        let written = write(&args.output, &mut outputs, &mut |path, output| back.answer(path, output));
         back.refusals.explain(written)?;
-        outputs::wrote([args.output.as_path()], common);
+        outputs.publish(common)?;
         back.note(common);
         back.refusals.finish()?;
         return Ok(ExitCode::SUCCESS);
@@ -212,9 +215,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let readings = readings.transpose().map_err(Error::from)?;
     let mut answers =
         Answers::new(&robot, index, question, args.max_distance, player).with_readings(readings);
-    let written = write(&args.output, &mut |path, output| answers.answer(&mut contacts, path, output));
+    let written =
+        write(&args.output, &mut outputs, &mut |path, output| answers.answer(&mut contacts, path, output));
     contacts.refusals.explain(written)?;
-    outputs::wrote([args.output.as_path()].into_iter().chain(args.readings.as_deref()), common);
+    outputs.publish(common)?;
     contacts.note_unused(common);
     answers.note(&contacts, &args.doubts(), common);
     contacts.refusals.finish()?;
@@ -224,23 +228,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 /// Lets `answer` write the table of answers.
 fn write(
     path: &Path,
+    outputs: &mut Outputs,
     answer: &mut dyn FnMut(&Path, &mut (dyn std::io::Write + Send)) -> Result<(), IoError>,
 ) -> anyhow::Result<()> {
-    let written = if is_stream(path) {
-        answer(Path::new("standard output"), &mut stdout())
-    } else {
-        replace_file(path, |output| answer(path, output))
-    };
-    Ok(written.map_err(Error::from)?)
-}
-
-/// Refuses an output that is not a table, or that is one of the inputs.
-fn check_outputs(args: &Args) -> anyhow::Result<()> {
-    if !is_stream(&args.output) {
-        outputs::check_table(&args.output)?;
-    }
-    let files: Vec<&Path> = [&args.output].into_iter().chain(&args.readings).map(PathBuf::as_path).collect();
-    outputs::check(files.iter().copied())?;
-    let inputs = [&args.map, &args.contacts].into_iter().chain(&args.pose);
-    outputs::check_inputs(files, inputs.map(PathBuf::as_path))
+    Ok(outputs.stage(|| match is_stream(path) {
+        true => answer(Path::new("standard output"), &mut stdout()),
+        false => replace_file(path, |output| answer(path, output)),
+    })?)
 }

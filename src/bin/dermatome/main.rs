@@ -17,12 +17,17 @@ mod sample;
 mod shell;
 mod simulate;
 mod terms;
+mod touch;
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use crate::{console::errors, options::Common};
+use crate::{
+    console::errors,
+    files::{outputs, signals::clean_when_stopped},
+    options::Common,
+};
 
 /// Somatosensory maps of robot skin.
 ///
@@ -72,6 +77,8 @@ enum Command {
     Sample(sample::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
+    /// Simulate touches: a sphere that presses and rolls on a skin, as readings.
+    Touch(touch::Args),
     /// Print a completion script.
     Completions(shell::CompletionsArgs),
     /// Print the manual page, of the whole command or of a subcommand.
@@ -79,14 +86,25 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let parsed = with_negative_numbers(Cli::command()).try_get_matches();
-    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
-        Ok(cli) => cli,
+    let command = with_negative_numbers(Cli::command());
+    let parsed = command.clone().try_get_matches();
+    let parsed = parsed.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
+    let (mut cli, given) = match parsed {
+        Ok(parsed) => parsed,
         Err(e) => return errors::usage(&e),
     };
+    let color = cli.common.color;
+    if let Some((subcommand, given)) = given.subcommand()
+        && let Some(subcommand) = command.find_subcommand(subcommand)
+    {
+        match outputs::check_command_line(subcommand, given) {
+            Ok(inputs) => cli.common.inputs = inputs,
+            Err(e) => return errors::report(&e, color),
+        }
+    }
     match run(&cli) {
         Ok(code) => code,
-        Err(e) => errors::report(&e, cli.common.color),
+        Err(e) => errors::report(&e, color),
     }
 }
 
@@ -107,6 +125,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     if threads > 0 {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
+    clean_when_stopped();
     // On a thread of the pool: from outside, every parallel loop waits until the pool wakes up.
     rayon::scope(|_| run_command(cli))
 }
@@ -126,6 +145,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Render(args) => render::run(args, common),
         Command::Sample(args) => sample::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
+        Command::Touch(args) => touch::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut Cli::command()),
         Command::Man(args) => shell::manual(args, Cli::command()),
     }

@@ -128,9 +128,6 @@ enum Kind {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs: Vec<_> =
         args.outputs.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<_, Error>>()?;
-    outputs::check(args.outputs.iter().map(PathBuf::as_path))?;
-    let inputs = [&args.map].into_iter().chain(&args.frame.readings);
-    outputs::check_inputs(args.outputs.iter().map(PathBuf::as_path), inputs.map(PathBuf::as_path))?;
     let options = PlotOptions {
         patches: args.patches.clone(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),

@@ -24,7 +24,7 @@ use serde_json::{Map, Value, json};
 
 use crate::{
     console::{errors::advise, notes::note, print::print_json, progress},
-    files::outputs::{self, is_stream},
+    files::outputs::{self, Outputs, is_stream},
     options::Common,
     render::{
         colours::ColourArgs,
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     #[arg(value_name = "READINGS")]
     readings: PathBuf,
     /// A folder, a .npy, a .npz, or `-` for raw frames on standard output
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(short, long, value_name = "OUT", value_hint = clap::ValueHint::DirPath)]
     output: PathBuf,
     /// Print what was read and written as JSON
     #[arg(long)]
@@ -135,6 +135,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         (colours, args.images.is_static, !args.images.values_only),
     )?;
     let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
+    let mut written = 0;
     let tally = pass.run(|number, frame| {
         let levels = values.of(frame);
         let images = if args.images.values_only { &[] } else { renderer.render(levels) };
@@ -143,13 +144,26 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             contacts.track(number, frame)?;
         }
         bar.inc(1);
+        written += 1;
         Ok(true)
-    })?;
+    });
     bar.finish_and_clear();
-    args.frames.check_any(tally.read, tally.frames)?;
-    output.finish()?;
-    outputs::wrote([args.output.as_path()], common);
-    let found = contacts.map(contacts::Contacts::finish).transpose()?;
+    // Of a stream that ends badly, what came before is kept: it will not come again.
+    let tally = match tally {
+        Err(error) if written == 0 || !is_stream(&args.readings) => return Err(error),
+        tally => tally,
+    };
+    if let Ok(tally) = &tally {
+        args.frames.check_any(tally.read, tally.frames)?;
+    }
+    let mut outputs = Outputs::default();
+    outputs.stage(|| output.finish())?;
+    let found = contacts.map(|contacts| outputs.stage(|| contacts.finish())).transpose()?;
+    if matches!(kind, Kind::Folder(_)) {
+        outputs::wrote([args.output.as_path()], common);
+    }
+    outputs.publish(common)?;
+    let tally = tally?;
     tally.remark(args.readings_args.baseline, common);
     if let Some((count, Some(threshold))) = found {
         note(common, format_args!("{count} contacts above {threshold:.4}"));
@@ -171,17 +185,6 @@ impl Args {
                 "name a folder as output, without --pictures png; a .npz has mask and taxel_id anyway",
             ));
         }
-        if self.json && is_stream(&self.output) {
-            return Err(advise(
-                "--json and -o - would both use standard output",
-                "write the frames to a file",
-            ));
-        }
-        let inputs = [self.map.as_path(), self.readings.as_path()];
-        if matches!(kind, Kind::Array(_)) {
-            outputs::check_inputs([self.output.as_path()], inputs)?;
-        }
-        self.contacts.check(inputs)?;
         self.frames.check()?;
         if self.images.values_only && kind != Kind::Array(Array::Npz) {
             return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));

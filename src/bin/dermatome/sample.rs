@@ -78,9 +78,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
     } else {
         outputs::check_table(&args.output)?;
-        outputs::check([args.output.as_path()])?;
-        let inputs = [&args.map].into_iter().chain(&args.images);
-        outputs::check_inputs([args.output.as_path()], inputs.map(PathBuf::as_path))?;
     }
     let map = read_map(&args.map).map_err(Error::from)?;
     let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;

@@ -1,7 +1,4 @@
-//! `simulate`: observations of a simulated skin on a sphere, with known taxel poses; or, in `touch`, a
-//! recording of touches.
-
-mod touch;
+//! `simulate`: observations of a simulated skin on a sphere, with known taxel poses.
 
 use std::{
     path::{Path, PathBuf},
@@ -16,7 +13,6 @@ use dermatome::{
     io::{write_observations, write_triangles, write_truth},
 };
 
-use self::touch::TouchArgs;
 use crate::{
     console::notes::{note, note_dropped},
     files::outputs::{self, Outputs},
@@ -28,16 +24,16 @@ use crate::{
 pub(crate) struct Args {
     /// File for the observations: .g2o, or displacements of the positions model as a table .csv;
     /// `-`: g2o on standard output
-    #[arg(short, long, value_name = "OBS.g2o")]
+    #[arg(short, long, value_name = "OUT.g2o")]
     output: PathBuf,
-    /// File for the true positions of the taxels, or the true touches: .csv
-    #[arg(long, value_name = "T.csv")]
+    /// File for the true positions of the taxels: .csv
+    #[arg(long, value_name = "OUT.csv")]
     truth: Option<PathBuf>,
     /// File for the triangles between the taxels: .csv
-    #[arg(long, value_name = "TRI.csv")]
+    #[arg(long, value_name = "OUT.csv")]
     triangles: Option<PathBuf>,
     /// File for the absolute contacts: .csv; required for contacts with normals
-    #[arg(long, value_name = "C.csv")]
+    #[arg(long, value_name = "OUT.csv")]
     contacts: Option<PathBuf>,
     /// What is estimated of every taxel
     #[arg(long, value_enum, default_value_t = ModelArg::Positions)]
@@ -78,8 +74,6 @@ pub(crate) struct Args {
     /// Share of displacements that are attributed to a wrong taxel within 30 mm
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     outliers: f64,
-    #[command(flatten)]
-    touch: TouchArgs,
 }
 
 /// What is estimated of a taxel.
@@ -95,29 +89,25 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let tables =
         || [&args.truth, &args.triangles, &args.contacts].into_iter().flatten().map(PathBuf::as_path);
     tables().try_for_each(outputs::check_table)?;
-    if let Some(skin) = &args.touch.touch {
-        return touch::run(&args.touch, skin, &args.output, args.truth.as_deref(), common);
-    }
-    outputs::check(tables().chain([args.output.as_path()]))?;
     let simulation = simulate(&args.options(common.seed)).map_err(Error::from)?;
     let ids = simulation.observations.taxels.map(|t| t.id);
     let mut outputs = Outputs::default();
     let mut observations = simulation.observations.clone();
     if let Some(path) = &args.contacts {
         let edges = std::mem::take(&mut observations.edges);
-        outputs.stage(path, |path| write_observations(path, &observations))?;
+        outputs.stage(|| write_observations(path, &observations))?;
         (observations.edges, observations.contacts) = (edges, IdVec::default());
     }
     if let Some(path) = &args.truth {
-        outputs.stage(path, |path| write_truth(path, &ids, &simulation.truth))?;
+        outputs.stage(|| write_truth(path, &ids, &simulation.truth))?;
     }
     if let Some(path) = &args.triangles {
-        outputs.stage(path, |path| write_triangles(path, &ids, &simulation.mesh.triangles))?;
+        outputs.stage(|| write_triangles(path, &ids, &simulation.mesh.triangles))?;
     }
     if args.output == Path::new("-") {
         write_observations(&args.output, &observations).map_err(Error::from)?;
     } else {
-        outputs.stage(&args.output, |path| write_observations(path, &observations))?;
+        outputs.stage(|| write_observations(&args.output, &observations))?;
     }
     if let Some(path) = &args.truth {
         note_dropped(outputs.drop_triangles(path), common);

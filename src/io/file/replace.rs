@@ -1,12 +1,13 @@
-//! Writing a file whole or not at all.
+//! Writing a file whole or not at all, and several files together.
 
 use std::{
+    cell::RefCell,
+    collections::BTreeSet,
     fs::{self, File, OpenOptions},
     io::{self, BufWriter, Write as _},
+    mem,
     path::{Path, PathBuf},
-    process,
-    sync::LazyLock,
-    time::UNIX_EPOCH,
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
 use tempfile::NamedTempFile;
@@ -29,7 +30,7 @@ pub fn replace_file(
     write(&mut buffered)?;
     buffered.flush().map_err(cannot_write(path))?;
     drop(buffered);
-    replacement.publish()
+    replacement.finish()
 }
 
 /// [`replace_file`] where nothing but the disk can fail.
@@ -44,6 +45,45 @@ pub(crate) fn cannot_write(path: &Path) -> impl Fn(io::Error) -> IoError + '_ {
     |source| IoError::Write { path: path.into(), source }
 }
 
+/// Files that appear in their places together, after the last of them is complete.
+///
+/// Without [`StagedFiles::publish`] none of them appears.
+#[derive(Default)]
+pub struct StagedFiles {
+    files: Vec<Replacement>,
+}
+
+thread_local! {
+    /// Where files go that this thread completes within [`StagedFiles::stage`].
+    static STAGE: RefCell<Option<Vec<Replacement>>> = const { RefCell::new(None) };
+}
+
+impl StagedFiles {
+    /// Keeps the files that `write` completes, on this thread, under their temporary names.
+    ///
+    /// # Errors
+    /// Whatever `write` returns.
+    pub fn stage<T, E>(&mut self, write: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
+        let outer = STAGE.replace(Some(Vec::new()));
+        let written = write();
+        self.files.extend(STAGE.replace(outer).unwrap_or_default());
+        written
+    }
+
+    /// The places of the files, as they were named.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(|file| file.path.as_path())
+    }
+
+    /// Puts all files in their places.
+    ///
+    /// # Errors
+    /// If a file cannot be renamed; those before it are in their places then.
+    pub fn publish(self) -> Result<(), IoError> {
+        self.files.into_iter().try_for_each(Replacement::publish)
+    }
+}
+
 /// A file on its way to its place, where it appears when it is published and not before.
 pub(crate) struct Replacement {
     path: PathBuf,
@@ -53,9 +93,36 @@ pub(crate) struct Replacement {
 
 enum Unpublished {
     /// Next to its place, under another name.
-    Temporary(NamedTempFile),
+    Temporary(NamedTempFile, Listed),
     /// A device or a pipe, which cannot be replaced.
     Device(File),
+}
+
+/// The temporary files of this process.
+static TEMPORARY: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn temporary() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A temporary file in the list of those to remove when the process is stopped.
+struct Listed(PathBuf);
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        temporary().remove(&self.0);
+    }
+}
+
+/// Removes the temporary files of this process, which has to exit then: a thread that starts another
+/// file waits forever.
+pub fn abandon_files() {
+    let files = temporary();
+    for file in files.iter() {
+        // A file that is gone is what is wanted.
+        let _ = fs::remove_file(file);
+    }
+    mem::forget(files);
 }
 
 impl Replacement {
@@ -71,23 +138,36 @@ impl Replacement {
         } else {
             // As readable as any file the user makes: the system subtracts the umask.
             let new = |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
-            let temporary =
-                tempfile::Builder::new().prefix(temporary_prefix()).make_in(folder_of(&target), new);
-            Unpublished::Temporary(temporary.map_err(fail)?)
+            let mut all = temporary();
+            let file = tempfile::Builder::new().prefix(PREFIX).make_in(folder_of(&target), new);
+            let file = file.map_err(|e| fail(without_path(&e)))?;
+            all.insert(file.path().to_owned());
+            let listed = Listed(file.path().to_owned());
+            Unpublished::Temporary(file, listed)
         };
         Ok(Self { path: path.into(), target, file })
     }
 
     pub(crate) fn file(&self) -> &File {
         match &self.file {
-            Unpublished::Temporary(file) => file.as_file(),
+            Unpublished::Temporary(file, _) => file.as_file(),
             Unpublished::Device(file) => file,
         }
     }
 
-    /// Puts the file in its place.
-    pub(crate) fn publish(self) -> Result<(), IoError> {
-        let Unpublished::Temporary(temporary) = self.file else { return Ok(()) };
+    /// Puts the file in its place, or on the stage of this thread if it has one.
+    pub(crate) fn finish(self) -> Result<(), IoError> {
+        STAGE.with_borrow_mut(|stage| match stage {
+            Some(stage) => {
+                stage.push(self);
+                Ok(())
+            }
+            None => self.publish(),
+        })
+    }
+
+    fn publish(self) -> Result<(), IoError> {
+        let Unpublished::Temporary(temporary, _listed) = self.file else { return Ok(()) };
         let keep = fs::metadata(&self.target)
             .map_or(Ok(()), |older| temporary.as_file().set_permissions(older.permissions()));
         keep.and_then(|()| temporary.persist(&self.target).map(drop).map_err(|e| e.error))
@@ -124,13 +204,11 @@ fn folder_of(target: &Path) -> &Path {
     target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Prefix of the names of this run's temporary files, so that cleaning up removes only these.
-#[must_use]
-pub fn temporary_prefix() -> &'static str {
-    static PREFIX: LazyLock<String> = LazyLock::new(|| {
-        // Process ids are reused, and containers that share a folder may have the same one.
-        let start = UNIX_EPOCH.elapsed().map_or(0, |since| since.as_nanos());
-        format!(".dermatome-{}-{start:x}-", process::id())
-    });
-    &PREFIX
+/// How the names of temporary files begin.
+const PREFIX: &str = ".dermatome-";
+
+/// The system's words about a temporary file, without its name, which users do not know.
+fn without_path(error: &io::Error) -> io::Error {
+    let text = error.to_string();
+    io::Error::new(error.kind(), text.split(" at path ").next().unwrap_or_default())
 }

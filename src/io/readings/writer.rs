@@ -140,7 +140,7 @@ impl ReadingsWriter {
             Output::Arrays { writer, .. } => writer.finish(),
             Output::Table { path, file, text } => {
                 file.file().write_all(&text).map_err(|source| IoError::Write { path, source })?;
-                file.publish()
+                file.finish()
             }
         }
     }

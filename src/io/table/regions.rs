@@ -158,7 +158,7 @@ impl<'a> RegionWriter<'a> {
             Output::Table(table) => table.into_inner().map_err(|e| e.into_error()),
             Output::Lines(lines) => lines.into_inner().map_err(io::IntoInnerError::into_error),
         };
-        written.map_err(|source| IoError::Write { path, source })?.0.publish()
+        written.map_err(|source| IoError::Write { path, source })?.0.finish()
     }
 }
 

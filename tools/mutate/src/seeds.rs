@@ -16,7 +16,7 @@ const STEPS: &[&str] = &[
     "simulate -o graph.g2o --taxels 25 --anchors 5",
     "simulate -o poses.g2o --taxels 20 --model poses --anchors 5",
     "simulate -o observations.csv --taxels 25",
-    "simulate --touch cap.obj -o readings.csv --presses 1 --rate-hz 5",
+    "touch cap.obj -o readings.csv --presses 1 --rate-hz 5",
     "render map/map.glb readings.csv -o readings.npz --to 2",
     "render map/map.glb readings.csv -o frame.npy --to 0 --level 0",
 ];

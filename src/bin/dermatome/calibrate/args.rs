@@ -19,7 +19,7 @@ pub(crate) struct Args {
     pub(super) observations: PathBuf,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
     /// .json, .obj, .off, .ply, .stl; may be given more than once
-    #[arg(short, long, value_name = "SKIN", required = true)]
+    #[arg(short, long, value_name = "OUT", required = true)]
     pub(super) output: Vec<PathBuf>,
     /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose
     /// FIX lines and initial values count, too
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     pub(super) truth: Option<PathBuf>,
     /// Write how well every observation fits, how much it counts, and whether it is an inlier:
     /// i,j,sigmas,weight,inlier
-    #[arg(long, value_name = "I.csv")]
+    #[arg(long, value_name = "OUT.csv")]
     pub(super) inliers: Option<PathBuf>,
     /// How to treat outliers: observations that the stated noise does not explain
     #[arg(long, value_enum, default_value_t = RobustArg::Auto, help_heading = "Solver")]

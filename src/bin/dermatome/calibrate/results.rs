@@ -1,7 +1,7 @@
 //! What `calibrate` writes: its paths are checked before the solve, and all of it is written or
 //! nothing.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use dermatome::{
     Error,
@@ -51,7 +51,6 @@ pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
     let outputs: Vec<_> =
         args.output.iter().map(|path| Ok((path.as_path(), Kind::of(path)?))).collect::<Result<_, Error>>()?;
     args.inliers.as_deref().map_or(Ok(()), outputs::check_table)?;
-    outputs::check(outputs.iter().map(|o| o.0).chain(args.inliers.as_deref()))?;
     let observations = || std::iter::once(&args.observations).chain(&args.contacts);
     for (k, path) in args.contacts.iter().enumerate() {
         if observations().take(k + 1).any(|other| outputs::is_same(other, path)) {
@@ -61,9 +60,6 @@ pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
             ));
         }
     }
-    let results = outputs.iter().map(|o| o.0).chain(args.inliers.as_deref());
-    let inputs = observations().chain(&args.triangles).chain(&args.truth);
-    outputs::check_inputs(results, inputs.map(PathBuf::as_path))?;
     Ok(outputs)
 }
 
@@ -80,7 +76,7 @@ pub(super) fn write(
     for &(path, kind) in paths {
         match kind {
             Kind::Table => {
-                outputs.stage(path, |path| write_calibration(path, found))?;
+                outputs.stage(|| write_calibration(path, found))?;
                 note_dropped(outputs.drop_triangles(path), common);
             }
             Kind::Graph => {
@@ -88,22 +84,22 @@ pub(super) fn write(
                 for (taxel, pose) in solved.taxels.iter_mut().zip(&found.poses) {
                     taxel.initial = Some(*pose);
                 }
-                outputs.stage(path, |path| write_observations(path, &solved))?;
+                outputs.stage(|| write_observations(path, &solved))?;
             }
             Kind::Skin => {
                 let made = match &skin {
                     Some(made) => made,
                     None => skin.insert(mesh(found, inputs, common)?),
                 };
-                outputs.stage(path, |path| write_skin(path, made))?;
+                outputs.stage(|| write_skin(path, made))?;
                 remark_lost(path, made, common);
             }
         }
     }
     if let Some(path) = &args.inliers {
-        outputs.stage(path, |path| write_inliers(path, &inputs.observations, found))?;
+        outputs.stage(|| write_inliers(path, &inputs.observations, found))?;
     }
-    Ok(outputs.publish(common)?)
+    outputs.publish(common)
 }
 
 /// Makes the skin, and prints what was left out or assumed.

@@ -7,5 +7,5 @@ pub(crate) mod signals;
 /// On other systems a stopped run leaves its temporary files.
 #[cfg(not(unix))]
 pub(crate) mod signals {
-    pub(crate) fn clean_when_stopped(_: &std::path::Path) {}
+    pub(crate) fn clean_when_stopped() {}
 }

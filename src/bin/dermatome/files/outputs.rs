@@ -1,23 +1,22 @@
-//! Files that a command writes together: all of them or none.
+//! Files that a command writes: never over an input, never two to one place, all of them or none.
 
 use std::{
-    fs::{self, File},
+    fs,
     io::{self, ErrorKind},
     path::{Path, PathBuf},
 };
 
+use clap::{ArgMatches, Command, ValueHint};
 use dermatome::{
     Error,
-    io::{IoError, replace_file, temporary_prefix, triangles_path},
+    io::{IoError, StagedFiles, replace_file, triangles_path},
 };
-use tempfile::TempDir;
 
 use crate::{
     console::{
         errors::advise,
         print::{line, say},
     },
-    files::signals::clean_when_stopped,
     options::Common,
 };
 
@@ -26,41 +25,75 @@ pub(crate) fn is_stream(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
-/// Refuses, before any work, outputs that cannot be written or would overwrite each other.
-pub(crate) fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
-    let mut places: Vec<PathBuf> = Vec::new();
-    for path in paths {
-        let fail = |source| Error::from(IoError::Write { path: path.to_owned(), source });
-        if path.is_dir() && !is_stream(path) {
-            return Err(fail(ErrorKind::IsADirectory.into()).into());
+/// Refuses, before any work, outputs that cannot be written, or that would replace an input or each
+/// other; returns the inputs.
+///
+/// An output is an argument whose value is called `OUT`; all other paths are inputs.
+pub(crate) fn check_command_line(command: &Command, given: &ArgMatches) -> anyhow::Result<Vec<PathBuf>> {
+    let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
+    for argument in command.get_arguments() {
+        let name = argument.get_value_names().and_then(|names| names.first());
+        let paths = given.get_raw(argument.get_id().as_str()).into_iter().flatten().map(PathBuf::from);
+        match argument.get_value_hint() {
+            hint if name.is_some_and(|name| name.starts_with("OUT")) => {
+                // The command itself makes folders.
+                let mut files = paths.clone().filter(|_| hint != ValueHint::DirPath);
+                files.try_for_each(|path| check_file(&path))?;
+                outputs.extend(paths);
+            }
+            ValueHint::AnyPath | ValueHint::FilePath => inputs.extend(paths),
+            _ => {}
         }
-        if !folder(path).is_dir() {
-            let why = format!("there is no folder {}", folder(path).display());
-            return Err(fail(io::Error::new(ErrorKind::NotFound, why)).into());
-        }
-        let place = place(path);
-        if places.contains(&place) {
-            return Err(advise(
-                format!("two outputs would be written to {}", name(path).display()),
-                "give every output a name of its own",
-            ));
-        }
-        if !is_stream(path) {
-            // The temporary file is in the folder of the path, or of the link's target.
-            clean_when_stopped(folder(path));
-            clean_when_stopped(folder(&place));
-        }
-        places.push(place);
+    }
+    let prints = given.try_get_one::<bool>("json").ok().flatten() == Some(&true);
+    outputs.extend(prints.then(|| "-".into()));
+    let places: Vec<PathBuf> = outputs.iter().map(|path| place(path)).collect();
+    let twice = (1..places.len()).find(|&k| places[..k].contains(&places[k]));
+    if let Some(path) = twice.map(|k| &outputs[k]) {
+        let name = if is_stream(path) { Path::new("standard output") } else { path };
+        return Err(advise(
+            format!("two outputs would be written to {}", name.display()),
+            "give every output a name of its own",
+        ));
+    }
+    guard(outputs.iter().map(PathBuf::as_path), &inputs)?;
+    Ok(inputs)
+}
+
+/// Refuses a place where no file can be written.
+pub(crate) fn check_file(path: &Path) -> Result<(), Error> {
+    if is_stream(path) {
+        Ok(())
+    } else if path.is_dir() {
+        Err(cannot_write(path, ErrorKind::IsADirectory.into()))
+    } else if !folder(path).is_dir() {
+        let why = format!("there is no folder {}", folder(path).display());
+        Err(cannot_write(path, io::Error::new(ErrorKind::NotFound, why)))
+    } else {
+        Ok(())
+    }
+}
+
+/// Refuses a file where a folder is to be made.
+pub(crate) fn check_folder(path: &Path) -> Result<(), Error> {
+    if path.exists() && !path.is_dir() {
+        return Err(cannot_write(path, ErrorKind::NotADirectory.into()));
     }
     Ok(())
 }
 
+/// Makes a folder for outputs, unless it is there.
+pub(crate) fn make_folder(path: &Path) -> Result<(), Error> {
+    check_folder(path)?;
+    fs::create_dir_all(path).map_err(|source| cannot_write(path, source))
+}
+
 /// Refuses outputs that would take the place of an input.
-pub(crate) fn check_inputs<'a>(
+pub(crate) fn guard<'a>(
     outputs: impl IntoIterator<Item = &'a Path>,
-    inputs: impl IntoIterator<Item = &'a Path>,
+    inputs: &[PathBuf],
 ) -> anyhow::Result<()> {
-    let inputs: Vec<PathBuf> = inputs.into_iter().filter(|input| !is_stream(input)).flat_map(files).collect();
+    let inputs: Vec<PathBuf> = inputs.iter().filter(|input| !is_stream(input)).flat_map(files).collect();
     let mut outputs = outputs.into_iter().filter(|out| !is_stream(out)).flat_map(files);
     match outputs.find_map(|out| inputs.iter().find(|input| is_same(input, &out))) {
         None => Ok(()),
@@ -72,7 +105,8 @@ pub(crate) fn check_inputs<'a>(
 }
 
 /// The files that belong to a name: a table of taxels has one of triangles.
-fn files(path: &Path) -> impl Iterator<Item = PathBuf> {
+fn files(path: impl AsRef<Path>) -> impl Iterator<Item = PathBuf> {
+    let path = path.as_ref();
     let triangles = (kind(path) == "csv").then(|| triangles_path(path));
     [path.to_owned()].into_iter().chain(triangles)
 }
@@ -88,14 +122,15 @@ pub(crate) fn kind(path: &Path) -> String {
 
 /// A table is written to a .csv: under any other name it would be read as something else.
 pub(crate) fn check_table(path: &Path) -> anyhow::Result<()> {
-    if kind(path) == "csv" {
+    if kind(path) == "csv" || is_device(path) {
         return Ok(());
     }
     Err(Error::from(IoError::UnknownKind { path: path.to_owned(), known: ".csv" }).into())
 }
 
-fn name(path: &Path) -> &Path {
-    if is_stream(path) { Path::new("standard output") } else { path }
+/// Whether a path names a device or a pipe, such as `/dev/null`.
+fn is_device(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir())
 }
 
 fn folder(path: &Path) -> &Path {
@@ -125,75 +160,28 @@ pub(crate) fn wrote<'a>(paths: impl IntoIterator<Item = &'a Path>, common: &Comm
 /// Complete files on their way to the places they are meant for.
 #[derive(Default)]
 pub(crate) struct Outputs {
-    staged: Vec<Staged>,
-    /// Hidden folders with the staged files; they vanish with this.
-    folders: Vec<TempDir>,
+    files: StagedFiles,
     /// Tables of triangles of the tables that are replaced.
     stale: Vec<PathBuf>,
 }
 
-/// A file that is complete but not in its place.
-struct Staged {
-    file: PathBuf,
-    path: PathBuf,
-}
-
 impl Outputs {
-    /// Writes a file that does not appear in its place before [`Self::publish`].
-    pub(crate) fn stage(
-        &mut self,
-        path: &Path,
-        write: impl FnOnce(&Path) -> Result<(), IoError>,
-    ) -> Result<(), Error> {
-        // Writers choose by extension, so the name stays.
-        let name = path.file_name().unwrap_or_default();
-        self.stage_in(folder(path), &[name], |folder| Ok(write(&folder.join(name))?)).map_err(
-            |e| match e {
-                Error::Io(e) => about(e, |_| path.to_owned()).into(),
-                other => other,
-            },
-        )?;
-        // As the user wrote it, without the folder `.` in front.
-        self.staged.iter_mut().next_back().into_iter().for_each(|staged| path.clone_into(&mut staged.path));
-        Ok(())
+    /// Lets `write` complete files, which do not appear in their places before [`Self::publish`].
+    pub(crate) fn stage<T>(&mut self, write: impl FnOnce() -> Result<T, IoError>) -> Result<T, Error> {
+        self.files.stage(write).map_err(Error::from)
     }
 
-    /// Writes a file of these bytes that does not appear in its place before [`Self::publish`].
+    /// A file of these bytes.
     pub(crate) fn stage_bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
-        let write = |staged: &Path| {
-            fs::write(staged, bytes).map_err(|source| IoError::Write { path: staged.to_owned(), source })
-        };
-        self.stage(path, write)
-    }
-
-    /// Lets `write` write files of these names, which do not appear in `folder` before
-    /// [`Self::publish`].
-    pub(crate) fn stage_in<T>(
-        &mut self,
-        folder: &Path,
-        names: &[impl AsRef<Path>],
-        write: impl FnOnce(&Path) -> Result<T, Error>,
-    ) -> Result<T, Error> {
-        let staging = tempfile::Builder::new()
-            .prefix(temporary_prefix())
-            .tempdir_in(folder)
-            .map_err(|e| cannot_write(folder, without_path(&e)))?;
-        let written = write(staging.path()).map_err(|e| match e {
-            Error::Io(e) => about(e, |file| folder.join(file.file_name().unwrap_or_default())).into(),
-            other => other,
-        })?;
-        for name in names {
-            self.staged.push(Staged { file: staging.path().join(name), path: folder.join(name) });
-        }
-        self.folders.push(staging);
-        Ok(written)
+        let fail = |source| IoError::Write { path: path.to_owned(), source };
+        self.stage(|| replace_file(path, |file| io::Write::write_all(file, bytes).map_err(fail)))
     }
 
     /// Removes, when all is published, the triangles of an older table at `path`: readers would join
     /// them to the new taxels. Triangles that are staged stay. Returns the name of those removed.
     pub(crate) fn drop_triangles(&mut self, path: &Path) -> Option<&Path> {
         let triangles = triangles_path(path);
-        if !triangles.is_file() || self.staged.iter().any(|staged| is_same(&staged.path, &triangles)) {
+        if !triangles.is_file() || self.files.paths().any(|staged| is_same(staged, &triangles)) {
             return None;
         }
         self.stale.push(triangles);
@@ -201,51 +189,16 @@ impl Outputs {
     }
 
     /// Puts all files in their places, and prints which.
-    pub(crate) fn publish(self, common: &Common) -> Result<(), Error> {
-        for Staged { file, path } in &self.staged {
-            let fail = |source| IoError::Write { path: path.clone(), source };
-            match fs::symlink_metadata(path) {
-                // A link is followed; a device or a pipe cannot be replaced.
-                Ok(older) if !older.is_file() => {
-                    let mut whole = File::open(file).map_err(fail)?;
-                    replace_file(path, |out| io::copy(&mut whole, out).map(drop).map_err(fail))?;
-                }
-                older => {
-                    let keep = older.map_or(Ok(()), |older| fs::set_permissions(file, older.permissions()));
-                    keep.and_then(|()| fs::rename(file, path)).map_err(fail)?;
-                }
-            }
-        }
+    pub(crate) fn publish(self, common: &Common) -> anyhow::Result<()> {
+        guard(self.files.paths(), &common.inputs)?;
+        let names: Vec<PathBuf> = self.files.paths().map(Path::to_owned).collect();
+        self.files.publish().map_err(Error::from)?;
         for path in &self.stale {
             fs::remove_file(path).map_err(|e| cannot_write(path, e))?;
         }
-        wrote(self.staged.iter().map(|staged| staged.path.as_path()), common);
+        wrote(names.iter().map(PathBuf::as_path), common);
         Ok(())
     }
-}
-
-/// The same error about another file, named from its own: outputs are written to a temporary file
-/// first.
-fn about(mut error: IoError, name: impl FnOnce(&Path) -> PathBuf) -> IoError {
-    if let IoError::Read { path, .. }
-    | IoError::Write { path, .. }
-    | IoError::Invalid { path, .. }
-    | IoError::Unsupported { path, .. }
-    | IoError::UnknownKind { path, .. }
-    | IoError::NoMap { path }
-    | IoError::Map { path, .. }
-    | IoError::Unfit { path, .. } = &mut error
-    {
-        *path = name(path);
-    }
-    error
-}
-
-/// The system's words about a temporary file, without its name, which users do not know.
-pub(crate) fn without_path(error: &io::Error) -> io::Error {
-    let text = error.to_string();
-    let words = text.split(" at path ").next().unwrap_or_default();
-    io::Error::new(error.kind(), words)
 }
 
 /// An error about a place.

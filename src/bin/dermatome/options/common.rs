@@ -1,5 +1,7 @@
 //! Options that every subcommand takes.
 
+use std::path::PathBuf;
+
 use clap::ValueEnum;
 
 /// Options that every subcommand takes.
@@ -20,6 +22,9 @@ pub(crate) struct Common {
     /// When to use colours.
     #[arg(long, global = true, default_value = "auto", value_name = "WHEN")]
     pub(crate) color: ColorChoice,
+    /// The files that this run reads.
+    #[arg(skip)]
+    pub(crate) inputs: Vec<PathBuf>,
 }
 
 impl Common {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use clap::ValueEnum;
+use clap::{ValueEnum, ValueHint};
 use dermatome::{
     Error,
     cut::Cut,
@@ -45,7 +45,7 @@ pub(crate) struct FlattenArgs {
     /// Where to cut first: auto (what has no map otherwise, and where it makes the map much better),
     /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
     /// of taxels); nothing is cut within a table of --boundary
-    #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto")]
+    #[arg(long, value_name = "auto|none|all|FILE.csv", value_hint = ValueHint::FilePath, default_value = "auto")]
     cut: String,
     /// Cut more, a plain disk too, until no triangle of the map is larger or smaller than on the skin
     /// by more than this factor; a note says so where cuts that leave the map in one piece cannot
@@ -55,7 +55,7 @@ pub(crate) struct FlattenArgs {
     /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin;
     /// rectangle:W:H:A:B:C:D with its corners at these taxels, counter-clockwise from the lower left
     /// one; or a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
-    #[arg(long, value_name = "SHAPE|FILE.csv", value_parser = boundary)]
+    #[arg(long, value_name = "SHAPE|FILE.csv", value_hint = ValueHint::FilePath, value_parser = boundary)]
     boundary: Option<BoundaryArg>,
 }
 

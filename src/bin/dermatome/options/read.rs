@@ -57,17 +57,6 @@ enum SeamsArg {
 }
 
 impl ReadArgs {
-    pub(crate) fn of(unit: Unit) -> Self {
-        Self {
-            unit,
-            gap: AssembleOptions::default().gap,
-            weld: None,
-            seams: None,
-            repair: false,
-            outside: None,
-        }
-    }
-
     pub(crate) fn options(&self) -> AssembleOptions {
         let weld = match (self.seams, self.weld) {
             (Some(SeamsArg::Uv), _) => Weld::Texture,

@@ -1,17 +1,16 @@
 //! The contact regions of a recording as a table: `render --contacts`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use dermatome::{
     Error,
-    io::RegionWriter,
+    io::{IoError, RegionWriter},
     map::SkinMap,
     signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions},
 };
 
 use crate::{
     console::errors::advise,
-    files::outputs,
     render::readings_args::{ReadingsArgs, positive},
 };
 
@@ -49,13 +48,6 @@ pub(super) struct Contacts<'a> {
 }
 
 impl ContactsArgs {
-    /// Refuses, before any work, a table that cannot be written or would replace an input.
-    pub(super) fn check(&self, inputs: [&Path; 2]) -> anyhow::Result<()> {
-        let Some(path) = &self.contacts else { return Ok(()) };
-        outputs::check([path.as_path()])?;
-        outputs::check_inputs([path.as_path()], inputs)
-    }
-
     pub(super) fn open<'a>(
         &self,
         map: &'a SkinMap,
@@ -101,8 +93,8 @@ impl Contacts<'_> {
         Ok(self.writer.write(number as u64, frame.time, regions)?)
     }
 
-    /// Puts the table in its place: the number of contacts, and the threshold that was used.
-    pub(super) fn finish(self) -> Result<(usize, Option<f64>), Error> {
+    /// Completes the table: the number of contacts, and the threshold that was used.
+    pub(super) fn finish(self) -> Result<(usize, Option<f64>), IoError> {
         let threshold = self.tracker.threshold;
         self.writer.finish()?;
         Ok((self.onsets, threshold))

@@ -1,7 +1,6 @@
 //! Where `render` puts its frames: a folder of pictures, arrays, or a pipe.
 
 use std::{
-    fs,
     io::{Stdout, Write, stdout},
     path::{Path, PathBuf},
 };
@@ -56,10 +55,13 @@ impl Kind {
         }
         match outputs::kind(output).as_str() {
             kind @ ("npy" | "npz") => {
-                outputs::check([output])?;
+                outputs::check_file(output)?;
                 Ok(Self::Array(if kind == "npy" { Array::Npy } else { Array::Npz }))
             }
-            "" => Ok(Self::Folder(pictures)),
+            "" => {
+                outputs::check_folder(output)?;
+                Ok(Self::Folder(pictures))
+            }
             _ if output.is_dir() => Ok(Self::Folder(pictures)),
             _ => Err(advise(
                 format!("{} is not a kind of recording that is written", output.display()),
@@ -111,7 +113,7 @@ impl<'a> Output<'a> {
                 Self::Array(Box::new(RecordingWriter::create(path, map, &layout)?))
             }
             (Kind::Folder(_), colours) => {
-                fs::create_dir_all(path).map_err(|source| IoError::Write { path: path.into(), source })?;
+                outputs::make_folder(path)?;
                 let folder = path.to_owned();
                 match colours {
                     Some(colours) => Self::Pictures { folder, colours, written: 0 },
@@ -157,10 +159,10 @@ impl<'a> Output<'a> {
         Ok(())
     }
 
-    /// Puts arrays in their place.
-    pub(super) fn finish(self) -> Result<(), Error> {
+    /// Completes arrays.
+    pub(super) fn finish(self) -> Result<(), IoError> {
         match self {
-            Self::Array(writer) => Ok(writer.finish()?),
+            Self::Array(writer) => writer.finish(),
             Self::Folder { .. } | Self::Pictures { .. } | Self::Pipe(_) => Ok(()),
         }
     }

@@ -195,7 +195,7 @@ impl ArrayWriter {
                 let final_header = header(*elements, &shape_of(frames, shape), header_bytes);
                 let mut out = file.file();
                 out.seek(SeekFrom::Start(0)).and_then(|_| out.write_all(&final_header)).map_err(&fail)?;
-                file.publish()
+                file.finish()
             }
             Target::Npz { spool } => {
                 let gather =

@@ -1,10 +1,6 @@
-//! `simulate --touch`: a recording of a sphere that presses and rolls on a skin.
+//! `touch`: a recording of a sphere that presses and rolls on a skin.
 
-use std::{
-    collections::HashSet,
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{collections::HashSet, path::PathBuf, process::ExitCode};
 
 use clap::ValueEnum;
 use dermatome::{
@@ -21,82 +17,65 @@ use crate::{
         input::{read_map_if_any, read_skin},
         outputs::{self, Outputs},
     },
-    options::{Common, PatchArgs, ReadArgs, Unit},
+    options::{Common, PatchArgs, ReadArgs},
 };
 
-/// Options of the simulated calibration alone.
-const OTHERS: [&str; 15] = [
-    "triangles",
-    "contacts",
-    "model",
-    "taxels",
-    "spacing_mm",
-    "radius_mm",
-    "noise_mm",
-    "rotation_noise_deg",
-    "anchors",
-    "anchor_noise_mm",
-    "normal_noise_deg",
-    "indentation_mm",
-    "arm_noise_mm",
-    "arm_noise_deg",
-    "outliers",
-];
-
-/// Options of `simulate --touch`.
+/// Arguments of `touch`.
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Touch")]
-pub(super) struct TouchArgs {
-    /// Record a sphere that presses and rolls on this skin or map instead; the output is a .csv
-    /// with a column for each taxel, or .npz
-    #[arg(long, value_name = "SKIN", conflicts_with_all = OTHERS)]
-    pub(super) touch: Option<PathBuf>,
-    /// Unit of all lengths in the file of the skin
-    #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT", requires = "touch")]
-    unit: Unit,
+pub(crate) struct Args {
+    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
+    skin: PathBuf,
+    /// File for the readings: .csv with a column for each taxel, or .npz
+    #[arg(short, long, value_name = "OUT.csv")]
+    output: PathBuf,
+    /// File for the true touches: .csv
+    #[arg(long, value_name = "OUT.csv")]
+    truth: Option<PathBuf>,
     /// Number of presses, one after the other, each at a random place
-    #[arg(long, value_name = "N", default_value_t = 5, requires = "touch")]
+    #[arg(long, value_name = "N", default_value_t = 5)]
     presses: usize,
     /// Number of spheres that press at once, at least a diameter apart
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "touch")]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     touches: usize,
     /// Radius of the sphere
-    #[arg(long, value_name = "MM", default_value_t = 15.0, requires = "touch")]
+    #[arg(long, value_name = "MM", default_value_t = 15.0)]
     sphere_mm: f64,
     /// How deep the sphere is pressed in
-    #[arg(long, value_name = "MM", default_value_t = 2.0, requires = "touch")]
+    #[arg(long, value_name = "MM", default_value_t = 2.0)]
     depth_mm: f64,
     /// Stiffness of the skin: pressure for each millimetre of depth
-    #[arg(long, value_name = "KPA", default_value_t = 20.0, requires = "touch")]
+    #[arg(long, value_name = "KPA", default_value_t = 20.0)]
     stiffness_kpa: f64,
     /// How far the sphere rolls during a press
-    #[arg(long, value_name = "MM", default_value_t = 20.0, requires = "touch")]
+    #[arg(long, value_name = "MM", default_value_t = 20.0)]
     roll_mm: f64,
     /// How long a press takes
-    #[arg(long, value_name = "S", default_value_t = 1.0, requires = "touch")]
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
     press_s: f64,
     /// How long nothing is touched before each press and after the last
-    #[arg(long, value_name = "S", default_value_t = 0.25, requires = "touch")]
+    #[arg(long, value_name = "S", default_value_t = 0.25)]
     pause_s: f64,
     /// Frames per second
-    #[arg(long, value_name = "HZ", default_value_t = 100.0, requires = "touch")]
+    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
     rate_hz: f64,
     /// Radius of the disc on which a taxel feels
-    #[arg(long, value_name = "MM", default_value_t = 2.0, requires = "touch")]
+    #[arg(long, value_name = "MM", default_value_t = 2.0)]
     taxel_mm: f64,
     /// What a taxel reads
-    #[arg(long, value_enum, default_value_t = ReadsArg::Force, requires = "touch")]
+    #[arg(long, value_enum, default_value_t = ReadsArg::Force)]
     reads: ReadsArg,
     /// Noise of the mean pressure on a taxel, standard deviation
-    #[arg(long, value_name = "KPA", default_value_t = 0.0, requires = "touch")]
+    #[arg(long, value_name = "KPA", default_value_t = 0.0)]
     noise_kpa: f64,
     /// Drift: the pressure of every taxel grows at a rate of its own, with this standard deviation
     /// per second
-    #[arg(long, value_name = "KPA", default_value_t = 0.0, requires = "touch")]
+    #[arg(long, value_name = "KPA", default_value_t = 0.0)]
     drift_kpa: f64,
     /// Share of the taxels that are dead and read NaN
-    #[arg(long, value_name = "F", default_value_t = 0.0, requires = "touch")]
+    #[arg(long, value_name = "F", default_value_t = 0.0)]
     dead: f64,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 /// What a taxel reads.
@@ -108,37 +87,26 @@ enum ReadsArg {
     Pressure,
 }
 
-/// Writes the readings to `output`, and what truly happens to `truth`.
-pub(super) fn run(
-    args: &TouchArgs,
-    skin: &Path,
-    output: &Path,
-    truth: Option<&Path>,
-    common: &Common,
-) -> anyhow::Result<ExitCode> {
-    outputs::check([output].into_iter().chain(truth))?;
-    outputs::check_inputs([output].into_iter().chain(truth), [skin])?;
-    let skin = match read_map_if_any(skin)? {
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    args.truth.as_deref().map_or(Ok(()), outputs::check_table)?;
+    let skin = match read_map_if_any(&args.skin)? {
         Some(map) => finest(&map),
-        None => {
-            let read = ReadArgs::of(args.unit);
-            read_skin(skin, &read, &PatchArgs::default(), &read.options(), common)?
-        }
+        None => read_skin(&args.skin, &args.read, &PatchArgs::default(), &args.read.options(), common)?,
     };
     let mut simulation = TouchSimulation::new(&skin, &args.options(common.seed)).map_err(Error::from)?;
     let mut touches = Vec::new();
     let mut outputs = Outputs::default();
-    outputs.stage(output, |path| {
+    outputs.stage(|| {
         let taxels = skin.patches.iter().map(|patch| &patch.taxels);
-        let mut writer = ReadingsWriter::create(path, taxels, &simulation.channel)?;
+        let mut writer = ReadingsWriter::create(&args.output, taxels, &simulation.channel)?;
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame)?;
             touches.extend_from_slice(now);
         }
         writer.finish()
     })?;
-    if let Some(path) = truth {
-        outputs.stage(path, |path| write_touches(path, &skin, &touches))?;
+    if let Some(path) = &args.truth {
+        outputs.stage(|| write_touches(path, &skin, &touches))?;
     }
     outputs.publish(common)?;
     let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<HashSet<_>>().len();
@@ -170,7 +138,7 @@ fn finest(map: &SkinMap) -> Skin {
     Skin { links: map.links.clone(), patches: patches.collect(), ..Skin::default() }
 }
 
-impl TouchArgs {
+impl Args {
     fn options(&self, seed: u64) -> TouchOptions {
         TouchOptions {
             radius: self.sphere_mm * 1e-3,
