@@ -12,6 +12,7 @@ use dermatome::{
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
+    pyramid::LevelId,
     skin::{Link, LinkId, Motion, MotionFrame, PatchId},
 };
 use glam::{DAffine3, DVec2, DVec3};
@@ -85,14 +86,13 @@ fn contacts(c: &mut Criterion) {
             let mut next = path.iter().cycle();
             b.iter(|| index.locate(black_box(next.next().unwrap().point)).unwrap());
         });
-        let hits = index.locate_all(&path).unwrap();
-        group.bench_function("map positions", |b| {
-            let mut next = hits.iter().cycle();
-            b.iter(|| index.map_positions(black_box(next.next().unwrap())).for_each(|p| _ = black_box(&p)));
-        });
+        let hits: Vec<_> = index.locate_all(&path).unwrap().iter().collect();
         group.bench_function("cells", |b| {
             let mut next = hits.iter().cycle();
-            b.iter(|| index.cells(black_box(next.next().unwrap())).for_each(|cell| _ = black_box(&cell)));
+            b.iter(|| {
+                let hit = next.next().unwrap();
+                (0..).map_while(|k| index.cell(hit, LevelId::new(k))).for_each(|cell| _ = black_box(&cell));
+            });
         });
         group.throughput(Throughput::Elements(scattered.len() as u64));
         group.bench_function("batch", |b| b.iter(|| index.locate_all(&scattered).unwrap()));

@@ -12,6 +12,7 @@ use dermatome::{
     contact::{ContactIndex, Hit, Query},
     mesh::shapes,
     pipeline::{BuildOptions, build},
+    pyramid::LevelId,
     skin::{Link, LinkId, Motion, MotionFrame, Patch, Skin},
 };
 use glam::{DAffine3, DQuat, DVec3};
@@ -47,14 +48,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let contacts: Vec<Query> = (0..CONTACTS).map(near).collect();
     let mut hits: Vec<Option<Hit>> = vec![None; CONTACTS];
     let mut nanoseconds = Vec::new();
-    let (mut positions, mut posing) = (0, Vec::new());
+    let (mut placed, mut posing) = (0, Vec::new());
     for frame in 0..FRAMES {
         let start = Instant::now();
         index.set_motion(&motion, frame as f64 / FRAMES as f64)?;
         posing.push(start.elapsed().as_nanos());
         for (contact, hit) in contacts.iter().zip(&mut hits) {
             let found = index.locate(*contact)?;
-            positions += index.map_positions(&found).inspect(|position| _ = black_box(position)).count();
+            let cells = (0..).map_while(|level| index.cell(&found, LevelId::new(level)));
+            placed += cells.inspect(|cell| _ = black_box(cell)).count();
             *hit = Some(found);
         }
         nanoseconds.push(start.elapsed().as_nanos());
@@ -63,10 +65,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         times.sort_unstable();
         times[times.len() * share / 100] as f64 / 1e3
     };
-    println!(
-        "{taxels} taxels on {PATCHES} links, {CONTACTS} contacts, {} map positions a frame",
-        positions / FRAMES
-    );
+    println!("{taxels} taxels on {PATCHES} links, {CONTACTS} contacts, {} cells a frame", placed / FRAMES);
     println!("posing: median {:.1} us", microseconds(&mut posing, 50));
     let (median, slow) = (microseconds(&mut nanoseconds, 50), microseconds(&mut nanoseconds, 99));
     println!("frame: median {median:.1} us, 99 of 100 under {slow:.1} us");

@@ -10,12 +10,12 @@
 use std::path::Path;
 
 use dermatome::{
-    contact::{ContactIndex, IndexOptions, Press, Spreader},
+    contact::{ContactIndex, IndexOptions},
     io::read_draft,
     pipeline,
     plot::{ChannelView, PlotOptions, Viewpoint, plot_frame},
     pyramid::LevelId,
-    signal::{Channel, Restrictor},
+    signal::{Channel, Press, Restrictor, Spreader},
     skin::{AssembleOptions, LinkId, Motion, MotionFrame, PatchId, assemble},
 };
 use glam::{DAffine3, DQuat};
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let draft = read_draft(Path::new("meshes/robot.glb"))?;
     let skin = assemble(&draft, &AssembleOptions::default())?.skin;
     let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
-    let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true })?;
+    let mut index = ContactIndex::with_options(&map, &IndexOptions { levels: true, fields: true })?;
 
     // The forearm turns about its elbow and passes its pose in the file after half a second.
     let forearm = map.links.enumerate().find(|(_, link)| link.name == "forearm");
@@ -52,9 +52,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
 
     let coarsest = LevelId::new(map.patches.iter().map(|p| p.levels.len()).max().unwrap_or(1) - 1);
-    let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
+    let spreader = Spreader { disc: 0.002, max_distance: None };
     let channels = [Channel::new("force", "N")];
-    let (mut asked, mut located, mut strongest) = (0, 0, (0.0, spreader.frame(0.0)));
+    let (mut asked, mut located, mut strongest) = (0, 0, (0.0, spreader.frame(&index, 0.0)));
     for k in 0..=FRAMES {
         let time = f64::from(k) / f64::from(FRAMES);
         index.set_motion(&motion, time)?;
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             continue;
         }
         let press = Press { at: ball.into(), radius: RADIUS, force: STIFFNESS * depth };
-        let mut frame = spreader.frame(time);
+        let mut frame = spreader.frame(&index, time);
         spreader.add(&index, &press, &mut frame)?;
         let cell = index.cell(&hit, LevelId::new(0)).ok_or("level 0 has a cell")?;
         if strongest.0 == 0.0 {

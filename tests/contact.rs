@@ -308,13 +308,15 @@ proptest! {
             }
         }).collect();
         let single: Vec<Hit> = contacts.iter().map(|c| index.locate(*c).unwrap()).collect();
-        prop_assert_eq!(&index.locate_all(&contacts).unwrap(), &single);
+        let all = index.locate_all(&contacts).unwrap();
+        prop_assert!(all.iter().eq(single.iter().copied()));
+        prop_assert_eq!(all.get(single.len()), None);
         let backwards: Vec<Query> = contacts.iter().rev().copied().collect();
-        let mut hits = index.locate_all(&backwards).unwrap();
+        let mut hits: Vec<Hit> = index.locate_all(&backwards).unwrap().iter().collect();
         hits.reverse();
         prop_assert_eq!(&hits, &single, "the order of the contacts does not matter");
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        prop_assert_eq!(&pool.install(|| index.locate_all(&contacts)).unwrap(), &single, "one thread");
+        prop_assert_eq!(pool.install(|| index.locate_all(&contacts)).unwrap(), all, "one thread");
     }
 }
 
@@ -500,7 +502,7 @@ fn on_a_subdivided_square_both_levels_agree() {
             let point = DVec3::new(f64::from(i) / 20.0, f64::from(j) / 20.0, -0.01);
             let hit = index.locate(point).unwrap();
             assert!((hit.distance + 0.01).abs() < 1e-15, "below the square is inside");
-            let cells: Vec<_> = index.cells(&hit).collect();
+            let cells: Vec<_> = (0..).map_while(|k| index.cell(&hit, LevelId::new(k))).collect();
             assert_eq!(cells.len(), 2);
             for cell in &cells {
                 assert!(cell.uv.distance(point.truncate()) < 1e-12, "{cell:?}");
@@ -525,7 +527,6 @@ fn a_level_that_does_not_exist_has_no_cell() {
     let index = ContactIndex::new(&square_and_its_midpoints()).unwrap();
     let hit = index.locate(DVec3::ZERO).unwrap();
     assert!(index.cell(&hit, LevelId::new(2)).is_none());
-    assert_eq!(index.cells(&hit).count(), 2);
     let foreign = Hit { patch: PatchId::new(7), ..hit };
     assert!(index.cell(&foreign, LevelId::new(0)).is_none());
     let mut beyond = hit;
@@ -558,7 +559,7 @@ fn a_contact_that_is_nowhere_is_named() {
     assert!(matches!(error, ContactError::UnknownLink { count: 3, .. }), "{error}");
     let error = index.locate(Query::on_link(LinkId::new(0), DVec3::ZERO)).unwrap_err();
     assert!(matches!(&error, ContactError::BareLink { name, .. } if name == "base"), "{error}");
-    assert_eq!(index.locate_all(&[]).unwrap(), [], "no contacts, no hits");
+    assert_eq!(index.locate_all(&[]).unwrap().iter().count(), 0, "no contacts, no hits");
 }
 
 #[test]

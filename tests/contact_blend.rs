@@ -4,12 +4,13 @@
 mod triangle_distance;
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Press, Query, Spreader},
+    contact::{ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Query},
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
+    signal::{Press, Spreader},
     skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -93,7 +94,7 @@ proptest! {
             [0, 1, 2, 1].map(LinkId::new).iter().zip(row).map(|(j, w)| (*j, w / sum)).collect::<Vec<_>>().try_into().unwrap()
         }).collect();
         map.patches[PatchId::new(0)].taxels.joints = Some(joints.clone());
-        let mut index = ContactIndex::with(&map, &IndexOptions { levels: true, fields: true }).unwrap();
+        let mut index = ContactIndex::with_options(&map, &IndexOptions { levels: true, fields: true }).unwrap();
         let rest = index.poses();
         let posed: IdVec<LinkId, DAffine3> = poses.to_vec().into();
         index.set_motion(&moves(&posed), 0.0).unwrap();
@@ -157,7 +158,7 @@ fn one_joint_is_a_rigid_pose() {
     let contact = DVec3::new(0.02, 0.03, 0.25);
     let before = ContactIndex::new(&map).unwrap().locate(Query::on_link(LinkId::new(1), contact)).unwrap();
     map.patches[PatchId::new(0)].taxels.joints = Some(joints);
-    let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
+    let mut index = ContactIndex::with_options(&map, &FIELDS).unwrap();
     let rest = index.poses();
     let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_y(1.0), DVec3::new(0.3, -0.2, 1.0));
     index.set_motion(&posed([(other, turned * rest[other])]), 0.0).unwrap();
@@ -180,9 +181,9 @@ fn one_joint_is_a_rigid_pose() {
             assert!(hit.field == field && hit.normal.distance(expected) < 1e-12, "{hit:?}");
         }
     }
-    let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
+    let spreader = Spreader { disc: 0.002, max_distance: None };
     let felt = |index: &ContactIndex, centre: DVec3| {
-        let mut frame = spreader.frame(0.0);
+        let mut frame = spreader.frame(index, 0.0);
         let press = Press { at: centre.into(), radius: 0.02, force: 1.0 };
         assert!(spreader.add(index, &press, &mut frame).unwrap());
         frame.values[PatchId::new(0)][0].to_vec()
@@ -200,7 +201,7 @@ fn posing_a_blended_patch_allocates_nothing() {
     let mut map = robot();
     let half = [(LinkId::new(1), 0.5), (LinkId::new(2), 0.5), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
     map.patches[PatchId::new(0)].taxels.joints = Some(mesh(&map, 0).positions.map(|_| half));
-    let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
+    let mut index = ContactIndex::with_options(&map, &FIELDS).unwrap();
     let poses = moves(&index.poses());
     let moved = moves(&index.poses().map(|pose| DAffine3::from_rotation_z(0.3) * *pose));
     let mut frame = || {

@@ -2,11 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, Hit, IndexOptions, MapPosition, Query},
-    cut::Cut,
-    id::FaceId,
+    contact::{ContactError, ContactIndex, IndexOptions, Query},
     map::SkinMap,
-    mesh::{SurfacePoint, TriMesh, shapes},
+    mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
     skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin},
@@ -63,7 +61,7 @@ proptest! {
         aims in prop::collection::vec((prop::array::uniform3(-1.0_f64..1.0), -4_i32..1, any::<prop::sample::Index>(), 0_usize..2, prop::bool::ANY), 60),
     ) {
         let map = robot(shape(kinds.0), shape(kinds.1));
-        let mut index = ContactIndex::with(&map, &LEVELS).unwrap();
+        let mut index = ContactIndex::with_options(&map, &LEVELS).unwrap();
         let turn = DVec3::from(turn);
         let pose = DAffine3::from_rotation_translation(DQuat::from_scaled_axis(turn), turn * 0.1);
         let mut motion = Motion::default();
@@ -83,7 +81,7 @@ proptest! {
                 let from_skin = Query { point: answer.position, ..query };
                 let nearest = index.locate(from_skin).unwrap().distance.abs();
                 prop_assert!(nearest <= answer.error + 1e-12, "level {level}: the skin is {nearest} away");
-                let cell = index.reactive_cell(&answer).unwrap();
+                let cell = index.cell(&answer, answer.level).unwrap();
                 let mesh = &map.patches[answer.patch].levels[answer.level];
                 let uv: glam::DVec2 = mesh.level.mesh.triangles[answer.point.face].iter()
                     .zip(answer.point.barycentric).map(|(&v, w)| mesh.uv[v] * w).sum();
@@ -96,63 +94,12 @@ proptest! {
     }
 }
 
-/// Maps of one level and of several, whole, with a seam and with slits.
-fn placed() -> Vec<SkinMap> {
-    let cut = |mesh: TriMesh, cut: Cut| {
-        build(&Skin::from_mesh("skin", mesh), &BuildOptions { cut, ..BuildOptions::default() }).unwrap()
-    };
-    vec![
-        SkinMap::flat(shapes::lattice(3, 3, 0.01), 0.001),
-        robot(shape(0), shape(3)),
-        cut(shapes::ball(8, 0.1), Cut::Auto),
-        cut(shapes::torus(30, 14, 0.1, 0.04), Cut::AreaRatio(1.1)),
-        cut(shapes::cap(9000, 0.1, 1.9), Cut::None),
-    ]
-}
-
-/// A position on the map is that of the cell in every bit: anywhere in a face, on its sides and corners,
-/// on either side of a seam.
-#[test]
-fn map_positions_are_those_of_cells() {
-    let mut levels = Vec::new();
-    for map in placed() {
-        let index = ContactIndex::new(&map).unwrap();
-        for (patch, on_map) in map.patches.enumerate() {
-            levels.push(on_map.levels.len());
-            for face in on_map.levels[LevelId::new(0)].level.mesh.triangles.ids() {
-                let k = face.index() as f64;
-                let inside = [0.1 + 0.05 * (k % 7.0), 0.2 + 0.03 * (k % 11.0)];
-                let inside = [inside[0], inside[1], 1.0 - inside[0] - inside[1]];
-                for barycentric in [inside, [0.25, 0.0, 0.75], [0.0, 1.0, 0.0]] {
-                    let point = SurfacePoint { face, barycentric };
-                    let (distance, position, normal) = (0.0, DVec3::ZERO, DVec3::Z);
-                    let hit = Hit { patch, link: on_map.link, point, distance, position, normal };
-                    let cells = index.cells(&hit);
-                    let cells: Vec<_> =
-                        cells.map(|c| MapPosition { level: c.level, uv: c.uv, pixel: c.pixel }).collect();
-                    let positions: Vec<_> = index.map_positions(&hit).collect();
-                    assert_eq!(positions, cells);
-                    assert_eq!(positions.len(), on_map.levels.len());
-                    for (position, level) in positions.iter().zip(on_map.levels.ids()) {
-                        let cell = index.cell(&hit, level).unwrap();
-                        assert_eq!((position.uv, position.pixel), (cell.uv, cell.pixel));
-                    }
-                    let nowhere = SurfacePoint { face: FaceId::new(1 << 27), ..point };
-                    assert_eq!(index.map_positions(&Hit { point: nowhere, ..hit }).count(), 0);
-                    assert_eq!(index.map_positions(&Hit { patch: PatchId::new(9), ..hit }).count(), 0);
-                }
-            }
-        }
-    }
-    assert!([1, 3, 4].iter().all(|count| levels.contains(count)), "{levels:?}");
-}
-
 /// The bound is not only right but useful: on a smooth cap it is near the largest true error, and
 /// each coarser level costs about four times the error of the finer one.
 #[test]
 fn bounds_are_near_the_largest_error() {
     let map = build(&Skin::from_mesh("cap", shapes::cap(4000, 0.1, 0.6)), &BuildOptions::default()).unwrap();
-    let index = ContactIndex::with(&map, &LEVELS).unwrap();
+    let index = ContactIndex::with_options(&map, &LEVELS).unwrap();
     let mut previous = 0.0;
     for level in 1..map.patches[PatchId::new(0)].levels.len() {
         let (mut largest, mut bounds) = (0.0_f64, Vec::new());

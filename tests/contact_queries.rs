@@ -5,13 +5,14 @@
 use std::sync::LazyLock;
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Press, Query, Spreader},
+    contact::{ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Query},
     cut::Cut,
-    id::VertexId,
+    id::{FaceId, VertexId},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
+    signal::{Frame, Press, SignalError, Spreader},
     skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Presence, Skin},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -91,7 +92,7 @@ proptest! {
         link in prop::option::of(0_usize..3),
     ) {
         let map = robot();
-        let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
+        let mut index = ContactIndex::with_options(&map, &FIELDS).unwrap();
         index.set_motion(&posed([0, 1, 2].map(|k| (LinkId::new(k), poses[k]))), 0.0).unwrap();
         let (at, link, level) = (DVec3::from(at), link.map(LinkId::new), LevelId::new(level));
         let mut all = Vec::new();
@@ -111,7 +112,7 @@ proptest! {
         prop_assert_eq!(found.len(), count.min(all.len()));
         for (hit, (distance, ..)) in found.iter().zip(&all) {
             prop_assert!((hit.distance - distance).abs() < 1e-12 && (hit.position.distance(at) - distance).abs() < 1e-12);
-            let cell = index.field_cell(hit).unwrap();
+            let cell = index.cell(hit, level).unwrap();
             prop_assert_eq!((cell.field, cell.level, cell.taxel), (hit.field, level, hit.taxel));
             prop_assert_eq!(cell.uv, map.patches[hit.patch].levels[level].uv[hit.field]);
         }
@@ -129,7 +130,7 @@ proptest! {
         vertex in any::<prop::sample::Index>(),
     ) {
         let map = robot();
-        let mut index = ContactIndex::with(&map, &FIELDS).unwrap();
+        let mut index = ContactIndex::with_options(&map, &FIELDS).unwrap();
         index.set_motion(&posed([0, 1, 2].map(|k| (LinkId::new(k), poses[k]))), 0.0).unwrap();
         let mesh = &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh;
         let face = mesh.triangles.ids().nth(vertex.index(mesh.triangles.len())).unwrap();
@@ -154,7 +155,7 @@ proptest! {
         type Indexed = (SkinMap, ContactIndex, MapIndex);
         static MAPS: LazyLock<[Indexed; 2]> = LazyLock::new(|| {
             [robot(), atlas()].map(|map| {
-                let index = ContactIndex::with(&map, &IndexOptions { levels: true, ..FIELDS }).unwrap();
+                let index = ContactIndex::with_options(&map, &IndexOptions { levels: true, ..FIELDS }).unwrap();
                 let maps = MapIndex::new(&map).unwrap();
                 (map, index, maps)
             })
@@ -180,7 +181,7 @@ proptest! {
                 let query = Query::on_link(LinkId::new(patch), place);
                 let answer = index.reactive(query, level).unwrap();
                 found.clear();
-                maps.places(id, level, index.reactive_cell(&answer).unwrap().uv, &mut found).unwrap();
+                maps.places(id, level, index.cell(&answer, answer.level).unwrap().uv, &mut found).unwrap();
                 let is_same = |p: &MapPlace| p.position.distance(answer.position) < 1e-8;
                 prop_assert!(found.iter().any(is_same), "{}: skin to map to skin", level);
                 let hit = index.locate(query).unwrap();
@@ -214,11 +215,11 @@ proptest! {
         for taxel in dead {
             map.patches[id].taxels.presence[VertexId::new(taxel.index(taxels))] = Presence::Absent;
         }
-        let index = ContactIndex::with(&map, &FIELDS).unwrap();
+        let index = ContactIndex::with_options(&map, &FIELDS).unwrap();
         let centre = mesh.positions[VertexId::new(at.index(taxels))] + DVec3::from(offset);
         let radius = if is_point { 0.0 } else { radius };
-        let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
-        let mut frame = spreader.frame(1.5);
+        let spreader = Spreader { disc: 0.002, max_distance: None };
+        let mut frame = spreader.frame(&index, 1.5);
         let touched = spreader.add(&index, &Press { at: Query::on_link(LinkId::new(0), centre), radius, force }, &mut frame).unwrap();
         let live = |v: &&f64| !v.is_nan();
         let felt = frame.values[id][0].iter().filter(live);
@@ -255,9 +256,9 @@ fn normals_on_a_seam_are_those_of_the_skin() {
 #[test]
 fn a_ball_presses_the_taxels_under_it() {
     let map = SkinMap::flat(shapes::lattice(30, 30, 0.004), 1e-3);
-    let index = ContactIndex::with(&map, &FIELDS).unwrap();
-    let spreader = Spreader { map: &map, disc: 0.002, max_distance: None };
-    let mut frame = spreader.frame(0.0);
+    let index = ContactIndex::with_options(&map, &FIELDS).unwrap();
+    let spreader = Spreader { disc: 0.002, max_distance: None };
+    let mut frame = spreader.frame(&index, 0.0);
     let positions = &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh.positions;
     let middle = positions.iter().copied().sum::<DVec3>() / positions.len() as f64;
     let ball = |height: f64| Press { at: (middle + DVec3::Z * height).into(), radius: 0.01, force: 2.0 };
@@ -269,24 +270,43 @@ fn a_ball_presses_the_taxels_under_it() {
         let away = positions[v].distance(middle);
         assert_eq!(force > 0.0, away < 0.0079999, "{force} N at {away} m");
     }
-    let add = |spreader: &Spreader<'_>, force: f64| {
+    let add = |spreader: &Spreader, force: f64| {
         let press = Press { at: middle.into(), radius: 0.0, force };
-        spreader.add(&index, &press, &mut spreader.frame(0.0))
+        spreader.add(&index, &press, &mut spreader.frame(&index, 0.0))
     };
     assert_eq!(add(&spreader, 2.0), Ok(true));
     for length in [-1.0, f64::NAN] {
         let refused = add(&Spreader { disc: length, ..spreader }, 2.0);
-        assert!(matches!(refused, Err(ContactError::NoDistance { .. })), "{refused:?}");
+        assert!(matches!(refused, Err(SignalError::Contact(_))), "{refused:?}");
         let refused = add(&Spreader { max_distance: Some(length), ..spreader }, 2.0);
-        assert!(matches!(refused, Err(ContactError::NoDistance { .. })), "{refused:?}");
+        assert!(matches!(refused, Err(SignalError::Contact(ContactError::NoDistance { .. }))), "{refused:?}");
     }
     for force in [f64::NAN, f64::INFINITY] {
-        assert!(matches!(add(&spreader, force), Err(ContactError::NoForce { .. })));
+        assert!(matches!(add(&spreader, force), Err(SignalError::Force { .. })));
     }
     for height in [0.02, 0.0101] {
         let before = frame.clone();
         assert!(!spreader.add(&index, &ball(height), &mut frame).unwrap(), "{height} m above the skin");
         assert_eq!(frame, before, "it presses nothing");
+    }
+}
+
+/// A frame of another map has no place for the force: of other patches, fewer taxels or no channel.
+#[test]
+fn frames_of_another_map_are_refused() {
+    let map = SkinMap::flat(shapes::lattice(9, 9, 0.004), 1e-3);
+    let index = ContactIndex::with_options(&map, &FIELDS).unwrap();
+    let spreader = Spreader { disc: 0.002, max_distance: None };
+    let press = Press { at: DVec3::new(0.01, 0.01, 0.001).into(), radius: 0.0, force: 1.0 };
+    let mut short = spreader.frame(&index, 0.0);
+    short.values[PatchId::new(0)][0] = (0..80).map(f64::from).collect();
+    let mut bare = spreader.frame(&index, 0.0);
+    bare.values[PatchId::new(0)].clear();
+    for mut frame in [Frame::default(), short, bare, Frame::new(&robot(), 1)] {
+        let before = format!("{frame:?}");
+        let refused = spreader.add(&index, &press, &mut frame);
+        assert!(matches!(refused, Err(SignalError::ForeignFrame { .. })), "{refused:?}");
+        assert_eq!(format!("{frame:?}"), before);
     }
 }
 
@@ -308,11 +328,20 @@ fn places_off_the_map_and_on_two_sheets() {
     maps.places(patch, level, DVec2::new(-0.5, 0.033), &mut found).unwrap();
     assert_eq!(found.len(), 1);
     assert!((found[0].off_chart - 0.495).abs() < 1e-3 && found[0].cell.uv.x < 0.0, "{found:?}");
-    assert!(matches!(maps.places(patch, level, DVec2::NAN, &mut found), Err(ContactError::NotFinite { .. })));
+    assert!(matches!(
+        maps.places(patch, level, DVec2::NAN, &mut found),
+        Err(ContactError::NotOnPlane { .. })
+    ));
     let unknown = maps.places(patch, LevelId::new(9), DVec2::ZERO, &mut found);
     assert!(matches!(unknown, Err(ContactError::NoMap { .. })));
     let frame = map.patches[patch].levels[level].frame;
     assert_eq!(frame.pixel(frame.centre([3, 5])), [3, 5]);
+    let index = ContactIndex::new(&map).unwrap();
+    assert_eq!(maps.posed(&index, &found[0]), Some(found[0]));
+    let (mut level, mut face) = (found[0], found[0]);
+    level.cell.level = LevelId::new(9);
+    face.cell.point.face = FaceId::new(1 << 20);
+    assert_eq!([level, face].map(|place| maps.posed(&index, &place)), [None; 2], "there is no such place");
 }
 
 /// Taxels that belong to no face, beside a patch that is nearer than their own patch's faces.
@@ -329,14 +358,14 @@ fn taxels_without_a_face_are_found() {
         pose: DAffine3::from_translation(DVec3::new(0.97, 0.0, 0.1)),
     });
     map.patches.push(near);
-    let index = ContactIndex::with(&map, &FIELDS).unwrap();
+    let index = ContactIndex::with_options(&map, &FIELDS).unwrap();
     let (at, level) = (DVec3::new(1.0, 0.0, 0.01), LevelId::new(0));
     for link in [None, Some(LinkId::new(0))] {
         let found = index.fields_within(Query { point: at, link }, 0.02, level).unwrap();
         assert_eq!(found.iter().map(|hit| hit.field).collect::<Vec<_>>(), [loose], "{link:?}");
         let nearest = index.nearest_fields(Query { point: at, link }, 1, level).unwrap();
         assert_eq!(nearest, found);
-        assert_eq!(index.field_cell(&found[0]), None, "it has no face to be a cell of");
+        assert_eq!(index.cell(&found[0], level), None, "it has no face to be a cell of");
     }
 }
 
@@ -356,7 +385,7 @@ fn levels_beside_their_skin_are_searched() {
     coarse.positions.iter_mut().for_each(|p| p.z += 0.1);
     let centre = coarse.positions[VertexId::new(0)];
     let options = IndexOptions { levels: true, ..FIELDS };
-    let index = ContactIndex::with(&map, &options).unwrap();
+    let index = ContactIndex::with_options(&map, &options).unwrap();
     for link in [None, Some(link)] {
         let query = Query { point: centre + DVec3::Z * 0.001, link };
         let field = index.nearest_fields(query, 1, level).unwrap()[0];

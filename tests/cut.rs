@@ -331,7 +331,8 @@ fn lookups_are_those_of_the_uncut_patch() {
             assert_eq!(hit, plain.locate(at).unwrap());
             let places = finest.corners()[hit.point.face].into_iter().zip(hit.point.barycentric);
             let uv: DVec2 = places.map(|(place, w)| w * finest.uv[place]).sum();
-            for (cell, same) in index.cells(&hit).zip(plain.cells(&hit)) {
+            for level in (0..map.patches[hit.patch].levels.len()).map(LevelId::new) {
+                let [cell, same] = [&index, &plain].map(|index| index.cell(&hit, level).unwrap());
                 assert_eq!((cell.point, cell.field, cell.taxel), (same.point, same.field, same.taxel));
                 assert_eq!(cell.weights, same.weights);
                 if cell.level == LevelId::new(0) {

@@ -12,7 +12,7 @@ use std::{
 /// The modules of the library; each may name only those before it.
 const MODULES: &[&str] = &[
     "id", "parallel", "numeric", "mesh", "delaunay", "sparse", "skin", "calib", "cut", "pyramid", "flatten",
-    "map", "atlas", "signal", "image", "contact", "io", "plot", "report", "error", "pipeline",
+    "map", "atlas", "contact", "signal", "image", "io", "plot", "report", "error", "pipeline",
 ];
 
 /// The folders and files, by the beginning of their path in `src`, that may use each outside crate.

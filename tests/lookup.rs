@@ -90,7 +90,7 @@ fn each_contact_has_a_row_on_each_level() {
     assert_eq!(table.lines().count(), 1 + points.len() * levels);
     for (k, &point) in points.iter().enumerate() {
         let hit = index.locate(Query::from(point)).unwrap();
-        for (level, expected) in index.cells(&hit).enumerate() {
+        for (level, expected) in (0..).map_while(|k| index.cell(&hit, LevelId::new(k))).enumerate() {
             let row = k * levels + level;
             let number = |name: &str| cell(&table, row, name).parse::<f64>().unwrap();
             assert_eq!((number("contact"), number("level")), (k as f64, level as f64));

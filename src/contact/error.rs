@@ -25,6 +25,18 @@ pub enum ContactError {
         /// Its coordinates, in m.
         point: [f64; 3],
     },
+    /// A patch without triangles.
+    #[error("patch {patch:?} has no triangle; a contact needs skin to be on")]
+    NoFaces {
+        /// Name of the patch.
+        patch: String,
+    },
+    /// A map position that is nowhere.
+    #[error("the map position {uv:?} is not finite and within 1e12 m")]
+    NotOnPlane {
+        /// What was given, in m.
+        uv: [f64; 2],
+    },
     /// A contact names a link that the map does not have.
     #[error("contact {contact} is on link {link}, but the map has {count} links")]
     UnknownLink {
@@ -68,12 +80,6 @@ pub enum ContactError {
     /// A ray without a direction.
     #[error("a ray needs finite numbers, a direction with a length and an end in front of its origin")]
     NoRay,
-    /// A force that is not finite.
-    #[error("a force of {force} N cannot be spread; a finite one is needed")]
-    NoForce {
-        /// What was given, in N.
-        force: f64,
-    },
     /// A patch or a level that the map does not have.
     #[error("the map has no level {level} of patch {patch}")]
     NoMap {

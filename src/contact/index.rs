@@ -4,21 +4,21 @@ use glam::{DAffine3, DVec3};
 
 use crate::{
     contact::{
-        Cell, ContactError, Hit, MapPosition, Query,
-        cell::Anchor,
+        ContactError, Hit, Query,
         geometry::{RigidPose, pseudo_normal},
         patch::IndexedPatch,
-        positions::OnAllLevels,
-        query::Cursor,
         search::{Best, LARGEST, PatchBvh, PosedBoxes, Search, Start},
     },
     id::{IdVec, VertexId},
     map::SkinMap,
-    mesh::SurfacePoint,
+    mesh::{SurfacePoint, TriMesh},
     parallel::par_map,
-    pyramid::LevelId,
-    skin::{LinkId, PatchId},
+    skin::{LinkId, PatchId, Presence},
 };
+
+/// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
+/// distance is given.
+pub const ON_SKIN_SPACINGS: f64 = 10.0;
 
 /// What an index is made ready for, besides the nearest point of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -54,6 +54,10 @@ pub(super) struct IndexedLink {
     pub(super) patches: Vec<PatchId>,
 }
 
+/// Where the last search of a batch ended: the patch, and the packet of its tree.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Cursor(Option<(PatchId, u32)>);
+
 impl ContactIndex {
     /// An index of all patches and levels of a map, its links posed as the map says.
     ///
@@ -61,14 +65,14 @@ impl ContactIndex {
     /// If the map is not valid or has no triangle, if a row of a prolongation lies in no face, if a
     /// coordinate is too large, or if the pose of a link is not rigid.
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
-        Self::with(map, &IndexOptions::default())
+        Self::with_options(map, &IndexOptions::default())
     }
 
-    /// The same, made ready for more than the nearest point of the skin.
+    /// As [`Self::new`], made ready for more than the nearest point of the skin.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn with(map: &SkinMap, options: &IndexOptions) -> Result<Self, ContactError> {
+    pub fn with_options(map: &SkinMap, options: &IndexOptions) -> Result<Self, ContactError> {
         map.validate()?;
         let patches = par_map(&map.patches, |patch| IndexedPatch::new(patch, options));
         let patches: IdVec<PatchId, _> =
@@ -197,12 +201,12 @@ impl ContactIndex {
     /// As [`Self::answer`], but what the cursor points to is searched first.
     pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
         let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);
-        let first = cursor.last.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
+        let first = cursor.0.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
         let mut best = None;
         let mut search = |id: PatchId, q: DVec3, start: Start| {
             let patch = &self.patches[id];
             if let Some(packet) = Search::new(&patch.tree, id, q).run_from(start, &mut best) {
-                cursor.last = Some((id, packet));
+                cursor.0 = Some((id, packet));
             }
             Best::squared(best.as_ref()).sqrt()
         };
@@ -280,31 +284,19 @@ impl ContactIndex {
         }
     }
 
-    /// Where a hit lies on the map of `level`; `None` if its patch does not reach up to that level,
-    /// or the hit is not one of this index.
-    #[must_use]
-    pub fn cell(&self, hit: &Hit, level: LevelId) -> Option<Cell> {
-        let patch = self.patches.get(hit.patch)?;
-        patch.cells.cell(level, &Anchor::new(&patch.tree.mesh, &hit.point)?)
+    /// Which taxels work, patch by patch.
+    pub(crate) fn presence(&self) -> impl Iterator<Item = &IdVec<VertexId, Presence>> + Clone {
+        self.patches.iter().map(|patch| &patch.presence)
     }
 
-    /// Where a hit lies on the maps of all levels of its patch, finest first: position and pixel of
-    /// its [cells](Self::cells) without their fields, several times faster. Nothing if it is not
-    /// one of this index.
-    #[inline]
-    pub fn map_positions(&self, hit: &Hit) -> impl Iterator<Item = MapPosition> + '_ {
-        let found = self.patches.get(hit.patch);
-        let found = found.and_then(|patch| Some((patch, patch.tree.mesh.triangles.get(hit.point.face)?)));
-        found.map_or_else(OnAllLevels::default, |(patch, corners)| {
-            patch.cells.positions.all(*corners, hit.point)
-        })
+    /// Whether a taxel of a patch of this index works.
+    pub(crate) fn works(&self, patch: PatchId, taxel: VertexId) -> bool {
+        self.patches[patch].presence[taxel] == Presence::Present
     }
 
-    /// The cells of a hit on all levels of its patch, finest first.
-    pub fn cells(&self, hit: &Hit) -> impl Iterator<Item = Cell> + '_ {
-        let found = self.patches.get(hit.patch);
-        let found = found.and_then(|patch| Some((patch, Anchor::new(&patch.tree.mesh, &hit.point)?)));
-        found.into_iter().flat_map(|(patch, anchor)| patch.cells.cells(anchor))
+    /// Level 0 of a patch of this index as the robot is posed, in m in the frame of its link.
+    pub(crate) fn mesh(&self, patch: PatchId) -> &TriMesh {
+        &self.patches[patch].tree.mesh
     }
 }
 

@@ -12,10 +12,9 @@
 //!    `f64` on the vertices of the map.
 //! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal
 //!    (baerentzen2005).
-//! 4. [`ContactIndex::map_positions`] reads in constant time where a hit lies on the maps of all
-//!    levels ([`MapPosition`]): the mean of the corners of its face by its barycentric coordinates.
-//!    [`ContactIndex::cells`] adds the fields ([`Cell`]), on level 0 those of the corners, on a
-//!    coarser one by the direct prolongation of the corners.
+//! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of any level: the mean of
+//!    the corners of its face by its barycentric coordinates. Its fields are on level 0 the corners, on a
+//!    coarser one those that the direct prolongation gives the corners.
 //!
 //! Besides the nearest point:
 //! - [`ContactIndex::reactive`] searches a coarse level alone. Each coarse face knows how far it and
@@ -25,7 +24,7 @@
 //! - The vertices of a patch with [joints](crate::skin::Taxels::joints) follow several links.
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
-//! - [`Spreader`] makes readings of taxels from the forces of contacts.
+//! - [`Spreader`](crate::signal::Spreader) makes readings of taxels from the forces of contacts.
 //!
 //! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an
 //! `f32` distance differs from the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest
@@ -50,15 +49,14 @@
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `index` (links, one query), `patch` (what it keeps of a
-//! patch), `motion` (links over time), `blend` (patches that follow several links),
+//! `query` (what is asked and answered, and batches), `index` (links, one query), `patch` (what it keeps of
+//! a patch), `motion` (links over time), `blend` (patches that follow several links),
 //! `search/posed_boxes` (which patches),
 //! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
-//! nearest}` (the walk), `search/{first_hit, within, points}` (other searches), `geometry`
-//! (exact measurements), `batch` (many queries), `positions`, `cell` and `rows` (from a hit to the
-//! map), `coarse` (levels with their own trees), `queries` (levels alone, fields, rays,
-//! forces), `plane_grid` and `back` (from the map to the skin).
+//! nearest}` (the walk), `search/{first_hit, within, points}` (other searches), `geometry` (exact
+//! measurements), `cell` (from a hit to the map), `coarse` (levels with their own trees), `queries` (levels
+//! alone, fields, rays), `map_index` (from the map to the skin).
 //!
 //! The module is the only one that uses pulp and wide.
 //!
@@ -66,7 +64,7 @@
 //!
 //! ```
 //! use dermatome::contact::{ContactIndex, Query};
-//! use dermatome::{mesh::shapes, pipeline, skin::{LinkId, Skin}};
+//! use dermatome::{mesh::shapes, pipeline, pyramid::LevelId, skin::{LinkId, Skin}};
 //! use glam::DVec3;
 //!
 //! // A cap of a sphere around the origin, open at the top.
@@ -77,41 +75,37 @@
 //! let below = DVec3::new(0.0, 0.0, -0.103);
 //! let hit = index.locate(below)?;
 //! assert!((hit.distance - 0.003).abs() < 1e-4, "3 mm outside of the skin");
-//! for cell in index.cells(&hit) {
-//!     println!("level {}: field {} around taxel {} at {}", cell.level, cell.field, cell.taxel, cell.uv);
-//! }
+//! let cell = index.cell(&hit, LevelId::new(0)).expect("level 0 has all of the skin");
+//! println!("field {} around taxel {} at {} of the map", cell.field, cell.taxel, cell.uv);
 //!
 //! // In the frame of a link, where a sensor is mounted; and many at once.
 //! let query = Query::on_link(LinkId::new(0), below);
-//! assert_eq!(index.locate_all(&[query])?[0].point, index.locate(query)?.point);
+//! assert_eq!(index.locate_all(&[query])?.get(0), Some(index.locate(query)?));
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
-mod back;
-mod batch;
 mod blend;
 mod cell;
 mod coarse;
 mod error;
-mod field_weights;
+mod found;
 mod geometry;
+mod hits;
 mod index;
+mod map_index;
 mod motion;
 mod patch;
-mod plane_grid;
-mod positions;
 mod queries;
 mod query;
-mod rows;
 mod search;
 #[cfg(test)]
 mod soup;
 
-pub use back::{MapIndex, MapPlace};
-pub use cell::Cell;
+pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
-pub use field_weights::FieldWeights;
-pub use index::{ContactIndex, IndexOptions};
-pub use positions::MapPosition;
-pub use queries::{FieldHit, ON_SKIN_SPACINGS, Press, Reactive, Spreader};
+pub use found::Found;
+pub use hits::Hits;
+pub use index::{ContactIndex, IndexOptions, ON_SKIN_SPACINGS};
+pub use map_index::{MapIndex, MapPlace};
+pub use queries::{FieldHit, Reactive};
 pub use query::{Hit, Query};

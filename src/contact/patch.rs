@@ -13,7 +13,7 @@ use crate::{
     id::{IdVec, VertexId},
     map::PatchMap,
     pyramid::LevelId,
-    skin::LinkId,
+    skin::{LinkId, Presence},
 };
 
 #[derive(Debug, Clone)]
@@ -37,6 +37,8 @@ pub(super) struct IndexedPatch {
     /// Outward unit normals of the taxels as the robot is posed, in the frame of the link; none if the
     /// index has no fields.
     pub(super) normals: IdVec<VertexId, DVec3>,
+    /// Which of its taxels work.
+    pub(super) presence: IdVec<VertexId, Presence>,
     /// How its vertices follow several links; `None`: it is rigid.
     pub(super) blend: Option<Box<Blend>>,
 }
@@ -45,6 +47,9 @@ impl IndexedPatch {
     /// A patch of a valid map; its links are those of the map, and its vertices follow none but its own.
     pub(super) fn new(patch: &PatchMap, options: &IndexOptions) -> Result<Self, ContactError> {
         let mesh = &patch.levels[LevelId::new(0)].level.mesh;
+        if mesh.triangles.is_empty() {
+            return Err(ContactError::NoFaces { patch: patch.name.clone() });
+        }
         let tree = PatchBvh::new(&patch.name, mesh)?;
         let is_rigid = patch.taxels.joints.is_none();
         let coarse = if options.levels && is_rigid { coarse_levels(patch, &tree)? } else { Vec::new() };
@@ -58,6 +63,7 @@ impl IndexedPatch {
             spacing: mean_side(mesh),
             origins: with_fields().map(|map| map.level.origins.clone()).collect(),
             normals: if options.fields { patch.taxels.normals.clone() } else { IdVec::default() },
+            presence: patch.taxels.presence.clone(),
             blend: None,
             tree,
             coarse,

@@ -32,13 +32,6 @@ impl From<DVec3> for Query {
     }
 }
 
-/// Where the last search of a batch ended.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Cursor {
-    /// The patch, and the packet of its tree.
-    pub(super) last: Option<(PatchId, u32)>,
-}
-
 /// The point of the skin nearest to a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {

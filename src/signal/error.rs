@@ -1,6 +1,9 @@
 //! Why readings cannot be used with a map, or not be simulated.
 
-use crate::skin::{SkinError, TaxelId};
+use crate::{
+    contact::ContactError,
+    skin::{SkinError, TaxelId},
+};
 
 /// Why readings cannot be used with a map, or not be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -104,6 +107,23 @@ pub enum SignalError {
     /// A skin without a working taxel, on which touches were to be simulated.
     #[error("the skin has no working taxel that could feel a touch")]
     NoTaxels,
+    /// A force that is not finite.
+    #[error("a force of {force} N cannot be spread; a finite one is needed")]
+    Force {
+        /// The force found, in N.
+        force: f64,
+    },
+    /// A frame whose first channel does not have a value for each taxel.
+    #[error("a frame with {found:?} values in its patches; one of the map, with {needed:?}, is needed")]
+    ForeignFrame {
+        /// Values found in each patch.
+        found: Vec<usize>,
+        /// Taxels of each patch of the map.
+        needed: Vec<usize>,
+    },
+    /// A contact that cannot be answered.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
     /// Data that is not a valid skin.
     #[error(transparent)]
     Skin(#[from] SkinError),

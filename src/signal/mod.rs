@@ -31,5 +31,4 @@ pub use error::SignalError;
 pub use frame::{Frame, LevelFrame};
 pub use join::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;
-pub(crate) use touch::Sphere;
-pub use touch::{Touch, TouchOptions, TouchSimulation};
+pub use touch::{Press, Spreader, Touch, TouchOptions, TouchSimulation};

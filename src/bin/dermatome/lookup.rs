@@ -16,8 +16,9 @@ use std::{
 
 use dermatome::{
     Error,
-    contact::{ContactIndex, IndexOptions, Spreader},
+    contact::{ContactIndex, IndexOptions},
     io::{IoError, replace_file},
+    signal::Spreader,
 };
 use glob::Pattern;
 
@@ -186,9 +187,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let options = IndexOptions {
         levels: question == Question::Reactive,
         fields: matches!(question, Question::Fields(_) | Question::Within(_)) || args.readings.is_some(),
-        ..IndexOptions::default()
     };
-    let index = ContactIndex::with(&robot.map, &options).map_err(Error::from)?;
+    let index = ContactIndex::with_options(&robot.map, &options).map_err(Error::from)?;
     let mut outputs = Outputs::default();
     if args.question.from_map {
         let frame = (args.frame(), player);
@@ -207,7 +207,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let readings = args.readings.as_ref().map(|path| {
         used.extend(["force", "radius", "time"]);
         let disc = 1e-3 * args.taxel_radius_mm;
-        Readings::create(path, Spreader { map: &robot.map, disc, max_distance: args.max_distance })
+        Readings::create(path, &robot.map, Spreader { disc, max_distance: args.max_distance })
     });
     let (unit, frame) = (args.unit(), args.frame());
     let meaning = Meaning { unit, frame };

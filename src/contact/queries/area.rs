@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     contact::{
-        Cell, ContactError, ContactIndex, Hit, Query,
+        ContactError, ContactIndex, Hit, Query,
         geometry::Ray,
         search::{Best, PointTree},
     },
@@ -139,13 +139,6 @@ impl ContactIndex {
         };
         let taxel = patch.cells.taxel(level, field);
         FieldHit { patch: id, link: patch.link, level, field, taxel, distance, position, normal }
-    }
-
-    /// Where the centre of a field lies on the map of its level; `None` if it is not one of this
-    /// index, or belongs to no face.
-    #[must_use]
-    pub fn field_cell(&self, hit: &FieldHit) -> Option<Cell> {
-        self.patches.get(hit.patch)?.cells.field_cell(hit.level, hit.field)
     }
 
     /// The first point of the skin that a ray meets, from either side, no farther than `longest` (m)

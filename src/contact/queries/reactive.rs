@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     contact::{
-        Cell, ContactError, ContactIndex, Query,
+        ContactError, ContactIndex, Query,
         coarse::CoarseLevel,
         search::{Best, Search},
     },
@@ -93,13 +93,6 @@ impl ContactIndex {
             position,
             normal,
         })
-    }
-
-    /// Where a reactive answer lies on the map of its level; its fields are the corners of its face.
-    /// `None` if it is not one of this index.
-    #[must_use]
-    pub fn reactive_cell(&self, answer: &Reactive) -> Option<Cell> {
-        self.patches.get(answer.patch)?.cells.own_cell(answer.level, &answer.point)
     }
 }
 

@@ -3,7 +3,7 @@
 //! forces). The recording feeds tests, examples and comparisons whose truth is known.
 //!
 //! In reading order: `options`, `sphere` (the contact model), `path` (where the sphere rolls),
-//! `simulation` (frames and their truth).
+//! `simulation` (frames and their truth); `spreader` turns contacts with a force into readings.
 //!
 //! Not modelled: friction, and that a skin is pressed in beside its contact.
 
@@ -11,7 +11,9 @@ mod options;
 mod path;
 mod simulation;
 mod sphere;
+mod spreader;
 
 pub use options::TouchOptions;
 pub use simulation::{Touch, TouchSimulation};
-pub(crate) use sphere::Sphere;
+use sphere::Sphere;
+pub use spreader::{Press, Spreader};

@@ -36,7 +36,7 @@ impl Mesh {
 
     pub fn index(&self, options: &IndexOptions) -> Result<ContactIndex, Error> {
         let mesh = TriMesh::from_arrays(self.positions.clone(), &self.triangles);
-        Ok(ContactIndex::with(&SkinMap::flat(mesh, 0.001), options)?)
+        Ok(ContactIndex::with_options(&SkinMap::flat(mesh, 0.001), options)?)
     }
 
     fn corners(&self, face: usize) -> [DVec3; 3] {

@@ -7,7 +7,7 @@ use std::{
 };
 
 use dermatome::{
-    contact::{ContactIndex, Hit, ON_SKIN_SPACINGS, Query},
+    contact::{ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
     skin::PatchId,
@@ -52,7 +52,7 @@ pub(super) struct Answers<'a> {
     /// Distance up to which a contact is on the skin, in m; `None`: [`ON_SKIN_SPACINGS`] of the patch.
     max_distance: Option<f64>,
     player: Player,
-    readings: Option<Readings<'a>>,
+    readings: Option<Readings>,
     /// On each level, how many contacts lie in a field whose centre reads no pressure.
     silent: Vec<AtomicU64>,
     /// Contacts that are off the skin.
@@ -91,7 +91,7 @@ impl<'a> Answers<'a> {
     }
 
     /// Writes the forces of the contacts as readings too.
-    pub(super) fn with_readings(self, readings: Option<Readings<'a>>) -> Self {
+    pub(super) fn with_readings(self, readings: Option<Readings>) -> Self {
         Self { readings, ..self }
     }
 
@@ -153,12 +153,16 @@ impl<'a> Answers<'a> {
     ) -> Result<(), IoError> {
         let hits = match self.question {
             Question::Nearest => self.index.locate_all(queries).map_err(unanswered)?,
-            _ => Vec::new(),
+            _ => Hits::default(),
         };
         table.write(contacts.len(), |k, emit| {
             let mut rows = Rows { answers: self, contact: &contacts[k], query: queries[k], emit };
             match self.question {
-                Question::Nearest => rows.nearest(&hits[k]),
+                Question::Nearest => {
+                    if let Some(hit) = hits.get(k) {
+                        rows.nearest(&hit);
+                    }
+                }
                 Question::Reactive => rows.reactive(),
                 Question::Fields(_) | Question::Within(_) => rows.fields(),
                 Question::Ray => rows.ray(),
@@ -260,7 +264,7 @@ impl Rows<'_, '_> {
         for &asked in &robot.levels {
             let Ok(answer) = index.reactive(self.query, asked) else { continue };
             let level = answer.level;
-            let Some(cell) = index.reactive_cell(&answer).filter(|_| !given.contains(&level)) else {
+            let Some(cell) = index.cell(&answer, level).filter(|_| !given.contains(&level)) else {
                 continue;
             };
             // The skin may be nearer than the level.
@@ -297,7 +301,7 @@ impl Rows<'_, '_> {
                     continue;
                 }
                 is_far = false;
-                let Some(cell) = index.field_cell(&field) else {
+                let Some(cell) = index.cell(&field, level) else {
                     self.answers.faceless.fetch_add(1, Ordering::Relaxed);
                     continue;
                 };

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use dermatome::{
-    contact::{ContactIndex, Press, Query, Spreader},
+    contact::{ContactIndex, Query},
     io::{IoError, ReadingsWriter},
-    signal::{Channel, Frame},
+    map::SkinMap,
+    signal::{Channel, Frame, Press, Spreader},
 };
 
 use crate::{
@@ -15,9 +16,9 @@ use crate::{
 };
 
 /// A recording of forces, in N: contacts of one time in a row are a frame.
-pub(super) struct Readings<'a> {
+pub(super) struct Readings {
     writer: ReadingsWriter,
-    spreader: Spreader<'a>,
+    spreader: Spreader,
     frame: Option<Frame>,
     counts: Counts,
 }
@@ -50,10 +51,10 @@ impl Counts {
     }
 }
 
-impl<'a> Readings<'a> {
+impl Readings {
     /// Begins a .csv or .npz.
-    pub(super) fn create(path: &Path, spreader: Spreader<'a>) -> Result<Self, IoError> {
-        let taxels = spreader.map.patches.iter().map(|patch| &patch.taxels);
+    pub(super) fn create(path: &Path, map: &SkinMap, spreader: Spreader) -> Result<Self, IoError> {
+        let taxels = map.patches.iter().map(|patch| &patch.taxels);
         let writer = ReadingsWriter::create(path, taxels, &Channel::new("force", "N"))?;
         Ok(Self { writer, spreader, frame: None, counts: Counts::default() })
     }
@@ -71,7 +72,7 @@ impl<'a> Readings<'a> {
                 self.counts.backwards += u64::from(time < frame.time);
                 self.writer.write(&frame)?;
             }
-            let frame = self.frame.get_or_insert_with(|| self.spreader.frame(time));
+            let frame = self.frame.get_or_insert_with(|| self.spreader.frame(index, time));
             self.counts.forces += u64::from(contact.force.is_some());
             let Some(force) = contact.force.filter(|force| *force != 0.0) else { continue };
             let press = Press { at, radius: contact.radius.unwrap_or(0.0).max(0.0), force };

@@ -1,8 +1,8 @@
 //! Rows of a table that are not answered: counted and listed, while the others are answered.
 
-use std::{collections::BTreeMap, path::PathBuf};
+use std::{collections::BTreeMap, fmt::Display, path::PathBuf};
 
-use dermatome::{contact::ContactError, io::IoError};
+use dermatome::io::IoError;
 
 use crate::{
     console::{errors::advise, notes::note, print::plain},
@@ -123,7 +123,7 @@ impl Refusals {
 }
 
 /// Contacts are checked as they are read; what is left is an error about all of them.
-pub(super) fn unanswered(error: ContactError) -> IoError {
+pub(super) fn unanswered(error: impl Display) -> IoError {
     let (path, element, needed) = ("contacts".into(), "all".into(), "contacts that can be answered".into());
     IoError::Invalid { path, element, found: error.to_string(), needed }
 }

@@ -1,12 +1,11 @@
 //! [`Rows`]: what the coarser levels know of the vertices and faces of level 0, made ready to be added up.
 //!
-//! The fields of a contact on all levels take the rows of the three corners of its face; those of a
-//! vertex on all levels are side by side, so that all of them are fetched at once.
+//! The fields of a contact on a level take the rows of the three corners of its face.
 
 use glam::DVec2;
 
 use crate::{
-    contact::{
+    contact::cell::{
         field_weights::{FieldWeights, MOST_FIELDS},
         positions::Positions,
     },
@@ -155,18 +154,6 @@ impl Rows {
         corners.map(|place| &self.rows[place.index() * self.above + above])
     }
 
-    /// Fetches all that the sums on all levels take at once: read level by level, each level would wait for
-    /// memory anew.
-    #[inline(always)]
-    pub(super) fn fetch(&self, face: FaceId, corners: [VertexId; 3]) {
-        let rows = corners.iter().flat_map(|place| {
-            let first = place.index() * self.above;
-            &self.rows[first..first + self.above]
-        });
-        let unions = self.unions.get(face.index() * self.above).map_or(0, |union| union.0);
-        std::hint::black_box(rows.fold(unions, |sum, row| sum ^ u64::from(row.face.raw())));
-    }
-
     /// The sums of the weights of the fields of three rows of a face, each times its share; and the field of
     /// the largest sum, the smallest of several.
     #[inline(always)]
@@ -212,11 +199,11 @@ mod tests {
             let rows = [row(0), row(1), row(2)];
             prop_assume!(rows.iter().all(|row| row.weights != [0.0; 3]));
             let rows = [&rows[0], &rows[1], &rows[2]];
-            let mut sums = FieldWeights::none();
-            let strongest = Union::new(rows).add(rows, shares, &mut sums);
+            let mut found = FieldWeights::none();
+            let strongest = Union::new(rows).add(rows, shares, &mut found);
             let part = |k: usize| (rows[k / 3].fields[k % 3], shares[k / 3] * rows[k / 3].weights[k % 3]);
             let expected: FieldWeights = (0..9).map(part).collect();
-            prop_assert_eq!(sums, expected);
+            prop_assert_eq!(found, expected);
             let most = expected.iter().map(|(_, weight)| weight).fold(0.0, f64::max);
             if let Some(first) = expected.iter().find(|(_, weight)| *weight == most) {
                 prop_assert_eq!(strongest, first.0);

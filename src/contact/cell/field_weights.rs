@@ -119,9 +119,9 @@ mod tests {
             weights in prop::array::uniform3(prop_oneof![1 => Just(0.0), 3 => 0.01..1.0_f64]),
         ) {
             let corners = corners.map(VertexId::from);
-            let (sums, strongest) = FieldWeights::of_corners(corners, weights);
+            let (found, strongest) = FieldWeights::of_corners(corners, weights);
             let expected: FieldWeights = corners.into_iter().zip(weights).collect();
-            prop_assert_eq!(sums, expected);
+            prop_assert_eq!(found, expected);
             let most = expected.iter().map(|(_, weight)| weight).fold(0.0, f64::max);
             let first = expected.iter().find(|(_, weight)| *weight == most);
             prop_assert_eq!(strongest, first.map_or(VertexId::default(), |(field, _)| field));

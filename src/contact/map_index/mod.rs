@@ -1,17 +1,19 @@
-//! The way back: from a place on the map of any level to the surface.
+//! [`MapIndex`], the way back: from a place on the map of any level to the surface.
 //!
 //! Each level has a grid over its map, which finds the triangles at a place, and a tree over them, laid
 //! in a plane, for the nearest place where there is none and for crowds. Where a map overlaps itself a
 //! place lies on several sheets, and each is answered.
 
+mod plane_grid;
+
 use glam::{DVec2, DVec3};
+use plane_grid::PlaneGrid;
 
 use crate::{
     contact::{
         Cell, ContactError, ContactIndex,
         cell::OwnFace,
         geometry::pseudo_normal,
-        plane_grid::PlaneGrid,
         search::{Best, LARGEST, Packing, PatchBvh, Search},
     },
     id::{FaceId, IdVec, VertexId},
@@ -106,6 +108,9 @@ impl MapIndex {
                 let mesh = map.level.mesh.clone();
                 let (origins, vertices) = (map.level.origins.clone(), patch.taxels.ids.len());
                 let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
+                if mesh.triangles.is_empty() {
+                    return Err(ContactError::NoFaces { patch: patch.name.clone() });
+                }
                 let plane = plane(map);
                 let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
@@ -155,7 +160,7 @@ impl MapIndex {
         let point = uv.extend(0.0);
         // Also true for NaN.
         if !(uv.is_finite() && uv.abs().max_element() <= LARGEST) {
-            return Err(ContactError::NotFinite { contact: 0, point: point.to_array() });
+            return Err(ContactError::NotOnPlane { uv: uv.to_array() });
         }
         let first = found.len();
         let of_face = |face: FaceId| (face, sheet.tree.mesh.triangles[face]);
@@ -190,15 +195,15 @@ impl MapIndex {
     #[must_use]
     pub fn posed(&self, index: &ContactIndex, place: &MapPlace) -> Option<MapPlace> {
         let patch = index.patches.get(place.patch)?;
-        if patch.blend.is_none() {
-            return Some(*place);
-        }
         let sheet = self.patches.get(place.patch)?.levels.get(place.cell.level)?;
         let SurfacePoint { face, barycentric } = place.cell.point;
         let fields = sheet.mesh.triangles.get(face)?;
         let vertices = &patch.tree.mesh.positions;
         if sheet.vertices != vertices.len() {
             return None;
+        }
+        if patch.blend.is_none() {
+            return Some(*place);
         }
         let at = |field: VertexId| vertices[sheet.origins[field]];
         let position = fields.iter().zip(barycentric).map(|(&field, weight)| at(field) * weight).sum();

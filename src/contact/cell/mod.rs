@@ -1,13 +1,16 @@
 //! [`Cell`]: where a hit lies on the map of a level, and what an index keeps of a map for it.
 
+mod field_weights;
+mod positions;
+mod rows;
+
 use glam::DVec2;
 
+pub use field_weights::FieldWeights;
+use positions::{MapPosition, Positions};
+use rows::{Row, Rows};
+
 use crate::{
-    contact::{
-        field_weights::FieldWeights,
-        positions::{MapPosition, Positions},
-        rows::{Row, Rows},
-    },
     id::{FaceId, IdVec, VertexId},
     map::{MapError, MapLevel, PatchMap, PixelGrid, carried_places},
     mesh::{SurfacePoint, TriMesh},
@@ -64,7 +67,7 @@ impl Anchor {
 #[derive(Debug, Clone)]
 pub(super) struct PatchCells {
     levels: IdVec<LevelId, LevelCells>,
-    pub(super) positions: Positions,
+    positions: Positions,
     rows: Rows,
 }
 
@@ -149,21 +152,6 @@ impl PatchCells {
         let [a, b, c] = at.barycentric;
         let uv = u * a + v * b + w * c;
         cells.at_corners(anchor, MapPosition { level, uv, pixel: self.positions.images[level].pixel(uv) })
-    }
-
-    /// The cells of a point of level 0 on all levels.
-    ///
-    /// Each is made where `for_each` reads it: copying one takes as long as making it.
-    #[inline]
-    pub(super) fn cells(&self, anchor: Anchor) -> impl Iterator<Item = Cell> + '_ {
-        let Anchor { at, corners, .. } = anchor;
-        let places = self.positions.corners(at.face, corners);
-        self.rows.fetch(at.face, places);
-        let finest = (0..1).map(move |_| {
-            let position = self.positions.at(LevelId::new(0), places, at.barycentric);
-            self.levels[position.level].at_corners(&anchor, position)
-        });
-        finest.chain((1..self.len()).map(move |level| self.above(LevelId::new(level), &anchor)))
     }
 
     /// The cell of a point of level 0 on a coarser level that there is.

@@ -1,4 +1,4 @@
-//! [`MapPosition`]: where a hit lies on the maps of all levels, without its fields.
+//! [`Positions`]: where the places of level 0 lie on the maps of all levels.
 //!
 //! On every level a map position is linear in the barycentric coordinates of the hit in its face of
 //! level 0: it takes the positions of the three corners, which are side by side for all levels of a
@@ -9,20 +9,17 @@ use glam::DVec2;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     map::PixelGrid,
-    mesh::SurfacePoint,
     parallel::par_collect,
     pyramid::LevelId,
 };
 
 /// Where a contact lies on the map of one level.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MapPosition {
-    /// The level.
-    pub level: LevelId,
-    /// Map position, in m: that of [`Cell::uv`](crate::contact::Cell::uv).
-    pub uv: DVec2,
-    /// Pixel (column, row from the top) of the level's image.
-    pub pixel: [u32; 2],
+pub(super) struct MapPosition {
+    pub(super) level: LevelId,
+    /// In m.
+    pub(super) uv: DVec2,
+    pub(super) pixel: [u32; 2],
 }
 
 /// Positions in a line of the cache.
@@ -86,40 +83,5 @@ impl Positions {
         let [a, b, c] = barycentric;
         let uv = u * a + v * b + w * c;
         MapPosition { level, uv, pixel: self.images[level].pixel(uv) }
-    }
-
-    /// Where a point of a face lies on the maps of all levels, finest first; `vertices` are the
-    /// corners of the face.
-    #[inline(always)]
-    pub(super) fn all(&self, vertices: [VertexId; 3], point: SurfacePoint) -> OnAllLevels<'_> {
-        let corners = self.corners(point.face, vertices);
-        let last = self.images.len() - 1;
-        // Fetches the last lines at once with the first.
-        std::hint::black_box(corners.map(|place| self.slot(place, last).x));
-        OnAllLevels { positions: Some(self), corners, barycentric: point.barycentric, level: 0 }
-    }
-}
-
-/// Where a point of level 0 lies on the maps of all levels, finest first.
-///
-/// A plain counter: adapters of iterators take longer than the positions themselves.
-#[derive(Debug, Clone, Default)]
-pub(super) struct OnAllLevels<'a> {
-    positions: Option<&'a Positions>,
-    /// The corners of the face as places.
-    corners: [VertexId; 3],
-    barycentric: [f64; 3],
-    level: usize,
-}
-
-impl Iterator for OnAllLevels<'_> {
-    type Item = MapPosition;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<MapPosition> {
-        let positions = self.positions.filter(|positions| self.level < positions.images.len())?;
-        let position = positions.at(LevelId::new(self.level), self.corners, self.barycentric);
-        self.level += 1;
-        Some(position)
     }
 }
