@@ -8,10 +8,7 @@ use std::{collections::BTreeSet, ops::ControlFlow};
 
 use glam::DVec2;
 
-use crate::{
-    flatten::{bijective::orientation::orientation, domain::elements::Uv},
-    id::VertexId,
-};
+use crate::{delaunay::orientation, flatten::energy::elements::Uv, id::VertexId};
 
 /// Boxes in a leaf of the tree: below this, comparing all pairs is quicker than splitting.
 const LEAF: usize = 16;
