@@ -46,6 +46,7 @@ pub mod report;
 pub mod error;
 pub mod pipeline;
 
+use dermatome_bvh as bvh;
 use dermatome_delaunay as delaunay;
 use dermatome_sparse as sparse;
 pub use error::Error;

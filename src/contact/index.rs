@@ -3,11 +3,12 @@
 use glam::{DAffine3, DVec3};
 
 use crate::{
+    bvh::{Aabb, BoxTree},
     contact::{
         ContactError, Hit, Query,
         geometry::{RigidPose, pseudo_normal},
         patch::IndexedPatch,
-        search::{Best, LARGEST, PatchBvh, PosedBoxes, Search, Start},
+        search::{Best, LARGEST, PatchBvh, Search, Start},
     },
     id::{IdVec, VertexId},
     map::SkinMap,
@@ -38,7 +39,8 @@ pub struct IndexOptions {
 pub struct ContactIndex {
     pub(super) links: IdVec<LinkId, IndexedLink>,
     pub(super) patches: IdVec<PatchId, IndexedPatch>,
-    pub(super) boxes: PosedBoxes,
+    /// The boxes of all patches as the robot is posed now, in the world.
+    pub(super) boxes: BoxTree,
     pub(super) options: IndexOptions,
 }
 
@@ -91,7 +93,7 @@ impl ContactIndex {
         for (id, patch) in patches.enumerate() {
             links[patch.link].patches.push(id);
         }
-        let mut index = Self { links, patches, boxes: PosedBoxes::default(), options: *options };
+        let mut index = Self { links, patches, boxes: BoxTree::default(), options: *options };
         for (id, patch) in map.patches.enumerate() {
             if let Some(joints) = &patch.taxels.joints {
                 index.blend(id, joints)?;
@@ -142,13 +144,18 @@ impl ContactIndex {
     }
 
     fn update_posed_boxes(&mut self) {
-        let mut boxes = std::mem::take(&mut self.boxes);
-        boxes.update(self.patches.len(), |patch| {
-            let patch = &self.patches[patch];
-            let pose = &self.links[patch.link].pose;
+        let Self { links, patches, boxes, .. } = self;
+        let posed = |patch: usize| {
+            let patch = &patches[PatchId::new(patch)];
+            let pose = &links[patch.link].pose;
             patch.bounds.moved(|corner| pose.to_world(corner))
-        });
-        self.boxes = boxes;
+        };
+        if boxes.is_empty() {
+            let all: Vec<Aabb> = (0..patches.len()).map(posed).collect();
+            *boxes = BoxTree::new(&all).expect("patches and poses are finite");
+        } else {
+            boxes.refit(posed);
+        }
     }
 
     /// The point of the skin nearest to a query: a point of the world, or [`Query::on_link`].
@@ -234,7 +241,8 @@ impl ContactIndex {
         mut visit: impl FnMut(PatchId, DVec3) -> f64,
     ) {
         let Some(link) = query.link else {
-            self.boxes.each_within(query.point, distance, |id| {
+            self.boxes.each_near(query.point, distance, |id| {
+                let id = PatchId::new(id);
                 visit(id, self.links[self.patches[id].link].pose.to_local(query.point))
             });
             return;

@@ -51,7 +51,7 @@
 //!
 //! `query` (what is asked and answered, and batches), `index` (links, one query), `patch` (what it keeps of
 //! a patch), `motion` (links over time), `blend` (patches that follow several links),
-//! `search/posed_boxes` (which patches),
+//! `crate::bvh` (which patches, by their boxes),
 //! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
 //! nearest}` (the walk), `search/{first_hit, within, points}` (other searches), `geometry` (exact

@@ -3,12 +3,13 @@
 use glam::DVec3;
 
 use crate::{
+    bvh::Aabb,
     contact::{
         ContactError, IndexOptions,
         blend::Blend,
         cell::PatchCells,
         coarse::{CoarseLevel, coarse_levels, mean_side},
-        search::{Aabb, PatchBvh, PointTree},
+        search::{PatchBvh, PointTree},
     },
     id::{IdVec, VertexId},
     map::PatchMap,

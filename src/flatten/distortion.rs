@@ -1,15 +1,12 @@
-//! How faithful a map is: measures of any map, however it was computed; and whether it is a minimum.
+//! How faithful a map is: measures of any map, however it was computed.
 
 use glam::DVec2;
 
 use crate::{
-    flatten::{energy::elements::keeps_orientation, overlap::overlaps},
+    flatten::{bijective::overlap::overlaps, domain::elements::keeps_orientation},
     id::{IdVec, VertexId},
-    mesh::{FlatTriangle, SingularValues, SymmetricDirichlet, TriMesh},
+    mesh::{FlatTriangle, SingularValues, TriMesh},
 };
-
-/// Symmetric Dirichlet energy beyond which a map is far from isometric.
-pub(crate) const FAR: f64 = 50.0;
 
 /// Ratios are cut off here, so that one face without area on the map does not make a mean infinite.
 const LARGEST: f64 = 1e12;
@@ -36,24 +33,12 @@ pub struct Distortion {
     pub symmetric_dirichlet: f64,
 }
 
-/// Whether a map is a minimum of its energy.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Convergence {
-    /// Whether the minimisation ended at a minimum: not by its limit of steps, and not where no step
-    /// lowers an energy whose gradient promises it.
-    pub converged: bool,
-    /// Length of the gradient of the energy over the energy, with positions in units of the square
-    /// root of the area; that of what keeps holes open and loops apart is counted in. 0 for a map
-    /// that minimises nothing.
-    pub gradient: f64,
-}
-
 impl Distortion {
     /// Whether faces are several times too small or too large: the symmetric Dirichlet energy is
     /// beyond 50.
     #[must_use]
     pub fn is_far_from_isometric(&self) -> bool {
-        self.symmetric_dirichlet > FAR
+        self.symmetric_dirichlet > 50.0
     }
 }
 
@@ -97,7 +82,9 @@ struct Sums {
     areas: Vec<(f64, f64)>,
     qc: f64,
     qc_max: f64,
-    dirichlet: SymmetricDirichlet,
+    /// Sums of `A (s1^2 + s2^2)` and `A (1/s1^2 + 1/s2^2)`.
+    dirichlet: f64,
+    inverse: f64,
 }
 
 impl Sums {
@@ -107,7 +94,8 @@ impl Sums {
         let qc = (s1 / s2).min(LARGEST);
         self.qc += area * qc;
         self.qc_max = self.qc_max.max(qc);
-        self.dirichlet.add(area, s1, s2);
+        self.dirichlet += area * (s1 * s1 + s2 * s2);
+        self.inverse += area * (1.0 / (s1 * s1) + 1.0 / (s2 * s2));
         self.areas.push((area, area * s1 * s2));
     }
 
@@ -127,7 +115,11 @@ impl Sums {
             qc_max: self.qc_max,
             area_mean,
             area_max,
-            symmetric_dirichlet: if flips > 0 { f64::INFINITY } else { self.dirichlet.energy() },
+            symmetric_dirichlet: if flips > 0 {
+                f64::INFINITY
+            } else {
+                2.0 * ((self.dirichlet / skin) * (self.inverse / skin)).sqrt()
+            },
         }
     }
 }

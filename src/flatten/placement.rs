@@ -6,7 +6,7 @@
 use glam::DVec2;
 
 use crate::{
-    flatten::energy::elements::Uv,
+    flatten::domain::elements::Uv,
     id::{FaceId, IdVec},
     mesh::{TriMesh, signed_area},
 };

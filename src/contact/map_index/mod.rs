@@ -1,7 +1,7 @@
 //! [`MapIndex`], the way back: from a place on the map of any level to the surface.
 //!
-//! Each level has a grid over its map, which finds the triangles at a place, and a tree over them, laid
-//! in a plane, for the nearest place where there is none and for crowds. Where a map overlaps itself a
+//! Each level has a grid over its map, which finds the triangles at a place, and a tree over their boxes,
+//! for the nearest place where there is none and for crowds. Where a map overlaps itself a
 //! place lies on several sheets, and each is answered.
 
 mod plane_grid;
@@ -10,11 +10,12 @@ use glam::{DVec2, DVec3};
 use plane_grid::PlaneGrid;
 
 use crate::{
+    bvh::{Aabb, BoxTree},
     contact::{
         Cell, ContactError, ContactIndex,
         cell::OwnFace,
         geometry::pseudo_normal,
-        search::{Best, LARGEST, Packing, PatchBvh, Search},
+        search::{Best, LARGEST, check},
     },
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PixelGrid, SkinMap},
@@ -54,8 +55,10 @@ struct Sheet {
     grid: PlaneGrid,
     /// What the answer reads of each place of the map, side by side.
     places: IdVec<VertexId, Place>,
-    /// The map in the [`plane`].
-    tree: PatchBvh,
+    /// Its triangles, by their places.
+    triangles: IdVec<FaceId, [VertexId; 3]>,
+    /// The boxes of these triangles.
+    tree: BoxTree,
     /// The level itself, whose faces they are, and who borders whom in it.
     mesh: TriMesh,
     corners: VertexCorners,
@@ -112,7 +115,10 @@ impl MapIndex {
                     return Err(ContactError::NoFaces { patch: patch.name.clone() });
                 }
                 let plane = plane(map);
-                let tree = PatchBvh::packed(&patch.name, &plane, Packing::Compact)?;
+                check(&patch.name, &plane.positions)?;
+                let boxes: Vec<Aabb> =
+                    plane.triangles.ids().map(|face| Aabb::around(plane.corners(face))).collect();
+                let tree = BoxTree::new(&boxes).expect("the map is finite");
                 let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
                 let grid = PlaneGrid::new(&plane, on_chart);
                 let mut places = IdVec::filled(Place::default(), plane.positions.len());
@@ -127,6 +133,7 @@ impl MapIndex {
                 Ok(Sheet {
                     grid,
                     places,
+                    triangles: plane.triangles,
                     tree,
                     mesh,
                     corners,
@@ -163,21 +170,30 @@ impl MapIndex {
             return Err(ContactError::NotOnPlane { uv: uv.to_array() });
         }
         let first = found.len();
-        let of_face = |face: FaceId| (face, sheet.tree.mesh.triangles[face]);
+        let of_face = |face: FaceId| (face, sheet.triangles[face]);
         let is_listed = sheet.grid.each_at(uv, |face, corners| {
             if let Some(closest) = sheet.at(uv, corners) {
                 found.push(sheet.place(map, (patch, level), (face, corners), closest, 0.0));
             }
         });
         if !is_listed {
-            sheet.tree.each_around(point, sheet.on_chart, |face, closest| {
-                found.push(sheet.place(map, (patch, level), of_face(face), closest, 0.0));
+            sheet.tree.each_near(point, sheet.on_chart, |face| {
+                let (face, corners) = of_face(FaceId::new(face));
+                let closest = sheet.closest(uv, corners);
+                if closest.squared <= sheet.on_chart * sheet.on_chart {
+                    found.push(sheet.place(map, (patch, level), (face, corners), closest, 0.0));
+                }
+                sheet.on_chart
             });
         }
         match found.len() - first {
             0 => {
                 let mut best = None;
-                Search::new(&sheet.tree, patch, point).run(&mut best);
+                sheet.tree.each_near(point, f64::INFINITY, |face| {
+                    let face = FaceId::new(face);
+                    Best::offer(&mut best, patch, face, sheet.closest(uv, sheet.triangles[face]));
+                    Best::squared(best.as_ref()).sqrt()
+                });
                 let nearest = best.map(|Best { face, closest, .. }| {
                     sheet.place(map, (patch, level), of_face(face), closest, closest.squared.sqrt())
                 });
@@ -228,10 +244,16 @@ impl Sheet {
                 Some(Closest { squared: 0.0, barycentric, feature: Feature::Inside, is_flat: false })
             }
             Planar::Near => {
-                let closest = closest_point(uv.extend(0.0), corners.map(|uv| uv.extend(0.0)), ids);
-                Some(closest).filter(|closest| closest.squared <= self.on_chart * self.on_chart)
+                Some(self.closest(uv, ids)).filter(|closest| closest.squared <= self.on_chart * self.on_chart)
             }
         }
+    }
+
+    /// The point of a triangle nearest to a place.
+    #[inline]
+    fn closest(&self, uv: DVec2, ids: [VertexId; 3]) -> Closest {
+        let corners = self.places_of(ids).map(|corner| corner.uv.extend(0.0));
+        closest_point(uv.extend(0.0), corners, ids)
     }
 
     #[inline(always)]

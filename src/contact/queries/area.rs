@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 use crate::{
+    bvh::Ray,
     contact::{
         ContactError, ContactIndex, Hit, Query,
-        geometry::Ray,
         search::{Best, PointTree},
     },
     id::VertexId,
@@ -186,7 +186,7 @@ impl ContactIndex {
         };
         match query.link {
             Some(link) => self.links[link].patches.iter().for_each(|&id| _ = visit(id)),
-            None => self.boxes.each_along(&ray, visit),
+            None => self.boxes.each_along(&ray, |id| visit(PatchId::new(id))),
         }
         Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
     }

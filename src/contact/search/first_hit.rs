@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::patch_bvh::PatchBvh;
 use crate::{
-    contact::geometry::{Meeting, Ray, meet},
+    bvh::{Meeting, Ray, meet},
     id::FaceId,
 };
 

@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-use super::boxes::Aabb;
-use crate::contact::geometry::Ray;
+use crate::bvh::{Aabb, Ray};
 
 /// From this many radii away a ray is first moved along itself, near the tree: the numbers that are
 /// compared are then of the tree's size.

@@ -3,7 +3,6 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-mod boxes;
 mod descent;
 mod first_hit;
 mod fit;
@@ -14,16 +13,13 @@ mod node8;
 mod patch_bvh;
 mod point8;
 mod points;
-mod posed_boxes;
 mod rounding;
 mod tree;
 mod triangle8;
 mod walk;
 mod within;
 
-pub(super) use boxes::Aabb;
 pub(super) use nearest::{Best, Search, Start};
-pub(super) use patch_bvh::{Packing, PatchBvh, Refitting};
+pub(super) use patch_bvh::{PatchBvh, Refitting, check};
 pub(super) use points::PointTree;
-pub(super) use posed_boxes::PosedBoxes;
 pub(super) use rounding::LARGEST;

@@ -7,10 +7,9 @@ use glam::DVec3;
 
 use super::{
     descent::{Descent, Visitor, bound_of, entry, parts},
-    lanes::{Kernel, LANES, Lanes},
+    lanes::{Kernel, Lanes},
     patch_bvh::PatchBvh,
     rounding::{FAR, FAR_ROUND_UP, slack, squared_bound_f32},
-    tree::distinct,
 };
 use crate::{id::FaceId, mesh::Closest, skin::PatchId};
 
@@ -173,10 +172,7 @@ impl<L: Lanes> Visitor<L> for Found<'_> {
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
         let patch = self.search.patch;
         let faces = &patch.tree.packets[packet];
-        let Some(triangles) = patch.triangles.get(packet) else {
-            return self.visit_compact(packet, faces, bound);
-        };
-        let squared = triangles.distance_squared(l, point);
+        let squared = patch.triangles[packet].distance_squared(l, point);
         // The last three bits are the lane's: all set, they round up.
         *bound = bound.min(bound_of(f32::from_bits(l.least(squared) | 7), self.slack));
         let mut mask = l.le(squared, l.splat(*bound));
@@ -199,17 +195,6 @@ impl<L: Lanes> Visitor<L> for Found<'_> {
 }
 
 impl Found<'_> {
-    /// Measures all triangles of a packet on the mesh.
-    #[cold]
-    #[inline(never)]
-    fn visit_compact(&mut self, packet: usize, faces: &[u32; LANES], bound: &mut f32) {
-        for face in distinct(faces) {
-            self.measure(FaceId::from(face), number(packet));
-        }
-        let distance = Best::squared(self.best.as_ref()).sqrt() * self.search.patch.frame.scale;
-        *bound = bound.min(squared_bound_f32(distance, self.slack));
-    }
-
     #[inline(always)]
     fn measure(&mut self, face: FaceId, packet: u32) {
         self.search.measure(face, &mut self.best);
@@ -243,10 +228,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        contact::{
-            search::{Packing, lanes::Simd},
-            soup,
-        },
+        contact::{search::lanes::Simd, soup},
         mesh::{TriMesh, closest_point, shapes},
     };
 
@@ -266,10 +248,6 @@ mod tests {
         Search::new(&patch, PatchId::new(0), q).run(&mut found);
         let found = found.unwrap();
         assert_eq!((found.face, found.closest), (expected.face, expected.closest), "from {q}");
-        let compact = PatchBvh::packed("patch", mesh, Packing::Compact).unwrap();
-        let mut same = None;
-        Search::new(&compact, PatchId::new(0), q).run(&mut same);
-        assert_eq!(same.unwrap().face, expected.face, "compact, from {q}");
         let mut plain = patch.clone();
         plain.simd = Simd::plain();
         let mut same = None;

@@ -11,7 +11,7 @@ use super::{
     lanes::{Kernel, LANES, Lanes, most_of_rows},
     rounding::{FAR, slack},
 };
-use crate::contact::geometry::Ray;
+use crate::bvh::Ray;
 
 /// Steps of a node's boxes along each axis: one more fits into a byte.
 const STEPS: f64 = 254.99;

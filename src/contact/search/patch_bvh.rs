@@ -3,36 +3,26 @@
 use glam::DVec3;
 
 use super::{
-    boxes::Aabb,
     fit::Points,
     frame::Frame,
     lanes::{Kernel, LANES, Lanes, Simd},
     rounding::LARGEST,
     tree::{MAX_PRIMITIVES, Primitive, Tree, distinct},
-    triangle8::{Framing, Normals, Triangle8},
+    triangle8::{Framing, Triangle8},
 };
 use crate::{
+    bvh::Aabb,
     contact::ContactError,
     id::{FaceId, IdVec, VertexId},
     mesh::{Closest, TriMesh, VertexCorners, closest_point},
 };
-
-/// What a tree keeps of its triangles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(in crate::contact) enum Packing {
-    /// Eight triangles side by side in `f32`, next to the mesh: under 100 bytes a triangle.
-    #[default]
-    Fast,
-    /// Their numbers only, under 60 bytes a triangle: each is measured on the mesh.
-    Compact,
-}
 
 #[derive(Debug, Clone)]
 pub(crate) struct PatchBvh {
     pub(crate) mesh: TriMesh,
     pub(crate) corners: VertexCorners,
     pub(super) tree: Tree,
-    /// One for each packet of the tree; none if the tree is compact.
+    /// One for each packet of the tree.
     pub(super) triangles: Vec<Triangle8>,
     pub(super) frame: Frame,
     pub(super) simd: Simd,
@@ -51,17 +41,9 @@ pub(in crate::contact) struct Refitting {
 }
 
 impl PatchBvh {
-    pub(crate) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
-        Self::packed(patch, mesh, Packing::Fast)
-    }
-
     /// # Errors
     /// If there is no face, or one too many, or if a coordinate is too large or not a number.
-    pub(in crate::contact) fn packed(
-        patch: &str,
-        mesh: &TriMesh,
-        packing: Packing,
-    ) -> Result<Self, ContactError> {
+    pub(crate) fn new(patch: &str, mesh: &TriMesh) -> Result<Self, ContactError> {
         let faces = mesh.triangles.len();
         if faces > MAX_PRIMITIVES {
             let last = FaceId::new(MAX_PRIMITIVES - 1);
@@ -75,8 +57,7 @@ impl PatchBvh {
         let frame = Frame::around(used(&mesh.positions, &corners));
         let primitives: Vec<_> = mesh.triangles.ids().map(|f| primitive(mesh, &frame, f)).collect();
         let tree = Tree::new(&primitives);
-        let packets = if packing == Packing::Fast { tree.packets.len() } else { 0 };
-        let triangles = vec![Triangle8::default(); packets];
+        let triangles = vec![Triangle8::default(); tree.packets.len()];
         let mut patch = Self { mesh: mesh.clone(), corners, tree, triangles, frame, simd: Simd::detect() };
         patch.fit(&mut patch.refitting());
         Ok(patch)
@@ -119,8 +100,7 @@ impl PatchBvh {
         local.clear();
         local.extend(mesh.positions.iter().map(|p| frame.point(*p).extend(0.0).as_vec4().to_array()));
         tree.fit(*simd, |packet, _, points| {
-            let triangles = triangles.get_mut(packet);
-            simd.run(Setting { corners: &corners[packet], local, points, triangles })
+            simd.run(Setting { corners: &corners[packet], local, points, triangles: &mut triangles[packet] })
         });
     }
 
@@ -141,12 +121,12 @@ impl PatchBvh {
     }
 }
 
-/// Sets the corners of the faces of a packet, and their triangles if it has them.
+/// Sets the corners of the faces of a packet, and their triangles.
 struct Setting<'a> {
     corners: &'a [[VertexId; LANES]; 3],
     local: &'a [[f32; 4]],
     points: &'a mut Points<3>,
-    triangles: Option<&'a mut Triangle8>,
+    triangles: &'a mut Triangle8,
 }
 
 impl Kernel for Setting<'_> {
@@ -163,10 +143,7 @@ impl Kernel for Setting<'_> {
             let [x, y, z] = l.points(rows);
             points[k] = [l.store(x), l.store(y), l.store(z)];
         }
-        match triangles {
-            Some(triangles) => Framing(points, triangles).run(l),
-            None => Normals(points).run(l),
-        }
+        Framing(points, triangles).run(l)
     }
 }
 
@@ -184,7 +161,8 @@ fn used<'a>(
     vertices.filter(|&v| !corners.range(v).is_empty()).map(|v| positions[v])
 }
 
-fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(), ContactError> {
+/// Whether all coordinates are finite and small enough.
+pub(in crate::contact) fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(), ContactError> {
     // Also true for NaN.
     let far = |p: &DVec3| !(p.is_finite() && p.abs().max_element() <= LARGEST);
     let Some((vertex, position)) = positions.enumerate().find(|(_, p)| far(p)) else { return Ok(()) };
@@ -220,17 +198,14 @@ mod tests {
             ..sheet.clone()
         };
         let new = PatchBvh::new("roll", &rolled).unwrap();
-        for packing in [Packing::Fast, Packing::Compact] {
-            let mut fitted = PatchBvh::packed("sheet", &sheet, packing).unwrap();
-            let (mut positions, mut refitting) = (rolled.positions.clone(), fitted.refitting());
-            let allocated = allocation_counter::measure(|| fitted.refit(&mut positions, &mut refitting));
-            assert_eq!(allocated.count_total, 0, "a refit allocates nothing");
-            assert_eq!(positions, sheet.positions);
-            for k in 0..500_u32 {
-                let q =
-                    rolled.positions[VertexId::from(k)] * (1.0 + 0.01 * f64::from(k % 7)) - DVec3::X * 0.003;
-                assert_eq!(nearest(&fitted, q), nearest(&new, q), "from {q}");
-            }
+        let mut fitted = PatchBvh::new("sheet", &sheet).unwrap();
+        let (mut positions, mut refitting) = (rolled.positions.clone(), fitted.refitting());
+        let allocated = allocation_counter::measure(|| fitted.refit(&mut positions, &mut refitting));
+        assert_eq!(allocated.count_total, 0, "a refit allocates nothing");
+        assert_eq!(positions, sheet.positions);
+        for k in 0..500_u32 {
+            let q = rolled.positions[VertexId::from(k)] * (1.0 + 0.01 * f64::from(k % 7)) - DVec3::X * 0.003;
+            assert_eq!(nearest(&fitted, q), nearest(&new, q), "from {q}");
         }
     }
 

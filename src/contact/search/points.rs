@@ -5,7 +5,6 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::{
-    boxes::Aabb,
     descent::{Descent, Visitor, bound_of},
     fit::{Points, put},
     frame::Frame,
@@ -15,6 +14,7 @@ use super::{
     tree::{Primitive, Tree, distinct},
 };
 use crate::{
+    bvh::Aabb,
     id::{IdVec, VertexId},
     mesh::TriMesh,
 };

@@ -14,7 +14,7 @@ use glam::{DMat2, DVec2};
 
 use crate::{
     flatten::{
-        energy::elements::Uv,
+        domain::elements::Uv,
         energy::objective::{Objective, System},
     },
     sparse::{BlockJacobi, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
@@ -46,14 +46,13 @@ const LINEAR_DECREMENT: f64 = 1e-10;
 /// positive there.
 const NEAR: f64 = 1e-2;
 
-/// Slow steps in a row before negative curvature is kept.
+/// Steps in a row that are slow before they are kept.
 const SLOW_STEPS: u32 = 2;
 
-/// Share of the negative curvature that is removed at first; each further step removes a tenth of the share
-/// of the last.
+/// Share of them that is left out at first; each step that goes well leaves out a tenth of the last.
 const LEFT_OUT: f64 = 0.1;
 
-/// The minimisation ends if this many steps like the last would not reach the wanted energy.
+/// Steps like the last one that a map may be above an energy of use.
 const HOPE: f64 = 4.0;
 
 /// Decrement over the energy at which the minimisation ends even so.
@@ -102,7 +101,7 @@ pub(crate) struct NewtonLimits {
     pub(crate) steps: usize,
     /// Relative decrease of the energy in a round with fillers at which the rounds end.
     pub(crate) gain: f64,
-    /// The wanted energy: the minimisation ends where it is not likely to get below it.
+    /// Energy above which a map is of no use: the minimisation ends where it is not likely to get there.
     pub(crate) most: f64,
 }
 
@@ -195,13 +194,16 @@ impl Objective<'_> {
                 }
                 None => Ok(iterated_step(&mut system.hessian, &downhill, iterations, energy)),
             };
-            let (d, gauge) = match found {
+            let (mut d, gauge) = match found {
                 Ok((_, _, false)) | Err(SparseError::NotPositiveDefinite { .. }) if kept.is_on() => {
                     kept.pause();
                     continue;
                 }
                 found => found.map(|(d, gauge, _)| (d, gauge))?,
             };
+            for (d, _) in d.iter_mut().zip(&self.elements.held).filter(|(_, held)| **held) {
+                *d = DVec2::ZERO;
+            }
             return Ok(Step { downhill, d, gauge });
         }
     }
@@ -322,7 +324,7 @@ fn factored_step(
     }
 }
 
-/// As [`factored_step`], by conjugate gradients.
+/// The same by conjugate gradients.
 fn iterated_step(
     hessian: &mut Matrix<'_, DMat2>,
     rhs: &[DVec2],
@@ -342,7 +344,7 @@ fn iterated_step(
 mod tests {
     use super::*;
     use crate::{
-        flatten::{Energy, domain::FlattenDomain, start::tutte::tutte},
+        flatten::{Energy, domain::flatten_domain::FlattenDomain, start::tutte::tutte},
         mesh::shapes,
     };
 

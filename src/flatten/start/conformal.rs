@@ -11,8 +11,10 @@ use glam::DVec2;
 use crate::{
     flatten::{
         FlattenError,
-        domain::FlattenDomain,
-        energy::elements::{BoundaryEdge, Uv},
+        domain::{
+            elements::{BoundaryEdge, Uv},
+            flatten_domain::FlattenDomain,
+        },
     },
     id::{IdVec, VertexId},
     sparse::{Cholesky, Matrix, SparseError},

@@ -8,8 +8,8 @@ use std::collections::HashMap;
 
 use crate::{
     flatten::{
-        domain::FlattenDomain,
-        energy::elements::{Element, ElementMesh, Uv},
+        domain::elements::{Element, ElementMesh, Uv},
+        domain::flatten_domain::FlattenDomain,
         energy::face_energy::DistortionEnergy,
         energy::newton::{NewtonLimits, Solver},
         energy::objective::Objective,

@@ -1,10 +1,11 @@
 //! *Heuristic*: boundaries so close that they look like a seam that was not joined.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::HashSet;
 
-use glam::{DVec3, I64Vec3};
+use glam::DVec3;
 
 use crate::{
+    bvh::{Aabb, BoxTree},
     id::{IdVec, VertexId},
     skin::check::{
         FindingKind,
@@ -19,8 +20,8 @@ const SEAM: f64 = 0.5;
 /// Edges this much longer than a vertex's spacing (as a power of two) are not looked for around it.
 const LEVELS_UP: i32 = 8;
 
-/// Where more cells and edges than this crowd around one vertex the rest is not looked at: a heap
-/// of coincident faces would take quadratic time. A seam has some ten edges around each vertex.
+/// Where more edges than this crowd around one vertex the rest is not looked at: a heap of coincident
+/// faces would take quadratic time. A seam has some ten edges around each vertex.
 const MOST_CANDIDATES: usize = 2048;
 
 /// A boundary edge.
@@ -58,14 +59,14 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
             joined.insert([ends[1], ends[0]]);
         }
     }
-    let grid = Grid::new(&mesh.positions, &boundary);
+    let edges = BoundaryEdges::new(&mesh.positions, &boundary);
     let mut close = Vec::new();
     let mut narrowest = f64::INFINITY;
     for v in mesh.positions.ids().filter(|&v| on_boundary[v]) {
         let reach = SEAM * lengths[v].0 / f64::from(lengths[v].1);
         let is_apart =
             |e: Ends| e.map(place).iter().all(|&w| w != place(v) && !joined.contains(&[place(v), w]));
-        if let Some(distance) = grid.nearest(&mesh.positions, mesh.positions[v], reach, is_apart) {
+        if let Some(distance) = edges.nearest(mesh.positions[v], reach, is_apart) {
             close.push(v);
             narrowest = narrowest.min(distance);
         }
@@ -79,60 +80,53 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
     });
 }
 
-/// Boundary edges by size and place: edges between `2^level` and twice that lie in cells of twice
-/// that.
-#[derive(Debug)]
-struct Grid {
-    cells: HashMap<(i32, I64Vec3), Vec<Ends>>,
-    levels: BTreeSet<i32>,
+/// The boundary edges in a tree over their boxes.
+struct BoundaryEdges<'a> {
+    positions: &'a IdVec<VertexId, DVec3>,
+    /// Those with a usable length.
+    edges: Vec<Edge>,
+    tree: BoxTree,
 }
 
-impl Grid {
-    fn new(positions: &IdVec<VertexId, DVec3>, edges: &[Ends]) -> Self {
-        let mut cells: HashMap<_, Vec<Ends>> = HashMap::new();
-        let mut levels = BTreeSet::new();
-        for &[a, b] in edges {
-            let (a_at, b_at) = (positions[a], positions[b]);
-            if let Some(level) = level_of(a_at.distance(b_at)) {
-                levels.insert(level);
-                cells.entry((level, cell_of(a_at.midpoint(b_at), level))).or_default().push([a, b]);
-            }
-        }
-        Self { cells, levels }
+struct Edge {
+    ends: Ends,
+    level: i32,
+}
+
+impl<'a> BoundaryEdges<'a> {
+    fn new(positions: &'a IdVec<VertexId, DVec3>, boundary: &[Ends]) -> Self {
+        let edge = |&ends: &Ends| {
+            let [a, b] = ends.map(|v| positions[v]);
+            Some(Edge { ends, level: level_of(a.distance(b))? })
+        };
+        let edges: Vec<Edge> = boundary.iter().filter_map(edge).collect();
+        let boxes: Vec<Aabb> =
+            edges.iter().map(|edge| Aabb::around(edge.ends.map(|v| positions[v]))).collect();
+        Self { positions, edges, tree: BoxTree::new(&boxes).expect("the edges are finite") }
     }
 
     /// Distance of `point` to the nearest edge for which `allowed` holds, if that is below `reach`.
-    fn nearest(
-        &self,
-        positions: &IdVec<VertexId, DVec3>,
-        point: DVec3,
-        reach: f64,
-        allowed: impl Fn(Ends) -> bool,
-    ) -> Option<f64> {
-        let own = level_of(reach)?;
-        let mut nearest = None;
-        let mut candidates = 0;
+    fn nearest(&self, point: DVec3, reach: f64, allowed: impl Fn(Ends) -> bool) -> Option<f64> {
         // Edges shorter than the reach belong to much denser skin, whose vertices find this place
         // from their side.
-        for &level in self.levels.range(own..=own + LEVELS_UP) {
-            let size = cell_size(level);
-            let radius = reach + 0.5 * size;
-            let (low, high) = (cell_of(point - radius, level), cell_of(point + radius, level));
-            for cell in cells_between(low, high) {
-                candidates += 1;
-                for &[a, b] in self.cells.get(&(level, cell)).into_iter().flatten() {
-                    candidates += 1;
-                    if candidates > MOST_CANDIDATES {
-                        return nearest;
-                    }
-                    let distance = distance_to_segment(point, positions[a], positions[b]);
-                    if distance < nearest.unwrap_or(reach) && allowed([a, b]) {
-                        nearest = Some(distance);
-                    }
-                }
+        let own = level_of(reach)?;
+        let levels = own..=own + LEVELS_UP;
+        let mut nearest = reach;
+        let mut candidates = 0;
+        self.tree.each_near(point, reach, |edge| {
+            let Edge { ends, level } = self.edges[edge];
+            candidates += 1;
+            if candidates > MOST_CANDIDATES {
+                return f64::NEG_INFINITY;
             }
-        }
-        nearest
+            let [a, b] = ends.map(|v| self.positions[v]);
+            let distance = distance_to_segment(point, a, b);
+            if distance < nearest && levels.contains(&level) && allowed(ends) {
+                nearest = distance;
+            }
+            nearest
+        });
+        (nearest < reach).then_some(nearest)
     }
 }
 
@@ -142,21 +136,6 @@ fn level_of(length: f64) -> Option<i32> {
     let is_usable = length > 1e-100 && length < 1e100;
     #[expect(clippy::cast_possible_truncation, reason = "the logarithm is within 333 of zero")]
     is_usable.then(|| length.log2().floor() as i32)
-}
-
-fn cell_size(level: i32) -> f64 {
-    2.0 * f64::from(level).exp2()
-}
-
-fn cell_of(point: DVec3, level: i32) -> I64Vec3 {
-    // Saturates where the part is more than 2^63 cells wide: far cells then fall together, and are
-    // still searched.
-    (point / cell_size(level)).floor().as_i64vec3()
-}
-
-fn cells_between(low: I64Vec3, high: I64Vec3) -> impl Iterator<Item = I64Vec3> {
-    let column = move |x, y| (low.z..=high.z).map(move |z| I64Vec3::new(x, y, z));
-    (low.x..=high.x).flat_map(move |x| (low.y..=high.y).flat_map(move |y| column(x, y)))
 }
 
 fn distance_to_segment(point: DVec3, a: DVec3, b: DVec3) -> f64 {

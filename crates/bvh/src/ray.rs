@@ -3,30 +3,27 @@
 
 use glam::DVec3;
 
-/// A ray from a point, in m.
+/// A ray from a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::contact) struct Ray {
-    pub(in crate::contact) origin: DVec3,
+pub struct Ray {
+    /// Where it begins.
+    pub origin: DVec3,
     /// Of unit length.
-    pub(in crate::contact) direction: DVec3,
-    /// Where it ends, in m from its origin; infinite for a whole ray.
-    pub(in crate::contact) longest: f64,
+    pub direction: DVec3,
+    /// Where it ends, from its origin; infinite for a whole ray.
+    pub longest: f64,
 }
 
 impl Ray {
-    /// `None` if a number is not finite, the direction has no length, or `longest` (m) is negative
+    /// `None` if a number is not finite, the direction has no length, or `longest` is negative
     /// or not a number. The direction need not be of unit length.
-    pub(in crate::contact) fn new(origin: DVec3, direction: DVec3, longest: f64) -> Option<Self> {
+    pub fn new(origin: DVec3, direction: DVec3, longest: f64) -> Option<Self> {
         let direction = unit(direction)?;
         (origin.is_finite() && longest >= 0.0).then_some(Self { origin, direction, longest })
     }
 
-    /// The same ray in another frame, transformed by `point` and `vector`.
-    pub(in crate::contact) fn moved(
-        &self,
-        point: impl Fn(DVec3) -> DVec3,
-        vector: impl Fn(DVec3) -> DVec3,
-    ) -> Self {
+    /// The ray transformed by `point` and `vector`, which keep lengths.
+    pub fn moved(&self, point: impl Fn(DVec3) -> DVec3, vector: impl Fn(DVec3) -> DVec3) -> Self {
         Self { origin: point(self.origin), direction: vector(self.direction).normalize_or_zero(), ..*self }
     }
 }
@@ -39,10 +36,11 @@ fn unit(direction: DVec3) -> Option<DVec3> {
 
 /// Where a ray meets a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::contact) struct Meeting {
+pub struct Meeting {
     /// From the origin, in lengths of the direction.
-    pub(in crate::contact) along: f64,
-    pub(in crate::contact) barycentric: [f64; 3],
+    pub along: f64,
+    /// Of the point in the triangle.
+    pub barycentric: [f64; 3],
 }
 
 /// Where the line from `origin` along `direction` meets a triangle, sides and corners included, in
@@ -51,7 +49,7 @@ pub(in crate::contact) struct Meeting {
 /// The corners are sheared into a frame whose axis is the line. There the signs that decide are
 /// those of products of two coordinates, which two triangles that share a side compute alike: a
 /// line through the side meets at least one of them.
-pub(in crate::contact) fn meet(origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> Option<Meeting> {
+pub fn meet(origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> Option<Meeting> {
     let size = direction.abs();
     let z = if size.x >= size.y && size.x >= size.z {
         0
@@ -83,7 +81,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::contact::soup;
 
     #[test]
     fn a_ray_meets_inside_sides_and_corners_but_no_triangle_without_area() {
@@ -115,7 +112,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(soup::fixed(2000, 22))]
+        #![proptest_config(crate::fixed(2000, 22))]
 
         /// A ray at a point of the side that two triangles share meets one of them: no gap.
         #[test]

@@ -21,13 +21,14 @@
 
 use crate::flatten::{
     FlattenError,
-    domain::FlattenDomain,
-    energy::{elements::Uv, newton::NewtonLimits},
-    insertion::Insertion,
-    magnification::Magnification,
-    relax::{
-        Goal, Relaxed, Scaffold, Start, better, make_locally_injective, minimise_from_scratch, past_needles,
-        relax,
+    domain::{elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification},
+    energy::newton::NewtonLimits,
+    levels::{
+        insertion::Insertion,
+        relax::{
+            Goal, Relaxed, Start, Walls, better, make_locally_injective, minimise_from_scratch, past_needles,
+            relax,
+        },
     },
 };
 
@@ -48,13 +49,13 @@ const RESTARTED: usize = 1500;
 pub(crate) fn refine(
     domain: &FlattenDomain<'_>,
     start: Insertion<'_>,
-    scaffold: Scaffold,
+    walls: Walls,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<Relaxed, FlattenError> {
-    let inserted = insert(start, scaffold, magnification, goal)?;
+    let inserted = insert(start, walls, magnification, goal)?;
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
-    let inherited = past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), scaffold)))?;
+    let inherited = past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), walls)))?;
     if domain.vertices() > RESTARTED {
         return Ok(inherited);
     }
@@ -65,7 +66,7 @@ pub(crate) fn refine(
 /// place, else in stages.
 fn insert(
     start: Insertion<'_>,
-    scaffold: Scaffold,
+    walls: Walls,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<Uv, FlattenError> {
@@ -75,7 +76,7 @@ fn insert(
     }
     let mut insertion = start;
     while insertion.left > 0 {
-        insert_stage(&mut insertion, scaffold, magnification, goal)?;
+        insert_stage(&mut insertion, walls, magnification, goal)?;
     }
     Ok(insertion.finished())
 }
@@ -84,7 +85,7 @@ fn insert(
 /// optimal.
 fn insert_stage(
     insertion: &mut Insertion<'_>,
-    scaffold: Scaffold,
+    walls: Walls,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<(), FlattenError> {
@@ -103,8 +104,8 @@ fn insert_stage(
     let domain = FlattenDomain::new(&mesh)?.magnified(&magnification.of_vertices(&vertices));
     let uv = domain.to_units(&vertices.iter().map(|&v| insertion.map[v]).collect());
     let start = make_locally_injective(&domain, uv)?;
-    let relaxed = relax(&domain, Start::Near(start, scaffold), goal, Some(STAGE))?;
+    let relaxed = relax(&domain, Start::Near(start, walls), goal, Some(STAGE))?;
     let uv = domain.to_metres(&relaxed.uv);
-    insertion.place(&vertices, &uv, &scaffold.fillers(&domain, &uv).unwrap_or_default());
+    insertion.place(&vertices, &uv, &walls.fillers(&domain, &uv).unwrap_or_default());
     Ok(())
 }
