@@ -30,7 +30,7 @@ const ALONE: CalibOptions = CalibOptions {
 const WITH_COVARIANCE: CalibOptions = CalibOptions { covariances: true, ..ALONE };
 
 fn run(observations: &Observations, options: &CalibOptions) -> f64 {
-    calibrate(black_box(observations), options, &|_, _| {}).unwrap().cost
+    calibrate(black_box(observations), options).unwrap().cost
 }
 
 fn simulated(c: &mut Criterion) {

@@ -12,7 +12,7 @@ use dermatome::{
     calib::{
         CalibError, CalibOptions, CalibratedSkin, Calibration, ContactMeasurement, ContactObservation,
         ContactObservationId, Displacement, DisplacementId, DisplacementMeasurement, Information,
-        Initialization, Loss, Model, Observations, Pose, PoseMeasurement, ResidualConvention,
+        Initialization, Loss, Model, Observations, Pose, PoseMeasurement, ResidualConvention, SheetDefect,
         SimulateOptions, Simulation, TaxelVariable, Termination, Verdict, calibrate, calibrated_skin,
         compare, simulate,
     },
@@ -24,7 +24,7 @@ use dermatome::{
 use glam::{DMat3, DQuat, DVec3};
 
 fn solve(observations: &Observations, options: &CalibOptions) -> Calibration {
-    let found = calibrate(observations, options, &|_, _| {}).unwrap();
+    let found = calibrate(observations, options).unwrap();
     assert!(found.termination.is_converged(), "{:?}", found.termination);
     found
 }
@@ -149,9 +149,9 @@ fn poses_with_touched_normals_fit_as_their_noise_says() {
 
 #[test]
 fn wrong_attributions_are_rejected() {
-    // Measured: 1.14 to 1.19, 1.19 to 1.22 and 1.45 to 1.52 mm; with the wrong edges known, about
+    // Measured with truncated least squares: 1.14, 1.18 and 1.53 mm; with the wrong edges known, about
     // 1.17 and 1.41 mm.
-    for (share, bound) in [(0.0, 1.20), (0.05, 1.30), (0.20, 1.80)] {
+    for (share, bound) in [(0.0, 1.20), (0.05, 1.30), (0.20, 1.60)] {
         for robust in [Some(Loss::Truncated), Some(Loss::Tukey)] {
             let rmse = mean((0..20).map(|seed| {
                 let options = SimulateOptions { outliers: share, seed, ..SimulateOptions::default() };
@@ -420,7 +420,7 @@ fn a_cost_beyond_all_numbers_is_no_minimum() {
     {
         offset.x = 1e160;
     }
-    let found = calibrate(&observations, &CalibOptions::default(), &|_, _| {}).unwrap();
+    let found = calibrate(&observations, &CalibOptions::default()).unwrap();
     assert_eq!(found.termination, Termination::Overflow);
 }
 
@@ -691,8 +691,7 @@ fn the_default_stays_within_its_iterations() {
     let observations = simulate(&SimulateOptions { outliers: 0.1, ..poses(4) }).unwrap().observations;
     let max_iterations = 1;
     let found =
-        calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }, &|_, _| {})
-            .unwrap();
+        calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }).unwrap();
     assert_eq!(found.termination, Termination::OutOfIterations);
     // Enough for least squares, not for what they leave in doubt: what there is has the weights of
     // its last step.
@@ -701,8 +700,7 @@ fn the_default_stays_within_its_iterations() {
         .observations;
     let max_iterations = 10;
     let found =
-        calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }, &|_, _| {})
-            .unwrap();
+        calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }).unwrap();
     assert_eq!((found.termination, found.loss), (Termination::OutOfIterations, Loss::Truncated));
     assert!(found.rejected().0.len() > 20);
     assert!(2.0 * found.cost < 1.2 * observations.edges.len() as f64 * 3.0, "{}", found.cost);
@@ -1050,7 +1048,7 @@ fn a_graph_of_all_edges_is_no_skin() {
     }
     let options = CalibOptions { robust: Some(Loss::Squared), covariances: false, ..CalibOptions::default() };
     let error = calibrated_skin(&solve(&observations, &options), &observations, None).unwrap_err();
-    assert!(error.to_string().contains("three triangles meet"), "{error}");
+    assert!(matches!(error, CalibError::NoTriangulation(SheetDefect::NonManifoldEdge { .. })), "{error}");
 }
 
 /// Frames know the outside better than the winding of a table.
@@ -1069,10 +1067,7 @@ fn given_triangles_that_are_inside_out_are_turned() {
     let again = triangles[7];
     triangles.push(again);
     let error = calibrated_skin(&found, observations, Some(&triangles)).unwrap_err();
-    assert!(
-        matches!(error, CalibError::BadTriangles { .. }) && error.to_string().contains("taxel"),
-        "{error}"
-    );
+    assert!(matches!(error, CalibError::BadTriangles(_)) && error.to_string().contains("taxel"), "{error}");
 }
 
 /// A triangle with a taxel in its middle and all six edges: four triangles, of which one is the
@@ -1095,7 +1090,7 @@ fn edges_whose_triangles_close_up_are_no_skin() {
     }
     let found = solve(&observations, &CalibOptions::default());
     let error = calibrated_skin(&found, &observations, None).unwrap_err();
-    assert!(error.to_string().contains("taxel 10 close up"), "{error}");
+    assert_eq!(error, CalibError::NoTriangulation(SheetDefect::Closed { id: TaxelId(10) }));
 }
 
 #[test]
@@ -1126,7 +1121,7 @@ fn a_taxel_that_nothing_determines_is_named() {
             m.information = Information::diagonal([0.0; 6]);
         }
     }
-    let found = calibrate(&observations, &CalibOptions::default(), &|_, _| {}).err();
+    let found = calibrate(&observations, &CalibOptions::default()).err();
     assert_eq!(found, Some(CalibError::Unobserved { id: observations.taxels[lost].id, others: 0 }));
     // Edges that say something, but not where.
     for edge in observations.edges.iter_mut() {
@@ -1136,7 +1131,7 @@ fn a_taxel_that_nothing_determines_is_named() {
             m.information = Information::diagonal([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
         }
     }
-    let found = calibrate(&observations, &CalibOptions::default(), &|_, _| {}).err();
+    let found = calibrate(&observations, &CalibOptions::default()).err();
     assert_eq!(found, Some(CalibError::Undetermined { id: observations.taxels[lost].id }));
 }
 
@@ -1146,7 +1141,7 @@ fn broken_promises_are_named() {
     let error = |change: &dyn Fn(&mut Observations)| {
         let mut broken = whole.clone();
         change(&mut broken);
-        calibrate(&broken, &CalibOptions::default(), &|_, _| {}).unwrap_err().to_string()
+        calibrate(&broken, &CalibOptions::default()).unwrap_err().to_string()
     };
     let first = |o: &mut Observations, f: &dyn Fn(&mut DVec3, &mut Information<3>)| {
         if let DisplacementMeasurement::Offset { offset, information } =

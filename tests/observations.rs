@@ -168,7 +168,7 @@ fn tables_of_displacements_and_contacts_belong_together() {
     assert!(
         matches!(contact.measurement, ContactMeasurement::PositionNormal { normal, .. } if normal == DVec3::Z)
     );
-    let found = calibrate(&read, &Default::default(), &|_, _| {}).unwrap();
+    let found = calibrate(&read, &Default::default()).unwrap();
     assert!(found.poses[VertexId::new(0)].position.distance(DVec3::new(0.0, 1.0, 3.0)) < 1e-9);
 
     let (_folder, stranger) = file("s.csv", "i,x,y,z\n77,0,0,0\n");
@@ -376,7 +376,7 @@ fn calibrated_taxels_go_into_tables_and_skins() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let simulation = simulate(&SimulateOptions::default()).unwrap();
-    let found = calibrate(&simulation.observations, &Default::default(), &|_, _| {}).unwrap();
+    let found = calibrate(&simulation.observations, &Default::default()).unwrap();
     write_calibration(&at("c.csv"), &found).unwrap();
     let text = fs::read_to_string(at("c.csv")).unwrap();
     assert!(text.starts_with("id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz\n"), "{text:.80}");
@@ -444,7 +444,7 @@ fn headers_of_truth_and_triangles_are_checked() {
 fn edges_that_are_no_triangulation_make_no_skin() {
     let (_folder, path) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,1,0,0\n");
     let observations = read_observations(&path, &[]).unwrap().0;
-    let found = calibrate(&observations, &Default::default(), &|_, _| {}).unwrap();
+    let found = calibrate(&observations, &Default::default()).unwrap();
     let refused = calibrated_skin(&found, &observations, None).unwrap_err().to_string();
     assert!(refused.contains("no three taxels"), "{refused}");
 }
@@ -469,7 +469,7 @@ proptest! {
         let (_folder, path) = file(if table { "a.csv" } else { "a.g2o" }, &lines.join("\n"));
         if let Ok((read, _)) = read_observations(&path, &[]) {
             // And what was read calibrates, or says why not.
-            let _ = calibrate(&read, &Default::default(), &|_, _| {});
+            let _ = calibrate(&read, &Default::default());
         }
     }
 }

@@ -43,12 +43,11 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The edges and the contacts that were rejected, or are ambiguous: they are not inliers and
-    /// count less than the others.
+    /// The edges and the contacts that were rejected: outliers that count less than the others.
     #[must_use]
     pub fn rejected(&self) -> (Vec<DisplacementId>, Vec<ContactObservationId>) {
         fn of<I: Id>(diagnostics: &IdVec<I, ObservationDiagnostics>) -> Vec<I> {
-            let is_rejected = |d: &ObservationDiagnostics| d.verdict != Verdict::Inlier && d.weight < 1.0;
+            let is_rejected = |d: &ObservationDiagnostics| d.verdict == Verdict::Outlier && d.weight < 1.0;
             diagnostics.enumerate().filter(|(_, d)| is_rejected(d)).map(|(id, _)| id).collect()
         }
         (of(&self.diagnostics.edges), of(&self.diagnostics.contacts))
@@ -93,7 +92,7 @@ impl fmt::Display for GoodnessOfFit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ratio = self.chi2 / self.degrees_of_freedom as f64;
         f.write_str(match self.p {
-            None => "this loss function also reduces the weight of inliers, so the noise cannot be judged; none and gnc can judge it",
+            None => "this loss function also reduces the weight of inliers, so the noise cannot be judged; least squares and truncated least squares can judge it",
             _ if self.degrees_of_freedom == 0 => "there are no more measurements than unknowns, so the noise cannot be judged",
             _ if (ratio - 1.0).abs() < NEGLIGIBLE => "the stated noise is believable",
             _ if self.is_too_large() => "the observations disagree by more than the stated noise: it is understated, or some are wrong",

@@ -1,8 +1,9 @@
 //! Why observations cannot be used, or give no skin.
 
 use crate::{
-    calib::{ContactObservationId, DisplacementId, Model},
-    skin::TaxelId,
+    calib::{ContactObservationId, DisplacementId, Model, ObservationId},
+    id::VertexId,
+    skin::{SkinError, TaxelId},
     sparse::SparseError,
 };
 
@@ -25,12 +26,12 @@ pub enum CalibError {
         id: TaxelId,
     },
     /// An edge or contact names a taxel that does not exist.
-    #[error("{element} names vertex {vertex}, but there are {taxels} taxels")]
+    #[error("{observation} names vertex {vertex}, but there are {taxels} taxels")]
     Dangling {
-        /// `edge 3` or `contact 4`.
-        element: String,
-        /// The index it names.
-        vertex: usize,
+        /// The edge or contact.
+        observation: ObservationId,
+        /// The vertex it names.
+        vertex: VertexId,
         /// How many taxels there are.
         taxels: usize,
     },
@@ -85,10 +86,10 @@ pub enum CalibError {
         reason: &'static str,
     },
     /// An edge or contact does not fit the model: rotations without poses, or the other way round.
-    #[error("{element} of taxel {id} does not fit the {model} model: {needed}")]
+    #[error("{observation} of taxel {id} does not fit the {model} model: {needed}")]
     WrongModel {
-        /// `edge 3` or `contact 4`.
-        element: String,
+        /// The edge or contact.
+        observation: ObservationId,
         /// The taxel.
         id: TaxelId,
         /// The model of the observations.
@@ -141,34 +142,71 @@ pub enum CalibError {
         id: TaxelId,
     },
     /// An option is out of its range.
-    #[error("{option} is {found}; needed: {needed}")]
+    #[error("{option} is {}; needed: {needed}", plain(*.found))]
     BadOption {
-        /// The option.
+        /// The option, with its unit.
         option: &'static str,
         /// What was given.
-        found: String,
+        found: f64,
         /// What is needed.
         needed: &'static str,
     },
     /// The given triangles are not a surface.
-    #[error("the triangles are not an oriented surface: {what}")]
-    BadTriangles {
-        /// What breaks it.
-        what: String,
-    },
+    #[error("the triangles are not an oriented surface: {0}")]
+    BadTriangles(SheetDefect),
     /// The edges between the taxels are not those of a triangulation, and no triangles were given.
-    #[error("{what}: the edges are not those of a triangulated sheet")]
-    NoTriangulation {
-        /// What breaks it.
-        what: String,
-    },
+    #[error("{0}: the edges are not those of a triangulated sheet")]
+    NoTriangulation(SheetDefect),
     /// The linear system cannot be solved, for another reason than an undetermined taxel.
     #[error(transparent)]
     Sparse(SparseError),
 }
 
-impl CalibError {
-    pub(super) fn option(option: &'static str, found: impl ToString, needed: &'static str) -> Self {
-        Self::BadOption { option, found: found.to_string(), needed }
-    }
+/// What keeps triangles between taxels from being a sheet.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SheetDefect {
+    /// There is no triangle.
+    #[error("no three taxels are joined")]
+    Empty,
+    /// A triangle names a taxel that does not exist.
+    #[error("a triangle names vertex {vertex} of {taxels} taxels")]
+    Dangling {
+        /// The vertex it names.
+        vertex: VertexId,
+        /// How many taxels there are.
+        taxels: usize,
+    },
+    /// An edge of more than two triangles.
+    #[error("more than two triangles meet at the edge between taxels {} and {}", .edge[0], .edge[1])]
+    NonManifoldEdge {
+        /// Its taxels.
+        edge: [TaxelId; 2],
+    },
+    /// A surface with one side.
+    #[error("the triangles around taxels {} and {} have only one side", .edge[0], .edge[1])]
+    OneSided {
+        /// The taxels of an edge on a path around it.
+        edge: [TaxelId; 2],
+    },
+    /// Triangles of one taxel that share no edges.
+    #[error("the triangles around taxel {id} do not form one fan")]
+    SeveralFans {
+        /// The taxel.
+        id: TaxelId,
+    },
+    /// Edges that form a closed surface: which of the triangles is the boundary, they do not show.
+    #[error("the triangles around taxel {id} close up")]
+    Closed {
+        /// One of its taxels.
+        id: TaxelId,
+    },
+    /// Another reason.
+    #[error(transparent)]
+    Skin(Box<SkinError>),
+}
+
+/// A number with few digits: whole numbers as they are, very small and large ones with an exponent.
+fn plain(x: f64) -> String {
+    if x.fract() == 0.0 && x.abs() < 1e15 { format!("{x}") } else { format!("{x:?}") }
 }

@@ -33,34 +33,34 @@
 //! stated noise, observations that do not determine a taxel are an error that names it. Not
 //! guaranteed: the global minimum, for poses or with outliers.
 //!
-//! In reading order: `observations`, `geometry` (poses, alignment), `options`, `solve` (`residual`,
-//! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`,
-//! `calibrate`, `skin`; `simulate` and `compare` stand next to them.
+//! In reading order: `observations`, `pose`, `align`, `options`, `solve` (`residual`,
+//! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `skin`;
+//! [`calibrate()`] calls them in this order. `simulate` stands next to them.
 
-mod calibrate;
+mod align;
 mod calibration;
-mod compare;
 mod error;
-mod geometry;
 mod observations;
 mod options;
+mod pose;
 mod robust;
 mod simulate;
 mod skin;
 mod solve;
 
-pub use calibrate::calibrate;
+use std::time::Instant;
+
+pub use align::{Comparison, compare};
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
-pub use compare::{Comparison, compare};
-pub use error::CalibError;
-pub use geometry::pose::Pose;
+pub use error::{CalibError, SheetDefect};
 pub use observations::information::Information;
-pub use observations::per_observation::PerObservation;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
-    DisplacementMeasurement, Model, Observations, PoseMeasurement, TaxelVariable,
+    DisplacementMeasurement, Model, ObservationId, Observations, PerObservation, PoseMeasurement,
+    TaxelVariable,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
+pub use pose::Pose;
 pub use simulate::{SimulateOptions, Simulation, simulate};
 pub use skin::{CalibratedSkin, calibrated_skin};
 pub use solve::gauge::FreeComponent;
@@ -68,14 +68,87 @@ pub use solve::levenberg_marquardt::{Iteration, Termination};
 pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;
 
-pub(in crate::calib) use observations::graph::{
-    Component, Poses, components, edges_of_taxels, predicted_pose,
-};
+pub(in crate::calib) use observations::graph::{Component, Poses, components};
 pub(in crate::calib) use solve::{
     gauge::{FreeBody, GaugeFreedom, RigidMotion},
-    layout::BlockLayout,
     levenberg_marquardt::{Iterate, Solver},
-    linear_system::LinearSystem,
+    linear_system::{BlockLayout, LinearSystem},
     loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting},
     normal_equations::Problem,
 };
+
+use robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit};
+use solve::{initial::initial_poses, marginals::marginals};
+
+/// Finds the taxel poses that explain the observations best: `min 1/2 sum e' Omega e`, equation 1
+/// of the source paper, with robust estimation and covariances.
+///
+/// A component that contacts do not fully constrain has gauge freedom: its gauge taxel keeps its
+/// initial pose along the unconstrained motions ([`Calibration::free`]). Cost, shape and
+/// covariances do not depend on that choice. The result does not depend on the number of threads.
+///
+/// ```
+/// use dermatome::calib::{CalibOptions, SimulateOptions, calibrate, compare, simulate};
+///
+/// let simulation = simulate(&SimulateOptions { taxels: 50, ..SimulateOptions::default() })?;
+/// let found = calibrate(&simulation.observations, &CalibOptions::default())?;
+/// assert!(found.termination.is_converged());
+/// let rmse = compare(&found.poses, &simulation.truth)?.rigid;
+/// assert!(rmse < 2e-3, "{rmse} m");
+/// # Ok::<(), dermatome::calib::CalibError>(())
+/// ```
+///
+/// # Errors
+/// Observations that break a promise ([`Observations::validate`]) or do not determine the pose of a
+/// taxel. A solve that does not converge is not an error: see [`Calibration::termination`].
+pub fn calibrate(observations: &Observations, options: &CalibOptions) -> Result<Calibration, CalibError> {
+    observations.validate()?;
+    options.validate()?;
+    let clock = Instant::now();
+    let start = initial_poses(observations, options.initialization)?;
+    let problem = Problem::new(observations, options.residual)?;
+    let gauge = GaugeFreedom::new(&problem, &start);
+    let mut solver = Solver { problem: &problem, gauge: &gauge, options, iterations: Vec::new() };
+    let solution = estimate(&mut solver, start)?;
+    let fit = goodness_of_fit(&solver, &solution);
+    let iterations = solver.iterations;
+    let Solution { iterate, weights, losses, termination, .. } = &solution;
+    let free = gauge.free_under(&problem, &iterate.poses, weights);
+    let marginals =
+        options.covariances.then(|| marginals(&problem, &free, &iterate.poses, weights)).transpose()?;
+    Ok(Calibration {
+        model: observations.model,
+        ids: observations.taxels.map(|t| t.id),
+        marginals,
+        residual: options.residual,
+        loss: losses.loss,
+        cost: iterate.cost,
+        fit,
+        diagnostics: diagnostics(&problem, &solution),
+        free: free.iter().map(|body| body.describe(observations)).collect(),
+        iterations,
+        termination: *termination,
+        seconds: clock.elapsed().as_secs_f64(),
+        poses: solution.iterate.poses,
+    })
+}
+
+fn estimate(solver: &mut Solver<'_>, start: Poses) -> Result<Solution, CalibError> {
+    let Some(loss) = solver.options.robust else { return automatic(solver, start) };
+    let losses = LossFunctions::new(&solver.problem.dimensions, loss);
+    match loss {
+        Loss::Squared => Solution::least_squares(solver, start),
+        Loss::Huber => Solution::of_losses(solver, start, &losses),
+        Loss::Tukey | Loss::Truncated => robust_fit(solver, start, &losses),
+    }
+}
+
+fn diagnostics(problem: &Problem<'_>, solution: &Solution) -> PerObservation<ObservationDiagnostics> {
+    let Solution { iterate, weights, verdicts, losses, .. } = solution;
+    // Least squares rejects nothing; what it would have to reject is reported all the same.
+    let beyond = (losses.loss == Loss::Squared)
+        .then(|| LossFunctions::new(&problem.dimensions, Loss::Truncated).verdicts(&iterate.chi2));
+    let weighed = iterate.chi2.zip(weights, |chi2, weight| (chi2, weight));
+    let diagnosed = |(chi2, weight), verdict| ObservationDiagnostics { chi2, weight, verdict };
+    weighed.zip(beyond.as_ref().unwrap_or(verdicts), diagnosed)
+}

@@ -44,10 +44,15 @@ impl Default for CalibOptions {
 impl CalibOptions {
     pub(super) fn validate(&self) -> Result<(), CalibError> {
         if self.max_iterations == 0 {
-            return Err(CalibError::option("the number of iterations", 0, "at least 1"));
+            return Err(CalibError::BadOption {
+                option: "the number of iterations",
+                found: 0.0,
+                needed: "at least 1",
+            });
         }
         if !(0.0..1.0).contains(&self.relative_decrease) {
-            return Err(CalibError::option("the relative decrease", self.relative_decrease, "0 to 1"));
+            let found = self.relative_decrease;
+            return Err(CalibError::BadOption { option: "the relative decrease", found, needed: "0 to 1" });
         }
         Ok(())
     }

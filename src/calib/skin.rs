@@ -6,7 +6,7 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 
 use crate::{
-    calib::{CalibError, Calibration, ContactMeasurement, DisplacementId, Model, Observations},
+    calib::{CalibError, Calibration, ContactMeasurement, DisplacementId, Model, Observations, SheetDefect},
     id::{FaceId, IdVec, VertexId},
     mesh::Edges,
     skin::{
@@ -43,7 +43,7 @@ pub struct CalibratedSkin {
 ///
 /// let simulation = simulate(&SimulateOptions { taxels: 50, ..SimulateOptions::default() })?;
 /// let observations = &simulation.observations;
-/// let found = calibrate(observations, &CalibOptions::default(), &|_, _| {})?;
+/// let found = calibrate(observations, &CalibOptions::default())?;
 /// let made = calibrated_skin(&found, observations, None)?;
 /// let patch = made.skin.patches.iter().next().expect("one sheet");
 /// assert_eq!(patch.mesh.triangles.len(), simulation.mesh.triangles.len());
@@ -60,8 +60,8 @@ pub fn calibrated_skin(
     triangles: Option<&[[VertexId; 3]]>,
 ) -> Result<CalibratedSkin, CalibError> {
     let Assembled { mut skin, remarks } = match triangles {
-        Some(given) => assembled(calibration, given).map_err(|what| CalibError::BadTriangles { what })?,
-        None => of_edges(calibration, observations).map_err(|what| CalibError::NoTriangulation { what })?,
+        Some(given) => assembled(calibration, given).map_err(CalibError::BadTriangles)?,
+        None => of_edges(calibration, observations).map_err(CalibError::NoTriangulation)?,
     };
     let places: HashMap<TaxelId, VertexId> = calibration.ids.enumerate().map(|(v, &id)| (id, v)).collect();
     let normals = known_normals(calibration, observations);
@@ -120,13 +120,13 @@ fn turn_to(patch: &mut Patch, outside: &IdVec<VertexId, DVec3>) -> bool {
 
 /// The skin of all taxels with these triangles, or what keeps them from being one, in the ids of
 /// the taxels.
-fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assembled, String> {
+fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assembled, SheetDefect> {
     let (ids, taxels) = (&calibration.ids, calibration.ids.len());
-    if let Some(v) = faces.iter().flatten().find(|v| v.index() >= taxels) {
-        return Err(format!("one names vertex {v} of {taxels} taxels"));
+    if let Some(&vertex) = faces.iter().flatten().find(|v| v.index() >= taxels) {
+        return Err(SheetDefect::Dangling { vertex, taxels });
     }
     if faces.is_empty() {
-        return Err("there are none".into());
+        return Err(SheetDefect::Empty);
     }
     let covariances = calibration.marginals.as_ref().map(|m| m.positions.iter().copied().collect());
     let sheet = Sheet {
@@ -139,43 +139,34 @@ fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assem
     };
     let draft = Draft { sheets: vec![sheet], ..Draft::default() };
     let options = AssembleOptions { weld: Weld::All, ..AssembleOptions::default() };
-    let made = assemble(&draft, &options).map_err(|error| match &error {
+    let made = assemble(&draft, &options).map_err(|error| match error {
         SkinError::NonManifoldEdges { edges, .. } => {
-            let [a, b] = edges[0].map(|v| ids[v]);
-            format!("more than two triangles meet at the edge between taxels {a} and {b}")
+            SheetDefect::NonManifoldEdge { edge: edges[0].map(|v| ids[v]) }
         }
-        SkinError::NotOrientable { edge: [a, b], .. } => {
-            format!("the triangles around taxels {} and {} have only one side", ids[*a], ids[*b])
-        }
-        _ => error.to_string(),
+        SkinError::NotOrientable { edge, .. } => SheetDefect::OneSided { edge: edge.map(|v| ids[v]) },
+        other => SheetDefect::Skin(Box::new(other)),
     })?;
     let touching = made.remarks.iter().find_map(|remark| match &remark.kind {
         RemarkKind::FansSplit { vertices } => vertices.first(),
         _ => None,
     });
     match touching {
-        Some(&v) => Err(format!("the triangles around taxel {} do not form one fan", ids[v])),
+        Some(&v) => Err(SheetDefect::SeveralFans { id: ids[v] }),
         None => Ok(made),
     }
 }
 
 /// The skin of the triangles that edges form: of all, or without the rejected ones if that is not a
 /// surface.
-fn of_edges(calibration: &Calibration, observations: &Observations) -> Result<Assembled, String> {
-    let of = |counts: &dyn Fn(DisplacementId) -> bool| -> Result<Assembled, String> {
-        let faces = edge_triangles(&calibration.ids, observations, counts)?;
-        if faces.is_empty() {
-            return Err("no three taxels are joined by edges".into());
-        }
-        let made = assembled(calibration, &faces)?;
+fn of_edges(calibration: &Calibration, observations: &Observations) -> Result<Assembled, SheetDefect> {
+    let of = |counts: &dyn Fn(DisplacementId) -> bool| -> Result<Assembled, SheetDefect> {
+        let made = assembled(calibration, &edge_triangles(&calibration.ids, observations, counts)?)?;
         // Which of the triangles is the boundary, edges do not show.
         let is_closed = |patch: &&Patch| {
             Edges::new(&patch.mesh.triangles, patch.mesh.positions.len()).iter().all(|e| e.len() == 2)
         };
         match made.skin.patches.iter().find(is_closed) {
-            Some(patch) => {
-                Err(format!("the triangles around taxel {} close up", patch.taxels.ids[VertexId::new(0)]))
-            }
+            Some(patch) => Err(SheetDefect::Closed { id: patch.taxels.ids[VertexId::new(0)] }),
             None => Ok(made),
         }
     };
@@ -190,7 +181,7 @@ fn edge_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     observations: &Observations,
     counts: impl Fn(DisplacementId) -> bool,
-) -> Result<Vec<[VertexId; 3]>, String> {
+) -> Result<Vec<[VertexId; 3]>, SheetDefect> {
     // Later neighbours of every taxel, ascending.
     let mut later: IdVec<VertexId, Vec<VertexId>> = observations.taxels.map(|_| Vec::new());
     for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
@@ -210,10 +201,7 @@ fn edge_triangles(
             triangles.extend(closing.by_ref().take(2).map(|&c| [a, b, c]));
             // A graph of many triangles is not a surface: do not list them all.
             if closing.next().is_some() {
-                return Err(format!(
-                    "three triangles meet at the edge between taxels {} and {}",
-                    ids[a], ids[b]
-                ));
+                return Err(SheetDefect::NonManifoldEdge { edge: [ids[a], ids[b]] });
             }
         }
     }

@@ -39,26 +39,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let observations = &inputs.observations;
     let bar = progress::bar(common);
     bar.set_message("calibrating");
-    bar.set_length(args.iterations as u64);
-    let watch = |number: usize, iteration: &Iteration| {
-        bar.set_position(number as u64);
-        if common.verbose && !common.quiet {
-            bar.suspend(|| {
-                let Iteration { cost, step, damping, graduation } = iteration;
-                let control = match graduation {
-                    Some(mu) => format!(", graduation {mu:.1e}"),
-                    None if *damping > 0.0 => format!(", damping {damping:.1e}"),
-                    None => String::new(),
-                };
-                note(common, format_args!("iteration {number}: cost {cost:.10e}, step {step:.2e}{control}"));
-            });
-        }
-    };
-    let found = calibrate(observations, &args.options(), &watch)
+    let found = calibrate(observations, &args.options())
         .map_err(Error::from)
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     bar.finish_and_clear();
     if !common.quiet {
+        if common.verbose {
+            list_iterations(&found.iterations, common);
+        }
         if matches!(args.robust, RobustArg::Auto)
             && found.loss == Loss::Truncated
             && found.rejected() != (Vec::new(), Vec::new())
@@ -86,6 +74,17 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_summary(&summary)?;
     }
     Ok(if found.termination.is_converged() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+}
+
+fn list_iterations(iterations: &[Iteration], common: &Common) {
+    for (number, Iteration { cost, step, damping, graduation }) in (1..).zip(iterations) {
+        let control = match graduation {
+            Some(mu) => format!(", graduation {mu:.1e}"),
+            None if *damping > 0.0 => format!(", damping {damping:.1e}"),
+            None => String::new(),
+        };
+        note(common, format_args!("iteration {number}: cost {cost:.10e}, step {step:.2e}{control}"));
+    }
 }
 
 /// A skin in more components than this is hardly intended: the rest is counted.
@@ -194,7 +193,7 @@ struct Summary {
     dof: usize,
     p: Option<f64>,
     verdict: String,
-    robust: String,
+    robust: &'static str,
     iterations: usize,
     converged: bool,
     ending: String,
@@ -218,7 +217,7 @@ impl Summary {
             dof: degrees_of_freedom,
             p,
             verdict: found.fit.to_string(),
-            robust: found.loss.to_string(),
+            robust: RobustArg::name(found.loss),
             iterations: found.iterations.len(),
             converged: found.termination.is_converged(),
             ending: found.termination.to_string(),

@@ -1,8 +1,7 @@
-//! The graph of taxels and displacements: its components, the edges of a taxel, and what an edge
-//! predicts.
+//! The connected components of the graph of taxels and displacements.
 
 use crate::{
-    calib::{DisplacementId, DisplacementMeasurement, Observations, Pose},
+    calib::{DisplacementId, Observations, Pose},
     id::{IdVec, VertexId},
     numeric::DisjointSets,
 };
@@ -50,32 +49,4 @@ pub(crate) fn components(
         }
     }
     (components, of_taxel)
-}
-
-/// The edges of every taxel, ascending.
-pub(crate) fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Vec<DisplacementId>> {
-    let mut edges_of: IdVec<VertexId, Vec<DisplacementId>> = observations.taxels.map(|_| Vec::new());
-    for (id, edge) in observations.edges.enumerate() {
-        edges_of[edge.from].push(id);
-        edges_of[edge.to].push(id);
-    }
-    edges_of
-}
-
-/// The pose of `v` that `edge` predicts from its other end.
-pub(crate) fn predicted_pose(
-    observations: &Observations,
-    edge: DisplacementId,
-    v: VertexId,
-    poses: &Poses,
-) -> Pose {
-    let edge = &observations.edges[edge];
-    let is_forward = edge.to == v;
-    let other = &poses[if is_forward { edge.from } else { edge.to }];
-    match &edge.measurement {
-        DisplacementMeasurement::Offset { offset, .. } => {
-            Pose { position: other.position + if is_forward { *offset } else { -*offset }, ..*other }
-        }
-        DisplacementMeasurement::Relative(m) => *other * if is_forward { m.pose } else { m.pose.inverse() },
-    }
 }

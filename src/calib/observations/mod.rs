@@ -2,9 +2,6 @@
 
 pub(super) mod graph;
 pub(super) mod information;
-pub(super) mod per_observation;
-mod clip;
-mod units;
 mod validate;
 
 use std::fmt;
@@ -25,6 +22,55 @@ define_id!(
     /// An observed position of one taxel.
     pub ContactObservationId, "c"
 );
+
+/// An edge or a contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ObservationId {
+    /// A displacement between two taxels.
+    Edge(DisplacementId),
+    /// An absolute observation of one taxel.
+    Contact(ContactObservationId),
+}
+
+impl fmt::Display for ObservationId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Edge(id) => write!(f, "edge {id}"),
+            Self::Contact(id) => write!(f, "contact {id}"),
+        }
+    }
+}
+
+/// One value for every observation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PerObservation<T = f64> {
+    /// Of every displacement.
+    pub edges: IdVec<DisplacementId, T>,
+    /// Of every contact.
+    pub contacts: IdVec<ContactObservationId, T>,
+}
+
+impl<T: Copy> PerObservation<T> {
+    pub(crate) fn map<U>(&self, f: impl Fn(T) -> U) -> PerObservation<U> {
+        PerObservation { edges: self.edges.map(|&x| f(x)), contacts: self.contacts.map(|&x| f(x)) }
+    }
+
+    pub(crate) fn zip<S: Copy, U>(
+        &self,
+        other: &PerObservation<S>,
+        of: impl Fn(T, S) -> U,
+    ) -> PerObservation<U> {
+        PerObservation {
+            edges: self.edges.iter().zip(&other.edges).map(|(&x, &y)| of(x, y)).collect(),
+            contacts: self.contacts.iter().zip(&other.contacts).map(|(&x, &y)| of(x, y)).collect(),
+        }
+    }
+
+    /// Edges first, then contacts.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = T> {
+        self.edges.iter().chain(&self.contacts).copied()
+    }
+}
 
 /// What is unknown of a taxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -181,4 +227,48 @@ pub struct Observations {
     pub edges: IdVec<DisplacementId, Displacement>,
     /// Absolute observations of one taxel.
     pub contacts: IdVec<ContactObservationId, ContactObservation>,
+}
+
+impl Observations {
+    /// Multiplies every length by `factor`, which is above 0: metres for a file in millimetres are
+    /// `scale(1e-3)`. Information of lengths is divided by its square.
+    pub fn scale(&mut self, factor: f64) {
+        let initial = self.taxels.iter_mut().filter_map(|taxel| taxel.initial.as_mut());
+        initial.for_each(|pose| pose.position *= factor);
+        for edge in self.edges.iter_mut() {
+            match &mut edge.measurement {
+                DisplacementMeasurement::Offset { offset, information } => {
+                    *offset *= factor;
+                    scale_lengths(information, factor);
+                }
+                DisplacementMeasurement::Relative(relative) => scale_pose(relative, factor),
+            }
+        }
+        for contact in self.contacts.iter_mut() {
+            match &mut contact.measurement {
+                ContactMeasurement::Position { position, information }
+                | ContactMeasurement::PositionNormal { position, information, .. } => {
+                    *position *= factor;
+                    scale_lengths(information, factor);
+                }
+                ContactMeasurement::Pose { offset, seen } => {
+                    offset.position *= factor;
+                    scale_pose(seen, factor);
+                }
+            }
+        }
+    }
+}
+
+fn scale_pose(measured: &mut PoseMeasurement, factor: f64) {
+    measured.pose.position *= factor;
+    scale_lengths(&mut measured.information, factor);
+}
+
+/// The first three rows and columns are those of lengths, the others those of angles.
+fn scale_lengths<const N: usize>(information: &mut Information<N>, factor: f64) {
+    let unit = |k: usize| if k < 3 { factor } else { 1.0 };
+    for (i, row) in information.0.iter_mut().enumerate() {
+        row.iter_mut().enumerate().for_each(|(j, x)| *x /= unit(i) * unit(j));
+    }
 }

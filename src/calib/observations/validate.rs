@@ -1,11 +1,12 @@
-//! Checks of everything that a solve relies on.
+//! Checks of everything that a solve relies on, and what public pose graphs lack of it, repaired on
+//! request: information that is not positive semi-definite.
 
-use std::{collections::HashSet, fmt::Display};
+use std::collections::HashSet;
 
 use crate::{
     calib::{
         CalibError, ContactMeasurement, ContactObservation, ContactObservationId, Displacement,
-        DisplacementId, DisplacementMeasurement, Model, Observations,
+        DisplacementId, DisplacementMeasurement, Information, Model, ObservationId, Observations,
     },
     id::VertexId,
     skin::TaxelId,
@@ -43,18 +44,15 @@ impl Observations {
         Ok(())
     }
 
-    fn check_index(&self, element: impl Display, vertex: VertexId) -> Result<TaxelId, CalibError> {
-        let dangling = || CalibError::Dangling {
-            element: element.to_string(),
-            vertex: vertex.index(),
-            taxels: self.taxels.len(),
-        };
+    fn check_index(&self, observation: ObservationId, vertex: VertexId) -> Result<TaxelId, CalibError> {
+        let dangling = || CalibError::Dangling { observation, vertex, taxels: self.taxels.len() };
         self.taxels.get(vertex).map(|t| t.id).ok_or_else(dangling)
     }
 
     fn check_edge(&self, edge: DisplacementId, displacement: &Displacement) -> Result<(), CalibError> {
-        let from = self.check_index(format_args!("edge {edge}"), displacement.from)?;
-        let to = self.check_index(format_args!("edge {edge}"), displacement.to)?;
+        let observation = ObservationId::Edge(edge);
+        let from = self.check_index(observation, displacement.from)?;
+        let to = self.check_index(observation, displacement.to)?;
         if from == to {
             return Err(CalibError::SelfEdge { edge, id: from });
         }
@@ -68,8 +66,7 @@ impl Observations {
         };
         if !fits {
             let needed = "displacements t_j - t_i for positions, relative poses for poses";
-            let element = format!("edge {edge}");
-            return Err(CalibError::WrongModel { element, id: from, model: self.model, needed });
+            return Err(CalibError::WrongModel { observation, id: from, model: self.model, needed });
         }
         if !finite {
             return Err(CalibError::InvalidEdge { edge, from, to });
@@ -90,7 +87,8 @@ impl Observations {
         contact: ContactObservationId,
         touched: &ContactObservation,
     ) -> Result<(), CalibError> {
-        let id = self.check_index(format_args!("contact {contact}"), touched.taxel)?;
+        let observation = ObservationId::Contact(contact);
+        let id = self.check_index(observation, touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
         const NOT_A_POSE: &str = "it holds a number that is not finite or a quaternion not of unit length";
         let definite = match &touched.measurement {
@@ -104,8 +102,7 @@ impl Observations {
             ContactMeasurement::Pose { offset, seen } => {
                 if self.model == Model::Positions {
                     let needed = "positions, with or without normal";
-                    let element = format!("contact {contact}");
-                    return Err(CalibError::WrongModel { element, id, model: self.model, needed });
+                    return Err(CalibError::WrongModel { observation, id, model: self.model, needed });
                 }
                 if !seen.pose.is_valid() || !offset.is_valid() {
                     return invalid(NOT_A_POSE);
@@ -140,6 +137,53 @@ impl Observations {
         match unobserved.next() {
             Some(v) => Err(CalibError::Unobserved { id: self.taxels[v].id, others: unobserved.count() }),
             None => Ok(()),
+        }
+    }
+}
+
+impl Observations {
+    /// How many edges have finite information that is not positive semi-definite.
+    fn indefinite_edges(&self) -> usize {
+        self.edges.iter().filter(|edge| edge.is_indefinite()).count()
+    }
+
+    /// Replaces the information of edges and contacts that is not positive semi-definite by the
+    /// nearest matrix that is; returns how many were replaced.
+    pub fn clip_information(&mut self) -> usize {
+        let mut clipped = 0;
+        for edge in self.edges.iter_mut() {
+            clipped += usize::from(match &mut edge.measurement {
+                DisplacementMeasurement::Offset { information, .. } => clip(information),
+                DisplacementMeasurement::Relative(m) => clip(&mut m.information),
+            });
+        }
+        for contact in self.contacts.iter_mut() {
+            match &mut contact.measurement {
+                ContactMeasurement::Position { information, .. }
+                | ContactMeasurement::PositionNormal { information, .. } => {
+                    clipped += usize::from(clip(information));
+                }
+                ContactMeasurement::Pose { seen, .. } => clipped += usize::from(clip(&mut seen.information)),
+            }
+        }
+        clipped
+    }
+}
+
+/// Whether information was indefinite; then it is clipped.
+fn clip<const N: usize>(information: &mut Information<N>) -> bool {
+    let is_indefinite = information.is_indefinite();
+    if is_indefinite {
+        *information = information.clipped();
+    }
+    is_indefinite
+}
+
+impl Displacement {
+    fn is_indefinite(&self) -> bool {
+        match &self.measurement {
+            DisplacementMeasurement::Offset { information, .. } => information.is_indefinite(),
+            DisplacementMeasurement::Relative(m) => m.information.is_indefinite(),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The stages in their order ([`robust_fit`]), and stage 5: whether robust estimation is needed at
+//! The stages in their order ([`robust_fit`]), and stage 3: whether robust estimation is needed at
 //! all, and at which noise scale.
 //!
 //! Least squares first. If its chi-square is too large or one residual is an outlier, refit with
@@ -9,13 +9,10 @@
 //! observations.
 
 use crate::calib::{
-    CalibError, Loss, LossFunctions, Poses, Solver, Termination, Verdict,
+    CalibError, Loss, LossFunctions, Poses, Solver, Termination, Verdict, Weighting, components,
     robust::{
-        ambiguity::ambiguity,
-        coordinate_descent::coordinate_descent,
         goodness_of_fit::goodness_of_fit,
-        graduated::graduated,
-        length_prior::{LogOdds, length_prior, with_odds},
+        length_prior::length_prior,
         scale::{Scale, has_outlier},
         solution::Solution,
     },
@@ -67,7 +64,7 @@ fn refit(solver: &mut Solver<'_>, plain: &Solution) -> Result<Option<Solution>, 
     }
     let scale = Scale::of(solver, &found);
     if !scale.is_as_stated() {
-        let wide = descended(solver, start(), &scale.of_losses(&stated), None)?;
+        let wide = Solution::graduated(solver, start(), &scale.of_losses(&stated), None)?;
         let scale = scale.max(Scale::of(solver, &wide));
         let wide = robust_fit(solver, start(), &scale.of_losses(&stated))?;
         let mut both = wide.verdicts.edges.iter().zip(&found.verdicts.edges);
@@ -97,47 +94,59 @@ fn is_better(solver: &Solver<'_>, found: &Solution, plain: &Solution) -> bool {
             || has_outlier(dimensions, leverage, chi2, &found.verdicts, is_rejected))
 }
 
-/// The best fit under `losses`: stages 1 and 2, again with what the length prior learned from them,
-/// and the ambiguities that remain.
+/// The best fit under `losses`: stage 1, and again with what the length prior learned from it; then
+/// taxels that lost all their edges are connected again.
 pub(crate) fn robust_fit(
     solver: &mut Solver<'_>,
     start: Poses,
     losses: &LossFunctions,
 ) -> Result<Solution, CalibError> {
-    let (fit, odds) = with_length_prior(solver, start, losses)?;
-    if !fit.termination.is_converged() {
-        return Ok(fit);
+    let mut fit = Solution::graduated(solver, start.clone(), losses, None)?;
+    if fit.termination.is_converged()
+        && let Some(odds) = length_prior(solver.problem.observations, &fit.verdicts)
+    {
+        fit = Solution::graduated(solver, start, losses, Some(&odds))?;
     }
-    ambiguity(solver, fit, odds.as_ref(), losses)
+    if fit.termination.is_converged() { connected(solver, fit, losses) } else { Ok(fit) }
 }
 
-/// Stages 1 and 2, and again with what the length prior learned from them.
-pub(super) fn with_length_prior(
-    solver: &mut Solver<'_>,
-    start: Poses,
-    losses: &LossFunctions,
-) -> Result<(Solution, Option<LogOdds>), CalibError> {
-    let first = descended(solver, start.clone(), losses, None)?;
-    let is_usable = first.termination.is_converged();
-    let odds = if is_usable { length_prior(solver.problem.observations, &first.verdicts) } else { None };
-    let fit = match &odds {
-        Some(odds) => descended(solver, start, &with_odds(losses, odds), Some(odds))?,
-        None => first,
-    };
-    Ok((fit, odds))
-}
+/// Weight of rejected edges where nothing else joins two components: too small to bend the
+/// surroundings, large enough for a covariance about as wide as the contradiction.
+const JOINING_WEIGHT: f64 = 1e-3;
 
-pub(crate) fn descended(
+/// Joins components that lost all edges to the rest: edges between them within the bounds of
+/// `losses`, whatever their lengths, become inliers, and the other ones get a small weight.
+///
+/// This changes no RMSE, but covariances: a single taxel without any edge would have a sigma of
+/// 10 m, and in the centroid gauge all others would share in it.
+fn connected(
     solver: &mut Solver<'_>,
-    start: Poses,
+    mut fit: Solution,
     losses: &LossFunctions,
-    odds: Option<&LogOdds>,
 ) -> Result<Solution, CalibError> {
-    let dimensions = &solver.problem.dimensions;
-    let huber = || {
-        let huber = LossFunctions::new(dimensions, Loss::Huber);
-        odds.map_or_else(|| huber.clone(), |odds| with_odds(&huber, odds))
-    };
-    let solution = graduated(solver, start, losses, huber)?;
-    if losses.loss == Loss::Truncated { coordinate_descent(solver, solution) } else { Ok(solution) }
+    let observations = solver.problem.observations;
+    let (components, of_taxel) = components(observations, |e| fit.verdicts.edges[e] == Verdict::Inlier);
+    let mut is_held: Vec<bool> = components.iter().map(|c| c.fixed).collect();
+    for (id, contact) in observations.contacts.enumerate() {
+        is_held[of_taxel[contact.taxel]] |= fit.verdicts.contacts[id] == Verdict::Inlier;
+    }
+    let mut is_changed = false;
+    for (e, edge) in observations.edges.enumerate() {
+        let (from, to) = (of_taxel[edge.from], of_taxel[edge.to]);
+        if from == to || is_held[from] && is_held[to] || !edge.is_observed() {
+            continue;
+        }
+        is_changed = true;
+        if losses.of.edges[e].is_inlier(fit.iterate.chi2.edges[e]) {
+            (fit.verdicts.edges[e], fit.weights.edges[e]) = (Verdict::Inlier, 1.0);
+        } else {
+            fit.weights.edges[e] = fit.weights.edges[e].max(JOINING_WEIGHT);
+        }
+    }
+    if is_changed {
+        let poses = fit.iterate.poses;
+        (fit.iterate, fit.termination) = solver.minimise(Weighting::Fixed(&fit.weights), poses)?;
+        fit.iterate.cost = fit.losses.cost(&fit.iterate.chi2);
+    }
+    Ok(fit)
 }

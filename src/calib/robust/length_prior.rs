@@ -1,4 +1,4 @@
-//! Stage 3, *heuristic* (empirical Bayes): learns from the first verdicts which lengths outliers
+//! Stage 2, *heuristic* (empirical Bayes): learns from the first verdicts which lengths outliers
 //! have, and scales the bounds of the edges accordingly.
 //!
 //! Taxels that touch one after the other are neighbours, so correct displacements are alike; a

@@ -1,8 +1,9 @@
-//! What a stage of robust estimation hands to the next: poses, and a verdict on every observation.
+//! What a stage of robust estimation hands to the next: poses, and a verdict on every observation;
+//! and stage 1, the minimum of a loss that is not convex.
 
 use crate::calib::{
-    CalibError, Iterate, Loss, LossFunctions, PerObservation, Poses, SMALLEST_WEIGHT, Solver, Termination,
-    Verdict, Weighting,
+    CalibError, Iterate, Loss, LossFunctions, PerObservation, Poses, Solver, Termination, Verdict, Weighting,
+    robust::length_prior::{LogOdds, with_odds},
 };
 
 /// Poses with the verdicts and weights that they were found with.
@@ -16,9 +17,9 @@ pub(crate) struct Solution {
     pub(crate) termination: Termination,
 }
 
-/// Weight of ambiguous observations: too small to bend the surroundings, large enough to leave the
-/// system well conditioned, and a covariance as wide as the contradiction.
-const AMBIGUOUS_WEIGHT: f64 = 1e-3;
+/// Control at which a residual of a million bounds still counts: larger ones may be rejected at
+/// once.
+const FIRST_CONTROL: f64 = 1e-12;
 
 impl Solution {
     /// The minimum of least squares; every observation counts.
@@ -47,17 +48,47 @@ impl Solution {
         Self { iterate, verdicts, weights, losses: losses.clone(), termination }
     }
 
-    /// Solves again under other `verdicts`. The cost stays that of the losses.
-    pub(crate) fn under(
-        self,
+    /// Stage 1: a minimum of the sum of `losses`, their bounds scaled by `odds` if there are any.
+    ///
+    /// Truncated least squares by graduated non-convexity (algorithm 1 of yang2020), started from
+    /// least squares. Tukey's loss from the minimum of Huber's loss, which is the only one that loss
+    /// has. Neither guarantees the global minimum.
+    pub(crate) fn graduated(
         solver: &mut Solver<'_>,
-        verdicts: PerObservation<Verdict>,
+        start: Poses,
+        losses: &LossFunctions,
+        odds: Option<&LogOdds>,
     ) -> Result<Self, CalibError> {
-        let Self { iterate, losses, .. } = self;
-        let weights = weights_of(&verdicts, &losses, &iterate.chi2);
-        let (mut iterate, termination) = solver.minimise(Weighting::Fixed(&weights), iterate.poses)?;
-        iterate.cost = losses.cost(&iterate.chi2);
-        Ok(Self { iterate, verdicts, weights, losses, termination })
+        let scaled = |losses: &LossFunctions| match odds {
+            Some(odds) => with_odds(losses, odds),
+            None => losses.clone(),
+        };
+        match losses.loss {
+            Loss::Squared | Loss::Huber => Self::of_losses(solver, start, &scaled(losses)),
+            Loss::Tukey => {
+                let huber = scaled(&LossFunctions::new(&solver.problem.dimensions, Loss::Huber));
+                let start = Self::of_losses(solver, start, &huber)?.iterate.poses;
+                Self::of_losses(solver, start, &scaled(losses))
+            }
+            Loss::Truncated => Self::truncated(solver, start, &scaled(losses)),
+        }
+    }
+
+    fn truncated(solver: &mut Solver<'_>, start: Poses, losses: &LossFunctions) -> Result<Self, CalibError> {
+        let plain = Self::least_squares(solver, start)?;
+        let worst = losses.worst(&plain.iterate.chi2);
+        // Nothing moves, or everything fits: nothing to reject. Or not even the worst has a number.
+        if solver.problem.moving() == 0 || worst <= 1.0 || !worst.is_finite() {
+            return Ok(Self { losses: losses.clone(), ..plain });
+        }
+        let mu = (2.0 * worst - 1.0).recip().max(FIRST_CONTROL);
+        let schedule = Weighting::Graduated { losses, mu };
+        let (mut iterate, termination) = solver.minimise(schedule, plain.iterate.poses)?;
+        if termination == Termination::OutOfIterations {
+            iterate.cost = losses.cost(&iterate.chi2);
+            return Ok(Self::judged(iterate, losses, termination));
+        }
+        Self::of_losses(solver, iterate.poses, losses)
     }
 
     /// Whether no more than this `share` of the edges was rejected, and of the contacts.
@@ -68,20 +99,4 @@ impl Solution {
         };
         few(&self.verdicts.edges) && few(&self.verdicts.contacts)
     }
-}
-
-/// Truncated least squares counts inliers fully and outliers not at all; other losses weigh by the
-/// residual. No inlier counts less than an ambiguous observation.
-fn weights_of(
-    verdicts: &PerObservation<Verdict>,
-    losses: &LossFunctions,
-    chi2: &PerObservation,
-) -> PerObservation {
-    verdicts.zip(&losses.weights(chi2), |verdict, by_loss| match verdict {
-        Verdict::Ambiguous => AMBIGUOUS_WEIGHT,
-        Verdict::Inlier if losses.loss == Loss::Truncated => 1.0,
-        Verdict::Outlier if losses.loss == Loss::Truncated => SMALLEST_WEIGHT,
-        Verdict::Inlier => by_loss.max(AMBIGUOUS_WEIGHT),
-        Verdict::Outlier => by_loss,
-    })
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
 
-use super::layout::SensorLayout;
+use super::sensor_layout::SensorLayout;
 use crate::id::VertexId;
 use crate::numeric::Random;
 

@@ -1,11 +1,201 @@
-//! The experiment of the source paper's section IV (cannata): a skin whose truth is known,
-//! its displacements and its contacts with a sphere.
+//! The experiment of the source paper's section IV (cannata): a skin whose truth is known, its
+//! displacements and its contacts with a sphere.
 
 mod attribution_errors;
-mod layout;
 mod options;
-#[expect(clippy::module_inception, reason = "the file is named after what it does")]
-mod simulate;
+mod sensor_layout;
 
-pub use self::simulate::{Simulation, simulate};
 pub use options::SimulateOptions;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::{
+    calib::{
+        CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
+        DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement, TaxelVariable,
+        pose::exp,
+        simulate::{attribution_errors::Neighbourhoods, sensor_layout::SensorLayout},
+        solve::initial::spanning_tree,
+    },
+    id::{IdVec, VertexId},
+    mesh::TriMesh,
+    numeric::Random,
+    skin::TaxelId,
+};
+
+/// Observations whose truth is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation {
+    /// What was observed; ids count from 0. Initial values are the displacements chained from the
+    /// first taxel, which is where it truly is.
+    pub observations: Observations,
+    /// Where the taxels truly are.
+    pub truth: IdVec<VertexId, Pose>,
+    /// The skin as it truly is.
+    pub mesh: TriMesh,
+    /// The displacements that were attributed to a wrong taxel.
+    pub outliers: Vec<DisplacementId>,
+}
+
+/// Noise that observations without noise state, in m and rad: they have to state some.
+const NO_NOISE: f64 = 1e-3;
+
+/// Less noise than this is not stated, in m and rad: files of observations do not take it.
+const LEAST_STATED: f64 = 1e-9;
+
+/// Streams of random numbers: one for each source.
+mod stream {
+    pub(crate) const DISPLACEMENTS: u64 = 0;
+    pub(crate) const OUTLIERS: u64 = 1;
+    pub(crate) const ANCHORS: u64 = 2;
+    pub(crate) const ARM: u64 = 3;
+}
+
+/// Simulates displacements between lattice neighbours with independent noise, and absolute contacts
+/// of some taxels.
+///
+/// ```
+/// use dermatome::calib::{SimulateOptions, simulate};
+///
+/// let simulation = simulate(&SimulateOptions::default())?;
+/// assert_eq!(simulation.observations.edges.len(), 1419);
+/// assert_eq!(simulation.mesh.triangles.len(), 920);
+/// # Ok::<(), dermatome::calib::CalibError>(())
+/// ```
+///
+/// The source paper prints `t = s + 2` for `s` triangles and `t` taxels; that holds only without
+/// interior vertices. In general a disk has `s = 2t - 2 - b` triangles with `b` boundary vertices:
+/// here 920 = 2 * 500 - 2 - 78.
+///
+/// # Errors
+/// [`CalibError::BadOption`] for lengths below 1 um or above 1 km, noise that is negative or above
+/// 1 km, a chance outside 0 to 1.
+pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
+    options.validate()?;
+    let layout = SensorLayout::new(options.taxels, options.spacing, options.radius)?;
+    let indentation = options.indentation;
+    if indentation >= options.radius {
+        let (option, needed) = ("the indentation in m", "less than the radius of the sphere");
+        return Err(CalibError::BadOption { option, found: indentation, needed });
+    }
+    let unknown = |v: VertexId| TaxelVariable { id: TaxelId(v.raw()), initial: None, fixed: false };
+    let mut observations = Observations {
+        model: options.model,
+        taxels: layout.frames.ids().map(unknown).collect(),
+        ..Observations::default()
+    };
+    let outliers = displacements(options, &layout, &mut observations);
+    contacts(options, &layout, &mut observations);
+
+    let first = VertexId::new(0);
+    let known = match options.model {
+        Model::Positions => Pose::at(layout.frames[first].position),
+        Model::Poses => layout.frames[first],
+    };
+    observations.taxels[first].initial = Some(known);
+    let chained = spanning_tree(&observations);
+    for (taxel, pose) in observations.taxels.iter_mut().zip(chained) {
+        taxel.initial = Some(pose);
+    }
+    Ok(Simulation { observations, mesh: layout.mesh(), truth: layout.frames, outliers })
+}
+
+/// The information that observations with this noise state.
+fn information_of_noise(noise: f64) -> f64 {
+    if noise > 0.0 { noise.max(LEAST_STATED).powi(-2) } else { NO_NOISE.powi(-2) }
+}
+
+/// Adds the displacements; returns those that were attributed to a wrong taxel.
+fn displacements(
+    options: &SimulateOptions,
+    layout: &SensorLayout,
+    observations: &mut Observations,
+) -> Vec<DisplacementId> {
+    let mut noise = Random::new(options.seed, stream::DISPLACEMENTS);
+    let mut chance = Random::new(options.seed, stream::OUTLIERS);
+    let translation = information_of_noise(options.noise);
+    let rotation = information_of_noise(options.rotation_noise);
+    let pose_information =
+        Information::diagonal([translation, translation, translation, rotation, rotation, rotation]);
+    let mut outliers = Vec::new();
+    let cells = if options.outliers > 0.0 { Neighbourhoods::new(layout) } else { Neighbourhoods::default() };
+    for &[from, to] in &layout.edges {
+        let mut seen = to;
+        if options.outliers > 0.0
+            && chance.uniform() < options.outliers
+            && let Some(wrong) = cells.misattributed(layout, from, to, &mut chance)
+        {
+            seen = wrong;
+            outliers.push(DisplacementId::new(observations.edges.len()));
+        }
+        let motion = match options.model {
+            Model::Positions => {
+                let truth = layout.frames[seen].position - layout.frames[from].position;
+                let offset = truth + noise.vector(options.noise);
+                DisplacementMeasurement::Offset {
+                    offset,
+                    information: Information::diagonal([translation; 3]),
+                }
+            }
+            Model::Poses => {
+                let truth = layout.frames[from].inverse() * layout.frames[seen];
+                let position = truth.position + noise.vector(options.noise);
+                let rotation = (truth.rotation * exp(noise.vector(options.rotation_noise))).normalize();
+                let pose = Pose { position, rotation };
+                let measurement = PoseMeasurement { pose, information: pose_information };
+                DisplacementMeasurement::Relative(Box::new(measurement))
+            }
+        };
+        observations.edges.push(Displacement { from, to, measurement: motion });
+    }
+    outliers
+}
+
+/// Adds an absolute contact for each of the anchors.
+fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut Observations) {
+    let mut noise = Random::new(options.seed, stream::ANCHORS);
+    let mut arm = Random::new(options.seed, stream::ARM);
+    let information = Information::diagonal([information_of_noise(options.anchor_noise); 3]);
+    for taxel in layout.spread(options.anchors) {
+        let frame = &layout.frames[taxel];
+        let [touched, outward] = simulate_contact(options, frame.rotation * DVec3::Z, &mut arm);
+        let position = touched + noise.vector(options.anchor_noise);
+        let touch = match options.normal_noise {
+            None => ContactMeasurement::Position { position, information },
+            Some(sigma) => {
+                let x = outward.any_orthonormal_vector();
+                let tilt = noise.normal() * x + noise.normal() * outward.cross(x);
+                let normal = (outward + sigma * tilt).normalize();
+                let normal_information = information_of_noise(sigma);
+                ContactMeasurement::PositionNormal { position, information, normal, normal_information }
+            }
+        };
+        observations.contacts.push(ContactObservation { taxel, measurement: touch });
+    }
+}
+
+/// Touches the probe with the taxel of normal `n` from a random direction: the contact forward
+/// model of section IV.
+///
+/// A contact along `u` (from the probe to the end effector) means an end-effector rotation
+/// with `Q n = -u` and centre `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is
+/// observed at `Q' (c_b + r_b u - o)`. Returns its position and normal in the frame of the end
+/// effector, as the arm believes them.
+fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> [DVec3; 2] {
+    let (probe, depth) = (options.probe_centre, options.indentation);
+    let u = arm.direction();
+    let spin = exp(std::f64::consts::TAU * arm.uniform() * DVec3::Z);
+    let rotation = frame_of(-u) * spin * frame_of(n).conjugate();
+    let centre = probe + (options.radius + options.probe_radius - depth) * u;
+    let believed_centre = centre + arm.vector(options.arm_noise);
+    let believed_rotation = exp(arm.vector(options.arm_rotation_noise)) * rotation;
+    let contact = probe + options.probe_radius * u;
+    let back = believed_rotation.conjugate();
+    [back * (contact - believed_centre), (back * -u).normalize()]
+}
+
+/// Some rotation that takes z to `direction`.
+fn frame_of(direction: DVec3) -> DQuat {
+    let x = direction.any_orthonormal_vector();
+    DQuat::from_mat3(&DMat3::from_cols(x, direction.cross(x), direction)).normalize()
+}

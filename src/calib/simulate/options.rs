@@ -82,16 +82,16 @@ impl SimulateOptions {
         ];
         for (option, x) in sizes {
             if !(0.0..=MOST_NOISE).contains(&x) {
-                let found = format!("{x:?} m or rad");
-                return Err(CalibError::option(option, found, "0 to 1000 m or rad"));
+                return Err(CalibError::BadOption { option, found: x, needed: "0 to 1000 m or rad" });
             }
         }
         if !(0.0..=1.0).contains(&self.outliers) {
-            return Err(CalibError::option("the share of outliers", self.outliers, "0 to 1"));
+            let found = self.outliers;
+            return Err(CalibError::BadOption { option: "the share of outliers", found, needed: "0 to 1" });
         }
         if self.anchors > self.taxels {
-            let needed = "at most the number of taxels";
-            return Err(CalibError::option("the number of anchors", self.anchors, needed));
+            let (option, found) = ("the number of anchors", self.anchors as f64);
+            return Err(CalibError::BadOption { option, found, needed: "at most the number of taxels" });
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
 //! Gauge freedom: rigid motions of whole components that the contacts do not determine, and how the
-//! solve holds them (triggs2000), section 9).
+//! solve holds them (section 9 of triggs2000).
 //!
 //! The gauge taxel of each such component gets stiffness along the free motions, which the cost
 //! does not feel. Covariances are taken to the centroid gauge afterwards (`marginals`).

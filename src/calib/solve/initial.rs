@@ -7,11 +7,11 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
     calib::{
-        CalibError, ContactMeasurement, Displacement, DisplacementMeasurement, Initialization, Model,
-        Observations, Pose, PoseMeasurement, Poses, components, edges_of_taxels,
-        geometry::align::{Correlation, nearest_rotation, outer},
-        predicted_pose,
-        solve::layout::{number_rows, pair_of, row_pairs},
+        CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement,
+        Initialization, Model, Observations, Pose, PoseMeasurement, Poses,
+        align::{Correlation, nearest_rotation, outer},
+        components,
+        solve::linear_system::{number_rows, pair_of, row_pairs},
     },
     id::{IdVec, VertexId},
     sparse::{BlockSlot, BlockSystem, Pattern, SparseError},
@@ -64,6 +64,29 @@ fn initial_or_origin(observations: &Observations) -> Poses {
             Model::Poses => pose,
         }
     })
+}
+
+/// The edges of every taxel, ascending.
+fn edges_of_taxels(observations: &Observations) -> IdVec<VertexId, Vec<DisplacementId>> {
+    let mut edges_of: IdVec<VertexId, Vec<DisplacementId>> = observations.taxels.map(|_| Vec::new());
+    for (id, edge) in observations.edges.enumerate() {
+        edges_of[edge.from].push(id);
+        edges_of[edge.to].push(id);
+    }
+    edges_of
+}
+
+/// The pose of `v` that `edge` predicts from its other end.
+fn predicted_pose(observations: &Observations, edge: DisplacementId, v: VertexId, poses: &Poses) -> Pose {
+    let edge = &observations.edges[edge];
+    let is_forward = edge.to == v;
+    let other = &poses[if is_forward { edge.from } else { edge.to }];
+    match &edge.measurement {
+        DisplacementMeasurement::Offset { offset, .. } => {
+            Pose { position: other.position + if is_forward { *offset } else { -*offset }, ..*other }
+        }
+        DisplacementMeasurement::Relative(m) => *other * if is_forward { m.pose } else { m.pose.inverse() },
+    }
 }
 
 /// Chains observations breadth first, from the anchors outwards, in the order of the edges.

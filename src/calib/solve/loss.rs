@@ -2,10 +2,10 @@
 //!
 //! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted
 //! least squares with the weight `rho'(s)`. Bounds follow from how many numbers an observation
-//! measures, so that the same share of inliers is affected in every model. (huber1964),
-//! (beaton1974) (Tukey's biweight), (yang2020) (the graduated truncated loss).
+//! measures, so that the same share of inliers is affected in every model. Huber's loss: (huber1964);
+//! Tukey's biweight: (beaton1974); the graduated truncated loss: (yang2020).
 
-use std::{borrow::Cow, fmt};
+use std::borrow::Cow;
 
 use crate::{
     calib::{DisplacementId, PerObservation},
@@ -27,17 +27,6 @@ pub enum Loss {
     Truncated,
 }
 
-impl fmt::Display for Loss {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Squared => "none",
-            Self::Huber => "huber",
-            Self::Tukey => "tukey",
-            Self::Truncated => "gnc",
-        })
-    }
-}
-
 /// Whether the noise explains an observation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -45,8 +34,6 @@ pub enum Verdict {
     Inlier,
     /// It is not.
     Outlier,
-    /// The edges of a taxel contradict each other, and nothing decides between them.
-    Ambiguous,
 }
 
 /// Share of inliers below the bound of Huber's loss, which leaves them as they are.
@@ -123,7 +110,7 @@ impl LossFunction {
     }
 
     /// Weight of the graduated truncated loss at control `mu`: nearly convex for small `mu`, the
-    /// truncation itself as it grows (yang2020), equation 14).
+    /// truncation itself as it grows (equation 14 of yang2020).
     pub(crate) fn graduated_weight(&self, mu: f64, chi2: f64) -> f64 {
         let c2 = self.bound2;
         let weight = if chi2 <= mu / (mu + 1.0) * c2 {
@@ -191,7 +178,7 @@ pub(crate) enum Weighting<'w> {
     /// Given.
     Fixed(&'w PerObservation),
     /// Those of the graduated loss at control `mu`, which grows after every step until it reaches
-    /// the truncated loss (yang2020), algorithm 1).
+    /// the truncated loss (algorithm 1 of yang2020).
     Graduated { losses: &'w LossFunctions, mu: f64 },
 }
 

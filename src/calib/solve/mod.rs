@@ -1,9 +1,7 @@
 //! The optimiser: from observations and weights to poses and covariances. It knows no outliers.
 
-mod convergence;
 pub(super) mod gauge;
 pub(super) mod initial;
-pub(super) mod layout;
 pub(super) mod levenberg_marquardt;
 pub(super) mod linear_system;
 pub(super) mod loss;

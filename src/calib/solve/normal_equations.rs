@@ -11,9 +11,9 @@ use crate::{
     calib::{
         BlockLayout, CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement,
         Observations, PerObservation, Pose, PoseMeasurement, Poses, ResidualConvention,
-        geometry::pose::hat,
+        pose::hat,
         solve::{
-            layout::{number_rows, pair_of, row_pairs},
+            linear_system::{number_rows, pair_of, row_pairs},
             residual::{EdgeTerm, error, linearised},
         },
     },
@@ -87,7 +87,7 @@ impl<'o> Problem<'o> {
         }
     }
 
-    pub(crate) fn edge_chi2(&self, e: &Displacement, poses: &Poses) -> f64 {
+    fn edge_chi2(&self, e: &Displacement, poses: &Poses) -> f64 {
         match &e.measurement {
             DisplacementMeasurement::Offset { offset, information } => {
                 information.quadratic_form(&offset_error(e, *offset, poses).to_array())
@@ -99,7 +99,7 @@ impl<'o> Problem<'o> {
         }
     }
 
-    pub(crate) fn contact_chi2(&self, measurement: &ContactMeasurement, at: &Pose) -> f64 {
+    fn contact_chi2(&self, measurement: &ContactMeasurement, at: &Pose) -> f64 {
         match measurement {
             ContactMeasurement::Position { position, information } => {
                 information.quadratic_form(&(at.position - *position).to_array())

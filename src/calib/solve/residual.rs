@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         Pose, PoseMeasurement, ResidualConvention,
-        geometry::pose::{
+        pose::{
             hat, left_jacobian_inverse_times, left_jacobian_inverse_times_derivatives, log,
             right_jacobian_inverse,
         },
@@ -105,7 +105,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{calib::geometry::pose::exp, numeric::dot};
+    use crate::{calib::pose::exp, numeric::dot};
 
     fn vector(length: f64) -> impl Strategy<Value = DVec3> {
         (-1.0..1.0, -1.0..1.0, -1.0..1.0_f64).prop_map(move |(x, y, z)| DVec3::new(x, y, z) * length)

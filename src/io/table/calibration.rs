@@ -78,7 +78,7 @@ pub fn write_triangles(
 /// with an empty `j`.
 ///
 /// `sigmas` is the length of the whitened residual, `weight` how much the observation counts,
-/// `inlier` 1 for an inlier and 0 for what is rejected or ambiguous.
+/// `inlier` 1 for an inlier and 0 for an outlier.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.

@@ -76,7 +76,7 @@ pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
 
 fn bare(sheet: &Sheet) -> Finding {
     let message =
-        "its taxels have no triangles; reading it as a skin joins them, and `convert` lists what was assumed";
+        "its taxels have no triangles; reading it as a skin joins them, and remarks say what was assumed";
     Finding::of_sheet(FindingKind::Bare, sheet.title(), message.into())
 }
 

@@ -79,6 +79,18 @@ pub(super) enum RobustArg {
     Gnc,
 }
 
+impl RobustArg {
+    /// What selects a loss function.
+    pub(super) const fn name(loss: Loss) -> &'static str {
+        match loss {
+            Loss::Squared => "none",
+            Loss::Huber => "huber",
+            Loss::Tukey => "tukey",
+            Loss::Truncated => "gnc",
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(super) enum ResidualArg {
     /// Translation and rotation vector apart

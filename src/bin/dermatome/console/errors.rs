@@ -228,10 +228,8 @@ fn calib_help(error: &CalibError) -> &'static str {
             "write the inverse of the covariance, upper triangle row by row: x y z, then rotations; or take the nearest \
              matrices with --clip-information"
         }
-        CalibError::BadTriangles { .. } => {
-            "correct the triangles, or leave them out and let the edges form them"
-        }
-        CalibError::NoTriangulation { .. } => {
+        CalibError::BadTriangles(_) => "correct the triangles, or leave them out and let the edges form them",
+        CalibError::NoTriangulation(_) => {
             "give the triangles with --triangles FILE.csv, or write .csv or .g2o"
         }
         CalibError::NoInitialValue { .. } => "choose another start: --initial chordal or --initial tree",

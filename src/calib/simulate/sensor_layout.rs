@@ -44,9 +44,12 @@ impl SensorLayout {
         let (cells, plane) = lattice(taxels);
         let reach = plane.iter().map(|p| p.length()).fold(0.0, f64::max) * spacing;
         if reach > LARGEST_REACH * radius {
-            let found = format!("{taxels}, {} mm apart on a sphere of {} mm", spacing * 1e3, radius * 1e3);
             let needed = "fewer taxels, a smaller spacing or a larger sphere";
-            return Err(CalibError::option("the number of taxels", found, needed));
+            return Err(CalibError::BadOption {
+                option: "the number of taxels",
+                found: taxels as f64,
+                needed,
+            });
         }
         let frames: IdVec<VertexId, Pose> =
             plane.iter().map(|&p| frame(lift(p * spacing, radius), radius)).collect();
@@ -103,12 +106,12 @@ impl SensorLayout {
 fn check(taxels: usize, spacing: f64, radius: f64) -> Result<(), CalibError> {
     const MOST_TAXELS: usize = 10_000_000;
     if !(3..=MOST_TAXELS).contains(&taxels) {
-        return Err(CalibError::option("the number of taxels", taxels, "3 to 10 million"));
+        let (option, found) = ("the number of taxels", taxels as f64);
+        return Err(CalibError::BadOption { option, found, needed: "3 to 10 million" });
     }
-    for (option, length) in [("the spacing", spacing), ("the radius", radius)] {
-        if !LENGTHS.contains(&length) {
-            let found = format!("{:?} mm", length * 1e3);
-            return Err(CalibError::option(option, found, "0.001 mm to 1 km"));
+    for (option, found) in [("the spacing in m", spacing), ("the radius in m", radius)] {
+        if !LENGTHS.contains(&found) {
+            return Err(CalibError::BadOption { option, found, needed: "0.000001 to 1000" });
         }
     }
     Ok(())

@@ -1,9 +1,13 @@
 //! The rotation, and the rigid motion, that align two sets of points or directions best
-//! (horn1987), (wahba1965).
+//! (horn1987, wahba1965); and [`compare`], which measures what such a motion leaves.
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::numeric::symmetric_eigen;
+use crate::{
+    calib::{CalibError, Pose},
+    id::{IdVec, VertexId},
+    numeric::symmetric_eigen,
+};
 
 /// The matrix `a b'`.
 pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
@@ -45,4 +49,37 @@ pub(crate) fn nearest_rotation(m: &DMat3) -> DQuat {
     let best = (0..4).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(3);
     let q = DQuat::from_xyzw(vectors[0][best], vectors[1][best], vectors[2][best], vectors[3][best]);
     if q.w < 0.0 { -q } else { q }.normalize()
+}
+
+/// How far a calibration is from the truth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// Root mean square distance as it is, in m.
+    pub absolute: f64,
+    /// Root mean square distance after the best rigid motion, in m.
+    pub rigid: f64,
+    /// The best rigid motion from the calibration to the truth.
+    pub alignment: Pose,
+}
+
+/// Compares taxel poses with the truth, before and after the rigid motion that fits positions best.
+///
+/// # Errors
+/// [`CalibError::UnequalPoses`] if there is not one pose for every one of the truth, or none.
+pub fn compare(
+    found: &IdVec<VertexId, Pose>,
+    truth: &IdVec<VertexId, Pose>,
+) -> Result<Comparison, CalibError> {
+    if found.len() != truth.len() || truth.is_empty() {
+        return Err(CalibError::UnequalPoses { found: found.len(), needed: truth.len() });
+    }
+    let pairs: Vec<(DVec3, DVec3)> = found.iter().zip(truth).map(|(f, t)| (f.position, t.position)).collect();
+    let Correlation { from, to, matrix } = Correlation::new(&pairs);
+    let rotation = if matrix == DMat3::ZERO { DQuat::IDENTITY } else { nearest_rotation(&matrix) };
+    let alignment = Pose { position: to - rotation * from, rotation };
+    let rms = |motion: &Pose| {
+        let sum: f64 = pairs.iter().map(|(f, t)| motion.apply(*f).distance_squared(*t)).sum();
+        (sum / pairs.len() as f64).sqrt()
+    };
+    Ok(Comparison { absolute: rms(&Pose::default()), rigid: rms(&alignment), alignment })
 }

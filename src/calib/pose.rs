@@ -1,9 +1,9 @@
-//! Rigid frames, and the exponential and logarithm of rotations with their Jacobians
-//! (barfoot2017), section 7.1).
+//! Rigid frames, and the exponential and logarithm of rotations with their Jacobians (section 7.1 of
+//! barfoot2017).
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::calib::geometry::align::outer;
+use crate::calib::align::outer;
 
 /// Angles below this use the series of a function of rotations: its closed form loses half of its
 /// digits there.
@@ -103,7 +103,7 @@ pub(crate) fn hat(v: DVec3) -> DMat3 {
 
 /// `c` of `J_r^-1 = I + hat/2 + c hat^2`, and `dc/dangle / angle`.
 ///
-/// `c = 1/a^2 - cot(a/2)/(2a)` (Barfoot 2017, 7.1): smooth up to, not including, a full turn.
+/// `c = 1/a^2 - cot(a/2)/(2a)` (section 7.1 of barfoot2017): smooth up to, not including, a full turn.
 fn inverse_jacobian_coefficient(angle: f64) -> (f64, f64) {
     let a2 = angle * angle;
     if angle < 0.1 {
