@@ -9,7 +9,7 @@
 #[path = "../tests/maps/mod.rs"]
 mod maps;
 
-use std::{hint::black_box, time::Duration};
+use std::{hint::black_box, sync::Arc, time::Duration};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
@@ -18,14 +18,14 @@ use dermatome::{
     mesh::shapes,
 };
 use exr::prelude::WritableImage;
-use maps::{flat_patch, images::WholeImage};
+use maps::flat_patch;
 
 fn atlas(c: &mut Criterion) {
     for faces in [500, 10_000, 100_000, 1_000_000_u32] {
         let mesh = shapes::cap(faces as usize, 0.1, 1.0);
         // Twice the pixels that there are triangles.
         let pixel = (mesh.area() / f64::from(2 * faces)).sqrt();
-        let map = maps::skin(vec![flat_patch("cap", mesh, pixel)]);
+        let map = Arc::new(maps::skin(vec![flat_patch("cap", mesh, pixel)]));
         let mut group = c.benchmark_group("atlas");
         group
             .throughput(Throughput::Elements(u64::from(faces)))
@@ -35,9 +35,6 @@ fn atlas(c: &mut Criterion) {
             b.iter(|| black_box(Atlas::new(&map, &AtlasOptions::default()).unwrap()));
         });
         let images = skin_images(&map).unwrap();
-        group.bench_function(BenchmarkId::new("fill", faces), |b| {
-            b.iter(|| black_box(WholeImage::of(&images[0])))
-        });
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cap.exr");
         group.bench_function(BenchmarkId::new("exr", faces), |b| {
@@ -51,7 +48,7 @@ fn atlas(c: &mut Criterion) {
 /// patch.
 fn cover(c: &mut Criterion) {
     let patch = |faces: usize| flat_patch(&format!("cover {faces}"), shapes::cap(faces, 0.1, 1.0), 0.001);
-    let map = maps::skin([1200, 300, 75].map(patch).into());
+    let map = Arc::new(maps::skin([1200, 300, 75].map(patch).into()));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.exr");
     c.bench_function("cover_642/images", |b| {
@@ -63,7 +60,7 @@ fn cover(c: &mut Criterion) {
 /// same pixels as the exr crate writes them by itself. Both on all threads.
 fn floor(c: &mut Criterion) {
     let mesh = shapes::cap(1_000_000, 0.1, 1.0);
-    let map = maps::skin(vec![flat_patch("cap", mesh, 2.0 * 0.1 * 1.0_f64.sin() / 2046.0)]);
+    let map = Arc::new(maps::skin(vec![flat_patch("cap", mesh, 2.0 * 0.1 * 1.0_f64.sin() / 2046.0)]));
     let images = skin_images(&map).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let [ours, theirs] = ["ours.exr", "theirs.exr"].map(|name| folder.path().join(name));

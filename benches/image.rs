@@ -120,7 +120,6 @@ fn draw_map(c: &mut Criterion, name: &str, map: &SkinMap) {
     for (what, interpolation, level) in [
         ("draw", Interpolation::Linear, None),
         ("draw_L0", Interpolation::Linear, Some(LevelId::new(0))),
-        ("field", Interpolation::Field, None),
         ("natural", Interpolation::Natural, None),
     ] {
         if interpolation == Interpolation::Natural && taxels > 10_000 {

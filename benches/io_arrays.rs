@@ -52,13 +52,7 @@ fn recordings(c: &mut Criterion) {
         group.throughput(Throughput::Elements(frames));
         group.bench_function(BenchmarkId::new("frames", frames), |b| {
             b.iter(|| {
-                let layout = RecordingLayout {
-                    channels: &channels,
-                    atlas: None,
-                    interpolation: dermatome::image::Interpolation::Linear,
-                    values: true,
-                    level: None,
-                };
+                let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
                 let mut recording = RecordingWriter::create(&path, &map, &layout)?;
                 (0..frames).try_for_each(|_| recording.write(&frame, &[]))?;
                 recording.finish()
@@ -75,13 +69,8 @@ fn recordings(c: &mut Criterion) {
     group.throughput(Throughput::Bytes(1000 * bytes as u64));
     group.bench_function("npz_1000_frames", |b| {
         b.iter(|| {
-            let layout = RecordingLayout {
-                channels: &channels,
-                atlas: Some(&atlas),
-                interpolation: dermatome::image::Interpolation::Linear,
-                values: false,
-                level: None,
-            };
+            let layout =
+                RecordingLayout { channels: &channels, atlas: Some(&atlas), values: false, level: None };
             let mut recording = RecordingWriter::create(&path, &map, &layout)?;
             (0..1000).try_for_each(|_| recording.write(&frame, &images))?;
             recording.finish()

@@ -13,7 +13,7 @@ use dermatome::{
     contact::{ContactIndex, IndexOptions},
     io::read_draft,
     pipeline,
-    plot::{ChannelView, PlotOptions, Viewpoint, plot_frame},
+    plot::{PlotOptions, Viewpoint, plot_frame},
     pyramid::LevelId,
     signal::{Channel, Press, Restrictor, Spreader},
     skin::{AssembleOptions, LinkId, Motion, MotionFrame, PatchId, assemble},
@@ -94,8 +94,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{asked} frames, {located} refined; the strongest press is {:.2} N", strongest.0);
 
     let mut restrictor = Restrictor::new(&map, &channels);
-    let view =
-        ChannelView { frame: restrictor.restrict(&strongest.1), channels: &channels, shown: 0, range: None };
+    let frame = restrictor.restrict(&strongest.1);
     let levels = (0..map.patches[pad].levels.len()).map(LevelId::new).collect();
     let options = PlotOptions {
         patches: vec![patch.name.clone()],
@@ -104,7 +103,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         width_px: 1000,
         ..PlotOptions::default()
     };
-    std::fs::write("reach.png", plot_frame(&map, &view, &options)?.to_png()?)?;
+    std::fs::write("reach.png", plot_frame(&map, frame, &channels, 0, &options)?.to_png()?)?;
     println!("wrote reach.png: the touched taxels and fields of {}", patch.name);
     Ok(())
 }

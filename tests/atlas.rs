@@ -3,10 +3,11 @@
 
 mod maps;
 
+use std::sync::Arc;
+
 use dermatome::{
-    atlas::{Atlas, AtlasError, AtlasOptions, AtlasPart, Chart, ImageRows, Resolution, Samples, skin_images},
+    atlas::{Atlas, AtlasError, AtlasOptions, AtlasPart, Chart, Resolution, skin_images},
     id::{FaceId, IdVec, VertexId},
-    image::{RenderOptions, static_images},
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::{SurfacePoint, TriMesh, shapes},
     skin::{Link, LinkId, TaxelId},
@@ -58,20 +59,6 @@ fn face(chart: &Drawn, column: u32, row: u32) -> Option<FaceId> {
 fn pixels(chart: &Chart) -> impl Iterator<Item = (u32, u32)> + use<> {
     let [width, height] = chart.frame.size_px;
     (0..height).flat_map(move |row| (0..width).map(move |column| (column, row)))
-}
-
-fn floats<'a>(image: &'a WholeImage, name: &str) -> &'a [f32] {
-    match image.channel(name) {
-        Some(Samples::F32(x)) => x,
-        other => panic!("channel {name}: {other:?}"),
-    }
-}
-
-fn ids<'a>(image: &'a WholeImage, name: &str) -> &'a [u32] {
-    match image.channel(name) {
-        Some(Samples::U32(x)) => x,
-        other => panic!("channel {name}: {other:?}"),
-    }
 }
 
 #[test]
@@ -145,7 +132,7 @@ fn a_linear_field_is_drawn_linear() {
     mesh.positions.iter_mut().for_each(|p| p.z = field(p.truncate()));
     let cap = flat_patch("cap", mesh, 0.001);
     let (chart, image) = (chart(&cap), maps::image(&cap, 0));
-    for ((column, row), &value) in pixels(&chart).zip(floats(&image, "position.Z")) {
+    for ((column, row), &value) in pixels(&chart).zip(image.floats("position.Z")) {
         let expected = face(&chart, column, row).map_or(0.0, |_| field(chart.centre(column, row)));
         assert!((f64::from(value) - expected).abs() < 1e-6, "pixel {column}, {row}: {value}, not {expected}");
     }
@@ -208,9 +195,9 @@ fn ids_are_those_of_the_largest_weight() {
         let mut seen = 0;
         for (i, (column, row)) in pixels(&chart).enumerate() {
             let Some(at) = chart.point(column, row) else {
-                assert_eq!(ids(&image, "taxel.id")[i], u32::MAX, "no id where nothing is");
-                assert_eq!(ids(&image, "face.id")[i], u32::MAX, "no face where nothing is");
-                assert_eq!(floats(&image, "A")[i].to_bits(), 0, "no coverage where nothing is");
+                assert_eq!(image.ids("taxel.id")[i], u32::MAX, "no id where nothing is");
+                assert_eq!(image.ids("face.id")[i], u32::MAX, "no face where nothing is");
+                assert_eq!(image.floats("A")[i].to_bits(), 0, "no coverage where nothing is");
                 continue;
             };
             seen += 1;
@@ -220,9 +207,9 @@ fn ids_are_those_of_the_largest_weight() {
                 .filter(|&c| at.barycentric[c] >= largest)
                 .map(|c| if k == 0 { map.taxels.ids[corners[c]].0 } else { corners[c].raw() })
                 .collect();
-            assert!(expected.contains(&ids(&image, "taxel.id")[i]), "level {k}, pixel {column}, {row}");
-            assert_eq!(ids(&image, "face.id")[i], at.face.raw());
-            assert_eq!(floats(&image, "A")[i].to_bits(), 1.0_f32.to_bits());
+            assert!(expected.contains(&image.ids("taxel.id")[i]), "level {k}, pixel {column}, {row}");
+            assert_eq!(image.ids("face.id")[i], at.face.raw());
+            assert_eq!(image.floats("A")[i].to_bits(), 1.0_f32.to_bits());
         }
         assert_eq!(seen, chart.covered);
     }
@@ -237,7 +224,7 @@ fn positions_normals_and_weights_are_those_of_the_point() {
     let map = patch("cap", vec![mapped_level(mesh, uv, 0.001)]);
     let (chart, image) = (chart(&map), maps::image(&map, 0));
     let vector = |base: &str, i| {
-        DVec3::from_array(["X", "Y", "Z"].map(|c| f64::from(floats(&image, &format!("{base}.{c}"))[i])))
+        DVec3::from_array(["X", "Y", "Z"].map(|c| f64::from(image.floats(&format!("{base}.{c}"))[i])))
     };
     for (i, (column, row)) in pixels(&chart).enumerate() {
         let Some(at) = chart.point(column, row) else { continue };
@@ -247,23 +234,8 @@ fn positions_normals_and_weights_are_those_of_the_point() {
         assert!((n.length() - 1.0).abs() < 1e-6, "unit normal");
         assert!(n.dot(p.normalize()) > 0.99, "the normal of a sphere");
         let [_, u, v] = at.barycentric;
-        assert!((f64::from(floats(&image, "bary.U")[i]) - u).abs() < 1e-7);
-        assert!((f64::from(floats(&image, "bary.V")[i]) - v).abs() < 1e-7);
-    }
-}
-
-#[test]
-fn bands_of_rows_are_the_image() {
-    let map = flat_patch("cap", shapes::cap(500, 0.1, 1.0), 0.001);
-    let map = maps::skin(vec![map]);
-    let image = &skin_images(&map).unwrap()[0];
-    let (whole, height) = (WholeImage::of(image), image.frame().size_px[1]);
-    for rows in [0..1, 3..40, 17..height] {
-        assert_eq!(
-            image.rows(rows.clone()),
-            ImageRows::rows(&whole, rows),
-            "rows of the one and of the other"
-        );
+        assert!((f64::from(image.floats("bary.U")[i]) - u).abs() < 1e-7);
+        assert!((f64::from(image.floats("bary.V")[i]) - v).abs() < 1e-7);
     }
 }
 
@@ -299,7 +271,7 @@ fn what_cannot_be_drawn_is_named() {
     let broken = |change: &dyn Fn(&mut PatchMap)| {
         let mut map = map.clone();
         change(&mut map);
-        let map = maps::skin(vec![map]);
+        let map = Arc::new(maps::skin(vec![map]));
         let error = skin_images(&map).unwrap_err();
         assert_eq!(Atlas::new(&map, &AtlasOptions::default()).unwrap_err(), error);
         error
@@ -319,15 +291,14 @@ fn degenerate_faces_are_harmless() {
     let line = TriMesh::from_arrays(vec![DVec3::ZERO, DVec3::X, 2.0 * DVec3::X], &[[0, 1, 2]]);
     let map = flat_patch("line", line, 0.1);
     let image = maps::image(&map, 0);
-    assert!(floats(&image, "A").iter().all(|&a| a == 0.0), "a line covers no pixel");
+    assert!(image.floats("A").iter().all(|&a| a == 0.0), "a line covers no pixel");
     // No area on the skin, some on the map.
     let mut map = flat_patch("point", shapes::triangle(), 0.1);
     map.levels[level_id(0)].level.mesh.positions = vec![DVec3::ZERO; 3].into();
     let image = maps::image(&map, 0);
-    assert!(floats(&image, "A").contains(&1.0));
-    for channel in &image.channels {
-        let Samples::F32(values) = &channel.samples else { continue };
-        assert!(values.iter().all(|x| !x.is_nan()), "{} is a number", channel.name);
+    assert!(image.floats("A").contains(&1.0));
+    for name in ["Y", "position.X", "normal.X", "bary.U", "stretch.angle", "stretch.area"] {
+        assert!(image.floats(name).iter().all(|x| !x.is_nan()), "{name} is a number");
     }
 }
 
@@ -460,22 +431,21 @@ fn a_canvas_holds_the_whole_patch_at_the_largest_scale() {
 
 #[test]
 fn packed_charts_do_not_touch_and_show_no_pixel_twice() {
-    let map = body();
-    for (margin_px, gutter, gap) in [(0, false, 1), (0, true, 2), (1, true, 2), (3, false, 6)] {
+    let map = Arc::new(body());
+    for (margin_px, gap) in [(0, 1), (1, 2), (3, 6)] {
         for resolution in [Resolution::Map, Resolution::Pixel(0.0017), Resolution::Canvas([150, 90])] {
-            let options = AtlasOptions { resolution, packed: true, margin_px, gutter };
+            let options = AtlasOptions { resolution, packed: true, margin_px };
             let atlas = Atlas::new(&map, &options).unwrap();
             assert_eq!(atlas.parts.len(), 2, "one image per level");
             assert_eq!(atlas, Atlas::new(&map, &options).unwrap(), "the same again");
-            let images = static_images(&map, &atlas, &RenderOptions::default());
+            let images = WholeImage::of(&atlas.images(&map, None));
             for (part, image) in atlas.parts.iter().zip(&images) {
                 let pixels = shown(&map, part);
                 let mut owner = std::collections::BTreeMap::new();
                 for &(x, y, chart) in &pixels {
                     assert!(owner.insert((x, y), chart.patch).is_none(), "pixel {x}, {y} is shown twice");
                 }
-                let image = WholeImage::of(image);
-                let covered = floats(&image, "A").iter().filter(|c| **c == 1.0);
+                let covered = image.floats("A").iter().filter(|c| **c == 1.0);
                 assert_eq!(covered.count(), owner.len());
                 assert_eq!(pixels.len(), part.charts.iter().map(|chart| chart.covered).sum::<usize>());
                 let [width, height] = part.frame.size_px;
@@ -547,10 +517,10 @@ fn neighbours_on_the_body_are_neighbours_in_the_image() {
 
 #[test]
 fn a_pixel_has_a_taxel_where_it_is_covered() {
-    let map = body();
+    let map = Arc::new(body());
     let atlas = atlas(&map, Resolution::Pixel(0.002), true);
-    let image = WholeImage::of(&static_images(&map, &atlas, &RenderOptions::default())[0]);
-    for (covered, id) in floats(&image, "A").iter().zip(ids(&image, "taxel.id")) {
+    let image = &WholeImage::of(&atlas.images(&map, None))[0];
+    for (covered, id) in image.floats("A").iter().zip(image.ids("taxel.id")) {
         assert_eq!(*covered == 1.0, *id != u32::MAX, "a pixel has a taxel if it is covered");
     }
 }

@@ -377,24 +377,6 @@ fn commands_name_what_they_wrote() {
     dermatome(path, "convert a.glb q.ply --quiet").assert().success().stderr("");
 }
 
-/// A mesh that is not a valid skin is drawn with what is wrong in red; a sound one on request.
-#[test]
-fn findings_are_drawn() {
-    let folder = folder_of_caps();
-    let path = folder.path();
-    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 2 5\nf 3 1 2\n";
-    fs::write(path.join("book.obj"), text).unwrap();
-    let drawn = dermatome(path, "plot book.obj -o -").assert().success();
-    let said = String::from_utf8(drawn.get_output().stderr.clone()).unwrap();
-    assert!(said.contains("drawn in red"), "{said}");
-    let picture = String::from_utf8(drawn.get_output().stdout.clone()).unwrap();
-    assert!(picture.contains("1 non-manifold-edge") && picture.contains("#d01010"), "{picture:.2000}");
-    let sound = dermatome(path, "plot m.obj -o - --show findings").assert().success().stderr("");
-    sound.stdout(contains("no findings"));
-    fs::write(path.join("points.obj"), "v 0 0 nan\n").unwrap();
-    dermatome(path, "plot points.obj -o -").assert().code(2);
-}
-
 /// The JSON and the binary chunk of a `.glb`.
 fn chunks(path: &Path) -> (serde_json::Value, Vec<u8>) {
     let bytes = fs::read(path).unwrap();

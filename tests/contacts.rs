@@ -19,9 +19,8 @@ use dermatome::{
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
     signal::{
-        Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates,
-        Edges, Frame, Join, LevelFrame, Quantity, Restrictor, Touch, TouchOptions, TouchSimulation,
-        TrackerOptions,
+        ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
+        Quantity, Touch, TouchOptions, TouchSimulation, TrackerOptions,
     },
     skin::{AssembleOptions, PatchId, Skin, assemble},
 };
@@ -524,52 +523,6 @@ fn tables_and_json_lines_hold_the_same() {
     assert!(error.to_string().contains(".csv, .jsonl"), "{error}");
 }
 
-/// Gradients are exact for fields that are linear on the map, on every level and whatever taxels are
-/// dead; there is none where no face has a value at all of its corners.
-#[test]
-fn edges_are_exact_for_linear_fields() {
-    let map = build(&Skin::from_mesh("palm", shapes::cap(800, 0.1, 0.8)), &BuildOptions::default()).unwrap();
-    let channels = [Channel::default(), Channel { quantity: Quantity::Extensive, ..Channel::default() }];
-    let slope = DVec2::new(-30.0, 12.0);
-    let levels = &map.patches[patch()].levels;
-    for dead in [1, 5, 2] {
-        let is_dead = |v: VertexId| dead > 1 && (v.index() * 7919 + 13) % 11 < 11 / dead;
-        let mut frame = LevelFrame::new(&map, 1);
-        for (k, level) in levels.enumerate() {
-            let value = |v| if is_dead(v) { f64::NAN } else { 4.0 + slope.dot(level.uv[v]) };
-            frame.values[patch()][0][k] = level.uv.ids().map(value).collect();
-        }
-        let mut edges = Edges::new(&map, &channels[..1]);
-        let steep = edges.of(&frame);
-        let mut without = 0;
-        for (k, level) in levels.enumerate() {
-            let [size, direction] = [0, 1].map(|c| &steep.values[patch()][c][k]);
-            for v in level.uv.ids() {
-                let faces = level.level.mesh.triangles.iter();
-                let has_face = faces.filter(|f| f.contains(&v)).any(|f| !f.iter().any(|&v| is_dead(v)));
-                assert_eq!(has_face, size[v].is_finite(), "{v} of {k:?}");
-                without += usize::from(!has_face);
-                if has_face {
-                    let found = size[v] * DVec2::from_angle(direction[v]);
-                    assert!((found - slope).length() < 1e-9, "{found} at {v} of {k:?}");
-                }
-            }
-        }
-        assert_eq!(without > 0, dead > 1, "some have no face");
-    }
-    // A constant pressure has no edge, nor have its forces.
-    let mut frame = Frame::new(&map, 2);
-    let areas = &map.patches[patch()].taxels.areas;
-    for (v, area) in areas.enumerate().filter(|(v, _)| v.index() % 5 > 0) {
-        (frame.values[patch()][0][v], frame.values[patch()][1][v]) = (70.0, 70.0 * area);
-    }
-    let mut edges = Edges::new(&map, &channels);
-    let steep = edges.of(Restrictor::new(&map, &channels).restrict(&frame));
-    let sizes = steep.values[patch()].iter().step_by(2).flatten().flatten().filter(|x| x.is_finite());
-    let largest = sizes.copied().fold(0.0, f64::max);
-    assert!(largest < 1e-9 * 70.0 / SPACING, "{largest}");
-}
-
 /// Recordings of 0 to 5 fingers on a real cover, if they are here: the share of frames in which as
 /// many contacts are found as fingers press, with the same options for all. How regions are split was
 /// chosen after these recordings were seen.
@@ -620,6 +573,6 @@ fn count_contacts(path: &Path, map: &SkinMap) -> Vec<Vec<usize>> {
         });
         pushed.unwrap();
     }
-    println!("threshold {:.0}", tracker.threshold.unwrap());
+    println!("threshold {:.0}", tracker.threshold().unwrap());
     counts
 }

@@ -1,13 +1,15 @@
 //! Laws of the arrays and frames that recordings are written to.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use std::{collections::BTreeMap, fs, io::Read, path::Path};
+mod maps;
+
+use std::{collections::BTreeMap, fs, io::Read, path::Path, sync::Arc};
 
 use dermatome::{
-    atlas::{Atlas, AtlasOptions, ImageRows, Samples},
-    image::{Interpolation, RenderOptions, Renderer, TactileImage, static_images},
+    atlas::{Atlas, AtlasOptions},
+    image::{RenderOptions, Renderer, TactileImage},
     io::{
-        FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, read_images, write_frame,
+        FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, write_frame,
         write_raw_frame, write_touches,
     },
     map::SkinMap,
@@ -15,8 +17,9 @@ use dermatome::{
     pipeline::{BuildOptions, build},
     plot::{ImageOptions, image_png},
     signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
-    skin::{LinkId, Patch, PatchId, Presence, Skin},
+    skin::{PatchId, Presence, Skin},
 };
+use maps::images::WholeImage;
 use npyz::NpyFile;
 
 fn skin() -> Skin {
@@ -74,15 +77,6 @@ fn images(map: &SkinMap, atlas: &Atlas, count: usize, frame: f32) -> Vec<Tactile
     images
 }
 
-/// The taxel that each pixel of an image shows.
-fn taxel_ids(image: &impl ImageRows) -> Vec<u32> {
-    let channel = image.channels().iter().position(|name| name == "taxel.id").unwrap();
-    match image.rows(0..image.frame().size_px[1]).swap_remove(channel) {
-        Samples::U32(ids) => ids,
-        Samples::F32(_) => panic!("ids are whole numbers"),
-    }
-}
-
 /// Bit by bit, since NaN is not equal to itself.
 fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|x| x.to_bits()).collect()
@@ -93,13 +87,7 @@ fn a_recording_holds_every_array_that_was_promised() {
     let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let path = folder.path().join("touch.npz");
-    let layout = RecordingLayout {
-        channels: &channels,
-        atlas: Some(&atlas),
-        interpolation: Interpolation::Linear,
-        values: true,
-        level: None,
-    };
+    let layout = RecordingLayout { channels: &channels, atlas: Some(&atlas), values: true, level: None };
     let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
     let mut frame = LevelFrame::new(&map, 2);
     let palm = PatchId::new(0);
@@ -132,7 +120,7 @@ fn a_recording_holds_every_array_that_was_promised() {
     }
     expected.sort();
     assert_eq!(arrays.keys().cloned().collect::<Vec<_>>(), expected);
-    let shown = static_images(&map, &atlas, &RenderOptions::default());
+    let shown = WholeImage::of(&atlas.images(&Arc::new(map.clone()), None));
     for (level, part) in map.patches[palm].levels.ids().zip(&atlas.parts) {
         let [width, height] = part.frame.size_px.map(u64::from);
         let n = map.patches[palm].levels[level].level.mesh.positions.len();
@@ -147,7 +135,7 @@ fn a_recording_holds_every_array_that_was_promised() {
         assert_eq!(values[3 * n], f32::from(1_u8) + 0.5, "frame 1, channel 1, field 0");
         assert!(values[n + 1].is_nan(), "what is not known is NaN");
         let (shape, taxels) = ids(&arrays[&format!("palm.L{level}.taxel_id")]);
-        assert_eq!((shape, taxels), (vec![height, width], taxel_ids(&shown[level.index()])));
+        assert_eq!((shape, taxels), (vec![height, width], shown[level.index()].ids("taxel.id").to_vec()));
         let valid = NpyFile::new(&arrays[&format!("palm.L{level}.valid")][..]).unwrap();
         assert_eq!(valid.shape(), [3, n as u64]);
         assert_eq!(valid.into_vec::<u8>().unwrap()[..3], [1, 0, 1]);
@@ -171,13 +159,7 @@ fn a_npy_holds_one_image_and_no_more() {
     let (path, channel) = (folder.path().join("touch.npy"), Channel::default());
     let channels = std::slice::from_ref(&channel);
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
-    let all = RecordingLayout {
-        channels,
-        atlas: Some(&atlas),
-        interpolation: Interpolation::Linear,
-        values: true,
-        level: None,
-    };
+    let all = RecordingLayout { channels, atlas: Some(&atlas), values: true, level: None };
     let refused = RecordingWriter::create(&path, &map, &all).err().unwrap();
     assert!(matches!(refused, IoError::Unfit { .. }), "{refused}");
     let layout = RecordingLayout { level: Some(1.into()), ..all };
@@ -196,27 +178,6 @@ fn a_npy_holds_one_image_and_no_more() {
     let count = values.len() / 5;
     assert_eq!(bits(&values[2 * count..3 * count]), bits(&images(&map, &atlas, 1, 2.0)[1].values));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no features, no temporary file");
-
-    let read = read_images(&path, &[]).unwrap();
-    assert_eq!(read[0].channels["0"].len() as u64, width * height, "a line of the first frame")
-}
-
-/// An image in Fortran order is the image that numpy shows.
-#[test]
-fn images_in_fortran_order_are_read() {
-    let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, is_fortran: &str, elements: [u8; 6]| {
-        let text =
-            format!("{{'descr': '<f4', 'fortran_order': {is_fortran}, 'shape': (1, 2, 3), }}{:>9}\n", "");
-        let length = u16::try_from(text.len()).unwrap().to_le_bytes();
-        let elements: Vec<u8> = elements.into_iter().flat_map(|x| f32::from(x).to_le_bytes()).collect();
-        let path = folder.path().join(name);
-        fs::write(&path, [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes(), &elements].concat()).unwrap();
-        read_images(&path, &[]).unwrap().remove(0)
-    };
-    let in_c = write("c.npy", "False", [1, 2, 3, 4, 5, 6]);
-    assert_eq!(in_c.channels["0"], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-    assert_eq!(write("f.npy", "True", [1, 4, 2, 5, 3, 6]), in_c);
 }
 
 /// Each archive of a folder keeps its own features.
@@ -224,13 +185,8 @@ fn images_in_fortran_order_are_read() {
 fn two_archives_in_one_folder_keep_their_features() {
     let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
     for (name, level) in [("a.npz", 0), ("b.npz", 1)] {
-        let layout = RecordingLayout {
-            channels: &channels,
-            atlas: None,
-            interpolation: Interpolation::Linear,
-            values: true,
-            level: Some(level.into()),
-        };
+        let layout =
+            RecordingLayout { channels: &channels, atlas: None, values: true, level: Some(level.into()) };
         let mut recording = RecordingWriter::create(&folder.path().join(name), &map, &layout).unwrap();
         recording.write(&LevelFrame::new(&map, 2), &[]).unwrap();
         recording.finish().unwrap();
@@ -243,52 +199,6 @@ fn two_archives_in_one_folder_keep_their_features() {
     }
 }
 
-/// Fields of packed patches are drawn on the map of level 0, and a patch that has no such level leaves
-/// its place empty: mask, ids and image agree.
-#[test]
-fn masks_of_packed_fields_are_those_of_their_images() {
-    let mut skin = skin();
-    skin.patches.push(Patch::from_mesh("tip", LinkId::new(0), shapes::cap(30, 0.01, 1.0)));
-    let map = build(&skin, &BuildOptions::default()).unwrap();
-    let depths: Vec<_> = map.patches.iter().map(|patch| patch.levels.len()).collect();
-    assert!(depths[1] < depths[0], "{depths:?}");
-    let atlas = Atlas::new(&map, &AtlasOptions { packed: true, ..AtlasOptions::default() }).unwrap();
-    let channels = [Channel::default()];
-    let interpolation = Interpolation::Field;
-    let options = RenderOptions { interpolation, level: None };
-    let mut renderer = Renderer::new(&map, &atlas, &channels, &options).unwrap();
-    let mut frame = LevelFrame::new(&map, 1);
-    let values = frame.values.iter_mut().flatten().flat_map(|levels| levels.iter_mut());
-    values.for_each(|level| level.iter_mut().for_each(|x| *x = 1.0));
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("fields.npz");
-    let layout = RecordingLayout {
-        channels: &channels,
-        atlas: Some(&atlas),
-        interpolation,
-        values: false,
-        level: None,
-    };
-    let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
-    recording.write(&frame, renderer.render(&frame)).unwrap();
-    recording.finish().unwrap();
-    let arrays = arrays(&path);
-    let mut shown = Vec::new();
-    for image in renderer.images() {
-        let mask = NpyFile::new(&arrays[&format!("{}.mask", image.name)][..]).unwrap();
-        let mask = mask.into_vec::<u8>().unwrap();
-        assert_eq!(mask, image.coverage, "{}", image.name);
-        let (_, taxels) = ids(&arrays[&format!("{}.taxel_id", image.name)]);
-        let (_, pixels) = numbers(&arrays[&format!("{}.image", image.name)]);
-        for ((&is_shown, taxel), pixel) in mask.iter().zip(taxels).zip(pixels) {
-            assert_eq!(is_shown == 1, taxel != u32::MAX, "{}", image.name);
-            assert!(is_shown == 0 || pixel == 1.0, "{}: {pixel}", image.name);
-        }
-        shown.push(mask.iter().filter(|&&x| x == 1).count());
-    }
-    assert!(shown[depths[1]] < shown[0], "the tip is not on level {}: {shown:?}", depths[1]);
-}
-
 #[test]
 fn a_frame_is_read_back_from_openexr() {
     let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
@@ -297,84 +207,20 @@ fn a_frame_is_read_back_from_openexr() {
         let path = folder.path().join(format!("L{}.exr", image.level));
         let content = FrameContent { channels: &channels, time: 1.5, shown: None };
         write_frame(&path, &image, &content).unwrap();
-        let layers = read_images(&path, &[]).unwrap();
-        assert_eq!((layers.len(), layers[0].name.as_str()), (1, image.name.as_str()));
-        assert_eq!(layers[0].size_px, image.size_px);
-        let channel = |name: &str| bits(&layers[0].channels[name]);
+        let found = WholeImage::read(&path).swap_remove(0);
+        assert_eq!((&found.name, found.size_px), (&image.name, image.frame.size_px));
+        assert_eq!(found.channels.keys().collect::<Vec<_>>(), ["A", "Y", "force.N", "signal.A"]);
+        let channel = |name: &str| bits(found.floats(name));
         let count = image.coverage.len();
-        assert_eq!(layers[0].channels.keys().collect::<Vec<_>>(), ["A", "Y", "force.N", "signal.A"]);
         assert_eq!(channel("Y"), bits(&image.values[..count]));
         assert_eq!(channel("force.N"), channel("Y"));
         assert_eq!(channel("signal.A"), bits(&image.values[count..]));
-        for (i, &alpha) in layers[0].channels["A"].iter().enumerate() {
+        for (i, &alpha) in found.floats("A").iter().enumerate() {
             assert_eq!(alpha == 1.0, image.coverage[i] == 1 && !image.values[i].is_nan(), "pixel {i}");
         }
-        let one = read_images(&path, &["force.N".into()]).unwrap();
-        assert_eq!(one[0].channels.len(), 1);
-        let message = read_images(&path, &["heat".into()]).unwrap_err().to_string();
-        assert!(message.contains("heat") && message.contains("force.N"), "{message}");
         let few = FrameContent { channels: &channels[..1], ..content };
         assert!(write_frame(&path, &image, &few).is_err(), "one channel too few");
-        let signals: Vec<_> = channels.iter().zip(["force.N", "signal.A"]).collect();
-        for (found, (channel, name)) in layers[0].signals.iter().zip(signals) {
-            assert_eq!(found, &Channel { name: name.into(), ..channel.clone() }, "units of the values");
-        }
     }
-}
-
-/// A header that asks for more than the file can hold, a file that ends early, another kind.
-#[test]
-fn images_that_cannot_be_meant_are_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let map = SkinMap::flat(shapes::lattice(8, 8, 0.004), 1e-3);
-    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
-    let image = images(&map, &atlas, 1, 0.0).remove(0);
-    let path = folder.path().join("a.exr");
-    let content = FrameContent { channels: &[Channel::default()], time: 0.0, shown: None };
-    write_frame(&path, &image, &content).unwrap();
-    let whole = fs::read(&path).unwrap();
-    // The data window is four numbers after its name, its type and its size.
-    let at = whole.windows(10).position(|w| w == b"dataWindow").unwrap() + 10 + 1 + 6 + 4;
-    let mut huge = whole.clone();
-    huge[at + 8..at + 12].copy_from_slice(&1_000_000_i32.to_le_bytes());
-    huge[at + 12..at + 16].copy_from_slice(&1_000_000_i32.to_le_bytes());
-    fs::write(&path, &huge).unwrap();
-    let refused = read_images(&path, &[]).unwrap_err();
-    assert!(matches!(refused, IoError::Invalid { .. }), "{refused}");
-    for length in [0, 1, 8, 100, whole.len() / 2, whole.len() - 1] {
-        fs::write(&path, &whole[..length]).unwrap();
-        assert!(read_images(&path, &[]).is_err(), "{length} bytes of {}", whole.len());
-    }
-    let path = folder.path().join("a.npy");
-    for (shape, bytes) in
-        [("(1000000, 1000000)", 16), ("(2, 2)", 8), ("(4,)", 16), ("(18446744073709551615, 2)", 16)]
-    {
-        let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
-        let mut file = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-        file.extend(format!("{text:<117}\n").bytes());
-        file.extend(vec![0; bytes]);
-        fs::write(&path, file).unwrap();
-        assert!(read_images(&path, &[]).is_err(), "{shape} in {bytes} bytes");
-    }
-    // A sparse file is as long as its shape asks for, and takes no room on the disk.
-    let text =
-        format!("{:<117}\n", "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000), }");
-    let mut file = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    file.extend(text.bytes());
-    fs::write(&path, file).unwrap();
-    if fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(128 + 4_000_000_000_000).is_ok() {
-        let error = read_images(&path, &[]).unwrap_err().to_string();
-        assert!(error.contains("at most 1073741824 elements"), "{error}");
-    }
-    // A parser of Python literals that calls itself would overflow its stack.
-    let deep = "(".repeat(60_000);
-    let mut file = b"\x93NUMPY\x01\x00".to_vec();
-    file.extend(u16::try_from(deep.len()).unwrap().to_le_bytes());
-    file.extend(deep.bytes());
-    fs::write(&path, file).unwrap();
-    let error = read_images(&path, &[]).unwrap_err().to_string();
-    assert!(error.len() < 400 && error.contains("the array"), "{error}");
-    assert!(matches!(read_images(Path::new("a.png"), &[]), Err(IoError::UnknownKind { .. })));
 }
 
 #[test]
@@ -398,10 +244,10 @@ fn a_picture_shows_what_is_not_known_as_no_value() {
     image.values.iter_mut().filter(|x| !x.is_nan()).for_each(|x| *x = 0.0);
     let plain = ImageOptions::default();
     for (options, height) in [
-        (plain.clone(), image.size_px[1]),
+        (plain.clone(), image.frame.size_px[1]),
         (
             ImageOptions { bar: Some("force, N".into()), magnification: 5, ..plain.clone() },
-            5 * image.size_px[1] + 56,
+            5 * image.frame.size_px[1] + 56,
         ),
     ] {
         let png = image_png(&image, 0, &options).unwrap();
@@ -411,7 +257,7 @@ fn a_picture_shows_what_is_not_known_as_no_value() {
         assert_eq!((info.color_type, info.height), (png::ColorType::Rgba, height));
         let zoom = options.magnification as usize;
         for (i, (&value, &covered)) in image.values.iter().zip(&image.coverage).enumerate() {
-            let [column, row] = [i % image.size_px[0] as usize, i / image.size_px[0] as usize];
+            let [column, row] = [i % image.frame.size_px[0] as usize, i / image.frame.size_px[0] as usize];
             let pixel = &bytes[4 * (row * zoom * info.width as usize + column * zoom)..][..4];
             match (covered, value.is_nan()) {
                 (0, _) => assert_eq!(pixel[3], 0, "off the skin"),
@@ -495,13 +341,7 @@ fn the_same_recording_gives_the_same_bytes() {
         let mut simulation =
             TouchSimulation::new(&skin, &TouchOptions { presses: 1, ..TouchOptions::default() }).unwrap();
         let channels = [simulation.channel.clone()];
-        let layout = RecordingLayout {
-            channels: &channels,
-            atlas: None,
-            interpolation: Interpolation::Linear,
-            values: true,
-            level: None,
-        };
+        let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
         let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
         let mut restrictor = Restrictor::new(&map, &channels);
         while let Some((frame, _)) = simulation.next_frame() {

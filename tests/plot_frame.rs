@@ -6,7 +6,7 @@ mod maps;
 use dermatome::{
     id::VertexId,
     map::SkinMap,
-    plot::{ChannelView, PlotError, PlotOptions, ValueRange, Viewpoint, plot_frame},
+    plot::{Picture, PlotError, PlotOptions, Viewpoint, plot_frame},
     signal::{Channel, Frame, LevelFrame, Restrictor},
     skin::PatchId,
 };
@@ -25,8 +25,14 @@ fn on_levels(map: &SkinMap, channel: &Channel, value: impl Fn(usize) -> f64) -> 
     Restrictor::new(map, std::slice::from_ref(channel)).restrict(&frame).clone()
 }
 
-fn view<'a>(frame: &'a LevelFrame, channel: &'a Channel) -> ChannelView<'a> {
-    ChannelView { frame, channels: std::slice::from_ref(channel), shown: 0, range: None }
+/// The first channel of a frame, drawn.
+fn draw(
+    map: &SkinMap,
+    frame: &LevelFrame,
+    channel: &Channel,
+    options: &PlotOptions,
+) -> Result<Picture, PlotError> {
+    plot_frame(map, frame, std::slice::from_ref(channel), 0, options)
 }
 
 /// The colours of a picture.
@@ -43,7 +49,7 @@ fn what_is_not_known_is_hatched_and_zero_is_not() {
     let options = PlotOptions { levels: vec![level_id(0)], ..PlotOptions::default() };
     let share = |value: f64, is_grey: fn(&[u8; 3]) -> bool| {
         let frame = on_levels(&map, &channel, |k| if k == 0 { 5e3 } else { value });
-        let png = plot_frame(&map, &view(&frame, &channel), &options).unwrap().to_png().unwrap();
+        let png = draw(&map, &frame, &channel, &options).unwrap().to_png().unwrap();
         let pixels = colours(&png);
         pixels.iter().filter(|pixel| is_grey(pixel)).count() as f64 / pixels.len() as f64
     };
@@ -60,14 +66,14 @@ fn every_level_says_its_largest_value_and_the_same_total() {
     let frame = on_levels(&map, &force, |k| if k == 3 { f64::NAN } else { 0.01 * k as f64 });
     let total: f64 = (0..169).filter(|&k| k != 3).map(|k| 0.01 * f64::from(k)).sum();
     let options = PlotOptions { space: Some(Viewpoint::Outside), ..PlotOptions::default() };
-    let svg = plot_frame(&map, &view(&frame, &force), &options).unwrap().to_svg();
+    let svg = draw(&map, &frame, &force, &options).unwrap().to_svg();
     assert_eq!(svg.matches(&format!("total {total:.0} N")).count(), 6, "{svg}");
     assert!(svg.contains("force per area, kPa") && svg.contains("169 taxels, 1 masked"));
     assert_eq!(svg.matches(" in space<").count(), 3);
 
     let pressure = Channel::new("pressure", "Pa");
     let frame = on_levels(&map, &pressure, |_| 2500.0);
-    let svg = plot_frame(&map, &view(&frame, &pressure), &PlotOptions::default()).unwrap().to_svg();
+    let svg = draw(&map, &frame, &pressure, &PlotOptions::default()).unwrap().to_svg();
     assert_eq!(svg.matches("max 2.5 kPa").count(), 3);
     assert!(!svg.contains("no reading") && !svg.contains("masked"));
 }
@@ -76,7 +82,7 @@ fn every_level_says_its_largest_value_and_the_same_total() {
 fn a_scale_on_both_sides_of_zero_has_its_middle_there() {
     let (map, channel) = (palm(), Channel::new("shear", "Pa"));
     let frame = on_levels(&map, &channel, |k| if k % 2 == 0 { 900.0 } else { -950.0 });
-    let svg = plot_frame(&map, &view(&frame, &channel), &PlotOptions::default()).unwrap().to_svg();
+    let svg = draw(&map, &frame, &channel, &PlotOptions::default()).unwrap().to_svg();
     for label in [">\u{2212}0.95<", ">0<", ">0.95<"] {
         assert!(svg.contains(label), "{label}");
     }
@@ -86,38 +92,23 @@ fn a_scale_on_both_sides_of_zero_has_its_middle_there() {
 fn what_cannot_be_drawn_is_said() {
     let (map, channel) = (palm(), Channel::default());
     let frame = on_levels(&map, &channel, |_| f64::NAN);
-    let good = view(&frame, &channel);
-    let draw = |view: &ChannelView<'_>| plot_frame(&map, view, &PlotOptions::default());
-    assert!(draw(&good).unwrap().to_svg().contains("no reading"), "nothing is known at all");
-    for bad in [
-        ChannelView { shown: 1, ..good },
-        ChannelView { range: Some([1.0, 1.0]), ..good },
-        ChannelView { range: Some([f64::NAN, 1.0]), ..good },
-    ] {
-        assert!(matches!(draw(&bad), Err(PlotError::Channel { channels: 1, .. })));
+    let options = PlotOptions::default();
+    assert!(
+        draw(&map, &frame, &channel, &options).unwrap().to_svg().contains("no reading"),
+        "nothing at all"
+    );
+    for (shown, range) in [(1, None), (0, Some([1.0, 1.0])), (0, Some([f64::NAN, 1.0]))] {
+        let options = PlotOptions { range, ..PlotOptions::default() };
+        let result = plot_frame(&map, &frame, std::slice::from_ref(&channel), shown, &options);
+        assert!(matches!(result, Err(PlotError::Channel { channels: 1, .. })));
     }
     let empty = LevelFrame::default();
-    assert!(matches!(draw(&view(&empty, &channel)), Err(PlotError::FrameOfAnotherMap { .. })));
+    assert!(matches!(draw(&map, &empty, &channel, &options), Err(PlotError::FrameOfAnotherMap { .. })));
     let mut short = frame.clone();
     let level = &mut short.values[PatchId::new(0)][0][level_id(1)];
     *level = level.iter().skip(1).copied().collect::<Vec<_>>().into();
     assert!(level.get(VertexId::new(0)).is_some());
-    assert!(matches!(draw(&view(&short, &channel)), Err(PlotError::FrameOfAnotherMap { .. })));
-}
-
-/// Bins keep sign and order, and values to 1.4 %.
-#[test]
-fn a_range_of_two_values_has_them_at_its_ends() {
-    let values = [-1e300, -5.0, -1e-300, 0.0, 1e-300, 1.0, 1.1, 1e300];
-    for pair in values.windows(2) {
-        let mut range = ValueRange::default();
-        range.extend([pair[1], f64::NAN, f64::INFINITY, pair[1]]);
-        assert_eq!(range.percentiles(0.0, 100.0), None, "a single value has no range");
-        range.extend([pair[0]]);
-        let ends = range.percentiles(0.0, 100.0).unwrap();
-        assert!(ends.iter().zip(pair).all(|(end, x)| (end - x).abs() <= 0.014 * x.abs()), "{ends:?}");
-    }
-    assert_eq!(ValueRange::default().percentiles(0.0, 100.0), None);
+    assert!(matches!(draw(&map, &short, &channel, &options), Err(PlotError::FrameOfAnotherMap { .. })));
 }
 
 /// Without a range given, its ends have two digits and hold the values: from zero if that is near,
@@ -137,14 +128,14 @@ fn ranges_are_round_and_hold_the_values() {
         ([f64::NAN, f64::NAN], ["0", "1"]),
     ] {
         let frame = on_levels(&map, &channel, |k| values[k % 2]);
-        let svg = plot_frame(&map, &view(&frame, &channel), &options).unwrap().to_svg();
+        let svg = draw(&map, &frame, &channel, &options).unwrap().to_svg();
         for end in ends {
             assert!(svg.contains(&format!(">{end}</text>")), "{end} for {values:?}");
         }
     }
     for x in [1.0, -1.0, 0.37, -1e-300, 1e300, 12.0] {
         let frame = on_levels(&map, &channel, |_| x);
-        let svg = plot_frame(&map, &view(&frame, &channel), &options).unwrap().to_svg();
+        let svg = draw(&map, &frame, &channel, &options).unwrap().to_svg();
         assert!(!svg.contains("no reading"), "{x} is on the scale");
     }
 }

@@ -2,14 +2,15 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::{
-    id::VertexId,
+    id::{IdVec, VertexId},
     map::SkinMap,
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    signal::{Channel, Contrast, Frame, LevelFrame, Quantity, Restrictor, reconstruct},
+    signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor, reconstruct},
     skin::{PatchId, Skin},
 };
+use glam::DVec2;
 use proptest::prelude::*;
 
 /// A bent patch of about 320 taxels with three levels.
@@ -72,16 +73,16 @@ fn a_field_has_no_value_if_and_only_if_all_its_taxels_have_none() {
     let mut restrictor = Restrictor::new(&map, &channels());
     let levels = &restrictor.restrict(&frame).values[PatchId::new(PALM)];
     let mut empty = 0;
-    for (k, fine) in patch.levels.enumerate().take(patch.levels.len() - 1) {
-        let up = fine.level.from_coarser.as_ref().unwrap();
+    for (k, level) in patch.levels.enumerate().skip(1) {
+        let rows = level.level.to_finest.as_ref().unwrap();
         for channel in levels {
-            let mut is_live = vec![false; up.coarse_len];
-            for v in up.indices.ids().filter(|&v| !channel[k][v].is_nan()) {
-                up.row(v).for_each(|(field, _)| is_live[field.index()] = true);
+            let mut is_live = vec![false; rows.coarse_len];
+            for v in rows.indices.ids().filter(|&v| !channel[LevelId::new(0)][v].is_nan()) {
+                rows.row(v).for_each(|(field, _)| is_live[field.index()] = true);
             }
             for (field, live) in is_live.into_iter().enumerate() {
-                let value = channel[LevelId::new(k.index() + 1)][VertexId::new(field)];
-                assert_eq!(live, value.is_finite(), "field {field} above level {k:?}: {value}");
+                let value = channel[k][VertexId::new(field)];
+                assert_eq!(live, value.is_finite(), "field {field} of level {k:?}: {value}");
                 empty += usize::from(!live);
             }
         }
@@ -104,15 +105,14 @@ proptest! {
             (0..count).map(|v| values(VertexId::new(v))).filter(|x| !x.is_nan()).sum()
         };
         let total = live_sum(&|v| levels[1][LevelId::new(0)][v], patch.taxels.ids.len());
-        let mut areas = patch.taxels.areas.enumerate().map(|(v, &a)| if levels[0][LevelId::new(0)][v].is_nan() { 0.0 } else { a }).collect::<dermatome::id::IdVec<_, _>>();
         for (k, level) in patch.levels.enumerate() {
             let force = live_sum(&|v| levels[1][k][v], levels[1][k].len());
             prop_assert!((force - total).abs() <= 1e-12 * total, "{} is {} on {:?}", force, total, k);
+            let areas = patch.taxels.areas.enumerate();
+            let served: IdVec<VertexId, f64> = areas.map(|(v, &a)| if levels[0][LevelId::new(0)][v].is_nan() { 0.0 } else { a }).collect();
+            let areas = level.level.to_finest.as_ref().map_or_else(|| served.clone(), |rows| rows.restrict(&served));
             let force = live_sum(&|v| areas[v] * levels[0][k][v], levels[0][k].len());
             prop_assert!((force - total).abs() <= 1e-12 * total, "{} is {} on {:?}", force, total, k);
-            if let Some(up) = &level.level.from_coarser {
-                areas = up.restrict(&areas);
-            }
         }
     }
 
@@ -159,6 +159,64 @@ fn contrast_sums_back_and_a_constant_has_none() {
                     assert!(none || detail[k][v].abs() <= 1e-12 * largest, "contrast of {v} of {k:?}");
                 }
             }
+        }
+    }
+}
+
+/// Gradients are exact for readings that are linear on the map of a level, at its rim too and whatever
+/// taxels are dead; there is none where no face has a value at all of its corners.
+#[test]
+fn edges_are_exact_for_linear_fields() {
+    let (map, channels, patch) = (palm(), channels(), PatchId::new(PALM));
+    let slope = DVec2::new(-30.0, 12.0);
+    let levels = &map.patches[patch].levels;
+    for dead in [0.0, 0.1, 0.5] {
+        let mut edges = Edges::new(&map, &channels);
+        for (k, level) in levels.enumerate() {
+            let on_level = level.uv.map(|at| 40.0 + slope.dot(*at));
+            let linear =
+                level.level.to_finest.as_ref().map_or_else(|| on_level.clone(), |q| q.apply(&on_level));
+            let pressure = |v: usize| if noise(v, 4) < dead { f64::NAN } else { linear[VertexId::new(v)] };
+            let frame = Restrictor::new(&map, &channels).restrict(&pressures(&map, pressure)).clone();
+            let steep = &edges.of(&frame).values[patch];
+            let mut known = 0;
+            for v in level.level.mesh.positions.ids() {
+                for [along_u, along_v] in [[0, 1], [2, 3]].map(|pair| pair.map(|c| steep[c][k][v])) {
+                    if along_u.is_nan() {
+                        continue;
+                    }
+                    known += 1;
+                    let found = DVec2::new(along_u, along_v);
+                    assert!((found - slope).length() < 1e-6, "{found} at {v} of {k:?}, {dead} dead");
+                }
+            }
+            let all = 2 * level.level.mesh.positions.len();
+            assert!(known > 0 && (known == all || dead > 0.0), "{known} of {all} on {k:?}");
+        }
+    }
+    // A constant pressure has no edge, nor have its forces.
+    let frame = pressures(&map, |v| if v % 5 == 0 { f64::NAN } else { 70.0 });
+    let mut edges = Edges::new(&map, &channels);
+    let steep = edges.of(Restrictor::new(&map, &channels).restrict(&frame));
+    let largest = steep.values[patch].iter().flatten().flatten().filter(|x| x.is_finite());
+    assert!(largest.fold(0.0_f64, |m, x| m.max(x.abs())) < 1e-6);
+}
+
+/// The weights of a field are those that a lookup of a contact names: hat functions of its level.
+#[test]
+fn a_field_collects_by_the_weights_of_lookups() {
+    let map = palm();
+    let patch = &map.patches[PatchId::new(PALM)];
+    for k in 0..patch.taxels.ids.len() {
+        let taxel = VertexId::new(k);
+        let frame = pressures(&map, |v| if v == k { 1.0 } else { 0.0 });
+        let forces =
+            &Restrictor::new(&map, &channels()).restrict(&frame).values[PatchId::new(PALM)][1].clone();
+        for (level, of_level) in patch.levels.enumerate().skip(1) {
+            let rows = of_level.level.to_finest.as_ref().unwrap();
+            let mut left = forces[level].clone();
+            rows.row(taxel).for_each(|(field, w)| left[field] -= w * patch.taxels.areas[taxel]);
+            assert!(left.iter().all(|x| x.abs() < 1e-18), "taxel {k} on level {level:?}");
         }
     }
 }

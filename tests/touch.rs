@@ -75,7 +75,7 @@ fn what_taxels_feel_adds_up_to_the_touch() {
                 let felt: Vec<_> = readings(&skin, &frame).filter(|(x, _, _)| *x > 0.0).collect();
                 assert_eq!(felt.len(), touch.taxels);
                 let force = |(x, _, area): (f64, DVec3, f64)| match quantity {
-                    Quantity::Intensive | Quantity::Direction => x * area,
+                    Quantity::Intensive => x * area,
                     Quantity::Extensive => x * area / disc,
                 };
                 let sum: f64 = felt.iter().copied().map(force).sum();

@@ -2,6 +2,8 @@
 //! coordinates, faces rasterised once. Nothing is guaranteed of the map: where it overlaps itself
 //! the smallest face wins, and how often that happened is counted.
 
+use std::sync::Arc;
+
 use glam::DVec2;
 
 use crate::{
@@ -12,7 +14,7 @@ use crate::{
         rasterize::{PIXEL, Snapped, Span, Spans, rasterize},
     },
     id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapLevel, SkinMap},
+    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::SurfacePoint,
     pyramid::LevelId,
     skin::PatchId,
@@ -39,7 +41,8 @@ pub struct Chart {
     pub covered: usize,
     /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
     pub overlaps: usize,
-    spans: Spans,
+    /// Shared, so that who draws through a chart can keep one.
+    spans: Arc<Spans>,
 }
 
 impl Chart {
@@ -55,7 +58,7 @@ impl Chart {
         let points = snap(&at.uv, turns, &frame, image)?;
         let spans = rasterize(&points, at.corners(), frame.size_px.map(|n| n as usize));
         let (covered, overlaps) = (spans.pixels(), spans.overlaps);
-        Ok(Self { patch, level, turns, frame, corner_px, covered, overlaps, spans })
+        Ok(Self { patch, level, turns, frame, corner_px, covered, overlaps, spans: Arc::new(spans) })
     }
 
     /// The map position of a pixel's centre, in m; `column` and `row` are those of the image.
@@ -88,9 +91,11 @@ impl Chart {
         (column - u32::from(span.column) < u32::from(span.length)).then_some(span.face)
     }
 
-    /// The spans of a row of the chart, from the left.
-    pub(crate) fn row(&self, row: u32) -> &[Span] {
-        self.spans.row(row)
+    /// The spans of its rows from the top, in an image of `width` columns: with the index of the row's
+    /// first pixel.
+    pub(crate) fn rows(&self, width: usize) -> impl Iterator<Item = (usize, &[Span])> {
+        let [left, top] = self.corner_px.map(|n| n as usize);
+        (0..self.frame.size_px[1]).map(move |row| ((top + row as usize) * width + left, self.spans.row(row)))
     }
 
     /// Where a point of the map lies, in pixels of the chart: right, and down from the upper edge.
@@ -103,7 +108,7 @@ impl Chart {
     /// Whether all faces that it shows are faces of `level`.
     pub(crate) fn fits(&self, level: &MapLevel) -> bool {
         let faces = level.level.mesh.triangles.len();
-        (0..self.frame.size_px[1]).all(|row| self.row(row).iter().all(|span| span.face.index() < faces))
+        self.rows(0).all(|(_, row)| row.iter().all(|span| span.face.index() < faces))
     }
 
     /// The face that each pixel shows if the chart's rectangle shows these triangles of points, in
@@ -175,8 +180,15 @@ impl Barycentric {
 }
 
 /// The corner with the largest weight; the first of equal ones.
-pub(super) fn largest(weights: [f64; 3]) -> usize {
+pub(crate) fn largest(weights: [f64; 3]) -> usize {
     (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
+}
+
+/// The id of the corner that is nearest to a place of a face: the taxel's, above level 0 the index of
+/// the field.
+pub(super) fn shown_id(patch: &PatchMap, level: LevelId, face: FaceId, weights: [f64; 3]) -> u32 {
+    let nearest = patch.levels[level].level.mesh.triangles[face][largest(weights)];
+    if level == LevelId::default() { patch.taxels.ids[nearest].0 } else { nearest.raw() }
 }
 
 /// Map positions in the rasteriser's integers.

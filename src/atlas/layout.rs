@@ -180,7 +180,7 @@ fn packed(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout>, Atla
         return Ok(Vec::new());
     }
     let margin = options.margin_px;
-    let gap = (2 * u64::from(margin)).max(if options.gutter { 2 } else { 1 });
+    let gap = (2 * u64::from(margin)).max(1);
     let (pixel, canvas) = match options.resolution {
         Resolution::Pixel(pixel) => (pixel, None),
         Resolution::Map => {

@@ -1,24 +1,58 @@
 //! The channels of `map.exr`, filled from the chart of each level. The shading channel `Y` is a
 //! *heuristic* for the eye, without a physical light; all others are measures or ids.
 
-use std::{borrow::Cow, ops::Range};
+use std::{ops::Range, sync::Arc};
 
 use glam::DVec3;
 
 use crate::{
     atlas::{
-        AtlasError, AtlasPart, Chart, ImageRows, Samples, Stretch,
+        AtlasError, AtlasPart, Chart, Stretch,
         bound::check_map,
-        chart::largest,
+        chart::shown_id,
         face_stretch,
         layout::{Place, image_name},
     },
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::TriMesh,
+    numeric::narrow,
     pyramid::LevelId,
     skin::PatchId,
 };
+
+/// The values of one channel, row by row from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Samples {
+    /// Measures.
+    F32(Vec<f32>),
+    /// Ids.
+    U32(Vec<u32>),
+}
+
+/// The type of the values of a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SampleType {
+    F32,
+    U32,
+}
+
+/// An image that is asked for a band of rows at a time, so that it need not be in memory as a
+/// whole.
+pub(crate) trait ImageRows: Sync {
+    /// Patch and level, as `palm/L0`.
+    fn name(&self) -> &str;
+
+    /// The part of the map it shows, and its size in pixels.
+    fn frame(&self) -> &ImageFrame;
+
+    /// The names of the channels, as `position.X`, and what each holds.
+    fn channels(&self) -> Vec<(String, SampleType)>;
+
+    /// The samples of the channels in that order, for `rows` counted from the top: width times the
+    /// number of rows each. The rows lie inside of the image.
+    fn rows(&self, rows: Range<u32>) -> Vec<Samples>;
+}
 
 /// Channels of measures; 0 where no face is.
 const MEASURES: [&str; 12] = [
@@ -55,32 +89,31 @@ const IDS: [&str; 2] = ["taxel.id", "face.id"];
 ///
 /// Where charts are packed into one image it shows all of them.
 #[derive(Debug, Clone)]
-pub struct LevelImage<'a> {
+pub struct LevelImage {
     name: String,
     frame: ImageFrame,
-    tiles: Vec<(Surface<'a>, Cow<'a, Chart>)>,
+    map: Arc<SkinMap>,
+    charts: Vec<ShadedChart>,
 }
 
-/// What one level of a patch shows.
+/// A chart, and what follows from the mesh of its level.
 #[derive(Debug, Clone)]
-struct Surface<'a> {
-    patch: &'a PatchMap,
-    level: &'a MapLevel,
+struct ShadedChart {
+    chart: Chart,
     normals: IdVec<VertexId, DVec3>,
-    finest: bool,
     light: DVec3,
 }
 
-impl<'a> Surface<'a> {
-    fn new(patch: &'a PatchMap, level: LevelId) -> Self {
-        let at = &patch.levels[level];
-        let (normals, light) = (patch.normals(&at.level), light(&at.level.mesh));
-        Self { patch, level: at, normals, finest: level == LevelId::default(), light }
+impl ShadedChart {
+    fn new(map: &SkinMap, chart: Chart) -> Self {
+        let patch = &map.patches[chart.patch];
+        let level = &patch.levels[chart.level].level;
+        Self { normals: patch.normals(level), light: light(&level.mesh), chart }
     }
 
     /// The measures of one pixel, in the order of [`MEASURES`].
-    fn measures(&self, face: FaceId, weights: [f64; 3], stretch: Stretch) -> [f64; 12] {
-        let mesh = &self.level.level.mesh;
+    fn measures(&self, level: &MapLevel, face: FaceId, weights: [f64; 3], stretch: Stretch) -> [f64; 12] {
+        let mesh = &level.level.mesh;
         let corners = mesh.triangles[face];
         let mix = |of: &dyn Fn(VertexId) -> DVec3| {
             corners.iter().zip(weights).map(|(&v, w)| w * of(v)).sum::<DVec3>()
@@ -93,60 +126,52 @@ impl<'a> Surface<'a> {
         [shade, 1.0, p.x, p.y, p.z, n.x, n.y, n.z, u, v, stretch.angle, stretch.area]
     }
 
-    /// The ids of one pixel, in the order of [`IDS`].
-    fn ids(&self, face: FaceId, weights: [f64; 3]) -> [u32; 2] {
-        let nearest = self.level.level.mesh.triangles[face][largest(weights)];
-        let id = if self.finest { self.patch.taxels.ids[nearest].0 } else { nearest.raw() };
-        [id, face.raw()]
-    }
-
     /// Fills a row of the chart, whose first pixel has the index `start`.
     fn fill(
         &self,
-        chart: &Chart,
+        patch: &PatchMap,
         row: u32,
         start: usize,
-        (measures, ids): (&mut [Vec<f32>; 12], &mut [Vec<u32>; 2]),
+        measures: &mut [Vec<f32>; 12],
+        ids: &mut [Vec<u32>; 2],
     ) {
+        let level = &patch.levels[self.chart.level];
         let mut current: Option<(FaceId, Stretch)> = None;
-        chart.each_in_row(self.level, row, |column, face, weights| {
+        self.chart.each_in_row(level, row, |column, face, weights| {
             let stretch = match current {
                 Some((of, stretch)) if of == face => stretch,
-                _ => face_stretch(self.level, face),
+                _ => face_stretch(level, face),
             };
             current = Some((face, stretch));
             let at = start + column;
-            for (samples, value) in measures.iter_mut().zip(self.measures(face, weights, stretch)) {
+            for (samples, value) in measures.iter_mut().zip(self.measures(level, face, weights, stretch)) {
                 samples[at] = narrow(value);
             }
-            for (samples, id) in ids.iter_mut().zip(self.ids(face, weights)) {
-                samples[at] = id;
-            }
+            let shown = [shown_id(patch, self.chart.level, face, weights), face.raw()];
+            ids.iter_mut().zip(shown).for_each(|(samples, id)| samples[at] = id);
         });
     }
 }
 
-impl<'a> LevelImage<'a> {
+impl LevelImage {
     /// Rasterises a level of a map that is known to be valid.
-    fn new(patch: (PatchId, &'a PatchMap), level: LevelId) -> Result<Self, AtlasError> {
-        let ((id, patch), at) = (patch, &patch.1.levels[level]);
-        let name = image_name(patch, level);
+    fn new(map: &Arc<SkinMap>, id: PatchId, level: LevelId) -> Result<Self, AtlasError> {
+        let patch = &map.patches[id];
+        let (at, name) = (&patch.levels[level], image_name(patch, level));
         let place = Place { patch: id, turns: 0, frame: at.frame, corner_px: [0, 0] };
         let chart = Chart::new(&name, at, level, &place)?;
-        let frame = chart.frame;
-        Ok(Self { name, frame, tiles: vec![(Surface::new(patch, level), Cow::Owned(chart))] })
+        let (frame, charts) = (chart.frame, vec![ShadedChart::new(map, chart)]);
+        Ok(Self { name, frame, map: Arc::clone(map), charts })
     }
 
-    /// What the pixels of an image of an atlas show, of those patches alone that `of` shows too.
-    pub(crate) fn of_part(map: &'a SkinMap, part: &'a AtlasPart, of: &AtlasPart) -> Self {
-        let tile =
-            |chart: &'a Chart| (Surface::new(&map.patches[chart.patch], chart.level), Cow::Borrowed(chart));
-        let charts = part.charts.iter().filter(|chart| of.shows(chart.patch));
-        Self { name: of.name.clone(), frame: part.frame, tiles: charts.map(tile).collect() }
+    /// What the pixels of an image of an atlas show.
+    pub(super) fn of_part(map: &Arc<SkinMap>, part: &AtlasPart) -> Self {
+        let charts = part.charts.iter().map(|chart| ShadedChart::new(map, chart.clone())).collect();
+        Self { name: part.name.clone(), frame: part.frame, map: Arc::clone(map), charts }
     }
 }
 
-impl ImageRows for LevelImage<'_> {
+impl ImageRows for LevelImage {
     fn name(&self) -> &str {
         &self.name
     }
@@ -155,8 +180,9 @@ impl ImageRows for LevelImage<'_> {
         &self.frame
     }
 
-    fn channels(&self) -> Vec<String> {
-        MEASURES.into_iter().chain(IDS).map(str::to_owned).collect()
+    fn channels(&self) -> Vec<(String, SampleType)> {
+        let measures = MEASURES.into_iter().map(|name| (name.to_owned(), SampleType::F32));
+        measures.chain(IDS.map(|name| (name.to_owned(), SampleType::U32))).collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
@@ -164,23 +190,18 @@ impl ImageRows for LevelImage<'_> {
         let count = width * rows.len();
         let mut measures = MEASURES.map(|_| vec![0.0_f32; count]);
         let mut ids = IDS.map(|_| vec![u32::MAX; count]);
-        for (surface, chart) in &self.tiles {
-            let [left, top] = chart.corner_px;
+        for shaded in &self.charts {
+            let Chart { patch, corner_px: [left, top], frame, .. } = shaded.chart;
             for (start, row) in (0..).step_by(width).zip(rows.clone()) {
-                let inside = row.checked_sub(top).filter(|&row| row < chart.frame.size_px[1]);
+                let inside = row.checked_sub(top).filter(|&row| row < frame.size_px[1]);
                 if let Some(row) = inside {
-                    surface.fill(chart, row, start + left as usize, (&mut measures, &mut ids));
+                    let start = start + left as usize;
+                    shaded.fill(&self.map.patches[patch], row, start, &mut measures, &mut ids);
                 }
             }
         }
         measures.into_iter().map(Samples::F32).chain(ids.into_iter().map(Samples::U32)).collect()
     }
-}
-
-/// Images are 32-bit floats.
-#[expect(clippy::cast_possible_truncation, reason = "EXR stores f32")]
-fn narrow(x: f64) -> f32 {
-    x as f32
 }
 
 /// Direction the light comes from: where the mesh faces on the whole, or up if it faces everywhere.
@@ -196,9 +217,10 @@ fn light(mesh: &TriMesh) -> DVec3 {
 /// If the map breaks a rule of [`SkinMap::validate`], if an image would be larger than 16384 pixels
 /// a side or all together than 4096 pixels a taxel (at least `2^20`, at most `2^26`), or if a map
 /// does not lie in its frame.
-pub fn skin_images(map: &SkinMap) -> Result<Vec<LevelImage<'_>>, AtlasError> {
+pub fn skin_images(map: &Arc<SkinMap>) -> Result<Vec<LevelImage>, AtlasError> {
     map.validate()?;
     check_map(map, (MEASURES.len() + IDS.len()) as u64)?;
-    let all = map.patches.enumerate().flat_map(|patch| patch.1.levels.ids().map(move |level| (patch, level)));
-    all.map(|(patch, level)| LevelImage::new(patch, level)).collect()
+    let all =
+        map.patches.enumerate().flat_map(|(id, patch)| patch.levels.ids().map(move |level| (id, level)));
+    all.map(|(id, level)| LevelImage::new(map, id, level)).collect()
 }

@@ -6,25 +6,196 @@
 //! of `map.exr`, a band of rows at a time, so that an image of a whole skin need never be in memory
 //! at once.
 //!
-//! In reading order: `rasterize`, `options`, `layout`, `bound`, `chart`, `parts`; `image`, `stretch`,
-//! `level_image`.
+//! In reading order: `rasterize`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
 
 mod bound;
 mod chart;
 mod error;
-mod image;
 mod layout;
 mod level_image;
-mod options;
-mod parts;
 mod rasterize;
 mod stretch;
 
+use std::sync::Arc;
+
+use crate::{
+    atlas::{
+        bound::{check_size, check_total},
+        chart::shown_id,
+        layout::{PartLayout, Place, image_name, layout},
+    },
+    map::{ImageFrame, SkinMap},
+    pyramid::LevelId,
+};
+
 pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
+pub(crate) use chart::largest;
 pub use error::AtlasError;
-pub use image::{ImageRows, Samples};
+pub(crate) use level_image::{ImageRows, SampleType, Samples};
 pub use level_image::{LevelImage, skin_images};
-pub use options::{AtlasOptions, Resolution};
-pub use parts::{Atlas, AtlasPart};
 pub(crate) use stretch::{Stretch, face_stretch};
+
+/// How many pixels the images of an [`Atlas`] have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Resolution {
+    /// The frames of the map itself: pixels are those of `map.exr`. Where charts are packed, the
+    /// pixel size of the first patch's level 0.
+    Map,
+    /// This many metres per pixel.
+    Pixel(f64),
+    /// Images of this height and width in pixels, at the largest scale that fits: one scale for all
+    /// levels of a patch, or for all patches where they are packed.
+    Canvas([u32; 2]),
+}
+
+/// Options of [`Atlas::new`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct AtlasOptions {
+    /// How many pixels the images have. [`Resolution::Map`] by default.
+    pub resolution: Resolution,
+    /// Whether all patches of a level lie in one image; otherwise each has its own. Packed images
+    /// of different levels have the same layout.
+    pub packed: bool,
+    /// Pixels that stay free around each chart, 1 by default. Not used by [`Resolution::Map`] where
+    /// each patch has its own image: the map's frames have their own.
+    pub margin_px: u32,
+}
+
+impl Default for AtlasOptions {
+    fn default() -> Self {
+        Self { resolution: Resolution::Map, packed: false, margin_px: 1 }
+    }
+}
+
+/// Which place of the skin every pixel of its images shows.
+///
+/// ```
+/// use dermatome::{
+///     atlas::{Atlas, AtlasOptions, Resolution},
+///     map::SkinMap,
+///     mesh::shapes,
+/// };
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let options = AtlasOptions { resolution: Resolution::Canvas([64, 128]), ..AtlasOptions::default() };
+/// let atlas = Atlas::new(&map, &options)?;
+/// let part = &atlas.parts[0];
+/// assert_eq!((part.name.as_str(), part.frame.size_px), ("skin/L0", [128, 64]));
+/// assert!(part.charts[0].point(&map, 64, 32).is_some(), "the middle shows the skin");
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Atlas {
+    /// The images: patch by patch, finest level first, or one for each level where charts are
+    /// packed.
+    pub parts: Vec<AtlasPart>,
+}
+
+/// One image of an [`Atlas`]: the chart of one level of a patch, or those of one level of all
+/// patches.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AtlasPart {
+    /// `palm/L0`, or `L0` where charts are packed.
+    pub name: String,
+    /// The level it shows.
+    pub level: LevelId,
+    /// Its size. Where charts are packed the origin has no meaning.
+    pub frame: ImageFrame,
+    /// The charts, in the order of the tree of links.
+    pub charts: Vec<Chart>,
+}
+
+/// Every image of readings has one channel and its coverage.
+const LEAST_SAMPLES: u64 = 2;
+
+impl Atlas {
+    /// Rasterises every level of a map.
+    ///
+    /// # Errors
+    /// If the map breaks a rule of [`SkinMap::validate`], the options make no sense, the charts do
+    /// not fit into the canvas, or an image would be larger than 16384 pixels a side or all
+    /// together than `2^26` pixels.
+    pub fn new(map: &SkinMap, options: &AtlasOptions) -> Result<Self, AtlasError> {
+        map.validate()?;
+        let layouts = layout(map, options)?;
+        for part in &layouts {
+            check_size(&part.frame, &part.name)?;
+        }
+        check_total(layouts.iter().map(|part| &part.frame), LEAST_SAMPLES)?;
+        Ok(Self {
+            parts: layouts.into_iter().map(|part| AtlasPart::new(map, part)).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// The images of one level, or of all.
+    pub(crate) fn parts_of(&self, level: Option<LevelId>) -> impl Iterator<Item = &AtlasPart> + Clone {
+        self.parts.iter().filter(move |part| level.is_none_or(|level| part.level == level))
+    }
+
+    /// What the pixels of its images show, of one level or of all: places, normals, ids and stretch.
+    ///
+    /// ```
+    /// use std::sync::Arc;
+    ///
+    /// use dermatome::{
+    ///     atlas::{Atlas, AtlasOptions},
+    ///     map::SkinMap,
+    ///     mesh::shapes,
+    /// };
+    ///
+    /// let map = Arc::new(SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3));
+    /// let atlas = Atlas::new(&map, &AtlasOptions::default())?;
+    /// assert_eq!(atlas.images(&map, None).len(), atlas.parts.len());
+    /// # Ok::<(), dermatome::Error>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If the atlas was made of another map.
+    #[must_use]
+    pub fn images(&self, map: &Arc<SkinMap>, level: Option<LevelId>) -> Vec<LevelImage> {
+        self.parts_of(level).map(|part| LevelImage::of_part(map, part)).collect()
+    }
+}
+
+impl AtlasPart {
+    fn new(map: &SkinMap, layout: PartLayout) -> Result<Self, AtlasError> {
+        let PartLayout { name, level, frame, places } = layout;
+        let chart = |place: &Place| {
+            let patch = &map.patches[place.patch];
+            Chart::new(&image_name(patch, level), &patch.levels[level], level, place)
+        };
+        let charts = places.iter().map(chart).collect::<Result<_, _>>()?;
+        Ok(Self { name, level, frame, charts })
+    }
+
+    /// Whether each pixel shows the skin: 1 or 0, row by row from the top.
+    pub(crate) fn coverage(&self) -> Vec<u8> {
+        let [width, height] = self.frame.size_px.map(|n| n as usize);
+        let mut covered = vec![0; width * height];
+        for (start, row) in self.charts.iter().flat_map(|chart| chart.rows(width)) {
+            for span in row {
+                covered[start + usize::from(span.column)..][..usize::from(span.length)].fill(1);
+            }
+        }
+        covered
+    }
+
+    /// The id that each pixel shows, as in [`LevelImage`]; `u32::MAX` where there is none.
+    ///
+    /// # Panics
+    /// If `map` is not the one that was rasterised.
+    pub(crate) fn taxel_ids(&self, map: &SkinMap) -> Vec<u32> {
+        let [width, height] = self.frame.size_px.map(|n| n as usize);
+        let mut ids = vec![u32::MAX; width * height];
+        for chart in &self.charts {
+            let patch = &map.patches[chart.patch];
+            for ((start, _), row) in chart.rows(width).zip(0..) {
+                chart.each_in_row(&patch.levels[chart.level], row, |column, face, weights| {
+                    ids[start + column] = shown_id(patch, chart.level, face, weights);
+                });
+            }
+        }
+        ids
+    }
+}

@@ -33,32 +33,4 @@ pub enum ImageError {
         /// Name of the patch.
         patch: String,
     },
-    /// An image that the renderer does not draw.
-    #[error("image {name:?} is not one of the map's; there are {known:?}")]
-    UnknownImage {
-        /// Its name.
-        name: String,
-        /// The first ten that there are.
-        known: Vec<String>,
-    },
-    /// An image of another size, or with another number of values.
-    #[error(
-        "image {name} has {} x {} pixels in {channels} channels and {values} values; {} x {} pixels in {needed_channels} \
-         channels are needed",
-        found[0], found[1], needed[0], needed[1]
-    )]
-    Size {
-        /// Its name.
-        name: String,
-        /// Width and height found.
-        found: [u32; 2],
-        /// Channels found.
-        channels: usize,
-        /// Values found.
-        values: usize,
-        /// Width and height needed.
-        needed: [u32; 2],
-        /// Channels needed.
-        needed_channels: usize,
-    },
 }

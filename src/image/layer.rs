@@ -3,13 +3,10 @@
 use crate::{
     id::{IdVec, VertexId},
     image::{
-        tile::Tile,
-        weights::{
-            runs::{Plane, narrow},
-            surface::{Pattern, Surface},
-        },
+        runs::Plane,
+        surface::{Pattern, PixelSurface},
     },
-    numeric::Csr,
+    numeric::{Csr, narrow},
     signal::Quantity,
 };
 
@@ -19,7 +16,7 @@ use crate::{
 /// at 4/3 it takes 0.38; a single patch of 642 taxels takes 0.18 at both (`benches/image.rs`).
 const FEW: usize = 2;
 
-/// The state of one channel of a tile.
+/// The state of one channel of a chart.
 #[derive(Debug, Clone)]
 pub(super) struct Layer {
     quantity: Quantity,
@@ -28,106 +25,61 @@ pub(super) struct Layer {
     live: Vec<bool>,
     /// What a value is multiplied by: 1, or for amounts what makes pixels keep the total.
     scale: Vec<f64>,
+    scaled: Vec<f64>,
     /// Values that no pixel shows, and the pixel that gets each.
     unseen: Vec<(u32, usize)>,
-    /// The scaled values, and those of the chart's vertices.
-    scaled: Vec<f64>,
-    x: Vec<f64>,
     pattern: Pattern,
     /// Of a pattern of rows: those that each vertex takes part in.
     rows_of: Csr<u32>,
     planes: Vec<Plane>,
-    /// Large faces with one live corner, and those whose pixels follow no plane: all others with dead
-    /// corners.
-    single: Vec<u32>,
+    /// Faces with one or two live corners: their pixels follow no plane.
     mixed: Vec<u32>,
     changed: Vec<u32>,
-    sources: Marked,
-    vertices: Marked,
-}
-
-/// A set of small numbers.
-#[derive(Debug, Clone, Default)]
-struct Marked {
-    is_in: Vec<bool>,
-    all: Vec<u32>,
-}
-
-impl Marked {
-    fn new(count: usize) -> Self {
-        Self { is_in: vec![false; count], all: Vec::with_capacity(count) }
-    }
-
-    fn insert(&mut self, item: u32) {
-        if !std::mem::replace(&mut self.is_in[item as usize], true) {
-            self.all.push(item);
-        }
-    }
-
-    fn clear(&mut self) {
-        self.all.drain(..).for_each(|item| self.is_in[item as usize] = false);
-    }
+    /// The sources to be drawn, and which these are.
+    sources: Vec<u32>,
+    is_source: Vec<bool>,
 }
 
 impl Layer {
     /// A layer that shows nothing.
-    pub(super) fn new(tile: &Tile<'_>, quantity: Quantity) -> Self {
-        let vertices = tile.surface.level.level.mesh.positions.len();
+    pub(super) fn new(surface: &PixelSurface, quantity: Quantity) -> Self {
+        let count = surface.vertices;
         let mut layer = Self {
             quantity,
-            last: vec![f64::NAN; tile.values],
-            live: vec![false; tile.values],
-            scale: vec![1.0; tile.values],
+            last: vec![f64::NAN; count],
+            live: vec![false; count],
+            scale: vec![1.0; count],
+            scaled: vec![f64::NAN; count],
             unseen: Vec::new(),
-            scaled: vec![f64::NAN; tile.values],
-            x: vec![f64::NAN; vertices],
             pattern: Pattern::default(),
             rows_of: Csr::default(),
             planes: Vec::new(),
-            single: Vec::new(),
             mixed: Vec::new(),
-            changed: Vec::with_capacity(tile.values),
-            sources: Marked::default(),
-            vertices: Marked::new(vertices),
+            changed: Vec::with_capacity(count),
+            sources: Vec::new(),
+            is_source: Vec::new(),
         };
-        layer.count_sources(tile);
+        layer.count_sources(surface);
         layer
     }
 
-    /// Draws values into the pixels of its channel, which hold what it drew last. Says whether
-    /// anything changed.
-    pub(super) fn draw(
-        &mut self,
-        tile: &Tile<'_>,
-        values: &IdVec<VertexId, f64>,
-        pixels: &mut [f32],
-    ) -> bool {
+    /// Draws values into the pixels of its channel, which hold what it drew last.
+    pub(super) fn draw(&mut self, surface: &PixelSurface, values: &IdVec<VertexId, f64>, pixels: &mut [f32]) {
         let masks_changed = self.take(values);
         if self.changed.is_empty() {
-            return false;
+            return;
         }
         if masks_changed {
             // What is not drawn again has nothing.
-            tile.surface.runs.all.iter().for_each(|run| Plane::constant(f64::NAN).fill_alone(run, pixels));
-            self.remask(tile);
+            surface.runs.all.iter().for_each(|run| Plane::constant(f64::NAN).fill_alone(run, pixels));
+            self.remask(surface);
         }
-        self.scale();
+        for &v in &self.changed {
+            self.scaled[v as usize] = self.last[v as usize] * self.scale[v as usize];
+        }
         let few = !masks_changed && self.unseen.is_empty() && self.changed.len() * FEW < self.last.len();
-        if !(few && self.draw_changed(tile, pixels)) {
-            self.draw_all(tile, pixels);
-        }
-        true
-    }
-
-    /// Scales the changed values.
-    fn scale(&mut self) {
-        if self.changed.len() == self.last.len() {
-            let pairs = self.last.iter().zip(&self.scale);
-            self.scaled.iter_mut().zip(pairs).for_each(|(scaled, (x, scale))| *scaled = x * scale);
-        } else {
-            for &v in &self.changed {
-                self.scaled[v as usize] = self.last[v as usize] * self.scale[v as usize];
-            }
+        if !(few && self.draw_changed(surface, pixels)) {
+            self.draw_all(surface, pixels);
         }
     }
 
@@ -158,38 +110,23 @@ impl Layer {
         masks_changed
     }
 
-    /// Which pixels follow from which values, and what values are multiplied by, where only `live`
-    /// ones are there.
-    pub(super) fn with_mask(mut self, tile: &Tile<'_>, live: Vec<bool>) -> (Pattern, Vec<bool>, Vec<f64>) {
-        self.live = live;
-        self.remask(tile);
-        (self.pattern, self.live, self.scale)
-    }
-
     /// What follows from the mask alone.
-    fn remask(&mut self, tile: &Tile<'_>) {
-        let live = tile.live_vertices(&self.live);
-        self.pattern = tile.surface.pattern(tile.interpolation, &live);
+    fn remask(&mut self, surface: &PixelSurface) {
+        self.pattern = surface.pattern(&self.live);
         if let Pattern::Rows(rows) = &self.pattern {
-            let entries = (0..rows.pixels.len()).zip(0_u32..);
-            let entries =
-                entries.flat_map(|(k, row)| rows.row(k).iter().map(move |&(v, _)| (v as usize, row)));
-            self.rows_of = Csr::from_pairs(live.len(), entries);
+            let entries = rows.entries.iter().zip(0_u32..);
+            let entries = entries.flat_map(|(row, k)| row.iter().map(move |&(v, _)| (v as usize, k)));
+            self.rows_of = Csr::from_pairs(self.live.len(), entries);
         }
-        self.count_sources(tile);
+        self.count_sources(surface);
         if matches!(self.pattern, Pattern::Faces) {
-            self.single.clear();
             self.mixed.clear();
-            for (face, k) in tile.surface.faces.iter().zip(0..) {
-                match face.live_corners(|v| live[v.index()]) {
-                    1 if tile.surface.is_large(k as usize) => self.single.push(k),
-                    1 | 2 => self.mixed.push(k),
-                    _ => {}
-                }
-            }
+            let live = |v: VertexId| self.live[v.index()];
+            let faces = surface.faces.iter().zip(0_u32..);
+            self.mixed.extend(faces.filter(|(f, _)| matches!(f.live_corners(live), 1 | 2)).map(|(_, k)| k));
         }
         if self.quantity == Quantity::Extensive {
-            self.balance(tile, &live);
+            self.balance(surface);
         }
         // Scales may have changed everywhere.
         self.changed.clear();
@@ -197,156 +134,108 @@ impl Layer {
     }
 
     /// Makes room for the sources of the pattern.
-    fn count_sources(&mut self, tile: &Tile<'_>) {
+    fn count_sources(&mut self, surface: &PixelSurface) {
         let (planes, sources) = match &self.pattern {
-            Pattern::Faces => (tile.surface.faces.len(), tile.surface.faces.len()),
+            Pattern::Faces => (surface.faces.len(), surface.faces.len()),
             Pattern::Cells(cells) => (cells.sources(), cells.sources()),
             Pattern::Rows(rows) => (0, rows.pixels.len()),
         };
-        if self.planes.len() != planes {
-            self.planes = vec![Plane::default(); planes];
-        }
-        if self.sources.is_in.len() != sources {
-            self.sources = Marked::new(sources);
-        }
+        self.planes.resize(planes, Plane::default());
+        self.is_source.resize(sources, false);
+        self.sources.reserve(sources);
     }
 
     /// Scales amounts so that the pixels keep their total: each value by what its pixels add up to.
-    fn balance(&mut self, tile: &Tile<'_>, live: &[bool]) {
+    fn balance(&mut self, surface: &PixelSurface) {
         /// A value whose weights add up to less, in pixels, is not seen.
         const UNSEEN: f64 = 1e-3;
-        let mut seen = vec![0.0; live.len()];
-        tile.surface.each_row(&self.pattern, live, |_, row| {
+        let mut seen = vec![0.0; self.live.len()];
+        surface.each_row(&self.pattern, &self.live, |row| {
             row.iter().for_each(|&(v, w)| seen[v as usize] += w);
         });
-        if let Some(lift) = &tile.lift {
-            let mut lifted = vec![0.0; self.last.len()];
-            for (v, sum) in seen.iter().enumerate().filter(|(v, _)| live[*v]) {
-                lift.row(v, |c| self.live[c]).into_iter().for_each(|(c, w)| lifted[c] += w * sum);
-            }
-            seen = lifted;
-        }
         self.unseen.clear();
         for (v, &sum) in seen.iter().enumerate() {
-            self.scale[v] = if sum > UNSEEN { 1.0 / (tile.pixel_area * sum) } else { 0.0 };
+            self.scale[v] = if sum > UNSEEN { 1.0 / (surface.pixel_area * sum) } else { 0.0 };
             if self.live[v] && sum <= UNSEEN {
-                let value = VertexId::new(v);
-                let vertex = tile.lift.as_ref().map_or(value, |lift| lift.origins[value]);
-                if let Some(pixel) = tile.surface.nearest_pixel(vertex) {
-                    self.unseen.push((pixel, v));
-                }
+                self.unseen.extend(surface.nearest_pixel(VertexId::new(v)).map(|pixel| (pixel, v)));
             }
         }
     }
 
     /// Draws the whole chart.
-    fn draw_all(&mut self, tile: &Tile<'_>, pixels: &mut [f32]) {
-        match &tile.lift {
-            None => self.x.copy_from_slice(&self.scaled),
-            Some(lift) => {
-                self.x.iter_mut().enumerate().for_each(|(v, x)| *x = lift.value(v, &self.scaled));
-            }
-        }
-        let surface = &tile.surface;
+    fn draw_all(&mut self, surface: &PixelSurface, pixels: &mut [f32]) {
         match &self.pattern {
             Pattern::Faces => {
-                for &face in &surface.large {
-                    self.planes[face as usize] = surface.faces[face as usize].plane(&self.x);
-                }
-                for &face in &self.single {
-                    self.planes[face as usize] = surface.faces[face as usize].plane_of_one(&self.x);
-                }
+                let planes = self.planes.iter_mut().zip(&surface.faces);
+                planes.for_each(|(plane, face)| *plane = face.plane(&self.scaled));
                 surface.runs.fill(&self.planes, pixels);
-                surface.points.fill(&self.x, pixels);
-                self.mixed.iter().for_each(|&face| draw_mixed(surface, face, &self.x, pixels));
+                self.mixed.iter().for_each(|&face| draw_mixed(surface, face, &self.scaled, pixels));
             }
             Pattern::Cells(cells) => {
-                self.planes.iter_mut().zip(&self.x).for_each(|(plane, &x)| *plane = Plane::constant(x));
+                let planes = self.planes.iter_mut().zip(&self.scaled);
+                planes.for_each(|(plane, &x)| *plane = Plane::constant(x));
                 cells.fill(&self.planes, pixels);
             }
             Pattern::Rows(rows) => {
                 for (k, &pixel) in rows.pixels.iter().enumerate() {
-                    pixels[pixel as usize] = narrow(rows.value(k, &self.x));
+                    pixels[pixel as usize] = narrow(rows.value(k, &self.scaled));
                 }
             }
         }
         for &(pixel, value) in &self.unseen {
             let pixel = &mut pixels[pixel as usize];
-            let amount = self.last[value] / tile.pixel_area;
+            let amount = self.last[value] / surface.pixel_area;
             *pixel = narrow(if pixel.is_nan() { amount } else { f64::from(*pixel) + amount });
         }
-        tile.gutter.fill(pixels);
     }
 
     /// Draws what the changed values reach, unless that is much of the chart.
-    fn draw_changed(&mut self, tile: &Tile<'_>, pixels: &mut [f32]) -> bool {
-        self.vertices.clear();
-        for &value in &self.changed {
-            match &tile.lift {
-                None => self.vertices.insert(value),
-                Some(lift) => {
-                    lift.reached[value as usize].iter().for_each(|&v| self.vertices.insert(v));
-                }
-            }
-        }
+    fn draw_changed(&mut self, surface: &PixelSurface, pixels: &mut [f32]) -> bool {
         self.sources.clear();
-        for &v in &self.vertices.all {
+        let (sources, is_source) = (&mut self.sources, &mut self.is_source);
+        let mut reach = |source: u32| {
+            if !std::mem::replace(&mut is_source[source as usize], true) {
+                sources.push(source);
+            }
+        };
+        for &v in &self.changed {
             match &self.pattern {
-                Pattern::Faces => {
-                    tile.around[v as usize].iter().for_each(|&face| self.sources.insert(face));
-                }
-                Pattern::Cells(_) => self.sources.insert(v),
-                Pattern::Rows(_) => {
-                    self.rows_of[v as usize].iter().for_each(|&row| self.sources.insert(row));
-                }
+                Pattern::Faces => surface.around[v as usize].iter().for_each(|&face| reach(face)),
+                Pattern::Cells(_) => reach(v),
+                Pattern::Rows(_) => self.rows_of[v as usize].iter().for_each(|&row| reach(row)),
             }
         }
-        if self.sources.all.len() * FEW >= self.sources.is_in.len() {
+        self.sources.iter().for_each(|&source| self.is_source[source as usize] = false);
+        if self.sources.len() * FEW >= self.is_source.len() {
             return false;
         }
-        for &v in &self.vertices.all {
-            let v = v as usize;
-            self.x[v] = match &tile.lift {
-                None => self.scaled[v],
-                Some(lift) => lift.value(v, &self.scaled),
-            };
-        }
-        for &source in &self.sources.all {
-            self.draw_source(&tile.surface, source, pixels);
-        }
-        match self.pattern {
-            Pattern::Faces => self.sources.all.iter().for_each(|&face| tile.gutter.fill_face(face, pixels)),
-            Pattern::Cells(_) | Pattern::Rows(_) => tile.gutter.fill(pixels),
-        }
+        self.sources.iter().for_each(|&source| self.draw_source(surface, source, pixels));
         true
     }
 
     /// Draws one face, one vertex or one row.
-    fn draw_source(&self, surface: &Surface<'_>, source: u32, pixels: &mut [f32]) {
-        let k = source as usize;
+    fn draw_source(&self, surface: &PixelSurface, source: u32, pixels: &mut [f32]) {
+        let (k, x) = (source as usize, &self.scaled);
         match &self.pattern {
             Pattern::Faces => {
                 let face = &surface.faces[k];
-                let is_large = surface.is_large(k);
-                let plane = match face.live_corners(|v| !self.x[v.index()].is_nan()) {
-                    1 if is_large => face.plane_of_one(&self.x),
-                    1 | 2 => return draw_mixed(surface, source, &self.x, pixels),
-                    _ if is_large => face.plane(&self.x),
-                    _ => return surface.points.fill_face(k, &self.x, pixels),
-                };
+                if let 1 | 2 = face.live_corners(|v| !x[v.index()].is_nan()) {
+                    return draw_mixed(surface, source, x, pixels);
+                }
+                let plane = face.plane(x);
                 surface.runs.of_source(k).iter().for_each(|run| plane.fill_alone(run, pixels));
             }
             Pattern::Cells(cells) => {
-                let plane = Plane::constant(self.x[k]);
+                let plane = Plane::constant(x[k]);
                 cells.of_source(k).iter().for_each(|run| plane.fill_alone(run, pixels));
             }
-            Pattern::Rows(rows) => pixels[rows.pixels[k] as usize] = narrow(rows.value(k, &self.x)),
+            Pattern::Rows(rows) => pixels[rows.pixels[k] as usize] = narrow(rows.value(k, x)),
         }
     }
 }
 
 /// Draws a face with dead corners pixel by pixel.
-fn draw_mixed(surface: &Surface<'_>, face: u32, x: &[f64], pixels: &mut [f32]) {
+fn draw_mixed(surface: &PixelSurface, face: u32, x: &[f64], pixels: &mut [f32]) {
     let weights = &surface.faces[face as usize];
     let values = weights.corners.map(|v| x[v.index()]);
     let live = values.map(|x| !x.is_nan());

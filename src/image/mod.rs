@@ -1,9 +1,9 @@
-//! Values on pixels: tactile images from frames through an atlas, and back.
+//! Values on pixels: tactile images from frames through an atlas.
 //!
 //! A pixel is a weighted sum of the values of a few vertices: [`Interpolation`] says which. In the
 //! linear case the sum is a plane over each face, so a frame costs one plane for each face and then
-//! one addition and one multiplication for each pixel; faces of few pixels are drawn pixel by pixel.
-//! [`Renderer`] keeps what it drew and draws anew only the faces around the values that changed.
+//! one addition and one multiplication for each pixel. [`Renderer`] keeps what it drew and draws anew
+//! only the faces around the values that changed.
 //!
 //! Intensive channels keep their values: a constant pressure is a constant image. Extensive channels
 //! are drawn per area and keep their total: with the weights `w` of the pixels, each of area `A`,
@@ -11,25 +11,212 @@
 //! the sum of all amounts, whatever the size of the pixels. An amount that no pixel shows is given
 //! to the nearest one.
 //!
-//! Directions are drawn as unit vectors.
-//!
-//! [`sample`] goes back: from images to the values that they show, by least squares.
-//!
-//! In reading order: `options`, `tactile_image`; `weights` (pixels in terms of vertices); `tile`, `layer` (what changed), `direction`, `renderer`; `sample`.
+//! In reading order: `face_weights`, one plane for each face; `runs`, the pixels of faces; `natural`,
+//! neighbours where values are missing; `surface`, all of a chart; `layer`, what changed.
 
-mod direction;
 mod error;
+mod face_weights;
 mod layer;
-mod options;
-mod renderer;
-mod sample;
-mod tactile_image;
-mod tile;
-mod weights;
+mod natural;
+mod runs;
+mod surface;
+
+use crate::{
+    atlas::{Atlas, AtlasPart, Chart},
+    image::{layer::Layer, surface::PixelSurface},
+    map::{ImageFrame, SkinMap},
+    pyramid::LevelId,
+    signal::{Channel, LevelFrame, Quantity},
+    skin::PatchId,
+};
 
 pub use error::ImageError;
-pub use options::{Interpolation, RenderOptions};
-pub(crate) use renderer::surface_of;
-pub use renderer::{Renderer, static_images};
-pub use sample::{Sampled, sample};
-pub use tactile_image::TactileImage;
+
+/// How a pixel follows from the values around it. Only live vertices, those with a value, take
+/// part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Interpolation {
+    /// Barycentric in the face that the pixel shows. Where a corner of the face has no value, the
+    /// weights of the others are scaled to the sum 1; without any live corner the pixel is NaN.
+    #[default]
+    Linear,
+    /// The value of the live corner with the largest weight: on equilateral faces the Voronoi cells
+    /// of the vertices. NaN without any live corner.
+    Nearest,
+    /// Natural neighbours of the live vertices on the map (sibson1981): the area of a vertex
+    /// without a value is taken over by its neighbours, so that no pixel of the chart is NaN. Linear
+    /// fields are reproduced within the convex hull of the live vertices; a pixel outside of it has
+    /// the value of the nearest one.
+    Natural,
+}
+
+/// Options of a [`Renderer`].
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct RenderOptions {
+    /// How values are drawn between the taxels.
+    pub interpolation: Interpolation,
+    /// The one level that is drawn; `None`: all.
+    pub level: Option<LevelId>,
+}
+
+/// One frame of one image of an atlas.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TactileImage {
+    /// `palm/L0`, or `L0` where charts are packed.
+    pub name: String,
+    /// The level whose values it shows.
+    pub level: LevelId,
+    /// The part of the map that it shows, and its size in pixels; the area of a pixel follows from it.
+    pub frame: ImageFrame,
+    /// Number of channels.
+    pub channels: usize,
+    /// The values, channel by channel, each row by row from the top: NaN where nothing is known.
+    /// Intensive channels in their unit, extensive ones in their unit per m^2 of the map.
+    pub values: Vec<f32>,
+    /// Whether each pixel shows the skin: 1 or 0, row by row from the top. Others are NaN in every
+    /// channel, so the sum of the values times the area of a pixel is the amount of an extensive one.
+    pub coverage: Vec<u8>,
+}
+
+/// Draws frames of values into images.
+///
+/// After the first frame it allocates nothing unless taxels come or go. It draws only what changed
+/// since the frame before, and what it draws does not depend on the frames before. One thread.
+///
+/// ```
+/// use dermatome::{
+///     atlas::{Atlas, AtlasOptions},
+///     image::{RenderOptions, Renderer},
+///     map::SkinMap,
+///     mesh::shapes,
+///     signal::{Channel, Frame, Restrictor},
+/// };
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let atlas = Atlas::new(&map, &AtlasOptions::default())?;
+/// let channels = [Channel::default()];
+/// let mut restrictor = Restrictor::new(&map, &channels);
+/// let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default())?;
+///
+/// let mut frame = Frame::new(&map, channels.len());
+/// for value in frame.values.iter_mut().flatten().flat_map(|channel| channel.iter_mut()) {
+///     *value = 2.5;
+/// }
+/// let images = renderer.render(restrictor.restrict(&frame));
+/// assert_eq!(images[0].name, "skin/L0");
+/// for (value, covered) in images[0].values.iter().zip(&images[0].coverage) {
+///     assert!(if *covered == 1 { (value - 2.5).abs() < 1e-6 } else { value.is_nan() });
+/// }
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Renderer {
+    quantities: Vec<Quantity>,
+    /// Of every image.
+    tiles: Vec<Vec<Tile>>,
+    images: Vec<TactileImage>,
+}
+
+/// One chart of an image.
+#[derive(Debug, Clone)]
+struct Tile {
+    patch: PatchId,
+    surface: PixelSurface,
+    /// One for each channel.
+    layers: Vec<Layer>,
+}
+
+impl Renderer {
+    /// A renderer of frames with these channels into the images of `atlas`, which is of `map`.
+    ///
+    /// # Errors
+    /// If the map breaks a rule of [`SkinMap::validate`], the atlas was made of another one, there
+    /// is no such level, or a patch covers no pixel and an extensive channel has to be drawn on it.
+    pub fn new(
+        map: &SkinMap,
+        atlas: &Atlas,
+        channels: &[Channel],
+        options: &RenderOptions,
+    ) -> Result<Self, ImageError> {
+        map.validate()?;
+        let last = atlas.parts.iter().map(|part| part.level).max().unwrap_or_default();
+        if let Some(level) = options.level.filter(|&level| level > last) {
+            return Err(ImageError::Level { level, last });
+        }
+        let quantities: Vec<_> = channels.iter().map(|channel| channel.quantity).collect();
+        let (mut tiles, mut images) = (Vec::new(), Vec::new());
+        for part in atlas.parts.iter().filter(|part| options.level.is_none_or(|level| part.level == level)) {
+            let charts = part.charts.iter();
+            let of_part: Vec<_> = charts
+                .map(|chart| Tile::new(map, part, chart, &quantities, options.interpolation))
+                .collect::<Result<_, _>>()?;
+            images.push(blank(part, &of_part, quantities.len()));
+            tiles.push(of_part);
+        }
+        Ok(Self { quantities, tiles, images })
+    }
+
+    /// Draws a frame: the images in the order of the atlas.
+    ///
+    /// # Panics
+    /// If the frame has not the patches, channels, levels and vertices of the map.
+    pub fn render(&mut self, frame: &LevelFrame) -> &[TactileImage] {
+        for (tiles, image) in self.tiles.iter_mut().zip(&mut self.images) {
+            let count = image.coverage.len();
+            for Tile { patch, surface, layers } in tiles {
+                let values = &frame.values[*patch];
+                assert_eq!(values.len(), self.quantities.len(), "one entry per channel");
+                for (channel, (layer, values)) in layers.iter_mut().zip(values).enumerate() {
+                    let pixels = &mut image.values[channel * count..(channel + 1) * count];
+                    layer.draw(surface, &values[image.level], pixels);
+                }
+            }
+        }
+        &self.images
+    }
+
+    /// The images as they were drawn last; before the first frame they hold nothing but NaN.
+    #[must_use]
+    pub fn images(&self) -> &[TactileImage] {
+        &self.images
+    }
+}
+
+impl Tile {
+    fn new(
+        map: &SkinMap,
+        part: &AtlasPart,
+        chart: &Chart,
+        quantities: &[Quantity],
+        interpolation: Interpolation,
+    ) -> Result<Self, ImageError> {
+        let foreign = || ImageError::Atlas { part: part.name.clone() };
+        let patch = map.patches.get(chart.patch).ok_or_else(foreign)?;
+        let level = patch.levels.get(chart.level).filter(|level| chart.fits(level)).ok_or_else(foreign)?;
+        if quantities.contains(&Quantity::Extensive) && chart.covered == 0 {
+            return Err(ImageError::NoPixel { part: part.name.clone(), patch: patch.name.clone() });
+        }
+        let ImageFrame { size, size_px, .. } = part.frame;
+        let area = size.x * size.y / size_px.map(f64::from).iter().product::<f64>();
+        let surface = PixelSurface::new(chart, level, size_px[0] as usize, area, interpolation);
+        let layers = quantities.iter().map(|&quantity| Layer::new(&surface, quantity)).collect();
+        Ok(Self { patch: chart.patch, surface, layers })
+    }
+}
+
+/// An image before its first frame.
+fn blank(part: &AtlasPart, tiles: &[Tile], channels: usize) -> TactileImage {
+    let count = part.frame.size_px.map(|n| n as usize).iter().product();
+    let mut coverage = vec![0; count];
+    for run in tiles.iter().flat_map(|tile| &tile.surface.runs.all) {
+        coverage[run.at as usize..][..usize::from(run.length)].fill(1);
+    }
+    TactileImage {
+        name: part.name.clone(),
+        level: part.level,
+        frame: part.frame,
+        channels,
+        values: vec![f32::NAN; channels * count],
+        coverage,
+    }
+}

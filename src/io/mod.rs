@@ -10,7 +10,7 @@
 //! | `table` | [`read_contacts`], [`read_motion`], [`read_gains`], ... | [`LookupWriter`], [`write_calibration`], ... |
 //! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] |
 //! | `arrays` | | [`RecordingWriter`]: `.npz`, `.npy` |
-//! | `image` | [`read_images`]: OpenEXR | [`write_images`], [`write_frame`] |
+//! | `image` | | [`write_images`], [`write_frame`]: OpenEXR |
 //! | `file` | what all of them need: whole files, lines, replacing | |
 //!
 //! What every reader keeps:
@@ -62,7 +62,6 @@ pub use file::replace::{StagedFiles, abandon_files, replace_file};
 pub use image::{
     exr::write_images,
     frame::{FrameContent, write_frame, write_raw_frame},
-    read::{ImageLayer, read_images},
 };
 pub use mesh::{
     flat::write_flat,
@@ -85,5 +84,4 @@ pub use table::{
     motion::{MotionFile, read_motion},
     regions::RegionWriter,
     touches::write_touches,
-    values::write_values,
 };

@@ -85,7 +85,7 @@ impl<T> Csr<T> {
     }
 
     /// The lists, in order.
-    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &[T]> {
+    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &[T]> + Clone {
         self.starts.windows(2).map(|range| &self.items[range[0] as usize..range[1] as usize])
     }
 }

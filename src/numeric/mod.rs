@@ -19,3 +19,14 @@ pub(crate) use morton::{along_curve, morton};
 pub(crate) use order::{argsort, median, nth_smallest, order_by};
 pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;
+
+/// A number as files and images store it.
+#[expect(clippy::cast_possible_truncation, reason = "files and images hold f32")]
+pub(crate) fn narrow(x: f64) -> f32 {
+    x as f32
+}
+
+/// The second digit of a positive `x`: 10 for 347.
+pub(crate) fn second_digit(x: f64) -> f64 {
+    10_f64.powf(x.log10().floor() - 1.0)
+}

@@ -28,7 +28,10 @@ mod cut_open;
 mod written;
 
 use std::{
-    sync::atomic::{AtomicUsize, Ordering},
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -91,14 +94,14 @@ pub struct Progress {
 /// All patches that cannot be cut as asked or not be flattened; with [`BuildOptions::keep_going`] only
 /// if that is all of them.
 pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
-    build_with_progress(skin, options, &|_| ()).map(|built| built.map)
+    build_with_progress(skin, options, &|_| ()).map(|built| Arc::unwrap_or_clone(built.map))
 }
 
 /// A map, and what its making was like.
 #[derive(Debug)]
 pub struct Built {
-    /// The map.
-    pub map: SkinMap,
+    /// The map, shared with the images of it.
+    pub map: Arc<SkinMap>,
     /// How long making the pyramids took.
     pub coarsened_in: Duration,
     /// How long making the maps of every level took.
@@ -151,6 +154,7 @@ pub fn build_with_progress(
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations };
     let enlarged = if options.pixel.is_none() { enlarge_pixels(&mut map)? } else { None };
+    let map = Arc::new(map);
     Ok(Built { map, coarsened_in, flattened_in, left_out: left_out.into(), failed, enlarged })
 }
 

@@ -74,7 +74,7 @@ pub fn image_png(image: &TactileImage, channel: usize, options: &ImageOptions) -
         return Err(PlotError::Channel { channel, channels: image.channels, range: options.range });
     }
     let scale = Scale::of_range(options.range);
-    let [width, height] = image.size_px.map(|n| n.saturating_mul(options.magnification.max(1)));
+    let [width, height] = image.frame.size_px.map(|n| n.saturating_mul(options.magnification.max(1)));
     let strip = options.bar.as_ref().map_or(0, |_| STRIP_PX);
     let letters = options.bar.as_ref().map_or(0, |label| printable(label).chars().count());
     let bar_px = u32::try_from(letters).unwrap_or(u32::MAX).saturating_mul(LETTER_PX).max(BAR_PX);
@@ -84,7 +84,7 @@ pub fn image_png(image: &TactileImage, channel: usize, options: &ImageOptions) -
     }
     let mut pixels = vec![[0; 4]; size[0] as usize * size[1] as usize];
     let values = &image.values[channel * image.coverage.len()..][..image.coverage.len()];
-    let columns = image.size_px[0] as usize;
+    let columns = image.frame.size_px[0] as usize;
     let zoom = options.magnification.max(1) as usize;
     for (y, row) in pixels.chunks_mut(size[0] as usize).take(height as usize).enumerate() {
         for (x, pixel) in row[..width as usize].iter_mut().enumerate() {

@@ -3,8 +3,7 @@
 //! A picture shows levels side by side at one scale, with their receptive fields or their
 //! distortion, and the skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does
 //! [`plot_frame`] with the readings of one moment; [`Picture::to_svg`] and [`Picture::to_png`] write
-//! it. [`plot_findings`] draws what is not a valid skin; [`image_png`] gives the pixels of a tactile image
-//! their colours.
+//! it. [`image_png`] gives the pixels of a tactile image their colours.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};
@@ -30,17 +29,13 @@ mod layout;
 mod options;
 mod patch_view;
 mod picture;
-mod plot_findings;
 mod plot_frame;
 mod plot_map;
 mod robot;
-mod value_range;
 
 pub use error::PlotError;
 pub use image_png::{ImageOptions, image_png};
 pub use options::{Paint, PlotOptions, Viewpoint};
 pub use picture::Picture;
-pub use plot_findings::plot_findings;
-pub use plot_frame::{ChannelView, plot_frame};
+pub use plot_frame::plot_frame;
 pub use plot_map::{plot_map, plot_skin};
-pub use value_range::ValueRange;

@@ -34,13 +34,13 @@ pub struct PlotOptions {
     /// The levels, side by side; none: the finest three. A patch that lacks a level leaves its slot
     /// empty.
     pub levels: Vec<LevelId>,
-    /// What the colours say.
+    /// What the colours say; readings have their own.
     pub paint: Paint,
     /// From where the skin is drawn in space, next to its maps; `None`: the maps alone.
     pub space: Option<Viewpoint>,
-    /// Values at the ends of the scale of [`Paint::Angle`], [`Paint::Area`] or [`Paint::Sigma`] (m);
-    /// `None`: those of all but a hundredth of what is drawn. Frames of readings have a range of
-    /// their own.
+    /// Values at the ends of the scale of colours: of [`Paint::Angle`], [`Paint::Area`] or
+    /// [`Paint::Sigma`] (m), or of readings in the unit of their channel, of an extensive one per m^2.
+    /// `None`: those of all but a hundredth of what is drawn, of readings all, rounded.
     pub range: Option<[f64; 2]>,
     /// Whether meshes of more than 5000 vertices have dots too.
     pub dots: bool,

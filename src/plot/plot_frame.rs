@@ -6,6 +6,7 @@
 use crate::{
     id::{IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
+    numeric::second_digit,
     plot::{
         PlotError, PlotOptions,
         colour::Scale,
@@ -19,28 +20,22 @@ use crate::{
     signal::{Channel, LevelFrame, Quantity},
 };
 
-/// One channel of a frame, as [`plot_frame`] shows it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ChannelView<'a> {
-    /// The values on all levels.
-    pub frame: &'a LevelFrame,
-    /// The channels of the frame.
-    pub channels: &'a [Channel],
-    /// Position of the one that is shown.
-    pub shown: usize,
-    /// The values at the two ends of the colour scale, in the unit of the channel, of an extensive
-    /// one in that unit per m^2; `None`: those of the levels drawn, rounded.
-    pub range: Option<[f64; 2]>,
+/// One channel of a frame.
+struct ChannelView<'a> {
+    frame: &'a LevelFrame,
+    channel: &'a Channel,
+    /// Its position in the frame.
+    shown: usize,
 }
 
-/// Draws one channel of a frame: levels side by side, all at one scale and in one scale of colours.
+/// Draws the channel at `shown` of a frame with these channels: levels side by side, all at one scale and
+/// in one scale of colours.
 ///
 /// Extensive channels are drawn per area of skin, so that levels can be compared. A range on both
 /// sides of zero has a diverging scale; any other has viridis. Dots are taxels or the fields'
 /// centres, lines the level's triangles unless they are shorter than 12 pixels; a taxel without a
 /// reading is hatched. With [`PlotOptions::space`] a patch has two rows:
-/// the skin in space with the values of each level, and the maps. [`PlotOptions::paint`] has no
-/// effect.
+/// the skin in space with the values of each level, and the maps.
 ///
 /// # Errors
 /// If there is no such patch, level or channel, the range does not rise, the frame is not one of
@@ -51,7 +46,7 @@ pub struct ChannelView<'a> {
 /// use dermatome::{
 ///     map::SkinMap,
 ///     mesh::shapes,
-///     plot::{ChannelView, PlotOptions, plot_frame},
+///     plot::{PlotOptions, plot_frame},
 ///     signal::{Channel, Frame, Restrictor},
 /// };
 ///
@@ -63,23 +58,31 @@ pub struct ChannelView<'a> {
 /// }
 /// let mut restrictor = Restrictor::new(&map, &channels);
 /// let frame = restrictor.restrict(&frame);
-/// let view = ChannelView { frame, channels: &channels, shown: 0, range: Some([0.0, 20e3]) };
-/// let svg = plot_frame(&map, &view, &PlotOptions::default())?.to_svg();
+/// let options = PlotOptions { range: Some([0.0, 20e3]), ..PlotOptions::default() };
+/// let svg = plot_frame(&map, frame, &channels, 0, &options)?.to_svg();
 /// assert!(svg.contains("pressure, kPa") && svg.contains("no reading"));
 /// # Ok::<(), dermatome::Error>(())
 /// ```
 pub fn plot_frame(
     map: &SkinMap,
-    channel: &ChannelView<'_>,
+    frame: &LevelFrame,
+    channels: &[Channel],
+    shown: usize,
     options: &PlotOptions,
 ) -> Result<Picture, PlotError> {
+    let [low, high] = options.range.unwrap_or([0.0, 1.0]);
+    let rises = low.is_finite() && high.is_finite() && low < high;
+    let Some(channel) = channels.get(shown).filter(|_| rises) else {
+        return Err(PlotError::Channel { channel: shown, channels: channels.len(), range: [low, high] });
+    };
+    let channel = &ChannelView { frame, channel, shown };
     let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
     let levels = choose_levels(&patches, &options.levels)?;
     options.space.map_or(Ok(()), check_viewpoint)?;
     map.validate()?;
     let views: Vec<_> =
         patches.iter().map(|patch| PatchView::of_map(map, patch)).collect::<Result<_, _>>()?;
-    let about = about(channel)?;
+    let about = about(channel.channel);
     let mut rows = Vec::new();
     for (&patch, view) in patches.iter().zip(&views) {
         let drawn: Vec<_> =
@@ -91,7 +94,8 @@ pub fn plot_frame(
         let panel = |(&level, drawn)| Some((Panel::on_map(view, level)?, drawn?));
         rows.push(levels.iter().zip(drawn).map(panel).collect());
     }
-    let colours = Colours::new(channel, &about, rows.iter().flatten().flatten().map(|(_, drawn)| drawn));
+    let colours =
+        Colours::new(options.range, &about, rows.iter().flatten().flatten().map(|(_, drawn)| drawn));
     for (panel, drawn) in rows.iter_mut().flatten().flatten() {
         panel.slot.caption = caption(&panel.slot.caption, drawn, channel, &about);
     }
@@ -111,7 +115,7 @@ pub fn plot_frame(
     if has_gaps {
         groups.push(layout.hatch_key(&about.label));
     }
-    let what = format!("{} on", printable(&channel.channels[channel.shown].name));
+    let what = format!("{} on", printable(&channel.channel.name));
     Ok(Picture {
         title: title(&what, views.iter().map(|view| view.name)),
         size_px: [layout.width, layout.height],
@@ -129,23 +133,17 @@ struct About {
     factor: f64,
 }
 
-fn about(view: &ChannelView<'_>) -> Result<About, PlotError> {
-    let ChannelView { channels, shown, range, .. } = *view;
-    let [low, high] = range.unwrap_or([0.0, 1.0]);
-    let rises = low.is_finite() && high.is_finite() && low < high;
-    let Some(channel) = channels.get(shown).filter(|_| rises) else {
-        return Err(PlotError::Channel { channel: shown, channels: channels.len(), range: [low, high] });
-    };
+fn about(channel: &Channel) -> About {
     let name = printable(&channel.name);
     let (name, unit) = match (channel.quantity, channel.unit.as_str()) {
-        (Quantity::Intensive | Quantity::Direction, unit) => (name, printable(unit)),
+        (Quantity::Intensive, unit) => (name, printable(unit)),
         (Quantity::Extensive, "N") => (format!("{name} per area"), "Pa".to_owned()),
         (Quantity::Extensive, "") => (format!("{name} per area"), "1/m²".to_owned()),
         (Quantity::Extensive, unit) => (format!("{name} per area"), format!("{}/m²", printable(unit))),
     };
     let (unit, factor) = if unit == "Pa" { ("kPa".to_owned(), 1e3) } else { (unit, 1.0) };
     let label = if unit.is_empty() { name } else { format!("{name}, {unit}") };
-    Ok(About { label, unit, factor })
+    About { label, unit, factor }
 }
 
 /// The values of one level of a patch.
@@ -172,8 +170,8 @@ fn densities<'a>(
     if values.len() != shape.mesh.positions.len() {
         return Err(other());
     }
-    let densities = match view.channels[view.shown].quantity {
-        Quantity::Intensive | Quantity::Direction => values.clone(),
+    let densities = match view.channel.quantity {
+        Quantity::Intensive => values.clone(),
         Quantity::Extensive => values.iter().zip(&shape.areas).map(|(x, area)| x / area).collect(),
     };
     Ok(Some(Drawn { level, values, densities }))
@@ -188,11 +186,11 @@ struct Colours {
 }
 
 impl Colours {
-    fn new<'a>(view: &ChannelView<'_>, about: &About, drawn: impl Iterator<Item = &'a Drawn<'a>>) -> Self {
+    fn new<'a>(range: Option<[f64; 2]>, about: &About, drawn: impl Iterator<Item = &'a Drawn<'a>>) -> Self {
         let known = drawn.flat_map(|drawn| &drawn.densities).copied().filter(|x| x.is_finite());
         let grow = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];
         let extremes = known.fold([f64::INFINITY, f64::NEG_INFINITY], grow);
-        let range = view.range.unwrap_or_else(|| round(extremes, about.factor));
+        let range = range.unwrap_or_else(|| round(extremes, about.factor));
         Self { range, extremes, scale: Scale::of_range(range) }
     }
 
@@ -218,7 +216,7 @@ fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
     if low > high || largest == 0.0 {
         return [0.0, factor];
     }
-    let digit = 10_f64.powf(largest.log10().floor() - 1.0);
+    let digit = second_digit(largest);
     let up = |x: f64| (x / digit).ceil() * digit;
     let down = |x: f64| (x / digit).floor() * digit;
     if low < 0.0 && high > 0.0 && (-low).min(high) > SLIGHTLY_NEGATIVE * largest {
@@ -246,7 +244,7 @@ fn caption(panel: &Caption, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &A
         Some(x) => format!("max {} {}", signed(x / about.factor), about.unit).trim_end().to_owned(),
         None => "no reading".to_owned(),
     };
-    let Channel { unit, quantity, .. } = &view.channels[view.shown];
+    let Channel { unit, quantity, .. } = view.channel;
     if *quantity == Quantity::Extensive {
         measures += &format!(", total {} {}", signed(known().sum()), printable(unit));
     }

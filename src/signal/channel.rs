@@ -9,9 +9,6 @@ pub enum Quantity {
     Intensive,
     /// An amount: force, charge. A receptive field has the sum of its taxels' shares.
     Extensive,
-    /// A direction in the plane, in rad, as that of [`Edges`](crate::signal::Edges): pixels have that of
-    /// the weighted mean of unit vectors. Receptive fields of readings have the mean of the angles.
-    Direction,
 }
 
 /// One number per taxel: its name, unit and kind.
@@ -50,7 +47,7 @@ impl Channel {
     #[must_use]
     pub fn pixel_unit(&self) -> String {
         match (self.quantity, self.unit.as_str()) {
-            (Quantity::Intensive | Quantity::Direction, unit) => unit.to_owned(),
+            (Quantity::Intensive, unit) => unit.to_owned(),
             (Quantity::Extensive, "") => "1/m^2".to_owned(),
             (Quantity::Extensive, unit) => format!("{unit}/m^2"),
         }

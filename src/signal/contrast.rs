@@ -8,7 +8,7 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    map::{MapLevel, SkinMap},
+    map::{PatchMap, SkinMap},
     pyramid::{LevelId, Prolongation},
     signal::{Channel, LevelFrame, Quantity},
     skin::PatchId,
@@ -34,19 +34,19 @@ use crate::{
 /// assert_eq!(reconstruct(&map, &channels, detail).values.len(), levels.values.len());
 /// ```
 #[derive(Debug, Clone)]
-pub struct Contrast<'a> {
-    map: &'a SkinMap,
+pub struct Contrast {
     quantities: Vec<Quantity>,
-    areas: LiveAreas,
+    /// Of each patch from level 1 to level 0, from level 2 to level 1 and so on.
+    steps: IdVec<PatchId, Vec<Prolongation>>,
     out: LevelFrame,
 }
 
-impl<'a> Contrast<'a> {
+impl Contrast {
     /// Prepares for frames of these channels.
     #[must_use]
-    pub fn new(map: &'a SkinMap, channels: &[Channel]) -> Self {
+    pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
         let quantities = channels.iter().map(|channel| channel.quantity).collect();
-        Self { map, quantities, areas: LiveAreas::new(map), out: LevelFrame::new(map, channels.len()) }
+        Self { quantities, steps: map.patches.map(steps), out: LevelFrame::new(map, channels.len()) }
     }
 
     /// The contrast of a frame on every level, in the unit of the channel; the coarsest level as it
@@ -55,17 +55,18 @@ impl<'a> Contrast<'a> {
     /// # Panics
     /// If the frame has not the patches, channels and levels that this was made for.
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
-        frame.check(self.map, self.quantities.len());
+        frame.check(self.steps.len(), self.quantities.len());
         self.out.time = frame.time;
-        for (id, patch) in self.map.patches.enumerate() {
-            let channels = self.quantities.iter().zip(&frame.values[id]);
-            for ((&quantity, values), out) in channels.zip(&mut self.out.values[id]) {
-                for (values, out) in values.iter().zip(out.iter_mut()) {
-                    out.copy_from_slice(values);
-                }
-                let areas = self.areas.update(id, &patch.levels, quantity, &values[LevelId::new(0)]);
-                for k in 1..patch.levels.len() {
-                    combine(&patch.levels, quantity, areas, out, k, -1.0);
+        for (id, steps) in self.steps.enumerate() {
+            for (channel, &quantity) in self.quantities.iter().enumerate() {
+                let copy = |from: &Levels, to: &mut Levels| {
+                    from.iter().zip(to.iter_mut()).for_each(|(from, to)| to.copy_from_slice(from));
+                };
+                let (values, areas) = (&mut self.out.values[id][channel], &mut self.out.areas[id][channel]);
+                copy(&frame.values[id][channel], values);
+                copy(&frame.areas[id][channel], areas);
+                for (k, step) in steps.iter().enumerate() {
+                    combine(step, quantity, areas, values, k, -1.0);
                 }
             }
         }
@@ -80,84 +81,59 @@ impl<'a> Contrast<'a> {
 #[must_use]
 pub fn reconstruct(map: &SkinMap, channels: &[Channel], contrast: &LevelFrame) -> LevelFrame {
     let mut out = contrast.clone();
-    let mut areas = LiveAreas::new(map);
-    out.check(map, channels.len());
+    out.check(map.patches.len(), channels.len());
     for (id, patch) in map.patches.enumerate() {
-        for (channel, values) in channels.iter().zip(&mut out.values[id]) {
-            let areas = areas.update(id, &patch.levels, channel.quantity, &values[LevelId::new(0)]);
-            for k in (1..patch.levels.len()).rev() {
-                combine(&patch.levels, channel.quantity, areas, values, k, 1.0);
+        let steps = steps(patch);
+        let of_channels = out.values[id].iter_mut().zip(&out.areas[id]);
+        for (channel, (values, areas)) in channels.iter().zip(of_channels) {
+            for (k, step) in steps.iter().enumerate().rev() {
+                combine(step, channel.quantity, areas, values, k, 1.0);
             }
         }
     }
     out
 }
 
-type Levels<T> = IdVec<LevelId, T>;
-type Values = Levels<IdVec<VertexId, f64>>;
+type Levels = IdVec<LevelId, IdVec<VertexId, f64>>;
 
-/// The areas of fields that have a reading, in m^2; a buffer.
-#[derive(Debug, Clone)]
-pub(super) struct LiveAreas(IdVec<PatchId, Values>);
-
-impl LiveAreas {
-    pub(super) fn new(map: &SkinMap) -> Self {
-        Self(map.patches.map(|patch| patch.levels.map(|l| IdVec::filled(0.0, l.level.mesh.positions.len()))))
-    }
-
-    /// The areas of a patch whose taxels read this. Only extensive channels need them: for others
-    /// they stay as they are.
-    pub(super) fn update(
-        &mut self,
-        patch: PatchId,
-        levels: &Levels<MapLevel>,
-        quantity: Quantity,
-        taxels: &IdVec<VertexId, f64>,
-    ) -> &Values {
-        let areas = &mut self.0[patch];
-        if quantity != Quantity::Extensive {
-            return areas;
-        }
-        let live = taxels.iter().zip(&levels[LevelId::new(0)].level.areas);
-        let served = areas[LevelId::new(0)].iter_mut().zip(live);
-        served.for_each(|(served, (x, &area))| *served = if x.is_nan() { 0.0 } else { area });
-        for (k, level) in levels.enumerate() {
-            let Some(up) = &level.level.from_coarser else { continue };
-            let (fine, coarse) = areas.split_at_mut(k.index() + 1);
-            let (fine, coarse) = (&fine[k.index()], &mut coarse[0]);
-            coarse.iter_mut().for_each(|area| *area = 0.0);
-            for (v, &area) in fine.enumerate() {
-                up.row(v).for_each(|(field, weight)| coarse[field] += weight * area);
-            }
-        }
-        areas
-    }
+fn steps(patch: &PatchMap) -> Vec<Prolongation> {
+    patch.levels.iter().filter_map(|level| level.level.from_coarser.clone()).collect()
 }
 
-/// Adds `sign` times what level `k` predicts to the values of level `k - 1`.
+/// Adds `sign` times what level `k + 1` predicts to the values of level `k`.
 ///
-/// A vertex with a value has shares only in fields with one, so no weight is ever left out.
+/// A field without a value predicts nothing: the weights of the others are scaled to the sum 1.
 fn combine(
-    levels: &Levels<MapLevel>,
+    step: &Prolongation,
     quantity: Quantity,
-    areas: &Values,
-    values: &mut Values,
+    areas: &Levels,
+    values: &mut Levels,
     k: usize,
     sign: f64,
 ) {
-    let (fine, coarse) = (LevelId::new(k - 1), LevelId::new(k));
-    let Some(up): Option<&Prolongation> = levels[fine].level.from_coarser.as_ref() else { return };
-    let (finer, coarser) = values.split_at_mut(k);
-    let (finer, coarser) = (&mut finer[k - 1], &coarser[0]);
+    let (fine, coarse) = (LevelId::new(k), LevelId::new(k + 1));
+    let (finer, coarser) = values.split_at_mut(k + 1);
+    let (finer, coarser) = (&mut finer[k], &coarser[0]);
     for (vertex, value) in finer.iter_mut().enumerate().filter(|(_, x)| !x.is_nan()) {
         let vertex = VertexId::new(vertex);
-        let predicted: f64 = match quantity {
-            Quantity::Intensive | Quantity::Direction => up.row(vertex).map(|(c, w)| w * coarser[c]).sum(),
-            Quantity::Extensive => {
-                let density: f64 = up.row(vertex).map(|(c, w)| w * coarser[c] / areas[coarse][c]).sum();
-                areas[fine][vertex] * density
+        let (mut predicted, mut weight, mut is_whole) = (0.0, 0.0, true);
+        for (field, w) in step.row(vertex) {
+            let x = match quantity {
+                Quantity::Intensive => coarser[field],
+                Quantity::Extensive => coarser[field] / areas[coarse][field],
+            };
+            if x.is_nan() {
+                is_whole = false;
+            } else {
+                (predicted, weight) = (predicted + w * x, weight + w);
             }
-        };
+        }
+        if !is_whole && weight > 0.0 {
+            predicted /= weight;
+        }
+        if quantity == Quantity::Extensive {
+            predicted *= areas[fine][vertex];
+        }
         *value += sign * predicted;
     }
 }

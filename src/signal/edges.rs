@@ -1,9 +1,12 @@
 //! Edges: how steeply values change on the map of each level, and in which direction.
 //!
 //! The gradient at a vertex is the mean of the gradients of the faces around it all of whose corners
-//! have a value, weighted by their areas on the map: exact for fields that are linear on the map,
-//! whatever taxels are dead. An extensive channel is taken as an amount per area that has readings,
-//! as in `contrast`.
+//! have a value, weighted by their areas on the map. An extensive channel is taken as an amount per
+//! area that has readings, as in `contrast`.
+//!
+//! The value of a receptive field is that of the mean place of its taxels with readings, which is not
+//! its centre at the rim of a map or beside dead taxels; so faces are drawn between these places.
+//! Gradients of linear fields are then exact. A field that a seam cuts keeps its centre.
 
 use glam::DVec2;
 
@@ -11,11 +14,12 @@ use crate::{
     id::{IdVec, VertexId},
     map::{MapLevel, SkinMap},
     mesh::signed_area,
-    pyramid::LevelId,
-    signal::{Channel, LevelFrame, Quantity, contrast::LiveAreas},
+    pyramid::{LevelId, Prolongation},
+    signal::{Channel, LevelFrame, Quantity},
+    skin::PatchId,
 };
 
-/// The edges of frames: how steeply they change on the map of every level.
+/// The edges of frames: the gradient of their values on the map of every level.
 ///
 /// It owns its buffers and allocates nothing after it was made.
 ///
@@ -35,62 +39,91 @@ use crate::{
 /// frame.values[skin][0] = map.patches[skin].levels[LevelId::new(0)].uv.map(|at| 5.0 * at.x);
 /// let mut edges = Edges::new(&map, &channels);
 /// let steep = edges.of(Restrictor::new(&map, &channels).restrict(&frame));
-/// let [size, direction] = [0, 1].map(|k| &steep.values[skin][k][LevelId::new(0)]);
-/// assert!(size.iter().all(|x| (x - 5.0).abs() < 1e-9), "it grows by 5 per metre");
-/// assert!(direction.iter().all(|x| x.abs() < 1e-9), "along u");
+/// let [u, v] = [0, 1].map(|k| &steep.values[skin][k][LevelId::new(0)]);
+/// assert!(u.iter().all(|x| (x - 5.0).abs() < 1e-9), "it grows by 5 per metre along u");
+/// assert!(v.iter().all(|x| x.abs() < 1e-9));
 /// ```
 #[derive(Debug, Clone)]
-pub struct Edges<'a> {
-    map: &'a SkinMap,
+pub struct Edges {
     quantities: Vec<Quantity>,
-    areas: LiveAreas,
+    levels: IdVec<PatchId, IdVec<LevelId, FlatLevel>>,
+    /// Of each channel where its fields lie, as an offset from their centres, and the areas of the
+    /// taxels for which that is so.
+    places: IdVec<PatchId, Vec<Places>>,
     /// Of each vertex of a level: sums of area times gradient, and of areas, both doubled.
-    sums: IdVec<VertexId, (DVec2, f64)>,
+    sums: Vec<(DVec2, f64)>,
     out: LevelFrame,
 }
 
-impl<'a> Edges<'a> {
+/// A level of a patch on its map.
+#[derive(Debug, Clone)]
+struct FlatLevel {
+    faces: Vec<FlatFace>,
+    to_finest: Option<Prolongation>,
+    /// Where the vertices lie, and which of them are fields that no seam cuts.
+    uv: Vec<DVec2>,
+    is_whole: Vec<bool>,
+}
+
+#[derive(Debug, Clone)]
+struct FlatFace {
+    corners: [VertexId; 3],
+    uv: [DVec2; 3],
+    /// Across a seam the map is turned: vertices there count the faces at their first place.
+    counts: [bool; 3],
+}
+
+#[derive(Debug, Clone)]
+struct Places {
+    served: IdVec<VertexId, f64>,
+    offsets: IdVec<LevelId, Vec<DVec2>>,
+}
+
+impl Edges {
     /// Prepares for frames of these channels.
     #[must_use]
-    pub fn new(map: &'a SkinMap, channels: &[Channel]) -> Self {
-        let vertices =
-            map.patches.iter().flat_map(|patch| &patch.levels).map(|level| level.level.mesh.positions.len());
+    pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
+        let levels = map.patches.map(|patch| patch.levels.map(FlatLevel::new));
+        let places = map.patches.map(|patch| {
+            let offsets = patch.levels.map(|level| vec![DVec2::ZERO; level.level.mesh.positions.len()]);
+            let served = IdVec::filled(f64::NAN, patch.taxels.ids.len());
+            vec![Places { served, offsets }; channels.len()]
+        });
+        let vertices = levels.iter().flatten().map(|level| level.is_whole.len());
         Self {
-            map,
             quantities: channels.iter().map(|channel| channel.quantity).collect(),
-            areas: LiveAreas::new(map),
-            sums: IdVec::filled((DVec2::ZERO, 0.0), vertices.max().unwrap_or(0)),
+            sums: vec![(DVec2::ZERO, 0.0); vertices.max().unwrap_or(0)],
+            levels,
+            places,
             out: LevelFrame::new(map, 2 * channels.len()),
         }
     }
 
-    /// The gradient of a frame on the map of every level, in two channels for each: its size in the
-    /// unit of the channel per m, for extensive channels per m^3, and its direction on the map in rad,
-    /// 0 where it has none; draw it as [`Quantity::Direction`]. NaN where no face around a vertex has a value at all of its corners.
+    /// The gradient of a frame on the map of every level, in two channels for each, along u and along
+    /// v: in the unit of the channel per m, for extensive channels per m^3. NaN where no face around a
+    /// vertex has a value at all of its corners.
     ///
     /// # Panics
     /// If the frame has not the patches, channels and levels that this was made for.
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
-        frame.check(self.map, self.quantities.len());
+        frame.check(self.levels.len(), self.quantities.len());
         self.out.time = frame.time;
-        for (id, patch) in self.map.patches.enumerate() {
-            let channels = self.quantities.iter().zip(&frame.values[id]);
-            for ((&quantity, values), pair) in channels.zip(self.out.values[id].chunks_exact_mut(2)) {
-                let areas = self.areas.update(id, &patch.levels, quantity, &values[LevelId::new(0)]);
-                for (k, level) in patch.levels.enumerate() {
+        for (id, levels) in self.levels.enumerate() {
+            for (channel, &quantity) in self.quantities.iter().enumerate() {
+                let (values, areas) = (&frame.values[id][channel], &frame.areas[id][channel]);
+                let places = &mut self.places[id][channel];
+                places.update(levels, areas);
+                let [u, v] = &mut self.out.values[id][2 * channel..][..2] else { continue };
+                for (k, level) in levels.enumerate() {
+                    let offsets = &places.offsets[k];
                     match quantity {
-                        Quantity::Intensive | Quantity::Direction => {
-                            gradients(level, |v| values[k][v], &mut self.sums)
-                        }
+                        Quantity::Intensive => level.gradients(|v| values[k][v], offsets, &mut self.sums),
                         Quantity::Extensive => {
-                            gradients(level, |v| values[k][v] / areas[k][v], &mut self.sums);
+                            level.gradients(|v| values[k][v] / areas[k][v], offsets, &mut self.sums);
                         }
                     }
-                    let [size, direction] = pair else { continue };
-                    let out = size[k].iter_mut().zip(direction[k].iter_mut());
-                    for ((size, direction), &(rise, area)) in out.zip(&self.sums) {
-                        let gradient = if area > 0.0 { rise / area } else { DVec2::NAN };
-                        (*size, *direction) = (gradient.length(), gradient.y.atan2(gradient.x));
+                    for ((u, v), &(rise, area)) in u[k].iter_mut().zip(v[k].iter_mut()).zip(&self.sums) {
+                        [*u, *v] = (if area > 0.0 { rise / area } else { DVec2::NAN }).to_array();
                     }
                 }
             }
@@ -99,24 +132,78 @@ impl<'a> Edges<'a> {
     }
 }
 
-/// Sums of area times gradient on the map plane, and of areas, at each vertex: of the faces all of
-/// whose corners have a value.
-fn gradients(level: &MapLevel, value: impl Fn(VertexId) -> f64, sums: &mut IdVec<VertexId, (DVec2, f64)>) {
-    let mesh = &level.level.mesh;
-    sums.iter_mut().take(mesh.positions.len()).for_each(|sum| *sum = (DVec2::ZERO, 0.0));
-    for (face, &corners) in mesh.triangles.enumerate() {
-        let [f, g, h] = corners.map(&value);
-        if !(f.is_finite() && g.is_finite() && h.is_finite()) {
-            continue;
+impl FlatLevel {
+    fn new(level: &MapLevel) -> Self {
+        let mesh = &level.level.mesh;
+        let faces = mesh.triangles.enumerate().map(|(face, &corners)| {
+            let places = level.corners()[face];
+            FlatFace { corners, uv: level.uv_of(face), counts: [0, 1, 2].map(|k| corners[k] == places[k]) }
+        });
+        let vertices = mesh.positions.len();
+        let to_finest = level.level.to_finest.clone();
+        // Fields that have a taxel in a face at the seam.
+        let mut is_on_seam = IdVec::<VertexId, bool>::filled(false, vertices);
+        let places = level.unsplit().into_iter().flat_map(|unsplit| unsplit.enumerate());
+        places.filter(|(place, v)| place != *v).for_each(|(_, &v)| is_on_seam[v] = true);
+        let mut is_whole = vec![true; vertices];
+        for row in to_finest.iter().flat_map(|rows| &rows.indices) {
+            if row.iter().any(|&v| is_on_seam[v]) {
+                row.iter().for_each(|v| is_whole[v.index()] = false);
+            }
         }
-        let [a, b, c] = level.uv_of(face);
-        // `2 A grad` of a linear field: each rise times the normal of the edge across.
-        let rise = (g - f) * (c - a).perp() - (h - f) * (b - a).perp();
-        let area = 2.0 * signed_area([a, b, c]);
-        // Across a seam the map is turned: vertices there count the faces at their first place.
-        for (v, _) in corners.into_iter().zip(level.corners()[face]).filter(|(v, place)| v == place) {
-            sums[v].0 -= rise;
-            sums[v].1 += area;
+        Self {
+            faces: faces.collect(),
+            to_finest,
+            uv: level.uv.iter().take(vertices).copied().collect(),
+            is_whole,
+        }
+    }
+
+    /// Sums of area times gradient on the map plane, and of areas, at each vertex: of the faces all of
+    /// whose corners have a value.
+    fn gradients(&self, value: impl Fn(VertexId) -> f64, offsets: &[DVec2], sums: &mut [(DVec2, f64)]) {
+        sums[..self.is_whole.len()].fill((DVec2::ZERO, 0.0));
+        for FlatFace { corners, uv, counts } in &self.faces {
+            let [f, g, h] = corners.map(&value);
+            if !(f.is_finite() && g.is_finite() && h.is_finite()) {
+                continue;
+            }
+            let [a, b, c] = [0, 1, 2].map(|k| uv[k] + offsets[corners[k].index()]);
+            let area = 2.0 * signed_area([a, b, c]);
+            if area <= 0.0 {
+                continue;
+            }
+            // `2 A grad` of a linear field: each rise times the normal of the edge across.
+            let rise = (g - f) * (c - a).perp() - (h - f) * (b - a).perp();
+            for (v, _) in corners.iter().zip(counts).filter(|(_, counts)| **counts) {
+                sums[v.index()].0 -= rise;
+                sums[v.index()].1 += area;
+            }
+        }
+    }
+}
+
+impl Places {
+    /// Where fields lie whose taxels have these areas with readings; nothing to do if that is as before.
+    fn update(&mut self, levels: &IdVec<LevelId, FlatLevel>, areas: &IdVec<LevelId, IdVec<VertexId, f64>>) {
+        let served = &areas[LevelId::new(0)];
+        if self.served == *served {
+            return;
+        }
+        self.served.copy_from_slice(served);
+        for ((k, level), offsets) in levels.enumerate().zip(self.offsets.iter_mut()) {
+            let Some(rows) = &level.to_finest else { continue };
+            offsets.fill(DVec2::ZERO);
+            for (taxel, &area) in served.enumerate().filter(|(_, area)| **area > 0.0) {
+                let place: DVec2 = rows.row(taxel).map(|(v, w)| w * level.uv[v.index()]).sum();
+                for (v, w) in rows.row(taxel) {
+                    offsets[v.index()] += w * area * (place - level.uv[v.index()]);
+                }
+            }
+            let fields = offsets.iter_mut().zip(&areas[k]).zip(&level.is_whole);
+            for ((offset, &area), &is_whole) in fields {
+                *offset = if is_whole && area > 0.0 { *offset / area } else { DVec2::ZERO };
+            }
         }
     }
 }

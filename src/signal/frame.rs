@@ -36,25 +36,27 @@ pub struct LevelFrame {
     pub time: f64,
     /// The values, in the unit of their channel.
     pub values: IdVec<PatchId, Vec<ChannelLevels>>,
+    /// The area of each field that has readings, in m^2: [`Restrictor`](crate::signal::Restrictor)
+    /// leaves out taxels without a reading.
+    pub areas: IdVec<PatchId, Vec<ChannelLevels>>,
 }
 
 impl LevelFrame {
-    /// A frame of all levels of `map` without any value.
+    /// A frame of all levels of `map` without any value; the areas are those of the whole fields.
     #[must_use]
     pub fn new(map: &SkinMap, channels: usize) -> Self {
         let values = map.patches.map(|patch| {
             let levels = patch.levels.map(|l| IdVec::filled(f64::NAN, l.level.mesh.positions.len()));
             vec![levels; channels]
         });
-        Self { time: 0.0, values }
+        let areas = map.patches.map(|patch| vec![patch.levels.map(|l| l.level.areas.clone()); channels]);
+        Self { time: 0.0, values, areas }
     }
 
     /// # Panics
-    /// If it has not one entry for each patch of `map` and one array for each channel.
-    pub(super) fn check(&self, map: &SkinMap, channels: usize) {
-        assert_eq!(self.values.len(), map.patches.len(), "one entry per patch");
-        for (patch, values) in map.patches.iter().zip(&self.values) {
-            assert_eq!(values.len(), channels, "one array per channel of {}", patch.name);
-        }
+    /// If it has not so many patches, and of each so many channels.
+    pub(super) fn check(&self, patches: usize, channels: usize) {
+        assert_eq!(self.values.len(), patches, "one entry per patch");
+        assert!(self.values.iter().all(|values| values.len() == channels), "one array per channel");
     }
 }

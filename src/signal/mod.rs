@@ -17,7 +17,6 @@ mod contrast;
 mod edges;
 mod error;
 mod frame;
-mod gather;
 mod join;
 mod restrict;
 mod touch;

@@ -1,10 +1,10 @@
 //! Carries frames from the taxels to the receptive fields of every level.
 //!
-//! Intensive channels go as `P'(a m p) / P'(a m)`, extensive ones as `P'(m f)`, with `P` the
-//! prolongations of the pyramid, `a` the areas of the taxels and `m` 1 where there is a reading, else
-//! 0 (cannata, the virtual taxels of its equation 9, here with overlapping fields). The sums are
-//! carried from level to level and divided on each, so that the total force of a level is that of
-//! the taxels but for rounding.
+//! Intensive channels go as `Q'(a m p) / Q'(a m)`, extensive ones as `Q'(m f)`, with `Q` the map from a
+//! level to level 0 ([`Level::to_finest`](crate::pyramid::Level::to_finest)), `a` the areas of the
+//! taxels and `m` 1 where there is a reading, else 0 (cannata, the virtual taxels of its equation 9, here
+//! with overlapping fields). The rows of `Q` have the sum 1, so that the total force of a level is that
+//! of the taxels but for rounding. A lookup of a contact names the same fields with the same weights.
 //!
 //! A field is always summed whole and in the same order. So a frame of which only the changed fields
 //! are summed anew has the same bits as one that is computed from nothing, and errors do not pile up
@@ -13,12 +13,13 @@
 use crate::{
     id::{IdVec, VertexId},
     map::{PatchMap, SkinMap},
+    numeric::Csr,
     pyramid::{LevelId, Prolongation},
-    signal::{Channel, Frame, LevelFrame, Quantity, gather::Gather},
+    signal::{Channel, Frame, LevelFrame, Quantity},
     skin::PatchId,
 };
 
-/// All fields of a level are summed if more than one in this many of its finer vertices changed.
+/// All fields of a level are summed if more than one in this many of the taxels changed.
 /// *Heuristic*: with lists of the touched fields a frame takes 0.1 to 0.2 of the time of a whole one where
 /// 1 % of the taxels changed together, 0.4 to 0.5 where 12 % did and 0.7 to 0.8 where 25 % did, for 642
 /// taxels and for 4336 in 13 patches (`benches/signal.rs`): at about 40 % they pay no longer.
@@ -52,56 +53,88 @@ const FEW: usize = 2;
 /// # Ok::<(), dermatome::Error>(())
 /// ```
 #[derive(Debug, Clone)]
-pub struct Restrictor<'a> {
-    map: &'a SkinMap,
+pub struct Restrictor {
     quantities: Vec<Quantity>,
-    /// From each level to the next coarser one.
-    steps: IdVec<PatchId, Vec<Gather>>,
-    carried: IdVec<PatchId, Vec<Carried>>,
+    patches: IdVec<PatchId, PatchFields>,
+    /// Of each channel `a m p` or `m f` of the taxels.
+    amounts: IdVec<PatchId, Vec<IdVec<VertexId, f64>>>,
     levels: LevelFrame,
     touched: Touched,
 }
 
-/// What one channel of one patch carries from level to level.
+/// The receptive fields of a patch.
 #[derive(Debug, Clone)]
-struct Carried {
-    /// `a m p` or `m f` of the taxels, and what the fields collect of it.
-    sums: IdVec<LevelId, IdVec<VertexId, f64>>,
-    /// `a m` of the taxels, and what the fields collect of it; 0 where there is no reading.
-    areas: IdVec<LevelId, IdVec<VertexId, f64>>,
+struct PatchFields {
+    /// The areas of the taxels, in m^2.
+    areas: IdVec<VertexId, f64>,
+    /// Those of level 1, 2 and so on.
+    coarse: Vec<Fields>,
 }
 
-/// The vertices of a level that changed.
+/// The receptive fields of a level.
+#[derive(Debug, Clone)]
+struct Fields {
+    /// `Q'` by rows: the taxels of each field and their weights.
+    members: Csr<(u32, f64)>,
+    /// The fields of each taxel.
+    of_taxel: IdVec<VertexId, [VertexId; 3]>,
+}
+
+/// The taxels that changed, and the fields that they reach.
 #[derive(Debug, Clone, Default)]
 struct Touched {
-    /// Whether it is all of them; the lists are then not used.
-    all: bool,
-    /// The changed vertices of a level, and those of the next coarser one.
-    fine: Vec<VertexId>,
-    coarse: Vec<VertexId>,
-    /// Which vertices are in `coarse`; all false between frames.
+    taxels: Vec<VertexId>,
+    fields: Vec<VertexId>,
+    /// Which fields are listed; all false between levels.
     marks: Vec<bool>,
 }
 
-impl<'a> Restrictor<'a> {
+impl Fields {
+    fn new(to_finest: &Prolongation) -> Self {
+        let taxels = to_finest.indices.ids();
+        let rows = taxels.flat_map(|v| to_finest.row(v).map(move |(field, w)| (field.index(), (v.raw(), w))));
+        Self { members: Csr::from_pairs(to_finest.coarse_len, rows), of_taxel: to_finest.indices.clone() }
+    }
+
+    /// What one field collects of an amount `x` of the taxels.
+    #[inline]
+    fn sum(&self, field: usize, x: &[f64]) -> f64 {
+        // Two chains of additions: each is as long as it takes to add, and they run side by side.
+        let pairs = self.members[field].chunks_exact(2);
+        let (mut even, mut odd) = (0.0, 0.0);
+        if let [(v, w)] = pairs.remainder() {
+            even = w * x[*v as usize];
+        }
+        for pair in pairs {
+            let [(v, w), (u, z)] = [pair[0], pair[1]];
+            even += w * x[v as usize];
+            odd += z * x[u as usize];
+        }
+        even + odd
+    }
+}
+
+impl Restrictor {
     /// A restrictor for frames of these channels.
     #[must_use]
-    pub fn new(map: &'a SkinMap, channels: &[Channel]) -> Self {
-        let steps = map.patches.map(|patch| {
-            let prolongations = patch.levels.iter().filter_map(|l| l.level.from_coarser.as_ref());
-            prolongations.map(Gather::new).collect()
+    pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
+        let patches = map.patches.map(|patch: &PatchMap| PatchFields {
+            areas: patch.taxels.areas.clone(),
+            coarse: patch.levels.iter().filter_map(|l| l.level.to_finest.as_ref()).map(Fields::new).collect(),
         });
-        let zeros = LevelFrame::new(map, 1).values.map(|patch| patch[0].map(|x| IdVec::filled(0.0, x.len())));
-        let carried = zeros.map(|z| vec![Carried { sums: z.clone(), areas: z.clone() }; channels.len()]);
-        let largest = zeros.iter().flatten().map(|values| values.len()).max().unwrap_or(0);
+        let amounts = patches.map(|patch| vec![IdVec::filled(0.0, patch.areas.len()); channels.len()]);
+        let mut levels = LevelFrame::new(map, channels.len());
+        // Nothing has a reading yet.
+        let areas = levels.areas.iter_mut().flatten().flat_map(|levels| levels.iter_mut());
+        areas.for_each(|areas| areas.fill(0.0));
+        let taxels = patches.iter().map(|patch| patch.areas.len()).max().unwrap_or(0);
+        let fields = patches.iter().flat_map(|p| &p.coarse).map(|f| f.members.len()).max().unwrap_or(0);
         let touched = Touched {
-            all: false,
-            fine: Vec::with_capacity(largest),
-            coarse: Vec::with_capacity(largest),
-            marks: vec![false; largest],
+            taxels: Vec::with_capacity(taxels),
+            fields: Vec::with_capacity(fields),
+            marks: vec![false; fields],
         };
-        let quantities = channels.iter().map(|c| c.quantity).collect();
-        Self { map, quantities, steps, carried, levels: LevelFrame::new(map, channels.len()), touched }
+        Self { quantities: channels.iter().map(|c| c.quantity).collect(), patches, amounts, levels, touched }
     }
 
     /// The frame on all levels. Readings that are not finite count as missing.
@@ -109,129 +142,108 @@ impl<'a> Restrictor<'a> {
     /// # Panics
     /// If the frame has not the patches, channels and taxels that the restrictor was made for.
     pub fn restrict(&mut self, frame: &Frame) -> &LevelFrame {
-        assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
+        assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
         self.levels.time = frame.time;
-        for (id, patch) in self.map.patches.enumerate() {
-            let (read, steps) = (&frame.values[id], &self.steps[id]);
-            assert_eq!(read.len(), self.quantities.len(), "one array per channel of {}", patch.name);
-            let carried = self.carried[id].iter_mut().zip(&mut self.levels.values[id]);
-            for ((&quantity, read), (carried, out)) in self.quantities.iter().zip(read).zip(carried) {
-                let masks_changed =
-                    take(read, &patch.taxels.areas, quantity, carried, out, &mut self.touched.fine);
-                self.touched.all = masks_changed;
-                carry(patch, steps, quantity, carried, out, &mut self.touched);
+        for (id, patch) in self.patches.enumerate() {
+            assert_eq!(frame.values[id].len(), self.quantities.len(), "one array per channel");
+            let (values, areas) = (&mut self.levels.values[id], &mut self.levels.areas[id]);
+            let out = values.iter_mut().zip(areas).zip(&mut self.amounts[id]);
+            for ((&quantity, read), ((values, areas), amounts)) in
+                self.quantities.iter().zip(&frame.values[id]).zip(out)
+            {
+                let mut channel = ChannelOut { quantity, values, areas, amounts };
+                let masks_changed = channel.take(read, &patch.areas, &mut self.touched.taxels);
+                channel.collect(&patch.coarse, masks_changed, &mut self.touched);
             }
         }
         &self.levels
     }
 }
 
-/// Carries the sums of one channel of a patch from the taxels to all levels: only those that
-/// `touched` says, or all, then the areas too.
-fn carry(
-    patch: &PatchMap,
-    steps: &[Gather],
+/// One channel of one patch as it is restricted.
+struct ChannelOut<'a> {
     quantity: Quantity,
-    carried: &mut Carried,
-    out: &mut IdVec<LevelId, IdVec<VertexId, f64>>,
-    touched: &mut Touched,
-) {
-    let masks_changed = touched.all;
-    for (k, step) in steps.iter().enumerate() {
-        let coarser = LevelId::new(k + 1);
-        if masks_changed {
-            let (fine, coarse) = two_levels(&mut carried.areas, k);
-            step.apply(fine, coarse);
-        }
-        let (fine, coarse) = two_levels(&mut carried.sums, k);
-        let (areas, out) = (&carried.areas[coarser], &mut out[coarser]);
-        touched.all |= touched.fine.len() > fine.len() / FEW;
-        if touched.all {
-            step.apply(fine, coarse);
-            let fields = out.iter_mut().zip(&*coarse).zip(areas);
-            fields.for_each(|((out, &sum), &area)| *out = value(sum, area, quantity));
-        } else if let Some(prolongation) = &patch.levels[LevelId::new(k)].level.from_coarser {
-            touched.coarsen(prolongation);
-            for &field in &touched.fine {
-                coarse[field] = step.sum(field.index(), fine);
-                out[field] = value(coarse[field], areas[field], quantity);
-            }
-        }
-    }
+    values: &'a mut IdVec<LevelId, IdVec<VertexId, f64>>,
+    /// `a m` of the taxels, and what the fields collect of it.
+    areas: &'a mut IdVec<LevelId, IdVec<VertexId, f64>>,
+    amounts: &'a mut IdVec<VertexId, f64>,
 }
 
-/// Takes the readings in, lists the taxels whose reading changed, and says whether any got or lost
-/// one.
-fn take(
-    read: &[f64],
-    areas: &IdVec<VertexId, f64>,
-    quantity: Quantity,
-    carried: &mut Carried,
-    out: &mut IdVec<LevelId, IdVec<VertexId, f64>>,
-    changed: &mut Vec<VertexId>,
-) -> bool {
-    /// Taxels compared at once.
-    const BLOCK: usize = 16;
-    let finest = LevelId::new(0);
-    let last = &mut *out[finest];
-    assert_eq!(read.len(), last.len(), "one reading per taxel");
-    let (sums, served) = (&mut *carried.sums[finest], &mut *carried.areas[finest]);
-    changed.clear();
-    let mut masks_changed = false;
-    for begin in (0..read.len()).step_by(BLOCK) {
-        let end = (begin + BLOCK).min(read.len());
-        let pairs = read[begin..end].iter().zip(&last[begin..end]);
-        if pairs.fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0 {
-            continue;
-        }
-        for at in begin..end {
-            if read[at].to_bits() == last[at].to_bits() {
+impl ChannelOut<'_> {
+    /// Takes the readings in, lists the taxels whose reading changed, and says whether any got or lost
+    /// one.
+    fn take(&mut self, read: &[f64], areas: &IdVec<VertexId, f64>, changed: &mut Vec<VertexId>) -> bool {
+        /// Taxels compared at once.
+        const BLOCK: usize = 16;
+        let finest = LevelId::new(0);
+        let (last, served) = (&mut *self.values[finest], &mut *self.areas[finest]);
+        assert_eq!(read.len(), last.len(), "one reading per taxel");
+        changed.clear();
+        let mut masks_changed = false;
+        for begin in (0..read.len()).step_by(BLOCK) {
+            let end = (begin + BLOCK).min(read.len());
+            let pairs = read[begin..end].iter().zip(&last[begin..end]);
+            if pairs.fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0 {
                 continue;
             }
-            let vertex = VertexId::new(at);
-            let area = areas[vertex];
-            let is_live = read[at].is_finite();
-            masks_changed |= is_live != (served[at] > 0.0);
-            (last[at], served[at]) = if is_live { (read[at], area) } else { (f64::NAN, 0.0) };
-            sums[at] = match quantity {
-                _ if !is_live => 0.0,
-                Quantity::Intensive | Quantity::Direction => area * read[at],
-                Quantity::Extensive => read[at],
+            for at in begin..end {
+                if read[at].to_bits() == last[at].to_bits() {
+                    continue;
+                }
+                let vertex = VertexId::new(at);
+                let area = areas[vertex];
+                let is_live = read[at].is_finite();
+                masks_changed |= is_live != (served[at] > 0.0);
+                (last[at], served[at]) = if is_live { (read[at], area) } else { (f64::NAN, 0.0) };
+                self.amounts[vertex] = match self.quantity {
+                    _ if !is_live => 0.0,
+                    Quantity::Intensive => area * read[at],
+                    Quantity::Extensive => read[at],
+                };
+                changed.push(vertex);
+            }
+        }
+        masks_changed
+    }
+
+    /// Sums the fields that the changed taxels reach, or all, then their areas too.
+    fn collect(&mut self, coarse: &[Fields], masks_changed: bool, touched: &mut Touched) {
+        let all = masks_changed || touched.taxels.len() > self.amounts.len() / FEW;
+        for (fields, level) in coarse.iter().zip((1..).map(LevelId::new)) {
+            let (values, areas) = (&mut *self.values[level], &mut self.areas);
+            if masks_changed {
+                let (served, collected) = areas.split_at_mut(level.index());
+                let collected = collected[0].iter_mut().enumerate();
+                collected.for_each(|(field, area)| *area = fields.sum(field, &served[0]));
+            }
+            let areas = &*areas[level];
+            let mut sum = |field: usize| {
+                values[field] = match (fields.sum(field, self.amounts), self.quantity) {
+                    // 0 / 0 is NaN.
+                    (sum, Quantity::Intensive) => sum / areas[field],
+                    (sum, Quantity::Extensive) if areas[field] > 0.0 => sum,
+                    (_, Quantity::Extensive) => f64::NAN,
+                };
             };
-            changed.push(vertex);
+            if all {
+                (0..areas.len()).for_each(sum);
+            } else {
+                touched.reach(&fields.of_taxel);
+                touched.fields.iter().for_each(|field| sum(field.index()));
+            }
         }
     }
-    masks_changed
-}
-
-/// The value of a field from what it collected; NaN where it has no area with readings.
-fn value(sum: f64, area: f64, quantity: Quantity) -> f64 {
-    match quantity {
-        // 0 / 0 is NaN.
-        Quantity::Intensive | Quantity::Direction => sum / area,
-        Quantity::Extensive if area > 0.0 => sum,
-        Quantity::Extensive => f64::NAN,
-    }
-}
-
-/// Level `k`, and the next coarser one to write to.
-fn two_levels<T>(levels: &mut IdVec<LevelId, T>, k: usize) -> (&T, &mut T) {
-    let (finer, coarser) = levels.split_at_mut(k + 1);
-    (&finer[k], &mut coarser[0])
 }
 
 impl Touched {
-    /// From the changed vertices of a level to the fields of the next one that collect from them.
-    fn coarsen(&mut self, prolongation: &Prolongation) {
-        self.coarse.clear();
-        for &vertex in &self.fine {
-            for (field, _) in prolongation.row(vertex) {
-                if !std::mem::replace(&mut self.marks[field.index()], true) {
-                    self.coarse.push(field);
-                }
+    /// Lists the fields of the changed taxels.
+    fn reach(&mut self, of_taxel: &IdVec<VertexId, [VertexId; 3]>) {
+        self.fields.clear();
+        for &field in self.taxels.iter().flat_map(|&taxel| &of_taxel[taxel]) {
+            if !std::mem::replace(&mut self.marks[field.index()], true) {
+                self.fields.push(field);
             }
         }
-        self.coarse.iter().for_each(|field| self.marks[field.index()] = false);
-        std::mem::swap(&mut self.fine, &mut self.coarse);
+        self.fields.iter().for_each(|field| self.marks[field.index()] = false);
     }
 }

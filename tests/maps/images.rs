@@ -1,74 +1,56 @@
-//! Images that are in memory as a whole: what files are compared with.
+//! Images as the exr crate reads them back from a file.
 
-use std::ops::Range;
+use std::{collections::BTreeMap, path::Path};
 
-use dermatome::{
-    atlas::{ImageRows, Samples},
-    map::ImageFrame,
-};
-use rayon::prelude::*;
+use dermatome::{atlas::LevelImage, io::write_images};
+use exr::prelude::{AnyChannels, FlatSamples, Image, Layer, ReadChannels, ReadLayers, read};
 
-/// One channel of an image.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Channel {
-    pub(crate) name: String,
-    pub(crate) samples: Samples,
-}
-
-/// An image of one level.
+/// One image of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct WholeImage {
     pub(crate) name: String,
-    pub(crate) frame: ImageFrame,
-    pub(crate) channels: Vec<Channel>,
+    pub(crate) size_px: [u32; 2],
+    pub(crate) channels: BTreeMap<String, FlatSamples>,
 }
 
 impl WholeImage {
-    /// All rows of an image, in bands of 16.
-    pub(crate) fn of(image: &impl ImageRows) -> Self {
-        let height = image.frame().size_px[1];
-        let bands: Vec<_> = (0..height.div_ceil(16))
-            .into_par_iter()
-            .map(|band| image.rows(16 * band..height.min(16 * (band + 1))))
-            .collect();
-        let empty = image.channels().into_iter().zip(image.rows(0..0));
-        let mut channels: Vec<_> = empty.map(|(name, samples)| Channel { name, samples }).collect();
-        for part in bands.into_iter().flat_map(|band| band.into_iter().enumerate()) {
-            match (&mut channels[part.0].samples, part.1) {
-                (Samples::F32(all), Samples::F32(part)) => all.extend(part),
-                (Samples::U32(all), Samples::U32(part)) => all.extend(part),
-                (all, part) => panic!("{part:?} in a channel of {all:?}"),
-            }
-        }
-        Self { name: image.name().to_owned(), frame: *image.frame(), channels }
-    }
-
-    /// The channel of that name, if there is one.
-    pub(crate) fn channel(&self, name: &str) -> Option<&Samples> {
-        self.channels.iter().find(|c| c.name == name).map(|c| &c.samples)
-    }
-}
-
-impl ImageRows for WholeImage {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn frame(&self) -> &ImageFrame {
-        &self.frame
-    }
-
-    fn channels(&self) -> Vec<String> {
-        self.channels.iter().map(|c| c.name.clone()).collect()
-    }
-
-    fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
-        let at = |row: u32| row as usize * self.frame.size_px[0] as usize;
-        let range = at(rows.start)..at(rows.end);
-        let slice = |c: &Channel| match &c.samples {
-            Samples::F32(x) => Samples::F32(x.get(range.clone()).unwrap_or_default().to_vec()),
-            Samples::U32(x) => Samples::U32(x.get(range.clone()).unwrap_or_default().to_vec()),
+    /// All images of a file.
+    pub(crate) fn read(path: &Path) -> Vec<Self> {
+        let image =
+            read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+        let image: Image<_> = image.from_file(path).unwrap();
+        let whole = |layer: Layer<AnyChannels<FlatSamples>>| Self {
+            name: layer.attributes.layer_name.unwrap().to_string(),
+            size_px: [layer.size.x(), layer.size.y()].map(|n| u32::try_from(n).unwrap()),
+            channels: layer
+                .channel_data
+                .list
+                .into_iter()
+                .map(|c| (c.name.to_string(), c.sample_data))
+                .collect(),
         };
-        self.channels.iter().map(slice).collect()
+        image.layer_data.into_iter().map(whole).collect()
+    }
+
+    /// What is written of images.
+    pub(crate) fn of(images: &[LevelImage]) -> Vec<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.exr");
+        write_images(&path, images).unwrap();
+        Self::read(&path)
+    }
+
+    pub(crate) fn floats(&self, name: &str) -> &[f32] {
+        match self.channels.get(name) {
+            Some(FlatSamples::F32(x)) => x,
+            other => panic!("channel {name}: {other:?}"),
+        }
+    }
+
+    pub(crate) fn ids(&self, name: &str) -> &[u32] {
+        match self.channels.get(name) {
+            Some(FlatSamples::U32(x)) => x,
+            other => panic!("channel {name}: {other:?}"),
+        }
     }
 }

@@ -3,6 +3,8 @@
 
 pub(crate) mod images;
 
+use std::sync::Arc;
+
 use dermatome::{
     atlas::{Atlas, AtlasOptions, Chart, skin_images},
     id::{FaceId, IdVec, VertexId},
@@ -47,7 +49,8 @@ pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
 
 /// The image of level `k`.
 pub(crate) fn image(patch: &PatchMap, k: usize) -> images::WholeImage {
-    images::WholeImage::of(&skin_images(&skin(vec![patch.clone()])).unwrap()[k])
+    let map = Arc::new(skin(vec![patch.clone()]));
+    images::WholeImage::of(&skin_images(&map).unwrap()).swap_remove(k)
 }
 
 /// The charts of all levels, each as its image.

@@ -95,12 +95,11 @@ def restrict(levels, values, extensive):
     weight = live * (1.0 if extensive else areas)
     amount = np.where(live, values, 0.0) * (1.0 if extensive else areas)
     out = [values]
-    for fine, coarse in zip(levels, levels[1:]):
-        count = len(coarse.up[0]) if coarse.up is not None else coarse.unsplit.max() + 1
-        amount, weight = scatter(fine.up, amount, count), scatter(fine.up, weight, count)
+    for level in levels[1:]:
+        count = len(level.up[0]) if level.up is not None else level.unsplit.max() + 1
+        sums, weights = scatter(level.direct, amount, count), scatter(level.direct, weight, count)
         with np.errstate(invalid="ignore", divide="ignore"):
-            known = weight > 0
-            out.append(np.where(known, amount if extensive else amount / weight, np.nan))
+            out.append(np.where(weights > 0, sums if extensive else sums / weights, np.nan))
     return out
 
 
@@ -146,17 +145,13 @@ def normalised(weights, live):
     return weights / np.where(total > 0, total, 1), total[:, 0] > 0
 
 
-def draw(values, corners, weights, pixel, extensive, how, direct):
+def draw(values, corners, weights, pixel, extensive, how):
     """(T, pixels) of values (T, n), and which pixels are clearly nearest to one corner."""
     live = ~np.isnan(values[0])
     if not np.array_equal(np.isnan(values), np.broadcast_to(~live, values.shape)):
         sys.exit("taxels come and go: this check wants the same ones in all frames")
     values = np.where(live, values, 0.0)
-    if how == "field" and direct is not None:
-        fields, shares = direct[0], normalised(direct[1], live[direct[0]])[0]
-        live_corners = live[fields].any(1)[corners]
-    else:
-        fields, live_corners = None, live[corners]
+    live_corners = live[corners]
     # Faces without a dead corner extrapolate by rounding at most; others are cut off at 0.
     kept, known = normalised(weights, live_corners)
     kept = np.where(live_corners.all(1)[:, None], weights, kept)
@@ -168,17 +163,11 @@ def draw(values, corners, weights, pixel, extensive, how, direct):
         kept = np.eye(3)[largest] * live_corners.any(1)[:, None]
     scale = np.ones(values.shape[1])
     if extensive:
-        count = len(scale) if fields is None else len(fields)
-        seen = np.bincount(corners.ravel(), (kept * known[:, None]).ravel(), count)
-        if fields is not None:
-            seen = np.bincount(fields.ravel(), (shares * seen[:, None]).ravel(), len(scale))
+        seen = np.bincount(corners.ravel(), (kept * known[:, None]).ravel(), len(scale))
         if np.any(seen[live] < 1e-3):
             sys.exit("a value that no pixel shows: this check wants smaller pixels")
         scale = 1 / (pixel * np.where(live, seen, 1))
-    drawn = values * scale
-    if fields is not None:
-        drawn = (drawn[:, fields] * shares).sum(2)
-    image = (drawn[:, corners] * kept).sum(2)
+    image = ((values * scale)[:, corners] * kept).sum(2)
     image[:, ~known] = np.nan
     return image, clear
 
@@ -231,7 +220,7 @@ def check_natural(levels, values, image, mask):
 def check_level(key, levels, k, values, arrays, options):
     """The values and the image of level `k`; values[c] is (T, n)."""
     extensive, how = options.extensive, options.interpolate
-    level, shown = levels[k], levels[0] if options.interpolate == "field" else levels[k]
+    shown = levels[k]
     found, valid = arrays[f"{key}.values"], arrays[f"{key}.valid"]
     wanted = np.stack(values, 1)
     scale = np.nanmax(np.abs(wanted), initial=0)
@@ -252,6 +241,8 @@ def check_level(key, levels, k, values, arrays, options):
         return "the mask differs from the chart"
     if np.any((taxels == NONE) != (mask == 0)):
         return "taxel_id is not set where the mask is"
+    if not np.isnan(image[:, :, mask == 0]).all():
+        return "the image has values off the skin"
     rows, columns, corners, weights = faces_of_pixels(shown, mask)
     names = corners if shown.ids is None else shown.ids[corners]
     sure = weights.min(1) > 1e-4
@@ -273,7 +264,7 @@ def check_level(key, levels, k, values, arrays, options):
             if wrong:
                 return wrong
             continue
-        drawn, clear = draw(wanted[:, c], corners, weights, pixel, extensive, how, level.direct)
+        drawn, clear = draw(wanted[:, c], corners, weights, pixel, extensive, how)
         if how == "nearest":
             found, drawn = found[:, clear], drawn[:, clear]
             if extensive:
@@ -309,7 +300,7 @@ def check_shown(patches, level, channels, image, mask, values, options):
     for patch, levels in patches.items():
         if level >= len(levels):
             continue
-        shown = levels[0 if options.interpolate == "field" else level]
+        shown = levels[level]
         of_patch = np.flatnonzero(face[rows, columns] < len(shown.triangles))
         corners = shown.triangles[face[rows, columns][of_patch]]
         there = (shown.positions[corners] * weights[of_patch][:, :, None]).sum(1)
@@ -324,8 +315,7 @@ def check_shown(patches, level, channels, image, mask, values, options):
             return f"{patch}: normals are not of length 1"
         pixel = options.pixel ** 2
         for c, of_channel in enumerate(values[patch]):
-            drawn, _ = draw(of_channel[level], corners, weights[of_patch], pixel, options.extensive, options.interpolate,
-                            levels[level].direct)
+            drawn, _ = draw(of_channel[level], corners, weights[of_patch], pixel, options.extensive, options.interpolate)
             if not close(image[c][at][None].astype(float), drawn[options.frame][None], np.nanmax(np.abs(drawn), initial=0)):
                 return f"{patch}: pixels differ from the values of the map"
         seen[of_patch] = True
@@ -440,7 +430,7 @@ if __name__ == "__main__":
     parser.add_argument("map")
     parser.add_argument("readings")
     parser.add_argument("recording", nargs="?")
-    parser.add_argument("--interpolate", default="linear", choices=["linear", "nearest", "natural", "field"])
+    parser.add_argument("--interpolate", default="linear", choices=["linear", "nearest", "natural"])
     parser.add_argument("--packed", action="store_true", help="the frames are packed and have static channels")
     parser.add_argument("--write-linear", action="store_true", help="write the readings instead, linear on the map")
     parser.add_argument("--extensive", action="store_true", help="the readings are amounts, as forces")

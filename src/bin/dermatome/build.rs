@@ -3,6 +3,7 @@
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
+    sync::Arc,
     time::Instant,
 };
 
@@ -129,7 +130,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
 /// Rasterises a map and writes [`FILES`]; returns the seconds that either took.
 fn write_files(
-    map: &SkinMap,
+    map: &Arc<SkinMap>,
     folder: &Path,
     outputs: &mut Outputs,
     bar: &ProgressBar,

@@ -13,7 +13,6 @@ mod lookup;
 mod options;
 mod plot;
 mod render;
-mod sample;
 mod shell;
 mod simulate;
 mod terms;
@@ -73,8 +72,6 @@ enum Command {
     /// Draw readings as tactile images on every level.
     #[command(after_long_help = terms::OF_LEVELS)]
     Render(render::Args),
-    /// Carry tactile images back to taxels and receptive fields.
-    Sample(sample::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
     /// Simulate touches: a sphere that presses and rolls on a skin, as readings.
@@ -143,7 +140,6 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Lookup(args) => lookup::run(args, common),
         Command::Plot(args) => plot::run(args, common),
         Command::Render(args) => render::run(args, common),
-        Command::Sample(args) => sample::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
         Command::Touch(args) => touch::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut Cli::command()),

@@ -11,16 +11,13 @@ use dermatome::{
     Error,
     io::IoError,
     map::SkinMap,
-    plot::{
-        ChannelView, Paint, Picture, PlotOptions, Viewpoint, plot_findings, plot_frame, plot_map, plot_skin,
-    },
+    plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin},
     pyramid::LevelId,
     signal::{Channel, Restrictor},
-    skin::check,
 };
 
 use crate::{
-    console::{errors::advise, notes::note, print::print},
+    console::{errors::advise, print::print},
     files::{
         input::{read_map_if_any, read_skin},
         outputs::{self, Outputs, is_stream},
@@ -103,14 +100,12 @@ enum Show {
     Taxel,
     /// Standard deviation of each taxel's position, if the skin was calibrated
     Sigma,
-    /// What `check` finds in a skin or mesh, in red; a file that is not a valid skin is drawn so anyway
-    Findings,
 }
 
 impl From<Show> for Paint {
     fn from(show: Show) -> Self {
         match show {
-            Show::Fields | Show::Findings => Self::Fields,
+            Show::Fields => Self::Fields,
             Show::Angle => Self::Angle,
             Show::Area => Self::Area,
             Show::Taxel => Self::Taxel,
@@ -139,13 +134,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         dots: args.dots,
         width_px: args.width,
     };
-    let shows_findings = matches!(args.show, Show::Findings);
-    let map = if shows_findings { None } else { read_map_if_any(&args.map)? };
-    let picture = match (map, &args.frame.readings) {
+    let picture = match (read_map_if_any(&args.map)?, &args.frame.readings) {
         (Some(map), Some(readings)) => picture_of_frame(args, &map, readings, &options, common)?,
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
-        (None, None) => picture_of_skin(args, &options, common)?,
+        (None, None) => {
+            let (read, all) = (args.read.options(), PatchArgs::default());
+            let skin = read_skin(&args.map, &args.read, &all, &read, common)?;
+            plot_skin(&skin, &options).map_err(Error::from)?
+        }
     };
     let mut files = Outputs::default();
     for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
@@ -160,27 +157,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print(&picture.to_svg())?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Draws a skin without a map, or the findings of what is not a valid skin.
-fn picture_of_skin(args: &Args, options: &PlotOptions, common: &Common) -> anyhow::Result<Picture> {
-    let draft = if matches!(args.show, Show::Findings) {
-        args.read.read(&args.map, false)?
-    } else {
-        match read_skin(&args.map, &args.read, &PatchArgs::default(), &args.read.options(), common) {
-            Ok(skin) => return Ok(plot_skin(&skin, options).map_err(Error::from)?),
-            Err(error) if !error.chain().any(|cause| cause.is::<Error>()) => return Err(error),
-            Err(error) => match args.read.read(&args.map, false) {
-                Ok(draft) if draft.sheets.iter().any(|sheet| !sheet.triangles.is_empty()) => {
-                    note(common, format_args!("{error:#}; what `check` finds is drawn in red"));
-                    draft
-                }
-                _ => return Err(error),
-            },
-        }
-    };
-    let findings = check(&draft, &args.read.options());
-    Ok(plot_findings(&draft, &findings, options).map_err(Error::from)?)
 }
 
 /// Draws one frame of readings.
@@ -200,8 +176,7 @@ fn picture_of_frame(
     let mut picture = None;
     pass.run(|_, frame| {
         let frame = restrictor.restrict(frame);
-        let view = ChannelView { frame, channels: &channels, shown, range: args.range };
-        picture = Some(plot_frame(map, &view, options).map_err(Error::from)?);
+        picture = Some(plot_frame(map, frame, &channels, shown, options).map_err(Error::from)?);
         Ok(false)
     })?;
     picture.ok_or_else(|| {

@@ -1,24 +1,22 @@
 //! `dermatome render MAP.glb READINGS -o OUT`: a recording or a live stream as tactile images on every
 //! level, arrays for learning and contact regions.
 
-mod colours;
 mod contacts;
 mod output;
 mod pixels;
 mod readings_args;
-mod rows;
-mod shown;
 mod source;
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
 use dermatome::{
     Error,
     atlas::Atlas,
     image::{RenderOptions, Renderer, TactileImage},
     io::read_map,
+    map::SkinMap,
     pyramid::LevelId,
-    signal::Channel,
+    signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor},
 };
 use serde_json::{Map, Value, json};
 
@@ -27,10 +25,8 @@ use crate::{
     files::outputs::{self, Outputs, is_stream},
     options::Common,
     render::{
-        colours::ColourArgs,
         contacts::ContactsArgs,
-        output::{Array, Kind, Output, Pictures},
-        shown::{Shown, Values, shown_channels},
+        output::{Array, ColourArgs, Content, Kind, Output, Pictures},
         source::Tally,
     },
 };
@@ -87,8 +83,7 @@ struct ImageArgs {
     /// Draw what each level shows beyond the next coarser one
     #[arg(long)]
     contrast: bool,
-    /// Draw the edges of the values: the size of their gradient on the map and its direction, an angle
-    /// from the u axis towards the v axis
+    /// Draw the edges of the values: their gradient on the map, along its u and its v axis
     #[arg(long, conflicts_with = "contrast")]
     edges: bool,
     /// Write into every EXR file also what its pixels show: places, normals, ids and stretch
@@ -101,13 +96,13 @@ struct ImageArgs {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = args.check()?;
-    let map = read_map(&args.map).map_err(Error::from)?;
+    let map = Arc::new(read_map(&args.map).map_err(Error::from)?);
     let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
     let readings = Readings::new(&args.readings_args, args.frames, &args.readings, &map);
     let pass = readings.open()?;
     let read = pass.channels().to_vec();
-    let shown = args.images.shown();
-    let channels = shown_channels(&read, shown);
+    let mut values = args.images.values(&map, &read);
+    let channels = values.channels(&read);
     let level = args.images.level.map(LevelId::from);
     if kind == Kind::Array(Array::Npy) {
         check_one_image(&atlas, level)?;
@@ -118,22 +113,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     pass.remark(&from, common);
     let options = RenderOptions { interpolation: args.pixels.interpolation(), level };
     let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
-    let colours = match kind {
-        Kind::Folder(Pictures::Png) => {
-            Some(args.colours.scales(&args.readings, &readings, &map, (&read, shown))?)
-        }
-        _ => None,
-    };
-    let mut values = Values::new(&map, &read, shown);
     let mut contacts = args.contacts.open(&map, &read, &args.readings_args)?;
-    let mut output = Output::open(
-        &args.output,
-        kind,
-        &map,
-        &atlas,
-        (&channels, &options),
-        (colours, args.images.is_static, !args.images.values_only),
-    )?;
+    let content = Content {
+        map: &map,
+        atlas: (!args.images.values_only).then_some(&atlas),
+        channels: &channels,
+        level,
+        has_static: args.images.is_static,
+    };
+    let mut output = Output::open(&args.output, kind, &args.colours, &content)?;
     let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
     let mut written = 0;
     let tally = pass.run(|number, frame| {
@@ -185,6 +173,7 @@ impl Args {
                 "name a folder as output, without --pictures png; a .npz has mask and taxel_id anyway",
             ));
         }
+        self.colours.check(kind)?;
         self.frames.check()?;
         if self.images.values_only && kind != Kind::Array(Array::Npz) {
             return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));
@@ -194,12 +183,48 @@ impl Args {
 }
 
 impl ImageArgs {
-    fn shown(&self) -> Shown {
-        match (self.contrast, self.edges) {
-            (true, _) => Shown::Contrast,
-            (_, true) => Shown::Edges,
-            _ => Shown::Readings,
+    /// What is drawn of readings with these channels.
+    fn values(&self, map: &SkinMap, channels: &[Channel]) -> Values {
+        Values {
+            restrictor: Restrictor::new(map, channels),
+            contrast: self.contrast.then(|| Contrast::new(map, channels)),
+            edges: self.edges.then(|| Edges::new(map, channels)),
         }
+    }
+}
+
+/// Values on all levels: the readings, their contrast or their edges.
+struct Values {
+    restrictor: Restrictor,
+    contrast: Option<Contrast>,
+    edges: Option<Edges>,
+}
+
+impl Values {
+    fn of(&mut self, frame: &Frame) -> &LevelFrame {
+        let levels = self.restrictor.restrict(frame);
+        match (&mut self.contrast, &mut self.edges) {
+            (Some(contrast), _) => contrast.of(levels),
+            (_, Some(edges)) => edges.of(levels),
+            _ => levels,
+        }
+    }
+
+    /// The channels of what is drawn of these: edges have two for each.
+    fn channels(&self, read: &[Channel]) -> Vec<Channel> {
+        if self.edges.is_none() {
+            return read.to_vec();
+        }
+        let gradient = |channel: &Channel| {
+            let unit = channel.pixel_unit();
+            let unit = if unit.is_empty() { unit } else { format!("{unit}/m") };
+            ["u", "v"].map(|axis| Channel {
+                name: format!("{}.gradient.{axis}", channel.name),
+                unit: unit.clone(),
+                quantity: Quantity::Intensive,
+            })
+        };
+        read.iter().flat_map(gradient).collect()
     }
 }
 
@@ -211,7 +236,11 @@ fn report(
     found: Option<(usize, Option<f64>)>,
 ) -> Value {
     let mut size = Map::new();
-    size.extend(images.iter().map(|image| (image.name.clone(), json!([image.size_px[1], image.size_px[0]]))));
+    size.extend(
+        images
+            .iter()
+            .map(|image| (image.name.clone(), json!([image.frame.size_px[1], image.frame.size_px[0]]))),
+    );
     let mut report = json!({
         "frames": tally.frames,
         "channels": channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect::<Vec<_>>(),
@@ -222,7 +251,6 @@ fn report(
         "missing": tally.missing,
         "clipped": tally.condition.clipped,
         "backwards": if tally.has_times { tally.condition.backwards } else { 0 },
-        "dropped": tally.dropped,
     });
     if let Some((contacts, threshold)) = found {
         report["contacts"] = json!(contacts);

@@ -1,16 +1,13 @@
 //! A recording as arrays: images and the values of every level, with all that numpy needs to read
 //! them without the map.
 
-use std::{
-    borrow::Cow,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
 use crate::{
     atlas::{Atlas, AtlasPart},
-    image::{Interpolation, TactileImage, surface_of},
+    image::TactileImage,
     io::{
         IoError,
         arrays::write::{
@@ -35,8 +32,6 @@ pub struct RecordingLayout<'a> {
     pub channels: &'a [Channel],
     /// The images, if there are any.
     pub atlas: Option<&'a Atlas>,
-    /// How the images were drawn.
-    pub interpolation: Interpolation,
     /// Whether the values of the taxels and fields are kept too; a `.npy` has images alone.
     pub values: bool,
     /// The one level that is kept; `None`: all.
@@ -60,7 +55,6 @@ pub struct RecordingLayout<'a> {
 ///
 /// ```
 /// use dermatome::{
-///     image::Interpolation,
 ///     io::{RecordingLayout, RecordingWriter},
 ///     map::SkinMap,
 ///     mesh::shapes,
@@ -74,7 +68,6 @@ pub struct RecordingLayout<'a> {
 /// let layout = RecordingLayout {
 ///     channels: &channels,
 ///     atlas: None,
-///     interpolation: Interpolation::Linear,
 ///     values: true,
 ///     level: None,
 /// };
@@ -123,18 +116,13 @@ impl RecordingWriter {
             values: Vec::new(),
             features: Map::new(),
         };
-        let parts: Vec<_> = layout.atlas.map_or_else(Vec::new, |atlas| {
-            let parts = atlas.parts.iter().filter(|part| layout.level.is_none_or(|l| l == part.level));
-            let surface = |part| Some(surface_of(atlas, part, layout.interpolation)?.limited_to(part));
-            let drawn = |part| Some((part, surface(part)?));
-            parts.filter_map(drawn).collect()
-        });
+        let parts: Vec<_> = layout.atlas.iter().flat_map(|atlas| atlas.parts_of(layout.level)).collect();
         if kind(path) == "npy" {
-            let [(part, surface)] = &parts[..] else {
+            let [part] = &parts[..] else {
                 let needed = "one image: one patch and one level";
                 return Err(unfit(path, "the recording", format!("{} images", parts.len()), needed));
             };
-            let [width, height] = surface.frame.size_px.map(|n| n as usize);
+            let [width, height] = part.frame.size_px.map(|n| n as usize);
             let shape = [layout.channels.len(), height, width];
             let shape = if layout.channels.len() == 1 { &shape[1..] } else { &shape };
             this.images.push(this.writer.growing(&part.name, ElementType::F32, shape)?);
@@ -156,7 +144,7 @@ impl RecordingWriter {
     fn add_images(
         &mut self,
         map: &SkinMap,
-        parts: &[(&AtlasPart, Cow<'_, AtlasPart>)],
+        parts: &[&AtlasPart],
         channels: &[Channel],
     ) -> Result<(), IoError> {
         if !parts.is_empty() {
@@ -165,24 +153,24 @@ impl RecordingWriter {
         }
         /// Sizes that differ by rounding only are the same.
         const ROUNDING: f64 = 1e-12;
-        let first = parts.first().map(|(_, surface)| pixel_size(surface));
+        let first = parts.first().map(|part| pixel_size(part));
         let is_first = |size: f64| first.is_some_and(|first| (size - first).abs() <= ROUNDING * first);
-        let is_common = parts.iter().all(|(_, surface)| is_first(pixel_size(surface)));
+        let is_common = parts.iter().all(|part| is_first(pixel_size(part)));
         if let Some(size) = first.filter(|_| is_common) {
             self.writer.constant("metres_per_pixel", &[], Elements::F64(&[size]))?;
         }
-        for (part, surface) in parts {
+        for part in parts {
             let key = key(&part.name);
-            let [width, height] = surface.frame.size_px.map(|n| n as usize);
+            let [width, height] = part.frame.size_px.map(|n| n as usize);
             let shape = [channels.len(), height, width];
             self.images.push(self.writer.growing(&format!("{key}.image"), ElementType::F32, &shape)?);
             self.expected.push((part.name.clone(), shape.iter().product()));
-            self.writer.constant(&format!("{key}.mask"), &shape[1..], Elements::U8(&surface.coverage()))?;
-            let ids = surface.taxel_ids(map);
+            self.writer.constant(&format!("{key}.mask"), &shape[1..], Elements::U8(&part.coverage()))?;
+            let ids = part.taxel_ids(map);
             self.writer.constant(&format!("{key}.taxel_id"), &shape[1..], Elements::U32(&ids))?;
             if !is_common {
                 let name = format!("{key}.metres_per_pixel");
-                self.writer.constant(&name, &[], Elements::F64(&[pixel_size(surface)]))?;
+                self.writer.constant(&name, &[], Elements::F64(&[pixel_size(part)]))?;
             }
             self.add_feature(&key, "image", &shape, &["channels", "height", "width"], channels);
         }

@@ -3,7 +3,6 @@
 use std::{
     fs::File,
     io::{self, Write},
-    mem::discriminant,
     path::Path,
 };
 
@@ -16,7 +15,7 @@ use exr::{
     },
     meta::{
         BlockDescription, Headers,
-        attribute::{AttributeValue, ChannelDescription, IntegerBounds, LineOrder, SampleType, Text},
+        attribute::{self, AttributeValue, ChannelDescription, IntegerBounds, LineOrder, Text},
         header::Header,
     },
     prelude::{Compression, Vec2},
@@ -26,7 +25,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    atlas::{ImageRows, Samples},
+    atlas::{ImageRows, LevelImage, SampleType, Samples},
     io::{
         IoError,
         error::Result,
@@ -37,7 +36,7 @@ use crate::{
 
 /// The one custom attribute of each part. There must not be a second: the crate keeps attributes in
 /// a hash map, and their order in the file would change from run to run.
-pub(super) const ATTRIBUTE: &str = "dermatome";
+const ATTRIBUTE: &str = "dermatome";
 
 /// Blocks of 16 rows that are compressed before any of them is written, per thread: enough that no
 /// thread waits long for the last one.
@@ -63,10 +62,9 @@ const MAX_SIDE: u32 = 1 << 24;
 /// on their number.
 ///
 /// # Errors
-/// If there is no image, an image has no pixels or no channels or fewer samples than pixels, two
-/// have the same name, or the file cannot be written.
-pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoError> {
-    let note = |image: &I| {
+/// If there is no image, an image has no pixels, two have the same name, or the file cannot be written.
+pub fn write_images(path: &Path, images: &[LevelImage]) -> Result<(), IoError> {
+    let note = |image: &LevelImage| {
         let frame = image.frame();
         let map = Rectangle { origin: frame.origin.to_array(), size: frame.size.to_array() };
         serde_json::to_string(&Note { version: env!("CARGO_PKG_VERSION"), name: image.name(), map })
@@ -82,7 +80,6 @@ pub fn write_images<I: ImageRows>(path: &Path, images: &[I]) -> Result<(), IoErr
 
 /// [`write_images`], with the JSON text of each part's attribute.
 pub(super) fn write_parts(path: &Path, images: &[&dyn ImageRows], notes: &[String]) -> Result<()> {
-    // Images that do not keep their promises are found before and while they are written.
     let fail = |source: io::Error| match source.kind() {
         io::ErrorKind::InvalidInput => {
             unfit(path, "an image", source.to_string(), "images that fit their layout")
@@ -121,9 +118,7 @@ pub(super) fn write_parts(path: &Path, images: &[&dyn ImageRows], notes: &[Strin
 /// An image with its channels in the order of the file.
 struct Part<'a> {
     image: &'a dyn ImageRows,
-    channels: Vec<String>,
-    /// No samples of each, which show its type.
-    types: Vec<Samples>,
+    channels: Vec<(String, SampleType)>,
     /// Channels sorted by name, as positions in `channels`.
     order: Vec<usize>,
 }
@@ -138,11 +133,9 @@ impl<'a> Part<'a> {
                 image.name()
             )));
         }
-        let (channels, types) = (image.channels(), image.rows(0..0));
-        let order = order_by(channels.len(), &|a, b| channels[a].cmp(&channels[b]));
-        let part = Self { image, channels, types, order };
-        part.check(&part.types, 0)?;
-        Ok(part)
+        let channels = image.channels();
+        let order = order_by(channels.len(), &|a, b| channels[a].0.cmp(&channels[b].0));
+        Ok(Self { image, channels, order })
     }
 
     fn size(&self) -> Vec2<usize> {
@@ -157,11 +150,12 @@ impl<'a> Part<'a> {
 
     fn header(&self, display: Vec2<usize>, note: &str) -> Header {
         let describe = |&at: &usize| {
-            let sample_type = match self.types[at] {
-                Samples::F32(_) => SampleType::F32,
-                Samples::U32(_) => SampleType::U32,
+            let (name, sample_type) = &self.channels[at];
+            let sample_type = match sample_type {
+                SampleType::F32 => attribute::SampleType::F32,
+                SampleType::U32 => attribute::SampleType::U32,
             };
-            let (name, sampling) = (ascii(&self.channels[at]), Vec2(1, 1));
+            let (name, sampling) = (ascii(name), Vec2(1, 1));
             ChannelDescription { name, sample_type, quantize_linearly: false, sampling }
         };
         let name = ascii(self.image.name());
@@ -178,7 +172,6 @@ impl<'a> Part<'a> {
         let (Vec2(_, top), Vec2(width, count)) = (index.pixel_position, index.pixel_size);
         let row = |y: usize| u32::try_from(y).unwrap_or(u32::MAX);
         let bands = self.image.rows(row(top)..row(top + count));
-        self.check(&bands, width * count)?;
         let mut data = Vec::with_capacity(4 * width * count * bands.len());
         for line in 0..count {
             let columns = line * width..(line + 1) * width;
@@ -193,22 +186,6 @@ impl<'a> Part<'a> {
         let compressed_pixels_le = compress(data)?;
         let block = CompressedScanLineBlock { y_coordinate: y, compressed_pixels_le };
         Ok(Chunk { layer_index: index.layer, compressed_block: CompressedBlock::ScanLine(block) })
-    }
-
-    /// Whether an image keeps what its layout promises.
-    fn check(&self, bands: &[Samples], needed: usize) -> io::Result<()> {
-        for (k, channel) in self.channels.iter().enumerate() {
-            let keeps = |(band, first): (&Samples, &Samples)| {
-                discriminant(band) == discriminant(first) && band.len() == needed
-            };
-            if !bands.get(k).zip(self.types.get(k)).is_some_and(keeps) {
-                let (found, image) = (bands.get(k).map(Samples::len), self.image.name());
-                return Err(invalid(format!(
-                    "channel {channel:?} of image {image:?} has {found:?} samples where {needed} of one type are needed"
-                )));
-            }
-        }
-        Ok(())
     }
 }
 

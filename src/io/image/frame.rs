@@ -9,7 +9,7 @@ use std::{
 use serde_json::{Value, json};
 
 use crate::{
-    atlas::{ImageRows, LevelImage, Samples},
+    atlas::{ImageRows, LevelImage, SampleType, Samples},
     image::TactileImage,
     io::{IoError, file::source::unfit, image::exr::write_parts},
     map::ImageFrame,
@@ -23,8 +23,8 @@ pub struct FrameContent<'a> {
     pub channels: &'a [Channel],
     /// When it was, in s.
     pub time: f64,
-    /// What its pixels show ([`static_images`](crate::image::static_images)), to be written too.
-    pub shown: Option<&'a LevelImage<'a>>,
+    /// What its pixels show ([`Atlas::images`](crate::atlas::Atlas::images)), to be written too.
+    pub shown: Option<&'a LevelImage>,
 }
 
 /// Writes a frame of readings as an OpenEXR image: `Y` the first channel, each channel under its
@@ -48,8 +48,9 @@ pub fn write_frame(path: &Path, image: &TactileImage, content: &FrameContent<'_>
         let needed = format!("{} for each of {pixels} pixels", channels.len());
         return Err(unfit(path, format!("image {}", image.name), found, needed));
     }
-    if let Some(shown) = shown.filter(|shown| shown.frame().size_px != image.size_px) {
-        let (found, needed) = (format!("{:?} pixels", image.size_px), format!("{:?}", shown.frame().size_px));
+    if let Some(shown) = shown.filter(|shown| shown.frame().size_px != image.frame.size_px) {
+        let (found, needed) =
+            (format!("{:?} pixels", image.frame.size_px), format!("{:?}", shown.frame().size_px));
         return Err(unfit(path, format!("image {}", image.name), found, needed));
     }
     let ImageFrame { origin, size, size_px } = image.frame;
@@ -70,7 +71,6 @@ fn note_of(channel: &Channel) -> Value {
     let quantity = match channel.quantity {
         Quantity::Intensive => "intensive",
         Quantity::Extensive => "extensive",
-        Quantity::Direction => "direction",
     };
     json!({
         "name": channel.name,
@@ -80,23 +80,11 @@ fn note_of(channel: &Channel) -> Value {
     })
 }
 
-/// The channel that an attribute describes, if [`write_frame`] wrote it.
-pub(super) fn channel_of(note: &Value) -> Option<Channel> {
-    let text = |key: &str| note.get(key)?.as_str();
-    let quantity = match text("quantity")? {
-        "extensive" => Quantity::Extensive,
-        "intensive" => Quantity::Intensive,
-        "direction" => Quantity::Direction,
-        _ => return None,
-    };
-    Some(Channel { name: text("name")?.into(), unit: text("value_unit")?.into(), quantity })
-}
-
 /// An image with the channels that it has in a file.
 struct FrameRows<'a> {
     image: &'a TactileImage,
     channels: &'a [Channel],
-    shown: Option<&'a LevelImage<'a>>,
+    shown: Option<&'a LevelImage>,
 }
 
 /// The first two channels of a [`LevelImage`], `Y` and `A`, are those of the frame.
@@ -111,25 +99,22 @@ impl ImageRows for FrameRows<'_> {
         &self.image.frame
     }
 
-    fn channels(&self) -> Vec<String> {
+    fn channels(&self) -> Vec<(String, SampleType)> {
         let shown: Vec<_> = self.shown.iter().flat_map(|shown| shown.channels().split_off(OWN)).collect();
-        let is_taken = |name: &str| ["A", "Y"].contains(&name) || shown.iter().any(|other| other == name);
+        let is_taken =
+            |name: &str| ["A", "Y"].contains(&name) || shown.iter().any(|(other, _)| other == name);
         let named = self.channels.iter().map(|channel| match channel.name.as_str() {
             taken if is_taken(taken) => format!("signal.{taken}"),
             name => name.to_owned(),
         });
-        ["Y".to_owned()]
-            .into_iter()
-            .chain(named)
-            .chain(["A".to_owned()])
-            .chain(shown.iter().cloned())
-            .collect()
+        let own = std::iter::once("Y".to_owned()).chain(named).chain(["A".to_owned()]);
+        own.map(|name| (name, SampleType::F32)).chain(shown.iter().cloned()).collect()
     }
 
     fn rows(&self, rows: Range<u32>) -> Vec<Samples> {
         let shown = self.shown.iter().flat_map(|shown| shown.rows(rows.clone()).split_off(OWN));
-        let TactileImage { size_px: [width, _], values, coverage, .. } = self.image;
-        let [from, to] = [rows.start, rows.end].map(|row| row as usize * *width as usize);
+        let TactileImage { frame, values, coverage, .. } = self.image;
+        let [from, to] = [rows.start, rows.end].map(|row| row as usize * frame.size_px[0] as usize);
         let channel = |k: usize| &values[k * coverage.len()..][from..to];
         let count = self.channels.len();
         let is_known = |i: usize| (0..count).all(|k| !channel(k)[i].is_nan());

@@ -2,4 +2,3 @@
 
 pub(super) mod exr;
 pub(super) mod frame;
-pub(super) mod read;

@@ -9,4 +9,3 @@ pub(super) mod motion;
 pub(super) mod regions;
 pub(super) mod touches;
 pub(super) mod triangles;
-pub(super) mod values;

@@ -1,7 +1,7 @@
 //! A mesh and the colours of its triangles or of the cells around its vertices.
 
 use crate::{
-    atlas::{Stretch, face_stretch},
+    atlas::{Stretch, face_stretch, largest},
     id::{FaceId, IdVec, VertexId},
     map::MapLevel,
     mesh::TriMesh,
@@ -9,7 +9,7 @@ use crate::{
         Paint, PlotError,
         colour::{
             ScaleLimits,
-            field_colours::{dominant_fields, field_colours, largest},
+            field_colours::{dominant_fields, field_colours},
             scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, UNKNOWN, hatch},
         },
         patch_view::PatchView,

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::{
+    atlas::largest,
     id::{IdVec, VertexId},
     map::MapLevel,
     mesh::TriMesh,
@@ -21,11 +22,6 @@ pub(crate) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
     };
     let row = |(v, t): (VertexId, &[VertexId; 3])| t[largest(to_finest.weights[v])].raw();
     to_finest.indices.enumerate().map(row).collect()
-}
-
-/// The largest of three weights, the first of several.
-pub(crate) fn largest(weights: [f64; 3]) -> usize {
-    (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }
 
 /// A colour for each of `count` fields that differs from those of its neighbours.

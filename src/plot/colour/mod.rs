@@ -7,4 +7,4 @@ mod scales;
 
 pub(crate) use coloured_mesh::{ColouredMesh, Fill, MeshOwner, mean_of_known};
 pub(crate) use scale_limits::ScaleLimits;
-pub(crate) use scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, UNKNOWN, WARNING, hatch};
+pub(crate) use scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, Scale, UNKNOWN, WARNING, hatch};

@@ -3,6 +3,7 @@
 use crate::{
     atlas::face_stretch,
     map::MapLevel,
+    numeric::second_digit,
     plot::{Paint, PlotError, patch_view::PatchView},
     skin::TaxelId,
 };
@@ -63,7 +64,7 @@ impl ScaleLimits {
                 // The scale of exactly known positions is a nanometre wide.
                 let most = share(&values, 98).unwrap_or(0.0).max(1e-9);
                 let least = share(&values, 1).unwrap_or(0.0).min(most);
-                let digit = digit_of(most);
+                let digit = second_digit(most);
                 let [low, high] = [(least / digit).floor() * digit, (most / digit).ceil() * digit];
                 (values, [low, high.max(low + digit)])
             }
@@ -108,14 +109,9 @@ fn share(values: &[f64], percent: usize) -> Option<f64> {
     values.get(values.len() * percent / 100).copied()
 }
 
-/// The second digit of a positive `x`.
-fn digit_of(x: f64) -> f64 {
-    10_f64.powf(x.log10().floor() - 1.0)
-}
-
 /// The least number of two digits that is not below a positive `x`, but for rounding.
 fn round_up(x: f64) -> f64 {
-    let digit = digit_of(x);
+    let digit = second_digit(x);
     (x / digit - 1e-9).ceil() * digit
 }
 

@@ -8,6 +8,4 @@ mod outline;
 mod panel;
 mod view_3d;
 
-pub(crate) use camera::Camera;
 pub(crate) use panel::Panel;
-pub(crate) use view_3d::{Marks, draw_findings};

@@ -1,13 +1,13 @@
 //! The skin in space as a camera sees it. Hidden surfaces are found with a depth buffer; lines and
 //! dots are drawn over it where nothing hides them.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::boundary_edges,
     plot::{
-        colour::{ColouredMesh, Fill, MeshOwner, SKIN, WARNING},
+        colour::ColouredMesh,
         draw::{
             camera::Camera,
             canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines},
@@ -15,7 +15,7 @@ use crate::{
         },
         layout::View,
         patch_view::PatchView,
-        picture::{Path, Shape, Stroke},
+        picture::{Path, Shape},
     },
     pyramid::LevelId,
 };
@@ -71,49 +71,6 @@ pub(crate) fn draw_in_space(
         let is_seen = |v: &&VertexId| camera.sees(normals[**v]) && buffer.shows(canvas.places[**v], SLACK_PX);
         let dot = |&v: &VertexId| (canvas.at(v), patch.is_live(v));
         shapes.extend(taxel_dots(dots.iter().filter(is_seen).map(dot), radius, &coloured.fill));
-    }
-    shapes
-}
-
-/// What is marked on a mesh.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Marks {
-    pub(crate) faces: Vec<FaceId>,
-    pub(crate) edges: Vec<[VertexId; 2]>,
-    pub(crate) vertices: Vec<VertexId>,
-}
-
-/// Opacity of marked lines that something hides.
-const HIDDEN: f64 = 0.25;
-
-/// Draws a mesh as a camera sees it, whatever rules it breaks, with marks in the colour of a warning.
-pub(crate) fn draw_findings(
-    patch: &PatchView<'_>,
-    camera: &Camera,
-    view: &View,
-    marks: &Marks,
-) -> Vec<Shape> {
-    let mut colours = patch.mesh.triangles.map(|_| SKIN);
-    marks.faces.iter().for_each(|&face| colours[face] = WARNING);
-    let fill = Fill::Faces(colours);
-    let coloured =
-        ColouredMesh { mesh: patch.mesh, owner: MeshOwner::Taxels, fill, is_scale: false, has_dots: false };
-    let mut shapes = draw_in_space(patch, &coloured, camera, view, &[]);
-    let place = |&p: &DVec3| view.to_pixels(camera.project(p)).extend(view.scale * camera.nearness(p));
-    let canvas = Canvas::new(patch.mesh, patch.mesh.positions.map(place));
-    let buffer = canvas.depth_buffer(view);
-    let mut all = Path::default();
-    for &[a, b] in &marks.edges {
-        all.move_to(canvas.at(a));
-        all.line_to(canvas.at(b));
-    }
-    for (path, opacity) in [(all, HIDDEN), (unhidden(&canvas, &marks.edges, &buffer), 1.0)] {
-        let stroke = Stroke { colour: WARNING, width: 4.0, opacity };
-        shapes.push(Shape::Path { path, fill: None, stroke: Some(stroke) });
-    }
-    let centres: Vec<DVec2> = marks.vertices.iter().map(|&v| canvas.at(v)).collect();
-    if !centres.is_empty() {
-        shapes.push(Shape::Dots { centres, radius: 5.0, colour: WARNING, has_rim: false });
     }
     shapes
 }

@@ -61,9 +61,7 @@ impl Pressed<'_> {
     /// Force on a taxel, in units of the channel, times m^2 if it is intensive.
     fn force(&self, taxel: VertexId) -> f64 {
         match self.quantity {
-            Quantity::Intensive | Quantity::Direction => {
-                self.patch.taxels.areas[taxel] * self.values[taxel.index()]
-            }
+            Quantity::Intensive => self.patch.taxels.areas[taxel] * self.values[taxel.index()],
             Quantity::Extensive => self.values[taxel.index()],
         }
     }

@@ -1,12 +1,14 @@
 //! [`ContactTracker`]: regions of each frame, found, measured and followed.
 
 use crate::{
-    map::SkinMap,
+    id::IdVec,
+    map::{PatchMap, SkinMap},
     pyramid::LevelId,
     signal::{
         ContactEvent, Frame, Quantity, SignalError, TrackerOptions,
         contacts::{find::Finder, noise::Threshold, place::Pressed, region::ContactRegion, tracks::Tracks},
     },
+    skin::PatchId,
 };
 
 /// Finds contacts in frames of readings and follows them from frame to frame.
@@ -37,10 +39,9 @@ use crate::{
 /// # Ok::<(), dermatome::signal::SignalError>(())
 /// ```
 #[derive(Debug, Clone)]
-pub struct ContactTracker<'a> {
-    /// The threshold in the unit of the channel, given or estimated; `None` while it is not known.
-    pub threshold: Option<f64>,
-    map: &'a SkinMap,
+pub struct ContactTracker {
+    /// The patches with level 0 alone.
+    patches: IdVec<PatchId, PatchMap>,
     quantity: Quantity,
     options: TrackerOptions,
     noise: Threshold,
@@ -56,18 +57,17 @@ pub struct ContactTracker<'a> {
     next: u64,
 }
 
-impl<'a> ContactTracker<'a> {
+impl ContactTracker {
     /// A tracker of frames of this map, whose channel is of this kind.
     ///
     /// # Errors
     /// [`SignalError::TrackerOption`].
-    pub fn new(map: &'a SkinMap, quantity: Quantity, options: &TrackerOptions) -> Result<Self, SignalError> {
+    pub fn new(map: &SkinMap, quantity: Quantity, options: &TrackerOptions) -> Result<Self, SignalError> {
         options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
         Ok(Self {
-            map,
+            patches: map.patches.map(with_level_0),
             quantity,
             options: *options,
-            threshold: options.threshold,
             noise: Threshold::new(options),
             finder: Finder::new(map),
             tracks: Tracks::default(),
@@ -78,15 +78,20 @@ impl<'a> ContactTracker<'a> {
         })
     }
 
+    /// The threshold in the unit of the channel, given or estimated; `None` while it is not known.
+    #[must_use]
+    pub fn threshold(&self) -> Option<f64> {
+        self.noise.known()
+    }
+
     /// The contacts of the next frame, by patch and first taxel, then those that have ended with it.
     ///
     /// # Panics
     /// If the frame has not the patches, the channel and the taxels that the tracker was made for.
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
-        assert_eq!(frame.values.len(), self.map.patches.len(), "one entry per patch");
+        assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
         self.keep_last();
         let threshold = self.noise.update(frame, self.options.channel);
-        self.threshold = self.noise.known();
         if let Some(high) = threshold {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
@@ -135,19 +140,30 @@ impl<'a> ContactTracker<'a> {
 
     /// Finds and measures the regions of a frame, by patch and first taxel.
     fn find(&mut self, frame: &Frame, high: f64) {
-        let Self { map, quantity, options, finder, found, .. } = self;
+        let Self { patches, quantity, options, finder, found, .. } = self;
         let finest = LevelId::new(0);
-        for (id, patch) in map.patches.enumerate() {
+        for (id, patch) in patches.enumerate() {
             let (mesh, values) = (&patch.levels[finest].level.mesh, &frame.values[id][options.channel]);
             assert_eq!(values.len(), mesh.positions.len(), "one reading per taxel of {}", patch.name);
             finder.find(id, mesh, values, (options, high), found);
         }
         found.sort_unstable_by_key(ContactRegion::place);
         for region in found {
-            let patch = &map.patches[region.patch];
+            let patch = &patches[region.patch];
             let values = &frame.values[region.patch][options.channel];
             let around = &finder.around[region.patch];
             Pressed { patch, around, values, quantity: *quantity }.measure(region);
         }
+    }
+}
+
+/// A patch without its coarse levels, on which no contact is looked for.
+fn with_level_0(patch: &PatchMap) -> PatchMap {
+    PatchMap {
+        name: patch.name.clone(),
+        link: patch.link,
+        filled: patch.filled,
+        taxels: patch.taxels.clone(),
+        levels: patch.levels.iter().take(1).cloned().collect(),
     }
 }

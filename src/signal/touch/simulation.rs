@@ -141,7 +141,7 @@ impl<'a> TouchSimulation<'a> {
         let values = skin.patches.map(|patch| vec![IdVec::filled(f64::NAN, patch.mesh.positions.len())]);
         let (name, unit, quantity) = match options.quantity {
             Quantity::Extensive => ("force", "N", Quantity::Extensive),
-            Quantity::Intensive | Quantity::Direction => ("pressure", "Pa", Quantity::Intensive),
+            Quantity::Intensive => ("pressure", "Pa", Quantity::Intensive),
         };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
         let frames = (options.seconds() * options.rate + 1e-9).floor() as usize;

@@ -24,7 +24,6 @@ pub(crate) fn commands_for(name: &str) -> &'static [&'static str] {
     let stem = name.split('.').next().unwrap_or_default();
     match (stem, name.rsplit('.').next().unwrap_or_default()) {
         ("map", "glb") => &["plot {} -o -", "lookup {} contacts.csv -o -", "build {} -o out", "info {}"],
-        ("map", _) | ("frame", _) => &["sample map.glb {} --image cap/L0 -o -"],
         ("contacts", _) => &["lookup map.glb {} -o -"],
         ("readings", _) => &["render map.glb {} -o - --to 1 --level 1"],
         ("seams", _) => &["flatten cap.obj --cut {} -o out.npz"],

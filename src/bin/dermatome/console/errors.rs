@@ -138,7 +138,7 @@ fn library_help(error: &Error) -> String {
         Error::Contact(e) => contact_help(e).into(),
         Error::Signal(e) => signal_help(e).into(),
         Error::Atlas(e) => atlas_help(e),
-        Error::Image(e) => image_help(e),
+        Error::Image(e) => image_help(e).into(),
         Error::Io(e) => io_help(e),
         Error::Plot(e) => plot_help(e).into(),
         Error::Map(MapError::Rounded { .. }) => {
@@ -290,21 +290,11 @@ fn signal_help(error: &SignalError) -> &'static str {
     }
 }
 
-fn image_help(error: &ImageError) -> String {
+fn image_help(error: &ImageError) -> &'static str {
     match error {
-        ImageError::Level { .. } => "give one of them, or leave out --level to draw all".into(),
-        ImageError::NoPixel { .. } => "use smaller pixels: --pixel-mm, or a larger --size".into(),
-        ImageError::UnknownImage { .. } => {
-            "name the image with --image, and give --pack if the image was drawn with it".into()
-        }
-        ImageError::Size { found, needed, .. } if found == needed => {
-            "give each image all the channels; name those to take with --channel".into()
-        }
-        ImageError::Size { found: [width, height], .. } => format!(
-            "give the --pixel-mm, --size and --pack that the image was drawn with; --size {height} {width} takes \
-             images of this size"
-        ),
-        _ => BUILD_AGAIN.into(),
+        ImageError::Level { .. } => "give one of them, or leave out --level to draw all",
+        ImageError::NoPixel { .. } => "use smaller pixels: --pixel-mm, or a larger --size",
+        _ => BUILD_AGAIN,
     }
 }
 

@@ -42,7 +42,7 @@ pub(super) struct ContactsArgs {
 
 /// Contacts on their way out.
 pub(super) struct Contacts<'a> {
-    tracker: ContactTracker<'a>,
+    tracker: ContactTracker,
     writer: RegionWriter<'a>,
     onsets: usize,
 }
@@ -95,7 +95,7 @@ impl Contacts<'_> {
 
     /// Completes the table: the number of contacts, and the threshold that was used.
     pub(super) fn finish(self) -> Result<(usize, Option<f64>), IoError> {
-        let threshold = self.tracker.threshold;
+        let threshold = self.tracker.threshold();
         self.writer.finish()?;
         Ok((self.onsets, threshold))
     }

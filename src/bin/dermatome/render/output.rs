@@ -3,24 +3,27 @@
 use std::{
     io::{Stdout, Write, stdout},
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use clap::ValueEnum;
 use dermatome::{
     Error,
     atlas::{Atlas, LevelImage},
-    image::{RenderOptions, TactileImage, static_images},
+    image::TactileImage,
     io::{
         FrameContent, IoError, RecordingLayout, RecordingWriter, replace_file, write_frame, write_raw_frame,
     },
     map::SkinMap,
     plot::{ImageOptions, image_png},
+    pyramid::LevelId,
     signal::{Channel, LevelFrame, Quantity},
 };
 
 use crate::{
     console::errors::advise,
     files::outputs::{self, is_stream},
+    render::readings_args::range,
 };
 
 /// What a folder holds.
@@ -71,57 +74,79 @@ impl Kind {
     }
 }
 
-/// Colours of PNG pictures.
-#[derive(Debug, Clone)]
-pub(super) struct Colours {
-    /// Of each channel, the values at the ends of its scale.
-    pub(super) ranges: Vec<[f64; 2]>,
-    /// Pixels of the picture for each pixel of the image.
-    pub(super) magnification: u32,
+/// How values become colours.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Pictures")]
+pub(super) struct ColourArgs {
+    /// What a folder holds
+    #[arg(long, value_enum, default_value_t = Pictures::Exr)]
+    pub(super) pictures: Pictures,
+    /// Values at the ends of the colour scale of PNG pictures
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Pixels of a picture for each pixel of an image
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
+    zoom: u32,
+}
+
+impl ColourArgs {
+    /// Refuses pictures without a scale of colours.
+    pub(super) fn check(&self, kind: Kind) -> anyhow::Result<()> {
+        if kind == Kind::Folder(Pictures::Png) && self.range.is_none() {
+            return Err(advise(
+                "--pictures png needs the values at the ends of its colour scale",
+                "give them with --range LOW,HIGH, in the unit of the readings, of a force per m^2",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// What is written.
+pub(super) struct Content<'a> {
+    pub(super) map: &'a Arc<SkinMap>,
+    /// `None`: values without images.
+    pub(super) atlas: Option<&'a Atlas>,
+    pub(super) channels: &'a [Channel],
+    pub(super) level: Option<LevelId>,
+    /// Whether EXR files also have the channels that say what pixels show.
+    pub(super) has_static: bool,
 }
 
 /// Frames on their way out.
-pub(super) enum Output<'a> {
-    Folder { folder: PathBuf, shown: Vec<LevelImage<'a>>, written: usize },
-    Pictures { folder: PathBuf, colours: Colours, written: usize },
+pub(super) enum Output {
+    Folder { folder: PathBuf, shown: Vec<LevelImage>, written: usize },
+    Pictures { folder: PathBuf, options: ImageOptions, written: usize },
     Array(Box<RecordingWriter>),
     Pipe(Stdout),
 }
 
-impl<'a> Output<'a> {
-    /// Opens the output; `colours` are those of PNG pictures, and with `is_static` EXR files have the
-    /// static channels too. Arrays may go without images.
+impl Output {
     pub(super) fn open(
         path: &Path,
         kind: Kind,
-        map: &'a SkinMap,
-        atlas: &'a Atlas,
-        (channels, options): (&[Channel], &RenderOptions),
-        (colours, is_static, has_images): (Option<Colours>, bool, bool),
+        colours: &ColourArgs,
+        content: &Content<'_>,
     ) -> Result<Self, Error> {
-        Ok(match (kind, colours) {
-            (Kind::Pipe, _) => Self::Pipe(stdout()),
-            (Kind::Array(_), _) => {
-                let RenderOptions { interpolation, level } = *options;
-                let layout = RecordingLayout {
-                    channels,
-                    atlas: has_images.then_some(atlas),
-                    interpolation,
-                    values: true,
-                    level,
-                };
+        let Content { map, atlas, channels, level, has_static } = *content;
+        if let Kind::Folder(_) = kind {
+            outputs::make_folder(path)?;
+        }
+        let folder = path.to_owned();
+        Ok(match kind {
+            Kind::Pipe => Self::Pipe(stdout()),
+            Kind::Array(_) => {
+                let layout = RecordingLayout { channels, atlas, values: true, level };
                 Self::Array(Box::new(RecordingWriter::create(path, map, &layout)?))
             }
-            (Kind::Folder(_), colours) => {
-                outputs::make_folder(path)?;
-                let folder = path.to_owned();
-                match colours {
-                    Some(colours) => Self::Pictures { folder, colours, written: 0 },
-                    None => {
-                        let shown = if is_static { static_images(map, atlas, options) } else { Vec::new() };
-                        Self::Folder { folder, shown, written: 0 }
-                    }
-                }
+            Kind::Folder(Pictures::Exr) => {
+                let shown = atlas.filter(|_| has_static).map(|atlas| atlas.images(map, level));
+                Self::Folder { folder, shown: shown.unwrap_or_default(), written: 0 }
+            }
+            Kind::Folder(Pictures::Png) => {
+                let range = colours.range.unwrap_or(ImageOptions::default().range);
+                let options = ImageOptions { range, bar: None, magnification: colours.zoom };
+                Self::Pictures { folder, options, written: 0 }
             }
         })
     }
@@ -143,12 +168,16 @@ impl<'a> Output<'a> {
                 }
                 *written += 1;
             }
-            Self::Pictures { folder, colours, written } => {
-                for image in images {
-                    for (k, channel) in channels.iter().enumerate() {
-                        write_picture(folder, number, image, (k, channel, channels.len()), colours, *written)
-                            .map_err(|e| after(*written, e))?;
-                    }
+            Self::Pictures { folder, options, written } => {
+                for (image, (k, channel)) in
+                    images.iter().flat_map(|image| channels.iter().enumerate().map(move |c| (image, c)))
+                {
+                    let several =
+                        if channels.len() > 1 { format!(".{}", channel.name) } else { String::new() };
+                    let name = frame_file_name(&format!("{}{several}", image.name), number, "png");
+                    // The pictures of the first frame have a colour bar.
+                    options.bar = (*written == 0).then(|| label(channel));
+                    write_picture(&folder.join(name), image, k, options).map_err(|e| after(*written, e))?;
                 }
                 *written += 1;
             }
@@ -168,26 +197,25 @@ impl<'a> Output<'a> {
     }
 }
 
-/// One channel of one image as a PNG file; that of the first frame has a colour bar.
-fn write_picture(
-    folder: &Path,
-    number: usize,
-    image: &TactileImage,
-    (k, channel, channels): (usize, &Channel, usize),
-    colours: &Colours,
-    written: usize,
-) -> Result<(), Error> {
-    let name = if channels > 1 { format!("{}.{}", image.name, channel.name) } else { image.name.clone() };
-    let bar = (written == 0).then(|| match (channel.quantity, channel.pixel_unit().as_str()) {
+/// What a colour bar says.
+fn label(channel: &Channel) -> String {
+    match (channel.quantity, channel.pixel_unit().as_str()) {
         (Quantity::Extensive, unit) => format!("{} per area, {unit}", channel.name),
         (_, "") => channel.name.clone(),
         (_, unit) => format!("{}, {unit}", channel.name),
-    });
-    let options = ImageOptions { range: colours.ranges[k], bar, magnification: colours.magnification };
-    let bytes = image_png(image, k, &options)?;
-    let path = folder.join(frame_file_name(&name, number, "png"));
-    replace_file(&path, |file| {
-        file.write_all(&bytes).map_err(|source| IoError::Write { path: path.clone(), source })
+    }
+}
+
+/// One channel of one image as a PNG file.
+fn write_picture(
+    path: &Path,
+    image: &TactileImage,
+    channel: usize,
+    options: &ImageOptions,
+) -> Result<(), Error> {
+    let bytes = image_png(image, channel, options)?;
+    replace_file(path, |file| {
+        file.write_all(&bytes).map_err(|source| IoError::Write { path: path.into(), source })
     })?;
     Ok(())
 }

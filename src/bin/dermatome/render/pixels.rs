@@ -34,8 +34,6 @@ enum InterpolationArg {
     Nearest,
     /// Natural neighbours: taxels without a reading are replaced by those around them
     Natural,
-    /// The receptive fields of each level, on the map of level 0
-    Field,
 }
 
 impl PixelArgs {
@@ -53,7 +51,6 @@ impl PixelArgs {
             InterpolationArg::Linear => Interpolation::Linear,
             InterpolationArg::Nearest => Interpolation::Nearest,
             InterpolationArg::Natural => Interpolation::Natural,
-            InterpolationArg::Field => Interpolation::Field,
         }
     }
 }

@@ -50,9 +50,6 @@ pub(crate) struct FramesArgs {
     /// Take every Nth frame only
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) every: u32,
-    /// Drop frames of a live stream that come faster than they are drawn; their number is printed
-    #[arg(long)]
-    pub(super) drop: bool,
 }
 
 impl FramesArgs {
@@ -80,7 +77,7 @@ impl FramesArgs {
 
     /// One frame alone.
     pub(crate) fn one(number: usize) -> Self {
-        Self { from: number, to: Some(number), every: 1, drop: false }
+        Self { from: number, to: Some(number), every: 1 }
     }
 }
 

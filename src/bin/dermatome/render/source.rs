@@ -13,10 +13,7 @@ use crate::{
     console::{errors::advise, notes::note},
     files::outputs::is_stream,
     options::Common,
-    render::{
-        readings_args::{DuplicatesArg, FramesArgs, LayoutArg, ReadingsArgs},
-        rows::{Every, Latest, Rows},
-    },
+    render::readings_args::{DuplicatesArg, FramesArgs, LayoutArg, ReadingsArgs},
 };
 
 /// What became of the readings.
@@ -32,8 +29,6 @@ pub(crate) struct Tally {
     pub(crate) has_times: bool,
     /// Readings of matched taxels that are missing, NaN or infinite.
     pub(crate) missing: usize,
-    /// Frames of a live stream that came too fast.
-    pub(crate) dropped: usize,
     /// How columns and taxels fit each other.
     pub(crate) join: JoinReport,
     /// What was done to the readings.
@@ -60,7 +55,6 @@ impl Tally {
             // Masked taxels have none either, which is expected.
             (unknown_baselines as u64, "readings have no baseline and are masked"),
             (condition.unknown_gains as u64, "gains are of no taxel of the map"),
-            (self.dropped as u64, "frames came too fast and were dropped"),
         ];
         for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
             note(common, format_args!("{count} {what}"));
@@ -96,12 +90,6 @@ impl<'a> Readings<'a> {
         .map_err(Error::from)?;
         if !args.units.is_empty() {
             name_units(&mut reader.channels, &args.units)?;
-        }
-        if frames.drop && !is_stream(path) {
-            return Err(advise(
-                format!("--drop is for live streams, and {} is a file, which waits", path.display()),
-                "leave --drop out, or take fewer frames with --every N",
-            ));
         }
         if args.split.is_some() && !reader.has_times && args.rate.is_none() {
             return Err(advise(
@@ -202,7 +190,7 @@ impl Pass<'_> {
         let channels = self.reader.channels.len();
         let has_times = self.reader.has_times || self.args.rate.is_some();
         let mut tally = Tally { channels, has_times, join: self.join.report.clone(), ..Tally::default() };
-        let FramesArgs { from, to, every, drop } = self.frames;
+        let FramesArgs { from, to, every } = self.frames;
         let rate = self.args.rate;
         let (mut number, mut stopped) = (0_usize, false);
         let has_times = self.reader.has_times;
@@ -216,11 +204,9 @@ impl Pass<'_> {
             stopped |= to.is_some_and(|to| number > to);
             if stopped { Err(anyhow::Error::new(Stop)) } else { Ok(()) }
         };
-        let mut rows: Box<dyn Rows> =
-            if drop { Box::new(Latest::new(self.reader)) } else { Box::new(Every(self.reader)) };
         let (mut values, mut time, mut read) = (Vec::new(), f64::NAN, 0_usize);
         let ended = loop {
-            match rows.next(&mut values, &mut time) {
+            match self.reader.read(&mut values, &mut time) {
                 Ok(true) => {}
                 Ok(false) => break Ok(()),
                 Err(e) => break Err(anyhow::Error::new(Error::from(e))),
@@ -236,7 +222,7 @@ impl Pass<'_> {
             }
         };
         let ended = ended.and_then(|()| self.conditioner.finish(|frame| deliver(frame, &mut tally.frames)));
-        (tally.read, tally.dropped) = (read, rows.dropped());
+        tally.read = read;
         tally.condition = self.conditioner.report;
         match ended {
             Err(e) if !e.is::<Stop>() => Err(e),

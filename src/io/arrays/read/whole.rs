@@ -1,16 +1,10 @@
-//! Arrays of numbers that are read whole: those of meshes and images.
+//! Arrays of numbers that are read whole: those of meshes.
 
 use std::{fs, io::Read, path::Path};
 
 use crate::io::{
     IoError,
-    arrays::{
-        read::{
-            archive::{StoredArray, find_array, list_arrays},
-            npy::NpyHeader,
-        },
-        write::npy::narrow,
-    },
+    arrays::read::archive::{StoredArray, list_arrays},
     file::source::invalid,
 };
 
@@ -54,60 +48,4 @@ fn read(path: &Path, array: &StoredArray, budget: u64) -> Result<NumberArray, Io
     header.elements.numbers(&raw, &mut numbers);
     let shape = header.shape.iter().map(|&side| usize::try_from(side).unwrap_or(usize::MAX)).collect();
     Ok(NumberArray { name: array.name.clone(), shape, numbers })
-}
-
-/// Most elements of an image or a recording that is read whole: 4 GiB as `f32`.
-const MOST_ELEMENTS: u64 = 1 << 30;
-
-/// The shape of the array of a `.npy`, and its elements as `f32`, the last index fastest.
-///
-/// # Errors
-/// If the file is not an array of numbers, has another number of bytes than its shape asks for, or more
-/// than 2^30 elements.
-pub(in crate::io) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), IoError> {
-    /// Elements that are read at a time.
-    const BLOCK: usize = 1 << 16;
-    let array = find_array(path)?;
-    let mut input = array.open(path)?;
-    let NpyHeader { elements: kind, ref shape, is_fortran, .. } = array.header;
-    if !kind.is_number() {
-        return Err(invalid(path, array.element(), array.header.describe(), "numbers"));
-    }
-    let fail = |source| IoError::Read { path: path.into(), source };
-    // Their number has been compared with the bytes of the file, but a sparse file may have any.
-    let count = shape.iter().product::<u64>();
-    let Some(mut left) = usize::try_from(count).ok().filter(|_| count <= MOST_ELEMENTS) else {
-        let needed = format!("at most {MOST_ELEMENTS} elements");
-        return Err(invalid(path, array.element(), array.header.describe(), needed));
-    };
-    let mut elements = Vec::with_capacity(left);
-    let (mut raw, mut numbers) = (vec![0; BLOCK * kind.size()], vec![0.0; BLOCK]);
-    while left > 0 {
-        let count = left.min(BLOCK);
-        let (raw, numbers) = (&mut raw[..count * kind.size()], &mut numbers[..count]);
-        input.read_exact(raw).map_err(fail)?;
-        kind.numbers(raw, numbers);
-        elements.extend(numbers.iter().map(|&x| narrow(x)));
-        left -= count;
-    }
-    let elements = if is_fortran { last_index_fastest(shape, &elements) } else { elements };
-    Ok((shape.clone(), elements))
-}
-
-/// The elements of an array whose first index is the fastest, in the other order.
-fn last_index_fastest(shape: &[u64], elements: &[f32]) -> Vec<f32> {
-    let mut index = vec![0_u64; shape.len()];
-    let mut ordered = Vec::with_capacity(elements.len());
-    for _ in elements {
-        let at = index.iter().zip(shape).rev().fold(0, |at, (&k, &side)| at * side + k);
-        ordered.push(usize::try_from(at).ok().and_then(|at| elements.get(at)).copied().unwrap_or(f32::NAN));
-        for (k, &side) in index.iter_mut().zip(shape).rev() {
-            *k += 1;
-            if *k < side {
-                break;
-            }
-            *k = 0;
-        }
-    }
-    ordered
 }

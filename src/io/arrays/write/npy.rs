@@ -3,7 +3,7 @@
 //! Written here because the arrays of a recording grow: their header is as long as its longest form
 //! before their length is known, and their bytes come from a file.
 
-use crate::io::IoError;
+use crate::{io::IoError, numeric::narrow};
 
 /// Elements of an array, the last index fastest.
 #[derive(Debug, Clone, Copy)]
@@ -109,14 +109,6 @@ fn extend<T, const N: usize>(bytes: &mut Vec<u8>, elements: &[T], of: impl Fn(&T
     for (place, element) in bytes[start..].chunks_exact_mut(N).zip(elements) {
         place.copy_from_slice(&of(element));
     }
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "arrays of readings hold f32: seven digits, more than sensors have"
-)]
-pub(in crate::io) fn narrow(x: f64) -> f32 {
-    x as f32
 }
 
 /// The header of an array of this shape. With a `least` length it is filled with blanks up to that,

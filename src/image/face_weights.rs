@@ -2,12 +2,7 @@
 
 use glam::DVec2;
 
-use crate::{
-    atlas::Chart,
-    id::{IdVec, VertexId},
-    image::weights::runs::Plane,
-    map::MapLevel,
-};
+use crate::{id::VertexId, image::runs::Plane};
 
 /// Faces that are thinner than this on the image, in pixels, are drawn as their longest edge: the
 /// centres that they show may lie `2^-17` pixels outside, where their steep planes would leave the
@@ -17,22 +12,15 @@ const THIN: f64 = 1.0 / 128.0;
 /// Weights of the corners of a face as linear functions of column and row, as in [`Plane`]; that of
 /// the first corner is what the others leave of 1.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::image) struct FaceWeights {
-    pub(in crate::image) corners: [VertexId; 3],
+pub(super) struct FaceWeights {
+    pub(super) corners: [VertexId; 3],
     second: [f64; 4],
     third: [f64; 4],
 }
 
 impl FaceWeights {
-    /// The faces of a level that `chart` shows.
-    pub(in crate::image) fn of_chart(chart: &Chart, level: &MapLevel) -> Vec<Self> {
-        let at: IdVec<VertexId, DVec2> = level.uv.map(|&uv| chart.pixel_position(uv));
-        let faces = level.level.mesh.triangles.iter().zip(level.corners());
-        faces.map(|(&t, places)| Self::new(t, places.map(|place| at[place]))).collect()
-    }
-
     /// A face with its corners in pixels, right and down.
-    fn new(corners: [VertexId; 3], [a, b, c]: [DVec2; 3]) -> Self {
+    pub(super) fn new(corners: [VertexId; 3], [a, b, c]: [DVec2; 3]) -> Self {
         let area = (b - a).perp_dot(c - a);
         let edges = [(b - c).length(), (c - a).length(), (a - b).length()];
         let opposite = (1..3).fold(0, |best, k| if edges[k] > edges[best] { k } else { best });
@@ -59,7 +47,7 @@ impl FaceWeights {
 
     /// The weights at a pixel of the chart; but for rounding not negative where it shows the face.
     #[inline]
-    pub(in crate::image) fn at(&self, column: u16, row: u16) -> [f64; 3] {
+    pub(super) fn at(&self, column: u16, row: u16) -> [f64; 3] {
         let (x, y) = (f64::from(column), f64::from(row));
         let [second, third] =
             [self.second, self.third].map(|[base, right, down, _]| base + right * x + down * y);
@@ -67,7 +55,7 @@ impl FaceWeights {
     }
 
     /// The weights of the live corners at a pixel, with sum 1; `None` without any.
-    pub(in crate::image) fn live_at(&self, column: u16, row: u16, live: [bool; 3]) -> Option<[f64; 3]> {
+    pub(super) fn live_at(&self, column: u16, row: u16, live: [bool; 3]) -> Option<[f64; 3]> {
         let weights = self.at(column, row);
         if live == [true; 3] {
             return Some(weights);
@@ -84,7 +72,7 @@ impl FaceWeights {
 
     /// The plane through the values of the corners; NaN where one has none.
     #[inline]
-    pub(in crate::image) fn plane(&self, x: &[f64]) -> Plane {
+    pub(super) fn plane(&self, x: &[f64]) -> Plane {
         let [a, b, c] = self.corners.map(|v| x[v.index()]);
         let (p, q, first) = (b - a, c - a, [a, 0.0, 0.0, 0.0]);
         let mut plane = [0.0; 4];
@@ -94,14 +82,8 @@ impl FaceWeights {
         Plane(plane)
     }
 
-    /// The plane of a face of which one corner has a value: it is constant.
-    pub(in crate::image) fn plane_of_one(&self, x: &[f64]) -> Plane {
-        let value = self.corners.into_iter().map(|v| x[v.index()]).find(|x| !x.is_nan());
-        Plane::constant(value.unwrap_or(f64::NAN))
-    }
-
     /// Number of corners that are live.
-    pub(in crate::image) fn live_corners(&self, is_live: impl Fn(VertexId) -> bool) -> usize {
+    pub(super) fn live_corners(&self, is_live: impl Fn(VertexId) -> bool) -> usize {
         self.corners.iter().filter(|&&v| is_live(v)).count()
     }
 }

@@ -1,5 +1,5 @@
-//! Which vertices every pixel of a chart shows, and with what weights: the plain matrix behind each
-//! interpolation, for a given set of live vertices.
+//! The pixels of one chart and the values that each follows from: a plane for each face, or a sparse
+//! matrix for a given set of live vertices.
 
 use std::collections::HashSet;
 
@@ -7,52 +7,49 @@ use glam::DVec2;
 
 use crate::{
     atlas::Chart,
-    id::VertexId,
+    id::{FaceId, IdVec, VertexId},
     image::{
         Interpolation,
-        weights::{
-            face_weights::FaceWeights,
-            natural::{Neighbours, Scratch},
-            points::Points,
-            runs::{Run, Runs, row_start},
-        },
+        face_weights::FaceWeights,
+        natural::{Neighbours, Scratch},
+        runs::{Run, Runs},
     },
     map::MapLevel,
+    numeric::Csr,
 };
 
-/// Faces of at most this many pixels are drawn pixel by pixel, larger ones by their planes. *Heuristic*:
-/// 4, 8 and 16 draw the hand of `meshes/` (1.8 pixels a face on level 0) alike, in 0.7 of the time of
-/// planes alone; at 16 the robot's level 0 takes 1.15 times as long as by planes, at 8 no longer
-/// (`benches/image.rs`).
-const SMALL: u32 = 8;
-
-/// What is fixed of a chart: its faces and the pixels that they cover.
+/// One chart in an image: what does not change from frame to frame.
 #[derive(Debug, Clone)]
-pub(in crate::image) struct Surface<'a> {
-    pub(in crate::image) chart: &'a Chart,
-    pub(in crate::image) level: &'a MapLevel,
+pub(super) struct PixelSurface {
+    chart: Chart,
     /// Columns of the image.
-    pub(in crate::image) width: usize,
-    pub(in crate::image) faces: Vec<FaceWeights>,
-    pub(in crate::image) runs: Runs,
-    /// The pixels of small faces, and the other faces.
-    pub(in crate::image) points: Points,
-    pub(in crate::image) large: Vec<u32>,
+    width: usize,
+    /// Area of a pixel, in m^2.
+    pub(super) pixel_area: f64,
+    interpolation: Interpolation,
+    /// Number of vertices of the level: of its values.
+    pub(super) vertices: usize,
+    /// Where the places of the map lie, in pixels of the chart: right, and down.
+    at: IdVec<VertexId, DVec2>,
+    /// The vertex of each place; `None` where each is itself.
+    unsplit: Option<IdVec<VertexId, VertexId>>,
+    /// The faces that cover pixels, their pixels, and those around each vertex.
+    pub(super) faces: Vec<FaceWeights>,
+    pub(super) runs: Runs,
+    pub(super) around: Csr<u32>,
 }
 
 /// Sparse rows: pixels in terms of vertices.
 #[derive(Debug, Clone, Default)]
-pub(in crate::image) struct Rows {
+pub(super) struct Rows {
     /// Index of each row's pixel in the image.
-    pub(in crate::image) pixels: Vec<u32>,
-    /// Where each row ends.
-    ends: Vec<u32>,
-    entries: Vec<(u32, f64)>,
+    pub(super) pixels: Vec<u32>,
+    pub(super) entries: Csr<(u32, f64)>,
 }
 
-/// How pixels follow from the live vertices, where that is not a plane per face.
+/// How pixels follow from the live vertices.
 #[derive(Debug, Clone, Default)]
-pub(in crate::image) enum Pattern {
+pub(super) enum Pattern {
     /// Planes through the corners of faces.
     #[default]
     Faces,
@@ -63,74 +60,87 @@ pub(in crate::image) enum Pattern {
 }
 
 impl Rows {
-    pub(in crate::image) fn push(&mut self, pixel: u32, row: impl IntoIterator<Item = (u32, f64)>) {
+    fn push(&mut self, pixel: u32, row: impl IntoIterator<Item = (u32, f64)>) {
         self.pixels.push(pixel);
-        self.entries.extend(row.into_iter().filter(|(_, w)| *w != 0.0));
-        self.ends.push(u32::try_from(self.entries.len()).unwrap_or(u32::MAX));
-    }
-
-    #[inline]
-    pub(in crate::image) fn row(&self, row: usize) -> &[(u32, f64)] {
-        let start = if row == 0 { 0 } else { self.ends[row - 1] };
-        &self.entries[start as usize..self.ends[row] as usize]
+        self.entries.push(row.into_iter().filter(|(_, w)| *w != 0.0));
     }
 
     /// Value of a row.
     #[inline]
-    pub(in crate::image) fn value(&self, row: usize, x: &[f64]) -> f64 {
-        self.row(row).iter().map(|&(v, w)| w * x[v as usize]).sum()
+    pub(super) fn value(&self, row: usize, x: &[f64]) -> f64 {
+        self.entries[row].iter().map(|&(v, w)| w * x[v as usize]).sum()
     }
 }
 
-impl<'a> Surface<'a> {
-    pub(in crate::image) fn new(chart: &'a Chart, level: &'a MapLevel, width: usize) -> Self {
-        let faces = FaceWeights::of_chart(chart, level);
-        let runs = Runs::of_faces(chart, faces.len(), width, SMALL);
-        let is_small = |k: usize| runs.pixels_of(k) <= SMALL;
-        let points = Points::new(&faces, &runs, is_small);
-        let large = (0_u32..).take(faces.len()).filter(|&k| !is_small(k as usize)).collect();
-        Self { runs, points, large, chart, level, width, faces }
+impl PixelSurface {
+    /// The pixels of a chart of `level`, in an image of `width` columns.
+    pub(super) fn new(
+        chart: &Chart,
+        level: &MapLevel,
+        width: usize,
+        pixel_area: f64,
+        interpolation: Interpolation,
+    ) -> Self {
+        let at: IdVec<VertexId, DVec2> = level.uv.map(|&uv| chart.pixel_position(uv));
+        let triangles = &level.level.mesh.triangles;
+        // The number of each face among those that cover pixels.
+        let mut source_of = IdVec::<FaceId, u32>::filled(u32::MAX, triangles.len());
+        let mut faces = Vec::new();
+        let mut all = Vec::new();
+        for ((start, spans), row) in chart.rows(width).zip(0_u16..) {
+            let start = u32::try_from(start).unwrap_or(u32::MAX);
+            for span in spans {
+                let source = &mut source_of[span.face];
+                if *source == u32::MAX {
+                    *source = u32::try_from(faces.len()).unwrap_or(u32::MAX);
+                    let places = level.corners()[span.face];
+                    faces.push(FaceWeights::new(triangles[span.face], places.map(|place| at[place])));
+                }
+                all.push(Run {
+                    at: start + u32::from(span.column),
+                    source: *source,
+                    column: span.column,
+                    row,
+                    length: span.length,
+                });
+            }
+        }
+        let vertices = level.level.mesh.positions.len();
+        let corners = faces.iter().zip(0_u32..);
+        let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.index(), k)));
+        let around = Csr::from_pairs(vertices, corners);
+        let runs = Runs::new(&all, faces.len());
+        let (chart, unsplit) = (chart.clone(), level.unsplit().cloned());
+        Self { chart, width, pixel_area, interpolation, vertices, at, unsplit, faces, runs, around }
     }
 
-    /// Whether a face is drawn by its plane.
-    pub(in crate::image) fn is_large(&self, face: usize) -> bool {
-        !self.points.has(face)
-    }
-
-    /// The pattern of an interpolation for these live vertices.
-    pub(in crate::image) fn pattern(&self, interpolation: Interpolation, live: &[bool]) -> Pattern {
-        match interpolation {
-            Interpolation::Linear | Interpolation::Field => Pattern::Faces,
+    /// The pattern for these live vertices.
+    pub(super) fn pattern(&self, live: &[bool]) -> Pattern {
+        match self.interpolation {
+            Interpolation::Linear => Pattern::Faces,
             Interpolation::Nearest => Pattern::Cells(self.cells(live)),
             Interpolation::Natural => Pattern::Rows(self.natural(live)),
         }
     }
 
-    /// Calls `visit(pixel, row)` for every pixel with a live vertex, in the order of the runs.
-    pub(in crate::image) fn each_row(
-        &self,
-        pattern: &Pattern,
-        live: &[bool],
-        mut visit: impl FnMut(u32, &[(u32, f64)]),
-    ) {
+    /// Calls `visit` with the vertices and weights of every pixel that has a live vertex, in the order of
+    /// the runs.
+    pub(super) fn each_row(&self, pattern: &Pattern, live: &[bool], mut visit: impl FnMut(&[(u32, f64)])) {
         match pattern {
             Pattern::Faces => {
-                for (at, face, [column, row]) in self.pixels() {
+                for (_, face, [column, row]) in self.pixels() {
                     let corners = face.corners;
-                    let Some(weights) = face.live_at(column, row, corners.map(|v| live[v.index()])) else {
-                        continue;
-                    };
-                    visit(at, &[0, 1, 2].map(|k| (corners[k].raw(), weights[k])));
+                    if let Some(weights) = face.live_at(column, row, corners.map(|v| live[v.index()])) {
+                        visit(&[0, 1, 2].map(|k| (corners[k].raw(), weights[k])));
+                    }
                 }
             }
             Pattern::Cells(cells) => {
                 for run in &cells.all {
-                    for at in run.at..run.at + u32::from(run.length) {
-                        visit(at, &[(run.source, 1.0)]);
-                    }
+                    (0..run.length).for_each(|_| visit(&[(run.source, 1.0)]));
                 }
             }
-            Pattern::Rows(rows) => (0..rows.pixels.len()).for_each(|k| visit(rows.pixels[k], rows.row(k))),
+            Pattern::Rows(rows) => rows.entries.iter().for_each(visit),
         }
     }
 
@@ -167,7 +177,7 @@ impl<'a> Surface<'a> {
                 }
             }
         }
-        Runs::new(all, live.len(), &|_| true)
+        Runs::new(&all, live.len())
     }
 
     /// Natural neighbours of the live vertices.
@@ -175,13 +185,13 @@ impl<'a> Surface<'a> {
         /// What is smaller is 0 to the triangulation.
         const ZERO: f64 = 1e-40;
         let at = |v: VertexId| {
-            let p = self.chart.pixel_position(self.level.uv[v]);
+            let p = self.at[v];
             DVec2::select(p.abs().cmplt(DVec2::splat(ZERO)), DVec2::ZERO, p)
         };
         // Where a map is cut, a vertex of the seam is a site at each of its places.
-        let vertex = |place: VertexId| self.level.unsplit().map_or(place, |unsplit| unsplit[place]);
+        let vertex = |place: VertexId| self.unsplit.as_ref().map_or(place, |unsplit| unsplit[place]);
         let mut vertices: Vec<VertexId> =
-            self.level.uv.ids().filter(|&place| live[vertex(place).index()]).collect();
+            self.at.ids().filter(|&place| live[vertex(place).index()]).collect();
         // Of vertices at one place the first counts.
         let mut places = HashSet::with_capacity(vertices.len());
         vertices.retain(|&v| places.insert(at(v).to_array().map(f64::to_bits)));
@@ -224,8 +234,8 @@ impl<'a> Surface<'a> {
 
     /// The covered pixel whose centre is nearest to a vertex; the first of equal ones. `None` if
     /// there is none.
-    pub(in crate::image) fn nearest_pixel(&self, vertex: VertexId) -> Option<u32> {
-        let p = self.chart.pixel_position(self.level.uv[vertex]);
+    pub(super) fn nearest_pixel(&self, vertex: VertexId) -> Option<u32> {
+        let p = self.at[vertex];
         let size = self.chart.frame.size_px;
         #[expect(
             clippy::cast_possible_truncation,
@@ -253,6 +263,9 @@ impl<'a> Surface<'a> {
                 }
             }
         }
-        best.map(|(_, [column, row])| row_start(self.chart, row, self.width) + column)
+        let [left, top] = self.chart.corner_px;
+        best.and_then(|(_, [column, row])| {
+            u32::try_from((top + row) as usize * self.width + (left + column) as usize).ok()
+        })
     }
 }

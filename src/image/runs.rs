@@ -10,7 +10,7 @@
 //! Small faces have runs of three or four pixels: the work is that of the runs, not of the pixels.
 //! Hence lists of what filling needs alone, and no branch in its loops.
 
-use crate::{atlas::Chart, numeric::Csr};
+use crate::numeric::Csr;
 
 /// Pixels of a block, and pixels that a rest fills at once.
 const BLOCK_LENGTH: u16 = 16;
@@ -24,16 +24,16 @@ const STEPS: [f32; BLOCK] =
 
 /// Pixels of one row that follow one plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::image) struct Run {
+pub(super) struct Run {
     /// Index of the first pixel in the image.
-    pub(in crate::image) at: u32,
+    pub(super) at: u32,
     /// Whose plane it is: a face, or a vertex.
-    pub(in crate::image) source: u32,
+    pub(super) source: u32,
     /// Column and row of the first pixel in the chart.
-    pub(in crate::image) column: u16,
-    pub(in crate::image) row: u16,
+    pub(super) column: u16,
+    pub(super) row: u16,
     /// Number of pixels.
-    pub(in crate::image) length: u16,
+    pub(super) length: u16,
 }
 
 /// What it takes to fill as many pixels as all of its kind.
@@ -48,7 +48,7 @@ struct Lanes {
 
 impl Run {
     /// Pixel `k` of the run, of another source.
-    pub(in crate::image) fn pixel(&self, k: u16, source: u32) -> Self {
+    pub(super) fn pixel(&self, k: u16, source: u32) -> Self {
         Self { at: self.at + u32::from(k), column: self.column + k, source, length: 1, ..*self }
     }
 
@@ -73,8 +73,8 @@ impl Run {
 
 /// The runs of a chart, row by row, and those of each source.
 #[derive(Debug, Clone, Default)]
-pub(in crate::image) struct Runs {
-    pub(in crate::image) all: Vec<Run>,
+pub(super) struct Runs {
+    pub(super) all: Vec<Run>,
     rests: Vec<Lanes>,
     blocks: Vec<Lanes>,
     /// The rests next to gaps, as positions in `all`.
@@ -84,40 +84,14 @@ pub(in crate::image) struct Runs {
 }
 
 impl Runs {
-    /// The runs of a chart by face, in an image of `width` columns. [`Runs::fill`] leaves out faces of at
-    /// most `small` pixels.
-    pub(in crate::image) fn of_faces(chart: &Chart, faces: usize, width: usize, small: u32) -> Self {
-        let mut all = Vec::new();
-        for row in 0..chart.frame.size_px[1] {
-            let at = row_start(chart, row, width);
-            for span in chart.row(row) {
-                let run = Run {
-                    at: at + u32::from(span.column),
-                    source: span.face.raw(),
-                    column: span.column,
-                    row: u16::try_from(row).unwrap_or(u16::MAX),
-                    length: span.length,
-                };
-                all.push(run);
-            }
-        }
-        let mut pixels = vec![0_u32; faces];
-        all.iter().for_each(|run: &Run| pixels[run.source as usize] += u32::from(run.length));
-        Self::new(all, faces, &|source| pixels[source as usize] > small)
-    }
-
-    /// Runs of any length in the order of their pixels, of `sources` sources. [`Runs::fill`] fills those
-    /// of the sources that `is_filled` says.
-    pub(in crate::image) fn new(runs: Vec<Run>, sources: usize, is_filled: &dyn Fn(u32) -> bool) -> Self {
+    /// Runs of any length in the order of their pixels, of `sources` sources.
+    pub(super) fn new(runs: &[Run], sources: usize) -> Self {
         let mut all: Vec<Run> = runs.iter().flat_map(Run::pieces).collect();
         all.shrink_to_fit();
         let (mut rests, mut blocks, mut ends) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (run, room)) in all.iter().zip(rooms(&all)).enumerate() {
             let (column, row) = (f32::from(run.column), f32::from(run.row));
             let lanes = Lanes { at: run.at, source: run.source, column, row };
-            if !is_filled(run.source) {
-                continue;
-            }
             match usize::from(run.length) {
                 BLOCK => blocks.push(lanes),
                 _ if room >= REST => rests.push(lanes),
@@ -129,22 +103,17 @@ impl Runs {
     }
 
     /// Number of sources.
-    pub(in crate::image) fn sources(&self) -> usize {
+    pub(super) fn sources(&self) -> usize {
         self.by_source.len()
     }
 
     /// The runs of one source.
-    pub(in crate::image) fn of_source(&self, source: usize) -> &[Run] {
+    pub(super) fn of_source(&self, source: usize) -> &[Run] {
         &self.by_source[source]
     }
 
-    /// Number of pixels of one source.
-    pub(in crate::image) fn pixels_of(&self, source: usize) -> u32 {
-        self.of_source(source).iter().map(|run| u32::from(run.length)).sum()
-    }
-
-    /// Fills all runs but those that are left out.
-    pub(in crate::image) fn fill(&self, planes: &[Plane], pixels: &mut [f32]) {
+    /// Fills all runs.
+    pub(super) fn fill(&self, planes: &[Plane], pixels: &mut [f32]) {
         for rest in &self.rests {
             planes[rest.source as usize].fill::<REST>(rest, pixels);
         }
@@ -168,19 +137,13 @@ fn rooms(all: &[Run]) -> Vec<usize> {
     rooms
 }
 
-/// Index of the first pixel of a chart's row, in an image of `width` columns.
-pub(in crate::image) fn row_start(chart: &Chart, row: u32, width: usize) -> u32 {
-    let at = (chart.corner_px[1] + row) as usize * width + chart.corner_px[0] as usize;
-    u32::try_from(at).unwrap_or(u32::MAX)
-}
-
 /// A linear function of column and row of a chart: its value at the first pixel, the steps right and
 /// down, and nothing; four numbers are computed at once.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in crate::image) struct Plane(pub(in crate::image) [f64; 4]);
+pub(super) struct Plane(pub(super) [f64; 4]);
 
 impl Plane {
-    pub(in crate::image) const fn constant(value: f64) -> Self {
+    pub(super) const fn constant(value: f64) -> Self {
         Self([value, 0.0, 0.0, 0.0])
     }
 
@@ -205,7 +168,7 @@ impl Plane {
     }
 
     /// Fills a run and nothing else.
-    pub(in crate::image) fn fill_alone(&self, run: &Run, pixels: &mut [f32]) {
+    pub(super) fn fill_alone(&self, run: &Run, pixels: &mut [f32]) {
         let (start, step) = self.along(f64::from(run.column), f64::from(run.row));
         let pixels = &mut pixels[run.at as usize..];
         if run.length == BLOCK_LENGTH
@@ -223,10 +186,4 @@ impl Plane {
             pixels.zip(STEPS).for_each(|(pixel, k)| *pixel = start + step * k);
         }
     }
-}
-
-/// Images are 32-bit floats.
-#[expect(clippy::cast_possible_truncation, reason = "images are 32-bit floats")]
-pub(in crate::image) fn narrow(x: f64) -> f32 {
-    x as f32
 }

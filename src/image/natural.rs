@@ -24,10 +24,10 @@ const NEGATIVE: f64 = -1e-6;
 
 /// The Delaunay triangulation of sites that differ.
 #[derive(Debug, Clone)]
-pub(in crate::image) struct Neighbours {
+pub(super) struct Neighbours {
     sites: Vec<DVec2>,
     /// Counter-clockwise.
-    pub(in crate::image) triangles: Vec<[usize; 3]>,
+    pub(super) triangles: Vec<[usize; 3]>,
     circumcentres: Vec<DVec2>,
     /// Across the edge opposite of each corner.
     across: Vec<[Option<usize>; 3]>,
@@ -37,18 +37,18 @@ pub(in crate::image) struct Neighbours {
 
 /// What is kept from point to point.
 #[derive(Debug, Default)]
-pub(in crate::image) struct Scratch {
+pub(super) struct Scratch {
     star: Vec<usize>,
     open: Vec<usize>,
     /// The rim of the star: from, to, corner of the new cell.
     rim: Vec<(usize, usize, DVec2)>,
     /// Site and weight.
-    pub(in crate::image) weights: Vec<(u32, f64)>,
+    pub(super) weights: Vec<(u32, f64)>,
 }
 
 impl Neighbours {
     /// The neighbours of sites that are finite and differ.
-    pub(in crate::image) fn new(sites: Vec<DVec2>) -> Self {
+    pub(super) fn new(sites: Vec<DVec2>) -> Self {
         // Such sites have a triangulation; without one every point has the nearest site.
         let triangles = triangulate(&sites).unwrap_or_default();
         let mut edges = HashMap::with_capacity(3 * triangles.len());
@@ -75,7 +75,7 @@ impl Neighbours {
 
     /// The site nearest to a point, walking from `start`: the first that none of its neighbours
     /// beats.
-    pub(in crate::image) fn nearest(&self, p: DVec2, start: usize) -> usize {
+    pub(super) fn nearest(&self, p: DVec2, start: usize) -> usize {
         if self.triangles.is_empty() {
             let distance = |&s: &usize| self.sites[s].distance_squared(p);
             let all = 0..self.sites.len();
@@ -94,7 +94,7 @@ impl Neighbours {
     }
 
     /// The weights of a point that lies in `triangle`, in `scratch.weights`: sum 1.
-    pub(in crate::image) fn weights(&self, p: DVec2, triangle: usize, scratch: &mut Scratch) {
+    pub(super) fn weights(&self, p: DVec2, triangle: usize, scratch: &mut Scratch) {
         let Scratch { star, open, rim, weights } = scratch;
         weights.clear();
         let corners = self.triangles[triangle];
