@@ -33,16 +33,16 @@ fn bench(c: &mut Criterion) {
     for (size, mesh) in &caps {
         for (name, options) in &methods {
             group.bench_with_input(BenchmarkId::new(*name, size), mesh, |b, mesh| {
-                b.iter(|| flatten(black_box(mesh), options));
+                b.iter(|| flatten(black_box(mesh), None, options));
             });
         }
     }
     group.finish();
     let mut group = c.benchmark_group("distortion");
     for (size, mesh) in &caps {
-        if let Ok(uv) = flatten(mesh, &methods[2].1) {
+        if let Ok(map) = flatten(mesh, None, &methods[2].1) {
             group.bench_with_input(BenchmarkId::from_parameter(size), mesh, |b, mesh| {
-                b.iter(|| distortion(black_box(mesh), &uv));
+                b.iter(|| distortion(black_box(mesh), &map.uv));
             });
         }
     }

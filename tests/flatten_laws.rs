@@ -4,11 +4,15 @@
 use std::f64::consts::{PI, TAU};
 
 use dermatome::{
-    flatten::{Distortion, Energy, FlattenError, FlattenOptions, distortion, flatten},
+    flatten::{Distortion, Energy, FlattenError, FlattenOptions, distortion},
     id::{IdVec, VertexId},
     mesh::{TriMesh, shapes},
 };
 use glam::{DVec2, DVec3};
+
+fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
+    dermatome::flatten::flatten(mesh, None, options).map(|map| map.uv)
+}
 
 fn energies() -> [FlattenOptions; 2] {
     [FlattenOptions::default(), Energy::SymmetricDirichlet.into()]

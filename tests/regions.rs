@@ -11,12 +11,13 @@ use dermatome::{
     flatten::{Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid},
     id::{IdVec, VertexId},
     io::{read_acuities, read_draft, read_map, write_map, write_skin},
+    map::PatchMap,
     mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build},
+    pipeline::{BuildOptions, MagnifyOver, build},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
-    skin::{AssembleOptions, PatchId, Skin, SkinError, TaxelError, TaxelId, Taxels, assemble},
+    skin::{AssembleOptions, Link, Patch, PatchId, Skin, SkinError, TaxelError, TaxelId, Taxels, assemble},
 };
-use glam::DVec2;
+use glam::{DAffine3, DVec2, DVec3};
 use predicates::{prelude::PredicateBooleanExt, str::contains};
 
 /// A flat sheet whose left half asks for `left` and whose right half for 1.
@@ -99,7 +100,7 @@ fn weights_move_distortion_to_where_it_counts_less() {
         let taxels = Taxels { weights: Some(weights), ..Taxels::from(&mesh) };
         let mut maps =
             flatten_pyramid(&pyramid, Some(&taxels), &FlattenOptions::default()).unwrap().into_iter();
-        maps.next().unwrap()
+        maps.next().unwrap().uv
     };
     // Angle distortion and area distortion there, each 0 at an isometry.
     let near = |uv: &IdVec<VertexId, DVec2>| {
@@ -263,5 +264,40 @@ fn extreme_demands_still_make_a_map() {
                 assert_eq!(flips, 0, "{} taxels, {energy:?}, {boundary:?}", mesh.positions.len());
             }
         }
+    }
+}
+
+/// A patch of sixteen times as many taxels gets sixteen times as much map: densities count over their mean
+/// over the skin, and the map of the whole skin is as large as the skin. Over the patch alone each map is as
+/// large as its patch.
+#[test]
+fn magnification_compares_patches() {
+    let mut skin = Skin::default();
+    for (name, columns) in [("torso", 6), ("hand", 21)] {
+        let link = skin.links.push(Link { name: name.into(), parent: None, pose: DAffine3::IDENTITY });
+        let side = 0.1 / f64::from(columns - 1);
+        let mesh = shapes::sheet(columns, columns, |i, k| side * DVec3::new(f64::from(i), f64::from(k), 0.0));
+        let patch = Patch::from_mesh(name, link, mesh);
+        let density = side.powi(-2);
+        let taxels =
+            Taxels { densities: Some(patch.mesh.positions.map(|_| density)), ..patch.taxels.clone() };
+        skin.patches.push(Patch { taxels, ..patch });
+    }
+    let areas = |magnify: f64, magnify_over: MagnifyOver| -> Vec<f64> {
+        let flatten = Method::Intrinsic { energy: Energy::default(), magnify }.into();
+        let map = build(&skin, &BuildOptions { flatten, magnify_over, ..BuildOptions::default() }).unwrap();
+        let area = |patch: &PatchMap| {
+            let level = &patch.levels[LevelId::new(0)];
+            let of = |t: &[VertexId; 3]| t.map(|v| level.uv[v]);
+            let faces = level.level.mesh.triangles.iter().map(of);
+            faces.map(|[a, b, c]| 0.5 * (b - a).perp_dot(c - a)).sum()
+        };
+        map.patches.iter().map(area).collect()
+    };
+    let over_skin = areas(1.0, MagnifyOver::Skin);
+    assert!((over_skin[1] / over_skin[0] - 16.0).abs() < 1e-6, "{over_skin:?}");
+    assert!((over_skin.iter().sum::<f64>() - 0.02).abs() < 1e-9, "{over_skin:?}");
+    for same in [areas(1.0, MagnifyOver::Patch), areas(0.0, MagnifyOver::Skin)] {
+        assert!(same.iter().all(|area| (area - 0.01).abs() < 1e-9), "{same:?}");
     }
 }

@@ -31,8 +31,8 @@ impl CutMesh {
         vertices: usize,
         across: impl Fn(Halfedge) -> Option<Halfedge>,
     ) -> Self {
-        // Corners hang together across edges that are not cut. Halfedges stand for the corners that
-        // they leave.
+        // Corners are one vertex across edges that are not cut. Halfedges stand for the corners that they
+        // leave.
         let mut corners = DisjointSets::<Halfedge>::new(4 * triangles.len());
         let sides = || triangles.ids().flat_map(|face| [0, 1, 2].map(|side| Halfedge::new(face, side)));
         for h in sides() {
@@ -89,7 +89,7 @@ impl CutMesh {
         Ok(self.seam_edges(uncut, &Adjacency::new(uncut)?))
     }
 
-    /// The same for a mesh whose neighbours are known.
+    /// As [`Self::seam`], for a mesh whose adjacency is known.
     pub(crate) fn seam_edges(&self, uncut: &TriMesh, adjacency: &Adjacency) -> Vec<[VertexId; 2]> {
         let mut seam = Vec::new();
         for face in uncut.triangles.ids() {

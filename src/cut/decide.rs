@@ -1,7 +1,7 @@
 //! Where to cut: what must be cut, and what trial maps show to be worth a seam. *Heuristic*; the
 //! rule and its numbers are measured on sleeves, junctions of tubes, nearly closed balls and public
-//! shapes: a cut that a plain disk would not need must lower the excess energy fourfold, and
-//! fourfold per seam of the square root of the area.
+//! shapes: an optional cut must lower the excess energy fourfold, and fourfold per seam length of the
+//! square root of the area.
 
 use crate::{
     cut::{
@@ -20,20 +20,20 @@ use crate::{
 
 /// A map whose symmetric Dirichlet energy exceeds that of an isometry by at most this is good enough.
 const GOOD: f64 = 0.1;
-/// A loop is in distress if the map stretches or shrinks it by more than `e^0.2`.
-const DISTRESS: f64 = 0.2;
+/// A loop is strained if the map stretches or shrinks it by more than `e^0.2`.
+const STRAINED: f64 = 0.2;
 /// Least rate (see [`Trial::rate`]) to begin cutting a surface that need not be cut.
 const BEGIN: f64 = 1.0;
-/// Least rate of further slits. Slits help each other: at rate 1 several shapes would miss half of
-/// what they gain.
+/// Least rate of further slits. A second slit often pays only after the first: with 1, several shapes
+/// lose half of the gain.
 const GO_ON: f64 = 0.5;
 /// From this excess energy on down a slit must pay as much as a first cut: a torus, at 0.147, would
 /// get half a seam more for a map that is hardly better.
 const NEARLY_GOOD: f64 = 0.15;
-/// Slits at most: a further one is a sign of a surface that no map fits.
+/// Slits at most: a surface that needs more has no good map.
 const MOST_SLITS: usize = 24;
-/// Slits in a row that need not lower the area ratio: of several equal peaks all must be slit first. A
-/// closed ball waits for 3, and a glove would wait for 11, a minute, and not get far.
+/// Stop after this many slits without a lower area ratio: of several equal peaks all must be slit first.
+/// A ball needs 3. A glove would need 11 (a minute) for little.
 const PATIENCE: usize = 6;
 /// An area ratio is lower than before if it is by this factor.
 const LESS: f64 = 0.98;
@@ -114,7 +114,7 @@ struct Decision<'a, 'm> {
 }
 
 impl Decision<'_, '_> {
-    /// Joins the loops in distress to the longest one if that pays: all of them, or the longest of
+    /// Joins the strained loops to the longest one if that pays: all of them, or the longest of
     /// them or the fewest of the most shrunk ones if these do nearly as well. Returns the joined loops too.
     fn join_bad_loops(&self, before: &Trial) -> Option<(Vec<usize>, Trial)> {
         let (longest, bad) = self.bad_loops(before);
@@ -154,7 +154,7 @@ impl Decision<'_, '_> {
         let stretch = |k: usize| {
             let walk = &graph.loops[k];
             let next = walk.iter().cycle().skip(1);
-            // A vertex of the seam lies at one of its places, near enough.
+            // Of a vertex of the seam one place is taken: the error is small.
             let on_map: f64 = walk.iter().zip(next).map(|(&a, &b)| state.uv[a].distance(state.uv[b])).sum();
             (on_map / lengths[k]).ln()
         };
@@ -162,7 +162,7 @@ impl Decision<'_, '_> {
             return (longest, (0..lengths.len()).filter(|&k| k != longest).collect());
         }
         let stretches: Vec<f64> = (0..lengths.len()).map(stretch).collect();
-        let is_bad = |&k: &usize| k != longest && stretches[k].abs() > DISTRESS;
+        let is_bad = |&k: &usize| k != longest && stretches[k].abs() > STRAINED;
         (longest, argsort(&stretches).into_iter().filter(is_bad).collect())
     }
 

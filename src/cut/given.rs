@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::{
     cut::{
         CutError, CutMesh,
-        seam_graph::{EdgeId, Seam, SeamGraph},
+        seam_graph::{EdgeId, SeamEdges, SeamGraph},
     },
     id::{Id, IdVec, VertexId},
     mesh::TriMesh,
@@ -56,7 +56,7 @@ pub(crate) fn cut_along(
     ids: &IdVec<VertexId, TaxelId>,
 ) -> Result<CutMesh, CutError> {
     let graph = SeamGraph::new(mesh, None)?;
-    let mut seam = Seam::new();
+    let mut seam = SeamEdges::new();
     for &[a, b] in edges {
         let [from, to] = [ids[a], ids[b]];
         let found = graph.ends.binary_search(&[a.min(b), a.max(b)]);

@@ -3,7 +3,7 @@
 use std::{cmp::Reverse, collections::BTreeSet};
 
 use crate::{
-    cut::seam_graph::{EdgeId, Seam, SeamGraph},
+    cut::seam_graph::{EdgeId, SeamEdges, SeamGraph},
     id::{FaceId, IdVec, VertexId},
     mesh::Halfedge,
     numeric::{DisjointSets, order_by},
@@ -15,17 +15,17 @@ const ROOTS: usize = 4;
 /// Sweeps that look for two points far apart.
 const SWEEPS: usize = 4;
 
-/// A seam that opens all handles, the lightest of a few roots: what is left over between a tree of
-/// shortest ways and a spanning tree of the faces with the longest loops, and the ways back from it
-/// to the root (`(erickson2004)`). Nothing without handles.
-pub(super) fn open_handles(graph: &SeamGraph<'_>) -> Seam {
+/// A seam that opens all handles, the shortest of those from a few roots: the edges in neither the
+/// shortest-path tree of the root nor the spanning tree of the faces with the longest loops, and the paths
+/// from them to the root (`(erickson2004)`). Empty without handles.
+pub(super) fn open_handles(graph: &SeamGraph<'_>) -> SeamEdges {
     let last = graph.mesh.positions.len() - 1;
     let roots = (0..ROOTS).map(|k| VertexId::new(k * last / (ROOTS - 1)));
     let seams = roots.map(|root| from_root(graph, root));
     seams.min_by_key(|seam| graph.weight(seam)).unwrap_or_default()
 }
 
-fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> Seam {
+fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> SeamEdges {
     let tree = graph.paths.tree(&graph.weights, std::iter::once(root));
     let mut in_tree = IdVec::<EdgeId, _>::filled(false, graph.ends.len());
     tree.parents.iter().flatten().for_each(|&(_, edge)| in_tree[edge] = true);
@@ -44,7 +44,7 @@ fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> Seam {
         }
     }
     let mut cotree = DisjointSets::<FaceId>::new(graph.closed.triangles.len());
-    let mut seam = Seam::new();
+    let mut seam = SeamEdges::new();
     for e in order_by(rest.len(), &|a, b| lengths[b].cmp(&lengths[a])).into_iter().map(|k| rest[k]) {
         let [f, g] = faces_of[e];
         if cotree.root(f) != cotree.root(g) {
@@ -52,7 +52,7 @@ fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> Seam {
             continue;
         }
         seam.insert(e);
-        graph.ends[e].into_iter().for_each(|v| seam.extend(tree.way(v)));
+        graph.ends[e].into_iter().for_each(|v| seam.extend(tree.path(v)));
     }
     graph.prune(&mut seam, &BTreeSet::new());
     seam
@@ -69,9 +69,9 @@ pub(super) fn far_pair(graph: &SeamGraph<'_>) -> [VertexId; 2] {
     pair
 }
 
-/// The seam with `ends` joined to it: the nearest by a shortest way, until all hang together
+/// The seam with `ends` joined to it: the nearest by a shortest path, until all are connected
 /// (`(takahashi1980)`).
-pub(super) fn join(graph: &SeamGraph<'_>, seam: &Seam, ends: &BTreeSet<VertexId>) -> Seam {
+pub(super) fn join(graph: &SeamGraph<'_>, seam: &SeamEdges, ends: &BTreeSet<VertexId>) -> SeamEdges {
     let mut seam = seam.clone();
     let mut here = graph.vertices(&seam);
     let mut left = ends - &here;
@@ -79,9 +79,9 @@ pub(super) fn join(graph: &SeamGraph<'_>, seam: &Seam, ends: &BTreeSet<VertexId>
         here.extend(left.pop_first());
     }
     while !left.is_empty() {
-        let Some(way) = graph.way(&here, &left) else { break };
-        here.extend(way.iter().flat_map(|&e| graph.ends[e]));
-        seam.extend(way);
+        let Some(path) = graph.path(&here, &left) else { break };
+        here.extend(path.iter().flat_map(|&e| graph.ends[e]));
+        seam.extend(path);
         left.retain(|v| !here.contains(v));
     }
     seam

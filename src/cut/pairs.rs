@@ -2,7 +2,7 @@
 //! seam would overlap itself. A seam that ends at a saddle leaves more than a full turn of skin there,
 //! which no plane has room for; one that leads through it gives each side its share.
 //!
-//! *Heuristic*: ways count as shorter where curvature lies, and of all trees of pairs those come first
+//! *Heuristic*: paths count as shorter where curvature lies, and of all trees of pairs those come first
 //! whose curvature lies nearest to them: the second moment of the curvature about a seam orders the
 //! excess energies of 31 seams of four tubes that meet as their maps do (rank correlation 0.97).
 
@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 
 use crate::{
     cut::{
-        seam_graph::{EdgeId, RESOLUTION, Seam, SeamGraph, Tree},
+        seam_graph::{EdgeId, RESOLUTION, SeamEdges, SeamGraph, Tree},
         trial::FALL,
     },
     id::{IdVec, VertexId},
@@ -23,7 +23,7 @@ pub(super) const MOST_LOOPS: usize = 5;
 /// Trees that are mapped.
 const TRIED: usize = 2;
 
-/// Ways between loops that curvature (rad) attracts.
+/// Paths between loops that curvature (rad) attracts.
 pub(super) struct Pairs<'a, 'm> {
     graph: &'a SeamGraph<'m>,
     curvature: &'a IdVec<VertexId, f64>,
@@ -45,15 +45,15 @@ impl<'a, 'm> Pairs<'a, 'm> {
         Self { graph, curvature, trees: (0..graph.loops.len()).map(from).collect() }
     }
 
-    /// The seam along the ways between pairs of loops; `None` if it does not make a disk with holes.
-    fn seam(&self, pairs: &[[usize; 2]]) -> Option<Seam> {
-        let way = |&[a, b]: &[usize; 2]| self.trees[a].way(self.graph.apex(b));
-        let seam = self.graph.tree_of(pairs.iter().flat_map(way).collect());
+    /// The seam along the paths between pairs of loops; `None` if it does not make a disk with holes.
+    fn seam(&self, pairs: &[[usize; 2]]) -> Option<SeamEdges> {
+        let path = |&[a, b]: &[usize; 2]| self.trees[a].path(self.graph.apex(b));
+        let seam = self.graph.tree_of(pairs.iter().flat_map(path).collect());
         self.graph.checked(&seam).ok().map(|_| seam)
     }
 
     /// The most promising seams that join these loops, at most five, pair by pair: best first.
-    pub(super) fn promising(&self, loops: &[usize]) -> Vec<Seam> {
+    pub(super) fn promising(&self, loops: &[usize]) -> Vec<SeamEdges> {
         let mut seen = BTreeSet::new();
         let (mut costs, mut seams) = (Vec::new(), Vec::new());
         for pairs in trees(loops) {
@@ -66,7 +66,7 @@ impl<'a, 'm> Pairs<'a, 'm> {
     }
 
     /// Second moment of the curvature about the seam and the loops.
-    fn moment(&self, seam: &Seam) -> f64 {
+    fn moment(&self, seam: &SeamEdges) -> f64 {
         let own = |v: &VertexId| v.index() < self.graph.mesh.positions.len();
         let seam = self.graph.vertices(seam).into_iter().filter(own);
         let taken = self.graph.distances(seam.chain(self.graph.loops.iter().flatten().copied()));

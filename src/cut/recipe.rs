@@ -1,4 +1,4 @@
-//! What a seam is made of, so that the seam found on a coarse level can be laid on the skin.
+//! What defines a seam, so that the seam found on a coarse level can be repeated on the skin.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,7 +6,7 @@ use crate::{
     cut::{
         CutError, CutMesh,
         handles::{far_pair, join, open_handles},
-        seam_graph::{Seam, SeamGraph},
+        seam_graph::{SeamEdges, SeamGraph},
         shorten::shorten,
     },
     id::{IdVec, VertexId},
@@ -24,8 +24,8 @@ pub(crate) struct Recipe {
     pub(super) spokes: Vec<VertexId>,
     /// A vertex of each loop to be joined.
     pub(super) loops: Vec<VertexId>,
-    /// The edges that join pairs of loops through what is curved between them, instead of all that, if
-    /// there are any.
+    /// If not empty, the edges that join pairs of loops through what is curved between them: used instead
+    /// of all the rest.
     pub(super) through: Vec<[VertexId; 2]>,
     /// Where the slits end, in the order in which they are cut.
     pub(super) slits: Vec<VertexId>,
@@ -34,7 +34,7 @@ pub(crate) struct Recipe {
 }
 
 impl Recipe {
-    /// The same for a finer mesh, on which `origins` says where the vertices are.
+    /// The recipe for a finer mesh, on which `origins` says where the vertices are.
     pub(crate) fn on_finer(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
         let map = |vertices: &[VertexId]| vertices.iter().map(|&v| origins[v]).collect();
         let edges = |edges: &[[VertexId; 2]]| edges.iter().map(|ends| ends.map(|v| origins[v])).collect();
@@ -68,7 +68,7 @@ impl Recipe {
         {
             return Ok(Some(cut));
         }
-        let mut seam = self.lay(&graph).unwrap_or_else(|| must_cut(&graph));
+        let mut seam = self.shortest_seam(&graph).unwrap_or_else(|| must_cut(&graph));
         let wanted = |walk: &Vec<VertexId>| walk.iter().any(|v| self.loops.contains(v));
         let loops: Vec<usize> = (0..graph.loops.len()).filter(|&k| wanted(&graph.loops[k])).collect();
         if !loops.is_empty() {
@@ -82,19 +82,19 @@ impl Recipe {
 
     /// The mesh cut along the seam that joins pairs of loops; `None` if that does not open it.
     fn cut_through(&self, graph: &SeamGraph<'_>) -> Option<CutMesh> {
-        let way = |&[a, b]: &[VertexId; 2]| graph.way(&[a].into(), &[b].into());
-        let ways: Vec<_> = self.through.iter().map(way).collect::<Option<_>>()?;
-        graph.checked(&graph.tree_of(ways.into_iter().flatten().collect())).ok()
+        let path = |&[a, b]: &[VertexId; 2]| graph.path(&[a].into(), &[b].into());
+        let paths: Vec<_> = self.through.iter().map(path).collect::<Option<_>>()?;
+        graph.checked(&graph.tree_of(paths.into_iter().flatten().collect())).ok()
     }
 
-    /// What must be cut, as short as it gets: the shortest ways between the ends of its edges; `None`
-    /// if they do not open the surface.
-    fn lay(&self, graph: &SeamGraph<'_>) -> Option<Seam> {
+    /// The required cuts as shortest paths between the ends of their edges; `None` if these do not open
+    /// the surface.
+    fn shortest_seam(&self, graph: &SeamGraph<'_>) -> Option<SeamEdges> {
         let spokes = self.spokes.iter().map(|&v| Some([v, graph.apex_at(v)?])).collect::<Option<Vec<_>>>()?;
-        let mut seam = Seam::new();
+        let mut seam = SeamEdges::new();
         let mut uses = BTreeMap::<VertexId, u32>::new();
         for &[a, b] in self.base.iter().chain(&spokes) {
-            seam.extend(graph.way(&[a].into(), &[b].into())?);
+            seam.extend(graph.path(&[a].into(), &[b].into())?);
             [a, b].iter().for_each(|&v| *uses.entry(v).or_default() += 1);
         }
         let ends = uses.into_iter().filter(|x| x.1 == 1).map(|x| x.0).collect();
@@ -106,17 +106,17 @@ impl Recipe {
 
 /// The seam without which the surface has no map: handles are opened, and of a closed surface two
 /// far points are joined. Empty for a disk with holes.
-pub(super) fn must_cut(graph: &SeamGraph<'_>) -> Seam {
+pub(super) fn must_cut(graph: &SeamGraph<'_>) -> SeamEdges {
     if graph.genus() > 0 {
         let seam = shorten(graph, open_handles(graph), &BTreeSet::new());
-        // One loop at least hangs on it: the map has one outer boundary then.
+        // At least one loop is joined to it: the map has one outer boundary then.
         let first = (!graph.loops.is_empty()).then(|| graph.apex(0));
         return join(graph, &seam, &first.into_iter().collect());
     }
     if !graph.loops.is_empty() {
-        return Seam::new();
+        return SeamEdges::new();
     }
-    let seam = join(graph, &Seam::new(), &far_pair(graph).into_iter().collect());
+    let seam = join(graph, &SeamEdges::new(), &far_pair(graph).into_iter().collect());
     if seam.len() > 1 {
         return seam;
     }
@@ -126,16 +126,16 @@ pub(super) fn must_cut(graph: &SeamGraph<'_>) -> Seam {
     seam.into_iter().chain(next).collect()
 }
 
-/// The seam with loops joined to it, as short as it gets.
-pub(super) fn join_loops(graph: &SeamGraph<'_>, seam: &Seam, loops: &[usize]) -> Seam {
+/// The seam with loops joined to it, shortened.
+pub(super) fn join_loops(graph: &SeamGraph<'_>, seam: &SeamEdges, loops: &[usize]) -> SeamEdges {
     let ends: BTreeSet<VertexId> = loops.iter().map(|&k| graph.apex(k)).collect();
     shorten(graph, join(graph, seam, &ends), &ends)
 }
 
-/// The seam with a shortest way from a vertex to it, or to a loop.
-pub(super) fn slit(graph: &SeamGraph<'_>, seam: &Seam, end: VertexId) -> Seam {
+/// The seam with a shortest path from a vertex to it, or to a loop.
+pub(super) fn slit(graph: &SeamGraph<'_>, seam: &SeamEdges, end: VertexId) -> SeamEdges {
     let mut to = graph.vertices(seam);
     to.extend((0..graph.loops.len()).map(|k| graph.apex(k)));
-    let way = graph.way(&[end].into(), &to).unwrap_or_default();
-    seam.iter().copied().chain(way).collect()
+    let path = graph.path(&[end].into(), &to).unwrap_or_default();
+    seam.iter().copied().chain(path).collect()
 }

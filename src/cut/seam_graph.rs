@@ -10,7 +10,7 @@ use crate::{
     cut::{CutError, CutMesh, cut_mesh::check_disk},
     id::{FaceId, Id, IdVec, VertexId},
     mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh},
-    numeric::DisjointSets,
+    numeric::{Csr, DisjointSets},
 };
 
 /// An edge of a [`SeamGraph`].
@@ -27,9 +27,9 @@ impl Id for EdgeId {
     }
 }
 
-/// Edges of a seam, or of one on its way to be one. Free edges belong to it too: they show through
-/// which loops it passes.
-pub(super) type Seam = BTreeSet<EdgeId>;
+/// Edges of a seam, or of a candidate. Free edges belong to it too: they show through which loops it
+/// passes.
+pub(super) type SeamEdges = BTreeSet<EdgeId>;
 
 /// Lengths are whole numbers of this share of the square root of the area: paths that are equally
 /// long stay so when the surface is turned or scaled.
@@ -55,7 +55,7 @@ pub(super) struct SeamGraph<'m> {
     /// The edge of each side of each face.
     pub(super) edge_of: IdVec<FaceId, [EdgeId; 3]>,
     pub(super) ends: IdVec<EdgeId, [VertexId; 2]>,
-    /// By how much each edge makes a way longer; see [`RESOLUTION`].
+    /// Length of each edge for shortest paths; see [`RESOLUTION`].
     pub(super) weights: IdVec<EdgeId, u64>,
     /// Lengths over the square root of the area; none for free edges.
     lengths: IdVec<EdgeId, f64>,
@@ -85,7 +85,7 @@ impl<'m> SeamGraph<'m> {
         }
         let adjacency = Adjacency::new(&closed)?;
         let unit = mesh.area().sqrt();
-        let dearness = densities.map(dearness);
+        let factors = densities.map(cost_factors);
         let mut edge_of = IdVec::<FaceId, _>::filled([EdgeId::default(); 3], closed.triangles.len());
         let (mut ends, mut weights, mut lengths) = (IdVec::default(), IdVec::default(), IdVec::default());
         for along in Edges::new(&closed.triangles, closed.positions.len()).iter() {
@@ -94,7 +94,7 @@ impl<'m> SeamGraph<'m> {
             along.iter().for_each(|h| edge_of[h.face()][h.side()] = id);
             let is_free = along.iter().any(|h| h.face().index() >= mesh.triangles.len());
             let length = if is_free { 0.0 } else { closed.positions[a].distance(closed.positions[b]) / unit };
-            let factor = dearness.as_ref().filter(|_| !is_free).map_or(1.0, |d| (d[a] * d[b]).sqrt());
+            let factor = factors.as_ref().filter(|_| !is_free).map_or(1.0, |d| (d[a] * d[b]).sqrt());
             lengths.push(length);
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
             let weight = ((length * factor / RESOLUTION).round() as u64).clamp(FREE, u64::MAX >> 32);
@@ -126,32 +126,32 @@ impl<'m> SeamGraph<'m> {
     }
 
     /// The ends of the edges of a seam that are edges of the mesh.
-    pub(super) fn mesh_edges(&self, seam: &Seam) -> Vec<[VertexId; 2]> {
+    pub(super) fn mesh_edges(&self, seam: &SeamEdges) -> Vec<[VertexId; 2]> {
         let is_own = |ends: &[VertexId; 2]| ends[1].index() < self.mesh.positions.len();
         seam.iter().map(|&e| self.ends[e]).filter(is_own).collect()
     }
 
     /// The vertices of loops whose edges to the apex belong to a seam.
-    pub(super) fn spokes(&self, seam: &Seam) -> Vec<VertexId> {
+    pub(super) fn spokes(&self, seam: &SeamEdges) -> Vec<VertexId> {
         let is_spoke = |ends: &[VertexId; 2]| ends[1].index() >= self.mesh.positions.len();
         seam.iter().map(|&e| self.ends[e]).filter(is_spoke).map(|[v, _]| v).collect()
     }
 
     /// Length of a seam over the square root of the area.
-    pub(super) fn length(&self, seam: &Seam) -> f64 {
+    pub(super) fn length(&self, seam: &SeamEdges) -> f64 {
         seam.iter().map(|&e| self.lengths[e]).sum()
     }
 
-    pub(super) fn weight(&self, seam: &Seam) -> u64 {
+    pub(super) fn weight(&self, seam: &SeamEdges) -> u64 {
         seam.iter().map(|&e| self.weights[e]).sum()
     }
 
-    pub(super) fn vertices(&self, seam: &Seam) -> BTreeSet<VertexId> {
+    pub(super) fn vertices(&self, seam: &SeamEdges) -> BTreeSet<VertexId> {
         seam.iter().flat_map(|&e| self.ends[e]).collect()
     }
 
     /// The closed surface cut along a seam, free edges included.
-    pub(super) fn open(&self, seam: &Seam) -> CutMesh {
+    pub(super) fn open(&self, seam: &SeamEdges) -> CutMesh {
         let across = |h: Halfedge| {
             self.adjacency.twin(h).filter(|_| !seam.contains(&self.edge_of[h.face()][h.side()]))
         };
@@ -159,7 +159,7 @@ impl<'m> SeamGraph<'m> {
     }
 
     /// The mesh cut along a seam; its free edges change nothing.
-    pub(super) fn cut(&self, seam: &Seam) -> CutMesh {
+    pub(super) fn cut(&self, seam: &SeamEdges) -> CutMesh {
         let faces = self.mesh.triangles.len();
         let across = |h: Halfedge| {
             let twin = self.adjacency.twin(h).filter(|twin| twin.face().index() < faces);
@@ -172,16 +172,16 @@ impl<'m> SeamGraph<'m> {
     ///
     /// # Errors
     /// If it is not.
-    pub(super) fn checked(&self, seam: &Seam) -> Result<CutMesh, CutError> {
+    pub(super) fn checked(&self, seam: &SeamEdges) -> Result<CutMesh, CutError> {
         let cut = self.cut(seam);
         let first = self.vertices(seam).first().copied().unwrap_or_default();
         check_disk(&cut.mesh(&self.mesh.positions), first)?;
         Ok(cut)
     }
 
-    /// The seam without the heaviest edge of every ring, and what ends nowhere then: ways that meet twice
-    /// would enclose a piece. A loop counts as one point.
-    pub(super) fn tree_of(&self, seam: Seam) -> Seam {
+    /// The seam without the heaviest edge of every cycle, and without the dead ends that this leaves: paths
+    /// that meet twice would cut out a piece. A loop counts as one point.
+    pub(super) fn tree_of(&self, seam: SeamEdges) -> SeamEdges {
         let mut pieces = DisjointSets::<VertexId>::new(self.closed.positions.len());
         for (k, walk) in self.loops.iter().enumerate() {
             walk.iter().for_each(|&v| pieces.join(v, self.apex(k)));
@@ -194,13 +194,13 @@ impl<'m> SeamGraph<'m> {
             pieces.join(a, b);
             is_new
         };
-        let mut tree: Seam = edges.into_iter().filter(joins).collect();
+        let mut tree: SeamEdges = edges.into_iter().filter(joins).collect();
         self.prune(&mut tree, &self.loops.iter().flatten().copied().collect());
         tree
     }
 
-    /// Removes edges that end nowhere, but at the vertices to `keep`.
-    pub(super) fn prune(&self, seam: &mut Seam, keep: &BTreeSet<VertexId>) {
+    /// Removes dead ends, except those at the vertices to `keep`.
+    pub(super) fn prune(&self, seam: &mut SeamEdges, keep: &BTreeSet<VertexId>) {
         loop {
             let degrees = self.degrees(seam);
             let is_loose = |v: VertexId| degrees[v] == 1 && !keep.contains(&v);
@@ -213,14 +213,14 @@ impl<'m> SeamGraph<'m> {
     }
 
     /// How many edges of the seam each vertex has.
-    pub(super) fn degrees(&self, seam: &Seam) -> IdVec<VertexId, u32> {
+    pub(super) fn degrees(&self, seam: &SeamEdges) -> IdVec<VertexId, u32> {
         let mut degrees = IdVec::filled(0, self.closed.positions.len());
         seam.iter().flat_map(|&e| self.ends[e]).for_each(|v| degrees[v] += 1);
         degrees
     }
 
-    /// The edges of the shortest way from one set of vertices to another; none if there is no way.
-    pub(super) fn way(&self, from: &BTreeSet<VertexId>, to: &BTreeSet<VertexId>) -> Option<Vec<EdgeId>> {
+    /// The edges of the shortest path from one set of vertices to another; none if there is no path.
+    pub(super) fn path(&self, from: &BTreeSet<VertexId>, to: &BTreeSet<VertexId>) -> Option<Vec<EdgeId>> {
         self.paths.shortest(&self.weights, from.iter().copied(), |v| to.contains(&v))
     }
 
@@ -230,8 +230,8 @@ impl<'m> SeamGraph<'m> {
     }
 }
 
-/// By how much a way past each vertex counts longer: 1 where taxels are not dense.
-fn dearness(densities: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
+/// Factor on the length of paths at each vertex; 1 where the density is normal.
+fn cost_factors(densities: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
     let mut sorted = densities.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     let dense = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0) * DENSE;
@@ -241,23 +241,21 @@ fn dearness(densities: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
 /// Which vertices edges join, for shortest paths.
 #[derive(Debug)]
 pub(super) struct Paths {
-    /// Where the neighbours of each vertex start; one more entry than vertices.
-    starts: Vec<u32>,
-    neighbours: Vec<(VertexId, EdgeId)>,
+    neighbours: Csr<(VertexId, EdgeId)>,
 }
 
-/// Shortest ways from a set of vertices to all others.
+/// Shortest paths from a set of vertices to all others.
 #[derive(Debug)]
 pub(super) struct Tree {
-    /// `u64::MAX` where no way leads.
+    /// `u64::MAX` where there is no path.
     pub(super) distances: IdVec<VertexId, u64>,
-    /// The last step of the way to each vertex; none at the sources.
+    /// The last step of the path to each vertex; none at the sources.
     pub(super) parents: IdVec<VertexId, Option<(VertexId, EdgeId)>>,
 }
 
 impl Tree {
-    /// The edges of the way to a vertex, backwards.
-    pub(super) fn way(&self, to: VertexId) -> impl Iterator<Item = EdgeId> + '_ {
+    /// The edges of the path to a vertex, backwards.
+    pub(super) fn path(&self, to: VertexId) -> impl Iterator<Item = EdgeId> + '_ {
         let mut at = to;
         std::iter::from_fn(move || {
             let (from, edge) = self.parents[at]?;
@@ -274,42 +272,20 @@ impl Paths {
         triangles: &IdVec<FaceId, [VertexId; 3]>,
         edge_of: &IdVec<FaceId, [EdgeId; 3]>,
     ) -> Self {
-        let sides = || {
-            triangles
-                .iter()
-                .zip(edge_of)
-                .flat_map(|(&[a, b, c], &[ab, bc, ca])| [(a, b, ab), (b, c, bc), (c, a, ca)])
-        };
-        let mut starts = vec![0_u32; vertices + 1];
-        for (a, b, _) in sides() {
-            starts[a.index() + 1] += 1;
-            starts[b.index() + 1] += 1;
-        }
-        for i in 0..vertices {
-            starts[i + 1] += starts[i];
-        }
-        let mut cursor = starts.clone();
-        let mut neighbours = vec![(VertexId::default(), EdgeId::default()); starts[vertices] as usize];
-        for (a, b, edge) in sides() {
-            for (from, to) in [(a, b), (b, a)] {
-                let at = &mut cursor[from.index()];
-                neighbours[*at as usize] = (to, edge);
-                *at += 1;
-            }
-        }
-        Self { starts, neighbours }
+        let sides = triangles
+            .iter()
+            .zip(edge_of)
+            .flat_map(|(&[a, b, c], &[ab, bc, ca])| [(a, b, ab), (b, c, bc), (c, a, ca)]);
+        let both = sides.flat_map(|(a, b, edge)| [(a.index(), (b, edge)), (b.index(), (a, edge))]);
+        Self { neighbours: Csr::from_pairs(vertices, both) }
     }
 
-    fn of(&self, v: VertexId) -> &[(VertexId, EdgeId)] {
-        &self.neighbours[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
-    }
-
-    /// The shortest ways from `sources` (Dijkstra).
+    /// The shortest paths from `sources` (Dijkstra).
     pub(super) fn tree(&self, weights: &IdVec<EdgeId, u64>, sources: impl Iterator<Item = VertexId>) -> Tree {
         self.search(weights, sources, |_| false).0
     }
 
-    /// The edges of the shortest way from `sources` to a vertex that is a target; of equally near
+    /// The edges of the shortest path from `sources` to a vertex that is a target; of equally near
     /// ones the smallest.
     pub(super) fn shortest(
         &self,
@@ -318,7 +294,7 @@ impl Paths {
         is_target: impl Fn(VertexId) -> bool,
     ) -> Option<Vec<EdgeId>> {
         let (tree, reached) = self.search(weights, sources, is_target);
-        reached.map(|v| tree.way(v).collect())
+        reached.map(|v| tree.path(v).collect())
     }
 
     fn search(
@@ -327,7 +303,7 @@ impl Paths {
         sources: impl Iterator<Item = VertexId>,
         is_target: impl Fn(VertexId) -> bool,
     ) -> (Tree, Option<VertexId>) {
-        let vertices = self.starts.len() - 1;
+        let vertices = self.neighbours.len();
         let mut tree =
             Tree { distances: IdVec::filled(u64::MAX, vertices), parents: IdVec::filled(None, vertices) };
         let mut heap = BinaryHeap::new();
@@ -342,7 +318,7 @@ impl Paths {
             if is_target(v) {
                 return (tree, Some(v));
             }
-            for &(w, edge) in self.of(v) {
+            for &(w, edge) in &self.neighbours[v.index()] {
                 let further = distance + weights[edge];
                 if further < tree.distances[w] {
                     tree.distances[w] = further;

@@ -3,13 +3,13 @@
 use std::collections::{BTreeSet, HashSet};
 
 use crate::{
-    cut::seam_graph::{EdgeId, Paths, Seam, SeamGraph},
+    cut::seam_graph::{EdgeId, Paths, SeamEdges, SeamGraph},
     id::VertexId,
     mesh::boundary_loops,
     numeric::{DisjointSets, order_by},
 };
 
-/// A part of a seam between two knots: vertices where it ends or branches.
+/// A path of a seam between two knots: vertices where it ends or branches.
 #[derive(Debug)]
 struct Chain {
     edges: Vec<EdgeId>,
@@ -20,8 +20,8 @@ struct Chain {
 /// Vertices to `keep` stay on the seam.
 ///
 /// Without the chain the seam is two pieces, or the surface cut along the rest is an annulus: the
-/// shortest way between the pieces or across the annulus takes its place.
-pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: Seam, keep: &BTreeSet<VertexId>) -> Seam {
+/// shortest path between the pieces or across the annulus takes its place.
+pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: SeamEdges, keep: &BTreeSet<VertexId>) -> SeamEdges {
     let mut done: BTreeSet<Vec<EdgeId>> = BTreeSet::new();
     'changed: loop {
         let mut all = chains(graph, &seam, keep);
@@ -34,10 +34,10 @@ pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: Seam, keep: &BTreeSet<Ver
             chain.edges.iter().for_each(|e| {
                 other.remove(e);
             });
-            let way = replacement(graph, &other, chain);
+            let path = replacement(graph, &other, chain);
             done.insert(chain.edges.clone());
-            let Some(way) = way else { continue };
-            other.extend(way);
+            let Some(path) = path else { continue };
+            other.extend(path);
             graph.prune(&mut other, keep);
             if graph.weight(&other) < graph.weight(&seam) {
                 seam = other;
@@ -49,7 +49,7 @@ pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: Seam, keep: &BTreeSet<Ver
 }
 
 /// The chains of a seam, each with its edges sorted.
-fn chains(graph: &SeamGraph<'_>, seam: &Seam, keep: &BTreeSet<VertexId>) -> Vec<Chain> {
+fn chains(graph: &SeamGraph<'_>, seam: &SeamEdges, keep: &BTreeSet<VertexId>) -> Vec<Chain> {
     let degrees = graph.degrees(seam);
     let is_knot = |v: VertexId| degrees[v] != 2 || keep.contains(&v);
     let mut at: Vec<(VertexId, EdgeId)> = seam.iter().flat_map(|&e| graph.ends[e].map(|v| (v, e))).collect();
@@ -75,8 +75,8 @@ fn chains(graph: &SeamGraph<'_>, seam: &Seam, keep: &BTreeSet<VertexId>) -> Vec<
     chains
 }
 
-/// The shortest way that does what `chain` does for the seam with the edges `other`.
-fn replacement(graph: &SeamGraph<'_>, other: &Seam, chain: &Chain) -> Option<Vec<EdgeId>> {
+/// The shortest path that, with the edges `other`, opens what `chain` opens with them.
+fn replacement(graph: &SeamGraph<'_>, other: &SeamEdges, chain: &Chain) -> Option<Vec<EdgeId>> {
     let mut pieces = DisjointSets::<VertexId>::new(graph.closed.positions.len());
     other.iter().map(|&e| graph.ends[e]).for_each(|[a, b]| pieces.join(a, b));
     let [a, b] = chain.ends.map(|v| pieces.root(v));
@@ -88,7 +88,7 @@ fn replacement(graph: &SeamGraph<'_>, other: &Seam, chain: &Chain) -> Option<Vec
             vertices
         };
         let (from, to) = (piece(a, chain.ends[0]), piece(b, chain.ends[1]));
-        return graph.way(&from, &to);
+        return graph.path(&from, &to);
     }
     let open = graph.open(other);
     let mesh = open.mesh(&graph.closed.positions);

@@ -10,10 +10,10 @@ use glam::DVec3;
 use crate::{
     cut::{
         seam_graph::{RESOLUTION, SeamGraph},
-        trial::{ISOMETRY, Trial},
+        trial::Trial,
     },
     id::{FaceId, IdVec, VertexId},
-    mesh::{FlatTriangle, TriMesh, angle},
+    mesh::{FlatTriangle, SymmetricDirichlet, TriMesh, angle},
     sparse::{Cholesky, Matrix, Pattern},
 };
 
@@ -22,7 +22,7 @@ const PEAKS: usize = 2;
 /// A slit ends at least 0.12 from boundary and seam, over the square root of the area, and ends of
 /// slits are 0.25 apart.
 pub(super) const LONG: [f64; 2] = [0.12, 0.25];
-/// The same where one face may not be worse than a limit: short slits count too.
+/// Such distances where one face may not be worse than a limit: short slits count too.
 pub(super) const SHORT: [f64; 2] = [0.04, 0.1];
 /// Rounds in which the distortion is averaged over neighbours.
 const ROUNDS: usize = 6;
@@ -91,7 +91,7 @@ fn distortion(mesh: &TriMesh, state: &Trial) -> IdVec<VertexId, f64> {
         }
         sums.map(|&(sum, area)| if area > 0.0 { sum / area } else { 0.0 })
     };
-    let mut smooth = mean(&|face| state.faces.get(face).map_or(0.0, |e| e - ISOMETRY));
+    let mut smooth = mean(&|face| state.faces.get(face).map_or(0.0, |e| e - SymmetricDirichlet::ISOMETRY));
     for _ in 0..ROUNDS {
         let before = smooth;
         smooth = mean(&|face| cut.triangles[face].iter().map(|&v| before[v]).sum::<f64>() / 3.0);

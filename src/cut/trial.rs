@@ -5,10 +5,10 @@ use glam::DVec2;
 use crate::{
     cut::{
         CutMesh,
-        seam_graph::{Seam, SeamGraph},
+        seam_graph::{SeamEdges, SeamGraph},
     },
     id::{FaceId, IdVec, VertexId},
-    mesh::{FlatTriangle, SingularValues, TriMesh},
+    mesh::{FlatTriangle, SingularValues, SymmetricDirichlet, TriMesh},
 };
 
 /// Map positions, in m.
@@ -17,21 +17,18 @@ type Uv = IdVec<VertexId, DVec2>;
 /// The vertices of the uncut mesh that those of a cut one are.
 type Unsplit = IdVec<VertexId, VertexId>;
 
-/// Makes a map of a disk with holes (m) to judge a seam by, from one of the same faces if there is one;
-/// nothing if it has none. A map whose excess energy is likely to stay above the number need not be good.
+/// Flattens a cut mesh (m). Takes the mesh, its unsplit vertices, a map of the same faces to start from, and
+/// an excess energy: a map that is likely to stay above it may be returned early. `None` if there is no map.
 pub(crate) type TrialMap<'a> = dyn Fn(&TriMesh, &Unsplit, Option<&Uv>, f64) -> Option<Uv> + Sync + 'a;
 
-/// By this factor the excess energy must fall where a surface is cut that need not be, for each seam of
-/// the square root of the area.
+/// By this factor an optional cut must lower the excess energy, for each seam length of the square root of
+/// the area.
 pub(super) const FALL: f64 = 4.0;
-
-/// Symmetric Dirichlet energy of an isometry.
-pub(super) const ISOMETRY: f64 = 4.0;
 
 /// A seam and how good the map of the surface cut along it is.
 #[derive(Debug, Clone)]
 pub(super) struct Trial {
-    pub(super) seam: Seam,
+    pub(super) seam: SeamEdges,
     /// Length of the seam over the square root of the area.
     pub(super) length: f64,
     /// Symmetric Dirichlet energy after the best scale, less that of an isometry; infinite without
@@ -49,16 +46,16 @@ pub(super) struct Trial {
 
 impl Trial {
     /// Maps the mesh of `graph` cut along `seam`.
-    pub(super) fn new(graph: &SeamGraph<'_>, seam: Seam, map: &TrialMap<'_>) -> Self {
+    pub(super) fn new(graph: &SeamGraph<'_>, seam: SeamEdges, map: &TrialMap<'_>) -> Self {
         Self::after(graph, None, seam, map, f64::INFINITY)
     }
 
-    /// The same, from the map before more was cut: it is one of the cut surface too, whose new
-    /// boundary is still closed. Where the excess is likely to stay above `most`, it is not exact.
+    /// As [`Self::new`], starting from the map before the last cut, on which the new boundary is still
+    /// closed. Where the excess is likely to stay above `most`, it is not exact.
     pub(super) fn after(
         graph: &SeamGraph<'_>,
         before: Option<&Self>,
-        seam: Seam,
+        seam: SeamEdges,
         map: &TrialMap<'_>,
         most: f64,
     ) -> Self {
@@ -89,29 +86,29 @@ impl Trial {
     fn measure(&mut self, mesh: &TriMesh, uv: Uv) {
         let stretch = |face: FaceId| {
             let flat = FlatTriangle::new(mesh.corners(face));
-            let SingularValues { s1, s2, .. } =
-                SingularValues::of(&flat.jacobian(mesh.triangles[face].map(|v| uv[v])));
-            (flat.area(), s1 * s1 + s2 * s2, 1.0 / (s1 * s1) + 1.0 / (s2 * s2), s1 * s2)
+            let s = SingularValues::of(&flat.jacobian(mesh.triangles[face].map(|v| uv[v])));
+            (flat.area(), s.s1, s.s2)
         };
         // Faces without area on the skin have no singular values.
-        let (mut area, mut stretched, mut shrunk, mut on_map) = (0.0, 0.0, 0.0, 0.0);
+        let (mut sums, mut area, mut on_map) = (SymmetricDirichlet::default(), 0.0, 0.0);
         let mut ratios = [f64::INFINITY, 0.0_f64];
-        for (a, p, q, r) in mesh.triangles.ids().map(stretch).filter(|x| x.0 > 0.0) {
+        for (a, s1, s2) in mesh.triangles.ids().map(stretch).filter(|x| x.0 > 0.0) {
+            sums.add(a, s1, s2);
             area += a;
-            stretched += a * p;
-            shrunk += a * q;
-            on_map += a * r;
-            ratios = [ratios[0].min(r), ratios[1].max(r)];
+            on_map += a * (s1 * s2);
+            ratios = [ratios[0].min(s1 * s2), ratios[1].max(s1 * s2)];
         }
         let is_flipped = ratios[0] <= 0.0;
-        let excess = 2.0 * (stretched * shrunk).sqrt() / area - ISOMETRY;
+        let excess = sums.energy() - SymmetricDirichlet::ISOMETRY;
         if is_flipped || !excess.is_finite() {
             return;
         }
-        let scale = (shrunk / stretched).sqrt().sqrt();
+        let scale = sums.scale();
         let energy = |face| match stretch(face) {
-            (a, p, q, _) if a > 0.0 => p * scale * scale + q / (scale * scale),
-            _ => ISOMETRY,
+            (a, s1, s2) if a > 0.0 => {
+                (s1 * s1 + s2 * s2) * scale * scale + (1.0 / (s1 * s1) + 1.0 / (s2 * s2)) / (scale * scale)
+            }
+            _ => SymmetricDirichlet::ISOMETRY,
         };
         self.excess = excess.max(0.0);
         let mean = on_map / area;
@@ -120,14 +117,14 @@ impl Trial {
         self.uv = uv.map(|&p| p * scale);
     }
 
-    /// The excess energy, fourfold for a seam of the square root of the area: the least of several
-    /// trials pays best.
+    /// The excess energy, times four for each seam length of the square root of the area: the trial of
+    /// least cost pays best.
     pub(super) fn cost(&self) -> f64 {
         self.excess * FALL.powf(self.length)
     }
 
-    /// How often the excess energy falls fourfold per seam of the square root of the area, if this
-    /// takes the place of `before`.
+    /// The fall of the excess energy from `before` as a logarithm to the base four, over the length of seam
+    /// that it costs, in square roots of the area.
     pub(super) fn rate(&self, before: &Self) -> f64 {
         /// An isometry but for rounding.
         const NOTHING: f64 = 1e-12;

@@ -73,51 +73,32 @@ pub enum FlattenError {
         /// The first face without area on the map.
         face: FaceId,
     },
-    /// A corner of the rectangle is not on the outer loop.
-    #[error("vertex {vertex} cannot be a corner of the map: it is not on the outer boundary loop")]
-    Corner {
-        /// The vertex given.
-        vertex: VertexId,
-    },
     /// The outer loop has no four corners.
     #[error("the outer boundary loop of {found} vertices has no four different corners for a rectangle")]
     Corners {
         /// Vertices of the loop.
         found: usize,
     },
-    /// Not one place per vertex for a boundary that is given.
-    #[error("the boundary has {found} places for {needed} vertices; each vertex needs a place or none")]
-    Places {
-        /// Places, given or left open.
-        found: usize,
-        /// Vertices.
-        needed: usize,
-    },
-    /// A vertex of the outer loop without a finite place on the boundary that is given.
-    #[error("vertex {vertex} is on the outer boundary loop and has no finite place on the boundary given")]
-    NoPlace {
-        /// The vertex.
+    /// A boundary with places for other vertices than those of the outer loop.
+    #[error(
+        "vertex {vertex} has a place on the boundary given, or lacks one: exactly the vertices of the outer boundary \
+         loop need a finite place"
+    )]
+    BoundaryPlace {
+        /// The first vertex of the loop without a place, or vertex off the loop with one.
         vertex: VertexId,
     },
-    /// A place for a vertex that is not on the outer loop.
-    #[error("vertex {vertex} has a place on the boundary given, but is not on the outer boundary loop")]
-    NotOnBoundary {
-        /// The vertex.
-        vertex: VertexId,
-    },
-    /// A taxel of a boundary that is not there, or not the only one of its id.
-    #[error("{found} taxels have the id {id}; one is needed")]
-    Taxel {
+    /// A taxel of a boundary that does not exist, is not the only one of its id, or has two places.
+    #[error(
+        "{taxels} taxels have the id {id}, with {places} places on the boundary given; one of both is needed"
+    )]
+    BoundaryTaxel {
         /// The id.
         id: TaxelId,
         /// Taxels that have it.
-        found: usize,
-    },
-    /// A taxel with two places on a boundary.
-    #[error("taxel {id} has two places on the boundary given")]
-    TwoPlaces {
-        /// Its id.
-        id: TaxelId,
+        taxels: usize,
+        /// Places that it has.
+        places: usize,
     },
     /// A boundary that is not a polygon around the map.
     #[error(

@@ -69,7 +69,7 @@ impl Default for Energy {
 /// around, like a spiral ramp, or a junction of tubes. Holes stay holes either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overlap {
-    /// The intrinsic method goes on from the last map that did not, with a wall of triangles around
+    /// The intrinsic method goes on from the last map that did not, with a scaffold of triangles around
     /// it (after Jiang, Schaefer and Panozzo 2017), at more distortion. The other methods have only
     /// one map, which may overlap itself.
     #[default]
@@ -86,14 +86,12 @@ pub enum Boundary {
     Free,
     /// On a circle as large as the skin, by length.
     Circle,
-    /// On a rectangle as large as the skin, by length between its corners.
+    /// On a rectangle as large as the skin, by length between its corners: the four most convex places.
     Rectangle {
         /// Width of the rectangle; only its ratio to the height counts.
         width: f64,
         /// Its height.
         height: f64,
-        /// The corners, the first of them lower left; `None`: the four most convex places.
-        corners: Option<[VertexId; 4]>,
     },
     /// At these places (m), counter-clockwise: one for each vertex of the outer loop, `None` for all
     /// other vertices.
@@ -127,7 +125,7 @@ impl From<Energy> for FlattenOptions {
 impl FlattenOptions {
     /// Checks that every number is in range and that something is left to minimise.
     pub(crate) fn validate(&self) -> Result<(), FlattenError> {
-        if let Boundary::Rectangle { width, height, .. } = self.boundary {
+        if let Boundary::Rectangle { width, height } = self.boundary {
             for (name, found) in [("width", width), ("height", height)] {
                 if !(found.is_finite() && found > 0.0) {
                     let needed = "a positive finite length is needed";

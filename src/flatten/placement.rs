@@ -6,7 +6,7 @@
 use glam::DVec2;
 
 use crate::{
-    flatten::domain::elements::Uv,
+    flatten::energy::elements::Uv,
     id::{FaceId, IdVec},
     mesh::{TriMesh, signed_area},
 };

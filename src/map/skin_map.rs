@@ -149,7 +149,7 @@ impl PatchMap {
         map
     }
 
-    /// The same from levels that may be cut open, with the maps of the opened ones; not measured.
+    /// As [`Self::new`], from levels that may be cut open with the maps of the opened ones; not measured.
     pub(crate) fn unmeasured(
         patch: &Patch,
         levels: Vec<(Level, Option<CutMesh>)>,

@@ -32,4 +32,4 @@ pub(crate) use geometry::{
 };
 pub(crate) use tri_mesh::smallest_first;
 pub use tri_mesh::{SurfacePoint, TriMesh};
-pub(crate) use triangle_map::{FlatTriangle, SingularValues, signed_area};
+pub(crate) use triangle_map::{FlatTriangle, SingularValues, SymmetricDirichlet, signed_area};

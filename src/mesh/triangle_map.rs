@@ -95,6 +95,36 @@ impl SingularValues {
     }
 }
 
+/// The symmetric Dirichlet energy of a map at its best scale: the mean of `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SymmetricDirichlet {
+    area: f64,
+    squares: f64,
+    inverse: f64,
+}
+
+impl SymmetricDirichlet {
+    /// The energy of an isometry.
+    pub(crate) const ISOMETRY: f64 = 4.0;
+
+    /// Adds a face of this area on the skin.
+    pub(crate) fn add(&mut self, area: f64, s1: f64, s2: f64) {
+        self.area += area;
+        self.squares += area * (s1 * s1 + s2 * s2);
+        self.inverse += area * (1.0 / (s1 * s1) + 1.0 / (s2 * s2));
+    }
+
+    /// The energy at the best scale; infinite or NaN where a face has no area on the map.
+    pub(crate) fn energy(&self) -> f64 {
+        2.0 * ((self.squares / self.area) * (self.inverse / self.area)).sqrt()
+    }
+
+    /// The best scale.
+    pub(crate) fn scale(&self) -> f64 {
+        (self.inverse / self.squares).powf(0.25)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,7 +3,7 @@
 use crate::{
     Error,
     cut::{AreaLimit, Cut, CutMesh, TrialMaps, decide, is_plain_disk},
-    flatten::{FlattenOptions, Method, Overlap, distortion, flatten_roughly, flatten_with_convergence},
+    flatten::{FlattenOptions, Method, Overlap, distortion, flatten, flatten_roughly},
     id::{IdVec, VertexId},
     mesh::TriMesh,
     pyramid::{CoarsenOptions, Level, coarsen},
@@ -79,8 +79,8 @@ fn keep_ratio(
         let opened = cut.as_ref().map(|cut| cut.mesh(&mesh.positions));
         let places = cut.as_ref().map(|cut| taxels.select(&cut.unsplit));
         let (opened, places) = (opened.as_ref().unwrap_or(mesh), places.as_ref().unwrap_or(taxels));
-        let map = flatten_with_convergence(opened, Some(places), options);
-        let area_ratio = map.map_or(f64::INFINITY, |(uv, _)| distortion(opened, &uv).area_max);
+        let map = flatten(opened, Some(places), options);
+        let area_ratio = map.map_or(f64::INFINITY, |map| distortion(opened, &map.uv).area_max);
         if best.as_ref().is_none_or(|best| area_ratio < best.0) {
             best = Some((area_ratio, cut));
         }
@@ -114,7 +114,7 @@ fn cut_below(
     let taxels_there = level.as_ref().map(|level| taxels.select(&level.origins));
     let taxels_there = taxels_there.as_ref().unwrap_or(taxels);
     let judged = |mesh: &TriMesh, unsplit: &IdVec<VertexId, VertexId>, _: Option<&_>, _: f64| {
-        flatten_with_convergence(mesh, Some(&taxels_there.select(unsplit)), options).ok().map(|(uv, _)| uv)
+        flatten(mesh, Some(&taxels_there.select(unsplit)), options).ok().map(|map| map.uv)
     };
     let limit = area_ratio.map(|ratio| AreaLimit { ratio, map: &judged });
     let recipe = match &level {

@@ -41,7 +41,7 @@ use crate::{
     Error,
     atlas::{fitting_pixel, pixels_of},
     cut::{Cut, cut_along, pairs_by_patch},
-    flatten::{FlattenOptions, flatten_pyramid_with_convergence},
+    flatten::{FlattenOptions, flatten_pyramid, patch_scales},
     id::{IdVec, VertexId},
     map::{PatchMap, SkinMap},
     pipeline::{cut_open::cut_open, written::measure_as_written},
@@ -61,8 +61,21 @@ pub struct BuildOptions {
     /// Side of a pixel of the images, in m; `None`: 1 mm, or larger where that would make more
     /// pixels than the taxels need.
     pub pixel: Option<f64>,
+    /// Over what densities and acuities are compared.
+    pub magnify_over: MagnifyOver,
     /// Whether patches that cannot be mapped are left out, as long as one can; else they are an error.
     pub keep_going: bool,
+}
+
+/// Over what the densities of [`Method::Intrinsic`](crate::flatten::Method::Intrinsic) and the acuities of
+/// taxels are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MagnifyOver {
+    /// Over the skin: the map of a denser patch is larger, and all maps together are as large as the skin.
+    #[default]
+    Skin,
+    /// Over each patch: its map is as large as its skin.
+    Patch,
 }
 
 /// Side of a pixel, in m, unless another is asked for or needed.
@@ -145,8 +158,14 @@ pub fn build_with_progress(
     let coarsened_in = start.elapsed();
     // Every pyramid is taken once, by the thread that maps it.
     let jobs = good(coarsened, options, &mut failed)?;
-    let maps = each_patch(Stage::Flatten, jobs, progress, |(patch, pyramid)| {
-        map_patch(patch, pyramid, options).map_err(|e| e.in_patch(&patch.name))
+    let patches: Vec<&Patch> = jobs.iter().map(|(patch, _)| *patch).collect();
+    let scales = match options.magnify_over {
+        MagnifyOver::Skin => patch_scales(options.flatten.method, &patches),
+        MagnifyOver::Patch => vec![1.0; patches.len()],
+    };
+    let jobs: Vec<_> = jobs.into_iter().zip(scales).collect();
+    let maps = each_patch(Stage::Flatten, jobs, progress, |((patch, pyramid), scale)| {
+        map_patch(patch, pyramid, scale, options).map_err(|e| e.in_patch(&patch.name))
     });
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
@@ -173,20 +192,11 @@ fn enlarge_pixels(map: &mut SkinMap) -> Result<Option<Enlarged>, Error> {
     Ok(Some(Enlarged { pixel_mm, pixels }))
 }
 
-/// Where each patch is cut, if the user says so.
-fn given_seams(skin: &Skin, cut: &Cut) -> Result<Vec<Seam>, Error> {
-    let Cut::Along(pairs) = cut else {
-        return Ok(skin.patches.iter().map(|_| Seam::Choose(cut.clone())).collect());
-    };
+/// The edges of each patch that the user wants to be cut; none where that is left to trial maps.
+fn given_seams(skin: &Skin, cut: &Cut) -> Result<Vec<Vec<[VertexId; 2]>>, Error> {
+    let Cut::Along(pairs) = cut else { return Ok(vec![Vec::new(); skin.patches.len()]) };
     let edges = pairs_by_patch(pairs, skin.patches.iter().map(|patch| &patch.taxels))?;
-    let seam = |edges: Vec<_>| if edges.is_empty() { Seam::Choose(Cut::Auto) } else { Seam::Along(edges) };
-    Ok(edges.into_iter().map(seam).collect())
-}
-
-/// Where one patch is cut.
-enum Seam {
-    Choose(Cut),
-    Along(Vec<[VertexId; 2]>),
+    Ok(edges.into_iter().collect())
 }
 
 /// A pyramid, of a patch that is cut or not.
@@ -195,11 +205,11 @@ enum Coarsened {
     Cut(Box<CutPyramid>),
 }
 
-fn coarsen_patch(patch: &Patch, seam: &Seam, options: &BuildOptions) -> Result<Coarsened, Error> {
+fn coarsen_patch(patch: &Patch, seam: &[[VertexId; 2]], options: &BuildOptions) -> Result<Coarsened, Error> {
     let Patch { mesh, taxels, .. } = patch;
     let cut = match seam {
-        Seam::Choose(cut) => cut_open(mesh, taxels, cut, &options.flatten)?,
-        Seam::Along(edges) => Some(cut_along(mesh, edges, &taxels.ids)?),
+        [] => cut_open(mesh, taxels, &options.cut, &options.flatten)?,
+        edges => Some(cut_along(mesh, edges, &taxels.ids)?),
     };
     Ok(match cut {
         None => Coarsened::Whole(coarsen(mesh, taxels, &options.coarsen)?),
@@ -207,23 +217,29 @@ fn coarsen_patch(patch: &Patch, seam: &Seam, options: &BuildOptions) -> Result<C
     })
 }
 
-/// The map of a patch, and how many levels of its pyramid have none.
-fn map_patch(patch: &Patch, pyramid: Coarsened, options: &BuildOptions) -> Result<(PatchMap, usize), Error> {
+/// The map of a patch, `scale` times as long as the skin, and how many levels of its pyramid have none.
+fn map_patch(
+    patch: &Patch,
+    pyramid: Coarsened,
+    scale: f64,
+    options: &BuildOptions,
+) -> Result<(PatchMap, usize), Error> {
     let (levels, maps) = match pyramid {
         Coarsened::Whole(pyramid) => {
-            let maps = flatten_pyramid_with_convergence(&pyramid, Some(&patch.taxels), &options.flatten)?;
+            let maps = flatten_pyramid(&pyramid, Some(&patch.taxels), &options.flatten)?;
             (pyramid.levels.into_iter().map(|level| (level, None)).collect::<Vec<_>>(), maps)
         }
         Coarsened::Cut(pyramid) => {
             let CutPyramid { pyramid, opened, cuts } = *pyramid;
             let unsplit = cuts.iter().next().map(|cut| &cut.unsplit);
             let taxels = unsplit.map(|unsplit| patch.taxels.select(unsplit));
-            let maps = flatten_pyramid_with_convergence(&opened, taxels.as_ref(), &options.flatten)?;
+            let maps = flatten_pyramid(&opened, taxels.as_ref(), &options.flatten)?;
             (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
         }
     };
     let made = levels.len();
-    let (maps, convergences): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let (maps, convergences): (Vec<_>, Vec<_>) =
+        maps.into_iter().map(|map| (map.uv.map(|&p| p * scale), map.convergence)).unzip();
     let mut map = PatchMap::unmeasured(patch, levels, maps.into(), options.pixel.unwrap_or(PIXEL));
     // What a file cannot hold is no map either.
     let mut held = 0;
@@ -285,7 +301,7 @@ mod tests {
     use super::*;
     use crate::{
         cut::CutMesh,
-        flatten::{distortion, flatten_pyramid},
+        flatten::distortion,
         mesh::{Adjacency, TriMesh, shapes},
         pyramid::LevelId,
         skin::PatchId,
@@ -325,8 +341,8 @@ mod tests {
                 }
             }
             let maps = flatten_pyramid(&made.opened, None, &options).unwrap();
-            for (level, uv) in made.opened.levels.iter().zip(&maps) {
-                assert_eq!(distortion(&level.mesh, uv).flips, 0);
+            for (level, map) in made.opened.levels.iter().zip(&maps) {
+                assert_eq!(distortion(&level.mesh, &map.uv).flips, 0);
             }
         }
     }

@@ -184,7 +184,7 @@ fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<()
     }
 }
 
-/// The coarsest level so far, on its way to the next one.
+/// The coarsest level so far, which becomes the next one.
 struct Coarsener<'a> {
     taxels: &'a Taxels,
     options: &'a CoarsenOptions,

@@ -1,10 +1,14 @@
-//! Planar triangulations of point sets and regions. The only crate of dermatome that uses spade.
+//! Planar triangulations of point sets and regions. The only crate of dermatome that uses spade
+//! and robust.
 //!
 //! Natural neighbours on a map are found in it (`image`), and the holes of a map are filled with it
 //! (`flatten`). The points on the skin around each taxel are triangulated by `skin::triangulate`
 //! itself, whose tests compare with this crate.
 //!
 //! A crate of its own, so that an edit elsewhere does not compile spade's generic code again.
+
+use glam::DVec2;
+use robust::{Coord, orient2d};
 
 mod error;
 mod region;
@@ -13,3 +17,45 @@ mod triangulate;
 pub use error::DelaunayError;
 pub use region::triangulate_region;
 pub use triangulate::triangulate;
+
+/// On which side of the line from `a` to `b` the point `c` lies, exactly: 1 on the left, so that the three
+/// run counter-clockwise, -1 on the right, 0 on the line; NaN if one is not finite
+/// (`(shewchuk1997)`).
+///
+/// The area itself may underflow in a product of two of them; its sign does not.
+#[must_use]
+pub fn orientation([a, b, c]: [DVec2; 3]) -> f64 {
+    let [a, b, c] = [a, b, c].map(|p| Coord { x: p.x, y: p.y });
+    let area = orient2d(a, b, c);
+    if area == 0.0 { 0.0 } else { area.signum() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points near a line, one unit of the last place apart: the rounded determinant is wrong for
+    /// many of them.
+    #[test]
+    fn the_sign_is_that_of_integers() {
+        let unit = 2_f64.powi(-52);
+        let at = |i: i64, j: i64| DVec2::new(0.5 + i as f64 * unit, 0.5 + j as f64 * unit);
+        let (from, to) = (DVec2::splat(12.0), DVec2::splat(24.0));
+        let mut wrong = 0;
+        for i in 0..32 {
+            for j in 0..32 {
+                let p = at(i, j);
+                let expected = (j - i).signum() as f64;
+                assert_eq!(orientation([from, to, p]), expected, "{i} {j}");
+                assert_eq!(orientation([to, from, p]), -expected, "{i} {j}");
+                wrong += usize::from((to - from).perp_dot(p - from).signum() != expected);
+            }
+        }
+        assert!(wrong > 0, "rounding matters here");
+    }
+
+    #[test]
+    fn what_is_not_finite_has_no_side() {
+        assert!(orientation([DVec2::NAN, DVec2::X, DVec2::Y]).is_nan());
+    }
+}

@@ -8,12 +8,13 @@ use std::{
 };
 
 use anyhow::Context;
+use clap::ValueEnum;
 use dermatome::{
     Error,
     atlas::skin_images,
     io::{write_images, write_map},
     map::SkinMap,
-    pipeline::{BuildOptions, Built, Enlarged, build_with_progress},
+    pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with_progress},
     report::{PatchReport, measure},
     skin::AssembleOptions,
 };
@@ -47,6 +48,9 @@ pub(crate) struct Args {
     acuity: AcuityArgs,
     #[command(flatten)]
     flatten: FlattenArgs,
+    /// Over what --magnify and --acuity compare [default: skin]
+    #[arg(long, value_enum, help_heading = "Map")]
+    magnify_over: Option<MagnifyOverArg>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
     /// more than 4096 pixels a taxel]
     #[arg(long, value_name = "MM", value_parser = length_mm, help_heading = "Images")]
@@ -63,6 +67,15 @@ pub(crate) struct Args {
     chosen: PatchArgs,
 }
 
+/// Over what densities and acuities are compared.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MagnifyOverArg {
+    /// The map of a denser patch is larger
+    Skin,
+    /// Every map is as large as its patch
+    Patch,
+}
+
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let files: Vec<PathBuf> =
         FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| args.output.join(name)).collect();
@@ -72,6 +85,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
         pixel: args.pixel_mm.map(|mm| 1e-3 * mm),
+        magnify_over: match args.magnify_over {
+            Some(MagnifyOverArg::Patch) => MagnifyOver::Patch,
+            Some(MagnifyOverArg::Skin) | None => MagnifyOver::Skin,
+        },
         keep_going: args.keep_going,
     };
     let start = Instant::now();

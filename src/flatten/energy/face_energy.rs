@@ -16,7 +16,7 @@
 //! | untangling (`(garanzha2021)`) | `1/chi(d)` | 0 |
 //!
 //! since `s1/s2 + s2/s1 = S/d` and `1/s1^2 + 1/s2^2 = S/d^2`. So a new energy needs `p` and `q`
-//! with two derivatives each, in `DistortionEnergy::coefficients`, and a name in the options.
+//! with two derivatives each, as the test `coefficients` has them, and a name in the options.
 //!
 //! # Derivatives
 //!
@@ -61,7 +61,7 @@
 use glam::{DMat2, DVec2};
 
 use crate::{
-    flatten::{Energy, domain::elements::outer},
+    flatten::{Energy, energy::elements::outer},
     mesh::SingularValues,
 };
 
@@ -95,34 +95,6 @@ impl DistortionEnergy {
         !matches!(self, Self::Untangling { .. })
     }
 
-    /// `p` and `q` at the area ratio `d`: the definition of each energy.
-    fn coefficients(&self, d: f64) -> Coefficients {
-        let i = 1.0 / d;
-        match *self {
-            Self::Sum { angle, area } => {
-                let (a, b) = (0.5 * angle, 0.5 * area);
-                Coefficients {
-                    inverse_p: d / a,
-                    p: [-a * i * i, 2.0 * a * i * i * i],
-                    q: [b * (d + i), b * (1.0 - i * i), 2.0 * b * i * i * i],
-                }
-            }
-            Self::SymmetricDirichlet => Coefficients {
-                inverse_p: 1.0 / (1.0 + i * i),
-                p: [-2.0 * i * i * i, 6.0 * i * i * i * i],
-                q: [0.0; 3],
-            },
-            Self::Untangling { softness } => {
-                let [c, c1, c2] = chi(d, softness);
-                Coefficients {
-                    inverse_p: c,
-                    p: [-c1 / (c * c), 2.0 * c1 * c1 / (c * c * c) - c2 / (c * c)],
-                    q: [0.0; 3],
-                }
-            }
-        }
-    }
-
     /// The value; infinite for a flipped or collapsed face if there is a barrier.
     pub(crate) fn value(&self, s: &SingularValues) -> f64 {
         let (s1, s2) = (s.s1, s.s2);
@@ -133,7 +105,7 @@ impl DistortionEnergy {
         match *self {
             Self::Sum { angle, area } => 0.5 * (angle * (s1 / s2 + s2 / s1) + area * (d + 1.0 / d)),
             Self::SymmetricDirichlet => s1 * s1 + s2 * s2 + (s1 * s1 + s2 * s2) / (d * d),
-            Self::Untangling { .. } => self.coefficients(d).value(s),
+            Self::Untangling { softness } => untangling(d, softness).value(s),
         }
     }
 
@@ -141,7 +113,7 @@ impl DistortionEnergy {
         match *self {
             Self::Sum { angle, area } => sum_derivatives(angle, area, s),
             Self::SymmetricDirichlet => symmetric_dirichlet_derivatives(s),
-            Self::Untangling { .. } => self.coefficients(s.s1 * s.s2).derivatives(s),
+            Self::Untangling { softness } => untangling(s.s1 * s.s2, softness).derivatives(s),
         }
     }
 }
@@ -152,6 +124,12 @@ fn chi(d: f64, softness: f64) -> [f64; 3] {
     // For negative areas the sum cancels; the product of both roots is `e^2`.
     let value = if d >= 0.0 { 0.5 * (d + root) } else { 2.0 * softness * softness / (root - d) };
     [value, value / root, 2.0 * softness * softness / (root * root * root)]
+}
+
+/// `p` and `q` of the untangling energy.
+fn untangling(d: f64, softness: f64) -> Coefficients {
+    let [c, c1, c2] = chi(d, softness);
+    Coefficients { inverse_p: c, p: [-c1 / (c * c), 2.0 * c1 * c1 / (c * c * c) - c2 / (c * c)], q: [0.0; 3] }
 }
 
 /// `p` and `q` of an energy at one `d`, with derivatives by `d`.
@@ -408,6 +386,27 @@ mod tests {
         }
     }
 
+    /// `p` and `q` at the area ratio `d`: the definition of each energy.
+    fn coefficients(energy: &DistortionEnergy, d: f64) -> Coefficients {
+        let i = 1.0 / d;
+        match *energy {
+            DistortionEnergy::Sum { angle, area } => {
+                let (a, b) = (0.5 * angle, 0.5 * area);
+                Coefficients {
+                    inverse_p: d / a,
+                    p: [-a * i * i, 2.0 * a * i * i * i],
+                    q: [b * (d + i), b * (1.0 - i * i), 2.0 * b * i * i * i],
+                }
+            }
+            DistortionEnergy::SymmetricDirichlet => Coefficients {
+                inverse_p: 1.0 / (1.0 + i * i),
+                p: [-2.0 * i * i * i, 6.0 * i * i * i * i],
+                q: [0.0; 3],
+            },
+            DistortionEnergy::Untangling { softness } => untangling(d, softness),
+        }
+    }
+
     /// The written-out derivatives are those of the formula; on slivers the formula alone loses
     /// digits.
     #[test]
@@ -415,7 +414,7 @@ mod tests {
         for energy in &ENERGIES {
             for [s1, s2] in [[1.0, 1.0], [1.1, 0.9], [3.0, 0.2], [0.4, 0.3], [7.0, 5.0]] {
                 let s = SingularValues::of(&DMat2::from_cols_array(&[s1, 0.0, 0.0, s2]));
-                let coefficients = energy.coefficients(s1 * s2);
+                let coefficients = coefficients(energy, s1 * s2);
                 let value = coefficients.value(&s);
                 assert!((energy.value(&s) - value).abs() <= 1e-14 * value, "{energy:?} at {s1}, {s2}");
                 let flat = |d: Derivatives| {

@@ -14,7 +14,7 @@ use glam::{DMat2, DVec2};
 
 use crate::{
     flatten::{
-        domain::elements::Uv,
+        energy::elements::Uv,
         energy::objective::{Objective, System},
     },
     sparse::{BlockJacobi, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
@@ -46,13 +46,14 @@ const LINEAR_DECREMENT: f64 = 1e-10;
 /// positive there.
 const NEAR: f64 = 1e-2;
 
-/// Steps in a row that are slow before they are kept.
+/// Slow steps in a row before negative curvature is kept.
 const SLOW_STEPS: u32 = 2;
 
-/// Share of them that is left out at first; each step that goes well leaves out a tenth of the last.
+/// Share of the negative curvature that is removed at first; each further step removes a tenth of the share
+/// of the last.
 const LEFT_OUT: f64 = 0.1;
 
-/// Steps like the last one that a map may be above an energy of use.
+/// The minimisation ends if this many steps like the last would not reach the wanted energy.
 const HOPE: f64 = 4.0;
 
 /// Decrement over the energy at which the minimisation ends even so.
@@ -101,7 +102,7 @@ pub(crate) struct NewtonLimits {
     pub(crate) steps: usize,
     /// Relative decrease of the energy in a round with fillers at which the rounds end.
     pub(crate) gain: f64,
-    /// Energy above which a map is of no use: the minimisation ends where it is not likely to get there.
+    /// The wanted energy: the minimisation ends where it is not likely to get below it.
     pub(crate) most: f64,
 }
 
@@ -194,16 +195,13 @@ impl Objective<'_> {
                 }
                 None => Ok(iterated_step(&mut system.hessian, &downhill, iterations, energy)),
             };
-            let (mut d, gauge) = match found {
+            let (d, gauge) = match found {
                 Ok((_, _, false)) | Err(SparseError::NotPositiveDefinite { .. }) if kept.is_on() => {
                     kept.pause();
                     continue;
                 }
                 found => found.map(|(d, gauge, _)| (d, gauge))?,
             };
-            for (d, _) in d.iter_mut().zip(&self.elements.held).filter(|(_, held)| **held) {
-                *d = DVec2::ZERO;
-            }
             return Ok(Step { downhill, d, gauge });
         }
     }
@@ -324,7 +322,7 @@ fn factored_step(
     }
 }
 
-/// The same by conjugate gradients.
+/// As [`factored_step`], by conjugate gradients.
 fn iterated_step(
     hessian: &mut Matrix<'_, DMat2>,
     rhs: &[DVec2],
@@ -344,7 +342,7 @@ fn iterated_step(
 mod tests {
     use super::*;
     use crate::{
-        flatten::{Energy, domain::flatten_domain::FlattenDomain, start::tutte::tutte},
+        flatten::{Energy, domain::FlattenDomain, start::tutte::tutte},
         mesh::shapes,
     };
 

@@ -15,19 +15,16 @@ use rayon::prelude::*;
 use crate::{
     flatten::{
         Energy,
-        domain::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED, Uv, outer},
+        energy::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED, Uv, outer},
         energy::face_energy::{DistortionEnergy, LocalModel, face_gradient},
     },
-    mesh::Halfedge,
+    mesh::{Halfedge, SymmetricDirichlet},
     parallel::{par_collect, par_map},
     sparse::Matrix,
 };
 
 /// Elements that one task handles; fixed, so that sums do not depend on the number of threads.
 const FACES_PER_TASK: usize = 2048;
-
-/// Stiffness of held vertices over the largest one of the others.
-const HOLD: f64 = 1e6;
 
 /// Share of the step to the first collapsed face that is taken at most.
 const STEP_TO_COLLAPSE: f64 = 0.9;
@@ -123,7 +120,10 @@ impl<'e> Objective<'e> {
             *hessian.at(a, b) -= block;
             *hessian.at(b, a) -= block;
         }
-        self.hold(hessian);
+        // The rows of held vertices are empty: they stay where they are.
+        for i in self.elements.held_vertices() {
+            *hessian.at(i, i) = DMat2::IDENTITY;
+        }
         self.sum_gradient(uv, |h| models[h.face().index()].gradient[h.side()])
     }
 
@@ -144,29 +144,16 @@ impl<'e> Objective<'e> {
             gradient[b] += force;
             gradient[a] -= force;
         }
-        for (g, _) in gradient.iter_mut().zip(&self.elements.held).filter(|(_, held)| **held) {
-            *g = DVec2::ZERO;
-        }
         gradient
-    }
-
-    /// Makes the rows of held vertices so stiff that they do not move.
-    fn hold(&self, hessian: &mut Matrix<'_, DMat2>) {
-        if self.elements.held.is_empty() {
-            return;
-        }
-        let rows = 0..hessian.pattern().rows();
-        let largest = rows.map(|i| hessian.diagonal(i)).map(|b| b.x_axis.x + b.y_axis.y).fold(0.0, f64::max);
-        for (i, _) in self.elements.held.iter().enumerate().filter(|(_, held)| **held) {
-            *hessian.at(i, i) += DMat2::IDENTITY * (HOLD * largest);
-        }
     }
 
     /// What each boundary edge adds if there is a perimeter term: its ends, the force that its second
     /// end feels and its first end against it, and the block of the Hessian for each end.
     fn perimeter_terms(&self, uv: &Uv) -> impl Iterator<Item = ([usize; 2], DVec2, DMat2)> {
         let scale = 0.5 * self.perimeter * self.elements.mean_edge;
-        let edges = self.elements.boundary.iter().filter(|_| self.perimeter != 0.0);
+        // A loop is held as a whole: its length is constant.
+        let is_free = |edge: &&BoundaryEdge| !self.elements.is_held(edge.ends[0].index());
+        let edges = self.elements.boundary.iter().filter(|_| self.perimeter != 0.0).filter(is_free);
         edges.map(move |&BoundaryEdge { ends: [a, b], length }| {
             let edge = uv[b] - uv[a];
             let stretched = edge.length();
@@ -191,16 +178,14 @@ impl<'e> Objective<'e> {
     }
 }
 
-/// Symmetric Dirichlet energy of a map at its best scale, and that scale; both infinite or NaN where
-/// a face has no area.
-pub(crate) fn dirichlet(elements: &ElementMesh, uv: &Uv) -> (f64, f64) {
-    let (mut squares, mut inverse) = (0.0, 0.0);
+/// The symmetric Dirichlet energy of a map.
+pub(crate) fn dirichlet(elements: &ElementMesh, uv: &Uv) -> SymmetricDirichlet {
+    let mut sums = SymmetricDirichlet::default();
     for e in &elements.faces {
         let s = e.singular_values(uv);
-        squares += e.weight * (s.s1 * s.s1 + s.s2 * s.s2);
-        inverse += e.weight * ((s.s1 * s.s1).recip() + (s.s2 * s.s2).recip());
+        sums.add(e.weight, s.s1, s.s2);
     }
-    (2.0 * (squares * inverse).sqrt(), (inverse / squares).powf(0.25))
+    sums
 }
 
 /// The smallest positive step along `d` at which the face's area is zero; infinite if there is
@@ -222,7 +207,7 @@ fn collapse(e: &Element, uv: &Uv, d: &[DVec2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{flatten::domain::flatten_domain::FlattenDomain, id::VertexId, mesh::shapes};
+    use crate::{flatten::domain::FlattenDomain, id::VertexId, mesh::shapes};
 
     /// Far from an isometry, where many faces have negative curvatures.
     #[test]

@@ -11,10 +11,8 @@ use glam::DVec2;
 use crate::{
     flatten::{
         FlattenError,
-        domain::{
-            elements::{BoundaryEdge, Uv},
-            flatten_domain::FlattenDomain,
-        },
+        domain::FlattenDomain,
+        energy::elements::{BoundaryEdge, Uv},
     },
     id::{IdVec, VertexId},
     sparse::{Cholesky, Matrix, SparseError},

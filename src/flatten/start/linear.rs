@@ -8,8 +8,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     flatten::{
-        FlattenError, domain::elements::Uv, domain::flatten_domain::FlattenDomain,
-        start::conformal::conformal_matrix,
+        FlattenError, domain::FlattenDomain, energy::elements::Uv, start::conformal::conformal_matrix,
     },
     id::VertexId,
     mesh::cotangent,

@@ -8,8 +8,8 @@ use std::collections::HashMap;
 
 use crate::{
     flatten::{
-        domain::elements::{Element, ElementMesh, Uv},
-        domain::flatten_domain::FlattenDomain,
+        domain::FlattenDomain,
+        energy::elements::{Element, ElementMesh, Uv},
         energy::face_energy::DistortionEnergy,
         energy::newton::{NewtonLimits, Solver},
         energy::objective::Objective,

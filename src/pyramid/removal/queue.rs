@@ -103,7 +103,7 @@ impl<'a> Queue<'a> {
         self.changed[v] == self.round
     }
 
-    /// The rules have changed: everybody may try again.
+    /// Marks all vertices for another try, after the limits are relaxed.
     pub(super) fn wake_all(&mut self) {
         for v in self.standing.ids() {
             self.wake(v);

@@ -13,7 +13,7 @@ use crate::{
             queue::Queue,
             retriangulation::Filler,
             seam::{Seam, SeamRole},
-            star::{Limits, Star, folds_over},
+            star::{Limits, Star, folds_over, small},
             taxel_locations::{Move, TaxelLocations},
         },
     },
@@ -216,11 +216,6 @@ impl Remover<'_> {
         self.mesh.replace_star(vertex, ring, plan.star, triangles);
         self.locations.carry(plan.star, plan.moves);
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "ring positions and fillings are below MAX_RING")]
-fn small(position: usize) -> u8 {
-    position as u8
 }
 
 /// Buffers for the star of a vertex along the seam.

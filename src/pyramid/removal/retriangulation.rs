@@ -3,7 +3,7 @@
 
 use crate::{
     mesh::{HalfedgeMesh, MAX_RING, diagonals, smallest_first},
-    pyramid::removal::star::{Limits, Star, folds_over},
+    pyramid::removal::star::{Limits, Star, folds_over, small},
 };
 
 /// A filling triangle has at least this double area on the flattened star, in squares of its
@@ -173,11 +173,6 @@ fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
         || (i == 0 && j + 1 == star.ring.len() && folds_over(cross, star.beyond[j]));
     // The smallest angle lies between the two longest sides.
     if folds { REFUSED } else { squared / (x * y).max(y * z).max(z * x) }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "ring positions are below MAX_RING")]
-fn small(position: usize) -> u8 {
-    position as u8
 }
 
 #[cfg(test)]

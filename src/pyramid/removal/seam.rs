@@ -1,4 +1,4 @@
-//! The seam of a patch that is mapped cut open, on its way from level to level: its two sides go
+//! The seam of a patch that is mapped cut open, from level to level: its two sides are coarsened
 //! together, so that every level has the same seam.
 //!
 //! The mesh that is coarsened is the uncut one. Next to it each corner of a face is named twice: as
@@ -11,7 +11,7 @@ use crate::{
     cut::CutMesh,
     id::{FaceId, IdVec, VertexId},
     mesh::{Adjacency, Halfedge, MeshError, TriMesh, smallest_first},
-    pyramid::{Removal, RemovalLog},
+    pyramid::{Removal, RemovalLog, removal::star::small},
 };
 
 /// What a vertex is to the seam.
@@ -143,9 +143,4 @@ impl Seam {
         self.roles = parents.map(|&parent| self.roles[parent]);
         (std::mem::take(&mut self.log), places)
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "ring positions are below MAX_RING")]
-fn small(position: usize) -> u8 {
-    position as u8
 }

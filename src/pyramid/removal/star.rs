@@ -10,6 +10,11 @@ use crate::{
     mesh::{Halfedge, HalfedgeMesh, MAX_RING},
 };
 
+#[expect(clippy::cast_possible_truncation, reason = "ring positions and fillings are below MAX_RING")]
+pub(super) fn small(position: usize) -> u8 {
+    position as u8
+}
+
 /// A corner of a star below this angle, in rad, has no direction that rounding leaves alone; such a
 /// star is not flattened.
 const MIN_ANGLE: f64 = 1e-9;

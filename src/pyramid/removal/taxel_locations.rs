@@ -65,7 +65,7 @@ impl TaxelLocations {
         self.plan_inside(star, filling, moves);
     }
 
-    /// The same without the vertex of the star.
+    /// As [`Self::plan`], without the vertex of the star.
     pub(super) fn plan_inside(&self, star: &Star, filling: &[[u8; 3]], moves: &mut Vec<Move>) {
         for (i, side) in star.halfedges.iter().enumerate() {
             let (a, b) = (star.flat[i], star.flat[(i + 1) % star.flat.len()]);

@@ -190,17 +190,14 @@ fn flatten_help(error: &FlattenError) -> &'static str {
         FlattenError::Density { .. } | FlattenError::Taxels(_) => {
             "correct the densities, weights or acuities in the file, or remove them"
         }
-        FlattenError::NoPlace { .. } | FlattenError::NotOnBoundary { .. } => {
+        FlattenError::BoundaryPlace { .. } => {
             "correct the table of --boundary (vertices are counted from 0 in the order of the taxels)"
         }
-        FlattenError::Taxel { .. }
-        | FlattenError::TwoPlaces { .. }
-        | FlattenError::Corner { .. }
-        | FlattenError::BoundaryShape { .. } => {
+        FlattenError::BoundaryTaxel { .. } | FlattenError::BoundaryShape { .. } => {
             "correct --boundary: it names each taxel of the outer boundary once, counter-clockwise"
         }
         FlattenError::NoRoom { .. } | FlattenError::Corners { .. } => {
-            "choose other corners, use --boundary circle, or split the face"
+            "use --boundary circle, or split the face"
         }
         FlattenError::NoStart { .. } => {
             "remesh the thin part, cut it into shorter pieces, or map the other patches with `dermatome build --keep-going`"

@@ -9,7 +9,7 @@ use dermatome::{
     cut::Cut,
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
     io::{read_boundary, read_seams},
-    skin::{Skin, TaxelId},
+    skin::Skin,
 };
 
 use crate::{console::errors::advise, options::numbers::number};
@@ -52,9 +52,8 @@ pub(crate) struct FlattenArgs {
     /// reach it
     #[arg(long, value_name = "X", value_parser = area_ratio)]
     max_area_ratio: Option<f64>,
-    /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin;
-    /// rectangle:W:H:A:B:C:D with its corners at these taxels, counter-clockwise from the lower left
-    /// one; or a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
+    /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin; or
+    /// a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
     #[arg(long, value_name = "SHAPE|FILE.csv", value_hint = ValueHint::FilePath, value_parser = boundary)]
     boundary: Option<BoundaryArg>,
 }
@@ -63,7 +62,6 @@ pub(crate) struct FlattenArgs {
 #[derive(Debug, Clone)]
 enum BoundaryArg {
     Shape(Boundary),
-    Corners([f64; 2], [TaxelId; 4]),
     Table(PathBuf),
 }
 
@@ -94,13 +92,13 @@ enum EnergyArg {
 }
 
 impl FlattenArgs {
-    /// The options for a skin; those that name taxels need one with a single patch.
+    /// The options for a skin; a table of --boundary needs one with a single patch.
     ///
     /// # Errors
     /// As [`Self::options`], and if a taxel or a table that is named cannot be used.
     pub(crate) fn options_for(&self, skin: &Skin) -> anyhow::Result<FlattenOptions> {
         let mut options = self.options()?;
-        let Some(boundary @ (BoundaryArg::Corners(..) | BoundaryArg::Table(_))) = &self.boundary else {
+        let Some(BoundaryArg::Table(path)) = &self.boundary else {
             return Ok(options);
         };
         let [patch] = &*skin.patches else {
@@ -110,23 +108,14 @@ impl FlattenArgs {
                 "choose one with --patch NAME, or prescribe a shape: circle or rectangle",
             ));
         };
-        let ids = &patch.taxels.ids;
-        options.boundary = match boundary {
-            BoundaryArg::Shape(shape) => shape.clone(),
-            BoundaryArg::Corners(size, corners) => {
-                Boundary::rectangle_through(ids, *size, *corners).map_err(Error::from)?
-            }
-            BoundaryArg::Table(path) => {
-                let places = read_boundary(path).map_err(Error::from)?;
-                Boundary::through(ids, places)
-                    .map_err(Error::from)
-                    .with_context(|| format!("cannot use {}", path.display()))?
-            }
-        };
+        let places = read_boundary(path).map_err(Error::from)?;
+        options.boundary = Boundary::through(&patch.taxels.ids, places)
+            .map_err(Error::from)
+            .with_context(|| format!("cannot use {}", path.display()))?;
         Ok(options)
     }
 
-    /// The options but for a boundary that names taxels.
+    /// The options but for a table of --boundary.
     ///
     /// # Errors
     /// If an option is given that has no effect with the others.
@@ -160,7 +149,7 @@ impl FlattenArgs {
         };
         let boundary = match &self.boundary {
             Some(BoundaryArg::Shape(shape)) => shape.clone(),
-            Some(BoundaryArg::Corners(..) | BoundaryArg::Table(_)) | None => Boundary::Free,
+            Some(BoundaryArg::Table(_)) | None => Boundary::Free,
         };
         Ok(FlattenOptions { method, overlap, boundary })
     }
@@ -216,22 +205,17 @@ impl FlattenArgs {
 
 /// The shape of the boundary: `rectangle:4:3` is a rectangle four wide and three high.
 fn boundary(text: &str) -> Result<BoundaryArg, String> {
-    let rectangle = |width, height| BoundaryArg::Shape(Boundary::Rectangle { width, height, corners: None });
+    let rectangle = |width, height| BoundaryArg::Shape(Boundary::Rectangle { width, height });
     let side = |text: &str| number(text, "a width and a height above 0", |x| x > 0.0);
-    let taxel = |text: &str| text.parse().map(TaxelId).map_err(|_| "needed: the id of a taxel".to_owned());
     match *text.split(':').collect::<Vec<_>>() {
         ["free"] => Ok(BoundaryArg::Shape(Boundary::Free)),
         ["circle"] => Ok(BoundaryArg::Shape(Boundary::Circle)),
         ["rectangle"] => Ok(rectangle(1.0, 1.0)),
         ["rectangle", width, height] => Ok(rectangle(side(width)?, side(height)?)),
-        ["rectangle", width, height, a, b, c, d] => Ok(BoundaryArg::Corners(
-            [side(width)?, side(height)?],
-            [taxel(a)?, taxel(b)?, taxel(c)?, taxel(d)?],
-        )),
         _ if Path::new(text).extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) => {
             Ok(BoundaryArg::Table(text.into()))
         }
-        _ => Err("needed: free, circle, rectangle[:W:H[:A:B:C:D]] or a table FILE.csv".to_owned()),
+        _ => Err("needed: free, circle, rectangle[:W:H] or a table FILE.csv".to_owned()),
     }
 }
 

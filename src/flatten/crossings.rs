@@ -7,7 +7,8 @@ use std::{collections::BTreeSet, ops::ControlFlow};
 
 use crate::{
     bvh::{Aabb, BoxTree},
-    flatten::{bijective::orientation::orientation, domain::elements::Uv},
+    delaunay::orientation,
+    flatten::energy::elements::Uv,
     id::VertexId,
 };
 

@@ -14,7 +14,7 @@ use std::{collections::HashMap, f64::consts::TAU};
 use glam::DVec2;
 
 use crate::{
-    flatten::{bijective::fillers::Fillers, domain::elements::Uv},
+    flatten::{energy::elements::Uv, fillers::Fillers},
     id::{IdVec, VertexId},
     mesh::{TriMesh, angle},
     pyramid::{Level, PyramidError, Removal, RemovalLog},
@@ -23,7 +23,7 @@ use crate::{
 /// A vertex lies well inside its star if every new face has at least this share of the mean area.
 const WELL_INSIDE: f64 = 0.02;
 
-/// A map of a coarser level on its way to the map of `level`: removals are undone on it one by one,
+/// A map of a coarser level that becomes the map of `level`: removals are undone on it one by one,
 /// last to first, and each vertex goes back into its own ring.
 #[derive(Debug, Clone)]
 pub(crate) struct Insertion<'l> {

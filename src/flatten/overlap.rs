@@ -9,13 +9,11 @@ use std::collections::BTreeSet;
 use glam::DVec2;
 
 use crate::{
+    delaunay::orientation,
     flatten::{
-        bijective::{
-            crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings},
-            orientation::orientation,
-        },
-        domain::elements::Uv,
-        domain::flatten_domain::FlattenDomain,
+        crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings},
+        domain::FlattenDomain,
+        energy::elements::Uv,
     },
     id::{IdVec, VertexId},
     mesh::{TriMesh, boundary_edges, loops_of},

@@ -4,7 +4,7 @@
 use glam::{DMat2, DVec2, DVec3};
 
 use crate::{
-    flatten::bijective::orientation::orientation,
+    delaunay::orientation,
     id::{FaceId, IdVec, VertexId},
     mesh::{Halfedge, SingularValues, VertexCorners, signed_area},
     sparse::Pattern,
@@ -71,8 +71,9 @@ pub(crate) struct ElementMesh {
     pub(crate) boundary: Vec<BoundaryEdge>,
     /// Mean length of all edges.
     pub(crate) mean_edge: f64,
-    /// Vertices that stay where they are though they are numbered as movable; empty for none.
-    pub(crate) held: Vec<bool>,
+    /// Vertices that stay where they are though they are numbered as movable, whole boundary loops; empty
+    /// for none.
+    held: Vec<bool>,
 }
 
 impl ElementMesh {
@@ -90,7 +91,7 @@ impl ElementMesh {
         Self { faces, pattern, positions, boundary: Vec::new(), mean_edge: 0.0, held: Vec::new() }
     }
 
-    /// The same with `more` faces, whose corners may be fixed: numbered after those that may move.
+    /// The elements with `more` faces, whose corners may be fixed: numbered after those that may move.
     pub(crate) fn with(&self, more: Vec<Element>) -> Self {
         let faces = self.faces.iter().copied().chain(more).collect();
         Self {
@@ -99,6 +100,21 @@ impl ElementMesh {
             held: self.held.clone(),
             ..Self::new(faces, self.positions.clone())
         }
+    }
+
+    pub(crate) fn is_held(&self, vertex: usize) -> bool {
+        self.held.get(vertex) == Some(&true)
+    }
+
+    /// The elements with vertices that stay where they are.
+    pub(crate) fn holding(mut self, held: Vec<bool>) -> Self {
+        self.held = held;
+        self
+    }
+
+    /// Which vertices stay where they are, though they are numbered as movable.
+    pub(crate) fn held_vertices(&self) -> impl Iterator<Item = usize> + '_ {
+        self.held.iter().enumerate().filter(|(_, held)| **held).map(|(v, _)| v)
     }
 
     /// Number of vertices that may move.
@@ -126,7 +142,7 @@ impl ElementMesh {
     }
 }
 
-/// Slot of a [`Corner`] whose other vertex is fixed: there is no unknown to couple with.
+/// Slot of a [`Corner`] whose other vertex is fixed or held: there is no unknown to couple with.
 pub(crate) const FIXED: u32 = u32::MAX;
 
 /// One corner of a face at a vertex, and the slots of the vertex's matrix row that its blocks go
@@ -146,6 +162,8 @@ pub(crate) struct CornerSlots {
     corners: VertexCorners,
     /// Slots of each of its corners.
     slots: Vec<[u32; 3]>,
+    /// Vertices without a row; empty for none.
+    held: Vec<bool>,
 }
 
 impl CornerSlots {
@@ -153,16 +171,20 @@ impl CornerSlots {
         let corners = VertexCorners::new(net.faces.iter().map(|e| e.corners), net.free());
         let slots_of = |h: &Halfedge| {
             let around = [*h, h.next(), h.previous()].map(|h| net.faces[h.face()].corners[h.side()].index());
-            let slot = |column| net.pattern.slot(around[0], column).and_then(|s| u32::try_from(s).ok());
+            let slot = |column| {
+                let slot = net.pattern.slot(around[0], column).filter(|_| !net.is_held(column));
+                slot.and_then(|s| u32::try_from(s).ok())
+            };
             around.map(|column| slot(column).unwrap_or(FIXED))
         };
         let slots = corners.corners.iter().map(slots_of).collect();
-        Self { corners, slots }
+        Self { corners, slots, held: net.held.clone() }
     }
 
     pub(crate) fn of(&self, row: usize) -> impl Iterator<Item = Corner> {
         let v = VertexId::new(row);
         let slots = &self.slots[self.corners.range(v)];
-        self.corners.of(v).iter().zip(slots).map(|(&at, &slots)| Corner { at, slots })
+        let free = if self.held.get(row) == Some(&true) { &[] } else { slots };
+        self.corners.of(v).iter().zip(free).map(|(&at, &slots)| Corner { at, slots })
     }
 }

@@ -1,24 +1,25 @@
-//! Triangles without skin that fill the holes of a map, and the land between its outer loop and a
-//! frame: a wall that the Hessian knows (`(jiang2017)`; *heuristic*: the weights).
+//! Scaffold triangles in the holes of a map, and between its outer loop and a frame; they enter the energy
+//! and its Hessian (`(jiang2017)`; *heuristic*: the weights).
 //!
-//! They may not flip, so that a rim can neither cross itself nor turn inside out. They are at rest
-//! as they lie, so that they act only on what comes close to a flip, and are made anew every few
-//! steps, so that rims may slide. The barrier that they replaced, on distances within the boundary,
+//! They may not flip, so that a rim can neither cross itself nor turn inside out. Their present shape is
+//! their rest shape, so that they act only where they come close to a flip, and they are made anew every
+//! few steps, so that rims may slide. The barrier that they replaced, on distances within the boundary,
 //! ended at a symmetric Dirichlet energy of 1812 on four tubes that meet; with fillers it is 12.5.
 
 use glam::DVec2;
 
 use crate::{
     delaunay::{DelaunayError, triangulate_region},
-    flatten::domain::elements::{Element, Uv, keeps_orientation},
+    flatten::energy::elements::{Element, Uv, keeps_orientation},
     id::VertexId,
     mesh::{FlatTriangle, signed_area},
 };
 
-/// Height of a filler at rest over its longest edge, at least: flatter ones want to open.
+/// Height of a filler at rest over its longest edge, at least: flatter ones get a rest shape of this
+/// height.
 const LEAST_HEIGHT: f64 = 1e-2;
 
-/// How much higher than it lies a flat filler wants to be, at most: its energy stays finite.
+/// Largest ratio of the rest height of a filler to its present height: its energy stays finite.
 const MOST_OPENING: f64 = 10.0;
 
 /// Fixed posts of the frame.
@@ -36,7 +37,7 @@ pub(crate) struct Fillers {
 }
 
 impl Fillers {
-    /// Fills all `loops` (faces on their left) but the first, and with `framed` the land around the
+    /// Fills all `loops` (faces on their left) but the first, and with `framed` the region around the
     /// first.
     ///
     /// # Errors
@@ -119,9 +120,9 @@ fn posts(outer: &[VertexId], uv: &Uv) -> Vec<DVec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{flatten::domain::flatten_domain::FlattenDomain, mesh::shapes};
+    use crate::{flatten::domain::FlattenDomain, mesh::shapes};
 
-    /// A flat ring: its hole and the land around it.
+    /// A flat ring: its hole and the region around it.
     #[test]
     fn fillers_cover_the_hole_and_the_land_up_to_the_frame() {
         let mesh = shapes::tube(12, 3, 0.05, 0.1);

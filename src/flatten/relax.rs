@@ -3,16 +3,15 @@
 use crate::{
     flatten::{
         Convergence, Energy, FlattenError, FlattenOptions, Method, Overlap,
-        bijective::{
-            fillers::Fillers,
-            overlap::{has_no_branch_points, is_one_to_one, keeps_holes, overlaps},
-        },
-        domain::elements::Uv,
-        domain::flatten_domain::FlattenDomain,
+        distortion::FAR,
+        domain::FlattenDomain,
         energy::{
+            elements::Uv,
             newton::{Ended, NewtonLimits, Solver},
             objective::{Objective, dirichlet},
         },
+        fillers::Fillers,
+        overlap::{has_no_branch_points, is_one_to_one, keeps_holes, overlaps},
         start::{
             conformal::spectral_conformal,
             linear::linear,
@@ -39,7 +38,7 @@ const TRUNCATED: NewtonLimits =
 
 /// A start of more energy than this at its best scale is worse than the one inside a circle: the
 /// conformal map of a bunny with holes has 1e4, and Newton needs 40 steps from it instead of 8.
-const BAD_START: f64 = 50.0;
+const BAD_START: f64 = FAR;
 
 /// A map of more energy than this at its best scale is poor, and a face has collapsed on it if it is
 /// stretched this many times more one way than the other: where both hold, another way is tried.
@@ -53,8 +52,9 @@ const FAT: [f64; 2] = [1e-2, 1e-3];
 /// Newton steps with each of them.
 const FATTENED: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 60, gain: ENOUGH, most: f64::INFINITY };
 
-/// Steps with a free boundary that a map may take until its holes are holes: after an insertion a rim
-/// may cross itself. Where 6 steps did not mend that, 20 and 200 did not either (five tubes that meet).
+/// Steps with a free boundary that a map may take until every hole has the right orientation: after an
+/// insertion a rim may cross itself. Where 6 steps did not suffice, 20 and 200 did not either (five tubes
+/// that meet).
 const UNKEPT: usize = 6;
 
 /// Weights of all fillers together, round by round, of a surface that weighs 1: heavy fillers make
@@ -80,7 +80,7 @@ pub(crate) struct Goal {
 
 /// What keeps a map from overlapping itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) enum Walls {
+pub(crate) enum Scaffold {
     /// Nothing: its free boundary does not.
     #[default]
     None,
@@ -90,7 +90,7 @@ pub(crate) enum Walls {
     Framed,
 }
 
-impl Walls {
+impl Scaffold {
     /// The fillers of the map `uv`; none where a loop crosses itself.
     pub(crate) fn fillers(self, domain: &FlattenDomain<'_>, uv: &Uv) -> Option<Fillers> {
         match self {
@@ -104,14 +104,14 @@ impl Walls {
 #[derive(Debug, Clone)]
 pub(crate) struct Relaxed {
     pub(crate) uv: Uv,
-    pub(crate) walls: Walls,
+    pub(crate) scaffold: Scaffold,
     pub(crate) convergence: Convergence,
 }
 
 impl Relaxed {
     /// Whether the descent ended at a bad map that is not a minimum.
     pub(crate) fn is_stuck(&self, domain: &FlattenDomain<'_>) -> bool {
-        !self.convergence.converged && dirichlet(&domain.elements, &self.uv).0 >= BAD_START
+        !self.convergence.converged && dirichlet(&domain.elements, &self.uv).energy() >= BAD_START
     }
 
     /// Whether the descent ended where faces of a poor map have collapsed: no step gets past them, so a
@@ -119,7 +119,7 @@ impl Relaxed {
     fn is_caught(&self, domain: &FlattenDomain<'_>) -> bool {
         let mut singular = domain.elements.faces.iter().map(|e| e.singular_values(&self.uv));
         self.convergence.gradient >= ENOUGH
-            && dirichlet(&domain.elements, &self.uv).0 >= POOR
+            && dirichlet(&domain.elements, &self.uv).energy() >= POOR
             && singular.any(|s| s.s1 >= COLLAPSED * s.s2.abs())
     }
 }
@@ -137,8 +137,11 @@ pub(crate) fn solve_from_scratch(
     domain: &FlattenDomain<'_>,
     options: &FlattenOptions,
 ) -> Result<Relaxed, FlattenError> {
-    let linear_map =
-        |uv| Relaxed { uv, walls: Walls::None, convergence: Convergence { converged: true, gradient: 0.0 } };
+    let linear_map = |uv| Relaxed {
+        uv,
+        scaffold: Scaffold::None,
+        convergence: Convergence { converged: true, gradient: 0.0 },
+    };
     match options.method {
         Method::Conformal => spectral_conformal(domain).map(linear_map),
         Method::Linear { angle, area } => linear(domain, angle, area).map(linear_map),
@@ -162,7 +165,7 @@ pub(crate) fn minimise_from_scratch(
     let is_good = domain.elements.is_flip_free(&conformal)
         && has_no_branch_points(domain, &conformal)
         && keeps_holes(domain, &conformal)
-        && dirichlet(&domain.elements, &conformal).0 < BAD_START;
+        && dirichlet(&domain.elements, &conformal).energy() < BAD_START;
     let start = if is_good { conformal } else { convex_start(domain, conformal)? };
     past_needles(domain, goal, limits, &|energy| {
         with_fat_needles(domain, start.clone(), energy).map(Start::Far)
@@ -185,8 +188,8 @@ pub(crate) fn past_needles(
     if goal.energy == steep.energy || !reached.is_caught(domain) {
         return Ok(reached);
     }
-    let Relaxed { uv, walls, .. } = relax(domain, start(steep.energy)?, steep, limits)?;
-    let again = relax(domain, Start::Near(uv, walls), goal, limits)?;
+    let Relaxed { uv, scaffold, .. } = relax(domain, start(steep.energy)?, steep, limits)?;
+    let again = relax(domain, Start::Near(uv, scaffold), goal, limits)?;
     Ok(better(domain, goal, reached, again))
 }
 
@@ -194,7 +197,7 @@ pub(crate) fn past_needles(
 /// minimised with fatter ones first.
 fn with_fat_needles(domain: &FlattenDomain<'_>, mut uv: Uv, energy: Energy) -> Result<Uv, FlattenError> {
     for least in FAT {
-        if dirichlet(&domain.elements, &uv).0 < BAD_START {
+        if dirichlet(&domain.elements, &uv).energy() < BAD_START {
             break;
         }
         let Some(elements) = domain.fattened(least) else { continue };
@@ -250,8 +253,8 @@ pub(crate) fn make_locally_injective(domain: &FlattenDomain<'_>, mut uv: Uv) -> 
 pub(crate) enum Start {
     /// Far from the optimum.
     Far(Uv),
-    /// From the optimum of a coarser level, and the walls that that needed.
-    Near(Uv, Walls),
+    /// From the optimum of a coarser level, with the scaffold that it needed.
+    Near(Uv, Scaffold),
 }
 
 /// Minimises the energy; `limits` instead of the usual ones for the size.
@@ -268,30 +271,30 @@ pub(crate) fn relax(
     limits: Option<NewtonLimits>,
 ) -> Result<Relaxed, FlattenError> {
     let is_large = domain.vertices() > FACTORED;
-    let (start, walls, solver) = match start {
-        Start::Near(uv, Walls::None) if is_large => (uv, Walls::None, Solver::Iterative),
-        Start::Near(uv, walls) => (uv, walls, Solver::Direct),
-        Start::Far(uv) => (uv, Walls::None, Solver::Direct),
+    let (start, scaffold, solver) = match start {
+        Start::Near(uv, Scaffold::None) if is_large => (uv, Scaffold::None, Solver::Iterative),
+        Start::Near(uv, scaffold) => (uv, scaffold, Solver::Direct),
+        Start::Far(uv) => (uv, Scaffold::None, Solver::Direct),
     };
     let limits = limits.unwrap_or(if is_large { TRUNCATED } else { EXACT });
     let objective = Objective::new(&domain.elements, goal.energy);
     let descent = Descent { domain, objective, goal, solver, limits };
-    let mut reached = descent.free(start, walls)?;
+    let mut reached = descent.free(start, scaffold)?;
     if reached.is_hopeless {
         return Ok(reached.relaxed);
     }
-    if walls != Walls::Framed && !keeps_holes(domain, &reached.relaxed.uv) {
+    if scaffold != Scaffold::Framed && !keeps_holes(domain, &reached.relaxed.uv) {
         let from = reached.kept.take().map_or_else(|| tutte(domain), Ok)?;
-        reached = descent.walled(from, Walls::Holes)?;
+        reached = descent.scaffolded(from, Scaffold::Holes)?;
     }
     let is_free = domain.prescribed.is_empty();
     if is_free && goal.overlap == Overlap::Prevent && !is_one_to_one(domain, &reached.relaxed.uv) {
         let from = match reached.apart.take() {
             Some(uv) => uv,
-            None => descent.free(tutte(domain)?, Walls::Framed)?.last_apart(),
+            None => descent.free(tutte(domain)?, Scaffold::Framed)?.last_apart(),
         };
         let from = descent.framed_with_fat_needles(from)?;
-        reached = descent.walled(from, Walls::Framed)?;
+        reached = descent.scaffolded(from, Scaffold::Framed)?;
     }
     Ok(reached.relaxed)
 }
@@ -305,7 +308,7 @@ struct Descent<'d> {
     limits: NewtonLimits,
 }
 
-/// Where a descent ended, and the last maps on its way that kept what the end may not keep.
+/// Where a descent ended, and the last maps before it that kept what the end may not keep.
 struct Reached {
     relaxed: Relaxed,
     /// The last map whose holes were holes.
@@ -323,10 +326,10 @@ impl Reached {
 }
 
 impl<'d> Descent<'d> {
-    fn start(&self, uv: Uv, walls: Walls) -> Reached {
+    fn start(&self, uv: Uv, scaffold: Scaffold) -> Reached {
         let relaxed = Relaxed {
             uv: Uv::default(),
-            walls,
+            scaffold,
             convergence: Convergence { converged: false, gradient: f64::NAN },
         };
         let mut reached = Reached { relaxed, kept: None, apart: None, is_hopeless: false };
@@ -335,8 +338,8 @@ impl<'d> Descent<'d> {
         reached
     }
 
-    /// Takes down the map, which may have posts behind its vertices, if it keeps its holes, and if
-    /// it does not overlap itself; says whether it does so.
+    /// Stores a copy of the map (without the posts of the scaffold at the end) in `kept` if it keeps its
+    /// holes, and in `apart` if it does not overlap itself; returns whether either is so.
     fn note(&self, uv: &Uv, kept: &mut Option<Uv>, apart: &mut Option<Uv>) -> [bool; 2] {
         let domain = self.domain;
         let own = || Some(uv.iter().take(domain.vertices()).copied().collect());
@@ -351,12 +354,12 @@ impl<'d> Descent<'d> {
         [is_kept, is_apart]
     }
 
-    /// With a free boundary, for as long as the map keeps its holes, once it has them, and with `walls`
+    /// With a free boundary, for as long as the map keeps its holes, once it has them, and with `scaffold`
     /// around it also that it does not overlap itself if the start did not.
-    fn free(&self, start: Uv, walls: Walls) -> Result<Reached, FlattenError> {
-        let mut reached = self.start(start, Walls::None);
+    fn free(&self, start: Uv, scaffold: Scaffold) -> Result<Reached, FlattenError> {
+        let mut reached = self.start(start, Scaffold::None);
         let Reached { relaxed, kept, apart, is_hopeless } = &mut reached;
-        let must_be_apart = walls == Walls::Framed && apart.is_some();
+        let must_be_apart = scaffold == Scaffold::Framed && apart.is_some();
         let mut steps = 0;
         let mut go_on = |uv: &Uv| {
             let [is_kept, is_apart] = self.note(uv, kept, apart);
@@ -375,25 +378,25 @@ impl<'d> Descent<'d> {
     /// printed part with twenty handles the descent ended at a mean area ratio of 4e8 without it.
     fn framed_with_fat_needles(&self, mut uv: Uv) -> Result<Uv, FlattenError> {
         for least in FAT {
-            if dirichlet(&self.domain.elements, &uv).0 < BAD_START {
+            if dirichlet(&self.domain.elements, &uv).energy() < BAD_START {
                 break;
             }
             let Some(elements) = self.domain.fattened(least) else { continue };
             let objective = Objective::new(&elements, self.goal.energy);
-            uv = Descent { objective, ..*self }.walled(uv, Walls::Framed)?.last_apart();
+            uv = Descent { objective, ..*self }.scaffolded(uv, Scaffold::Framed)?.last_apart();
         }
         Ok(uv)
     }
 
     /// With fillers, made anew every few steps.
-    fn walled(&self, start: Uv, walls: Walls) -> Result<Reached, FlattenError> {
-        let mut reached = self.start(start, walls);
+    fn scaffolded(&self, start: Uv, scaffold: Scaffold) -> Result<Reached, FlattenError> {
+        let mut reached = self.start(start, scaffold);
         let Reached { relaxed, kept, apart, .. } = &mut reached;
-        let round = if walls == Walls::Framed { FRAMED_ROUND } else { ROUND };
+        let round = if scaffold == Scaffold::Framed { FRAMED_ROUND } else { ROUND };
         let mut before = self.objective.energy(&relaxed.uv);
         let mut last = None;
         for k in 0..self.limits.steps.div_ceil(round) {
-            let Some(fillers) = walls.fillers(self.domain, &relaxed.uv) else { break };
+            let Some(fillers) = scaffold.fillers(self.domain, &relaxed.uv) else { break };
             let weight = WEIGHTS[(k * round / ROUND).min(WEIGHTS.len() - 1)];
             let mut uv = fillers.with_posts(&relaxed.uv);
             let elements = self.objective.elements.with(fillers.elements(&uv, weight));
@@ -401,7 +404,7 @@ impl<'d> Descent<'d> {
             let limits = NewtonLimits { steps: round, ..self.limits };
             // With fillers alone a map that begins to overlap itself will go on.
             let needs_frame =
-                self.goal.overlap == Overlap::Prevent && walls == Walls::Holes && apart.is_some();
+                self.goal.overlap == Overlap::Prevent && scaffold == Scaffold::Holes && apart.is_some();
             let mut go_on = |uv: &Uv| {
                 let [_, is_apart] = self.note(uv, kept, apart);
                 is_apart || !needs_frame

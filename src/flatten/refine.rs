@@ -21,14 +21,13 @@
 
 use crate::flatten::{
     FlattenError,
-    domain::{elements::Uv, flatten_domain::FlattenDomain, magnification::Magnification},
-    energy::newton::NewtonLimits,
-    levels::{
-        insertion::Insertion,
-        relax::{
-            Goal, Relaxed, Start, Walls, better, make_locally_injective, minimise_from_scratch, past_needles,
-            relax,
-        },
+    domain::FlattenDomain,
+    energy::{elements::Uv, newton::NewtonLimits},
+    insertion::Insertion,
+    magnification::Magnification,
+    relax::{
+        Goal, Relaxed, Scaffold, Start, better, make_locally_injective, minimise_from_scratch, past_needles,
+        relax,
     },
 };
 
@@ -49,13 +48,13 @@ const RESTARTED: usize = 1500;
 pub(crate) fn refine(
     domain: &FlattenDomain<'_>,
     start: Insertion<'_>,
-    walls: Walls,
+    scaffold: Scaffold,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<Relaxed, FlattenError> {
-    let inserted = insert(start, walls, magnification, goal)?;
+    let inserted = insert(start, scaffold, magnification, goal)?;
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
-    let inherited = past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), walls)))?;
+    let inherited = past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), scaffold)))?;
     if domain.vertices() > RESTARTED {
         return Ok(inherited);
     }
@@ -66,7 +65,7 @@ pub(crate) fn refine(
 /// place, else in stages.
 fn insert(
     start: Insertion<'_>,
-    walls: Walls,
+    scaffold: Scaffold,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<Uv, FlattenError> {
@@ -76,7 +75,7 @@ fn insert(
     }
     let mut insertion = start;
     while insertion.left > 0 {
-        insert_stage(&mut insertion, walls, magnification, goal)?;
+        insert_stage(&mut insertion, scaffold, magnification, goal)?;
     }
     Ok(insertion.finished())
 }
@@ -85,7 +84,7 @@ fn insert(
 /// optimal.
 fn insert_stage(
     insertion: &mut Insertion<'_>,
-    walls: Walls,
+    scaffold: Scaffold,
     magnification: &Magnification,
     goal: Goal,
 ) -> Result<(), FlattenError> {
@@ -104,8 +103,8 @@ fn insert_stage(
     let domain = FlattenDomain::new(&mesh)?.magnified(&magnification.of_vertices(&vertices));
     let uv = domain.to_units(&vertices.iter().map(|&v| insertion.map[v]).collect());
     let start = make_locally_injective(&domain, uv)?;
-    let relaxed = relax(&domain, Start::Near(start, walls), goal, Some(STAGE))?;
+    let relaxed = relax(&domain, Start::Near(start, scaffold), goal, Some(STAGE))?;
     let uv = domain.to_metres(&relaxed.uv);
-    insertion.place(&vertices, &uv, &walls.fillers(&domain, &uv).unwrap_or_default());
+    insertion.place(&vertices, &uv, &scaffold.fillers(&domain, &uv).unwrap_or_default());
     Ok(())
 }

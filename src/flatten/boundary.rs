@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec2;
 
 use crate::{
-    flatten::{Boundary, FlattenError, bijective::crossings::boundary_crossings, domain::disk::Disk},
+    flatten::{Boundary, FlattenError, crossings::boundary_crossings, domain::Disk},
     id::{IdVec, VertexId},
     mesh::{TriMesh, angle},
     numeric::argsort,
@@ -21,7 +21,7 @@ impl Boundary {
     /// vertices of the mesh.
     ///
     /// # Errors
-    /// If no taxel or several have one of the ids, or an id comes twice.
+    /// If no taxel or several have one of the ids, or a taxel has two places.
     pub fn through(
         ids: &IdVec<VertexId, TaxelId>,
         places: impl IntoIterator<Item = (TaxelId, DVec2)>,
@@ -30,25 +30,10 @@ impl Boundary {
         let mut at = IdVec::filled(None, ids.len());
         for (id, place) in places {
             if at[vertices.of(id)?].replace(place).is_some() {
-                return Err(FlattenError::TwoPlaces { id });
+                return Err(FlattenError::BoundaryTaxel { id, taxels: 1, places: 2 });
             }
         }
         Ok(Self::Places(at))
-    }
-
-    /// A rectangle as large as the skin with these taxels at its corners, the first of them lower
-    /// left.
-    ///
-    /// # Errors
-    /// If no taxel or several have one of the ids.
-    pub fn rectangle_through(
-        ids: &IdVec<VertexId, TaxelId>,
-        [width, height]: [f64; 2],
-        corners: [TaxelId; 4],
-    ) -> Result<Self, FlattenError> {
-        let vertices = Vertices::new(ids);
-        let [a, b, c, d] = corners.map(|id| vertices.of(id));
-        Ok(Self::Rectangle { width, height, corners: Some([a?, b?, c?, d?]) })
     }
 }
 
@@ -65,7 +50,11 @@ impl Vertices {
     fn of(&self, id: TaxelId) -> Result<VertexId, FlattenError> {
         let from = self.0.partition_point(|entry| entry.0 < id);
         let found = self.0[from..].iter().take_while(|entry| entry.0 == id).count();
-        if found == 1 { Ok(self.0[from].1) } else { Err(FlattenError::Taxel { id, found }) }
+        if found == 1 {
+            Ok(self.0[from].1)
+        } else {
+            Err(FlattenError::BoundaryTaxel { id, taxels: found, places: 1 })
+        }
     }
 }
 
@@ -87,17 +76,14 @@ pub(crate) fn prescribed(
     let mut walk = disk.loops[0].clone();
     let places = match *boundary {
         Boundary::Free => Vec::new(),
-        Boundary::Places(ref places) => given_places(mesh, &walk, places)?,
+        Boundary::Places(ref places) => given_places(&walk, places)?,
         Boundary::Circle => {
             let radius = (mesh.area() / PI).sqrt();
             shares(mesh, &walk).iter().map(|&s| radius * DVec2::from_angle(TAU * s)).collect()
         }
-        Boundary::Rectangle { width, height, corners } => {
+        Boundary::Rectangle { width, height } => {
             let scale = (mesh.area() / (width * height)).sqrt();
-            let corners = match corners {
-                Some(given) => given_corners(&walk, given)?,
-                None => convex_corners(mesh, &walk).ok_or(FlattenError::Corners { found: walk.len() })?,
-            };
+            let corners = convex_corners(mesh, &walk).ok_or(FlattenError::Corners { found: walk.len() })?;
             walk.rotate_left(corners[0]);
             let sides = corners.map(|c| c - corners[0]);
             on_rectangle(&shares(mesh, &walk), sides, scale * DVec2::new(width, height))
@@ -124,23 +110,17 @@ fn shares(mesh: &TriMesh, walk: &[VertexId]) -> Vec<f64> {
 
 /// The given places of the vertices of the loop.
 fn given_places(
-    mesh: &TriMesh,
     walk: &[VertexId],
     given: &IdVec<VertexId, Option<DVec2>>,
 ) -> Result<Vec<DVec2>, FlattenError> {
-    if given.len() != mesh.positions.len() {
-        return Err(FlattenError::Places { found: given.len(), needed: mesh.positions.len() });
-    }
     let mut left = given.clone();
-    let places: Vec<DVec2> = walk
-        .iter()
-        .map(|&vertex| left[vertex].take().ok_or(FlattenError::NoPlace { vertex }))
-        .collect::<Result<_, _>>()?;
+    let mut take = |&vertex: &VertexId| {
+        let place = left.get_mut(vertex.index()).and_then(Option::take).filter(|place| place.is_finite());
+        place.ok_or(FlattenError::BoundaryPlace { vertex })
+    };
+    let places: Vec<DVec2> = walk.iter().map(&mut take).collect::<Result<_, _>>()?;
     if let Some((vertex, _)) = left.enumerate().find(|(_, place)| place.is_some()) {
-        return Err(FlattenError::NotOnBoundary { vertex });
-    }
-    if let Some(k) = places.iter().position(|p| !p.is_finite()) {
-        return Err(FlattenError::NoPlace { vertex: walk[k] });
+        return Err(FlattenError::BoundaryPlace { vertex });
     }
     let corner = |k: usize| places[k % places.len()] - places[0];
     let doubled: f64 = (1..places.len()).map(|k| corner(k).perp_dot(corner(k + 1))).sum();
@@ -150,24 +130,6 @@ fn given_places(
         return Err(FlattenError::BoundaryShape { crossings, area: 0.5 * doubled });
     }
     Ok(places)
-}
-
-/// Where the given corners lie in the loop, in its order from the first one.
-fn given_corners(walk: &[VertexId], given: [VertexId; 4]) -> Result<[usize; 4], FlattenError> {
-    let mut at = [0; 4];
-    for (at, vertex) in at.iter_mut().zip(given) {
-        let place = walk.iter().position(|&v| v == vertex);
-        *at = place.ok_or(FlattenError::Corner { vertex })?;
-    }
-    let first = at[0];
-    for place in &mut at {
-        *place = (*place + walk.len() - first) % walk.len();
-    }
-    at[1..].sort_unstable();
-    if at.windows(2).any(|pair| pair[0] == pair[1]) {
-        return Err(FlattenError::Corners { found: walk.len() });
-    }
-    Ok(at.map(|place| place + first))
 }
 
 /// The four most convex places of the loop, in its order; `None` if there are not four apart.

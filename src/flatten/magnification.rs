@@ -6,7 +6,7 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::TriMesh,
     pyramid::Level,
-    skin::Taxels,
+    skin::{Patch, Taxels},
 };
 
 /// Largest area factor, and its inverse the smallest: beyond, neighbouring faces could not meet
@@ -60,14 +60,14 @@ impl Magnification {
         Ok(Self { densities, gamma, shares, weights })
     }
 
-    /// The same with other values.
+    /// With other values at the vertices.
     fn map(&self, values: impl Fn(&IdVec<VertexId, f64>) -> IdVec<VertexId, f64>) -> Self {
         let map = |of: &Values| of.as_ref().map(&values);
         let Self { densities, gamma, shares, weights } = self;
         Self { densities: map(densities), gamma: *gamma, shares: map(shares), weights: map(weights) }
     }
 
-    /// The same on a coarser level: each field has the mean of its taxels, weighted with their
+    /// The magnification of a coarser level: each field has the mean of its taxels, weighted with their
     /// areas.
     pub(crate) fn restricted(&self, level: &Level, areas: &IdVec<VertexId, f64>) -> Self {
         let Some(to_finest) = &level.to_finest else { return self.clone() };
@@ -78,26 +78,37 @@ impl Magnification {
         })
     }
 
-    /// The same for a mesh of some of the vertices.
+    /// The magnification of a mesh of some of the vertices.
     pub(crate) fn of_vertices(&self, vertices: &[VertexId]) -> Self {
         self.map(|values| vertices.iter().map(|&v| values[v]).collect())
     }
 
     /// The area factor of each face, so that the whole map keeps its area; `None` where all are 1.
     pub(crate) fn area_factors(&self, mesh: &TriMesh) -> Option<IdVec<FaceId, f64>> {
+        let mean =
+            |values: &IdVec<VertexId, f64>| values.iter().map(|x| x.ln()).sum::<f64>() / values.len() as f64;
+        let bound = LARGEST_FACTOR.ln();
+        let raw = self.log_factors(mesh, mean)?.map(|log| log.clamp(-bound, bound).exp());
+        Some(with_mean_one(mesh, raw))
+    }
+
+    /// The logarithm of the area factor of each face, with values over `e^mean`; `None` where all are 1.
+    fn log_factors(
+        &self,
+        mesh: &TriMesh,
+        mean: impl Fn(&IdVec<VertexId, f64>) -> f64,
+    ) -> Option<IdVec<FaceId, f64>> {
         let parts = [(&self.densities, self.gamma), (&self.shares, 1.0)];
         let mut logs: Option<IdVec<FaceId, f64>> = None;
         for (values, exponent) in parts {
             let Some(values) = values else { continue };
-            let mean = values.iter().map(|x| x.ln()).sum::<f64>() / values.len() as f64;
+            let mean = mean(values);
             let log =
                 |t: &[VertexId; 3]| exponent * t.map(|v| values[v].ln() - mean).iter().sum::<f64>() / 3.0;
             let all = logs.get_or_insert_with(|| mesh.triangles.map(|_| 0.0));
             all.iter_mut().zip(&mesh.triangles).for_each(|(sum, t)| *sum += log(t));
         }
-        let bound = LARGEST_FACTOR.ln();
-        let raw = logs?.map(|log| log.clamp(-bound, bound).exp());
-        Some(with_mean_one(mesh, raw))
+        logs
     }
 
     /// The weight of each face, 1 on the mean by area; `None` where all are 1.
@@ -107,6 +118,38 @@ impl Magnification {
         let raised = with_mean_one(mesh, raw).map(|w| w.max(LEAST_WEIGHT));
         Some(with_mean_one(mesh, raised))
     }
+}
+
+/// How much longer the lines of each patch's map shall be than on a map as large as its skin, so that
+/// densities and acuities count over their mean over all patches. All maps together stay as large as the
+/// skin. A patch whose values are out of range counts as one without any.
+pub(crate) fn patch_scales(method: Method, patches: &[&Patch]) -> Vec<f64> {
+    if patches.len() < 2 {
+        return vec![1.0; patches.len()];
+    }
+    // Area on the skin and logarithm of the factor of every face.
+    let faces = |patch: &&Patch| {
+        let Patch { mesh, taxels, .. } = patch;
+        let magnification = Magnification::new(method, Some(taxels), &taxels.areas).ok();
+        let logs = magnification.and_then(|magnification| magnification.log_factors(mesh, |_| 0.0));
+        let log = |face: FaceId| logs.as_ref().map_or(0.0, |logs| logs[face]);
+        mesh.triangles.ids().map(|face| [mesh.face_area(face), log(face)]).collect::<Vec<_>>()
+    };
+    let faces: Vec<Vec<[f64; 2]>> = patches.iter().map(faces).collect();
+    let [mut area, mut sum] = [0.0; 2];
+    for &[a, log] in faces.iter().flatten() {
+        area += a;
+        sum += a * log;
+    }
+    let (mean, bound) = (sum / area, LARGEST_FACTOR.ln());
+    let on_skin: Vec<f64> = faces.iter().map(|faces| faces.iter().map(|[a, _]| a).sum()).collect();
+    let on_map = |faces: &Vec<[f64; 2]>| -> f64 {
+        faces.iter().map(|[a, log]| a * (log - mean).clamp(-bound, bound).exp()).sum()
+    };
+    let on_map: Vec<f64> = faces.iter().map(on_map).collect();
+    let whole = on_skin.iter().sum::<f64>() / on_map.iter().sum::<f64>();
+    let scales = on_map.iter().zip(&on_skin).map(|(map, skin)| (map / skin * whole).sqrt());
+    scales.map(|s| if s.is_finite() && s > 0.0 { s } else { 1.0 }).collect()
 }
 
 /// Factors of faces over their mean by area.

@@ -5,12 +5,12 @@ use glam::{DVec2, DVec3};
 use crate::{
     flatten::{
         FlattenError,
-        domain::disk::Disk,
-        domain::elements::{BoundaryEdge, Element, ElementMesh, Uv},
-        domain::magnification::Magnification,
+        energy::elements::{BoundaryEdge, Element, ElementMesh, Uv},
+        magnification::Magnification,
     },
     id::VertexId,
-    mesh::{FlatTriangle, TriMesh, mean_edge_length},
+    mesh::{Adjacency, FlatTriangle, TriMesh, loop_length, mean_edge_length},
+    numeric::argsort,
 };
 
 /// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were
@@ -88,7 +88,7 @@ impl<'m> FlattenDomain<'m> {
         (!is_same).then_some(elements)
     }
 
-    /// The same with energies that aim at the area that `magnification` asks for of each face, and
+    /// The domain with energies that aim at the area that `magnification` asks for of each face, and
     /// that count its distortion as much.
     ///
     /// A magnified face does not count more than it did.
@@ -104,10 +104,11 @@ impl<'m> FlattenDomain<'m> {
         self
     }
 
-    /// The same with vertices that stay at their places (m).
+    /// The domain with vertices that stay at their places (m).
     pub(crate) fn prescribed(mut self, places: impl Iterator<Item = Option<DVec2>>) -> Self {
         self.prescribed = places.map(|place| place.map(|p| p / self.unit)).collect();
-        self.elements.held = self.prescribed.iter().map(Option::is_some).collect();
+        let held = self.prescribed.iter().map(Option::is_some).collect();
+        self.elements = self.elements.holding(held);
         self
     }
 
@@ -128,5 +129,38 @@ impl<'m> FlattenDomain<'m> {
     /// A map in units as one in m.
     pub(crate) fn to_metres(&self, units: &Uv) -> Uv {
         units.map(|&p| p * self.unit)
+    }
+}
+
+/// A disk with holes: the neighbours of its vertices, and its boundary loops.
+#[derive(Debug)]
+pub(crate) struct Disk {
+    pub(crate) adjacency: Adjacency,
+    /// Boundary loops, faces on the left; the longest one first, that is the outer one.
+    pub(crate) loops: Vec<Vec<VertexId>>,
+}
+
+impl Disk {
+    /// Checks that `mesh` is one component with at least one boundary loop and no handle.
+    pub(crate) fn new(mesh: &TriMesh) -> Result<Self, FlattenError> {
+        if mesh.triangles.is_empty() {
+            return Err(FlattenError::NotADisk { euler: 0, loops: 0, components: 0 });
+        }
+        let adjacency = Adjacency::new(mesh)?;
+        let loops = adjacency.boundary_loops();
+        let (euler, components) = (adjacency.euler_characteristic(), adjacency.component_count());
+        let holes_explain = i64::try_from(loops.len()).is_ok_and(|n| euler == 2 - n);
+        if components != 1 || loops.is_empty() || !holes_explain {
+            return Err(FlattenError::NotADisk { euler, loops: loops.len(), components });
+        }
+        // The longest first; loops of equal length stay in the order of their smallest vertices.
+        let lengths: Vec<f64> = loops.iter().map(|walk| -loop_length(mesh, walk)).collect();
+        let loops = argsort(&lengths).into_iter().map(|k| loops[k].clone()).collect();
+        Ok(Self { adjacency, loops })
+    }
+
+    /// The boundary edges, faces on the left, loop by loop.
+    pub(crate) fn boundary_edges(&self) -> impl Iterator<Item = [VertexId; 2]> + '_ {
+        self.loops.iter().flat_map(|walk| walk.iter().zip(walk.iter().cycle().skip(1)).map(|(&a, &b)| [a, b]))
     }
 }
